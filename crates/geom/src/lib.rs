@@ -1,0 +1,21 @@
+//! Rigid motions in the plane, their covariances, and stamps.
+//!
+//! Units are metres and radians, axes are right-handed with x forward. A pose named `a_from_b` takes coordinates in
+//! frame `b` to coordinates in frame `a`, so that names cancel: `a_from_b * b_from_c = a_from_c`. Tangent vectors are
+//! right perturbations, translation first: `pose * exp([dx, dy, dtheta])`.
+//!
+//! ```
+//! use mapwright_geom::Pose2;
+//! let world_from_robot = Pose2::new(1.0, 2.0, std::f64::consts::FRAC_PI_2);
+//! let robot_from_laser = Pose2::new(0.1, 0.0, 0.0);
+//! let world_from_laser = world_from_robot * robot_from_laser;
+//! assert!((world_from_laser.y - 2.1).abs() < 1e-12);
+//! ```
+
+mod angle;
+mod pose2;
+mod stamp;
+
+pub use angle::{sin_cos, wrap_angle};
+pub use pose2::{Cov3, Pose2, compose_covariance, inverse_covariance};
+pub use stamp::Stamp;

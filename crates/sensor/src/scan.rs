@@ -1,0 +1,47 @@
+//! Readings as they arrive from a log or a driver.
+
+use mapwright_geom::{Pose2, Stamp};
+use std::sync::Arc;
+
+/// How a planar laser looks at the world. Shared by all scans it takes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LaserModel {
+    /// Name for reports, such as `FLASER` or a topic.
+    pub name: String,
+    /// Bearing of the first beam in the laser's frame, radians.
+    pub angle_min_rad: f64,
+    /// Step from one beam to the next, radians; negative for a laser that sweeps clockwise.
+    pub angle_step_rad: f64,
+    /// Readings below are not returns, metres.
+    pub range_min_m: f64,
+    /// Readings at or above are not returns (but show free space), metres.
+    pub range_max_m: f64,
+    /// Pose of the laser on the robot.
+    pub robot_from_laser: Pose2,
+    /// Whether the laser is mounted upside down: bearings then turn the other way seen from above.
+    pub inverted: bool,
+    /// Time from one beam to the next, seconds; zero where not known.
+    pub beam_period_s: f64,
+}
+
+/// One sweep of a planar laser.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LaserScan {
+    /// When the first beam was taken.
+    pub stamp: Stamp,
+    /// The laser that took it.
+    pub laser: Arc<LaserModel>,
+    /// Raw ranges in metres, one a beam, as delivered: NaN, infinite and out-of-range values included.
+    pub ranges_m: Vec<f32>,
+    /// Odometry's pose of the robot at the stamp, where the log has it.
+    pub odom_from_robot: Option<Pose2>,
+}
+
+/// A reading of the wheels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Odometry {
+    /// When it was taken.
+    pub stamp: Stamp,
+    /// Pose of the robot in the frame odometry started in; drifts without bound.
+    pub odom_from_robot: Pose2,
+}
