@@ -2,6 +2,8 @@
 //!
 //! - [`LaserModel`], [`LaserScan`], [`Odometry`]: readings as they arrive.
 
+mod prepared;
 mod scan;
 
+pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};

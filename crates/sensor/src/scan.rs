@@ -24,6 +24,15 @@ pub struct LaserModel {
     pub beam_period_s: f64,
 }
 
+impl LaserModel {
+    /// Bearing of a beam in the robot's frame, radians.
+    #[must_use]
+    pub fn bearing_in_robot(&self, beam: usize) -> f64 {
+        let in_laser = self.angle_min_rad + beam as f64 * self.angle_step_rad;
+        self.robot_from_laser.theta + if self.inverted { -in_laser } else { in_laser }
+    }
+}
+
 /// One sweep of a planar laser.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LaserScan {

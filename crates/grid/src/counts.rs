@@ -1,0 +1,287 @@
+//! Occupancy as integer counts of hits and passes, so that adding and removing a keyframe is exact and commutative.
+
+use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, tile_of};
+
+/// Steps of the fixed-point end points within a cell.
+pub(crate) const FRACTION_STEPS: f64 = 1024.0;
+/// Set in a cell's passes while the cell has hits, so that a ray sees it without a second look-up.
+const HAS_HITS: u32 = 1 << 31;
+const NO_SLOT: u32 = u32::MAX;
+
+/// What a cell's counts say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Occupancy {
+    /// Nothing was ever measured there.
+    Unknown,
+    /// Beams passed more often than they ended.
+    Free,
+    /// Beams ended there.
+    Occupied,
+}
+
+/// A cell in which beams ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HitCell {
+    /// Column.
+    pub x: i32,
+    /// Row.
+    pub y: i32,
+    /// Beams that ended here.
+    pub hits: u32,
+    /// Sum of the end points' offsets from the cell's lower corner along x, in 1/1024 of a cell, modulo 2^32.
+    pub sum_x: u32,
+    /// The same along y.
+    pub sum_y: u32,
+    /// Hits whose scan knew the direction of the surface.
+    pub normals: u32,
+    /// Sum of `n_x n_x` of those hits' normals, in 1/1024, modulo 2^32.
+    pub sum_nxx: u32,
+    /// Sum of `n_x n_y`, likewise.
+    pub sum_nxy: u32,
+}
+
+impl HitCell {
+    const fn empty(x: i32, y: i32) -> Self {
+        Self { x, y, hits: 0, sum_x: 0, sum_y: 0, normals: 0, sum_nxx: 0, sum_nxy: 0 }
+    }
+}
+
+/// What one beam's end adds to a cell.
+#[derive(Debug, Clone, Copy)]
+pub struct Hit {
+    /// End point in cells.
+    pub end_cells: [f64; 2],
+    /// Unit normal of the surface in the map's frame, where the scan knows it.
+    pub normal: Option<[f64; 2]>,
+}
+
+#[derive(Debug, Clone)]
+struct CountTile {
+    key: (i32, i32),
+    passes: Box<[u32; TILE_CELLS]>,
+    slots: Box<[u32; TILE_CELLS]>,
+}
+
+/// Hit and pass counts on sparse tiles, unbounded in extent; memory is in proportion to the area seen.
+#[derive(Debug, Clone)]
+pub struct CountGrid {
+    resolution_m: f64,
+    index: TileIndex,
+    tiles: Vec<CountTile>,
+    cells: Vec<HitCell>,
+    free_slots: Vec<u32>,
+}
+
+/// Adding a keyframe's beams or taking them out again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// Count up.
+    Add,
+    /// Count down.
+    Remove,
+}
+
+impl CountGrid {
+    /// An empty grid of square cells with sides of `resolution_m` metres.
+    #[must_use]
+    pub fn new(resolution_m: f64) -> Self {
+        Self { resolution_m, index: TileIndex::new(), tiles: Vec::new(), cells: Vec::new(), free_slots: Vec::new() }
+    }
+
+    /// Side of a cell in metres.
+    #[must_use]
+    pub fn resolution_m(&self) -> f64 {
+        self.resolution_m
+    }
+
+    /// Slots of cells with hits, for arrays that run beside them.
+    #[must_use]
+    pub fn slot_count(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// The cell in a slot. A slot whose cell has no hits is free.
+    #[must_use]
+    pub fn cell(&self, slot: u32) -> &HitCell {
+        &self.cells[slot as usize]
+    }
+
+    /// Slot of a cell with hits.
+    #[inline]
+    #[must_use]
+    pub fn slot(&self, cell_x: i32, cell_y: i32) -> Option<u32> {
+        match self.index.find(tile_of(cell_x, cell_y)) {
+            NO_TILE => None,
+            tile => {
+                let slot = self.tiles[tile as usize].slots[cell_in_tile(cell_x, cell_y)];
+                (slot != NO_SLOT).then_some(slot)
+            }
+        }
+    }
+
+    /// Beams that passed through a cell.
+    #[must_use]
+    pub fn passes(&self, cell_x: i32, cell_y: i32) -> u32 {
+        match self.index.find(tile_of(cell_x, cell_y)) {
+            NO_TILE => 0,
+            tile => self.tiles[tile as usize].passes[cell_in_tile(cell_x, cell_y)] & !HAS_HITS,
+        }
+    }
+
+    fn tile_number(&mut self, tile: (i32, i32)) -> usize {
+        let (number, new) = self.index.find_or_insert(tile, self.tiles.len() as u32);
+        if new {
+            self.tiles.push(CountTile {
+                key: tile,
+                passes: Box::new([0; TILE_CELLS]),
+                slots: Box::new([NO_SLOT; TILE_CELLS]),
+            });
+        }
+        number as usize
+    }
+
+    /// Counts a beam's end point, given in cells; returns the cell's slot.
+    pub fn hit(&mut self, hit: Hit, change: Change) -> u32 {
+        let end_cells = hit.end_cells;
+        let (x, y) = (end_cells[0].floor() as i32, end_cells[1].floor() as i32);
+        let sum_x = ((end_cells[0] - f64::from(x)) * FRACTION_STEPS) as u32;
+        let sum_y = ((end_cells[1] - f64::from(y)) * FRACTION_STEPS) as u32;
+        let tile = self.tile_number(tile_of(x, y));
+        let in_tile = cell_in_tile(x, y);
+        let slot = match self.tiles[tile].slots[in_tile] {
+            NO_SLOT => self.take_slot(tile, in_tile, x, y),
+            slot => slot,
+        };
+        let cell = &mut self.cells[slot as usize];
+        let sign = if change == Change::Add { 1 } else { u32::MAX };
+        let add = |sum: &mut u32, term: u32| *sum = sum.wrapping_add(term.wrapping_mul(sign));
+        add(&mut cell.hits, 1);
+        add(&mut cell.sum_x, sum_x);
+        add(&mut cell.sum_y, sum_y);
+        if let Some([nx, ny]) = hit.normal {
+            add(&mut cell.normals, 1);
+            add(&mut cell.sum_nxx, (nx * nx * FRACTION_STEPS) as i32 as u32);
+            add(&mut cell.sum_nxy, (nx * ny * FRACTION_STEPS) as i32 as u32);
+        }
+        slot
+    }
+
+    fn take_slot(&mut self, tile: usize, in_tile: usize, x: i32, y: i32) -> u32 {
+        let fresh = HitCell::empty(x, y);
+        let slot = if let Some(slot) = self.free_slots.pop() {
+            self.cells[slot as usize] = fresh;
+            slot
+        } else {
+            self.cells.push(fresh);
+            self.cells.len() as u32 - 1
+        };
+        self.tiles[tile].slots[in_tile] = slot;
+        self.tiles[tile].passes[in_tile] |= HAS_HITS;
+        slot
+    }
+
+    /// Gives back the slot of a cell whose last hit was taken out.
+    pub fn release_if_empty(&mut self, slot: u32) {
+        let HitCell { x, y, hits, .. } = self.cells[slot as usize];
+        if hits != 0 {
+            return;
+        }
+        let tile = self.tile_number(tile_of(x, y));
+        let in_tile = cell_in_tile(x, y);
+        if self.tiles[tile].slots[in_tile] == slot {
+            self.tiles[tile].slots[in_tile] = NO_SLOT;
+            self.tiles[tile].passes[in_tile] &= !HAS_HITS;
+            self.free_slots.push(slot);
+        }
+    }
+
+    /// Counts the cells a beam passed, from its start up to but not including the cell of its end; both in cells.
+    ///
+    /// One cell per step of the longer axis, at the middle of that step. Slots of passed cells that hold hits go to
+    /// `touched`.
+    pub fn pass(&mut self, start_cells: [f64; 2], end_cells: [f64; 2], change: Change, touched: &mut Vec<u32>) {
+        let steep = (end_cells[1] - start_cells[1]).abs() > (end_cells[0] - start_cells[0]).abs();
+        if steep {
+            self.walk::<true>([start_cells[1], start_cells[0]], [end_cells[1], end_cells[0]], change, touched);
+        } else {
+            self.walk::<false>(start_cells, end_cells, change, touched);
+        }
+    }
+
+    fn walk<const STEEP: bool>(&mut self, start: [f64; 2], end: [f64; 2], change: Change, touched: &mut Vec<u32>) {
+        const ONE: f64 = 4_294_967_296.0;
+        let (first, last) = (start[0].floor() as i32, end[0].floor() as i32);
+        let slope = if first == last { return } else { (end[1] - start[1]) / (end[0] - start[0]) };
+        let step = if last > first { 1 } else { -1 };
+        let minor_at_first = start[1] + slope * (f64::from(first) + 0.5 - start[0]);
+        let mut minor = (minor_at_first * ONE).floor() as i64;
+        let minor_step = (slope * f64::from(step) * ONE) as i64;
+        let delta = if change == Change::Add { 1 } else { u32::MAX };
+        let mut major = first;
+        let mut current = (i32::MIN, i32::MIN);
+        let mut tile = 0;
+        while major != last {
+            let other = (minor >> 32) as i32;
+            let (x, y) = if STEEP { (other, major) } else { (major, other) };
+            if tile_of(x, y) != current {
+                current = tile_of(x, y);
+                tile = self.tile_number(current);
+            }
+            let in_tile = cell_in_tile(x, y);
+            let tile = &mut self.tiles[tile];
+            let count = tile.passes[in_tile].wrapping_add(delta);
+            tile.passes[in_tile] = count;
+            if count & HAS_HITS != 0 {
+                touched.push(tile.slots[in_tile]);
+            }
+            major += step;
+            minor += minor_step;
+        }
+    }
+
+    /// Everything that was counted, in one canonical order: equal maps give equal bytes.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut order: Vec<usize> = (0..self.tiles.len()).collect();
+        order.sort_by_key(|&tile| (self.tiles[tile].key.1, self.tiles[tile].key.0));
+        let mut bytes = Vec::new();
+        for tile in order {
+            let tile = &self.tiles[tile];
+            for in_tile in 0..TILE_CELLS {
+                let passes = tile.passes[in_tile] & !HAS_HITS;
+                let slot = tile.slots[in_tile];
+                if passes == 0 && slot == NO_SLOT {
+                    continue;
+                }
+                let x = (tile.key.0 << TILE_BITS) + (in_tile as i32 & (TILE_SIDE - 1));
+                let y = (tile.key.1 << TILE_BITS) + (in_tile as i32 >> TILE_BITS);
+                let empty = HitCell::empty(x, y);
+                let cell = if slot == NO_SLOT { &empty } else { &self.cells[slot as usize] };
+                for word in [x as u32, y as u32, passes, cell.hits, cell.sum_x, cell.sum_y, cell.normals, cell.sum_nxx, cell.sum_nxy] {
+                    bytes.extend_from_slice(&word.to_le_bytes());
+                }
+            }
+        }
+        bytes
+    }
+
+    /// Every cell that was measured: column, row, hits, passes; tile by tile in the order the tiles were made.
+    pub fn known_cells(&self) -> impl Iterator<Item = (i32, i32, u32, u32)> + '_ {
+        self.tiles.iter().flat_map(move |tile| {
+            (0..TILE_CELLS).filter_map(move |in_tile| {
+                let passes = tile.passes[in_tile] & !HAS_HITS;
+                let slot = tile.slots[in_tile];
+                let hits = if slot == NO_SLOT { 0 } else { self.cells[slot as usize].hits };
+                let x = (tile.key.0 << TILE_BITS) + (in_tile as i32 & (TILE_SIDE - 1));
+                let y = (tile.key.1 << TILE_BITS) + (in_tile as i32 >> TILE_BITS);
+                (passes + hits > 0).then_some((x, y, hits, passes))
+            })
+        })
+    }
+
+    /// Tiles in memory.
+    #[must_use]
+    pub fn tile_count(&self) -> usize {
+        self.tiles.len()
+    }
+}

@@ -1,0 +1,299 @@
+//! A truncated Euclidean distance transform that follows its obstacles.
+//!
+//! Every cell within [`DistanceField::radius_cells`] of an obstacle knows its nearest one; ties go to the smallest
+//! `(y, x)`, so that the field is a function of the set of obstacles and has no history. An obstacle that appears is
+//! compared with what the cells around it know. When one disappears, the cells that pointed at it search the bit rows of
+//! obstacles around them. Both are exact, unlike propagation among neighbours (brushfire: Kalra, Ferguson, Stentz 2006;
+//! Lau, Sprunk, Burgard 2013), whose truncation error this avoids.
+
+use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, tile_of};
+
+/// No obstacle within the radius.
+pub(crate) const NO_OBSTACLE: u32 = u32::MAX;
+const FAR: u8 = u8::MAX;
+const MAX_RADIUS_CELLS: i32 = 15;
+
+#[derive(Debug, Clone)]
+pub(crate) struct FieldTile {
+    key: (i32, i32),
+    /// Obstacle handle per cell.
+    pub(crate) nearest: Box<[u32; TILE_CELLS]>,
+    distance2: Box<[u8; TILE_CELLS]>,
+    occupied: [u64; TILE_SIDE as usize],
+}
+
+/// See the module's text.
+#[derive(Debug, Clone)]
+pub struct DistanceField {
+    radius: i32,
+    index: TileIndex,
+    pub(crate) tiles: Vec<FieldTile>,
+    /// Half width of the disc in each of its rows.
+    half_widths: Vec<i32>,
+    /// Cell of each obstacle handle.
+    cells: Vec<(i32, i32)>,
+    orphans: Vec<(i32, i32)>,
+}
+
+impl DistanceField {
+    /// An empty field that knows obstacles up to `radius_cells` away (1 to 15).
+    #[must_use]
+    pub fn new(radius_cells: u32) -> Self {
+        let radius = (radius_cells as i32).clamp(1, MAX_RADIUS_CELLS);
+        let half_widths = (-radius..=radius)
+            .map(|dy| (0..=radius).rev().find(|dx| dx * dx + dy * dy <= radius * radius).unwrap_or(0))
+            .collect();
+        Self { radius, index: TileIndex::new(), tiles: Vec::new(), half_widths, cells: Vec::new(), orphans: Vec::new() }
+    }
+
+    /// The truncation radius in cells.
+    #[must_use]
+    pub fn radius_cells(&self) -> u32 {
+        self.radius as u32
+    }
+
+    /// Handle of the obstacle nearest to a cell, or [`NO_OBSTACLE`].
+    #[inline]
+    #[must_use]
+    pub fn nearest(&self, cell_x: i32, cell_y: i32) -> u32 {
+        match self.index.find(tile_of(cell_x, cell_y)) {
+            NO_TILE => NO_OBSTACLE,
+            tile => self.tiles[tile as usize].nearest[cell_in_tile(cell_x, cell_y)],
+        }
+    }
+
+    /// Number of the tile that holds a cell, for look-ups of many cells of one tile.
+    #[inline]
+    pub(crate) fn tile_number(&self, tile: (i32, i32)) -> u32 {
+        self.index.find(tile)
+    }
+
+    /// Squared distance in cells to the nearest obstacle and that obstacle's cell.
+    #[must_use]
+    pub fn nearest_cell(&self, cell_x: i32, cell_y: i32) -> Option<(u32, (i32, i32))> {
+        let handle = self.nearest(cell_x, cell_y);
+        if handle == NO_OBSTACLE {
+            return None;
+        }
+        let (ox, oy) = self.cells[handle as usize];
+        Some((((ox - cell_x).pow(2) + (oy - cell_y).pow(2)) as u32, (ox, oy)))
+    }
+
+    /// Whether a cell holds an obstacle.
+    #[must_use]
+    pub fn is_occupied(&self, cell_x: i32, cell_y: i32) -> bool {
+        match self.index.find(tile_of(cell_x, cell_y)) {
+            NO_TILE => false,
+            tile => {
+                let row = self.tiles[tile as usize].occupied[(cell_y & (TILE_SIDE - 1)) as usize];
+                row >> (cell_x & (TILE_SIDE - 1)) & 1 == 1
+            }
+        }
+    }
+
+    fn tile_mut(&mut self, tile: (i32, i32)) -> &mut FieldTile {
+        let (number, new) = self.index.find_or_insert(tile, self.tiles.len() as u32);
+        if new {
+            self.tiles.push(FieldTile {
+                key: tile,
+                nearest: Box::new([NO_OBSTACLE; TILE_CELLS]),
+                distance2: Box::new([FAR; TILE_CELLS]),
+                occupied: [0; TILE_SIDE as usize],
+            });
+        }
+        &mut self.tiles[number as usize]
+    }
+
+    /// An obstacle appears in a cell that had none. `handle` is the caller's name for it; handles should be dense.
+    pub fn insert(&mut self, cell_x: i32, cell_y: i32, handle: u32) {
+        if handle == NO_OBSTACLE || self.is_occupied(cell_x, cell_y) {
+            return;
+        }
+        if self.cells.len() <= handle as usize {
+            self.cells.resize(handle as usize + 1, (0, 0));
+        }
+        self.cells[handle as usize] = (cell_x, cell_y);
+        let row = (cell_y & (TILE_SIDE - 1)) as usize;
+        self.tile_mut(tile_of(cell_x, cell_y)).occupied[row] |= 1 << (cell_x & (TILE_SIDE - 1));
+        let r = self.radius;
+        for tile_y in (cell_y - r) >> TILE_BITS..=(cell_y + r) >> TILE_BITS {
+            for tile_x in (cell_x - r) >> TILE_BITS..=(cell_x + r) >> TILE_BITS {
+                self.claim_in_tile((tile_x, tile_y), (cell_x, cell_y), handle);
+            }
+        }
+    }
+
+    /// Cells of one tile that are nearer to the new obstacle than to what they knew now point at it.
+    fn claim_in_tile(&mut self, tile: (i32, i32), (cell_x, cell_y): (i32, i32), handle: u32) {
+        let r = self.radius;
+        let half_widths = std::mem::take(&mut self.half_widths);
+        let cells = std::mem::take(&mut self.cells);
+        let base = (tile.0 << TILE_BITS, tile.1 << TILE_BITS);
+        let field_tile = self.tile_mut(tile);
+        for y in (cell_y - r).max(base.1)..=(cell_y + r).min(base.1 + TILE_SIDE - 1) {
+            let dy = y - cell_y;
+            let half = half_widths[(dy + r) as usize];
+            let first = (cell_x - half).max(base.0);
+            let last = (cell_x + half).min(base.0 + TILE_SIDE - 1);
+            if first > last {
+                continue;
+            }
+            let from = cell_in_tile(first, y);
+            let count = (last - first + 1) as usize;
+            let distances = &mut field_tile.distance2[from..from + count];
+            let handles = &mut field_tile.nearest[from..from + count];
+            for (k, (known, nearest)) in distances.iter_mut().zip(handles).enumerate() {
+                let dx = first + k as i32 - cell_x;
+                let new = (dx * dx + dy * dy) as u8;
+                let wins = new < *known || (new == *known && (cell_y, cell_x) < flip(cells[*nearest as usize]));
+                if wins {
+                    *known = new;
+                    *nearest = handle;
+                }
+            }
+        }
+        self.half_widths = half_widths;
+        self.cells = cells;
+    }
+
+    /// The obstacle of a cell disappears. Does nothing where there is none.
+    pub fn remove(&mut self, cell_x: i32, cell_y: i32) {
+        if !self.is_occupied(cell_x, cell_y) {
+            return;
+        }
+        let handle = self.nearest(cell_x, cell_y);
+        let row = (cell_y & (TILE_SIDE - 1)) as usize;
+        self.tile_mut(tile_of(cell_x, cell_y)).occupied[row] &= !(1 << (cell_x & (TILE_SIDE - 1)));
+        let mut orphans = std::mem::take(&mut self.orphans);
+        self.collect_orphans((cell_x, cell_y), handle, &mut orphans);
+        for (x, y) in orphans.drain(..) {
+            let found = self.search((x, y));
+            let tile = self.tile_mut(tile_of(x, y));
+            let cell = cell_in_tile(x, y);
+            (tile.distance2[cell], tile.nearest[cell]) = found;
+        }
+        self.orphans = orphans;
+    }
+
+    fn collect_orphans(&self, (cell_x, cell_y): (i32, i32), handle: u32, orphans: &mut Vec<(i32, i32)>) {
+        for dy in -self.radius..=self.radius {
+            let half = self.half_widths[(dy + self.radius) as usize];
+            for dx in -half..=half {
+                if self.nearest(cell_x + dx, cell_y + dy) == handle {
+                    orphans.push((cell_x + dx, cell_y + dy));
+                }
+            }
+        }
+    }
+
+    /// The nearest obstacle from the bit rows around a cell: rows outwards, each row's nearest set bit on both sides.
+    fn search(&self, (cell_x, cell_y): (i32, i32)) -> (u8, u32) {
+        let mut best: Option<(i32, i32, i32)> = None;
+        for away in 0..=self.radius {
+            if best.is_some_and(|(d2, _, _)| away * away > d2) {
+                break;
+            }
+            let rows: &[i32] = if away == 0 { &[0] } else { &[-away, away] };
+            for &dy in rows {
+                for (x, y) in self.nearest_in_row(cell_x, cell_y + dy) {
+                    let d2 = (x - cell_x).pow(2) + dy * dy;
+                    if d2 <= self.radius * self.radius && best.is_none_or(|known| (d2, y, x) < known) {
+                        best = Some((d2, y, x));
+                    }
+                }
+            }
+        }
+        best.map_or((FAR, NO_OBSTACLE), |(d2, y, x)| (d2 as u8, self.handle_at(x, y)))
+    }
+
+    fn handle_at(&self, x: i32, y: i32) -> u32 {
+        // An occupied cell is its own nearest obstacle.
+        self.nearest(x, y)
+    }
+
+    /// The nearest obstacles of a row at or left of and right of a column, within 31 columns.
+    fn nearest_in_row(&self, cell_x: i32, y: i32) -> impl Iterator<Item = (i32, i32)> {
+        let bits = self.row_bits(cell_x - 31, y);
+        let left = bits & 0xffff_ffff;
+        let right = bits >> 32;
+        let left_x = (left != 0).then(|| (cell_x - 31 + 63 - left.leading_zeros() as i32, y));
+        let right_x = (right != 0).then(|| (cell_x + 1 + right.trailing_zeros() as i32, y));
+        left_x.into_iter().chain(right_x)
+    }
+
+    /// Occupancy of 64 cells of a row from `first_x` on, lowest bit first.
+    fn row_bits(&self, first_x: i32, y: i32) -> u64 {
+        let row = (y & (TILE_SIDE - 1)) as usize;
+        let shift = (first_x & (TILE_SIDE - 1)) as u32;
+        let (tile_x, tile_y) = tile_of(first_x, y);
+        let bits_of = |tile| match self.index.find(tile) {
+            NO_TILE => 0,
+            number => self.tiles[number as usize].occupied[row],
+        };
+        let low = bits_of((tile_x, tile_y)) >> shift;
+        if shift == 0 { low } else { low | bits_of((tile_x + 1, tile_y)) << (64 - shift) }
+    }
+
+    /// All obstacles, tile by tile in the order the tiles were made.
+    pub fn obstacles(&self) -> impl Iterator<Item = (i32, i32)> + '_ {
+        self.tiles.iter().flat_map(|tile| {
+            let (base_x, base_y) = (tile.key.0 << TILE_BITS, tile.key.1 << TILE_BITS);
+            (0..TILE_SIDE).flat_map(move |row| {
+                let bits = tile.occupied[row as usize];
+                (0..TILE_SIDE).filter(move |col| bits >> col & 1 == 1).map(move |col| (base_x + col, base_y + row))
+            })
+        })
+    }
+}
+
+fn flip((x, y): (i32, i32)) -> (i32, i32) {
+    (y, x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeMap;
+
+    /// Squared distance and cell of the nearest obstacle by looking at all of them.
+    fn brute(obstacles: &BTreeMap<(i32, i32), u32>, radius: i32, x: i32, y: i32) -> Option<(u32, (i32, i32))> {
+        obstacles
+            .keys()
+            .map(|&(oy, ox)| (((ox - x).pow(2) + (oy - y).pow(2)) as u32, oy, ox))
+            .min()
+            .filter(|&(d2, _, _)| d2 <= (radius * radius) as u32)
+            .map(|(d2, oy, ox)| (d2, (ox, oy)))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4_000))]
+        #[test]
+        fn the_field_equals_the_batch_transform_after_any_sequence(
+            radius in 1u32..=15,
+            origin in (-70i32..70, -70i32..70),
+            steps in prop::collection::vec((any::<bool>(), 0i32..24, 0i32..24), 1..60),
+        ) {
+            let mut field = DistanceField::new(radius);
+            let mut obstacles = BTreeMap::new();
+            for (handle, (add, dx, dy)) in steps.into_iter().enumerate() {
+                let (x, y) = (origin.0 + dx, origin.1 + dy);
+                if add {
+                    if let std::collections::btree_map::Entry::Vacant(free) = obstacles.entry((y, x)) {
+                        free.insert(handle as u32);
+                        field.insert(x, y, handle as u32);
+                    }
+                } else {
+                    obstacles.remove(&(y, x));
+                    field.remove(x, y);
+                }
+            }
+            let reach = radius as i32 + 2;
+            for y in origin.1 - reach..origin.1 + 24 + reach {
+                for x in origin.0 - reach..origin.0 + 24 + reach {
+                    prop_assert_eq!(field.nearest_cell(x, y), brute(&obstacles, radius as i32, x, y), "cell {} {}", x, y);
+                }
+            }
+        }
+    }
+}

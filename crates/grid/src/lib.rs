@@ -1,0 +1,12 @@
+//! Two-dimensional maps and the matching of scans against them.
+
+mod counts;
+mod field;
+mod live;
+mod matcher;
+mod tiles;
+
+pub use counts::{Change, CountGrid, HitCell, Occupancy};
+pub use field::DistanceField;
+pub use live::{LiveMap, LiveMapSettings, Surfel};
+pub use matcher::{Evaluation, MatchResult, Matcher, MatcherSettings, Prior};

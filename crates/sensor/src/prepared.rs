@@ -1,0 +1,237 @@
+//! Preparation of a scan: what is a return, what only shows free space, what is dropped and why.
+
+use crate::scan::{LaserModel, LaserScan};
+use mapwright_geom::{Pose2, sin_cos};
+use std::sync::Arc;
+
+/// A beam that was dropped.
+pub const BEAM_DROPPED: u16 = 0;
+/// A beam that met nothing within the laser's reach; it still shows free space.
+pub const BEAM_NO_RETURN: u16 = u16::MAX;
+
+/// What became of a scan's beams. The fields add up to the number of beams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct BeamCounts {
+    /// Beams that met something.
+    pub returns: u32,
+    /// Beams at or above maximum range, and infinite ones: free space, no return.
+    pub no_return: u32,
+    /// Beams below minimum range, zero or negative.
+    pub too_near: u32,
+    /// Beams that are not a number.
+    pub not_a_number: u32,
+}
+
+impl BeamCounts {
+    /// Adds another scan's counts; saturates.
+    pub fn add(&mut self, other: &Self) {
+        self.returns = self.returns.saturating_add(other.returns);
+        self.no_return = self.no_return.saturating_add(other.no_return);
+        self.too_near = self.too_near.saturating_add(other.too_near);
+        self.not_a_number = self.not_a_number.saturating_add(other.not_a_number);
+    }
+}
+
+/// A scan's ranges, two bytes each, and the motion of the robot while it was taken.
+///
+/// A range is `code * step_m`, except for [`BEAM_DROPPED`] and [`BEAM_NO_RETURN`]. Everything that is later computed from
+/// a scan, matching and drawing alike, starts from these codes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// The laser that took it.
+    pub laser: Arc<LaserModel>,
+    /// One code a beam.
+    pub codes: Vec<u16>,
+    /// Metres per code step: 1, 2, 5, 10... mm, the finest that reaches the laser's maximum range.
+    pub step_m: f64,
+    /// The robot's twist during the sweep, per second; zero where beam times are not known.
+    pub twist_per_s: [f64; 3],
+}
+
+impl Sweep {
+    /// Quantises a scan's ranges and counts what was dropped.
+    #[must_use]
+    pub fn from_scan(scan: &LaserScan, twist_per_s: [f64; 3]) -> (Self, BeamCounts) {
+        let mut sweep = Self {
+            laser: Arc::clone(&scan.laser),
+            codes: Vec::new(),
+            step_m: 0.001,
+            twist_per_s: [0.0; 3],
+        };
+        let counts = sweep.fill(scan, twist_per_s);
+        (sweep, counts)
+    }
+
+    /// As [`Sweep::from_scan`], into buffers that are kept from scan to scan.
+    pub fn fill(&mut self, scan: &LaserScan, twist_per_s: [f64; 3]) -> BeamCounts {
+        if !Arc::ptr_eq(&self.laser, &scan.laser) {
+            self.laser = Arc::clone(&scan.laser);
+        }
+        self.step_m = code_step_m(scan.laser.range_max_m);
+        self.twist_per_s = if scan.laser.beam_period_s > 0.0 { twist_per_s } else { [0.0; 3] };
+        self.codes.clear();
+        let mut counts = BeamCounts::default();
+        let (min_m, max_m) = (scan.laser.range_min_m.max(0.0) as f32, scan.laser.range_max_m as f32);
+        let steps_per_m = (1.0 / self.step_m) as f32;
+        self.codes.extend(scan.ranges_m.iter().map(|&range_m| {
+            if range_m >= max_m {
+                counts.no_return += 1;
+                BEAM_NO_RETURN
+            } else if range_m > min_m {
+                counts.returns += 1;
+                ((range_m * steps_per_m + 0.5) as u32).clamp(1, 65_534) as u16
+            } else if range_m.is_nan() {
+                counts.not_a_number += 1;
+                BEAM_DROPPED
+            } else {
+                counts.too_near += 1;
+                BEAM_DROPPED
+            }
+        }));
+        counts
+    }
+
+    /// Range of a return in metres, or `None` for a beam that is none.
+    #[must_use]
+    pub fn range_m(&self, beam: usize) -> Option<f64> {
+        match self.codes.get(beam) {
+            None | Some(&BEAM_DROPPED | &BEAM_NO_RETURN) => None,
+            Some(&code) => Some(f64::from(code) * self.step_m),
+        }
+    }
+}
+
+/// The finest step of the ladder 1, 2, 5 mm, 1, 2, 5 cm... with which a code reaches `range_max_m`.
+fn code_step_m(range_max_m: f64) -> f64 {
+    let needed_mm = if range_max_m.is_finite() { range_max_m / 65.534 } else { 1.0 };
+    let mut decade_mm = 1.0;
+    loop {
+        for factor in [1.0, 2.0, 5.0] {
+            if factor * decade_mm >= needed_mm || decade_mm > 1e9 {
+                return factor * decade_mm * 1e-3;
+            }
+        }
+        decade_mm *= 10.0;
+    }
+}
+
+/// Unit directions of a laser's beams and its origin, both in the robot's frame. Computed once per laser and beam count.
+#[derive(Debug, Clone, Default)]
+pub struct BeamTable {
+    key: Option<(Arc<LaserModel>, usize)>,
+    directions: Vec<[f64; 2]>,
+}
+
+impl BeamTable {
+    /// Directions in the robot's frame of the first `beams` beams of `laser`.
+    pub fn directions(&mut self, laser: &Arc<LaserModel>, beams: usize) -> &[[f64; 2]] {
+        let known = self.key.as_ref().is_some_and(|(model, n)| *n == beams && Arc::ptr_eq(model, laser));
+        if !known {
+            self.directions.clear();
+            self.directions.extend((0..beams).map(|beam| {
+                let (s, c) = sin_cos(laser.bearing_in_robot(beam));
+                [c, s]
+            }));
+            self.key = Some((Arc::clone(laser), beams));
+        }
+        &self.directions
+    }
+}
+
+/// End points of a sweep in the robot's frame at the sweep's stamp, metres, as the matcher and the map want them.
+#[derive(Debug, Clone, Default)]
+pub struct SweepPoints {
+    /// Where beams met something.
+    pub hits: Vec<[f64; 2]>,
+    /// Unit normal of the surface at each hit, zero where the scan does not show one; see [`SweepPoints::fill_normals`].
+    pub normals: Vec<[f64; 2]>,
+    /// Ends of the free space along beams that met nothing.
+    pub free_ends: Vec<[f64; 2]>,
+    /// Where the beams start.
+    pub origin: [f64; 2],
+}
+
+impl SweepPoints {
+    /// Computes the end points; `free_range_m` bounds the free space of beams that returned nothing, `hit_range_m` the
+    /// returns that count as such (farther ones clear free space up to `free_range_m`).
+    pub fn fill(&mut self, sweep: &Sweep, table: &mut BeamTable, free_range_m: f64) {
+        self.hits.clear();
+        self.normals.clear();
+        self.free_ends.clear();
+        let robot_from_laser = sweep.laser.robot_from_laser;
+        self.origin = [robot_from_laser.x, robot_from_laser.y];
+        let moving = sweep.twist_per_s != [0.0; 3];
+        let directions = table.directions(&sweep.laser, sweep.codes.len());
+        for (beam, (&code, &[c, s])) in sweep.codes.iter().zip(directions).enumerate() {
+            if code == BEAM_DROPPED {
+                continue;
+            }
+            let no_return = code == BEAM_NO_RETURN;
+            let range_m = if no_return { free_range_m } else { f64::from(code) * sweep.step_m };
+            let mut end = [self.origin[0] + range_m * c, self.origin[1] + range_m * s];
+            if moving {
+                let t = beam as f64 * sweep.laser.beam_period_s;
+                end = Pose2::exp(sweep.twist_per_s.map(|rate| rate * t)).transform(end);
+            }
+            if no_return { self.free_ends.push(end) } else { self.hits.push(end) }
+        }
+    }
+
+    /// Fits a line to the neighbours of each hit along the sweep and keeps its normal where they are one.
+    ///
+    /// Neighbours on a side are hits within `reach_m`, and always the adjacent one within three times the
+    /// beam spacing that the range implies.
+    pub fn fill_normals(&mut self, reach_m: f64, max_ratio: f64, gap_factor: f64) {
+        self.normals.clear();
+        self.normals.reserve(self.hits.len());
+        for i in 0..self.hits.len() {
+            let normal = self.normal(i, reach_m, max_ratio, gap_factor);
+            self.normals.push(normal);
+        }
+    }
+
+    fn normal(&self, i: usize, reach_m: f64, max_ratio: f64, gap_factor: f64) -> [f64; 2] {
+        let here = self.hits[i];
+        let range_m = (here[0] - self.origin[0]).hypot(here[1] - self.origin[1]);
+        let gap2 = (gap_factor * range_m).max(reach_m).powi(2);
+        let (mut n, mut sx, mut sy, mut sxx, mut sxy, mut syy) = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut add = |p: [f64; 2], adjacent: bool| {
+            let (dx, dy) = (p[0] - here[0], p[1] - here[1]);
+            let d2 = dx * dx + dy * dy;
+            if d2 > if adjacent { gap2 } else { reach_m * reach_m } {
+                return false;
+            }
+            n += 1.0;
+            sx += dx;
+            sy += dy;
+            sxx += dx * dx;
+            sxy += dx * dy;
+            syy += dy * dy;
+            true
+        };
+        for k in i + 1..self.hits.len().min(i + 9) {
+            if !add(self.hits[k], k == i + 1) {
+                break;
+            }
+        }
+        for k in (i.saturating_sub(8)..i).rev() {
+            if !add(self.hits[k], k + 1 == i) {
+                break;
+            }
+        }
+        if n < 2.5 {
+            return [0.0; 2];
+        }
+        let (mx, my) = (sx / n, sy / n);
+        let (cxx, cxy, cyy) = (sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my);
+        let (mean, diff) = (0.5 * (cxx + cyy), 0.5 * (cxx - cyy));
+        let root = (diff * diff + cxy * cxy).sqrt();
+        if mean - root > max_ratio * (mean + root) || root <= 0.0 {
+            return [0.0; 2];
+        }
+        // Eigenvector of the smaller eigenvalue, from the better conditioned row.
+        let (vx, vy) = if diff > 0.0 { (-cxy, root + diff) } else { (root - diff, -cxy) };
+        let norm = (vx * vx + vy * vy).sqrt();
+        if norm > 0.0 { [vx / norm, vy / norm] } else { [0.0; 2] }
+    }
+}
