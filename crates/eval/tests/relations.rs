@@ -1,6 +1,6 @@
 //! Raw odometry of two surveyed logs scores what it is known to score.
 
-#![allow(clippy::unwrap_used)] // helpers of tests
+#![allow(clippy::unwrap_used, clippy::explicit_write)] // helpers of tests
 
 use bzip2::read::BzDecoder;
 use mapwright_eval::{Relation, RelationReport, StampedPose, relation_errors};
