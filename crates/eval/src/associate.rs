@@ -30,8 +30,8 @@ pub struct PosePair {
 /// that is nearest in time, if it lies within `max_difference_s`.
 ///
 /// This is evo's rule with stamps compared in whole nanoseconds. Pairs come in the order of the shorter trajectory; a
-/// pose of the longer may serve twice. Between two equally near poses the earlier in time wins; where stamps repeat, the
-/// last of them; and where the longer trajectory's stamps step backwards, the first in order among the nearest.
+/// pose of the longer may serve twice. Between two equally near poses the earlier in time wins; where stamps repeat,
+/// the last of them; and where the longer trajectory's stamps step backwards, the first in order among the nearest.
 ///
 /// # Errors
 /// [`EvalError::NoMatchingStamps`] when there is no pair.

@@ -54,8 +54,8 @@ pub struct Ate {
 /// Absolute trajectory error of an estimate: stamps paired by [`associate`] within [`MAX_STAMP_DIFFERENCE_S`], the
 /// estimate aligned, each pose compared. `evo_ape tum reference estimate -a` computes the same for planar trajectories.
 ///
-/// One difference: evo aligns in space, and lays an estimate face down on the plane when its mirror image fits better.
-/// Here an estimate stays face up.
+/// One difference: evo aligns in space, and lays an estimate face down on the plane when its mirror image fits better, so
+/// that a mirrored trajectory scores zero there. Here an estimate stays face up.
 ///
 /// # Errors
 /// When no stamps match, no pose is finite, or one trajectory does not move and so cannot be aligned.
@@ -83,8 +83,8 @@ pub fn ate_of_pairs(pairs: &[PosePair], alignment: Alignment) -> Result<Ate, Eva
     Ok(Ate { alignment, translation_m, rotation_deg, not_finite })
 }
 
-/// The alignment that minimises the summed squared distances of the positions (Umeyama 1991, eqs. 34 to 42; in the plane
-/// the rotation of eq. 40 has the closed form `atan2(sum of cross products, sum of dot products)`).
+/// The alignment that minimises the summed squared distances of the positions (Umeyama 1991, eqs. 34 to 42; in the
+/// plane the rotation of eq. 40 has the closed form `atan2(sum of cross products, sum of dot products)`).
 ///
 /// # Errors
 /// [`EvalError::NotAlignable`] when one trajectory does not move.
@@ -162,6 +162,13 @@ mod tests {
             assert!(cost(best.world_from_map * Pose2::exp(step)) > cost(best.world_from_map));
             assert!(cost(best.world_from_map * Pose2::exp(back)) > cost(best.world_from_map));
         }
+    }
+
+    #[test]
+    fn a_mirrored_trajectory_is_wrong() {
+        let mirrored = |pose: Pose2| Pose2::new(pose.x, -pose.y, -pose.theta);
+        let pairs: Vec<_> = (0..60).map(|k| pair(k, curve(k), mirrored(curve(k)))).collect();
+        assert!(ate_of_pairs(&pairs, Alignment::Rigid).unwrap().translation_m.rmse > 1.0);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! - [`relation_errors`]: the error of relative poses against surveyed ones (Kümmerle et al. 2009). It punishes what is
 //!   wrong locally and never depends on where the map's origin lies.
-//! - [`ate`] and [`rpe`]: absolute trajectory error after alignment and relative pose error, as the evo tool defines them.
+//! - [`ate`] and [`rpe`]: absolute trajectory error after alignment and relative pose error, as evo defines them.
 //! - [`Nees`]: whether covariances are honest.
 //! - [`score_map`]: occupied cells found and invented.
 //!

@@ -9,7 +9,7 @@ const DOF: f64 = 3.0;
 /// Accumulates `e^T P^-1 e` of pose errors `e` with covariance `P`.
 ///
 /// An honest covariance gives samples that are chi-square distributed with three degrees of freedom, so that their mean
-/// lies in [`Nees::mean_interval`] (Bar-Shalom, Li, Kirubarajan 2001, section 5.4.2). A mean above it says that the
+/// lies in [`Nees::mean_interval`] (Bar-Shalom, Li, Kirubarajan 2001, section 5.4). A mean above it says that the
 /// covariance is too small, one below that it is too large.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Nees {
@@ -21,7 +21,7 @@ pub struct Nees {
 }
 
 impl Nees {
-    /// Adds one estimate with the covariance of its right perturbation (m^2, m rad, rad^2), and says whether it counted.
+    /// Adds one estimate with the covariance of its right perturbation (m^2, m rad, rad^2); says whether it counted.
     pub fn add(&mut self, world_from_robot: Pose2, estimated_world_from_robot: Pose2, covariance: &Cov3) -> bool {
         self.add_error(estimated_world_from_robot.between(world_from_robot).log(), covariance)
     }

@@ -81,10 +81,10 @@ pub struct RelationReport {
 /// Compares the relative poses of a trajectory with surveyed ones.
 ///
 /// The error of a relation is `from_from_to^-1 (world_from_from^-1 world_from_to)`; its length and its absolute heading
-/// are averaged apart (Kümmerle et al. 2009, eq. 4, with translation and rotation weighted apart as in section 3.3).
+/// are reported apart, as in the tables of Kümmerle et al. 2009.
 ///
-/// Relation files print stamps with six decimals, so stamps are compared after rounding to a microsecond. The trajectory
-/// need not be in the order of time. Where a stamp repeats in it, its first pose counts.
+/// Relation files print stamps with six decimals, so stamps are compared after rounding to a microsecond. Poses need not
+/// be in the order of time. Where a stamp repeats in it, its first pose counts.
 #[must_use]
 pub fn relation_errors(trajectory: &[StampedPose], relations: &[Relation]) -> RelationReport {
     let poses = PosesByStamp::new(trajectory);
@@ -213,7 +213,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_maps_frame_does_not_matter(x in -99.0..99.0f64, y in -99.0..99.0f64, theta in -3.1..3.1f64) {
-            let trajectory: Vec<_> = (0..20).map(|k| at(f64::from(k), 0.1 * f64::from(k), 0.2 * f64::from(k))).collect();
+            let trajectory: Vec<_> = (0..20).map(f64::from).map(|k| at(k, 0.1 * k, 0.2 * k)).collect();
             let relations: Vec<_> = (0..19).map(|k| relation(f64::from(k), f64::from(k + 1), 0.3)).collect();
             let map_from_world = Pose2::new(x, y, theta);
             let moved: Vec<_> = trajectory

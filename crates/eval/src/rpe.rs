@@ -45,8 +45,8 @@ pub struct Rpe {
 }
 
 /// Relative pose error of an estimate: stamps paired by [`associate`] within [`MAX_STAMP_DIFFERENCE_S`], then
-/// `(world_from_i^-1 world_from_j)^-1 (map_from_i^-1 map_from_j)` for poses i and j that are `delta` apart (Sturm et al.
-/// 2012, eq. 2). `evo_rpe tum reference estimate` computes the same for planar trajectories.
+/// `(world_from_i^-1 world_from_j)^-1 (map_from_i^-1 map_from_j)` for poses i and j that are `delta` apart (Sturm et
+/// al. 2012). `evo_rpe tum reference estimate` computes the same for planar trajectories.
 ///
 /// # Errors
 /// When no stamps match, no pose is finite, the step is not positive or the trajectory has no such pair.
