@@ -1,6 +1,6 @@
 # list what there is
 _default:
-    @just --list --unsorted
+    @"{{just_executable()}}" --list --unsorted
 
 # everything CI runs, in its order
 check:
