@@ -100,6 +100,7 @@ impl Pose2 {
 impl Mul for Pose2 {
     type Output = Self;
 
+    #[allow(clippy::suspicious_arithmetic_impl)] // headings of composed motions add
     fn mul(self, b_from_c: Self) -> Self {
         let [x, y] = self.transform([b_from_c.x, b_from_c.y]);
         Self::new(x, y, self.theta + b_from_c.theta)
