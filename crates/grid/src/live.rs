@@ -35,6 +35,10 @@ pub struct LiveMapSettings {
     /// Weight of an obstacle whose surface direction is not known.
     pub point_weight: f64,
     /// x
+    pub point_hits: f64,
+    /// x
+    pub mix: f64,
+    /// x
     pub smooth_cells: i32,
     /// x
     pub smooth_gain: f64,
@@ -42,7 +46,7 @@ pub struct LiveMapSettings {
 
 impl Default for LiveMapSettings {
     fn default() -> Self {
-        Self { resolution_m: 0.05, radius_cells: 10, passes_per_hit: 4, point_weight: 0.1, smooth_cells: 1, smooth_gain: 0.7 }
+        Self { resolution_m: 0.05, radius_cells: 10, passes_per_hit: 4, point_weight: 0.1, point_hits: 1.0, mix: 0.0, smooth_cells: 1, smooth_gain: 0.7 }
     }
 }
 
@@ -192,7 +196,7 @@ impl LiveMap {
         let [x, y] = self.mean(slot);
         let cell = self.counts.cell(slot);
         if cell.normals == 0 {
-            let w = self.settings.point_weight as f32;
+            let w = (self.settings.point_weight * (f64::from(cell.hits) / self.settings.point_hits).min(1.0)) as f32;
             return Surfel { x, y, axx: w, axy: 0.0, ayy: w };
         }
         let smooth = self.settings.smooth_cells;
@@ -247,6 +251,12 @@ impl LiveMap {
             wx += hits * (pxx * dx + pxy * dy);
             wy += hits * (pxy * dx + pyy * dy);
             w += hits;
+        }
+        if self.settings.mix > 0.0 {
+            let iso = f64::from(cell.hits - cell.normals) * self.settings.mix;
+            let all = f64::from(cell.hits);
+            let n = f64::from(cell.normals);
+            return Surfel { x: x + wx / w, y: y + wy / w, axx: ((axx * n + iso) / all) as f32, axy: (axy * n / all) as f32, ayy: ((ayy * n + iso) / all) as f32 };
         }
         Surfel { x: x + wx / w, y: y + wy / w, axx: axx as f32, axy: axy as f32, ayy: ayy as f32 }
     }

@@ -13,6 +13,8 @@ pub struct Prior {
     pub world_from_robot: Pose2,
     /// Inverse of its covariance (right perturbation).
     pub information: Cov3,
+    /// x
+    pub tail2: f64,
 }
 
 /// Settings.
@@ -136,7 +138,14 @@ impl Matcher {
     pub fn gauss_newton(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, start: Pose2, sigmas: &[f64]) -> MatchResult {
         let prior_cost = |pose: Pose2| {
             let t = Vector3::from(prior.world_from_robot.between(pose).log());
-            (0.5 * (t.transpose() * prior.information * t)[0], t)
+            let (mut cost, mut w) = (0.0, Vector3::zeros());
+            for k in 0..3 {
+                let m2 = t[k] * t[k] * prior.information[(k, k)];
+                let c2 = prior.tail2;
+                cost += 0.5 * c2 * (1.0 + m2 / c2).ln();
+                w[k] = prior.information[(k, k)] / (1.0 + m2 / c2);
+            }
+            (cost, w.component_mul(&t), w)
         };
         let mut pose = start;
         let mut evaluations = 0;
@@ -146,12 +155,12 @@ impl Matcher {
             let tol = if last { self.settings.step_m } else { 0.2 * sigma };
             let mut eval = self.evaluate(map, points, pose, sigma);
             evaluations += 1;
-            let (mut pc, mut pt) = prior_cost(pose);
+            let (mut pc, mut pt, mut pw) = prior_cost(pose);
             let mut lambda = 1e-4;
             let mut n = 0;
             while n < self.settings.max_evaluations {
-                let g = eval.gradient + prior.information * pt;
-                let mut h = eval.hessian + prior.information;
+                let g = eval.gradient + pt;
+                let mut h = eval.hessian + Matrix3::from_diagonal(&pw);
                 for k in 0..3 {
                     h[(k, k)] *= 1.0 + lambda;
                 }
@@ -162,9 +171,9 @@ impl Matcher {
                 let next = pose * Pose2::exp(step.into());
                 let next_eval = self.evaluate(map, points, next, sigma);
                 n += 1;
-                let (npc, npt) = prior_cost(next);
+                let (npc, npt, npw) = prior_cost(next);
                 if next_eval.cost + npc <= eval.cost + pc {
-                    (pose, eval, pc, pt) = (next, next_eval, npc, npt);
+                    (pose, eval, pc, pt, pw) = (next, next_eval, npc, npt, npw);
                     lambda = (lambda * 0.1_f64).max(1e-6);
                 } else {
                     lambda = (lambda * 10.0_f64).max(1e-1);

@@ -1,0 +1,9 @@
+//! What lasts of a mapping run (keyframes and edges), and what is told to the outside (updates).
+//!
+//! A keyframe is immutable; poses live apart from it, and every map is a function of both.
+
+mod keyframe;
+mod update;
+
+pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId};
+pub use update::{MatchReport, Status, Update};
