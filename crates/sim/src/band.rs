@@ -8,8 +8,8 @@ use crate::world::Schedule;
 
 /// Thickness of a wall, metres.
 pub(crate) const WALL_M: f64 = 0.14;
-/// How far inside a door the robot is in the room, metres.
-const INSIDE_M: f64 = 0.9;
+/// The robot drives straight on for so long behind a door, past its open leaf, metres.
+const INSIDE_M: f64 = 1.4;
 
 /// Where a band lies and what it must look like. `frame` has `u` along the corridor's wall and `v` into the rooms.
 #[derive(Debug, Clone, Copy)]

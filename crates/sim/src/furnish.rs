@@ -72,18 +72,18 @@ pub(crate) fn furnish(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
         3 | 4 if area_m2 > 24.0 => laboratory(builder, room, rng),
         _ => office(builder, room, rng),
     }
-    let bits = 1 + rng.below(3);
+    let bits = 1 + (area_m2 / 14.0) as usize + rng.below(3);
     (0..bits).for_each(|_| clutter(builder, room, rng));
 }
 
 /// Desks at the walls or in pairs, chairs, shelves.
 fn office(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
     let style = DeskStyle::draw(rng);
-    let desks = 1 + (room.area_m2() / 11.0) as usize + rng.below(2);
+    let desks = 1 + (room.area_m2() / 9.0) as usize + rng.below(2);
     for _ in 0..desks {
         desk(builder, room, style, rng);
     }
-    for _ in 0..1 + rng.below(3) {
+    for _ in 0..1 + (room.area_m2() / 14.0) as usize + rng.below(3) {
         let (length_m, depth_m) = (rng.uniform(0.8, 2.0), rng.uniform(0.3, 0.45));
         against_wall(builder, room, length_m, depth_m, rng);
     }

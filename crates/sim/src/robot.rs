@@ -2,6 +2,7 @@
 
 use crate::math::{Point, add, advance, atan2, distance, dot, lerp, scale, sub, unit};
 use crate::route::Route;
+use crate::shape::Segment;
 use mapwright_geom::{Pose2, wrap_angle};
 
 /// Step of the simulation, nanoseconds: 50 Hz, whatever the rates of the sensors.
@@ -15,6 +16,8 @@ const TURN_ON_SPOT_RAD: f64 = 0.7;
 const STEER_GAIN_PER_S: f64 = 2.5;
 /// A waypoint nearer than this is reached, metres.
 const REACHED_M: f64 = 0.1;
+/// The robot stops at corners whose legs have a lower cosine: sharper than about 100 degrees.
+const STOP_COSINE: f64 = -0.2;
 
 /// How a differential drive moves.
 #[derive(Debug, Clone, PartialEq)]
@@ -167,36 +170,39 @@ impl Robot {
     /// The point to steer for, and how far it is to the next stop; moves on along the legs on the way.
     fn target(&mut self, route: &Route) -> Option<Target> {
         loop {
-            let (from, to) = (route.waypoint(self.leg)?, route.waypoint(self.leg + 1)?);
-            let along = unit(sub(to, from));
-            let left_m = dot(sub(to, self.position()), along);
-            let close_m = distance(to, self.position());
-            if left_m > 0.03 && close_m > REACHED_M {
-                return Some(self.lookahead(route, to, along, left_m));
+            let leg = Segment {
+                a: route.waypoint(self.leg)?,
+                b: route.waypoint(self.leg + 1)?,
+            };
+            let next = route.waypoint(self.leg + 2).map(|end| Segment { a: leg.b, b: end });
+            // A sharp corner is a stop, as is the end.
+            let next = next.filter(|next| dot(direction(&leg), direction(next)) > STOP_COSINE);
+            if !self.finished(&leg, next.as_ref()) {
+                return Some(self.lookahead(&leg, next.as_ref()));
             }
             self.leg += 1;
         }
     }
 
-    /// A point `lookahead_m` on along the route; not beyond a sharp corner or the end, which are stops.
-    fn lookahead(&self, route: &Route, to: Point, along: Point, left_m: f64) -> Target {
-        let ahead_m = self.settings.lookahead_m;
-        let next = route
-            .waypoint(self.leg + 2)
-            .map(|next| (unit(sub(next, to)), distance(next, to)));
-        match next {
-            Some((turn, _)) if left_m >= ahead_m && dot(along, turn) > -0.2 => Target {
-                point: add(to, scale(along, ahead_m - left_m)),
-                stop_m: f64::INFINITY,
-            },
-            Some((turn, room_m)) if dot(along, turn) > -0.2 => Target {
-                point: add(to, scale(turn, (ahead_m - left_m).min(room_m))),
-                stop_m: f64::INFINITY,
-            },
-            _ => Target {
-                point: add(to, scale(along, (ahead_m - left_m).min(0.0))),
-                stop_m: left_m,
-            },
+    /// Whether the end of the leg is reached, or the leg to go on with is nearer already.
+    fn finished(&self, leg: &Segment, next: Option<&Segment>) -> bool {
+        let here = self.position();
+        let left_m = dot(sub(leg.b, here), direction(leg));
+        let next_nearer = |next: &Segment| next.distance_to_point(here) < leg.distance_to_point(here);
+        left_m <= 0.03 || distance(leg.b, here) <= REACHED_M || next.is_some_and(next_nearer)
+    }
+
+    /// A point `lookahead_m` on along the route, not beyond a stop.
+    fn lookahead(&self, leg: &Segment, next: Option<&Segment>) -> Target {
+        let left_m = dot(sub(leg.b, self.position()), direction(leg));
+        let beyond_m = self.settings.lookahead_m - left_m;
+        let point = match next {
+            Some(next) if beyond_m > 0.0 => add(next.a, scale(direction(next), beyond_m.min(next.length_m()))),
+            _ => add(leg.b, scale(direction(leg), beyond_m.min(0.0))),
+        };
+        Target {
+            point,
+            stop_m: if next.is_some() { f64::INFINITY } else { left_m },
         }
     }
 
@@ -265,6 +271,10 @@ impl Robot {
         }
         (true_move, wheel_move)
     }
+}
+
+fn direction(leg: &Segment) -> Point {
+    unit(sub(leg.b, leg.a))
 }
 
 /// What to steer for.

@@ -240,10 +240,7 @@ fn a_moving_laser_distorts_its_scan() {
             odometry: OdometryNoise::NONE,
             ..settings(0)
         };
-        Drive::new(corridor(0, CorridorWalls::Featureless).into(), still)
-            .log(51)
-            .pop()
-            .unwrap()
+        Drive::new(three_rooms(0).into(), still).log(51).pop().unwrap()
     };
     let ((sharp, at), (smeared, also_at)) = (distorted(0.0), distorted(0.1 / 180.0));
     assert_eq!((at, sharp.ranges_m[0]), (also_at, smeared.ranges_m[0]));

@@ -117,11 +117,12 @@ impl Plan {
     fn outer_bands(&self) -> [Band; 4] {
         let (w, h) = (self.width_m, self.height_m);
         let [below_m, right_m, above_m, left_m] = self.depth_m;
+        let half_m = 0.5 * self.corridor_m;
         let whole = |frame, depth_m| Band {
             frame,
             length_m: w,
             depth_m,
-            doors_between: [left_m, w - right_m],
+            doors_between: [left_m + half_m, w - right_m - half_m],
             end_walls: [false, false],
             back_wall: false,
         };
