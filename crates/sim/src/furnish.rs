@@ -1,7 +1,7 @@
 //! What stands in rooms, as a laser 30 to 40 cm above the floor sees it.
 
 use crate::build::{Builder, Footprint, Frame};
-use crate::math::{Point, add, rotate, scale};
+use crate::math::{Point, add, dot, rotate, scale, sub};
 use crate::rng::Rng;
 use std::f64::consts::TAU;
 
@@ -56,6 +56,13 @@ impl Inside {
         };
         let (u_m, v_m) = (along(self.width_m, rng), along(self.depth_m, rng));
         self.frame.at(u_m, v_m)
+    }
+
+    fn contains(&self, point: Point, margin_m: f64) -> bool {
+        let local = sub(point, self.frame.origin);
+        let (u_m, v_m) = (dot(local, self.frame.u), dot(local, self.frame.v));
+        let within = |value_m: f64, length_m: f64| (margin_m..length_m - margin_m).contains(&value_m);
+        within(u_m, self.width_m) && within(v_m, self.depth_m)
     }
 
     fn area_m2(&self) -> f64 {
@@ -235,7 +242,7 @@ fn desk(builder: &mut Builder, room: &Inside, style: DeskStyle, rng: &mut Rng) {
                     0.5 * v_m + rng.uniform(-0.3, 0.3),
                 )
             };
-            office_chair(builder, seat, rng);
+            office_chair(builder, room, seat, rng);
             return;
         }
     }
@@ -262,9 +269,12 @@ fn desk_body(builder: &mut Builder, desk: &Footprint, style: DeskStyle) {
     }
 }
 
-/// A swivel chair: its column.
-fn office_chair(builder: &mut Builder, at: Point, rng: &mut Rng) {
-    builder.round(at, rng.uniform(0.04, 0.22));
+/// A swivel chair: its column, or with the seat pulled low.
+fn office_chair(builder: &mut Builder, room: &Inside, at: Point, rng: &mut Rng) {
+    let radius_m = rng.uniform(0.04, 0.22);
+    if room.contains(at, radius_m) {
+        builder.round(at, radius_m);
+    }
 }
 
 /// A chair on four legs, its place already claimed.

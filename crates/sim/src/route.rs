@@ -3,7 +3,7 @@
 use crate::math::{Point, distance};
 use crate::rng::Rng;
 use crate::shape::Segment;
-use crate::world::{Walker, World};
+use crate::world::{Door, Walker, World};
 
 /// Waypoints to be driven in order, metres in the world.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,14 +76,10 @@ impl Site {
         self
     }
 
-    /// Smallest distance of the route from anything that stands still, doors in both positions included, metres.
+    /// Smallest distance of the route from anything that stands still and from doors, shut or open, metres.
     #[must_use]
     pub fn clearance_m(&self) -> f64 {
-        let doors = self
-            .world
-            .doors()
-            .iter()
-            .flat_map(|door| std::iter::once(door.shut).chain(door.open));
+        let doors = self.world.doors().iter().flat_map(Door::leaves);
         let segments: Vec<Segment> = self.world.segments().iter().copied().chain(doors).collect();
         let clear_of_leg = |leg: Segment| {
             let walls = segments.iter().map(|wall| wall.distance_to_segment(&leg));

@@ -53,6 +53,12 @@ pub struct Door {
 }
 
 impl Door {
+    /// Every position its leaf is ever in.
+    pub(crate) fn leaves(&self) -> impl Iterator<Item = Segment> {
+        let never_shut = self.shut_when == Schedule::During(Vec::new());
+        (!never_shut).then_some(self.shut).into_iter().chain(self.open)
+    }
+
     fn leaf(&self, time_s: f64) -> Option<Segment> {
         if self.shut_when.holds(time_s) {
             Some(self.shut)
@@ -98,7 +104,7 @@ impl Walker {
         let length_m = self.along_m[self.along_m.len() - 1];
         let walked_m = (self.start_m + self.speed_m_per_s * time_s).rem_euclid((2.0 * length_m).max(1e-9));
         let at_m = if walked_m > length_m {
-            2.0 * length_m - walked_m
+            (2.0 * length_m - walked_m).max(0.0)
         } else {
             walked_m
         };
