@@ -162,7 +162,7 @@ impl Drive {
                 moment = moment.with_person(self.scanner.person(world_from_laser, bearing_rad, distance_m, radius_m));
             }
         }
-        let mut rng = Rng::keyed(self.settings.seed ^ 0x6c61_7365_72, index);
+        let mut rng = Rng::keyed(self.settings.seed ^ 0x006c_6173_6572, index);
         let world_from_robot_at = |after_s: f64| {
             let at_ns = stamp_ns + (after_s * 1e9) as i64;
             self.past

@@ -32,8 +32,9 @@ impl Grid {
     pub(crate) fn new(segments: &[Segment], circles: &[Circle]) -> Self {
         let (low, high) = bounds(segments, circles);
         let cell_m = CELL_M.max(((high[0] - low[0]) * (high[1] - low[1]) / MOST_CELLS).sqrt());
-        let origin = [low[0] - 0.5 * cell_m, low[1] - 0.5 * cell_m];
-        let cells_along = |axis: usize| ((high[axis] - low[axis]) / cell_m) as usize + 2;
+        // One empty cell all around, into which rounding may push a ray that has just left everything behind.
+        let origin = [low[0] - cell_m, low[1] - cell_m];
+        let cells_along = |axis: usize| ((high[axis] - low[axis]) / cell_m) as usize + 3;
         let (columns, rows) = (cells_along(0), cells_along(1));
         let empty = Self {
             origin,
@@ -65,12 +66,12 @@ impl Grid {
             return f64::INFINITY;
         };
         let mut nearest_m = f64::INFINITY;
-        loop {
-            nearest_m = self.nearest_in_cell(walk.cell(self.columns), origin, direction, nearest_m);
-            let exit_m = walk.exit_m();
-            if nearest_m <= exit_m || exit_m > longest_m || !walk.step() {
+        while let Some(&[from, to]) = self.starts.get(walk.cell..).and_then(|rest| rest.first_chunk()) {
+            nearest_m = self.nearest_of(from, to, origin, direction, nearest_m);
+            if nearest_m.min(walk.last_m) <= walk.exit_m() {
                 break;
             }
+            walk.step();
         }
         if nearest_m <= longest_m {
             nearest_m
@@ -80,8 +81,7 @@ impl Grid {
     }
 
     #[inline]
-    fn nearest_in_cell(&self, cell: usize, origin: Point, direction: Point, mut nearest_m: f64) -> f64 {
-        let (from, to) = (self.starts[cell], self.starts[cell + 1]);
+    fn nearest_of(&self, from: Start, to: Start, origin: Point, direction: Point, mut nearest_m: f64) -> f64 {
         for segment in &self.segments[from.segment as usize..to.segment as usize] {
             nearest_m = nearest_m.min(segment.cast(origin, direction));
         }
@@ -169,72 +169,73 @@ fn in_cell_order<T: Copy>(shapes: &[T], cells_of_shape: &[Vec<usize>], cells: us
     (starts, pairs.iter().map(|&(_, shape)| shapes[shape as usize]).collect())
 }
 
-/// A ray's way through the cells (Amanatides and Woo 1987).
+/// A ray's way through the cells (Amanatides and Woo 1987). Steps are selected, not branched on: which axis comes next
+/// cannot be foreseen.
 struct Walk {
-    cell: [i64; 2],
-    step: [i64; 2],
-    count: [i64; 2],
-    next_m: [f64; 2],
+    cell: usize,
+    /// What the cell's number grows by, modulo 2^64, for a step along each axis.
+    step: [usize; 2],
+    next_x_m: f64,
+    next_y_m: f64,
     delta_m: [f64; 2],
+    /// Where the ray leaves everything behind or becomes too long.
+    last_m: f64,
 }
 
 impl Walk {
     fn enter(grid: &Grid, origin: Point, direction: Point, longest_m: f64) -> Option<Self> {
-        let size = [grid.columns as f64 * grid.cell_m, grid.rows as f64 * grid.cell_m];
+        let m = grid.cell_m;
+        let inner = [(grid.columns - 2) as f64 * m, (grid.rows - 2) as f64 * m];
         let inverse = [1.0 / direction[0], 1.0 / direction[1]];
-        let enter_m = entry_m(sub(origin, grid.origin), inverse, size)?;
+        let local = [origin[0] - grid.origin[0], origin[1] - grid.origin[1]];
+        let (enter_m, leave_m) = span_m([local[0] - m, local[1] - m], inverse, inner)?;
         if enter_m > longest_m || direction == [0.0; 2] {
             return None;
         }
-        let count = [grid.columns as i64, grid.rows as i64];
-        let mut walk = Self {
-            cell: [0; 2],
-            step: [0; 2],
-            count,
-            next_m: [0.0; 2],
-            delta_m: [0.0; 2],
+        let start = |axis: usize, count: usize| {
+            let cell = ((local[axis] + enter_m * direction[axis]) / m).clamp(1.0, count as f64 - 2.0) as usize;
+            let ahead = cell + usize::from(direction[axis] > 0.0);
+            let next_m = (ahead as f64 * m - local[axis]) * inverse[axis];
+            (cell, if direction[axis] == 0.0 { f64::INFINITY } else { next_m })
         };
-        for axis in 0..2 {
-            let local = origin[axis] + enter_m * direction[axis] - grid.origin[axis];
-            let cell = ((local / grid.cell_m) as i64).clamp(0, count[axis] - 1);
-            let ahead = if direction[axis] > 0.0 { cell + 1 } else { cell };
-            let edge = grid.origin[axis] + ahead as f64 * grid.cell_m;
-            walk.cell[axis] = cell;
-            walk.step[axis] = if direction[axis] > 0.0 { 1 } else { -1 };
-            walk.delta_m[axis] = (grid.cell_m * inverse[axis]).abs();
-            walk.next_m[axis] = if direction[axis] == 0.0 {
-                f64::INFINITY
+        let ((column, next_x_m), (row, next_y_m)) = (start(0, grid.columns), start(1, grid.rows));
+        let signed = |axis: usize, size: usize| {
+            if direction[axis] > 0.0 {
+                size
             } else {
-                (edge - origin[axis]) * inverse[axis]
-            };
-        }
-        Some(walk)
-    }
-
-    #[inline]
-    fn cell(&self, columns: usize) -> usize {
-        self.cell[1] as usize * columns + self.cell[0] as usize
+                size.wrapping_neg()
+            }
+        };
+        Some(Self {
+            cell: row * grid.columns + column,
+            step: [signed(0, 1), signed(1, grid.columns)],
+            next_x_m,
+            next_y_m,
+            delta_m: [(m * inverse[0]).abs(), (m * inverse[1]).abs()],
+            last_m: leave_m.min(longest_m),
+        })
     }
 
     /// Where the ray leaves the current cell, metres from its origin.
     #[inline]
     fn exit_m(&self) -> f64 {
-        self.next_m[0].min(self.next_m[1])
+        self.next_x_m.min(self.next_y_m)
     }
 
-    /// Moves on to the next cell; false where the ray leaves the grid.
     #[inline]
-    fn step(&mut self) -> bool {
-        let axis = usize::from(self.next_m[1] < self.next_m[0]);
-        self.cell[axis] += self.step[axis];
-        self.next_m[axis] += self.delta_m[axis];
-        (0..self.count[axis]).contains(&self.cell[axis])
+    fn step(&mut self) {
+        let along_x = self.next_x_m <= self.next_y_m;
+        self.cell = self
+            .cell
+            .wrapping_add(if along_x { self.step[0] } else { self.step[1] });
+        self.next_x_m += if along_x { self.delta_m[0] } else { 0.0 };
+        self.next_y_m += if along_x { 0.0 } else { self.delta_m[1] };
     }
 }
 
-/// Distance at which a ray from `local` enters the box from zero to `size`, zero inside; `None` where it misses or
+/// Where a ray from `local` enters and leaves the box from zero to `size`, metres along it; `None` where it misses or
 /// anything is not finite.
-fn entry_m(local: Point, inverse: Point, size: Point) -> Option<f64> {
+fn span_m(local: Point, inverse: Point, size: Point) -> Option<(f64, f64)> {
     let (mut enter_m, mut leave_m) = (0.0f64, f64::INFINITY);
     for axis in 0..2 {
         if !local[axis].is_finite() || inverse[axis].is_nan() {
@@ -250,5 +251,5 @@ fn entry_m(local: Point, inverse: Point, size: Point) -> Option<f64> {
         enter_m = enter_m.max(a.min(b));
         leave_m = leave_m.min(a.max(b));
     }
-    (enter_m <= leave_m).then_some(enter_m)
+    (enter_m <= leave_m).then_some((enter_m, leave_m))
 }

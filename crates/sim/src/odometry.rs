@@ -70,7 +70,7 @@ pub(crate) struct Wheels {
 
 impl Wheels {
     pub(crate) fn new(noise: OdometryNoise, seed: u64) -> Self {
-        let mut rng = Rng::keyed(seed, 0x77_6865_656c);
+        let mut rng = Rng::keyed(seed, 0x0077_6865_656c);
         let scale = 1.0 + rng.normal(noise.scale_sigma);
         let turn_scale = 1.0 + rng.normal(noise.turn_scale_sigma);
         let heading_bias_rad_per_m = rng.normal(noise.heading_bias_sigma_rad_per_m);

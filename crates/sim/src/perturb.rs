@@ -48,7 +48,7 @@ where
 {
     /// Each beam is replaced with probability `fraction` by a range uniform in 0 to 30 m.
     fn replace_beams_with_noise(self, fraction: f64, seed: u64) -> impl Iterator<Item = Self::Item> {
-        let mut rng = Rng::keyed(seed, 0x6265_616d_73);
+        let mut rng = Rng::keyed(seed, 0x0062_6561_6d73);
         self.map(move |mut item| {
             for range_m in &mut item.scan_mut().ranges_m {
                 if rng.chance(fraction) {
@@ -104,6 +104,7 @@ where
 impl<I: Iterator> PerturbScans for I where I::Item: HasScan {}
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may")]
 mod tests {
     use super::*;
     use crate::laser::LaserSettings;

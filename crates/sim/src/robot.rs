@@ -313,6 +313,7 @@ pub(crate) fn interpolate(from: Pose2, to: Pose2, share: f64) -> Pose2 {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may")]
 mod tests {
     use super::*;
 

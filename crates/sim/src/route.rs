@@ -70,7 +70,7 @@ impl Site {
     /// The same with `count` people walking to and fro on stretches of the route, at 0.7 to 1.4 m/s.
     #[must_use]
     pub fn with_people(mut self, count: usize, seed: u64) -> Self {
-        let mut rng = Rng::keyed(seed, 0x70_656f_706c_65);
+        let mut rng = Rng::keyed(seed, 0x7065_6f70_6c65);
         let walkers: Vec<Walker> = (0..count).map(|_| stroller(&self.route, &mut rng)).collect();
         self.world = self.world.with_walkers(walkers);
         self

@@ -191,23 +191,40 @@ impl World {
     /// People nearer than 0.6 m to the viewpoint step aside.
     #[must_use]
     pub fn at(&self, time_s: f64, viewpoint: Point, longest_m: f64) -> Moment<'_> {
-        let in_reach = |leaf: &Segment| leaf.distance_to_point(viewpoint) <= longest_m;
-        let leaves = self
-            .doors
-            .iter()
-            .filter_map(|door| door.leaf(time_s))
-            .filter(in_reach)
-            .collect();
-        let near = |person: &Circle| distance(person.center, viewpoint) <= longest_m + person.radius_m;
-        let people = self.walkers.iter().filter_map(|walker| walker.at(time_s)).filter(near);
-        let people = people
-            .map(|person| person.kept_from(viewpoint, PERSONAL_SPACE_M))
-            .collect();
-        Moment {
+        let leaves = self.doors.iter().filter_map(|door| door.leaf(time_s)).map(Mover::Leaf);
+        let people = self.walkers.iter().filter_map(|walker| walker.at(time_s));
+        let people = people.map(|person| Mover::Person(person.kept_from(viewpoint, PERSONAL_SPACE_M)));
+        let mut moment = Moment {
             grid: &self.grid,
-            leaves,
-            people,
+            viewpoint,
             longest_m,
+            movers: Vec::new(),
+        };
+        leaves.chain(people).for_each(|mover| moment.admit(mover));
+        moment.movers.sort_by(|a, b| a.0.total_cmp(&b.0));
+        moment
+    }
+}
+
+/// What does not stand still.
+#[derive(Debug, Clone, Copy)]
+enum Mover {
+    Leaf(Segment),
+    Person(Circle),
+}
+
+impl Mover {
+    fn distance_to_point(&self, point: Point) -> f64 {
+        match self {
+            Self::Leaf(leaf) => leaf.distance_to_point(point),
+            Self::Person(person) => distance(person.center, point) - person.radius_m,
+        }
+    }
+
+    fn cast(&self, origin: Point, direction: Point) -> f64 {
+        match self {
+            Self::Leaf(leaf) => leaf.cast(origin, direction),
+            Self::Person(person) => person.cast(origin, direction),
         }
     }
 }
@@ -216,29 +233,39 @@ impl World {
 #[derive(Debug, Clone)]
 pub struct Moment<'a> {
     grid: &'a Grid,
-    leaves: Vec<Segment>,
-    people: Vec<Circle>,
+    viewpoint: Point,
     longest_m: f64,
+    /// With their distances from the viewpoint, nearest first.
+    movers: Vec<(f64, Mover)>,
 }
 
 impl Moment<'_> {
     /// The same with one more person in it.
     #[must_use]
     pub fn with_person(mut self, person: Circle) -> Self {
-        self.people.push(person);
+        self.admit(Mover::Person(person));
+        self.movers.sort_by(|a, b| a.0.total_cmp(&b.0));
         self
     }
 
+    fn admit(&mut self, mover: Mover) {
+        let away_m = mover.distance_to_point(self.viewpoint);
+        if away_m <= self.longest_m {
+            self.movers.push((away_m, mover));
+        }
+    }
+
     /// Distance to the first thing along the ray from `origin` in unit `direction`, metres; infinite where there is
-    /// none within reach.
+    /// none within reach. Doors and people are seen from within `longest_m` of the viewpoint.
     #[must_use]
     pub fn cast(&self, origin: Point, direction: Point) -> f64 {
         let mut nearest_m = self.grid.cast(origin, direction, self.longest_m);
-        for leaf in &self.leaves {
-            nearest_m = nearest_m.min(leaf.cast(origin, direction));
-        }
-        for person in &self.people {
-            nearest_m = nearest_m.min(person.cast(origin, direction));
+        let moved_m = (origin[0] - self.viewpoint[0]).abs() + (origin[1] - self.viewpoint[1]).abs();
+        for (away_m, mover) in &self.movers {
+            if away_m - moved_m > nearest_m {
+                break;
+            }
+            nearest_m = nearest_m.min(mover.cast(origin, direction));
         }
         if nearest_m <= self.longest_m {
             nearest_m

@@ -129,7 +129,7 @@ impl Plan {
         let side_m = h - below_m - above_m;
         let between = |frame, depth_m| Band {
             length_m: side_m,
-            doors_between: [0.0, side_m],
+            doors_between: [half_m, side_m - half_m],
             ..whole(frame, depth_m)
         };
         [

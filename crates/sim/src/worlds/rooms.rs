@@ -11,7 +11,7 @@ use crate::route::{Route, Site};
 /// A suite of 3 to 4 by 3 to 4 cluttered rooms of random sizes, and a drive through the doors that are known least.
 #[must_use]
 pub fn rooms(seed: u64) -> Site {
-    let mut rng = Rng::keyed(seed, 0x726f_6f6d_73);
+    let mut rng = Rng::keyed(seed, 0x0072_6f6f_6d73);
     let suite = Suite::draw(&mut rng);
     let mut builder = Builder::new();
     suite.build_walls(&mut builder);
@@ -31,9 +31,9 @@ pub fn rooms(seed: u64) -> Site {
 /// Three furnished rooms of which each has doors to both others, driven around without end.
 #[must_use]
 pub fn three_rooms(seed: u64) -> Site {
-    let mut rng = Rng::keyed(seed, 0x7468_7265_65);
-    let columns_m = vec![0.0, rng.uniform(4.5, 6.0), rng.uniform(9.5, 11.5)];
-    let rows_m = vec![0.0, rng.uniform(4.5, 5.5), rng.uniform(9.0, 10.5)];
+    let mut rng = Rng::keyed(seed, 0x0074_6872_6565);
+    let columns_m = [0.0, rng.uniform(4.5, 6.0), rng.uniform(9.5, 11.5)];
+    let rows_m = [0.0, rng.uniform(4.5, 5.5), rng.uniform(9.0, 10.5)];
     let (x, y) = (columns_m[1], rows_m[1]);
     let mut builder = Builder::new();
     let far = [columns_m[2], rows_m[2]];
