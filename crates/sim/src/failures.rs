@@ -135,7 +135,7 @@ fn fast_turn(last_s: f64, sign: f64, odometry_share: f64, rate_hz: f64) -> (Fail
     (FailureKind::FastTurn { odometry_share }, vec![turn], 0)
 }
 
-/// A person who covers a quarter turn of the half turn that the laser sees, at one side or in the middle.
+/// A person who covers a quarter turn of the half turn that the laser sees, its left or right half.
 fn half_view(last_s: f64, sign: f64, duration_s: f64) -> (FailureKind, Vec<Incident>, u64) {
     let (radius_m, half_angle_rad) = (0.25, 0.25 * PI);
     let from_s = last_s + 0.01;
