@@ -2,6 +2,9 @@
 
 use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, tile_of};
 
+use mapwright_geom::{Pose2, sin_cos};
+use mapwright_sensor::SweepPoints;
+
 /// Steps of the fixed-point end points within a cell.
 pub(crate) const FRACTION_STEPS: f64 = 1024.0;
 /// Set in a cell's passes while the cell has hits, so that a ray sees it without a second look-up.
@@ -140,6 +143,29 @@ impl CountGrid {
         number as usize
     }
 
+    /// Counts a sweep's beams in or out; slots of the cells that changed and have or had hits go to `touched`, with the
+    /// highest bit set where a beam ended.
+    pub fn draw(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change, touched: &mut Vec<u32>) {
+        let cells_per_m = 1.0 / self.resolution_m;
+        let (s, c) = sin_cos(world_from_robot.theta);
+        let to_cells = |p: [f64; 2]| {
+            [
+                (world_from_robot.x + (c * p[0] - s * p[1])) * cells_per_m,
+                (world_from_robot.y + (s * p[0] + c * p[1])) * cells_per_m,
+            ]
+        };
+        let start = to_cells(points.origin);
+        for (&hit, &[nx, ny]) in points.hits.iter().zip(&points.normals) {
+            let end_cells = to_cells(hit);
+            let normal = (nx != 0.0 || ny != 0.0).then(|| [c * nx - s * ny, s * nx + c * ny]);
+            touched.push(self.hit(Hit { end_cells, normal }, change) | 1 << 31);
+            self.pass(start, end_cells, change, touched);
+        }
+        for &free in &points.free_ends {
+            self.pass(start, to_cells(free), change, touched);
+        }
+    }
+
     /// Counts a beam's end point, given in cells; returns the cell's slot.
     pub fn hit(&mut self, hit: Hit, change: Change) -> u32 {
         let end_cells = hit.end_cells;
@@ -257,7 +283,17 @@ impl CountGrid {
                 let y = (tile.key.1 << TILE_BITS) + (in_tile as i32 >> TILE_BITS);
                 let empty = HitCell::empty(x, y);
                 let cell = if slot == NO_SLOT { &empty } else { &self.cells[slot as usize] };
-                for word in [x as u32, y as u32, passes, cell.hits, cell.sum_x, cell.sum_y, cell.normals, cell.sum_nxx, cell.sum_nxy] {
+                for word in [
+                    x as u32,
+                    y as u32,
+                    passes,
+                    cell.hits,
+                    cell.sum_x,
+                    cell.sum_y,
+                    cell.normals,
+                    cell.sum_nxx,
+                    cell.sum_nxy,
+                ] {
                     bytes.extend_from_slice(&word.to_le_bytes());
                 }
             }

@@ -8,5 +8,5 @@ mod tiles;
 
 pub use counts::{Change, CountGrid, HitCell, Occupancy};
 pub use field::DistanceField;
-pub use live::{LiveMap, LiveMapSettings, Surfel};
+pub use live::{Agreement, LiveMap, LiveMapSettings, Surfel};
 pub use matcher::{Evaluation, MatchResult, Matcher, MatcherSettings, Prior};

@@ -1,8 +1,8 @@
 //! The map a scan is matched against: counts, the obstacles they make, their distance field and local lines.
 
-use crate::counts::{Change, CountGrid, FRACTION_STEPS, Hit};
-use crate::field::DistanceField;
-use mapwright_geom::{Pose2, sin_cos};
+use crate::counts::{Change, CountGrid, FRACTION_STEPS};
+use crate::field::{DistanceField, NO_OBSTACLE};
+use mapwright_geom::Pose2;
 use mapwright_sensor::SweepPoints;
 
 /// Where an occupied cell's obstacle is, and how distance to it is measured.
@@ -46,7 +46,72 @@ pub struct LiveMapSettings {
 
 impl Default for LiveMapSettings {
     fn default() -> Self {
-        Self { resolution_m: 0.05, radius_cells: 10, passes_per_hit: 4, point_weight: 0.1, point_hits: 1.0, mix: 0.0, smooth_cells: 1, smooth_gain: 0.7 }
+        Self {
+            resolution_m: 0.05,
+            radius_cells: 10,
+            passes_per_hit: 5,
+            point_weight: 0.1,
+            point_hits: 1.0,
+            mix: 0.0,
+            smooth_cells: 1,
+            smooth_gain: 1.0,
+        }
+    }
+}
+
+/// How a scan's end points agree with a map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Agreement {
+    /// End points within two cells of an obstacle.
+    pub fitting: u32,
+    /// End points in space that beams have passed, away from every obstacle.
+    pub contradicting: u32,
+    /// End points where nothing was ever measured.
+    pub unknown: u32,
+    /// The keyframe that first saw most of the obstacles that fit.
+    pub supplier: Option<u32>,
+}
+
+impl Agreement {
+    /// Share of fitting end points among those in known territory; 1 where none is.
+    #[must_use]
+    pub fn inlier_share(&self) -> f64 {
+        let known = self.fitting + self.contradicting;
+        if known == 0 { 1.0 } else { f64::from(self.fitting) / f64::from(known) }
+    }
+
+    /// Share of the end points that lie in known territory; 0 without end points.
+    #[must_use]
+    pub fn known_share(&self) -> f64 {
+        let known = self.fitting + self.contradicting;
+        let all = known + self.unknown;
+        if all == 0 { 0.0 } else { f64::from(known) / f64::from(all) }
+    }
+}
+
+/// Counts votes for a few candidates; candidates beyond the table's size lose their votes.
+#[derive(Default)]
+struct Tally {
+    entries: [(u32, u32); 16],
+    used: usize,
+}
+
+impl Tally {
+    fn count(&mut self, candidate: u32) {
+        for entry in &mut self.entries[..self.used] {
+            if entry.0 == candidate {
+                entry.1 += 1;
+                return;
+            }
+        }
+        if self.used < self.entries.len() {
+            self.entries[self.used] = (candidate, 1);
+            self.used += 1;
+        }
+    }
+
+    fn most(&self) -> Option<u32> {
+        self.entries[..self.used].iter().max_by_key(|entry| (entry.1, std::cmp::Reverse(entry.0))).map(|entry| entry.0)
     }
 }
 
@@ -59,6 +124,8 @@ pub struct LiveMap {
     field: DistanceField,
     surfels: Vec<Surfel>,
     flags: Vec<u8>,
+    /// The keyframe that hit a cell first.
+    suppliers: Vec<u32>,
     touched: Vec<u32>,
     dirty: Vec<u32>,
 }
@@ -76,6 +143,7 @@ impl LiveMap {
             field: DistanceField::new(settings.radius_cells),
             surfels: Vec::new(),
             flags: Vec::new(),
+            suppliers: Vec::new(),
             touched: Vec::new(),
             dirty: Vec::new(),
         }
@@ -99,35 +167,49 @@ impl LiveMap {
         &self.surfels
     }
 
-    /// Counts a sweep's beams in or out.
-    pub fn change(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change) {
-        let cells_per_m = 1.0 / self.settings.resolution_m;
-        let (s, c) = sin_cos(world_from_robot.theta);
-        let to_cells = |p: [f64; 2]| {
-            [
-                (world_from_robot.x + (c * p[0] - s * p[1])) * cells_per_m,
-                (world_from_robot.y + (s * p[0] + c * p[1])) * cells_per_m,
-            ]
-        };
-        let start = to_cells(points.origin);
+    /// Counts a sweep's beams in or out; `supplier` is the number of its keyframe.
+    pub fn change(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change, supplier: u32) {
         let mut touched = std::mem::take(&mut self.touched);
-        for (&hit, &[nx, ny]) in points.hits.iter().zip(&points.normals) {
-            let end_cells = to_cells(hit);
-            let normal = (nx != 0.0 || ny != 0.0).then(|| [c * nx - s * ny, s * nx + c * ny]);
-            touched.push(self.counts.hit(Hit { end_cells, normal }, change) | 1 << 31);
-            self.counts.pass(start, end_cells, change, &mut touched);
-        }
-        for &free in &points.free_ends {
-            self.counts.pass(start, to_cells(free), change, &mut touched);
-        }
+        self.counts.draw(points, world_from_robot, change, &mut touched);
         self.touched = touched;
-        self.settle();
+        self.settle(supplier);
+    }
+
+    /// How a scan's end points agree with the map at a pose.
+    #[must_use]
+    pub fn agreement(&self, points: &[[f64; 2]], world_from_robot: Pose2) -> Agreement {
+        let (s, c) = world_from_robot.theta.sin_cos();
+        let cells_per_m = 1.0 / self.settings.resolution_m;
+        let near2 = (2.0 * self.settings.resolution_m).powi(2);
+        let mut tally = Tally::default();
+        let mut agreement = Agreement::default();
+        for &[px, py] in points {
+            let (x, y) = (world_from_robot.x + c * px - s * py, world_from_robot.y + s * px + c * py);
+            let (cell_x, cell_y) = ((x * cells_per_m).floor() as i32, (y * cells_per_m).floor() as i32);
+            let slot = self.field.nearest(cell_x, cell_y);
+            if slot != NO_OBSTACLE {
+                let surfel = &self.surfels[slot as usize];
+                if (x - surfel.x).powi(2) + (y - surfel.y).powi(2) < near2 {
+                    agreement.fitting += 1;
+                    tally.count(self.suppliers[slot as usize]);
+                    continue;
+                }
+            }
+            if self.counts.passes(cell_x, cell_y) > 0 {
+                agreement.contradicting += 1;
+            } else {
+                agreement.unknown += 1;
+            }
+        }
+        agreement.supplier = tally.most();
+        agreement
     }
 
     /// Brings obstacles, field and lines up to date with the cells that were touched.
-    fn settle(&mut self) {
+    fn settle(&mut self, supplier: u32) {
         self.flags.resize(self.counts.slot_count(), 0);
         self.surfels.resize(self.counts.slot_count(), Surfel::default());
+        self.suppliers.resize(self.counts.slot_count(), supplier);
         let mut touched = std::mem::take(&mut self.touched);
         for &entry in &touched {
             let slot = entry & !(1 << 31);
@@ -137,7 +219,10 @@ impl LiveMap {
         for &entry in &touched {
             let slot = entry & !(1 << 31);
             self.flags[slot as usize] &= !TOUCHED;
-            if self.counts.cell(slot).hits == 0 {
+            let hits = self.counts.cell(slot).hits;
+            if hits == 1 {
+                self.suppliers[slot as usize] = supplier;
+            } else if hits == 0 {
                 self.counts.release_if_empty(slot);
             }
         }
@@ -146,7 +231,9 @@ impl LiveMap {
         let mut dirty = std::mem::take(&mut self.dirty);
         for &slot in &dirty {
             self.flags[slot as usize] &= !4;
-            if self.flags[slot as usize] & OCCUPIED != 0 { self.surfels[slot as usize] = self.surfel(slot); }
+            if self.flags[slot as usize] & OCCUPIED != 0 {
+                self.surfels[slot as usize] = self.surfel(slot);
+            }
         }
         dirty.clear();
         self.dirty = dirty;
@@ -174,7 +261,10 @@ impl LiveMap {
             for ny in cell.y - r..=cell.y + r {
                 for nx in cell.x - r..=cell.x + r {
                     if let Some(o) = self.counts.slot(nx, ny) {
-                        if (o as usize) < self.flags.len() && self.flags[o as usize] & 4 == 0 { self.flags[o as usize] |= 4; self.dirty.push(o); }
+                        if (o as usize) < self.flags.len() && self.flags[o as usize] & 4 == 0 {
+                            self.flags[o as usize] |= 4;
+                            self.dirty.push(o);
+                        }
                     }
                 }
             }
@@ -256,7 +346,13 @@ impl LiveMap {
             let iso = f64::from(cell.hits - cell.normals) * self.settings.mix;
             let all = f64::from(cell.hits);
             let n = f64::from(cell.normals);
-            return Surfel { x: x + wx / w, y: y + wy / w, axx: ((axx * n + iso) / all) as f32, axy: (axy * n / all) as f32, ayy: ((ayy * n + iso) / all) as f32 };
+            return Surfel {
+                x: x + wx / w,
+                y: y + wy / w,
+                axx: ((axx * n + iso) / all) as f32,
+                axy: (axy * n / all) as f32,
+                ayy: ((ayy * n + iso) / all) as f32,
+            };
         }
         Surfel { x: x + wx / w, y: y + wy / w, axx: axx as f32, axy: axy as f32, ayy: ayy as f32 }
     }

@@ -1,119 +1,144 @@
 //! Maximum-likelihood matching of a scan against a live map.
+//!
+//! The objective is `log p(scan | pose, map) + log p(pose | prediction)` with the likelihood field of *Probabilistic
+//! Robotics* (2005, section 6.4): each beam is a hit with density `exp(-q / (2 sigma^2))`, `q` its squared distance to
+//! the nearest obstacle, or a random reading with the relative density `random_ratio`. Two optimisers climb it, damped
+//! Gauss-Newton and the gradient ascent of Thrun, Burgard and Fox's chapter on fast incremental mapping.
+//!
+//! Both look a beam's obstacle up once per evaluation. A step counts only if the objective improves with every beam's
+//! obstacle assigned anew.
 
 use crate::field::NO_OBSTACLE;
 use crate::live::LiveMap;
 use crate::tiles::{NO_TILE, cell_in_tile, tile_of};
-use mapwright_geom::{Cov3, Pose2};
+use mapwright_geom::Pose2;
 use nalgebra::{Matrix3, Vector3};
 
 /// Where the robot is thought to be before the scan is seen.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {
     /// The expected pose.
     pub world_from_robot: Pose2,
-    /// Inverse of its covariance (right perturbation).
-    pub information: Cov3,
-    /// x
-    pub tail2: f64,
+    /// Variances of its right perturbation: x and y in m^2, heading in rad^2.
+    pub variances: [f64; 3],
 }
 
-/// Settings.
-#[derive(Debug, Clone, Copy)]
+impl Prior {
+    /// Negative log density (up to a constant), gradient and curvature at a pose.
+    fn evaluate(&self, world_from_robot: Pose2) -> (f64, Vector3<f64>, Vector3<f64>) {
+        let error = Vector3::from(self.world_from_robot.between(world_from_robot).log());
+        let information = Vector3::from(self.variances.map(|variance| 1.0 / variance));
+        let gradient = information.component_mul(&error);
+        (0.5 * gradient.dot(&error), gradient, information)
+    }
+}
+
+/// Settings of the sensor model and the optimisers.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MatcherSettings {
-    /// Standard deviation of a hit, metres.
+    /// Standard deviation of a hit in the last stage, metres.
     pub sigma_m: f64,
-    /// Share of beams that are random, relative to hits: `z_rand / z_hit` as a density ratio at distance zero.
+    /// Standard deviation of a hit in the first stage, metres.
+    pub capture_sigma_m: f64,
+    /// Density of random readings relative to a hit at distance zero.
     pub random_ratio: f64,
-    /// Weight of one beam's log likelihood: beams are correlated.
-    pub beam_weight: f64,
-    /// At most so many evaluations.
+    /// Evaluations of the objective a stage may use.
     pub max_evaluations: u32,
-    /// Converged when a step is below this, metres (rotation times 1 m likewise).
+    /// Converged when a step of the last stage is shorter, metres (and radians).
     pub step_m: f64,
 }
 
 impl Default for MatcherSettings {
     fn default() -> Self {
-        Self { sigma_m: 0.05, random_ratio: 0.05, beam_weight: 0.2, max_evaluations: 20, step_m: 5e-4 }
+        Self { sigma_m: 0.03, capture_sigma_m: 0.15, random_ratio: 0.01, max_evaluations: 30, step_m: 5e-4 }
     }
 }
 
-/// Objective, gradient and Gauss-Newton Hessian of the scan term at one pose (right perturbation).
-#[derive(Debug, Clone, Copy)]
+/// The scan's term at one pose; derivatives are with respect to a right perturbation of the pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evaluation {
     /// Negative log likelihood, up to a constant.
     pub cost: f64,
-    /// Its gradient.
+    /// Gradient of the cost with every beam's obstacle held fixed.
     pub gradient: Vector3<f64>,
-    /// Its Gauss-Newton Hessian.
+    /// Gauss-Newton Hessian of the cost.
     pub hessian: Matrix3<f64>,
-    /// Sum of the posteriors that beams were hits.
-    pub inliers: f64,
+    /// Sum over the beams of the posterior probability that they were hits.
+    pub hits: f64,
 }
 
-/// Outcome.
-#[derive(Debug, Clone, Copy)]
+/// Outcome of a match.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MatchResult {
-    /// The best pose.
+    /// The best pose found.
     pub world_from_robot: Pose2,
-    /// Scan term there.
-    pub evaluation: Evaluation,
-    /// Evaluations used.
+    /// Objective there: negative log likelihood of scan and prior, up to a constant.
+    pub cost: f64,
+    /// Gauss-Newton Hessian of the scan's term alone.
+    pub hessian: Matrix3<f64>,
+    /// Evaluations used, one field look-up a beam each.
     pub evaluations: u32,
 }
 
 /// The matcher.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Matcher {
-    /// Settings.
+    /// Its settings.
     pub settings: MatcherSettings,
 }
 
+/// Objective of scan and prior at one pose.
+#[derive(Clone, Copy)]
+struct Objective {
+    cost: f64,
+    gradient: Vector3<f64>,
+    hessian: Matrix3<f64>,
+    scan_hessian: Matrix3<f64>,
+    hits: f64,
+}
+
 impl Matcher {
-    /// Scan term at a pose.
+    /// The scan's term at a pose; `points` are end points in the robot's frame, metres.
     #[must_use]
     pub fn evaluate(&self, map: &LiveMap, points: &[[f64; 2]], world_from_robot: Pose2, sigma_m: f64) -> Evaluation {
         let (s, c) = world_from_robot.theta.sin_cos();
-        let inv = 1.0 / map.settings.resolution_m;
-        let inv2s = 0.5 / sigma_m.powi(2);
-        let field = map.field();
-        let surfels = map.surfels();
-        let a = self.settings.random_ratio;
-        let floor_cost = -(a.ln());
-        let mut cost = 0.0;
+        let cells_per_m = 1.0 / map.settings.resolution_m;
+        let scale = 0.5 / (sigma_m * sigma_m);
+        let (field, surfels) = (map.field(), map.surfels());
+        let random = self.settings.random_ratio;
+        let mut missed = 0_u32;
+        let (mut log_sum, mut hits) = (0.0, 0.0);
         let (mut gx, mut gy, mut gt) = (0.0, 0.0, 0.0);
         let (mut hxx, mut hxy, mut hyy, mut hxt, mut hyt, mut htt) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let mut inliers = 0.0;
         let mut current = (i32::MIN, i32::MIN);
         let mut tile = NO_TILE;
         for &[px, py] in points {
             let (rx, ry) = (c * px - s * py, s * px + c * py);
             let (wx, wy) = (world_from_robot.x + rx, world_from_robot.y + ry);
-            let (cx, cy) = ((wx * inv).floor() as i32, (wy * inv).floor() as i32);
-            if tile_of(cx, cy) != current {
-                current = tile_of(cx, cy);
+            let (cell_x, cell_y) = ((wx * cells_per_m).floor() as i32, (wy * cells_per_m).floor() as i32);
+            if tile_of(cell_x, cell_y) != current {
+                current = tile_of(cell_x, cell_y);
                 tile = field.tile_number(current);
             }
-            if tile == NO_TILE {
-                cost += floor_cost;
+            let slot = if tile == NO_TILE {
+                NO_OBSTACLE
+            } else {
+                field.tiles[tile as usize].nearest[cell_in_tile(cell_x, cell_y)]
+            };
+            if slot == NO_OBSTACLE {
+                missed += 1;
                 continue;
             }
-            let handle = field.tiles[tile as usize].nearest[cell_in_tile(cx, cy)];
-            if handle == NO_OBSTACLE {
-                cost += floor_cost;
-                continue;
-            }
-            let surfel = &surfels[handle as usize];
+            let surfel = &surfels[slot as usize];
             let (dx, dy) = (wx - surfel.x, wy - surfel.y);
             let (axx, axy, ayy) = (f64::from(surfel.axx), f64::from(surfel.axy), f64::from(surfel.ayy));
             let (ex, ey) = (axx * dx + axy * dy, axy * dx + ayy * dy);
-            let q = dx * ex + dy * ey;
-            let hit = (-q * inv2s).exp();
-            let total = hit + a;
-            cost -= total.ln();
+            let hit = (-(dx * ex + dy * ey) * scale).exp();
+            let total = hit + random;
+            log_sum += total.ln();
             let w = hit / total;
-            inliers += w;
-            // d(world point)/d(theta) = (-ry, rx)
+            hits += w;
+            // The end point turns about the robot: d(wx, wy)/d(theta) = (-ry, rx).
             let (tx, ty) = (axy * rx - axx * ry, ayy * rx - axy * ry);
             gx += w * ex;
             gy += w * ey;
@@ -125,66 +150,142 @@ impl Matcher {
             hyt += w * ty;
             htt += w * (ty * rx - tx * ry);
         }
-        let k = self.settings.beam_weight * 2.0 * inv2s;
-        // World-frame translation to right perturbation.
-        let rot = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
-        let g = rot.transpose() * Vector3::new(gx, gy, gt) * k;
-        let h = rot.transpose() * Matrix3::new(hxx, hxy, hxt, hxy, hyy, hyt, hxt, hyt, htt) * rot * k;
-        Evaluation { cost: cost * self.settings.beam_weight, gradient: g, hessian: h, inliers }
+        let cost = -log_sum - f64::from(missed) * random.ln();
+        // The sums are over a translation in the world's frame; a right perturbation's is in the robot's.
+        let world_from_tangent = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
+        let k = 2.0 * scale;
+        let gradient = world_from_tangent.transpose() * Vector3::new(gx, gy, gt) * k;
+        let sums = Matrix3::new(hxx, hxy, hxt, hxy, hyy, hyt, hxt, hyt, htt);
+        let hessian = world_from_tangent.transpose() * sums * world_from_tangent * k;
+        Evaluation { cost, gradient, hessian, hits }
     }
 
-    /// Damped Gauss-Newton on scan term plus prior.
+    fn objective(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, pose: Pose2, sigma_m: f64) -> Objective {
+        let scan = self.evaluate(map, points, pose, sigma_m);
+        let (cost, gradient, curvature) = prior.evaluate(pose);
+        Objective {
+            cost: scan.cost + cost,
+            gradient: scan.gradient + gradient,
+            hessian: scan.hessian + Matrix3::from_diagonal(&curvature),
+            scan_hessian: scan.hessian,
+            hits: scan.hits,
+        }
+    }
+
+    /// The stages' standard deviations: wide to capture, then narrow to be exact.
+    fn stages(&self) -> [f64; 3] {
+        let (wide, narrow) = (self.settings.capture_sigma_m.max(self.settings.sigma_m), self.settings.sigma_m);
+        [wide, (wide * narrow).sqrt(), narrow]
+    }
+
+    /// Damped Gauss-Newton (Levenberg 1944, Marquardt 1963), stage by stage.
     #[must_use]
-    pub fn gauss_newton(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, start: Pose2, sigmas: &[f64]) -> MatchResult {
-        let prior_cost = |pose: Pose2| {
-            let t = Vector3::from(prior.world_from_robot.between(pose).log());
-            let (mut cost, mut w) = (0.0, Vector3::zeros());
-            for k in 0..3 {
-                let m2 = t[k] * t[k] * prior.information[(k, k)];
-                let c2 = prior.tail2;
-                cost += 0.5 * c2 * (1.0 + m2 / c2).ln();
-                w[k] = prior.information[(k, k)] / (1.0 + m2 / c2);
-            }
-            (cost, w.component_mul(&t), w)
-        };
+    pub fn gauss_newton(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, start: Pose2) -> MatchResult {
+        self.climb(map, points, prior, start, Self::gauss_newton_stage)
+    }
+
+    /// Gradient ascent with one adaptive step length, stage by stage.
+    ///
+    /// Steps are `kappa diag(1, 1, 1/L^2) grad / sum of weights` with `L` the rms range: the scaling makes a metre and a
+    /// radian count alike, so that one `kappa` serves both.
+    #[must_use]
+    pub fn gradient_ascent(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, start: Pose2) -> MatchResult {
+        self.climb(map, points, prior, start, Self::gradient_stage)
+    }
+
+    fn climb(
+        &self,
+        map: &LiveMap,
+        points: &[[f64; 2]],
+        prior: &Prior,
+        start: Pose2,
+        stage: impl Fn(&Self, &Problem<'_>, Pose2) -> (Pose2, Objective, u32),
+    ) -> MatchResult {
+        let stages = self.stages();
         let mut pose = start;
         let mut evaluations = 0;
-        let mut out = None;
-        for (level, &sigma) in sigmas.iter().enumerate() {
-            let last = level + 1 == sigmas.len();
-            let tol = if last { self.settings.step_m } else { 0.2 * sigma };
-            let mut eval = self.evaluate(map, points, pose, sigma);
+        let mut last = None;
+        for (k, &sigma_m) in stages.iter().enumerate() {
+            let final_stage = k + 1 == stages.len();
+            let tolerance_m = if final_stage { self.settings.step_m } else { 0.2 * sigma_m };
+            let problem = Problem { map, points, prior, sigma_m, tolerance_m };
+            let (better, objective, used) = stage(self, &problem, pose);
+            pose = better;
+            evaluations += used;
+            last = Some(objective);
+        }
+        let (cost, hessian) = last.map_or((0.0, Matrix3::zeros()), |o| (o.cost, o.scan_hessian));
+        MatchResult { world_from_robot: pose, cost, hessian, evaluations }
+    }
+
+    fn at(&self, problem: &Problem<'_>, pose: Pose2) -> Objective {
+        self.objective(problem.map, problem.points, problem.prior, pose, problem.sigma_m)
+    }
+
+    fn gauss_newton_stage(&self, problem: &Problem<'_>, start: Pose2) -> (Pose2, Objective, u32) {
+        let mut pose = start;
+        let mut here = self.at(problem, pose);
+        let mut evaluations = 1;
+        let mut damping = 1e-4;
+        while evaluations < self.settings.max_evaluations {
+            let mut damped = here.hessian;
+            for k in 0..3 {
+                damped[(k, k)] *= 1.0 + damping;
+            }
+            let Some(factor) = damped.cholesky() else { break };
+            let step = -factor.solve(&here.gradient);
+            if step[0].hypot(step[1]).max(step[2].abs()) < problem.tolerance_m {
+                break;
+            }
+            let next_pose = pose * Pose2::exp(step.into());
+            let next = self.at(problem, next_pose);
             evaluations += 1;
-            let (mut pc, mut pt, mut pw) = prior_cost(pose);
-            let mut lambda = 1e-4;
-            let mut n = 0;
-            while n < self.settings.max_evaluations {
-                let g = eval.gradient + pt;
-                let mut h = eval.hessian + Matrix3::from_diagonal(&pw);
-                for k in 0..3 {
-                    h[(k, k)] *= 1.0 + lambda;
-                }
-                let Some(chol) = h.cholesky() else { break };
-                let step = -chol.solve(&g);
-                let size = step[0].hypot(step[1]).max(step[2].abs());
-                if size < tol { break; }
-                let next = pose * Pose2::exp(step.into());
-                let next_eval = self.evaluate(map, points, next, sigma);
-                n += 1;
-                let (npc, npt, npw) = prior_cost(next);
-                if next_eval.cost + npc <= eval.cost + pc {
-                    (pose, eval, pc, pt, pw) = (next, next_eval, npc, npt, npw);
-                    lambda = (lambda * 0.1_f64).max(1e-6);
-                } else {
-                    lambda = (lambda * 10.0_f64).max(1e-1);
-                    if lambda > 1e4 {
-                        break;
-                    }
+            if next.cost <= here.cost {
+                (pose, here) = (next_pose, next);
+                damping = (damping * 0.1_f64).max(1e-6);
+            } else {
+                damping = (damping * 10.0_f64).max(0.1);
+                if damping > 1e4 {
+                    break;
                 }
             }
-            evaluations += n;
-            out = Some(eval);
         }
-        MatchResult { world_from_robot: pose, evaluation: out.unwrap(), evaluations }
+        (pose, here, evaluations)
     }
+
+    fn gradient_stage(&self, problem: &Problem<'_>, start: Pose2) -> (Pose2, Objective, u32) {
+        let squares: f64 = problem.points.iter().map(|p| p[0] * p[0] + p[1] * p[1]).sum();
+        let lever2 = (squares / problem.points.len().max(1) as f64).max(1e-6);
+        let variance = problem.sigma_m * problem.sigma_m;
+        let mut pose = start;
+        let mut here = self.at(problem, pose);
+        let mut evaluations = 1;
+        let mut kappa = 1.0;
+        while evaluations < self.settings.max_evaluations {
+            let k = kappa * variance / here.hits.max(1e-6);
+            let step = [-k * here.gradient[0], -k * here.gradient[1], -k * here.gradient[2] / lever2];
+            if step[0].hypot(step[1]).max(step[2].abs()) < 0.2 * problem.tolerance_m {
+                break;
+            }
+            let next_pose = pose * Pose2::exp(step);
+            let next = self.at(problem, next_pose);
+            evaluations += 1;
+            if next.cost < here.cost {
+                (pose, here) = (next_pose, next);
+                kappa *= 1.5;
+            } else {
+                kappa *= 0.4;
+            }
+        }
+        (pose, here, evaluations)
+    }
+}
+
+/// One stage's problem.
+struct Problem<'a> {
+    map: &'a LiveMap,
+    points: &'a [[f64; 2]],
+    prior: &'a Prior,
+    sigma_m: f64,
+    tolerance_m: f64,
 }

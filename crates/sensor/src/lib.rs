@@ -2,8 +2,10 @@
 //!
 //! - [`LaserModel`], [`LaserScan`], [`Odometry`]: readings as they arrive.
 
+mod motion;
 mod prepared;
 mod scan;
 
+pub use motion::{Decomposed, MotionModel};
 pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};

@@ -49,29 +49,32 @@ pub struct Sweep {
 }
 
 impl Sweep {
+    /// A sweep without beams.
+    #[must_use]
+    pub fn empty(laser: &Arc<LaserModel>) -> Self {
+        Self { laser: Arc::clone(laser), codes: Vec::new(), step_m: 0.001, twist_per_s: [0.0; 3] }
+    }
+
     /// Quantises a scan's ranges and counts what was dropped.
     #[must_use]
     pub fn from_scan(scan: &LaserScan, twist_per_s: [f64; 3]) -> (Self, BeamCounts) {
-        let mut sweep = Self {
-            laser: Arc::clone(&scan.laser),
-            codes: Vec::new(),
-            step_m: 0.001,
-            twist_per_s: [0.0; 3],
-        };
-        let counts = sweep.fill(scan, twist_per_s);
+        let mut sweep = Self::empty(&scan.laser);
+        let counts = sweep.fill(scan, twist_per_s, (0.0, f64::INFINITY));
         (sweep, counts)
     }
 
-    /// As [`Sweep::from_scan`], into buffers that are kept from scan to scan.
-    pub fn fill(&mut self, scan: &LaserScan, twist_per_s: [f64; 3]) -> BeamCounts {
+    /// As [`Sweep::from_scan`], into buffers that are kept from scan to scan; `limits_m` narrow the laser's own
+    /// least and largest range.
+    pub fn fill(&mut self, scan: &LaserScan, twist_per_s: [f64; 3], limits_m: (f64, f64)) -> BeamCounts {
         if !Arc::ptr_eq(&self.laser, &scan.laser) {
             self.laser = Arc::clone(&scan.laser);
         }
-        self.step_m = code_step_m(scan.laser.range_max_m);
+        self.step_m = code_step_m(scan.laser.range_max_m.min(limits_m.1));
         self.twist_per_s = if scan.laser.beam_period_s > 0.0 { twist_per_s } else { [0.0; 3] };
         self.codes.clear();
         let mut counts = BeamCounts::default();
-        let (min_m, max_m) = (scan.laser.range_min_m.max(0.0) as f32, scan.laser.range_max_m as f32);
+        let min_m = scan.laser.range_min_m.max(limits_m.0).max(0.0) as f32;
+        let max_m = scan.laser.range_max_m.min(limits_m.1) as f32;
         let steps_per_m = (1.0 / self.step_m) as f32;
         self.codes.extend(scan.ranges_m.iter().map(|&range_m| {
             if range_m >= max_m {
@@ -138,6 +141,13 @@ impl BeamTable {
     }
 }
 
+/// Neighbours of a hit that tell its surface's direction lie within this, metres.
+const NORMAL_REACH_M: f64 = 0.12;
+/// The adjacent hit counts as neighbour up to so many beam spacings.
+const NORMAL_GAP_SPACINGS: f64 = 3.5;
+/// Largest ratio of the neighbours' two variances at which they are a line.
+const NORMAL_RATIO: f64 = 0.1;
+
 /// End points of a sweep in the robot's frame at the sweep's stamp, metres, as the matcher and the map want them.
 #[derive(Debug, Clone, Default)]
 pub struct SweepPoints {
@@ -149,6 +159,8 @@ pub struct SweepPoints {
     pub free_ends: Vec<[f64; 2]>,
     /// Where the beams start.
     pub origin: [f64; 2],
+    /// Angle between neighbouring beams, radians.
+    pub beam_step_rad: f64,
 }
 
 impl SweepPoints {
@@ -160,6 +172,7 @@ impl SweepPoints {
         self.free_ends.clear();
         let robot_from_laser = sweep.laser.robot_from_laser;
         self.origin = [robot_from_laser.x, robot_from_laser.y];
+        self.beam_step_rad = sweep.laser.angle_step_rad.abs();
         let moving = sweep.twist_per_s != [0.0; 3];
         let directions = table.directions(&sweep.laser, sweep.codes.len());
         for (beam, (&code, &[c, s])) in sweep.codes.iter().zip(directions).enumerate() {
@@ -179,21 +192,21 @@ impl SweepPoints {
 
     /// Fits a line to the neighbours of each hit along the sweep and keeps its normal where they are one.
     ///
-    /// Neighbours on a side are hits within `reach_m`, and always the adjacent one within three times the
-    /// beam spacing that the range implies.
-    pub fn fill_normals(&mut self, reach_m: f64, max_ratio: f64, gap_factor: f64) {
+    /// Neighbours on a side are hits within 0.12 m, and the adjacent one up to 3.5 beam spacings.
+    pub fn fill_normals(&mut self) {
         self.normals.clear();
         self.normals.reserve(self.hits.len());
         for i in 0..self.hits.len() {
-            let normal = self.normal(i, reach_m, max_ratio, gap_factor);
+            let normal = self.normal(i);
             self.normals.push(normal);
         }
     }
 
-    fn normal(&self, i: usize, reach_m: f64, max_ratio: f64, gap_factor: f64) -> [f64; 2] {
+    fn normal(&self, i: usize) -> [f64; 2] {
+        let reach_m = NORMAL_REACH_M;
         let here = self.hits[i];
         let range_m = (here[0] - self.origin[0]).hypot(here[1] - self.origin[1]);
-        let gap2 = (gap_factor * range_m).max(reach_m).powi(2);
+        let gap2 = (NORMAL_GAP_SPACINGS * self.beam_step_rad * range_m).max(reach_m).powi(2);
         let (mut n, mut sx, mut sy, mut sxx, mut sxy, mut syy) = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         let mut add = |p: [f64; 2], adjacent: bool| {
             let (dx, dy) = (p[0] - here[0], p[1] - here[1]);
@@ -226,12 +239,21 @@ impl SweepPoints {
         let (cxx, cxy, cyy) = (sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my);
         let (mean, diff) = (0.5 * (cxx + cyy), 0.5 * (cxx - cyy));
         let root = (diff * diff + cxy * cxy).sqrt();
-        if mean - root > max_ratio * (mean + root) || root <= 0.0 {
+        if mean - root > NORMAL_RATIO * (mean + root) || root <= 0.0 {
             return [0.0; 2];
         }
         // Eigenvector of the smaller eigenvalue, from the better conditioned row.
         let (vx, vy) = if diff > 0.0 { (-cxy, root + diff) } else { (root - diff, -cxy) };
         let norm = (vx * vx + vy * vy).sqrt();
         if norm > 0.0 { [vx / norm, vy / norm] } else { [0.0; 2] }
+    }
+
+    /// Root mean square range of the hits and the range of the farthest one, metres; 1 m each without hits.
+    #[must_use]
+    pub fn lever_and_reach_m(&self) -> (f64, f64) {
+        let squared = |p: &[f64; 2]| (p[0] - self.origin[0]).powi(2) + (p[1] - self.origin[1]).powi(2);
+        let sum: f64 = self.hits.iter().map(squared).sum();
+        let farthest = self.hits.iter().map(squared).fold(0.0, f64::max);
+        if self.hits.is_empty() { (1.0, 1.0) } else { ((sum / self.hits.len() as f64).sqrt(), farthest.sqrt()) }
     }
 }

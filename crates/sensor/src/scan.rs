@@ -25,6 +25,23 @@ pub struct LaserModel {
 }
 
 impl LaserModel {
+    /// A laser in the robot's origin that looks over the half circle ahead with `beams` beams from -90 deg on, the last
+    /// at +90 deg for an odd number of beams and one step before for an even number; reach 80 m.
+    #[must_use]
+    pub fn half_circle(name: &str, beams: usize) -> Self {
+        let steps = if beams % 2 == 1 { beams - 1 } else { beams }.max(1);
+        Self {
+            name: name.to_owned(),
+            angle_min_rad: -std::f64::consts::FRAC_PI_2,
+            angle_step_rad: std::f64::consts::PI / steps as f64,
+            range_min_m: 0.0,
+            range_max_m: 80.0,
+            robot_from_laser: Pose2::IDENTITY,
+            inverted: false,
+            beam_period_s: 0.0,
+        }
+    }
+
     /// Bearing of a beam in the robot's frame, radians.
     #[must_use]
     pub fn bearing_in_robot(&self, beam: usize) -> f64 {

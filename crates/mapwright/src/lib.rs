@@ -1,0 +1,36 @@
+//! Maps from moving sensors, one reading at a time.
+//!
+//! ```
+//! use mapwright::{LaserModel, LaserScan, Mapper, Pose2, Settings, Stamp};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut mapper = Mapper::new(Settings::default())?;
+//! let laser = LaserModel { range_max_m: 30.0, ..LaserModel::half_circle("front", 181) };
+//! let scan = LaserScan {
+//!     stamp: Stamp(0),
+//!     laser: laser.into(),
+//!     ranges_m: vec![2.0; 181],
+//!     odom_from_robot: Some(Pose2::IDENTITY),
+//! };
+//! let update = mapper.add_scan(&scan);
+//! assert!(update.keyframe.is_some());
+//! # Ok(())
+//! # }
+//! ```
+
+mod live;
+mod mapper;
+mod motion;
+mod probe;
+mod settings;
+
+pub use live::LiveReport;
+pub use mapper::{Mapper, TrajectoryPose};
+pub use mapwright_geom::{Cov3, Pose2, Stamp};
+pub use mapwright_grid::{CountGrid, LiveMap};
+pub use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
+pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep};
+pub use probe::{NoProbe, Probe, Stage};
+pub use settings::{
+    KeyframeSettings, LivePolicy, LiveSettings, MapSettings, MatchingSettings, MotionSettings, Optimizer, ScanSettings,
+    SettingLine, Settings, SettingsError,
+};

@@ -1,0 +1,473 @@
+//! The pipeline: scan in, update out.
+
+use crate::live::{Frames, Live, LiveReport};
+use crate::motion::{Predictor, Step};
+use crate::probe::{NoProbe, Probe, Stage};
+use crate::settings::{Optimizer, Settings, SettingsError};
+use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
+use mapwright_graph::{CertaintyGraph, Link};
+use mapwright_grid::{Agreement, Change, CountGrid, LiveMap, MatchResult, Matcher, MatcherSettings, Prior};
+use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
+use mapwright_sensor::{BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
+use nalgebra::{Matrix3, Vector3};
+
+/// A pose of the final trajectory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrajectoryPose {
+    /// The scan's stamp.
+    pub stamp: Stamp,
+    /// Pose of the robot in the map, with every correction.
+    pub map_from_robot: Pose2,
+}
+
+/// Poses beyond this are refused, metres.
+const FARTHEST_M: f64 = 1e6;
+/// Keyframes back from the newest over which the chain of covariances is kept in mind.
+const CHAIN: usize = 64;
+/// Below this share of fitting beams, among those in known territory, a match is doubtful.
+const DOUBT_SHARE: f64 = 0.6;
+/// Below this share the match is not believed.
+const LOST_SHARE: f64 = 0.35;
+/// Disagreement with odometry that raises doubt, standard deviations.
+const DOUBT_SIGMAS: f64 = 4.0;
+/// Headings tried on doubt beside the predicted one, radians.
+const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
+/// Beams are correlated: the information of a scan is this share of what independent beams would carry.
+const INDEPENDENT_SHARE: f64 = 0.1;
+
+/// Builds a map one scan at a time.
+#[derive(Debug, Clone)]
+pub struct Mapper {
+    settings: Settings,
+    matcher: Matcher,
+    predictor: Predictor,
+    live: Live,
+    graph: CertaintyGraph,
+    keyframes: Vec<Keyframe>,
+    edges: Vec<Edge>,
+    /// Current poses of the keyframes.
+    world_from_keyframe: Vec<Pose2>,
+    /// Every scan: the keyframe it hangs on and its pose seen from there.
+    scans: Vec<(Stamp, Option<u32>, Pose2)>,
+    world_from_robot: Pose2,
+    odom_from_robot: Pose2,
+    /// Covariance of the robot relative to the newest keyframe.
+    since_keyframe: Cov3,
+    /// Motion-model covariance alone, relative to the newest keyframe.
+    odometry_since_keyframe: Cov3,
+    /// Fused covariance of each keyframe relative to the one before.
+    links: Vec<Cov3>,
+    anchor: Option<u32>,
+    /// Covariance of the newest keyframe relative to the anchor.
+    keyframe_from_anchor: Cov3,
+    last_odometry: Option<Odometry>,
+    sweep: Option<Sweep>,
+    table: BeamTable,
+    points: SweepPoints,
+    lost_scans: u32,
+}
+
+/// What the match stage hands on.
+struct Matched {
+    world_from_robot: Pose2,
+    information: Cov3,
+    agreement: Agreement,
+    status: Status,
+    report: MatchReport,
+}
+
+impl Mapper {
+    /// A mapper that starts at the map's origin.
+    ///
+    /// # Errors
+    /// A setting outside its range.
+    pub fn new(settings: Settings) -> Result<Self, SettingsError> {
+        Self::starting_at(settings, Pose2::IDENTITY)
+    }
+
+    /// A mapper whose robot starts at `world_from_robot`.
+    ///
+    /// # Errors
+    /// A setting outside its range.
+    pub fn starting_at(settings: Settings, world_from_robot: Pose2) -> Result<Self, SettingsError> {
+        settings.validate()?;
+        let matcher = Matcher {
+            settings: MatcherSettings {
+                sigma_m: settings.matching.sigma_m,
+                capture_sigma_m: settings.matching.capture_sigma_m,
+                random_ratio: settings.matching.random_ratio,
+                max_evaluations: settings.matching.max_evaluations,
+                ..MatcherSettings::default()
+            },
+        };
+        Ok(Self {
+            live: Live::new(&settings),
+            settings,
+            matcher,
+            predictor: Predictor::default(),
+            graph: CertaintyGraph::default(),
+            keyframes: Vec::new(),
+            edges: Vec::new(),
+            world_from_keyframe: Vec::new(),
+            scans: Vec::new(),
+            world_from_robot,
+            odom_from_robot: Pose2::IDENTITY,
+            since_keyframe: Cov3::zeros(),
+            odometry_since_keyframe: Cov3::zeros(),
+            links: Vec::new(),
+            anchor: None,
+            keyframe_from_anchor: Cov3::zeros(),
+            last_odometry: None,
+            sweep: None,
+            table: BeamTable::default(),
+            points: SweepPoints::default(),
+            lost_scans: 0,
+        })
+    }
+
+    /// Remembers a reading of the wheels for scans that carry none of their own.
+    pub fn add_odometry(&mut self, odometry: &Odometry) {
+        if odometry.odom_from_robot.is_finite() {
+            self.last_odometry = Some(*odometry);
+        }
+    }
+
+    /// One scan through the pipeline.
+    pub fn add_scan(&mut self, scan: &LaserScan) -> Update {
+        self.add_scan_probed(scan, &mut NoProbe)
+    }
+
+    /// As [`Mapper::add_scan`], telling `probe` when each stage ends.
+    pub fn add_scan_probed(&mut self, scan: &LaserScan, probe: &mut impl Probe) -> Update {
+        probe.begin();
+        // 1. Prepare: returns and free space as points, what was dropped counted.
+        let odom_from_robot = self.odometry_of(scan);
+        let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot);
+        let beams = self.prepare(scan, step);
+        probe.end(Stage::Prepare);
+        // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
+        let predicted = self.world_from_robot * step.last_from_robot;
+        probe.end(Stage::Predict);
+        // 3. Match against the live map, with a guard.
+        let matched = self.match_scan(predicted, step);
+        probe.end(Stage::Match);
+        self.settle(scan, odom_from_robot, step, predicted, matched.as_ref());
+        // 4. and 5. Insert when the robot has moved enough; the live map follows what is certain.
+        let keyframe = self.insert_if_moved(scan, matched.as_ref());
+        probe.end(Stage::Insert);
+        // 6. and 7. Closures and corrections will hang here: jobs on keyframes and edges.
+        // 8. Report.
+        self.update(scan, beams, matched.as_ref(), keyframe)
+    }
+
+    fn odometry_of(&self, scan: &LaserScan) -> Option<Pose2> {
+        let own = scan.odom_from_robot.filter(|pose| pose.is_finite());
+        own.or(self.last_odometry.map(|odometry| odometry.odom_from_robot))
+    }
+
+    fn prepare(&mut self, scan: &LaserScan, step: Step) -> BeamCounts {
+        // The sweep's own motion: the step's twist, carried on at the same rate.
+        let twist = if scan.laser.beam_period_s > 0.0 { self.predictor.twist(scan.stamp, step) } else { [0.0; 3] };
+        let limits = (self.settings.scan.min_range_m, self.settings.scan.max_range_m);
+        let sweep = self.sweep.get_or_insert_with(|| Sweep::empty(&scan.laser));
+        let beams = sweep.fill(scan, twist, limits);
+        self.points.fill(sweep, &mut self.table, self.settings.scan.free_range_m);
+        beams
+    }
+
+    fn match_scan(&mut self, predicted: Pose2, step: Step) -> Option<Matched> {
+        if self.keyframes.is_empty() || self.points.hits.is_empty() {
+            return None;
+        }
+        let widen = f64::from(self.lost_scans).mul_add(1.0, 1.0);
+        let prior = Prior { world_from_robot: predicted, variances: step.variances.map(|v| v * widen) };
+        let first = self.refine(&prior, predicted);
+        let mut best = (first, self.live.map.agreement(&self.points.hits, first.world_from_robot));
+        let (mut evaluations, mut restarts) = (first.evaluations, 0);
+        let sigmas_of = |result: &MatchResult| sigmas(&prior, result.world_from_robot);
+        if doubtful(&best.1, sigmas_of(&best.0)) {
+            for turn in RESTART_HEADINGS_RAD {
+                let start = Pose2::new(predicted.x, predicted.y, predicted.theta + turn);
+                let result = self.refine(&prior, start);
+                let agreement = self.live.map.agreement(&self.points.hits, result.world_from_robot);
+                evaluations += result.evaluations;
+                restarts += 1;
+                if score(&agreement, result.cost) < score(&best.1, best.0.cost) {
+                    best = (result, agreement);
+                }
+            }
+        }
+        let (result, agreement) = best;
+        let odometry_sigmas = sigmas_of(&result);
+        let status = judge(&agreement, odometry_sigmas);
+        let report = MatchReport {
+            beams: self.points.hits.len() as u32,
+            inlier_share: agreement.inlier_share(),
+            known_share: agreement.known_share(),
+            odometry_sigmas,
+            evaluations,
+            restarts,
+            searched: false,
+        };
+        let trust = if status == Status::Degraded { 0.05 } else { 1.0 };
+        Some(Matched {
+            world_from_robot: if status == Status::Lost { predicted } else { result.world_from_robot },
+            information: result.hessian * (INDEPENDENT_SHARE * trust),
+            agreement,
+            status,
+            report,
+        })
+    }
+
+    fn refine(&self, prior: &Prior, start: Pose2) -> MatchResult {
+        match self.settings.matching.optimizer {
+            Optimizer::GaussNewton => self.matcher.gauss_newton(&self.live.map, &self.points.hits, prior, start),
+            Optimizer::GradientAscent => self.matcher.gradient_ascent(&self.live.map, &self.points.hits, prior, start),
+        }
+    }
+
+    /// Takes over the new pose and its covariance.
+    fn settle(
+        &mut self,
+        scan: &LaserScan,
+        odom: Option<Pose2>,
+        step: Step,
+        predicted: Pose2,
+        matched: Option<&Matched>,
+    ) {
+        let before = self.world_from_robot;
+        let noise = Matrix3::from_diagonal(&Vector3::from(step.variances));
+        self.since_keyframe = compose_covariance(&self.since_keyframe, step.last_from_robot, &noise);
+        self.odometry_since_keyframe = compose_covariance(&self.odometry_since_keyframe, step.last_from_robot, &noise);
+        let tracking = matched.is_some_and(|m| m.status != Status::Lost);
+        self.world_from_robot = predicted;
+        if let Some(matched) = matched.filter(|_| tracking) {
+            self.world_from_robot = matched.world_from_robot;
+            self.since_keyframe = fuse(&self.since_keyframe, &matched.information);
+            self.anchor_at(matched.agreement.supplier);
+        }
+        if !acceptable(self.world_from_robot) {
+            self.world_from_robot = before;
+        }
+        self.lost_scans = if matched.is_some() && !tracking { (self.lost_scans + 1).min(1000) } else { 0 };
+        let moved = before.between(self.world_from_robot);
+        self.predictor.settle(scan.stamp, odom, moved, tracking);
+        self.odom_from_robot = self.odom_from_robot * step.last_from_robot;
+    }
+
+    /// Makes `anchor` the keyframe that covariances are relative to.
+    fn anchor_at(&mut self, anchor: Option<u32>) {
+        let Some(anchor) = anchor.filter(|_| anchor != self.anchor) else { return };
+        let newest = self.keyframes.len().saturating_sub(1);
+        self.anchor = Some(anchor);
+        if newest - (anchor as usize).min(newest) <= CHAIN {
+            self.keyframe_from_anchor = (anchor as usize + 1..=newest).fold(Cov3::zeros(), |sum, k| {
+                let step = self.world_from_keyframe[k - 1].between(self.world_from_keyframe[k]);
+                compose_covariance(&sum, step, &self.links[k])
+            });
+        }
+    }
+
+    fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
+        let lost = matched.is_some_and(|m| m.status == Status::Lost);
+        let empty = self.points.hits.is_empty();
+        let moved = self.world_from_keyframe.last().is_none_or(|&newest| {
+            let step = newest.between(self.world_from_robot);
+            step.x.hypot(step.y) > self.settings.keyframes.distance_m
+                || step.theta.abs() > self.settings.keyframes.angle_rad
+        });
+        let inserted = (moved && !lost && !empty).then(|| self.insert(scan, matched)).flatten();
+        let newest = self.keyframes.len().checked_sub(1).map(|k| k as u32);
+        let keyframe_from_robot = newest
+            .map_or(self.world_from_robot, |k| self.world_from_keyframe[k as usize].between(self.world_from_robot));
+        self.scans.push((scan.stamp, newest, keyframe_from_robot));
+        inserted
+    }
+
+    fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
+        let node = self.graph.add_node();
+        let id = self.id(node);
+        let sweep = self.sweep.clone()?;
+        self.keyframes.push(Keyframe { id, stamp: scan.stamp, scan: self.scans.len() as u64, sweep });
+        self.world_from_keyframe.push(self.world_from_robot);
+        if node > 0 {
+            self.connect(node, matched);
+        }
+        self.links.push(self.since_keyframe);
+        let step = node
+            .checked_sub(1)
+            .map_or(Pose2::IDENTITY, |last| self.world_from_keyframe[last as usize].between(self.world_from_robot));
+        self.keyframe_from_anchor = compose_covariance(&self.keyframe_from_anchor, step, &self.since_keyframe);
+        self.since_keyframe = Cov3::zeros();
+        self.odometry_since_keyframe = Cov3::zeros();
+        let keyframes = &self.keyframes;
+        let sweeps = |k: u32| &keyframes[k as usize].sweep;
+        let frames = Frames { sweeps: &sweeps, world_from_robot: &self.world_from_keyframe };
+        self.live.insert(&self.settings, frames, node);
+        let (lever_m, reach_m) = self.points.lever_and_reach_m();
+        self.live.gate(&self.settings, frames, &mut self.graph, node, lever_m, reach_m);
+        Some(node)
+    }
+
+    /// Odometry edge with the motion model's information, match edge with the scan's; never both in one.
+    fn connect(&mut self, node: u32, matched: Option<&Matched>) {
+        let last = node - 1;
+        let between =
+            |from: u32| self.world_from_keyframe[from as usize].between(self.world_from_keyframe[node as usize]);
+        let information = self.odometry_since_keyframe.try_inverse().unwrap_or_else(Cov3::zeros);
+        let mut edges = vec![(last, EdgeKind::Odometry, information)];
+        let mut links = vec![(last, self.since_keyframe)];
+        if let (Some(matched), Some(anchor)) = (matched, self.anchor.filter(|&a| a < node)) {
+            edges.push((anchor, EdgeKind::Match, matched.information));
+            if anchor != last {
+                links.push((anchor, self.covariance()));
+            }
+        }
+        for (from, kind, information) in edges {
+            let edge = Edge { from: self.id(from), to: self.id(node), kind, from_from_to: between(from), information };
+            self.edges.push(edge);
+        }
+        for (from, covariance) in links {
+            let displacement_m2 = covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max();
+            let link = Link { to: node, displacement_m2, rotation_rad2: covariance[(2, 2)] };
+            self.graph.add_link(from, link);
+        }
+    }
+
+    /// Covariance of the robot relative to the anchor.
+    fn covariance(&self) -> Cov3 {
+        let Some(&newest) = self.world_from_keyframe.last() else { return self.since_keyframe };
+        let step = newest.between(self.world_from_robot);
+        compose_covariance(&self.keyframe_from_anchor, step, &self.since_keyframe)
+    }
+
+    fn update(&self, scan: &LaserScan, beams: BeamCounts, matched: Option<&Matched>, keyframe: Option<u32>) -> Update {
+        Update {
+            scan: self.scans.len() as u64 - 1,
+            stamp: scan.stamp,
+            map_from_robot: self.world_from_robot,
+            covariance: self.covariance(),
+            anchor: self.anchor.map(|node| self.id(node)),
+            status: matched
+                .map_or(if self.scans.len() == 1 { Status::Tracking } else { Status::Degraded }, |m| m.status),
+            map_from_odom: self.world_from_robot * self.odom_from_robot.inverse(),
+            odom_from_robot: self.odom_from_robot,
+            keyframe: keyframe.map(|node| self.id(node)),
+            beams,
+            matched: matched.map(|m| m.report),
+            refused: None,
+        }
+    }
+
+    fn id(&self, node: u32) -> KeyframeId {
+        KeyframeId { robot: 0, session: 0, seq: node }
+    }
+
+    /// The settings in force.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Keyframes in the order they were made.
+    #[must_use]
+    pub fn keyframes(&self) -> &[Keyframe] {
+        &self.keyframes
+    }
+
+    /// Edges in the order they were made.
+    #[must_use]
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// Present pose of each keyframe in the map.
+    #[must_use]
+    pub fn keyframe_poses(&self) -> &[Pose2] {
+        &self.world_from_keyframe
+    }
+
+    /// The map that scans are matched against.
+    #[must_use]
+    pub fn live_map(&self) -> &LiveMap {
+        &self.live.map
+    }
+
+    /// What the live map consists of.
+    #[must_use]
+    pub fn live_report(&self) -> LiveReport {
+        self.live.report()
+    }
+
+    /// The whole trajectory, every scan in arrival order, with every correction made since.
+    pub fn trajectory(&self) -> impl ExactSizeIterator<Item = TrajectoryPose> + '_ {
+        self.scans.iter().map(|&(stamp, keyframe, keyframe_from_robot)| {
+            let map_from_robot = match keyframe {
+                Some(node) => self.world_from_keyframe[node as usize] * keyframe_from_robot,
+                None => keyframe_from_robot,
+            };
+            TrajectoryPose { stamp, map_from_robot }
+        })
+    }
+
+    /// Takes a keyframe out of the map for good: its beams, and what scans are matched against.
+    ///
+    /// Returns whether there was such a keyframe in the live map's bookkeeping.
+    pub fn drop_keyframe(&mut self, id: KeyframeId) -> bool {
+        let known = id.robot == 0 && id.session == 0 && (id.seq as usize) < self.keyframes.len();
+        if known {
+            let keyframes = &self.keyframes;
+            let sweeps = |k: u32| &keyframes[k as usize].sweep;
+            let frames = Frames { sweeps: &sweeps, world_from_robot: &self.world_from_keyframe };
+            self.live.drop(&self.settings, frames, id.seq);
+        }
+        known
+    }
+
+    /// Counts of every keyframe at its present pose: the map to export.
+    #[must_use]
+    pub fn render(&self) -> CountGrid {
+        let mut map = CountGrid::new(self.settings.map.resolution_m);
+        let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
+        for (keyframe, &world_from_robot) in self.keyframes.iter().zip(&self.world_from_keyframe) {
+            points.fill(&keyframe.sweep, &mut table, self.settings.scan.free_range_m);
+            points.fill_normals();
+            map.draw(&points, world_from_robot, Change::Add, &mut Vec::new());
+        }
+        map
+    }
+}
+
+/// Distance of a pose from the prior's in standard deviations, the worst of the three.
+fn sigmas(prior: &Prior, world_from_robot: Pose2) -> f64 {
+    let error = prior.world_from_robot.between(world_from_robot).log();
+    error.iter().zip(prior.variances).map(|(e, v)| e.abs() / v.sqrt()).fold(0.0, f64::max)
+}
+
+fn doubtful(agreement: &Agreement, odometry_sigmas: f64) -> bool {
+    agreement.inlier_share() < DOUBT_SHARE || odometry_sigmas > DOUBT_SIGMAS
+}
+
+/// Smaller is better.
+fn score(agreement: &Agreement, cost: f64) -> f64 {
+    cost + f64::from(agreement.contradicting)
+}
+
+fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
+    if agreement.inlier_share() < LOST_SHARE && agreement.known_share() > 0.5 {
+        Status::Lost
+    } else if doubtful(agreement, odometry_sigmas) {
+        Status::Degraded
+    } else {
+        Status::Tracking
+    }
+}
+
+/// Posterior covariance of a prior covariance and a measurement's information.
+fn fuse(covariance: &Cov3, information: &Cov3) -> Cov3 {
+    covariance.try_inverse().and_then(|prior| (prior + information).try_inverse()).unwrap_or(*covariance)
+}
+
+fn acceptable(pose: Pose2) -> bool {
+    pose.is_finite() && pose.x.abs() <= FARTHEST_M && pose.y.abs() <= FARTHEST_M
+}

@@ -1,0 +1,49 @@
+//! Worlds, robots and lasers with known truth, all functions of a seed.
+//!
+//! Same seed, same bytes, on every machine: the random stream, its Gaussians and all trigonometry are built from plain
+//! IEEE operations. Nothing reads a clock, and a [`Drive`] is lazy, so that a recording may be as long as it likes.
+//!
+//! ```
+//! use mapwright_sim::{Drive, DriveSettings, worlds};
+//! let site = worlds::office_floor(7).with_people(3, 7);
+//! let drive = Drive::new(site.into(), DriveSettings { seed: 7, ..DriveSettings::default() });
+//! for (scan, world_from_robot) in drive.log(5) {
+//!     assert_eq!(scan.ranges_m.len(), 180);
+//!     assert!(world_from_robot.is_finite() && scan.odom_from_robot.is_some());
+//! }
+//! ```
+//!
+//! - [`worlds`]: office floors, suites of rooms, corridors, loops, a building that never ends.
+//! - [`World`], [`Site`], [`Route`]: build your own.
+//! - [`Drive`], [`DriveSettings`], [`Incident`]: robot, wheels, laser, and what goes wrong.
+//! - [`PerturbScans`]: harder versions of any recording, real ones included.
+//! - [`failed_match_cases`]: 200 recordings in which a match must fail.
+
+mod band;
+mod build;
+mod drive;
+mod failures;
+mod furnish;
+mod grid;
+mod laser;
+mod math;
+mod odometry;
+mod perturb;
+mod rng;
+mod robot;
+mod route;
+mod shape;
+mod world;
+pub mod worlds;
+
+pub use drive::{Drive, DriveSettings, Event, TrueScan};
+pub use failures::{FAILED_MATCH_CASES, FailedMatchCase, FailureKind, failed_match_cases};
+pub use laser::LaserSettings;
+pub use math::Point;
+pub use odometry::OdometryNoise;
+pub use perturb::{HasScan, PerturbScans};
+pub use rng::Rng;
+pub use robot::{Incident, RobotSettings};
+pub use route::{Route, Site};
+pub use shape::{Circle, Segment};
+pub use world::{Door, Moment, Schedule, Walker, World};

@@ -1,0 +1,24 @@
+//! Ready worlds, each a function of a seed and little else; no two seeds alike.
+
+mod corridor;
+mod growing;
+mod office;
+mod rooms;
+
+pub use corridor::{CorridorWalls, corridor, grand_loop};
+pub use growing::growing_building;
+pub use office::office_floor;
+pub use rooms::{rooms, three_rooms};
+
+use crate::math::{Point, distance};
+
+/// Without waypoints that repeat the one before.
+fn without_repeats(waypoints: Vec<Point>) -> Vec<Point> {
+    let mut kept: Vec<Point> = Vec::with_capacity(waypoints.len());
+    for point in waypoints {
+        if kept.last().is_none_or(|&last| distance(last, point) > 0.05) {
+            kept.push(point);
+        }
+    }
+    kept
+}
