@@ -252,9 +252,11 @@ impl LiveMap {
         if occupied && !was {
             *flag |= OCCUPIED;
             self.field.insert(cell.x, cell.y, slot);
+            self.counts.mark_obstacle(slot, true);
         } else if !occupied && was {
             *flag &= !OCCUPIED;
             self.field.remove(cell.x, cell.y);
+            self.counts.mark_obstacle(slot, false);
         }
         if occupied != was || (occupied && moved) {
             let r = self.settings.smooth_cells;
