@@ -38,6 +38,8 @@ pub struct HitCell {
     pub sum_x: u32,
     /// The same along y.
     pub sum_y: u32,
+    /// Hits whose scan shows something small, a corner or an edge.
+    pub points: u32,
     /// Hits whose scan knew the direction of the surface.
     pub normals: u32,
     /// Sum of `n_x n_x` of those hits' normals, in 1/1024, modulo 2^32.
@@ -48,7 +50,7 @@ pub struct HitCell {
 
 impl HitCell {
     const fn empty(x: i32, y: i32) -> Self {
-        Self { x, y, hits: 0, sum_x: 0, sum_y: 0, normals: 0, sum_nxx: 0, sum_nxy: 0 }
+        Self { x, y, hits: 0, sum_x: 0, sum_y: 0, points: 0, normals: 0, sum_nxx: 0, sum_nxy: 0 }
     }
 }
 
@@ -59,6 +61,8 @@ pub struct Hit {
     pub end_cells: [f64; 2],
     /// Unit normal of the surface in the map's frame, where the scan knows it.
     pub normal: Option<[f64; 2]>,
+    /// Whether the scan shows something small there.
+    pub point: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -160,8 +164,9 @@ impl CountGrid {
         let start = to_cells(points.origin);
         for (&hit, &[nx, ny]) in points.hits.iter().zip(&points.normals) {
             let end_cells = to_cells(hit);
-            let normal = (nx != 0.0 || ny != 0.0).then(|| [c * nx - s * ny, s * nx + c * ny]);
-            touched.push(self.hit(Hit { end_cells, normal }, change) | 1 << 31);
+            let point = nx.is_nan();
+            let normal = (!point && (nx != 0.0 || ny != 0.0)).then(|| [c * nx - s * ny, s * nx + c * ny]);
+            touched.push(self.hit(Hit { end_cells, normal, point }, change) | 1 << 31);
             self.pass(start, end_cells, change, touched);
         }
         for &free in &points.free_ends {
@@ -187,6 +192,7 @@ impl CountGrid {
         add(&mut cell.hits, 1);
         add(&mut cell.sum_x, sum_x);
         add(&mut cell.sum_y, sum_y);
+        add(&mut cell.points, u32::from(hit.point));
         if let Some([nx, ny]) = hit.normal {
             add(&mut cell.normals, 1);
             add(&mut cell.sum_nxx, (nx * nx * FRACTION_STEPS) as i32 as u32);

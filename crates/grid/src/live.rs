@@ -288,7 +288,7 @@ impl LiveMap {
         let [x, y] = self.mean(slot);
         let cell = self.counts.cell(slot);
         if cell.normals == 0 {
-            let w = (self.settings.point_weight * (f64::from(cell.hits) / self.settings.point_hits).min(1.0)) as f32;
+            let w = (self.settings.point_weight * f64::from(cell.points) / f64::from(cell.hits)) as f32;
             return Surfel { x, y, axx: w, axy: 0.0, ayy: w };
         }
         let smooth = self.settings.smooth_cells;
