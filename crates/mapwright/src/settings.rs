@@ -218,7 +218,7 @@ section! {
         alpha2: f64 = 0.05, 0.0..=10.0, "rad^2/m^2", "rotation variance per squared translation";
         alpha3: f64 = 0.03, 0.0..=10.0, "", "translation variance per squared translation";
         alpha4: f64 = 0.02, 0.0..=10.0, "m^2/rad^2", "translation variance per squared rotation";
-        tail: f64 = 9.0, 0.1..=1e9, "", "weight of the heavy tail that allows for slip; larger is more like a normal";
+        tail: f64 = 1e8, 0.1..=1e9, "", "weight of the heavy tail that allows for slip; larger is more like a normal";
         translation_floor_m: f64 = 0.005, 1e-6..=10.0, "m", "least standard deviation of a step's translation";
         rotation_floor_rad: f64 = 0.005, 1e-6..=3.2, "rad", "least standard deviation of a step's rotation";
         translation_per_second_m: f64 = 0.005, 0.0..=10.0, "m/s", "growth of the translation floor with time";
