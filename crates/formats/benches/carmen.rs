@@ -1,0 +1,2 @@
+//! Reading CARMEN logs.
+fn main() {}
