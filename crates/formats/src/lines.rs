@@ -66,6 +66,8 @@ pub(crate) struct LineReader<R> {
     max_line_bytes: usize,
     lines: u64,
     bytes: u64,
+    /// Where the line last handed out lies in the buffer.
+    last: std::ops::Range<usize>,
     at_end: bool,
     tear: Option<FormatError>,
 }
@@ -77,7 +79,8 @@ impl<R: Read> LineReader<R> {
 
     fn with_max_line(reader: R, max_line_bytes: usize) -> Self {
         let buffer = vec![0; BUFFER_BYTES.min(max_line_bytes)];
-        Self { reader, buffer, start: 0, end: 0, max_line_bytes, lines: 0, bytes: 0, at_end: false, tear: None }
+        let (start, end, lines, bytes) = (0, 0, 0, 0);
+        Self { reader, buffer, start, end, max_line_bytes, lines, bytes, last: 0..0, at_end: false, tear: None }
     }
 
     /// Lines delivered or skipped so far.
@@ -88,6 +91,11 @@ impl<R: Read> LineReader<R> {
     /// Bytes read from the stream so far.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// The line handed out last, once more, with a carriage return if it had one.
+    pub(crate) fn last_line(&self) -> &[u8] {
+        &self.buffer[self.last.clone()]
     }
 
     /// The tear that ended a compressed stream early, once.
@@ -118,7 +126,8 @@ impl<R: Read> LineReader<R> {
         let from = self.start;
         self.start += length + ending;
         self.lines += 1;
-        let bytes = &self.buffer[from..from + length];
+        self.last = from..from + length;
+        let bytes = &self.buffer[self.last.clone()];
         let bytes = bytes.strip_suffix(b"\r").unwrap_or(bytes);
         Line { number: self.lines, bytes, terminated: ending > 0, skipped_bytes: None }
     }
@@ -179,6 +188,7 @@ impl<R: Read> LineReader<R> {
             if got == 0 || line_feed.is_some() {
                 self.start += line_feed.map_or(got, |at| at + 1);
                 self.lines += 1;
+                self.last = 0..kept;
                 let (number, bytes) = (self.lines, &self.buffer[..kept]);
                 return Ok(Line { number, bytes, terminated: line_feed.is_some(), skipped_bytes: Some(length) });
             }

@@ -31,7 +31,7 @@ impl Geometry {
     /// Of a `FLASER` or `RLASER`, whose lines do not say it: half a turn beginning at -90 degrees. An even number of
     /// beams leaves the last one out (180: -90 to +89 degrees), an odd number has it (181: -90 to +90).
     pub(super) fn conventional(beams: usize, laser: &LaserParams) -> Self {
-        let steps = if beams % 2 == 0 { beams } else { beams - 1 };
+        let steps = if beams.is_multiple_of(2) { beams } else { beams - 1 };
         Self {
             beams,
             angle_min_rad: if beams == 1 { 0.0 } else { -FRAC_PI_2 },
