@@ -142,8 +142,8 @@ impl<'a> Tail<'a> {
     /// Reads to the end of the line. `layouts` lists how many numbers may stand before the stamp, the fullest first.
     ///
     /// The third field from the end is the stamp where the line is complete. Otherwise the first field that is no
-    /// number is the host, and the stamp stands before it; where there is no host, the fullest layout that the fields
-    /// suffice for is taken and the next field, if any, is the stamp.
+    /// number is the host, and the stamp stands before it; where there is none, the stamp is last or missing, whichever
+    /// fits the fullest layout.
     pub(super) fn read(mut cursor: Cursor<'a>, layouts: &[usize], terminated: bool) -> Result<Self, BadLine<'a>> {
         let most = layouts[0];
         let mut words = [&b""[..]; Self::MAX_WORDS];
@@ -173,11 +173,25 @@ impl<'a> Tail<'a> {
             return Ok(layouts[0]);
         }
         let host = words.iter().position(|w| parse_f64(w).is_none());
-        let fits = |&n: &usize| host.map_or(n <= words.len(), |h| n + 1 == h && words.len() <= h + 2);
+        let fits = |&n: &usize| match host {
+            Some(host) => host == n + 1 && words.len() <= n + 3,
+            None => words.len() == n || words.len() == n + 1,
+        };
         layouts.iter().copied().find(|n| fits(n)).ok_or_else(|| {
             let found = words.last().copied().unwrap_or_default();
             BadLine::new(DropReason::MissingField, "a pose, odometry, a stamp, a host and a second stamp", found)
         })
+    }
+
+    /// Refuses a layout shorter than the fullest seen before, which it becomes otherwise: a line that has lost fields,
+    /// or whose count of readings is too large, can look like one of an older log.
+    pub(super) fn not_shorter_than(&self, fullest: &mut usize) -> Result<(), BadLine<'a>> {
+        if self.numbers < *fullest {
+            let expected = format!("{fullest} numbers before the stamp, as in the lines before");
+            return Err(BadLine::new(DropReason::MissingField, expected, self.words[0]));
+        }
+        *fullest = self.numbers;
+        Ok(())
     }
 
     fn stamp(word: &'a [u8]) -> Result<Stamp, BadLine<'a>> {

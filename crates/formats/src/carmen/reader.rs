@@ -122,6 +122,8 @@ struct Parser {
     params: Params,
     models: ModelCache,
     topics: [Option<Topic>; Tag::COUNT],
+    /// By tag, the most numbers seen before a stamp.
+    fullest_layout: [usize; Tag::COUNT],
     last_stamp: Stamp,
     report: ReadReport,
 }
@@ -141,7 +143,8 @@ impl Parser {
         let scan = LaserScan { stamp: Stamp(0), laser, ranges_m: Vec::new(), odom_from_robot: None };
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
         let report = ReadReport::default();
-        Self { scan, odometry, params, models, topics: [None; Tag::COUNT], last_stamp: Stamp(0), report }
+        let (topics, fullest_layout) = ([None; Tag::COUNT], [0; Tag::COUNT]);
+        Self { scan, odometry, params, models, topics, fullest_layout, last_stamp: Stamp(0), report }
     }
 
     /// Reads one line; the event, if it is one, then lies in `scan` or `odometry`.
@@ -189,6 +192,7 @@ impl Parser {
     /// `ODOM x y theta tv rv accel`; old logs lack the acceleration or the speeds.
     fn read_odometry<'a>(&mut self, cursor: Cursor<'a>, line: Line<'a>) -> Result<Outcome, BadLine<'a>> {
         let tail = Tail::read(cursor, &[6, 5, 3], line.terminated)?;
+        tail.not_shorter_than(&mut self.fullest_layout[Tag::Odometry.index()])?;
         let PoseField::Usable(odom_from_robot) = tail.pose(0)? else {
             return Err(refused_pose(tail.word(0)));
         };
@@ -203,6 +207,7 @@ impl Parser {
     fn read_laser<'a>(&mut self, tag: Tag, mut cursor: Cursor<'a>, line: Line<'a>) -> Result<Outcome, BadLine<'a>> {
         let non_finite = cursor.ranges(&mut self.scan.ranges_m)?;
         let tail = Tail::read(cursor, &[6, 3], line.terminated)?;
+        tail.not_shorter_than(&mut self.fullest_layout[tag.index()])?;
         let pose = tail.pose(tail.numbers() - 3)?;
         let laser = if tag == Tag::RearLaser { &self.params.rear } else { &self.params.front };
         let geometry = Geometry::conventional(self.scan.ranges_m.len(), laser);
