@@ -181,7 +181,11 @@ impl Mapper {
             return None;
         }
         let widen = f64::from(self.lost_scans).mul_add(1.0, 1.0);
-        let prior = Prior { world_from_robot: predicted, variances: step.variances.map(|v| v * widen), tail: self.settings.motion.tail };
+        let prior = Prior {
+            world_from_robot: predicted,
+            variances: step.variances.map(|v| v * widen),
+            tail: self.settings.motion.tail,
+        };
         let first = self.refine(&prior, predicted);
         let mut best = (first, self.live.map.agreement(&self.points.hits, first.world_from_robot));
         let (mut evaluations, mut restarts) = (first.evaluations, 0);
