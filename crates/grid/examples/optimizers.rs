@@ -17,8 +17,9 @@ use std::time::{Duration, Instant};
 
 const METHODS: [(&str, Method); 3] =
     [("gradient ascent, unscaled", unscaled_ascent), ("gradient ascent", gradient_ascent), ("Gauss-Newton", newton)];
-/// Initial errors: metres and degrees.
-const STARTS: [(f64, f64); 6] = [(0.05, 2.0), (0.1, 5.0), (0.2, 10.0), (0.3, 15.0), (0.4, 20.0), (0.5, 30.0)];
+/// Initial errors, metres and degrees: both growing, then mostly the one, mostly the other.
+const STARTS: [(f64, f64); 8] =
+    [(0.05, 2.0), (0.1, 5.0), (0.2, 10.0), (0.3, 15.0), (0.4, 20.0), (0.5, 30.0), (0.5, 2.0), (0.05, 30.0)];
 
 /// Pose and evaluations of a match.
 type Method = fn(&LiveMap, &[[f64; 2]], &Prior) -> (Pose2, u32);
