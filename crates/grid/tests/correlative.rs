@@ -1,4 +1,5 @@
 //! The search finds what an exhaustive search finds, and the robot.
+#![allow(clippy::expect_used, reason = "helpers of tests may, as tests may")]
 
 mod common;
 
@@ -91,7 +92,7 @@ fn points_in(range_m: f64, count: std::ops::Range<usize>) -> impl Strategy<Value
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn the_best_pose_and_its_rival_are_those_of_an_exhaustive_search(
         obstacles in points_in(2.0, 0..40),

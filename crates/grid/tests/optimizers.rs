@@ -133,7 +133,7 @@ fn keyframe() -> impl Strategy<Value = (usize, f64, f64, f64)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(100))]
+    #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn what_is_taken_out_leaves_no_trace(
         keyframes in prop::collection::vec(keyframe(), 1..10),
