@@ -5,8 +5,8 @@
 //! maxima over `2^h x 2^h` cells bound the score of as many translations at once, and a block whose bound cannot win is
 //! dropped unseen. The result is that of an exhaustive search.
 //!
-//! Unlike there, levels above the second are stored at every `2^(h-2)`-th cell only and bound a quarter more cells than
-//! they must; together they take a ninth of the memory of the score itself and stay in the cache.
+//! Unlike there, levels above the second are stored at every `2^(h-2)`-th cell only and bound up to a quarter more cells
+//! along each axis than they must; together they take a third of the memory of the scores and stay in the cache.
 
 use crate::field::NO_OBSTACLE;
 use crate::live::LiveMap;
@@ -169,16 +169,7 @@ impl CorrelativeSearch {
     ) -> Option<SearchResult> {
         let farthest_m = self.keep_usable(points)?;
         let lattice = Lattice::new(window, map.settings.resolution_m, farthest_m)?;
-        self.scored = 0;
-        self.heading.forget();
-        self.pyramid.build(map, &lattice, &self.points, self.settings.sigma_m);
-        self.bound_blocks(&lattice);
-        let least = (self.settings.least_share * f64::from(self.full_score())).ceil() as u32;
-        let best = self.descend(&lattice, least, None)?;
-        let rival = separation.and_then(|separation| {
-            let around_best = Zone::new(&lattice, &best, separation);
-            self.descend(&lattice, 0, Some(around_best))
-        });
+        let (best, rival) = self.search_lattice(map, &lattice, separation)?;
         Some(SearchResult {
             best: lattice.peak(&best),
             rival: rival.map(|block| lattice.peak(&block)),
@@ -187,6 +178,25 @@ impl CorrelativeSearch {
             step_rad: lattice.step_rad,
             scored: self.scored,
         })
+    }
+
+    fn search_lattice(
+        &mut self,
+        map: &LiveMap,
+        lattice: &Lattice,
+        separation: Option<Separation>,
+    ) -> Option<(Block, Option<Block>)> {
+        self.scored = 0;
+        self.heading.forget();
+        self.pyramid.build(map, lattice, &self.points, self.settings.sigma_m);
+        self.bound_blocks(lattice);
+        let least = (self.settings.least_share * f64::from(self.full_score())).ceil() as u32;
+        let best = self.descend(lattice, least, None)?;
+        let rival = separation.and_then(|separation| {
+            let around_best = Zone::new(lattice, &best, separation);
+            self.descend(lattice, 0, Some(around_best))
+        });
+        Some((best, rival))
     }
 
     fn full_score(&self) -> u32 {
@@ -601,5 +611,95 @@ impl HeadingCells {
             sums[3] += u32::from(grid.values[index + up + right]);
         }
         sums
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Change, LiveMapSettings};
+    use mapwright_sensor::SweepPoints;
+    use mapwright_sim::Rng;
+
+    const CELL_M: f64 = 0.05;
+    const SIGMA_M: f64 = 0.1;
+
+    fn random_points(rng: &mut Rng, count: usize, range_m: f64) -> Vec<[f64; 2]> {
+        (0..count).map(|_| [rng.uniform(-range_m, range_m), rng.uniform(-range_m, range_m)]).collect()
+    }
+
+    fn random_map(rng: &mut Rng) -> LiveMap {
+        let mut map = LiveMap::new(LiveMapSettings { resolution_m: CELL_M, ..LiveMapSettings::default() });
+        for hit in random_points(rng, 60, 4.0) {
+            let (hits, normals) = (vec![hit], vec![[0.0; 2]]);
+            let points = SweepPoints { origin: hit, hits, normals, ..SweepPoints::default() };
+            map.change(&points, Pose2::IDENTITY, Change::Add, 0);
+        }
+        map
+    }
+
+    fn window(half_width_m: f64) -> SearchWindow {
+        SearchWindow { world_from_robot: Pose2::new(-0.3, 0.2, 1.0), half_width_m, half_width_rad: 0.5 }
+    }
+
+    /// Best score of the cells in a step's square.
+    fn score_by_definition(map: &LiveMap, doublings: u32, [x, y]: [i32; 2]) -> u8 {
+        let scores = scores_by_distance2(CELL_M / SIGMA_M);
+        let side = 1 << doublings;
+        let cells = (0..side * side).map(|k| (x * side + k % side, y * side + k / side));
+        cells.filter_map(|(x, y)| map.field().nearest_cell(x, y)).map(|(d2, _)| scores[d2 as usize]).max().unwrap_or(0)
+    }
+
+    #[test]
+    fn every_level_holds_the_maxima_it_promises() {
+        let mut rng = Rng::new(1);
+        for doublings in 0..=MAX_DOUBLINGS {
+            let (map, points) = (random_map(&mut rng), random_points(&mut rng, 20, 1.0));
+            let lattice = Lattice::with_step(&window(2.0), CELL_M, 1.5, doublings).unwrap();
+            let mut pyramid = Pyramid::default();
+            pyramid.build(&map, &lattice, &points, SIGMA_M);
+            let scores = &pyramid.levels[0];
+            for (k, &value) in scores.values.iter().enumerate() {
+                let at = [pyramid.low[0] + (k % scores.width) as i32, pyramid.low[1] + (k / scores.width) as i32];
+                assert_eq!(value, score_by_definition(&map, doublings, at), "cell {at:?}");
+            }
+            for level in 1..=lattice.top_level {
+                let grid = &pyramid.levels[level as usize];
+                let stride = 1 << shift(level);
+                let span = if level < 3 { 1 << level } else { 5 * stride - 1 };
+                for (k, &value) in grid.values.iter().enumerate() {
+                    let (x, y) = (k % grid.width * stride, k / grid.width * stride);
+                    let rows = y..(y + span).min(scores.height);
+                    let most = rows.flat_map(|row| &scores.row(row)[x..(x + span).min(scores.width)]).max();
+                    assert_eq!(Some(&value), most, "level {level}, entry {k}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wider_steps_are_searched_exactly_too() {
+        let mut rng = Rng::new(2);
+        let mut searcher = CorrelativeSearch::default();
+        for case in 0..12 {
+            let (map, points) = (random_map(&mut rng), random_points(&mut rng, 15, 1.5));
+            let farthest_m = searcher.keep_usable(&points).unwrap();
+            let lattice = Lattice::with_step(&window(1.0), CELL_M, farthest_m, case % (MAX_DOUBLINGS + 1)).unwrap();
+            let (best, _) = searcher.search_lattice(&map, &lattice, None).unwrap();
+            let mut first = None;
+            for heading in 0..lattice.headings {
+                let cells: Vec<_> = lattice.cells(heading, &points).collect();
+                for (u, v) in (0..=lattice.last).flat_map(|v| (0..=lattice.last).map(move |u| (u, v))) {
+                    let moved = [u, v].map(|steps| steps as i32 - lattice.half_steps as i32);
+                    let score = |cell: &[i32; 2]| {
+                        let at = [cell[0] + moved[0], cell[1] + moved[1]];
+                        u32::from(score_by_definition(&map, lattice.doublings, at))
+                    };
+                    let pose = lattice.block(cells.iter().map(score).sum(), heading, [u, v], 0);
+                    first = Some(first.map_or(pose, |known: Block| known.min(pose)));
+                }
+            }
+            assert_eq!(Some(best), first);
+        }
     }
 }
