@@ -1,0 +1,61 @@
+//! CARMEN logs, the text format of the classic benchmarks: one message a line, tag first.
+//!
+//! | line | fields |
+//! |---|---|
+//! | `ODOM` | x y theta tv rv accel ipc_timestamp host logger_timestamp |
+//! | `FLASER`, `RLASER` | n ranges x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp |
+//! | `ROBOTLASER1` to `5` | type start_angle fov step max_range accuracy remission_mode n ranges m remissions, laser pose, robot pose, tv rv forward_safety_dist side_safety_dist turn_axis ipc_timestamp host logger_timestamp |
+//! | `PARAM` | name value ... |
+//!
+//! Older logs lack trailing fields; the layout is told by the number of fields and by where the host's name stands.
+
+mod fields;
+mod models;
+mod params;
+mod reader;
+mod writer;
+
+pub use models::DEFAULT_RANGE_MAX_M;
+pub use reader::{CarmenReader, LogEvent};
+pub use writer::CarmenWriter;
+
+/// The kinds of lines that become events; each is a topic of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tag {
+    Odometry,
+    FrontLaser,
+    RearLaser,
+    /// `ROBOTLASER1` to `ROBOTLASER5`.
+    RobotLaser(u8),
+}
+
+impl Tag {
+    /// Number of tags.
+    const COUNT: usize = 8;
+
+    fn of(word: &[u8]) -> Option<Self> {
+        match word {
+            b"ODOM" => Some(Self::Odometry),
+            b"FLASER" => Some(Self::FrontLaser),
+            b"RLASER" => Some(Self::RearLaser),
+            [rest @ .., number @ b'1'..=b'5'] if rest == b"ROBOTLASER" => Some(Self::RobotLaser(number - b'0')),
+            _ => None,
+        }
+    }
+
+    /// Distinct and below [`Tag::COUNT`].
+    fn index(self) -> usize {
+        match self {
+            Self::Odometry => 0,
+            Self::FrontLaser => 1,
+            Self::RearLaser => 2,
+            Self::RobotLaser(number) => 2 + usize::from(number.clamp(1, 5)),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        const NAMES: [&str; Tag::COUNT] =
+            ["ODOM", "FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2", "ROBOTLASER3", "ROBOTLASER4", "ROBOTLASER5"];
+        NAMES[self.index()]
+    }
+}

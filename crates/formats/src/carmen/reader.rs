@@ -1,0 +1,372 @@
+//! Events out of a CARMEN log.
+
+use super::Tag;
+use super::fields::{BadLine, Cursor, PoseField, Tail};
+use super::models::{DEFAULT_RANGE_MAX_M, Geometry, ModelCache, same_mount};
+use super::params::{LaserParams, Params};
+use crate::error::FormatError;
+use crate::lines::{Excerpt, Line, LineReader};
+use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_sensor::{LaserScan, Odometry};
+use std::io::Read;
+use std::sync::Arc;
+
+/// Successive odometry poses farther apart are a jump, metres.
+const JUMP_M: f64 = 10.0;
+
+/// One event, lent until the next is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum LogEvent<'a> {
+    /// A laser's sweep.
+    Scan(&'a LaserScan),
+    /// A reading of the wheels.
+    Odometry(&'a Odometry),
+}
+
+/// Reads a CARMEN log line by line, with bounded memory and no allocation per line.
+///
+/// Events come in the order of the file; a line that cannot be used is dropped, counted and described in the
+/// [`report`](CarmenReader::report), and reading goes on.
+///
+/// ```
+/// use mapwright_formats::{CarmenReader, LogEvent};
+/// let log = "ODOM 1 0 0 0 0 0 12.5 host 0.1\nFLASER 3 1.00 2.00 81.83 1 0 0 1 0 0 12.75 host 0.2\n";
+/// let mut reader = CarmenReader::new(log.as_bytes());
+/// while let Some(event) = reader.next_event()? {
+///     if let LogEvent::Scan(scan) = event {
+///         assert_eq!(scan.ranges_m, [1.0, 2.0, 81.83]);
+///         assert_eq!(scan.stamp.0, 12_750_000_000);
+///     }
+/// }
+/// assert!(reader.report().has_scans() && !reader.report().has_losses());
+/// # Ok::<(), mapwright_formats::FormatError>(())
+/// ```
+#[derive(Debug)]
+pub struct CarmenReader<R> {
+    lines: LineReader<R>,
+    parser: Parser,
+}
+
+impl<R: Read> CarmenReader<R> {
+    /// Reads the log from `reader`, which needs no buffering; compressed logs go through
+    /// [`open_log`](crate::open_log) first.
+    pub fn new(reader: R) -> Self {
+        Self { lines: LineReader::new(reader), parser: Parser::new() }
+    }
+
+    /// The next scan or odometry reading in the order of the file, or none at its end.
+    ///
+    /// # Errors
+    ///
+    /// [`FormatError::Io`] where the stream below fails; nothing else.
+    pub fn next_event(&mut self) -> Result<Option<LogEvent<'_>>, FormatError> {
+        let kind = loop {
+            match self.lines.next_line()? {
+                None => {
+                    self.note_end();
+                    return Ok(None);
+                }
+                Some(line) => {
+                    if let Some(kind) = self.parser.take_line(line) {
+                        break kind;
+                    }
+                }
+            }
+        };
+        Ok(Some(match kind {
+            EventKind::Scan => LogEvent::Scan(&self.parser.scan),
+            EventKind::Odometry => LogEvent::Odometry(&self.parser.odometry),
+        }))
+    }
+
+    /// What has been read and lost so far; complete once [`next_event`](Self::next_event) has returned none.
+    #[must_use]
+    pub fn report(&self) -> &ReadReport {
+        &self.parser.report
+    }
+
+    /// The report, when reading is over.
+    #[must_use]
+    pub fn into_report(self) -> ReadReport {
+        self.parser.report
+    }
+
+    fn note_end(&mut self) {
+        let report = &mut self.parser.report;
+        report.lines = self.lines.lines();
+        report.bytes = self.lines.bytes();
+        report.tear = self.lines.take_tear().or(report.tear.take());
+    }
+}
+
+/// Which buffer holds the event.
+#[derive(Debug, Clone, Copy)]
+enum EventKind {
+    Scan,
+    Odometry,
+}
+
+/// What a line leads to.
+enum Outcome {
+    Event(EventKind),
+    Nothing,
+}
+
+/// Everything but the stream.
+#[derive(Debug)]
+struct Parser {
+    scan: LaserScan,
+    odometry: Odometry,
+    params: Params,
+    models: ModelCache,
+    topics: [Option<Topic>; Tag::COUNT],
+    /// By tag, the most numbers seen before a stamp.
+    fullest_layout: [usize; Tag::COUNT],
+    last_stamp: Stamp,
+    report: ReadReport,
+}
+
+/// What has to be remembered of a topic.
+#[derive(Debug, Clone, Copy)]
+struct Topic {
+    report_index: usize,
+    beams: Option<usize>,
+    odom_from_robot: Option<Pose2>,
+}
+
+impl Parser {
+    fn new() -> Self {
+        let (params, mut models) = (Params::default(), ModelCache::default());
+        let laser = Arc::clone(models.model(Tag::FrontLaser, Geometry::conventional(1, &params.front), &params));
+        let scan = LaserScan { stamp: Stamp(0), laser, ranges_m: Vec::new(), odom_from_robot: None };
+        let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
+        let report = ReadReport::default();
+        let (topics, fullest_layout) = ([None; Tag::COUNT], [0; Tag::COUNT]);
+        Self { scan, odometry, params, models, topics, fullest_layout, last_stamp: Stamp(0), report }
+    }
+
+    /// Reads one line; the event, if it is one, then lies in `scan` or `odometry`.
+    fn take_line(&mut self, line: Line<'_>) -> Option<EventKind> {
+        self.report.lines = line.number;
+        match self.read_line(line) {
+            Ok(Outcome::Event(kind)) => Some(kind),
+            Ok(Outcome::Nothing) => None,
+            Err(bad) => {
+                self.drop_line(line, &bad);
+                None
+            }
+        }
+    }
+
+    fn read_line<'a>(&mut self, line: Line<'a>) -> Result<Outcome, BadLine<'a>> {
+        if line.skipped_bytes.is_some() {
+            return Err(BadLine::new(DropReason::LineTooLong, "a line of at most 16 MiB", line.bytes));
+        }
+        let mut cursor = Cursor::new(line.bytes);
+        let word = cursor.word();
+        match Tag::of(word) {
+            Some(Tag::Odometry) => self.read_odometry(cursor, line),
+            Some(tag @ Tag::RobotLaser(_)) => self.read_robot_laser(tag, cursor, line),
+            Some(tag) => self.read_laser(tag, cursor, line),
+            None => self.read_other(word, cursor),
+        }
+    }
+
+    fn read_other<'a>(&mut self, tag: &'a [u8], cursor: Cursor<'a>) -> Result<Outcome, BadLine<'a>> {
+        if tag.is_empty() || tag[0] == b'#' {
+            return Ok(Outcome::Nothing);
+        }
+        let is_word = tag.len() <= 64 && tag.iter().all(|b| b.is_ascii_alphanumeric() || b"_-.:/".contains(b));
+        let Some(name) = std::str::from_utf8(tag).ok().filter(|_| is_word) else {
+            return Err(BadLine::new(DropReason::NotText, "a tag such as ODOM or FLASER", tag));
+        };
+        self.report.count_tag(name);
+        if tag == b"PARAM" {
+            self.params.take(cursor)?;
+        }
+        Ok(Outcome::Nothing)
+    }
+
+    /// `ODOM x y theta tv rv accel`; old logs lack the acceleration or the speeds.
+    fn read_odometry<'a>(&mut self, cursor: Cursor<'a>, line: Line<'a>) -> Result<Outcome, BadLine<'a>> {
+        let tail = Tail::read(cursor, &[6, 5, 3], line.terminated)?;
+        tail.not_shorter_than(&mut self.fullest_layout[Tag::Odometry.index()])?;
+        let PoseField::Usable(odom_from_robot) = tail.pose(0)? else {
+            return Err(refused_pose(tail.word(0)));
+        };
+        let stamp = self.stamp(line.number, tail.stamp);
+        self.odometry = Odometry { stamp, odom_from_robot };
+        self.report.odometry += 1;
+        self.note_event(Tag::Odometry, line.number, stamp, Some(odom_from_robot));
+        Ok(Outcome::Event(EventKind::Odometry))
+    }
+
+    /// `FLASER n ranges x y theta odom_x odom_y odom_theta`; old logs lack the last three.
+    fn read_laser<'a>(&mut self, tag: Tag, mut cursor: Cursor<'a>, line: Line<'a>) -> Result<Outcome, BadLine<'a>> {
+        let non_finite = cursor.ranges(&mut self.scan.ranges_m)?;
+        let tail = Tail::read(cursor, &[6, 3], line.terminated)?;
+        tail.not_shorter_than(&mut self.fullest_layout[tag.index()])?;
+        let pose = tail.pose(tail.numbers() - 3)?;
+        let laser = if tag == Tag::RearLaser { &self.params.rear } else { &self.params.front };
+        let geometry = Geometry::conventional(self.scan.ranges_m.len(), laser);
+        self.scan.odom_from_robot = self.usable_pose(line.number, pose);
+        Ok(self.finish_scan(tag, geometry, tail.stamp, non_finite, line.number))
+    }
+
+    /// The newer lines, which say themselves how the beams lie.
+    fn read_robot_laser<'a>(
+        &mut self,
+        tag: Tag,
+        mut cursor: Cursor<'a>,
+        line: Line<'a>,
+    ) -> Result<Outcome, BadLine<'a>> {
+        let sweep = Sweep::read(&mut cursor)?;
+        let non_finite = cursor.ranges(&mut self.scan.ranges_m)?;
+        cursor.skip_remissions()?;
+        let tail = Tail::read(cursor, &[11], line.terminated)?;
+        let (laser_pose, robot_pose) = (tail.pose(0)?, tail.pose(3)?);
+        let laser = if tag == Tag::RobotLaser(2) { self.params.rear } else { self.params.front };
+        let robot_from_laser = mount(robot_pose, laser_pose, &laser).ok_or_else(|| refused_pose(tail.word(0)))?;
+        let geometry = sweep.geometry(self.scan.ranges_m.len(), robot_from_laser);
+        self.scan.odom_from_robot = self.usable_pose(line.number, robot_pose);
+        Ok(self.finish_scan(tag, geometry, tail.stamp, non_finite, line.number))
+    }
+
+    fn usable_pose(&mut self, line: u64, pose: PoseField) -> Option<Pose2> {
+        match pose {
+            PoseField::Usable(odom_from_robot) => Some(odom_from_robot),
+            PoseField::Absent => None,
+            PoseField::Refused => {
+                self.report.refused_scan_poses.note(line);
+                None
+            }
+        }
+    }
+
+    fn finish_scan(
+        &mut self,
+        tag: Tag,
+        geometry: Geometry,
+        stamp: Option<Stamp>,
+        non_finite: u64,
+        line: u64,
+    ) -> Outcome {
+        self.scan.laser = Arc::clone(self.models.model(tag, geometry, &self.params));
+        self.scan.stamp = self.stamp(line, stamp);
+        self.report.scans += 1;
+        self.report.non_finite_ranges += non_finite;
+        self.note_event(tag, line, self.scan.stamp, self.scan.odom_from_robot);
+        self.note_beams(tag, line, geometry.beams);
+        Outcome::Event(EventKind::Scan)
+    }
+
+    /// The line's stamp, or the one before where it has none.
+    fn stamp(&mut self, line: u64, stamp: Option<Stamp>) -> Stamp {
+        match stamp {
+            Some(stamp) => self.last_stamp = stamp,
+            None => self.report.unstamped.note(line),
+        }
+        self.last_stamp
+    }
+
+    /// Counts an event and looks at its stamp and how far the odometry has come.
+    fn note_event(&mut self, tag: Tag, line: u64, stamp: Stamp, odom_from_robot: Option<Pose2>) {
+        let topic = self.topics[tag.index()].get_or_insert_with(|| {
+            self.report.topics.push(TopicReport { name: tag.name().to_owned(), ..TopicReport::default() });
+            Topic { report_index: self.report.topics.len() - 1, beams: None, odom_from_robot: None }
+        });
+        let report = &mut self.report.topics[topic.report_index];
+        report.events += 1;
+        report.stamps.observe(line, stamp);
+        if let (Some(before), Some(now)) = (topic.odom_from_robot, odom_from_robot)
+            && before.distance(now) > JUMP_M
+        {
+            report.odometry_jumps.note(line);
+        }
+        topic.odom_from_robot = odom_from_robot.or(topic.odom_from_robot);
+    }
+
+    fn note_beams(&mut self, tag: Tag, line: u64, beams: usize) {
+        if let Some(topic) = &mut self.topics[tag.index()] {
+            if topic.beams.is_some_and(|before| before != beams) {
+                self.report.topics[topic.report_index].beam_count_changes.note(line);
+            }
+            topic.beams = Some(beams);
+        }
+    }
+
+    fn drop_line(&mut self, line: Line<'_>, bad: &BadLine<'_>) {
+        let cut = !line.terminated && line.skipped_bytes.is_none();
+        self.report.truncated_last_line |= cut;
+        let reason = if cut { DropReason::TruncatedLastLine } else { bad.reason };
+        self.report.drop_line(reason, || DroppedLine {
+            line: line.number,
+            expected: bad.expected.to_string(),
+            found: line.skipped_bytes.map_or_else(
+                || Excerpt::new(bad.found),
+                |length| Excerpt::remark(format!("{length} bytes beginning {}", Excerpt::new(bad.found))),
+            ),
+        });
+    }
+}
+
+fn refused_pose(found: &[u8]) -> BadLine<'_> {
+    BadLine::new(DropReason::PoseRefused, "a finite pose within 10^6 m", found)
+}
+
+/// Where the laser sits on the robot. A `PARAM` is preferred to the difference of the line's two rounded poses as long
+/// as they agree, and stands in where the robot's pose is absent; none where a pose is refused.
+fn mount(world_from_robot: PoseField, world_from_laser: PoseField, params: &LaserParams) -> Option<Pose2> {
+    let (PoseField::Usable(world_from_robot), PoseField::Usable(world_from_laser)) =
+        (world_from_robot, world_from_laser)
+    else {
+        let refused = world_from_robot == PoseField::Refused || world_from_laser == PoseField::Refused;
+        return (!refused).then_some(params.robot_from_laser);
+    };
+    let robot_from_laser = world_from_robot.between(world_from_laser);
+    let agree = params.mount_given && same_mount(robot_from_laser, params.robot_from_laser);
+    Some(if agree { params.robot_from_laser } else { robot_from_laser })
+}
+
+/// The head of a `ROBOTLASER` line.
+#[derive(Debug, Clone, Copy)]
+struct Sweep {
+    start_angle_rad: f64,
+    field_of_view_rad: f64,
+    step_rad: f64,
+    range_max_m: f64,
+}
+
+impl Sweep {
+    /// `laser_type start_angle fov angular_res max_range accuracy remission_mode`.
+    fn read<'a>(cursor: &mut Cursor<'a>) -> Result<Self, BadLine<'a>> {
+        cursor.number("a laser type")?;
+        let start_angle_rad = angle(cursor, "a start angle within 100 rad")?;
+        let field_of_view_rad = angle(cursor, "a field of view within 100 rad")?;
+        let step_rad = angle(cursor, "an angular resolution within 100 rad")?;
+        let range_max_m = cursor.number("a maximum range")?;
+        cursor.number("an accuracy")?;
+        cursor.number("a remission mode")?;
+        Ok(Self { start_angle_rad, field_of_view_rad, step_rad, range_max_m })
+    }
+
+    fn geometry(&self, beams: usize, robot_from_laser: Pose2) -> Geometry {
+        let spread_rad = self.field_of_view_rad / (beams.max(2) - 1) as f64;
+        let usable_max = self.range_max_m.is_finite() && self.range_max_m > 0.0;
+        Geometry {
+            beams,
+            angle_min_rad: self.start_angle_rad,
+            angle_step_rad: if self.step_rad == 0.0 { spread_rad } else { self.step_rad },
+            range_max_m: if usable_max { self.range_max_m } else { DEFAULT_RANGE_MAX_M },
+            robot_from_laser,
+        }
+    }
+}
+
+fn angle<'a>(cursor: &mut Cursor<'a>, what: &'static str) -> Result<f64, BadLine<'a>> {
+    let word = cursor.clone().word();
+    let value = cursor.number(what)?;
+    if value.abs() <= 100.0 { Ok(value) } else { Err(BadLine::new(DropReason::BadNumber, what, word)) }
+}

@@ -1,0 +1,33 @@
+//! Logs in, maps and trajectories out.
+//!
+//! Readers and writers take [`Read`](std::io::Read) and [`Write`](std::io::Write), never paths; they read no clock and
+//! print nothing. Bad sensor data is no error: it is dropped, counted and described in a [`ReadReport`].
+//!
+//! - [`open_log`]: plain, gzip and bzip2 streams, told by their first bytes.
+//! - [`CarmenReader`], [`CarmenWriter`]: CARMEN logs.
+//! - [`TumWriter`], [`TrajectoryReader`], [`read_relations`]: trajectories and relations as text.
+//! - [`GridImage`]: maps as PGM with YAML for Nav2 ([`write_pgm`], [`write_map_yaml`]) and as a picture to look at
+//!   ([`write_png`]).
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+mod carmen;
+mod error;
+mod lines;
+mod map;
+mod number;
+mod open;
+mod report;
+mod stamp_watch;
+mod text_rows;
+mod trajectory;
+
+pub use carmen::{CarmenReader, CarmenWriter, DEFAULT_RANGE_MAX_M, LogEvent};
+pub use error::FormatError;
+pub use lines::Excerpt;
+pub use map::{GridImage, Picture, UNKNOWN, dominant_wall_angle, write_map_yaml, write_pgm, write_png};
+pub use open::{Compression, LogStream, open_log};
+pub use report::{DropReason, DroppedLine, Drops, Noted, ReadReport, TopicReport};
+pub use stamp_watch::{StampStep, StampWatch};
+pub use trajectory::{
+    Relation, StampedPose2, StampedPose3, TrajectoryReader, TumWriter, read_relations, read_trajectory,
+};

@@ -1,0 +1,488 @@
+//! A picture of a map, with the way the robot went.
+
+use super::canvas::{Canvas, Colour, blend};
+use super::{GridImage, font};
+use crate::error::FormatError;
+use mapwright_geom::{Pose2, sin_cos};
+use std::io::Write;
+
+const FREE: Colour = [253, 253, 250];
+const WALL: Colour = [24, 30, 42];
+const UNSEEN: Colour = [196, 207, 220];
+const INK: Colour = [52, 62, 78];
+const START: Colour = [34, 150, 84];
+const END: Colour = [212, 48, 40];
+
+/// The way's colours from first to last pose, all of them dark enough for a white ground.
+const WAY: [Colour; 5] = [[36, 20, 150], [126, 10, 168], [196, 54, 122], [232, 108, 72], [244, 156, 36]];
+
+/// Blank rim around the map, pixels; the strip for the scale bar below.
+const MARGIN_PX: usize = 24;
+const STRIP_PX: usize = 28;
+
+/// Largest factor by which small maps are enlarged.
+const MAX_ENLARGEMENT: usize = 16;
+
+/// What is drawn besides the map, and how large.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Picture<'a> {
+    /// Poses in the order of time, drawn as a line whose colour changes along it.
+    pub world_from_robot: &'a [Pose2],
+    /// Direction in the map's own frame that becomes horizontal, radians, such as
+    /// [`dominant_wall_angle`](super::dominant_wall_angle) finds; zero leaves the map as it is.
+    pub level_rad: f64,
+    /// Whether a scale bar stands below the map.
+    pub scale_bar: bool,
+    /// Smaller maps are enlarged by a whole factor until their longer side has so many pixels.
+    pub min_side_px: usize,
+    /// Larger maps are reduced by a whole factor until their longer side, margins included, has at most so many pixels.
+    pub max_side_px: usize,
+}
+
+impl Default for Picture<'_> {
+    fn default() -> Self {
+        Self { world_from_robot: &[], level_rad: 0.0, scale_bar: true, min_side_px: 800, max_side_px: 4096 }
+    }
+}
+
+/// Writes the known part of the map as a PNG: white free space, dark walls by probability, grey-blue where nothing has
+/// been seen, the way from dark blue to orange, a green disc at its start and a red one at its end.
+///
+/// The same map gives the same bytes.
+///
+/// # Errors
+///
+/// As [`GridImage::validate`]; [`FormatError::Png`].
+pub fn write_png(map: &GridImage, picture: &Picture<'_>, writer: impl Write) -> Result<(), FormatError> {
+    map.validate()?;
+    let way = way_in_cells(map, picture.world_from_robot);
+    let view = View::of(map, &way, picture);
+    let mut canvas = view.paint(map, picture.scale_bar);
+    draw_way(&mut canvas, &view, &way);
+    if picture.scale_bar {
+        draw_scale_bar(&mut canvas, view.px_per_cell / map.resolution_m);
+    }
+    encode(&canvas, writer)
+}
+
+fn encode(canvas: &Canvas, writer: impl Write) -> Result<(), FormatError> {
+    let mut encoder = png::Encoder::new(writer, canvas.width as u32, canvas.height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    let mut image = encoder.write_header()?;
+    image.write_image_data(canvas.pixels.as_flattened())?;
+    Ok(image.finish()?)
+}
+
+/// The poses' places in cells from the map's corner; what is not finite or far off the map is left out.
+fn way_in_cells(map: &GridImage, world_from_robot: &[Pose2]) -> Vec<[f64; 2]> {
+    let map_from_world = map.world_from_map.inverse();
+    let far = 4.0 * (map.width + map.height) as f64;
+    let in_cells = |pose: &Pose2| map_from_world.transform([pose.x, pose.y]).map(|v| v / map.resolution_m);
+    world_from_robot.iter().map(in_cells).filter(|p| p.iter().all(|v| v.abs() <= far)).collect()
+}
+
+/// Which part of the map is shown, how it is turned, and how large.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    /// Sine and cosine of the turn from cells to picture.
+    sin_cos: (f64, f64),
+    /// Least and greatest place shown, in cells along the turned axes.
+    low: [f64; 2],
+    high: [f64; 2],
+    px_per_cell: f64,
+    /// Cells that share a pixel of the raster.
+    cells_per_px: usize,
+    turned: bool,
+    known: Window,
+}
+
+/// A rectangle of cells, the upper bounds exclusive.
+#[derive(Debug, Clone, Copy)]
+struct Window {
+    low: [usize; 2],
+    high: [usize; 2],
+}
+
+impl View {
+    fn of(map: &GridImage, way: &[[f64; 2]], picture: &Picture<'_>) -> Self {
+        let turned = picture.level_rad.is_finite() && picture.level_rad != 0.0;
+        let sin_cos = if turned { sin_cos(-picture.level_rad) } else { (0.0, 1.0) };
+        let mut view = Self {
+            sin_cos,
+            low: [f64::INFINITY; 2],
+            high: [f64::NEG_INFINITY; 2],
+            px_per_cell: 1.0,
+            cells_per_px: 1,
+            turned,
+            known: Window { low: [map.width, map.height], high: [0, 0] },
+        };
+        view.include_known(map);
+        way.iter().for_each(|&place| view.include(place));
+        view.choose_scale(picture);
+        view
+    }
+
+    /// A place in cells along the turned axes.
+    fn turn(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let (s, c) = self.sin_cos;
+        [c * u - s * v, s * u + c * v]
+    }
+
+    fn include(&mut self, place: [f64; 2]) {
+        let turned = self.turn(place);
+        for k in 0..2 {
+            self.low[k] = self.low[k].min(turned[k].floor());
+            self.high[k] = self.high[k].max(turned[k].ceil());
+        }
+    }
+
+    /// Makes room for every known cell, or for the whole map where none is.
+    fn include_known(&mut self, map: &GridImage) {
+        for (v, row) in map.cells.chunks_exact(map.width).enumerate() {
+            let known = |cell: &u8| *cell <= 100;
+            if let (Some(first), Some(last)) = (row.iter().position(known), row.iter().rposition(known)) {
+                self.include_cells(Window { low: [first, v], high: [last + 1, v + 1] });
+            }
+        }
+        if self.known.low[0] >= self.known.high[0] {
+            self.include_cells(Window { low: [0, 0], high: [map.width, map.height] });
+        }
+    }
+
+    fn include_cells(&mut self, cells: Window) {
+        for k in 0..2 {
+            self.known.low[k] = self.known.low[k].min(cells.low[k]);
+            self.known.high[k] = self.known.high[k].max(cells.high[k]);
+        }
+        let Window { low: [u0, v0], high: [u1, v1] } = cells;
+        for [u, v] in [[u0, v0], [u1, v0], [u0, v1], [u1, v1]] {
+            self.include([u as f64, v as f64]);
+        }
+    }
+
+    fn choose_scale(&mut self, picture: &Picture<'_>) {
+        let side_cells = (self.high[0] - self.low[0]).max(self.high[1] - self.low[1]).max(1.0) as usize;
+        let room_px = picture.max_side_px.clamp(200, 16_384) - 2 * MARGIN_PX - STRIP_PX;
+        if side_cells > room_px {
+            self.cells_per_px = side_cells.div_ceil(room_px);
+            self.px_per_cell = 1.0 / self.cells_per_px as f64;
+        } else {
+            let wanted = picture.min_side_px.div_ceil(side_cells).clamp(1, MAX_ENLARGEMENT);
+            self.px_per_cell = wanted.min(room_px / side_cells).max(1) as f64;
+        }
+    }
+
+    /// A place given in cells, in pixels of the picture.
+    fn pixel(&self, place: [f64; 2]) -> [f32; 2] {
+        let [a, b] = self.turn(place);
+        let margin = MARGIN_PX as f64;
+        let x = margin + (a - self.low[0]) * self.px_per_cell;
+        let y = margin + (self.high[1] - b) * self.px_per_cell;
+        [x as f32, y as f32]
+    }
+
+    /// The place in cells of a place along the turned axes.
+    fn turn_back(&self, [a, b]: [f64; 2]) -> [f64; 2] {
+        let (s, c) = self.sin_cos;
+        [c * a + s * b, c * b - s * a]
+    }
+
+    /// Paints the map on a canvas with room for margins and scale bar.
+    fn paint(&self, map: &GridImage, scale_bar: bool) -> Canvas {
+        let side_px = |k: usize| ((self.high[k] - self.low[k]) * self.px_per_cell).ceil().max(1.0) as usize;
+        let (width_px, height_px) = (side_px(0), side_px(1));
+        let strip_px = if scale_bar { STRIP_PX } else { 0 };
+        let mut canvas = Canvas::new(width_px + 2 * MARGIN_PX, height_px + 2 * MARGIN_PX + strip_px, UNSEEN);
+        let raster = Raster::of(map, self.known, self.cells_per_px);
+        for y in 0..height_px {
+            let row = &mut canvas.row(MARGIN_PX + y)[MARGIN_PX..MARGIN_PX + width_px];
+            self.paint_row(&raster, y, row);
+        }
+        canvas
+    }
+
+    fn paint_row(&self, raster: &Raster, y: usize, row: &mut [Colour]) {
+        let step_cells = 1.0 / self.px_per_cell;
+        let b = self.high[1] - (y as f64 + 0.5) * step_cells;
+        let to_raster = 1.0 / raster.cells_per_px as f64;
+        let [u, v] = self.turn_back([self.low[0] + 0.5 * step_cells, b]);
+        let [u, v] = [(u - raster.corner[0]) * to_raster, (v - raster.corner[1]) * to_raster];
+        let (s, c) = self.sin_cos;
+        let [du, dv] = [c * step_cells * to_raster, -s * step_cells * to_raster];
+        if self.turned {
+            raster.sample_between(row, [u, v], [du, dv]);
+        } else {
+            raster.sample_nearest(row, [u, v], du);
+        }
+    }
+}
+
+/// A window of the map in colours, perhaps reduced; row of the smallest y first.
+#[derive(Debug)]
+struct Raster {
+    width: usize,
+    height: usize,
+    cells_per_px: usize,
+    /// Where in the map its lower left corner lies, cells.
+    corner: [f64; 2],
+    pixels: Vec<Colour>,
+}
+
+impl Raster {
+    fn of(map: &GridImage, window: Window, cells_per_px: usize) -> Self {
+        let shades: [Colour; 256] = std::array::from_fn(|cell| shade(cell as u8));
+        let Window { low: [u0, v0], high: [u1, v1] } = window;
+        let rows: Vec<&[u8]> = (v0..v1).map(|v| &map.cells[v * map.width..][u0..u1]).collect();
+        let (width, height) = ((u1 - u0).div_ceil(cells_per_px), (v1 - v0).div_ceil(cells_per_px));
+        let pixels = if cells_per_px == 1 {
+            rows.into_iter().flatten().map(|&cell| shades[usize::from(cell)]).collect()
+        } else {
+            let reduce = |rows: &[&[u8]]| reduced_row(rows, cells_per_px, &shades);
+            rows.chunks(cells_per_px).flat_map(reduce).collect()
+        };
+        Self { width, height, cells_per_px, corner: [u0 as f64, v0 as f64], pixels }
+    }
+
+    /// Cells as crisp squares, along a row of the map.
+    fn sample_nearest(&self, row: &mut [Colour], [u, v]: [f64; 2], du: f64) {
+        if v < 0.0 || v >= self.height as f64 {
+            return;
+        }
+        let cells = &self.pixels[v as usize * self.width..][..self.width];
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let u = u + x as f64 * du;
+            if u >= 0.0 && u < self.width as f64 {
+                *pixel = cells[u as usize];
+            }
+        }
+    }
+
+    /// Bilinear between the centres of pixels, in fixed point with 16 binary places.
+    fn sample_between(&self, row: &mut [Colour], [u, v]: [f64; 2], step: [f64; 2]) {
+        let fixed = |w: f64| (w * 65_536.0).round() as i64;
+        let (mut u, mut v) = (fixed(u - 0.5), fixed(v - 0.5));
+        let (du, dv) = (fixed(step[0]), fixed(step[1]));
+        for pixel in row {
+            let (column, line) = (u >> 16, v >> 16);
+            // One beyond each side, so that the map's edge fades into what is unseen.
+            if (-1..self.width as i64).contains(&column) && (-1..self.height as i64).contains(&line) {
+                *pixel = self.between(column, line, (u >> 8 & 255) as u32, (v >> 8 & 255) as u32);
+            }
+            u += du;
+            v += dv;
+        }
+    }
+
+    fn between(&self, column: i64, line: i64, right: u32, up: u32) -> Colour {
+        let [a, b] = self.pair(column, line);
+        let [c, d] = self.pair(column, line + 1);
+        if a == b && a == c && a == d {
+            return a;
+        }
+        let mix = |k: usize| {
+            let low = u32::from(a[k]) * (256 - right) + u32::from(b[k]) * right;
+            let high = u32::from(c[k]) * (256 - right) + u32::from(d[k]) * right;
+            ((low * (256 - up) + high * up + (1 << 15)) >> 16) as u8
+        };
+        [mix(0), mix(1), mix(2)]
+    }
+
+    /// The pixels at a column and the one to its right; unseen beyond the map.
+    fn pair(&self, column: i64, line: i64) -> [Colour; 2] {
+        if line < 0 || line >= self.height as i64 {
+            return [UNSEEN; 2];
+        }
+        let cells = &self.pixels[line as usize * self.width..][..self.width];
+        let at = |column: i64| usize::try_from(column).ok().and_then(|c| cells.get(c)).copied().unwrap_or(UNSEEN);
+        [at(column), at(column + 1)]
+    }
+}
+
+/// Rows of cells as one row of pixels.
+fn reduced_row(rows: &[&[u8]], cells_per_px: usize, shades: &[Colour; 256]) -> Vec<Colour> {
+    let width = rows.first().map_or(0, |row| row.len().div_ceil(cells_per_px));
+    let mut blocks = vec![Block::default(); width];
+    for row in rows {
+        for (block, cells) in blocks.iter_mut().zip(row.chunks(cells_per_px)) {
+            cells.iter().for_each(|&cell| block.add(cell));
+        }
+    }
+    blocks.iter().map(|block| block.colour(cells_per_px, shades)).collect()
+}
+
+/// The colour of a cell: from free to wall along a smooth step, so that doubtful cells show as such.
+fn shade(cell: u8) -> Colour {
+    if cell > 100 {
+        return UNSEEN;
+    }
+    let t = ((f32::from(cell) - 15.0) / 75.0).clamp(0.0, 1.0);
+    blend(FREE, WALL, t * t * (3.0 - 2.0 * t))
+}
+
+/// The cells that share a pixel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Block {
+    known: u32,
+    unseen: u32,
+    sum: u64,
+    most: u8,
+}
+
+impl Block {
+    fn add(&mut self, cell: u8) {
+        if cell > 100 {
+            self.unseen += 1;
+        } else {
+            self.known += 1;
+            self.sum += u64::from(cell);
+            self.most = self.most.max(cell);
+        }
+    }
+
+    /// The mean of what is known, drawn to its most occupied cell so that thin walls survive, over what is unseen.
+    fn colour(&self, cells_per_px: usize, shades: &[Colour; 256]) -> Colour {
+        if self.known == 0 {
+            return UNSEEN;
+        }
+        let mean = shades[(self.sum / u64::from(self.known)) as usize];
+        let wall = self.most >= super::OCCUPIED_FROM;
+        let known = if wall { blend(mean, shades[usize::from(self.most)], 0.7) } else { mean };
+        // A row of cells across the pixel is enough to make it known.
+        let share = if self.unseen == 0 { 1.0 } else { self.known as f32 / cells_per_px as f32 };
+        blend(UNSEEN, known, share.min(1.0))
+    }
+}
+
+/// The way's colour at a share of its time.
+fn way_colour(share: f32) -> Colour {
+    let at = share.clamp(0.0, 1.0) * (WAY.len() - 1) as f32;
+    let below = (at as usize).min(WAY.len() - 2);
+    blend(WAY[below], WAY[below + 1], at - below as f32)
+}
+
+fn draw_way(canvas: &mut Canvas, view: &View, way: &[[f64; 2]]) {
+    let (Some(&first), Some(&last)) = (way.first(), way.last()) else { return };
+    let half_width = 0.9 * pen_scale(canvas) as f32;
+    let mut from = view.pixel(first);
+    for (index, &place) in way.iter().enumerate() {
+        let to = view.pixel(place);
+        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+        // Shorter strokes would only cover each other.
+        if dx * dx + dy * dy >= 1.0 {
+            canvas.stroke(from, to, half_width, way_colour(index as f32 / way.len() as f32));
+            from = to;
+        }
+    }
+    canvas.marker(view.pixel(first), 5.0 * half_width, START);
+    canvas.marker(view.pixel(last), 5.0 * half_width, END);
+}
+
+/// How much larger lines and letters are drawn in large pictures.
+fn pen_scale(canvas: &Canvas) -> usize {
+    (canvas.width.max(canvas.height) / 1200).max(1)
+}
+
+/// A bar of a round length, about a fifth of the picture wide, and its length beside it.
+fn draw_scale_bar(canvas: &mut Canvas, px_per_metre: f64) {
+    let pen = pen_scale(canvas).min(2);
+    let length_m = round_length(0.2 * canvas.width as f64 / px_per_metre);
+    let length_px = ((length_m * px_per_metre).round() as usize).max(1);
+    let bottom = canvas.height - MARGIN_PX / 2;
+    canvas.rectangle(MARGIN_PX, bottom - 2 * pen, length_px, 2 * pen, INK);
+    for end in [MARGIN_PX, MARGIN_PX + length_px.saturating_sub(2 * pen)] {
+        canvas.rectangle(end, bottom - 8 * pen, 2 * pen, 8 * pen, INK);
+    }
+    let top = bottom - font::HEIGHT_PX * 2 * pen;
+    canvas.text(&length_label(length_m), MARGIN_PX + length_px + 8 * pen, top, 2 * pen, INK);
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that does not exceed `limit_m`.
+fn round_length(limit_m: f64) -> f64 {
+    let powers = (-7..9).map(|p| 10_f64.powi(p));
+    let lengths = powers.flat_map(|p| [p, 2.0 * p, 5.0 * p]);
+    lengths.take_while(|&length| length <= limit_m).last().unwrap_or(1e-7)
+}
+
+fn length_label(length_m: f64) -> String {
+    if length_m >= 1000.0 { format!("{} km", length_m / 1000.0) } else { format!("{length_m} m") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::UNKNOWN;
+
+    fn decode(bytes: &[u8]) -> (usize, usize, Vec<u8>) {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        (info.width as usize, info.height as usize, pixels)
+    }
+
+    fn draw(map: &GridImage, picture: &Picture<'_>) -> Vec<u8> {
+        let mut out = Vec::new();
+        write_png(map, picture, &mut out).unwrap();
+        out
+    }
+
+    fn room(width: usize, height: usize) -> GridImage {
+        let wall = |at: usize, side: usize| at == 2 || at == side - 3;
+        let cells = (0..width * height).map(|i| {
+            let (x, y) = (i % width, i / width);
+            let outside = x < 2 || y < 2 || x > width - 3 || y > height - 3;
+            if outside {
+                UNKNOWN
+            } else if wall(x, width) || wall(y, height) {
+                97
+            } else {
+                3
+            }
+        });
+        GridImage {
+            width,
+            height,
+            resolution_m: 0.05,
+            world_from_map: Pose2::new(-1.0, -2.0, 0.3),
+            cells: cells.collect(),
+        }
+    }
+
+    #[test]
+    fn small_maps_are_enlarged_and_large_ones_reduced() {
+        let bare = Picture { scale_bar: false, ..Picture::default() };
+        let (width, height, _) = decode(&draw(&room(104, 54), &bare));
+        assert_eq!((width, height), (800 + 2 * MARGIN_PX, 400 + 2 * MARGIN_PX));
+        let (width, height, pixels) = decode(&draw(&room(6_004, 3_004), &bare));
+        assert!(width <= 4096 && height <= 4096 && width > 2900);
+        let dark = pixels.chunks(3).filter(|p| p[0] < 120).count();
+        assert!(dark > 2 * (width + height) - 400, "thin walls survive reduction: {dark}");
+    }
+
+    #[test]
+    fn any_trajectory_and_any_angle_can_be_drawn_and_give_the_same_bytes_again() {
+        let map = room(60, 40);
+        let odd = [f64::NAN, f64::INFINITY, 1e300, -1e5, 0.0, 1.0].map(|v| Pose2 { x: v, y: 0.5, theta: v });
+        for level_rad in [0.0, 0.4, -2.0, f64::NAN, f64::INFINITY] {
+            let picture = Picture { world_from_robot: &odd, level_rad, ..Picture::default() };
+            assert_eq!(draw(&map, &picture), draw(&map, &picture));
+        }
+    }
+
+    #[test]
+    fn a_map_of_nothing_and_a_map_of_one_cell_have_pictures_too() {
+        for cells in [vec![UNKNOWN], vec![0], vec![100], vec![180]] {
+            let map = GridImage { width: 1, height: 1, cells, ..room(6, 6) };
+            decode(&draw(&map, &Picture::default()));
+        }
+        let sides = Picture { min_side_px: 0, max_side_px: 0, ..Picture::default() };
+        decode(&draw(&room(300, 20), &sides));
+    }
+
+    #[test]
+    fn the_scale_bar_has_a_round_length() {
+        assert_eq!([0.3, 7.3, 10.0, 49.0, 2600.0].map(round_length), [0.2, 5.0, 10.0, 20.0, 2000.0]);
+        assert_eq!([0.2, 20.0, 2000.0].map(length_label), ["0.2 m", "20 m", "2 km"]);
+    }
+}
