@@ -1,6 +1,6 @@
 //! Occupancy as integer counts of hits and passes, so that adding and removing a keyframe is exact and commutative.
 
-use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, tile_of};
+use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, floor_cell, tile_of};
 
 use mapwright_geom::{Pose2, sin_cos};
 use mapwright_sensor::SweepPoints;
@@ -9,6 +9,9 @@ use mapwright_sensor::SweepPoints;
 pub(crate) const FRACTION_STEPS: f64 = 1024.0;
 /// Set in a cell's passes while the cell has hits, so that a ray sees it without a second look-up.
 const HAS_HITS: u32 = 1 << 31;
+/// Set in a cell's passes while the cell is an obstacle of a live map.
+const OBSTACLE: u32 = 1 << 30;
+const FLAGS: u32 = HAS_HITS | OBSTACLE;
 const NO_SLOT: u32 = u32::MAX;
 
 /// What a cell's counts say.
@@ -35,6 +38,8 @@ pub struct HitCell {
     pub sum_x: u32,
     /// The same along y.
     pub sum_y: u32,
+    /// Hits whose scan shows something small, a corner or an edge.
+    pub points: u32,
     /// Hits whose scan knew the direction of the surface.
     pub normals: u32,
     /// Sum of `n_x n_x` of those hits' normals, in 1/1024, modulo 2^32.
@@ -45,7 +50,7 @@ pub struct HitCell {
 
 impl HitCell {
     const fn empty(x: i32, y: i32) -> Self {
-        Self { x, y, hits: 0, sum_x: 0, sum_y: 0, normals: 0, sum_nxx: 0, sum_nxy: 0 }
+        Self { x, y, hits: 0, sum_x: 0, sum_y: 0, points: 0, normals: 0, sum_nxx: 0, sum_nxy: 0 }
     }
 }
 
@@ -56,6 +61,8 @@ pub struct Hit {
     pub end_cells: [f64; 2],
     /// Unit normal of the surface in the map's frame, where the scan knows it.
     pub normal: Option<[f64; 2]>,
+    /// Whether the scan shows something small there.
+    pub point: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -127,7 +134,7 @@ impl CountGrid {
     pub fn passes(&self, cell_x: i32, cell_y: i32) -> u32 {
         match self.index.find(tile_of(cell_x, cell_y)) {
             NO_TILE => 0,
-            tile => self.tiles[tile as usize].passes[cell_in_tile(cell_x, cell_y)] & !HAS_HITS,
+            tile => self.tiles[tile as usize].passes[cell_in_tile(cell_x, cell_y)] & !FLAGS,
         }
     }
 
@@ -157,8 +164,9 @@ impl CountGrid {
         let start = to_cells(points.origin);
         for (&hit, &[nx, ny]) in points.hits.iter().zip(&points.normals) {
             let end_cells = to_cells(hit);
-            let normal = (nx != 0.0 || ny != 0.0).then(|| [c * nx - s * ny, s * nx + c * ny]);
-            touched.push(self.hit(Hit { end_cells, normal }, change) | 1 << 31);
+            let point = nx.is_nan();
+            let normal = (!point && (nx != 0.0 || ny != 0.0)).then(|| [c * nx - s * ny, s * nx + c * ny]);
+            touched.push(self.hit(Hit { end_cells, normal, point }, change) | 1 << 31);
             self.pass(start, end_cells, change, touched);
         }
         for &free in &points.free_ends {
@@ -169,7 +177,7 @@ impl CountGrid {
     /// Counts a beam's end point, given in cells; returns the cell's slot.
     pub fn hit(&mut self, hit: Hit, change: Change) -> u32 {
         let end_cells = hit.end_cells;
-        let (x, y) = (end_cells[0].floor() as i32, end_cells[1].floor() as i32);
+        let (x, y) = (floor_cell(end_cells[0]), floor_cell(end_cells[1]));
         let sum_x = ((end_cells[0] - f64::from(x)) * FRACTION_STEPS) as u32;
         let sum_y = ((end_cells[1] - f64::from(y)) * FRACTION_STEPS) as u32;
         let tile = self.tile_number(tile_of(x, y));
@@ -184,6 +192,7 @@ impl CountGrid {
         add(&mut cell.hits, 1);
         add(&mut cell.sum_x, sum_x);
         add(&mut cell.sum_y, sum_y);
+        add(&mut cell.points, u32::from(hit.point));
         if let Some([nx, ny]) = hit.normal {
             add(&mut cell.normals, 1);
             add(&mut cell.sum_nxx, (nx * nx * FRACTION_STEPS) as i32 as u32);
@@ -206,6 +215,14 @@ impl CountGrid {
         slot
     }
 
+    /// Remembers whether a slot's cell is an obstacle, so that rays need not ask.
+    pub(crate) fn mark_obstacle(&mut self, slot: u32, obstacle: bool) {
+        let HitCell { x, y, .. } = self.cells[slot as usize];
+        let tile = self.tile_number(tile_of(x, y));
+        let passes = &mut self.tiles[tile].passes[cell_in_tile(x, y)];
+        *passes = if obstacle { *passes | OBSTACLE } else { *passes & !OBSTACLE };
+    }
+
     /// Gives back the slot of a cell whose last hit was taken out.
     pub fn release_if_empty(&mut self, slot: u32) {
         let HitCell { x, y, hits, .. } = self.cells[slot as usize];
@@ -216,7 +233,7 @@ impl CountGrid {
         let in_tile = cell_in_tile(x, y);
         if self.tiles[tile].slots[in_tile] == slot {
             self.tiles[tile].slots[in_tile] = NO_SLOT;
-            self.tiles[tile].passes[in_tile] &= !HAS_HITS;
+            self.tiles[tile].passes[in_tile] &= !FLAGS;
             self.free_slots.push(slot);
         }
     }
@@ -236,13 +253,15 @@ impl CountGrid {
 
     fn walk<const STEEP: bool>(&mut self, start: [f64; 2], end: [f64; 2], change: Change, touched: &mut Vec<u32>) {
         const ONE: f64 = 4_294_967_296.0;
-        let (first, last) = (start[0].floor() as i32, end[0].floor() as i32);
+        let (first, last) = (floor_cell(start[0]), floor_cell(end[0]));
         let slope = if first == last { return } else { (end[1] - start[1]) / (end[0] - start[0]) };
         let step = if last > first { 1 } else { -1 };
         let minor_at_first = start[1] + slope * (f64::from(first) + 0.5 - start[0]);
         let mut minor = (minor_at_first * ONE).floor() as i64;
         let minor_step = (slope * f64::from(step) * ONE) as i64;
         let delta = if change == Change::Add { 1 } else { u32::MAX };
+        // A pass can end an obstacle, and one pass less can make one of a cell with hits.
+        let may_flip = if change == Change::Add { FLAGS } else { HAS_HITS };
         let mut major = first;
         let mut current = (i32::MIN, i32::MIN);
         let mut tile = 0;
@@ -257,7 +276,7 @@ impl CountGrid {
             let tile = &mut self.tiles[tile];
             let count = tile.passes[in_tile].wrapping_add(delta);
             tile.passes[in_tile] = count;
-            if count & HAS_HITS != 0 {
+            if count & FLAGS == may_flip {
                 touched.push(tile.slots[in_tile]);
             }
             major += step;
@@ -274,7 +293,7 @@ impl CountGrid {
         for tile in order {
             let tile = &self.tiles[tile];
             for in_tile in 0..TILE_CELLS {
-                let passes = tile.passes[in_tile] & !HAS_HITS;
+                let passes = tile.passes[in_tile] & !FLAGS;
                 let slot = tile.slots[in_tile];
                 if passes == 0 && slot == NO_SLOT {
                     continue;
@@ -305,7 +324,7 @@ impl CountGrid {
     pub fn known_cells(&self) -> impl Iterator<Item = (i32, i32, u32, u32)> + '_ {
         self.tiles.iter().flat_map(move |tile| {
             (0..TILE_CELLS).filter_map(move |in_tile| {
-                let passes = tile.passes[in_tile] & !HAS_HITS;
+                let passes = tile.passes[in_tile] & !FLAGS;
                 let slot = tile.slots[in_tile];
                 let hits = if slot == NO_SLOT { 0 } else { self.cells[slot as usize].hits };
                 let x = (tile.key.0 << TILE_BITS) + (in_tile as i32 & (TILE_SIDE - 1));

@@ -252,9 +252,11 @@ impl LiveMap {
         if occupied && !was {
             *flag |= OCCUPIED;
             self.field.insert(cell.x, cell.y, slot);
+            self.counts.mark_obstacle(slot, true);
         } else if !occupied && was {
             *flag &= !OCCUPIED;
             self.field.remove(cell.x, cell.y);
+            self.counts.mark_obstacle(slot, false);
         }
         if occupied != was || (occupied && moved) {
             let r = self.settings.smooth_cells;
@@ -286,7 +288,7 @@ impl LiveMap {
         let [x, y] = self.mean(slot);
         let cell = self.counts.cell(slot);
         if cell.normals == 0 {
-            let w = (self.settings.point_weight * (f64::from(cell.hits) / self.settings.point_hits).min(1.0)) as f32;
+            let w = (self.settings.point_weight * f64::from(cell.points) / f64::from(cell.hits)) as f32;
             return Surfel { x, y, axx: w, axy: 0.0, ayy: w };
         }
         let smooth = self.settings.smooth_cells;

@@ -10,7 +10,7 @@
 
 use crate::field::NO_OBSTACLE;
 use crate::live::LiveMap;
-use crate::tiles::{NO_TILE, cell_in_tile, tile_of};
+use crate::tiles::{NO_TILE, cell_in_tile, floor_cell, tile_of};
 use mapwright_geom::Pose2;
 use nalgebra::{Matrix3, Vector3};
 
@@ -21,15 +21,24 @@ pub struct Prior {
     pub world_from_robot: Pose2,
     /// Variances of its right perturbation: x and y in m^2, heading in rad^2.
     pub variances: [f64; 3],
+    /// Weight of the tail: the density is Student's, like a normal's up to about `sqrt(tail)` standard deviations.
+    pub tail: f64,
 }
 
 impl Prior {
     /// Negative log density (up to a constant), gradient and curvature at a pose.
     fn evaluate(&self, world_from_robot: Pose2) -> (f64, Vector3<f64>, Vector3<f64>) {
-        let error = Vector3::from(self.world_from_robot.between(world_from_robot).log());
-        let information = Vector3::from(self.variances.map(|variance| 1.0 / variance));
-        let gradient = information.component_mul(&error);
-        (0.5 * gradient.dot(&error), gradient, information)
+        let error = self.world_from_robot.between(world_from_robot).log();
+        let mut cost = 0.0;
+        let (mut gradient, mut curvature) = (Vector3::zeros(), Vector3::zeros());
+        for k in 0..3 {
+            let information = 1.0 / self.variances[k];
+            let spread = 1.0 + error[k] * error[k] * information / self.tail;
+            cost += 0.5 * self.tail * spread.ln();
+            curvature[k] = information / spread;
+            gradient[k] = curvature[k] * error[k];
+        }
+        (cost, gradient, curvature)
     }
 }
 
@@ -42,6 +51,8 @@ pub struct MatcherSettings {
     pub capture_sigma_m: f64,
     /// Density of random readings relative to a hit at distance zero.
     pub random_ratio: f64,
+    /// Beams are correlated: a scan's log likelihood counts with this share of its beams' sum.
+    pub beam_share: f64,
     /// Evaluations of the objective a stage may use.
     pub max_evaluations: u32,
     /// Converged when a step of the last stage is shorter, metres (and radians).
@@ -50,7 +61,7 @@ pub struct MatcherSettings {
 
 impl Default for MatcherSettings {
     fn default() -> Self {
-        Self { sigma_m: 0.03, capture_sigma_m: 0.15, random_ratio: 0.01, max_evaluations: 30, step_m: 5e-4 }
+        Self { sigma_m: 0.03, capture_sigma_m: 0.15, random_ratio: 0.01, beam_share: 1.0, max_evaluations: 30, step_m: 5e-4 }
     }
 }
 
@@ -107,7 +118,7 @@ impl Matcher {
         let (field, surfels) = (map.field(), map.surfels());
         let random = self.settings.random_ratio;
         let mut missed = 0_u32;
-        let (mut log_sum, mut hits) = (0.0, 0.0);
+        let (mut log_sum, mut product, mut hits) = (0.0, 1.0, 0.0);
         let (mut gx, mut gy, mut gt) = (0.0, 0.0, 0.0);
         let (mut hxx, mut hxy, mut hyy, mut hxt, mut hyt, mut htt) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         let mut current = (i32::MIN, i32::MIN);
@@ -115,7 +126,7 @@ impl Matcher {
         for &[px, py] in points {
             let (rx, ry) = (c * px - s * py, s * px + c * py);
             let (wx, wy) = (world_from_robot.x + rx, world_from_robot.y + ry);
-            let (cell_x, cell_y) = ((wx * cells_per_m).floor() as i32, (wy * cells_per_m).floor() as i32);
+            let (cell_x, cell_y) = (floor_cell(wx * cells_per_m), floor_cell(wy * cells_per_m));
             if tile_of(cell_x, cell_y) != current {
                 current = tile_of(cell_x, cell_y);
                 tile = field.tile_number(current);
@@ -133,9 +144,14 @@ impl Matcher {
             let (dx, dy) = (wx - surfel.x, wy - surfel.y);
             let (axx, axy, ayy) = (f64::from(surfel.axx), f64::from(surfel.axy), f64::from(surfel.ayy));
             let (ex, ey) = (axx * dx + axy * dy, axy * dx + ayy * dy);
-            let hit = (-(dx * ex + dy * ey) * scale).exp();
+            let hit = exp_of_negative((dx * ex + dy * ey) * scale);
             let total = hit + random;
-            log_sum += total.ln();
+            // One logarithm for many factors: their product stays above 1e-200.
+            product *= total;
+            if product < 1e-100 {
+                log_sum += product.ln();
+                product = 1.0;
+            }
             let w = hit / total;
             hits += w;
             // The end point turns about the robot: d(wx, wy)/d(theta) = (-ry, rx).
@@ -150,6 +166,7 @@ impl Matcher {
             hyt += w * ty;
             htt += w * (ty * rx - tx * ry);
         }
+        log_sum += product.ln();
         let cost = -log_sum - f64::from(missed) * random.ln();
         // The sums are over a translation in the world's frame; a right perturbation's is in the robot's.
         let world_from_tangent = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
@@ -162,11 +179,12 @@ impl Matcher {
 
     fn objective(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, pose: Pose2, sigma_m: f64) -> Objective {
         let scan = self.evaluate(map, points, pose, sigma_m);
+        let share = self.settings.beam_share;
         let (cost, gradient, curvature) = prior.evaluate(pose);
         Objective {
-            cost: scan.cost + cost,
-            gradient: scan.gradient + gradient,
-            hessian: scan.hessian + Matrix3::from_diagonal(&curvature),
+            cost: scan.cost * share + cost,
+            gradient: scan.gradient * share + gradient,
+            hessian: scan.hessian * share + Matrix3::from_diagonal(&curvature),
             scan_hessian: scan.hessian,
             hits: scan.hits,
         }
@@ -279,6 +297,22 @@ impl Matcher {
         }
         (pose, here, evaluations)
     }
+}
+
+/// `exp(-u)` for `u >= 0`, relative error below 2e-7; zero beyond 60.
+///
+/// `2^n` from the exponent's bits times a polynomial for the rest (minimax on `[-ln 2 / 2, ln 2 / 2]`).
+fn exp_of_negative(u: f64) -> f64 {
+    const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52: adding it rounds to the nearest integer
+    if !(u < 60.0) {
+        return 0.0;
+    }
+    let t = -u * std::f64::consts::LOG2_E + ROUND;
+    let n = t - ROUND;
+    let r = -u - n * std::f64::consts::LN_2;
+    let exp_r = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r / 720.0)))));
+    let power = f64::from_bits(((n as i64 + 1023) as u64) << 52);
+    exp_r * power
 }
 
 /// One stage's problem.

@@ -13,6 +13,14 @@ pub(crate) const NO_TILE: u32 = u32::MAX;
 
 const CACHE_BITS: u32 = 5;
 
+/// The cell of a coordinate given in cells: rounded down. Coordinates beyond 2^30 cells are clamped to the edge.
+#[inline]
+pub(crate) fn floor_cell(cells: f64) -> i32 {
+    const BIAS: f64 = 1_073_741_824.0;
+    // Positive after the bias, so that truncation rounds down; the cast saturates.
+    ((cells + BIAS) as i64 - BIAS as i64) as i32
+}
+
 /// The tile that holds a cell.
 pub(crate) fn tile_of(cell_x: i32, cell_y: i32) -> (i32, i32) {
     (cell_x >> TILE_BITS, cell_y >> TILE_BITS)

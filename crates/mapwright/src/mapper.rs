@@ -96,6 +96,7 @@ impl Mapper {
                 sigma_m: settings.matching.sigma_m,
                 capture_sigma_m: settings.matching.capture_sigma_m,
                 random_ratio: settings.matching.random_ratio,
+                beam_share: settings.matching.beam_share,
                 max_evaluations: settings.matching.max_evaluations,
                 ..MatcherSettings::default()
             },
@@ -180,7 +181,7 @@ impl Mapper {
             return None;
         }
         let widen = f64::from(self.lost_scans).mul_add(1.0, 1.0);
-        let prior = Prior { world_from_robot: predicted, variances: step.variances.map(|v| v * widen) };
+        let prior = Prior { world_from_robot: predicted, variances: step.variances.map(|v| v * widen), tail: self.settings.motion.tail };
         let first = self.refine(&prior, predicted);
         let mut best = (first, self.live.map.agreement(&self.points.hits, first.world_from_robot));
         let (mut evaluations, mut restarts) = (first.evaluations, 0);

@@ -215,13 +215,14 @@ section! {
     MotionSettings, "motion" {
         use_odometry: bool = true, 0..=1, "", "false predicts with constant velocity even where the log has odometry";
         alpha1: f64 = 0.1, 0.0..=10.0, "", "rotation variance per squared rotation";
-        alpha2: f64 = 0.1, 0.0..=10.0, "rad^2/m^2", "rotation variance per squared translation";
-        alpha3: f64 = 0.1, 0.0..=10.0, "", "translation variance per squared translation";
-        alpha4: f64 = 0.05, 0.0..=10.0, "m^2/rad^2", "translation variance per squared rotation";
-        translation_floor_m: f64 = 0.03, 1e-6..=10.0, "m", "least standard deviation of a step's translation";
-        rotation_floor_rad: f64 = 0.03, 1e-6..=3.2, "rad", "least standard deviation of a step's rotation";
-        translation_per_second_m: f64 = 0.02, 0.0..=10.0, "m/s", "growth of the translation floor with time";
-        rotation_per_second_rad: f64 = 0.02, 0.0..=3.2, "rad/s", "growth of the rotation floor with time";
+        alpha2: f64 = 0.05, 0.0..=10.0, "rad^2/m^2", "rotation variance per squared translation";
+        alpha3: f64 = 0.03, 0.0..=10.0, "", "translation variance per squared translation";
+        alpha4: f64 = 0.02, 0.0..=10.0, "m^2/rad^2", "translation variance per squared rotation";
+        tail: f64 = 1e8, 0.1..=1e9, "", "weight of the heavy tail that allows for slip; larger is more like a normal";
+        translation_floor_m: f64 = 0.005, 1e-6..=10.0, "m", "least standard deviation of a step's translation";
+        rotation_floor_rad: f64 = 0.005, 1e-6..=3.2, "rad", "least standard deviation of a step's rotation";
+        translation_per_second_m: f64 = 0.005, 0.0..=10.0, "m/s", "growth of the translation floor with time";
+        rotation_per_second_rad: f64 = 0.005, 0.0..=3.2, "rad/s", "growth of the rotation floor with time";
     }
 }
 section! {
@@ -231,6 +232,7 @@ section! {
         sigma_m: f64 = 0.03, 0.001..=1.0, "m", "standard deviation of a hit in the last stage";
         capture_sigma_m: f64 = 0.15, 0.001..=2.0, "m", "standard deviation of a hit in the first stage";
         random_ratio: f64 = 0.01, 1e-9..=1.0, "", "density of random readings relative to a hit at distance zero";
+        beam_share: f64 = 1.0, 1e-6..=1.0, "", "beams are correlated: their summed log likelihood counts with this share";
         max_evaluations: u32 = 30, 1..=1000, "", "evaluations of the objective a stage may use";
     }
 }

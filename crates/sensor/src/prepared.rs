@@ -145,6 +145,8 @@ impl BeamTable {
 const NORMAL_REACH_M: f64 = 0.12;
 /// The adjacent hit counts as neighbour up to so many beam spacings.
 const NORMAL_GAP_SPACINGS: f64 = 3.5;
+/// A hit without neighbours is a small object where beams are nearer to each other than this, metres.
+const POINT_SPACING_M: f64 = 0.1;
 /// Largest ratio of the neighbours' two variances at which they are a line.
 const NORMAL_RATIO: f64 = 0.1;
 
@@ -233,14 +235,16 @@ impl SweepPoints {
             }
         }
         if n < 2.5 {
-            return [0.0; 2];
+            // Alone among densely spaced beams: something small. Alone among sparse ones: nothing is known.
+            let dense = self.beam_step_rad * range_m < POINT_SPACING_M;
+            return if dense { [f64::NAN; 2] } else { [0.0; 2] };
         }
         let (mx, my) = (sx / n, sy / n);
         let (cxx, cxy, cyy) = (sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my);
         let (mean, diff) = (0.5 * (cxx + cyy), 0.5 * (cxx - cyy));
         let root = (diff * diff + cxy * cxy).sqrt();
         if mean - root > NORMAL_RATIO * (mean + root) || root <= 0.0 {
-            return [0.0; 2];
+            return [f64::NAN; 2];
         }
         // Eigenvector of the smaller eigenvalue, from the better conditioned row.
         let (vx, vy) = if diff > 0.0 { (-cxy, root + diff) } else { (root - diff, -cxy) };
