@@ -3,15 +3,17 @@
 //! Over a stretch of the drive, odometry's motion of the robot and the matched motion of the laser must agree through
 //! the laser's mount: `robot0_from_robot1 * robot_from_laser = robot_from_laser * laser0_from_laser1` (hand-eye
 //! calibration in the plane, with the wheels' errors estimated beside it; after Censi et al. 2013). The mount's position
-//! shows only in turns, its heading only on the move. Damped Gauss-Newton with Huber weights; the uncertainty is the
-//! sandwich `H^-1 (sum J^T W r r^T W J) H^-1`, which stays honest where the residuals are neither equal nor normal.
+//! shows only in turns, its heading only on the move; odometry that lags behind the laser looks like a laser that sits
+//! further ahead the faster the robot drives, so the lag is estimated too. Gauss-Newton with Huber weights; the
+//! uncertainty is the sandwich `H^-1 (sum J^T W r r^T W J) H^-1`, which stays honest where the residuals are neither
+//! equal nor normal.
 
-use mapwright_geom::Pose2;
+use mapwright_geom::{Pose2, Stamp};
 use nalgebra::{SMatrix, SVector};
 
 /// Residuals per stretch: x, y, heading.
 const RESIDUALS: usize = 3;
-const PARAMETERS: usize = 6;
+const PARAMETERS: usize = 7;
 type Vector = SVector<f64, PARAMETERS>;
 type Matrix = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
@@ -28,9 +30,13 @@ const STRETCHES_AT_LEAST: usize = 30;
 /// Turning in all without which the mount's position does not show, radians.
 const TURN_AT_LEAST_RAD: f64 = 6.0;
 
+/// Scans farther apart say nothing about the speed between them, seconds.
+const SPEED_WITHIN_S: f64 = 2.0;
+
 /// A scan's pose by the wheels and by the match.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sample {
+    pub(crate) stamp: Stamp,
     pub(crate) odom_from_robot: Pose2,
     /// The laser itself, not the robot: no mount is presumed.
     pub(crate) map_from_laser: Pose2,
@@ -58,6 +64,8 @@ pub(crate) struct Calibration {
     pub(crate) rotation_scale: Estimate,
     /// True turn per metre driven that the wheels do not report, radians per metre.
     pub(crate) drift_rad_per_m: Estimate,
+    /// Time by which odometry lags behind the laser, seconds.
+    pub(crate) lag_s: Estimate,
     /// Stretches used.
     pub(crate) stretches: usize,
 }
@@ -66,6 +74,8 @@ pub(crate) struct Calibration {
 #[derive(Debug, Clone)]
 struct Stretch {
     increments: Vec<Pose2>,
+    /// The wheels' speed at both ends, per second.
+    twists_per_s: [[f64; 3]; 2],
     laser0_from_laser1: Pose2,
 }
 
@@ -80,7 +90,7 @@ pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibra
             stretches.len()
         ));
     }
-    let mut at = Vector::from([presumed.x, presumed.y, presumed.theta, 1.0, 1.0, 0.0]);
+    let mut at = Vector::from([presumed.x, presumed.y, presumed.theta, 1.0, 1.0, 0.0, 0.0]);
     let mut scales = [1.0; RESIDUALS];
     for _ in 0..ITERATIONS {
         scales = robust_scales(&stretches, &at);
@@ -100,6 +110,7 @@ pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibra
         translation_scale: estimate(3),
         rotation_scale: estimate(4),
         drift_rad_per_m: estimate(5),
+        lag_s: estimate(6),
         stretches: stretches.len(),
     })
 }
@@ -114,11 +125,20 @@ fn stretches_of(run: &[Sample]) -> Vec<Stretch> {
         increments.push(increment);
         if turned >= STRETCH_RAD || driven_m >= STRETCH_M {
             let laser0_from_laser1 = run[start].map_from_laser.between(run[k].map_from_laser);
-            stretches.push(Stretch { increments: std::mem::take(&mut increments), laser0_from_laser1 });
+            let twists_per_s = [start, k].map(|at| twist_per_s(run, at));
+            stretches.push(Stretch { increments: std::mem::take(&mut increments), twists_per_s, laser0_from_laser1 });
             (start, turned, driven_m) = (k, 0.0, 0.0);
         }
     }
     stretches
+}
+
+/// The wheels' speed around a sample, per second; zero where the stamps do not tell.
+fn twist_per_s(run: &[Sample], at: usize) -> [f64; 3] {
+    let (before, after) = (run[at.saturating_sub(1)], run[(at + 1).min(run.len() - 1)]);
+    let seconds = after.stamp.secs_since(before.stamp);
+    let telling = seconds > 0.0 && seconds < SPEED_WITHIN_S;
+    if telling { before.odom_from_robot.between(after.odom_from_robot).log().map(|v| v / seconds) } else { [0.0; 3] }
 }
 
 impl Stretch {
@@ -133,7 +153,9 @@ impl Stretch {
 
     fn residual(&self, at: &Vector) -> [f64; RESIDUALS] {
         let robot_from_laser = Pose2::new(at[0], at[1], at[2]);
-        let by_wheels = robot_from_laser.inverse() * self.robot_motion(at) * robot_from_laser;
+        let [start, end] = self.twists_per_s.map(|twist| Pose2::exp(twist.map(|v| v * at[6])));
+        let robot0_from_robot1 = start.inverse() * self.robot_motion(at) * end;
+        let by_wheels = robot_from_laser.inverse() * robot0_from_robot1 * robot_from_laser;
         let error = self.laser0_from_laser1.between(by_wheels);
         [error.x, error.y, error.theta]
     }
@@ -210,10 +232,11 @@ mod tests {
         let (mut world_from_robot, mut odom_from_robot) = (Pose2::IDENTITY, Pose2::IDENTITY);
         let mut run = Vec::new();
         for k in 0..2000 {
-            run.push(Sample { odom_from_robot, map_from_laser: world_from_robot * robot_from_laser });
-            let turn = 0.06 * (f64::from(k) * 0.02).sin();
-            world_from_robot = world_from_robot * Pose2::new(0.05, 0.0, turn);
-            odom_from_robot = odom_from_robot * Pose2::new(0.05 / 1.02, 0.0, (turn - 0.01 * 0.05) / 0.97);
+            let stamp = Stamp(i64::from(k) * 100_000_000);
+            run.push(Sample { stamp, odom_from_robot, map_from_laser: world_from_robot * robot_from_laser });
+            let (turn, ahead_m) = (0.06 * (f64::from(k) * 0.02).sin(), 0.05 + 0.03 * (f64::from(k) * 0.031).sin());
+            world_from_robot = world_from_robot * Pose2::new(ahead_m, 0.0, turn);
+            odom_from_robot = odom_from_robot * Pose2::new(ahead_m / 1.02, 0.0, (turn - 0.01 * ahead_m) / 0.97);
         }
         let found = calibrate(&[run], Pose2::IDENTITY).unwrap();
         let near = |estimate: Estimate, value: f64| assert!((estimate.value - value).abs() < 1e-3, "{estimate:?}");
@@ -222,13 +245,17 @@ mod tests {
         near(found.yaw_rad, 0.02);
         near(found.translation_scale, 1.02);
         near(found.rotation_scale, 0.97);
-        near(found.drift_rad_per_m, 0.01 * 1.02_f64.recip());
+        near(found.drift_rad_per_m, 0.01 * 1.02);
+        near(found.lag_s, 0.0);
     }
 
     #[test]
     fn a_drive_without_turns_is_refused_in_words() {
         let sample = |k: i32| Pose2::new(0.05 * f64::from(k), 0.0, 0.0);
-        let run = (0..2000).map(|k| Sample { odom_from_robot: sample(k), map_from_laser: sample(k) }).collect();
+        let stamp = |k: i32| Stamp(i64::from(k) * 100_000_000);
+        let run = (0..2000)
+            .map(|k| Sample { stamp: stamp(k), odom_from_robot: sample(k), map_from_laser: sample(k) })
+            .collect();
         assert!(calibrate(&[run], Pose2::IDENTITY).unwrap_err().contains("full turn"));
     }
 }

@@ -101,7 +101,8 @@ impl Mapping {
         self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
         self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
         let wall_angle_rad = self.wall_angle(&image);
-        let picture = Picture { world_from_robot: &way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
+        let picture =
+            Picture { world_from_robot: &way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
         let shown = without_outliers(&image, &way);
         self.output.write("map.png", |writer| write_png(&shown, &picture, writer))?;
         Ok(Made {

@@ -121,11 +121,6 @@ impl Tally {
         (self.matched > 0).then_some(bin as f64 / BINS as f64)
     }
 
-    /// Scans that no pose explained.
-    pub(crate) fn lost(&self) -> u64 {
-        self.by_status[Status::Lost as usize]
-    }
-
     pub(crate) fn status_report(&mut self) -> Value {
         self.close_run();
         let runs: Vec<Value> = self.runs.iter().map(run_report).collect();

@@ -160,35 +160,47 @@ fn stamp_from_float(token: &[u8]) -> Option<Stamp> {
 
 /// Appends a stamp in seconds with nine decimals, exactly.
 pub(crate) fn write_stamp(out: &mut Vec<u8>, stamp: Stamp) {
-    if stamp.0 < 0 {
-        out.push(b'-');
-    }
-    write_fixed_digits(out, u128::from(stamp.0.unsigned_abs()), 9);
+    const NANOS: u64 = POWERS_OF_TEN_INT[9];
+    let nanos = stamp.0.unsigned_abs();
+    write_parts(out, stamp.0 < 0, nanos / NANOS, nanos % NANOS, 9);
 }
 
 /// Largest magnitude that [`write_fixed`] takes.
 pub(crate) const FIXED_LIMIT: f64 = 1e15;
 
+/// Powers of ten by which decimals are scaled.
+const POWERS_OF_TEN_INT: [u64; 10] =
+    [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000];
+
 /// Appends `value` with exactly `decimals` (at most 9) decimals, correctly rounded, ties to even, like `{:.9}`.
 ///
 /// The caller makes sure that `value` is finite and within [`FIXED_LIMIT`]; others are clamped there.
-pub(crate) fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: u32) {
-    if value.is_sign_negative() && !value.is_nan() {
-        out.push(b'-');
+pub(crate) fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
+    let decimals = decimals.min(9);
+    let power = POWERS_OF_TEN_INT[decimals];
+    if value == 0.0 {
+        // Planar poses are full of zeros.
+        return write_parts(out, value.is_sign_negative(), 0, 0, decimals);
     }
-    write_fixed_digits(out, scaled_integer(value.abs().min(FIXED_LIMIT), decimals), decimals as usize);
+    let scaled = scaled_integer(value.abs().min(FIXED_LIMIT), power);
+    // Up to 10^15 with nine decimals needs 80 bits; whole and fraction fit 64 each.
+    let (whole, fraction) = match u64::try_from(scaled) {
+        Ok(small) => (small / power, small % power),
+        Err(_) => ((scaled / u128::from(power)) as u64, (scaled % u128::from(power)) as u64),
+    };
+    write_parts(out, value.is_sign_negative(), whole, fraction, decimals);
 }
 
-/// `round(magnitude * 10^decimals)` in integers: `mantissa * 10^decimals` has at most 83 bits, the power of two is a shift.
-fn scaled_integer(magnitude: f64, decimals: u32) -> u128 {
+/// `round(magnitude * power)` in integers: `mantissa * power` has at most 83 bits, the power of two is a shift.
+fn scaled_integer(magnitude: f64, power: u64) -> u128 {
     let bits = magnitude.to_bits();
     let (exponent, fraction) = ((bits >> 52) as i32, bits & ((1 << 52) - 1));
-    let (mantissa, power) = if exponent == 0 { (fraction, -1074) } else { (fraction | 1 << 52, exponent - 1075) };
-    let product = u128::from(mantissa) * 10_u128.pow(decimals.min(9));
-    if power >= 0 {
-        return product << power.min(40);
+    let (mantissa, exponent) = if exponent == 0 { (fraction, -1074) } else { (fraction | 1 << 52, exponent - 1075) };
+    let product = u128::from(mantissa) * u128::from(power);
+    if exponent >= 0 {
+        return product << exponent.min(40);
     }
-    let shift = power.unsigned_abs();
+    let shift = exponent.unsigned_abs();
     if shift > 100 {
         return 0;
     }
@@ -196,31 +208,47 @@ fn scaled_integer(magnitude: f64, decimals: u32) -> u128 {
     whole + u128::from(rest > half || (rest == half && whole & 1 == 1))
 }
 
-/// Appends `scaled / 10^decimals`.
-fn write_fixed_digits(out: &mut Vec<u8>, scaled: u128, decimals: usize) {
-    let power = 10_u128.pow(decimals as u32);
-    // Up to 10^15 with nine decimals needs 80 bits; whole and fraction fit 64 each.
-    let (whole, fraction) = match u64::try_from(scaled) {
-        Ok(small) => (small / power as u64, small % power as u64),
-        Err(_) => ((scaled / power) as u64, (scaled % power) as u64),
-    };
-    write_integer(out, whole, 1);
+/// Appends sign, whole and, where there are decimals, point and fraction.
+fn write_parts(out: &mut Vec<u8>, negative: bool, whole: u64, fraction: u64, decimals: usize) {
+    let mut text = [b'0'; 32];
+    let mut at = text.len();
     if decimals > 0 {
-        out.push(b'.');
-        write_integer(out, fraction, decimals);
+        at = put_digits(&mut text, at, fraction).min(text.len() - decimals) - 1;
+        text[at] = b'.';
     }
+    at = put_digits(&mut text, at, whole).min(at - 1);
+    if negative {
+        at -= 1;
+        text[at] = b'-';
+    }
+    out.extend_from_slice(&text[at..]);
 }
 
-/// Appends an integer with at least `width` digits.
-pub(crate) fn write_integer(out: &mut Vec<u8>, mut value: u64, width: usize) {
-    let mut digits = [b'0'; 20];
-    let mut at = digits.len();
-    while value > 0 || digits.len() - at < width.min(20) {
-        at -= 1;
-        digits[at] = b'0' + (value % 10) as u8;
-        value /= 10;
+/// The two digits of every number below a hundred.
+const PAIRS: [[u8; 2]; 100] = {
+    let mut pairs = [[b'0'; 2]; 100];
+    let mut number = 0;
+    while number < 100 {
+        pairs[number] = [b'0' + (number / 10) as u8, b'0' + (number % 10) as u8];
+        number += 1;
     }
-    out.extend_from_slice(&digits[at..]);
+    pairs
+};
+
+/// Puts the digits of `value` (none for zero) before `end`, two at a time; returns where they begin. What lies before
+/// them stays zeros.
+fn put_digits(text: &mut [u8; 32], end: usize, mut value: u64) -> usize {
+    let mut at = end;
+    while value >= 10 {
+        at -= 2;
+        text[at..at + 2].copy_from_slice(&PAIRS[(value % 100) as usize]);
+        value /= 100;
+    }
+    if value > 0 {
+        at -= 1;
+        text[at] = b'0' + value as u8;
+    }
+    at
 }
 
 #[cfg(test)]
@@ -356,11 +384,11 @@ mod tests {
         }
 
         #[test]
-        fn fixed_decimals_round_as_the_standard_library_rounds(value in -1e15_f64..1e15, small in -10.0_f64..10.0, decimals in 0_u32..=9) {
+        fn fixed_decimals_round_as_the_standard_library_rounds(value in -1e15_f64..1e15, small in -10.0_f64..10.0, decimals in 0_usize..=9) {
             for v in [value, small, small * 1e-6, (small * 512.0).round() / 1024.0, 0.0, -0.0] {
                 let mut out = Vec::new();
                 write_fixed(&mut out, v, decimals);
-                prop_assert_eq!(String::from_utf8(out).unwrap(), format!("{:.*}", decimals as usize, v));
+                prop_assert_eq!(String::from_utf8(out).unwrap(), format!("{v:.decimals$}"));
             }
         }
 

@@ -13,7 +13,7 @@ use mapwright_geom::{Pose2, Stamp};
 use std::io::{Read, Write};
 
 /// Decimals written: nanometres.
-const DECIMALS: u32 = 9;
+const DECIMALS: usize = 9;
 
 /// Bytes collected before the stream below is called.
 const WRITE_BYTES: usize = 1 << 16;

@@ -12,7 +12,10 @@ const HAS_HITS: u32 = 1 << 31;
 /// Set in a cell's passes while the cell is an obstacle of a live map.
 const OBSTACLE: u32 = 1 << 30;
 const FLAGS: u32 = HAS_HITS | OBSTACLE;
-const NO_SLOT: u32 = u32::MAX;
+/// Set in an entry of the touched cells where a beam ended.
+pub(crate) const BEAM_END: u32 = 1 << 31;
+/// No slot: the cell has no hits.
+pub(crate) const NO_SLOT: u32 = u32::MAX;
 
 /// What a cell's counts say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,6 +132,30 @@ impl CountGrid {
         }
     }
 
+    /// Slots of a cell and its eight neighbours, row by row; [`NO_SLOT`] for cells without hits.
+    pub(crate) fn neighbours(&self, cell_x: i32, cell_y: i32) -> [u32; 9] {
+        let mut slots = [NO_SLOT; 9];
+        let (in_x, in_y) = (cell_x & (TILE_SIDE - 1), cell_y & (TILE_SIDE - 1));
+        let inside = 1..TILE_SIDE - 1;
+        if inside.contains(&in_x) && inside.contains(&in_y) {
+            let tile = self.index.find(tile_of(cell_x, cell_y));
+            if tile != NO_TILE {
+                let first = cell_in_tile(cell_x - 1, cell_y - 1);
+                let all = &self.tiles[tile as usize].slots;
+                for row in 0..3 {
+                    let from = first + row * TILE_SIDE as usize;
+                    slots[3 * row..3 * row + 3].copy_from_slice(&all[from..from + 3]);
+                }
+            }
+            return slots;
+        }
+        for (k, slot) in slots.iter_mut().enumerate() {
+            let (dx, dy) = (k as i32 % 3 - 1, k as i32 / 3 - 1);
+            *slot = self.slot(cell_x + dx, cell_y + dy).unwrap_or(NO_SLOT);
+        }
+        slots
+    }
+
     /// Beams that passed through a cell.
     #[must_use]
     pub fn passes(&self, cell_x: i32, cell_y: i32) -> u32 {
@@ -166,7 +193,7 @@ impl CountGrid {
             let end_cells = to_cells(hit);
             let point = nx.is_nan();
             let normal = (!point && (nx != 0.0 || ny != 0.0)).then(|| [c * nx - s * ny, s * nx + c * ny]);
-            touched.push(self.hit(Hit { end_cells, normal, point }, change) | 1 << 31);
+            touched.push(self.hit(Hit { end_cells, normal, point }, change) | BEAM_END);
             self.pass(start, end_cells, change, touched);
         }
         for &free in &points.free_ends {

@@ -1,11 +1,16 @@
 //! Two-dimensional maps and the matching of scans against them.
 
+mod correlative;
 mod counts;
 mod field;
 mod live;
 mod matcher;
 mod tiles;
 
+pub use correlative::{
+    CorrelativeSearch, MAX_SEARCH_BLOCKS, MAX_SEARCH_CELLS, Peak, SearchResult, SearchSettings, SearchWindow,
+    Separation,
+};
 pub use counts::{Change, CountGrid, HitCell, Occupancy};
 pub use field::DistanceField;
 pub use live::{Agreement, LiveMap, LiveMapSettings, Surfel};

@@ -1,7 +1,8 @@
 //! The map a scan is matched against: counts, the obstacles they make, their distance field and local lines.
 
-use crate::counts::{Change, CountGrid, FRACTION_STEPS};
+use crate::counts::{BEAM_END, Change, CountGrid, FRACTION_STEPS, NO_SLOT};
 use crate::field::{DistanceField, NO_OBSTACLE};
+use crate::tiles::floor_cell;
 use mapwright_geom::Pose2;
 use mapwright_sensor::SweepPoints;
 
@@ -23,8 +24,8 @@ pub struct Surfel {
     pub ayy: f32,
 }
 
-/// Tuning of what counts as an obstacle and as a line.
-#[derive(Debug, Clone, Copy)]
+/// What counts as an obstacle.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LiveMapSettings {
     /// Side of a cell, metres.
     pub resolution_m: f64,
@@ -32,30 +33,13 @@ pub struct LiveMapSettings {
     pub radius_cells: u32,
     /// A cell is an obstacle while `hits * passes_per_hit >= passes`.
     pub passes_per_hit: u32,
-    /// Weight of an obstacle whose surface direction is not known.
+    /// Weight of an obstacle that is no piece of a surface, relative to one that is.
     pub point_weight: f64,
-    /// x
-    pub point_hits: f64,
-    /// x
-    pub mix: f64,
-    /// x
-    pub smooth_cells: i32,
-    /// x
-    pub smooth_gain: f64,
 }
 
 impl Default for LiveMapSettings {
     fn default() -> Self {
-        Self {
-            resolution_m: 0.05,
-            radius_cells: 10,
-            passes_per_hit: 5,
-            point_weight: 0.1,
-            point_hits: 1.0,
-            mix: 0.0,
-            smooth_cells: 1,
-            smooth_gain: 1.0,
-        }
+        Self { resolution_m: 0.05, radius_cells: 10, passes_per_hit: 5, point_weight: 0.1 }
     }
 }
 
@@ -124,14 +108,23 @@ pub struct LiveMap {
     field: DistanceField,
     surfels: Vec<Surfel>,
     flags: Vec<u8>,
+    /// Mean end point of each slot's cell, metres.
+    means: Vec<[f64; 2]>,
     /// The keyframe that hit a cell first.
     suppliers: Vec<u32>,
     touched: Vec<u32>,
+    changed: Vec<u32>,
     dirty: Vec<u32>,
 }
 
+/// The slot's cell is an obstacle.
 const OCCUPIED: u8 = 1;
+/// The cell's counts have changed.
 const TOUCHED: u8 = 2;
+/// A beam's end was added to the cell or taken out.
+const MOVED: u8 = 4;
+/// The surfel must be computed anew.
+const DIRTY: u8 = 8;
 
 impl LiveMap {
     /// An empty map.
@@ -143,8 +136,10 @@ impl LiveMap {
             field: DistanceField::new(settings.radius_cells),
             surfels: Vec::new(),
             flags: Vec::new(),
+            means: Vec::new(),
             suppliers: Vec::new(),
             touched: Vec::new(),
+            changed: Vec::new(),
             dirty: Vec::new(),
         }
     }
@@ -185,7 +180,7 @@ impl LiveMap {
         let mut agreement = Agreement::default();
         for &[px, py] in points {
             let (x, y) = (world_from_robot.x + c * px - s * py, world_from_robot.y + s * px + c * py);
-            let (cell_x, cell_y) = ((x * cells_per_m).floor() as i32, (y * cells_per_m).floor() as i32);
+            let (cell_x, cell_y) = (floor_cell(x * cells_per_m), floor_cell(y * cells_per_m));
             let slot = self.field.nearest(cell_x, cell_y);
             if slot != NO_OBSTACLE {
                 let surfel = &self.surfels[slot as usize];
@@ -205,69 +200,72 @@ impl LiveMap {
         agreement
     }
 
-    /// Brings obstacles, field and lines up to date with the cells that were touched.
+    /// Brings obstacles, field and surfels up to date with the cells that were touched.
     fn settle(&mut self, supplier: u32) {
-        self.flags.resize(self.counts.slot_count(), 0);
-        self.surfels.resize(self.counts.slot_count(), Surfel::default());
-        self.suppliers.resize(self.counts.slot_count(), supplier);
-        let mut touched = std::mem::take(&mut self.touched);
-        for &entry in &touched {
-            let slot = entry & !(1 << 31);
-            let moved = entry >> 31 == 1;
-            self.settle_cell(slot, moved);
+        let slots = self.counts.slot_count();
+        self.flags.resize(slots, 0);
+        self.surfels.resize(slots, Surfel::default());
+        self.means.resize(slots, [0.0; 2]);
+        self.suppliers.resize(slots, supplier);
+        self.collect_changed();
+        let mut changed = std::mem::take(&mut self.changed);
+        for &slot in &changed {
+            self.settle_cell(slot, supplier);
         }
-        for &entry in &touched {
-            let slot = entry & !(1 << 31);
-            self.flags[slot as usize] &= !TOUCHED;
-            let hits = self.counts.cell(slot).hits;
-            if hits == 1 {
-                self.suppliers[slot as usize] = supplier;
-            } else if hits == 0 {
-                self.counts.release_if_empty(slot);
-            }
+        for slot in changed.drain(..) {
+            self.flags[slot as usize] &= !(TOUCHED | MOVED);
+            self.counts.release_if_empty(slot);
         }
-        touched.clear();
-        self.touched = touched;
+        self.changed = changed;
         let mut dirty = std::mem::take(&mut self.dirty);
-        for &slot in &dirty {
-            self.flags[slot as usize] &= !4;
+        for slot in dirty.drain(..) {
+            self.flags[slot as usize] &= !DIRTY;
             if self.flags[slot as usize] & OCCUPIED != 0 {
                 self.surfels[slot as usize] = self.surfel(slot);
             }
         }
-        dirty.clear();
         self.dirty = dirty;
     }
 
-    fn settle_cell(&mut self, slot: u32, moved: bool) {
-        let cell = *self.counts.cell(slot);
-        let flag = &mut self.flags[slot as usize];
-        if *flag & TOUCHED != 0 && !moved {
-            return;
+    /// Each touched slot once.
+    fn collect_changed(&mut self) {
+        for entry in self.touched.drain(..) {
+            let slot = entry & !BEAM_END;
+            let flag = &mut self.flags[slot as usize];
+            if *flag & TOUCHED == 0 {
+                self.changed.push(slot);
+            }
+            *flag |= if entry & BEAM_END != 0 { TOUCHED | MOVED } else { TOUCHED };
         }
-        *flag |= TOUCHED;
+    }
+
+    fn settle_cell(&mut self, slot: u32, supplier: u32) {
+        let cell = *self.counts.cell(slot);
+        let flag = self.flags[slot as usize];
+        let moved = flag & MOVED != 0;
+        if moved {
+            if self.means[slot as usize] == [0.0; 2] || flag & OCCUPIED == 0 && cell.hits == 1 {
+                self.suppliers[slot as usize] = supplier;
+            }
+            self.means[slot as usize] = self.mean(slot);
+        }
         let passes = self.counts.passes(cell.x, cell.y);
         let occupied = cell.hits > 0 && cell.hits.saturating_mul(self.settings.passes_per_hit) >= passes;
-        let was = *flag & OCCUPIED != 0;
+        let was = flag & OCCUPIED != 0;
         if occupied && !was {
-            *flag |= OCCUPIED;
+            self.flags[slot as usize] |= OCCUPIED;
             self.field.insert(cell.x, cell.y, slot);
             self.counts.mark_obstacle(slot, true);
         } else if !occupied && was {
-            *flag &= !OCCUPIED;
+            self.flags[slot as usize] &= !OCCUPIED;
             self.field.remove(cell.x, cell.y);
             self.counts.mark_obstacle(slot, false);
         }
         if occupied != was || (occupied && moved) {
-            let r = self.settings.smooth_cells;
-            for ny in cell.y - r..=cell.y + r {
-                for nx in cell.x - r..=cell.x + r {
-                    if let Some(o) = self.counts.slot(nx, ny) {
-                        if (o as usize) < self.flags.len() && self.flags[o as usize] & 4 == 0 {
-                            self.flags[o as usize] |= 4;
-                            self.dirty.push(o);
-                        }
-                    }
+            for near in self.counts.neighbours(cell.x, cell.y) {
+                if near != NO_SLOT && self.flags[near as usize] & DIRTY == 0 {
+                    self.flags[near as usize] |= DIRTY;
+                    self.dirty.push(near);
                 }
             }
         }
@@ -277,6 +275,7 @@ impl LiveMap {
     fn mean(&self, slot: u32) -> [f64; 2] {
         let cell = self.counts.cell(slot);
         let scale = 1.0 / (f64::from(cell.hits) * FRACTION_STEPS);
+        // Fractions were rounded down: half a step makes up for it.
         let half = 0.5 / FRACTION_STEPS;
         [
             (f64::from(cell.x) + half + f64::from(cell.sum_x) * scale) * self.settings.resolution_m,
@@ -284,78 +283,52 @@ impl LiveMap {
         ]
     }
 
+    /// Surface of a cell and its eight neighbours: normals averaged, and the mean moved along the normal to theirs, so
+    /// that a wall that straddles two rows of cells is one line.
     fn surfel(&self, slot: u32) -> Surfel {
-        let [x, y] = self.mean(slot);
+        let [x, y] = self.means[slot as usize];
         let cell = self.counts.cell(slot);
         if cell.normals == 0 {
             let w = (self.settings.point_weight * f64::from(cell.points) / f64::from(cell.hits)) as f32;
             return Surfel { x, y, axx: w, axy: 0.0, ayy: w };
         }
-        let smooth = self.settings.smooth_cells;
-        if smooth > 0 {
-            return self.smooth_surfel(slot, smooth);
+        let near = self.counts.neighbours(cell.x, cell.y);
+        let surfaces = || {
+            near.iter().filter(|&&slot| slot != NO_SLOT && self.flags[slot as usize] & OCCUPIED != 0).filter_map(
+                |&slot| {
+                    let cell = self.counts.cell(slot);
+                    (cell.normals > 0).then(|| (cell, self.means[slot as usize]))
+                },
+            )
+        };
+        let (mut n, mut sum_nxx, mut sum_nxy) = (0_u64, 0_i64, 0_i64);
+        for (cell, _) in surfaces() {
+            n += u64::from(cell.normals);
+            sum_nxx += i64::from(cell.sum_nxx);
+            sum_nxy += i64::from(cell.sum_nxy as i32);
         }
-        let scale = 1.0 / (f64::from(cell.normals) * FRACTION_STEPS);
-        let axx = f64::from(cell.sum_nxx) * scale;
-        let axy = f64::from(cell.sum_nxy as i32) * scale;
-        Surfel { x, y, axx: axx as f32, axy: axy as f32, ayy: (1.0 - axx) as f32 }
-    }
-
-    fn smooth_surfel(&self, slot: u32, r: i32) -> Surfel {
-        let [x, y] = self.mean(slot);
-        let cell = self.counts.cell(slot);
-        let (mut n, mut sxx, mut sxy) = (0.0, 0.0, 0.0);
-        let mut near = [(0.0, 0.0, 0.0); 49];
-        let mut k = 0;
-        for ny in cell.y - r..=cell.y + r {
-            for nx in cell.x - r..=cell.x + r {
-                let Some(other) = self.counts.slot(nx, ny) else { continue };
-                let o = self.counts.cell(other);
-                if self.flags[other as usize] & OCCUPIED == 0 || o.normals == 0 {
-                    continue;
-                }
-                let w = f64::from(o.normals);
-                let dist2 = f64::from((nx - cell.x).pow(2) + (ny - cell.y).pow(2));
-                let g = self.settings.smooth_gain.powf(dist2);
-                n += w * g;
-                sxx += f64::from(o.sum_nxx) * g;
-                sxy += f64::from(o.sum_nxy as i32) * g;
-                let [ox, oy] = self.mean(other);
-                near[k] = (ox - x, oy - y, f64::from(o.hits) * g);
-                k += 1;
-            }
-        }
-        let scale = 1.0 / (n * FRACTION_STEPS);
-        let axx = sxx * scale;
-        let axy = sxy * scale;
+        let scale = 1.0 / (n as f64 * FRACTION_STEPS);
+        let (axx, axy) = (sum_nxx as f64 * scale, sum_nxy as f64 * scale);
         let ayy = 1.0 - axx;
-        // Principal normal.
-        let half_diff = 0.5 * (axx - ayy);
-        let root = (half_diff * half_diff + axy * axy).sqrt();
-        if root < 0.35 {
-            return Surfel { x, y, axx: axx as f32, axy: axy as f32, ayy: ayy as f32 };
+        let plain = Surfel { x, y, axx: axx as f32, axy: axy as f32, ayy: ayy as f32 };
+        // Eigenvalues of A are 1/2 +- root: far apart where the normals agree.
+        let half_difference = 0.5 * (axx - ayy);
+        let root = (half_difference * half_difference + axy * axy).sqrt();
+        if root < AGREEING_NORMALS {
+            return plain;
         }
-        let pxx = 0.5 + 0.5 * half_diff / root;
-        let pxy = 0.5 * axy / root;
+        let (pxx, pxy) = (0.5 + 0.5 * half_difference / root, 0.5 * axy / root);
         let pyy = 1.0 - pxx;
-        let (mut wx, mut wy, mut w) = (0.0, 0.0, 0.0);
-        for &(dx, dy, hits) in &near[..k] {
-            wx += hits * (pxx * dx + pxy * dy);
-            wy += hits * (pxy * dx + pyy * dy);
-            w += hits;
+        let (mut shift_x, mut shift_y, mut hits) = (0.0, 0.0, 0.0);
+        for (cell, mean) in surfaces() {
+            let (w, dx, dy) = (f64::from(cell.hits), mean[0] - x, mean[1] - y);
+            shift_x += w * (pxx * dx + pxy * dy);
+            shift_y += w * (pxy * dx + pyy * dy);
+            hits += w;
         }
-        if self.settings.mix > 0.0 {
-            let iso = f64::from(cell.hits - cell.normals) * self.settings.mix;
-            let all = f64::from(cell.hits);
-            let n = f64::from(cell.normals);
-            return Surfel {
-                x: x + wx / w,
-                y: y + wy / w,
-                axx: ((axx * n + iso) / all) as f32,
-                axy: (axy * n / all) as f32,
-                ayy: ((ayy * n + iso) / all) as f32,
-            };
-        }
-        Surfel { x: x + wx / w, y: y + wy / w, axx: axx as f32, axy: axy as f32, ayy: ayy as f32 }
+        Surfel { x: x + shift_x / hits, y: y + shift_y / hits, ..plain }
     }
 }
+
+/// Half the difference of `A`'s eigenvalues from which a neighbourhood has one normal.
+const AGREEING_NORMALS: f64 = 0.35;

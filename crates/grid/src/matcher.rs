@@ -61,7 +61,14 @@ pub struct MatcherSettings {
 
 impl Default for MatcherSettings {
     fn default() -> Self {
-        Self { sigma_m: 0.03, capture_sigma_m: 0.15, random_ratio: 0.01, beam_share: 1.0, max_evaluations: 30, step_m: 5e-4 }
+        Self {
+            sigma_m: 0.03,
+            capture_sigma_m: 0.15,
+            random_ratio: 0.01,
+            beam_share: 1.0,
+            max_evaluations: 30,
+            step_m: 5e-4,
+        }
     }
 }
 
@@ -113,67 +120,25 @@ impl Matcher {
     #[must_use]
     pub fn evaluate(&self, map: &LiveMap, points: &[[f64; 2]], world_from_robot: Pose2, sigma_m: f64) -> Evaluation {
         let (s, c) = world_from_robot.theta.sin_cos();
-        let cells_per_m = 1.0 / map.settings.resolution_m;
         let scale = 0.5 / (sigma_m * sigma_m);
-        let (field, surfels) = (map.field(), map.surfels());
         let random = self.settings.random_ratio;
-        let mut missed = 0_u32;
-        let (mut log_sum, mut product, mut hits) = (0.0, 1.0, 0.0);
-        let (mut gx, mut gy, mut gt) = (0.0, 0.0, 0.0);
-        let (mut hxx, mut hxy, mut hyy, mut hxt, mut hyt, mut htt) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let mut current = (i32::MIN, i32::MIN);
-        let mut tile = NO_TILE;
-        for &[px, py] in points {
-            let (rx, ry) = (c * px - s * py, s * px + c * py);
-            let (wx, wy) = (world_from_robot.x + rx, world_from_robot.y + ry);
-            let (cell_x, cell_y) = (floor_cell(wx * cells_per_m), floor_cell(wy * cells_per_m));
-            if tile_of(cell_x, cell_y) != current {
-                current = tile_of(cell_x, cell_y);
-                tile = field.tile_number(current);
-            }
-            let slot = if tile == NO_TILE {
-                NO_OBSTACLE
-            } else {
-                field.tiles[tile as usize].nearest[cell_in_tile(cell_x, cell_y)]
-            };
-            if slot == NO_OBSTACLE {
-                missed += 1;
-                continue;
-            }
-            let surfel = &surfels[slot as usize];
-            let (dx, dy) = (wx - surfel.x, wy - surfel.y);
-            let (axx, axy, ayy) = (f64::from(surfel.axx), f64::from(surfel.axy), f64::from(surfel.ayy));
-            let (ex, ey) = (axx * dx + axy * dy, axy * dx + ayy * dy);
-            let hit = exp_of_negative((dx * ex + dy * ey) * scale);
-            let total = hit + random;
-            // One logarithm for many factors: their product stays above 1e-200.
-            product *= total;
-            if product < 1e-100 {
-                log_sum += product.ln();
-                product = 1.0;
-            }
-            let w = hit / total;
-            hits += w;
-            // The end point turns about the robot: d(wx, wy)/d(theta) = (-ry, rx).
-            let (tx, ty) = (axy * rx - axx * ry, ayy * rx - axy * ry);
-            gx += w * ex;
-            gy += w * ey;
-            gt += w * (ey * rx - ex * ry);
-            hxx += w * axx;
-            hxy += w * axy;
-            hyy += w * ayy;
-            hxt += w * tx;
-            hyt += w * ty;
-            htt += w * (ty * rx - tx * ry);
+        let mut lookup = Lookup::new(map, world_from_robot, (s, c));
+        let mut block = Block::EMPTY;
+        let mut sums = Sums::default();
+        for some in points.chunks(BLOCK) {
+            lookup.gather(some, &mut block);
+            sums.add(&block, scale as f32, random as f32);
         }
-        log_sum += product.ln();
-        let cost = -log_sum - f64::from(missed) * random.ln();
         // The sums are over a translation in the world's frame; a right perturbation's is in the robot's.
+        let [gx, gy, gt, hxx, hxy, hyy, hxt, hyt, htt, hits] = sums.totals.map(f64::from);
         let world_from_tangent = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
         let k = 2.0 * scale;
         let gradient = world_from_tangent.transpose() * Vector3::new(gx, gy, gt) * k;
-        let sums = Matrix3::new(hxx, hxy, hxt, hxy, hyy, hyt, hxt, hyt, htt);
-        let hessian = world_from_tangent.transpose() * sums * world_from_tangent * k;
+        let second = Matrix3::new(hxx, hxy, hxt, hxy, hyy, hyt, hxt, hyt, htt);
+        let hessian = world_from_tangent.transpose() * second * world_from_tangent * k;
+        // Slots of the last block that held no beam counted as random readings.
+        let padding = points.len().div_ceil(BLOCK) * BLOCK - points.len();
+        let cost = -sums.log_likelihood + padding as f64 * random.ln();
         Evaluation { cost, gradient, hessian, hits }
     }
 
@@ -226,7 +191,7 @@ impl Matcher {
         for (k, &sigma_m) in stages.iter().enumerate() {
             let final_stage = k + 1 == stages.len();
             let tolerance_m = if final_stage { self.settings.step_m } else { 0.2 * sigma_m };
-            let problem = Problem { map, points, prior, sigma_m, tolerance_m };
+            let problem = Problem { map, points, prior, sigma_m, tolerance_m, last: final_stage };
             let (better, objective, used) = stage(self, &problem, pose);
             pose = better;
             evaluations += used;
@@ -252,10 +217,12 @@ impl Matcher {
             }
             let Some(factor) = damped.cholesky() else { break };
             let step = -factor.solve(&here.gradient);
-            if step[0].hypot(step[1]).max(step[2].abs()) < problem.tolerance_m {
-                break;
-            }
             let next_pose = pose * Pose2::exp(step.into());
+            if step[0].hypot(step[1]).max(step[2].abs()) < problem.tolerance_m {
+                // The next stage judges this step; the last stage is exact enough without it.
+                let pose = if problem.last { pose } else { next_pose };
+                return (pose, here, evaluations);
+            }
             let next = self.at(problem, next_pose);
             evaluations += 1;
             if next.cost <= here.cost {
@@ -299,19 +266,145 @@ impl Matcher {
     }
 }
 
-/// `exp(-u)` for `u >= 0`, relative error below 2e-7; zero beyond 60.
-///
-/// `2^n` from the exponent's bits times a polynomial for the rest (minimax on `[-ln 2 / 2, ln 2 / 2]`).
-fn exp_of_negative(u: f64) -> f64 {
-    const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52: adding it rounds to the nearest integer
-    if !(u < 60.0) {
-        return 0.0;
+/// Beams that are evaluated together.
+const BLOCK: usize = 64;
+/// Single-precision numbers that processors handle at once; sums are kept in as many parts.
+const LANES: usize = 8;
+
+/// What beams found in the field, relative to the obstacle and to the robot, so that single precision is plenty.
+struct Block {
+    /// From the obstacle to the end point, metres.
+    dx: [f32; BLOCK],
+    dy: [f32; BLOCK],
+    /// From the robot to the end point, in the world's axes.
+    rx: [f32; BLOCK],
+    ry: [f32; BLOCK],
+    axx: [f32; BLOCK],
+    axy: [f32; BLOCK],
+    ayy: [f32; BLOCK],
+}
+
+impl Block {
+    const EMPTY: Self = Self {
+        dx: [0.0; BLOCK],
+        dy: [0.0; BLOCK],
+        rx: [0.0; BLOCK],
+        ry: [0.0; BLOCK],
+        axx: [0.0; BLOCK],
+        axy: [0.0; BLOCK],
+        ayy: [0.0; BLOCK],
+    };
+
+    /// A beam without obstacle: so far away that it cannot be a hit.
+    fn set_missed(&mut self, k: usize) {
+        (self.dx[k], self.dy[k], self.rx[k], self.ry[k]) = (1e4, 0.0, 0.0, 0.0);
+        (self.axx[k], self.axy[k], self.ayy[k]) = (1.0, 0.0, 0.0);
     }
-    let t = -u * std::f64::consts::LOG2_E + ROUND;
+}
+
+/// One field look-up a beam.
+struct Lookup<'a> {
+    map: &'a LiveMap,
+    world_from_robot: Pose2,
+    sin_cos: (f64, f64),
+    cells_per_m: f64,
+    tile: (i32, i32),
+    tile_number: u32,
+}
+
+impl<'a> Lookup<'a> {
+    fn new(map: &'a LiveMap, world_from_robot: Pose2, sin_cos: (f64, f64)) -> Self {
+        let cells_per_m = 1.0 / map.settings.resolution_m;
+        Self { map, world_from_robot, sin_cos, cells_per_m, tile: (i32::MIN, i32::MIN), tile_number: NO_TILE }
+    }
+
+    fn gather(&mut self, points: &[[f64; 2]], block: &mut Block) {
+        let (s, c) = self.sin_cos;
+        let (field, surfels) = (self.map.field(), self.map.surfels());
+        for (k, &[px, py]) in points.iter().enumerate() {
+            let (rx, ry) = (c * px - s * py, s * px + c * py);
+            let (wx, wy) = (self.world_from_robot.x + rx, self.world_from_robot.y + ry);
+            let (cell_x, cell_y) = (floor_cell(wx * self.cells_per_m), floor_cell(wy * self.cells_per_m));
+            if tile_of(cell_x, cell_y) != self.tile {
+                self.tile = tile_of(cell_x, cell_y);
+                self.tile_number = field.tile_number(self.tile);
+            }
+            let slot = if self.tile_number == NO_TILE {
+                NO_OBSTACLE
+            } else {
+                field.tiles[self.tile_number as usize].nearest[cell_in_tile(cell_x, cell_y)]
+            };
+            if slot == NO_OBSTACLE {
+                block.set_missed(k);
+                continue;
+            }
+            let surfel = &surfels[slot as usize];
+            (block.dx[k], block.dy[k]) = ((wx - surfel.x) as f32, (wy - surfel.y) as f32);
+            (block.rx[k], block.ry[k]) = (rx as f32, ry as f32);
+            (block.axx[k], block.axy[k], block.ayy[k]) = (surfel.axx, surfel.axy, surfel.ayy);
+        }
+        for k in points.len()..BLOCK {
+            block.set_missed(k);
+        }
+    }
+}
+
+/// Sums over beams: gradient (x, y, theta), Hessian (xx, xy, yy, x theta, y theta, theta theta), posterior of being hits.
+#[derive(Default)]
+struct Sums {
+    totals: [f32; 10],
+    log_likelihood: f64,
+}
+
+impl Sums {
+    fn add(&mut self, block: &Block, scale: f32, random: f32) {
+        let mut sums = [[0.0_f32; LANES]; 10];
+        let mut product = [1.0_f32; LANES];
+        for start in (0..BLOCK).step_by(LANES) {
+            let lanes = |all: &[f32; BLOCK]| -> [f32; LANES] { std::array::from_fn(|l| all[start + l]) };
+            let (dx, dy, rx, ry) = (lanes(&block.dx), lanes(&block.dy), lanes(&block.rx), lanes(&block.ry));
+            let (axx, axy, ayy) = (lanes(&block.axx), lanes(&block.axy), lanes(&block.ayy));
+            for l in 0..LANES {
+                let (ex, ey) = (axx[l] * dx[l] + axy[l] * dy[l], axy[l] * dx[l] + ayy[l] * dy[l]);
+                let hit = exp_of_negative((dx[l] * ex + dy[l] * ey) * scale);
+                let total = hit + random;
+                product[l] *= total;
+                let w = hit / total;
+                // The end point turns about the robot: d(wx, wy)/d(theta) = (-ry, rx).
+                let (tx, ty) = (axy[l] * rx[l] - axx[l] * ry[l], ayy[l] * rx[l] - axy[l] * ry[l]);
+                sums[0][l] += w * ex;
+                sums[1][l] += w * ey;
+                sums[2][l] += w * (ey * rx[l] - ex * ry[l]);
+                sums[3][l] += w * axx[l];
+                sums[4][l] += w * axy[l];
+                sums[5][l] += w * ayy[l];
+                sums[6][l] += w * tx;
+                sums[7][l] += w * ty;
+                sums[8][l] += w * (ty * rx[l] - tx * ry[l]);
+                sums[9][l] += w;
+            }
+        }
+        for (total, parts) in self.totals.iter_mut().zip(&sums) {
+            *total += parts.iter().sum::<f32>();
+        }
+        // One logarithm for the block: 64 factors of at least 1e-4 stay above the smallest double.
+        self.log_likelihood += product.iter().map(|&p| f64::from(p)).product::<f64>().ln();
+    }
+}
+
+/// `exp(-u)` for `u >= 0`, relative error below 3e-7; `exp(-80)` beyond 80.
+///
+/// `2^n` from the exponent's bits times a polynomial for the rest.
+#[inline(always)]
+fn exp_of_negative(u: f32) -> f32 {
+    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it rounds to the nearest integer
+    let u = if u < 80.0 { u } else { 80.0 };
+    let t = u * -std::f32::consts::LOG2_E + ROUND;
     let n = t - ROUND;
-    let r = -u - n * std::f64::consts::LN_2;
-    let exp_r = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r / 720.0)))));
-    let power = f64::from_bits(((n as i64 + 1023) as u64) << 52);
+    // ln 2 in two parts, so that the rest is exact.
+    let r = (-u - n * 0.693_145_75) - n * 1.428_606_8e-6;
+    let exp_r = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0)))));
+    let power = f32::from_bits(t.to_bits().wrapping_sub(ROUND.to_bits()).wrapping_add(127) << 23);
     exp_r * power
 }
 
@@ -322,4 +415,5 @@ struct Problem<'a> {
     prior: &'a Prior,
     sigma_m: f64,
     tolerance_m: f64,
+    last: bool,
 }

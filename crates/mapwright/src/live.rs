@@ -61,7 +61,8 @@ impl Live {
     pub(crate) fn new(settings: &Settings) -> Self {
         let map = LiveMapSettings {
             resolution_m: settings.map.resolution_m,
-            passes_per_hit: settings.map.passes_per_hit, point_weight: std::env::var("PW").ok().and_then(|v| v.parse().ok()).unwrap_or(0.1),
+            passes_per_hit: settings.map.passes_per_hit,
+            point_weight: std::env::var("PW").ok().and_then(|v| v.parse().ok()).unwrap_or(0.1),
             ..LiveMapSettings::default()
         };
         Self {

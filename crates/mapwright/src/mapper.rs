@@ -32,8 +32,14 @@ const LOST_SHARE: f64 = 0.35;
 const DOUBT_SIGMAS: f64 = 4.0;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
-/// Beams are correlated: the information of a scan is this share of what independent beams would carry.
-const INDEPENDENT_SHARE: f64 = 0.1;
+/// This share of the strongest direction's information is noise of the normals and is taken off the weaker one's.
+const WEAK_SHARE: f64 = 0.1;
+/// From the curvature of the objective to information. Beams are correlated (less), the last stage's sigma is wider
+/// than a beam's noise (more); calibrated by the NEES of simulated rooms and corridors (`tests/consistency.rs`).
+const INFORMATION_SCALE: f64 = 1.7;
+/// Error of the map between the anchor and here that no single match shows: at the anchor and per metre away from it,
+/// for positions (m) and headings (rad); calibrated with the scale above.
+const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0003, 0.0006]];
 
 /// Builds a map one scan at a time.
 #[derive(Debug, Clone)]
@@ -51,8 +57,8 @@ pub struct Mapper {
     scans: Vec<(Stamp, Option<u32>, Pose2)>,
     world_from_robot: Pose2,
     odom_from_robot: Pose2,
-    /// Covariance of the robot relative to the newest keyframe.
-    since_keyframe: Cov3,
+    /// Information of the last match, zero where there was none.
+    information: Cov3,
     /// Motion-model covariance alone, relative to the newest keyframe.
     odometry_since_keyframe: Cov3,
     /// Fused covariance of each keyframe relative to the one before.
@@ -113,7 +119,7 @@ impl Mapper {
             scans: Vec::new(),
             world_from_robot,
             odom_from_robot: Pose2::IDENTITY,
-            since_keyframe: Cov3::zeros(),
+            information: Cov3::zeros(),
             odometry_since_keyframe: Cov3::zeros(),
             links: Vec::new(),
             anchor: None,
@@ -181,7 +187,11 @@ impl Mapper {
             return None;
         }
         let widen = f64::from(self.lost_scans).mul_add(1.0, 1.0);
-        let prior = Prior { world_from_robot: predicted, variances: step.variances.map(|v| v * widen), tail: self.settings.motion.tail };
+        let prior = Prior {
+            world_from_robot: predicted,
+            variances: step.variances.map(|v| v * widen),
+            tail: self.settings.motion.tail,
+        };
         let first = self.refine(&prior, predicted);
         let mut best = (first, self.live.map.agreement(&self.points.hits, first.world_from_robot));
         let (mut evaluations, mut restarts) = (first.evaluations, 0);
@@ -213,7 +223,7 @@ impl Mapper {
         let trust = if status == Status::Degraded { 0.05 } else { 1.0 };
         Some(Matched {
             world_from_robot: if status == Status::Lost { predicted } else { result.world_from_robot },
-            information: result.hessian * (INDEPENDENT_SHARE * trust),
+            information: constrained(&result.hessian) * (INFORMATION_SCALE * trust),
             agreement,
             status,
             report,
@@ -238,13 +248,13 @@ impl Mapper {
     ) {
         let before = self.world_from_robot;
         let noise = Matrix3::from_diagonal(&Vector3::from(step.variances));
-        self.since_keyframe = compose_covariance(&self.since_keyframe, step.last_from_robot, &noise);
+        self.information = Cov3::zeros();
         self.odometry_since_keyframe = compose_covariance(&self.odometry_since_keyframe, step.last_from_robot, &noise);
         let tracking = matched.is_some_and(|m| m.status != Status::Lost);
         self.world_from_robot = predicted;
         if let Some(matched) = matched.filter(|_| tracking) {
             self.world_from_robot = matched.world_from_robot;
-            self.since_keyframe = fuse(&self.since_keyframe, &matched.information);
+            self.information = matched.information;
             self.anchor_at(matched.agreement.supplier);
         }
         if !acceptable(self.world_from_robot) {
@@ -289,17 +299,14 @@ impl Mapper {
         let node = self.graph.add_node();
         let id = self.id(node);
         let sweep = self.sweep.clone()?;
+        let covariance = self.covariance();
         self.keyframes.push(Keyframe { id, stamp: scan.stamp, scan: self.scans.len() as u64, sweep });
         self.world_from_keyframe.push(self.world_from_robot);
         if node > 0 {
-            self.connect(node, matched);
+            self.connect(node, matched, &covariance);
         }
-        self.links.push(self.since_keyframe);
-        let step = node
-            .checked_sub(1)
-            .map_or(Pose2::IDENTITY, |last| self.world_from_keyframe[last as usize].between(self.world_from_robot));
-        self.keyframe_from_anchor = compose_covariance(&self.keyframe_from_anchor, step, &self.since_keyframe);
-        self.since_keyframe = Cov3::zeros();
+        self.links.push(fuse(&self.odometry_since_keyframe, &self.information));
+        self.keyframe_from_anchor = covariance;
         self.odometry_since_keyframe = Cov3::zeros();
         let keyframes = &self.keyframes;
         let sweeps = |k: u32| &keyframes[k as usize].sweep;
@@ -311,17 +318,17 @@ impl Mapper {
     }
 
     /// Odometry edge with the motion model's information, match edge with the scan's; never both in one.
-    fn connect(&mut self, node: u32, matched: Option<&Matched>) {
+    fn connect(&mut self, node: u32, matched: Option<&Matched>, covariance: &Cov3) {
         let last = node - 1;
         let between =
             |from: u32| self.world_from_keyframe[from as usize].between(self.world_from_keyframe[node as usize]);
         let information = self.odometry_since_keyframe.try_inverse().unwrap_or_else(Cov3::zeros);
         let mut edges = vec![(last, EdgeKind::Odometry, information)];
-        let mut links = vec![(last, self.since_keyframe)];
+        let mut links = vec![(last, fuse(&self.odometry_since_keyframe, &self.information))];
         if let (Some(matched), Some(anchor)) = (matched, self.anchor.filter(|&a| a < node)) {
             edges.push((anchor, EdgeKind::Match, matched.information));
             if anchor != last {
-                links.push((anchor, self.covariance()));
+                links.push((anchor, *covariance));
             }
         }
         for (from, kind, information) in edges {
@@ -337,9 +344,17 @@ impl Mapper {
 
     /// Covariance of the robot relative to the anchor.
     fn covariance(&self) -> Cov3 {
-        let Some(&newest) = self.world_from_keyframe.last() else { return self.since_keyframe };
-        let step = newest.between(self.world_from_robot);
-        compose_covariance(&self.keyframe_from_anchor, step, &self.since_keyframe)
+        let predicted = match self.world_from_keyframe.last() {
+            Some(newest) => {
+                let step = newest.between(self.world_from_robot);
+                compose_covariance(&self.keyframe_from_anchor, step, &self.odometry_since_keyframe)
+            }
+            None => self.odometry_since_keyframe,
+        };
+        let away_m = self.anchor.map_or(0.0, |a| self.world_from_keyframe[a as usize].distance(self.world_from_robot));
+        let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
+        let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
+        fuse(&predicted, &self.information) + Matrix3::from_diagonal(&floor)
     }
 
     fn update(&self, scan: &LaserScan, beams: BeamCounts, matched: Option<&Matched>, keyframe: Option<u32>) -> Update {
@@ -464,6 +479,20 @@ fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
     }
 }
 
+/// The part of a scan's information that its surfaces really carry.
+///
+/// Along a bare wall the noise of the normals looks like a little information; a direction of translation with less
+/// than [`WEAK_SHARE`] of the strongest one's is left to odometry, and the share is taken off a better one.
+fn constrained(information: &Cov3) -> Cov3 {
+    let eigen = information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
+    let (weak, strong) = if eigen.eigenvalues[0] < eigen.eigenvalues[1] { (0, 1) } else { (1, 0) };
+    let known = (eigen.eigenvalues[weak] - WEAK_SHARE * eigen.eigenvalues[strong]).max(0.0);
+    let keep = if known > 0.0 { (known / eigen.eigenvalues[weak]).sqrt() } else { 0.0 };
+    let [x, y] = [eigen.eigenvectors[(0, strong)], eigen.eigenvectors[(1, strong)]];
+    let (xx, xy, yy) = (x * x + keep * y * y, x * y * (1.0 - keep), y * y + keep * x * x);
+    let shrink = Matrix3::new(xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, 1.0);
+    shrink * information * shrink
+}
 /// Posterior covariance of a prior covariance and a measurement's information.
 fn fuse(covariance: &Cov3, information: &Cov3) -> Cov3 {
     covariance.try_inverse().and_then(|prior| (prior + information).try_inverse()).unwrap_or(*covariance)

@@ -231,7 +231,7 @@ section! {
         optimizer: Optimizer = Optimizer::GaussNewton, 0..=1, "", "\"gauss-newton\" or \"gradient-ascent\"";
         sigma_m: f64 = 0.03, 0.001..=1.0, "m", "standard deviation of a hit in the last stage";
         capture_sigma_m: f64 = 0.15, 0.001..=2.0, "m", "standard deviation of a hit in the first stage";
-        random_ratio: f64 = 0.01, 1e-9..=1.0, "", "density of random readings relative to a hit at distance zero";
+        random_ratio: f64 = 0.02, 1e-4..=1.0, "", "density of random readings relative to a hit at distance zero";
         beam_share: f64 = 1.0, 1e-6..=1.0, "", "beams are correlated: their summed log likelihood counts with this share";
         max_evaluations: u32 = 30, 1..=1000, "", "evaluations of the objective a stage may use";
     }

@@ -38,8 +38,8 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let name = log.name();
     let losses = read_losses(&log.finish()?);
     let presumed = collector.presumed.unwrap_or(Pose2::IDENTITY);
-    let found = calibrate(&collector.runs, presumed)
-        .map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
+    let found =
+        calibrate(&collector.runs, presumed).map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
     if args.voice.json {
         say_json(&to_json(&name, &found, presumed))?;
     } else if !args.voice.quiet {
@@ -70,7 +70,7 @@ impl Collector {
         }
         match (update.status, odom_from_robot, self.runs.last_mut()) {
             (Status::Tracking, Some(odom_from_robot), Some(run)) => {
-                run.push(Sample { odom_from_robot, map_from_laser: update.map_from_robot * mount });
+                run.push(Sample { stamp: scan.stamp, odom_from_robot, map_from_laser: update.map_from_robot * mount });
             }
             (_, _, Some(run)) if run.is_empty() => {}
             _ => self.runs.push(Vec::new()),
@@ -79,13 +79,12 @@ impl Collector {
 }
 
 fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
-    let scale = |estimate: Estimate| {
-        format!("{:+.2} +- {:.2} %", 100.0 * (estimate.value - 1.0), 100.0 * estimate.sigma)
-    };
+    let scale =
+        |estimate: Estimate| format!("{:+.2} +- {:.2} %", 100.0 * (estimate.value - 1.0), 100.0 * estimate.sigma);
     format!(
         "{name}: {}\n\
          laser    x {} m, y {} m, yaw {} deg (the log says {:.3}, {:.3}, {:.2})\n\
-         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m\n\
+         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; they lag {} ms\n\
          from     {} stretches of half a metre or a turn of 23 deg; +- is one standard deviation\n",
         in_words(found),
         plus_minus(found.x_m, 1.0, 4),
@@ -97,6 +96,7 @@ fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
         scale(found.translation_scale),
         scale(found.rotation_scale),
         plus_minus(found.drift_rad_per_m, DEGREES, 3),
+        plus_minus(found.lag_s, 1000.0, 0),
         found.stretches
     )
 }
@@ -139,6 +139,7 @@ fn to_json(name: &str, found: &Calibration, presumed: Pose2) -> Value {
         "translation_scale": value(found.translation_scale),
         "rotation_scale": value(found.rotation_scale),
         "drift_rad_per_m": value(found.drift_rad_per_m),
+        "lag_s": value(found.lag_s),
         "stretches": found.stretches,
     })
 }

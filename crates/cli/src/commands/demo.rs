@@ -52,7 +52,7 @@ fn drive(seed: u64) -> Drive {
     let laser = LaserSettings {
         range_sigma_m: 0.015,
         no_return_probability: 0.005,
-        random_reading_probability: 0.005,
+        random_reading_probability: 1e-4,
         quantum_m: 0.01,
         ..LaserSettings::default()
     };

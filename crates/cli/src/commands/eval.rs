@@ -75,19 +75,14 @@ pub(super) fn relation_words(name: &str, report: &RelationReport) -> String {
     for missing in &report.first_missing {
         let (from, to) = (missing.relation.from.as_secs_f64(), missing.relation.to.as_secs_f64());
         let side = format!("{:?}", missing.side).to_lowercase();
-        let _ = writeln!(text, "  missing       relation {}: {from:.6} to {to:.6}, no pose at {side}", missing.index + 1);
+        let _ =
+            writeln!(text, "  missing       relation {}: {from:.6} to {to:.6}, no pose at {side}", missing.index + 1);
     }
     text
 }
 
 fn stats_words(stats: &ErrorStats, unit: &str) -> String {
-    format!(
-        "{:.4} +- {:.4} {unit}, squared {:.6}, max {:.4}",
-        stats.mean,
-        stats.std,
-        stats.mean_squared(),
-        stats.max
-    )
+    format!("{:.4} +- {:.4} {unit}, squared {:.6}, max {:.4}", stats.mean, stats.std, stats.mean_squared(), stats.max)
 }
 
 fn relation_json(path: &Path, report: &RelationReport) -> Value {
@@ -159,9 +154,7 @@ fn reference_words(path: &Path, absolute: &Ate, relative: &Rpe) -> String {
 }
 
 fn reference_json(path: &Path, absolute: &Ate, relative: &Rpe) -> Value {
-    let both = |metres: &ErrorStats, degrees: &ErrorStats| {
-        json!({ "translation_m": stats_json(metres), "rotation_deg": stats_json(degrees) })
-    };
+    let both = |metres: &ErrorStats, degrees: &ErrorStats| json!({ "translation_m": stats_json(metres), "rotation_deg": stats_json(degrees) });
     json!({
         "trajectory": path.display().to_string(),
         "scale": absolute.alignment.scale,
@@ -173,7 +166,8 @@ fn reference_json(path: &Path, absolute: &Ate, relative: &Rpe) -> Value {
 
 fn read_relation_file(path: &Path) -> Result<Vec<Relation>, Failure> {
     let relations = open(path, read_relations)?;
-    let planar = |r: &mapwright_formats::Relation| Relation { from: r.stamp_a, to: r.stamp_b, from_from_to: r.a_from_b() };
+    let planar =
+        |r: &mapwright_formats::Relation| Relation { from: r.stamp_a, to: r.stamp_b, from_from_to: r.a_from_b() };
     Ok(relations.iter().map(planar).collect())
 }
 

@@ -4,7 +4,7 @@ use mapwright_geom::sin_cos;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Points looked at; more say nothing new.
-const POINTS_USED: usize = 8192;
+const POINTS_USED: usize = 4096;
 
 /// Bins on either side of the centre; what lies farther out is left aside.
 const HALF_BINS: usize = 4096;
