@@ -1,0 +1,223 @@
+//! What can be asked for.
+
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use mapwright::Pose2;
+use mapwright_eval::Delta;
+use std::path::PathBuf;
+
+/// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
+#[derive(Debug, Parser)]
+#[command(name = "mapwright", version, arg_required_else_help = true)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Map a log: trajectory, map, picture, report.
+    Map(MapArgs),
+    /// What is in a log, and everything odd about it.
+    Info(InfoArgs),
+    /// Score trajectories against surveyed relations or a reference trajectory.
+    Eval(EvalArgs),
+    /// Where the laser sits on the robot and how wrong its odometry is, from a log.
+    Calibrate(CalibrateArgs),
+    /// Every setting as TOML, with unit and meaning; `--config` reads it back.
+    Config(SettingsArgs),
+    /// Map a simulated office floor and compare with the truth; needs no data.
+    Demo(DemoArgs),
+    /// A harder version of a log: fewer scans, random beams, worse odometry.
+    Perturb(PerturbArgs),
+}
+
+/// The settings in force: defaults, then the file, then each `--set`.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct SettingsArgs {
+    /// Settings as TOML; `mapwright config` prints them all.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// One setting, such as map.resolution_m=0.1; may be repeated.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
+    pub(crate) set: Vec<(String, String)>,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct MapArgs {
+    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    pub(crate) log: PathBuf,
+    /// Folder for the results; made if need be.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) mapping: MappingArgs,
+}
+
+/// How to map and what to say about it.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct MappingArgs {
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    /// Threads to use; the results do not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// Pose of the robot at the first scan: metres, metres, radians.
+    #[arg(long, value_name = "X,Y,YAW", value_parser = parse_pose, allow_hyphen_values = true)]
+    pub(crate) start: Option<Pose2>,
+    /// Stamps of the trajectories: the log's own, or made to increase.
+    #[arg(long, value_enum, default_value_t = StampPolicy::Log)]
+    pub(crate) stamps: StampPolicy,
+    /// Turn the picture until walls are upright.
+    #[arg(long, value_enum, default_value_t = Align::None)]
+    pub(crate) align: Align,
+    /// Predict with constant velocity even where the log has odometry.
+    #[arg(long)]
+    pub(crate) no_odometry: bool,
+    #[command(flatten)]
+    pub(crate) voice: Voice,
+}
+
+/// How much is said.
+#[derive(Debug, Clone, Copy, ClapArgs)]
+pub(crate) struct Voice {
+    /// One JSON object on the standard output instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Say nothing but errors.
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StampPolicy {
+    Log,
+    Repaired,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Align {
+    None,
+    Walls,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct InfoArgs {
+    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    pub(crate) log: PathBuf,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+#[command(group = clap::ArgGroup::new("truth").required(true))]
+pub(crate) struct EvalArgs {
+    /// Trajectories (TUM, or stamp x y theta); of several, mean and worst are printed as well.
+    #[arg(required = true)]
+    pub(crate) trajectories: Vec<PathBuf>,
+    /// Surveyed relations (Kümmerle et al. 2009): t1 t2 x y z roll pitch yaw.
+    #[arg(long, value_name = "FILE", group = "truth")]
+    pub(crate) relations: Option<PathBuf>,
+    /// Reference trajectory for ATE and RPE, as evo computes them.
+    #[arg(long, value_name = "FILE", group = "truth")]
+    pub(crate) reference: Option<PathBuf>,
+    /// How the trajectory is brought to the reference for ATE.
+    #[arg(long, value_enum, default_value_t = AlignTo::Rigid, requires = "reference")]
+    pub(crate) alignment: AlignTo,
+    /// Distance of the poses of a pair for RPE: frames or metres, such as 1f or 5m.
+    #[arg(long, default_value = "1f", value_parser = parse_delta, requires = "reference")]
+    pub(crate) delta: Delta,
+    /// RPE over pairs from every pose instead of end to end.
+    #[arg(long, requires = "reference")]
+    pub(crate) all_pairs: bool,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AlignTo {
+    None,
+    Rigid,
+    Similarity,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct CalibrateArgs {
+    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    pub(crate) log: PathBuf,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    #[command(flatten)]
+    pub(crate) voice: Voice,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct DemoArgs {
+    /// Which floor, drive and noise.
+    #[arg(long, default_value_t = 7)]
+    pub(crate) seed: u64,
+    /// Folder for the results; made if need be.
+    #[arg(short, long, value_name = "FOLDER", default_value = "mapwright-demo")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) mapping: MappingArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct PerturbArgs {
+    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    pub(crate) log: PathBuf,
+    /// The harder log, a plain CARMEN log of its scans.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Keep the first scan and every Nth after it.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) every: u32,
+    /// Replace this share of the beams by ranges uniform in 0 to 30 m.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share)]
+    pub(crate) noise_beams: f64,
+    /// Multiply the translations of odometry.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_factor)]
+    pub(crate) scale_odometry: f64,
+    /// Relative standard deviation of noise on each increment of odometry.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share)]
+    pub(crate) odometry_noise: f64,
+    /// Seed of the noise.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+}
+
+fn parse_assignment(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, such as map.resolution_m=0.1")?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+fn parse_pose(text: &str) -> Result<Pose2, String> {
+    let numbers: Vec<f64> = text.split(',').map_while(|field| field.trim().parse().ok()).collect();
+    match numbers[..] {
+        [x, y, yaw] if [x, y, yaw].iter().all(|v| v.abs() <= 1e5) => Ok(Pose2::new(x, y, yaw)),
+        _ => Err("expected three numbers within 100 km, such as 1.5,-2,0.1".to_owned()),
+    }
+}
+
+fn parse_delta(text: &str) -> Result<Delta, String> {
+    let wrong = || "expected frames or metres, such as 1f or 5m".to_owned();
+    if let Some(frames) = text.strip_suffix('f') {
+        return frames.parse().map(Delta::Frames).map_err(|_| wrong());
+    }
+    let metres = text.strip_suffix('m').ok_or_else(wrong)?;
+    metres.parse().map(Delta::Metres).map_err(|_| wrong())
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=1.0, "a share from 0 to 1")
+}
+
+fn parse_factor(text: &str) -> Result<f64, String> {
+    within(text, 0.01..=100.0, "a factor from 0.01 to 100")
+}
+
+fn within(text: &str, range: std::ops::RangeInclusive<f64>, expected: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|v| range.contains(v)).ok_or_else(|| format!("expected {expected}"))
+}

@@ -1,0 +1,145 @@
+//! `mapwright calibrate`
+
+use crate::args::CalibrateArgs;
+use crate::calibration::{Calibration, Estimate, Sample, calibrate};
+use crate::events::{Interrupt, Log};
+use crate::failure::{Failure, Outcome};
+use crate::progress::Progress;
+use crate::report::read_losses;
+use crate::settings;
+use crate::terminal::{say, say_json};
+use mapwright::{LaserScan, Mapper, Pose2, Status};
+use mapwright_formats::LogEvent;
+use serde_json::{Value, json};
+
+/// Values smaller than so many standard deviations may as well be zero.
+const CLEAR_SIGMAS: f64 = 3.0;
+
+pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
+    let mut collector = Collector::new(Mapper::new(settings::load(&args.settings)?)?);
+    let interrupt = Interrupt::watch()?;
+    let mut log = Log::open(&args.log)?;
+    let mut progress = Progress::new(log.size_bytes, args.voice.quiet || args.voice.json);
+    log.for_each(&interrupt, |event, position| {
+        match event {
+            LogEvent::Scan(scan) => {
+                collector.add(scan);
+                progress.scan(scan.stamp, position);
+            }
+            LogEvent::Odometry(odometry) => {
+                collector.mapper.add_odometry(odometry);
+                collector.odom_from_robot = Some(odometry.odom_from_robot);
+            }
+            _ => {}
+        }
+        Ok(())
+    })?;
+    progress.finish();
+    let name = log.name();
+    let losses = read_losses(&log.finish()?);
+    let presumed = collector.presumed.unwrap_or(Pose2::IDENTITY);
+    let found =
+        calibrate(&collector.runs, presumed).map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
+    if args.voice.json {
+        say_json(&to_json(&name, &found, presumed))?;
+    } else if !args.voice.quiet {
+        say(&to_words(&name, &found, presumed))?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
+/// Tracked scans in runs without a break; scans of a second laser are left to the mapper alone.
+struct Collector {
+    mapper: Mapper,
+    odom_from_robot: Option<Pose2>,
+    presumed: Option<Pose2>,
+    runs: Vec<Vec<Sample>>,
+}
+
+impl Collector {
+    fn new(mapper: Mapper) -> Self {
+        Self { mapper, odom_from_robot: None, presumed: None, runs: vec![Vec::new()] }
+    }
+
+    fn add(&mut self, scan: &LaserScan) {
+        let update = self.mapper.add_scan(scan);
+        let mount = scan.laser.robot_from_laser;
+        let odom_from_robot = scan.odom_from_robot.or(self.odom_from_robot);
+        if *self.presumed.get_or_insert(mount) != mount {
+            return;
+        }
+        match (update.status, odom_from_robot, self.runs.last_mut()) {
+            (Status::Tracking, Some(odom_from_robot), Some(run)) => {
+                run.push(Sample { stamp: scan.stamp, odom_from_robot, map_from_laser: update.map_from_robot * mount });
+            }
+            (_, _, Some(run)) if run.is_empty() => {}
+            _ => self.runs.push(Vec::new()),
+        }
+    }
+}
+
+fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
+    let scale =
+        |estimate: Estimate| format!("{:+.2} +- {:.2} %", 100.0 * (estimate.value - 1.0), 100.0 * estimate.sigma);
+    format!(
+        "{name}: {}\n\
+         laser    x {} m, y {} m, yaw {} deg (the log says {:.3}, {:.3}, {:.2})\n\
+         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; they lag {} ms\n\
+         from     {} stretches of half a metre or a turn of 23 deg; +- is one standard deviation\n",
+        in_words(found),
+        plus_minus(found.x_m, 1.0, 4),
+        plus_minus(found.y_m, 1.0, 4),
+        plus_minus(found.yaw_rad, DEGREES, 2),
+        presumed.x,
+        presumed.y,
+        presumed.theta.to_degrees(),
+        scale(found.translation_scale),
+        scale(found.rotation_scale),
+        plus_minus(found.drift_rad_per_m, DEGREES, 3),
+        plus_minus(found.lag_s, 1000.0, 0),
+        found.stretches
+    )
+}
+
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+
+fn plus_minus(estimate: Estimate, unit: f64, decimals: usize) -> String {
+    format!("{:+.decimals$} +- {:.decimals$}", unit * estimate.value, unit * estimate.sigma)
+}
+
+/// Where the laser sits, as one would say it.
+fn in_words(found: &Calibration) -> String {
+    let place = |estimate: Estimate, plus: &str, minus: &str| {
+        let clear = estimate.value.abs() > CLEAR_SIGMAS * estimate.sigma;
+        let side = if estimate.value > 0.0 { plus } else { minus };
+        clear.then(|| format!("{:.1} cm {side}", 100.0 * estimate.value.abs()))
+    };
+    let mut parts: Vec<_> = [place(found.x_m, "ahead", "behind"), place(found.y_m, "to the left", "to the right")]
+        .into_iter()
+        .flatten()
+        .collect();
+    if parts.is_empty() {
+        parts.push("over the robot's centre".to_owned());
+    }
+    if found.yaw_rad.value.abs() > CLEAR_SIGMAS * found.yaw_rad.sigma {
+        let side = if found.yaw_rad.value > 0.0 { "left" } else { "right" };
+        parts.push(format!("turned {:.2} deg to the {side}", DEGREES * found.yaw_rad.value.abs()));
+    }
+    format!("your laser sits {}", parts.join(", "))
+}
+
+fn to_json(name: &str, found: &Calibration, presumed: Pose2) -> Value {
+    let value = |estimate: Estimate| json!({ "value": estimate.value, "sigma": estimate.sigma });
+    json!({
+        "log": name,
+        "presumed": [presumed.x, presumed.y, presumed.theta],
+        "x_m": value(found.x_m),
+        "y_m": value(found.y_m),
+        "yaw_rad": value(found.yaw_rad),
+        "translation_scale": value(found.translation_scale),
+        "rotation_scale": value(found.rotation_scale),
+        "drift_rad_per_m": value(found.drift_rad_per_m),
+        "lag_s": value(found.lag_s),
+        "stretches": found.stretches,
+    })
+}

@@ -1,0 +1,160 @@
+//! `mapwright demo`
+
+use crate::args::{Align, DemoArgs, MappingArgs};
+use crate::events::Interrupt;
+use crate::failure::{Failure, Outcome};
+use crate::mapping::{Mapping, settings_of};
+use crate::output::OutputFolder;
+use crate::report;
+use crate::terminal::{say, say_json};
+use mapwright::Pose2;
+use mapwright_eval::{Alignment, Ate, Relation, RelationReport, StampedPose, ate, relation_errors};
+use mapwright_formats::TumWriter;
+use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
+use serde_json::{Value, json};
+
+const PEOPLE: usize = 6;
+/// The truth is compared over pairs of scans: so many scans apart, and wherever the robot comes back.
+const STEP_SCANS: usize = 50;
+/// A place is met again within this distance, metres, and after this time, seconds.
+const AGAIN_WITHIN_M: f64 = 1.0;
+const AGAIN_AFTER_S: f64 = 60.0;
+/// Every so many-th scan is looked at.
+const LOOK_EVERY: usize = 10;
+
+pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
+    let mapping_args = MappingArgs { align: Align::Walls, ..args.mapping.clone() };
+    settings_of(&mapping_args)?;
+    let interrupt = Interrupt::watch()?;
+    let output = OutputFolder::create(&args.output)?;
+    let name = format!("simulated office floor, seed {}", args.seed);
+    let mut mapping = Mapping::begin(&mapping_args, output, None)?;
+    let mut truth = Vec::new();
+    for event in drive(args.seed) {
+        match event {
+            Event::Odometry(odometry) => mapping.add_odometry(&odometry),
+            Event::Scan(scan) => {
+                mapping.add_scan(&scan.scan, 0)?;
+                truth.push(StampedPose { stamp: scan.scan.stamp, world_from_robot: scan.world_from_robot });
+            }
+        }
+        if interrupt.came() {
+            break;
+        }
+    }
+    mapping.end_of_scans();
+    finish(args, &name, mapping, &truth, interrupt.came())
+}
+
+/// A robot with a laser as they are sold, through a floor with people in it.
+fn drive(seed: u64) -> Drive {
+    let site = worlds::office_floor(seed).with_people(PEOPLE, seed);
+    let laser = LaserSettings {
+        range_sigma_m: 0.015,
+        no_return_probability: 0.005,
+        random_reading_probability: 1e-4,
+        quantum_m: 0.01,
+        ..LaserSettings::default()
+    };
+    Drive::new(site.into(), DriveSettings { laser, seed, ..DriveSettings::default() })
+}
+
+fn finish(
+    args: &DemoArgs,
+    name: &str,
+    mut mapping: Mapping,
+    truth: &[StampedPose],
+    interrupted: bool,
+) -> Result<Outcome, Failure> {
+    let made = mapping.write_results()?;
+    write_truth(&mut mapping, truth)?;
+    let score = Score::of(&mapping, truth, args)?;
+    let mut losses = report::mapping_losses(&mapping, &made);
+    if interrupted {
+        losses.push(format!("interrupted after {} scans", truth.len()));
+    }
+    let mut full = report::full_report(name, Value::Null, &mut mapping, &made, &losses);
+    full["against_truth"] = score.to_json();
+    mapping.output.write_json("report.json", &full)?;
+    let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
+    mapping.output.write_json("timing.json", &timing)?;
+    let words = report::last_words(&mapping, &made, &timing) + &score.to_words() + &report::remarks(&losses, &[]);
+    let files = mapping.output.commit()?;
+    let voice = args.mapping.voice;
+    if voice.json {
+        say_json(&json!({ "files": files, "report": full, "timing": timing }))?;
+    } else if !voice.quiet {
+        say(&format!("{name}: {words}written  {}: {}\n", args.output.display(), files.join(" ")))?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
+fn write_truth(mapping: &mut Mapping, truth: &[StampedPose]) -> Result<(), Failure> {
+    mapping.output.write("truth.tum", |writer| {
+        let mut trajectory = TumWriter::new(writer);
+        truth.iter().try_for_each(|pose| trajectory.write_planar(pose.stamp, pose.world_from_robot))?;
+        trajectory.finish().map(|_| ())
+    })
+}
+
+/// The trajectory against the truth.
+struct Score {
+    absolute: Ate,
+    relations: RelationReport,
+}
+
+impl Score {
+    fn of(mapping: &Mapping, truth: &[StampedPose], args: &DemoArgs) -> Result<Self, Failure> {
+        let estimate: Vec<_> = mapping
+            .mapper
+            .trajectory()
+            .map(|pose| StampedPose { stamp: pose.stamp, world_from_robot: pose.map_from_robot })
+            .collect();
+        let absolute = ate(truth, &estimate, Alignment::Rigid)
+            .map_err(|cause| Failure::Score { path: args.output.clone(), cause })?;
+        Ok(Self { absolute, relations: relation_errors(&estimate, &true_relations(truth)) })
+    }
+
+    fn to_words(&self) -> String {
+        let metres = self.absolute.translation_m;
+        let mut text = format!("truth    ATE rmse {:.3} m, at most {:.3} m\n", metres.rmse, metres.max);
+        let rows = [("a few metres on", self.relations.within_10_s), ("met again later", self.relations.beyond_60_s)];
+        for (what, errors) in rows.iter().filter_map(|(what, errors)| errors.map(|e| (what, e))) {
+            text += &format!(
+                "         {what}: relation error {:.4} m, {:.3} deg\n",
+                errors.translation_m.mean, errors.rotation_deg.mean
+            );
+        }
+        text
+    }
+
+    fn to_json(&self) -> Value {
+        let mean = |errors: Option<mapwright_eval::PoseErrors>| {
+            errors.map(|e| json!({ "translation_m": e.translation_m.mean, "rotation_deg": e.rotation_deg.mean }))
+        };
+        json!({
+            "ate_rmse_m": self.absolute.translation_m.rmse,
+            "ate_max_m": self.absolute.translation_m.max,
+            "relation_error_within_10_s": mean(self.relations.within_10_s),
+            "relation_error_beyond_60_s": mean(self.relations.beyond_60_s),
+        })
+    }
+}
+
+/// Relations as a surveyor would take them: along the way, and between visits of the same place.
+fn true_relations(truth: &[StampedPose]) -> Vec<Relation> {
+    let relation = |a: &StampedPose, b: &StampedPose| {
+        let from_from_to: Pose2 = a.world_from_robot.between(b.world_from_robot);
+        Relation { from: a.stamp, to: b.stamp, from_from_to }
+    };
+    let looked_at: Vec<_> = truth.iter().step_by(LOOK_EVERY).collect();
+    let along = looked_at.iter().zip(looked_at.iter().skip(STEP_SCANS / LOOK_EVERY)).map(|(a, b)| relation(a, b));
+    let again = looked_at.iter().enumerate().filter_map(|(at, later)| {
+        let met = looked_at[..at].iter().find(|earlier| {
+            later.stamp.secs_since(earlier.stamp) > AGAIN_AFTER_S
+                && earlier.world_from_robot.distance(later.world_from_robot) < AGAIN_WITHIN_M
+        });
+        met.map(|earlier| relation(earlier, later))
+    });
+    along.chain(again).collect()
+}

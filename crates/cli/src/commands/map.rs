@@ -1,0 +1,46 @@
+//! `mapwright map`
+
+use crate::args::MapArgs;
+use crate::events::{Ending, Interrupt, Log};
+use crate::failure::{Failure, Outcome};
+use crate::mapping::{Mapping, settings_of};
+use crate::output::OutputFolder;
+use crate::report;
+use crate::terminal::{say, say_json};
+use mapwright_formats::LogEvent;
+use serde_json::json;
+
+pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
+    settings_of(&args.mapping)?; // wrong usage is told before anything is touched
+    let interrupt = Interrupt::watch()?;
+    let mut log = Log::open(&args.log)?;
+    let output = OutputFolder::create(&args.output)?;
+    let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes)?;
+    let ending = log.for_each(&interrupt, |event, position| match event {
+        LogEvent::Scan(scan) => mapping.add_scan(scan, position).map(|_| ()),
+        LogEvent::Odometry(odometry) => Ok(mapping.add_odometry(odometry)),
+        _ => Ok(()),
+    })?;
+    mapping.end_of_scans();
+    let name = log.name();
+    let read = log.finish()?;
+    let made = mapping.write_results()?;
+    let mut losses = report::read_losses(&read);
+    losses.extend(report::mapping_losses(&mapping, &made));
+    if ending == Ending::Interrupted {
+        losses.push(format!("interrupted after line {} of the log; the results are complete up to there", read.lines));
+    }
+    let report = report::full_report(&name, report::read_report(&read), &mut mapping, &made, &losses);
+    mapping.output.write_json("report.json", &report)?;
+    let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
+    mapping.output.write_json("timing.json", &timing)?;
+    let words = report::last_words(&mapping, &made, &timing) + &report::remarks(&losses, &report::read_oddities(&read));
+    let files = mapping.output.commit()?;
+    let voice = args.mapping.voice;
+    if voice.json {
+        say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
+    } else if !voice.quiet {
+        say(&format!("{name}: {words}written  {}: {}\n", args.output.display(), files.join(" ")))?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}

@@ -1,0 +1,25 @@
+//! The commands.
+
+mod calibrate;
+mod config;
+mod demo;
+mod eval;
+mod info;
+mod map;
+mod perturb;
+
+use crate::args::Command;
+use crate::failure::{Failure, Outcome};
+
+/// Does what was asked for.
+pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
+    match command {
+        Command::Map(args) => map::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Eval(args) => eval::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
+        Command::Config(args) => config::run(&args),
+        Command::Demo(args) => demo::run(&args),
+        Command::Perturb(args) => perturb::run(&args),
+    }
+}

@@ -1,0 +1,72 @@
+//! How a command ends.
+
+use mapwright::SettingsError;
+use mapwright_eval::EvalError;
+use mapwright_formats::FormatError;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// A command that did what it was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// All of it.
+    Done,
+    /// A result was made, but something was lost on the way.
+    WithLoss,
+}
+
+impl Outcome {
+    pub(crate) fn of_losses(losses: &[String]) -> Self {
+        if losses.is_empty() { Self::Done } else { Self::WithLoss }
+    }
+
+    pub(crate) fn exit_code(self) -> ExitCode {
+        match self {
+            Self::Done => ExitCode::SUCCESS,
+            Self::WithLoss => ExitCode::from(3),
+        }
+    }
+}
+
+/// Why a command failed; each message names the file.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    #[error("cannot open {}: {reason}", path.display())]
+    Open { path: PathBuf, reason: String },
+    #[error("cannot read {}: {cause}", path.display())]
+    Read { path: PathBuf, cause: FormatError },
+    #[error("cannot write {}: {cause}", path.display())]
+    Write { path: PathBuf, cause: FormatError },
+    #[error("{name}: expected laser scans, found {found}")]
+    NoScan { name: String, found: String },
+    #[error("{}: {cause}", path.display())]
+    Config { path: PathBuf, cause: String },
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    #[error("{}: {cause}", path.display())]
+    Score { path: PathBuf, cause: EvalError },
+    #[error("{name}: {reason}")]
+    NotCalibrated { name: String, reason: String },
+    #[error("cannot write to the standard output: {0}")]
+    Stdout(std::io::Error),
+    #[error("cannot watch for signals: {0}")]
+    Signals(std::io::Error),
+}
+
+impl Failure {
+    pub(crate) fn write(path: impl AsRef<Path>, cause: impl Into<FormatError>) -> Self {
+        Self::Write { path: path.as_ref().to_owned(), cause: cause.into() }
+    }
+
+    pub(crate) fn open(path: &Path, reason: impl ToString) -> Self {
+        Self::Open { path: path.to_owned(), reason: reason.to_string() }
+    }
+
+    /// Wrong settings are wrong usage.
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        ExitCode::from(match self {
+            Self::Config { .. } | Self::Settings(_) => 2,
+            _ => 1,
+        })
+    }
+}

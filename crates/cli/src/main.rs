@@ -1,0 +1,30 @@
+//! The `mapwright` command: everything below is effects (files, clock, terminal); the mapping is the library's.
+
+mod args;
+mod calibration;
+mod commands;
+mod events;
+mod failure;
+mod image;
+mod mapping;
+mod output;
+mod progress;
+mod report;
+mod settings;
+mod stamps;
+mod tally;
+mod terminal;
+mod timing;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match commands::run(args::Args::parse().command) {
+        Ok(outcome) => outcome.exit_code(),
+        Err(failure) => {
+            terminal::complain(&failure);
+            failure.exit_code()
+        }
+    }
+}

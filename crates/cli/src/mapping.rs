@@ -1,0 +1,159 @@
+//! One mapping run: scans in, files out.
+
+use crate::args::{Align, MappingArgs, StampPolicy};
+use crate::failure::Failure;
+use crate::image::{MapImage, map_image, without_outliers};
+use crate::output::OutputFolder;
+use crate::progress::Progress;
+use crate::settings;
+use crate::stamps::Stamper;
+use crate::tally::Tally;
+use crate::timing::StageClock;
+use mapwright::{LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
+use mapwright_formats::{GridImage, Picture, TumWriter, dominant_wall_angle};
+use mapwright_formats::{write_map_yaml, write_pgm, write_png};
+use std::fs::File;
+
+const ONLINE: &str = "trajectory_online.tum";
+/// The way's length is summed over steps of at least so much, so that standing still adds nothing, metres.
+const PATH_STEP_M: f64 = 0.05;
+
+/// A mapper with everything that is written beside it.
+pub(crate) struct Mapping {
+    pub(crate) mapper: Mapper,
+    pub(crate) tally: Tally,
+    pub(crate) clock: StageClock,
+    pub(crate) output: OutputFolder,
+    online: Option<TumWriter<File>>,
+    stamper: Stamper,
+    progress: Progress,
+    policy: StampPolicy,
+    align: Align,
+}
+
+/// What a run has made, for report and people.
+#[derive(Debug, Clone)]
+pub(crate) struct Made {
+    pub(crate) path_m: f64,
+    pub(crate) map_cells: [usize; 2],
+    pub(crate) map_m: [f64; 2],
+    pub(crate) cells_left_out: u64,
+    pub(crate) wall_angle_rad: Option<f64>,
+}
+
+/// Settings of a run: those of file and command line, and `--no-odometry`.
+pub(crate) fn settings_of(args: &MappingArgs) -> Result<Settings, Failure> {
+    let mut settings = settings::load(&args.settings)?;
+    settings.motion.use_odometry &= !args.no_odometry;
+    Ok(settings)
+}
+
+impl Mapping {
+    /// Begins a run; `length` is that of the progress bar.
+    pub(crate) fn begin(args: &MappingArgs, mut output: OutputFolder, length: Option<u64>) -> Result<Self, Failure> {
+        let clock = StageClock::start();
+        let start = args.start.unwrap_or(Pose2::IDENTITY);
+        let mapper = Mapper::starting_at(settings_of(args)?, start)?;
+        let online = Some(TumWriter::new(output.begin(ONLINE)?));
+        Ok(Self {
+            mapper,
+            tally: Tally::default(),
+            clock,
+            output,
+            online,
+            stamper: Stamper::new(args.stamps),
+            progress: Progress::new(length, args.voice.quiet || args.voice.json),
+            policy: args.stamps,
+            align: args.align,
+        })
+    }
+
+    /// One scan through the mapper; `position` is how far along the bar it lies.
+    pub(crate) fn add_scan(&mut self, scan: &LaserScan, position: u64) -> Result<Update, Failure> {
+        let update = self.mapper.add_scan_probed(scan, &mut self.clock);
+        self.tally.add(&update);
+        if let Some(online) = &mut self.online {
+            let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
+            written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+        }
+        self.progress.scan(update.stamp, position);
+        Ok(update)
+    }
+
+    /// A reading of the wheels.
+    pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {
+        self.mapper.add_odometry(odometry);
+    }
+
+    /// No more scans: takes the bar away.
+    pub(crate) fn end_of_scans(&mut self) {
+        self.clock.end_of_scans();
+        self.progress.finish();
+    }
+
+    /// Writes trajectories and maps.
+    pub(crate) fn write_results(&mut self) -> Result<Made, Failure> {
+        if let Some(online) = self.online.take() {
+            online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+        }
+        let way = self.write_trajectory()?;
+        let MapImage { image, cells_left_out } = self.render();
+        self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
+        self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
+        let wall_angle_rad = self.wall_angle(&image);
+        let picture =
+            Picture { world_from_robot: &way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
+        let shown = without_outliers(&image, &way);
+        self.output.write("map.png", |writer| write_png(&shown, &picture, writer))?;
+        Ok(Made {
+            path_m: path_length_m(&way),
+            map_cells: [image.width, image.height],
+            map_m: [shown.width, shown.height].map(|cells| cells as f64 * image.resolution_m),
+            cells_left_out,
+            wall_angle_rad,
+        })
+    }
+
+    /// The final trajectory, every scan in arrival order; returns the way.
+    fn write_trajectory(&mut self) -> Result<Vec<Pose2>, Failure> {
+        let mut stamper = Stamper::new(self.policy);
+        let poses = self.mapper.trajectory();
+        let mut way = Vec::with_capacity(poses.len());
+        self.output.write("trajectory.tum", |writer| {
+            let mut trajectory = TumWriter::new(writer);
+            for pose in poses {
+                trajectory.write_planar(stamper.next(pose.stamp), pose.map_from_robot)?;
+                way.push(pose.map_from_robot);
+            }
+            trajectory.finish().map(|_| ())
+        })?;
+        Ok(way)
+    }
+
+    /// Every keyframe at its present pose. A live map of everything is that map already.
+    fn render(&self) -> MapImage {
+        let Settings { live, map, .. } = self.mapper.settings();
+        if live.policy == LivePolicy::Everything {
+            map_image(self.mapper.live_map().counts(), map.passes_per_hit)
+        } else {
+            map_image(&self.mapper.render(), map.passes_per_hit)
+        }
+    }
+
+    fn wall_angle(&self, image: &GridImage) -> Option<f64> {
+        (self.align == Align::Walls).then(|| dominant_wall_angle(&image.wall_points_map(), image.resolution_m))
+    }
+}
+
+fn path_length_m(way: &[Pose2]) -> f64 {
+    let Some(mut last) = way.first() else { return 0.0 };
+    let mut length_m = 0.0;
+    for pose in way {
+        let step_m = pose.distance(*last);
+        if step_m >= PATH_STEP_M {
+            length_m += step_m;
+            last = pose;
+        }
+    }
+    length_m
+}

@@ -1,0 +1,186 @@
+//! `report.json` and the last lines on the terminal.
+
+use crate::mapping::{Made, Mapping};
+use crate::terminal::{count, duration, grouped};
+use mapwright::{Mapper, Status};
+use mapwright_formats::{Noted, ReadReport, TopicReport};
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+
+/// What was read and what was dropped, with places and reasons.
+pub(crate) fn read_report(report: &ReadReport) -> Value {
+    let dropped: Map<_, _> = report
+        .drops
+        .iter()
+        .map(|(reason, drops)| {
+            let first: Vec<_> = drops.first.iter().map(ToString::to_string).collect();
+            (reason.to_string(), json!({ "count": drops.count, "first": first }))
+        })
+        .collect();
+    json!({
+        "lines": report.lines,
+        "bytes": report.bytes,
+        "scans": report.scans,
+        "odometry": report.odometry,
+        "dropped_lines": report.dropped_lines(),
+        "dropped": dropped,
+        "torn": report.tear.as_ref().map(ToString::to_string),
+        "scan_poses_refused": noted(&report.refused_scan_poses),
+        "unstamped": noted(&report.unstamped),
+        "non_finite_ranges": report.non_finite_ranges,
+        "other_lines": report.other_tags,
+        "topics": report.topics.iter().map(topic_report).collect::<Vec<_>>(),
+    })
+}
+
+fn topic_report(topic: &TopicReport) -> Value {
+    json!({
+        "name": topic.name,
+        "events": topic.events,
+        "stamps_backward": noted(&topic.stamps.backward),
+        "stamps_repeated": noted(&topic.stamps.repeated),
+        "odometry_jumps": noted(&topic.odometry_jumps),
+        "beam_count_changes": noted(&topic.beam_count_changes),
+    })
+}
+
+fn noted(noted: &Noted) -> Value {
+    json!({ "count": noted.count, "first_lines": noted.first_places })
+}
+
+/// What a reader lost, in words.
+pub(crate) fn read_losses(report: &ReadReport) -> Vec<String> {
+    let mut losses = Vec::new();
+    for (reason, drops) in &report.drops {
+        let first = drops.first.first().map_or(String::new(), |dropped| format!(", first {dropped}"));
+        losses.push(format!("{} dropped ({reason}{first})", count(drops.count, "line")));
+    }
+    losses.extend(report.tear.as_ref().map(ToString::to_string));
+    if report.refused_scan_poses.count > 0 {
+        losses.push(format!("{} had no usable odometry pose", count(report.refused_scan_poses.count, "scan")));
+    }
+    losses
+}
+
+/// What is odd about a log without being a loss, in words.
+pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
+    let mut odd = Vec::new();
+    let mut note = |noted: &Noted, what: &str| {
+        if let Some(line) = noted.first_places.first() {
+            odd.push(format!("{what}: {}, first at line {line}", grouped(noted.count)));
+        }
+    };
+    for topic in &report.topics {
+        let name = &topic.name;
+        note(&topic.stamps.backward, &format!("{name} stamps that step backwards (kept in the order of the file)"));
+        note(&topic.stamps.repeated, &format!("{name} stamps that repeat"));
+        note(&topic.odometry_jumps, &format!("{name} odometry jumps of more than 10 m"));
+        note(&topic.beam_count_changes, &format!("{name} changes of the number of beams"));
+    }
+    note(&report.unstamped, "lines without a stamp of their own");
+    if report.non_finite_ranges > 0 {
+        odd.push(format!("ranges that are not finite: {}", grouped(report.non_finite_ranges)));
+    }
+    odd
+}
+
+/// What a mapping run lost beside what the reader lost, in words.
+pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
+    let mut losses: Vec<_> = mapping
+        .tally
+        .refused
+        .iter()
+        .map(|(reason, &scans)| format!("{} refused: {reason}", count(scans, "scan")))
+        .collect();
+    if made.cells_left_out > 0 {
+        losses.push(format!(
+            "{} lie too far out for the map's files (at most 100 million cells; a larger map.resolution_m helps)",
+            count(made.cells_left_out, "known cell")
+        ));
+    }
+    losses
+}
+
+/// The whole of `report.json`; `read` is [`read_report`]'s or what stands for it.
+pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: &Made, losses: &[String]) -> Value {
+    let status = mapping.tally.status_report();
+    let mapper = &mapping.mapper;
+    json!({
+        "mapwright": env!("CARGO_PKG_VERSION"),
+        "log": name,
+        "log_seconds": mapping.tally.log_s(),
+        "settings": mapper.settings(),
+        "read": read,
+        "beams": mapping.tally.beam_report(),
+        "keyframes": mapper.keyframes().len(),
+        "edges": mapper.edges().len(),
+        "path_m": made.path_m,
+        "status": status,
+        "matches": mapping.tally.match_report(),
+        "live_map": live_report(mapper),
+        "map": {
+            "cells": made.map_cells,
+            "cells_left_out": made.cells_left_out,
+            "wall_angle_rad": made.wall_angle_rad,
+        },
+        "losses": losses,
+    })
+}
+
+fn live_report(mapper: &Mapper) -> Value {
+    let report = mapper.live_report();
+    json!({
+        "keyframes": report.keyframes,
+        "gated_out": report.gated_out,
+        "let_in": report.let_in,
+        "superseded": report.superseded,
+    })
+}
+
+/// The last lines: what was made and how good it is.
+pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> String {
+    let tally = &mapping.tally;
+    let [width_m, height_m] = made.map_m;
+    let percent = |status| 100.0 * tally.share(status);
+    let mut text = format!(
+        "{} over {}, {:.0} m of path, {}\n",
+        count(tally.scans, "scan"),
+        duration(tally.log_s()),
+        made.path_m,
+        count(mapping.mapper.keyframes().len() as u64, "keyframe"),
+    );
+    let _ = writeln!(
+        text,
+        "map      {width_m:.0} x {height_m:.0} m, {} m a cell",
+        mapping.mapper.settings().map.resolution_m
+    );
+    let _ = write!(
+        text,
+        "quality  tracking {:.2} %, degraded {:.2} %, lost {:.2} %",
+        percent(Status::Tracking),
+        percent(Status::Degraded),
+        percent(Status::Lost)
+    );
+    if let Some(share) = tally.median_inlier_share() {
+        let _ = write!(text, "; in the median {:.0} % of a scan's beams fit the map", 100.0 * share);
+    }
+    let number = |key: &str| timing[key].as_f64().unwrap_or(0.0);
+    let _ = write!(
+        text,
+        "\nspeed    {:.2} s, {} scans/s, {} x real time",
+        number("total_s"),
+        grouped(number("scans_per_second") as u64),
+        grouped(number("times_real_time") as u64)
+    );
+    if let Some(mib) = timing["peak_memory_mib"].as_f64() {
+        let _ = write!(text, ", {mib:.0} MiB at most");
+    }
+    text.push('\n');
+    text
+}
+
+/// Losses and oddities as lines.
+pub(crate) fn remarks(losses: &[String], oddities: &[String]) -> String {
+    let lost = losses.iter().map(|loss| format!("lost     {loss}\n"));
+    lost.chain(oddities.iter().map(|odd| format!("odd      {odd}\n"))).collect()
+}

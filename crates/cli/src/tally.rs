@@ -1,0 +1,164 @@
+//! What became of the scans: status over time, how well they fit, what was refused.
+
+use mapwright::{BeamCounts, Stamp, Status, Update};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// Runs of equal status that are listed; further ones are only counted.
+const RUNS_KEPT: usize = 1000;
+/// Bins of the inlier shares.
+const BINS: usize = 1000;
+
+/// Scans in a row with the same status.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    status: Status,
+    first_scan: u64,
+    scans: u64,
+    from: Stamp,
+    to: Stamp,
+}
+
+/// Counts over all updates; memory is bounded.
+#[derive(Debug, Clone)]
+pub(crate) struct Tally {
+    pub(crate) scans: u64,
+    pub(crate) refused: BTreeMap<&'static str, u64>,
+    by_status: [u64; 3],
+    runs: Vec<Run>,
+    runs_in_all: u64,
+    open: Option<Run>,
+    inlier_shares: Vec<u64>,
+    matched: u64,
+    restarted: u64,
+    searched: u64,
+    evaluations: u64,
+    beams: BeamCounts,
+    span: Option<(Stamp, Stamp)>,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self {
+            scans: 0,
+            refused: BTreeMap::new(),
+            by_status: [0; 3],
+            runs: Vec::new(),
+            runs_in_all: 0,
+            open: None,
+            inlier_shares: vec![0; BINS + 1],
+            matched: 0,
+            restarted: 0,
+            searched: 0,
+            evaluations: 0,
+            beams: BeamCounts::default(),
+            span: None,
+        }
+    }
+}
+
+impl Tally {
+    pub(crate) fn add(&mut self, update: &Update) {
+        self.scans += 1;
+        self.by_status[update.status as usize] += 1;
+        self.beams.add(&update.beams);
+        let (first, last) = self.span.unwrap_or((update.stamp, update.stamp));
+        self.span = Some((first.min(update.stamp), last.max(update.stamp)));
+        if let Some(reason) = update.refused {
+            *self.refused.entry(reason).or_default() += 1;
+        }
+        if let Some(report) = &update.matched {
+            self.matched += 1;
+            self.restarted += u64::from(report.restarts > 0);
+            self.searched += u64::from(report.searched);
+            self.evaluations += u64::from(report.evaluations);
+            self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
+        }
+        self.extend_run(update);
+    }
+
+    fn extend_run(&mut self, update: &Update) {
+        match &mut self.open {
+            Some(run) if run.status == update.status => {
+                run.scans += 1;
+                run.to = update.stamp;
+            }
+            _ => {
+                self.close_run();
+                let (status, first_scan, stamp) = (update.status, update.scan, update.stamp);
+                self.open = Some(Run { status, first_scan, scans: 1, from: stamp, to: stamp });
+            }
+        }
+    }
+
+    fn close_run(&mut self) {
+        if let Some(run) = self.open.take() {
+            self.runs_in_all += 1;
+            if self.runs.len() < RUNS_KEPT {
+                self.runs.push(run);
+            }
+        }
+    }
+
+    /// Time between the earliest and the latest stamp, seconds.
+    pub(crate) fn log_s(&self) -> f64 {
+        self.span.map_or(0.0, |(first, last)| last.secs_since(first))
+    }
+
+    /// Share of the scans with a status.
+    pub(crate) fn share(&self, status: Status) -> f64 {
+        self.by_status[status as usize] as f64 / self.scans.max(1) as f64
+    }
+
+    /// Median over the matched scans of the share of beams that fit the map.
+    pub(crate) fn median_inlier_share(&self) -> Option<f64> {
+        let half = self.matched.div_ceil(2);
+        let mut below = 0;
+        let bin = self.inlier_shares.iter().position(|&n| {
+            below += n;
+            below >= half
+        })?;
+        (self.matched > 0).then_some(bin as f64 / BINS as f64)
+    }
+
+    pub(crate) fn status_report(&mut self) -> Value {
+        self.close_run();
+        let runs: Vec<Value> = self.runs.iter().map(run_report).collect();
+        json!({
+            "tracking": self.by_status[Status::Tracking as usize],
+            "degraded": self.by_status[Status::Degraded as usize],
+            "lost": self.by_status[Status::Lost as usize],
+            "run_count": self.runs_in_all,
+            "runs": runs,
+        })
+    }
+
+    pub(crate) fn match_report(&self) -> Value {
+        json!({
+            "matched": self.matched,
+            "median_inlier_share": self.median_inlier_share(),
+            "restarted": self.restarted,
+            "searched": self.searched,
+            "evaluations": self.evaluations,
+        })
+    }
+
+    pub(crate) fn beam_report(&self) -> Value {
+        json!({
+            "returns": self.beams.returns,
+            "no_return": self.beams.no_return,
+            "too_near": self.beams.too_near,
+            "not_a_number": self.beams.not_a_number,
+        })
+    }
+}
+
+fn run_report(run: &Run) -> Value {
+    json!({
+        "status": run.status.name(),
+        "first_scan": run.first_scan,
+        "scans": run.scans,
+        "from_s": run.from.as_secs_f64(),
+        "to_s": run.to.as_secs_f64(),
+    })
+}

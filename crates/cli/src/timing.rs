@@ -1,0 +1,76 @@
+//! Where the time goes: the only clock in the house.
+
+use mapwright::{Probe, Stage};
+use serde_json::{Value, json};
+use std::fs;
+use std::time::{Duration, Instant};
+
+const STAGES: [(Stage, &str); 4] =
+    [(Stage::Prepare, "prepare"), (Stage::Predict, "predict"), (Stage::Match, "match"), (Stage::Insert, "insert")];
+
+/// Times the stages of the pipeline, and the whole around them.
+#[derive(Debug, Clone)]
+pub(crate) struct StageClock {
+    started: Instant,
+    last: Instant,
+    stages: [Duration; STAGES.len()],
+    scanning: Duration,
+}
+
+impl StageClock {
+    pub(crate) fn start() -> Self {
+        let now = Instant::now();
+        Self { started: now, last: now, stages: [Duration::ZERO; STAGES.len()], scanning: Duration::ZERO }
+    }
+
+    /// All scans are through; what comes is writing.
+    pub(crate) fn end_of_scans(&mut self) {
+        self.scanning = self.started.elapsed();
+    }
+
+    /// Seconds since the start.
+    pub(crate) fn elapsed_s(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    /// Everything for `timing.json`; reading is what the scanning took beyond the pipeline.
+    pub(crate) fn report(&self, scans: u64, log_s: f64) -> Value {
+        let total_s = self.elapsed_s();
+        let pipeline: Duration = self.stages.iter().sum();
+        let mut stages = serde_json::Map::new();
+        stages.insert("read".into(), json!(self.scanning.saturating_sub(pipeline).as_secs_f64()));
+        for ((_, name), spent) in STAGES.iter().zip(&self.stages) {
+            stages.insert((*name).into(), json!(spent.as_secs_f64()));
+        }
+        stages.insert("write".into(), json!(total_s - self.scanning.as_secs_f64()));
+        json!({
+            "total_s": total_s,
+            "stages_s": stages,
+            "scans_per_second": scans as f64 / total_s,
+            "times_real_time": log_s / total_s,
+            "peak_memory_mib": peak_memory_mib(),
+        })
+    }
+}
+
+impl Probe for StageClock {
+    fn begin(&mut self) {
+        self.last = Instant::now();
+    }
+
+    fn end(&mut self, stage: Stage) {
+        let now = Instant::now();
+        if let Some(at) = STAGES.iter().position(|&(s, _)| s == stage) {
+            self.stages[at] += now - self.last;
+        }
+        self.last = now;
+    }
+}
+
+/// Most memory the process ever had, where the system says so.
+pub(crate) fn peak_memory_mib() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kib / 1024.0)
+}
