@@ -13,8 +13,14 @@ pub(crate) struct Step {
     pub(crate) from_odometry: bool,
 }
 
-/// Longest time over which a velocity is carried on, seconds.
-const LONGEST_CARRY_S: f64 = 0.5;
+/// From so many usual periods on, the time between two scans is a gap.
+const GAP_PERIODS: f64 = 8.0;
+/// How evenly a robot moves from scan to scan: metres, radians, and a share of the motion.
+const STEADY_M: f64 = 0.05;
+const STEADY_RAD: f64 = 0.1;
+const STEADY_SHARE: f64 = 0.4;
+/// Weight of the newest period in the running mean.
+const PERIOD_WEIGHT: f64 = 0.02;
 /// Motion between two scans that no ground robot makes; odometry that claims more is not believed, metres.
 const FARTHEST_STEP_M: f64 = 10.0;
 
@@ -23,7 +29,10 @@ const FARTHEST_STEP_M: f64 = 10.0;
 pub(crate) struct Predictor {
     odom_from_robot: Option<Pose2>,
     stamp: Option<Stamp>,
-    velocity: Option<[f64; 3]>,
+    /// The last motion from scan to scan.
+    twist: Option<[f64; 3]>,
+    /// Running mean of the time between scans.
+    period_s: f64,
 }
 
 impl Predictor {
@@ -46,16 +55,17 @@ impl Predictor {
         }
     }
 
+    /// The last motion once more. Scans come at an even rate even where their stamps come in bursts, so a motion is
+    /// carried from scan to scan; only a gap of several periods adds uncertainty with its length.
     fn constant_velocity(&self, settings: &MotionSettings, elapsed_s: f64) -> Step {
-        let carry_s = elapsed_s.min(LONGEST_CARRY_S);
-        let twist = self.velocity.map_or([0.0; 3], |rates| rates.map(|rate| rate * carry_s));
-        // What a robot can change within the time: 1 m/s^2 and 2 rad/s^2 would be hard driving indoors.
-        let (translation, rotation) = (0.5 * elapsed_s.min(2.0), 1.0 * elapsed_s.min(3.0));
-        let variance_t = settings.translation_floor_m.powi(2) + translation * translation * 0.25;
-        let variance_r = settings.rotation_floor_rad.powi(2) + rotation * rotation;
+        let gap_s = if elapsed_s > GAP_PERIODS * self.period_s { elapsed_s - self.period_s } else { 0.0 };
+        let carried = self.twist.filter(|_| gap_s == 0.0).unwrap_or([0.0; 3]);
+        let (translation, rotation) = (carried[0].hypot(carried[1]), carried[2].abs());
+        let sigma_t = STEADY_M + STEADY_SHARE * translation + settings.translation_floor_m + 0.5 * gap_s.min(4.0);
+        let sigma_r = STEADY_RAD + STEADY_SHARE * rotation + settings.rotation_floor_rad + 0.8 * gap_s.min(4.0);
         Step {
-            last_from_robot: Pose2::exp(twist),
-            variances: [variance_t, variance_t, variance_r],
+            last_from_robot: Pose2::exp(carried),
+            variances: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
             from_odometry: false,
         }
     }
@@ -75,10 +85,10 @@ impl Predictor {
         trusted: bool,
     ) {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
-        if trusted && elapsed_s > 1e-3 && elapsed_s < 1.0 {
-            self.velocity = Some(last_from_robot.log().map(|d| d / elapsed_s));
-        } else if !trusted || elapsed_s >= 1.0 {
-            self.velocity = None;
+        self.twist = trusted.then(|| last_from_robot.log());
+        if elapsed_s > 0.0 && elapsed_s < 2.0 {
+            let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
+            self.period_s += weight * (elapsed_s - self.period_s);
         }
         self.stamp = Some(stamp);
         if odom_from_robot.is_some() {

@@ -20,6 +20,8 @@ pub struct BeamCounts {
     pub too_near: u32,
     /// Beams that are not a number.
     pub not_a_number: u32,
+    /// Returns without a neighbour at their range, from a laser with many of them: see [`Sweep::drop_isolated`].
+    pub isolated: u32,
 }
 
 impl BeamCounts {
@@ -29,6 +31,7 @@ impl BeamCounts {
         self.no_return = self.no_return.saturating_add(other.no_return);
         self.too_near = self.too_near.saturating_add(other.too_near);
         self.not_a_number = self.not_a_number.saturating_add(other.not_a_number);
+        self.isolated = self.isolated.saturating_add(other.isolated);
     }
 }
 
@@ -94,6 +97,40 @@ impl Sweep {
         counts
     }
 
+    /// Share of the returns that have no return of about their range among the two beams on either side; 0 without any.
+    ///
+    /// Thin objects and edges make a few per cent of them. Random readings make more.
+    #[must_use]
+    pub fn isolated_share(&self) -> f64 {
+        let returns = self.codes.iter().filter(|&&code| is_return(code)).count();
+        let isolated = (0..self.codes.len()).filter(|&beam| self.is_isolated(&self.codes, beam)).count();
+        if returns == 0 { 0.0 } else { isolated as f64 / returns as f64 }
+    }
+
+    /// Drops those returns and says how many there were.
+    pub fn drop_isolated(&mut self) -> u32 {
+        let before = self.codes.clone();
+        let mut dropped = 0;
+        for beam in 0..before.len() {
+            if self.is_isolated(&before, beam) {
+                self.codes[beam] = BEAM_DROPPED;
+                dropped += 1;
+            }
+        }
+        dropped
+    }
+
+    fn is_isolated(&self, codes: &[u16], beam: usize) -> bool {
+        let code = codes[beam];
+        if !is_return(code) {
+            return false;
+        }
+        let reach = (ISOLATED_M / self.step_m).max(ISOLATED_SHARE * f64::from(code)) as i32;
+        let near = |other: &u16| is_return(*other) && (i32::from(*other) - i32::from(code)).abs() <= reach;
+        let (before, after) = (&codes[beam.saturating_sub(2)..beam], &codes[beam + 1..codes.len().min(beam + 3)]);
+        !before.iter().chain(after).any(near)
+    }
+
     /// Range of a return in metres, or `None` for a beam that is none.
     #[must_use]
     pub fn range_m(&self, beam: usize) -> Option<f64> {
@@ -102,6 +139,14 @@ impl Sweep {
             Some(&code) => Some(f64::from(code) * self.step_m),
         }
     }
+}
+
+/// A neighbour is at about the same range within this, metres, or within this share of the range.
+const ISOLATED_M: f64 = 0.15;
+const ISOLATED_SHARE: f64 = 0.1;
+
+fn is_return(code: u16) -> bool {
+    code != BEAM_DROPPED && code != BEAM_NO_RETURN
 }
 
 /// The finest step of the ladder 1, 2, 5 mm, 1, 2, 5 cm... with which a code reaches `range_max_m`.
