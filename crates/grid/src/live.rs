@@ -173,12 +173,23 @@ impl LiveMap {
     /// How a scan's end points agree with the map at a pose.
     #[must_use]
     pub fn agreement(&self, points: &[[f64; 2]], world_from_robot: Pose2) -> Agreement {
+        self.agreement_of_each(points, world_from_robot, |_| {})
+    }
+
+    /// As [`LiveMap::agreement`]; `contradicts` hears the index of every end point in space that beams have passed.
+    #[must_use]
+    pub fn agreement_of_each(
+        &self,
+        points: &[[f64; 2]],
+        world_from_robot: Pose2,
+        mut contradicts: impl FnMut(usize),
+    ) -> Agreement {
         let (s, c) = world_from_robot.theta.sin_cos();
         let cells_per_m = 1.0 / self.settings.resolution_m;
         let near2 = (2.0 * self.settings.resolution_m).powi(2);
         let mut tally = Tally::default();
         let mut agreement = Agreement::default();
-        for &[px, py] in points {
+        for (k, &[px, py]) in points.iter().enumerate() {
             let (x, y) = (world_from_robot.x + c * px - s * py, world_from_robot.y + s * px + c * py);
             let (cell_x, cell_y) = (floor_cell(x * cells_per_m), floor_cell(y * cells_per_m));
             let slot = self.field.nearest(cell_x, cell_y);
@@ -192,6 +203,7 @@ impl LiveMap {
             }
             if self.counts.passes(cell_x, cell_y) > 0 {
                 agreement.contradicting += 1;
+                contradicts(k);
             } else {
                 agreement.unknown += 1;
             }

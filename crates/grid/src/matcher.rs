@@ -90,8 +90,10 @@ pub struct Evaluation {
 pub struct MatchResult {
     /// The best pose found.
     pub world_from_robot: Pose2,
-    /// Objective there: negative log likelihood of scan and prior, up to a constant.
-    pub cost: f64,
+    /// The scan's part of the objective there: negative log likelihood up to a constant.
+    pub scan_cost: f64,
+    /// The prior's part.
+    pub prior_cost: f64,
     /// Gauss-Newton Hessian of the scan's term alone.
     pub hessian: Matrix3<f64>,
     /// Evaluations used, one field look-up a beam each.
@@ -109,6 +111,7 @@ pub struct Matcher {
 #[derive(Clone, Copy)]
 struct Objective {
     cost: f64,
+    scan_cost: f64,
     gradient: Vector3<f64>,
     hessian: Matrix3<f64>,
     scan_hessian: Matrix3<f64>,
@@ -148,6 +151,7 @@ impl Matcher {
         let (cost, gradient, curvature) = prior.evaluate(pose);
         Objective {
             cost: scan.cost * share + cost,
+            scan_cost: scan.cost * share,
             gradient: scan.gradient * share + gradient,
             hessian: scan.hessian * share + Matrix3::from_diagonal(&curvature),
             scan_hessian: scan.hessian,
@@ -197,8 +201,9 @@ impl Matcher {
             evaluations += used;
             last = Some(objective);
         }
-        let (cost, hessian) = last.map_or((0.0, Matrix3::zeros()), |o| (o.cost, o.scan_hessian));
-        MatchResult { world_from_robot: pose, cost, hessian, evaluations }
+        let (scan_cost, hessian) = last.map_or((0.0, Matrix3::zeros()), |o| (o.scan_cost, o.scan_hessian));
+        let prior_cost = prior.evaluate(pose).0;
+        MatchResult { world_from_robot: pose, scan_cost, prior_cost, hessian, evaluations }
     }
 
     fn at(&self, problem: &Problem<'_>, pose: Pose2) -> Objective {

@@ -6,9 +6,12 @@ use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Optimizer, Settings, SettingsError};
 use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
 use mapwright_graph::{CertaintyGraph, Link};
-use mapwright_grid::{Agreement, Change, CountGrid, LiveMap, MatchResult, Matcher, MatcherSettings, Prior};
+use mapwright_grid::{
+    Agreement, Change, CorrelativeSearch, CountGrid, LiveMap, MatchResult, Matcher, MatcherSettings, Prior,
+    SearchWindow,
+};
 use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
-use mapwright_sensor::{BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
+use mapwright_sensor::{BEAM_DROPPED, BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
 use nalgebra::{Matrix3, Vector3};
 
 /// A pose of the final trajectory.
@@ -32,6 +35,17 @@ const LOST_SHARE: f64 = 0.35;
 const DOUBT_SIGMAS: f64 = 4.0;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
+/// The search's window: so many of the prior's standard deviations, within bounds.
+const SEARCH_SIGMAS: f64 = 4.0;
+const SEARCH_LEAST_M: f64 = 0.5;
+const SEARCH_MOST_M: f64 = 5.0;
+/// The most that disagreement with odometry may count when matches from several starts are compared.
+const PRIOR_COST_AT_MOST: f64 = 12.0;
+/// From this share of end points in space that beams have passed on, they are taken for somebody in the way and left
+/// out of the keyframe.
+const INTRUDER_SHARE: f64 = 0.15;
+/// After so many keyframes in a row it is the world that has changed.
+const INTRUDED_AT_MOST: u32 = 16;
 /// This share of the strongest direction's information is noise of the normals and is taken off the weaker one's.
 const WEAK_SHARE: f64 = 0.1;
 /// From the curvature of the objective to information. Beams are correlated (less), the last stage's sigma is wider
@@ -70,7 +84,10 @@ pub struct Mapper {
     sweep: Option<Sweep>,
     table: BeamTable,
     points: SweepPoints,
+    searcher: CorrelativeSearch,
     lost_scans: u32,
+    /// Keyframes in a row with somebody in the way.
+    intruded: u32,
 }
 
 /// What the match stage hands on.
@@ -128,7 +145,9 @@ impl Mapper {
             sweep: None,
             table: BeamTable::default(),
             points: SweepPoints::default(),
+            searcher: CorrelativeSearch::default(),
             lost_scans: 0,
+            intruded: 0,
         })
     }
 
@@ -193,23 +212,17 @@ impl Mapper {
             tail: self.settings.motion.tail,
         };
         let first = self.refine(&prior, predicted);
-        let mut best = (first, self.live.map.agreement(&self.points.hits, first.world_from_robot));
-        let (mut evaluations, mut restarts) = (first.evaluations, 0);
-        let sigmas_of = |result: &MatchResult| sigmas(&prior, result.world_from_robot);
-        if doubtful(&best.1, sigmas_of(&best.0)) {
-            for turn in RESTART_HEADINGS_RAD {
-                let start = Pose2::new(predicted.x, predicted.y, predicted.theta + turn);
-                let result = self.refine(&prior, start);
-                let agreement = self.live.map.agreement(&self.points.hits, result.world_from_robot);
-                evaluations += result.evaluations;
-                restarts += 1;
-                if score(&agreement, result.cost) < score(&best.1, best.0.cost) {
-                    best = (result, agreement);
-                }
-            }
+        let first_fits = first.1.inlier_share() >= DOUBT_SHARE;
+        let mut tried =
+            Tried { best: first, evaluations: first.0.evaluations, restarts: 0, searched: false, first_fits };
+        if tried.doubtful(&prior) {
+            self.restart_headings(&prior, &mut tried);
         }
-        let (result, agreement) = best;
-        let odometry_sigmas = sigmas_of(&result);
+        if tried.best.1.inlier_share() < DOUBT_SHARE {
+            self.search(&prior, &mut tried);
+        }
+        let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
+        let odometry_sigmas = sigmas(&prior, result.world_from_robot);
         let status = judge(&agreement, odometry_sigmas);
         let report = MatchReport {
             beams: self.points.hits.len() as u32,
@@ -218,7 +231,7 @@ impl Mapper {
             odometry_sigmas,
             evaluations,
             restarts,
-            searched: false,
+            searched,
         };
         let trust = if status == Status::Degraded { 0.05 } else { 1.0 };
         Some(Matched {
@@ -230,10 +243,37 @@ impl Mapper {
         })
     }
 
-    fn refine(&self, prior: &Prior, start: Pose2) -> MatchResult {
-        match self.settings.matching.optimizer {
-            Optimizer::GaussNewton => self.matcher.gauss_newton(&self.live.map, &self.points.hits, prior, start),
-            Optimizer::GradientAscent => self.matcher.gradient_ascent(&self.live.map, &self.points.hits, prior, start),
+    /// A match from one start, and how the scan agrees with the map there.
+    fn refine(&self, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
+        let (map, hits) = (&self.live.map, &self.points.hits);
+        let result = match self.settings.matching.optimizer {
+            Optimizer::GaussNewton => self.matcher.gauss_newton(map, hits, prior, start),
+            Optimizer::GradientAscent => self.matcher.gradient_ascent(map, hits, prior, start),
+        };
+        (result, map.agreement(hits, result.world_from_robot))
+    }
+
+    /// On doubt the match is started again from other headings; a wrong heading is how matches fail.
+    fn restart_headings(&self, prior: &Prior, tried: &mut Tried) {
+        let predicted = prior.world_from_robot;
+        for turn in RESTART_HEADINGS_RAD {
+            tried.restarts += 1;
+            tried.offer(self.refine(prior, Pose2::new(predicted.x, predicted.y, predicted.theta + turn)));
+        }
+    }
+
+    /// Where restarts do not help, every pose of the prior's window is looked at, and the best one refined.
+    fn search(&mut self, prior: &Prior, tried: &mut Tried) {
+        let [vx, vy, _] = prior.variances;
+        let window = SearchWindow {
+            world_from_robot: prior.world_from_robot,
+            half_width_m: (SEARCH_SIGMAS * vx.max(vy).sqrt()).clamp(SEARCH_LEAST_M, SEARCH_MOST_M),
+            half_width_rad: std::f64::consts::PI,
+        };
+        tried.searched = true;
+        let found = self.searcher.search(&self.live.map, &self.points.hits, &window, None);
+        if let Some(found) = found {
+            tried.offer(self.refine(prior, found.best.world_from_robot));
         }
     }
 
@@ -298,7 +338,7 @@ impl Mapper {
     fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
         let node = self.graph.add_node();
         let id = self.id(node);
-        let sweep = self.sweep.clone()?;
+        let sweep = self.believed_sweep()?;
         let covariance = self.covariance();
         self.keyframes.push(Keyframe { id, stamp: scan.stamp, scan: self.scans.len() as u64, sweep });
         self.world_from_keyframe.push(self.world_from_robot);
@@ -315,6 +355,25 @@ impl Mapper {
         let (lever_m, reach_m) = self.points.lever_and_reach_m();
         self.live.gate(&self.settings, frames, &mut self.graph, node, lever_m, reach_m);
         Some(node)
+    }
+
+    /// The sweep, without the beams that end in space known to be free where they are many: people in the way, or a
+    /// match that is wrong. Few of them are news, a door or a chair, and stay.
+    fn believed_sweep(&mut self) -> Option<Sweep> {
+        let mut sweep = self.sweep.clone()?;
+        let mut intruders = Vec::new();
+        let map = &self.live.map;
+        let _ = map.agreement_of_each(&self.points.hits, self.world_from_robot, |hit| intruders.push(hit));
+        let many = intruders.len() as f64 >= INTRUDER_SHARE * self.points.hits.len() as f64;
+        self.intruded = if many { self.intruded + 1 } else { 0 };
+        if !many || self.intruded > INTRUDED_AT_MOST {
+            return Some(sweep);
+        }
+        let returns: Vec<usize> = (0..sweep.codes.len()).filter(|&beam| sweep.range_m(beam).is_some()).collect();
+        for hit in intruders {
+            sweep.codes[returns[hit]] = BEAM_DROPPED;
+        }
+        Some(sweep)
     }
 
     /// Odometry edge with the motion model's information, match edge with the scan's; never both in one.
@@ -460,13 +519,38 @@ fn sigmas(prior: &Prior, world_from_robot: Pose2) -> f64 {
     error.iter().zip(prior.variances).map(|(e, v)| e.abs() / v.sqrt()).fold(0.0, f64::max)
 }
 
-fn doubtful(agreement: &Agreement, odometry_sigmas: f64) -> bool {
-    agreement.inlier_share() < DOUBT_SHARE || odometry_sigmas > DOUBT_SIGMAS
+/// Matches from several starts, and the best of them.
+struct Tried {
+    best: (MatchResult, Agreement),
+    evaluations: u32,
+    restarts: u32,
+    searched: bool,
+    /// The match from the prediction explains the scan.
+    first_fits: bool,
 }
 
-/// Smaller is better.
-fn score(agreement: &Agreement, cost: f64) -> f64 {
-    cost + f64::from(agreement.contradicting)
+impl Tried {
+    fn doubtful(&self, prior: &Prior) -> bool {
+        doubtful(&self.best.1, sigmas(prior, self.best.0.world_from_robot))
+    }
+
+    /// Smaller is better: the objective, and beams that end where other beams have passed. What odometry says counts in
+    /// full while the first match explains the scan, and only so much where it may have missed a motion altogether.
+    fn score(&self, (result, agreement): &(MatchResult, Agreement)) -> f64 {
+        let most = if self.first_fits { f64::INFINITY } else { PRIOR_COST_AT_MOST };
+        result.scan_cost + result.prior_cost.min(most) + f64::from(agreement.contradicting)
+    }
+
+    fn offer(&mut self, other: (MatchResult, Agreement)) {
+        self.evaluations += other.0.evaluations;
+        if self.score(&other) < self.score(&self.best) {
+            self.best = other;
+        }
+    }
+}
+
+fn doubtful(agreement: &Agreement, odometry_sigmas: f64) -> bool {
+    agreement.inlier_share() < DOUBT_SHARE || odometry_sigmas > DOUBT_SIGMAS
 }
 
 fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
