@@ -29,3 +29,59 @@ arrows:
 # licences, sources and bans, by cargo-deny
 deny:
     cargo deny check bans licenses sources
+
+data := env("MAPWRIGHT_DATA", "../shared/data") / "2d_benchmark"
+figures := env("CARGO_TARGET_DIR", "target") / "figures"
+mapwright := env("CARGO_TARGET_DIR", "target") / "release/mapwright"
+starts := "0,0,0 0.011,0.023,0.3 0.027,0.041,0.8 0.034,0.012,1.2 0.043,0.031,1.7 -0.013,0.022,2.3 -0.024,-0.036,-0.6 -0.031,-0.017,-2.5"
+
+# a simulated office floor, mapped and compared with the truth
+demo *args:
+    cargo run --release -- demo {{args}}
+
+# the README's picture (Python with Pillow packs it losslessly)
+demo-picture: release
+    {{mapwright}} demo -o {{figures}}/demo --picture-side 1000
+    python3 -c "from PIL import Image; Image.open('{{figures}}/demo/map.png').save('docs/demo.png', optimize=True)"
+
+# the optimised binary
+release:
+    cargo build --release -p mapwright-cli
+
+# relation errors over 8 start poses; further arguments go to `mapwright map`
+figures-starts log *args: release
+    #!/usr/bin/env bash
+    set -euo pipefail
+    trajectories=()
+    for start in {{starts}}; do
+        out="{{figures}}/{{log}}/$start"
+        {{mapwright}} map "{{data}}/{{log}}.clf.bz2" -o "$out" --start="$start" --quiet {{args}} || [ $? = 3 ]
+        trajectories+=("$out/trajectory.tum")
+    done
+    {{mapwright}} eval "${trajectories[@]}" --relations "{{data}}/{{log}}.relations" | grep -E '^over|  (all|>|<)'
+
+# intel: everything live, gated, without odometry
+figures-intel: (figures-starts "intel") (figures-starts "intel" "--set" "live.policy=gated") (figures-starts "intel" "--no-odometry")
+
+# fr079: the same
+figures-fr079: (figures-starts "fr079") (figures-starts "fr079" "--set" "live.policy=gated") (figures-starts "fr079" "--no-odometry")
+
+# a harder version of a log, mapped and scored; arguments as of `mapwright perturb`
+figures-perturbed log *args: release
+    mkdir -p {{figures}}
+    {{mapwright}} perturb {{data}}/{{log}}.clf.bz2 -o {{figures}}/harder.clf {{args}}
+    {{mapwright}} map {{figures}}/harder.clf -o {{figures}}/harder
+    {{mapwright}} eval {{figures}}/harder/trajectory.tum --relations {{data}}/{{log}}.relations
+
+# intel made harder: fewer scans, wrong odometry, random beams
+figures-robustness: (figures-perturbed "intel" "--every" "2") (figures-perturbed "intel" "--every" "5") (figures-perturbed "intel" "--scale-odometry" "1.1") (figures-perturbed "intel" "--noise-beams" "0.1") (figures-perturbed "intel" "--noise-beams" "0.3")
+
+# speed and memory on intel, decompressed; the best of five runs counts
+figures-speed *args: release
+    #!/usr/bin/env bash
+    set -euo pipefail
+    mkdir -p {{figures}}
+    bzip2 -dkc {{data}}/intel.clf.bz2 > {{figures}}/intel.clf
+    for _ in 1 2 3 4 5; do
+        ( time {{mapwright}} map {{figures}}/intel.clf -o {{figures}}/speed {{args}} | grep speed ) 2>&1 | grep -E 'speed|user'
+    done

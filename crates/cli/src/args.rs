@@ -70,6 +70,9 @@ pub(crate) struct MappingArgs {
     /// Turn the picture until walls are upright.
     #[arg(long, value_enum, default_value_t = Align::None)]
     pub(crate) align: Align,
+    /// Longest side of the picture in pixels, margins included; otherwise as suits the map.
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=16_000))]
+    pub(crate) picture_side: Option<u16>,
     /// Predict with constant velocity even where the log has odometry.
     #[arg(long)]
     pub(crate) no_odometry: bool,
@@ -155,7 +158,7 @@ pub(crate) struct CalibrateArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DemoArgs {
     /// Which floor, drive and noise.
-    #[arg(long, default_value_t = 7)]
+    #[arg(long, default_value_t = 5)]
     pub(crate) seed: u64,
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER", default_value = "mapwright-demo")]

@@ -5,8 +5,8 @@
 //! calibration in the plane, with the wheels' errors estimated beside it; after Censi et al. 2013). The mount's position
 //! shows only in turns, its heading only on the move; odometry that lags behind the laser looks like a laser that sits
 //! further ahead the faster the robot drives, so the lag is estimated too. Gauss-Newton with Huber weights; the
-//! uncertainty is the sandwich `H^-1 (sum J^T W r r^T W J) H^-1`, which stays honest where the residuals are neither
-//! equal nor normal.
+//! uncertainty is the sandwich `H^-1 (sum J^T W r r^T W J) H^-1` over groups of successive stretches, which stays honest
+//! where residuals are neither equal nor normal nor independent of their neighbours.
 
 use mapwright_geom::{Pose2, Stamp};
 use nalgebra::{SMatrix, SVector};
@@ -22,6 +22,8 @@ const STRETCH_RAD: f64 = 0.4;
 const STRETCH_M: f64 = 0.5;
 /// Residuals beyond so many robust standard deviations lose weight (Huber 1964).
 const HUBER: f64 = 1.345;
+/// Successive stretches whose residuals may have a cause in common.
+const CLUSTER: usize = 10;
 const ITERATIONS: usize = 30;
 /// Steps for numerical derivatives; the model is smooth on this scale.
 const STEP: f64 = 1e-6;
@@ -196,13 +198,15 @@ struct Normal {
 impl Normal {
     fn at(stretches: &[Stretch], at: &Vector, scales: &[f64; RESIDUALS]) -> Self {
         let (mut hessian, mut gradient, mut gradient_spread) = (Matrix::zeros(), Vector::zeros(), Matrix::zeros());
-        for stretch in stretches {
+        for together in stretches.chunks(CLUSTER) {
             let mut own = Vector::zeros();
-            for ((row, residual), scale) in stretch.jacobian(at).iter().zip(stretch.residual(at)).zip(scales) {
-                let sigmas = residual.abs() / scale;
-                let weight = if sigmas > HUBER { HUBER / sigmas } else { 1.0 } / (scale * scale);
-                hessian += row * row.transpose() * weight;
-                own += row * (weight * residual);
+            for stretch in together {
+                for ((row, residual), scale) in stretch.jacobian(at).iter().zip(stretch.residual(at)).zip(scales) {
+                    let sigmas = residual.abs() / scale;
+                    let weight = if sigmas > HUBER { HUBER / sigmas } else { 1.0 } / (scale * scale);
+                    hessian += row * row.transpose() * weight;
+                    own += row * (weight * residual);
+                }
             }
             gradient += own;
             gradient_spread += own * own.transpose();

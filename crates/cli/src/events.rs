@@ -45,7 +45,7 @@ impl Log {
         };
         let read_bytes = Rc::new(Cell::new(0));
         let counted = Counted { source, read_bytes: Rc::clone(&read_bytes) };
-        let stream = open_log(counted).map_err(|cause| Failure::Read { path: path.to_owned(), cause })?;
+        let stream = open_log(counted).map_err(|cause| Failure::read(path, cause))?;
         Ok(Self { path: path.to_owned(), size_bytes, read_bytes, reader: CarmenReader::new(stream) })
     }
 
@@ -56,7 +56,7 @@ impl Log {
 
     /// The next event, or none at the end of the log.
     pub(crate) fn next_event(&mut self) -> Result<Option<LogEvent<'_>>, Failure> {
-        self.reader.next_event().map_err(|cause| Failure::Read { path: self.path.clone(), cause })
+        self.reader.next_event().map_err(|cause| Failure::read(&self.path, cause))
     }
 
     /// Hands each event to `take`, with the number of bytes read of the file so far.

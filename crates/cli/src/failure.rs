@@ -34,9 +34,9 @@ pub(crate) enum Failure {
     #[error("cannot open {}: {reason}", path.display())]
     Open { path: PathBuf, reason: String },
     #[error("cannot read {}: {cause}", path.display())]
-    Read { path: PathBuf, cause: FormatError },
+    Read { path: PathBuf, cause: String },
     #[error("cannot write {}: {cause}", path.display())]
-    Write { path: PathBuf, cause: FormatError },
+    Write { path: PathBuf, cause: String },
     #[error("{name}: expected laser scans, found {found}")]
     NoScan { name: String, found: String },
     #[error("{}: {cause}", path.display())]
@@ -55,7 +55,11 @@ pub(crate) enum Failure {
 
 impl Failure {
     pub(crate) fn write(path: impl AsRef<Path>, cause: impl Into<FormatError>) -> Self {
-        Self::Write { path: path.as_ref().to_owned(), cause: cause.into() }
+        Self::Write { path: path.as_ref().to_owned(), cause: in_words(cause.into()) }
+    }
+
+    pub(crate) fn read(path: &Path, cause: FormatError) -> Self {
+        Self::Read { path: path.to_owned(), cause: in_words(cause) }
     }
 
     pub(crate) fn open(path: &Path, reason: impl ToString) -> Self {
@@ -68,5 +72,13 @@ impl Failure {
             Self::Config { .. } | Self::Settings(_) => 2,
             _ => 1,
         })
+    }
+}
+
+/// The system's own words where it is to blame.
+fn in_words(cause: FormatError) -> String {
+    match cause {
+        FormatError::Io(error) => error.to_string(),
+        other => other.to_string(),
     }
 }

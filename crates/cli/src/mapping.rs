@@ -29,6 +29,7 @@ pub(crate) struct Mapping {
     progress: Progress,
     policy: StampPolicy,
     align: Align,
+    picture_side: Option<u16>,
 }
 
 /// What a run has made, for report and people.
@@ -65,6 +66,7 @@ impl Mapping {
             progress: Progress::new(length, args.voice.quiet || args.voice.json),
             policy: args.stamps,
             align: args.align,
+            picture_side: args.picture_side,
         })
     }
 
@@ -101,8 +103,7 @@ impl Mapping {
         self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
         self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
         let wall_angle_rad = self.wall_angle(&image);
-        let picture =
-            Picture { world_from_robot: &way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
+        let picture = self.picture(&way, wall_angle_rad);
         let shown = without_outliers(&image, &way);
         self.output.write("map.png", |writer| write_png(&shown, &picture, writer))?;
         Ok(Made {
@@ -137,6 +138,14 @@ impl Mapping {
             map_image(self.mapper.live_map().counts(), map.passes_per_hit)
         } else {
             map_image(&self.mapper.render(), map.passes_per_hit)
+        }
+    }
+
+    fn picture<'a>(&self, way: &'a [Pose2], wall_angle_rad: Option<f64>) -> Picture<'a> {
+        let picture = Picture { world_from_robot: way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
+        match self.picture_side.map(usize::from) {
+            Some(side) => Picture { min_side_px: side / 2, max_side_px: side, ..picture },
+            None => picture,
         }
     }
 

@@ -20,7 +20,8 @@ impl OutputFolder {
     pub(crate) fn create(folder: &Path) -> Result<Self, Failure> {
         let made = !folder.exists();
         if !made && !folder.is_dir() {
-            return Err(Failure::open(folder, "expected a folder for the results, found a file"));
+            let cause = std::io::Error::other("expected a folder for the results, found a file");
+            return Err(Failure::write(folder, cause));
         }
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
         Ok(Self { folder: folder.to_owned(), made, names: Vec::new(), committed: false })

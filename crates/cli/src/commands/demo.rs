@@ -51,7 +51,7 @@ fn drive(seed: u64) -> Drive {
     let site = worlds::office_floor(seed).with_people(PEOPLE, seed);
     let laser = LaserSettings {
         range_sigma_m: 0.015,
-        no_return_probability: 0.005,
+        no_return_probability: 0.001,
         random_reading_probability: 1e-4,
         quantum_m: 0.01,
         ..LaserSettings::default()

@@ -178,5 +178,5 @@ fn read_poses(path: &Path) -> Result<Vec<StampedPose>, Failure> {
 
 fn open<T>(path: &Path, read: impl FnOnce(LogStream<File>) -> Result<T, FormatError>) -> Result<T, Failure> {
     let file = File::open(path).map_err(|error| Failure::open(path, error))?;
-    open_log(file).and_then(read).map_err(|cause| Failure::Read { path: path.to_owned(), cause })
+    open_log(file).and_then(read).map_err(|cause| Failure::read(path, cause))
 }

@@ -18,7 +18,10 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes)?;
     let ending = log.for_each(&interrupt, |event, position| match event {
         LogEvent::Scan(scan) => mapping.add_scan(scan, position).map(|_| ()),
-        LogEvent::Odometry(odometry) => Ok(mapping.add_odometry(odometry)),
+        LogEvent::Odometry(odometry) => {
+            mapping.add_odometry(odometry);
+            Ok(())
+        }
         _ => Ok(()),
     })?;
     mapping.end_of_scans();

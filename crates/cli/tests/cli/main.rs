@@ -1,0 +1,8 @@
+//! The command as users meet it: what it writes, what it says, how it ends.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stderr, reason = "tests may")]
+
+mod bad_input;
+mod commands;
+mod map;
+mod real_logs;
+mod support;

@@ -1,0 +1,103 @@
+//! Logs to map, a folder to work in, and the command itself.
+
+use mapwright_formats::CarmenWriter;
+use mapwright_geom::Pose2;
+use mapwright_sensor::LaserModel;
+use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Arc, OnceLock};
+
+/// All files of a run that must not differ from run to run.
+pub(crate) const SAME_BYTES: [&str; 6] =
+    ["trajectory.tum", "trajectory_online.tum", "map.pgm", "map.yaml", "map.png", "report.json"];
+
+/// A fresh folder for a test.
+pub(crate) fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn command(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mapwright"));
+    command.args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+pub(crate) fn spawn(args: &[&str]) -> Child {
+    command(args).spawn().unwrap()
+}
+
+pub(crate) fn run(args: &[&str]) -> Output {
+    command(args).stdin(Stdio::null()).output().unwrap()
+}
+
+/// Runs with bytes on the standard input.
+pub(crate) fn run_with_input(args: &[&str], input: &[u8]) -> Output {
+    let mut child = spawn(args);
+    let mut stdin = child.stdin.take().unwrap();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let _ = stdin.write_all(input);
+        });
+        child.wait_with_output().unwrap()
+    })
+}
+
+pub(crate) fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// The exit code, with what was said where it is another.
+pub(crate) fn assert_code(output: &Output, code: i32) {
+    let said = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{said:?}");
+    assert!(!said.1.contains("panicked"), "{said:?}");
+}
+
+/// Fails with the code, and says all of these.
+pub(crate) fn assert_refused(output: &Output, code: i32, says: &[&str]) {
+    assert_code(output, code);
+    let said = text(&output.stderr);
+    says.iter().for_each(|what| assert!(said.contains(what), "expected {what:?}, found {said:?}"));
+}
+
+pub(crate) fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// Forty seconds of a drive through three rooms, as a CARMEN log.
+pub(crate) fn small_log() -> &'static [u8] {
+    static LOG: OnceLock<Vec<u8>> = OnceLock::new();
+    LOG.get_or_init(|| three_rooms(40.0, Pose2::IDENTITY, Pose2::IDENTITY))
+}
+
+/// A drive with the laser at one place, and said to be at another.
+pub(crate) fn three_rooms(duration_s: f64, robot_from_laser: Pose2, said: Pose2) -> Vec<u8> {
+    let mut laser = LaserSettings::default();
+    laser.model = Arc::new(LaserModel { robot_from_laser, ..(*laser.model).clone() });
+    let told = Arc::new(LaserModel { robot_from_laser: said, ..(*laser.model).clone() });
+    let settings = DriveSettings { laser, duration_s, seed: 5, ..DriveSettings::default() };
+    let mut writer = CarmenWriter::new(Vec::new());
+    for event in Drive::new(worlds::three_rooms(5).into(), settings) {
+        match event {
+            Event::Odometry(odometry) => writer.odometry(&odometry).unwrap(),
+            Event::Scan(mut scan) => {
+                scan.scan.laser = Arc::clone(&told);
+                writer.scan(&scan.scan).unwrap();
+            }
+        }
+    }
+    writer.finish().unwrap()
+}
+
+/// The small log as a file in a folder.
+pub(crate) fn small_log_in(folder: &Path) -> String {
+    let path = folder.join("small.clf");
+    fs::write(&path, small_log()).unwrap();
+    path.display().to_string()
+}
