@@ -146,7 +146,8 @@ impl CertaintyGraph {
             if (known && visit.done) || !within(link.to) {
                 continue;
             }
-            let d = poses[from.node as usize].distance(poses[link.to as usize]);
+            let (a, b) = (poses[from.node as usize], poses[link.to as usize]);
+            let d = ((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y)).sqrt();
             let displacement = from.displacement + 2.0 * from.cross * d + from.rotation * d * d + link.displacement_m2;
             let cross = from.cross + from.rotation * d;
             let rotation = from.rotation + link.rotation_rad2;

@@ -27,7 +27,7 @@ fn matching(criterion: &mut Criterion) {
     criterion.bench_function("match: 5 scans by Gauss-Newton from 7 cm and 1.7 deg away", |b| {
         b.iter(|| {
             for (view, &start) in queries.iter().zip(&starts) {
-                let prior = Prior { world_from_robot: start, variances: [0.01, 0.01, 0.01] };
+                let prior = Prior { world_from_robot: start, variances: [0.01, 0.01, 0.01], tail: 1e8 };
                 black_box(matcher.gauss_newton(&map, &view.points.hits, &prior, start));
             }
         });

@@ -106,7 +106,7 @@ fn run(method: Method, rooms: &[(LiveMap, Vec<View>)], (error_m, error_deg): (f6
             let off = Pose2::new(error_m * bearing.cos(), error_m * bearing.sin(), turn);
             let expected = view.world_from_robot * off;
             let variances = [error_m.powi(2), error_m.powi(2), error_deg.to_radians().powi(2)];
-            let prior = Prior { world_from_robot: expected, variances };
+            let prior = Prior { world_from_robot: expected, variances, tail: 1e8 };
             let begun = Instant::now();
             let (found, evaluations) = method(map, &view.points.hits, &prior);
             outcome.time += begun.elapsed();

@@ -192,7 +192,7 @@ impl CountGrid {
         for (&hit, &[nx, ny]) in points.hits.iter().zip(&points.normals) {
             let end_cells = to_cells(hit);
             let point = nx.is_nan();
-            let normal = (!point && (nx != 0.0 || ny != 0.0)).then(|| [c * nx - s * ny, s * nx + c * ny]);
+            let normal = (!point && (nx != 0.0 || ny != 0.0)).then_some([c * nx - s * ny, s * nx + c * ny]);
             touched.push(self.hit(Hit { end_cells, normal, point }, change) | BEAM_END);
             self.pass(start, end_cells, change, touched);
         }

@@ -12,7 +12,7 @@ const AREA_M: f64 = 1.0;
 /// Side of the buckets in which keyframes near the robot are found, metres.
 const BUCKET_M: f64 = 4.0;
 /// A live keyframe stays live up to this multiple of the gate.
-const HYSTERESIS: f64 = 1.5;
+const HYSTERESIS: f64 = 2.5;
 /// Keyframes a search of the graph may enter.
 const SEARCH_AT_MOST: usize = 4096;
 

@@ -46,6 +46,8 @@ const PRIOR_COST_AT_MOST: f64 = 12.0;
 const INTRUDER_SHARE: f64 = 0.15;
 /// After so many keyframes in a row it is the world that has changed.
 const INTRUDED_AT_MOST: u32 = 16;
+/// Keyframes up to this distance from the robot are judged by the gate, metres.
+const GATE_REACH_M: f64 = 25.0;
 /// Scans over which the share of isolated returns is averaged.
 const SCATTER_SCANS: f64 = 200.0;
 /// Four buildings with sound lasers have 0.6 to 4.8 %; 10 % of random readings make 13 %.
@@ -363,7 +365,8 @@ impl Mapper {
         let sweeps = |k: u32| &keyframes[k as usize].sweep;
         let frames = Frames { sweeps: &sweeps, world_from_robot: &self.world_from_keyframe };
         self.live.insert(&self.settings, frames, node);
-        let (lever_m, reach_m) = self.points.lever_and_reach_m();
+        let (lever_m, _) = self.points.lever_and_reach_m();
+        let reach_m = GATE_REACH_M;
         self.live.gate(&self.settings, frames, &mut self.graph, node, lever_m, reach_m);
         Some(node)
     }
