@@ -52,7 +52,7 @@ impl DistanceField {
         self.radius as u32
     }
 
-    /// Handle of the obstacle nearest to a cell, or [`NO_OBSTACLE`].
+    /// Handle of the obstacle nearest to a cell, or `u32::MAX` where none is within the radius.
     #[inline]
     #[must_use]
     pub fn nearest(&self, cell_x: i32, cell_y: i32) -> u32 {

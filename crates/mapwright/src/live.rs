@@ -107,6 +107,9 @@ impl Live {
         if views.len() > settings.live.views_per_area as usize {
             let oldest = views.remove(0);
             self.states[oldest as usize] = State::Superseded;
+            if let Some(nodes) = self.buckets.get_mut(&bucket(frames.world_from_robot[oldest as usize])) {
+                nodes.retain(|&node| node != oldest);
+            }
             self.report.superseded += 1;
             self.report.keyframes -= 1;
             self.draw(settings, frames, oldest, Change::Remove);
@@ -129,7 +132,10 @@ impl Live {
         let centre = frames.world_from_robot[newest as usize];
         let poses = frames.world_from_robot;
         let gate_out_m = settings.live.gate_m * HYSTERESIS;
-        let within = |node: u32| poses[node as usize].distance(centre) <= reach_m;
+        let states = &self.states;
+        let near = |node: u32| poses[node as usize].distance(centre) <= reach_m;
+        // Superseded views are never let in again; going around them keeps the search as small as the area.
+        let within = |node: u32| states[node as usize] != State::Superseded && near(node);
         let reached = graph.reach(newest, poses, gate_out_m, lever_m, SEARCH_AT_MOST, within);
         let sigmas: FxHashMap<u32, f64> = reached.iter().map(|r| (r.node, r.sigma_m)).collect();
         let rings = (reach_m / BUCKET_M).ceil() as i32;
@@ -138,7 +144,7 @@ impl Live {
             for bx in middle.0 - rings..=middle.0 + rings {
                 let Some(nodes) = self.buckets.get(&(bx, by)) else { continue };
                 for node in nodes.clone() {
-                    if within(node) {
+                    if near(node) {
                         self.judge(settings, frames, node, sigmas.get(&node).copied());
                     }
                 }
