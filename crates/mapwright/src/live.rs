@@ -62,7 +62,6 @@ impl Live {
         let map = LiveMapSettings {
             resolution_m: settings.map.resolution_m,
             passes_per_hit: settings.map.passes_per_hit,
-            point_weight: std::env::var("PW").ok().and_then(|v| v.parse().ok()).unwrap_or(0.1),
             ..LiveMapSettings::default()
         };
         Self {
