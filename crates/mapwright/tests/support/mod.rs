@@ -1,0 +1,50 @@
+//! What the whole-pipeline tests share.
+#![allow(dead_code, reason = "each test program uses its part")]
+
+use mapwright::{LaserScan, Mapper, Pose2, Settings, Update};
+use mapwright_eval::{Alignment, PosePair, ate_of_pairs};
+use mapwright_sim::{Drive, DriveSettings, Site, TrueScan};
+use std::sync::Arc;
+
+/// A mapper with default settings.
+pub(crate) fn mapper() -> Mapper {
+    Mapper::new(Settings::default()).expect("defaults are valid")
+}
+
+/// A recording of a drive through a site.
+pub(crate) fn recording(site: impl Into<Arc<Site>>, settings: DriveSettings) -> Vec<TrueScan> {
+    Drive::new(site.into(), settings).scans().collect()
+}
+
+/// Maps a recording with default settings.
+pub(crate) fn map_all<'a>(scans: impl IntoIterator<Item = &'a LaserScan>) -> (Mapper, Vec<Update>) {
+    let mut mapper = mapper();
+    let updates = scans.into_iter().map(|scan| mapper.add_scan(scan)).collect();
+    (mapper, updates)
+}
+
+/// Root mean square of the trajectory's distance from the truth after rigid alignment, metres.
+pub(crate) fn ate_m(mapper: &Mapper, truth: &[Pose2]) -> f64 {
+    let pairs: Vec<PosePair> = mapper
+        .trajectory()
+        .zip(truth)
+        .map(|(pose, &world_from_robot)| PosePair {
+            stamp: pose.stamp,
+            world_from_robot,
+            map_from_robot: pose.map_from_robot,
+        })
+        .collect();
+    ate_of_pairs(&pairs, Alignment::Rigid).expect("a robot that moved").translation_m.rmse
+}
+
+/// `work` of each number below `count`, in order, by two threads.
+pub(crate) fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let work = &work;
+    let every_second = |first: usize| move || (first..count).step_by(2).map(work).collect::<Vec<T>>();
+    let (even, odd) = std::thread::scope(|scope| {
+        let odd = scope.spawn(every_second(1));
+        (every_second(0)(), odd.join().expect("no panic"))
+    });
+    let mut odd = odd.into_iter();
+    even.into_iter().flat_map(|item| std::iter::once(item).chain(odd.next())).collect()
+}
