@@ -1,5 +1,6 @@
 //! Whether the reported covariance is honest: the pose relative to its anchor keyframe against the truth, one sample a
 //! simulated world (NEES; 3 is expected). `-- --nocapture` shows the means.
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
 mod support;
 

@@ -1,4 +1,5 @@
 //! Same input, same bytes.
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
 mod support;
 
