@@ -307,7 +307,7 @@ impl CountGrid {
                 touched.push(tile.slots[in_tile]);
             }
             major += step;
-            minor += minor_step;
+            minor = minor.wrapping_add(minor_step);
         }
     }
 

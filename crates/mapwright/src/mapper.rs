@@ -13,6 +13,7 @@ use mapwright_grid::{
 use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
 use mapwright_sensor::{BEAM_DROPPED, BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
 use nalgebra::{Matrix3, Vector3};
+use rustc_hash::FxHashSet;
 
 /// A pose of the final trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,6 +49,11 @@ const INTRUDER_SHARE: f64 = 0.15;
 const INTRUDED_AT_MOST: u32 = 16;
 /// Keyframes up to this distance from the robot are judged by the gate, metres.
 const GATE_REACH_M: f64 = 25.0;
+/// More motion than this within one sweep is not believed, metres and radians.
+const SWEEP_MOTION_M: f64 = 5.0;
+const SWEEP_TURN_RAD: f64 = 3.0;
+/// Beams a match uses at most.
+const MATCH_BEAMS: usize = 4096;
 /// Scans over which the share of isolated returns is averaged.
 const SCATTER_SCANS: f64 = 200.0;
 /// Four buildings with sound lasers have 0.6 to 4.8 %; 10 % of random readings make 13 %.
@@ -91,6 +97,10 @@ pub struct Mapper {
     table: BeamTable,
     points: SweepPoints,
     searcher: CorrelativeSearch,
+    /// End points for matching where there are more than [`MATCH_BEAMS`], else empty.
+    thinned: Vec<[f64; 2]>,
+    /// Keyframes that were taken out for good.
+    dropped: FxHashSet<u32>,
     scatter: Scatter,
     lost_scans: u32,
     /// Keyframes in a row with somebody in the way.
@@ -153,6 +163,8 @@ impl Mapper {
             table: BeamTable::default(),
             points: SweepPoints::default(),
             searcher: CorrelativeSearch::default(),
+            thinned: Vec::new(),
+            dropped: FxHashSet::default(),
             scatter: Scatter::default(),
             lost_scans: 0,
             intruded: 0,
@@ -174,10 +186,11 @@ impl Mapper {
     /// As [`Mapper::add_scan`], telling `probe` when each stage ends.
     pub fn add_scan_probed(&mut self, scan: &LaserScan, probe: &mut impl Probe) -> Update {
         probe.begin();
+        let refused = scan.laser.check(scan.ranges_m.len()).err();
         // 1. Prepare: returns and free space as points, what was dropped counted.
         let odom_from_robot = self.odometry_of(scan);
         let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot);
-        let beams = self.prepare(scan, step);
+        let beams = self.prepare(scan, step, refused);
         probe.end(Stage::Prepare);
         // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
         let predicted = self.world_from_robot * step.last_from_robot;
@@ -191,7 +204,7 @@ impl Mapper {
         probe.end(Stage::Insert);
         // 6. and 7. Closures and corrections will hang here: jobs on keyframes and edges.
         // 8. Report.
-        self.update(scan, beams, matched.as_ref(), keyframe)
+        self.update(scan, beams, matched.as_ref(), keyframe, refused)
     }
 
     fn odometry_of(&self, scan: &LaserScan) -> Option<Pose2> {
@@ -199,9 +212,17 @@ impl Mapper {
         own.or(self.last_odometry.map(|odometry| odometry.odom_from_robot))
     }
 
-    fn prepare(&mut self, scan: &LaserScan, step: Step) -> BeamCounts {
+    fn prepare(&mut self, scan: &LaserScan, step: Step, refused: Option<&'static str>) -> BeamCounts {
+        if refused.is_some() {
+            self.points.clear();
+            return BeamCounts::default();
+        }
         // The sweep's own motion: the step's twist, carried on at the same rate.
         let twist = if scan.laser.beam_period_s > 0.0 { self.predictor.twist(scan.stamp, step) } else { [0.0; 3] };
+        let sweep_s = scan.laser.beam_period_s.abs() * scan.ranges_m.len() as f64;
+        let credible =
+            twist[0].hypot(twist[1]) * sweep_s <= SWEEP_MOTION_M && twist[2].abs() * sweep_s <= SWEEP_TURN_RAD;
+        let twist = if credible { twist } else { [0.0; 3] };
         let limits = (self.settings.scan.min_range_m, self.settings.scan.max_range_m);
         let sweep = self.sweep.get_or_insert_with(|| Sweep::empty(&scan.laser));
         let mut beams = sweep.fill(scan, twist, limits);
@@ -211,6 +232,11 @@ impl Mapper {
             beams.returns -= beams.isolated;
         }
         self.points.fill(sweep, &mut self.table, self.settings.scan.free_range_m);
+        self.thinned.clear();
+        let every = self.points.hits.len().div_ceil(MATCH_BEAMS);
+        if every > 1 {
+            self.thinned.extend(self.points.hits.iter().step_by(every));
+        }
         beams
     }
 
@@ -238,7 +264,7 @@ impl Mapper {
         let odometry_sigmas = sigmas(&prior, result.world_from_robot);
         let status = judge(&agreement, odometry_sigmas);
         let report = MatchReport {
-            beams: self.points.hits.len() as u32,
+            beams: self.match_points().len() as u32,
             inlier_share: agreement.inlier_share(),
             known_share: agreement.known_share(),
             odometry_sigmas,
@@ -256,9 +282,14 @@ impl Mapper {
         })
     }
 
+    /// The end points a match uses: all, or evenly chosen ones where they are very many.
+    fn match_points(&self) -> &[[f64; 2]] {
+        if self.thinned.is_empty() { &self.points.hits } else { &self.thinned }
+    }
+
     /// A match from one start, and how the scan agrees with the map there.
     fn refine(&self, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
-        let (map, hits) = (&self.live.map, &self.points.hits);
+        let (map, hits) = (&self.live.map, self.match_points());
         let result = match self.settings.matching.optimizer {
             Optimizer::GaussNewton => self.matcher.gauss_newton(map, hits, prior, start),
             Optimizer::GradientAscent => self.matcher.gradient_ascent(map, hits, prior, start),
@@ -284,7 +315,8 @@ impl Mapper {
             half_width_rad: std::f64::consts::PI,
         };
         tried.searched = true;
-        let found = self.searcher.search(&self.live.map, &self.points.hits, &window, None);
+        let hits = if self.thinned.is_empty() { &self.points.hits } else { &self.thinned };
+        let found = self.searcher.search(&self.live.map, hits, &window, None);
         if let Some(found) = found {
             tried.offer(self.refine(prior, found.best.world_from_robot));
         }
@@ -430,7 +462,14 @@ impl Mapper {
         fuse(&predicted, &self.information) + Matrix3::from_diagonal(&floor)
     }
 
-    fn update(&self, scan: &LaserScan, beams: BeamCounts, matched: Option<&Matched>, keyframe: Option<u32>) -> Update {
+    fn update(
+        &self,
+        scan: &LaserScan,
+        beams: BeamCounts,
+        matched: Option<&Matched>,
+        keyframe: Option<u32>,
+        refused: Option<&'static str>,
+    ) -> Update {
         Update {
             scan: self.scans.len() as u64 - 1,
             stamp: scan.stamp,
@@ -444,7 +483,7 @@ impl Mapper {
             keyframe: keyframe.map(|node| self.id(node)),
             beams,
             matched: matched.map(|m| m.report),
-            refused: None,
+            refused,
         }
     }
 
@@ -509,6 +548,7 @@ impl Mapper {
             let sweeps = |k: u32| &keyframes[k as usize].sweep;
             let frames = Frames { sweeps: &sweeps, world_from_robot: &self.world_from_keyframe };
             self.live.drop(&self.settings, frames, id.seq);
+            self.dropped.insert(id.seq);
         }
         known
     }
@@ -519,6 +559,9 @@ impl Mapper {
         let mut map = CountGrid::new(self.settings.map.resolution_m);
         let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
         for (keyframe, &world_from_robot) in self.keyframes.iter().zip(&self.world_from_keyframe) {
+            if self.dropped.contains(&keyframe.id.seq) {
+                continue;
+            }
             points.fill(&keyframe.sweep, &mut table, self.settings.scan.free_range_m);
             points.fill_normals();
             map.draw(&points, world_from_robot, Change::Add, &mut Vec::new());

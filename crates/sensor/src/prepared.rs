@@ -237,6 +237,13 @@ impl SweepPoints {
         }
     }
 
+    /// Forgets all points.
+    pub fn clear(&mut self) {
+        self.hits.clear();
+        self.normals.clear();
+        self.free_ends.clear();
+    }
+
     /// Fits a line to the neighbours of each hit along the sweep and keeps its normal where they are one.
     ///
     /// Neighbours on a side are hits within 0.12 m, and the adjacent one up to 3.5 beam spacings.

@@ -42,6 +42,30 @@ impl LaserModel {
         }
     }
 
+    /// Whether a laser like this can be mapped with.
+    ///
+    /// # Errors
+    /// What is wrong, in words: numbers that are not finite, bearings beyond 100 rad, a place farther than 1 km from the
+    /// robot, or a sweep of more than 10 s.
+    pub fn check(&self, beams: usize) -> Result<(), &'static str> {
+        let last_rad = self.angle_min_rad + self.angle_step_rad * beams as f64;
+        let bearings = [self.angle_min_rad, last_rad, self.robot_from_laser.theta];
+        if !bearings.iter().all(|angle| angle.abs() <= 100.0) {
+            return Err("the laser's bearings are not finite or beyond 100 rad");
+        }
+        if !(self.robot_from_laser.x.abs() <= 1000.0 && self.robot_from_laser.y.abs() <= 1000.0) {
+            return Err("the laser's place on the robot is not finite or farther than 1 km");
+        }
+        if self.range_min_m.is_nan() || self.range_max_m.is_nan() {
+            return Err("the laser's range limits are not numbers");
+        }
+        let sweep_s = (self.beam_period_s * beams as f64).abs();
+        if sweep_s.is_nan() || sweep_s > 10.0 {
+            return Err("the laser's sweep is not finite or longer than 10 s");
+        }
+        Ok(())
+    }
+
     /// Bearing of a beam in the robot's frame, radians.
     #[must_use]
     pub fn bearing_in_robot(&self, beam: usize) -> f64 {
