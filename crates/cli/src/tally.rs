@@ -149,6 +149,8 @@ impl Tally {
             "no_return": self.beams.no_return,
             "too_near": self.beams.too_near,
             "not_a_number": self.beams.not_a_number,
+            "isolated": self.beams.isolated,
+            "refused": self.beams.refused,
         })
     }
 }

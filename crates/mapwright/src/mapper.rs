@@ -215,7 +215,8 @@ impl Mapper {
     fn prepare(&mut self, scan: &LaserScan, step: Step, refused: Option<&'static str>) -> BeamCounts {
         if refused.is_some() {
             self.points.clear();
-            return BeamCounts::default();
+            let refused = u32::try_from(scan.ranges_m.len()).unwrap_or(u32::MAX);
+            return BeamCounts { refused, ..BeamCounts::default() };
         }
         // The sweep's own motion: the step's twist, carried on at the same rate.
         let twist = if scan.laser.beam_period_s > 0.0 { self.predictor.twist(scan.stamp, step) } else { [0.0; 3] };

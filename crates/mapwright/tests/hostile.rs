@@ -20,6 +20,7 @@ fn check(mapper: &mut Mapper, scan: &LaserScan) {
     assert!(mapper.keyframes().len() >= keyframes);
     let counts = update.beams;
     let beams = counts.returns + counts.no_return + counts.too_near + counts.not_a_number + counts.isolated;
+    let beams = beams + counts.refused;
     assert_eq!(beams as usize, scan.ranges_m.len());
 }
 

@@ -18,6 +18,8 @@ pub struct BeamCounts {
     pub no_return: u32,
     /// Beams below minimum range, zero or negative.
     pub too_near: u32,
+    /// Beams of scans that were refused as a whole.
+    pub refused: u32,
     /// Beams that are not a number.
     pub not_a_number: u32,
     /// Returns without a neighbour at their range, from a laser with many of them: see [`Sweep::drop_isolated`].
@@ -32,6 +34,7 @@ impl BeamCounts {
         self.too_near = self.too_near.saturating_add(other.too_near);
         self.not_a_number = self.not_a_number.saturating_add(other.not_a_number);
         self.isolated = self.isolated.saturating_add(other.isolated);
+        self.refused = self.refused.saturating_add(other.refused);
     }
 }
 
