@@ -17,17 +17,6 @@ pub(crate) const BEAM_END: u32 = 1 << 31;
 /// No slot: the cell has no hits.
 pub(crate) const NO_SLOT: u32 = u32::MAX;
 
-/// What a cell's counts say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Occupancy {
-    /// Nothing was ever measured there.
-    Unknown,
-    /// Beams passed more often than they ended.
-    Free,
-    /// Beams ended there.
-    Occupied,
-}
-
 /// A cell in which beams ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HitCell {

@@ -339,6 +339,8 @@ impl<'a> Lookup<'a> {
             } else {
                 field.tiles[self.tile_number as usize].nearest[cell_in_tile(cell_x, cell_y)]
             };
+            #[cfg(test)]
+            tests::LOOK_UPS.set(tests::LOOK_UPS.get() + 1);
             if slot == NO_OBSTACLE {
                 block.set_missed(k);
                 continue;
@@ -421,4 +423,47 @@ struct Problem<'a> {
     sigma_m: f64,
     tolerance_m: f64,
     last: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::counts::Change;
+    use crate::live::LiveMapSettings;
+    use mapwright_sensor::SweepPoints;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Obstacles looked up by this thread.
+        pub(super) static LOOK_UPS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    /// Two walls of a room's corner, as a sweep sees them.
+    fn corner() -> SweepPoints {
+        let along = |k: i32| -2.0 + 0.04 * f64::from(k);
+        let hits = (0..100).map(|k| [3.0, along(k)]).chain((0..77).map(|k| [along(k), -2.5])).collect();
+        let mut points = SweepPoints { hits, beam_step_rad: 0.01, ..SweepPoints::default() };
+        points.fill_normals();
+        points
+    }
+
+    #[test]
+    fn a_match_looks_up_one_obstacle_a_beam_and_evaluation() {
+        let points = corner();
+        let mut map = LiveMap::new(LiveMapSettings::default());
+        map.change(&points, Pose2::IDENTITY, Change::Add, 0);
+        let matcher = Matcher::default();
+        let prior = Prior { world_from_robot: Pose2::IDENTITY, variances: [0.01; 3], tail: 1e8 };
+        let start = Pose2::new(0.06, -0.04, 0.02);
+        for result in [
+            |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| m.gauss_newton(map, &p.hits, prior, start),
+            |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| m.gradient_ascent(map, &p.hits, prior, start),
+        ] {
+            LOOK_UPS.set(0);
+            let result = result(&matcher, &map, &points, &prior, start);
+            assert!(result.evaluations > 3);
+            assert_eq!(LOOK_UPS.get(), result.evaluations as usize * points.hits.len());
+            assert!(result.world_from_robot.distance(Pose2::IDENTITY) < 0.01, "{result:?}");
+        }
+    }
 }

@@ -245,7 +245,7 @@ impl Mapper {
         if self.keyframes.is_empty() || self.points.hits.is_empty() {
             return None;
         }
-        let widen = f64::from(self.lost_scans).mul_add(1.0, 1.0);
+        let widen = 1.0 + f64::from(self.lost_scans);
         let prior = Prior {
             world_from_robot: predicted,
             variances: step.variances.map(|v| v * widen),
