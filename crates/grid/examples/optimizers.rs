@@ -11,7 +11,6 @@ use common::{View, map_of, views};
 use mapwright_geom::Pose2;
 use mapwright_grid::{LiveMap, Matcher, Prior};
 use mapwright_sim::{Rng, worlds};
-use nalgebra::Vector3;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -34,44 +33,9 @@ fn gradient_ascent(map: &LiveMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2,
     (result.world_from_robot, result.evaluations)
 }
 
-/// `Matcher::gradient_ascent` with a radian counted as a metre, whatever the range.
 fn unscaled_ascent(map: &LiveMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2, u32) {
-    let matcher = Matcher::default();
-    let settings = matcher.settings;
-    let middle_m = (settings.capture_sigma_m * settings.sigma_m).sqrt();
-    let stages = [
-        (settings.capture_sigma_m, 0.2 * settings.capture_sigma_m),
-        (middle_m, 0.2 * middle_m),
-        (settings.sigma_m, settings.step_m),
-    ];
-    let mut pose = prior.world_from_robot;
-    let mut all_evaluations = 0;
-    for (sigma_m, tolerance_m) in stages {
-        let at = |pose: Pose2| {
-            let scan = matcher.evaluate(map, points, pose, sigma_m);
-            let error = Vector3::from(prior.world_from_robot.between(pose).log());
-            let weighted = error.component_div(&Vector3::from(prior.variances));
-            (scan.cost + 0.5 * weighted.dot(&error), scan.gradient + weighted, scan.hits)
-        };
-        let mut here = at(pose);
-        let (mut kappa, mut evaluations) = (1.0, 1);
-        while evaluations < settings.max_evaluations {
-            let step = here.1 * (-kappa * sigma_m * sigma_m / here.2.max(1e-6));
-            if step[0].hypot(step[1]).max(step[2].abs()) < 0.2 * tolerance_m {
-                break;
-            }
-            let next_pose = pose * Pose2::exp(step.into());
-            let next = at(next_pose);
-            evaluations += 1;
-            if next.0 < here.0 {
-                (pose, here, kappa) = (next_pose, next, kappa * 1.5);
-            } else {
-                kappa *= 0.4;
-            }
-        }
-        all_evaluations += evaluations;
-    }
-    (pose, all_evaluations)
+    let result = Matcher::default().unscaled_gradient_ascent(map, points, prior, prior.world_from_robot);
+    (result.world_from_robot, result.evaluations)
 }
 
 /// Ten suites of rooms: a map of 40 scans each, and 15 scans of another drive.

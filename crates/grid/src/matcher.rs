@@ -177,7 +177,21 @@ impl Matcher {
     /// radian count alike, so that one `kappa` serves both.
     #[must_use]
     pub fn gradient_ascent(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, start: Pose2) -> MatchResult {
-        self.climb(map, points, prior, start, Self::gradient_stage)
+        let squares: f64 = points.iter().map(|p| p[0] * p[0] + p[1] * p[1]).sum();
+        let lever2 = (squares / points.len().max(1) as f64).max(1e-6);
+        self.climb(map, points, prior, start, |matcher, problem, pose| matcher.gradient_stage(problem, pose, lever2))
+    }
+
+    /// The same with `L` = 1 m, so that a radian counts as a metre whatever the range: turns first, then shifts.
+    #[must_use]
+    pub fn unscaled_gradient_ascent(
+        &self,
+        map: &LiveMap,
+        points: &[[f64; 2]],
+        prior: &Prior,
+        start: Pose2,
+    ) -> MatchResult {
+        self.climb(map, points, prior, start, |matcher, problem, pose| matcher.gradient_stage(problem, pose, 1.0))
     }
 
     fn climb(
@@ -243,9 +257,7 @@ impl Matcher {
         (pose, here, evaluations)
     }
 
-    fn gradient_stage(&self, problem: &Problem<'_>, start: Pose2) -> (Pose2, Objective, u32) {
-        let squares: f64 = problem.points.iter().map(|p| p[0] * p[0] + p[1] * p[1]).sum();
-        let lever2 = (squares / problem.points.len().max(1) as f64).max(1e-6);
+    fn gradient_stage(&self, problem: &Problem<'_>, start: Pose2, lever2: f64) -> (Pose2, Objective, u32) {
         let variance = problem.sigma_m * problem.sigma_m;
         let mut pose = start;
         let mut here = self.at(problem, pose);
@@ -458,6 +470,9 @@ mod tests {
         for result in [
             |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| m.gauss_newton(map, &p.hits, prior, start),
             |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| m.gradient_ascent(map, &p.hits, prior, start),
+            |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| {
+                m.unscaled_gradient_ascent(map, &p.hits, prior, start)
+            },
         ] {
             LOOK_UPS.set(0);
             let result = result(&matcher, &map, &points, &prior, start);

@@ -23,6 +23,10 @@ mod motion;
 mod probe;
 mod settings;
 
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct ReadmeExamples;
+
 pub use live::LiveReport;
 pub use mapper::{Mapper, TrajectoryPose};
 pub use mapwright_geom::{Cov3, Pose2, Stamp};

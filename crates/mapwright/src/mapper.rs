@@ -294,6 +294,7 @@ impl Mapper {
         let result = match self.settings.matching.optimizer {
             Optimizer::GaussNewton => self.matcher.gauss_newton(map, hits, prior, start),
             Optimizer::GradientAscent => self.matcher.gradient_ascent(map, hits, prior, start),
+            Optimizer::UnscaledGradientAscent => self.matcher.unscaled_gradient_ascent(map, hits, prior, start),
         };
         (result, map.agreement(hits, result.world_from_robot))
     }

@@ -181,6 +181,8 @@ named! {
         GaussNewton = "gauss-newton",
         /// The chapter's gradient ascent, scaled so that rotation and translation count alike.
         GradientAscent = "gradient-ascent",
+        /// Gradient ascent in which a radian counts as a metre: slower, but it forgives larger errors of heading.
+        UnscaledGradientAscent = "unscaled-gradient-ascent",
     } default GaussNewton
 }
 
@@ -228,7 +230,7 @@ section! {
 section! {
     /// The match.
     MatchingSettings, "matching" {
-        optimizer: Optimizer = Optimizer::GaussNewton, 0..=1, "", "\"gauss-newton\" or \"gradient-ascent\"";
+        optimizer: Optimizer = Optimizer::GaussNewton, 0..=1, "", "\"gauss-newton\", \"gradient-ascent\" or \"unscaled-gradient-ascent\"";
         sigma_m: f64 = 0.03, 0.001..=1.0, "m", "standard deviation of a hit in the last stage";
         capture_sigma_m: f64 = 0.15, 0.001..=2.0, "m", "standard deviation of a hit in the first stage";
         random_ratio: f64 = 0.02, 1e-4..=1.0, "", "density of random readings relative to a hit at distance zero";
