@@ -3,6 +3,7 @@
 mod args;
 mod calibration;
 mod commands;
+mod doubt;
 mod events;
 mod failure;
 mod image;

@@ -30,6 +30,7 @@ pub(crate) struct Mapping {
     policy: StampPolicy,
     align: Align,
     picture_side: Option<u16>,
+    has_odometry: bool,
 }
 
 /// What a run has made, for report and people.
@@ -67,13 +68,15 @@ impl Mapping {
             policy: args.stamps,
             align: args.align,
             picture_side: args.picture_side,
+            has_odometry: false,
         })
     }
 
     /// One scan through the mapper; `position` is how far along the bar it lies.
     pub(crate) fn add_scan(&mut self, scan: &LaserScan, position: u64) -> Result<Update, Failure> {
         let update = self.mapper.add_scan_probed(scan, &mut self.clock);
-        self.tally.add(&update);
+        self.has_odometry |= scan.odom_from_robot.is_some();
+        self.tally.add(&update, self.has_odometry && self.mapper.settings().motion.use_odometry);
         if let Some(online) = &mut self.online {
             let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
             written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
@@ -84,6 +87,7 @@ impl Mapping {
 
     /// A reading of the wheels.
     pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {
+        self.has_odometry = true;
         self.mapper.add_odometry(odometry);
     }
 

@@ -92,6 +92,10 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
         .iter()
         .map(|(reason, &scans)| format!("{} refused: {reason}", count(scans, "scan")))
         .collect();
+    let lost = mapping.tally.count(Status::Lost);
+    if lost > 0 {
+        losses.push(format!("{} left out of the map, for the robot was lost", count(lost, "scan")));
+    }
     if made.cells_left_out > 0 {
         losses.push(format!(
             "{} lie too far out for the map's files (at most 100 million cells; a larger map.resolution_m helps)",
@@ -164,10 +168,12 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
     if let Some(share) = tally.median_inlier_share() {
         let _ = write!(text, "; in the median {:.0} % of a scan's beams fit the map", 100.0 * share);
     }
+    text.push('\n');
+    text += &tally.doubts.words();
     let number = |key: &str| timing[key].as_f64().unwrap_or(0.0);
     let _ = write!(
         text,
-        "\nspeed    {:.2} s, {} scans/s, {} x real time",
+        "speed    {:.2} s, {} scans/s, {} x real time",
         number("total_s"),
         grouped(number("scans_per_second") as u64),
         grouped(number("times_real_time") as u64)

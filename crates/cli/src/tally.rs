@@ -1,5 +1,6 @@
 //! What became of the scans: status over time, how well they fit, what was refused.
 
+use crate::doubt::Doubts;
 use mapwright::{BeamCounts, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -24,6 +25,7 @@ struct Run {
 pub(crate) struct Tally {
     pub(crate) scans: u64,
     pub(crate) refused: BTreeMap<&'static str, u64>,
+    pub(crate) doubts: Doubts,
     by_status: [u64; 3],
     runs: Vec<Run>,
     runs_in_all: u64,
@@ -42,6 +44,7 @@ impl Default for Tally {
         Self {
             scans: 0,
             refused: BTreeMap::new(),
+            doubts: Doubts::default(),
             by_status: [0; 3],
             runs: Vec::new(),
             runs_in_all: 0,
@@ -58,7 +61,8 @@ impl Default for Tally {
 }
 
 impl Tally {
-    pub(crate) fn add(&mut self, update: &Update) {
+    /// Takes note of a scan; `by_odometry` says what predicted its pose.
+    pub(crate) fn add(&mut self, update: &Update, by_odometry: bool) {
         self.scans += 1;
         self.by_status[update.status as usize] += 1;
         self.beams.add(&update.beams);
@@ -74,6 +78,7 @@ impl Tally {
             self.evaluations += u64::from(report.evaluations);
             self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
         }
+        self.doubts.add(update, by_odometry);
         self.extend_run(update);
     }
 
@@ -105,9 +110,14 @@ impl Tally {
         self.span.map_or(0.0, |(first, last)| last.secs_since(first))
     }
 
+    /// Scans with a status.
+    pub(crate) fn count(&self, status: Status) -> u64 {
+        self.by_status[status as usize]
+    }
+
     /// Share of the scans with a status.
     pub(crate) fn share(&self, status: Status) -> f64 {
-        self.by_status[status as usize] as f64 / self.scans.max(1) as f64
+        self.count(status) as f64 / self.scans.max(1) as f64
     }
 
     /// Median over the matched scans of the share of beams that fit the map.
@@ -125,11 +135,12 @@ impl Tally {
         self.close_run();
         let runs: Vec<Value> = self.runs.iter().map(run_report).collect();
         json!({
-            "tracking": self.by_status[Status::Tracking as usize],
-            "degraded": self.by_status[Status::Degraded as usize],
-            "lost": self.by_status[Status::Lost as usize],
+            "tracking": self.count(Status::Tracking),
+            "degraded": self.count(Status::Degraded),
+            "lost": self.count(Status::Lost),
             "run_count": self.runs_in_all,
             "runs": runs,
+            "doubt": self.doubts.report(),
         })
     }
 

@@ -29,11 +29,11 @@ const FARTHEST_M: f64 = 1e6;
 /// Keyframes back from the newest over which the chain of covariances is kept in mind.
 const CHAIN: usize = 64;
 /// Below this share of fitting beams, among those in known territory, a match is doubtful.
-const DOUBT_SHARE: f64 = 0.6;
+pub const DOUBT_SHARE: f64 = 0.6;
 /// Below this share the match is not believed.
-const LOST_SHARE: f64 = 0.35;
+pub const LOST_SHARE: f64 = 0.35;
 /// Disagreement with odometry that raises doubt, standard deviations.
-const DOUBT_SIGMAS: f64 = 4.0;
+pub const DOUBT_SIGMAS: f64 = 4.0;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
 /// The search's window: so many of the prior's standard deviations, within bounds.

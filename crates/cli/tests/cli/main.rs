@@ -3,6 +3,7 @@
 
 mod bad_input;
 mod commands;
+mod doubt;
 mod map;
 mod real_logs;
 mod support;
