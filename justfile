@@ -76,6 +76,26 @@ figures-perturbed log *args: release
 # intel made harder: fewer scans, wrong odometry, random beams
 figures-robustness: (figures-perturbed "intel" "--every" "2") (figures-perturbed "intel" "--every" "5") (figures-perturbed "intel" "--scale-odometry" "1.1") (figures-perturbed "intel" "--noise-beams" "0.1") (figures-perturbed "intel" "--noise-beams" "0.3")
 
+# where the time goes on intel, decompressed: seconds per stage, of the fastest of five runs
+figures-time *args: release
+    #!/usr/bin/env bash
+    set -euo pipefail
+    mkdir -p {{figures}}
+    bzip2 -dkc {{data}}/intel.clf.bz2 > {{figures}}/intel.clf
+    for _ in 1 2 3 4 5; do
+        {{mapwright}} map {{figures}}/intel.clf -o {{figures}}/time --quiet {{args}}
+        tr -d ' "\n' < {{figures}}/time/timing.json | sed 's/.*total_s:\([0-9.]*\).*stages_s:{\([^}]*\)}.*/\1 \2\n/'
+    done | sort -n | head -1 | tr ', :' '\n\n ' | sed '1s/^/total /'
+
+# instructions of kernels and of a whole log, counted by valgrind, against those allowed
+instructions:
+    .ci/instructions
+
+# criterion's benchmarks: kernels, whole logs, reading and writing
+bench:
+    cargo bench -p mapwright -p mapwright-grid -p mapwright-formats -p mapwright-sim \
+        --bench whole_log --bench kernels --bench carmen --bench map --bench raycast
+
 # speed and memory on intel, decompressed; the best of five runs counts
 figures-speed *args: release
     #!/usr/bin/env bash
