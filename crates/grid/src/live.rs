@@ -52,7 +52,7 @@ pub struct Agreement {
     pub contradicting: u32,
     /// End points where nothing was ever measured.
     pub unknown: u32,
-    /// The keyframe that first saw most of the obstacles that fit.
+    /// The keyframe that supplied most of the obstacles that fit.
     pub supplier: Option<u32>,
 }
 
@@ -110,7 +110,7 @@ pub struct LiveMap {
     flags: Vec<u8>,
     /// Mean end point of each slot's cell, metres.
     means: Vec<[f64; 2]>,
-    /// The keyframe that hit a cell first.
+    /// The keyframe that doubled a cell's hits last: where a place was mapped twice, it tells which copy this is.
     suppliers: Vec<u32>,
     touched: Vec<u32>,
     changed: Vec<u32>,
@@ -256,7 +256,7 @@ impl LiveMap {
         let flag = self.flags[slot as usize];
         let moved = flag & MOVED != 0;
         if moved {
-            if self.means[slot as usize] == [0.0; 2] || flag & OCCUPIED == 0 && cell.hits == 1 {
+            if cell.hits.is_power_of_two() {
                 self.suppliers[slot as usize] = supplier;
             }
             self.means[slot as usize] = self.mean(slot);

@@ -62,7 +62,7 @@ pub struct MatcherSettings {
 impl Default for MatcherSettings {
     fn default() -> Self {
         Self {
-            sigma_m: 0.03,
+            sigma_m: 0.025,
             capture_sigma_m: 0.15,
             random_ratio: 0.01,
             beam_share: 1.0,

@@ -231,7 +231,7 @@ section! {
     /// The match.
     MatchingSettings, "matching" {
         optimizer: Optimizer = Optimizer::GaussNewton, 0..=1, "", "\"gauss-newton\", \"gradient-ascent\" or \"unscaled-gradient-ascent\"";
-        sigma_m: f64 = 0.03, 0.001..=1.0, "m", "standard deviation of a hit in the last stage";
+        sigma_m: f64 = 0.025, 0.001..=1.0, "m", "standard deviation of a hit in the last stage";
         capture_sigma_m: f64 = 0.15, 0.001..=2.0, "m", "standard deviation of a hit in the first stage";
         random_ratio: f64 = 0.02, 1e-4..=1.0, "", "density of random readings relative to a hit at distance zero";
         beam_share: f64 = 1.0, 1e-6..=1.0, "", "beams are correlated: their summed log likelihood counts with this share";

@@ -197,6 +197,12 @@ const NORMAL_GAP_SPACINGS: f64 = 3.5;
 const POINT_SPACING_M: f64 = 0.1;
 /// Largest ratio of the neighbours' two variances at which they are a line.
 const NORMAL_RATIO: f64 = 0.1;
+/// Where a hit has no such neighbours, so many hits in a row, none farther from the next than the gap and none farther
+/// off their common line than the width, show a surface that the beams graze. Beyond the gap a beam's spot is smeared
+/// over so much of the surface that its range is biased.
+const GRAZED_HITS: usize = 4;
+const GRAZED_GAP_M: f64 = 0.3;
+const GRAZED_WIDTH_M: f64 = 0.03;
 
 /// End points of a sweep in the robot's frame at the sweep's stamp, metres, as the matcher and the map want them.
 #[derive(Debug, Clone, Default)]
@@ -249,7 +255,8 @@ impl SweepPoints {
 
     /// Fits a line to the neighbours of each hit along the sweep and keeps its normal where they are one.
     ///
-    /// Neighbours on a side are hits within 0.12 m, and the adjacent one up to 3.5 beam spacings.
+    /// Neighbours on a side are hits within 0.12 m, and the adjacent one up to 3.5 beam spacings. A hit without any may
+    /// still lie in a straight row of hits, where beams graze a wall.
     pub fn fill_normals(&mut self) {
         self.normals.clear();
         self.normals.reserve(self.hits.len());
@@ -292,19 +299,33 @@ impl SweepPoints {
         if n < 2.5 {
             // Alone among densely spaced beams: something small. Alone among sparse ones: nothing is known.
             let dense = self.beam_step_rad * range_m < POINT_SPACING_M;
-            return if dense { [f64::NAN; 2] } else { [0.0; 2] };
+            return self.grazed(i).unwrap_or(if dense { [f64::NAN; 2] } else { [0.0; 2] });
         }
         let (mx, my) = (sx / n, sy / n);
-        let (cxx, cxy, cyy) = (sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my);
-        let (mean, diff) = (0.5 * (cxx + cyy), 0.5 * (cxx - cyy));
-        let root = (diff * diff + cxy * cxy).sqrt();
-        if mean - root > NORMAL_RATIO * (mean + root) || root <= 0.0 {
-            return [f64::NAN; 2];
+        let line = Line::of_scatter(sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my);
+        line.filter(|line| line.across <= NORMAL_RATIO * line.along).map_or([f64::NAN; 2], |line| line.normal)
+    }
+
+    /// Normal of the straightest row of hits around a hit that has no near neighbours.
+    fn grazed(&self, i: usize) -> Option<[f64; 2]> {
+        let mut best = (GRAZED_WIDTH_M, None);
+        for first in (i + 1).saturating_sub(GRAZED_HITS)..=i {
+            let Some(row) = self.hits.get(first..first + GRAZED_HITS) else { break };
+            if row.windows(2).any(|w| (w[0][0] - w[1][0]).hypot(w[0][1] - w[1][1]) > GRAZED_GAP_M) {
+                continue;
+            }
+            let [mx, my] = [0, 1].map(|k| row.iter().map(|p| p[k]).sum::<f64>() / GRAZED_HITS as f64);
+            let scatter = |a: usize, b: usize| row.iter().map(|p| (p[a] - [mx, my][a]) * (p[b] - [mx, my][b])).sum();
+            let Some(Line { normal: [nx, ny], .. }) = Line::of_scatter(scatter(0, 0), scatter(0, 1), scatter(1, 1))
+            else {
+                continue;
+            };
+            let width = row.iter().map(|p| ((p[0] - mx) * nx + (p[1] - my) * ny).abs()).fold(0.0, f64::max);
+            if width < best.0 {
+                best = (width, Some([nx, ny]));
+            }
         }
-        // Eigenvector of the smaller eigenvalue, from the better conditioned row.
-        let (vx, vy) = if diff > 0.0 { (-cxy, root + diff) } else { (root - diff, -cxy) };
-        let norm = (vx * vx + vy * vy).sqrt();
-        if norm > 0.0 { [vx / norm, vy / norm] } else { [0.0; 2] }
+        best.1
     }
 
     /// Root mean square range of the hits and the range of the farthest one, metres; 1 m each without hits.
@@ -314,5 +335,24 @@ impl SweepPoints {
         let sum: f64 = self.hits.iter().map(squared).sum();
         let farthest = self.hits.iter().map(squared).fold(0.0, f64::max);
         if self.hits.is_empty() { (1.0, 1.0) } else { ((sum / self.hits.len() as f64).sqrt(), farthest.sqrt()) }
+    }
+}
+
+/// A line through points, from their scatter matrix.
+struct Line {
+    normal: [f64; 2],
+    /// Variances along and across it.
+    along: f64,
+    across: f64,
+}
+
+impl Line {
+    fn of_scatter(xx: f64, xy: f64, yy: f64) -> Option<Self> {
+        let (mean, diff) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+        let root = (diff * diff + xy * xy).sqrt();
+        // Eigenvector of the smaller eigenvalue, from the better conditioned row.
+        let (vx, vy) = if diff > 0.0 { (-xy, root + diff) } else { (root - diff, -xy) };
+        let norm = (vx * vx + vy * vy).sqrt();
+        (norm > 0.0).then(|| Self { normal: [vx / norm, vy / norm], along: mean + root, across: mean - root })
     }
 }
