@@ -2,9 +2,9 @@
 //!
 //! Every cell within [`DistanceField::radius_cells`] of an obstacle knows its nearest one; ties go to the smallest
 //! `(y, x)`, so that the field is a function of the set of obstacles and has no history. An obstacle that appears is
-//! compared with what the cells around it know. When some disappear, the cells that pointed at them look at all that is left
-//! around, from bit rows of obstacles. Both are exact, unlike propagation among neighbours (brushfire: Kalra, Ferguson, Stentz 2006;
-//! Lau, Sprunk, Burgard 2013), whose truncation error this avoids.
+//! compared with what the cells around it know. When some disappear, the cells that pointed at them look at all that is
+//! left around, from bit rows of obstacles. Both are exact, unlike propagation among neighbours (brushfire: Kalra,
+//! Ferguson, Stentz 2006; Lau, Sprunk, Burgard 2013), whose truncation error this avoids.
 
 use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, tile_of};
 
