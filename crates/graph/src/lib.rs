@@ -2,4 +2,4 @@
 
 mod certainty;
 
-pub use certainty::{CertaintyGraph, Link, Reached};
+pub use certainty::{CertaintyGraph, Gate, Reached, Uncertainty};

@@ -2,9 +2,9 @@
 //!
 //! Every cell within [`DistanceField::radius_cells`] of an obstacle knows its nearest one; ties go to the smallest
 //! `(y, x)`, so that the field is a function of the set of obstacles and has no history. An obstacle that appears is
-//! compared with what the cells around it know. When one disappears, the cells that pointed at it search the bit rows of
-//! obstacles around them. Both are exact, unlike propagation among neighbours (brushfire: Kalra, Ferguson, Stentz 2006;
-//! Lau, Sprunk, Burgard 2013), whose truncation error this avoids.
+//! compared with what the cells around it know. When some disappear, the cells that pointed at them look at all that is
+//! left around, from bit rows of obstacles. Both are exact, unlike propagation among neighbours (brushfire: Kalra,
+//! Ferguson, Stentz 2006; Lau, Sprunk, Burgard 2013), whose truncation error this avoids.
 
 use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, tile_of};
 
@@ -33,6 +33,8 @@ pub struct DistanceField {
     /// Cell of each obstacle handle.
     cells: Vec<(i32, i32)>,
     orphans: Vec<(i32, i32)>,
+    gone: Vec<((i32, i32), u32)>,
+    survivors: Vec<(i32, i32)>,
 }
 
 impl DistanceField {
@@ -43,7 +45,16 @@ impl DistanceField {
         let half_widths = (-radius..=radius)
             .map(|dy| (0..=radius).rev().find(|dx| dx * dx + dy * dy <= radius * radius).unwrap_or(0))
             .collect();
-        Self { radius, index: TileIndex::new(), tiles: Vec::new(), half_widths, cells: Vec::new(), orphans: Vec::new() }
+        Self {
+            radius,
+            index: TileIndex::new(),
+            tiles: Vec::new(),
+            half_widths,
+            cells: Vec::new(),
+            orphans: Vec::new(),
+            gone: Vec::new(),
+            survivors: Vec::new(),
+        }
     }
 
     /// The truncation radius in cells.
@@ -158,67 +169,89 @@ impl DistanceField {
 
     /// The obstacle of a cell disappears. Does nothing where there is none.
     pub fn remove(&mut self, cell_x: i32, cell_y: i32) {
-        if !self.is_occupied(cell_x, cell_y) {
-            return;
+        self.remove_all(&[(cell_x, cell_y)]);
+    }
+
+    /// The obstacles of cells disappear, all at once: no cell is given to one that goes as well.
+    pub fn remove_all(&mut self, cells: &[(i32, i32)]) {
+        let mut gone = std::mem::take(&mut self.gone);
+        for &(x, y) in cells {
+            if self.is_occupied(x, y) {
+                gone.push(((x, y), self.nearest(x, y)));
+                self.tile_mut(tile_of(x, y)).occupied[(y & (TILE_SIDE - 1)) as usize] &= !(1 << (x & (TILE_SIDE - 1)));
+            }
         }
-        let handle = self.nearest(cell_x, cell_y);
-        let row = (cell_y & (TILE_SIDE - 1)) as usize;
-        self.tile_mut(tile_of(cell_x, cell_y)).occupied[row] &= !(1 << (cell_x & (TILE_SIDE - 1)));
         let mut orphans = std::mem::take(&mut self.orphans);
-        self.collect_orphans((cell_x, cell_y), handle, &mut orphans);
-        for (x, y) in orphans.drain(..) {
-            let found = self.search((x, y));
-            let tile = self.tile_mut(tile_of(x, y));
-            let cell = cell_in_tile(x, y);
-            (tile.distance2[cell], tile.nearest[cell]) = found;
+        for (cell, handle) in gone.drain(..) {
+            self.collect_orphans(cell, handle, &mut orphans);
+            self.collect_survivors(&orphans);
+            for (x, y) in orphans.drain(..) {
+                let found = self.nearest_survivor((x, y));
+                let tile = self.tile_mut(tile_of(x, y));
+                let cell = cell_in_tile(x, y);
+                (tile.distance2[cell], tile.nearest[cell]) = found;
+            }
         }
-        self.orphans = orphans;
+        (self.gone, self.orphans) = (gone, orphans);
     }
 
     fn collect_orphans(&self, (cell_x, cell_y): (i32, i32), handle: u32, orphans: &mut Vec<(i32, i32)>) {
-        for dy in -self.radius..=self.radius {
-            let half = self.half_widths[(dy + self.radius) as usize];
-            for dx in -half..=half {
-                if self.nearest(cell_x + dx, cell_y + dy) == handle {
-                    orphans.push((cell_x + dx, cell_y + dy));
+        let r = self.radius;
+        for tile_y in (cell_y - r) >> TILE_BITS..=(cell_y + r) >> TILE_BITS {
+            for tile_x in (cell_x - r) >> TILE_BITS..=(cell_x + r) >> TILE_BITS {
+                let tile = self.index.find((tile_x, tile_y));
+                if tile == NO_TILE {
+                    continue;
                 }
-            }
-        }
-    }
-
-    /// The nearest obstacle from the bit rows around a cell: rows outwards, each row's nearest set bit on both sides.
-    fn search(&self, (cell_x, cell_y): (i32, i32)) -> (u8, u32) {
-        let mut best: Option<(i32, i32, i32)> = None;
-        for away in 0..=self.radius {
-            if best.is_some_and(|(d2, _, _)| away * away > d2) {
-                break;
-            }
-            let rows: &[i32] = if away == 0 { &[0] } else { &[-away, away] };
-            for &dy in rows {
-                for (x, y) in self.nearest_in_row(cell_x, cell_y + dy) {
-                    let d2 = (x - cell_x).pow(2) + dy * dy;
-                    if d2 <= self.radius * self.radius && best.is_none_or(|known| (d2, y, x) < known) {
-                        best = Some((d2, y, x));
+                let nearest = &self.tiles[tile as usize].nearest;
+                let base = (tile_x << TILE_BITS, tile_y << TILE_BITS);
+                for y in (cell_y - r).max(base.1)..=(cell_y + r).min(base.1 + TILE_SIDE - 1) {
+                    let half = self.half_widths[(y - cell_y + r) as usize];
+                    let (first, last) = ((cell_x - half).max(base.0), (cell_x + half).min(base.0 + TILE_SIDE - 1));
+                    if first > last {
+                        continue;
                     }
+                    let from = cell_in_tile(first, y);
+                    let row = &nearest[from..=from + (last - first) as usize];
+                    orphans.extend((first..).zip(row).filter(|&(_, &known)| known == handle).map(|(x, _)| (x, y)));
                 }
             }
         }
-        best.map_or((FAR, NO_OBSTACLE), |(d2, y, x)| (d2 as u8, self.handle_at(x, y)))
     }
 
-    fn handle_at(&self, x: i32, y: i32) -> u32 {
+    /// All obstacles within the radius of the box around the orphans, in the order in which ties go.
+    fn collect_survivors(&mut self, orphans: &[(i32, i32)]) {
+        let mut survivors = std::mem::take(&mut self.survivors);
+        survivors.clear();
+        let range = |coordinate: fn(&(i32, i32)) -> i32| {
+            let (low, high) = (orphans.iter().map(coordinate).min()?, orphans.iter().map(coordinate).max()?);
+            Some((low - self.radius, high + self.radius))
+        };
+        if let (Some((left, right)), Some((low, high))) = (range(|cell| cell.0), range(|cell| cell.1)) {
+            // At most 4 * 15 + 1 columns: a disc's, and the radius on both sides.
+            let columns = u64::MAX >> (63 - (right - left));
+            for y in low..=high {
+                let mut bits = self.row_bits(left, y) & columns;
+                while bits != 0 {
+                    survivors.push((left + bits.trailing_zeros() as i32, y));
+                    bits &= bits - 1;
+                }
+            }
+        }
+        self.survivors = survivors;
+    }
+
+    fn nearest_survivor(&self, (cell_x, cell_y): (i32, i32)) -> (u8, u32) {
+        let mut best = (self.radius * self.radius + 1, (0, 0));
+        for &(x, y) in &self.survivors {
+            let d2 = (x - cell_x) * (x - cell_x) + (y - cell_y) * (y - cell_y);
+            if d2 < best.0 {
+                best = (d2, (x, y));
+            }
+        }
+        let (d2, (x, y)) = best;
         // An occupied cell is its own nearest obstacle.
-        self.nearest(x, y)
-    }
-
-    /// The nearest obstacles of a row at or left of and right of a column, within 31 columns.
-    fn nearest_in_row(&self, cell_x: i32, y: i32) -> impl Iterator<Item = (i32, i32)> {
-        let bits = self.row_bits(cell_x - 31, y);
-        let left = bits & 0xffff_ffff;
-        let right = bits >> 32;
-        let left_x = (left != 0).then(|| (cell_x - 31 + 63 - left.leading_zeros() as i32, y));
-        let right_x = (right != 0).then(|| (cell_x + 1 + right.trailing_zeros() as i32, y));
-        left_x.into_iter().chain(right_x)
+        if d2 > self.radius * self.radius { (FAR, NO_OBSTACLE) } else { (d2 as u8, self.nearest(x, y)) }
     }
 
     /// Occupancy of 64 cells of a row from `first_x` on, lowest bit first.
@@ -273,6 +306,7 @@ mod tests {
             radius in 1u32..=15,
             origin in (-70i32..70, -70i32..70),
             steps in prop::collection::vec((any::<bool>(), 0i32..24, 0i32..24), 1..60),
+            at_once in 0usize..20,
         ) {
             let mut field = DistanceField::new(radius);
             let mut obstacles = BTreeMap::new();
@@ -288,6 +322,9 @@ mod tests {
                     field.remove(x, y);
                 }
             }
+            let gone: Vec<_> = obstacles.keys().map(|&(y, x)| (x, y)).take(at_once).collect();
+            field.remove_all(&gone);
+            obstacles.retain(|&(y, x), _| !gone.contains(&(x, y)));
             let reach = radius as i32 + 2;
             for y in origin.1 - reach..origin.1 + 24 + reach {
                 for x in origin.0 - reach..origin.0 + 24 + reach {

@@ -52,7 +52,7 @@ pub struct Agreement {
     pub contradicting: u32,
     /// End points where nothing was ever measured.
     pub unknown: u32,
-    /// The keyframe that supplied most of the obstacles that fit.
+    /// The keyframe in the map that supplied most of the obstacles that fit.
     pub supplier: Option<u32>,
 }
 
@@ -82,6 +82,9 @@ struct Tally {
 
 impl Tally {
     fn count(&mut self, candidate: u32) {
+        if candidate == NO_SUPPLIER {
+            return;
+        }
         for entry in &mut self.entries[..self.used] {
             if entry.0 == candidate {
                 entry.1 += 1;
@@ -111,12 +114,15 @@ pub struct LiveMap {
     /// Mean end point of each slot's cell, metres.
     means: Vec<[f64; 2]>,
     /// The keyframe that doubled a cell's hits last: where a place was mapped twice, it tells which copy this is.
+    /// [`NO_SUPPLIER`] where that keyframe was taken out and none took its place since.
     suppliers: Vec<u32>,
     touched: Vec<u32>,
     changed: Vec<u32>,
     dirty: Vec<u32>,
+    vanished: Vec<(i32, i32)>,
 }
 
+const NO_SUPPLIER: u32 = u32::MAX;
 /// The slot's cell is an obstacle.
 const OCCUPIED: u8 = 1;
 /// The cell's counts have changed.
@@ -141,6 +147,7 @@ impl LiveMap {
             touched: Vec::new(),
             changed: Vec::new(),
             dirty: Vec::new(),
+            vanished: Vec::new(),
         }
     }
 
@@ -167,7 +174,7 @@ impl LiveMap {
         let mut touched = std::mem::take(&mut self.touched);
         self.counts.draw(points, world_from_robot, change, &mut touched);
         self.touched = touched;
-        self.settle(supplier);
+        self.settle(change, supplier);
     }
 
     /// How a scan's end points agree with the map at a pose.
@@ -213,17 +220,19 @@ impl LiveMap {
     }
 
     /// Brings obstacles, field and surfels up to date with the cells that were touched.
-    fn settle(&mut self, supplier: u32) {
+    fn settle(&mut self, change: Change, supplier: u32) {
         let slots = self.counts.slot_count();
         self.flags.resize(slots, 0);
         self.surfels.resize(slots, Surfel::default());
         self.means.resize(slots, [0.0; 2]);
-        self.suppliers.resize(slots, supplier);
+        self.suppliers.resize(slots, NO_SUPPLIER);
         self.collect_changed();
         let mut changed = std::mem::take(&mut self.changed);
         for &slot in &changed {
-            self.settle_cell(slot, supplier);
+            self.settle_cell(slot, change, supplier);
         }
+        self.field.remove_all(&self.vanished);
+        self.vanished.clear();
         for slot in changed.drain(..) {
             self.flags[slot as usize] &= !(TOUCHED | MOVED);
             self.counts.release_if_empty(slot);
@@ -251,13 +260,16 @@ impl LiveMap {
         }
     }
 
-    fn settle_cell(&mut self, slot: u32, supplier: u32) {
+    fn settle_cell(&mut self, slot: u32, change: Change, supplier: u32) {
         let cell = *self.counts.cell(slot);
         let flag = self.flags[slot as usize];
         let moved = flag & MOVED != 0;
         if moved {
-            if cell.hits.is_power_of_two() {
-                self.suppliers[slot as usize] = supplier;
+            let known = &mut self.suppliers[slot as usize];
+            match change {
+                Change::Add if *known == NO_SUPPLIER || cell.hits.is_power_of_two() => *known = supplier,
+                Change::Remove if *known == supplier || cell.hits == 0 => *known = NO_SUPPLIER,
+                _ => {}
             }
             self.means[slot as usize] = self.mean(slot);
         }
@@ -270,7 +282,7 @@ impl LiveMap {
             self.counts.mark_obstacle(slot, true);
         } else if !occupied && was {
             self.flags[slot as usize] &= !OCCUPIED;
-            self.field.remove(cell.x, cell.y);
+            self.vanished.push((cell.x, cell.y));
             self.counts.mark_obstacle(slot, false);
         }
         if occupied != was || (occupied && moved) {
@@ -304,20 +316,20 @@ impl LiveMap {
             let w = (self.settings.point_weight * f64::from(cell.points) / f64::from(cell.hits)) as f32;
             return Surfel { x, y, axx: w, axy: 0.0, ayy: w };
         }
-        let near = self.counts.neighbours(cell.x, cell.y);
-        let surfaces = || {
-            near.iter().filter(|&&slot| slot != NO_SLOT && self.flags[slot as usize] & OCCUPIED != 0).filter_map(
-                |&slot| {
-                    let cell = self.counts.cell(slot);
-                    (cell.normals > 0).then(|| (cell, self.means[slot as usize]))
-                },
-            )
-        };
+        let (mut surfaces, mut count) = ([(0.0, [0.0; 2]); 9], 0);
         let (mut n, mut sum_nxx, mut sum_nxy) = (0_u64, 0_i64, 0_i64);
-        for (cell, _) in surfaces() {
-            n += u64::from(cell.normals);
-            sum_nxx += i64::from(cell.sum_nxx);
-            sum_nxy += i64::from(cell.sum_nxy as i32);
+        for near in self.counts.neighbours(cell.x, cell.y) {
+            if near == NO_SLOT || self.flags[near as usize] & OCCUPIED == 0 {
+                continue;
+            }
+            let cell = self.counts.cell(near);
+            if cell.normals > 0 {
+                surfaces[count] = (f64::from(cell.hits), self.means[near as usize]);
+                count += 1;
+                n += u64::from(cell.normals);
+                sum_nxx += i64::from(cell.sum_nxx);
+                sum_nxy += i64::from(cell.sum_nxy as i32);
+            }
         }
         let scale = 1.0 / (n as f64 * FRACTION_STEPS);
         let (axx, axy) = (sum_nxx as f64 * scale, sum_nxy as f64 * scale);
@@ -332,8 +344,8 @@ impl LiveMap {
         let (pxx, pxy) = (0.5 + 0.5 * half_difference / root, 0.5 * axy / root);
         let pyy = 1.0 - pxx;
         let (mut shift_x, mut shift_y, mut hits) = (0.0, 0.0, 0.0);
-        for (cell, mean) in surfaces() {
-            let (w, dx, dy) = (f64::from(cell.hits), mean[0] - x, mean[1] - y);
+        for &(w, mean) in &surfaces[..count] {
+            let (dx, dy) = (mean[0] - x, mean[1] - y);
             shift_x += w * (pxx * dx + pxy * dy);
             shift_y += w * (pxy * dx + pyy * dy);
             hits += w;
@@ -344,3 +356,30 @@ impl LiveMap {
 
 /// Half the difference of `A`'s eigenvalues from which a neighbourhood has one normal.
 const AGREEING_NORMALS: f64 = 0.35;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_keyframe_that_was_taken_out_is_nobodys_anchor() {
+        let hits: Vec<_> = (0..40).map(|k| [2.0, 0.05 * f64::from(k)]).collect();
+        let points = SweepPoints { normals: vec![[1.0, 0.0]; hits.len()], hits, ..SweepPoints::default() };
+        let mut map = LiveMap::new(LiveMapSettings::default());
+        let supplier = |map: &LiveMap| map.agreement(&points.hits, Pose2::IDENTITY).supplier;
+        for keyframe in [3, 4] {
+            map.change(&points, Pose2::IDENTITY, Change::Add, keyframe);
+        }
+        assert_eq!(supplier(&map), Some(3));
+        map.change(&points, Pose2::IDENTITY, Change::Remove, 3);
+        assert_eq!(supplier(&map), None);
+        map.change(&points, Pose2::IDENTITY, Change::Add, 5);
+        assert_eq!(supplier(&map), Some(5));
+        for keyframe in [4, 5] {
+            map.change(&points, Pose2::IDENTITY, Change::Remove, keyframe);
+        }
+        map.change(&points, Pose2::IDENTITY, Change::Add, 6);
+        map.change(&points, Pose2::IDENTITY, Change::Add, 7);
+        assert_eq!(supplier(&map), Some(6));
+    }
+}

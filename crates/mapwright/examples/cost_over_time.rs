@@ -1,4 +1,5 @@
 //! Whether a scan costs the same in hour three as in minute one: times of the first and the last tenth of 100,000 scans.
+//! Of three runs each scan's least time counts: what else the computer does is none of the mapper's business.
 //!
 //! `cargo run --release -p mapwright --example cost_over_time [SCANS]`
 
@@ -6,7 +7,10 @@
 
 use mapwright::{Mapper, Settings};
 use mapwright_sim::{Drive, DriveSettings, Site, worlds};
+use std::sync::Arc;
 use std::time::Instant;
+
+const RUNS: usize = 3;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scans: usize = std::env::args().nth(1).map_or(Ok(100_000), |text| text.parse())?;
@@ -20,12 +24,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn report(policy: &str, name: &str, site: Site, scans: usize) -> Result<(), Box<dyn std::error::Error>> {
     let mut settings = Settings::default();
     settings.set("live.policy", policy)?;
-    let mut mapper = Mapper::new(settings)?;
-    let mut times_us = Vec::with_capacity(scans);
-    for scan in Drive::new(site.into(), DriveSettings { seed: 1, ..DriveSettings::default() }).scans().take(scans) {
-        let start = Instant::now();
-        mapper.add_scan(&scan.scan);
-        times_us.push(start.elapsed().as_secs_f64() * 1e6);
+    let site = Arc::new(site);
+    let mut times_us = vec![f64::INFINITY; scans];
+    for _ in 0..RUNS {
+        let mut mapper = Mapper::new(settings)?;
+        let drive = Drive::new(Arc::clone(&site), DriveSettings { seed: 1, ..DriveSettings::default() });
+        for (scan, least_us) in drive.scans().zip(&mut times_us) {
+            let start = Instant::now();
+            mapper.add_scan(&scan.scan);
+            *least_us = least_us.min(start.elapsed().as_secs_f64() * 1e6);
+        }
     }
     let tenth = times_us.len() / 10;
     let [first, last] = [&times_us[..tenth], &times_us[times_us.len() - tenth..]].map(|part| {

@@ -20,6 +20,7 @@
 mod live;
 mod mapper;
 mod motion;
+mod patches;
 mod probe;
 mod settings;
 

@@ -1,20 +1,23 @@
 //! Which keyframes the live map is made of.
 
+use crate::patches::Patches;
 use crate::settings::{LivePolicy, Settings};
-use mapwright_geom::Pose2;
-use mapwright_graph::CertaintyGraph;
+use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LiveMap, LiveMapSettings};
-use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
+use mapwright_record::Keyframe;
+use mapwright_sensor::{BeamTable, SweepPoints};
 use rustc_hash::FxHashMap;
+use std::collections::VecDeque;
 
 /// Side of the areas over which views are bounded, metres.
 const AREA_M: f64 = 1.0;
-/// Side of the buckets in which keyframes near the robot are found, metres.
-const BUCKET_M: f64 = 4.0;
 /// A live keyframe stays live up to this multiple of the gate.
 const HYSTERESIS: f64 = 2.5;
-/// Keyframes a search of the graph may enter.
-const SEARCH_AT_MOST: usize = 4096;
+
+/// Half a keyframe more is drawn a scan for so many that are due,
+const BACKLOG: usize = 256;
+/// and so many halves at most.
+const HALVES_AT_MOST: usize = 4;
 
 /// What the live map consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,31 +32,44 @@ pub struct LiveReport {
     pub superseded: u64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    Live,
-    GatedOut,
-    Superseded,
-}
-
 /// The live map and the rule that keeps it.
 #[derive(Debug, Clone)]
 pub(crate) struct Live {
     pub(crate) map: LiveMap,
-    states: Vec<State>,
-    /// Live keyframes by area and heading, oldest first.
+    gated: bool,
+    views: Vec<View>,
+    patches: Patches,
+    /// Keyframes of live patches by area and heading, oldest first.
     areas: FxHashMap<(i32, i32, i32), Vec<u32>>,
-    /// All keyframes by place.
-    buckets: FxHashMap<(i32, i32), Vec<u32>>,
+    /// Keyframes to be drawn or taken out, half of one a scan.
+    due: VecDeque<u32>,
+    /// The one of which the second half is missing.
+    half_done: Option<(u32, Change)>,
+    inserted_last: bool,
     report: LiveReport,
     points: SweepPoints,
     table: BeamTable,
 }
 
+#[derive(Debug, Clone, Copy, Default)]
+struct View {
+    drawn: bool,
+    /// Gave way to newer views or was dropped; never comes back.
+    gone: bool,
+}
+
+/// What of a keyframe is not in the live map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Missing {
+    Nothing,
+    Half { first: bool },
+    All,
+}
+
 /// The keyframes as the live map needs them.
 #[derive(Clone, Copy)]
 pub(crate) struct Frames<'a> {
-    pub(crate) sweeps: &'a dyn Fn(u32) -> &'a Sweep,
+    pub(crate) keyframes: &'a [Keyframe],
     pub(crate) world_from_robot: &'a [Pose2],
 }
 
@@ -66,9 +82,13 @@ impl Live {
         };
         Self {
             map: LiveMap::new(map),
-            states: Vec::new(),
+            gated: settings.live.policy == LivePolicy::Gated,
+            views: Vec::new(),
+            patches: Patches::default(),
             areas: FxHashMap::default(),
-            buckets: FxHashMap::default(),
+            due: VecDeque::new(),
+            half_done: None,
+            inserted_last: false,
             report: LiveReport::default(),
             points: SweepPoints::default(),
             table: BeamTable::default(),
@@ -79,119 +99,267 @@ impl Live {
         self.report
     }
 
-    /// Draws a keyframe's beams into the map or takes them out again.
-    fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, change: Change) {
-        self.points.fill((frames.sweeps)(node), &mut self.table, settings.scan.free_range_m);
+    pub(crate) fn missing(&self, node: u32) -> Missing {
+        match self.half_done {
+            Some((half, change)) if half == node => Missing::Half { first: change == Change::Remove },
+            _ if self.views[node as usize].drawn => Missing::Nothing,
+            _ => Missing::All,
+        }
+    }
+
+    /// Draws a keyframe's beams into the map or takes them out again; all, or the first or second half.
+    fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, change: Change, first_half: Option<bool>) {
+        let sweep = &frames.keyframes[node as usize].sweep;
+        self.points.fill(sweep, &mut self.table, settings.scan.free_range_m);
         self.points.fill_normals();
+        if let Some(first) = first_half {
+            self.points.keep_half(first);
+        }
         self.map.change(&self.points, frames.world_from_robot[node as usize], change, node);
+        let drawn = change == Change::Add;
+        if self.views[node as usize].drawn != drawn {
+            self.views[node as usize].drawn = drawn;
+            self.report.keyframes = if drawn { self.report.keyframes + 1 } else { self.report.keyframes - 1 };
+        }
+    }
+
+    /// The next keyframe is as uncertain relative to `from`.
+    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3) {
+        if self.gated {
+            self.patches.connect(from, covariance);
+        }
     }
 
     /// A new keyframe joins; older views of its area give way.
-    pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
-        self.draw(settings, frames, node, Change::Add);
-        self.states.resize(node as usize + 1, State::GatedOut);
-        self.states[node as usize] = State::Live;
-        self.report.keyframes += 1;
-        if settings.live.policy == LivePolicy::Everything {
-            return;
+    pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, lever_m: f64) {
+        self.views.push(View::default());
+        self.draw(settings, frames, node, Change::Add, None);
+        if self.gated {
+            self.patches.add(frames.world_from_robot, lever_m);
+            self.enter_area(settings, frames, node);
         }
-        let pose = frames.world_from_robot[node as usize];
-        self.buckets.entry(bucket(pose)).or_default().push(node);
-        self.enter_area(settings, frames, node);
     }
 
+    /// Of an area's views the newest ones stay.
     fn enter_area(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
         let views = self.areas.entry(area(frames.world_from_robot[node as usize])).or_default();
-        views.push(node);
+        views.insert(views.partition_point(|&view| view < node), node);
         if views.len() > settings.live.views_per_area as usize {
             let oldest = views.remove(0);
-            self.states[oldest as usize] = State::Superseded;
-            if let Some(nodes) = self.buckets.get_mut(&bucket(frames.world_from_robot[oldest as usize])) {
-                nodes.retain(|&node| node != oldest);
-            }
+            self.views[oldest as usize].gone = true;
+            self.patches.forget(oldest);
+            self.due.push_back(oldest);
             self.report.superseded += 1;
-            self.report.keyframes -= 1;
-            self.draw(settings, frames, oldest, Change::Remove);
         }
     }
 
-    /// Brings the live keyframes around the newest one in line with the gate.
-    pub(crate) fn gate(
-        &mut self,
-        settings: &Settings,
-        frames: Frames<'_>,
-        graph: &mut CertaintyGraph,
-        newest: u32,
-        lever_m: f64,
-        reach_m: f64,
-    ) {
-        if settings.live.policy == LivePolicy::Everything {
+    fn leave_area(&mut self, frames: Frames<'_>, node: u32) {
+        if let Some(views) = self.areas.get_mut(&area(frames.world_from_robot[node as usize])) {
+            views.retain(|&view| view != node);
+        }
+    }
+
+    /// Once a scan: brings the live keyframes around the robot in line with the gate, a little at a time.
+    pub(crate) fn follow(&mut self, settings: &Settings, frames: Frames<'_>, inserted: bool) {
+        if !self.gated {
             return;
         }
-        let centre = frames.world_from_robot[newest as usize];
-        let poses = frames.world_from_robot;
-        let gate_out_m = settings.live.gate_m * HYSTERESIS;
-        let states = &self.states;
-        let near = |node: u32| poses[node as usize].distance(centre) <= reach_m;
-        // Superseded views are never let in again; going around them keeps the search as small as the area.
-        let within = |node: u32| states[node as usize] != State::Superseded && near(node);
-        let reached = graph.reach(newest, poses, gate_out_m, lever_m, SEARCH_AT_MOST, within);
-        let sigmas: FxHashMap<u32, f64> = reached.iter().map(|r| (r.node, r.sigma_m)).collect();
-        let rings = (reach_m / BUCKET_M).ceil() as i32;
-        let middle = bucket(centre);
-        for by in middle.1 - rings..=middle.1 + rings {
-            for bx in middle.0 - rings..=middle.0 + rings {
-                let Some(nodes) = self.buckets.get(&(bx, by)) else { continue };
-                for node in nodes.clone() {
-                    if near(node) {
-                        self.judge(settings, frames, node, sigmas.get(&node).copied());
-                    }
+        let gate_m = settings.live.gate_m;
+        for flip in self.patches.search(frames.world_from_robot, gate_m, gate_m * HYSTERESIS) {
+            for node in self.patches.flip(flip) {
+                self.due.push_back(node);
+                if flip.live {
+                    self.report.let_in += 1;
+                    self.enter_area(settings, frames, node);
+                } else {
+                    self.report.gated_out += 1;
+                    self.leave_area(frames, node);
                 }
             }
         }
+        // A scan that has inserted is the dearest already; where every scan inserts it cannot be helped.
+        if !inserted || self.inserted_last {
+            for _ in 0..=(self.due.len() / BACKLOG).min(HALVES_AT_MOST) {
+                self.draw_half(settings, frames);
+            }
+        }
+        self.inserted_last = inserted;
     }
 
-    fn judge(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, sigma_m: Option<f64>) {
-        match (self.states[node as usize], sigma_m) {
-            (State::Live, None) => {
-                self.states[node as usize] = State::GatedOut;
-                self.report.gated_out += 1;
-                self.report.keyframes -= 1;
-                if let Some(views) = self.areas.get_mut(&area(frames.world_from_robot[node as usize])) {
-                    views.retain(|&view| view != node);
-                }
-                self.draw(settings, frames, node, Change::Remove);
+    fn draw_half(&mut self, settings: &Settings, frames: Frames<'_>) {
+        if let Some((node, change)) = self.half_done.take() {
+            self.draw(settings, frames, node, change, Some(false));
+            return;
+        }
+        while let Some(node) = self.due.pop_front() {
+            let View { drawn, gone } = self.views[node as usize];
+            let wanted = !gone && self.patches.is_live(node);
+            if wanted != drawn {
+                let change = if wanted { Change::Add } else { Change::Remove };
+                self.draw(settings, frames, node, change, Some(true));
+                self.half_done = Some((node, change));
+                return;
             }
-            (State::GatedOut, Some(sigma_m)) if sigma_m <= settings.live.gate_m => {
-                self.states[node as usize] = State::Live;
-                self.report.let_in += 1;
-                self.report.keyframes += 1;
-                self.draw(settings, frames, node, Change::Add);
-                self.enter_area(settings, frames, node);
-            }
-            _ => {}
         }
     }
 
     /// Takes a keyframe out for good.
     pub(crate) fn drop(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
-        let Some(state) = self.states.get_mut(node as usize) else { return };
-        let was = std::mem::replace(state, State::Superseded);
-        if was == State::Live {
-            self.report.keyframes -= 1;
-            if let Some(views) = self.areas.get_mut(&area(frames.world_from_robot[node as usize])) {
-                views.retain(|&view| view != node);
-            }
-            self.draw(settings, frames, node, Change::Remove);
+        if self.half_done.is_some_and(|(half, _)| half == node) {
+            self.draw_half(settings, frames);
+        }
+        let Some(view) = self.views.get_mut(node as usize) else { return };
+        view.gone = true;
+        if view.drawn {
+            self.draw(settings, frames, node, Change::Remove, None);
+        }
+        if self.gated {
+            self.leave_area(frames, node);
+            self.patches.forget(node);
         }
     }
-}
-
-fn bucket(pose: Pose2) -> (i32, i32) {
-    ((pose.x / BUCKET_M).floor() as i32, (pose.y / BUCKET_M).floor() as i32)
 }
 
 fn area(pose: Pose2) -> (i32, i32, i32) {
     let quarter = (pose.theta / std::f64::consts::FRAC_PI_2).floor() as i32;
     ((pose.x / AREA_M).floor() as i32, (pose.y / AREA_M).floor() as i32, quarter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Stamp;
+    use mapwright_grid::CountGrid;
+    use mapwright_record::KeyframeId;
+    use mapwright_sensor::Sweep;
+    use mapwright_sim::{Drive, DriveSettings, worlds};
+
+    /// Keyframes along a corridor, 0.5 m apart, at their true poses.
+    fn corridor(count: usize) -> (Vec<Keyframe>, Vec<Pose2>) {
+        let site = worlds::corridor(1, worlds::CorridorWalls::Features);
+        let (mut keyframes, mut poses) = (Vec::new(), Vec::<Pose2>::new());
+        for recorded in Drive::new(site.into(), DriveSettings::default()).scans() {
+            let far = poses.last().is_none_or(|last| last.distance(recorded.world_from_robot) > 0.5);
+            if far && poses.len() < count {
+                let id = KeyframeId { robot: 0, session: 0, seq: poses.len() as u32 };
+                let (sweep, _) = Sweep::from_scan(&recorded.scan, [0.0; 3]);
+                keyframes.push(Keyframe { id, stamp: Stamp(0), scan: 0, sweep });
+                poses.push(recorded.world_from_robot);
+            }
+        }
+        (keyframes, poses)
+    }
+
+    fn gated() -> Settings {
+        let mut settings = Settings::default();
+        settings.live.policy = LivePolicy::Gated;
+        settings.live.gate_m = 0.2;
+        settings
+    }
+
+    /// A covariance of one step of the chain.
+    fn step(sigma_m: f64) -> Cov3 {
+        Cov3::from_diagonal(&nalgebra::Vector3::new(sigma_m * sigma_m, sigma_m * sigma_m, 1e-12))
+    }
+
+    /// Inserts keyframes each `sigma_m` uncertain relative to the one before, with three scans between them.
+    fn drive(keyframes: &[Keyframe], poses: &[Pose2], sigma_m: f64, closure: Option<(u32, u32)>) -> Live {
+        let settings = gated();
+        let mut live = Live::new(&settings);
+        for node in 0..poses.len() {
+            let frames = Frames { keyframes: &keyframes[..=node], world_from_robot: &poses[..=node] };
+            let node = node as u32;
+            if node > 0 {
+                live.connect(node - 1, &step(sigma_m));
+            }
+            if let Some((_, to)) = closure.filter(|&(at, _)| at == node) {
+                live.connect(to, &step(0.01));
+            }
+            live.insert(&settings, frames, node, 5.0);
+            for inserted in [true, false, false, false] {
+                live.follow(&settings, frames, inserted);
+            }
+        }
+        live
+    }
+
+    /// Counts of the keyframes that are drawn, drawn anew.
+    fn redrawn(live: &Live, keyframes: &[Keyframe], poses: &[Pose2]) -> CountGrid {
+        let mut map = CountGrid::new(0.05);
+        let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
+        for node in (0..poses.len()).filter(|&node| live.views[node].drawn) {
+            points.fill(&keyframes[node].sweep, &mut table, Settings::default().scan.free_range_m);
+            points.fill_normals();
+            map.draw(&points, poses[node], Change::Add, &mut Vec::new());
+        }
+        map
+    }
+
+    fn finish(live: &mut Live, keyframes: &[Keyframe], world_from_robot: &[Pose2]) {
+        while live.half_done.is_some() || !live.due.is_empty() {
+            live.draw_half(&gated(), Frames { keyframes, world_from_robot });
+        }
+    }
+
+    #[test]
+    fn certain_keyframes_stay_and_uncertain_ones_leave_behind_the_robot() {
+        let (keyframes, poses) = corridor(60);
+        assert_eq!(drive(&keyframes, &poses, 0.01, None).report.keyframes, 60);
+        let mut live = drive(&keyframes, &poses, 0.12, None);
+        finish(&mut live, &keyframes, &poses);
+        // 17 steps of 0.12 m make 0.5 m; patches and a search a metre ago blur that, and beyond 20 m nobody asks.
+        let drawn: Vec<bool> = live.views.iter().map(|view| view.drawn).collect();
+        assert!(drawn[52..].iter().all(|&drawn| drawn), "{drawn:?}");
+        assert!(drawn[22..35].iter().all(|&drawn| !drawn), "{drawn:?}");
+        assert_eq!(live.report.keyframes, drawn.iter().filter(|&&drawn| drawn).count());
+    }
+
+    #[test]
+    fn what_remains_is_drawn_exactly_once() {
+        let (keyframes, poses) = corridor(60);
+        for closure in [None, Some((50, 33))] {
+            let mut live = drive(&keyframes, &poses, 0.12, closure);
+            finish(&mut live, &keyframes, &poses);
+            assert!(live.report.gated_out > 5, "{:?}", live.report);
+            assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+        }
+    }
+
+    #[test]
+    fn a_link_to_a_place_that_was_out_lets_it_in_again() {
+        let (keyframes, poses) = corridor(60);
+        let mut live = drive(&keyframes, &poses, 0.12, Some((55, 34)));
+        finish(&mut live, &keyframes, &poses);
+        assert!(live.views[33].drawn && live.views[34].drawn && live.report.let_in > 0, "{:?}", live.report);
+    }
+
+    #[test]
+    fn a_keyframe_that_is_half_taken_out_can_be_dropped() {
+        let (keyframes, poses) = corridor(60);
+        let mut live = drive(&keyframes, &poses, 0.12, None);
+        let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
+        let newest = 59;
+        live.due.clear();
+        live.views[newest].gone = true;
+        live.due.push_back(newest as u32);
+        live.half_done = None;
+        live.draw_half(&gated(), frames);
+        assert_eq!(live.half_done, Some((newest as u32, Change::Remove)));
+        live.drop(&gated(), frames, newest as u32);
+        assert!(!live.views[newest].drawn && live.half_done.is_none());
+    }
+
+    #[test]
+    fn a_place_seen_again_and_again_keeps_the_newest_views() {
+        let (keyframes, poses) = corridor(2);
+        let (keyframe, pose) = (&keyframes[1], poses[1]);
+        let settings = gated();
+        let (keyframes, poses) = (vec![keyframe.clone(); 200], vec![pose; 200]);
+        let mut live = drive(&keyframes, &poses, 0.001, None);
+        finish(&mut live, &keyframes, &poses);
+        let most = settings.live.views_per_area as usize;
+        assert_eq!(live.report.keyframes, most);
+        assert!(live.views[200 - most..].iter().all(|view| view.drawn));
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    }
 }

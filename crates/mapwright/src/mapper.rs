@@ -1,11 +1,10 @@
 //! The pipeline: scan in, update out.
 
-use crate::live::{Frames, Live, LiveReport};
+use crate::live::{Frames, Live, LiveReport, Missing};
 use crate::motion::{Predictor, Step};
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Optimizer, Settings, SettingsError};
 use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
-use mapwright_graph::{CertaintyGraph, Link};
 use mapwright_grid::{
     Agreement, Change, CorrelativeSearch, CountGrid, LiveMap, MatchResult, Matcher, MatcherSettings, Prior,
     SearchWindow,
@@ -47,8 +46,6 @@ const PRIOR_COST_AT_MOST: f64 = 12.0;
 const INTRUDER_SHARE: f64 = 0.15;
 /// After so many keyframes in a row it is the world that has changed.
 const INTRUDED_AT_MOST: u32 = 16;
-/// Keyframes up to this distance from the robot are judged by the gate, metres.
-const GATE_REACH_M: f64 = 25.0;
 /// More motion than this within one sweep is not believed, metres and radians.
 const SWEEP_MOTION_M: f64 = 5.0;
 const SWEEP_TURN_RAD: f64 = 3.0;
@@ -62,7 +59,7 @@ const SCATTER_SHARE: f64 = 0.08;
 const WEAK_SHARE: f64 = 0.1;
 /// From the curvature of the objective to information. Beams are correlated (less), the last stage's sigma is wider
 /// than a beam's noise (more); calibrated by the NEES of simulated rooms and corridors (`tests/consistency.rs`).
-const INFORMATION_SCALE: f64 = 1.7;
+const INFORMATION_SCALE: f64 = 1.5;
 /// Error of the map between the anchor and here that no single match shows: at the anchor and per metre away from it,
 /// for positions (m) and headings (rad); calibrated with the scale above.
 const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0003, 0.0006]];
@@ -74,7 +71,6 @@ pub struct Mapper {
     matcher: Matcher,
     predictor: Predictor,
     live: Live,
-    graph: CertaintyGraph,
     keyframes: Vec<Keyframe>,
     edges: Vec<Edge>,
     /// Current poses of the keyframes.
@@ -146,7 +142,6 @@ impl Mapper {
             settings,
             matcher,
             predictor: Predictor::default(),
-            graph: CertaintyGraph::default(),
             keyframes: Vec::new(),
             edges: Vec::new(),
             world_from_keyframe: Vec::new(),
@@ -375,6 +370,8 @@ impl Mapper {
                 || step.theta.abs() > self.settings.keyframes.angle_rad
         });
         let inserted = (moved && !lost && !empty).then(|| self.insert(scan, matched)).flatten();
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.world_from_keyframe };
+        self.live.follow(&self.settings, frames, inserted.is_some());
         let newest = self.keyframes.len().checked_sub(1).map(|k| k as u32);
         let keyframe_from_robot = newest
             .map_or(self.world_from_robot, |k| self.world_from_keyframe[k as usize].between(self.world_from_robot));
@@ -383,7 +380,7 @@ impl Mapper {
     }
 
     fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
-        let node = self.graph.add_node();
+        let node = self.keyframes.len() as u32;
         let id = self.id(node);
         let sweep = self.believed_sweep()?;
         let covariance = self.covariance();
@@ -395,13 +392,9 @@ impl Mapper {
         self.links.push(fuse(&self.odometry_since_keyframe, &self.information));
         self.keyframe_from_anchor = covariance;
         self.odometry_since_keyframe = Cov3::zeros();
-        let keyframes = &self.keyframes;
-        let sweeps = |k: u32| &keyframes[k as usize].sweep;
-        let frames = Frames { sweeps: &sweeps, world_from_robot: &self.world_from_keyframe };
-        self.live.insert(&self.settings, frames, node);
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.world_from_keyframe };
         let (lever_m, _) = self.points.lever_and_reach_m();
-        let reach_m = GATE_REACH_M;
-        self.live.gate(&self.settings, frames, &mut self.graph, node, lever_m, reach_m);
+        self.live.insert(&self.settings, frames, node, lever_m);
         Some(node)
     }
 
@@ -443,9 +436,7 @@ impl Mapper {
             self.edges.push(edge);
         }
         for (from, covariance) in links {
-            let displacement_m2 = covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max();
-            let link = Link { to: node, displacement_m2, rotation_rad2: covariance[(2, 2)] };
-            self.graph.add_link(from, link);
+            self.live.connect(from, &covariance);
         }
     }
 
@@ -546,26 +537,28 @@ impl Mapper {
     pub fn drop_keyframe(&mut self, id: KeyframeId) -> bool {
         let known = id.robot == 0 && id.session == 0 && (id.seq as usize) < self.keyframes.len();
         if known {
-            let keyframes = &self.keyframes;
-            let sweeps = |k: u32| &keyframes[k as usize].sweep;
-            let frames = Frames { sweeps: &sweeps, world_from_robot: &self.world_from_keyframe };
+            let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.world_from_keyframe };
             self.live.drop(&self.settings, frames, id.seq);
             self.dropped.insert(id.seq);
         }
         known
     }
 
-    /// Counts of every keyframe at its present pose: the map to export.
+    /// Counts of every keyframe at its present pose: the map to export. What is live is there already.
     #[must_use]
     pub fn render(&self) -> CountGrid {
-        let mut map = CountGrid::new(self.settings.map.resolution_m);
+        let mut map = self.live.map.counts().clone();
         let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
         for (keyframe, &world_from_robot) in self.keyframes.iter().zip(&self.world_from_keyframe) {
-            if self.dropped.contains(&keyframe.id.seq) {
+            let missing = self.live.missing(keyframe.id.seq);
+            if missing == Missing::Nothing || self.dropped.contains(&keyframe.id.seq) {
                 continue;
             }
             points.fill(&keyframe.sweep, &mut table, self.settings.scan.free_range_m);
             points.fill_normals();
+            if let Missing::Half { first } = missing {
+                points.keep_half(first);
+            }
             map.draw(&points, world_from_robot, Change::Add, &mut Vec::new());
         }
         map

@@ -1,0 +1,225 @@
+//! Patches: keyframes within a few metres that are certain relative to each other.
+//!
+//! The gate decides on patches, for what holds for one of their keyframes holds for all. Their number grows with the area
+//! that was seen, not with the time spent there.
+
+use mapwright_geom::{Cov3, Pose2};
+use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
+use rustc_hash::FxHashMap;
+
+/// A keyframe joins a patch that began up to here, metres,
+const PATCH_M: f64 = 2.0;
+/// if it is as certain relative to its first keyframe, metres.
+const PATCH_SIGMA_M: f64 = 0.05;
+/// Side of the buckets in which live patches are found, metres.
+const BUCKET_M: f64 = 8.0;
+/// Patches up to this distance from the robot are judged, metres.
+const REACH_M: f64 = 20.0;
+/// The graph is searched anew after so much travel, metres,
+const SEARCH_EVERY_M: f64 = 1.0;
+/// so many links a scan,
+const SEARCH_LINKS: usize = 64;
+/// and up to so many patches in all.
+const SEARCH_AT_MOST: usize = 1024;
+
+#[derive(Debug, Clone)]
+struct Patch {
+    at: [f64; 2],
+    live: bool,
+    /// Relative to where the search `round` started; none before the first one.
+    searched: Option<Uncertainty>,
+    round: u32,
+    /// Its keyframes that may be drawn.
+    views: Vec<u32>,
+}
+
+/// A keyframe's patch, and how certain it is relative to where that began.
+#[derive(Debug, Clone, Copy)]
+struct Member {
+    patch: u32,
+    uncertainty: Uncertainty,
+}
+
+/// A patch that changes sides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Flip {
+    pub(crate) patch: u32,
+    pub(crate) live: bool,
+    distance2: f64,
+}
+
+/// The patches and the search that judges them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Patches {
+    graph: CertaintyGraph,
+    patches: Vec<Patch>,
+    members: Vec<Member>,
+    /// Live patches by place.
+    buckets: FxHashMap<(i32, i32), Vec<u32>>,
+    /// Links of the next keyframe.
+    links: Vec<(u32, Uncertainty)>,
+    lever_m: f64,
+    round: u32,
+    /// The last search that has ended.
+    judged: u32,
+    searching: bool,
+    searched_from: [f64; 2],
+    /// Of the newest keyframe relative to where the last search started,
+    since_searched: Uncertainty,
+    /// and to where the present one did.
+    since_started: Uncertainty,
+}
+
+impl Patches {
+    /// The next keyframe is as uncertain relative to `from`.
+    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3) {
+        let displacement_m2 = covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max();
+        self.links.push((from, Uncertainty { displacement_m2, rotation_rad2: covariance[(2, 2)] }));
+    }
+
+    /// Puts the next keyframe into the nearest live patch it is certain in, or begins one.
+    pub(crate) fn add(&mut self, poses: &[Pose2], lever_m: f64) {
+        self.lever_m = lever_m;
+        let node = self.members.len() as u32;
+        let at = position(poses[node as usize]);
+        let mut links = Vec::new();
+        for (from, link) in std::mem::take(&mut self.links) {
+            let Member { patch, uncertainty } = self.members[from as usize];
+            let step_m = distance2(position(poses[from as usize]), at).sqrt();
+            links.push((patch, uncertainty.then(link, step_m)));
+            if from + 1 == node {
+                self.since_searched = self.since_searched.then(link, step_m);
+                self.since_started = self.since_started.then(link, step_m);
+            }
+        }
+        let member = self.joined(at, &links).unwrap_or_else(|| Member { patch: self.begin(at), ..Member::NONE });
+        self.members.push(member);
+        self.patches[member.patch as usize].views.push(node);
+        for (patch, link) in links {
+            self.graph.add_link(patch, member.patch, link.then(member.uncertainty, 0.0), at, lever_m);
+        }
+    }
+
+    fn joined(&self, at: [f64; 2], links: &[(u32, Uncertainty)]) -> Option<Member> {
+        let mut best: Option<(f64, Member)> = None;
+        self.each_live_within(at, PATCH_M, |patch, distance2| {
+            let Patch { searched, round, .. } = self.patches[patch as usize];
+            let searched = searched.filter(|_| round == self.judged).map(|known| known.then(self.since_searched, 0.0));
+            let linked = links.iter().filter(|(to, _)| *to == patch).map(|&(_, link)| link);
+            let sigma_m = |u: &Uncertainty| u.sigma_m(self.lever_m);
+            let known = linked.chain(searched).min_by(|a, b| sigma_m(a).total_cmp(&sigma_m(b)));
+            let Some(uncertainty) = known.filter(|u| sigma_m(u) <= PATCH_SIGMA_M) else { return };
+            if best.is_none_or(|(nearest, _)| distance2 < nearest) {
+                best = Some((distance2, Member { patch, uncertainty }));
+            }
+        });
+        best.map(|(_, member)| member)
+    }
+
+    fn begin(&mut self, at: [f64; 2]) -> u32 {
+        self.patches.push(Patch { at, live: true, searched: None, round: self.round, views: Vec::new() });
+        let patch = self.graph.add_node(at);
+        self.buckets.entry(bucket(at)).or_default().push(patch);
+        patch
+    }
+
+    /// Calls with every live patch up to `within_m` away and its squared distance, in a fixed order.
+    fn each_live_within(&self, at: [f64; 2], within_m: f64, mut call: impl FnMut(u32, f64)) {
+        let [low, high] = [-within_m, within_m].map(|by| bucket([at[0] + by, at[1] + by]));
+        for by in low.1..=high.1 {
+            for bx in low.0..=high.0 {
+                for &patch in self.buckets.get(&(bx, by)).into_iter().flatten() {
+                    let distance2 = distance2(self.patches[patch as usize].at, at);
+                    if distance2 <= within_m * within_m {
+                        call(patch, distance2);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Goes on searching. When a search has ended, the patches that change sides: live ones more uncertain than `out_m`,
+    /// others at most as uncertain as `in_m`, nearest first.
+    pub(crate) fn search(&mut self, poses: &[Pose2], in_m: f64, out_m: f64) -> Vec<Flip> {
+        let Some(newest) = self.members.last() else { return Vec::new() };
+        let at = position(poses[self.members.len() - 1]);
+        if !self.searching && distance2(at, self.searched_from) > SEARCH_EVERY_M * SEARCH_EVERY_M {
+            self.round += 1;
+            let gate = Gate { sigma_m: out_m, lever_m: self.lever_m, reach_m: REACH_M };
+            self.graph.begin(newest.patch, newest.uncertainty, gate);
+            (self.searching, self.searched_from, self.since_started) = (true, at, Uncertainty::default());
+        }
+        if !self.searching || !self.graph.advance(SEARCH_LINKS, SEARCH_AT_MOST) {
+            return Vec::new();
+        }
+        (self.searching, self.judged, self.since_searched) = (false, self.round, self.since_started);
+        self.verdict(at, in_m, out_m)
+    }
+
+    fn verdict(&mut self, at: [f64; 2], in_m: f64, out_m: f64) -> Vec<Flip> {
+        let mut flips = Vec::new();
+        for reached in self.graph.reached() {
+            let patch = &mut self.patches[reached.node as usize];
+            (patch.searched, patch.round) = (Some(reached.uncertainty), self.round);
+            let distance2 = distance2(patch.at, at);
+            let near = distance2 <= REACH_M * REACH_M;
+            if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m {
+                flips.push(Flip { patch: reached.node, live: true, distance2 });
+            }
+        }
+        self.each_live_within(at, REACH_M, |patch, distance2| {
+            let Patch { searched, round, .. } = self.patches[patch as usize];
+            if round != self.round || searched.is_some_and(|known| known.sigma_m(self.lever_m) > out_m) {
+                flips.push(Flip { patch, live: false, distance2 });
+            }
+        });
+        flips.sort_by(|a, b| a.distance2.total_cmp(&b.distance2).then(a.patch.cmp(&b.patch)));
+        flips
+    }
+
+    /// Carries a flip out and returns the keyframes concerned.
+    pub(crate) fn flip(&mut self, flip: Flip) -> Vec<u32> {
+        let Patch { at, live, views, .. } = &mut self.patches[flip.patch as usize];
+        *live = flip.live;
+        let nodes = self.buckets.entry(bucket(*at)).or_default();
+        nodes.retain(|&patch| patch != flip.patch);
+        if flip.live {
+            nodes.push(flip.patch);
+        }
+        views.clone()
+    }
+
+    /// Whether a keyframe's patch is live.
+    pub(crate) fn is_live(&self, node: u32) -> bool {
+        self.members.get(node as usize).is_some_and(|member| self.patches[member.patch as usize].live)
+    }
+
+    /// A keyframe will not be drawn again; a patch without any is left out of searches.
+    pub(crate) fn forget(&mut self, node: u32) {
+        let Some(&Member { patch, .. }) = self.members.get(node as usize) else { return };
+        let Patch { at, views, .. } = &mut self.patches[patch as usize];
+        views.retain(|&view| view != node);
+        if views.is_empty() {
+            self.graph.isolate(patch);
+            if let Some(nodes) = self.buckets.get_mut(&bucket(*at)) {
+                nodes.retain(|&other| other != patch);
+            }
+        }
+    }
+}
+
+impl Member {
+    const NONE: Self = Self { patch: 0, uncertainty: Uncertainty { displacement_m2: 0.0, rotation_rad2: 0.0 } };
+}
+
+fn position(pose: Pose2) -> [f64; 2] {
+    [pose.x, pose.y]
+}
+
+fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
+}
+
+fn bucket([x, y]: [f64; 2]) -> (i32, i32) {
+    ((x / BUCKET_M).floor() as i32, (y / BUCKET_M).floor() as i32)
+}

@@ -1,0 +1,81 @@
+//! The gated live map keeps what is certain relative to the robot, and only that.
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
+
+mod support;
+
+use mapwright::{CountGrid, LivePolicy, LiveReport, Mapper, Settings};
+use mapwright_grid::Change;
+use mapwright_sensor::{BeamTable, SweepPoints};
+use mapwright_sim::{DriveSettings, Site, worlds};
+use support::{ate_m, in_parallel, recording};
+
+/// Maps a drive with the gate; the live map's account and the trajectory's error.
+fn mapped(site: Site, seed: u64, duration_s: f64) -> (LiveReport, f64) {
+    let mut settings = Settings::default();
+    settings.live.policy = LivePolicy::Gated;
+    let mut mapper = Mapper::new(settings).expect("valid");
+    let recorded = recording(site, DriveSettings { seed, duration_s, ..DriveSettings::default() });
+    for scan in &recorded {
+        mapper.add_scan(&scan.scan);
+    }
+    let truth: Vec<_> = recorded.iter().map(|scan| scan.world_from_robot).collect();
+    (mapper.live_report(), ate_m(&mapper, &truth))
+}
+
+#[test]
+fn the_start_of_a_short_loop_stays_and_that_of_a_long_one_leaves() {
+    let reports = in_parallel(4, |k| {
+        let (length_m, seed) = [(60.0, 1), (120.0, 4), (300.0, 1), (400.0, 2)][k];
+        let (report, error_m) = mapped(worlds::grand_loop(seed, length_m), seed, f64::INFINITY);
+        println!("{length_m} m: {report:?}, {error_m:.3} m");
+        (length_m, report, error_m)
+    });
+    for (length_m, report, error_m) in reports {
+        if length_m < 150.0 {
+            assert_eq!(report.gated_out, report.let_in, "{length_m} m");
+            assert!(error_m < 0.1, "{error_m} m, closed by matching against the start");
+        } else {
+            assert!(report.gated_out > 100 && report.let_in == 0, "{length_m} m: {report:?}");
+        }
+    }
+}
+
+/// All keyframes of a mapper, drawn one after the other.
+fn drawn_anew(mapper: &Mapper) -> CountGrid {
+    let mut map = CountGrid::new(mapper.settings().map.resolution_m);
+    let mut points = SweepPoints::default();
+    for (keyframe, &pose) in mapper.keyframes().iter().zip(mapper.keyframe_poses()) {
+        points.fill(&keyframe.sweep, &mut BeamTable::default(), mapper.settings().scan.free_range_m);
+        points.fill_normals();
+        map.draw(&points, pose, Change::Add, &mut Vec::new());
+    }
+    map
+}
+
+#[test]
+fn the_exported_map_holds_every_keyframe_whatever_is_live_or_on_its_way_out() {
+    let mut settings = Settings::default();
+    settings.live.policy = LivePolicy::Gated;
+    settings.live.gate_m = 0.02;
+    settings.live.views_per_area = 2;
+    let mut mapper = Mapper::new(settings).expect("valid");
+    let drive = DriveSettings { seed: 1, duration_s: 60.0, ..DriveSettings::default() };
+    for (k, scan) in recording(worlds::three_rooms(1), drive).iter().enumerate() {
+        mapper.add_scan(&scan.scan);
+        if k % 37 == 0 || k > 590 {
+            assert!(mapper.render().to_bytes() == drawn_anew(&mapper).to_bytes(), "after scan {k}");
+        }
+    }
+    assert!(mapper.live_report().superseded > 20, "{:?}", mapper.live_report());
+}
+
+#[test]
+fn in_the_same_rooms_the_live_map_stops_growing_and_stays_right() {
+    let (early, _) = mapped(worlds::three_rooms(1), 1, 400.0);
+    let (late, error_m) = mapped(worlds::three_rooms(1), 1, 1200.0);
+    println!("{early:?}, {late:?}, {error_m:.3} m");
+    assert!(late.superseded > early.superseded + 1000);
+    assert!(late.keyframes as f64 <= 1.15 * early.keyframes as f64, "{} and {}", early.keyframes, late.keyframes);
+    assert_eq!(late.gated_out, 0);
+    assert!(error_m < 0.03, "{error_m} m");
+}
