@@ -52,13 +52,15 @@ pub struct Sweep {
     pub step_m: f64,
     /// The robot's twist during the sweep, per second; zero where beam times are not known.
     pub twist_per_s: [f64; 3],
+    /// The laser scatters, and its isolated returns were dropped: see [`Sweep::drop_isolated`].
+    pub scatters: bool,
 }
 
 impl Sweep {
     /// A sweep without beams.
     #[must_use]
     pub fn empty(laser: &Arc<LaserModel>) -> Self {
-        Self { laser: Arc::clone(laser), codes: Vec::new(), step_m: 0.001, twist_per_s: [0.0; 3] }
+        Self { laser: Arc::clone(laser), codes: Vec::new(), step_m: 0.001, twist_per_s: [0.0; 3], scatters: false }
     }
 
     /// Quantises a scan's ranges and counts what was dropped.
@@ -77,6 +79,7 @@ impl Sweep {
         }
         self.step_m = code_step_m(scan.laser.range_max_m.min(limits_m.1));
         self.twist_per_s = if scan.laser.beam_period_s > 0.0 { twist_per_s } else { [0.0; 3] };
+        self.scatters = false;
         self.codes.clear();
         let mut counts = BeamCounts::default();
         let min_m = scan.laser.range_min_m.max(limits_m.0).max(0.0) as f32;
@@ -112,6 +115,7 @@ impl Sweep {
 
     /// Drops those returns and says how many there were.
     pub fn drop_isolated(&mut self) -> u32 {
+        self.scatters = true;
         let before = self.codes.clone();
         let mut dropped = 0;
         for beam in 0..before.len() {
@@ -217,6 +221,8 @@ pub struct SweepPoints {
     pub origin: [f64; 2],
     /// Angle between neighbouring beams, radians.
     pub beam_step_rad: f64,
+    /// Hits in a row that may lie off a surface without ending it: random readings of a laser that scatters.
+    pub misses: u32,
 }
 
 impl SweepPoints {
@@ -229,6 +235,7 @@ impl SweepPoints {
         let robot_from_laser = sweep.laser.robot_from_laser;
         self.origin = [robot_from_laser.x, robot_from_laser.y];
         self.beam_step_rad = sweep.laser.angle_step_rad.abs();
+        self.misses = u32::from(sweep.scatters);
         let moving = sweep.twist_per_s != [0.0; 3];
         let directions = table.directions(&sweep.laser, sweep.codes.len());
         for (beam, (&code, &[c, s])) in sweep.codes.iter().zip(directions).enumerate() {
@@ -286,16 +293,20 @@ impl SweepPoints {
             syy += dy * dy;
             true
         };
-        for k in i + 1..self.hits.len().min(i + 9) {
-            if !add(self.hits[k], k == i + 1) {
-                break;
+        let mut gather = |side: &mut dyn Iterator<Item = usize>| {
+            let (mut misses, mut found) = (0, false);
+            for k in side {
+                if add(self.hits[k], !found) {
+                    found = true;
+                } else if misses == self.misses {
+                    break;
+                } else {
+                    misses += 1;
+                }
             }
-        }
-        for k in (i.saturating_sub(8)..i).rev() {
-            if !add(self.hits[k], k + 1 == i) {
-                break;
-            }
-        }
+        };
+        gather(&mut (i + 1..self.hits.len().min(i + 9)));
+        gather(&mut (i.saturating_sub(8)..i).rev());
         if n < 2.5 {
             // Alone among densely spaced beams: something small. Alone among sparse ones: nothing is known.
             let dense = self.beam_step_rad * range_m < POINT_SPACING_M;
