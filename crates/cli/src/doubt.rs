@@ -1,7 +1,7 @@
 //! Where a run came into doubt, for how long, and why.
 
 use crate::terminal::{count, grouped};
-use mapwright::{DOUBT_SHARE, DOUBT_SIGMAS, LOST_SHARE, MatchReport, Stamp, Status, Update};
+use mapwright::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, MatchReport, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -182,10 +182,17 @@ impl DoubtfulScan {
                 "{share:.1} % of the beams fit the map, {least:.0} % expected ({known:.0} % end where it is known)"
             ));
         }
+        if report.known_share < KNOWN_SHARE {
+            let [known, least] = [report.known_share, KNOWN_SHARE].map(|share| 100.0 * share);
+            why.push(format!("{known:.0} % of the beams end where the map is known, {least:.0} % expected"));
+        }
         if report.odometry_sigmas > DOUBT_SIGMAS {
             let (sigmas, by) =
                 (report.odometry_sigmas, if self.by_odometry { "odometry" } else { "constant velocity" });
             why.push(format!("{sigmas:.1} sigmas from the prediction by {by}, at most {DOUBT_SIGMAS:.0} expected"));
+        }
+        if report.unconfirmed && report.inlier_share >= DOUBT_SHARE {
+            why.push("it fits only what was mapped since a scan that did not fit".to_owned());
         }
         if let Some(gap) = self.gap {
             why.push(format!("{:.1} s without a scan before scan {}", gap.seconds, grouped(gap.scan)));

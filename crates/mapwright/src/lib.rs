@@ -29,7 +29,7 @@ mod settings;
 struct ReadmeExamples;
 
 pub use live::LiveReport;
-pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, LOST_SHARE, Mapper, TrajectoryPose};
+pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, Mapper, TrajectoryPose};
 pub use mapwright_geom::{Cov3, Pose2, Stamp};
 pub use mapwright_grid::{CountGrid, LiveMap};
 pub use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};

@@ -33,6 +33,10 @@ pub const DOUBT_SHARE: f64 = 0.6;
 pub const LOST_SHARE: f64 = 0.35;
 /// Disagreement with odometry that raises doubt, standard deviations.
 pub const DOUBT_SIGMAS: f64 = 4.0;
+/// Where a smaller share of a scan's beams ends in known territory, the map says little about the pose.
+pub const KNOWN_SHARE: f64 = 0.3;
+/// After so many keyframes without confirmation it is a new part of the map that is tracked.
+const UNCONFIRMED_AT_MOST: u32 = 50;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
 /// The search's window: so many of the prior's standard deviations, within bounds.
@@ -99,6 +103,8 @@ pub struct Mapper {
     dropped: FxHashSet<u32>,
     scatter: Scatter,
     lost_scans: u32,
+    /// The first keyframe made in doubt, until a match confirms where the robot is.
+    doubted_from: Option<u32>,
     /// Keyframes in a row with somebody in the way.
     intruded: u32,
 }
@@ -162,6 +168,7 @@ impl Mapper {
             dropped: FxHashSet::default(),
             scatter: Scatter::default(),
             lost_scans: 0,
+            doubted_from: None,
             intruded: 0,
         })
     }
@@ -258,7 +265,11 @@ impl Mapper {
         }
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
         let odometry_sigmas = sigmas(&prior, result.world_from_robot);
-        let status = judge(&agreement, odometry_sigmas);
+        let unconfirmed = self.unconfirmed(&agreement);
+        let status = match judge(&agreement, odometry_sigmas) {
+            Status::Tracking if unconfirmed => Status::Degraded,
+            status => status,
+        };
         let report = MatchReport {
             beams: self.match_points().len() as u32,
             inlier_share: agreement.inlier_share(),
@@ -267,6 +278,7 @@ impl Mapper {
             evaluations,
             restarts,
             searched,
+            unconfirmed,
         };
         let trust = if status == Status::Degraded { 0.05 } else { 1.0 };
         Some(Matched {
@@ -276,6 +288,20 @@ impl Mapper {
             status,
             report,
         })
+    }
+
+    /// After a scan that did not fit, whatever is mapped may be in the wrong place and fit itself: doubt remains until a
+    /// match is supplied by what was mapped before, or the robot has gone far.
+    fn unconfirmed(&mut self, agreement: &Agreement) -> bool {
+        let next = self.keyframes.len() as u32;
+        if agreement.inlier_share() < DOUBT_SHARE {
+            self.doubted_from.get_or_insert(next);
+        } else if self.doubted_from.is_some_and(|from| {
+            agreement.supplier.is_some_and(|supplier| supplier < from) || next - from > UNCONFIRMED_AT_MOST
+        }) {
+            self.doubted_from = None;
+        }
+        self.doubted_from.is_some()
     }
 
     /// The end points a match uses: all, or evenly chosen ones where they are very many.
@@ -626,7 +652,7 @@ fn doubtful(agreement: &Agreement, odometry_sigmas: f64) -> bool {
 fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
     if agreement.inlier_share() < LOST_SHARE && agreement.known_share() > 0.5 {
         Status::Lost
-    } else if doubtful(agreement, odometry_sigmas) {
+    } else if doubtful(agreement, odometry_sigmas) || agreement.known_share() < KNOWN_SHARE {
         Status::Degraded
     } else {
         Status::Tracking

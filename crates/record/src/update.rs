@@ -44,6 +44,8 @@ pub struct MatchReport {
     pub restarts: u32,
     /// Whether the correlative search was used.
     pub searched: bool,
+    /// It fits only what was mapped since a scan that did not fit.
+    pub unconfirmed: bool,
 }
 
 /// Everything that anybody outside may know about one scan.
