@@ -17,6 +17,7 @@
 //! - [`World`], [`Site`], [`Route`]: build your own.
 //! - [`Drive`], [`DriveSettings`], [`Incident`]: robot, wheels, laser, and what goes wrong.
 //! - [`PerturbScans`]: harder versions of any recording, real ones included.
+//! - [`Revisits`]: which times of a drive truly see the same place.
 //! - [`failed_match_cases`]: 200 recordings in which a match must fail.
 
 mod band;
@@ -33,6 +34,7 @@ mod rng;
 mod robot;
 mod route;
 mod shape;
+mod views;
 mod world;
 pub mod worlds;
 
@@ -46,4 +48,5 @@ pub use rng::Rng;
 pub use robot::{Incident, RobotSettings};
 pub use route::{Route, Site};
 pub use shape::{Circle, Segment};
+pub use views::{REVISIT_OVERLAP, REVISIT_PATH_M, Revisit, Revisits, view_overlap};
 pub use world::{Door, Moment, Schedule, Walker, World};

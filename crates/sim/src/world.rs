@@ -158,6 +158,12 @@ impl World {
         self
     }
 
+    pub(crate) fn without_doors(mut self) -> Self {
+        self.doors.clear();
+        self.door_boxes.clear();
+        self
+    }
+
     /// The same with people added.
     #[must_use]
     pub fn with_walkers(mut self, walkers: impl IntoIterator<Item = Walker>) -> Self {
@@ -188,6 +194,11 @@ impl World {
     #[must_use]
     pub fn walkers(&self) -> &[Walker] {
         &self.walkers
+    }
+
+    /// Distance to the first thing that stands still, metres; infinite where there is none within `longest_m`.
+    pub(crate) fn cast_still(&self, origin: Point, direction: Point, longest_m: f64) -> f64 {
+        self.grid.cast(origin, direction, longest_m)
     }
 
     /// The world at one time, ready for rays of at most `longest_m` from about `viewpoint`.

@@ -2,11 +2,13 @@
 
 mod corridor;
 mod growing;
+mod loops;
 mod office;
 mod rooms;
 
 pub use corridor::{CorridorWalls, corridor, grand_loop};
 pub use growing::growing_building;
+pub use loops::loop_of;
 pub use office::office_floor;
 pub use rooms::{rooms, three_rooms};
 
