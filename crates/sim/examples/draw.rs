@@ -32,6 +32,7 @@ fn site(name: &str, seed: u64) -> Result<Site, Box<dyn Error>> {
         "loop_of_60" => worlds::loop_of(seed, 60.0),
         "loop_of_200" => worlds::loop_of(seed, 200.0).with_people(8, seed).with_changing_doors(0.3, seed),
         "loop_of_500" => worlds::loop_of(seed, 500.0),
+        "look_alike" => Site::clone(&worlds::look_alike(seed).site),
         "loop" => worlds::grand_loop(seed, 120.0),
         _ => return Err(format!("no world called {name}").into()),
     })

@@ -136,14 +136,22 @@ pub(crate) fn first_on_ground_of(
 ) -> Option<Stamp> {
     let viewer = Viewer::new(&site.world, settings);
     let samples = samples(site, settings, &viewer);
-    let (known, rest): (Vec<&Sample>, Vec<&Sample>) = samples.iter().partition(|s| s.stamp < before);
-    let home = |s: &&&Sample| known.iter().any(|k| viewer.overlap(k, s) > REVISIT_OVERLAP);
-    rest.iter().filter(|s| s.stamp >= after).find(home).map(|s| s.stamp)
+    let known: Vec<&Sample> = samples.iter().filter(|sample| sample.stamp < before).collect();
+    let home = |world_from_robot: Pose2| {
+        let here = viewer.sample(after, 0.0, world_from_robot);
+        known.iter().any(|sample| viewer.overlap(sample, &here) > REVISIT_OVERLAP)
+    };
+    let mut rest = path_at(site, settings, 5.0).into_iter().filter(|(stamp, ..)| *stamp >= after);
+    rest.find(|&(_, world_from_robot, _)| home(world_from_robot)).map(|(stamp, ..)| stamp)
 }
 
-/// Poses of the drive once a second, the wheels' noise and the laser left out.
+/// True and reported poses of the drive once a second.
 pub(crate) fn true_path(site: &Arc<Site>, settings: &DriveSettings) -> Vec<(Stamp, Pose2, Pose2)> {
-    let mut settings = DriveSettings { scan_rate_hz: 1.0, odometry_rate_hz: 1.0, ..settings.clone() };
+    path_at(site, settings, 1.0)
+}
+
+fn path_at(site: &Arc<Site>, settings: &DriveSettings, rate_hz: f64) -> Vec<(Stamp, Pose2, Pose2)> {
+    let mut settings = DriveSettings { scan_rate_hz: rate_hz, odometry_rate_hz: rate_hz, ..settings.clone() };
     settings.laser.beams = 0;
     let scans = Drive::new(Arc::clone(site), settings).scans();
     scans.map(|s| (s.scan.stamp, s.world_from_robot, s.scan.odom_from_robot.unwrap_or_default())).collect()
