@@ -5,7 +5,9 @@ use mapwright_geom::Pose2;
 use mapwright_sim::worlds::{
     CorridorWalls, corridor, grand_loop, growing_building, loop_of, office_floor, rooms, three_rooms,
 };
-use mapwright_sim::{Drive, DriveSettings, Event, Incident, LaserSettings, OdometryNoise, Revisits, Segment, Site};
+use mapwright_sim::{
+    Door, Drive, DriveSettings, Event, Incident, LaserSettings, OdometryNoise, Revisits, Schedule, Segment, Site,
+};
 use std::sync::Arc;
 
 fn settings(seed: u64) -> DriveSettings {
@@ -236,5 +238,16 @@ fn no_ray_leaves_a_loop() {
             beams += scan.scan.ranges_m.len();
         }
         assert!(lost * 50 < beams, "{seed}: {lost} of {beams}");
+    }
+}
+
+#[test]
+fn doors_change_off_the_route_only() {
+    for seed in 0..5 {
+        let site = loop_of(seed, 300.0).with_changing_doors(0.5, seed);
+        let changing = |door: &&Door| matches!(door.shut_when, Schedule::Repeating { .. });
+        let count = site.world.doors().iter().filter(changing).count();
+        assert!(count > 5, "{seed}: {count} doors");
+        assert!(site.clearance_m() > 0.3, "{seed}: {} m", site.clearance_m());
     }
 }

@@ -88,7 +88,7 @@ pub fn look_alike(seed: u64) -> LookAlike {
     let mut rng = Rng::keyed(seed, 0x616c_6961_7365);
     let (kind, plan) = match seed / 2 % 3 {
         0 => (LookAlikeKind::ParallelCorridors, parallel_corridors(&mut rng)),
-        1 => (LookAlikeKind::SymmetricFloor, symmetric_floor(&mut rng)),
+        1 => (LookAlikeKind::SymmetricFloor, symmetric_floor(seed.is_multiple_of(2), &mut rng)),
         _ => (LookAlikeKind::RepeatedRooms, repeated_rooms(&mut rng)),
     };
     let site = Arc::new(Site { world: World::new(plan.shapes.segments, plan.shapes.circles), route: plan.route });
@@ -186,11 +186,16 @@ fn parallel_corridors(rng: &mut Rng) -> Plan {
     Plan { shapes, route, original: [0.5 * long_m, a], copy_from_original: Pose2::new(0.0, pitch_m, 0.0) }
 }
 
-/// A ring of corridors of twofold or fourfold symmetry, driven around twice.
-fn symmetric_floor(rng: &mut Rng) -> Plan {
+/// A ring of corridors of twofold or fourfold symmetry, driven around twice; a large one gives odometry the time to get
+/// lost before the copy.
+fn symmetric_floor(large: bool, rng: &mut Rng) -> Plan {
     let half_m = rng.uniform(0.95, 1.25);
     let fourfold = rng.chance(0.5);
-    let a_m = rng.uniform(8.0, 13.0);
+    let a_m = match (large, fourfold) {
+        (false, _) => rng.uniform(8.0, 13.0),
+        (true, true) => rng.uniform(14.0, 19.0),
+        (true, false) => rng.uniform(22.0, 28.0),
+    };
     let b_m = if fourfold { a_m } else { a_m * rng.uniform(0.6, 0.85) };
     let mut shapes = Shapes::default();
     // A fourfold floor repeats its lower side, a twofold one its lower and right sides.
@@ -208,7 +213,11 @@ fn symmetric_floor(rng: &mut Rng) -> Plan {
     let mut way = vec![[-0.6 * a_m, -b_m]];
     way.extend(corners.iter().chain(&corners));
     way.push([0.5 * a_m, -b_m]);
-    let quarters = if fourfold { 1 + rng.below(3) } else { 2 };
+    let quarters = match (large, fourfold) {
+        (_, false) => 2,
+        (true, true) => 3,
+        (false, true) => 1 + rng.below(3),
+    };
     let copy_from_original = Pose2::new(0.0, 0.0, quarters as f64 * FRAC_PI_2);
     Plan { shapes, route: Route::new(way), original: [0.1 * a_m, -b_m], copy_from_original }
 }
@@ -221,14 +230,15 @@ fn ring_side(a_m: f64, b_m: f64, half_m: f64, rng: &mut Rng) -> Shapes {
         let y_m = -b_m + side * half_m;
         builder.feature_wall([-end_m, y_m], [end_m, y_m], [0.0, side], 3.0, rng);
         let wall = Frame { origin: [0.0, y_m], u: [1.0, 0.0], v: [0.0, -side] };
-        for _ in 0..2 {
+        for _ in 0..1 + (a_m / 6.0) as usize {
             corridor_piece(&mut builder, &wall, rng.uniform(2.0 - a_m, a_m - 2.0), rng);
         }
     }
     Shapes::of(builder)
 }
 
-/// A corridor with the same room over and over, some of which are visited, the first one again on the way back.
+/// A ring of corridors with the same room over and over along one side. The drive starts at one of the rooms, goes
+/// around, comes to another of them from the other end of the row, and then to the first again.
 fn repeated_rooms(rng: &mut Rng) -> Plan {
     let half_m = rng.uniform(0.95, 1.3);
     let (width_m, depth_m, count) = (rng.uniform(4.6, 6.6), rng.uniform(4.5, 6.5), 4 + rng.below(3));
@@ -241,24 +251,45 @@ fn repeated_rooms(rng: &mut Rng) -> Plan {
     (0..count).for_each(|k| shapes.put_up(&module, 0, [at(k), 0.0]));
     let end_m = at(count);
     shapes.polyline(&[[end_m, half_m + depth_m], [end_m, half_m]]);
-    shapes.polyline(&[[0.0, half_m], [-3.0, half_m], [-3.0, -half_m], [0.0, -half_m]]);
-    shapes.polyline(&[[end_m, half_m], [end_m + 2.5, half_m], [end_m + 2.5, -half_m], [end_m, -half_m]]);
-    shapes.circles.push(Circle { center: [-2.7, half_m - 0.3], radius_m: 0.2 });
+    let (left_m, right_m, low_m) = (-1.5, end_m + 1.5, -rng.uniform(14.0, 22.0));
+    shapes.put_up(&way_back(end_m, [left_m, right_m], low_m, half_m, rng), 0, [0.0, 0.0]);
     let visit = |k: usize| {
         let way = room.map(|p| add(p, [at(k), 0.0]));
         [way[0], way[1], way[2], way[1], way[0]]
     };
-    let first = rng.below(count - 2);
-    let second = first + 1 + rng.below(count - first - 1);
-    let mut way = vec![[-1.5, 0.0]];
+    let first = 2 + rng.below(count - 2);
+    let second = rng.below(first);
+    let mut way = vec![[at(first) + door_m - 0.6, 0.0]];
     way.extend(visit(first));
+    way.extend([[right_m, 0.0], [right_m, low_m], [left_m, low_m], [left_m, 0.0]]);
     way.extend(visit(second));
-    way.push([end_m + 1.0, 0.0]);
     way.extend(visit(first));
-    way.push([-1.5, 0.0]);
+    way.extend([[right_m, 0.0], [right_m, 0.5 * low_m]]);
     let original = add(lerp(room[1], room[2], 0.5), [at(first), 0.0]);
     let copy_from_original = Pose2::new(at(second) - at(first), 0.0, 0.0);
     Plan { shapes, route: Route::new(way), original, copy_from_original }
+}
+
+/// From the right end of a row of rooms down, back, and up to its left end.
+fn way_back(end_m: f64, [left_m, right_m]: [f64; 2], low_m: f64, half_m: f64, rng: &mut Rng) -> Shapes {
+    let mut builder = Builder::new();
+    builder.polyline(&[[left_m - half_m, half_m], [0.0, half_m]]);
+    builder.polyline(&[[end_m, half_m], [right_m + half_m, half_m]]);
+    builder.polyline(&[[left_m + half_m, -half_m], [0.0, -half_m]]);
+    builder.polyline(&[[end_m, -half_m], [right_m - half_m, -half_m]]);
+    for (side, edge_m) in [(1.0, half_m), (-1.0, -half_m)] {
+        let (top_m, bottom_m) = (edge_m, low_m - edge_m);
+        let (x0, x1) = (left_m - edge_m, right_m + edge_m);
+        builder.feature_wall([x1, top_m], [x1, bottom_m], [side, 0.0], 3.5, rng);
+        builder.feature_wall([x0, top_m], [x0, bottom_m], [-side, 0.0], 3.5, rng);
+        builder.feature_wall([x0, bottom_m], [x1, bottom_m], [0.0, -side], 3.5, rng);
+    }
+    builder.reserve(&[[right_m, 0.0], [right_m, low_m], [left_m, low_m], [left_m, 0.0]]);
+    let wall = Frame { origin: [0.0, low_m - half_m], u: [1.0, 0.0], v: [0.0, 1.0] };
+    for _ in 0..3 {
+        corridor_piece(&mut builder, &wall, rng.uniform(0.0, end_m), rng);
+    }
+    Shapes::of(builder)
 }
 
 /// One room above a corridor along x, and the corridor before it.
