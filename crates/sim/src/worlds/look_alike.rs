@@ -318,7 +318,7 @@ fn deceive(
 ) -> (DriveSettings, Alias) {
     let settings = DriveSettings { seed: rng.next_u64(), ..DriveSettings::long_drive(0) };
     let factor = |k: i32| if inside { 1.3f64.powi(k) } else { 0.75f64.powi(k) };
-    let tries = (0..30).flat_map(|k| (0..3u64).map(move |again| (k, again)));
+    let tries = (0..30).flat_map(|k| (0..8u64).map(move |again| (k, again)));
     let mut best = None;
     for (k, again) in tries {
         let odometry = OdometryNoise::default().times(factor(k));
