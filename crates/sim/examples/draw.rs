@@ -5,7 +5,9 @@ use std::error::Error;
 use std::fs::File;
 use std::sync::Arc;
 
-const PIXELS_PER_M: f64 = 28.0;
+const MOST_PIXELS_PER_M: f64 = 28.0;
+/// Longest edge of a picture, pixels.
+const MOST_PIXELS: f64 = 3000.0;
 const MARGIN_M: f64 = 1.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -27,6 +29,10 @@ fn site(name: &str, seed: u64) -> Result<Site, Box<dyn Error>> {
         "corridor" => worlds::corridor(seed, worlds::CorridorWalls::Features),
         "three_rooms" => worlds::three_rooms(seed),
         "growing" => worlds::growing_building(seed, 400.0),
+        "loop_of_60" => worlds::loop_of(seed, 60.0),
+        "loop_of_200" => worlds::loop_of(seed, 200.0).with_people(8, seed).with_changing_doors(0.3, seed),
+        "loop_of_500" => worlds::loop_of(seed, 500.0),
+        "look_alike" => Site::clone(&worlds::look_alike(seed).site),
         "loop" => worlds::grand_loop(seed, 120.0),
         _ => return Err(format!("no world called {name}").into()),
     })
@@ -34,6 +40,7 @@ fn site(name: &str, seed: u64) -> Result<Site, Box<dyn Error>> {
 
 struct Picture {
     low: Point,
+    pixels_per_m: f64,
     width: usize,
     height: usize,
     rgb: Vec<u8>,
@@ -46,14 +53,16 @@ impl Picture {
         let (low, high) = points.fold(start, |(low, high), p| {
             ([low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])])
         });
-        let pixels = |axis: usize| ((high[axis] - low[axis] + 2.0 * MARGIN_M) * PIXELS_PER_M) as usize + 1;
+        let size_m = |axis: usize| high[axis] - low[axis] + 2.0 * MARGIN_M;
+        let pixels_per_m = MOST_PIXELS_PER_M.min(MOST_PIXELS / size_m(0).max(size_m(1)));
+        let pixels = |axis: usize| (size_m(axis) * pixels_per_m) as usize + 1;
         let (width, height) = (pixels(0), pixels(1));
-        Self { low, width, height, rgb: vec![255; 3 * width * height] }
+        Self { low, pixels_per_m, width, height, rgb: vec![255; 3 * width * height] }
     }
 
     fn dot(&mut self, [x_m, y_m]: Point, color: [u8; 3]) {
-        let x = ((x_m - self.low[0] + MARGIN_M) * PIXELS_PER_M) as usize;
-        let y = ((y_m - self.low[1] + MARGIN_M) * PIXELS_PER_M) as usize;
+        let x = ((x_m - self.low[0] + MARGIN_M) * self.pixels_per_m) as usize;
+        let y = ((y_m - self.low[1] + MARGIN_M) * self.pixels_per_m) as usize;
         if x < self.width && y < self.height {
             let at = 3 * ((self.height - 1 - y) * self.width + x);
             self.rgb[at..at + 3].copy_from_slice(&color);
@@ -61,7 +70,7 @@ impl Picture {
     }
 
     fn line(&mut self, Segment { a, b }: Segment, color: [u8; 3]) {
-        let steps = ((a[0] - b[0]).hypot(a[1] - b[1]) * PIXELS_PER_M * 1.5) as usize + 1;
+        let steps = ((a[0] - b[0]).hypot(a[1] - b[1]) * self.pixels_per_m * 1.5) as usize + 1;
         for step in 0..=steps {
             let share = step as f64 / steps as f64;
             self.dot([a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])], color);

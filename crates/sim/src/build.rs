@@ -68,7 +68,7 @@ impl Footprint {
     }
 
     /// Whether the two boxes share a point (separating axes).
-    fn overlaps(&self, other: &Self) -> bool {
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
         let apart = |axis: Point| {
             let gap = dot(sub(other.center, self.center), axis).abs();
             gap > half_extent(self, axis) + half_extent(other, axis)

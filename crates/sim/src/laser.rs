@@ -8,6 +8,9 @@ use mapwright_geom::{Pose2, sin_cos};
 use mapwright_sensor::LaserModel;
 use std::sync::Arc;
 
+/// Ranges to whoever carries the robot, metres.
+const COVERED_M: [f64; 2] = [0.1, 0.45];
+
 /// A laser and its faults.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LaserSettings {
@@ -116,6 +119,12 @@ impl Scanner {
             ranges_m.push(self.reading(moment, &view, direction, rng) as f32);
         }
         ranges_m
+    }
+
+    /// A sweep with something right before the laser all around.
+    pub(crate) fn covered(&self, rng: &mut Rng) -> Vec<f32> {
+        let reading = |_: &Point| rng.uniform(COVERED_M[0], COVERED_M[1]) as f32;
+        self.directions.iter().map(reading).collect()
     }
 
     fn reading(&self, moment: &Moment<'_>, view: &View, direction: Point, rng: &mut Rng) -> f64 {

@@ -13,10 +13,12 @@
 //! }
 //! ```
 //!
-//! - [`worlds`]: office floors, suites of rooms, corridors, loops, a building that never ends.
+//! - [`worlds`]: office floors, suites of rooms, corridors, loops of up to 2 km, look-alikes, a building that never ends.
 //! - [`World`], [`Site`], [`Route`]: build your own.
 //! - [`Drive`], [`DriveSettings`], [`Incident`]: robot, wheels, laser, and what goes wrong.
 //! - [`PerturbScans`]: harder versions of any recording, real ones included.
+//! - [`Revisits`]: which times of a drive truly see the same place.
+//! - [`worlds::look_alike`]: buildings made to deceive. [`kidnapping`]: robots carried away.
 //! - [`failed_match_cases`]: 200 recordings in which a match must fail.
 
 mod band;
@@ -25,6 +27,7 @@ mod drive;
 mod failures;
 mod furnish;
 mod grid;
+mod kidnap;
 mod laser;
 mod math;
 mod odometry;
@@ -33,11 +36,13 @@ mod rng;
 mod robot;
 mod route;
 mod shape;
+mod views;
 mod world;
 pub mod worlds;
 
 pub use drive::{Drive, DriveSettings, Event, TrueScan};
 pub use failures::{FAILED_MATCH_CASES, FailedMatchCase, FailureKind, failed_match_cases};
+pub use kidnap::{Kidnapping, kidnapping};
 pub use laser::LaserSettings;
 pub use math::Point;
 pub use odometry::OdometryNoise;
@@ -46,4 +51,5 @@ pub use rng::Rng;
 pub use robot::{Incident, RobotSettings};
 pub use route::{Route, Site};
 pub use shape::{Circle, Segment};
+pub use views::{REVISIT_OVERLAP, REVISIT_PATH_M, Revisit, Revisits, view_overlap};
 pub use world::{Door, Moment, Schedule, Walker, World};

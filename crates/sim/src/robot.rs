@@ -56,6 +56,15 @@ pub enum Incident {
         /// End.
         to_s: f64,
     },
+    /// The robot moves as commanded, the wheels report only a share of it.
+    Skid {
+        /// Start.
+        from_s: f64,
+        /// End.
+        to_s: f64,
+        /// Share of the motion that the wheels report: 0 is none.
+        odometry_share: f64,
+    },
     /// The robot's heading jumps; odometry does not notice.
     HeadingJump {
         /// When.
@@ -90,6 +99,18 @@ pub enum Incident {
         /// Number of the waypoint.
         waypoint: usize,
     },
+    /// The robot is lifted up, carried away, put down at a waypoint of its route, and drives on from there; odometry does
+    /// not notice. Until it is put down it counts as being where it was lifted up.
+    Carried {
+        /// When it is lifted up.
+        from_s: f64,
+        /// When it is put down.
+        to_s: f64,
+        /// Number of the waypoint.
+        waypoint: usize,
+        /// Whether the laser sees nothing but its carrier on the way; otherwise no scan is recorded.
+        blocked: bool,
+    },
     /// A person stands right before the laser and moves along with it.
     Blocked {
         /// Start.
@@ -103,6 +124,16 @@ pub enum Incident {
         /// Radius of the person, metres.
         radius_m: f64,
     },
+}
+
+impl Incident {
+    /// Whether the laser is covered while the robot is being carried; `None` when it is not being carried.
+    pub(crate) fn carries(&self, time_s: f64) -> Option<bool> {
+        match *self {
+            Self::Carried { from_s, to_s, blocked, .. } if from_s <= time_s && time_s < to_s => Some(blocked),
+            _ => None,
+        }
+    }
 }
 
 /// One step: from here, with constant speed and turn rate, both as they are and as the wheels report them.
@@ -209,7 +240,9 @@ impl Robot {
                 Incident::HeadingJump { at_s, angle_rad } if now(at_s) => {
                     self.world_from_robot = advance(self.world_from_robot, 0.0, angle_rad);
                 }
-                Incident::Kidnap { at_s, waypoint } if now(at_s) => self.carry_to(route, waypoint),
+                Incident::Kidnap { at_s, waypoint } | Incident::Carried { to_s: at_s, waypoint, .. } if now(at_s) => {
+                    self.carry_to(route, waypoint);
+                }
                 _ => {}
             }
         }
@@ -228,6 +261,14 @@ impl Robot {
         for incident in incidents {
             match *incident {
                 Incident::Slip { from_s, to_s } if from_s <= time_s && time_s < to_s => true_move = Arc2::default(),
+                Incident::Skid { from_s, to_s, odometry_share: share } if from_s <= time_s && time_s < to_s => {
+                    wheel_move =
+                        Arc2 { distance_m: commanded.distance_m * share, turn_rad: commanded.turn_rad * share };
+                }
+                Incident::Carried { from_s, to_s, .. } if from_s <= time_s && time_s < to_s => {
+                    (true_move, wheel_move) = (Arc2::default(), Arc2::default());
+                    (self.speed_m_per_s, self.turn_rate_rad_per_s) = (0.0, 0.0);
+                }
                 Incident::Turn { from_s, duration_s, angle_rad, odometry_share } => {
                     let share = overlap_share(time_s, from_s, duration_s);
                     if share > 0.0 {
@@ -312,6 +353,15 @@ mod tests {
         let sum = |f: fn(&Step) -> f64| steps.iter().map(f).sum::<f64>();
         let slipped_m = sum(|s| s.wheel_move.distance_m) - sum(|s| s.true_move.distance_m);
         assert!((slipped_m - 1.0).abs() < 0.02, "{slipped_m}");
+    }
+
+    #[test]
+    fn a_skid_moves_the_robot_only() {
+        let route = Route::new(vec![[0.0, 0.0], [20.0, 0.0]]);
+        let steps = drive(&route, &[Incident::Skid { from_s: 5.0, to_s: 7.0, odometry_share: 0.25 }]);
+        let sum = |f: fn(&Step) -> f64| steps.iter().map(f).sum::<f64>();
+        let missed_m = sum(|s| s.true_move.distance_m) - sum(|s| s.wheel_move.distance_m);
+        assert!((missed_m - 0.75).abs() < 0.02, "{missed_m}");
     }
 
     #[test]

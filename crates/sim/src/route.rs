@@ -3,7 +3,7 @@
 use crate::math::{Point, distance};
 use crate::rng::Rng;
 use crate::shape::Segment;
-use crate::world::{Door, Walker, World};
+use crate::world::{Door, Schedule, Walker, World};
 
 /// Waypoints to be driven in order, metres in the world.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,6 +57,26 @@ impl Site {
         let mut rng = Rng::keyed(seed, 0x7065_6f70_6c65);
         let walkers: Vec<Walker> = (0..count).map(|_| stroller(&self.route, &mut rng)).collect();
         self.world = self.world.with_walkers(walkers);
+        self
+    }
+
+    /// The same with a share of those doors shut now and then, for minutes, that the route does not lead through.
+    #[must_use]
+    pub fn with_changing_doors(mut self, share: f64, seed: u64) -> Self {
+        let mut rng = Rng::keyed(seed, 0x646f_6f72_7363);
+        let legs: Vec<Segment> = self.route.legs().collect();
+        let used = |door: &Door| legs.iter().any(|leg| leg.distance_to_segment(&door.shut) < 0.6);
+        let schedule = |rng: &mut Rng| {
+            let (present_s, absent_s) = (rng.uniform(60.0, 400.0), rng.uniform(60.0, 400.0));
+            Schedule::Repeating { present_s, absent_s, phase_s: rng.uniform(0.0, 800.0) }
+        };
+        let change = |door: &Door| {
+            let shut_when = schedule(&mut rng);
+            let changes = rng.chance(share) && door.open.is_some() && !used(door);
+            Door { shut_when: if changes { shut_when } else { door.shut_when.clone() }, ..door.clone() }
+        };
+        let doors: Vec<Door> = self.world.doors().iter().map(change).collect();
+        self.world = self.world.without_doors().with_doors(doors);
         self
     }
 

@@ -111,8 +111,33 @@ pub struct World {
     segments: Vec<Segment>,
     circles: Vec<Circle>,
     doors: Vec<Door>,
+    /// Around each door's leaf, shut and open.
+    door_boxes: Vec<Bounds>,
     walkers: Vec<Walker>,
+    /// Around each walker's path.
+    walker_boxes: Vec<Bounds>,
     grid: Grid,
+}
+
+/// A box that is looked at before what is in it.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    low: Point,
+    high: Point,
+}
+
+impl Bounds {
+    fn around(points: impl Iterator<Item = Point>) -> Self {
+        let start = Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
+        points.fold(start, |b, p| Self {
+            low: [b.low[0].min(p[0]), b.low[1].min(p[1])],
+            high: [b.high[0].max(p[0]), b.high[1].max(p[1])],
+        })
+    }
+
+    fn within(&self, reach_m: f64, point: Point) -> bool {
+        (0..2).all(|axis| point[axis] >= self.low[axis] - reach_m && point[axis] <= self.high[axis] + reach_m)
+    }
 }
 
 impl World {
@@ -120,13 +145,22 @@ impl World {
     #[must_use]
     pub fn new(segments: Vec<Segment>, circles: Vec<Circle>) -> Self {
         let grid = Grid::new(&segments, &circles);
-        Self { segments, circles, doors: Vec::new(), walkers: Vec::new(), grid }
+        let (doors, walkers) = (Vec::new(), Vec::new());
+        Self { segments, circles, doors, door_boxes: Vec::new(), walkers, walker_boxes: Vec::new(), grid }
     }
 
     /// The same with doors added.
     #[must_use]
     pub fn with_doors(mut self, doors: impl IntoIterator<Item = Door>) -> Self {
         self.doors.extend(doors);
+        let leaves = |door: &Door| Bounds::around(std::iter::once(door.shut).chain(door.open).flat_map(|l| [l.a, l.b]));
+        self.door_boxes = self.doors.iter().map(leaves).collect();
+        self
+    }
+
+    pub(crate) fn without_doors(mut self) -> Self {
+        self.doors.clear();
+        self.door_boxes.clear();
         self
     }
 
@@ -134,6 +168,7 @@ impl World {
     #[must_use]
     pub fn with_walkers(mut self, walkers: impl IntoIterator<Item = Walker>) -> Self {
         self.walkers.extend(walkers);
+        self.walker_boxes = self.walkers.iter().map(|walker| Bounds::around(walker.path.iter().copied())).collect();
         self
     }
 
@@ -161,13 +196,22 @@ impl World {
         &self.walkers
     }
 
+    /// Distance to the first thing that stands still, metres; infinite where there is none within `longest_m`.
+    pub(crate) fn cast_still(&self, origin: Point, direction: Point, longest_m: f64) -> f64 {
+        self.grid.cast(origin, direction, longest_m)
+    }
+
     /// The world at one time, ready for rays of at most `longest_m` from about `viewpoint`.
     ///
     /// People nearer than 0.6 m to the viewpoint step aside.
     #[must_use]
     pub fn at(&self, time_s: f64, viewpoint: Point, longest_m: f64) -> Moment<'_> {
-        let leaves = self.doors.iter().filter_map(|door| door.leaf(time_s)).map(Mover::Leaf);
-        let people = self.walkers.iter().filter_map(|walker| walker.at(time_s));
+        let doors = self.doors.iter().zip(&self.door_boxes).filter(|(_, near)| near.within(longest_m, viewpoint));
+        let leaves = doors.filter_map(|(door, _)| door.leaf(time_s)).map(Mover::Leaf);
+        let walkers = self.walkers.iter().zip(&self.walker_boxes);
+        // A person who steps aside only comes into reach from well within it.
+        let walkers = walkers.filter(|(w, near)| near.within(longest_m + w.radius_m + PERSONAL_SPACE_M, viewpoint));
+        let people = walkers.filter_map(|(walker, _)| walker.at(time_s));
         let people = people.map(|person| Mover::Person(person.kept_from(viewpoint, PERSONAL_SPACE_M)));
         let mut moment = Moment { grid: &self.grid, viewpoint, longest_m, movers: Vec::new() };
         leaves.chain(people).for_each(|mover| moment.admit(mover));

@@ -2,8 +2,12 @@
 #![allow(clippy::unwrap_used, reason = "tests may")]
 
 use mapwright_geom::Pose2;
-use mapwright_sim::worlds::{CorridorWalls, corridor, grand_loop, growing_building, office_floor, rooms, three_rooms};
-use mapwright_sim::{Drive, DriveSettings, Event, Incident, LaserSettings, OdometryNoise, Segment, Site};
+use mapwright_sim::worlds::{
+    CorridorWalls, corridor, grand_loop, growing_building, loop_of, office_floor, rooms, three_rooms,
+};
+use mapwright_sim::{
+    Door, Drive, DriveSettings, Event, Incident, LaserSettings, OdometryNoise, Revisits, Schedule, Segment, Site,
+};
 use std::sync::Arc;
 
 fn settings(seed: u64) -> DriveSettings {
@@ -21,6 +25,7 @@ fn all(seed: u64) -> Vec<(&'static str, Site)> {
         ("growing", growing_building(seed, 300.0)),
         ("small loop", grand_loop(seed, 50.0)),
         ("loop", grand_loop(seed, 400.0)),
+        ("loop of 150 m", loop_of(seed, 150.0)),
     ]
 }
 
@@ -184,4 +189,65 @@ fn a_moving_laser_distorts_its_scan() {
     assert_eq!((at, sharp.ranges_m[0]), (also_at, smeared.ranges_m[0]));
     let ahead_m = |scan: &mapwright_sensor::LaserScan| scan.ranges_m.iter().copied().filter(|r| *r < 30.0).sum::<f32>();
     assert_ne!(ahead_m(&sharp), ahead_m(&smeared));
+}
+
+#[test]
+fn loops_have_the_length_asked_for_and_come_home() {
+    for (k, length_m) in [50.0, 70.0, 120.0, 200.0, 325.0, 500.0, 800.0, 2_000.0].into_iter().enumerate() {
+        for seed in 0..if length_m < 600.0 { 25 } else { 3 } {
+            let site = loop_of(seed + 100 * k as u64, length_m);
+            assert!(site.clearance_m() > 0.3, "{length_m} {seed}: {} m", site.clearance_m());
+            let way = &site.route.waypoints;
+            let home = way.iter().rposition(|p| *p == way[0]).unwrap();
+            let leg_m = |w: &[[f64; 2]]| (w[0][0] - w[1][0]).hypot(w[0][1] - w[1][1]);
+            let lap_m: f64 = way[..=home].windows(2).map(leg_m).sum();
+            let on_m: f64 = way[home..].windows(2).map(leg_m).sum();
+            assert!((lap_m / length_m - 1.0).abs() < 0.05, "{length_m} {seed}: {lap_m} m");
+            assert!(on_m >= 10.0, "{length_m} {seed}: {on_m} m");
+        }
+    }
+}
+
+#[test]
+fn a_loop_ends_on_ground_seen_at_its_start() {
+    for seed in 0..4 {
+        let site = Arc::new(loop_of(seed, 200.0));
+        let revisits = Revisits::of(&site, &DriveSettings::long_drive(seed));
+        let last = revisits.pairs().last().unwrap();
+        assert!(last.later.secs_since(last.earlier) > 300.0, "{seed}: {last:?}");
+    }
+}
+
+#[test]
+fn loops_are_the_same_for_a_seed_and_others_for_others() {
+    let print = |seed: u64| {
+        let site = loop_of(seed, 120.0).with_people(4, seed).with_changing_doors(0.3, seed);
+        fingerprint(Drive::new(site.into(), DriveSettings::long_drive(seed)), 200)
+    };
+    assert_eq!(print(1), print(1));
+    assert_ne!(print(1), print(2));
+}
+
+#[test]
+fn no_ray_leaves_a_loop() {
+    for seed in 0..10 {
+        let drive = Drive::new(loop_of(seed, 200.0).into(), DriveSettings { scan_rate_hz: 0.5, ..settings(seed) });
+        let (mut lost, mut beams) = (0, 0);
+        for scan in drive.scans() {
+            lost += scan.scan.ranges_m.iter().filter(|r| **r > 30.0).count();
+            beams += scan.scan.ranges_m.len();
+        }
+        assert!(lost * 50 < beams, "{seed}: {lost} of {beams}");
+    }
+}
+
+#[test]
+fn doors_change_off_the_route_only() {
+    for seed in 0..5 {
+        let site = loop_of(seed, 300.0).with_changing_doors(0.5, seed);
+        let changing = |door: &&Door| matches!(door.shut_when, Schedule::Repeating { .. });
+        let count = site.world.doors().iter().filter(changing).count();
+        assert!(count > 5, "{seed}: {count} doors");
+        assert!(site.clearance_m() > 0.3, "{seed}: {} m", site.clearance_m());
+    }
 }

@@ -1,0 +1,267 @@
+//! What two places see in common: the truth about revisits.
+
+use crate::drive::{Drive, DriveSettings};
+use crate::laser::Scanner;
+use crate::math::{Point, add, distance, rotate, scale, sub, unit};
+use crate::route::Site;
+use crate::world::World;
+use mapwright_geom::{Pose2, Stamp};
+use std::sync::Arc;
+
+/// A place is seen from elsewhere when it lies no further than this behind what the ray meets, metres.
+const BEHIND_M: f64 = 0.1;
+/// Beams looked at of each view.
+const BEAMS: usize = 45;
+/// Samples of a drive lie about this far apart, metres.
+const SAMPLE_M: f64 = 1.0;
+/// Poses further apart are not compared, metres.
+const COMPARED_M: f64 = 12.0;
+
+/// Two scans see the same place when more than this share of either is seen by the other.
+pub const REVISIT_OVERLAP: f64 = 0.5;
+/// A revisit has more than this much way between the two times, metres.
+pub const REVISIT_PATH_M: f64 = 20.0;
+
+/// Two times of a drive at which the robot truly saw the same place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Revisit {
+    /// The first time.
+    pub earlier: Stamp,
+    /// The second time.
+    pub later: Stamp,
+    /// Share of each view that the other sees too, the smaller of the two.
+    pub overlap: f64,
+    /// The truth that a closure has to find.
+    pub earlier_from_later: Pose2,
+}
+
+/// A time of a drive.
+#[derive(Debug, Clone)]
+struct Sample {
+    stamp: Stamp,
+    along_m: f64,
+    world_from_robot: Pose2,
+    view: Vec<Point>,
+}
+
+/// Which times of a drive see the same place, more than [`REVISIT_PATH_M`] of way apart and overlapping by more than
+/// [`REVISIT_OVERLAP`]: by ray casting among what stands still, sampled about every metre of the way.
+#[derive(Debug, Clone)]
+pub struct Revisits {
+    samples: Vec<Sample>,
+    pairs: Vec<Revisit>,
+}
+
+impl Revisits {
+    /// Drives once without its laser and compares all views.
+    #[must_use]
+    pub fn of(site: &Arc<Site>, settings: &DriveSettings) -> Self {
+        let viewer = Viewer::new(&site.world, settings);
+        let samples = samples(site, settings, &viewer);
+        let mut pairs = Vec::new();
+        for (k, later) in samples.iter().enumerate() {
+            let earlier = samples[..k].iter().filter(|s| later.along_m - s.along_m > REVISIT_PATH_M);
+            let revisit = |earlier: &Sample| {
+                let overlap = viewer.overlap(earlier, later);
+                let earlier_from_later = earlier.world_from_robot.between(later.world_from_robot);
+                Revisit { earlier: earlier.stamp, later: later.stamp, overlap, earlier_from_later }
+            };
+            pairs.extend(earlier.map(revisit).filter(|revisit| revisit.overlap > REVISIT_OVERLAP));
+        }
+        Self { samples, pairs }
+    }
+
+    /// Every pair of times, in the order of the later and then the earlier.
+    #[must_use]
+    pub fn pairs(&self) -> &[Revisit] {
+        &self.pairs
+    }
+
+    /// The stretches of the drive on which it is on ground seen before, from and to, the longest gap between two times
+    /// of a stretch being 3 m of way.
+    #[must_use]
+    pub fn stretches(&self) -> Vec<[Stamp; 2]> {
+        let mut stretches: Vec<[Stamp; 2]> = Vec::new();
+        let mut last_m = f64::NEG_INFINITY;
+        for sample in self.samples.iter().filter(|sample| self.seen_before(sample.stamp)) {
+            match stretches.last_mut() {
+                Some(stretch) if sample.along_m - last_m < 3.0 => stretch[1] = sample.stamp,
+                _ => stretches.push([sample.stamp; 2]),
+            }
+            last_m = sample.along_m;
+        }
+        stretches
+    }
+
+    /// Whether there is a pair with this later time.
+    fn seen_before(&self, later: Stamp) -> bool {
+        let first = self.pairs.partition_point(|pair| pair.later < later);
+        self.pairs.get(first).is_some_and(|pair| pair.later == later)
+    }
+
+    /// Whether the robot saw the same place at the sampled times nearest to these, in either order.
+    #[must_use]
+    pub fn contains(&self, a: Stamp, b: Stamp) -> bool {
+        let (Some(a), Some(b)) = (self.nearest(a), self.nearest(b)) else {
+            return false;
+        };
+        self.pairs.iter().any(|pair| (pair.earlier, pair.later) == (a.min(b), a.max(b)))
+    }
+
+    fn nearest(&self, stamp: Stamp) -> Option<Stamp> {
+        self.samples.iter().map(|s| s.stamp).min_by_key(|s| s.0.abs_diff(stamp.0))
+    }
+}
+
+/// Share of each of two views that the other sees too, the smaller of the two; among what stands still, with the laser
+/// of the settings.
+#[must_use]
+pub fn view_overlap(
+    world: &World,
+    settings: &DriveSettings,
+    world_from_robot: Pose2,
+    world_from_other_robot: Pose2,
+) -> f64 {
+    let viewer = Viewer::new(world, settings);
+    let sample = |world_from_robot| viewer.sample(Stamp(0), 0.0, world_from_robot);
+    viewer.overlap(&sample(world_from_robot), &sample(world_from_other_robot))
+}
+
+/// The first time at or after `after` at which more than half of the view is that of a time before `before`.
+pub(crate) fn first_on_ground_of(
+    site: &Arc<Site>,
+    settings: &DriveSettings,
+    before: Stamp,
+    after: Stamp,
+) -> Option<Stamp> {
+    let viewer = Viewer::new(&site.world, settings);
+    let samples = samples(site, settings, &viewer);
+    let known: Vec<&Sample> = samples.iter().filter(|sample| sample.stamp < before).collect();
+    let home = |world_from_robot: Pose2| {
+        let here = viewer.sample(after, 0.0, world_from_robot);
+        known.iter().any(|sample| viewer.overlap(sample, &here) > REVISIT_OVERLAP)
+    };
+    let mut rest = path_at(site, settings, 5.0).into_iter().filter(|(stamp, ..)| *stamp >= after);
+    rest.find(|&(_, world_from_robot, _)| home(world_from_robot)).map(|(stamp, ..)| stamp)
+}
+
+/// True and reported poses of the drive once a second.
+pub(crate) fn true_path(site: &Arc<Site>, settings: &DriveSettings) -> Vec<(Stamp, Pose2, Pose2)> {
+    path_at(site, settings, 1.0)
+}
+
+fn path_at(site: &Arc<Site>, settings: &DriveSettings, rate_hz: f64) -> Vec<(Stamp, Pose2, Pose2)> {
+    let mut settings = DriveSettings { scan_rate_hz: rate_hz, odometry_rate_hz: rate_hz, ..settings.clone() };
+    settings.laser.beams = 0;
+    let scans = Drive::new(Arc::clone(site), settings).scans();
+    scans.map(|s| (s.scan.stamp, s.world_from_robot, s.scan.odom_from_robot.unwrap_or_default())).collect()
+}
+
+fn samples(site: &Arc<Site>, settings: &DriveSettings, viewer: &Viewer<'_>) -> Vec<Sample> {
+    let mut samples: Vec<Sample> = Vec::new();
+    let (mut along_m, mut last) = (0.0, None);
+    for (stamp, world_from_robot, _) in true_path(site, settings) {
+        along_m += last.replace(world_from_robot).map_or(0.0, |last: Pose2| last.distance(world_from_robot));
+        let turned = |s: &Sample| (s.world_from_robot.theta - world_from_robot.theta).abs() > 0.5;
+        if samples.last().is_none_or(|s| along_m - s.along_m >= SAMPLE_M || turned(s)) {
+            samples.push(viewer.sample(stamp, along_m, world_from_robot));
+        }
+    }
+    samples
+}
+
+/// A laser's eye without noise.
+struct Viewer<'a> {
+    world: &'a World,
+    scanner: Scanner,
+    directions: Vec<Point>,
+    range_m: f64,
+    /// Cosine of half of the field of view.
+    edge_cosine: f64,
+    middle_rad: f64,
+}
+
+impl<'a> Viewer<'a> {
+    fn new(world: &'a World, settings: &DriveSettings) -> Self {
+        let scanner = Scanner::new(settings.laser.clone());
+        let model = scanner.model();
+        let beams = settings.laser.beams;
+        let field_rad = model.angle_step_rad * beams.saturating_sub(1) as f64;
+        let sense = if model.inverted { -1.0 } else { 1.0 };
+        let bearing = |k: usize| model.angle_min_rad + field_rad * (k as f64 + 0.5) / BEAMS as f64;
+        let directions = (0..BEAMS).map(|k| rotate([1.0, 0.0], sense * bearing(k))).collect();
+        let half_rad = (0.5 * field_rad.abs()).min(std::f64::consts::PI);
+        let edge_cosine = rotate([1.0, 0.0], half_rad)[0] - 1e-3;
+        let middle_rad = sense * (model.angle_min_rad + 0.5 * field_rad);
+        let range_m = model.range_max_m;
+        Self { world, scanner, directions, range_m, edge_cosine, middle_rad }
+    }
+
+    fn sample(&self, stamp: Stamp, along_m: f64, world_from_robot: Pose2) -> Sample {
+        let eye = self.scanner.world_from_laser(world_from_robot);
+        let origin = [eye.x, eye.y];
+        let end = |&direction: &Point| {
+            let direction = rotate(direction, eye.theta);
+            let range_m = self.world.cast_still(origin, direction, self.range_m);
+            range_m.is_finite().then(|| add(origin, scale(direction, range_m)))
+        };
+        Sample { stamp, along_m, world_from_robot, view: self.directions.iter().filter_map(end).collect() }
+    }
+
+    fn overlap(&self, a: &Sample, b: &Sample) -> f64 {
+        if a.world_from_robot.distance(b.world_from_robot) > COMPARED_M {
+            return 0.0;
+        }
+        let of_a = self.share_seen(&a.view, b.world_from_robot);
+        if of_a <= REVISIT_OVERLAP { of_a } else { of_a.min(self.share_seen(&b.view, a.world_from_robot)) }
+    }
+
+    /// Share of a view that a robot elsewhere sees.
+    fn share_seen(&self, view: &[Point], world_from_robot: Pose2) -> f64 {
+        let eye = self.scanner.world_from_laser(world_from_robot);
+        let ahead = rotate([1.0, 0.0], eye.theta + self.middle_rad);
+        let seen = view.iter().filter(|&&point| self.sees([eye.x, eye.y], ahead, point)).count();
+        seen as f64 / view.len().max(1) as f64
+    }
+
+    fn sees(&self, origin: Point, ahead: Point, point: Point) -> bool {
+        let range_m = distance(origin, point);
+        let direction = unit(sub(point, origin));
+        range_m <= self.range_m
+            && direction[0] * ahead[0] + direction[1] * ahead[1] >= self.edge_cosine
+            && self.world.cast_still(origin, direction, self.range_m) >= range_m - BEHIND_M
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::worlds::three_rooms;
+
+    #[test]
+    fn a_place_overlaps_with_itself_and_not_with_its_back() {
+        let site = three_rooms(1);
+        let settings = DriveSettings::default();
+        let at = |theta: f64| Pose2::new(site.route.waypoints[0][0], site.route.waypoints[0][1], theta);
+        assert_eq!(view_overlap(&site.world, &settings, at(0.3), at(0.3)), 1.0);
+        assert!(view_overlap(&site.world, &settings, at(0.3), at(0.5)) > 0.85);
+        assert!(view_overlap(&site.world, &settings, at(0.3), at(0.3 + std::f64::consts::PI)) < 0.1);
+        let elsewhere = site.route.waypoints[3];
+        let elsewhere = Pose2::new(elsewhere[0], elsewhere[1], 0.3);
+        assert!(view_overlap(&site.world, &settings, at(0.3), elsewhere) < 0.5);
+    }
+
+    #[test]
+    fn the_third_round_is_one_long_revisit() {
+        // A round is shorter than what counts, two are longer.
+        let site = Arc::new(three_rooms(2));
+        let rounds_s = 3.0 * site.route.length_m() / 0.5;
+        let settings = DriveSettings { duration_s: rounds_s, ..DriveSettings::default() };
+        let revisits = Revisits::of(&site, &settings);
+        let stretches = revisits.stretches();
+        let long_s = stretches.iter().map(|s| s[1].secs_since(s[0])).fold(0.0, f64::max);
+        assert!(long_s > 0.2 * rounds_s, "{long_s} of {rounds_s}");
+        let pair = revisits.pairs()[revisits.pairs().len() / 2];
+        assert!(revisits.contains(pair.later, pair.earlier) && !revisits.contains(pair.later, pair.later));
+    }
+}
