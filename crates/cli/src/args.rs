@@ -27,6 +27,8 @@ pub(crate) enum Command {
     Config(SettingsArgs),
     /// Map a simulated office floor and compare with the truth; needs no data.
     Demo(DemoArgs),
+    /// Optimise a pose graph in g2o's format, of the plane or of space.
+    Optimize(OptimizeArgs),
     /// A harder version of a log: fewer scans, random beams, worse odometry.
     Perturb(PerturbArgs),
 }
@@ -189,6 +191,41 @@ pub(crate) struct PerturbArgs {
     /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct OptimizeArgs {
+    /// Pose graph with tags of g2o or TORO.
+    pub(crate) graph: PathBuf,
+    /// The optimised graph, with tags of g2o.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Where the search starts: the poses of the file, or those that odometry alone would give.
+    #[arg(long, value_enum, default_value_t = StartFrom::File)]
+    pub(crate) from: StartFrom,
+    /// Let closures that contradict the others lose their say (graduated non-convexity).
+    #[arg(long)]
+    pub(crate) robust: bool,
+    /// Factorisations at most, with `--robust` after the false closures are out.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(..=100_000))]
+    pub(crate) max_iterations: u32,
+    /// What the information of rotations in space belongs to: quaternions, as in g2o, or angles, as GTSAM reads it.
+    #[arg(long, value_enum, default_value_t = Information::Quaternions)]
+    pub(crate) information: Information,
+    #[command(flatten)]
+    pub(crate) voice: Voice,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StartFrom {
+    File,
+    Odometry,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Information {
+    Quaternions,
+    Angles,
 }
 
 fn parse_assignment(text: &str) -> Result<(String, String), String> {

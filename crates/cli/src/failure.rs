@@ -3,6 +3,8 @@
 use mapwright::SettingsError;
 use mapwright_eval::EvalError;
 use mapwright_formats::FormatError;
+use mapwright_graph::GraphError;
+use mapwright_graph::g2o::G2oError;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -47,6 +49,10 @@ pub(crate) enum Failure {
     Score { path: PathBuf, cause: EvalError },
     #[error("{name}: {reason}")]
     NotCalibrated { name: String, reason: String },
+    #[error("{}: {cause}", path.display())]
+    Graph { path: PathBuf, cause: G2oError },
+    #[error("{}: {cause}", path.display())]
+    Solve { path: PathBuf, cause: GraphError },
     #[error("cannot write to the standard output: {0}")]
     Stdout(std::io::Error),
     #[error("cannot watch for signals: {0}")]

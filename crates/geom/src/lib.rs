@@ -1,4 +1,4 @@
-//! Rigid motions in the plane, their covariances, and stamps.
+//! Rigid motions of the plane and of space, their covariances, and stamps.
 //!
 //! Units are metres and radians, axes are right-handed with x forward. A pose named `a_from_b` takes coordinates in
 //! frame `b` to coordinates in frame `a`, so that names cancel: `a_from_b * b_from_c = a_from_c`. Tangent vectors are
@@ -14,8 +14,10 @@
 
 mod angle;
 mod pose2;
+mod pose3;
 mod stamp;
 
 pub use angle::{sin_cos, wrap_angle};
 pub use pose2::{Cov3, Pose2, compose_covariance, inverse_covariance};
+pub use pose3::{Pose3, skew};
 pub use stamp::Stamp;

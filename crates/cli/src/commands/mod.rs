@@ -6,6 +6,7 @@ mod demo;
 mod eval;
 mod info;
 mod map;
+mod optimize;
 mod perturb;
 
 use crate::args::Command;
@@ -20,6 +21,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Config(args) => config::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
     }
 }

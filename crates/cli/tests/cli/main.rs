@@ -5,5 +5,6 @@ mod bad_input;
 mod commands;
 mod doubt;
 mod map;
+mod optimize;
 mod real_logs;
 mod support;

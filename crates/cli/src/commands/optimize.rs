@@ -1,0 +1,180 @@
+//! `mapwright optimize`
+
+use crate::args::{Information, OptimizeArgs, StartFrom};
+use crate::failure::{Failure, Outcome};
+use crate::report::remarks;
+use crate::terminal::{count, grouped, say, say_json};
+use mapwright_graph::g2o::{AnyPoseGraph, G2oReport, read_g2o, write_g2o};
+use mapwright_graph::{Gnc, PoseGraph, PoseGroup, RotationError, Solution, SolverSettings, Start, optimize};
+use serde_json::{Value, json};
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::time::Instant;
+
+pub(super) fn run(args: &OptimizeArgs) -> Result<Outcome, Failure> {
+    let (mut graph, report) = read(&args.graph, args.information)?;
+    let settings = SolverSettings {
+        start: match args.from {
+            StartFrom::File => Start::Given,
+            StartFrom::Odometry => Start::Odometry,
+        },
+        max_iterations: args.max_iterations as usize,
+        robust: args.robust.then(Gnc::default),
+        ..SolverSettings::default()
+    };
+    let started = Instant::now();
+    let solved = match &mut graph {
+        AnyPoseGraph::Planar(graph) => solve(graph, &settings),
+        AnyPoseGraph::Spatial(graph) => solve(graph, &settings),
+    };
+    let (size, solution) = solved.map_err(|cause| Failure::Solve { path: args.graph.clone(), cause })?;
+    let solve_s = started.elapsed().as_secs_f64();
+    write(&args.output, &graph)?;
+    let (losses, oddities) = (losses(&report, &solution), oddities(&report, &solution, &size));
+    if args.voice.json {
+        say_json(&to_json(args, &size, &solution, solve_s, &losses, &oddities))?;
+    } else if !args.voice.quiet {
+        say(&(to_words(args, &size, &solution, solve_s) + &remarks(&losses, &oddities)))?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
+/// How large a graph is.
+struct Size {
+    dimensions: usize,
+    vertices: usize,
+    edges: usize,
+    odometry: usize,
+}
+
+fn read(path: &Path, information: Information) -> Result<(AnyPoseGraph, G2oReport), Failure> {
+    if path.is_dir() {
+        return Err(Failure::open(path, "expected a pose graph, found a directory"));
+    }
+    let file = File::open(path).map_err(|error| Failure::open(path, error))?;
+    let metric = match information {
+        Information::Quaternions => RotationError::QuaternionVector,
+        Information::Angles => RotationError::RotationVector,
+    };
+    let read = read_g2o(file, metric).map_err(|cause| Failure::Graph { path: path.to_owned(), cause })?;
+    Ok((read.graph, read.report))
+}
+
+fn solve<P: PoseGroup<D>, const D: usize>(
+    graph: &mut PoseGraph<P, D>,
+    settings: &SolverSettings,
+) -> Result<(Size, Solution), mapwright_graph::GraphError> {
+    let odometry = graph.odometry().into_iter().filter(|is| *is).count();
+    let (vertices, edges) = (graph.vertices.len(), graph.edges.len());
+    let size = Size { dimensions: if D == 3 { 2 } else { 3 }, vertices, edges, odometry };
+    Ok((size, optimize(graph, settings)?))
+}
+
+/// The file takes its name only when it is complete.
+fn write(path: &Path, graph: &AnyPoseGraph) -> Result<(), Failure> {
+    if path.is_dir() {
+        return Err(Failure::write(path, std::io::Error::other("expected a file, found a directory")));
+    }
+    let mut part = path.as_os_str().to_owned();
+    part.push(".part");
+    let written = File::create(&part).and_then(|file| {
+        let mut writer = BufWriter::new(file);
+        write_g2o(graph, &mut writer)?;
+        writer.flush()?;
+        fs::rename(&part, path)
+    });
+    written.map_err(|error| {
+        // nothing helps where cleaning up fails as well
+        let _ = fs::remove_file(&part);
+        Failure::write(path, error)
+    })
+}
+
+/// What of the file has no part in the result.
+fn losses(report: &G2oReport, solution: &Solution) -> Vec<String> {
+    let mut losses = Vec::new();
+    if let Some((tag, line)) = &report.first_unknown {
+        let lines = count(report.unknown_lines as u64, "line");
+        losses.push(format!("{lines} with an unknown tag left out, the first {tag} at line {line}"));
+    }
+    let counted = [
+        (report.self_edges, "edge", " from a vertex to itself left out"),
+        (report.indefinite_information, "edge", " whose information is not positive semidefinite; the nearest taken"),
+        (report.zero_information, "edge", " without information"),
+        (report.unknown_fixes, "FIX line", " of unknown vertices left out"),
+        (report.duplicate_vertices, "vertex line", " given again left out"),
+    ];
+    losses.extend(counted.iter().filter(|c| c.0 > 0).map(|(n, what, why)| count(*n as u64, what) + why));
+    if !solution.converged {
+        losses.push(format!("not converged after {}", count(solution.iterations as u64, "iteration")));
+    }
+    losses
+}
+
+/// What was noticed and did no harm.
+fn oddities(report: &G2oReport, solution: &Solution, size: &Size) -> Vec<String> {
+    let mut oddities = Vec::new();
+    if solution.connected_parts > 1 {
+        oddities.push(format!("{} parts that no edge connects", grouped(solution.connected_parts as u64)));
+    }
+    if report.vertices_from_edges > 0 && report.vertices_from_edges < size.vertices {
+        let vertices = count(report.vertices_from_edges as u64, "pose");
+        oddities.push(format!("{vertices} not in the file, taken from the edges"));
+    }
+    if report.unnormalised_quaternions > 0 {
+        oddities.push(count(report.unnormalised_quaternions as u64, "quaternion") + " normalised");
+    }
+    oddities
+}
+
+fn silenced(solution: &Solution) -> usize {
+    solution.weights.iter().filter(|weight| **weight < 0.5).count()
+}
+
+fn to_words(args: &OptimizeArgs, size: &Size, solution: &Solution, solve_s: f64) -> String {
+    let mut text = format!(
+        "{}: {}D, {} vertices, {} edges, {} of them closures\nchi-square {:.6} -> {:.6} in {}, {:.1} ms\n",
+        args.graph.display(),
+        size.dimensions,
+        grouped(size.vertices as u64),
+        grouped(size.edges as u64),
+        grouped((size.edges - size.odometry) as u64),
+        solution.chi2_before,
+        solution.chi2_after,
+        count(solution.iterations as u64, "iteration"),
+        solve_s * 1e3,
+    );
+    if args.robust {
+        text.push_str(&format!("outvoted: {}\n", count(silenced(solution) as u64, "closure")));
+    }
+    text
+}
+
+fn to_json(
+    args: &OptimizeArgs,
+    size: &Size,
+    solution: &Solution,
+    solve_s: f64,
+    losses: &[String],
+    odd: &[String],
+) -> Value {
+    json!({
+        "graph": args.graph.display().to_string(),
+        "dimensions": size.dimensions,
+        "vertices": size.vertices,
+        "edges": size.edges,
+        "closures": size.edges - size.odometry,
+        "chi2_before": solution.chi2_before,
+        "chi2_after": solution.chi2_after,
+        "iterations": solution.iterations,
+        "converged": solution.converged,
+        "from_chordal": solution.from_chordal,
+        "connected_parts": solution.connected_parts,
+        "outvoted": silenced(solution),
+        "weights": args.robust.then_some(&solution.weights),
+        "solve_s": solve_s,
+        "odd": odd,
+        "losses": losses,
+    })
+}

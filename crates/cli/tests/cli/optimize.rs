@@ -1,0 +1,93 @@
+//! `mapwright optimize`: what it says, what it writes, what it refuses.
+
+use crate::support::{assert_code, assert_refused, folder, run, text};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Five poses around a square of 2 m, closed by one edge, with some error.
+const SQUARE: &str = "VERTEX_SE2 0 0 0 0
+VERTEX_SE2 1 2.1 0 1.5
+VERTEX_SE2 2 2 2.2 3.1
+VERTEX_SE2 3 0 2 -1.6
+EDGE_SE2 0 1 2 0 1.5708 10 0 0 10 0 100
+EDGE_SE2 1 2 2 0 1.5708 10 0 0 10 0 100
+EDGE_SE2 2 3 2 0 1.5708 10 0 0 10 0 100
+EDGE_SE2 3 0 2 0 1.5708 10 0 0 10 0 100
+";
+
+fn optimized(folder: &Path, graph: &str, more: &[&str]) -> std::process::Output {
+    let (input, output) = (folder.join("in.g2o"), folder.join("out.g2o"));
+    fs::write(&input, graph).unwrap();
+    run(&[&["optimize", input.to_str().unwrap(), "-o", output.to_str().unwrap()], more].concat())
+}
+
+#[test]
+fn a_square_is_closed_and_told_about() {
+    let folder = folder("optimize");
+    let output = optimized(&folder, SQUARE, &[]);
+    assert_code(&output, 0);
+    let said = text(&output.stdout);
+    ["2D, 4 vertices, 4 edges, 1 of them closures", "chi-square", "iteration"]
+        .iter()
+        .for_each(|what| assert!(said.contains(what), "{said}"));
+    let written = fs::read_to_string(folder.join("out.g2o")).unwrap();
+    assert_eq!(written.lines().filter(|line| line.starts_with("VERTEX_SE2")).count(), 4);
+    let again = optimized(&folder, &written, &["--json", "--from", "odometry"]);
+    let value: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
+    assert!(value["chi2_after"].as_f64().unwrap() < 1e-6 && value["converged"].as_bool().unwrap());
+}
+
+#[test]
+fn a_false_closure_is_outvoted() {
+    let folder = folder("optimize_robust");
+    let graph = format!("{SQUARE}EDGE_SE2 0 2 -9 4 1 10 0 0 10 0 100\n");
+    let output = optimized(&folder, &graph, &["--robust", "--json"]);
+    assert_code(&output, 0);
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(value["outvoted"], 1, "{value}");
+    assert_eq!(value["weights"], serde_json::json!([1.0, 1.0, 1.0, 1.0, 0.0]));
+}
+
+#[test]
+fn bad_files_are_refused_with_the_line_or_repaired_and_told() {
+    let folder = folder("optimize_bad");
+    let refused = |graph: &str, says: &[&str]| assert_refused(&optimized(&folder, graph, &[]), 1, says);
+    refused("", &["in.g2o", "expected a vertex or an edge"]);
+    refused("VERTEX_SE2 0 0 nan 0\n", &["line 1", "nan"]);
+    refused(&SQUARE[..SQUARE.len() - 12], &["line 8", "expected"]);
+    refused(&format!("{SQUARE}VERTEX_SE3:QUAT 9 0 0 0 0 0 0 1\n"), &["line 9", "all of the plane"]);
+    refused("VERTEX_SE2 0 1e300 0 0\n", &["line 1", "within 10^6", "1e300"]);
+    assert!(!folder.join("out.g2o").exists());
+    let odd = format!("{SQUARE}VERTEX_XY 7 1 1\nEDGE_SE2 1 1 0 0 0 1 0 0 1 0 1\nEDGE_SE2 0 2 2 2 3 -1 0 0 1 0 1\n");
+    let output = optimized(&folder, &odd, &[]);
+    assert_code(&output, 3);
+    let said = text(&output.stdout);
+    ["\"VERTEX_XY\" at line 9", "1 edge from a vertex to itself", "1 edge whose information is not positive"]
+        .iter()
+        .for_each(|what| assert!(said.contains(what), "{said}"));
+}
+
+/// Optima of the classic graphs, those of space with information over angles, which is what the numbers belong to.
+#[test]
+fn the_classic_graphs_reach_their_optima_from_both_starts() {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let root = std::env::var_os("MAPWRIGHT_DATA").map_or_else(beside, PathBuf::from).join("g2o");
+    let folder = folder("optimize_classic");
+    let out = folder.join("out.g2o").display().to_string();
+    let optima = [("M3500", 137.913), ("intel", 45.005), ("sphere2500", 1351.402), ("parking-garage", 1.2684)];
+    for (name, chi2) in optima {
+        let path = root.join(format!("{name}.g2o"));
+        if !path.exists() {
+            eprintln!("classic graphs: skipped: no data ({})", path.display());
+            continue;
+        }
+        for from in ["file", "odometry"] {
+            let path = path.to_str().unwrap();
+            let output = run(&["optimize", path, "-o", &out, "--from", from, "--information", "angles", "--json"]);
+            assert_code(&output, 0);
+            let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+            let found = value["chi2_after"].as_f64().unwrap();
+            assert!((found / chi2 - 1.0).abs() < 1e-4, "{name} from {from}: {found}");
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! What a graph cannot be.
+
+/// Why a graph cannot be solved.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GraphError {
+    /// An edge names a vertex that is not there.
+    #[error("edge {edge}: expected two different vertices below {vertices}, found {from} and {to}")]
+    Vertices {
+        /// Place of the edge.
+        edge: usize,
+        /// Its first vertex.
+        from: usize,
+        /// Its second vertex.
+        to: usize,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// A vertex has no finite pose, or one beyond [`LARGEST_M`](crate::LARGEST_M).
+    #[error("vertex {id}: expected a pose within 10^6 m, found {found}")]
+    Pose {
+        /// The vertex.
+        id: u64,
+        /// What stands there.
+        found: String,
+    },
+    /// An edge has no finite measurement or information, or one that is too large.
+    #[error("edge {edge}: expected a relative pose within 10^6 m and information within 10^15, found otherwise")]
+    Measurement {
+        /// Place of the edge.
+        edge: usize,
+    },
+    /// The factor does not fit into memory.
+    #[error("a graph of {vertices} vertices does not fit into memory")]
+    TooLarge {
+        /// How many can move.
+        vertices: usize,
+    },
+}

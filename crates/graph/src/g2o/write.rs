@@ -1,0 +1,69 @@
+//! Graph to text.
+
+use super::AnyPoseGraph;
+use super::read::scaled_rotations;
+use crate::group::RotationError;
+use crate::pose_graph::PoseGraph;
+use nalgebra::SMatrix;
+use std::io::{self, Write};
+
+/// Writes a graph with g2o's tags; every number reads back as the same double, but for the rounding of the quaternion's
+/// norm.
+///
+/// # Errors
+/// Those of the stream.
+pub fn write_g2o(graph: &AnyPoseGraph, stream: &mut impl Write) -> io::Result<()> {
+    match graph {
+        AnyPoseGraph::Planar(graph) => {
+            write_parts(graph, stream, "SE2", |pose| pose.to_vector().as_slice().to_vec(), |i| *i)
+        }
+        AnyPoseGraph::Spatial(graph) => {
+            let numbers = |pose: &mapwright_geom::Pose3| {
+                pose.translation.iter().chain(pose.rotation.coords.iter()).copied().collect()
+            };
+            let scale = match graph.metric {
+                RotationError::QuaternionVector => 2.0,
+                RotationError::RotationVector => 1.0,
+            };
+            write_parts(graph, stream, "SE3:QUAT", numbers, |information| scaled_rotations(information, scale))
+        }
+    }
+}
+
+fn write_parts<P, const D: usize>(
+    graph: &PoseGraph<P, D>,
+    stream: &mut impl Write,
+    tag: &str,
+    numbers: impl Fn(&P) -> Vec<f64>,
+    convert: impl Fn(&SMatrix<f64, D, D>) -> SMatrix<f64, D, D>,
+) -> io::Result<()> {
+    let mut line = String::new();
+    for vertex in &graph.vertices {
+        line.clear();
+        line.push_str(&format!("VERTEX_{tag} {}", vertex.id));
+        push_numbers(&mut line, numbers(&vertex.world_from_vertex).into_iter());
+        stream.write_all(line.as_bytes())?;
+    }
+    for vertex in graph.vertices.iter().filter(|vertex| vertex.fixed) {
+        writeln!(stream, "FIX {}", vertex.id)?;
+    }
+    for edge in &graph.edges {
+        let [from, to] = [edge.from, edge.to].map(|at| graph.vertices.get(at).map(|vertex| vertex.id));
+        let Some((from, to)) = from.zip(to) else {
+            return Err(io::Error::other("an edge of the graph names a vertex that is not there"));
+        };
+        let information = convert(&edge.information);
+        let upper = (0..D).flat_map(|r| (r..D).map(move |c| (r, c))).map(|at| information[at]);
+        line.clear();
+        line.push_str(&format!("EDGE_{tag} {from} {to}"));
+        push_numbers(&mut line, numbers(&edge.from_from_to).into_iter().chain(upper));
+        stream.write_all(line.as_bytes())?;
+    }
+    Ok(())
+}
+
+fn push_numbers(line: &mut String, numbers: impl Iterator<Item = f64>) {
+    // `+ 0.0` spares minus zero its sign
+    numbers.for_each(|number| line.push_str(&format!(" {}", number + 0.0)));
+    line.push('\n');
+}

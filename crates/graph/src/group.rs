@@ -1,0 +1,211 @@
+//! What the solver needs to know about poses, for the plane and for space.
+
+use mapwright_geom::{Pose2, Pose3, skew, wrap_angle};
+use nalgebra::{Matrix2, Matrix3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
+use std::fmt::Debug;
+use std::ops::Mul;
+
+/// How the rotation of an error in space is measured, and hence what its information means; the plane has one way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RotationError {
+    /// By twice the vector part of the quaternion with positive real part. With information over half angles in the
+    /// file this is the chi-square that g2o prints.
+    #[default]
+    QuaternionVector,
+    /// By the rotation vector, the file's information being over angles: how GTSAM reads such files.
+    RotationVector,
+}
+
+/// A group of rigid motions with tangents of `D` components, translation first, that perturb from the right.
+pub trait PoseGroup<const D: usize>: Copy + Debug + PartialEq + Default + Mul<Output = Self> {
+    /// `b_from_a` of `a_from_b`.
+    #[must_use]
+    fn inverse(self) -> Self;
+
+    /// `self * exp(tangent)`.
+    #[must_use]
+    fn retract(self, tangent: &SVector<f64, D>) -> Self;
+
+    /// `self * exp(t) = exp(self.adjoint() * t) * self`.
+    #[must_use]
+    fn adjoint(self) -> SMatrix<f64, D, D>;
+
+    /// Coordinates of an error pose in which chi-square is measured, to first order its tangent.
+    #[must_use]
+    fn coordinates(self, metric: RotationError) -> SVector<f64, D>;
+
+    /// Derivative of the coordinates by a right perturbation.
+    #[must_use]
+    fn coordinates_jacobian(self, metric: RotationError) -> SMatrix<f64, D, D>;
+
+    /// Rotation and translation in space; the plane is that of x and y.
+    #[must_use]
+    fn parts(self) -> (Matrix3<f64>, Vector3<f64>);
+
+    /// The pose with the rotation nearest to a matrix; none where no rotation is nearest.
+    #[must_use]
+    fn from_parts(rotation: &Matrix3<f64>, translation: Vector3<f64>) -> Option<Self>;
+
+    /// Whether every component is finite.
+    #[must_use]
+    fn is_finite(self) -> bool;
+}
+
+impl PoseGroup<3> for Pose2 {
+    fn inverse(self) -> Self {
+        self.inverse()
+    }
+
+    fn retract(self, tangent: &SVector<f64, 3>) -> Self {
+        self * Self::exp((*tangent).into())
+    }
+
+    fn adjoint(self) -> SMatrix<f64, 3, 3> {
+        self.adjoint()
+    }
+
+    fn coordinates(self, _: RotationError) -> SVector<f64, 3> {
+        SVector::<f64, 3>::new(self.x, self.y, wrap_angle(self.theta))
+    }
+
+    fn coordinates_jacobian(self, _: RotationError) -> SMatrix<f64, 3, 3> {
+        let (s, c) = self.theta.sin_cos();
+        Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+    }
+
+    fn parts(self) -> (Matrix3<f64>, Vector3<f64>) {
+        (self.coordinates_jacobian(RotationError::default()), Vector3::new(self.x, self.y, 0.0))
+    }
+
+    fn from_parts(rotation: &Matrix3<f64>, translation: Vector3<f64>) -> Option<Self> {
+        let upper: Matrix2<f64> = rotation.fixed_view::<2, 2>(0, 0).into_owned();
+        let (cosine, sine) = (upper.trace(), upper.m21 - upper.m12);
+        let pose = Self::new(translation.x, translation.y, sine.atan2(cosine));
+        (cosine.hypot(sine) > 1e-9 && pose.is_finite()).then_some(pose)
+    }
+
+    fn is_finite(self) -> bool {
+        self.is_finite()
+    }
+}
+
+impl PoseGroup<6> for Pose3 {
+    fn inverse(self) -> Self {
+        self.inverse()
+    }
+
+    fn retract(self, tangent: &SVector<f64, 6>) -> Self {
+        self * Self::exp(*tangent)
+    }
+
+    fn adjoint(self) -> SMatrix<f64, 6, 6> {
+        self.adjoint()
+    }
+
+    fn coordinates(self, metric: RotationError) -> SVector<f64, 6> {
+        let t = self.translation;
+        let turn = match metric {
+            RotationError::QuaternionVector => 2.0 * quaternion_parts(self).0,
+            RotationError::RotationVector => self.rotation.scaled_axis(),
+        };
+        SVector::<f64, 6>::new(t.x, t.y, t.z, turn.x, turn.y, turn.z)
+    }
+
+    fn coordinates_jacobian(self, metric: RotationError) -> SMatrix<f64, 6, 6> {
+        let turn = match metric {
+            RotationError::QuaternionVector => {
+                let (vector, real) = quaternion_parts(self);
+                skew(&vector) + Matrix3::from_diagonal_element(real)
+            }
+            RotationError::RotationVector => inverse_right_jacobian(&self.rotation.scaled_axis()),
+        };
+        let mut jacobian = SMatrix::<f64, 6, 6>::zeros();
+        jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(self.rotation.to_rotation_matrix().matrix());
+        jacobian.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
+        jacobian
+    }
+
+    fn parts(self) -> (Matrix3<f64>, Vector3<f64>) {
+        (*self.rotation.to_rotation_matrix().matrix(), self.translation)
+    }
+
+    fn from_parts(rotation: &Matrix3<f64>, translation: Vector3<f64>) -> Option<Self> {
+        if !rotation.iter().chain(translation.iter()).all(|v| v.is_finite()) {
+            return None;
+        }
+        let svd = rotation.try_svd(true, true, 1e-12, 200)?;
+        let (u, v_t) = (svd.u?, svd.v_t?);
+        let sign = (u.determinant() * v_t.determinant()).signum();
+        let smallest = svd.singular_values.imin();
+        let mut signs = Vector3::repeat(1.0);
+        signs[smallest] = sign;
+        let nearest = u * Matrix3::from_diagonal(&signs) * v_t;
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(nearest));
+        Some(Self { translation, rotation }).filter(|pose| pose.is_finite())
+    }
+
+    fn is_finite(self) -> bool {
+        self.is_finite()
+    }
+}
+
+/// Derivative of the rotation vector by a right perturbation (Sola, Deray, Atchuthan 2018, eq. 144).
+fn inverse_right_jacobian(turn: &Vector3<f64>) -> Matrix3<f64> {
+    let angle2 = turn.norm_squared();
+    let k = if angle2 < 1e-6 {
+        1.0 / 12.0 + angle2 / 720.0
+    } else {
+        let half = 0.5 * angle2.sqrt();
+        (1.0 - half / half.tan()) / angle2
+    };
+    let cross = skew(turn);
+    Matrix3::identity() + 0.5 * cross + k * cross * cross
+}
+
+/// Vector and real part of the rotation's quaternion with positive real part.
+fn quaternion_parts(pose: Pose3) -> (Vector3<f64>, f64) {
+    let (vector, real) = (pose.rotation.imag(), pose.rotation.w);
+    if real < 0.0 { (-vector, -real) } else { (vector, real) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Derivative by central differences.
+    fn numeric<P: PoseGroup<D>, const D: usize>(pose: P, metric: RotationError) -> SMatrix<f64, D, D> {
+        let step = 1e-6;
+        let mut jacobian = SMatrix::<f64, D, D>::zeros();
+        for k in 0..D {
+            let mut tangent = SVector::<f64, D>::zeros();
+            tangent[k] = step;
+            let difference = pose.retract(&tangent).coordinates(metric) - pose.retract(&-tangent).coordinates(metric);
+            jacobian.set_column(k, &(difference / (2.0 * step)));
+        }
+        jacobian
+    }
+
+    proptest! {
+        #[test]
+        fn jacobians_are_the_derivatives(t in prop::array::uniform6(-1.5..1.5f64)) {
+            let (space, plane) = (Pose3::exp(t.into()), Pose2::new(t[0], t[1], t[2]));
+            for metric in [RotationError::QuaternionVector, RotationError::RotationVector] {
+                prop_assert!((space.coordinates_jacobian(metric) - numeric(space, metric)).norm() < 1e-8);
+                prop_assert!((plane.coordinates_jacobian(metric) - numeric(plane, metric)).norm() < 1e-8);
+            }
+        }
+
+        #[test]
+        fn parts_make_the_pose(t in prop::array::uniform6(-1.5..1.5f64), scale in 0.1..10.0f64) {
+            let space = Pose3::exp(t.into());
+            let (rotation, translation) = space.parts();
+            let again = Pose3::from_parts(&(rotation * scale), translation).unwrap();
+            prop_assert!(space.inverse().mul(again).coordinates(RotationError::default()).norm() < 1e-9);
+            let plane = Pose2::new(t[0], t[1], t[2]);
+            let (rotation, translation) = plane.parts();
+            let again = Pose2::from_parts(&(rotation * scale), translation).unwrap();
+            prop_assert!(plane.between(again).to_vector().norm() < 1e-9);
+        }
+    }
+}

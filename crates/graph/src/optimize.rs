@@ -1,0 +1,255 @@
+//! Sparse least squares on a pose graph.
+
+use crate::error::GraphError;
+use crate::gnc::{Gnc, graduate};
+use crate::group::PoseGroup;
+use crate::initial::chordal_poses;
+use crate::pose_graph::PoseGraph;
+use crate::problem::{Normal, Problem};
+use nalgebra::SVector;
+
+/// Where the search starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Start {
+    /// From the poses as they are.
+    #[default]
+    Given,
+    /// From odometry alone, see [`PoseGraph::start_from_odometry`].
+    Odometry,
+}
+
+/// How a graph is optimised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolverSettings {
+    /// Where the search starts.
+    pub start: Start,
+    /// Whether the chordal relaxation's solution is started from where its chi-square is lower.
+    pub chordal: bool,
+    /// Factorisations at most, for each stage of [`SolverSettings::robust`].
+    pub max_iterations: usize,
+    /// The search ends with the step that promises to lower chi-square by less than this share.
+    pub relative_decrease: f64,
+    /// Graduated non-convexity on all edges that are not odometry.
+    pub robust: Option<Gnc>,
+}
+
+impl Default for SolverSettings {
+    fn default() -> Self {
+        Self { start: Start::Given, chordal: true, max_iterations: 100, relative_decrease: 1e-6, robust: None }
+    }
+}
+
+/// What came out; the poses are in the graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// Chi-square at the start, before the chordal relaxation, all weights being one.
+    pub chi2_before: f64,
+    /// Chi-square at the end, each edge with its weight.
+    pub chi2_after: f64,
+    /// Factorisations of the normal equations.
+    pub iterations: usize,
+    /// Whether the stop rule was met before the iterations were used up.
+    pub converged: bool,
+    /// Whether the chordal relaxation's solution was started from.
+    pub from_chordal: bool,
+    /// Parts that no information connects; each keeps its first vertex or those that are fixed.
+    pub connected_parts: usize,
+    /// Information matrices replaced by the nearest that are symmetric and positive semidefinite.
+    pub projected: usize,
+    /// Weight of each edge, one without [`SolverSettings::robust`].
+    pub weights: Vec<f64>,
+}
+
+/// Moves the vertices to where chi-square is least.
+///
+/// # Errors
+/// See [`PoseGraph::check`]; or the factor does not fit into memory.
+pub fn optimize<P: PoseGroup<D>, const D: usize>(
+    graph: &mut PoseGraph<P, D>,
+    settings: &SolverSettings,
+) -> Result<Solution, GraphError> {
+    let problem = Problem::new(graph)?;
+    if settings.start == Start::Odometry {
+        graph.start_from_odometry()?;
+    }
+    let mut poses: Vec<P> = graph.vertices.iter().map(|vertex| vertex.world_from_vertex).collect();
+    let mut weights = vec![1.0; problem.terms.len()];
+    let chi2_before = problem.chi2(&poses, &weights);
+    let mut from_chordal = false;
+    if settings.chordal && settings.robust.is_none() {
+        let relaxed = chordal_poses(&problem, &poses)?;
+        if let Some(relaxed) = relaxed.filter(|relaxed| problem.chi2(relaxed, &weights) < chi2_before) {
+            poses = relaxed;
+            from_chordal = true;
+        }
+    }
+    let mut normal = Normal::new(&problem)?;
+    let mut descent = Descent::new(settings.relative_decrease);
+    if let Some(gnc) = &settings.robust {
+        graduate(gnc, &graph.odometry(), &problem, &mut normal, &mut poses, &mut weights, &mut descent);
+    }
+    let converged = descent.run(&problem, &mut normal, &mut poses, &weights, settings.max_iterations);
+    for (vertex, pose) in graph.vertices.iter_mut().zip(&poses) {
+        vertex.world_from_vertex = *pose;
+    }
+    Ok(Solution {
+        chi2_before,
+        chi2_after: problem.chi2(&poses, &weights),
+        iterations: descent.iterations,
+        converged,
+        from_chordal,
+        connected_parts: graph.connected_parts(),
+        projected: problem.projected,
+        weights,
+    })
+}
+
+/// Damping that a rejected Gauss-Newton step brings, relative to the diagonal.
+const FIRST_DAMPING: f64 = 1e-7;
+/// Damping above which nothing moves any more.
+const LAST_DAMPING: f64 = 1e15;
+/// A promised decrease below this share of chi-square is rounding.
+const ROUNDING: f64 = 1e-12;
+/// Smallest entry of the damping's diagonal, relative to the largest: directions without information stay put.
+const DIAGONAL_FLOOR: f64 = 1e-12;
+
+/// Gauss-Newton that turns into Levenberg-Marquardt where a step fails, damped by Nielsen's rule (1999, "Damping parameter
+/// in Marquardt's method", eq. 2.4) in proportion to the diagonal.
+pub(crate) struct Descent {
+    relative_decrease: f64,
+    damping: f64,
+    growth: f64,
+    pub(crate) iterations: usize,
+}
+
+impl Descent {
+    fn new(relative_decrease: f64) -> Self {
+        Self { relative_decrease, damping: 0.0, growth: 2.0, iterations: 0 }
+    }
+
+    /// Descends until the stop rule is met, which it says, or the iterations are used up.
+    ///
+    /// An undamped step that makes things worse gets a second one to make up for it before damping begins: far from the
+    /// optimum, rotations and translations take turns.
+    pub(crate) fn run<P: PoseGroup<D>, const D: usize>(
+        &mut self,
+        problem: &Problem<P, D>,
+        normal: &mut Normal<D>,
+        poses: &mut Vec<P>,
+        weights: &[f64],
+        max_iterations: usize,
+    ) -> bool {
+        let mut chi2 = problem.chi2(poses, weights);
+        let mut diagonal = Vec::new();
+        let mut before_detour: Option<(Vec<P>, f64)> = None;
+        let (mut moved, mut converged) = (true, false);
+        (self.damping, self.growth) = (0.0, 2.0);
+        for _ in 0..max_iterations {
+            if problem.variables == 0 || chi2 == 0.0 {
+                return true;
+            }
+            if moved {
+                normal.linearise(problem, poses, weights);
+                diagonal = floored(normal.system.diagonal());
+            }
+            self.iterations += 1;
+            let (best_chi2, detour) = (before_detour.as_ref().map_or(chi2, |(_, best)| *best), before_detour.is_some());
+            let damping = self.damping;
+            let tried = attempt(problem, normal, poses, &diagonal, damping);
+            let candidate_chi2 = tried.as_ref().map_or(f64::INFINITY, |tried| problem.chi2(&tried.poses, weights));
+            match tried {
+                Some(tried) if candidate_chi2 < best_chi2 => {
+                    let small = tried.promised <= self.relative_decrease * chi2 && damping == 0.0;
+                    converged = small || tried.promised <= ROUNDING * chi2;
+                    self.accept((chi2 - candidate_chi2) / tried.promised);
+                    (*poses, chi2, moved) = (tried.poses, candidate_chi2, true);
+                    before_detour = None;
+                }
+                Some(tried) if !detour && tried.promised <= ROUNDING * chi2 => converged = true,
+                Some(tried) if !detour && damping == 0.0 && candidate_chi2.is_finite() => {
+                    before_detour = Some((std::mem::replace(poses, tried.poses), chi2));
+                    (chi2, moved) = (candidate_chi2, true);
+                }
+                _ => {
+                    moved = detour;
+                    if let Some((best, best_chi2)) = before_detour.take() {
+                        (*poses, chi2) = (best, best_chi2);
+                    }
+                    if !self.reject() {
+                        return false;
+                    }
+                }
+            }
+            if converged {
+                return true;
+            }
+        }
+        if let Some((best, _)) = before_detour {
+            *poses = best;
+        }
+        false
+    }
+
+    fn accept(&mut self, gain: f64) {
+        self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
+        self.growth = 2.0;
+        if self.damping < 0.1 * FIRST_DAMPING {
+            self.damping = 0.0;
+        }
+        if gain < 0.1 && self.damping == 0.0 {
+            self.damping = FIRST_DAMPING;
+        }
+    }
+
+    /// Whether more damping can help.
+    fn reject(&mut self) -> bool {
+        self.damping = (self.damping * self.growth).max(FIRST_DAMPING);
+        self.growth *= 2.0;
+        self.damping < LAST_DAMPING
+    }
+}
+
+/// A step that could be taken.
+struct Tried<P> {
+    poses: Vec<P>,
+    /// By how much the quadratic model says that chi-square falls.
+    promised: f64,
+}
+
+/// Solves for a step; none where that fails.
+fn attempt<P: PoseGroup<D>, const D: usize>(
+    problem: &Problem<P, D>,
+    normal: &mut Normal<D>,
+    poses: &[P],
+    diagonal: &[f64],
+    damping: f64,
+) -> Option<Tried<P>> {
+    let undamped = normal.system.diagonal();
+    normal.system.set_diagonal(undamped.iter().zip(diagonal).map(|(d, floored)| d + damping * floored));
+    let descent: Vec<f64> = normal.gradient.iter().map(|g| -g).collect();
+    let step = normal.system.solve(&descent);
+    normal.system.set_diagonal(undamped.into_iter());
+    let step = step?;
+    let promised = promised_decrease(&step, &descent, diagonal, damping);
+    Some(Tried { poses: moved_by(problem, poses, &step), promised })
+}
+
+/// What the quadratic model promises: `-g^T x + lambda x^T D x`.
+fn promised_decrease(step: &[f64], descent: &[f64], diagonal: &[f64], damping: f64) -> f64 {
+    let terms = step.iter().zip(descent).zip(diagonal);
+    terms.map(|((x, b), d)| x * b + damping * d * x * x).sum()
+}
+
+fn floored(mut diagonal: Vec<f64>) -> Vec<f64> {
+    let least = DIAGONAL_FLOOR * diagonal.iter().fold(0.0_f64, |most, d| most.max(*d));
+    diagonal.iter_mut().for_each(|d| *d = d.max(least));
+    diagonal
+}
+
+fn moved_by<P: PoseGroup<D>, const D: usize>(problem: &Problem<P, D>, poses: &[P], step: &[f64]) -> Vec<P> {
+    let moved = |(pose, place): (&P, &Option<usize>)| match place {
+        Some(place) => pose.retract(&SVector::from_column_slice(&step[place * D..(place + 1) * D])),
+        None => *pose,
+    };
+    poses.iter().zip(&problem.places).map(moved).collect()
+}

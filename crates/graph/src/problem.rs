@@ -1,0 +1,133 @@
+//! The least-squares problem that a pose graph poses.
+
+use crate::error::GraphError;
+use crate::group::{PoseGroup, RotationError};
+use crate::linear::{BlockSystem, Slot, elimination_order};
+use crate::pose_graph::{PoseGraph, nearest_information};
+use nalgebra::{SMatrix, SVector};
+
+/// A graph made ready: information positive semidefinite, measurements inverted, variables ordered.
+pub(crate) struct Problem<P, const D: usize> {
+    pub(crate) terms: Vec<Term<P, D>>,
+    /// Place of each vertex among the variables; none for those that stay.
+    pub(crate) places: Vec<Option<usize>>,
+    pub(crate) variables: usize,
+    pub(crate) projected: usize,
+    pub(crate) metric: RotationError,
+}
+
+/// One edge.
+pub(crate) struct Term<P, const D: usize> {
+    pub(crate) from: usize,
+    pub(crate) to: usize,
+    to_from_from: P,
+    pub(crate) information: SMatrix<f64, D, D>,
+}
+
+impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
+    pub(crate) fn new(graph: &PoseGraph<P, D>) -> Result<Self, GraphError> {
+        graph.check()?;
+        let mut projected = 0;
+        let terms = graph.edges.iter().map(|edge| {
+            let (information, repaired) = nearest_information(&edge.information);
+            projected += usize::from(repaired);
+            Term { from: edge.from, to: edge.to, to_from_from: edge.from_from_to.inverse(), information }
+        });
+        let terms = terms.collect();
+        let mut places = vec![Some(0); graph.vertices.len()];
+        graph.anchors().into_iter().for_each(|v| places[v] = None);
+        let mut variables = 0;
+        for place in places.iter_mut().flatten() {
+            *place = variables;
+            variables += 1;
+        }
+        let mut problem = Self { terms, places, variables, projected, metric: graph.metric };
+        let order = elimination_order(variables, &problem.pairs())?;
+        problem.places.iter_mut().flatten().for_each(|place| *place = order[*place]);
+        Ok(problem)
+    }
+
+    /// The variables that edges couple.
+    pub(crate) fn pairs(&self) -> Vec<(usize, usize)> {
+        self.terms.iter().filter_map(|term| self.places[term.from].zip(self.places[term.to])).collect()
+    }
+
+    /// Weighted squared error of one edge.
+    pub(crate) fn term_chi2(&self, at: usize, poses: &[P]) -> f64 {
+        let term = &self.terms[at];
+        let error = term.error(poses[term.from].inverse() * poses[term.to]).coordinates(self.metric);
+        error.dot(&(term.information * error))
+    }
+
+    /// Sum over all edges, each with its weight.
+    pub(crate) fn chi2(&self, poses: &[P], weights: &[f64]) -> f64 {
+        let weighted =
+            |(at, &weight): (usize, &f64)| if weight > 0.0 { weight * self.term_chi2(at, poses) } else { 0.0 };
+        weights.iter().enumerate().map(weighted).sum()
+    }
+}
+
+impl<P: PoseGroup<D>, const D: usize> Term<P, D> {
+    fn error(&self, from_from_to: P) -> P {
+        self.to_from_from * from_from_to
+    }
+
+    pub(crate) fn measurement(&self) -> P {
+        self.to_from_from.inverse()
+    }
+}
+
+/// Normal equations of a problem, `H dx = -g`, filled anew at every linearisation.
+pub(crate) struct Normal<const D: usize> {
+    pub(crate) system: BlockSystem<D>,
+    pub(crate) gradient: Vec<f64>,
+    slots: Vec<Option<Slot>>,
+}
+
+impl<const D: usize> Normal<D> {
+    pub(crate) fn new<P: PoseGroup<D>>(problem: &Problem<P, D>) -> Result<Self, GraphError> {
+        let system = BlockSystem::new(problem.variables, &problem.pairs())?;
+        let slot = |term: &Term<P, D>| {
+            let (from, to) = problem.places[term.from].zip(problem.places[term.to])?;
+            Some(system.slot(from, to))
+        };
+        let slots = problem.terms.iter().map(slot).collect();
+        Ok(Self { system, gradient: vec![0.0; problem.variables * D], slots })
+    }
+
+    /// Linearises at the poses.
+    ///
+    /// With error `e = z^-1 x_i^-1 x_j` and `J` the derivative of its coordinates by a perturbation of `x_j`, that by one
+    /// of `x_i` is `-J Ad(x_j^-1 x_i)`, so that `J^T W J` is all that has to be multiplied out.
+    pub(crate) fn linearise<P: PoseGroup<D>>(&mut self, problem: &Problem<P, D>, poses: &[P], weights: &[f64]) {
+        self.system.clear();
+        self.gradient.fill(0.0);
+        for ((term, slot), &weight) in problem.terms.iter().zip(&self.slots).zip(weights) {
+            if weight <= 0.0 {
+                continue;
+            }
+            let from_from_to = poses[term.from].inverse() * poses[term.to];
+            let error = term.error(from_from_to);
+            let jacobian = error.coordinates_jacobian(problem.metric);
+            let weighted = jacobian.transpose() * term.information * weight;
+            let (curvature, slope) = (weighted * jacobian, weighted * error.coordinates(problem.metric));
+            let adjoint = from_from_to.inverse().adjoint();
+            let mixed = adjoint.transpose() * curvature;
+            if let Some(to) = problem.places[term.to] {
+                self.system.add_diagonal(to, &curvature);
+                add(&mut self.gradient, to, &slope);
+            }
+            if let Some(from) = problem.places[term.from] {
+                self.system.add_diagonal(from, &(mixed * adjoint));
+                add(&mut self.gradient, from, &-(adjoint.transpose() * slope));
+            }
+            if let Some(slot) = *slot {
+                self.system.add(slot, &-mixed);
+            }
+        }
+    }
+}
+
+fn add<const D: usize>(target: &mut [f64], place: usize, addend: &SVector<f64, D>) {
+    target[place * D..(place + 1) * D].iter_mut().zip(addend.iter()).for_each(|(t, a)| *t += a);
+}
