@@ -263,11 +263,19 @@ impl Matcher {
         let mut here = self.at(problem, pose);
         let mut evaluations = 1;
         let mut kappa = 1.0;
+        // Strides that are left to get out of a dent, where shorter steps have failed.
+        let mut strides = DENT_STRIDES.iter();
         while evaluations < self.settings.max_evaluations {
             let k = kappa * variance / here.hits.max(1e-6);
             let step = [-k * here.gradient[0], -k * here.gradient[1], -k * here.gradient[2] / lever2];
             if step[0].hypot(step[1]).max(step[2].abs()) < 0.2 * problem.tolerance_m {
-                break;
+                match strides.next() {
+                    Some(&stride) if problem.last => {
+                        kappa = stride;
+                        continue;
+                    }
+                    _ => break,
+                }
             }
             let next_pose = pose * Pose2::exp(step);
             let next = self.at(problem, next_pose);
@@ -282,6 +290,9 @@ impl Matcher {
         (pose, here, evaluations)
     }
 }
+
+/// Where gradient ascent has come to rest, it tries steps of these `kappa` once more: a dent is as wide as a cell.
+const DENT_STRIDES: [f64; 3] = [30.0, 10.0, 3.0];
 
 /// Beams that are evaluated together.
 const BLOCK: usize = 64;

@@ -10,9 +10,10 @@ use mapwright_sim::{DriveSettings, Site, worlds};
 use support::{ate_m, in_parallel, recording};
 
 /// Maps a drive with the gate; the live map's account and the trajectory's error.
-fn mapped(site: Site, seed: u64, duration_s: f64) -> (LiveReport, f64) {
+fn mapped(site: Site, seed: u64, duration_s: f64, gate_m: f64) -> (LiveReport, f64) {
     let mut settings = Settings::default();
     settings.live.policy = LivePolicy::Gated;
+    settings.live.gate_m = gate_m;
     let mut mapper = Mapper::new(settings).expect("valid");
     let recorded = recording(site, DriveSettings { seed, duration_s, ..DriveSettings::default() });
     for scan in &recorded {
@@ -24,18 +25,27 @@ fn mapped(site: Site, seed: u64, duration_s: f64) -> (LiveReport, f64) {
 
 #[test]
 fn the_start_of_a_short_loop_stays_and_that_of_a_long_one_leaves() {
-    let reports = in_parallel(4, |k| {
-        let (length_m, seed) = [(60.0, 1), (60.0, 4), (300.0, 1), (400.0, 2)][k];
-        let (report, error_m) = mapped(worlds::grand_loop(seed, length_m), seed, f64::INFINITY);
-        println!("{length_m} m: {report:?}, {error_m:.3} m");
-        (length_m, report, error_m)
+    let gate_m = Settings::default().live.gate_m;
+    let cases = [
+        (60.0, 4, gate_m, true),
+        (120.0, 4, gate_m, false),
+        (60.0, 1, 2.0 * gate_m, true),
+        (120.0, 4, 2.0 * gate_m, true),
+        (300.0, 1, 2.0 * gate_m, false),
+        (400.0, 2, 2.0 * gate_m, false),
+    ];
+    let reports = in_parallel(cases.len(), |k| {
+        let (length_m, seed, gate_m, _) = cases[k];
+        let (report, error_m) = mapped(worlds::grand_loop(seed, length_m), seed, f64::INFINITY, gate_m);
+        println!("{length_m} m, gate {gate_m} m: {report:?}, {error_m:.3} m");
+        (report, error_m)
     });
-    for (length_m, report, error_m) in reports {
-        if length_m < 150.0 {
-            assert_eq!(report.gated_out, report.let_in, "{length_m} m");
+    for ((length_m, _, gate_m, stays), (report, error_m)) in cases.into_iter().zip(reports) {
+        if stays {
+            assert_eq!(report.gated_out, report.let_in, "{length_m} m, gate {gate_m} m");
             assert!(error_m < 0.1, "{error_m} m, closed by matching against the start");
         } else {
-            assert!(report.gated_out > 100 && report.let_in == 0, "{length_m} m: {report:?}");
+            assert!(report.gated_out > 100 && report.let_in == 0, "{length_m} m, gate {gate_m} m: {report:?}");
         }
     }
 }
@@ -71,8 +81,8 @@ fn the_exported_map_holds_every_keyframe_whatever_is_live_or_on_its_way_out() {
 
 #[test]
 fn in_the_same_rooms_the_live_map_stops_growing_and_stays_right() {
-    let (early, _) = mapped(worlds::three_rooms(1), 1, 400.0);
-    let (late, error_m) = mapped(worlds::three_rooms(1), 1, 1200.0);
+    let (early, _) = mapped(worlds::three_rooms(1), 1, 400.0, Settings::default().live.gate_m);
+    let (late, error_m) = mapped(worlds::three_rooms(1), 1, 1200.0, Settings::default().live.gate_m);
     println!("{early:?}, {late:?}, {error_m:.3} m");
     assert!(late.superseded > early.superseded + 1000);
     assert!(late.keyframes as f64 <= 1.15 * early.keyframes as f64, "{} and {}", early.keyframes, late.keyframes);

@@ -226,8 +226,7 @@ pub struct SweepPoints {
 }
 
 impl SweepPoints {
-    /// Computes the end points; `free_range_m` bounds the free space of beams that returned nothing, `hit_range_m` the
-    /// returns that count as such (farther ones clear free space up to `free_range_m`).
+    /// Computes the end points; `free_range_m` bounds the free space of beams that returned nothing.
     pub fn fill(&mut self, sweep: &Sweep, table: &mut BeamTable, free_range_m: f64) {
         self.hits.clear();
         self.normals.clear();
