@@ -9,7 +9,7 @@ use mapwright_grid::{
     Agreement, Change, CorrelativeSearch, CountGrid, LiveMap, MatchResult, Matcher, MatcherSettings, Prior,
     SearchWindow,
 };
-use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
+use mapwright_record::{Candidate, Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
 use mapwright_sensor::{BEAM_DROPPED, BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
 use nalgebra::{Matrix3, Vector3};
 use rustc_hash::FxHashSet;
@@ -77,6 +77,7 @@ pub struct Mapper {
     live: Live,
     keyframes: Vec<Keyframe>,
     edges: Vec<Edge>,
+    candidates: Vec<Candidate>,
     /// Current poses of the keyframes.
     world_from_keyframe: Vec<Pose2>,
     /// Every scan: the keyframe it hangs on and its pose seen from there.
@@ -150,6 +151,7 @@ impl Mapper {
             predictor: Predictor::default(),
             keyframes: Vec::new(),
             edges: Vec::new(),
+            candidates: Vec::new(),
             world_from_keyframe: Vec::new(),
             scans: Vec::new(),
             world_from_robot,
@@ -526,6 +528,12 @@ impl Mapper {
     #[must_use]
     pub fn edges(&self) -> &[Edge] {
         &self.edges
+    }
+
+    /// Every place the robot may have come back to, in the order they were looked at, taken or not.
+    #[must_use]
+    pub fn candidates(&self) -> &[Candidate] {
+        &self.candidates
     }
 
     /// Present pose of each keyframe in the map.

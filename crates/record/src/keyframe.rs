@@ -34,6 +34,8 @@ pub enum EdgeKind {
     Odometry,
     /// A scan matched against the live map, to the keyframe that supplied most of the matched points; the scan alone.
     Match,
+    /// A verified return to a place seen before.
+    Closure,
 }
 
 /// A relative pose of two keyframes.

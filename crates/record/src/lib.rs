@@ -2,8 +2,10 @@
 //!
 //! A keyframe is immutable; poses live apart from it, and every map is a function of both.
 
+mod closure;
 mod keyframe;
 mod update;
 
+pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
 pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId};
 pub use update::{MatchReport, Status, Update};

@@ -1,0 +1,1 @@
+//! Recognising places seen before, and refusing what only looks like them.
