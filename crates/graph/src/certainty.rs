@@ -5,6 +5,7 @@
 //! in between. So a path to `x` has the variance `sum p_i + q_i |x - x_i|^2`, exactly, from the sums of `p`, `q`, `q x`
 //! and `q |x|^2`; adding the distances travelled instead would forbid a short loop for being a loop.
 
+use mapwright_geom::Pose2;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -185,6 +186,18 @@ impl CertaintyGraph {
                 Some(known) => *known = link,
                 None => links.push(link),
             }
+        }
+    }
+
+    /// Moves every node, and the headings' errors made near it, by its own motion of the map; an unfinished search is
+    /// forgotten.
+    pub fn carry(&mut self, moved: impl Fn(u32) -> Pose2) {
+        self.heap.clear();
+        self.reached.clear();
+        for (number, node) in (0..).zip(&mut self.nodes) {
+            let map_from_map = moved(number);
+            node.at = map_from_map.transform(node.at);
+            node.links.iter_mut().for_each(|link| link.pivot = map_from_map.transform(link.pivot));
         }
     }
 

@@ -17,6 +17,8 @@
 //! # }
 //! ```
 
+mod closing;
+mod jobs;
 mod live;
 mod mapper;
 mod motion;
@@ -28,6 +30,7 @@ mod settings;
 #[doc = include_str!("../../../README.md")]
 struct ReadmeExamples;
 
+pub use jobs::{Job, JobResult};
 pub use live::LiveReport;
 pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, Mapper, TrajectoryPose};
 pub use mapwright_geom::{Cov3, Pose2, Stamp};

@@ -1,6 +1,6 @@
 //! Which keyframes the live map is made of.
 
-use crate::patches::Patches;
+use crate::patches::{Known, Patches};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LiveMap, LiveMapSettings};
@@ -14,6 +14,8 @@ const AREA_M: f64 = 1.0;
 /// A live keyframe stays live up to this multiple of the gate.
 const HYSTERESIS: f64 = 2.5;
 
+/// Keyframes drawn anew a scan after a correction.
+const MOVES_A_SCAN: usize = 16;
 /// Half a keyframe more is drawn a scan for so many that are due,
 const BACKLOG: usize = 256;
 /// and so many halves at most.
@@ -45,6 +47,11 @@ pub(crate) struct Live {
     due: VecDeque<u32>,
     /// The one of which the second half is missing.
     half_done: Option<(u32, Change)>,
+    /// Where its first half was drawn or taken out.
+    half_at: Option<Pose2>,
+    lever_m: f64,
+    /// Drawn keyframes that a correction has moved, to be drawn anew.
+    moved: VecDeque<u32>,
     inserted_last: bool,
     report: LiveReport,
     points: SweepPoints,
@@ -53,7 +60,10 @@ pub(crate) struct Live {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct View {
-    drawn: bool,
+    /// Where it is drawn, if it is.
+    drawn_at: Option<Pose2>,
+    /// Where its area's list has it.
+    area: (i32, i32, i32),
     /// Gave way to newer views or was dropped; never comes back.
     gone: bool,
 }
@@ -88,6 +98,9 @@ impl Live {
             areas: FxHashMap::default(),
             due: VecDeque::new(),
             half_done: None,
+            half_at: None,
+            lever_m: 0.0,
+            moved: VecDeque::new(),
             inserted_last: false,
             report: LiveReport::default(),
             points: SweepPoints::default(),
@@ -102,7 +115,7 @@ impl Live {
     pub(crate) fn missing(&self, node: u32) -> Missing {
         match self.half_done {
             Some((half, change)) if half == node => Missing::Half { first: change == Change::Remove },
-            _ if self.views[node as usize].drawn => Missing::Nothing,
+            _ if self.views[node as usize].drawn_at.is_some() => Missing::Nothing,
             _ => Missing::All,
         }
     }
@@ -115,12 +128,16 @@ impl Live {
         if let Some(first) = first_half {
             self.points.keep_half(first);
         }
-        self.map.change(&self.points, frames.world_from_robot[node as usize], change, node);
-        let drawn = change == Change::Add;
-        if self.views[node as usize].drawn != drawn {
-            self.views[node as usize].drawn = drawn;
-            self.report.keyframes = if drawn { self.report.keyframes + 1 } else { self.report.keyframes - 1 };
-        }
+        let view = &mut self.views[node as usize];
+        // The second half is drawn, or taken out, where the first one was.
+        let half_at = self.half_at.filter(|_| first_half == Some(false));
+        let at = half_at.or(view.drawn_at.filter(|_| change == Change::Remove));
+        let at = at.unwrap_or(frames.world_from_robot[node as usize]);
+        self.half_at = if first_half == Some(true) { Some(at) } else { self.half_at };
+        self.map.change(&self.points, at, change, node);
+        let (drawn, was) = (change == Change::Add, view.drawn_at.is_some());
+        view.drawn_at = drawn.then_some(at);
+        self.report.keyframes = self.report.keyframes + usize::from(drawn && !was) - usize::from(was && !drawn);
     }
 
     /// The next keyframe is as uncertain relative to `from`.
@@ -133,6 +150,7 @@ impl Live {
     /// A new keyframe joins; older views of its area give way.
     pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, lever_m: f64) {
         self.views.push(View::default());
+        self.lever_m = lever_m;
         self.draw(settings, frames, node, Change::Add, None);
         if self.gated {
             self.patches.add(frames.world_from_robot, lever_m);
@@ -142,7 +160,9 @@ impl Live {
 
     /// Of an area's views the newest ones stay.
     fn enter_area(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
-        let views = self.areas.entry(area(frames.world_from_robot[node as usize])).or_default();
+        let key = area(frames.world_from_robot[node as usize]);
+        self.views[node as usize].area = key;
+        let views = self.areas.entry(key).or_default();
         views.insert(views.partition_point(|&view| view < node), node);
         if views.len() > settings.live.views_per_area as usize {
             let oldest = views.remove(0);
@@ -153,8 +173,8 @@ impl Live {
         }
     }
 
-    fn leave_area(&mut self, frames: Frames<'_>, node: u32) {
-        if let Some(views) = self.areas.get_mut(&area(frames.world_from_robot[node as usize])) {
+    fn leave_area(&mut self, node: u32) {
+        if let Some(views) = self.areas.get_mut(&self.views[node as usize].area) {
             views.retain(|&view| view != node);
         }
     }
@@ -164,6 +184,7 @@ impl Live {
         if !self.gated {
             return;
         }
+        self.move_some(settings, frames);
         let gate_m = settings.live.gate_m;
         for flip in self.patches.search(frames.world_from_robot, gate_m, gate_m * HYSTERESIS) {
             for node in self.patches.flip(flip) {
@@ -173,7 +194,7 @@ impl Live {
                     self.enter_area(settings, frames, node);
                 } else {
                     self.report.gated_out += 1;
-                    self.leave_area(frames, node);
+                    self.leave_area(node);
                 }
             }
         }
@@ -186,13 +207,64 @@ impl Live {
         self.inserted_last = inserted;
     }
 
+    /// The keyframes were moved by a correction; what is drawn follows, the newest first.
+    pub(crate) fn carry(&mut self, before: &[Pose2], frames: Frames<'_>) {
+        if self.gated {
+            self.patches.carry(before, frames.world_from_robot);
+            self.areas.clear();
+            for node in 0..frames.world_from_robot.len() as u32 {
+                if !self.views[node as usize].gone && self.patches.is_live(node) {
+                    let key = area(frames.world_from_robot[node as usize]);
+                    self.views[node as usize].area = key;
+                    self.areas.entry(key).or_default().push(node);
+                }
+            }
+        }
+        let quarter_m = 0.25 * self.map.settings.resolution_m;
+        let lever_m = self.lever_m;
+        let displaced = |node: &u32| {
+            let at = frames.world_from_robot[*node as usize];
+            self.views[*node as usize].drawn_at.is_some_and(|drawn_at| {
+                drawn_at.distance(at) + lever_m * drawn_at.between(at).theta.abs() > quarter_m
+            })
+        };
+        self.moved = (0..frames.world_from_robot.len() as u32).rev().filter(displaced).collect();
+    }
+
+    /// Draws some keyframes anew where they belong.
+    fn move_some(&mut self, settings: &Settings, frames: Frames<'_>) {
+        for _ in 0..MOVES_A_SCAN.min(self.moved.len()) {
+            let Some(node) = self.moved.pop_front() else { return };
+            if self.half_done.is_some_and(|(half, _)| half == node) {
+                self.draw_half(settings, frames);
+            }
+            if self.views[node as usize].drawn_at.is_some() {
+                self.draw(settings, frames, node, Change::Remove, None);
+                self.draw(settings, frames, node, Change::Add, None);
+            }
+        }
+    }
+
+    /// A closure links two keyframes.
+    pub(crate) fn close(&mut self, frames: Frames<'_>, from: u32, to: u32, covariance: &Cov3) {
+        if self.gated {
+            self.patches.close(frames.world_from_robot, from, to, covariance);
+        }
+    }
+
+    /// Old places that are not in the live map.
+    pub(crate) fn survey(&mut self) -> Vec<Known> {
+        if self.gated { self.patches.survey() } else { Vec::new() }
+    }
+
     fn draw_half(&mut self, settings: &Settings, frames: Frames<'_>) {
         if let Some((node, change)) = self.half_done.take() {
             self.draw(settings, frames, node, change, Some(false));
             return;
         }
         while let Some(node) = self.due.pop_front() {
-            let View { drawn, gone } = self.views[node as usize];
+            let View { drawn_at, gone, .. } = self.views[node as usize];
+            let drawn = drawn_at.is_some();
             let wanted = !gone && self.patches.is_live(node);
             if wanted != drawn {
                 let change = if wanted { Change::Add } else { Change::Remove };
@@ -210,11 +282,11 @@ impl Live {
         }
         let Some(view) = self.views.get_mut(node as usize) else { return };
         view.gone = true;
-        if view.drawn {
+        if view.drawn_at.is_some() {
             self.draw(settings, frames, node, Change::Remove, None);
         }
         if self.gated {
-            self.leave_area(frames, node);
+            self.leave_area(node);
             self.patches.forget(node);
         }
     }
@@ -287,7 +359,7 @@ mod tests {
     fn redrawn(live: &Live, keyframes: &[Keyframe], poses: &[Pose2]) -> CountGrid {
         let mut map = CountGrid::new(0.05);
         let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
-        for node in (0..poses.len()).filter(|&node| live.views[node].drawn) {
+        for node in (0..poses.len()).filter(|&node| live.views[node].drawn_at.is_some()) {
             points.fill(&keyframes[node].sweep, &mut table, Settings::default().scan.free_range_m);
             points.fill_normals();
             map.draw(&points, poses[node], Change::Add, &mut Vec::new());
@@ -308,7 +380,7 @@ mod tests {
         let mut live = drive(&keyframes, &poses, 0.12, None);
         finish(&mut live, &keyframes, &poses);
         // 17 steps of 0.12 m make 0.5 m; patches and a search a metre ago blur that, and beyond 20 m nobody asks.
-        let drawn: Vec<bool> = live.views.iter().map(|view| view.drawn).collect();
+        let drawn: Vec<bool> = live.views.iter().map(|view| view.drawn_at.is_some()).collect();
         assert!(drawn[52..].iter().all(|&drawn| drawn), "{drawn:?}");
         assert!(drawn[22..35].iter().all(|&drawn| !drawn), "{drawn:?}");
         assert_eq!(live.report.keyframes, drawn.iter().filter(|&&drawn| drawn).count());
@@ -330,7 +402,7 @@ mod tests {
         let (keyframes, poses) = corridor(60);
         let mut live = drive(&keyframes, &poses, 0.12, Some((55, 34)));
         finish(&mut live, &keyframes, &poses);
-        assert!(live.views[33].drawn && live.views[34].drawn && live.report.let_in > 0, "{:?}", live.report);
+        assert!(live.views[33].drawn_at.is_some() && live.views[34].drawn_at.is_some() && live.report.let_in > 0, "{:?}", live.report);
     }
 
     #[test]
@@ -346,7 +418,7 @@ mod tests {
         live.draw_half(&gated(), frames);
         assert_eq!(live.half_done, Some((newest as u32, Change::Remove)));
         live.drop(&gated(), frames, newest as u32);
-        assert!(!live.views[newest].drawn && live.half_done.is_none());
+        assert!(live.views[newest].drawn_at.is_none() && live.half_done.is_none());
     }
 
     #[test]
@@ -359,7 +431,7 @@ mod tests {
         finish(&mut live, &keyframes, &poses);
         let most = settings.live.views_per_area as usize;
         assert_eq!(live.report.keyframes, most);
-        assert!(live.views[200 - most..].iter().all(|view| view.drawn));
+        assert!(live.views[200 - most..].iter().all(|view| view.drawn_at.is_some()));
         assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
     }
 }

@@ -1,5 +1,7 @@
 //! The pipeline: scan in, update out.
 
+use crate::closing::{Closing, Past};
+use crate::jobs::{Job, JobResult, Outcome, Solved, Task};
 use crate::live::{Frames, Live, LiveReport, Missing};
 use crate::motion::{Predictor, Step};
 use crate::probe::{NoProbe, Probe, Stage};
@@ -13,6 +15,7 @@ use mapwright_record::{Candidate, Edge, EdgeKind, Keyframe, KeyframeId, MatchRep
 use mapwright_sensor::{BEAM_DROPPED, BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
 use nalgebra::{Matrix3, Vector3};
 use rustc_hash::FxHashSet;
+use std::collections::VecDeque;
 
 /// A pose of the final trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,12 +80,16 @@ pub struct Mapper {
     live: Live,
     keyframes: Vec<Keyframe>,
     edges: Vec<Edge>,
-    candidates: Vec<Candidate>,
-    /// Current poses of the keyframes.
+    closing: Closing,
+    jobs: VecDeque<Job>,
+    /// Current poses of the keyframes, in the front end's frame and in the map's.
+    local_from_keyframe: Vec<Pose2>,
     world_from_keyframe: Vec<Pose2>,
     /// Every scan: the keyframe it hangs on and its pose seen from there.
     scans: Vec<(Stamp, Option<u32>, Pose2)>,
-    world_from_robot: Pose2,
+    local_from_robot: Pose2,
+    /// Moves when the past is corrected, for the robot and what is matched against stay where they are.
+    world_from_local: Pose2,
     odom_from_robot: Pose2,
     /// Information of the last match, zero where there was none.
     information: Cov3,
@@ -151,10 +158,13 @@ impl Mapper {
             predictor: Predictor::default(),
             keyframes: Vec::new(),
             edges: Vec::new(),
-            candidates: Vec::new(),
+            closing: Closing::new(),
+            jobs: VecDeque::new(),
+            local_from_keyframe: Vec::new(),
             world_from_keyframe: Vec::new(),
             scans: Vec::new(),
-            world_from_robot,
+            local_from_robot: world_from_robot,
+            world_from_local: Pose2::IDENTITY,
             odom_from_robot: Pose2::IDENTITY,
             information: Cov3::zeros(),
             odometry_since_keyframe: Cov3::zeros(),
@@ -197,7 +207,7 @@ impl Mapper {
         let beams = self.prepare(scan, step, refused);
         probe.end(Stage::Prepare);
         // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
-        let predicted = self.world_from_robot * step.last_from_robot;
+        let predicted = self.local_from_robot * step.last_from_robot;
         probe.end(Stage::Predict);
         // 3. Match against the live map, with a guard.
         let matched = self.match_scan(predicted, step);
@@ -206,7 +216,8 @@ impl Mapper {
         // 4. and 5. Insert when the robot has moved enough; the live map follows what is certain.
         let keyframe = self.insert_if_moved(scan, matched.as_ref());
         probe.end(Stage::Insert);
-        // 6. and 7. Closures and corrections will hang here: jobs on keyframes and edges.
+        // 6. and 7. Detect and correct: jobs, done at once or handed out.
+        self.detect(keyframe);
         // 8. Report.
         self.update(scan, beams, matched.as_ref(), keyframe, refused)
     }
@@ -356,22 +367,22 @@ impl Mapper {
         predicted: Pose2,
         matched: Option<&Matched>,
     ) {
-        let before = self.world_from_robot;
+        let before = self.local_from_robot;
         let noise = Matrix3::from_diagonal(&Vector3::from(step.variances));
         self.information = Cov3::zeros();
         self.odometry_since_keyframe = compose_covariance(&self.odometry_since_keyframe, step.last_from_robot, &noise);
         let tracking = matched.is_some_and(|m| m.status != Status::Lost);
-        self.world_from_robot = predicted;
+        self.local_from_robot = predicted;
         if let Some(matched) = matched.filter(|_| tracking) {
-            self.world_from_robot = matched.world_from_robot;
+            self.local_from_robot = matched.world_from_robot;
             self.information = matched.information;
             self.anchor_at(matched.agreement.supplier);
         }
-        if !acceptable(self.world_from_robot) {
-            self.world_from_robot = before;
+        if !acceptable(self.local_from_robot) {
+            self.local_from_robot = before;
         }
         self.lost_scans = if matched.is_some() && !tracking { (self.lost_scans + 1).min(1000) } else { 0 };
-        let moved = before.between(self.world_from_robot);
+        let moved = before.between(self.local_from_robot);
         self.predictor.settle(scan.stamp, odom, moved, tracking);
         self.odom_from_robot = self.odom_from_robot * step.last_from_robot;
     }
@@ -383,7 +394,7 @@ impl Mapper {
         self.anchor = Some(anchor);
         if newest - (anchor as usize).min(newest) <= CHAIN {
             self.keyframe_from_anchor = (anchor as usize + 1..=newest).fold(Cov3::zeros(), |sum, k| {
-                let step = self.world_from_keyframe[k - 1].between(self.world_from_keyframe[k]);
+                let step = self.local_from_keyframe[k - 1].between(self.local_from_keyframe[k]);
                 compose_covariance(&sum, step, &self.links[k])
             });
         }
@@ -392,17 +403,17 @@ impl Mapper {
     fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
         let lost = matched.is_some_and(|m| m.status == Status::Lost);
         let empty = self.points.hits.is_empty();
-        let moved = self.world_from_keyframe.last().is_none_or(|&newest| {
-            let step = newest.between(self.world_from_robot);
+        let moved = self.local_from_keyframe.last().is_none_or(|&newest| {
+            let step = newest.between(self.local_from_robot);
             step.x.hypot(step.y) > self.settings.keyframes.distance_m
                 || step.theta.abs() > self.settings.keyframes.angle_rad
         });
         let inserted = (moved && !lost && !empty).then(|| self.insert(scan, matched)).flatten();
-        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.world_from_keyframe };
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.follow(&self.settings, frames, inserted.is_some());
         let newest = self.keyframes.len().checked_sub(1).map(|k| k as u32);
         let keyframe_from_robot = newest
-            .map_or(self.world_from_robot, |k| self.world_from_keyframe[k as usize].between(self.world_from_robot));
+            .map_or(self.local_from_robot, |k| self.local_from_keyframe[k as usize].between(self.local_from_robot));
         self.scans.push((scan.stamp, newest, keyframe_from_robot));
         inserted
     }
@@ -413,14 +424,17 @@ impl Mapper {
         let sweep = self.believed_sweep()?;
         let covariance = self.covariance();
         self.keyframes.push(Keyframe { id, stamp: scan.stamp, scan: self.scans.len() as u64, sweep });
-        self.world_from_keyframe.push(self.world_from_robot);
+        self.local_from_keyframe.push(self.local_from_robot);
+        self.world_from_keyframe.push(self.world_from_local * self.local_from_robot);
         if node > 0 {
             self.connect(node, matched, &covariance);
+        } else {
+            self.closing.add(self.world_from_keyframe[0], 0.0, &[]);
         }
         self.links.push(fuse(&self.odometry_since_keyframe, &self.information));
         self.keyframe_from_anchor = covariance;
         self.odometry_since_keyframe = Cov3::zeros();
-        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.world_from_keyframe };
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         let (lever_m, _) = self.points.lever_and_reach_m();
         self.live.insert(&self.settings, frames, node, lever_m);
         Some(node)
@@ -432,7 +446,7 @@ impl Mapper {
         let mut sweep = self.sweep.clone()?;
         let mut intruders = Vec::new();
         let map = &self.live.map;
-        let _ = map.agreement_of_each(&self.points.hits, self.world_from_robot, |hit| intruders.push(hit));
+        let _ = map.agreement_of_each(&self.points.hits, self.local_from_robot, |hit| intruders.push(hit));
         let many = intruders.len() as f64 >= INTRUDER_SHARE * self.points.hits.len() as f64;
         self.intruded = if many { self.intruded + 1 } else { 0 };
         if !many || self.intruded > INTRUDED_AT_MOST {
@@ -449,7 +463,7 @@ impl Mapper {
     fn connect(&mut self, node: u32, matched: Option<&Matched>, covariance: &Cov3) {
         let last = node - 1;
         let between =
-            |from: u32| self.world_from_keyframe[from as usize].between(self.world_from_keyframe[node as usize]);
+            |from: u32| self.local_from_keyframe[from as usize].between(self.local_from_keyframe[node as usize]);
         let information = self.odometry_since_keyframe.try_inverse().unwrap_or_else(Cov3::zeros);
         let mut edges = vec![(last, EdgeKind::Odometry, information)];
         let mut links = vec![(last, fuse(&self.odometry_since_keyframe, &self.information))];
@@ -459,10 +473,14 @@ impl Mapper {
                 links.push((anchor, *covariance));
             }
         }
-        for (from, kind, information) in edges {
-            let edge = Edge { from: self.id(from), to: self.id(node), kind, from_from_to: between(from), information };
-            self.edges.push(edge);
-        }
+        let edges: Vec<Edge> = edges
+            .into_iter()
+            .map(|(from, kind, information)| {
+                Edge { from: self.id(from), to: self.id(node), kind, from_from_to: between(from), information }
+            })
+            .collect();
+        self.closing.add(self.world_from_keyframe[node as usize], between(last).x.hypot(between(last).y), &edges);
+        self.edges.extend(edges);
         for (from, covariance) in links {
             self.live.connect(from, &covariance);
         }
@@ -470,14 +488,14 @@ impl Mapper {
 
     /// Covariance of the robot relative to the anchor.
     fn covariance(&self) -> Cov3 {
-        let predicted = match self.world_from_keyframe.last() {
+        let predicted = match self.local_from_keyframe.last() {
             Some(newest) => {
-                let step = newest.between(self.world_from_robot);
+                let step = newest.between(self.local_from_robot);
                 compose_covariance(&self.keyframe_from_anchor, step, &self.odometry_since_keyframe)
             }
             None => self.odometry_since_keyframe,
         };
-        let away_m = self.anchor.map_or(0.0, |a| self.world_from_keyframe[a as usize].distance(self.world_from_robot));
+        let away_m = self.anchor.map_or(0.0, |a| self.local_from_keyframe[a as usize].distance(self.local_from_robot));
         let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
         let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
         fuse(&predicted, &self.information) + Matrix3::from_diagonal(&floor)
@@ -494,18 +512,79 @@ impl Mapper {
         Update {
             scan: self.scans.len() as u64 - 1,
             stamp: scan.stamp,
-            map_from_robot: self.world_from_robot,
+            map_from_robot: self.world_from_local * self.local_from_robot,
             covariance: self.covariance(),
             anchor: self.anchor.map(|node| self.id(node)),
             status: matched
                 .map_or(if self.scans.len() == 1 { Status::Tracking } else { Status::Degraded }, |m| m.status),
-            map_from_odom: self.world_from_robot * self.odom_from_robot.inverse(),
+            map_from_odom: self.world_from_local * self.local_from_robot * self.odom_from_robot.inverse(),
             odom_from_robot: self.odom_from_robot,
             keyframe: keyframe.map(|node| self.id(node)),
             beams,
             matched: matched.map(|m| m.report),
             refused,
         }
+    }
+
+    fn past(&self) -> Past<'_> {
+        Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe }
+    }
+
+    /// Looks for old places from time to time.
+    fn detect(&mut self, keyframe: Option<u32>) {
+        if keyframe.is_none() || !self.closing.is_due() {
+            return;
+        }
+        let known = self.live.survey();
+        let matcher = self.matcher.settings;
+        let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
+        if let Some(verification) = self.closing.propose(&self.settings, past, &known, matcher) {
+            self.jobs.push_back(Job(Task::Verify(verification)));
+        }
+        while let Some(job) = self.jobs.pop_front() {
+            self.apply(job.run());
+        }
+    }
+
+    /// Takes a job's result in.
+    pub fn apply(&mut self, result: JobResult) {
+        match result.0 {
+            Outcome::Verified { to, findings } => {
+                for (target, finding) in findings {
+                    let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
+                    let edges = self.closing.judge(past, to, &target, &finding);
+                    for edge in edges {
+                        let covariance = self.closing.covariance_of(&edge);
+                        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
+                        self.live.close(frames, edge.from.seq, edge.to.seq, &covariance);
+                        self.edges.push(edge);
+                    }
+                }
+                if let Some(solving) = self.closing.solving(&self.world_from_keyframe) {
+                    self.jobs.push_back(Job(Task::Solve(solving)));
+                }
+            }
+            Outcome::Solved { solved, .. } => {
+                if let Some(solved) = solved {
+                    self.correct(&solved);
+                }
+            }
+        }
+    }
+
+    /// Moves the past; the newest keyframe of the solution stays where it is in the front end's frame.
+    fn correct(&mut self, solved: &Solved) {
+        self.closing.take_back(&solved.taken_back);
+        let Some(last) = solved.world_from_keyframe.len().checked_sub(1) else { return };
+        let before = self.local_from_keyframe.clone();
+        self.world_from_local = solved.world_from_keyframe[last] * self.local_from_keyframe[last].inverse();
+        let local_from_world = self.world_from_local.inverse();
+        for (local, &world) in self.local_from_keyframe.iter_mut().zip(&solved.world_from_keyframe) {
+            *local = local_from_world * world;
+        }
+        self.world_from_keyframe = self.local_from_keyframe.iter().map(|&local| self.world_from_local * local).collect();
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
+        self.live.carry(&before, frames);
     }
 
     fn id(&self, node: u32) -> KeyframeId {
@@ -533,7 +612,7 @@ impl Mapper {
     /// Every place the robot may have come back to, in the order they were looked at, taken or not.
     #[must_use]
     pub fn candidates(&self) -> &[Candidate] {
-        &self.candidates
+        &self.closing.candidates
     }
 
     /// Present pose of each keyframe in the map.
@@ -571,7 +650,7 @@ impl Mapper {
     pub fn drop_keyframe(&mut self, id: KeyframeId) -> bool {
         let known = id.robot == 0 && id.session == 0 && (id.seq as usize) < self.keyframes.len();
         if known {
-            let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.world_from_keyframe };
+            let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
             self.live.drop(&self.settings, frames, id.seq);
             self.dropped.insert(id.seq);
         }
@@ -581,18 +660,14 @@ impl Mapper {
     /// Counts of every keyframe at its present pose: the map to export. What is live is there already.
     #[must_use]
     pub fn render(&self) -> CountGrid {
-        let mut map = self.live.map.counts().clone();
+        let mut map = CountGrid::new(self.settings.map.resolution_m);
         let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
         for (keyframe, &world_from_robot) in self.keyframes.iter().zip(&self.world_from_keyframe) {
-            let missing = self.live.missing(keyframe.id.seq);
-            if missing == Missing::Nothing || self.dropped.contains(&keyframe.id.seq) {
+            if self.dropped.contains(&keyframe.id.seq) {
                 continue;
             }
             points.fill(&keyframe.sweep, &mut table, self.settings.scan.free_range_m);
             points.fill_normals();
-            if let Missing::Half { first } = missing {
-                points.keep_half(first);
-            }
             map.draw(&points, world_from_robot, Change::Add, &mut Vec::new());
         }
         map

@@ -13,6 +13,10 @@ const PATCH_M: f64 = 2.0;
 const PATCH_SIGMA_M: f64 = 0.05;
 /// Side of the buckets in which live patches are found, metres.
 const BUCKET_M: f64 = 8.0;
+/// A patch that the robot left so long a way ago, metres,
+const LEFT_M: f64 = 20.0;
+/// is live only while it is so certain, metres: for anything else a closure has to be found.
+const ENTRY_M: f64 = 0.1;
 /// Patches up to this distance from the robot are judged, metres.
 const REACH_M: f64 = 20.0;
 /// The graph is searched anew after so much travel, metres,
@@ -22,9 +26,22 @@ const SEARCH_LINKS: usize = 64;
 /// and up to so many patches in all.
 const SEARCH_AT_MOST: usize = 1024;
 
+/// A patch that was left a while ago and is not in the live map.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Known {
+    /// The keyframe it began with.
+    pub(crate) first: u32,
+    /// Of that relative to the robot.
+    pub(crate) uncertainty: Uncertainty,
+}
+
 #[derive(Debug, Clone)]
 struct Patch {
+    /// The keyframe it began with.
+    first: u32,
     at: [f64; 2],
+    /// Length of way when its last keyframe joined, metres.
+    visited_m: f64,
     live: bool,
     /// Relative to where the search `round` started; none before the first one.
     searched: Option<Uncertainty>,
@@ -52,6 +69,9 @@ pub(crate) struct Flip {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Patches {
     graph: CertaintyGraph,
+    /// The same, with the patches that have no view left.
+    whole: CertaintyGraph,
+    way_m: f64,
     patches: Vec<Patch>,
     members: Vec<Member>,
     /// Live patches by place.
@@ -73,8 +93,7 @@ pub(crate) struct Patches {
 impl Patches {
     /// The next keyframe is as uncertain relative to `from`.
     pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3) {
-        let displacement_m2 = covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max();
-        self.links.push((from, Uncertainty { displacement_m2, rotation_rad2: covariance[(2, 2)] }));
+        self.links.push((from, of(covariance)));
     }
 
     /// Puts the next keyframe into the nearest live patch it is certain in, or begins one.
@@ -88,16 +107,60 @@ impl Patches {
             let step_m = distance2(position(poses[from as usize]), at).sqrt();
             links.push((patch, uncertainty.then(link, step_m)));
             if from + 1 == node {
+                self.way_m += step_m;
                 self.since_searched = self.since_searched.then(link, step_m);
                 self.since_started = self.since_started.then(link, step_m);
             }
         }
-        let member = self.joined(at, &links).unwrap_or_else(|| Member { patch: self.begin(at), ..Member::NONE });
+        let member = self.joined(at, &links).unwrap_or_else(|| Member { patch: self.begin(node, at), ..Member::NONE });
         self.members.push(member);
-        self.patches[member.patch as usize].views.push(node);
+        let patch = &mut self.patches[member.patch as usize];
+        patch.views.push(node);
+        patch.visited_m = self.way_m;
         for (patch, link) in links {
-            self.graph.add_link(patch, member.patch, link.then(member.uncertainty, 0.0), at, lever_m);
+            self.link(patch, member, link, at);
         }
+    }
+
+    fn link(&mut self, patch: u32, member: Member, link: Uncertainty, at: [f64; 2]) {
+        for graph in [&mut self.graph, &mut self.whole] {
+            graph.add_link(patch, member.patch, link.then(member.uncertainty, 0.0), at, self.lever_m);
+        }
+    }
+
+    /// Links two keyframes that are there already: a closure.
+    pub(crate) fn close(&mut self, poses: &[Pose2], from: u32, to: u32, covariance: &Cov3) {
+        let [from, to] = [from, to].map(|node| (self.members[node as usize], position(poses[node as usize])));
+        let (Member { patch, uncertainty }, step_m) = (from.0, distance2(from.1, to.1).sqrt());
+        self.link(patch, to.0, uncertainty.then(of(covariance), step_m), to.1);
+    }
+
+    /// The keyframes have moved.
+    pub(crate) fn carry(&mut self, before: &[Pose2], poses: &[Pose2]) {
+        let moved = |patch: &Patch| poses[patch.first as usize] * before[patch.first as usize].inverse();
+        let motions: Vec<Pose2> = self.patches.iter().map(moved).collect();
+        for graph in [&mut self.graph, &mut self.whole] {
+            graph.carry(|patch| motions[patch as usize]);
+        }
+        self.buckets.clear();
+        for (number, patch) in (0..).zip(&mut self.patches) {
+            patch.at = position(poses[patch.first as usize]);
+            if patch.live && !patch.views.is_empty() {
+                self.buckets.entry(bucket(patch.at)).or_default().push(number);
+            }
+        }
+        (self.searching, self.searched_from) = (false, [f64::INFINITY; 2]);
+    }
+
+    /// The patches that are not live, and how certain each is relative to the newest keyframe.
+    pub(crate) fn survey(&mut self) -> Vec<Known> {
+        let Some(newest) = self.members.last() else { return Vec::new() };
+        let gate = Gate { sigma_m: f64::INFINITY, lever_m: self.lever_m, reach_m: f64::INFINITY };
+        self.whole.begin(newest.patch, newest.uncertainty, gate);
+        while !self.whole.advance(usize::MAX, usize::MAX) {}
+        let known = self.whole.reached().iter().map(|r| (&self.patches[r.node as usize], r.uncertainty));
+        let out = known.filter(|(patch, _)| !patch.live && !patch.views.is_empty());
+        out.map(|(patch, uncertainty)| Known { first: patch.first, uncertainty }).collect()
     }
 
     fn joined(&self, at: [f64; 2], links: &[(u32, Uncertainty)]) -> Option<Member> {
@@ -116,8 +179,10 @@ impl Patches {
         best.map(|(_, member)| member)
     }
 
-    fn begin(&mut self, at: [f64; 2]) -> u32 {
-        self.patches.push(Patch { at, live: true, searched: None, round: self.round, views: Vec::new() });
+    fn begin(&mut self, first: u32, at: [f64; 2]) -> u32 {
+        let (visited_m, round) = (self.way_m, self.round);
+        self.patches.push(Patch { first, at, visited_m, live: true, searched: None, round, views: Vec::new() });
+        self.whole.add_node(at);
         let patch = self.graph.add_node(at);
         self.buckets.entry(bucket(at)).or_default().push(patch);
         patch
@@ -163,13 +228,15 @@ impl Patches {
             (patch.searched, patch.round) = (Some(reached.uncertainty), self.round);
             let distance2 = distance2(patch.at, at);
             let near = distance2 <= REACH_M * REACH_M;
-            if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m {
+            if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m.min(ENTRY_M) {
                 flips.push(Flip { patch: reached.node, live: true, distance2 });
             }
         }
         self.each_live_within(at, REACH_M, |patch, distance2| {
-            let Patch { searched, round, .. } = self.patches[patch as usize];
-            if round != self.round || searched.is_some_and(|known| known.sigma_m(self.lever_m) > out_m) {
+            let Patch { searched, round, visited_m, .. } = self.patches[patch as usize];
+            let left = self.way_m - visited_m > LEFT_M;
+            let most_m = if left { ENTRY_M } else { out_m };
+            if round != self.round || searched.is_some_and(|known| known.sigma_m(self.lever_m) > most_m) {
                 flips.push(Flip { patch, live: false, distance2 });
             }
         });
@@ -210,6 +277,11 @@ impl Patches {
 
 impl Member {
     const NONE: Self = Self { patch: 0, uncertainty: Uncertainty { displacement_m2: 0.0, rotation_rad2: 0.0 } };
+}
+
+fn of(covariance: &Cov3) -> Uncertainty {
+    let displacement_m2 = covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max();
+    Uncertainty { displacement_m2, rotation_rad2: covariance[(2, 2)] }
 }
 
 fn position(pose: Pose2) -> [f64; 2] {
