@@ -177,6 +177,18 @@ impl LiveMap {
         self.settle(change, supplier);
     }
 
+    /// Counts a sweep's beams in, the obstacles left for [`LiveMap::finish`]: cheaper where many sweeps are drawn.
+    pub fn draw(&mut self, points: &SweepPoints, world_from_robot: Pose2) {
+        let mut touched = std::mem::take(&mut self.touched);
+        self.counts.draw(points, world_from_robot, Change::Add, &mut touched);
+        self.touched = touched;
+    }
+
+    /// Brings the obstacles up to date with what was drawn; their supplier is `supplier`.
+    pub fn finish(&mut self, supplier: u32) {
+        self.settle(Change::Add, supplier);
+    }
+
     /// How a scan's end points agree with the map at a pose.
     #[must_use]
     pub fn agreement(&self, points: &[[f64; 2]], world_from_robot: Pose2) -> Agreement {

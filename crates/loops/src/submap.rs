@@ -1,7 +1,7 @@
 //! Submaps: what was seen along a few metres of the way, as one small map.
 
 use mapwright_geom::Pose2;
-use mapwright_grid::{Change, LiveMap, LiveMapSettings};
+use mapwright_grid::{LiveMap, LiveMapSettings};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 
 /// What a submap is made of: a keyframe's measurement at its place.
@@ -48,12 +48,13 @@ impl Submap {
         });
         let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
         let mut ends = Vec::new();
-        for (k, view) in views.iter().enumerate() {
+        for view in views {
             points.fill(&view.sweep, &mut table, settings.free_range_m);
             points.fill_normals();
-            map.change(&points, view.submap_from_keyframe, Change::Add, k as u32);
+            map.draw(&points, view.submap_from_keyframe);
             ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
         }
+        map.finish(0);
         let hits = thinned(&map, ends, settings);
         Self { map, hits }
     }

@@ -13,10 +13,6 @@ const PATCH_M: f64 = 2.0;
 const PATCH_SIGMA_M: f64 = 0.05;
 /// Side of the buckets in which live patches are found, metres.
 const BUCKET_M: f64 = 8.0;
-/// A patch that the robot left so long a way ago, metres,
-const LEFT_M: f64 = 20.0;
-/// is live only while it is so certain, metres: for anything else a closure has to be found.
-const ENTRY_M: f64 = 0.1;
 /// Patches up to this distance from the robot are judged, metres.
 const REACH_M: f64 = 20.0;
 /// The graph is searched anew after so much travel, metres,
@@ -40,8 +36,6 @@ struct Patch {
     /// The keyframe it began with.
     first: u32,
     at: [f64; 2],
-    /// Length of way when its last keyframe joined, metres.
-    visited_m: f64,
     live: bool,
     /// Relative to where the search `round` started; none before the first one.
     searched: Option<Uncertainty>,
@@ -71,7 +65,6 @@ pub(crate) struct Patches {
     graph: CertaintyGraph,
     /// The same, with the patches that have no view left.
     whole: CertaintyGraph,
-    way_m: f64,
     patches: Vec<Patch>,
     members: Vec<Member>,
     /// Live patches by place.
@@ -107,16 +100,13 @@ impl Patches {
             let step_m = distance2(position(poses[from as usize]), at).sqrt();
             links.push((patch, uncertainty.then(link, step_m)));
             if from + 1 == node {
-                self.way_m += step_m;
                 self.since_searched = self.since_searched.then(link, step_m);
                 self.since_started = self.since_started.then(link, step_m);
             }
         }
         let member = self.joined(at, &links).unwrap_or_else(|| Member { patch: self.begin(node, at), ..Member::NONE });
         self.members.push(member);
-        let patch = &mut self.patches[member.patch as usize];
-        patch.views.push(node);
-        patch.visited_m = self.way_m;
+        self.patches[member.patch as usize].views.push(node);
         for (patch, link) in links {
             self.link(patch, member, link, at);
         }
@@ -180,8 +170,7 @@ impl Patches {
     }
 
     fn begin(&mut self, first: u32, at: [f64; 2]) -> u32 {
-        let (visited_m, round) = (self.way_m, self.round);
-        self.patches.push(Patch { first, at, visited_m, live: true, searched: None, round, views: Vec::new() });
+        self.patches.push(Patch { first, at, live: true, searched: None, round: self.round, views: Vec::new() });
         self.whole.add_node(at);
         let patch = self.graph.add_node(at);
         self.buckets.entry(bucket(at)).or_default().push(patch);
@@ -228,15 +217,13 @@ impl Patches {
             (patch.searched, patch.round) = (Some(reached.uncertainty), self.round);
             let distance2 = distance2(patch.at, at);
             let near = distance2 <= REACH_M * REACH_M;
-            if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m.min(ENTRY_M) {
+            if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m {
                 flips.push(Flip { patch: reached.node, live: true, distance2 });
             }
         }
         self.each_live_within(at, REACH_M, |patch, distance2| {
-            let Patch { searched, round, visited_m, .. } = self.patches[patch as usize];
-            let left = self.way_m - visited_m > LEFT_M;
-            let most_m = if left { ENTRY_M } else { out_m };
-            if round != self.round || searched.is_some_and(|known| known.sigma_m(self.lever_m) > most_m) {
+            let Patch { searched, round, .. } = self.patches[patch as usize];
+            if round != self.round || searched.is_some_and(|known| known.sigma_m(self.lever_m) > out_m) {
                 flips.push(Flip { patch, live: false, distance2 });
             }
         });
