@@ -117,7 +117,7 @@ impl Closing {
         self.checked_m = self.path_m[to as usize];
         let here = past.local_from_keyframe[to as usize];
         let mut near: Vec<(f64, Target)> = Vec::new();
-        for place in known {
+        for place in known.iter().filter(|place| !place.live) {
             let there = past.local_from_keyframe[place.first as usize];
             let sigma_m = place.uncertainty.displacement_m2.sqrt();
             let sigma_rad = place.uncertainty.rotation_rad2.sqrt();

@@ -3,6 +3,7 @@
 use crate::closing::{Closing, Past};
 use crate::jobs::{Job, JobResult, Outcome, Solved, Task};
 use crate::live::{Frames, Live, LiveReport, Missing};
+use crate::patches::Known;
 use crate::motion::{Predictor, Step};
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Optimizer, Settings, SettingsError};
@@ -544,6 +545,16 @@ impl Mapper {
         while let Some(job) = self.jobs.pop_front() {
             self.apply(job.run());
         }
+    }
+
+    /// How certain the first keyframe of each patch of the map is relative to the newest one: larger standard deviation
+    /// of the position, metres, and that of the heading, radians.
+    pub fn certainty(&mut self) -> Vec<(KeyframeId, f64, f64)> {
+        let sigmas = |known: Known| {
+            let (m2, rad2) = (known.uncertainty.displacement_m2, known.uncertainty.rotation_rad2);
+            (KeyframeId { robot: 0, session: 0, seq: known.first }, m2.sqrt(), rad2.sqrt())
+        };
+        self.live.survey().into_iter().map(sigmas).collect()
     }
 
     /// Takes a job's result in.

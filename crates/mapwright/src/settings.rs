@@ -190,11 +190,11 @@ named! {
     /// Which keyframes a scan is matched against.
     LivePolicy {
         /// Everything ever seen.
-        #[default]
         Everything = "everything",
         /// Only keyframes whose pose relative to the robot is certain.
+        #[default]
         Gated = "gated",
-    } default Everything
+    } default Gated
 }
 
 section! {
@@ -248,8 +248,8 @@ section! {
 section! {
     /// The live map.
     LiveSettings, "live" {
-        policy: LivePolicy = LivePolicy::Everything, 0..=1, "", "\"everything\" ever seen, or \"gated\" by certainty";
-        gate_m: f64 = 0.2, 0.001..=10.0, "m", "gated: so certain keyframes are matched against, until 2.5 times as uncertain";
+        policy: LivePolicy = LivePolicy::Gated, 0..=1, "", "\"everything\" ever seen, or \"gated\" by certainty";
+        gate_m: f64 = 0.08, 0.001..=10.0, "m", "gated: so certain keyframes are matched against, until 2.5 times as uncertain";
         views_per_area: u32 = 24, 1..=10_000, "", "gated: live keyframes per square metre and quarter turn";
     }
 }
