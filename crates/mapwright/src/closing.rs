@@ -154,8 +154,7 @@ impl Closing {
             reach_m: 15.0,
             thin_cells: 2,
         };
-        let targets =
-            targets.into_iter().map(|target| (target, self.views(past, target.from, true))).collect();
+        let targets = targets.into_iter().map(|target| (target, self.views(past, target.from, true))).collect();
         let query = self.views(past, to, false);
         Some(Verification { to, query, targets, submaps, verify: VerifySettings::default(), matcher })
     }
@@ -170,9 +169,8 @@ impl Closing {
             let mut last: Option<Pose2> = None;
             for node in side.into_iter().take_while(|&node| self.way_m(node as u32, at) <= SUBMAP_M).take(400) {
                 let pose = past.local_from_keyframe[node];
-                let far = last.is_none_or(|last| {
-                    last.distance(pose) >= VIEW_M || last.between(pose).theta.abs() >= VIEW_RAD
-                });
+                let far =
+                    last.is_none_or(|last| last.distance(pose) >= VIEW_M || last.between(pose).theta.abs() >= VIEW_RAD);
                 if far && (views.is_empty() || node != at as usize) {
                     let sweep = past.keyframes[node].sweep.clone();
                     views.push(View { sweep, submap_from_keyframe: submap_from_local * pose });
@@ -200,8 +198,7 @@ impl Closing {
             covariance: finding.covariance,
         };
         let found = finding.target_from_query.unwrap_or(target.from_from_to);
-        let expected =
-            past.local_from_keyframe[target.from as usize].between(past.local_from_keyframe[to as usize]);
+        let expected = past.local_from_keyframe[target.from as usize].between(past.local_from_keyframe[to as usize]);
         let error = expected.between(found);
         let variance_m2 = target.sigma_m * target.sigma_m + finding.covariance[(0, 0)].max(finding.covariance[(1, 1)]);
         let variance_rad2 = target.sigma_rad * target.sigma_rad + finding.covariance[(2, 2)];
@@ -209,7 +206,9 @@ impl Closing {
         let chi2 = distance2 / variance_m2 + error.theta * error.theta / variance_rad2;
         candidate.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
         candidate.verdict = match finding.objection {
-            Some(why @ (Objection::Ambiguous | Objection::LittleOverlap | Objection::Unconstrained)) => Verdict::Waiting(why),
+            Some(why @ (Objection::Ambiguous | Objection::LittleOverlap | Objection::Unconstrained)) => {
+                Verdict::Waiting(why)
+            }
             Some(why) => Verdict::Refused(why),
             None if chi2 > IMPROBABLE_CHI2 => Verdict::Refused(Objection::Improbable),
             None => Verdict::Waiting(Objection::Alone),
@@ -219,8 +218,12 @@ impl Closing {
         if candidate.verdict != Verdict::Waiting(Objection::Alone) {
             return Vec::new();
         }
-        let friends: Vec<usize> =
-            self.waiting.iter().copied().filter(|&other| self.agree(past, &self.candidates[other], &candidate)).collect();
+        let friends: Vec<usize> = self
+            .waiting
+            .iter()
+            .copied()
+            .filter(|&other| self.agree(past, &self.candidates[other], &candidate))
+            .collect();
         self.candidates[this].evidence.agreeing = friends.len() as u32;
         let sure = target.sigma_m < SURE_M;
         if friends.is_empty() && !sure {
@@ -239,7 +242,8 @@ impl Closing {
             let edge = Edge { from, to, kind: EdgeKind::Closure, from_from_to, information };
             self.closures.push((self.graph.edges.len(), at));
             self.add_edge(&edge);
-            let expected = past.local_from_keyframe[from.seq as usize].between(past.local_from_keyframe[to.seq as usize]);
+            let expected =
+                past.local_from_keyframe[from.seq as usize].between(past.local_from_keyframe[to.seq as usize]);
             let error = expected.between(from_from_to);
             self.strained += 1;
             self.urgent |= error.x.hypot(error.y) + 5.0 * error.theta.abs() > STRAIN_M;

@@ -107,7 +107,8 @@ const ITERATIONS_AT_MOST: usize = 25;
 impl Solving {
     fn run(mut self) -> Outcome {
         let before: Vec<Pose2> = self.graph.vertices.iter().map(|v| v.world_from_vertex).collect();
-        let settings = SolverSettings { chordal: false, max_iterations: ITERATIONS_AT_MOST, ..SolverSettings::default() };
+        let settings =
+            SolverSettings { chordal: false, max_iterations: ITERATIONS_AT_MOST, ..SolverSettings::default() };
         let mut taken_back = Vec::new();
         loop {
             if optimize(&mut self.graph, &settings).is_err() {

@@ -36,7 +36,8 @@ pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, Mapper, Tra
 pub use mapwright_geom::{Cov3, Pose2, Stamp};
 pub use mapwright_grid::{CountGrid, LiveMap};
 pub use mapwright_record::{
-    Candidate, Detection, Edge, EdgeKind, Evidence, Keyframe, KeyframeId, MatchReport, Objection, Status, Update, Verdict,
+    Candidate, Detection, Edge, EdgeKind, Evidence, Keyframe, KeyframeId, MatchReport, Objection, Status, Update,
+    Verdict,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep};
 pub use probe::{NoProbe, Probe, Stage};

@@ -224,9 +224,9 @@ impl Live {
         let lever_m = self.lever_m;
         let displaced = |node: &u32| {
             let at = frames.world_from_robot[*node as usize];
-            self.views[*node as usize].drawn_at.is_some_and(|drawn_at| {
-                drawn_at.distance(at) + lever_m * drawn_at.between(at).theta.abs() > quarter_m
-            })
+            self.views[*node as usize]
+                .drawn_at
+                .is_some_and(|drawn_at| drawn_at.distance(at) + lever_m * drawn_at.between(at).theta.abs() > quarter_m)
         };
         self.moved = (0..frames.world_from_robot.len() as u32).rev().filter(displaced).collect();
     }
@@ -402,7 +402,11 @@ mod tests {
         let (keyframes, poses) = corridor(60);
         let mut live = drive(&keyframes, &poses, 0.12, Some((55, 34)));
         finish(&mut live, &keyframes, &poses);
-        assert!(live.views[33].drawn_at.is_some() && live.views[34].drawn_at.is_some() && live.report.let_in > 0, "{:?}", live.report);
+        assert!(
+            live.views[33].drawn_at.is_some() && live.views[34].drawn_at.is_some() && live.report.let_in > 0,
+            "{:?}",
+            live.report
+        );
     }
 
     #[test]

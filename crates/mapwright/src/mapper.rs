@@ -3,8 +3,8 @@
 use crate::closing::{Closing, Past};
 use crate::jobs::{Job, JobResult, Outcome, Solved, Task};
 use crate::live::{Frames, Live, LiveReport, Missing};
-use crate::patches::Known;
 use crate::motion::{Predictor, Step};
+use crate::patches::Known;
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Optimizer, Settings, SettingsError};
 use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
@@ -476,8 +476,12 @@ impl Mapper {
         }
         let edges: Vec<Edge> = edges
             .into_iter()
-            .map(|(from, kind, information)| {
-                Edge { from: self.id(from), to: self.id(node), kind, from_from_to: between(from), information }
+            .map(|(from, kind, information)| Edge {
+                from: self.id(from),
+                to: self.id(node),
+                kind,
+                from_from_to: between(from),
+                information,
             })
             .collect();
         self.closing.add(self.world_from_keyframe[node as usize], between(last).x.hypot(between(last).y), &edges);
@@ -593,7 +597,8 @@ impl Mapper {
         for (local, &world) in self.local_from_keyframe.iter_mut().zip(&solved.world_from_keyframe) {
             *local = local_from_world * world;
         }
-        self.world_from_keyframe = self.local_from_keyframe.iter().map(|&local| self.world_from_local * local).collect();
+        self.world_from_keyframe =
+            self.local_from_keyframe.iter().map(|&local| self.world_from_local * local).collect();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.carry(&before, frames);
     }

@@ -274,7 +274,10 @@ impl Member {
 
 fn of(covariance: &Cov3) -> Uncertainty {
     let displacement_m2 = covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max();
-    Uncertainty { displacement_m2: DISPLACEMENT_SHARE * displacement_m2, rotation_rad2: ROTATION_SHARE * covariance[(2, 2)] }
+    Uncertainty {
+        displacement_m2: DISPLACEMENT_SHARE * displacement_m2,
+        rotation_rad2: ROTATION_SHARE * covariance[(2, 2)],
+    }
 }
 
 fn position(pose: Pose2) -> [f64; 2] {
