@@ -31,6 +31,8 @@ pub(crate) enum Command {
     Optimize(OptimizeArgs),
     /// A harder version of a log: fewer scans, random beams, worse odometry.
     Perturb(PerturbArgs),
+    /// Every place where the robot may have come back, from a folder of results: what was found, decided and why.
+    Explain(ExplainArgs),
 }
 
 /// The settings in force: defaults, then the file, then each `--set`.
@@ -191,6 +193,21 @@ pub(crate) struct PerturbArgs {
     /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ExplainArgs {
+    /// Folder of results of `mapwright map`, or its closures.json.
+    pub(crate) results: PathBuf,
+    /// Only those that were refused or taken back.
+    #[arg(long, conflicts_with = "accepted")]
+    pub(crate) refused: bool,
+    /// Only those that became closures.
+    #[arg(long)]
+    pub(crate) accepted: bool,
+    /// Only those that this keyframe takes part in.
+    #[arg(long, value_name = "N")]
+    pub(crate) keyframe: Option<u32>,
 }
 
 #[derive(Debug, ClapArgs)]

@@ -2,6 +2,7 @@
 
 mod args;
 mod calibration;
+mod closures;
 mod commands;
 mod doubt;
 mod events;
@@ -9,6 +10,7 @@ mod failure;
 mod image;
 mod mapping;
 mod output;
+mod pose_graph;
 mod progress;
 mod report;
 mod settings;

@@ -4,6 +4,7 @@ mod calibrate;
 mod config;
 mod demo;
 mod eval;
+mod explain;
 mod info;
 mod map;
 mod optimize;
@@ -23,5 +24,6 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Demo(args) => demo::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
+        Command::Explain(args) => explain::run(&args),
     }
 }

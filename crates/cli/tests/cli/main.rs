@@ -4,6 +4,7 @@
 mod bad_input;
 mod commands;
 mod doubt;
+mod explain;
 mod map;
 mod optimize;
 mod real_logs;
