@@ -1,5 +1,9 @@
 //! What can be asked for.
 
+mod suite;
+
+pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
+
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_eval::Delta;
@@ -33,6 +37,8 @@ pub(crate) enum Command {
     Perturb(PerturbArgs),
     /// Every place where the robot may have come back, from a folder of results: what was found, decided and why.
     Explain(ExplainArgs),
+    /// Many simulated worlds mapped and measured against their truth; exit code 3 where a floor is missed.
+    Suite(SuiteArgs),
 }
 
 /// The settings in force: defaults, then the file, then each `--set`.

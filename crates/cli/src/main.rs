@@ -1,6 +1,7 @@
 //! The `mapwright` command: everything below is effects (files, clock, terminal); the mapping is the library's.
 
 mod args;
+mod batch;
 mod calibration;
 mod closures;
 mod commands;
@@ -14,6 +15,7 @@ mod pose_graph;
 mod progress;
 mod report;
 mod settings;
+mod simulated;
 mod stamps;
 mod tally;
 mod terminal;

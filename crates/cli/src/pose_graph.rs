@@ -18,3 +18,8 @@ pub(crate) fn pose_graph(mapper: &Mapper, world_from_keyframe: &[Pose2], wanted:
         ..PoseGraph2::default()
     }
 }
+
+/// The poses of a graph in the order of its vertices.
+pub(crate) fn poses_of(graph: &PoseGraph2) -> Vec<Pose2> {
+    graph.vertices.iter().map(|vertex| vertex.world_from_vertex).collect()
+}

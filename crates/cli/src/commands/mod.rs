@@ -9,6 +9,7 @@ mod info;
 mod map;
 mod optimize;
 mod perturb;
+mod suite;
 
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
@@ -25,5 +26,6 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Suite(args) => suite::run(&args),
     }
 }

@@ -8,4 +8,5 @@ mod explain;
 mod map;
 mod optimize;
 mod real_logs;
+mod suite;
 mod support;
