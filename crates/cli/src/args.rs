@@ -170,11 +170,27 @@ pub(crate) struct DemoArgs {
     /// Which floor, drive and noise.
     #[arg(long, default_value_t = 5)]
     pub(crate) seed: u64,
+    /// Instead of the office: a loop before and after, as before.png and after.png, with the errors of both.
+    #[arg(long, value_enum)]
+    pub(crate) show: Option<Show>,
+    /// Length of that loop, metres.
+    #[arg(long, value_name = "M", default_value_t = 150.0, value_parser = suite::parse_length, requires = "show")]
+    pub(crate) length: f64,
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER", default_value = "mapwright-demo")]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Show {
+    /// Matched along the way and left open; then closed, the error spread and the graph optimised.
+    NoClosure,
+    /// A false closure among true ones, obeyed by least squares; then outvoted.
+    FalseClosure,
+    /// Wheels that turn too much; then the closure's error spread backwards over the loop.
+    Spread,
 }
 
 #[derive(Debug, ClapArgs)]

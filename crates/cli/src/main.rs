@@ -6,6 +6,7 @@ mod calibration;
 mod closures;
 mod commands;
 mod doubt;
+mod drawing;
 mod events;
 mod failure;
 mod image;

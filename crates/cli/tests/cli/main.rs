@@ -8,5 +8,6 @@ mod explain;
 mod map;
 mod optimize;
 mod real_logs;
+mod show;
 mod suite;
 mod support;
