@@ -3,11 +3,21 @@
 use crate::failure::Failure;
 use mapwright::{Candidate, Keyframe, KeyframeId, Mapper, Verdict};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
 /// Its name in the folder of results.
 pub(crate) const CLOSURES: &str = "closures.json";
+
+/// Between which keyframes closures were taken back and none stands: the edges they once were say nothing any more.
+pub(crate) fn taken_back(candidates: &[Candidate]) -> BTreeSet<[KeyframeId; 2]> {
+    let between = |is: fn(Verdict) -> bool| {
+        candidates.iter().filter(move |candidate| is(candidate.verdict)).map(|candidate| [candidate.from, candidate.to])
+    };
+    let standing: BTreeSet<_> = between(|verdict| verdict == Verdict::Accepted).collect();
+    between(|verdict| matches!(verdict, Verdict::TakenBack(_))).filter(|pair| !standing.contains(pair)).collect()
+}
 
 /// The file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -144,20 +154,39 @@ mod tests {
     use super::*;
     use mapwright::{Cov3, Detection, Evidence, Objection, Pose2};
 
-    #[test]
-    fn a_candidate_keeps_its_numbers_and_nothing_infinite() {
+    fn candidate(from: u32, to: u32, verdict: Verdict) -> Candidate {
         let id = |seq| KeyframeId { robot: 0, session: 0, seq };
-        let candidate = Candidate {
-            from: id(3),
-            to: id(40),
+        Candidate {
+            from: id(from),
+            to: id(to),
             detection: Detection::Place,
             evidence: Evidence { points: 90, score: Some(0.5), overlap: Some(f64::NAN), ..Evidence::default() },
-            verdict: Verdict::Refused(Objection::Ambiguous),
+            verdict,
             from_from_to: Some(Pose2::new(1.0, 2.0, 0.5)),
             covariance: Cov3::from_diagonal_element(0.04),
-        };
-        let record = record(&candidate, &[]);
-        assert_eq!((record.verdict, record.from_stamp_s), (VerdictName::Refused, None));
+        }
+    }
+
+    #[test]
+    fn what_was_taken_back_is_gone_unless_it_was_found_again() {
+        let gone = Verdict::TakenBack(Objection::Outvoted);
+        let refused = Verdict::Refused(Objection::Improbable);
+        let candidates = [
+            candidate(1, 9, gone),
+            candidate(1, 9, refused),
+            candidate(2, 9, gone),
+            candidate(2, 9, Verdict::Accepted),
+            candidate(3, 9, refused),
+        ];
+        let gone: Vec<_> = taken_back(&candidates).into_iter().map(|[from, to]| [from.seq, to.seq]).collect();
+        assert_eq!(gone, [[1, 9]]);
+    }
+
+    #[test]
+    fn a_candidate_keeps_its_numbers_and_nothing_infinite() {
+        let record = record(&candidate(3, 40, Verdict::Refused(Objection::Ambiguous)), &[]);
+        assert_eq!((record.from, record.to, record.verdict), (3, 40, VerdictName::Refused));
+        assert_eq!(record.from_stamp_s, None);
         assert_eq!(record.reason.as_deref(), Some("another pose fits nearly as well"));
         assert_eq!((record.evidence.score, record.evidence.overlap), (Some(0.5), None));
         assert!((record.sigmas.unwrap()[2] - 0.2).abs() < 1e-12);

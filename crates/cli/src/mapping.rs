@@ -1,7 +1,7 @@
 //! One mapping run: scans in, files out.
 
 use crate::args::{Align, MappingArgs, StampPolicy};
-use crate::closures::{CLOSURES, ClosureFile};
+use crate::closures::{CLOSURES, ClosureFile, taken_back};
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
@@ -11,7 +11,7 @@ use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
-use mapwright::{LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
+use mapwright::{Edge, EdgeKind, LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
 use mapwright_formats::{GridImage, Picture, TumWriter, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
@@ -140,9 +140,11 @@ impl Mapping {
         Ok(way)
     }
 
-    /// Keyframes, edges and candidates.
+    /// Keyframes with the edges that stand, and all candidates.
     fn write_graph(&mut self) -> Result<(), Failure> {
-        let graph = AnyPoseGraph::Planar(pose_graph(&self.mapper, self.mapper.keyframe_poses(), |_| true));
+        let gone = taken_back(self.mapper.candidates());
+        let stands = |edge: &Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
+        let graph = AnyPoseGraph::Planar(pose_graph(&self.mapper, self.mapper.keyframe_poses(), stands));
         self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
         let closures = ClosureFile::of(&self.mapper);
         self.output.write(CLOSURES, |mut writer| {

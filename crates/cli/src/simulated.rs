@@ -1,10 +1,10 @@
 //! A simulated drive that was mapped, with the truth beside it, and what the map joins.
 
+use crate::closures::taken_back;
 use crate::failure::Failure;
-use mapwright::{Edge, EdgeKind, KeyframeId, Mapper, Pose2, Settings, Stamp, Update, Verdict};
+use mapwright::{Edge, EdgeKind, Mapper, Pose2, Settings, Stamp, Update};
 use mapwright_eval::{Alignment, EvalError, PosePair, ate_of_pairs};
 use mapwright_sim::{Drive, Event};
-use std::collections::BTreeMap;
 
 /// A match to a keyframe with more way than this between has closed a loop, metres.
 pub(crate) const CLOSING_FROM_M: f64 = 20.0;
@@ -177,17 +177,11 @@ impl Simulated {
         }
     }
 
-    /// Every edge that closes, but those that were taken back: of which the last word among the candidates says so.
+    /// Every edge that closes, but those that were taken back.
     pub(crate) fn closings(&self) -> Vec<Closing> {
-        let mut last_word: BTreeMap<[KeyframeId; 2], Verdict> = BTreeMap::new();
-        for candidate in self.mapper.candidates() {
-            last_word.insert([candidate.from, candidate.to], candidate.verdict);
-        }
-        let taken_back = |edge: &Edge| {
-            let verdict = last_word.get(&[edge.from, edge.to]);
-            edge.kind == EdgeKind::Closure && matches!(verdict, Some(Verdict::TakenBack(_)))
-        };
-        let standing = self.mapper.edges().iter().filter(|edge| self.closes(edge) && !taken_back(edge));
+        let gone = taken_back(self.mapper.candidates());
+        let stands = |edge: &&Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
+        let standing = self.mapper.edges().iter().filter(|edge| self.closes(edge)).filter(stands);
         let closing = |edge: &Edge| {
             let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
             let measured = PoseError::of(edge.from_from_to, self.true_between(from, to));

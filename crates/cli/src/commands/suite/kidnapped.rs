@@ -4,7 +4,7 @@ use super::Measure;
 use super::floors::{Floor, percent};
 use crate::failure::Failure;
 use crate::simulated::{PoseError, Simulated};
-use mapwright::{Mapper, Pose2, Settings, Stamp, Status, Update};
+use mapwright::{Pose2, Settings, Stamp, Status, Update};
 use mapwright_sim::{Kidnapping, kidnapping};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -45,7 +45,7 @@ impl Measure for Kidnapped {
         let case = kidnapping(seed);
         let mut witness = Witness::of(&case);
         let world = Simulated::map_watched(case.drive(), &self.settings, |mapper, update, truth| {
-            witness.see(mapper, update, truth);
+            witness.see(mapper.keyframe_poses(), update, truth);
         })?;
         let since_put_down = |stamp: Stamp| stamp.secs_since(case.put_down);
         let home = case.home.map(|home| witness.located.is_some_and(|at| at.secs_since(home) <= HOME_WITHIN_S));
@@ -160,7 +160,7 @@ impl Witness {
         Self { taken, put_down, known: Vec::new(), noticed: None, located: None, written: Vec::new(), wrong: 0 }
     }
 
-    fn see(&mut self, mapper: &Mapper, update: &Update, truth: Pose2) {
+    fn see(&mut self, world_from_keyframe: &[Pose2], update: &Update, truth: Pose2) {
         if update.stamp < self.taken {
             if update.keyframe.is_some() {
                 self.known.push(truth);
@@ -171,7 +171,7 @@ impl Witness {
             return;
         }
         let tracking = update.status == Status::Tracking;
-        let right = self.error(mapper.keyframe_poses(), update.map_from_robot, truth).is_some_and(PoseError::is_right);
+        let right = self.error(world_from_keyframe, update.map_from_robot, truth).is_some_and(PoseError::is_right);
         if tracking && right && update.stamp >= self.put_down {
             self.located = Some(update.stamp);
             self.noticed.get_or_insert(update.stamp);
@@ -196,5 +196,70 @@ impl Witness {
     fn is_misplaced(&self, world: &Simulated, keyframe: usize) -> bool {
         let poses = world.mapper.keyframe_poses();
         !self.error(poses, poses[keyframe], world.truth(keyframe)).is_some_and(PoseError::is_right)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapwright::{BeamCounts, Cov3, KeyframeId};
+
+    const MAP_FROM_WORLD: Pose2 = Pose2 { x: 3.0, y: -1.0, theta: 0.4 };
+
+    fn update(second: i64, status: Status, map_from_robot: Pose2, keyframe: Option<u32>) -> Update {
+        Update {
+            scan: 0,
+            stamp: Stamp(second * 1_000_000_000),
+            map_from_robot,
+            covariance: Cov3::zeros(),
+            anchor: None,
+            status,
+            map_from_odom: Pose2::IDENTITY,
+            odom_from_robot: Pose2::IDENTITY,
+            keyframe: keyframe.map(|seq| KeyframeId { robot: 0, session: 0, seq }),
+            beams: BeamCounts::default(),
+            matched: None,
+            refused: None,
+        }
+    }
+
+    /// Ten seconds along x with a keyframe each; taken at 10 s, put down at 15 s where it was after 3 s; what is said then
+    /// is `status(second)` at the true pose turned by `off_rad`, with a keyframe every second if `writes`.
+    fn witnessed(status: impl Fn(i64) -> Status, off_rad: f64, writes: bool) -> Witness {
+        let [taken, put_down] = [10, 15].map(|second| Stamp(second * 1_000_000_000));
+        let mut witness =
+            Witness { taken, put_down, known: Vec::new(), noticed: None, located: None, written: Vec::new(), wrong: 0 };
+        let truth = |second: i64| Pose2::new(if second < 10 { second } else { second - 12 } as f64, 0.0, 0.0);
+        let mut poses = Vec::new();
+        for second in (0..10).chain(15..25) {
+            let before = second < 10;
+            let turn = Pose2::new(0.0, 0.0, if before { 0.0 } else { off_rad });
+            let map_from_robot = MAP_FROM_WORLD * truth(second) * turn;
+            let keyframe = (before || writes).then_some(poses.len() as u32);
+            poses.extend(keyframe.map(|_| map_from_robot));
+            let status = if before { Status::Tracking } else { status(second) };
+            witness.see(&poses, &update(second, status, map_from_robot, keyframe), truth(second));
+        }
+        witness
+    }
+
+    #[test]
+    fn a_robot_that_is_lost_until_it_knows_passes() {
+        let seen = witnessed(|second| if second < 18 { Status::Lost } else { Status::Tracking }, 0.0, false);
+        assert_eq!((seen.noticed, seen.located), (Some(seen.put_down), Some(Stamp(18_000_000_000))));
+        assert!(seen.written.is_empty() && seen.wrong == 0);
+    }
+
+    #[test]
+    fn a_robot_that_notices_nothing_and_writes_is_found_out() {
+        let seen = witnessed(|_| Status::Tracking, 0.1, true);
+        assert_eq!((seen.noticed, seen.located), (None, None));
+        assert_eq!((seen.written.len(), seen.wrong), (10, 4), "keyframes from 15 s on, scans after 20 s");
+    }
+
+    #[test]
+    fn a_right_pose_counts_only_when_it_is_claimed() {
+        let seen = witnessed(|_| Status::Degraded, 0.0, false);
+        assert_eq!((seen.noticed, seen.located, seen.wrong), (None, None, 0));
     }
 }
