@@ -65,32 +65,32 @@ pub(crate) fn batch_poses(world: &Simulated, true_pairs: &[[usize; 2]]) -> Resul
 /// A run's keyframes and the steps between them, as if nothing had ever been recognised.
 ///
 /// Where old parts of the map came into view the pose may have jumped. A step that is wrong, or ends at a keyframe that
-/// was matched there, counts with what the wheels say; a match that is wrong or leads across such a step is left out.
+/// was matched there, counts with what the wheels say where they are nearer to the truth; matches across it are left out.
 pub(crate) fn open_graph(world: &Simulated) -> PoseGraph2 {
-    let is_right = |edge: &mapwright::Edge| {
-        let truth = world.true_between(edge.from.seq as usize, edge.to.seq as usize);
-        PoseError::of(edge.from_from_to, truth).is_right()
-    };
-    let mut jumped = vec![false; world.keyframe_count()];
-    for edge in world.mapper.edges() {
-        jumped[edge.to.seq as usize] |= match edge.kind {
-            EdgeKind::Odometry => !is_right(edge),
-            EdgeKind::Match => world.closes(edge),
-            EdgeKind::Closure => false,
-        };
+    let mut suspect = vec![false; world.keyframe_count()];
+    for edge in world.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Match && world.closes(edge)) {
+        suspect[edge.to.seq as usize] = true;
+    }
+    let mut by_wheels = vec![None; world.keyframe_count()];
+    for edge in world.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Odometry) {
+        let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
+        let error = |step| PoseError::of(step, world.true_between(from, to));
+        let found = error(edge.from_from_to);
+        let wheels = world.wheels_between(from, to).filter(|&step| error(step).size() < found.size());
+        by_wheels[to] = wheels.filter(|_| suspect[to] || !found.is_right());
     }
     let smooth = |edge: &mapwright::Edge| {
         let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
-        !jumped[from.min(to) + 1..=from.max(to)].contains(&true)
+        by_wheels[from.min(to) + 1..=from.max(to)].iter().all(Option::is_none)
     };
     let wanted = |edge: &mapwright::Edge| match edge.kind {
         EdgeKind::Odometry => true,
-        EdgeKind::Match => !world.closes(edge) && smooth(edge) && is_right(edge),
+        EdgeKind::Match => !world.closes(edge) && smooth(edge),
         EdgeKind::Closure => false,
     };
     let mut graph = pose_graph(&world.mapper, world.mapper.keyframe_poses(), wanted);
-    for edge in graph.edges.iter_mut().filter(|edge| jumped[edge.to]) {
-        edge.from_from_to = world.wheels_between(edge.from, edge.to).unwrap_or(edge.from_from_to);
+    for edge in &mut graph.edges {
+        edge.from_from_to = by_wheels[edge.to].unwrap_or(edge.from_from_to);
     }
     graph
 }

@@ -44,6 +44,11 @@ impl PoseError {
         Self { metres: error.x.hypot(error.y), degrees: error.theta.abs().to_degrees() }
     }
 
+    /// Both together; at the bounds of what is right each counts one.
+    pub(crate) fn size(self) -> f64 {
+        self.metres / RIGHT_M + self.degrees / RIGHT_DEG
+    }
+
     pub(crate) fn is_right(self) -> bool {
         self.metres <= RIGHT_M && self.degrees <= RIGHT_DEG
     }

@@ -21,7 +21,8 @@ pub(crate) enum Suite {
     ///
     /// ATE is that of the keyframes' final poses, aligned rigidly, rmse. The batch solve has the same keyframes, the
     /// odometry and match edges that do not close, and from every keyframe on ground seen before the true pose of the
-    /// earlier keyframe it overlaps most (sigma 0.01 m, 0.002 rad). Floors: every loop closed, ratio of the two ATE at
+    /// earlier keyframe it overlaps most (sigma 0.01 m, 0.002 rad); a step in which the pose jumped counts with what the
+    /// wheels say. Floors: every loop closed, ratio of the two ATE at
     /// most 1.3 in every world.
     Loops(LoopsArgs),
     /// Buildings made to deceive: no wrong closure, and true returns found all the same.
