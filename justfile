@@ -76,6 +76,22 @@ figures-perturbed log *args: release
 # intel made harder: fewer scans, wrong odometry, random beams
 figures-robustness: (figures-perturbed "intel" "--every" "2") (figures-perturbed "intel" "--every" "5") (figures-perturbed "intel" "--scale-odometry" "1.1") (figures-perturbed "intel" "--noise-beams" "0.1") (figures-perturbed "intel" "--noise-beams" "0.3")
 
+# a log with noise on every increment of odometry, over ten seeds: each, the mean and the worst
+figures-noise log amount *args: release
+    {{mapwright}} suite noise --log {{data}}/{{log}}.clf.bz2 --relations {{data}}/{{log}}.relations --amount {{amount}} {{args}}
+
+# 50 loops of 500 m: closed or not, and the error beside that of a batch solve with all true closures
+suite-loops *args: release
+    {{mapwright}} suite loops -o {{figures}}/suite {{args}}
+
+# 200 buildings made to deceive: wrong closures, and true returns found
+suite-look-alike *args: release
+    {{mapwright}} suite look-alike -o {{figures}}/suite {{args}}
+
+# 100 robots carried away: noticed, written while lost, home found
+suite-kidnapped *args: release
+    {{mapwright}} suite kidnapped -o {{figures}}/suite {{args}}
+
 # where the time goes on intel, decompressed: seconds per stage, of the fastest of five runs
 figures-time *args: release
     #!/usr/bin/env bash

@@ -1,5 +1,9 @@
 //! What can be asked for.
 
+mod suite;
+
+pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
+
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_eval::Delta;
@@ -31,6 +35,10 @@ pub(crate) enum Command {
     Optimize(OptimizeArgs),
     /// A harder version of a log: fewer scans, random beams, worse odometry.
     Perturb(PerturbArgs),
+    /// Every place where the robot may have come back, from a folder of results: what was found, decided and why.
+    Explain(ExplainArgs),
+    /// Many simulated worlds mapped and measured against their truth; exit code 3 where a floor is missed.
+    Suite(SuiteArgs),
 }
 
 /// The settings in force: defaults, then the file, then each `--set`.
@@ -162,11 +170,27 @@ pub(crate) struct DemoArgs {
     /// Which floor, drive and noise.
     #[arg(long, default_value_t = 5)]
     pub(crate) seed: u64,
+    /// Instead of the office: a loop before and after, as before.png and after.png, with the errors of both.
+    #[arg(long, value_enum)]
+    pub(crate) show: Option<Show>,
+    /// Length of that loop, metres.
+    #[arg(long, value_name = "M", default_value_t = 150.0, value_parser = suite::parse_length, requires = "show")]
+    pub(crate) length: f64,
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER", default_value = "mapwright-demo")]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Show {
+    /// Matched along the way and left open; then closed, the error spread and the graph optimised.
+    NoClosure,
+    /// A false closure among true ones, obeyed by least squares; then outvoted.
+    FalseClosure,
+    /// Wheels that turn too much; then the closure's error spread backwards over the loop.
+    Spread,
 }
 
 #[derive(Debug, ClapArgs)]
@@ -191,6 +215,21 @@ pub(crate) struct PerturbArgs {
     /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ExplainArgs {
+    /// Folder of results of `mapwright map`, or its closures.json.
+    pub(crate) results: PathBuf,
+    /// Only those that were refused or taken back.
+    #[arg(long, conflicts_with = "accepted")]
+    pub(crate) refused: bool,
+    /// Only those that became closures.
+    #[arg(long)]
+    pub(crate) accepted: bool,
+    /// Only those that this keyframe takes part in.
+    #[arg(long, value_name = "N")]
+    pub(crate) keyframe: Option<u32>,
 }
 
 #[derive(Debug, ClapArgs)]

@@ -53,6 +53,10 @@ pub(crate) enum Failure {
     Graph { path: PathBuf, cause: G2oError },
     #[error("{}: {cause}", path.display())]
     Solve { path: PathBuf, cause: GraphError },
+    #[error("{}: {cause}", path.display())]
+    Candidates { path: PathBuf, cause: String },
+    #[error("{name}: {reason}")]
+    World { name: String, reason: String },
     #[error("cannot write to the standard output: {0}")]
     Stdout(std::io::Error),
     #[error("cannot watch for signals: {0}")]

@@ -1,17 +1,22 @@
 //! The `mapwright` command: everything below is effects (files, clock, terminal); the mapping is the library's.
 
 mod args;
+mod batch;
 mod calibration;
+mod closures;
 mod commands;
 mod doubt;
+mod drawing;
 mod events;
 mod failure;
 mod image;
 mod mapping;
 mod output;
+mod pose_graph;
 mod progress;
 mod report;
 mod settings;
+mod simulated;
 mod stamps;
 mod tally;
 mod terminal;

@@ -1,18 +1,22 @@
 //! One mapping run: scans in, files out.
 
 use crate::args::{Align, MappingArgs, StampPolicy};
+use crate::closures::{CLOSURES, ClosureFile, taken_back};
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
+use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
 use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
-use mapwright::{LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
+use mapwright::{Edge, EdgeKind, LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
 use mapwright_formats::{GridImage, Picture, TumWriter, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};
+use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use std::fs::File;
+use std::io::Write;
 
 const ONLINE: &str = "trajectory_online.tum";
 /// The way's length is summed over steps of at least so much, so that standing still adds nothing, metres.
@@ -103,6 +107,7 @@ impl Mapping {
             online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
         let way = self.write_trajectory()?;
+        self.write_graph()?;
         let MapImage { image, cells_left_out } = self.render();
         self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
         self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
@@ -133,6 +138,19 @@ impl Mapping {
             trajectory.finish().map(|_| ())
         })?;
         Ok(way)
+    }
+
+    /// Keyframes with the edges that stand, and all candidates.
+    fn write_graph(&mut self) -> Result<(), Failure> {
+        let gone = taken_back(self.mapper.candidates());
+        let stands = |edge: &Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
+        let graph = AnyPoseGraph::Planar(pose_graph(&self.mapper, self.mapper.keyframe_poses(), stands));
+        self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
+        let closures = ClosureFile::of(&self.mapper);
+        self.output.write(CLOSURES, |mut writer| {
+            serde_json::to_writer_pretty(&mut writer, &closures).map_err(std::io::Error::from)?;
+            Ok(writer.write_all(b"\n")?)
+        })
     }
 
     /// Every keyframe at its present pose. A live map of everything is that map already.

@@ -1,5 +1,7 @@
 //! `mapwright demo`
 
+mod show;
+
 use crate::args::{Align, DemoArgs, MappingArgs};
 use crate::events::Interrupt;
 use crate::failure::{Failure, Outcome};
@@ -23,6 +25,9 @@ const AGAIN_AFTER_S: f64 = 60.0;
 const LOOK_EVERY: usize = 10;
 
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
+    if let Some(show) = args.show {
+        return show::run(args, show);
+    }
     let mapping_args = MappingArgs { align: Align::Walls, ..args.mapping.clone() };
     settings_of(&mapping_args)?;
     let interrupt = Interrupt::watch()?;

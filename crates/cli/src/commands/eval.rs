@@ -164,7 +164,7 @@ fn reference_json(path: &Path, absolute: &Ate, relative: &Rpe) -> Value {
     })
 }
 
-fn read_relation_file(path: &Path) -> Result<Vec<Relation>, Failure> {
+pub(super) fn read_relation_file(path: &Path) -> Result<Vec<Relation>, Failure> {
     let relations = open(path, read_relations)?;
     let planar =
         |r: &mapwright_formats::Relation| Relation { from: r.stamp_a, to: r.stamp_b, from_from_to: r.a_from_b() };

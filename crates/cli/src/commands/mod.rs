@@ -4,10 +4,12 @@ mod calibrate;
 mod config;
 mod demo;
 mod eval;
+mod explain;
 mod info;
 mod map;
 mod optimize;
 mod perturb;
+mod suite;
 
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
@@ -23,5 +25,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Demo(args) => demo::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
+        Command::Explain(args) => explain::run(&args),
+        Command::Suite(args) => suite::run(&args),
     }
 }

@@ -5,23 +5,21 @@ use crate::events::Log;
 use crate::failure::{Failure, Outcome};
 use crate::report::read_losses;
 use crate::terminal::{count, say};
-use mapwright_formats::{CarmenWriter, FormatError, LogEvent};
+use mapwright_formats::{CarmenWriter, FormatError, LogEvent, ReadReport};
 use mapwright_geom::Pose2;
 use mapwright_sensor::LaserScan;
 use mapwright_sim::PerturbScans;
 use std::fs::File;
 use std::io::BufWriter;
+use std::path::Path;
 
 pub(super) fn run(args: &PerturbArgs) -> Result<Outcome, Failure> {
-    let mut scans = Scans { log: Log::open(&args.log)?, odom_from_robot: None, failure: None };
+    let mut scans = Scans::open(&args.log)?;
     let file = File::create(&args.output).map_err(|error| Failure::write(&args.output, error))?;
     let mut writer = CarmenWriter::new(BufWriter::with_capacity(1 << 16, file));
     let written = write_harder(&mut scans, args, &mut writer).and_then(|n| writer.finish().map(|_| n));
     let written = written.map_err(|cause| Failure::write(&args.output, cause))?;
-    if let Some(failure) = scans.failure {
-        return Err(failure);
-    }
-    let losses = read_losses(&scans.log.finish()?);
+    let losses = read_losses(&scans.finish()?);
     say(&format!("{}: {}\n", args.output.display(), count(written, "scan")))?;
     Ok(Outcome::of_losses(&losses))
 }
@@ -50,10 +48,24 @@ fn write_harder(
 }
 
 /// The scans of a log, each with the latest pose of odometry where it has none of its own.
-struct Scans {
+pub(super) struct Scans {
     log: Log,
     odom_from_robot: Option<Pose2>,
     failure: Option<Failure>,
+}
+
+impl Scans {
+    pub(super) fn open(path: &Path) -> Result<Self, Failure> {
+        Ok(Self { log: Log::open(path)?, odom_from_robot: None, failure: None })
+    }
+
+    /// The reader's report, once all scans are read; or what ended them.
+    pub(super) fn finish(self) -> Result<ReadReport, Failure> {
+        match self.failure {
+            Some(failure) => Err(failure),
+            None => self.log.finish(),
+        }
+    }
 }
 
 impl Iterator for Scans {

@@ -4,7 +4,10 @@
 mod bad_input;
 mod commands;
 mod doubt;
+mod explain;
 mod map;
 mod optimize;
 mod real_logs;
+mod show;
+mod suite;
 mod support;

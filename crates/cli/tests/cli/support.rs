@@ -11,8 +11,16 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, OnceLock};
 
 /// All files of a run that must not differ from run to run.
-pub(crate) const SAME_BYTES: [&str; 6] =
-    ["trajectory.tum", "trajectory_online.tum", "map.pgm", "map.yaml", "map.png", "report.json"];
+pub(crate) const SAME_BYTES: [&str; 8] = [
+    "trajectory.tum",
+    "trajectory_online.tum",
+    "graph.g2o",
+    "closures.json",
+    "map.pgm",
+    "map.yaml",
+    "map.png",
+    "report.json",
+];
 
 /// A fresh folder for a test.
 pub(crate) fn folder(name: &str) -> PathBuf {

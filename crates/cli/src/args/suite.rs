@@ -1,0 +1,111 @@
+//! What can be asked of `mapwright suite`.
+
+use super::{SettingsArgs, parse_share};
+use clap::{Args as ClapArgs, Subcommand};
+use std::path::PathBuf;
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct SuiteArgs {
+    #[command(subcommand)]
+    pub(crate) suite: Suite,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Suite {
+    /// Long loops: whether they close, and the trajectory's error beside that of a batch solve given all true closures.
+    ///
+    /// A world is `worlds::loop_of(seed, length)`, driven by `DriveSettings::long_drive(seed)`. An edge closes when it is
+    /// a closure, or a match between keyframes more than 20 m of way apart; those taken back do not count. It is right
+    /// when what it measured and what the final map says of its keyframes both lie within 0.3 m and 3 degrees of the
+    /// truth, else wrong. The loop is closed when a right one joins the first and the last 30 m of the way.
+    ///
+    /// ATE is that of the keyframes' final poses, aligned rigidly, rmse. The batch solve has the same keyframes, the
+    /// odometry and match edges that do not close, and from every keyframe on ground seen before the true pose of the
+    /// earlier keyframe it overlaps most (sigma 0.01 m, 0.002 rad); a step in which the pose jumped counts with what the
+    /// wheels say. Floors: every loop closed, ratio of the two ATE at
+    /// most 1.3 in every world.
+    Loops(LoopsArgs),
+    /// Buildings made to deceive: no wrong closure, and true returns found all the same.
+    ///
+    /// A world is `worlds::look_alike(seed)`; the alias lies inside odometry's two-sigma ellipse for even seeds, outside
+    /// of three sigma for odd ones. Closing edges, and which of them are wrong, are as in `loops`; those wrong as measured
+    /// and those wrong in the final map are counted apart too. Deceived is a world whose final map has the copy within
+    /// 0.5 m and 5 degrees of where the deception would have it.
+    ///
+    /// A time on ground seen before, sampled every metre, is closed when the final map has it within 0.3 m and 3 degrees
+    /// of the truth relative to the earlier time it overlaps most, and a right closing edge's newer keyframe was taken in
+    /// the same stretch of known ground, at most 5 s after it. Pairs: all pairs of times that see the same place, and how
+    /// many of them the final map has right. Floors: no edge wrong, 80 % of the times closed.
+    LookAlike(WorldsArgs),
+    /// Robots carried away: noticed, nothing written until they know where they are, home found.
+    ///
+    /// A world is `kidnapping(seed)`: even seeds are put down on known ground. A pose is right when it lies within 0.3 m
+    /// and 3 degrees of the truth relative to the keyframe from before that is truly nearest, all as the map was at the
+    /// time. Located is the first scan after being put down with status tracking and the right pose. Noticed: status lost,
+    /// or located, from being taken to 5 s after being put down. Home: located at most 10 s after half of what is seen was
+    /// known. Written: keyframes from being taken until located; misplaced are those that the final map has wrong. Wrong:
+    /// scans that say tracking at a wrong pose, from 5 s after being put down until located. Floors: 95 % noticed, 95 %
+    /// home, nothing written, nothing wrong.
+    Kidnapped(WorldsArgs),
+    /// A real log with noise on every increment of odometry, scored against surveyed relations.
+    ///
+    /// Translation and rotation of each increment are multiplied by `1 + N(0, amount)` each, anew for every seed. The
+    /// only floor is that all of the log could be read.
+    Noise(NoiseArgs),
+}
+
+/// Which worlds, and what becomes of the results.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct RunArgs {
+    /// The first seed.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Worlds mapped at a time; nothing that is printed depends on it but the seconds.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: u32,
+    /// Folder for one JSON line per world and a summary; made if need be.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub(crate) output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+}
+
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct WorldsArgs {
+    /// How many seeds; by default those that the floors are for: 50 loops, 200 look-alikes, 100 kidnappings.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) worlds: Option<u32>,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct LoopsArgs {
+    /// Length of each loop, metres.
+    #[arg(long, value_name = "M", default_value_t = 500.0, value_parser = parse_length)]
+    pub(crate) length: f64,
+    #[command(flatten)]
+    pub(crate) worlds: WorldsArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct NoiseArgs {
+    /// CARMEN log, plain, .gz or .bz2.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) log: PathBuf,
+    /// Surveyed relations (Kümmerle et al. 2009): t1 t2 x y z roll pitch yaw.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) relations: PathBuf,
+    /// Relative standard deviation of the noise.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = parse_share)]
+    pub(crate) amount: f64,
+    /// How many seeds.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) seeds: u32,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
+}
+
+pub(super) fn parse_length(text: &str) -> Result<f64, String> {
+    super::within(text, 50.0..=2000.0, "a length from 50 to 2000 m")
+}

@@ -1,0 +1,91 @@
+//! `mapwright explain`
+
+use crate::args::ExplainArgs;
+use crate::closures::{CandidateRecord, ClosureFile, VerdictName};
+use crate::failure::{Failure, Outcome};
+use crate::terminal::{count, say};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+pub(super) fn run(args: &ExplainArgs) -> Result<Outcome, Failure> {
+    let file = ClosureFile::read(&args.results)?;
+    let shown: Vec<_> = file.candidates.iter().filter(|candidate| is_wanted(args, candidate)).collect();
+    say(&(summary(&file, shown.len()) + &groups(&shown)))?;
+    Ok(Outcome::Done)
+}
+
+fn is_wanted(args: &ExplainArgs, candidate: &CandidateRecord) -> bool {
+    let refused = matches!(candidate.verdict, VerdictName::Refused | VerdictName::TakenBack);
+    let verdict = match (args.accepted, args.refused) {
+        (true, _) => candidate.verdict == VerdictName::Accepted,
+        (false, true) => refused,
+        (false, false) => true,
+    };
+    verdict && args.keyframe.is_none_or(|keyframe| [candidate.from, candidate.to].contains(&keyframe))
+}
+
+fn summary(file: &ClosureFile, shown: usize) -> String {
+    let mut verdicts: BTreeMap<VerdictName, u64> = BTreeMap::new();
+    file.candidates.iter().for_each(|candidate| *verdicts.entry(candidate.verdict).or_default() += 1);
+    let counted: Vec<_> = verdicts.iter().map(|(verdict, n)| format!("{n} {}", verdict.name())).collect();
+    let (all, keyframes) = (file.candidates.len(), count(file.keyframes as u64, "keyframe"));
+    let mut text = format!("{} among {keyframes}", count(all as u64, "candidate"));
+    if all > 0 {
+        let _ = write!(text, ": {}", counted.join(", "));
+    }
+    if shown < all {
+        let _ = write!(text, "; shown: {shown}");
+    }
+    text + "\n"
+}
+
+/// By verdict and reason, in the order of the run within each.
+fn groups(shown: &[&CandidateRecord]) -> String {
+    let mut groups: BTreeMap<(VerdictName, &str), Vec<&CandidateRecord>> = BTreeMap::new();
+    for candidate in shown {
+        groups.entry((candidate.verdict, candidate.reason.as_deref().unwrap_or(""))).or_default().push(candidate);
+    }
+    let mut text = String::new();
+    for ((verdict, reason), candidates) in groups {
+        let reason = if reason.is_empty() { String::new() } else { format!(", {reason}") };
+        let _ = writeln!(text, "\n{}{reason}: {}", verdict.name(), candidates.len());
+        candidates.iter().for_each(|candidate| text += &in_words(candidate));
+    }
+    text
+}
+
+/// Two lines: what and where, and the numbers.
+fn in_words(candidate: &CandidateRecord) -> String {
+    let at = |stamp_s: Option<f64>| stamp_s.map_or(String::new(), |stamp_s| format!(" ({stamp_s:.3} s)"));
+    let mut text = format!(
+        "  {}{} -> {}{}, found by {}",
+        candidate.from,
+        at(candidate.from_stamp_s),
+        candidate.to,
+        at(candidate.to_stamp_s),
+        candidate.detection
+    );
+    if let Some([x, y, theta]) = candidate.from_from_to {
+        let _ = write!(text, ", at {x:.3} m {y:.3} m {:.2} deg", theta.to_degrees());
+    }
+    if let Some([x, y, theta]) = candidate.sigmas.filter(|_| candidate.from_from_to.is_some()) {
+        let _ = write!(text, " +- {x:.3} m {y:.3} m {:.2} deg", theta.to_degrees());
+    }
+    format!("{text}\n      {}\n", evidence(candidate))
+}
+
+fn evidence(candidate: &CandidateRecord) -> String {
+    let evidence = &candidate.evidence;
+    let mut parts = vec![count(u64::from(evidence.points), "point")];
+    let numbers = [
+        ("score", evidence.score),
+        ("runner-up", evidence.ambiguity),
+        ("overlap", evidence.overlap),
+        ("inliers", evidence.inlier_share),
+        ("contradiction", evidence.contradiction),
+    ];
+    parts.extend(numbers.iter().filter_map(|(what, value)| value.map(|value| format!("{what} {value:.2}"))));
+    parts.extend(evidence.cycle_chi2.map(|chi2| format!("cycle chi-square {chi2:.1}")));
+    parts.push(format!("{} agreeing", evidence.agreeing));
+    parts.join(", ")
+}

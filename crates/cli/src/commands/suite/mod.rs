@@ -1,0 +1,109 @@
+//! `mapwright suite`: many simulated worlds mapped and measured against their truth.
+
+mod floors;
+mod kidnapped;
+mod look_alike;
+mod loops;
+mod noise;
+mod parallel;
+
+use crate::args::{RunArgs, Suite, SuiteArgs, WorldsArgs};
+use crate::events::{Ending, Interrupt};
+use crate::failure::{Failure, Outcome};
+use crate::output::OutputFolder;
+use crate::terminal::say;
+use floors::Floor;
+use mapwright::Settings;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::ops::Range;
+use std::time::Instant;
+
+/// What is measured in each of many worlds.
+trait Measure: Sync {
+    /// What is found in one world.
+    type World: Serialize + Send;
+    /// Its name, and those of its files.
+    const NAME: &'static str;
+    const FILES: [&'static str; 2];
+    /// Maps the world of a seed.
+    fn world(&self, seed: u64) -> Result<Self::World, Failure>;
+    /// One line for a world.
+    fn line(world: &Self::World) -> String;
+    /// The last lines over all worlds, the same for programs, and what must hold.
+    fn summary(&self, worlds: &[Self::World]) -> (String, Value, Vec<Floor>);
+}
+
+pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
+    match &args.suite {
+        Suite::Loops(args) => {
+            let settings = settings_of(&args.worlds.run)?;
+            measure(&loops::Loops { length_m: args.length, settings }, seeds_of(&args.worlds, 50), &args.worlds.run)
+        }
+        Suite::LookAlike(args) => {
+            measure(&look_alike::LookAlikes { settings: settings_of(&args.run)? }, seeds_of(args, 200), &args.run)
+        }
+        Suite::Kidnapped(args) => {
+            measure(&kidnapped::Kidnapped { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
+        }
+        Suite::Noise(args) => {
+            let noise = noise::Noise::read(args, settings_of(&args.run)?)?;
+            measure(&noise, seeds_from(args.run.seed, args.seeds), &args.run)
+        }
+    }
+}
+
+fn settings_of(args: &RunArgs) -> Result<Settings, Failure> {
+    crate::settings::load(&args.settings)
+}
+
+fn seeds_of(args: &WorldsArgs, by_default: u32) -> Range<u64> {
+    seeds_from(args.run.seed, args.worlds.unwrap_or(by_default))
+}
+
+fn seeds_from(first: u64, count: u32) -> Range<u64> {
+    first..first.saturating_add(u64::from(count))
+}
+
+/// A line for each world as soon as it and those before it are done, then what holds over all of them.
+fn measure<M: Measure>(measure: &M, seeds: Range<u64>, args: &RunArgs) -> Result<Outcome, Failure> {
+    let interrupt = Interrupt::watch()?;
+    let mut output = args.output.as_deref().map(OutputFolder::create).transpose()?;
+    let mut lines = output.as_mut().map(|output| output.begin(M::FILES[0])).transpose()?;
+    let (started, mut worlds) = (Instant::now(), Vec::new());
+    let ending = parallel::in_order(
+        seeds,
+        args.threads,
+        &interrupt,
+        |seed| measure.world(seed),
+        |world: M::World| {
+            if let Some(lines) = &mut lines {
+                let line = serde_json::to_string(&world).map_err(std::io::Error::from);
+                let written = line.and_then(|line| writeln!(lines, "{line}"));
+                written.map_err(|error| Failure::write(M::FILES[0], error))?;
+            }
+            say(&format!("{}\n", M::line(&world)))?;
+            worlds.push(world);
+            Ok(())
+        },
+    )?;
+    let (words, mut value, floors) = measure.summary(&worlds);
+    let seconds = started.elapsed().as_secs_f64();
+    let each_s = seconds * f64::from(args.threads) / worlds.len().max(1) as f64;
+    say(&format!("\n{}: {} worlds\n{words}{}", M::NAME, worlds.len(), floors::in_words(&floors)))?;
+    say(&format!("time     {seconds:.1} s, {each_s:.2} s a world and thread\n"))?;
+    let interrupted = ending == Ending::Interrupted;
+    if interrupted {
+        say("lost     interrupted; the worlds so far are complete\n")?;
+    }
+    if let Some(mut output) = output {
+        value["suite"] = json!(M::NAME);
+        value["worlds"] = json!(worlds.len());
+        value["floors"] = floors.iter().map(Floor::to_json).collect();
+        output.write_json(M::FILES[1], &value)?;
+        output.commit()?;
+    }
+    let held = floors.iter().all(|floor| floor.holds) && !interrupted;
+    Ok(if held { Outcome::Done } else { Outcome::WithLoss })
+}

@@ -1,0 +1,43 @@
+//! Maps of keyframes at any poses, and their pictures.
+
+use crate::failure::Failure;
+use crate::image::{map_image, without_outliers};
+use crate::output::OutputFolder;
+use mapwright::{CountGrid, Mapper, Pose2};
+use mapwright_formats::{GridImage, Picture, dominant_wall_angle, write_png};
+use mapwright_grid::Change;
+use mapwright_sensor::{BeamTable, SweepPoints};
+
+/// Counts of every keyframe at these poses, whatever the mapper itself makes of them.
+pub(crate) fn draw_keyframes(mapper: &Mapper, world_from_keyframe: &[Pose2]) -> CountGrid {
+    let settings = mapper.settings();
+    let mut map = CountGrid::new(settings.map.resolution_m);
+    let (mut points, mut table, mut touched) = (SweepPoints::default(), BeamTable::default(), Vec::new());
+    for (keyframe, &world_from_robot) in mapper.keyframes().iter().zip(world_from_keyframe) {
+        points.fill(&keyframe.sweep, &mut table, settings.scan.free_range_m);
+        points.fill_normals();
+        map.draw(&points, world_from_robot, Change::Add, &mut touched);
+        touched.clear();
+    }
+    map
+}
+
+/// The same map before and after, both turned so that the walls of the latter are upright.
+pub(crate) fn write_before_and_after(
+    output: &mut OutputFolder,
+    mapper: &Mapper,
+    [before, after]: [&[Pose2]; 2],
+    side_px: Option<u16>,
+) -> Result<(), Failure> {
+    let image = |poses| map_image(&draw_keyframes(mapper, poses), mapper.settings().map.passes_per_hit).image;
+    let (image_before, image_after): (GridImage, GridImage) = (image(before), image(after));
+    let level_rad = dominant_wall_angle(&image_after.wall_points_map(), image_after.resolution_m);
+    for (name, image, way) in [("before.png", image_before, before), ("after.png", image_after, after)] {
+        let mut picture = Picture { world_from_robot: way, level_rad, ..Picture::default() };
+        if let Some(side) = side_px.map(usize::from) {
+            (picture.min_side_px, picture.max_side_px) = (side / 2, side);
+        }
+        output.write(name, |writer| write_png(&without_outliers(&image, way), &picture, writer))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,220 @@
+//! A simulated drive that was mapped, with the truth beside it, and what the map joins.
+
+use crate::closures::taken_back;
+use crate::failure::Failure;
+use mapwright::{Edge, EdgeKind, Mapper, Pose2, Settings, Stamp, Update};
+use mapwright_eval::{Alignment, EvalError, PosePair, ate_of_pairs};
+use mapwright_sim::{Drive, Event};
+
+/// A match to a keyframe with more way than this between has closed a loop, metres.
+pub(crate) const CLOSING_FROM_M: f64 = 20.0;
+/// What is right lies within this of the truth, metres and degrees.
+pub(crate) const RIGHT_M: f64 = 0.3;
+pub(crate) const RIGHT_DEG: f64 = 3.0;
+
+/// A mapped drive.
+pub(crate) struct Simulated {
+    pub(crate) mapper: Mapper,
+    /// Every scan in arrival order.
+    scans: Vec<Taken>,
+}
+
+/// A scan without what was seen.
+#[derive(Debug, Clone, Copy)]
+struct Taken {
+    stamp: Stamp,
+    /// The truth.
+    world_from_robot: Pose2,
+    /// What the wheels say.
+    odom_from_robot: Option<Pose2>,
+    /// True length of the way up to here, metres.
+    along_m: f64,
+}
+
+/// How far a relative pose lies from the truth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PoseError {
+    pub(crate) metres: f64,
+    pub(crate) degrees: f64,
+}
+
+impl PoseError {
+    pub(crate) fn of(found: Pose2, truth: Pose2) -> Self {
+        let error = truth.between(found);
+        Self { metres: error.x.hypot(error.y), degrees: error.theta.abs().to_degrees() }
+    }
+
+    /// Both together; at the bounds of what is right each counts one.
+    pub(crate) fn size(self) -> f64 {
+        self.metres / RIGHT_M + self.degrees / RIGHT_DEG
+    }
+
+    pub(crate) fn is_right(self) -> bool {
+        self.metres <= RIGHT_M && self.degrees <= RIGHT_DEG
+    }
+}
+
+/// An edge that joins the map to itself: a closure, or a match to a keyframe [`CLOSING_FROM_M`] of way back.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Closing {
+    pub(crate) kind: EdgeKind,
+    pub(crate) from: usize,
+    pub(crate) to: usize,
+    /// What was measured, against the truth.
+    pub(crate) measured: PoseError,
+    /// Where the final map has the two keyframes, against the truth.
+    pub(crate) in_map: PoseError,
+}
+
+impl Closing {
+    /// Measured right, and right in the final map.
+    pub(crate) fn is_right(&self) -> bool {
+        self.measured.is_right() && self.in_map.is_right()
+    }
+}
+
+impl Simulated {
+    /// Maps a drive.
+    pub(crate) fn map(drive: Drive, settings: &Settings) -> Result<Self, Failure> {
+        Self::map_watched(drive, settings, |_, _, _| {})
+    }
+
+    /// Maps a drive; `watch` sees the mapper after every scan, its update and the robot's true pose.
+    pub(crate) fn map_watched(
+        drive: impl Iterator<Item = Event>,
+        settings: &Settings,
+        mut watch: impl FnMut(&Mapper, &Update, Pose2),
+    ) -> Result<Self, Failure> {
+        let mut mapper = Mapper::new(*settings)?;
+        let mut scans: Vec<Taken> = Vec::new();
+        for event in drive {
+            match event {
+                Event::Odometry(odometry) => mapper.add_odometry(&odometry),
+                Event::Scan(scan) => {
+                    let update = mapper.add_scan(&scan.scan);
+                    let truth = scan.world_from_robot;
+                    let step_m = |before: &Taken| before.along_m + before.world_from_robot.distance(truth);
+                    scans.push(Taken {
+                        stamp: scan.scan.stamp,
+                        world_from_robot: truth,
+                        odom_from_robot: scan.scan.odom_from_robot,
+                        along_m: scans.last().map_or(0.0, step_m),
+                    });
+                    watch(&mapper, &update, truth);
+                }
+            }
+        }
+        Ok(Self { mapper, scans })
+    }
+
+    /// True length of the way, metres.
+    pub(crate) fn length_m(&self) -> f64 {
+        self.scans.last().map_or(0.0, |scan| scan.along_m)
+    }
+
+    pub(crate) fn scan_count(&self) -> usize {
+        self.scans.len()
+    }
+
+    pub(crate) fn keyframe_count(&self) -> usize {
+        self.mapper.keyframes().len()
+    }
+
+    fn scan_of(&self, keyframe: usize) -> Taken {
+        self.scans[self.mapper.keyframes()[keyframe].scan as usize]
+    }
+
+    /// True pose of the robot at a keyframe.
+    pub(crate) fn truth(&self, keyframe: usize) -> Pose2 {
+        self.scan_of(keyframe).world_from_robot
+    }
+
+    /// True pose of the robot at the scan nearest to a stamp; there is one.
+    pub(crate) fn truth_at(&self, stamp: Stamp) -> Pose2 {
+        let nearest = self.scans.iter().min_by_key(|scan| scan.stamp.0.abs_diff(stamp.0));
+        nearest.map_or(Pose2::IDENTITY, |scan| scan.world_from_robot)
+    }
+
+    /// True length of the way up to a keyframe, metres.
+    pub(crate) fn along_m(&self, keyframe: usize) -> f64 {
+        self.scan_of(keyframe).along_m
+    }
+
+    pub(crate) fn stamp(&self, keyframe: usize) -> Stamp {
+        self.scan_of(keyframe).stamp
+    }
+
+    /// One keyframe seen from another, as the wheels say.
+    pub(crate) fn wheels_between(&self, from: usize, to: usize) -> Option<Pose2> {
+        let [from, to] = [from, to].map(|keyframe| self.scan_of(keyframe).odom_from_robot);
+        Some(from?.between(to?))
+    }
+
+    /// The truth that an edge between two keyframes should say.
+    pub(crate) fn true_between(&self, from: usize, to: usize) -> Pose2 {
+        self.truth(from).between(self.truth(to))
+    }
+
+    /// Where these poses have one keyframe seen from another, against the truth.
+    pub(crate) fn error_between(&self, world_from_keyframe: &[Pose2], from: usize, to: usize) -> PoseError {
+        PoseError::of(world_from_keyframe[from].between(world_from_keyframe[to]), self.true_between(from, to))
+    }
+
+    /// The keyframe nearest to a stamp in time; none where there is no keyframe.
+    pub(crate) fn keyframe_at(&self, stamp: Stamp) -> Option<usize> {
+        let keyframes = self.mapper.keyframes();
+        let after = keyframes.partition_point(|keyframe| keyframe.stamp < stamp);
+        let near = after.saturating_sub(1)..(after + 1).min(keyframes.len());
+        near.min_by_key(|&k| keyframes[k].stamp.0.abs_diff(stamp.0))
+    }
+
+    /// Length of the way between two keyframes, metres.
+    pub(crate) fn apart_m(&self, edge: &Edge) -> f64 {
+        (self.along_m(edge.to.seq as usize) - self.along_m(edge.from.seq as usize)).abs()
+    }
+
+    /// Whether an edge joins the map to itself, be it right or wrong, believed or not.
+    pub(crate) fn closes(&self, edge: &Edge) -> bool {
+        match edge.kind {
+            EdgeKind::Odometry => false,
+            EdgeKind::Match => self.apart_m(edge) > CLOSING_FROM_M,
+            EdgeKind::Closure => true,
+        }
+    }
+
+    /// Every edge that closes, but those that were taken back.
+    pub(crate) fn closings(&self) -> Vec<Closing> {
+        let gone = taken_back(self.mapper.candidates());
+        let stands = |edge: &&Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
+        let standing = self.mapper.edges().iter().filter(|edge| self.closes(edge)).filter(stands);
+        let closing = |edge: &Edge| {
+            let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
+            let measured = PoseError::of(edge.from_from_to, self.true_between(from, to));
+            let in_map = self.error_between(self.mapper.keyframe_poses(), from, to);
+            Closing { kind: edge.kind, from: from.min(to), to: from.max(to), measured, in_map }
+        };
+        standing.map(closing).collect()
+    }
+
+    /// ATE of the keyframes at these poses, aligned, rmse in metres.
+    pub(crate) fn keyframe_ate_m(&self, world_from_keyframe: &[Pose2]) -> Result<f64, EvalError> {
+        let pair = |(k, &map_from_robot): (usize, &Pose2)| PosePair {
+            stamp: self.stamp(k),
+            world_from_robot: self.truth(k),
+            map_from_robot,
+        };
+        let pairs: Vec<_> = world_from_keyframe.iter().enumerate().map(pair).collect();
+        Ok(ate_of_pairs(&pairs, Alignment::Rigid)?.translation_m.rmse)
+    }
+
+    /// ATE of the whole final trajectory, every scan, aligned, rmse in metres.
+    pub(crate) fn trajectory_ate_m(&self) -> Result<f64, EvalError> {
+        let pair = |(pose, scan): (mapwright::TrajectoryPose, &Taken)| PosePair {
+            stamp: scan.stamp,
+            world_from_robot: scan.world_from_robot,
+            map_from_robot: pose.map_from_robot,
+        };
+        let pairs: Vec<_> = self.mapper.trajectory().zip(&self.scans).map(pair).collect();
+        Ok(ate_of_pairs(&pairs, Alignment::Rigid)?.translation_m.rmse)
+    }
+}

@@ -1,0 +1,48 @@
+//! `mapwright demo --show`: what rights a loop, in errors and pictures.
+
+use crate::support::{assert_code, assert_refused, folder, run, text};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+fn errors(folder: &Path, what: &str) -> Value {
+    let out = folder.join(what);
+    let show = ["demo", "--show", what, "--length", "70", "-o", out.to_str().unwrap(), "--json"];
+    let output = run(&show);
+    assert_code(&output, 0);
+    for name in ["before.png", "after.png"] {
+        assert!(fs::read(out.join(name)).unwrap().starts_with(b"\x89PNG"), "{what}: {name}");
+    }
+    assert_ne!(fs::read(out.join("before.png")).unwrap(), fs::read(out.join("after.png")).unwrap());
+    let value: Value = serde_json::from_slice(&output.stdout).unwrap();
+    value["errors"].clone()
+}
+
+#[test]
+fn each_lesson_is_shown_with_its_errors() {
+    let folder = folder("show");
+    let ate_m = |errors: &Value, what: &str| errors["ate_m"][what].as_f64().unwrap();
+    let open = errors(&folder, "no-closure");
+    assert!(ate_m(&open, "optimised") < 0.7 * ate_m(&open, "open"), "{open}");
+    let spread = errors(&folder, "spread");
+    assert!(ate_m(&spread, "spread") < 0.4 * ate_m(&spread, "wheels"), "{spread}");
+    assert!(spread["gap"]["translation_m"].as_f64().unwrap() > 3.0, "{spread}");
+    let false_closure = errors(&folder, "false-closure");
+    assert_eq!(false_closure["false_closure_outvoted"], true);
+    assert!(ate_m(&false_closure, "obeyed") > 2.0 * ate_m(&false_closure, "outvoted"), "{false_closure}");
+    assert!(ate_m(&false_closure, "outvoted") < 1.5 * ate_m(&false_closure, "without"), "{false_closure}");
+}
+
+#[test]
+fn what_is_shown_is_said_in_words() {
+    let out = folder("show_words").join("out");
+    let output = run(&["demo", "--show", "spread", "--length", "60", "--seed", "2", "-o", out.to_str().unwrap()]);
+    assert_code(&output, 0);
+    let said = text(&output.stdout);
+    ["loop of 60 m, seed 2", "before   wheels alone", "after    the error spread", "before.png after.png"]
+        .iter()
+        .for_each(|what| assert!(said.contains(what), "expected {what:?}, found {said}"));
+    assert_refused(&run(&["demo", "--show", "nothing"]), 2, &["nothing", "false-closure"]);
+    assert_refused(&run(&["demo", "--show", "spread", "--length", "5"]), 2, &["50 to 2000 m"]);
+    assert_refused(&run(&["demo", "--length", "100"]), 2, &["--show"]);
+}

@@ -1,0 +1,112 @@
+//! `mapwright suite`: what is measured, in small.
+
+use crate::support::{assert_code, assert_refused, folder, json, run, small_log_in, text};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+/// The worlds that a suite left behind.
+fn worlds(path: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// What was said, without the seconds.
+fn said(output: &Output) -> String {
+    text(&output.stdout).lines().filter(|line| !line.starts_with("time ")).map(|line| format!("{line}\n")).collect()
+}
+
+#[test]
+fn loops_are_compared_with_the_batch_solve_whatever_the_threads() {
+    let folder = folder("suite_loops");
+    let map = |name: &str, threads: &str| {
+        let out = folder.join(name);
+        let out = out.to_str().unwrap();
+        run(&["suite", "loops", "--length", "60", "--worlds", "3", "--seed", "4", "--threads", threads, "-o", out])
+    };
+    let (one, two) = (map("one", "1"), map("two", "2"));
+    assert_code(&one, 0);
+    assert_eq!(said(&one), said(&two));
+    for file in ["loops.jsonl", "loops.json"] {
+        let read = |run: &str| fs::read(folder.join(run).join(file)).unwrap();
+        assert!(read("one") == read("two"), "{file} differs");
+    }
+    let worlds = worlds(&folder.join("one/loops.jsonl"));
+    assert_eq!(worlds.iter().map(|world| world["seed"].as_u64().unwrap()).collect::<Vec<_>>(), [4, 5, 6]);
+    for world in &worlds {
+        let number = |key: &str| world[key].as_f64().unwrap();
+        // Loops this short come back into the live map by themselves.
+        assert!(world["closed"] == true && world["wrong"] == 0, "{world}");
+        assert!(number("true_closures") > 20.0 && number("batch_ate_m") < 0.1, "{world}");
+        assert!((number("ratio") - number("ate_m") / number("batch_ate_m")).abs() < 1e-9, "{world}");
+    }
+    let summary = json(&folder.join("one/loops.json"));
+    assert!(summary["closed"] == 3 && summary["floors"][0]["holds"] == true, "{summary}");
+}
+
+/// With nothing seen beyond 1.2 m and no wheels there is no map to speak of.
+#[test]
+fn a_missed_floor_ends_with_three() {
+    let blind = ["--set", "scan.max_range_m=1.2", "--set", "motion.use_odometry=false"];
+    let output = run(&[["suite", "loops", "--length", "120", "--worlds", "1"].as_slice(), &blind].concat());
+    assert_code(&output, 3);
+    let said = said(&output);
+    assert!(said.contains("ratio at most 1.3 in every world: 0.0 % (0 of 1), MISSED"), "{said}");
+}
+
+#[test]
+fn look_alikes_count_wrong_edges_and_true_returns() {
+    let out = folder("suite_look_alike");
+    let output = run(&["suite", "look-alike", "--seed", "4", "--worlds", "2", "-o", out.to_str().unwrap()]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let worlds = worlds(&out.join("look-alike.jsonl"));
+    assert_eq!([&worlds[0], &worlds[1]].map(|world| world["inside"].as_bool().unwrap()), [true, false]);
+    for world in &worlds {
+        let number = |key: &str| world[key].as_u64().unwrap();
+        assert!(number("closed") <= number("times") && number("times") > 10, "{world}");
+        assert!(number("pairs_right") <= number("pairs") && number("pairs") >= number("times"), "{world}");
+        assert!(number("wrong") <= number("wrong_measured") + number("wrong_in_map"), "{world}");
+    }
+    let groups = json(&out.join("look-alike.json"))["groups"].clone();
+    assert!(groups["all"]["worlds"] == 2 && groups["repeated rooms"]["worlds"] == 2, "{groups}");
+    assert!(said(&output).contains("alias inside two sigma"));
+}
+
+#[test]
+fn a_kidnapping_is_witnessed() {
+    let out = folder("suite_kidnapped");
+    let output = run(&["suite", "kidnapped", "--seed", "1", "--worlds", "1", "-o", out.to_str().unwrap()]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let world = &worlds(&out.join("kidnapped.jsonl"))[0];
+    assert!(world["known_ground"] == false && world["home_s"].as_f64().unwrap() > 5.0, "{world}");
+    assert!(world["misplaced"].as_u64().unwrap() <= world["written"].as_u64().unwrap(), "{world}");
+    let floors = json(&out.join("kidnapped.json"))["floors"].as_array().unwrap().len();
+    assert_eq!(floors, 4);
+}
+
+#[test]
+fn a_log_is_scored_under_noise() {
+    let folder = folder("suite_noise");
+    let log = small_log_in(&folder);
+    let relations = folder.join("some.relations");
+    fs::write(&relations, "0.0 0.1 0 0 0 0 0 0\n0.0 39.0 0 0 0 0 0 0\n").unwrap();
+    let noise = |more: &[&str]| {
+        let all = ["suite", "noise", "--log", &log, "--relations", relations.to_str().unwrap(), "--seeds", "2"];
+        run(&[&all, more].concat())
+    };
+    let output = noise(&["--amount", "0.1", "--threads", "2"]);
+    assert_code(&output, 0);
+    assert!(said(&output).contains("over 2 relations") && said(&output).contains("worst"), "{}", said(&output));
+    assert_refused(&noise(&["--amount", "7"]), 2, &["share from 0 to 1"]);
+    fs::write(&relations, "900.0 901.0 0 0 0 0 0 0\n").unwrap();
+    assert_refused(&noise(&[]), 1, &["seed 0", "no relation has its stamps"]);
+}
+
+#[test]
+fn wrong_usage_is_told_before_anything_is_mapped() {
+    assert_refused(&run(&["suite"]), 2, &["loops", "look-alike", "kidnapped", "noise"]);
+    assert_refused(&run(&["suite", "loops", "--worlds", "0"]), 2, &["--worlds"]);
+    assert_refused(&run(&["suite", "loops", "--length", "7"]), 2, &["50 to 2000 m"]);
+    assert_refused(&run(&["suite", "kidnapped", "--set", "map.colour=1"]), 2, &["map.colour"]);
+}
