@@ -1,1 +1,5 @@
 //! Recognising places seen before, and refusing what only looks like them.
+
+pub mod places;
+
+pub use places::{PlaceHit, PlaceIndex};
