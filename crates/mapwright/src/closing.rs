@@ -3,12 +3,14 @@
 use crate::jobs::{Solving, Target, Verification};
 use crate::patches::Known;
 use crate::settings::Settings;
-use mapwright_geom::{Cov3, Pose2};
+use mapwright_geom::{Cov3, Pose2, wrap_angle};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
 use mapwright_grid::MatcherSettings;
-use mapwright_loops::{Finding, SubmapSettings, VerifySettings, View};
+use mapwright_loops::{Finding, PlaceIndex, SubmapSettings, VerifySettings, View};
 use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Keyframe, KeyframeId, Objection, Verdict};
+use mapwright_sensor::{BeamTable, SweepPoints};
 use nalgebra::Matrix3;
+use std::f64::consts::PI;
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;
@@ -28,6 +30,23 @@ const WINDOW_RAD: f64 = 0.06;
 const WIDEST_M: f64 = 8.0;
 /// Places looked for at a time.
 const TARGETS: usize = 2;
+/// What was passed so recently is no old place, metres of way.
+const LEFT_M: f64 = 20.0;
+/// Where the pose is of no use, places are asked for after so much travel, metres,
+const ASK_EVERY_M: f64 = 3.0;
+/// so many,
+const ALIKE: usize = 5;
+/// within this of where they were seen from, metres and radians to either side.
+const ALIKE_M: f64 = 3.0;
+const ALIKE_RAD: f64 = 0.3;
+/// A place is described after so much way, by so much of it, metres.
+const DESCRIBE_EVERY_M: f64 = 0.5;
+const DESCRIBED_M: f64 = 7.0;
+/// Points farther off are not compared, cells.
+const REACH_CELLS: f64 = 300.0;
+/// A lost robot compares what it has seen on so much way, metres, and needs two findings so far apart.
+const LOST_SUBMAP_M: f64 = 5.0;
+const LOST_APART_M: f64 = 0.75;
 /// 99.9 % quantile of chi-square with three degrees of freedom.
 const IMPROBABLE_CHI2: f64 = 16.3;
 /// Within such an uncertainty nothing else can be meant, metres.
@@ -57,6 +76,11 @@ pub(crate) struct Closing {
     /// Length of way up to each keyframe.
     path_m: Vec<f64>,
     checked_m: f64,
+    asked_m: f64,
+    places: PlaceIndex,
+    /// Keyframes that were described, or are too near to one that was.
+    described: u32,
+    described_m: f64,
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
@@ -78,6 +102,10 @@ impl Closing {
             waiting: Vec::new(),
             path_m: Vec::new(),
             checked_m: 0.0,
+            asked_m: 0.0,
+            places: PlaceIndex::default(),
+            described: 0,
+            described_m: 0.0,
             strained: 0,
             urgent: false,
         }
@@ -115,26 +143,47 @@ impl Closing {
     ) -> Option<Verification> {
         let to = past.keyframes.len().checked_sub(1)? as u32;
         self.checked_m = self.path_m[to as usize];
+        let mut targets = if settings.loops.by_pose { self.near(past, to, known) } else { Vec::new() };
+        let beyond = known.iter().any(|place| {
+            !place.live && WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt() > WIDEST_M
+        });
+        let due = self.checked_m - self.asked_m >= ASK_EVERY_M && (beyond || !settings.loops.by_pose);
+        let query = self.views(past, to, false, SUBMAP_M);
+        if settings.loops.by_place && targets.is_empty() && due {
+            self.asked_m = self.checked_m;
+            let hits = end_points(&query);
+            self.remember_places(past);
+            targets = self.alike(past, to, known, &hits);
+        }
+        if targets.is_empty() {
+            return None;
+        }
+        let targets =
+            targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect();
+        Some(Verification { to, query, targets, submaps: submaps(settings), verify: VerifySettings::default(), matcher })
+    }
+
+    /// Places within the uncertainty of the pose, nearest first.
+    fn near(&self, past: Past<'_>, to: u32, known: &[Known]) -> Vec<Target> {
         let here = past.local_from_keyframe[to as usize];
         let mut near: Vec<(f64, Target)> = Vec::new();
-        for place in known.iter().filter(|place| !place.live) {
+        for place in known.iter().filter(|place| !place.live && self.way_m(to, place.first) >= LEFT_M) {
             let there = past.local_from_keyframe[place.first as usize];
-            let sigma_m = place.uncertainty.displacement_m2.sqrt();
-            let sigma_rad = place.uncertainty.rotation_rad2.sqrt();
+            let (sigma_m, sigma_rad) =
+                (place.uncertainty.displacement_m2.sqrt(), place.uncertainty.rotation_rad2.sqrt());
             let away_m = there.distance(here);
-            if self.way_m(to, place.first) < 20.0 || away_m > NEAR_M + WINDOW_SIGMAS * sigma_m {
-                continue;
+            if away_m <= NEAR_M + WINDOW_SIGMAS * sigma_m {
+                let target = Target {
+                    from: place.first,
+                    detection: Detection::Pose,
+                    middle: there.between(here),
+                    sigma_m,
+                    sigma_rad,
+                    half_width_m: (WINDOW_M + WINDOW_SIGMAS * sigma_m).min(WIDEST_M),
+                    half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
+                };
+                near.push((away_m, target));
             }
-            let target = Target {
-                from: place.first,
-                detection: Detection::Pose,
-                from_from_to: there.between(here),
-                sigma_m,
-                sigma_rad,
-                half_width_m: (WINDOW_M + WINDOW_SIGMAS * sigma_m).min(WIDEST_M),
-                half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
-            };
-            near.push((away_m, target));
         }
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.from.cmp(&b.1.from)));
         let mut targets: Vec<Target> = Vec::new();
@@ -144,60 +193,118 @@ impl Closing {
                 targets.push(target);
             }
         }
-        if targets.is_empty() {
+        targets
+    }
+
+    /// Places that look like this one, where the uncertainty of the pose allows for them.
+    fn alike(&mut self, past: Past<'_>, to: u32, known: &[Known], hits: &[[f64; 2]]) -> Vec<Target> {
+        let path_m = &self.path_m;
+        let left = |node: u32| (path_m[to as usize] - path_m[node as usize]).abs() >= LEFT_M;
+        let found = self.places.query(hits, ALIKE, left);
+        let mut targets = Vec::new();
+        for hit in found {
+            // The patch that began last before the place tells how certain it is.
+            let patch = known.iter().filter(|patch| patch.first <= hit.node).max_by_key(|patch| patch.first);
+            let Some(patch) = patch.filter(|patch| !patch.live) else { continue };
+            let (sigma_m, sigma_rad) =
+                (patch.uncertainty.displacement_m2.sqrt(), patch.uncertainty.rotation_rad2.sqrt());
+            let [there, here] = [hit.node, to].map(|node| past.local_from_keyframe[node as usize]);
+            if there.distance(here) <= NEAR_M + 2.0 * WINDOW_SIGMAS * sigma_m {
+                targets.extend(around(hit.node, hit.heading_rad, sigma_m, sigma_rad));
+            }
+        }
+        targets
+    }
+
+    /// Describes the places since the last time, each by what was seen on the last metres of the way.
+    fn remember_places(&mut self, past: Past<'_>) {
+        for node in self.described..past.keyframes.len() as u32 {
+            let way_m = self.path_m[node as usize];
+            if self.places.is_empty() || way_m - self.described_m >= DESCRIBE_EVERY_M {
+                self.described_m = way_m;
+                let hits = end_points(&self.views(past, node, false, DESCRIBED_M));
+                self.places.add(node, &hits);
+            }
+        }
+        self.described = past.keyframes.len() as u32;
+    }
+
+    /// Looks for what a lost robot has seen in all that is known; the place, once two findings agree on it.
+    pub(crate) fn relocate(
+        &mut self,
+        settings: &Settings,
+        past: Past<'_>,
+        sought: Past<'_>,
+        expected: Pose2,
+        findings: &mut Vec<Found>,
+        matcher: MatcherSettings,
+    ) -> Option<Found> {
+        let to = sought.keyframes.len().checked_sub(1)? as u32;
+        let newest = past.keyframes.len().checked_sub(1)? as u32;
+        let query = views(sought, to, false, LOST_SUBMAP_M, |node| {
+            sought.local_from_keyframe[node - 1].distance(sought.local_from_keyframe[node])
+        });
+        let mut targets = Vec::new();
+        if settings.loops.by_pose {
+            let (half_width_m, half_width_rad) = (1.0, 0.5);
+            let (detection, sigma_m, sigma_rad) = (Detection::Pose, 1e3, 1e3);
+            let middle = expected;
+            targets.push(Target { from: newest, detection, middle, sigma_m, sigma_rad, half_width_m, half_width_rad });
+        }
+        if settings.loops.by_place {
+            self.remember_places(past);
+            for hit in self.places.query(&end_points(&query), ALIKE, |_| true) {
+                targets.extend(around(hit.node, hit.heading_rad, 1e3, 1e3));
+            }
+        }
+        let targets: Vec<_> =
+            targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect();
+        let submaps = submaps(settings);
+        let work = Verification { to, query, targets, submaps, verify: VerifySettings::default(), matcher };
+        let mut found: Vec<(usize, Found)> = Vec::new();
+        for (target, finding) in work.run_all() {
+            let mut candidate = candidate(&target, newest, &finding);
+            candidate.verdict = match finding.objection {
+                Some(why) => Verdict::Waiting(why),
+                None => Verdict::Waiting(Objection::Alone),
+            };
+            if let (Some(from_from_to), None) = (finding.target_from_query, finding.objection) {
+                let covariance = finding.covariance;
+                found.push((self.candidates.len(), Found { from: target.from, to, from_from_to, covariance }));
+            }
+            self.candidates.push(candidate);
+        }
+        let local = |found: &Found| past.local_from_keyframe[found.from as usize] * found.from_from_to;
+        let same = |a: Pose2, b: Pose2| a.distance(b) <= AGREE_M && a.between(b).theta.abs() <= AGREE_RAD;
+        let &(at, first) = found.first()?;
+        if !found.iter().all(|(_, other)| same(local(&first), local(other))) {
             return None;
         }
-        let submaps = SubmapSettings {
-            resolution_m: settings.map.resolution_m,
-            passes_per_hit: settings.map.passes_per_hit,
-            free_range_m: settings.scan.free_range_m,
-            reach_m: 15.0,
-            thin_cells: 2,
+        let here = sought.local_from_keyframe[to as usize];
+        let agrees = |other: &&Found| {
+            let there = sought.local_from_keyframe[other.to as usize];
+            there.distance(here) >= LOST_APART_M && same(local(other) * there.between(here), local(&first))
         };
-        let targets = targets.into_iter().map(|target| (target, self.views(past, target.from, true))).collect();
-        let query = self.views(past, to, false);
-        Some(Verification { to, query, targets, submaps, verify: VerifySettings::default(), matcher })
+        let agreeing = findings.iter().filter(agrees).count() as u32;
+        findings.push(first);
+        if agreeing == 0 {
+            return None;
+        }
+        let candidate = &mut self.candidates[at];
+        (candidate.verdict, candidate.evidence.agreeing) = (Verdict::Accepted, agreeing);
+        candidate.to = id(newest + 1);
+        Some(first)
     }
 
     /// Keyframes along the way around `at`, before it and, if so wished, after it.
-    fn views(&self, past: Past<'_>, at: u32, both_sides: bool) -> Vec<View> {
-        let submap_from_local = past.local_from_keyframe[at as usize].inverse();
-        let mut views = Vec::new();
-        let before: Vec<usize> = (0..=at as usize).rev().collect();
-        let after: Vec<usize> = if both_sides { (at as usize..past.keyframes.len()).collect() } else { Vec::new() };
-        for side in [before, after] {
-            let mut last: Option<Pose2> = None;
-            for node in side.into_iter().take_while(|&node| self.way_m(node as u32, at) <= SUBMAP_M).take(400) {
-                let pose = past.local_from_keyframe[node];
-                let far =
-                    last.is_none_or(|last| last.distance(pose) >= VIEW_M || last.between(pose).theta.abs() >= VIEW_RAD);
-                if far && (views.is_empty() || node != at as usize) {
-                    let sweep = past.keyframes[node].sweep.clone();
-                    views.push(View { sweep, submap_from_keyframe: submap_from_local * pose });
-                }
-                if far {
-                    last = Some(pose);
-                }
-                if views.len() >= 2 * VIEWS_AT_MOST {
-                    break;
-                }
-            }
-        }
-        views
+    fn views(&self, past: Past<'_>, at: u32, both_sides: bool, reach_m: f64) -> Vec<View> {
+        views(past, at, both_sides, reach_m, |node| self.path_m[node] - self.path_m[node - 1])
     }
 
     /// Judges a finding; the closures that it makes, as edges.
     pub(crate) fn judge(&mut self, past: Past<'_>, to: u32, target: &Target, finding: &Finding) -> Vec<Edge> {
-        let mut candidate = Candidate {
-            from: id(target.from),
-            to: id(to),
-            detection: target.detection,
-            evidence: finding.evidence,
-            verdict: Verdict::Accepted,
-            from_from_to: finding.target_from_query,
-            covariance: finding.covariance,
-        };
-        let found = finding.target_from_query.unwrap_or(target.from_from_to);
+        let mut candidate = candidate(target, to, finding);
+        let found = finding.target_from_query.unwrap_or(target.middle);
         let expected = past.local_from_keyframe[target.from as usize].between(past.local_from_keyframe[to as usize]);
         let error = expected.between(found);
         let variance_m2 = target.sigma_m * target.sigma_m + finding.covariance[(0, 0)].max(finding.covariance[(1, 1)]);
@@ -292,6 +399,94 @@ impl Closing {
     pub(crate) fn covariance_of(&self, edge: &Edge) -> Cov3 {
         edge.information.try_inverse().unwrap_or_else(|| Cov3::identity() * 100.0)
     }
+}
+
+/// A place that a lost robot has found itself at.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Found {
+    /// The old keyframe.
+    pub(crate) from: u32,
+    /// The keyframe that was made aside.
+    pub(crate) to: u32,
+    pub(crate) from_from_to: Pose2,
+    pub(crate) covariance: Cov3,
+}
+
+fn candidate(target: &Target, to: u32, finding: &Finding) -> Candidate {
+    Candidate {
+        from: id(target.from),
+        to: id(to),
+        detection: target.detection,
+        evidence: finding.evidence,
+        verdict: Verdict::Accepted,
+        from_from_to: finding.target_from_query,
+        covariance: finding.covariance,
+    }
+}
+
+/// Both ways around in which a place may look alike.
+fn around(from: u32, heading_rad: Option<f64>, sigma_m: f64, sigma_rad: f64) -> impl Iterator<Item = Target> {
+    let turns = if heading_rad.is_some() { 2 } else { 1 };
+    let half_width_rad = if heading_rad.is_some() { ALIKE_RAD } else { PI };
+    (0..turns).map(move |half| Target {
+        from,
+        detection: Detection::Place,
+        middle: Pose2::new(0.0, 0.0, wrap_angle(heading_rad.unwrap_or(0.0) + f64::from(half) * PI)),
+        sigma_m,
+        sigma_rad,
+        half_width_m: ALIKE_M,
+        half_width_rad,
+    })
+}
+
+fn submaps(settings: &Settings) -> SubmapSettings {
+    SubmapSettings {
+        resolution_m: settings.map.resolution_m,
+        passes_per_hit: settings.map.passes_per_hit,
+        free_range_m: settings.scan.free_range_m,
+        reach_m: REACH_CELLS * settings.map.resolution_m,
+        thin_cells: 2,
+    }
+}
+
+/// End points of views, in their submap's frame.
+fn end_points(views: &[View]) -> Vec<[f64; 2]> {
+    let (mut points, mut table, mut ends) = (SweepPoints::default(), BeamTable::default(), Vec::new());
+    for view in views {
+        points.fill(&view.sweep, &mut table, 0.0);
+        ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
+    }
+    ends
+}
+
+/// Keyframes along the way around `at`, before it and, if so wished, after it; `step_m` is the way to a keyframe from the
+/// one before.
+fn views(past: Past<'_>, at: u32, both_sides: bool, reach_m: f64, step_m: impl Fn(usize) -> f64) -> Vec<View> {
+    let at = at as usize;
+    let submap_from_local = past.local_from_keyframe[at].inverse();
+    let mut views = Vec::new();
+    let mut side = |nodes: &mut dyn Iterator<Item = (usize, f64)>| {
+        let (mut way_m, mut last, mut taken) = (0.0, None::<Pose2>, 0);
+        for (node, step_m) in nodes {
+            way_m += step_m;
+            if way_m > reach_m || taken >= VIEWS_AT_MOST {
+                break;
+            }
+            let pose = past.local_from_keyframe[node];
+            let far = |last: Pose2| last.distance(pose) >= VIEW_M || last.between(pose).theta.abs() >= VIEW_RAD;
+            if last.is_none_or(far) {
+                (last, taken) = (Some(pose), taken + 1);
+                let sweep = past.keyframes[node].sweep.clone();
+                views.push(View { sweep, submap_from_keyframe: submap_from_local * pose });
+            }
+        }
+    };
+    let steps_of = |node: usize, from: usize| if node == from { 0.0 } else { step_m(node.max(from)) };
+    side(&mut (0..=at).rev().map(|node| (node, if node == at { 0.0 } else { steps_of(node, node + 1) })));
+    if both_sides {
+        side(&mut (at + 1..past.keyframes.len()).map(|node| (node, step_m(node))));
+    }
+    views
 }
 
 fn id(node: u32) -> KeyframeId {

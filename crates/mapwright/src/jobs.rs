@@ -52,12 +52,13 @@ pub(crate) struct Verification {
     pub(crate) matcher: MatcherSettings,
 }
 
-/// An old place and where the robot is expected to be, seen from there.
+/// An old place and where the robot may be, seen from there.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Target {
     pub(crate) from: u32,
     pub(crate) detection: Detection,
-    pub(crate) from_from_to: Pose2,
+    /// The middle of the window.
+    pub(crate) middle: Pose2,
     /// Standard deviations of that, metres and radians.
     pub(crate) sigma_m: f64,
     pub(crate) sigma_rad: f64,
@@ -67,18 +68,23 @@ pub(crate) struct Target {
 
 impl Verification {
     fn run(self) -> Outcome {
+        Outcome::Verified { to: self.to, findings: self.run_all() }
+    }
+
+    /// Every target with what was found there.
+    pub(crate) fn run_all(&self) -> Vec<(Target, Finding)> {
         let mut verifier = Verifier::new(self.verify, Matcher { settings: self.matcher });
         let query = Submap::new(&self.query, &self.submaps);
         let look = |(target, views): &(Target, Vec<View>)| {
             let submap = Submap::new(views, &self.submaps);
             let window = SearchWindow {
-                world_from_robot: target.from_from_to,
+                world_from_robot: target.middle,
                 half_width_m: target.half_width_m,
                 half_width_rad: target.half_width_rad,
             };
             (*target, verifier.look_for(&query, &submap, &window))
         };
-        Outcome::Verified { to: self.to, findings: self.targets.iter().map(look).collect() }
+        self.targets.iter().map(look).collect()
     }
 }
 

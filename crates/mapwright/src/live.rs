@@ -16,6 +16,8 @@ const HYSTERESIS: f64 = 2.5;
 
 /// Keyframes drawn anew a scan after a correction.
 const MOVES_A_SCAN: usize = 16;
+/// Rounds of following that bring the surroundings of a robot into the live map that was found elsewhere.
+const ARRIVAL_STEPS: usize = 400;
 /// Half a keyframe more is drawn a scan for so many that are due,
 const BACKLOG: usize = 256;
 /// and so many halves at most.
@@ -68,14 +70,6 @@ struct View {
     gone: bool,
 }
 
-/// What of a keyframe is not in the live map.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Missing {
-    Nothing,
-    Half { first: bool },
-    All,
-}
-
 /// The keyframes as the live map needs them.
 #[derive(Clone, Copy)]
 pub(crate) struct Frames<'a> {
@@ -110,14 +104,6 @@ impl Live {
 
     pub(crate) fn report(&self) -> LiveReport {
         self.report
-    }
-
-    pub(crate) fn missing(&self, node: u32) -> Missing {
-        match self.half_done {
-            Some((half, change)) if half == node => Missing::Half { first: change == Change::Remove },
-            _ if self.views[node as usize].drawn_at.is_some() => Missing::Nothing,
-            _ => Missing::All,
-        }
     }
 
     /// Draws a keyframe's beams into the map or takes them out again; all, or the first or second half.
@@ -255,6 +241,13 @@ impl Live {
     /// Old places that are not in the live map.
     pub(crate) fn survey(&mut self) -> Vec<Known> {
         if self.gated { self.patches.survey() } else { Vec::new() }
+    }
+
+    /// The robot was found elsewhere: the live map follows at once.
+    pub(crate) fn arrive(&mut self, settings: &Settings, frames: Frames<'_>) {
+        for _ in 0..ARRIVAL_STEPS {
+            self.follow(settings, frames, false);
+        }
     }
 
     fn draw_half(&mut self, settings: &Settings, frames: Frames<'_>) {

@@ -1,10 +1,10 @@
 //! The pipeline: scan in, update out.
 
-use crate::closing::{Closing, Past};
-use crate::jobs::{Job, JobResult, Outcome, Solved, Task};
-use crate::live::{Frames, Live, LiveReport, Missing};
+use crate::closing::Closing;
+use crate::jobs::Job;
+use crate::live::{Frames, Live, LiveReport};
+use relocation::{Broken, Lost};
 use crate::motion::{Predictor, Step};
-use crate::patches::Known;
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Optimizer, Settings, SettingsError};
 use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
@@ -17,6 +17,9 @@ use mapwright_sensor::{BEAM_DROPPED, BeamCounts, BeamTable, LaserScan, Odometry,
 use nalgebra::{Matrix3, Vector3};
 use rustc_hash::FxHashSet;
 use std::collections::VecDeque;
+
+mod correction;
+mod relocation;
 
 /// A pose of the final trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,6 +86,14 @@ pub struct Mapper {
     edges: Vec<Edge>,
     closing: Closing,
     jobs: VecDeque<Job>,
+    /// The map that is made while the robot does not know where it is.
+    lost: Option<Box<Lost>>,
+    /// The way is broken before the next keyframe: it hangs on an old one instead.
+    broken: Option<Broken>,
+    /// Length of way until a robot that was not seen for a while is believed to be where it was, metres.
+    suspect_m: f64,
+    /// The last scan that saw something.
+    seen: Option<Stamp>,
     /// Current poses of the keyframes, in the front end's frame and in the map's.
     local_from_keyframe: Vec<Pose2>,
     world_from_keyframe: Vec<Pose2>,
@@ -161,6 +172,10 @@ impl Mapper {
             edges: Vec::new(),
             closing: Closing::new(),
             jobs: VecDeque::new(),
+            lost: None,
+            broken: None,
+            suspect_m: 0.0,
+            seen: None,
             local_from_keyframe: Vec::new(),
             world_from_keyframe: Vec::new(),
             scans: Vec::new(),
@@ -210,9 +225,13 @@ impl Mapper {
         // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
         let predicted = self.local_from_robot * step.last_from_robot;
         probe.end(Stage::Predict);
+        if self.lost.is_some() {
+            return self.add_scan_while_lost(scan, beams, step, predicted, odom_from_robot, refused);
+        }
         // 3. Match against the live map, with a guard.
         let matched = self.match_scan(predicted, step);
         probe.end(Stage::Match);
+        let matched = self.suspicion(scan.stamp, matched, step);
         self.settle(scan, odom_from_robot, step, predicted, matched.as_ref());
         // 4. and 5. Insert when the robot has moved enough; the live map follows what is certain.
         let keyframe = self.insert_if_moved(scan, matched.as_ref());
@@ -409,7 +428,7 @@ impl Mapper {
             step.x.hypot(step.y) > self.settings.keyframes.distance_m
                 || step.theta.abs() > self.settings.keyframes.angle_rad
         });
-        let inserted = (moved && !lost && !empty).then(|| self.insert(scan, matched)).flatten();
+        let inserted = (moved && !lost && !empty && self.suspect_m <= 0.0).then(|| self.insert(scan, matched)).flatten();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.follow(&self.settings, frames, inserted.is_some());
         let newest = self.keyframes.len().checked_sub(1).map(|k| k as u32);
@@ -465,26 +484,34 @@ impl Mapper {
         let last = node - 1;
         let between =
             |from: u32| self.local_from_keyframe[from as usize].between(self.local_from_keyframe[node as usize]);
-        let information = self.odometry_since_keyframe.try_inverse().unwrap_or_else(Cov3::zeros);
-        let mut edges = vec![(last, EdgeKind::Odometry, information)];
-        let mut links = vec![(last, fuse(&self.odometry_since_keyframe, &self.information))];
+        let mut edges = Vec::new();
+        let mut links = Vec::new();
+        let mut step_m = between(last).x.hypot(between(last).y);
+        if let Some(broken) = self.broken.take() {
+            let information = broken.covariance.try_inverse().unwrap_or_else(Cov3::zeros);
+            edges.push((broken.from, EdgeKind::Closure, information));
+            links.push((broken.from, broken.covariance));
+            step_m = relocation::BROKEN_WAY_M;
+        } else {
+            let information = self.odometry_since_keyframe.try_inverse().unwrap_or_else(Cov3::zeros);
+            edges.push((last, EdgeKind::Odometry, information));
+            links.push((last, fuse(&self.odometry_since_keyframe, &self.information)));
+        }
         if let (Some(matched), Some(anchor)) = (matched, self.anchor.filter(|&a| a < node)) {
             edges.push((anchor, EdgeKind::Match, matched.information));
-            if anchor != last {
+            if links.iter().all(|&(from, _)| from != anchor) {
                 links.push((anchor, *covariance));
             }
         }
-        let edges: Vec<Edge> = edges
-            .into_iter()
-            .map(|(from, kind, information)| Edge {
-                from: self.id(from),
-                to: self.id(node),
-                kind,
-                from_from_to: between(from),
-                information,
-            })
-            .collect();
-        self.closing.add(self.world_from_keyframe[node as usize], between(last).x.hypot(between(last).y), &edges);
+        let edge = |&(from, kind, information): &(u32, EdgeKind, Cov3)| Edge {
+            from: self.id(from),
+            to: self.id(node),
+            kind,
+            from_from_to: between(from),
+            information,
+        };
+        let edges: Vec<Edge> = edges.iter().map(edge).collect();
+        self.closing.add(self.world_from_keyframe[node as usize], step_m, &edges);
         self.edges.extend(edges);
         for (from, covariance) in links {
             self.live.connect(from, &covariance);
@@ -529,78 +556,6 @@ impl Mapper {
             matched: matched.map(|m| m.report),
             refused,
         }
-    }
-
-    fn past(&self) -> Past<'_> {
-        Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe }
-    }
-
-    /// Looks for old places from time to time.
-    fn detect(&mut self, keyframe: Option<u32>) {
-        if keyframe.is_none() || !self.closing.is_due() {
-            return;
-        }
-        let known = self.live.survey();
-        let matcher = self.matcher.settings;
-        let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
-        if let Some(verification) = self.closing.propose(&self.settings, past, &known, matcher) {
-            self.jobs.push_back(Job(Task::Verify(verification)));
-        }
-        while let Some(job) = self.jobs.pop_front() {
-            self.apply(job.run());
-        }
-    }
-
-    /// How certain the first keyframe of each patch of the map is relative to the newest one: larger standard deviation
-    /// of the position, metres, and that of the heading, radians.
-    pub fn certainty(&mut self) -> Vec<(KeyframeId, f64, f64)> {
-        let sigmas = |known: Known| {
-            let (m2, rad2) = (known.uncertainty.displacement_m2, known.uncertainty.rotation_rad2);
-            (KeyframeId { robot: 0, session: 0, seq: known.first }, m2.sqrt(), rad2.sqrt())
-        };
-        self.live.survey().into_iter().map(sigmas).collect()
-    }
-
-    /// Takes a job's result in.
-    pub fn apply(&mut self, result: JobResult) {
-        match result.0 {
-            Outcome::Verified { to, findings } => {
-                for (target, finding) in findings {
-                    let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
-                    let edges = self.closing.judge(past, to, &target, &finding);
-                    for edge in edges {
-                        let covariance = self.closing.covariance_of(&edge);
-                        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
-                        self.live.close(frames, edge.from.seq, edge.to.seq, &covariance);
-                        self.edges.push(edge);
-                    }
-                }
-                if let Some(solving) = self.closing.solving(&self.world_from_keyframe) {
-                    self.jobs.push_back(Job(Task::Solve(solving)));
-                }
-            }
-            Outcome::Solved { solved, .. } => {
-                if let Some(solved) = solved {
-                    self.correct(&solved);
-                }
-            }
-        }
-    }
-
-    /// Moves the past; the newest keyframe of the solution stays where it is in the front end's frame.
-    fn correct(&mut self, solved: &Solved) {
-        self.closing.take_back(&solved.taken_back);
-        let Some(last) = solved.world_from_keyframe.len().checked_sub(1) else { return };
-        let before = self.local_from_keyframe.clone();
-        self.world_from_local = solved.world_from_keyframe[last] * self.local_from_keyframe[last].inverse();
-        let local_from_world = self.world_from_local.inverse();
-        for (local, &world) in self.local_from_keyframe.iter_mut().zip(&solved.world_from_keyframe) {
-            *local = local_from_world * world;
-        }
-        self.world_from_keyframe =
-            self.local_from_keyframe.iter().map(|&local| self.world_from_local * local).collect();
-        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
-        self.live.carry(&before, frames);
     }
 
     fn id(&self, node: u32) -> KeyframeId {

@@ -100,15 +100,20 @@ impl Patches {
         self.lever_m = lever_m;
         let node = self.members.len() as u32;
         let at = position(poses[node as usize]);
-        let mut links = Vec::new();
+        let (mut links, mut chained) = (Vec::new(), false);
         for (from, link) in std::mem::take(&mut self.links) {
             let Member { patch, uncertainty } = self.members[from as usize];
             let step_m = distance2(position(poses[from as usize]), at).sqrt();
             links.push((patch, uncertainty.then(link, step_m)));
             if from + 1 == node {
+                chained = true;
                 self.since_searched = self.since_searched.then(link, step_m);
                 self.since_started = self.since_started.then(link, step_m);
             }
+        }
+        if node > 0 && !chained {
+            // The way is broken: what was known relative to the robot no longer is.
+            (self.searching, self.judged, self.searched_from) = (false, self.round + 1, [f64::INFINITY; 2]);
         }
         let member = self.joined(at, &links).unwrap_or_else(|| Member { patch: self.begin(node, at), ..Member::NONE });
         self.members.push(member);

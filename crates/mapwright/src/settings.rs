@@ -253,6 +253,28 @@ section! {
         views_per_area: u32 = 24, 1..=10_000, "", "gated: live keyframes per square metre and quarter turn";
     }
 }
+named! {
+    /// How the past is corrected when a loop is closed.
+    Correction {
+        /// The whole graph is brought to its optimum.
+        #[default]
+        Graph = "graph",
+        /// The error is spread over the loop in proportion to the motion.
+        Spread = "spread",
+        /// Not at all: closures are only reported.
+        None = "none",
+    } default Graph
+}
+
+section! {
+    /// Coming back to places.
+    LoopSettings, "loops" {
+        by_pose: bool = true, 0..=1, "", "old places within the pose's uncertainty are looked for";
+        by_place: bool = true, 0..=1, "", "places that look like this one are looked for where the pose is too uncertain";
+        relocate: bool = true, 0..=1, "", "a robot that fits nowhere maps aside until it knows where it is";
+        correction: Correction = Correction::Graph, 0..=1, "", "\"graph\", \"spread\" or \"none\"";
+    }
+}
 
 /// All settings.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -270,6 +292,8 @@ pub struct Settings {
     pub keyframes: KeyframeSettings,
     /// The live map.
     pub live: LiveSettings,
+    /// Coming back to places.
+    pub loops: LoopSettings,
 }
 
 impl Settings {
@@ -283,6 +307,7 @@ impl Settings {
         self.matching.lines(&mut lines);
         self.keyframes.lines(&mut lines);
         self.live.lines(&mut lines);
+        self.loops.lines(&mut lines);
         lines
     }
 
@@ -300,6 +325,7 @@ impl Settings {
             "matching" => self.matching.set(name, text),
             "keyframes" => self.keyframes.set(name, text),
             "live" => self.live.set(name, text),
+            "loops" => self.loops.set(name, text),
             _ => Err(unknown()),
         }
     }
@@ -314,7 +340,8 @@ impl Settings {
         self.motion.validate()?;
         self.matching.validate()?;
         self.keyframes.validate()?;
-        self.live.validate()
+        self.live.validate()?;
+        self.loops.validate()
     }
 }
 
