@@ -22,6 +22,8 @@
 //! ```
 
 mod certainty;
+mod clique;
+mod consistency;
 mod error;
 pub mod g2o;
 mod gnc;
@@ -34,6 +36,7 @@ mod problem;
 pub mod spread;
 
 pub use certainty::{CertaintyGraph, Gate, Reached, Uncertainty};
+pub use consistency::{Closure, ConsistencySettings, Consistent, Relative, largest_consistent_set};
 pub use error::GraphError;
 pub use gnc::Gnc;
 pub use group::{PoseGroup, RotationError};
