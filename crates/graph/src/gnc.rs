@@ -34,7 +34,7 @@ pub(crate) fn graduate<P: PoseGroup<D>, const D: usize>(
     gnc: &Gnc,
     trusted: &[bool],
     problem: &Problem<P, D>,
-    normal: &mut Normal<D>,
+    normal: &mut Normal<'_, D>,
     poses: &mut Vec<P>,
     weights: &mut [f64],
     descent: &mut Descent,

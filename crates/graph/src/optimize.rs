@@ -77,13 +77,13 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
     let chi2_before = problem.chi2(&poses, &weights);
     let mut from_chordal = false;
     if settings.chordal && settings.robust.is_none() {
-        let relaxed = chordal_poses(&problem, &poses)?;
+        let relaxed = chordal_poses(&problem, &poses);
         if let Some(relaxed) = relaxed.filter(|relaxed| problem.chi2(relaxed, &weights) < chi2_before) {
             poses = relaxed;
             from_chordal = true;
         }
     }
-    let mut normal = Normal::new(&problem)?;
+    let mut normal = Normal::new(&problem);
     let mut descent = Descent::new(settings.relative_decrease);
     if let Some(gnc) = &settings.robust {
         graduate(gnc, &graph.odometry(), &problem, &mut normal, &mut poses, &mut weights, &mut descent);
@@ -134,7 +134,7 @@ impl Descent {
     pub(crate) fn run<P: PoseGroup<D>, const D: usize>(
         &mut self,
         problem: &Problem<P, D>,
-        normal: &mut Normal<D>,
+        normal: &mut Normal<'_, D>,
         poses: &mut Vec<P>,
         weights: &[f64],
         max_iterations: usize,
@@ -219,7 +219,7 @@ struct Tried<P> {
 /// Solves for a step; none where that fails.
 fn attempt<P: PoseGroup<D>, const D: usize>(
     problem: &Problem<P, D>,
-    normal: &mut Normal<D>,
+    normal: &mut Normal<'_, D>,
     poses: &[P],
     diagonal: &[f64],
     damping: f64,

@@ -2,7 +2,7 @@
 
 use crate::error::GraphError;
 use crate::group::{PoseGroup, RotationError};
-use crate::linear::{BlockSystem, Slot, elimination_order};
+use crate::linear::{BlockSystem, Pattern, Slot, elimination_order};
 use crate::pose_graph::{PoseGraph, nearest_information};
 use nalgebra::{SMatrix, SVector};
 
@@ -14,6 +14,9 @@ pub(crate) struct Problem<P, const D: usize> {
     pub(crate) variables: usize,
     pub(crate) projected: usize,
     pub(crate) metric: RotationError,
+    pub(crate) pattern: Pattern,
+    /// Where the mixed block of each term lies.
+    pub(crate) slots: Vec<Option<Slot>>,
 }
 
 /// One edge.
@@ -33,7 +36,7 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
             projected += usize::from(repaired);
             Term { from: edge.from, to: edge.to, to_from_from: edge.from_from_to.inverse(), information }
         });
-        let terms = terms.collect();
+        let terms: Vec<Term<P, D>> = terms.collect();
         let mut places = vec![Some(0); graph.vertices.len()];
         graph.anchors().into_iter().for_each(|v| places[v] = None);
         let mut variables = 0;
@@ -41,15 +44,14 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
             *place = variables;
             variables += 1;
         }
-        let mut problem = Self { terms, places, variables, projected, metric: graph.metric };
-        let order = elimination_order(variables, &problem.pairs())?;
-        problem.places.iter_mut().flatten().for_each(|place| *place = order[*place]);
-        Ok(problem)
-    }
-
-    /// The variables that edges couple.
-    pub(crate) fn pairs(&self) -> Vec<(usize, usize)> {
-        self.terms.iter().filter_map(|term| self.places[term.from].zip(self.places[term.to])).collect()
+        let coupled = pairs(&terms, &places);
+        let order = elimination_order(variables, &coupled)?;
+        places.iter_mut().flatten().for_each(|place| *place = order[*place]);
+        let coupled: Vec<_> = coupled.iter().map(|&(a, b)| (order[a], order[b])).collect();
+        let pattern = Pattern::new(variables, &coupled)?;
+        let both = |term: &Term<P, D>| places[term.from].zip(places[term.to]);
+        let slots = terms.iter().map(|term| both(term).map(|(from, to)| pattern.slot(from, to))).collect();
+        Ok(Self { terms, places, variables, projected, metric: graph.metric, pattern, slots })
     }
 
     /// Weighted squared error of one edge.
@@ -67,6 +69,11 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
     }
 }
 
+/// The variables that edges couple.
+fn pairs<P, const D: usize>(terms: &[Term<P, D>], places: &[Option<usize>]) -> Vec<(usize, usize)> {
+    terms.iter().filter_map(|term| places[term.from].zip(places[term.to])).collect()
+}
+
 impl<P: PoseGroup<D>, const D: usize> Term<P, D> {
     fn error(&self, from_from_to: P) -> P {
         self.to_from_from * from_from_to
@@ -78,21 +85,14 @@ impl<P: PoseGroup<D>, const D: usize> Term<P, D> {
 }
 
 /// Normal equations of a problem, `H dx = -g`, filled anew at every linearisation.
-pub(crate) struct Normal<const D: usize> {
-    pub(crate) system: BlockSystem<D>,
+pub(crate) struct Normal<'a, const D: usize> {
+    pub(crate) system: BlockSystem<'a, D>,
     pub(crate) gradient: Vec<f64>,
-    slots: Vec<Option<Slot>>,
 }
 
-impl<const D: usize> Normal<D> {
-    pub(crate) fn new<P: PoseGroup<D>>(problem: &Problem<P, D>) -> Result<Self, GraphError> {
-        let system = BlockSystem::new(problem.variables, &problem.pairs())?;
-        let slot = |term: &Term<P, D>| {
-            let (from, to) = problem.places[term.from].zip(problem.places[term.to])?;
-            Some(system.slot(from, to))
-        };
-        let slots = problem.terms.iter().map(slot).collect();
-        Ok(Self { system, gradient: vec![0.0; problem.variables * D], slots })
+impl<'a, const D: usize> Normal<'a, D> {
+    pub(crate) fn new<P: PoseGroup<D>>(problem: &'a Problem<P, D>) -> Self {
+        Self { system: BlockSystem::new(&problem.pattern), gradient: vec![0.0; problem.variables * D] }
     }
 
     /// Linearises at the poses.
@@ -102,7 +102,7 @@ impl<const D: usize> Normal<D> {
     pub(crate) fn linearise<P: PoseGroup<D>>(&mut self, problem: &Problem<P, D>, poses: &[P], weights: &[f64]) {
         self.system.clear();
         self.gradient.fill(0.0);
-        for ((term, slot), &weight) in problem.terms.iter().zip(&self.slots).zip(weights) {
+        for ((term, slot), &weight) in problem.terms.iter().zip(&problem.slots).zip(weights) {
             if weight <= 0.0 {
                 continue;
             }
