@@ -2,7 +2,7 @@
 //!
 //! The factor is made column by column from the columns to its left (Davis 2006, "Direct Methods for Sparse Linear
 //! Systems", sections 4.2 to 4.8), those of equal pattern together, in blocks whose size the compiler knows. One thread,
-//! sums in a fixed order, no fused multiply-add: the same bits on every machine.
+//! sums in a fixed order, products fused where that is written: the same bits on every machine.
 
 use crate::error::GraphError;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -32,7 +32,7 @@ pub(crate) struct Pattern {
     run_rows: Vec<usize>,
 }
 
-/// Columns of the factor that differ in pattern by their own diagonals alone, kept as one dense panel.
+/// Columns of the factor that differ in pattern by little more than their own diagonals, kept as one dense panel.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     /// Its first column.
@@ -69,6 +69,7 @@ impl Pattern {
         let (factor_starts, factor_rows) =
             factor_pattern(&starts, &rows).ok_or(GraphError::TooLarge { vertices: variables })?;
         let (runs, run_rows) = equal_runs(&factor_starts, &factor_rows);
+        let (runs, run_rows) = merged_runs(&runs, &run_rows);
         let places = places_in_runs(&starts, &rows, &runs, &run_rows);
         Ok(Self { starts, rows, places, runs, run_rows })
     }
@@ -361,7 +362,7 @@ fn multiply<const B: usize>(panel: &[f64], length: usize, from: usize, columns: 
             };
             for c in 0..B {
                 for r in 0..CHUNK {
-                    sums[c][r] += left[r] * right[c];
+                    sums[c][r] = left[r].mul_add(right[c], sums[c][r]);
                 }
             }
         }
@@ -598,6 +599,39 @@ fn equal_runs(factor_starts: &[usize], factor_rows: &[usize]) -> (Vec<Run>, Vec<
         }
     }
     (runs, run_rows)
+}
+
+/// Widths up to which runs are merged, and what share of the blocks may then be zeros.
+const MERGED: [(usize, f64); 3] = [(4, 0.5), (8, 0.25), (usize::MAX, 0.05)];
+
+/// Runs that lead into the next one are merged with it where few zeros come of that: a wide panel is worth some.
+fn merged_runs(runs: &[Run], run_rows: &[usize]) -> (Vec<Run>, Vec<usize>) {
+    // the last run stands open; how many of its blocks are zeros
+    let (mut merged, mut zeros): (Vec<Run>, usize) = (Vec::new(), 0);
+    let mut last_rows = Vec::new();
+    let (mut rows, mut area) = (Vec::new(), 0);
+    for next in runs {
+        let next_rows = &run_rows[next.rows..next.rows + next.height];
+        if let Some(last) = merged.last_mut() {
+            let more = last.width * (next.height + last.width).saturating_sub(last.height);
+            let (width, height) = (last.width + next.width, last.width + next.height);
+            let share = (zeros + more) as f64 / (width * height) as f64;
+            let leads_there = last_rows.get(last.width) == Some(&next.first);
+            if leads_there && MERGED.iter().any(|&(widest, most)| width <= widest && share <= most) {
+                last_rows.truncate(last.width);
+                last_rows.extend_from_slice(next_rows);
+                (last.width, last.height, zeros) = (width, height, zeros + more);
+                continue;
+            }
+            area += last.width * last.height;
+            rows.append(&mut last_rows);
+        }
+        merged.push(Run { rows: rows.len(), area, ..*next });
+        last_rows.extend_from_slice(next_rows);
+        zeros = 0;
+    }
+    rows.append(&mut last_rows);
+    (merged, rows)
 }
 
 fn places_in_runs(starts: &[usize], rows: &[usize], runs: &[Run], run_rows: &[usize]) -> Vec<usize> {
