@@ -23,6 +23,7 @@
 
 mod certainty;
 mod clique;
+mod consensus;
 mod consistency;
 mod error;
 pub mod g2o;
@@ -36,6 +37,7 @@ mod problem;
 pub mod spread;
 
 pub use certainty::{CertaintyGraph, Gate, Reached, Uncertainty};
+pub use consensus::{Consensus, Refusal};
 pub use consistency::{Closure, ConsistencySettings, Consistent, Relative, largest_consistent_set};
 pub use error::GraphError;
 pub use gnc::Gnc;

@@ -30,6 +30,8 @@ pub(crate) struct Pattern {
     runs: Vec<Run>,
     /// Rows of the runs: first its own columns, then those below.
     run_rows: Vec<usize>,
+    /// The run of each column.
+    run_of: Vec<usize>,
 }
 
 /// Columns of the factor that differ in pattern by little more than their own diagonals, kept as one dense panel.
@@ -71,7 +73,8 @@ impl Pattern {
         let (runs, run_rows) = equal_runs(&factor_starts, &factor_rows);
         let (runs, run_rows) = merged_runs(&runs, &run_rows);
         let places = places_in_runs(&starts, &rows, &runs, &run_rows);
-        Ok(Self { starts, rows, places, runs, run_rows })
+        let run_of = runs.iter().enumerate().flat_map(|(at, run)| std::iter::repeat_n(at, run.width)).collect();
+        Ok(Self { starts, rows, places, runs, run_rows, run_of })
     }
 
     /// Where the block of a pair lies that the pattern was made with.
@@ -84,6 +87,12 @@ impl Pattern {
 
     fn variables(&self) -> usize {
         self.starts.len() - 1
+    }
+
+    /// The run that the first row below a run belongs to.
+    fn parent(&self, run: usize) -> Option<usize> {
+        let first_below = self.rows_of(&self.runs[run]).get(self.runs[run].width)?;
+        Some(self.run_of[*first_below])
     }
 
     fn rows_of(&self, run: &Run) -> &[usize] {
@@ -160,19 +169,59 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
         if n == 0 {
             return Some(Vec::new());
         }
-        let Self { pattern, values, factor, work } = self;
-        // the same statements with the widest registers of the machine
-        if !pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work }) {
+        if !self.factorise() {
             return None;
         }
+        let solution = self.substitute(right_hand_sides);
+        let solved = |(b, x): (&[f64], &[f64])| is_solved(self.pattern, &self.values, b, x);
+        right_hand_sides.chunks_exact(n).zip(solution.chunks_exact(n)).all(solved).then_some(solution)
+    }
+
+    /// Whether the matrix is positive definite.
+    pub(crate) fn factorise(&mut self) -> bool {
+        let Self { pattern, values, factor, work } = self;
+        // the same statements with the widest registers of the machine
+        pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work })
+    }
+
+    /// What the last factor makes of right-hand sides that stand one after the other.
+    pub(crate) fn substitute(&mut self, right_hand_sides: &[f64]) -> Vec<f64> {
+        let Self { pattern, factor, work, .. } = self;
         let mut solution = right_hand_sides.to_vec();
-        for (b, x) in right_hand_sides.chunks_exact(n).zip(solution.chunks_exact_mut(n)) {
+        for x in solution.chunks_exact_mut((pattern.variables() * B).max(1)) {
             pulp::Arch::new().dispatch(Substitution::<B> { pattern, factor, temporary: &mut work.product, x });
-            if !is_solved(pattern, values, b, x) {
-                return None;
+        }
+        solution
+    }
+}
+
+impl<const B: usize> BlockSystem<'_, B> {
+    /// `E^T A^-1 E` from the last factor, `E` having blocks at some variables and zeros elsewhere: as `L^-1 E` is zero but
+    /// on the ways from there to the root of the elimination tree, that is all that is looked at.
+    pub(crate) fn covariance(&mut self, blocks: &[(usize, SMatrix<f64, B, B>)]) -> SMatrix<f64, B, B> {
+        let Self { pattern, factor, work, .. } = self;
+        let n = pattern.variables() * B;
+        work.sparse.resize(n * B, 0.0);
+        let mut next: Vec<usize> = blocks.iter().map(|(variable, _)| pattern.run_of[*variable]).collect();
+        for (variable, block) in blocks {
+            for c in 0..B {
+                (0..B).for_each(|r| work.sparse[c * n + variable * B + r] += block[(r, c)]);
             }
         }
-        Some(solution)
+        let mut covariance = SMatrix::<f64, B, B>::zeros();
+        while let Some(run) = next.iter().min().copied() {
+            for x in work.sparse.chunks_exact_mut(n) {
+                Substitution::<B> { pattern, factor, temporary: &mut work.product, x }.forwards(run);
+            }
+            let own = pattern.runs[run].first * B..(pattern.runs[run].first + pattern.runs[run].width) * B;
+            for c in 0..B {
+                let column = &work.sparse[c * n..][own.clone()];
+                (0..B).for_each(|r| covariance[(r, c)] += dot(&work.sparse[r * n..][own.clone()], column));
+            }
+            (0..B).for_each(|c| work.sparse[c * n..][own.clone()].fill(0.0));
+            next = next.iter().filter_map(|&at| if at == run { pattern.parent(run) } else { Some(at) }).collect();
+        }
+        covariance
     }
 }
 
@@ -209,6 +258,8 @@ struct Work {
     done: Vec<usize>,
     /// Columns that are as high as the highest panel.
     product: Vec<f64>,
+    /// Zeros but while right-hand sides of few entries are solved for.
+    sparse: Vec<f64>,
 }
 
 impl Work {
@@ -221,6 +272,7 @@ impl Work {
             next_run: vec![NONE; runs],
             done: vec![0; runs],
             product: vec![0.0; B * (highest * B + CHUNK)],
+            sparse: Vec::new(),
         }
     }
 
@@ -672,6 +724,7 @@ fn transposed(starts: &[usize], rows: &[usize]) -> (Vec<usize>, Vec<usize>) {
 mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector, Matrix3};
+    use std::ops::AddAssign;
 
     #[test]
     fn a_system_of_blocks_is_solved_like_a_dense_one() {
@@ -697,6 +750,15 @@ mod tests {
         }
         let b = DVector::from_fn(60, |k, _| (k as f64).cos());
         let x = system.solve(b.as_slice()).unwrap();
+        for (first, second) in [(0, 19), (7, 7), (4, 11)] {
+            let (here, there) = (Matrix3::identity(), Matrix3::from_fn(|r, c| (r + 2 * c) as f64 - 2.0));
+            let found = system.covariance(&[(first, here), (second, there)]);
+            let mut ends = DMatrix::zeros(60, 3);
+            ends.view_mut((3 * first, 0), (3, 3)).add_assign(&here);
+            ends.view_mut((3 * second, 0), (3, 3)).add_assign(&there);
+            let expected = ends.transpose() * dense.clone().try_inverse().unwrap() * ends;
+            assert!((found - expected).norm() < 1e-10);
+        }
         let expected = dense.cholesky().unwrap().solve(&b);
         assert!((DVector::from_vec(x) - expected).norm() < 1e-10);
     }

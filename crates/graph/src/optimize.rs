@@ -1,5 +1,6 @@
 //! Sparse least squares on a pose graph.
 
+use crate::consensus::{Consensus, Refusal, believe};
 use crate::error::GraphError;
 use crate::gnc::{Gnc, graduate};
 use crate::group::PoseGroup;
@@ -57,6 +58,9 @@ pub struct Solution {
     pub connected_parts: usize,
     /// Information matrices replaced by the nearest that are symmetric and positive semidefinite.
     pub projected: usize,
+    /// Why no closure was followed and all vertices are where odometry alone puts them, if that is so; only with
+    /// [`Gnc::consensus`].
+    pub refused: Option<Refusal>,
     /// Weight of each edge, one without [`SolverSettings::robust`].
     pub weights: Vec<f64>,
 }
@@ -69,10 +73,13 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
     graph: &mut PoseGraph<P, D>,
     settings: &SolverSettings,
 ) -> Result<Solution, GraphError> {
-    let problem = Problem::new(graph)?;
     if settings.start == Start::Odometry {
         graph.start_from_odometry()?;
     }
+    if let Some(consensus) = settings.robust.as_ref().and_then(|gnc| gnc.consensus.as_ref()) {
+        return optimize_believed(graph, settings, consensus);
+    }
+    let problem = Problem::new(graph)?;
     let mut poses: Vec<P> = graph.vertices.iter().map(|vertex| vertex.world_from_vertex).collect();
     let mut weights = vec![1.0; problem.terms.len()];
     let chi2_before = problem.chi2(&poses, &weights);
@@ -99,8 +106,32 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
         from_chordal,
         connected_parts: graph.connected_parts(),
         projected: problem.projected,
+        refused: None,
         weights,
     })
+}
+
+/// With the closures that find believers, or none of them.
+fn optimize_believed<P: PoseGroup<D>, const D: usize>(
+    graph: &mut PoseGraph<P, D>,
+    settings: &SolverSettings,
+    consensus: &Consensus,
+) -> Result<Solution, GraphError> {
+    let chi2_before = graph.chi2()?;
+    let belief = believe(graph, consensus)?;
+    let (refused, odometry) = (belief.refused, graph.odometry());
+    let kept = if refused.is_some() { odometry } else { belief.believed };
+    let edges = graph.edges.clone();
+    graph.edges = edges.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(edge, _)| *edge).collect();
+    let solved = if refused.is_some() { graph.start_from_odometry() } else { Ok(()) };
+    if refused.is_none() {
+        graph.vertices.iter_mut().zip(&belief.poses).for_each(|(vertex, pose)| vertex.world_from_vertex = *pose);
+    }
+    let solution =
+        solved.and_then(|()| optimize(graph, &SolverSettings { start: Start::Given, robust: None, ..*settings }));
+    graph.edges = edges;
+    let weights = kept.iter().map(|kept| f64::from(u8::from(*kept))).collect();
+    Ok(Solution { chi2_before, refused, weights, ..solution? })
 }
 
 /// Damping that a rejected Gauss-Newton step brings, relative to the diagonal.
@@ -128,7 +159,7 @@ pub(crate) struct Descent {
 }
 
 impl Descent {
-    fn new(relative_decrease: f64) -> Self {
+    pub(crate) fn new(relative_decrease: f64) -> Self {
         Self { relative_decrease, damping: 0.0, growth: 2.0, last_promise: None, iterations: 0 }
     }
 
