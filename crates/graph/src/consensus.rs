@@ -67,8 +67,14 @@ pub(crate) struct Belief<P> {
 
 /// Share of the volume of all closures in which an accident is no longer excluded.
 const VAGUE: f64 = 0.02;
+/// Share in which hardly one in a thousand hypotheses passes by accident.
+const SHARP: f64 = 0.001;
 /// The same for closures without support.
 const VAGUE_ALONE: f64 = 0.002;
+/// By how much the variance of true closures is taken larger than it seems, their tails being heavier than the model's.
+const TAILS: f64 = 3.0;
+/// Beliefs that are tried without afterwards, at most.
+const SECOND_THOUGHTS: usize = 8;
 /// How many random closures may fit as well as one that is believed without support.
 const LIKELY: f64 = 0.5;
 /// Hypotheses up to which those without support take part from the beginning.
@@ -86,9 +92,8 @@ pub(crate) fn believe<P: PoseGroup<D>, const D: usize>(
     settings: &Consensus,
 ) -> Result<Belief<P>, GraphError> {
     let mut search = Search::new(graph, settings)?;
-    search.grow()?;
-    search.take_in_what_fits()?;
-    search.take_in_what_is_no_accident()?;
+    search.run()?;
+    search.think_again()?;
     let refused = search.refusal();
     Ok(Belief { believed: search.believed, poses: search.poses, refused })
 }
@@ -99,6 +104,8 @@ struct Hypothesis {
     /// Places among the closures.
     members: Vec<usize>,
     state: State,
+    /// That of the test it passed.
+    vagueness: f64,
 }
 
 impl Hypothesis {
@@ -178,6 +185,49 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         quantile_99(D) * self.scale
     }
 
+    fn run(&mut self) -> Result<(), GraphError> {
+        self.grow()?;
+        self.take_in_what_fits()?;
+        self.take_in_what_is_no_accident()
+    }
+
+    /// Tries without each of the vaguest beliefs, where groups of closures are left that contradict what is believed; keeps
+    /// what more closures agree with.
+    fn think_again(&mut self) -> Result<(), GraphError> {
+        let mut vague: Vec<usize> =
+            (0..self.hypotheses.len()).filter(|&at| self.hypotheses[at].vagueness > SHARP).collect();
+        vague.sort_by(|&a, &b| self.hypotheses[b].vagueness.total_cmp(&self.hypotheses[a].vagueness));
+        for &without in vague.iter().take(SECOND_THOUGHTS) {
+            if self.rivals() == 0 {
+                break;
+            }
+            let (hypotheses, believed, poses) = (self.hypotheses.clone(), self.believed.clone(), self.poses.clone());
+            let believed_closures = self.believed_closures();
+            self.forget_all_but_odometry(without)?;
+            self.run()?;
+            if self.believed_closures() <= believed_closures {
+                (self.hypotheses, self.believed, self.poses) = (hypotheses, believed, poses);
+            }
+        }
+        Ok(())
+    }
+
+    fn forget_all_but_odometry(&mut self, refuted: usize) -> Result<(), GraphError> {
+        for at in 0..self.hypotheses.len() {
+            self.set_state(at, if at == refuted { State::Refuted } else { State::Open });
+        }
+        let mut started = self.graph.clone();
+        started.start_from_odometry()?;
+        self.poses = started.vertices.iter().map(|vertex| vertex.world_from_vertex).collect();
+        Ok(())
+    }
+
+    /// Closures in groups that are not believed.
+    fn rivals(&self) -> usize {
+        let groups = self.hypotheses.iter().filter(|hypothesis| hypothesis.members.len() >= GROUP);
+        groups.flat_map(|group| &group.members).filter(|&&at| !self.believed[self.edges[at]]).count()
+    }
+
     /// Believes the sharpest of what passes, solves, and looks again.
     fn grow(&mut self) -> Result<(), GraphError> {
         for _ in 0..self.settings.max_rounds {
@@ -218,6 +268,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         })?;
         let mut candidates = Vec::new();
         for (hypothesis, chi2, vagueness) in tested {
+            self.hypotheses[hypothesis].vagueness = vagueness;
             if chi2 <= quantile_99(D) {
                 candidates.push(Candidate { hypothesis, vagueness });
             } else if vagueness < VAGUE {
@@ -350,7 +401,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
                 let fits = |&at: &usize| {
                     let (chi2, vagueness) = search.tested(at, problem, normal)?;
                     let share = vagueness * (chi2 / quantile_99(D)).powf(D as f64 / 2.0);
-                    (chi2 <= quantile_99(D) && share <= chances).then_some(at)
+                    (chi2 <= quantile_99(D) / TAILS && share <= chances).then_some(at)
                 };
                 doubted.iter().filter_map(fits).collect()
             })?;
@@ -392,7 +443,6 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     }
 
     fn refusal(&self) -> Option<Refusal> {
-        let is_believed = |at: usize| self.believed[self.edges[at]];
         let believed = self.believed_closures();
         if self.closures.is_empty() {
             return None;
@@ -400,8 +450,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         if believed == 0 {
             return Some(Refusal::NothingBelieved);
         }
-        let groups = self.hypotheses.iter().filter(|hypothesis| hypothesis.members.len() >= GROUP);
-        let rivals = groups.flat_map(|group| &group.members).filter(|&&at| !is_believed(at)).count();
+        let rivals = self.rivals();
         if rivals as f64 > self.settings.largest_rival * believed as f64 {
             return Some(Refusal::Rivals { believed, rivals });
         }
@@ -534,7 +583,7 @@ impl Mixture {
             share = (weights / chi2.len().max(1) as f64).clamp(0.001, 0.999);
         }
         // tails are heavier than the model's
-        let scale = if agreeing < 10.0 { 1.0 } else { (3.0 * scale).min(1.0) };
+        let scale = if agreeing < 10.0 { 1.0 } else { (TAILS * scale).min(1.0) };
         Self { scale, others: chi2.len() as f64 - agreeing, freedom }
     }
 
@@ -559,7 +608,7 @@ fn hypotheses(closures: usize, pairs: &[Pair], threshold: f64) -> Vec<Hypothesis
     let mut members = vec![Vec::new(); closures];
     (0..closures).for_each(|at| members[parts.root(at)].push(at));
     let found = members.into_iter().filter(|members| !members.is_empty());
-    found.map(|members| Hypothesis { members, state: State::Open }).collect()
+    found.map(|members| Hypothesis { members, state: State::Open, vagueness: 0.0 }).collect()
 }
 
 /// Volume of the unit ball.
