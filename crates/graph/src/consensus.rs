@@ -77,6 +77,8 @@ const TAILS: f64 = 3.0;
 const SECOND_THOUGHTS: usize = 8;
 /// How many random closures may fit as well as one that is believed without support.
 const LIKELY: f64 = 0.5;
+/// The same where nothing else is believed.
+const LIKELY_ALONE: f64 = 0.05;
 /// Hypotheses up to which those without support take part from the beginning.
 const ALONE: usize = 400;
 /// Members from which on a hypothesis cannot be an accident.
@@ -393,10 +395,11 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     fn take_in_what_is_no_accident(&mut self) -> Result<(), GraphError> {
         for _ in 0..self.settings.max_rounds {
             let doubted: Vec<usize> = (0..self.closures.len()).filter(|&at| !self.believed[self.edges[at]]).collect();
-            if doubted.is_empty() || doubted.len() == self.closures.len() {
+            if doubted.is_empty() {
                 break;
             }
-            let chances = LIKELY / doubted.len() as f64;
+            let alone = doubted.len() == self.closures.len();
+            let chances = if alone { LIKELY_ALONE } else { LIKELY } / doubted.len() as f64;
             let found: Vec<usize> = self.with_factor(|search, problem, normal| {
                 let fits = |&at: &usize| {
                     let (chi2, vagueness) = search.tested(at, problem, normal)?;

@@ -389,11 +389,11 @@ impl<const B: usize> Factorisation<'_, B> {
                 let factor = earlier[0];
                 own.iter_mut().zip(earlier).for_each(|(value, e)| *value -= factor * e);
             }
-            // not `<=`: NaN must fail
-            if !(own[0] > 0.0) {
+            let inverse = 1.0 / own[0].sqrt();
+            // neither zero, nor negative, nor NaN
+            if !inverse.is_finite() {
                 return false;
             }
-            let inverse = 1.0 / own[0].sqrt();
             own.iter_mut().for_each(|value| *value *= inverse);
         }
         true
