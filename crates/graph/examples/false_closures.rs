@@ -1,5 +1,5 @@
 //! What becomes of a graph when false closures are added, beside what becomes of it without them:
-//! `cargo run --release -p mapwright-graph --example false_closures -- [--seed S] [--gnc] [--only NAME] DATA`,
+//! `cargo run --release -p mapwright-graph --example false_closures -- [--seed S] [--group N] [--gnc] [--only NAME] DATA`,
 //! where `DATA` is the folder with the graphs.
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
@@ -14,6 +14,7 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let value = |name: &str| arguments.iter().position(|a| a == name).and_then(|at| arguments.get(at + 1));
     let seed = value("--seed").map_or(1, |seed| seed.parse().unwrap());
+    let group = value("--group").map_or(10, |group| group.parse().unwrap());
     let consensus = if arguments.iter().any(|a| a == "--gnc") { None } else { Gnc::default().consensus };
     let settings = SolverSettings {
         start: Start::Odometry,
@@ -25,7 +26,7 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|---|");
     let only = value("--only");
     for (name, graph, truth) in graphs(data).iter().filter(|(name, ..)| only.is_none_or(|only| only == name)) {
-        study(name, graph, truth, seed, &settings);
+        study(name, graph, truth, (seed, group), &settings);
     }
 }
 
@@ -60,12 +61,12 @@ fn truth(text: &str) -> Vec<Pose2> {
     text.lines().filter(|line| !line.trim().is_empty()).map(pose).collect()
 }
 
-fn study(name: &str, graph: &PoseGraph2, truth: &[Pose2], seed: u64, settings: &SolverSettings) {
+fn study(name: &str, graph: &PoseGraph2, truth: &[Pose2], (seed, group): (u64, usize), settings: &SolverSettings) {
     let closures = graph.odometry().iter().filter(|is| !**is).count();
     let plain = SolverSettings { start: Start::Odometry, ..SolverSettings::default() };
     let without = error(&solved(graph, &plain).0, truth);
     let random = [0.0, 0.1, 0.5, 1.0, 3.0, 10.0, 30.0].map(|share| (share, 1));
-    let grouped = [0.1, 0.25, 0.5, 1.0, 2.0].map(|share| (share, 10));
+    let grouped = [0.1, 0.25, 0.5, 1.0, 2.0].map(|share| (share, group));
     let near = [1.0, 10.0].map(|share| (share, 0));
     for (share, group) in random.into_iter().chain(near).chain(grouped) {
         let mut dice = Dice(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1CE);

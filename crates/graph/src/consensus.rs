@@ -76,7 +76,7 @@ const TAILS: f64 = 3.0;
 /// Beliefs that are tried without afterwards, at most.
 const SECOND_THOUGHTS: usize = 8;
 /// How many random closures may fit as well as one that is believed without support.
-const LIKELY: f64 = 0.5;
+const LIKELY: f64 = 0.3;
 /// The same where nothing else is believed.
 const LIKELY_ALONE: f64 = 0.05;
 /// Hypotheses up to which those without support take part from the beginning.
@@ -193,12 +193,16 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         self.take_in_what_is_no_accident()
     }
 
-    /// Tries without each of the vaguest beliefs, where groups of closures are left that contradict what is believed; keeps
+    /// Tries without each of the most strained beliefs that were vague, where groups of closures are left that contradict what is believed; keeps
     /// what more closures agree with.
     fn think_again(&mut self) -> Result<(), GraphError> {
-        let mut vague: Vec<usize> =
-            (0..self.hypotheses.len()).filter(|&at| self.hypotheses[at].vagueness > SHARP).collect();
-        vague.sort_by(|&a, &b| self.hypotheses[b].vagueness.total_cmp(&self.hypotheses[a].vagueness));
+        let is_vague = |hypothesis: &Hypothesis| hypothesis.state == State::Believed && hypothesis.vagueness > SHARP;
+        let mut vague: Vec<usize> = (0..self.hypotheses.len()).filter(|&at| is_vague(&self.hypotheses[at])).collect();
+        let strain = |at: usize| {
+            let members = &self.hypotheses[at].members;
+            members.iter().map(|&member| self.closure_chi2(member)).sum::<f64>() / members.len() as f64
+        };
+        vague.sort_by(|&a, &b| strain(b).total_cmp(&strain(a)));
         for &without in vague.iter().take(SECOND_THOUGHTS) {
             if self.rivals() == 0 {
                 break;
