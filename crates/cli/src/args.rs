@@ -242,14 +242,15 @@ pub(crate) struct OptimizeArgs {
     /// Where the search starts: the poses of the file, or those that odometry alone would give.
     #[arg(long, value_enum, default_value_t = StartFrom::File)]
     pub(crate) from: StartFrom,
-    /// Let closures that contradict the others lose their say (graduated non-convexity).
+    /// Believe only closures that agree with odometry and each other; refuse where too many false ones do.
     #[arg(long)]
     pub(crate) robust: bool,
     /// Factorisations at most, with `--robust` after the false closures are out.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(..=100_000))]
     pub(crate) max_iterations: u32,
-    /// What the information of rotations in space belongs to: quaternions, as in g2o, or angles, as GTSAM reads it.
-    #[arg(long, value_enum, default_value_t = Information::Quaternions)]
+    /// What the information of rotations in space belongs to: angles, to which the optima usually quoted belong, or
+    /// quaternions, as g2o itself reads it.
+    #[arg(long, value_enum, default_value_t = Information::Angles)]
     pub(crate) information: Information,
     #[command(flatten)]
     pub(crate) voice: Voice,

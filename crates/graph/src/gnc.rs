@@ -1,6 +1,7 @@
 //! Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas, Carlone 2020, "Graduated
 //! non-convexity for robust spatial perception", section IV): closures that contradict the others lose their say.
 
+use crate::consensus::Consensus;
 use crate::group::PoseGroup;
 use crate::optimize::Descent;
 use crate::problem::{Normal, Problem};
@@ -16,11 +17,19 @@ pub struct Gnc {
     pub max_stages: usize,
     /// Factorisations in each stage.
     pub iterations_per_stage: usize,
+    /// The search for closures that agree, which comes instead of the stages; none for the stages from the start given.
+    pub consensus: Option<Consensus>,
 }
 
 impl Default for Gnc {
     fn default() -> Self {
-        Self { threshold_chi2: None, step: 1.4, max_stages: 100, iterations_per_stage: 2 }
+        Self {
+            threshold_chi2: None,
+            step: 1.4,
+            max_stages: 100,
+            iterations_per_stage: 2,
+            consensus: Some(Consensus::default()),
+        }
     }
 }
 
@@ -34,7 +43,7 @@ pub(crate) fn graduate<P: PoseGroup<D>, const D: usize>(
     gnc: &Gnc,
     trusted: &[bool],
     problem: &Problem<P, D>,
-    normal: &mut Normal<D>,
+    normal: &mut Normal<'_, D>,
     poses: &mut Vec<P>,
     weights: &mut [f64],
     descent: &mut Descent,

@@ -38,6 +38,27 @@ pub trait PoseGroup<const D: usize>: Copy + Debug + PartialEq + Default + Mul<Ou
     #[must_use]
     fn coordinates_jacobian(self, metric: RotationError) -> SMatrix<f64, D, D>;
 
+    /// Coordinates of the error `self * first.inverse() * second` of a measurement that is the inverse of this pose.
+    #[inline]
+    #[must_use]
+    fn error_between(self, first: Self, second: Self, metric: RotationError) -> SVector<f64, D> {
+        (self * (first.inverse() * second)).coordinates(metric)
+    }
+
+    /// The same, its derivative by a right perturbation of `second`, and the adjoint of `second.inverse() * first`.
+    #[inline]
+    #[must_use]
+    fn linear_error_between(
+        self,
+        first: Self,
+        second: Self,
+        metric: RotationError,
+    ) -> (SVector<f64, D>, SMatrix<f64, D, D>, SMatrix<f64, D, D>) {
+        let first_from_second = first.inverse() * second;
+        let error = self * first_from_second;
+        (error.coordinates(metric), error.coordinates_jacobian(metric), first_from_second.inverse().adjoint())
+    }
+
     /// Rotation and translation in space; the plane is that of x and y.
     #[must_use]
     fn parts(self) -> (Matrix3<f64>, Vector3<f64>);
@@ -71,6 +92,32 @@ impl PoseGroup<3> for Pose2 {
     fn coordinates_jacobian(self, _: RotationError) -> SMatrix<f64, 3, 3> {
         let (s, c) = self.theta.sin_cos();
         Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+    }
+
+    #[inline]
+    fn error_between(self, first: Self, second: Self, _: RotationError) -> SVector<f64, 3> {
+        (self * first.between(second)).to_vector()
+    }
+
+    /// As the group's definition, with one sine for each of the three angles.
+    #[inline]
+    fn linear_error_between(
+        self,
+        first: Self,
+        second: Self,
+        _: RotationError,
+    ) -> (SVector<f64, 3>, SMatrix<f64, 3, 3>, SMatrix<f64, 3, 3>) {
+        let (sine, cosine) = first.theta.sin_cos();
+        let (dx, dy) = (second.x - first.x, second.y - first.y);
+        let (x, y) = (cosine * dx + sine * dy, cosine * dy - sine * dx);
+        let turn = wrap_angle(second.theta - first.theta);
+        let ((s, c), (own_s, own_c)) = (turn.sin_cos(), self.theta.sin_cos());
+        let error =
+            Vector3::new(self.x + own_c * x - own_s * y, self.y + own_s * x + own_c * y, wrap_angle(self.theta + turn));
+        let (error_s, error_c) = (own_s * c + own_c * s, own_c * c - own_s * s);
+        let jacobian = Matrix3::new(error_c, -error_s, 0.0, error_s, error_c, 0.0, 0.0, 0.0, 1.0);
+        let adjoint = Matrix3::new(c, s, s * x - c * y, -s, c, c * x + s * y, 0.0, 0.0, 1.0);
+        (error, jacobian, adjoint)
     }
 
     fn parts(self) -> (Matrix3<f64>, Vector3<f64>) {
@@ -194,6 +241,21 @@ mod tests {
                 prop_assert!((space.coordinates_jacobian(metric) - numeric(space, metric)).norm() < 1e-8);
                 prop_assert!((plane.coordinates_jacobian(metric) - numeric(plane, metric)).norm() < 1e-8);
             }
+        }
+
+        #[test]
+        fn errors_of_the_plane_follow_the_definition(t in prop::array::uniform9(-4.0..4.0f64)) {
+            let [measured, first, second] = [0, 3, 6].map(|k| Pose2::new(t[k], t[k + 1], t[k + 2]));
+            let metric = RotationError::default();
+            let between = first.inverse() * second;
+            let error = measured * between;
+            let found = measured.linear_error_between(first, second, metric);
+            let difference = found.0 - error.to_vector();
+            prop_assert!(difference.xy().norm() + wrap_angle(difference.z).abs() < 1e-12);
+            prop_assert!((found.1 - error.coordinates_jacobian(metric)).norm() < 1e-12);
+            prop_assert!((found.2 - between.inverse().adjoint()).norm() < 1e-12);
+            let difference = found.0 - measured.error_between(first, second, metric);
+            prop_assert!(difference.xy().norm() + wrap_angle(difference.z).abs() < 1e-12);
         }
 
         #[test]

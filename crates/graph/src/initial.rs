@@ -1,7 +1,6 @@
 //! Poses to start from that do not depend on where the vertices are believed to be: the chordal relaxation (Carlone,
 //! Tron, Daniilidis, Dellaert 2015, "Initialization techniques for 3D SLAM", section IV), rotations first.
 
-use crate::error::GraphError;
 use crate::group::PoseGroup;
 use crate::linear::BlockSystem;
 use crate::problem::Problem;
@@ -11,47 +10,40 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 const LEAST_WEIGHT: f64 = 1e-9;
 
 /// Rotations and then translations by linear least squares; none where either system cannot be solved.
-pub(crate) fn chordal_poses<P: PoseGroup<D>, const D: usize>(
-    problem: &Problem<P, D>,
-    poses: &[P],
-) -> Result<Option<Vec<P>>, GraphError> {
+pub(crate) fn chordal_poses<P: PoseGroup<D>, const D: usize>(problem: &Problem<P, D>, poses: &[P]) -> Option<Vec<P>> {
     let planar = D == 3;
     let rotations = if planar { rotations::<P, D, 2>(problem, poses)? } else { rotations::<P, D, 3>(problem, poses)? };
-    let Some(rotations) = rotations else { return Ok(None) };
-    let Some(translations) = translations(problem, poses, &rotations)? else { return Ok(None) };
+    let translations = translations(problem, poses, &rotations)?;
     let pose = |v: usize| match problem.places[v] {
         Some(_) => P::from_parts(&rotations[v], translations[v]),
         None => Some(poses[v]),
     };
-    Ok((0..poses.len()).map(pose).collect())
+    (0..poses.len()).map(pose).collect()
 }
 
 /// Least `sum w |R_j - R_i R_ij|^2` over matrices, one row of them at a time, then the nearest rotations.
 fn rotations<P: PoseGroup<D>, const D: usize, const B: usize>(
     problem: &Problem<P, D>,
     poses: &[P],
-) -> Result<Option<Vec<Matrix3<f64>>>, GraphError> {
+) -> Option<Vec<Matrix3<f64>>> {
     let weights = mean_information(problem, if D == 3 { 2..3 } else { 3..6 });
-    let mut system = BlockSystem::<B>::new(problem.variables, &problem.pairs())?;
+    let mut system = BlockSystem::<B>::new(&problem.pattern);
     let n = problem.variables * B;
     let mut right = vec![0.0; n * B];
-    for (term, weight) in problem.terms.iter().zip(weights) {
+    for ((term, slot), weight) in problem.terms.iter().zip(&problem.slots).zip(weights) {
         let measured: SMatrix<f64, B, B> = term.measurement().parts().0.fixed_view::<B, B>(0, 0) * weight;
         for end in [term.from, term.to].into_iter().filter_map(|v| problem.places[v]) {
             system.add_diagonal(end, &SMatrix::from_diagonal_element(weight));
         }
         let known = |v: usize| -> SMatrix<f64, B, B> { poses[v].parts().0.fixed_view::<B, B>(0, 0).into_owned() };
         match (problem.places[term.from], problem.places[term.to]) {
-            (Some(from), Some(to)) => {
-                let slot = system.slot(from, to);
-                system.add(slot, &-measured);
-            }
+            (Some(_), Some(_)) => slot.iter().for_each(|&slot| system.add(slot, &-measured)),
             (Some(from), None) => add_rows(&mut right, n, from, &(known(term.to) * measured.transpose())),
             (None, Some(to)) => add_rows(&mut right, n, to, &(known(term.from) * measured)),
             (None, None) => {}
         }
     }
-    let Some(solved) = system.solve(&right) else { return Ok(None) };
+    let solved = system.solve(&right)?;
     let rotation = |v: usize| -> Option<Matrix3<f64>> {
         let Some(place) = problem.places[v] else { return Some(poses[v].parts().0) };
         let mut matrix = Matrix3::identity();
@@ -62,7 +54,7 @@ fn rotations<P: PoseGroup<D>, const D: usize, const B: usize>(
         }
         P::from_parts(&matrix, Vector3::zeros()).map(|pose| pose.parts().0)
     };
-    Ok((0..poses.len()).map(rotation).collect())
+    (0..poses.len()).map(rotation).collect()
 }
 
 /// Row `k` of a matrix is what right-hand side `k` says of a variable.
@@ -79,12 +71,12 @@ fn translations<P: PoseGroup<D>, const D: usize>(
     problem: &Problem<P, D>,
     poses: &[P],
     rotations: &[Matrix3<f64>],
-) -> Result<Option<Vec<Vector3<f64>>>, GraphError> {
+) -> Option<Vec<Vector3<f64>>> {
     let weights = mean_information(problem, 0..if D == 3 { 2 } else { 3 });
-    let mut system = BlockSystem::<1>::new(problem.variables, &problem.pairs())?;
+    let mut system = BlockSystem::<1>::new(&problem.pattern);
     let n = problem.variables;
     let mut right = vec![0.0; 3 * n];
-    for (term, weight) in problem.terms.iter().zip(weights) {
+    for ((term, slot), weight) in problem.terms.iter().zip(&problem.slots).zip(weights) {
         let step = rotations[term.from] * term.measurement().parts().1;
         for (end, other, sign) in [(term.from, term.to, -1.0), (term.to, term.from, 1.0)] {
             let Some(place) = problem.places[end] else { continue };
@@ -93,17 +85,14 @@ fn translations<P: PoseGroup<D>, const D: usize>(
             let pull = weight * (known + sign * step);
             (0..3).for_each(|axis| right[axis * n + place] += pull[axis]);
         }
-        if let Some((from, to)) = problem.places[term.from].zip(problem.places[term.to]) {
-            let slot = system.slot(from, to);
-            system.add(slot, &SMatrix::from_element(-weight));
-        }
+        slot.iter().for_each(|&slot| system.add(slot, &SMatrix::from_element(-weight)));
     }
-    let Some(solved) = system.solve(&right) else { return Ok(None) };
+    let solved = system.solve(&right)?;
     let translation = |v: usize| match problem.places[v] {
         Some(place) => Vector3::from_fn(|axis, _| solved[axis * n + place]),
         None => poses[v].parts().1,
     };
-    Ok(Some((0..poses.len()).map(translation).collect()))
+    Some((0..poses.len()).map(translation).collect())
 }
 
 /// For every edge the mean of some diagonal entries of its information.

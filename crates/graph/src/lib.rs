@@ -22,6 +22,9 @@
 //! ```
 
 mod certainty;
+mod clique;
+mod consensus;
+mod consistency;
 mod error;
 pub mod g2o;
 mod gnc;
@@ -34,6 +37,8 @@ mod problem;
 pub mod spread;
 
 pub use certainty::{CertaintyGraph, Gate, Reached, Uncertainty};
+pub use consensus::{Consensus, Refusal};
+pub use consistency::{Closure, ConsistencySettings, Consistent, Relative, largest_consistent_set};
 pub use error::GraphError;
 pub use gnc::Gnc;
 pub use group::{PoseGroup, RotationError};

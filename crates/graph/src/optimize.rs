@@ -1,5 +1,6 @@
 //! Sparse least squares on a pose graph.
 
+use crate::consensus::{Consensus, Refusal, believe};
 use crate::error::GraphError;
 use crate::gnc::{Gnc, graduate};
 use crate::group::PoseGroup;
@@ -23,7 +24,8 @@ pub enum Start {
 pub struct SolverSettings {
     /// Where the search starts.
     pub start: Start,
-    /// Whether the chordal relaxation's solution is started from where its chi-square is lower.
+    /// Whether the chordal relaxation's solution is started from where its chi-square is lower and a first step from the
+    /// poses given does not keep its promise.
     pub chordal: bool,
     /// Factorisations at most, for each stage of [`SolverSettings::robust`].
     pub max_iterations: usize,
@@ -56,6 +58,9 @@ pub struct Solution {
     pub connected_parts: usize,
     /// Information matrices replaced by the nearest that are symmetric and positive semidefinite.
     pub projected: usize,
+    /// Why no closure was followed and all vertices are where odometry alone puts them, if that is so; only with
+    /// [`Gnc::consensus`].
+    pub refused: Option<Refusal>,
     /// Weight of each edge, one without [`SolverSettings::robust`].
     pub weights: Vec<f64>,
 }
@@ -68,23 +73,24 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
     graph: &mut PoseGraph<P, D>,
     settings: &SolverSettings,
 ) -> Result<Solution, GraphError> {
-    let problem = Problem::new(graph)?;
     if settings.start == Start::Odometry {
         graph.start_from_odometry()?;
     }
+    if let Some(consensus) = settings.robust.as_ref().and_then(|gnc| gnc.consensus.as_ref()) {
+        return optimize_believed(graph, settings, consensus);
+    }
+    let problem = Problem::new(graph)?;
     let mut poses: Vec<P> = graph.vertices.iter().map(|vertex| vertex.world_from_vertex).collect();
     let mut weights = vec![1.0; problem.terms.len()];
     let chi2_before = problem.chi2(&poses, &weights);
-    let mut from_chordal = false;
-    if settings.chordal && settings.robust.is_none() {
-        let relaxed = chordal_poses(&problem, &poses)?;
-        if let Some(relaxed) = relaxed.filter(|relaxed| problem.chi2(relaxed, &weights) < chi2_before) {
-            poses = relaxed;
-            from_chordal = true;
-        }
-    }
-    let mut normal = Normal::new(&problem)?;
+    let mut normal = Normal::new(&problem);
     let mut descent = Descent::new(settings.relative_decrease);
+    let relax =
+        settings.chordal && settings.robust.is_none() && !descent.begins_well(&problem, &mut normal, &mut poses);
+    let relaxed = if relax { chordal_poses(&problem, &poses) } else { None };
+    let relaxed = relaxed.filter(|relaxed| problem.chi2(relaxed, &weights) < chi2_before);
+    let from_chordal = relaxed.is_some();
+    poses = relaxed.unwrap_or(poses);
     if let Some(gnc) = &settings.robust {
         graduate(gnc, &graph.odometry(), &problem, &mut normal, &mut poses, &mut weights, &mut descent);
     }
@@ -100,14 +106,42 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
         from_chordal,
         connected_parts: graph.connected_parts(),
         projected: problem.projected,
+        refused: None,
         weights,
     })
+}
+
+/// With the closures that find believers, or none of them.
+fn optimize_believed<P: PoseGroup<D>, const D: usize>(
+    graph: &mut PoseGraph<P, D>,
+    settings: &SolverSettings,
+    consensus: &Consensus,
+) -> Result<Solution, GraphError> {
+    let chi2_before = graph.chi2()?;
+    let belief = believe(graph, consensus)?;
+    let (refused, odometry) = (belief.refused, graph.odometry());
+    let kept = if refused.is_some() { odometry } else { belief.believed };
+    let edges = graph.edges.clone();
+    graph.edges = edges.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(edge, _)| *edge).collect();
+    let solved = if refused.is_some() { graph.start_from_odometry() } else { Ok(()) };
+    if refused.is_none() {
+        graph.vertices.iter_mut().zip(&belief.poses).for_each(|(vertex, pose)| vertex.world_from_vertex = *pose);
+    }
+    let solution =
+        solved.and_then(|()| optimize(graph, &SolverSettings { start: Start::Given, robust: None, ..*settings }));
+    graph.edges = edges;
+    let weights = kept.iter().map(|kept| f64::from(u8::from(*kept))).collect();
+    Ok(Solution { chi2_before, refused, weights, ..solution? })
 }
 
 /// Damping that a rejected Gauss-Newton step brings, relative to the diagonal.
 const FIRST_DAMPING: f64 = 1e-7;
 /// Damping above which nothing moves any more.
 const LAST_DAMPING: f64 = 1e15;
+/// Turns of errors from which on the quadratic model is not even tried, radians.
+const FAR_OFF: f64 = 0.5;
+/// Share of its promise that a step keeps where the quadratic model holds all the way.
+const KEPT_PROMISE: f64 = 0.9;
 /// A promised decrease below this share of chi-square is rounding.
 const ROUNDING: f64 = 1e-12;
 /// Smallest entry of the damping's diagonal, relative to the largest: directions without information stay put.
@@ -119,12 +153,39 @@ pub(crate) struct Descent {
     relative_decrease: f64,
     damping: f64,
     growth: f64,
+    /// What the last step promised, where it kept its promise.
+    last_promise: Option<f64>,
     pub(crate) iterations: usize,
 }
 
 impl Descent {
-    fn new(relative_decrease: f64) -> Self {
-        Self { relative_decrease, damping: 0.0, growth: 2.0, iterations: 0 }
+    pub(crate) fn new(relative_decrease: f64) -> Self {
+        Self { relative_decrease, damping: 0.0, growth: 2.0, last_promise: None, iterations: 0 }
+    }
+
+    /// Takes a first undamped step where chi-square falls nearly as much as that promises: then the start is so good that
+    /// no relaxation is needed. Where rotations are far off, that is not tried.
+    fn begins_well<P: PoseGroup<D>, const D: usize>(
+        &mut self,
+        problem: &Problem<P, D>,
+        normal: &mut Normal<'_, D>,
+        poses: &mut Vec<P>,
+    ) -> bool {
+        if problem.largest_turn(poses) > FAR_OFF {
+            return false;
+        }
+        let weights = vec![1.0; problem.terms.len()];
+        normal.linearise(problem, poses, &weights);
+        self.iterations += 1;
+        let diagonal = vec![0.0; problem.variables * D];
+        let Some(tried) = attempt(problem, normal, poses, &diagonal, 0.0) else { return false };
+        let fallen = problem.chi2(poses, &weights) - problem.chi2(&tried.poses, &weights);
+        let holds = fallen > 0.0 && fallen >= KEPT_PROMISE * tried.promised;
+        if holds {
+            self.last_promise = Some(tried.promised);
+            *poses = tried.poses;
+        }
+        holds
     }
 
     /// Descends until the stop rule is met, which it says, or the iterations are used up.
@@ -134,7 +195,7 @@ impl Descent {
     pub(crate) fn run<P: PoseGroup<D>, const D: usize>(
         &mut self,
         problem: &Problem<P, D>,
-        normal: &mut Normal<D>,
+        normal: &mut Normal<'_, D>,
         poses: &mut Vec<P>,
         weights: &[f64],
         max_iterations: usize,
@@ -159,9 +220,10 @@ impl Descent {
             let candidate_chi2 = tried.as_ref().map_or(f64::INFINITY, |tried| problem.chi2(&tried.poses, weights));
             match tried {
                 Some(tried) if candidate_chi2 < best_chi2 => {
-                    let small = tried.promised <= self.relative_decrease * chi2 && damping == 0.0;
+                    let gain = (chi2 - candidate_chi2) / tried.promised;
+                    let small = self.promise(tried.promised, gain) <= self.relative_decrease * chi2 && damping == 0.0;
                     converged = small || tried.promised <= ROUNDING * chi2;
-                    self.accept((chi2 - candidate_chi2) / tried.promised);
+                    self.accept(gain);
                     (*poses, chi2, moved) = (tried.poses, candidate_chi2, true);
                     before_detour = None;
                 }
@@ -188,6 +250,15 @@ impl Descent {
             *poses = best;
         }
         false
+    }
+
+    /// What all further steps will bring, no more than this one: where steps keep their promises and these fall by a
+    /// factor of ten and more, they go on to fall at least as a geometric series.
+    fn promise(&mut self, promised: f64, gain: f64) -> f64 {
+        let kept = (gain - 1.0).abs() <= 0.25;
+        let last = std::mem::replace(&mut self.last_promise, kept.then_some(promised));
+        let ratio = last.filter(|_| kept).map_or(1.0, |last| promised / last);
+        if ratio <= 0.1 { promised * ratio / (1.0 - ratio) } else { promised }
     }
 
     fn accept(&mut self, gain: f64) {
@@ -219,7 +290,7 @@ struct Tried<P> {
 /// Solves for a step; none where that fails.
 fn attempt<P: PoseGroup<D>, const D: usize>(
     problem: &Problem<P, D>,
-    normal: &mut Normal<D>,
+    normal: &mut Normal<'_, D>,
     poses: &[P],
     diagonal: &[f64],
     damping: f64,

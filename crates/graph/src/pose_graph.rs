@@ -101,12 +101,18 @@ impl<P: PoseGroup<D>, const D: usize> PoseGraph<P, D> {
     /// For every edge whether it is odometry: from a vertex to that with the next larger id.
     #[must_use]
     pub fn odometry(&self) -> Vec<bool> {
+        let (rank, _) = self.ranks();
+        let is_next = |edge: &Edge<P, D>| rank.get(edge.from).zip(rank.get(edge.to)).is_some_and(|(a, b)| a + 1 == *b);
+        self.edges.iter().map(is_next).collect()
+    }
+
+    /// Place of each vertex when they are sorted by id, and the vertices so sorted.
+    pub(crate) fn ranks(&self) -> (Vec<usize>, Vec<usize>) {
         let mut order: Vec<usize> = (0..self.vertices.len()).collect();
         order.sort_by_key(|&v| self.vertices[v].id);
         let mut rank = vec![0; order.len()];
         order.iter().enumerate().for_each(|(place, &v)| rank[v] = place);
-        let is_next = |edge: &Edge<P, D>| rank.get(edge.from).zip(rank.get(edge.to)).is_some_and(|(a, b)| a + 1 == *b);
-        self.edges.iter().map(is_next).collect()
+        (rank, order)
     }
 
     /// Sets the poses that only odometry would give, starting from fixed vertices and else from the first of each
@@ -263,15 +269,15 @@ fn is_semidefinite<const D: usize>(matrix: &SMatrix<f64, D, D>, rounding: f64) -
 }
 
 /// Disjoint sets.
-struct Parts(Vec<usize>);
+pub(crate) struct Parts(Vec<usize>);
 
 impl Parts {
-    fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         Self((0..count).collect())
     }
 
     /// The first member found by following, shortening the way.
-    fn root(&mut self, mut v: usize) -> usize {
+    pub(crate) fn root(&mut self, mut v: usize) -> usize {
         while self.0[v] != v {
             self.0[v] = self.0[self.0[v]];
             v = self.0[v];
@@ -280,7 +286,7 @@ impl Parts {
     }
 
     /// Whether the two were apart.
-    fn join(&mut self, a: usize, b: usize) -> bool {
+    pub(crate) fn join(&mut self, a: usize, b: usize) -> bool {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b)] = a.min(b);
         a != b

@@ -2,9 +2,9 @@
 
 use crate::error::GraphError;
 use crate::group::{PoseGroup, RotationError};
-use crate::linear::{BlockSystem, Slot, elimination_order};
+use crate::linear::{BlockSystem, Pattern, Slot, elimination_order};
 use crate::pose_graph::{PoseGraph, nearest_information};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{ArrayStorage, SMatrix, SVector};
 
 /// A graph made ready: information positive semidefinite, measurements inverted, variables ordered.
 pub(crate) struct Problem<P, const D: usize> {
@@ -14,6 +14,9 @@ pub(crate) struct Problem<P, const D: usize> {
     pub(crate) variables: usize,
     pub(crate) projected: usize,
     pub(crate) metric: RotationError,
+    pub(crate) pattern: Pattern,
+    /// Where the mixed block of each term lies.
+    pub(crate) slots: Vec<Option<Slot>>,
 }
 
 /// One edge.
@@ -33,7 +36,7 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
             projected += usize::from(repaired);
             Term { from: edge.from, to: edge.to, to_from_from: edge.from_from_to.inverse(), information }
         });
-        let terms = terms.collect();
+        let terms: Vec<Term<P, D>> = terms.collect();
         let mut places = vec![Some(0); graph.vertices.len()];
         graph.anchors().into_iter().for_each(|v| places[v] = None);
         let mut variables = 0;
@@ -41,22 +44,30 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
             *place = variables;
             variables += 1;
         }
-        let mut problem = Self { terms, places, variables, projected, metric: graph.metric };
-        let order = elimination_order(variables, &problem.pairs())?;
-        problem.places.iter_mut().flatten().for_each(|place| *place = order[*place]);
-        Ok(problem)
-    }
-
-    /// The variables that edges couple.
-    pub(crate) fn pairs(&self) -> Vec<(usize, usize)> {
-        self.terms.iter().filter_map(|term| self.places[term.from].zip(self.places[term.to])).collect()
+        let coupled = pairs(&terms, &places);
+        let order = elimination_order(variables, &coupled)?;
+        places.iter_mut().flatten().for_each(|place| *place = order[*place]);
+        let coupled: Vec<_> = coupled.iter().map(|&(a, b)| (order[a], order[b])).collect();
+        let pattern = Pattern::new(variables, &coupled)?;
+        let both = |term: &Term<P, D>| places[term.from].zip(places[term.to]);
+        let slots = terms.iter().map(|term| both(term).map(|(from, to)| pattern.slot(from, to))).collect();
+        Ok(Self { terms, places, variables, projected, metric: graph.metric, pattern, slots })
     }
 
     /// Weighted squared error of one edge.
     pub(crate) fn term_chi2(&self, at: usize, poses: &[P]) -> f64 {
         let term = &self.terms[at];
-        let error = term.error(poses[term.from].inverse() * poses[term.to]).coordinates(self.metric);
+        let error = term.to_from_from.error_between(poses[term.from], poses[term.to], self.metric);
         error.dot(&(term.information * error))
+    }
+
+    /// The largest rotation by which an edge is wrong, radians.
+    pub(crate) fn largest_turn(&self, poses: &[P]) -> f64 {
+        let turn = |term: &Term<P, D>| {
+            let error = term.to_from_from.error_between(poses[term.from], poses[term.to], self.metric);
+            error.iter().skip(if D == 3 { 2 } else { 3 }).map(|v| v * v).sum::<f64>()
+        };
+        self.terms.iter().map(turn).fold(0.0, f64::max).sqrt()
     }
 
     /// Sum over all edges, each with its weight.
@@ -67,65 +78,93 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
     }
 }
 
-impl<P: PoseGroup<D>, const D: usize> Term<P, D> {
-    fn error(&self, from_from_to: P) -> P {
-        self.to_from_from * from_from_to
-    }
+/// The variables that edges couple.
+fn pairs<P, const D: usize>(terms: &[Term<P, D>], places: &[Option<usize>]) -> Vec<(usize, usize)> {
+    terms.iter().filter_map(|term| places[term.from].zip(places[term.to])).collect()
+}
 
+impl<P: PoseGroup<D>, const D: usize> Term<P, D> {
     pub(crate) fn measurement(&self) -> P {
         self.to_from_from.inverse()
     }
 }
 
 /// Normal equations of a problem, `H dx = -g`, filled anew at every linearisation.
-pub(crate) struct Normal<const D: usize> {
-    pub(crate) system: BlockSystem<D>,
+pub(crate) struct Normal<'a, const D: usize> {
+    pub(crate) system: BlockSystem<'a, D>,
     pub(crate) gradient: Vec<f64>,
-    slots: Vec<Option<Slot>>,
 }
 
-impl<const D: usize> Normal<D> {
-    pub(crate) fn new<P: PoseGroup<D>>(problem: &Problem<P, D>) -> Result<Self, GraphError> {
-        let system = BlockSystem::new(problem.variables, &problem.pairs())?;
-        let slot = |term: &Term<P, D>| {
-            let (from, to) = problem.places[term.from].zip(problem.places[term.to])?;
-            Some(system.slot(from, to))
-        };
-        let slots = problem.terms.iter().map(slot).collect();
-        Ok(Self { system, gradient: vec![0.0; problem.variables * D], slots })
+impl<'a, const D: usize> Normal<'a, D> {
+    pub(crate) fn new<P: PoseGroup<D>>(problem: &'a Problem<P, D>) -> Self {
+        Self { system: BlockSystem::new(&problem.pattern), gradient: vec![0.0; problem.variables * D] }
     }
 
     /// Linearises at the poses.
-    ///
-    /// With error `e = z^-1 x_i^-1 x_j` and `J` the derivative of its coordinates by a perturbation of `x_j`, that by one
-    /// of `x_i` is `-J Ad(x_j^-1 x_i)`, so that `J^T W J` is all that has to be multiplied out.
     pub(crate) fn linearise<P: PoseGroup<D>>(&mut self, problem: &Problem<P, D>, poses: &[P], weights: &[f64]) {
-        self.system.clear();
-        self.gradient.fill(0.0);
-        for ((term, slot), &weight) in problem.terms.iter().zip(&self.slots).zip(weights) {
+        pulp::Arch::new().dispatch(Linearisation { normal: self, problem, poses, weights });
+    }
+}
+
+/// With error `e = z^-1 x_i^-1 x_j` and `J` the derivative of its coordinates by a perturbation of `x_j`, that by one of
+/// `x_i` is `-J Ad(x_j^-1 x_i)`, so that `J^T W J` is all that has to be multiplied out.
+struct Linearisation<'a, 'b, P, const D: usize> {
+    normal: &'a mut Normal<'b, D>,
+    problem: &'a Problem<P, D>,
+    poses: &'a [P],
+    weights: &'a [f64],
+}
+
+impl<P: PoseGroup<D>, const D: usize> pulp::WithSimd for Linearisation<'_, '_, P, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { normal: Normal { system, gradient }, problem, poses, weights } = self;
+        system.clear();
+        gradient.fill(0.0);
+        for ((term, slot), &weight) in problem.terms.iter().zip(&problem.slots).zip(weights) {
             if weight <= 0.0 {
                 continue;
             }
-            let from_from_to = poses[term.from].inverse() * poses[term.to];
-            let error = term.error(from_from_to);
-            let jacobian = error.coordinates_jacobian(problem.metric);
-            let weighted = jacobian.transpose() * term.information * weight;
-            let (curvature, slope) = (weighted * jacobian, weighted * error.coordinates(problem.metric));
-            let adjoint = from_from_to.inverse().adjoint();
-            let mixed = adjoint.transpose() * curvature;
+            let (error, jacobian, adjoint) =
+                term.to_from_from.linear_error_between(poses[term.from], poses[term.to], problem.metric);
+            let weighted = transposed_product(&jacobian, &(term.information * weight));
+            let (curvature, slope) = (product(&weighted, &jacobian), weighted * error);
+            let mixed = transposed_product(&adjoint, &curvature);
             if let Some(to) = problem.places[term.to] {
-                self.system.add_diagonal(to, &curvature);
-                add(&mut self.gradient, to, &slope);
+                system.add_diagonal(to, &curvature);
+                add(gradient, to, &slope);
             }
             if let Some(from) = problem.places[term.from] {
-                self.system.add_diagonal(from, &(mixed * adjoint));
-                add(&mut self.gradient, from, &-(adjoint.transpose() * slope));
+                system.add_diagonal(from, &product(&mixed, &adjoint));
+                add(gradient, from, &-adjoint.tr_mul(&slope));
             }
             if let Some(slot) = *slot {
-                self.system.add(slot, &-mixed);
+                system.add(slot, &-mixed);
             }
         }
     }
+}
+
+/// `a b`, always compiled where it is used.
+#[inline(always)]
+fn product<const D: usize>(a: &SMatrix<f64, D, D>, b: &SMatrix<f64, D, D>) -> SMatrix<f64, D, D> {
+    let mut columns = [[0.0; D]; D];
+    for c in 0..D {
+        for k in 0..D {
+            for r in 0..D {
+                columns[c][r] += a.data.0[k][r] * b.data.0[c][k];
+            }
+        }
+    }
+    SMatrix::from_data(ArrayStorage(columns))
+}
+
+/// `a^T b`, always compiled where it is used.
+#[inline(always)]
+fn transposed_product<const D: usize>(a: &SMatrix<f64, D, D>, b: &SMatrix<f64, D, D>) -> SMatrix<f64, D, D> {
+    product(&a.transpose(), b)
 }
 
 fn add<const D: usize>(target: &mut [f64], place: usize, addend: &SVector<f64, D>) {

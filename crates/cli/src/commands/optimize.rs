@@ -5,7 +5,7 @@ use crate::failure::{Failure, Outcome};
 use crate::report::remarks;
 use crate::terminal::{count, grouped, say, say_json};
 use mapwright_graph::g2o::{AnyPoseGraph, G2oReport, read_g2o, write_g2o};
-use mapwright_graph::{Gnc, PoseGraph, PoseGroup, RotationError, Solution, SolverSettings, Start, optimize};
+use mapwright_graph::{Gnc, PoseGraph, PoseGroup, Refusal, RotationError, Solution, SolverSettings, Start, optimize};
 use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -106,6 +106,9 @@ fn losses(report: &G2oReport, solution: &Solution) -> Vec<String> {
         (report.duplicate_vertices, "vertex line", " given again left out"),
     ];
     losses.extend(counted.iter().filter(|c| c.0 > 0).map(|(n, what, why)| count(*n as u64, what) + why));
+    if let Some(refusal) = &solution.refused {
+        losses.push(format!("closures refused, poses of odometry kept: {}", refusal_in_words(refusal)));
+    }
     if !solution.converged {
         losses.push(format!("not converged after {}", count(solution.iterations as u64, "iteration")));
     }
@@ -132,21 +135,56 @@ fn silenced(solution: &Solution) -> usize {
     solution.weights.iter().filter(|weight| **weight < 0.5).count()
 }
 
+fn believed(size: &Size, solution: &Solution) -> usize {
+    (size.edges - size.odometry).saturating_sub(silenced(solution))
+}
+
+/// Why no closure was followed.
+fn refusal_in_words(refusal: &Refusal) -> String {
+    let closures = |n: usize| count(n as u64, "closure");
+    match refusal {
+        Refusal::NothingBelieved => "no closure agrees with odometry and others".to_owned(),
+        Refusal::Rivals { believed, rivals } => {
+            format!("{} agree with each other against {} that do", closures(*rivals), grouped(*believed as u64))
+        }
+        Refusal::Chance { believed, expected } => {
+            format!("{} agree, of random ones {expected:.0} would", closures(*believed))
+        }
+        Refusal::Strained { chi2_per_freedom } => {
+            format!(
+                "closures and odometry contradict each other, chi-square per degree of freedom {chi2_per_freedom:.1}"
+            )
+        }
+        other => format!("{other:?}"),
+    }
+}
+
+/// What rotations of errors are measured by.
+fn convention(args: &OptimizeArgs, size: &Size) -> &'static str {
+    match (size.dimensions, args.information) {
+        (2, _) => "",
+        (_, Information::Angles) => " over angles",
+        (_, Information::Quaternions) => " over quaternions",
+    }
+}
+
 fn to_words(args: &OptimizeArgs, size: &Size, solution: &Solution, solve_s: f64) -> String {
     let mut text = format!(
-        "{}: {}D, {} vertices, {} edges, {} of them closures\nchi-square {:.6} -> {:.6} in {}, {:.1} ms\n",
+        "{}: {}D, {} vertices, {} edges, {} of them closures\nchi-square{} {:.6} -> {:.6} in {}, {:.1} ms\n",
         args.graph.display(),
         size.dimensions,
         grouped(size.vertices as u64),
         grouped(size.edges as u64),
         grouped((size.edges - size.odometry) as u64),
+        convention(args, size),
         solution.chi2_before,
         solution.chi2_after,
         count(solution.iterations as u64, "iteration"),
         solve_s * 1e3,
     );
     if args.robust {
-        text.push_str(&format!("outvoted: {}\n", count(silenced(solution) as u64, "closure")));
+        let (believed, outvoted) = (believed(size, solution) as u64, silenced(solution) as u64);
+        text.push_str(&format!("believed: {}, outvoted: {}\n", count(believed, "closure"), grouped(outvoted)));
     }
     text
 }
@@ -171,7 +209,10 @@ fn to_json(
         "converged": solution.converged,
         "from_chordal": solution.from_chordal,
         "connected_parts": solution.connected_parts,
+        "information": if args.information == Information::Angles { "angles" } else { "quaternions" },
+        "believed": believed(size, solution),
         "outvoted": silenced(solution),
+        "refused": solution.refused.as_ref().map(refusal_in_words),
         "weights": args.robust.then_some(&solution.weights),
         "solve_s": solve_s,
         "odd": odd,

@@ -67,7 +67,7 @@ fn bad_files_are_refused_with_the_line_or_repaired_and_told() {
         .for_each(|what| assert!(said.contains(what), "{said}"));
 }
 
-/// Optima of the classic graphs, those of space with information over angles, which is what the numbers belong to.
+/// Optima of the classic graphs; those of space belong to information over angles, the default.
 #[test]
 fn the_classic_graphs_reach_their_optima_from_both_starts() {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
@@ -83,11 +83,39 @@ fn the_classic_graphs_reach_their_optima_from_both_starts() {
         }
         for from in ["file", "odometry"] {
             let path = path.to_str().unwrap();
-            let output = run(&["optimize", path, "-o", &out, "--from", from, "--information", "angles", "--json"]);
+            let output = run(&["optimize", path, "-o", &out, "--from", from, "--json"]);
             assert_code(&output, 0);
             let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
             let found = value["chi2_after"].as_f64().unwrap();
             assert!((found / chi2 - 1.0).abs() < 1e-4, "{name} from {from}: {found}");
         }
     }
+}
+
+#[test]
+fn closures_that_nothing_supports_are_refused_and_odometry_kept() {
+    let folder = folder("optimize_refused");
+    let square = SQUARE.replace("EDGE_SE2 3 0 2 0 1.5708", "EDGE_SE2 3 0 -9 4 1");
+    let output = optimized(&folder, &square, &["--robust"]);
+    assert_code(&output, 3);
+    let said = text(&output.stdout);
+    ["believed: 0 closures, outvoted: 1", "closures refused, poses of odometry kept", "no closure agrees"]
+        .iter()
+        .for_each(|what| assert!(said.contains(what), "{said}"));
+    let written = fs::read_to_string(folder.join("out.g2o")).unwrap();
+    let corner: Vec<f64> = written.lines().nth(2).unwrap().split(' ').skip(2).map(|v| v.parse().unwrap()).collect();
+    assert!((corner[0] - 2.0).abs() < 1e-4 && (corner[1] - 2.0).abs() < 1e-4, "{written}");
+}
+
+#[test]
+fn chi_square_of_space_names_its_convention() {
+    let folder = folder("optimize_convention");
+    let graph = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1
+VERTEX_SE3:QUAT 1 0 0 0 0 0 0.09983341664682815 0.9950041652780258
+EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 400 0 0 400 0 400
+";
+    let said = |more: &[&str]| text(&optimized(&folder, graph, more).stdout);
+    assert!(said(&[]).contains("chi-square over angles 16.000000 ->"), "{}", said(&[]));
+    let quaternions = said(&["--information", "quaternions"]);
+    assert!(quaternions.contains("chi-square over quaternions 3.986"), "{quaternions}");
 }

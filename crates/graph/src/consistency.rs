@@ -1,0 +1,210 @@
+//! Which closures agree with each other: pairwise consistency maximisation (Mangelson, Dominic, Eustice, Vasudevan 2018,
+//! "Pairwise consistent measurement set maximization for robust multi-robot map merging", sections IV and V).
+//!
+//! Two closures and the two pieces of the chain between their ends make a cycle. Where the cycle ends too far from where
+//! it began, for the covariances it went through, one of the two closures is false.
+
+use crate::clique::largest_clique;
+use crate::group::{PoseGroup, RotationError};
+use nalgebra::SMatrix;
+
+/// A relative pose and the covariance of its right perturbation, translation first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relative<P, const D: usize> {
+    /// `first_from_second`.
+    pub pose: P,
+    /// Of `pose * exp(noise)`.
+    pub covariance: SMatrix<f64, D, D>,
+}
+
+impl<P: PoseGroup<D>, const D: usize> Relative<P, D> {
+    /// What is known for sure: a pose relative to itself.
+    #[must_use]
+    pub fn identity() -> Self {
+        Self { pose: P::default(), covariance: SMatrix::zeros() }
+    }
+
+    /// `a_from_c` of `a_from_b` and an independent `b_from_c`.
+    #[must_use]
+    pub fn then(&self, next: &Self) -> Self {
+        let carried = next.pose.inverse().adjoint();
+        Self {
+            pose: self.pose * next.pose,
+            covariance: carried * self.covariance * carried.transpose() + next.covariance,
+        }
+    }
+
+    /// `b_from_a` of `a_from_b`.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let carried = self.pose.adjoint();
+        Self { pose: self.pose.inverse(), covariance: carried * self.covariance * carried.transpose() }
+    }
+
+    /// Squared distance from the identity in standard deviations; infinite where the covariance is not positive definite.
+    #[must_use]
+    pub fn chi2_of_cycle(&self) -> f64 {
+        let error = self.pose.coordinates(RotationError::RotationVector);
+        let jacobian = self.pose.coordinates_jacobian(RotationError::RotationVector);
+        let covariance = jacobian * self.covariance * jacobian.transpose();
+        let solved = covariance.cholesky().map(|factor| error.dot(&factor.solve(&error)));
+        solved.filter(|chi2| *chi2 >= 0.0).unwrap_or(f64::INFINITY)
+    }
+}
+
+/// Two keyframes that are believed to have been seen from each other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closure<P, const D: usize> {
+    /// Place of one keyframe in the chain.
+    pub from: usize,
+    /// Place of the other.
+    pub to: usize,
+    /// `from_from_to`.
+    pub measured: Relative<P, D>,
+}
+
+impl<P: PoseGroup<D>, const D: usize> Closure<P, D> {
+    /// The same, from the earlier keyframe to the later.
+    #[must_use]
+    pub fn forwards(&self) -> Self {
+        if self.from <= self.to {
+            return *self;
+        }
+        Self { from: self.to, to: self.from, measured: self.measured.inverse() }
+    }
+}
+
+/// When closures agree, and how long to search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConsistencySettings {
+    /// Chi-square of a cycle up to which two closures agree; none for the 99 % quantile of as many degrees of freedom.
+    pub threshold_chi2: Option<f64>,
+    /// Whether a closure must also agree with the chain alone.
+    pub chain_alone: bool,
+    /// Branches of the search at most; beyond them the best set found so far is taken.
+    pub max_branches: usize,
+}
+
+impl Default for ConsistencySettings {
+    fn default() -> Self {
+        Self { threshold_chi2: None, chain_alone: true, max_branches: 20_000 }
+    }
+}
+
+/// What came out.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Consistent {
+    /// Closures that all agree with each other, ascending.
+    pub members: Vec<usize>,
+    /// The largest such set among the others, ascending: how strong the case against the members is.
+    pub rivals: Vec<usize>,
+    /// Closures that contradict the chain alone, ascending.
+    pub against_chain: Vec<usize>,
+    /// Whether it is certain that there is no larger set.
+    pub exhausted: bool,
+}
+
+/// The largest set of closures that agree pairwise, see [`ConsistencySettings`].
+///
+/// `chain(a, b)` is keyframe `b` seen from `a` without closures, for `a <= b`; none where nothing leads there, and then
+/// no cycle contradicts anything. Time and memory grow with the square of the closures; the same input gives the same
+/// set.
+#[must_use]
+pub fn largest_consistent_set<P: PoseGroup<D>, const D: usize>(
+    closures: &[Closure<P, D>],
+    chain: impl Fn(usize, usize) -> Option<Relative<P, D>>,
+    settings: &ConsistencySettings,
+) -> Consistent {
+    let threshold = settings.threshold_chi2.unwrap_or_else(|| quantile_99(D));
+    let forwards: Vec<Closure<P, D>> = closures.iter().map(Closure::forwards).collect();
+    let holds = |closure: &Closure<P, D>| {
+        let alone = chain(closure.from, closure.to).map(|leg| closure.measured.then(&leg.inverse()));
+        alone.is_none_or(|cycle| cycle.chi2_of_cycle() <= threshold)
+    };
+    let (possible, against_chain): (Vec<usize>, Vec<usize>) =
+        (0..forwards.len()).partition(|&at| !settings.chain_alone || holds(&forwards[at]));
+    let agree = |&a: &usize, &b: &usize| {
+        let cycle = cycle_of(&forwards[a], &forwards[b], &chain);
+        cycle.is_none_or(|cycle| cycle.chi2_of_cycle() <= threshold)
+    };
+    let found = largest_clique(&possible, agree, settings.max_branches);
+    Consistent { members: found.members, rivals: found.rivals, against_chain, exhausted: found.exhausted }
+}
+
+/// Once around: along the first closure, the chain, back along the second, the chain. Both must lead forwards, so that
+/// the pieces of the chain are as short as can be.
+pub(crate) fn cycle_of<P: PoseGroup<D>, const D: usize>(
+    first: &Closure<P, D>,
+    second: &Closure<P, D>,
+    chain: impl Fn(usize, usize) -> Option<Relative<P, D>>,
+) -> Option<Relative<P, D>> {
+    let leg = |a: usize, b: usize| if a <= b { chain(a, b) } else { chain(b, a).map(|leg| leg.inverse()) };
+    let outward = first.measured.then(&leg(first.to, second.to)?);
+    Some(outward.then(&second.measured.inverse()).then(&leg(second.from, first.from)?))
+}
+
+/// 99 % quantile of chi-square: three degrees of freedom in the plane, six in space.
+pub(crate) fn quantile_99(freedom: usize) -> f64 {
+    if freedom == 3 { 11.345 } else { 16.812 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapwright_geom::Pose2;
+    use nalgebra::{Matrix3, Vector3};
+
+    /// Two rounds on a circle of 40 keyframes each; one metre and 9 degrees a step.
+    fn chain(a: usize, b: usize) -> Option<Relative<Pose2, 3>> {
+        let step = Relative {
+            pose: Pose2::exp([1.0, 0.0, std::f64::consts::TAU / 40.0]),
+            covariance: Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5)),
+        };
+        Some((a..b).fold(Relative::identity(), |so_far, _| so_far.then(&step)))
+    }
+
+    fn closure(from: usize, to: usize, error: Pose2) -> Closure<Pose2, 3> {
+        let covariance = Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5));
+        let pose = chain(from.min(to), from.max(to)).unwrap().pose;
+        let pose = if from < to { pose } else { pose.inverse() };
+        Closure { from, to, measured: Relative { pose: pose * error, covariance } }
+    }
+
+    #[test]
+    fn the_majority_that_agrees_is_found_and_its_rival_named() {
+        let small = Pose2::new(0.01, -0.01, 0.002);
+        let mut closures: Vec<_> = (0..8).map(|k| closure(4 * k, 4 * k + 40, small)).collect();
+        closures[3] = closure(52, 12, small);
+        // four that agree with each other, within what the chain allows, but not with the others
+        closures.extend((0..4).map(|k| {
+            let mut false_one = closure(2 + 4 * k, 42 + 4 * k, Pose2::IDENTITY);
+            let shift = Pose2::new(0.2, 0.0, 0.0);
+            let at = chain(0, 2 + 4 * k).unwrap().pose;
+            false_one.measured.pose = at.inverse() * shift * at * false_one.measured.pose;
+            false_one
+        }));
+        closures.push(closure(5, 33, Pose2::new(3.0, 2.0, 1.0)));
+        let found = largest_consistent_set(&closures, chain, &ConsistencySettings::default());
+        assert_eq!(found.members, (0..8).collect::<Vec<_>>());
+        assert_eq!((found.rivals, found.against_chain), ((8..12).collect(), vec![12]));
+        assert!(found.exhausted);
+    }
+
+    #[test]
+    fn a_closure_means_the_same_in_both_directions() {
+        let there = closure(3, 45, Pose2::new(0.1, 0.2, 0.03));
+        let back = Closure { from: 45, to: 3, measured: there.measured.inverse() }.forwards();
+        assert!((there.measured.pose.between(back.measured.pose)).to_vector().norm() < 1e-12);
+        assert!((there.measured.covariance - back.measured.covariance).norm() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_and_nonsense_are_survived() {
+        let settings = ConsistencySettings::default();
+        assert_eq!(largest_consistent_set(&[], chain, &settings).members, Vec::<usize>::new());
+        let mut broken = closure(3, 45, Pose2::IDENTITY);
+        broken.measured.covariance.fill(f64::NAN);
+        let found = largest_consistent_set(&[broken], chain, &settings);
+        assert_eq!((found.members, found.against_chain), (vec![], vec![0]));
+    }
+}
