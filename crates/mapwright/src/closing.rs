@@ -44,9 +44,10 @@ const DESCRIBE_EVERY_M: f64 = 0.5;
 const DESCRIBED_M: f64 = 7.0;
 /// Points farther off are not compared, cells.
 const REACH_CELLS: f64 = 300.0;
-/// A lost robot compares what it has seen on so much way, metres, and needs two findings so far apart.
-const LOST_SUBMAP_M: f64 = 5.0;
-const LOST_APART_M: f64 = 0.75;
+/// A lost robot compares what it has seen on so much way, once more and once less, metres,
+const LOST_SUBMAPS_M: [f64; 2] = [8.0, 3.5];
+/// and needs two findings so far apart.
+const LOST_APART_M: f64 = 0.5;
 /// 99.9 % quantile of chi-square with three degrees of freedom.
 const IMPROBABLE_CHI2: f64 = 16.3;
 /// Within such an uncertainty nothing else can be meant, metres.
@@ -144,9 +145,9 @@ impl Closing {
         let to = past.keyframes.len().checked_sub(1)? as u32;
         self.checked_m = self.path_m[to as usize];
         let mut targets = if settings.loops.by_pose { self.near(past, to, known) } else { Vec::new() };
-        let beyond = known.iter().any(|place| {
-            !place.live && WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt() > WIDEST_M
-        });
+        let beyond = known
+            .iter()
+            .any(|place| !place.live && WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt() > WIDEST_M);
         let due = self.checked_m - self.asked_m >= ASK_EVERY_M && (beyond || !settings.loops.by_pose);
         let query = self.views(past, to, false, SUBMAP_M);
         if settings.loops.by_place && targets.is_empty() && due {
@@ -160,7 +161,14 @@ impl Closing {
         }
         let targets =
             targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect();
-        Some(Verification { to, query, targets, submaps: submaps(settings), verify: VerifySettings::default(), matcher })
+        Some(Verification {
+            to,
+            query,
+            targets,
+            submaps: submaps(settings),
+            verify: VerifySettings::default(),
+            matcher,
+        })
     }
 
     /// Places within the uncertainty of the pose, nearest first.
@@ -241,38 +249,25 @@ impl Closing {
     ) -> Option<Found> {
         let to = sought.keyframes.len().checked_sub(1)? as u32;
         let newest = past.keyframes.len().checked_sub(1)? as u32;
-        let query = views(sought, to, false, LOST_SUBMAP_M, |node| {
-            sought.local_from_keyframe[node - 1].distance(sought.local_from_keyframe[node])
-        });
-        let mut targets = Vec::new();
-        if settings.loops.by_pose {
-            let (half_width_m, half_width_rad) = (1.0, 0.5);
-            let (detection, sigma_m, sigma_rad) = (Detection::Pose, 1e3, 1e3);
-            let middle = expected;
-            targets.push(Target { from: newest, detection, middle, sigma_m, sigma_rad, half_width_m, half_width_rad });
+        let step_m = |node: usize| sought.local_from_keyframe[node - 1].distance(sought.local_from_keyframe[node]);
+        let mut queries: Vec<_> = LOST_SUBMAPS_M.iter().map(|&m| views(sought, to, false, m, step_m)).collect();
+        if queries[0].len() == queries[1].len() {
+            queries.truncate(1);
         }
-        if settings.loops.by_place {
-            self.remember_places(past);
-            for hit in self.places.query(&end_points(&query), ALIKE, |_| true) {
-                targets.extend(around(hit.node, hit.heading_rad, 1e3, 1e3));
-            }
-        }
-        let targets: Vec<_> =
-            targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect();
-        let submaps = submaps(settings);
-        let work = Verification { to, query, targets, submaps, verify: VerifySettings::default(), matcher };
         let mut found: Vec<(usize, Found)> = Vec::new();
-        for (target, finding) in work.run_all() {
-            let mut candidate = candidate(&target, newest, &finding);
-            candidate.verdict = match finding.objection {
-                Some(why) => Verdict::Waiting(why),
-                None => Verdict::Waiting(Objection::Alone),
-            };
-            if let (Some(from_from_to), None) = (finding.target_from_query, finding.objection) {
-                let covariance = finding.covariance;
-                found.push((self.candidates.len(), Found { from: target.from, to, from_from_to, covariance }));
+        for query in queries {
+            let targets = self.targets_while_lost(settings, past, newest, &query, expected);
+            let submaps = submaps(settings);
+            let work = Verification { to, query, targets, submaps, verify: VerifySettings::default(), matcher };
+            for (target, finding) in work.run_all() {
+                let mut candidate = candidate(&target, newest, &finding);
+                candidate.verdict = Verdict::Waiting(finding.objection.unwrap_or(Objection::Alone));
+                if let (Some(from_from_to), None) = (finding.target_from_query, finding.objection) {
+                    let covariance = finding.covariance;
+                    found.push((self.candidates.len(), Found { from: target.from, to, from_from_to, covariance }));
+                }
+                self.candidates.push(candidate);
             }
-            self.candidates.push(candidate);
         }
         let local = |found: &Found| past.local_from_keyframe[found.from as usize] * found.from_from_to;
         let same = |a: Pose2, b: Pose2| a.distance(b) <= AGREE_M && a.between(b).theta.abs() <= AGREE_RAD;
@@ -294,6 +289,30 @@ impl Closing {
         (candidate.verdict, candidate.evidence.agreeing) = (Verdict::Accepted, agreeing);
         candidate.to = id(newest + 1);
         Some(first)
+    }
+
+    fn targets_while_lost(
+        &mut self,
+        settings: &Settings,
+        past: Past<'_>,
+        newest: u32,
+        query: &[View],
+        expected: Pose2,
+    ) -> Vec<(Target, Vec<View>)> {
+        let mut targets = Vec::new();
+        if settings.loops.by_pose {
+            let (half_width_m, half_width_rad) = (1.0, 0.5);
+            let (detection, sigma_m, sigma_rad) = (Detection::Pose, 1e3, 1e3);
+            let middle = expected;
+            targets.push(Target { from: newest, detection, middle, sigma_m, sigma_rad, half_width_m, half_width_rad });
+        }
+        if settings.loops.by_place {
+            self.remember_places(past);
+            for hit in self.places.query(&end_points(query), ALIKE, |_| true) {
+                targets.extend(around(hit.node, hit.heading_rad, 1e3, 1e3));
+            }
+        }
+        targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect()
     }
 
     /// Keyframes along the way around `at`, before it and, if so wished, after it.
@@ -394,6 +413,14 @@ impl Closing {
             }
         }
         self.closures.retain(|(at, _)| !edges.contains(at));
+    }
+
+    /// A keyframe is not where it was thought to be: nothing leads there any more.
+    pub(crate) fn disown(&mut self, node: u32) {
+        let edges = self.graph.edges.iter_mut().filter(|edge| edge.to == node as usize);
+        edges.for_each(|edge| edge.information = Matrix3::zeros());
+        let arrivals = self.candidates.iter_mut().filter(|c| c.to == id(node) && c.verdict == Verdict::Accepted);
+        arrivals.for_each(|candidate| candidate.verdict = Verdict::TakenBack(Objection::Contradiction));
     }
 
     pub(crate) fn covariance_of(&self, edge: &Edge) -> Cov3 {

@@ -3,7 +3,6 @@
 use crate::closing::Closing;
 use crate::jobs::Job;
 use crate::live::{Frames, Live, LiveReport};
-use relocation::{Broken, Lost};
 use crate::motion::{Predictor, Step};
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Optimizer, Settings, SettingsError};
@@ -15,6 +14,7 @@ use mapwright_grid::{
 use mapwright_record::{Candidate, Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
 use mapwright_sensor::{BEAM_DROPPED, BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
 use nalgebra::{Matrix3, Vector3};
+use relocation::{Broken, Lost};
 use rustc_hash::FxHashSet;
 use std::collections::VecDeque;
 
@@ -92,6 +92,10 @@ pub struct Mapper {
     broken: Option<Broken>,
     /// Length of way until a robot that was not seen for a while is believed to be where it was, metres.
     suspect_m: f64,
+    /// Scans that did not fit on it.
+    misfits: u32,
+    /// The keyframe of an arrival that is not yet believed.
+    arrived: Option<u32>,
     /// The last scan that saw something.
     seen: Option<Stamp>,
     /// Current poses of the keyframes, in the front end's frame and in the map's.
@@ -153,6 +157,10 @@ impl Mapper {
     /// A setting outside its range.
     pub fn starting_at(settings: Settings, world_from_robot: Pose2) -> Result<Self, SettingsError> {
         settings.validate()?;
+        Ok(Self::with(settings, world_from_robot))
+    }
+
+    fn with(settings: Settings, world_from_robot: Pose2) -> Self {
         let matcher = Matcher {
             settings: MatcherSettings {
                 sigma_m: settings.matching.sigma_m,
@@ -163,7 +171,7 @@ impl Mapper {
                 ..MatcherSettings::default()
             },
         };
-        Ok(Self {
+        Self {
             live: Live::new(&settings),
             settings,
             matcher,
@@ -175,6 +183,8 @@ impl Mapper {
             lost: None,
             broken: None,
             suspect_m: 0.0,
+            misfits: 0,
+            arrived: None,
             seen: None,
             local_from_keyframe: Vec::new(),
             world_from_keyframe: Vec::new(),
@@ -198,7 +208,7 @@ impl Mapper {
             lost_scans: 0,
             doubted_from: None,
             intruded: 0,
-        })
+        }
     }
 
     /// Remembers a reading of the wheels for scans that carry none of their own.
@@ -428,7 +438,8 @@ impl Mapper {
             step.x.hypot(step.y) > self.settings.keyframes.distance_m
                 || step.theta.abs() > self.settings.keyframes.angle_rad
         });
-        let inserted = (moved && !lost && !empty && self.suspect_m <= 0.0).then(|| self.insert(scan, matched)).flatten();
+        let inserted =
+            (moved && !lost && !empty && self.suspect_m <= 0.0).then(|| self.insert(scan, matched)).flatten();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.follow(&self.settings, frames, inserted.is_some());
         let newest = self.keyframes.len().checked_sub(1).map(|k| k as u32);

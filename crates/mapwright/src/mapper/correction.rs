@@ -8,7 +8,6 @@ use crate::patches::Known;
 use mapwright_record::KeyframeId;
 
 impl Mapper {
-
     /// Looks for old places from time to time.
     pub(super) fn detect(&mut self, keyframe: Option<u32>) {
         if keyframe.is_none() || !self.closing.is_due() {

@@ -3,8 +3,8 @@
 use super::{Mapper, Matched};
 use crate::closing::{Found, Past};
 use crate::live::Frames;
-use crate::motion::Step;
-use crate::settings::LivePolicy;
+use crate::motion::{Predictor, Step};
+use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2, Stamp};
 use mapwright_record::{Status, Update};
 use mapwright_sensor::{BeamCounts, LaserScan};
@@ -15,14 +15,25 @@ pub(super) const BROKEN_WAY_M: f64 = 1000.0;
 /// After a time without a look at the world, so much way has to fit before the robot is believed where it was, metres.
 const SUSPECT_WAY_M: f64 = 1.5;
 /// From so many usual periods without returns on, and so many seconds.
-const BLIND_PERIODS: f64 = 8.0;
-const BLIND_S: f64 = 2.0;
+const BLIND_PERIODS: f64 = 20.0;
+const BLIND_S: f64 = 4.0;
 /// Such a share of the known beams has to fit then.
 const SUSPECT_SHARE: f64 = 0.8;
 /// After so many scans in a row that fit nowhere the robot is lost, and so much travel.
 const LOST_SCANS: u32 = 10;
 /// Places are asked after so much way, metres.
 const ASK_EVERY_M: f64 = 0.4;
+/// once it has seen so much of it, metres: one room is like another.
+const ASK_FROM_M: f64 = 2.0;
+/// So many misfits are no accident.
+const MISFITS: u32 = 5;
+/// A robot that has moved less than this, metres, sees the same again, to this share of known and fitting beams.
+const SAME_M: f64 = 0.2;
+const SAME_SHARE: f64 = 0.9;
+/// What it sees must not differ from odometry by more standard deviations than this.
+const SUSPECT_SIGMAS: f64 = 6.0;
+/// Below this share of fitting beams even the map made aside is wrong.
+const ASIDE_SHARE: f64 = 0.5;
 
 /// A robot that does not know where it is.
 #[derive(Debug, Clone)]
@@ -32,6 +43,24 @@ pub(super) struct Lost {
     way_m: f64,
     asked_m: f64,
     findings: Vec<Found>,
+}
+
+impl Lost {
+    fn new(settings: &Settings, predictor: &Predictor) -> Self {
+        let mut settings = *settings;
+        settings.live.policy = LivePolicy::Everything;
+        (settings.loops.by_pose, settings.loops.by_place, settings.loops.relocate) = (false, false, false);
+        let mut aside = Mapper::with(settings, Pose2::IDENTITY);
+        aside.predictor = predictor.clone();
+        Self { aside, way_m: 0.0, asked_m: f64::NEG_INFINITY, findings: Vec::new() }
+    }
+
+    /// What was mapped aside is of no use: from this scan on anew.
+    fn from_here(settings: &Settings, predictor: &Predictor, scan: &LaserScan) -> Self {
+        let mut lost = Self::new(settings, predictor);
+        let _ = lost.aside.add_scan(scan);
+        lost
+    }
 }
 
 /// The keyframe on which the next one hangs, for odometry does not lead there.
@@ -47,13 +76,26 @@ impl Mapper {
         let mut matched = matched?;
         let blind_s = self.seen.map_or(0.0, |seen| stamp.secs_since(seen));
         self.seen = Some(stamp);
-        if self.settings.loops.relocate && blind_s > BLIND_S && blind_s > BLIND_PERIODS * self.predictor.period_s() {
-            self.suspect_m = SUSPECT_WAY_M;
+        let usual_s = self.predictor.period_s();
+        if self.settings.loops.relocate && usual_s > 0.0 && blind_s > BLIND_S.max(BLIND_PERIODS * usual_s) {
+            (self.suspect_m, self.misfits) = (SUSPECT_WAY_M, 0);
         }
         if self.suspect_m > 0.0 {
-            self.suspect_m -= step.last_from_robot.x.hypot(step.last_from_robot.y);
-            let fits = matched.agreement.inlier_share() >= SUSPECT_SHARE && matched.status != Status::Lost;
+            let moved_m = step.last_from_robot.x.hypot(step.last_from_robot.y);
+            // Without a look at the world and without motion, it is the same that is seen again.
+            let again = SUSPECT_WAY_M - self.suspect_m < SAME_M;
+            self.suspect_m -= moved_m;
+            self.arrived = self.arrived.filter(|_| self.suspect_m > 0.0);
+            let same = matched.agreement.known_share() >= SAME_SHARE && matched.agreement.inlier_share() >= SAME_SHARE;
+            let fits = (same || !again)
+                && matched.agreement.inlier_share() >= SUSPECT_SHARE
+                && matched.report.odometry_sigmas <= SUSPECT_SIGMAS
+                && matched.status != Status::Lost;
             if !fits {
+                self.misfits += 1;
+                matched.status = Status::Degraded;
+            }
+            if self.misfits >= MISFITS {
                 matched.status = Status::Lost;
                 self.get_lost();
             }
@@ -64,16 +106,21 @@ impl Mapper {
     }
 
     fn get_lost(&mut self) {
-        if !self.settings.loops.relocate || self.keyframes.is_empty() {
-            return;
+        if self.settings.loops.relocate && !self.keyframes.is_empty() {
+            self.suspect_m = 0.0;
+            if let Some(node) = self.arrived.take() {
+                self.leave_again(node);
+            }
+            self.lost = Some(Box::new(Lost::new(&self.settings, &self.predictor)));
         }
-        let mut settings = self.settings;
-        settings.live.policy = LivePolicy::Everything;
-        (settings.loops.by_pose, settings.loops.by_place, settings.loops.relocate) = (false, false, false);
-        let Ok(mut aside) = Self::new(settings) else { return };
-        aside.predictor = self.predictor.clone();
-        self.suspect_m = 0.0;
-        self.lost = Some(Box::new(Lost { aside, way_m: 0.0, asked_m: f64::NEG_INFINITY, findings: Vec::new() }));
+    }
+
+    /// The robot did not arrive where it thought: the keyframe of its arrival is none.
+    fn leave_again(&mut self, node: u32) {
+        let _ = self.drop_keyframe(self.id(node));
+        let arrival = self.id(node);
+        self.edges.retain(|edge| edge.to != arrival);
+        self.closing.disown(node);
     }
 
     /// One scan of a robot that does not know where it is.
@@ -91,10 +138,12 @@ impl Mapper {
         if let Some(mut lost) = self.lost.take() {
             let update = lost.aside.add_scan(scan);
             report = update.matched;
+            if update.matched.is_some_and(|m| m.inlier_share < ASIDE_SHARE && m.known_share > 0.5) {
+                *lost = Lost::from_here(&self.settings, &self.predictor, scan);
+            }
             lost.way_m += step.last_from_robot.x.hypot(step.last_from_robot.y);
-            let found = (lost.way_m - lost.asked_m >= ASK_EVERY_M && update.keyframe.is_some())
-                .then(|| self.ask_places(&mut lost))
-                .flatten();
+            let due = lost.way_m >= ASK_FROM_M && lost.way_m - lost.asked_m >= ASK_EVERY_M;
+            let found = (due && update.keyframe.is_some()).then(|| self.ask_places(&mut lost)).flatten();
             match found {
                 Some(found) => self.arrive(scan, &lost, &found),
                 None => self.lost = Some(lost),
@@ -128,7 +177,9 @@ impl Mapper {
         self.lost_scans = 0;
         self.doubted_from = None;
         self.broken = Some(Broken { from, covariance });
-        if self.insert(scan, None).is_some() {
+        (self.suspect_m, self.misfits) = (SUSPECT_WAY_M - SAME_M, 0);
+        self.arrived = self.insert(scan, None);
+        if self.arrived.is_some() {
             let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
             self.live.arrive(&self.settings, frames);
         }
