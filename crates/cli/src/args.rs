@@ -86,6 +86,9 @@ pub(crate) struct MappingArgs {
     /// Predict with constant velocity even where the log has odometry.
     #[arg(long)]
     pub(crate) no_odometry: bool,
+    /// How the past is corrected when a loop is closed: graph, spread or none; short for `--set loops.correction=...`.
+    #[arg(long, value_name = "HOW")]
+    pub(crate) correction: Option<String>,
     #[command(flatten)]
     pub(crate) voice: Voice,
 }

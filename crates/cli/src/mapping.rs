@@ -51,6 +51,9 @@ pub(crate) struct Made {
 pub(crate) fn settings_of(args: &MappingArgs) -> Result<Settings, Failure> {
     let mut settings = settings::load(&args.settings)?;
     settings.motion.use_odometry &= !args.no_odometry;
+    if let Some(how) = &args.correction {
+        settings.set("loops.correction", how)?;
+    }
     Ok(settings)
 }
 

@@ -201,6 +201,15 @@ impl CertaintyGraph {
         }
     }
 
+    /// Takes away the link between two nodes, if there is one.
+    pub fn remove_link(&mut self, a: u32, b: u32) {
+        for (from, to) in [(a, b), (b, a)] {
+            if let Some(node) = self.nodes.get_mut(from as usize) {
+                node.links.retain(|link| link.to != to);
+            }
+        }
+    }
+
     /// Takes away all links of a node.
     pub fn isolate(&mut self, node: u32) {
         let Some(links) = self.nodes.get_mut(node as usize).map(|node| std::mem::take(&mut node.links)) else { return };

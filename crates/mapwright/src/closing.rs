@@ -404,15 +404,17 @@ impl Closing {
         Some(Solving { graph: self.graph.clone(), closures, most_chi2: 25.0 })
     }
 
-    /// Later evidence speaks against closures.
-    pub(crate) fn take_back(&mut self, edges: &[usize]) {
-        for &edge in edges {
+    /// Later evidence speaks against closures, given by their places among the graph's edges; their ends.
+    pub(crate) fn take_back(&mut self, edges: &[usize]) -> Vec<(KeyframeId, KeyframeId)> {
+        let mut ends = Vec::new();
+        for &(edge, candidate) in self.closures.iter().filter(|(at, _)| edges.contains(at)) {
             self.graph.edges[edge].information = Matrix3::zeros();
-            for &(_, candidate) in self.closures.iter().filter(|(at, _)| *at == edge) {
-                self.candidates[candidate].verdict = Verdict::TakenBack(Objection::Outvoted);
-            }
+            let candidate = &mut self.candidates[candidate];
+            candidate.verdict = Verdict::TakenBack(Objection::Outvoted);
+            ends.push((candidate.from, candidate.to));
         }
         self.closures.retain(|(at, _)| !edges.contains(at));
+        ends
     }
 
     /// A keyframe is not where it was thought to be: nothing leads there any more.

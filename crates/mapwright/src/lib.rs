@@ -42,6 +42,6 @@ pub use mapwright_record::{
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep};
 pub use probe::{NoProbe, Probe, Stage};
 pub use settings::{
-    Correction, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
+    Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };

@@ -238,6 +238,13 @@ impl Live {
         }
     }
 
+    /// A closure was none.
+    pub(crate) fn open(&mut self, from: u32, to: u32) {
+        if self.gated {
+            self.patches.open(from, to);
+        }
+    }
+
     /// Old places that are not in the live map.
     pub(crate) fn survey(&mut self) -> Vec<Known> {
         if self.gated { self.patches.survey() } else { Vec::new() }

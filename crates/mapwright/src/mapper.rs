@@ -86,6 +86,8 @@ pub struct Mapper {
     edges: Vec<Edge>,
     closing: Closing,
     jobs: VecDeque<Job>,
+    /// Jobs that were handed out and have not come back.
+    jobs_out: usize,
     /// The map that is made while the robot does not know where it is.
     lost: Option<Box<Lost>>,
     /// The way is broken before the next keyframe: it hangs on an old one instead.
@@ -180,6 +182,7 @@ impl Mapper {
             edges: Vec::new(),
             closing: Closing::new(),
             jobs: VecDeque::new(),
+            jobs_out: 0,
             lost: None,
             broken: None,
             suspect_m: 0.0,

@@ -136,6 +136,14 @@ impl Patches {
         self.link(patch, to.0, uncertainty.then(of(covariance), step_m), to.1);
     }
 
+    /// A closure was none: what it linked is apart again.
+    pub(crate) fn open(&mut self, from: u32, to: u32) {
+        let [from, to] = [from, to].map(|node| self.members[node as usize].patch);
+        for graph in [&mut self.graph, &mut self.whole] {
+            graph.remove_link(from, to);
+        }
+    }
+
     /// The keyframes have moved.
     pub(crate) fn carry(&mut self, before: &[Pose2], poses: &[Pose2]) {
         let moved = |patch: &Patch| poses[patch.first as usize] * before[patch.first as usize].inverse();

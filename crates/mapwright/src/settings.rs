@@ -266,6 +266,17 @@ named! {
     } default Graph
 }
 
+named! {
+    /// Who does the work that may take longer than a scan.
+    Jobs {
+        /// The mapper, at once.
+        #[default]
+        Inline = "inline",
+        /// The caller: [`crate::Mapper::next_job`], [`crate::Mapper::apply`].
+        HandedOut = "handed-out",
+    } default Inline
+}
+
 section! {
     /// Coming back to places.
     LoopSettings, "loops" {
@@ -273,6 +284,7 @@ section! {
         by_place: bool = true, 0..=1, "", "places that look like this one are looked for where the pose is too uncertain";
         relocate: bool = true, 0..=1, "", "a robot that fits nowhere maps aside until it knows where it is";
         correction: Correction = Correction::Graph, 0..=1, "", "\"graph\", \"spread\" or \"none\"";
+        jobs: Jobs = Jobs::Inline, 0..=1, "", "\"inline\", or \"handed-out\" to a worker of the caller's";
     }
 }
 

@@ -5,12 +5,17 @@ use crate::closing::Past;
 use crate::jobs::{Job, JobResult, Outcome, Solved, Task};
 use crate::live::Frames;
 use crate::patches::Known;
-use mapwright_record::KeyframeId;
+use crate::jobs::Target;
+use crate::settings::{Correction, Jobs};
+use mapwright_graph::spread;
+use mapwright_loops::Finding;
+use mapwright_record::{Edge, EdgeKind, KeyframeId};
 
 impl Mapper {
     /// Looks for old places from time to time.
     pub(super) fn detect(&mut self, keyframe: Option<u32>) {
-        if keyframe.is_none() || !self.closing.is_due() {
+        let busy = self.jobs_out > 0 || !self.jobs.is_empty();
+        if keyframe.is_none() || busy || !self.closing.is_due() {
             return;
         }
         let known = self.live.survey();
@@ -19,9 +24,19 @@ impl Mapper {
         if let Some(verification) = self.closing.propose(&self.settings, past, &known, matcher) {
             self.jobs.push_back(Job(Task::Verify(verification)));
         }
-        while let Some(job) = self.jobs.pop_front() {
+        while self.settings.loops.jobs == Jobs::Inline
+            && let Some(job) = self.jobs.pop_front()
+        {
             self.apply(job.run());
         }
+    }
+
+    /// The next job to be done, where jobs are handed out (`loops.jobs`); its result goes to [`Mapper::apply`], after
+    /// whichever scan it is there.
+    pub fn next_job(&mut self) -> Option<Job> {
+        let job = self.jobs.pop_front();
+        self.jobs_out += usize::from(job.is_some());
+        job
     }
 
     /// How certain the first keyframe of each patch of the map is relative to the newest one: larger standard deviation
@@ -34,35 +49,58 @@ impl Mapper {
         self.live.survey().into_iter().map(sigmas).collect()
     }
 
-    /// Takes a job's result in.
+    /// Takes a job's result in. It may be late: what was inserted since is carried along.
+    ///
+    /// A result that does not belong to this mapper is left out.
     pub fn apply(&mut self, result: JobResult) {
+        self.jobs_out = self.jobs_out.saturating_sub(1);
+        let known = self.keyframes.len();
         match result.0 {
-            Outcome::Verified { to, findings } => {
-                for (target, finding) in findings {
-                    let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
-                    let edges = self.closing.judge(past, to, &target, &finding);
-                    for edge in edges {
-                        let covariance = self.closing.covariance_of(&edge);
-                        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
-                        self.live.close(frames, edge.from.seq, edge.to.seq, &covariance);
-                        self.edges.push(edge);
-                    }
-                }
-                if let Some(solving) = self.closing.solving(&self.world_from_keyframe) {
-                    self.jobs.push_back(Job(Task::Solve(solving)));
+            Outcome::Verified { to, findings } if (to as usize) < known => self.judge(to, &findings),
+            Outcome::Solved { solved: Some(solved) } if solved.world_from_keyframe.len() <= known => {
+                self.correct(&solved);
+            }
+            _ => {}
+        }
+    }
+
+    fn judge(&mut self, to: u32, findings: &[(Target, Finding)]) {
+        for (target, finding) in findings.iter().filter(|(target, _)| target.from < to) {
+            let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
+            for edge in self.closing.judge(past, to, target, finding) {
+                let covariance = self.closing.covariance_of(&edge);
+                let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
+                self.live.close(frames, edge.from.seq, edge.to.seq, &covariance);
+                self.edges.push(edge);
+                if self.settings.loops.correction == Correction::Spread {
+                    self.spread(&edge);
                 }
             }
-            Outcome::Solved { solved, .. } => {
-                if let Some(solved) = solved {
-                    self.correct(&solved);
-                }
-            }
+        }
+        if self.settings.loops.correction == Correction::Graph
+            && let Some(solving) = self.closing.solving(&self.world_from_keyframe)
+        {
+            self.jobs.push_back(Job(Task::Solve(solving)));
+        }
+    }
+
+    /// The chapter's backwards correction: the closure's error is shared among the steps of the loop.
+    fn spread(&mut self, closure: &Edge) {
+        let [first, last] = [closure.from.seq, closure.to.seq].map(|node| node as usize);
+        let mut world_from_keyframe = self.world_from_keyframe.clone();
+        let Some(steps) = world_from_keyframe.get(first..=last) else { return };
+        let shares = spread::shares_by_motion(steps);
+        if spread::spread(&mut world_from_keyframe, first, last, closure.from_from_to, &shares).is_ok() {
+            self.correct(&Solved { world_from_keyframe, taken_back: Vec::new() });
         }
     }
 
     /// Moves the past; the newest keyframe of the solution stays where it is in the front end's frame.
     fn correct(&mut self, solved: &Solved) {
-        self.closing.take_back(&solved.taken_back);
+        for (from, to) in self.closing.take_back(&solved.taken_back) {
+            self.live.open(from.seq, to.seq);
+            self.edges.retain(|edge| edge.kind != EdgeKind::Closure || (edge.from, edge.to) != (from, to));
+        }
         let Some(last) = solved.world_from_keyframe.len().checked_sub(1) else { return };
         let before = self.local_from_keyframe.clone();
         self.world_from_local = solved.world_from_keyframe[last] * self.local_from_keyframe[last].inverse();
