@@ -150,11 +150,11 @@ impl Closing {
             .any(|place| !place.live && WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt() > WIDEST_M);
         let due = self.checked_m - self.asked_m >= ASK_EVERY_M && (beyond || !settings.loops.by_pose);
         let query = self.views(past, to, false, SUBMAP_M);
-        if settings.loops.by_place && targets.is_empty() && due {
+        if settings.loops.by_place && due {
             self.asked_m = self.checked_m;
             let hits = end_points(&query);
             self.remember_places(past);
-            targets = self.alike(past, to, known, &hits);
+            targets.extend(self.alike(past, to, known, &hits));
         }
         if targets.is_empty() {
             return None;

@@ -329,9 +329,10 @@ mod tests {
         settings
     }
 
-    /// A covariance of one step of the chain.
+    /// A covariance of one step of the chain, of which `sigma_m` adds up.
     fn step(sigma_m: f64) -> Cov3 {
-        Cov3::from_diagonal(&nalgebra::Vector3::new(sigma_m * sigma_m, sigma_m * sigma_m, 1e-12))
+        let variance_m2 = sigma_m * sigma_m / crate::patches::DISPLACEMENT_SHARE;
+        Cov3::from_diagonal(&nalgebra::Vector3::new(variance_m2, variance_m2, 1e-12))
     }
 
     /// Inserts keyframes each `sigma_m` uncertain relative to the one before, with three scans between them.

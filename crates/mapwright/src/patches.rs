@@ -15,7 +15,7 @@ const PATCH_SIGMA_M: f64 = 0.05;
 const BUCKET_M: f64 = 8.0;
 /// Shares of a link's variances that add up along a chain; the rest is the keyframe's own and does not. Calibrated by
 /// simulated loops, corridors and offices (`examples/certainty.rs`).
-const DISPLACEMENT_SHARE: f64 = 0.3;
+pub(crate) const DISPLACEMENT_SHARE: f64 = 0.3;
 const ROTATION_SHARE: f64 = 0.1;
 /// Patches up to this distance from the robot are judged, metres.
 const REACH_M: f64 = 20.0;
