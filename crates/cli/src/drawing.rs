@@ -3,23 +3,15 @@
 use crate::failure::Failure;
 use crate::image::{map_image, without_outliers};
 use crate::output::OutputFolder;
-use mapwright::{CountGrid, Mapper, Pose2};
+use mapwright::{CountGrid, GlobalMap, Mapper, Pose2};
 use mapwright_formats::{GridImage, Picture, dominant_wall_angle, write_png};
-use mapwright_grid::Change;
-use mapwright_sensor::{BeamTable, SweepPoints};
 
 /// Counts of every keyframe at these poses, whatever the mapper itself makes of them.
 pub(crate) fn draw_keyframes(mapper: &Mapper, world_from_keyframe: &[Pose2]) -> CountGrid {
-    let settings = mapper.settings();
-    let mut map = CountGrid::new(settings.map.resolution_m);
-    let (mut points, mut table, mut touched) = (SweepPoints::default(), BeamTable::default(), Vec::new());
-    for (keyframe, &world_from_robot) in mapper.keyframes().iter().zip(world_from_keyframe) {
-        points.fill(&keyframe.sweep, &mut table, settings.scan.free_range_m);
-        points.fill_normals();
-        map.draw(&points, world_from_robot, Change::Add, &mut touched);
-        touched.clear();
-    }
-    map
+    let poses: Vec<_> = world_from_keyframe.iter().copied().map(Some).collect();
+    let mut map = GlobalMap::new(mapper.settings());
+    map.export(mapper.keyframes(), &poses, 2);
+    map.into_counts()
 }
 
 /// The same map before and after, both turned so that the walls of the latter are upright.

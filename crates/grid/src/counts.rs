@@ -44,6 +44,21 @@ impl HitCell {
     const fn empty(x: i32, y: i32) -> Self {
         Self { x, y, hits: 0, sum_x: 0, sum_y: 0, points: 0, normals: 0, sum_nxx: 0, sum_nxy: 0 }
     }
+
+    fn add(&mut self, other: &Self) {
+        let pairs = [
+            (&mut self.hits, other.hits),
+            (&mut self.sum_x, other.sum_x),
+            (&mut self.sum_y, other.sum_y),
+            (&mut self.points, other.points),
+            (&mut self.normals, other.normals),
+            (&mut self.sum_nxx, other.sum_nxx),
+            (&mut self.sum_nxy, other.sum_nxy),
+        ];
+        for (sum, term) in pairs {
+            *sum = sum.wrapping_add(term);
+        }
+    }
 }
 
 /// What one beam's end adds to a cell.
@@ -81,6 +96,83 @@ pub enum Change {
     Add,
     /// Count down.
     Remove,
+}
+
+/// Counts to be added to a grid's: a share of the work, done beside the grid. May be negative where beams are taken out.
+#[derive(Debug, Clone)]
+pub struct Changes {
+    grid: CountGrid,
+    removed: bool,
+}
+
+impl Changes {
+    /// None, for a grid of `resolution_m`.
+    #[must_use]
+    pub fn new(resolution_m: f64) -> Self {
+        Self { grid: CountGrid::new(resolution_m), removed: false }
+    }
+
+    /// Counts a sweep's beams in or out.
+    pub fn draw(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change) {
+        self.removed |= change == Change::Remove;
+        self.grid.count::<false>(points, world_from_robot, change, &mut Vec::new());
+    }
+}
+
+/// A beam's way over the cells: one a step along its major axis, the other coordinate in fixed point.
+struct Ray {
+    major: i32,
+    /// In 1/2^32 of a cell.
+    minor: i64,
+    step: i32,
+    minor_step: i64,
+    /// Steps to go.
+    left: u32,
+}
+
+impl Ray {
+    /// From the start up to but not including the cell of the end; major coordinate first. None where that is nothing.
+    fn new(start: [f64; 2], end: [f64; 2]) -> Option<Self> {
+        const ONE: f64 = 4_294_967_296.0;
+        let (first, last) = (floor_cell(start[0]), floor_cell(end[0]));
+        if first == last {
+            return None;
+        }
+        let slope = (end[1] - start[1]) / (end[0] - start[0]);
+        let step = if last > first { 1 } else { -1 };
+        let minor_at_first = (start[1] + slope * (f64::from(first) + 0.5 - start[0])) * ONE;
+        // Rounded down; `floor` is a call where the processor may be any x86-64.
+        let towards_zero = minor_at_first as i64;
+        let minor = towards_zero.saturating_sub(i64::from(towards_zero as f64 > minor_at_first));
+        let minor_step = (slope * f64::from(step) * ONE) as i64;
+        Some(Self { major: first, minor, step, minor_step, left: first.abs_diff(last) })
+    }
+
+    #[inline]
+    fn step(&mut self) {
+        self.major += self.step;
+        self.minor = self.minor.wrapping_add(self.minor_step);
+    }
+
+    /// How many of the next steps begin in the tile of the present cell; they count as gone.
+    #[inline]
+    fn steps_in_tile(&mut self) -> u32 {
+        const BAND: u32 = 32 + TILE_BITS;
+        let in_tile = self.major & (TILE_SIDE - 1);
+        let to_edge = if self.step > 0 { TILE_SIDE - in_tile } else { in_tile + 1 };
+        let most = self.left.min(to_edge as u32);
+        // The slope is 1 at most: 63 steps do not leave a tile and come back.
+        let minor_there = self.minor.wrapping_add(self.minor_step.wrapping_mul(i64::from(most) - 1));
+        let steps = if minor_there >> BAND == self.minor >> BAND {
+            most
+        } else {
+            let in_band = self.minor & ((1 << BAND) - 1);
+            let to_go = if self.minor_step > 0 { (1 << BAND) - 1 - in_band } else { in_band };
+            most.min((to_go as u64 / self.minor_step.unsigned_abs().max(1)) as u32 + 1)
+        };
+        self.left -= steps;
+        steps
+    }
 }
 
 impl CountGrid {
@@ -154,21 +246,35 @@ impl CountGrid {
         }
     }
 
+    #[inline]
     fn tile_number(&mut self, tile: (i32, i32)) -> usize {
         let (number, new) = self.index.find_or_insert(tile, self.tiles.len() as u32);
         if new {
-            self.tiles.push(CountTile {
-                key: tile,
-                passes: Box::new([0; TILE_CELLS]),
-                slots: Box::new([NO_SLOT; TILE_CELLS]),
-            });
+            self.push_tile(tile);
         }
         number as usize
+    }
+
+    #[cold]
+    fn push_tile(&mut self, key: (i32, i32)) {
+        let (passes, slots) = (Box::new([0; TILE_CELLS]), Box::new([NO_SLOT; TILE_CELLS]));
+        self.tiles.push(CountTile { key, passes, slots });
     }
 
     /// Counts a sweep's beams in or out; slots of the cells that changed and have or had hits go to `touched`, with the
     /// highest bit set where a beam ended.
     pub fn draw(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change, touched: &mut Vec<u32>) {
+        self.count::<true>(points, world_from_robot, change, touched);
+    }
+
+    /// As [`CountGrid::draw`]; `touched` hears nothing unless it is to `LISTEN`.
+    fn count<const LISTEN: bool>(
+        &mut self,
+        points: &SweepPoints,
+        world_from_robot: Pose2,
+        change: Change,
+        touched: &mut Vec<u32>,
+    ) {
         let cells_per_m = 1.0 / self.resolution_m;
         let (s, c) = sin_cos(world_from_robot.theta);
         let to_cells = |p: [f64; 2]| {
@@ -182,11 +288,14 @@ impl CountGrid {
             let end_cells = to_cells(hit);
             let point = nx.is_nan();
             let normal = (!point && (nx != 0.0 || ny != 0.0)).then_some([c * nx - s * ny, s * nx + c * ny]);
-            touched.push(self.hit(Hit { end_cells, normal, point }, change) | BEAM_END);
-            self.pass(start, end_cells, change, touched);
+            let slot = self.hit(Hit { end_cells, normal, point }, change);
+            if LISTEN {
+                touched.push(slot | BEAM_END);
+            }
+            self.pass_by::<LISTEN>(start, end_cells, change, touched);
         }
         for &free in &points.free_ends {
-            self.pass(start, to_cells(free), change, touched);
+            self.pass_by::<LISTEN>(start, to_cells(free), change, touched);
         }
     }
 
@@ -227,7 +336,9 @@ impl CountGrid {
             self.cells.len() as u32 - 1
         };
         self.tiles[tile].slots[in_tile] = slot;
-        self.tiles[tile].passes[in_tile] |= HAS_HITS;
+        // Changes may have a negative count here: added, the flag can be taken off again.
+        let passes = &mut self.tiles[tile].passes[in_tile];
+        *passes = passes.wrapping_add(HAS_HITS);
         slot
     }
 
@@ -259,55 +370,111 @@ impl CountGrid {
     /// One cell per step of the longer axis, at the middle of that step. Slots of passed cells that hold hits go to
     /// `touched`.
     pub fn pass(&mut self, start_cells: [f64; 2], end_cells: [f64; 2], change: Change, touched: &mut Vec<u32>) {
-        let steep = (end_cells[1] - start_cells[1]).abs() > (end_cells[0] - start_cells[0]).abs();
+        self.pass_by::<true>(start_cells, end_cells, change, touched);
+    }
+
+    fn pass_by<const LISTEN: bool>(&mut self, start: [f64; 2], end: [f64; 2], change: Change, touched: &mut Vec<u32>) {
+        let steep = (end[1] - start[1]).abs() > (end[0] - start[0]).abs();
         if steep {
-            self.walk::<true>([start_cells[1], start_cells[0]], [end_cells[1], end_cells[0]], change, touched);
+            self.walk::<true, LISTEN>([start[1], start[0]], [end[1], end[0]], change, touched);
         } else {
-            self.walk::<false>(start_cells, end_cells, change, touched);
+            self.walk::<false, LISTEN>(start, end, change, touched);
         }
     }
 
-    fn walk<const STEEP: bool>(&mut self, start: [f64; 2], end: [f64; 2], change: Change, touched: &mut Vec<u32>) {
-        const ONE: f64 = 4_294_967_296.0;
-        let (first, last) = (floor_cell(start[0]), floor_cell(end[0]));
-        let slope = if first == last { return } else { (end[1] - start[1]) / (end[0] - start[0]) };
-        let step = if last > first { 1 } else { -1 };
-        let minor_at_first = start[1] + slope * (f64::from(first) + 0.5 - start[0]);
-        let mut minor = (minor_at_first * ONE).floor() as i64;
-        let minor_step = (slope * f64::from(step) * ONE) as i64;
+    /// Tile by tile, so that within one a step is a look at a cell and nothing else.
+    fn walk<const STEEP: bool, const LISTEN: bool>(
+        &mut self,
+        start: [f64; 2],
+        end: [f64; 2],
+        change: Change,
+        touched: &mut Vec<u32>,
+    ) {
+        let Some(mut ray) = Ray::new(start, end) else { return };
         let delta = if change == Change::Add { 1 } else { u32::MAX };
         // A pass can end an obstacle, and one pass less can make one of a cell with hits.
         let may_flip = if change == Change::Add { FLAGS } else { HAS_HITS };
-        let mut major = first;
-        let mut current = (i32::MIN, i32::MIN);
-        let mut tile = 0;
-        while major != last {
-            let other = (minor >> 32) as i32;
-            let (x, y) = if STEEP { (other, major) } else { (major, other) };
-            if tile_of(x, y) != current {
-                current = tile_of(x, y);
-                tile = self.tile_number(current);
+        while ray.left > 0 {
+            let minor = (ray.minor >> 32) as i32;
+            let tile = self.tile_number(if STEEP { tile_of(minor, ray.major) } else { tile_of(ray.major, minor) });
+            let CountTile { passes, slots, .. } = &mut self.tiles[tile];
+            for _ in 0..ray.steps_in_tile() {
+                let minor = (ray.minor >> 32) as i32;
+                let in_tile = if STEEP { cell_in_tile(minor, ray.major) } else { cell_in_tile(ray.major, minor) };
+                let count = passes[in_tile].wrapping_add(delta);
+                passes[in_tile] = count;
+                if LISTEN && count & FLAGS == may_flip {
+                    touched.push(slots[in_tile]);
+                }
+                ray.step();
             }
-            let in_tile = cell_in_tile(x, y);
-            let tile = &mut self.tiles[tile];
-            let count = tile.passes[in_tile].wrapping_add(delta);
-            tile.passes[in_tile] = count;
-            if count & FLAGS == may_flip {
-                touched.push(tile.slots[in_tile]);
-            }
-            major += step;
-            minor = minor.wrapping_add(minor_step);
         }
+    }
+
+    /// Tiles row by row.
+    fn tiles_in_order(&self) -> Vec<&CountTile> {
+        let mut tiles: Vec<&CountTile> = self.tiles.iter().collect();
+        tiles.sort_unstable_by_key(|tile| (tile.key.1, tile.key.0));
+        tiles
+    }
+
+    /// Takes in what was counted elsewhere, in any order; cells that are left without hits give back their slots.
+    pub fn take_in(&mut self, mut shares: Vec<Changes>) {
+        if self.tiles.is_empty() && shares.first().is_some_and(|first| !first.removed) {
+            *self = Self { resolution_m: self.resolution_m, ..shares.swap_remove(0).grid };
+        }
+        for Changes { grid, .. } in &shares {
+            for tile in &grid.tiles {
+                self.take_in_tile(tile, &grid.cells);
+            }
+        }
+        // Only now: what one share takes out, another may have counted in.
+        for cell in shares.iter().flat_map(|share| &share.grid.cells) {
+            if let Some(slot) = self.slot(cell.x, cell.y) {
+                self.release_if_empty(slot);
+            }
+        }
+    }
+
+    fn take_in_tile(&mut self, tile: &CountTile, cells: &[HitCell]) {
+        let mine = self.tile_number(tile.key);
+        for (sum, &term) in self.tiles[mine].passes.iter_mut().zip(tile.passes.iter()) {
+            *sum = sum.wrapping_add(term);
+        }
+        for (in_tile, &slot) in tile.slots.iter().enumerate().filter(|(_, slot)| **slot != NO_SLOT) {
+            let cell = &cells[slot as usize];
+            // The other's flag came along with its passes.
+            let passes = &mut self.tiles[mine].passes[in_tile];
+            *passes = passes.wrapping_sub(HAS_HITS);
+            let slot = match self.tiles[mine].slots[in_tile] {
+                NO_SLOT => self.take_slot(mine, in_tile, cell.x, cell.y),
+                slot => slot,
+            };
+            self.cells[slot as usize].add(cell);
+        }
+    }
+
+    /// Tiles and slots in the order they would have if the cells had been counted row by row, empty tiles gone: what was
+    /// done in between leaves no trace.
+    pub fn compact(&mut self) {
+        let (mut index, mut cells) = (TileIndex::new(), Vec::with_capacity(self.cells.len() - self.free_slots.len()));
+        self.tiles.retain(|tile| tile.passes.iter().any(|&passes| passes != 0));
+        self.tiles.sort_unstable_by_key(|tile| (tile.key.1, tile.key.0));
+        for (number, tile) in self.tiles.iter_mut().enumerate() {
+            index.find_or_insert(tile.key, number as u32);
+            for slot in tile.slots.iter_mut().filter(|slot| **slot != NO_SLOT) {
+                cells.push(self.cells[*slot as usize]);
+                *slot = cells.len() as u32 - 1;
+            }
+        }
+        (self.index, self.cells, self.free_slots) = (index, cells, Vec::new());
     }
 
     /// Everything that was counted, in one canonical order: equal maps give equal bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut order: Vec<usize> = (0..self.tiles.len()).collect();
-        order.sort_by_key(|&tile| (self.tiles[tile].key.1, self.tiles[tile].key.0));
         let mut bytes = Vec::new();
-        for tile in order {
-            let tile = &self.tiles[tile];
+        for tile in self.tiles_in_order() {
             for in_tile in 0..TILE_CELLS {
                 let passes = tile.passes[in_tile] & !FLAGS;
                 let slot = tile.slots[in_tile];
@@ -325,6 +492,7 @@ impl CountGrid {
                     cell.hits,
                     cell.sum_x,
                     cell.sum_y,
+                    cell.points,
                     cell.normals,
                     cell.sum_nxx,
                     cell.sum_nxy,
@@ -336,9 +504,9 @@ impl CountGrid {
         bytes
     }
 
-    /// Every cell that was measured: column, row, hits, passes; tile by tile in the order the tiles were made.
+    /// Every cell that was measured: column, row, hits, passes; tile by tile, these row by row.
     pub fn known_cells(&self) -> impl Iterator<Item = (i32, i32, u32, u32)> + '_ {
-        self.tiles.iter().flat_map(move |tile| {
+        self.tiles_in_order().into_iter().flat_map(move |tile| {
             (0..TILE_CELLS).filter_map(move |in_tile| {
                 let passes = tile.passes[in_tile] & !FLAGS;
                 let slot = tile.slots[in_tile];

@@ -11,7 +11,7 @@ pub use correlative::{
     CorrelativeSearch, MAX_SEARCH_BLOCKS, MAX_SEARCH_CELLS, Peak, SearchResult, SearchSettings, SearchWindow,
     Separation,
 };
-pub use counts::{Change, CountGrid, HitCell};
+pub use counts::{Change, Changes, CountGrid, HitCell};
 pub use field::DistanceField;
 pub use live::{Agreement, LiveMap, LiveMapSettings, Surfel};
 pub use matcher::{Evaluation, MatchResult, Matcher, MatcherSettings, Prior};

@@ -12,6 +12,7 @@ pub(crate) const TILE_CELLS: usize = 1 << (2 * TILE_BITS);
 pub(crate) const NO_TILE: u32 = u32::MAX;
 
 const CACHE_BITS: u32 = 5;
+const CACHE: usize = 1 << (2 * CACHE_BITS);
 
 /// The cell of a coordinate given in cells: rounded down. Coordinates beyond 2^30 cells are clamped to the edge.
 #[inline]
@@ -41,13 +42,13 @@ struct CacheEntry {
 #[derive(Debug, Clone)]
 pub(crate) struct TileIndex {
     numbers: FxHashMap<(i32, i32), u32>,
-    cache: Vec<CacheEntry>,
+    cache: Box<[CacheEntry; CACHE]>,
 }
 
 impl TileIndex {
     pub(crate) fn new() -> Self {
         let empty = CacheEntry { tile: (i32::MIN, i32::MIN), number: NO_TILE };
-        Self { numbers: FxHashMap::default(), cache: vec![empty; 1 << (2 * CACHE_BITS)] }
+        Self { numbers: FxHashMap::default(), cache: Box::new([empty; CACHE]) }
     }
 
     fn slot(tile: (i32, i32)) -> usize {
@@ -65,12 +66,14 @@ impl TileIndex {
     /// Number of the tile, which becomes `next` where there is none yet; true where it is new.
     #[inline]
     pub(crate) fn find_or_insert(&mut self, tile: (i32, i32), next: u32) -> (u32, bool) {
-        let slot = Self::slot(tile);
-        if self.cache[slot].tile == tile {
-            return (self.cache[slot].number, false);
-        }
+        let entry = &self.cache[Self::slot(tile)];
+        if entry.tile == tile { (entry.number, false) } else { self.enter(tile, next) }
+    }
+
+    #[cold]
+    fn enter(&mut self, tile: (i32, i32), next: u32) -> (u32, bool) {
         let number = *self.numbers.entry(tile).or_insert(next);
-        self.cache[slot] = CacheEntry { tile, number };
+        self.cache[Self::slot(tile)] = CacheEntry { tile, number };
         (number, number == next)
     }
 }

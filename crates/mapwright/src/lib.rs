@@ -24,6 +24,7 @@ mod mapper;
 mod motion;
 mod patches;
 mod probe;
+mod render;
 mod settings;
 
 #[cfg(doctest)]
@@ -41,6 +42,7 @@ pub use mapwright_record::{
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep};
 pub use probe::{NoProbe, Probe, Stage};
+pub use render::GlobalMap;
 pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,

@@ -5,11 +5,11 @@ use crate::jobs::Job;
 use crate::live::{Frames, Live, LiveReport};
 use crate::motion::{Predictor, Step};
 use crate::probe::{NoProbe, Probe, Stage};
+use crate::render::GlobalMap;
 use crate::settings::{Optimizer, Settings, SettingsError};
 use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
 use mapwright_grid::{
-    Agreement, Change, CorrelativeSearch, CountGrid, LiveMap, MatchResult, Matcher, MatcherSettings, Prior,
-    SearchWindow,
+    Agreement, CorrelativeSearch, CountGrid, LiveMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
 };
 use mapwright_record::{Candidate, Edge, EdgeKind, Keyframe, KeyframeId, MatchReport, Status, Update};
 use mapwright_sensor::{BEAM_DROPPED, BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
@@ -642,20 +642,25 @@ impl Mapper {
         known
     }
 
-    /// Counts of every keyframe at its present pose: the map to export. What is live is there already.
+    /// Present pose of each keyframe in the map, none for those that were dropped: what a [`GlobalMap`] follows.
+    #[must_use]
+    pub fn render_poses(&self) -> Vec<Option<Pose2>> {
+        let stays = |keyframe: &Keyframe| !self.dropped.contains(&keyframe.id.seq);
+        self.keyframes.iter().zip(&self.world_from_keyframe).map(|(k, &pose)| stays(k).then_some(pose)).collect()
+    }
+
+    /// Counts of every keyframe at its present pose, drawn from scratch on two threads: the map to export.
     #[must_use]
     pub fn render(&self) -> CountGrid {
-        let mut map = CountGrid::new(self.settings.map.resolution_m);
-        let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
-        for (keyframe, &world_from_robot) in self.keyframes.iter().zip(&self.world_from_keyframe) {
-            if self.dropped.contains(&keyframe.id.seq) {
-                continue;
-            }
-            points.fill(&keyframe.sweep, &mut table, self.settings.scan.free_range_m);
-            points.fill_normals();
-            map.draw(&points, world_from_robot, Change::Add, &mut Vec::new());
-        }
-        map
+        self.render_with(2)
+    }
+
+    /// As [`Mapper::render`], on so many threads; the map is the same.
+    #[must_use]
+    pub fn render_with(&self, threads: usize) -> CountGrid {
+        let mut map = GlobalMap::new(&self.settings);
+        map.export(&self.keyframes, &self.render_poses(), threads);
+        map.into_counts()
     }
 }
 

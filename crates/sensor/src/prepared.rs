@@ -273,47 +273,20 @@ impl SweepPoints {
     }
 
     fn normal(&self, i: usize) -> [f64; 2] {
-        let reach_m = NORMAL_REACH_M;
         let here = self.hits[i];
-        let range_m = (here[0] - self.origin[0]).hypot(here[1] - self.origin[1]);
-        let gap2 = (NORMAL_GAP_SPACINGS * self.beam_step_rad * range_m).max(reach_m).powi(2);
-        let (mut n, mut sx, mut sy, mut sxx, mut sxy, mut syy) = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let mut add = |p: [f64; 2], adjacent: bool| {
-            let (dx, dy) = (p[0] - here[0], p[1] - here[1]);
-            let d2 = dx * dx + dy * dy;
-            if d2 > if adjacent { gap2 } else { reach_m * reach_m } {
-                return false;
-            }
-            n += 1.0;
-            sx += dx;
-            sy += dy;
-            sxx += dx * dx;
-            sxy += dx * dy;
-            syy += dy * dy;
-            true
-        };
-        let mut gather = |side: &mut dyn Iterator<Item = usize>| {
-            let (mut misses, mut found) = (0, false);
-            for k in side {
-                if add(self.hits[k], !found) {
-                    found = true;
-                } else if misses == self.misses {
-                    break;
-                } else {
-                    misses += 1;
-                }
-            }
-        };
-        gather(&mut (i + 1..self.hits.len().min(i + 9)));
-        gather(&mut (i.saturating_sub(8)..i).rev());
-        if n < 2.5 {
+        let (dx, dy) = (here[0] - self.origin[0], here[1] - self.origin[1]);
+        let spacing_m = self.beam_step_rad * (dx * dx + dy * dy).sqrt();
+        let gap2 = (NORMAL_GAP_SPACINGS * spacing_m).max(NORMAL_REACH_M).powi(2);
+        let mut near = Neighbours::of(here);
+        near.gather(self.hits[i + 1..].iter().take(8), gap2, self.misses);
+        near.gather(self.hits[i.saturating_sub(8)..i].iter().rev(), gap2, self.misses);
+        if near.n < 2.5 {
             // Alone among densely spaced beams: something small. Alone among sparse ones: nothing is known.
-            let dense = self.beam_step_rad * range_m < POINT_SPACING_M;
+            let dense = spacing_m < POINT_SPACING_M;
             return self.grazed(i).unwrap_or(if dense { [f64::NAN; 2] } else { [0.0; 2] });
         }
-        let (mx, my) = (sx / n, sy / n);
-        let line = Line::of_scatter(sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my);
-        line.filter(|line| line.across <= NORMAL_RATIO * line.along).map_or([f64::NAN; 2], |line| line.normal)
+        let line = near.line().filter(|line| line.across <= NORMAL_RATIO * line.along);
+        line.map_or([f64::NAN; 2], |line| line.normal)
     }
 
     /// Normal of the straightest row of hits around a hit that has no near neighbours.
@@ -321,7 +294,8 @@ impl SweepPoints {
         let mut best = (GRAZED_WIDTH_M, None);
         for first in (i + 1).saturating_sub(GRAZED_HITS)..=i {
             let Some(row) = self.hits.get(first..first + GRAZED_HITS) else { break };
-            if row.windows(2).any(|w| (w[0][0] - w[1][0]).hypot(w[0][1] - w[1][1]) > GRAZED_GAP_M) {
+            let far = |w: &[[f64; 2]]| (w[0][0] - w[1][0]).powi(2) + (w[0][1] - w[1][1]).powi(2) > GRAZED_GAP_M.powi(2);
+            if row.windows(2).any(far) {
                 continue;
             }
             let [mx, my] = [0, 1].map(|k| row.iter().map(|p| p[k]).sum::<f64>() / GRAZED_HITS as f64);
@@ -353,6 +327,53 @@ impl SweepPoints {
         let sum: f64 = self.hits.iter().map(squared).sum();
         let farthest = self.hits.iter().map(squared).fold(0.0, f64::max);
         if self.hits.is_empty() { (1.0, 1.0) } else { ((sum / self.hits.len() as f64).sqrt(), farthest.sqrt()) }
+    }
+}
+
+/// Sums over a hit and its neighbours, relative to it.
+struct Neighbours {
+    here: [f64; 2],
+    n: f64,
+    sx: f64,
+    sy: f64,
+    sxx: f64,
+    sxy: f64,
+    syy: f64,
+}
+
+impl Neighbours {
+    fn of(here: [f64; 2]) -> Self {
+        Self { here, n: 1.0, sx: 0.0, sy: 0.0, sxx: 0.0, sxy: 0.0, syy: 0.0 }
+    }
+
+    /// Adds the hits of one side, from the nearest on, until more than `misses` are too far away.
+    #[inline]
+    fn gather<'a>(&mut self, side: impl Iterator<Item = &'a [f64; 2]>, gap2: f64, misses: u32) {
+        let (mut limit2, mut missed) = (gap2, 0);
+        for p in side {
+            let (dx, dy) = (p[0] - self.here[0], p[1] - self.here[1]);
+            let (dxx, dyy) = (dx * dx, dy * dy);
+            if dxx + dyy > limit2 {
+                if missed == misses {
+                    break;
+                }
+                missed += 1;
+                continue;
+            }
+            limit2 = NORMAL_REACH_M * NORMAL_REACH_M;
+            self.n += 1.0;
+            self.sx += dx;
+            self.sy += dy;
+            self.sxx += dxx;
+            self.sxy += dx * dy;
+            self.syy += dyy;
+        }
+    }
+
+    fn line(&self) -> Option<Line> {
+        let n = self.n;
+        let (mx, my) = (self.sx / n, self.sy / n);
+        Line::of_scatter(self.sxx / n - mx * mx, self.sxy / n - mx * my, self.syy / n - my * my)
     }
 }
 

@@ -1,0 +1,211 @@
+//! The global map: every keyframe's beams where the keyframe is, or was until it moved by enough to see.
+
+use crate::settings::Settings;
+use mapwright_geom::Pose2;
+use mapwright_grid::{Change, Changes, CountGrid};
+use mapwright_record::Keyframe;
+use mapwright_sensor::{BeamTable, SweepPoints};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+/// A drawn keyframe is drawn anew when one of its points may have moved by more than this share of a cell.
+const FOLLOW_CELLS: f64 = 0.25;
+/// Keyframes that a thread takes at a time.
+const SHARE: usize = 32;
+
+/// The whole map, drawn once and then kept in step with corrections.
+///
+/// Each keyframe has a *render pose*, where its beams are drawn. [`GlobalMap::follow`] sets it to the present pose where
+/// the two are visibly apart, [`GlobalMap::export`] everywhere. Counts are integers: however it came about, an exported
+/// map equals one drawn from scratch to the bit, on any number of threads.
+///
+/// ```
+/// # use mapwright::{GlobalMap, Mapper, Settings};
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let mapper = Mapper::new(Settings::default())?;
+/// let mut map = GlobalMap::new(mapper.settings());
+/// // After each correction, or when somebody looks:
+/// map.follow(mapper.keyframes(), &mapper.render_poses(), 2);
+/// let known = map.counts().known_cells().count();
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug, Clone)]
+pub struct GlobalMap {
+    counts: CountGrid,
+    free_range_m: f64,
+    drawn: Vec<Option<Drawn>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Drawn {
+    world_from_keyframe: Pose2,
+    /// Distance of the farthest drawn point from the keyframe, metres; how far a rotation moves it.
+    lever_m: f64,
+}
+
+/// A keyframe to be drawn, taken out or both.
+struct Work<'a> {
+    number: usize,
+    keyframe: &'a Keyframe,
+    from: Option<Pose2>,
+    to: Option<Pose2>,
+}
+
+impl GlobalMap {
+    /// An empty map.
+    #[must_use]
+    pub fn new(settings: &Settings) -> Self {
+        Self {
+            counts: CountGrid::new(settings.map.resolution_m),
+            free_range_m: settings.scan.free_range_m,
+            drawn: Vec::new(),
+        }
+    }
+
+    /// Counts of all keyframes at their render poses.
+    #[must_use]
+    pub fn counts(&self) -> &CountGrid {
+        &self.counts
+    }
+
+    /// Where a keyframe is drawn, if it is.
+    #[must_use]
+    pub fn render_pose(&self, number: usize) -> Option<Pose2> {
+        self.drawn.get(number).copied().flatten().map(|drawn| drawn.world_from_keyframe)
+    }
+
+    /// Draws new keyframes, takes out those without a pose, and draws those anew of which a point may have moved by more
+    /// than a quarter of a cell. Returns how many there were of all these.
+    ///
+    /// `keyframes` are those of the last call and perhaps more; `world_from_keyframe` has a pose for each, or none for
+    /// one that is not to be in the map. The work is shared by `threads` threads, of which the caller's is one.
+    pub fn follow(&mut self, keyframes: &[Keyframe], world_from_keyframe: &[Option<Pose2>], threads: usize) -> usize {
+        let visible_m = FOLLOW_CELLS * self.counts.resolution_m();
+        self.update(keyframes, world_from_keyframe, threads, |drawn, now| {
+            let turned_rad = drawn.world_from_keyframe.between(now).theta.abs();
+            drawn.world_from_keyframe.distance(now) + drawn.lever_m * turned_rad > visible_m
+        })
+    }
+
+    /// As [`GlobalMap::follow`], for all that have moved at all: afterwards the map is the one drawn from scratch, its
+    /// tiles and slots in the same order.
+    pub fn export(
+        &mut self,
+        keyframes: &[Keyframe],
+        world_from_keyframe: &[Option<Pose2>],
+        threads: usize,
+    ) -> &CountGrid {
+        self.update(keyframes, world_from_keyframe, threads, |drawn, now| drawn.world_from_keyframe != now);
+        self.counts.compact();
+        &self.counts
+    }
+
+    /// The counts, when nothing more is to follow.
+    #[must_use]
+    pub fn into_counts(self) -> CountGrid {
+        self.counts
+    }
+
+    fn update(
+        &mut self,
+        keyframes: &[Keyframe],
+        world_from_keyframe: &[Option<Pose2>],
+        threads: usize,
+        moved: impl Fn(Drawn, Pose2) -> bool,
+    ) -> usize {
+        let count = keyframes.len().min(world_from_keyframe.len());
+        self.drawn.resize(count.max(self.drawn.len()), None);
+        let mut work = Vec::new();
+        for (number, (keyframe, &to)) in keyframes.iter().zip(world_from_keyframe).enumerate() {
+            let drawn = self.drawn[number];
+            let stays = match (drawn, to) {
+                (None, None) => true,
+                (Some(drawn), Some(now)) => !moved(drawn, now),
+                _ => false,
+            };
+            if !stays {
+                work.push(Work { number, keyframe, from: drawn.map(|drawn| drawn.world_from_keyframe), to });
+            }
+        }
+        let changed = work.len();
+        self.draw_from_scratch_if_cheaper(keyframes, &mut work);
+        self.draw(&work, threads);
+        changed
+    }
+
+    /// Where more is to be taken out than stays, all is drawn from scratch: the counts are the same.
+    fn draw_from_scratch_if_cheaper<'a>(&mut self, keyframes: &'a [Keyframe], work: &mut Vec<Work<'a>>) {
+        for work in &*work {
+            self.drawn[work.number] = None;
+        }
+        let taken_out = work.iter().filter(|work| work.from.is_some()).count();
+        let staying = self.drawn.iter().flatten().count();
+        // Keyframes that are no longer handed over cannot be drawn.
+        if taken_out <= staying || self.drawn.len() > keyframes.len() {
+            return;
+        }
+        self.counts = CountGrid::new(self.counts.resolution_m());
+        work.iter_mut().for_each(|work| work.from = None);
+        work.extend(keyframes.iter().enumerate().filter_map(|(number, keyframe)| {
+            let to = self.render_pose(number);
+            to.is_some().then_some(Work { number, keyframe, from: None, to })
+        }));
+    }
+
+    fn draw(&mut self, work: &[Work<'_>], threads: usize) {
+        let helpers = threads.min(work.len().div_ceil(SHARE)).saturating_sub(1);
+        let next = AtomicUsize::new(0);
+        let (resolution_m, free_range_m) = (self.counts.resolution_m(), self.free_range_m);
+        let take_shares = || take_shares(work, &next, resolution_m, free_range_m);
+        let done = thread::scope(|scope| {
+            let spawn = |_| thread::Builder::new().spawn_scoped(scope, take_shares).ok();
+            // Where there is no thread to be had, the others do its share.
+            let helpers: Vec<_> = (0..helpers).filter_map(spawn).collect();
+            let mut done = vec![take_shares()];
+            for helper in helpers {
+                done.push(helper.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+            }
+            done
+        });
+        let (shares, levers): (Vec<_>, Vec<_>) = done.into_iter().unzip();
+        self.counts.take_in(shares);
+        for (k, lever_m) in levers.into_iter().flatten() {
+            let drawn_at = |world_from_keyframe| Drawn { world_from_keyframe, lever_m };
+            self.drawn[work[k].number] = work[k].to.map(drawn_at);
+        }
+    }
+}
+
+/// Takes a few keyframes at a time until there are none left; returns what that changes and the levers of the keyframes.
+fn take_shares(
+    work: &[Work<'_>],
+    next: &AtomicUsize,
+    resolution_m: f64,
+    free_range_m: f64,
+) -> (Changes, Vec<(usize, f64)>) {
+    let (mut changes, mut levers) = (Changes::new(resolution_m), Vec::new());
+    let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
+    loop {
+        let first = next.fetch_add(SHARE, Ordering::Relaxed);
+        if first >= work.len() {
+            return (changes, levers);
+        }
+        for k in first..work.len().min(first + SHARE) {
+            points.fill(&work[k].keyframe.sweep, &mut table, free_range_m);
+            points.fill_normals();
+            for (pose, change) in [(work[k].from, Change::Remove), (work[k].to, Change::Add)] {
+                if let Some(world_from_keyframe) = pose {
+                    changes.draw(&points, world_from_keyframe, change);
+                }
+            }
+            levers.push((k, farthest_m(&points)));
+        }
+    }
+}
+
+/// Distance of the farthest point of all beams from the robot.
+fn farthest_m(points: &SweepPoints) -> f64 {
+    let ends = points.hits.iter().chain(&points.free_ends).chain([&points.origin]);
+    ends.map(|[x, y]| x * x + y * y).fold(0.0, f64::max).sqrt()
+}
