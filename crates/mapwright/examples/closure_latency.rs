@@ -39,7 +39,12 @@ fn main() {
     let ms = |wait: Duration| wait.as_secs_f64() * 1e3;
     let at = |share: f64| ms(waits[((waits.len() - 1) as f64 * share) as usize]);
     println!("{} keyframes, {} scans, {} closing scans", mapper.keyframes().len(), waits.len(), at_closures.len());
-    println!("scan with results taken in: median {:.2} ms, 99.9 % {:.2} ms, worst {:.2} ms", at(0.5), at(0.999), at(1.0));
+    println!(
+        "scan with results taken in: median {:.2} ms, 99.9 % {:.2} ms, worst {:.2} ms",
+        at(0.5),
+        at(0.999),
+        at(1.0)
+    );
     println!("scans with a closure: worst {:.2} ms", ms(at_closures.into_iter().max().unwrap_or_default()));
     println!("longest job: {:.0} ms", ms(work));
 }

@@ -14,6 +14,7 @@ fn mapped(site: Site, seed: u64, duration_s: f64, gate_m: f64) -> (LiveReport, f
     let mut settings = Settings::default();
     settings.live.policy = LivePolicy::Gated;
     settings.live.gate_m = gate_m;
+    (settings.loops.by_pose, settings.loops.by_place) = (false, false);
     let mut mapper = Mapper::new(settings).expect("valid");
     let recorded = recording(site, DriveSettings { seed, duration_s, ..DriveSettings::default() });
     for scan in &recorded {

@@ -2,10 +2,10 @@
 
 use super::Mapper;
 use crate::closing::Past;
+use crate::jobs::Target;
 use crate::jobs::{Job, JobResult, Outcome, Solved, Task};
 use crate::live::Frames;
 use crate::patches::Known;
-use crate::jobs::Target;
 use crate::settings::{Correction, Jobs};
 use mapwright_graph::spread;
 use mapwright_loops::Finding;
