@@ -1,0 +1,143 @@
+//! Loops are closed, look-alikes are not, and a robot that was carried away comes home: a sample of the suites.
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
+
+mod support;
+
+use mapwright::{Correction, EdgeKind, Mapper, Objection, Pose2, Settings, Status, Verdict};
+use mapwright_sim::{DriveSettings, TrueScan, kidnapping, worlds};
+use support::{ate_m, in_parallel, recording};
+
+/// A mapped recording with the true pose of every keyframe.
+struct Mapped {
+    mapper: Mapper,
+    truth: Vec<Pose2>,
+    world_from_keyframe: Vec<Pose2>,
+}
+
+fn map_with(settings: Settings, scans: &[TrueScan]) -> Mapped {
+    let mut mapper = Mapper::new(settings).expect("valid");
+    let mut world_from_keyframe = Vec::new();
+    for scan in scans {
+        mapper.add_scan(&scan.scan);
+        world_from_keyframe.resize(mapper.keyframes().len(), scan.world_from_robot);
+    }
+    let truth = scans.iter().map(|scan| scan.world_from_robot).collect();
+    Mapped { mapper, truth, world_from_keyframe }
+}
+
+impl Mapped {
+    fn closures(&self) -> usize {
+        self.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure).count()
+    }
+
+    /// Closures whose ends lie, in the final map, otherwise than in the world.
+    fn wrong_closures(&self) -> usize {
+        let closures = self.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure);
+        let wrong = closures.filter(|edge| {
+            let [from, to] = [edge.from.seq, edge.to.seq].map(|seq| seq as usize);
+            let poses = self.mapper.keyframe_poses();
+            let truth = self.world_from_keyframe[from].between(self.world_from_keyframe[to]);
+            [edge.from_from_to, poses[from].between(poses[to])].into_iter().any(|found| {
+                let error = truth.between(found);
+                error.x.hypot(error.y) > 0.3 || error.theta.abs() > 3_f64.to_radians()
+            })
+        });
+        wrong.count()
+    }
+}
+
+#[test]
+fn loops_are_closed_and_the_past_corrected() {
+    let results = in_parallel(4, |k| {
+        let seed = 900 + k as u64;
+        let scans = recording(worlds::loop_of(seed, 300.0), DriveSettings::long_drive(seed));
+        let closed = map_with(Settings::default(), &scans);
+        let mut open = Settings::default();
+        (open.loops.by_pose, open.loops.by_place) = (false, false);
+        let open = map_with(open, &scans);
+        (closed.closures(), closed.wrong_closures(), ate_m(&closed.mapper, &closed.truth), ate_m(&open.mapper, &open.truth))
+    });
+    for &(closures, wrong, closed_m, open_m) in &results {
+        println!("{closures} closures, {wrong} wrong, ATE {closed_m:.3} m, without closing {open_m:.3} m");
+        assert!(closures > 0 && wrong == 0);
+        assert!(closed_m < 0.25, "{closed_m} m");
+    }
+    let sum = |of: fn(&(usize, usize, f64, f64)) -> f64| results.iter().map(of).sum::<f64>();
+    assert!(sum(|r| r.2) < 0.8 * sum(|r| r.3), "closing must make maps better");
+}
+
+#[test]
+fn what_looks_alike_is_not_taken_for_the_same() {
+    let results = in_parallel(8, |k| {
+        let case = worlds::look_alike(900 + k as u64);
+        let scans: Vec<TrueScan> = case.drive().scans().collect();
+        let mapped = map_with(Settings::default(), &scans);
+        let all_have_numbers = mapped.mapper.candidates().iter().all(|candidate| {
+            let found = candidate.from_from_to.is_some() && candidate.evidence.score.is_some();
+            found || candidate.verdict.objection() == Some(Objection::NoMatch)
+        });
+        (mapped.wrong_closures(), all_have_numbers, ate_m(&mapped.mapper, &mapped.truth))
+    });
+    for (wrong, all_have_numbers, error_m) in results {
+        assert!(wrong == 0 && all_have_numbers && error_m < 0.15, "{wrong} wrong, ATE {error_m} m");
+    }
+}
+
+#[test]
+fn the_chapters_spread_alone_closes_a_loop() {
+    let scans = recording(worlds::loop_of(7, 300.0), DriveSettings::long_drive(7));
+    let mut settings = Settings::default();
+    settings.loops.correction = Correction::Spread;
+    let spread = map_with(settings, &scans);
+    settings.loops.correction = Correction::None;
+    let reported = map_with(settings, &scans);
+    let accepted = |mapped: &Mapped| mapped.mapper.candidates().iter().any(|c| c.verdict == Verdict::Accepted);
+    assert!(accepted(&spread) && accepted(&reported));
+    let (spread_m, reported_m) = (ate_m(&spread.mapper, &spread.truth), ate_m(&reported.mapper, &reported.truth));
+    println!("spread {spread_m:.3} m, only reported {reported_m:.3} m");
+    assert!(spread_m < 0.9 * reported_m);
+}
+
+#[test]
+fn a_robot_that_was_carried_away_writes_nothing_until_it_is_home() {
+    let results = in_parallel(4, |k| {
+        let case = kidnapping(900 + k as u64);
+        let mut mapper = Mapper::new(Settings::default()).expect("valid");
+        let (mut noticed, mut home, mut written) = (None, None, 0);
+        let mut before: Vec<Pose2> = Vec::new();
+        for scan in case.drive().scans() {
+            let stamp = scan.scan.stamp;
+            let update = mapper.add_scan(&scan.scan);
+            if stamp < case.taken {
+                before.resize(mapper.keyframes().len(), scan.world_from_robot);
+                continue;
+            }
+            let nearest = (0..before.len())
+                .min_by(|&a, &b| {
+                    let distance = |k: usize| before[k].distance(scan.world_from_robot);
+                    distance(a).total_cmp(&distance(b))
+                })
+                .expect("it mapped before");
+            let error = before[nearest]
+                .between(scan.world_from_robot)
+                .between(mapper.keyframe_poses()[nearest].between(update.map_from_robot));
+            let right = error.x.hypot(error.y) < 0.3 && error.theta.abs() < 3_f64.to_radians();
+            if update.status == Status::Lost {
+                noticed = noticed.or(Some(stamp));
+            }
+            if stamp >= case.put_down && home.is_none() {
+                if update.status == Status::Tracking && right {
+                    home = Some(stamp);
+                } else {
+                    written += usize::from(update.keyframe.is_some());
+                }
+            }
+        }
+        (noticed.map(|s| s.secs_since(case.put_down)), home.zip(case.home).map(|(a, b)| a.secs_since(b)), written)
+    });
+    for (noticed_s, home_s, written) in results {
+        println!("noticed {noticed_s:?} s after it was put down, home after {home_s:?} s, {written} keyframes");
+        assert!(noticed_s.is_some_and(|s| s <= 5.0) && written == 0);
+        assert!(home_s.is_some(), "it never came home");
+    }
+}
