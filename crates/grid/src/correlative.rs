@@ -46,11 +46,13 @@ pub struct SearchSettings {
     /// Share of the full score (every point on an obstacle) below which nothing counts as found. What is found does not
     /// depend on it, but refusing gets cheaper.
     pub least_share: f64,
+    /// Rivals that score less than this share of the best pose are not looked for, which makes clear cases cheap.
+    pub least_rival_share: f64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0 }
+        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0, least_rival_share: 0.0 }
     }
 }
 
@@ -190,7 +192,8 @@ impl CorrelativeSearch {
         let best = self.descend(lattice, least, None)?;
         let rival = separation.and_then(|separation| {
             let around_best = Zone::new(lattice, &best, separation);
-            self.descend(lattice, 0, Some(around_best))
+            let least = (self.settings.least_rival_share * f64::from(best.bound.0)).ceil() as u32;
+            self.descend(lattice, least, Some(around_best))
         });
         Some((best, rival))
     }

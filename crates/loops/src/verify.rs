@@ -8,6 +8,9 @@ use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{CorrelativeSearch, Matcher, Prior, SearchWindow, Separation};
 use mapwright_record::{Evidence, Objection};
 
+/// Rivals with a smaller share of the best score are not looked for.
+const LEAST_AMBIGUITY: f64 = 0.75;
+
 /// What a candidate has to show.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VerifySettings {
@@ -96,10 +99,11 @@ impl Verifier {
         let every = query.hits.len().div_ceil(search_points.max(1)).max(1);
         self.points.extend(query.hits.iter().step_by(every));
         self.searcher.settings.least_share = least_score;
+        self.searcher.settings.least_rival_share = LEAST_AMBIGUITY;
         let found = self.searcher.search(&target.map, &self.points, window, Some(separation));
         let Some(found) = found else { return Finding::none(evidence, Objection::NoMatch) };
         evidence.score = Some(found.share());
-        evidence.ambiguity = Some(found.ambiguity());
+        evidence.ambiguity = Some(found.ambiguity().max(LEAST_AMBIGUITY));
         let prior = Prior { world_from_robot: found.best.world_from_robot, variances: [1.0, 1.0, 0.1], tail: 1e8 };
         let refined = self.matcher.gauss_newton(&target.map, &query.hits, &prior, found.best.world_from_robot);
         let target_from_query = refined.world_from_robot;

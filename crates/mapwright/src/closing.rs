@@ -55,6 +55,10 @@ const SURE_M: f64 = 0.3;
 /// Two findings agree up to here: metres and radians.
 const AGREE_M: f64 = 0.2;
 const AGREE_RAD: f64 = 0.03;
+/// Where another pose fits nearly as well, but no better than this share, several findings that agree may still decide:
+/// each saw other things.
+const UNCLEAR_AMBIGUITY: f64 = 0.95;
+const UNCLEAR_FRIENDS: usize = 3;
 /// They must come from places so far apart along the way, metres, and at most so far.
 const APART_M: f64 = 2.0;
 const TOGETHER_M: f64 = 30.0;
@@ -331,7 +335,10 @@ impl Closing {
         let distance2 = error.x * error.x + error.y * error.y;
         let chi2 = distance2 / variance_m2 + error.theta * error.theta / variance_rad2;
         candidate.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
+        let unclear = finding.objection == Some(Objection::Ambiguous)
+            && candidate.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);
         candidate.verdict = match finding.objection {
+            Some(Objection::Ambiguous) if unclear && chi2 <= IMPROBABLE_CHI2 => Verdict::Waiting(Objection::Ambiguous),
             Some(why @ (Objection::Ambiguous | Objection::LittleOverlap | Objection::Unconstrained)) => {
                 Verdict::Waiting(why)
             }
@@ -341,7 +348,8 @@ impl Closing {
         };
         let this = self.candidates.len();
         self.candidates.push(candidate);
-        if candidate.verdict != Verdict::Waiting(Objection::Alone) {
+        let may_count = finding.objection.is_none() || unclear;
+        if !may_count || chi2 > IMPROBABLE_CHI2 {
             return Vec::new();
         }
         let friends: Vec<usize> = self
@@ -351,8 +359,11 @@ impl Closing {
             .filter(|&other| self.agree(past, &self.candidates[other], &candidate))
             .collect();
         self.candidates[this].evidence.agreeing = friends.len() as u32;
-        let sure = target.sigma_m < SURE_M;
-        if friends.is_empty() && !sure {
+        let clear = |at: usize| self.candidates[at].verdict == Verdict::Waiting(Objection::Alone);
+        let all_unclear = !friends.iter().copied().chain([this]).any(clear);
+        let sure = target.sigma_m < SURE_M && !unclear;
+        let enough = if all_unclear { UNCLEAR_FRIENDS } else { 1 };
+        if friends.len() < enough && !sure {
             self.waiting.push(this);
             if self.waiting.len() > WAITING_AT_MOST {
                 self.waiting.remove(0);
@@ -510,8 +521,7 @@ fn views(past: Past<'_>, at: u32, both_sides: bool, reach_m: f64, step_m: impl F
             }
         }
     };
-    let steps_of = |node: usize, from: usize| if node == from { 0.0 } else { step_m(node.max(from)) };
-    side(&mut (0..=at).rev().map(|node| (node, if node == at { 0.0 } else { steps_of(node, node + 1) })));
+    side(&mut (0..=at).rev().map(|node| (node, if node == at { 0.0 } else { step_m(node + 1) })));
     if both_sides {
         side(&mut (at + 1..past.keyframes.len()).map(|node| (node, step_m(node))));
     }

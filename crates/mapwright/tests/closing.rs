@@ -55,7 +55,12 @@ fn loops_are_closed_and_the_past_corrected() {
         let mut open = Settings::default();
         (open.loops.by_pose, open.loops.by_place) = (false, false);
         let open = map_with(open, &scans);
-        (closed.closures(), closed.wrong_closures(), ate_m(&closed.mapper, &closed.truth), ate_m(&open.mapper, &open.truth))
+        (
+            closed.closures(),
+            closed.wrong_closures(),
+            ate_m(&closed.mapper, &closed.truth),
+            ate_m(&open.mapper, &open.truth),
+        )
     });
     for &(closures, wrong, closed_m, open_m) in &results {
         println!("{closures} closures, {wrong} wrong, ATE {closed_m:.3} m, without closing {open_m:.3} m");

@@ -30,7 +30,7 @@ pub struct Evidence {
     pub points: u32,
     /// Score of the best pose, share of the full one.
     pub score: Option<f64>,
-    /// Score of the best pose elsewhere relative to that of the best one.
+    /// Score of the best pose elsewhere relative to that of the best one; 0.75 stands for that or less.
     pub ambiguity: Option<f64>,
     /// Share of the points that end in territory of the other submap, the better of both directions.
     pub overlap: Option<f64>,
