@@ -33,7 +33,7 @@ const APART_M: f64 = 5.0;
 const APART_SHARE: f64 = 0.08;
 /// A visit pays where it takes away so much of the mean: share, and metres.
 const LEAST_SHARE: f64 = 0.1;
-const LEAST_M: f64 = 0.005;
+const LEAST_M: f64 = 0.02;
 /// A heading's error counts as if it were made so far away at least, metres.
 const LEVER_M: f64 = 5.0;
 
@@ -157,8 +157,11 @@ fn links(mapper: &Mapper) -> Vec<Link> {
                 {
                     last.uncertainty = uncertainty((wheels.information + edge.information).try_inverse());
                 }
-                let away_m = poses[from].distance(poses[to]);
-                links.push(link(covariance.map(|covariance| covariance + Mapper::map_floor(away_m))));
+                // To the keyframe before, wheels and scan together are all that is known.
+                if from + 1 != to {
+                    let away_m = poses[from].distance(poses[to]);
+                    links.push(link(covariance.map(|covariance| covariance + Mapper::map_floor(away_m))));
+                }
             }
             EdgeKind::Closure if gone.contains(&[edge.from, edge.to]) => {}
             EdgeKind::Closure => links.push(link(covariance)),

@@ -16,7 +16,7 @@ const SQUARE_M: f64 = 1.0;
 /// Squares at most along a side.
 const SQUARES: f64 = 512.0;
 /// The tint's scale ends here at least, metres: a certain map stays white.
-const LEAST_FULL_M: f32 = 0.1;
+const LEAST_FULL_M: f32 = 0.5;
 
 /// How certain the map is, and where to go to make it more so.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -209,6 +209,6 @@ mod tests {
 
     #[test]
     fn the_scale_ends_at_a_round_number() {
-        assert_eq!([0.0, 0.1, 0.13, 0.3, 7.0].map(full), [0.1, 0.1, 0.2, 0.5, 10.0]);
+        assert_eq!([0.0, 0.1, 0.6, 1.3, 7.0].map(full), [0.5, 0.5, 1.0, 2.0, 10.0]);
     }
 }
