@@ -1,4 +1,5 @@
 //! Where to drive next: loops that are open, and the same once they are closed.
+#![allow(clippy::expect_used, reason = "a test may fail loudly")]
 
 mod support;
 
