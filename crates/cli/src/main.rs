@@ -1,5 +1,6 @@
 //! The `mapwright` command: everything below is effects (files, clock, terminal); the mapping is the library's.
 
+mod advice;
 mod args;
 mod batch;
 mod calibration;

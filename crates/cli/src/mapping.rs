@@ -1,5 +1,6 @@
 //! One mapping run: scans in, files out.
 
+use crate::advice::{numbered, seen_from};
 use crate::args::{Align, MappingArgs, StampPolicy};
 use crate::closures::{CLOSURES, ClosureFile, taken_back};
 use crate::failure::Failure;
@@ -11,8 +12,8 @@ use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
-use mapwright::{Edge, EdgeKind, LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
-use mapwright_formats::{GridImage, Picture, TumWriter, dominant_wall_angle};
+use mapwright::{Advice, Edge, EdgeKind, LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
+use mapwright_formats::{Confidence, GridImage, Picture, TumWriter, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use std::fs::File;
@@ -45,6 +46,7 @@ pub(crate) struct Made {
     pub(crate) map_m: [f64; 2],
     pub(crate) cells_left_out: u64,
     pub(crate) wall_angle_rad: Option<f64>,
+    pub(crate) advice: Advice,
 }
 
 /// Settings of a run: those of file and command line, and `--no-odometry`.
@@ -115,7 +117,10 @@ impl Mapping {
         self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
         self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
         let wall_angle_rad = self.wall_angle(&image);
-        let picture = self.picture(&way, wall_angle_rad);
+        let advice = Advice::of(&self.mapper);
+        let (seen_from, places) = (seen_from(&self.mapper, &advice), numbered(&advice));
+        let confidence = Confidence { seen_from: &seen_from, places: &places };
+        let picture = Picture { confidence: Some(confidence), ..self.picture(&way, wall_angle_rad) };
         let shown = without_outliers(&image, &way);
         self.output.write("map.png", |writer| write_png(&shown, &picture, writer))?;
         Ok(Made {
@@ -124,6 +129,7 @@ impl Mapping {
             map_m: [shown.width, shown.height].map(|cells| cells as f64 * image.resolution_m),
             cells_left_out,
             wall_angle_rad,
+            advice,
         })
     }
 

@@ -1,5 +1,6 @@
 //! `report.json` and the last lines on the terminal.
 
+use crate::advice;
 use crate::mapping::{Made, Mapping};
 use crate::terminal::{count, duration, grouped};
 use mapwright::{Mapper, Status};
@@ -127,6 +128,7 @@ pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: 
             "cells_left_out": made.cells_left_out,
             "wall_angle_rad": made.wall_angle_rad,
         },
+        "certainty": advice::report(&made.advice),
         "losses": losses,
     })
 }
@@ -170,6 +172,7 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
     }
     text.push('\n');
     text += &tally.doubts.words();
+    text += &advice::words(&made.advice);
     let number = |key: &str| timing[key].as_f64().unwrap_or(0.0);
     let _ = write!(
         text,

@@ -24,7 +24,7 @@ mod trajectory;
 pub use carmen::{CarmenReader, CarmenWriter, DEFAULT_RANGE_MAX_M, LogEvent};
 pub use error::FormatError;
 pub use lines::Excerpt;
-pub use map::{GridImage, Picture, UNKNOWN, dominant_wall_angle, write_map_yaml, write_pgm, write_png};
+pub use map::{Confidence, GridImage, Picture, UNKNOWN, dominant_wall_angle, write_map_yaml, write_pgm, write_png};
 pub use open::{Compression, LogStream, open_log};
 pub use report::{DropReason, DroppedLine, Drops, Noted, ReadReport, TopicReport};
 pub use stamp_watch::{StampStep, StampWatch};

@@ -17,6 +17,7 @@
 //! # }
 //! ```
 
+mod advice;
 mod closing;
 mod jobs;
 mod live;
@@ -31,6 +32,7 @@ mod settings;
 #[doc = include_str!("../../../README.md")]
 struct ReadmeExamples;
 
+pub use advice::{Advice, Place};
 pub use jobs::{Job, JobResult};
 pub use live::LiveReport;
 pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, Mapper, TrajectoryPose};

@@ -14,9 +14,9 @@ const PATCH_SIGMA_M: f64 = 0.05;
 /// Side of the buckets in which live patches are found, metres.
 const BUCKET_M: f64 = 8.0;
 /// Shares of a link's variances that add up along a chain; the rest is the keyframe's own and does not. Calibrated by
-/// simulated loops, corridors and offices (`examples/certainty.rs`).
+/// simulated loops, corridors and offices (`docs/decisions/0011-closing-loops.md`).
 pub(crate) const DISPLACEMENT_SHARE: f64 = 0.3;
-const ROTATION_SHARE: f64 = 0.1;
+pub(crate) const ROTATION_SHARE: f64 = 0.1;
 /// Patches up to this distance from the robot are judged, metres.
 const REACH_M: f64 = 20.0;
 /// The graph is searched anew after so much travel, metres,

@@ -1,4 +1,4 @@
-//! Letters for the scale bar, five pixels wide and seven high.
+//! Letters for scale bar and legend, five pixels wide and seven high.
 
 /// Width of a letter with the gap behind it, pixels at scale one.
 pub(super) const ADVANCE_PX: usize = 6;
@@ -22,6 +22,7 @@ pub(super) fn glyph(letter: char) -> [u8; HEIGHT_PX] {
         '.' => [0, 0, 0, 0, 0, 0b01100, 0b01100],
         'm' => [0, 0, 0b11010, 0b10101, 0b10101, 0b10101, 0b10101],
         'k' => [0b10000, 0b10000, 0b10010, 0b10100, 0b11000, 0b10100, 0b10010],
+        '±' => [0b00100, 0b00100, 0b11111, 0b00100, 0b00100, 0, 0b11111],
         _ => [0; HEIGHT_PX],
     }
 }

@@ -1,10 +1,12 @@
 //! Occupancy maps: for Nav2's `map_server`, and to look at.
 
 mod canvas;
+mod confidence;
 mod font;
 mod picture;
 mod walls;
 
+pub use confidence::Confidence;
 pub use picture::{Picture, write_png};
 pub use walls::dominant_wall_angle;
 

@@ -1,6 +1,7 @@
 //! A picture of a map, with the way the robot went.
 
 use super::canvas::{Canvas, Colour, blend};
+use super::confidence::{Confidence, Tint, draw_legend, draw_place};
 use super::{GridImage, font};
 use crate::error::FormatError;
 use mapwright_geom::{Pose2, sin_cos};
@@ -31,6 +32,8 @@ pub struct Picture<'a> {
     /// Direction in the map's own frame that becomes horizontal, radians, such as
     /// [`dominant_wall_angle`](super::dominant_wall_angle) finds; zero leaves the map as it is.
     pub level_rad: f64,
+    /// How certain the map is, as a tint of its free space with a legend beside the scale bar, and numbered places.
+    pub confidence: Option<Confidence<'a>>,
     /// Whether a scale bar stands below the map.
     pub scale_bar: bool,
     /// Smaller maps are enlarged by a whole factor until their longer side has so many pixels.
@@ -41,7 +44,14 @@ pub struct Picture<'a> {
 
 impl Default for Picture<'_> {
     fn default() -> Self {
-        Self { world_from_robot: &[], level_rad: 0.0, scale_bar: true, min_side_px: 800, max_side_px: 4096 }
+        Self {
+            world_from_robot: &[],
+            level_rad: 0.0,
+            confidence: None,
+            scale_bar: true,
+            min_side_px: 800,
+            max_side_px: 4096,
+        }
     }
 }
 
@@ -57,10 +67,16 @@ pub fn write_png(map: &GridImage, picture: &Picture<'_>, writer: impl Write) -> 
     map.validate()?;
     let way = way_in_cells(map, picture.world_from_robot);
     let view = View::of(map, &way, picture);
-    let mut canvas = view.paint(map, picture.scale_bar);
+    let tint = picture.confidence.as_ref().and_then(|confidence| Tint::of(map, confidence));
+    let mut canvas = view.paint(map, tint.as_ref(), picture.scale_bar);
     draw_way(&mut canvas, &view, &way);
+    draw_places(&mut canvas, &view, map, picture.confidence.map_or(&[], |confidence| confidence.places));
     if picture.scale_bar {
         draw_scale_bar(&mut canvas, view.px_per_cell / map.resolution_m);
+        if let Some(tint) = tint {
+            let pen = pen_scale(&canvas).min(2);
+            draw_legend(&mut canvas, tint.full_m, MARGIN_PX, pen, INK);
+        }
     }
     encode(&canvas, writer)
 }
@@ -190,12 +206,15 @@ impl View {
     }
 
     /// Paints the map on a canvas with room for margins and scale bar.
-    fn paint(&self, map: &GridImage, scale_bar: bool) -> Canvas {
+    fn paint(&self, map: &GridImage, tint: Option<&Tint>, scale_bar: bool) -> Canvas {
         let side_px = |k: usize| ((self.high[k] - self.low[k]) * self.px_per_cell).ceil().max(1.0) as usize;
         let (width_px, height_px) = (side_px(0), side_px(1));
         let strip_px = if scale_bar { STRIP_PX } else { 0 };
         let mut canvas = Canvas::new(width_px + 2 * MARGIN_PX, height_px + 2 * MARGIN_PX + strip_px, UNSEEN);
-        let raster = Raster::of(map, self.known, self.cells_per_px);
+        let mut raster = Raster::of(map, self.known, self.cells_per_px);
+        if let Some(tint) = tint {
+            raster.tint(tint);
+        }
         for y in 0..height_px {
             let row = &mut canvas.row(MARGIN_PX + y)[MARGIN_PX..MARGIN_PX + width_px];
             self.paint_row(&raster, y, row);
@@ -243,6 +262,13 @@ impl Raster {
             rows.chunks(cells_per_px).flat_map(reduce).collect()
         };
         Self { width, height, cells_per_px, corner: [u0 as f64, v0 as f64], pixels }
+    }
+
+    fn tint(&mut self, tint: &Tint) {
+        let cells_per_px = self.cells_per_px as f64;
+        for (y, row) in self.pixels.chunks_exact_mut(self.width.max(1)).enumerate() {
+            tint.apply(row, [self.corner[0], self.corner[1] + y as f64 * cells_per_px], cells_per_px);
+        }
     }
 
     /// Cells as crisp squares, along a row of the map.
@@ -377,6 +403,16 @@ fn draw_way(canvas: &mut Canvas, view: &View, way: &[[f64; 2]]) {
     }
     canvas.marker(view.pixel(first), 5.0 * half_width, START);
     canvas.marker(view.pixel(last), 5.0 * half_width, END);
+}
+
+/// The last place first, so that the first one lies on top.
+fn draw_places(canvas: &mut Canvas, view: &View, map: &GridImage, places: &[[f64; 2]]) {
+    let pen = pen_scale(canvas);
+    for (index, &[x, y]) in places.iter().enumerate().rev() {
+        for &place in &way_in_cells(map, &[Pose2 { x, y, theta: 0.0 }]) {
+            draw_place(canvas, view.pixel(place), index + 1, pen);
+        }
+    }
 }
 
 /// How much larger lines and letters are drawn in large pictures.

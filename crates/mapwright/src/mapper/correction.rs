@@ -1,12 +1,13 @@
 //! Steps 6 and 7: old places are looked for, and the past is corrected.
 
-use super::Mapper;
+use super::{MAP_FLOOR, Mapper};
 use crate::closing::Past;
 use crate::jobs::Target;
 use crate::jobs::{Job, JobResult, Outcome, Solved, Task};
 use crate::live::Frames;
 use crate::patches::Known;
 use crate::settings::{Correction, Jobs};
+use mapwright_geom::Cov3;
 use mapwright_graph::spread;
 use mapwright_loops::Finding;
 use mapwright_record::{Edge, EdgeKind, KeyframeId};
@@ -112,5 +113,11 @@ impl Mapper {
             self.local_from_keyframe.iter().map(|&local| self.world_from_local * local).collect();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.carry(&before, frames);
+    }
+
+    /// Error of the map between two keyframes so far apart that no single match shows.
+    pub(crate) fn map_floor(away_m: f64) -> Cov3 {
+        let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
+        Cov3::from_diagonal(&[floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad].into())
     }
 }
