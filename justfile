@@ -60,11 +60,11 @@ figures-starts log *args: release
     done
     {{mapwright}} eval "${trajectories[@]}" --relations "{{data}}/{{log}}.relations" | grep -E '^over|  (all|>|<)'
 
-# intel: everything live, gated, without odometry
-figures-intel: (figures-starts "intel") (figures-starts "intel" "--set" "live.policy=gated") (figures-starts "intel" "--no-odometry")
+# intel: with the defaults, everything live, without odometry
+figures-intel: (figures-starts "intel") (figures-starts "intel" "--set" "live.policy=everything") (figures-starts "intel" "--no-odometry")
 
 # fr079: the same
-figures-fr079: (figures-starts "fr079") (figures-starts "fr079" "--set" "live.policy=gated") (figures-starts "fr079" "--no-odometry")
+figures-fr079: (figures-starts "fr079") (figures-starts "fr079" "--set" "live.policy=everything") (figures-starts "fr079" "--no-odometry")
 
 # a harder version of a log, mapped and scored; arguments as of `mapwright perturb`
 figures-perturbed log *args: release
