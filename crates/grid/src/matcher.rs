@@ -26,6 +26,12 @@ pub struct Prior {
 }
 
 impl Prior {
+    /// Negative log density at a pose, up to a constant: zero where the robot is expected.
+    #[must_use]
+    pub fn cost(&self, world_from_robot: Pose2) -> f64 {
+        self.evaluate(world_from_robot).0
+    }
+
     /// Negative log density (up to a constant), gradient and curvature at a pose.
     fn evaluate(&self, world_from_robot: Pose2) -> (f64, Vector3<f64>, Vector3<f64>) {
         let error = self.world_from_robot.between(world_from_robot).log();

@@ -50,8 +50,13 @@ const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.
 const SEARCH_SIGMAS: f64 = 4.0;
 const SEARCH_LEAST_M: f64 = 0.5;
 const SEARCH_MOST_M: f64 = 5.0;
-/// The most that disagreement with odometry may count when matches from several starts are compared.
-const PRIOR_COST_AT_MOST: f64 = 12.0;
+/// Neighbouring beams are right or wrong together: where matches are compared, a scan says as much as so many that are
+/// independent of each other.
+const INDEPENDENT_BEAMS: f64 = 30.0;
+/// The most that disagreement with odometry may count there. As above, calibrated in docs/decisions/0010.
+const PRIOR_COST_AT_MOST: f64 = 40.0;
+/// What it costs there that the wheels fail: `-ln p`, one step in eight thousand.
+const FAILURE_COST: f64 = 9.0;
 /// From this share of end points in space that beams have passed on, they are taken for somebody in the way and left
 /// out of the keyframe.
 const INTRUDER_SHARE: f64 = 0.15;
@@ -301,9 +306,18 @@ impl Mapper {
         };
         let first = self.refine(&prior, predicted);
         let first_fits = first.1.inlier_share() >= DOUBT_SHARE;
-        let mut tried =
-            Tried { best: first, evaluations: first.0.evaluations, restarts: 0, searched: false, first_fits };
-        if tried.doubtful(&prior) {
+        let evaluations = first.0.evaluations;
+        let mut tried = Tried {
+            best: first,
+            evaluations,
+            restarts: 0,
+            searched: false,
+            first_fits,
+            prior,
+            failures: self.failures(&prior, step),
+        };
+        if tried.doubtful() {
+            self.restart_failures(&mut tried);
             self.restart_headings(&prior, &mut tried);
         }
         if tried.best.1.inlier_share() < DOUBT_SHARE {
@@ -364,6 +378,20 @@ impl Mapper {
             Optimizer::UnscaledGradientAscent => self.matcher.unscaled_gradient_ascent(map, hits, prior, start),
         };
         (result, map.agreement(hits, result.world_from_robot))
+    }
+
+    /// Where the robot is if the wheels fail.
+    fn failures(&self, prior: &Prior, step: Step) -> Vec<Prior> {
+        let at = |last_from_robot: Pose2| Prior { world_from_robot: self.local_from_robot * last_from_robot, ..*prior };
+        self.predictor.failures(step).map(at).collect()
+    }
+
+    /// On doubt the match is started again from where the robot is if the wheels fail.
+    fn restart_failures(&self, tried: &mut Tried) {
+        for failure in tried.failures.clone() {
+            tried.restarts += 1;
+            tried.offer(self.refine(&failure, failure.world_from_robot));
+        }
     }
 
     /// On doubt the match is started again from other headings; a wrong heading is how matches fail.
@@ -696,18 +724,32 @@ struct Tried {
     searched: bool,
     /// The match from the prediction explains the scan.
     first_fits: bool,
+    prior: Prior,
+    /// Where the robot is if the wheels fail.
+    failures: Vec<Prior>,
 }
 
 impl Tried {
-    fn doubtful(&self, prior: &Prior) -> bool {
-        doubtful(&self.best.1, sigmas(prior, self.best.0.world_from_robot))
+    /// Misfit and disagreement with odometry add up: a share of each may be as doubtful as one alone.
+    fn doubtful(&self) -> bool {
+        let misfit = (1.0 - self.best.1.inlier_share()) / (1.0 - DOUBT_SHARE);
+        let disagreement = sigmas(&self.prior, self.best.0.world_from_robot) / DOUBT_SIGMAS;
+        misfit.hypot(disagreement) > 1.0
     }
 
     /// Smaller is better: the objective, and beams that end where other beams have passed. What odometry says counts in
     /// full while the first match explains the scan, and only so much where it may have missed a motion altogether.
     fn score(&self, (result, agreement): &(MatchResult, Agreement)) -> f64 {
         let most = if self.first_fits { f64::INFINITY } else { PRIOR_COST_AT_MOST };
-        result.scan_cost + result.prior_cost.min(most) + f64::from(agreement.contradicting)
+        let beams = f64::from(agreement.fitting + agreement.contradicting + agreement.unknown);
+        let scan = result.scan_cost + f64::from(agreement.contradicting);
+        scan * (INDEPENDENT_BEAMS / beams).min(1.0) + self.motion_cost(result.world_from_robot).min(most)
+    }
+
+    /// Negative log density of the motion: as odometry says, or by one of its failures.
+    fn motion_cost(&self, world_from_robot: Pose2) -> f64 {
+        let failed = self.failures.iter().map(|failure| failure.cost(world_from_robot) + FAILURE_COST);
+        failed.fold(self.prior.cost(world_from_robot), f64::min)
     }
 
     fn offer(&mut self, other: (MatchResult, Agreement)) {

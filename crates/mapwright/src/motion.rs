@@ -24,6 +24,9 @@ const PERIOD_WEIGHT: f64 = 0.02;
 /// Motion between two scans that no ground robot makes; odometry that claims more is not believed, metres.
 const FARTHEST_STEP_M: f64 = 10.0;
 
+/// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
+const FAILING_STEP_AT_MOST_M: f64 = 0.5;
+
 /// What the predictor remembers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Predictor {
@@ -73,6 +76,16 @@ impl Predictor {
             variances: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
             from_odometry: false,
         }
+    }
+
+    /// What the robot did instead if the wheels fail: they spin while it stands, they count but do not tell forwards from
+    /// backwards, or it went on as before. Nothing where `step` is not the wheels' or is long.
+    pub(crate) fn failures(&self, step: Step) -> impl Iterator<Item = Pose2> + use<> {
+        let said = step.last_from_robot;
+        let stood = Pose2::new(0.0, 0.0, said.theta);
+        let reversed = Pose2::new(-said.x, -said.y, said.theta);
+        let possible = step.from_odometry && said.x.hypot(said.y) <= FAILING_STEP_AT_MOST_M;
+        [Some(stood), Some(reversed), self.twist.map(Pose2::exp)].into_iter().flatten().filter(move |_| possible)
     }
 
     /// The robot's twist per second while it makes `step`.
