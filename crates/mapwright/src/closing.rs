@@ -7,7 +7,7 @@ use mapwright_geom::{Cov3, Pose2, wrap_angle};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
 use mapwright_grid::MatcherSettings;
 use mapwright_loops::{Finding, PlaceIndex, SubmapSettings, VerifySettings, View};
-use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Keyframe, KeyframeId, Objection, Verdict};
+use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Evidence, Keyframe, KeyframeId, Objection, Verdict};
 use mapwright_sensor::{BeamTable, SweepPoints};
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
@@ -48,6 +48,9 @@ const REACH_CELLS: f64 = 300.0;
 const LOST_SUBMAPS_M: [f64; 2] = [8.0, 3.5];
 /// and needs two findings so far apart.
 const LOST_APART_M: f64 = 0.5;
+/// Of what is known from both places so much fits, or the score is such a share of the overlap.
+const PLAIN_SHARE: f64 = 0.9;
+const PLAIN_SCORE: f64 = 0.94;
 /// 99.9 % quantile of chi-square with three degrees of freedom.
 const IMPROBABLE_CHI2: f64 = 16.3;
 /// Within such an uncertainty nothing else can be meant, metres.
@@ -266,7 +269,9 @@ impl Closing {
             for (target, finding) in work.run_all() {
                 let mut candidate = candidate(&target, newest, &finding);
                 candidate.verdict = Verdict::Waiting(finding.objection.unwrap_or(Objection::Alone));
-                if let (Some(from_from_to), None) = (finding.target_from_query, finding.objection) {
+                if let (Some(from_from_to), None, true) =
+                    (finding.target_from_query, finding.objection, is_plain(&finding.evidence))
+                {
                     let covariance = finding.covariance;
                     found.push((self.candidates.len(), Found { from: target.from, to, from_from_to, covariance }));
                 }
@@ -450,6 +455,13 @@ pub(crate) struct Found {
     pub(crate) to: u32,
     pub(crate) from_from_to: Pose2,
     pub(crate) covariance: Cov3,
+}
+
+/// Whether a fit is good enough for a robot that has nothing else to go by: nearly all that is known of either submap fits, or
+/// all points in known territory fit closely.
+fn is_plain(evidence: &Evidence) -> bool {
+    let closely = evidence.score.zip(evidence.overlap).is_some_and(|(score, overlap)| score >= PLAIN_SCORE * overlap);
+    closely || evidence.inlier_share.is_some_and(|share| share >= PLAIN_SHARE)
 }
 
 fn candidate(target: &Target, to: u32, finding: &Finding) -> Candidate {

@@ -14,6 +14,8 @@ use nalgebra::Vector3;
 pub(super) const BROKEN_WAY_M: f64 = 1000.0;
 /// After a time without a look at the world, so much way has to fit before the robot is believed where it was, metres.
 const SUSPECT_WAY_M: f64 = 1.5;
+/// The same where the robot has arrived, by its own account.
+const ARRIVAL_WAY_M: f64 = 4.0;
 /// From so many usual periods without returns on, and so many seconds.
 const BLIND_PERIODS: f64 = 20.0;
 const BLIND_S: f64 = 4.0;
@@ -83,7 +85,7 @@ impl Mapper {
         if self.suspect_m > 0.0 {
             let moved_m = step.last_from_robot.x.hypot(step.last_from_robot.y);
             // Without a look at the world and without motion, it is the same that is seen again.
-            let again = SUSPECT_WAY_M - self.suspect_m < SAME_M;
+            let again = self.arrived.is_none() && SUSPECT_WAY_M - self.suspect_m < SAME_M;
             self.suspect_m -= moved_m;
             self.arrived = self.arrived.filter(|_| self.suspect_m > 0.0);
             let same = matched.agreement.known_share() >= SAME_SHARE && matched.agreement.inlier_share() >= SAME_SHARE;
@@ -177,7 +179,7 @@ impl Mapper {
         self.lost_scans = 0;
         self.doubted_from = None;
         self.broken = Some(Broken { from, covariance });
-        (self.suspect_m, self.misfits) = (SUSPECT_WAY_M - SAME_M, 0);
+        (self.suspect_m, self.misfits) = (ARRIVAL_WAY_M, 0);
         self.arrived = self.insert(scan, None);
         if self.arrived.is_some() {
             let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
