@@ -42,6 +42,8 @@ const ALIKE_RAD: f64 = 0.3;
 /// A place is described after so much way, by so much of it, metres.
 const DESCRIBE_EVERY_M: f64 = 0.5;
 const DESCRIBED_M: f64 = 7.0;
+/// Keyframes described at most within one scan.
+const DESCRIBED_AT_ONCE: usize = 32;
 /// Points farther off are not compared, cells.
 const REACH_CELLS: f64 = 300.0;
 /// A lost robot compares what it has seen on so much way, once more and once less, metres,
@@ -152,16 +154,16 @@ impl Closing {
         let to = past.keyframes.len().checked_sub(1)? as u32;
         self.checked_m = self.path_m[to as usize];
         let mut targets = if settings.loops.by_pose { self.near(past, to, known) } else { Vec::new() };
-        let beyond = known
-            .iter()
-            .any(|place| !place.live && WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt() > WIDEST_M);
-        let due = self.checked_m - self.asked_m >= ASK_EVERY_M && (beyond || !settings.loops.by_pose);
-        let query = self.views(past, to, false, SUBMAP_M);
-        if settings.loops.by_place && due {
-            self.asked_m = self.checked_m;
-            let hits = end_points(&query);
-            self.remember_places(past);
-            targets.extend(self.alike(past, to, known, &hits));
+        let widest_m = known.iter().filter(|place| !place.live).map(window_m).fold(0.0, f64::max);
+        if settings.loops.by_place && (widest_m > 0.5 * WIDEST_M || !settings.loops.by_pose) {
+            // Before they are needed, and a few at a time, for this is done within a scan.
+            self.remember_places(past, DESCRIBED_AT_ONCE);
+            let needed = widest_m > WIDEST_M || !settings.loops.by_pose;
+            if needed && self.checked_m - self.asked_m >= ASK_EVERY_M {
+                self.asked_m = self.checked_m;
+                let hits = end_points(&self.views(past, to, false, DESCRIBED_M));
+                targets.extend(self.alike(past, to, known, &hits));
+            }
         }
         if targets.is_empty() {
             return None;
@@ -170,7 +172,7 @@ impl Closing {
             targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect();
         Some(Verification {
             to,
-            query,
+            query: self.views(past, to, false, SUBMAP_M),
             targets,
             submaps: submaps(settings),
             verify: VerifySettings::default(),
@@ -194,7 +196,7 @@ impl Closing {
                     middle: there.between(here),
                     sigma_m,
                     sigma_rad,
-                    half_width_m: (WINDOW_M + WINDOW_SIGMAS * sigma_m).min(WIDEST_M),
+                    half_width_m: window_m(place).min(WIDEST_M),
                     half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
                 };
                 near.push((away_m, target));
@@ -231,9 +233,10 @@ impl Closing {
         targets
     }
 
-    /// Describes the places since the last time, each by what was seen on the last metres of the way.
-    fn remember_places(&mut self, past: Past<'_>) {
-        for node in self.described..past.keyframes.len() as u32 {
+    /// Describes places since the last time, of so many keyframes at most, each by what was seen on the last metres of the way.
+    fn remember_places(&mut self, past: Past<'_>, at_most: usize) {
+        let end = past.keyframes.len().min(self.described as usize + at_most) as u32;
+        for node in self.described..end {
             let way_m = self.path_m[node as usize];
             if self.places.is_empty() || way_m - self.described_m >= DESCRIBE_EVERY_M {
                 self.described_m = way_m;
@@ -241,7 +244,7 @@ impl Closing {
                 self.places.add(node, &hits);
             }
         }
-        self.described = past.keyframes.len() as u32;
+        self.described = end;
     }
 
     /// Looks for what a lost robot has seen in all that is known; the place, once two findings agree on it.
@@ -316,7 +319,7 @@ impl Closing {
             targets.push(Target { from: newest, detection, middle, sigma_m, sigma_rad, half_width_m, half_width_rad });
         }
         if settings.loops.by_place {
-            self.remember_places(past);
+            self.remember_places(past, past.keyframes.len());
             for hit in self.places.query(&end_points(query), ALIKE, |_| true) {
                 targets.extend(around(hit.node, hit.heading_rad, 1e3, 1e3));
             }
@@ -444,6 +447,11 @@ impl Closing {
     pub(crate) fn covariance_of(&self, edge: &Edge) -> Cov3 {
         edge.information.try_inverse().unwrap_or_else(|| Cov3::identity() * 100.0)
     }
+}
+
+/// Half the width of the window in which a place has to be looked for, metres.
+fn window_m(place: &Known) -> f64 {
+    WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt()
 }
 
 /// A place that a lost robot has found itself at.

@@ -18,8 +18,9 @@ const CLOSURES: &str = r#"{"keyframes": 50, "candidates": [
    "overlap": null, "inlier_share": null, "contradiction": null, "cycle_chi2": null, "agreeing": 1},
    "from_from_to": null, "sigmas": null}]}"#;
 
-fn explain(closures: &str, more: &[&str]) -> Output {
-    let out = folder("explain");
+/// Explains what stands in a folder of this name; tests run side by side, each in its own.
+fn explain(name: &str, closures: &str, more: &[&str]) -> Output {
+    let out = folder(name);
     fs::write(out.join("closures.json"), closures).unwrap();
     run(&[&["explain", out.to_str().unwrap()], more].concat())
 }
@@ -27,7 +28,7 @@ fn explain(closures: &str, more: &[&str]) -> Output {
 #[test]
 fn candidates_are_told_with_verdict_reason_and_numbers() {
     let said = |more: &[&str]| {
-        let output = explain(CLOSURES, more);
+        let output = explain("explain_told", CLOSURES, more);
         assert_code(&output, 0);
         text(&output.stdout)
     };
@@ -51,7 +52,7 @@ fn candidates_are_told_with_verdict_reason_and_numbers() {
 
 #[test]
 fn damaged_files_are_refused_in_words() {
-    let refused = |closures: &str, says: &[&str]| assert_refused(&explain(closures, &[]), 1, says);
+    let refused = |closures: &str, says: &[&str]| assert_refused(&explain("explain_damaged", closures, &[]), 1, says);
     refused("", &["closures.json", "line 1"]);
     refused(&CLOSURES[..300], &["closures.json", "EOF", "line"]);
     refused(&CLOSURES.replace("\"accepted\"", "\"perhaps\""), &["perhaps", "expected one of", "`taken back`"]);
@@ -65,7 +66,7 @@ fn damaged_files_are_refused_in_words() {
     for cut in 0..CLOSURES.len() {
         // Any other end of the file is as good: nothing may panic.
         if cut % 97 == 0 {
-            assert_code(&explain(&CLOSURES[..cut], &[]), 1);
+            assert_code(&explain("explain_damaged", &CLOSURES[..cut], &[]), 1);
         }
     }
 }

@@ -141,7 +141,8 @@ impl Loop {
         false_edge.from_from_to = false_edge.from_from_to * Pose2::new(x, y, theta);
         open.edges.push(false_edge);
         let before = solved(&mut open.clone(), &SolverSettings::default())?.0;
-        let robust = SolverSettings { robust: Some(Gnc::default()), ..SolverSettings::default() };
+        let gnc = Gnc { consensus: None, ..Gnc::default() };
+        let robust = SolverSettings { robust: Some(gnc), ..SolverSettings::default() };
         let (after, weights) = solved(&mut open, &robust)?;
         let outvoted = weights.last().is_some_and(|weight| *weight < 0.5);
         let others = weights.iter().rev().skip(1).filter(|weight| **weight < 0.5).count();
