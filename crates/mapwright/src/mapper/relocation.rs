@@ -1,6 +1,7 @@
 //! A robot that does not know where it is: it maps aside, writes nothing, and asks every place it knows.
 
-use super::{Mapper, Matched};
+use super::Mapper;
+use super::guard::Matched;
 use crate::closing::{Found, Past};
 use crate::live::Frames;
 use crate::motion::{Predictor, Step};

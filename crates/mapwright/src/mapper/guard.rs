@@ -1,0 +1,319 @@
+//! Step 3: the match, and the guard that starts it again where it is in doubt.
+
+use super::Mapper;
+use crate::motion::Step;
+use crate::settings::Optimizer;
+use mapwright_geom::{Cov3, Pose2};
+use mapwright_grid::{Agreement, MatchResult, Prior, SearchWindow};
+use mapwright_record::{MatchReport, Status};
+use nalgebra::Matrix3;
+
+/// Below this share of fitting beams, among those in known territory, a match is doubtful.
+pub const DOUBT_SHARE: f64 = 0.6;
+/// Below this share the match is not believed.
+pub const LOST_SHARE: f64 = 0.35;
+/// Disagreement with odometry that raises doubt, standard deviations.
+pub const DOUBT_SIGMAS: f64 = 4.0;
+/// Where a smaller share of a scan's beams ends in known territory, the map says little about the pose.
+pub const KNOWN_SHARE: f64 = 0.3;
+/// After so many keyframes without confirmation it is a new part of the map that is tracked.
+const UNCONFIRMED_AT_MOST: u32 = 50;
+/// Headings tried on doubt beside the predicted one, radians.
+const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
+/// The search's window: so many of the prior's standard deviations, within bounds.
+const SEARCH_SIGMAS: f64 = 4.0;
+const SEARCH_LEAST_M: f64 = 0.5;
+const SEARCH_MOST_M: f64 = 5.0;
+/// Neighbouring beams are right or wrong together: where matches are compared, a scan says as much as so many that are
+/// independent of each other.
+const INDEPENDENT_BEAMS: f64 = 30.0;
+/// The most that disagreement with odometry may count there. As above, calibrated in docs/decisions/0010.
+const PRIOR_COST_AT_MOST: f64 = 40.0;
+/// What it costs there that the wheels fail: `-ln p`, one step in eight thousand.
+const FAILURE_COST: f64 = 9.0;
+/// This share of the strongest direction's information is noise of the normals and is taken off the weaker one's.
+const WEAK_SHARE: f64 = 0.02;
+/// A match that fits so much less than usual may have slipped,
+const SLIP_SHARE: f64 = 0.05;
+/// by so much, metres: starts that are tried, and how far they may be from the prediction.
+const SLIPS_M: [f64; 6] = [-0.45, -0.3, -0.15, 0.15, 0.3, 0.45];
+const SLIPPED_M: f64 = 0.3;
+/// From such shares of known and of fitting beams on a match judges odometry.
+const SURE_SHARE: f64 = 0.8;
+/// Weight of the newest scan in the usual share of fitting beams.
+const USUAL_WEIGHT: f64 = 0.05;
+/// From the curvature of the objective to information. Beams are correlated (less), the last stage's sigma is wider
+/// than a beam's noise (more); calibrated by the NEES of simulated rooms and corridors (`tests/consistency.rs`).
+const INFORMATION_SCALE: f64 = 1.2;
+
+/// What the match stage hands on.
+pub(super) struct Matched {
+    pub(super) world_from_robot: Pose2,
+    pub(super) information: Cov3,
+    pub(super) agreement: Agreement,
+    pub(super) status: Status,
+    pub(super) report: MatchReport,
+}
+
+impl Mapper {
+    /// The scan against the live map, from the prediction and, where that is doubtful, from elsewhere.
+    pub(super) fn match_scan(&mut self, predicted: Pose2, step: Step) -> Option<Matched> {
+        if self.keyframes.is_empty() || self.points.hits.is_empty() {
+            return None;
+        }
+        let widen = 1.0 + f64::from(self.lost_scans);
+        let prior = Prior {
+            world_from_robot: predicted,
+            variances: step.variances.map(|v| v * widen),
+            tail: self.settings.motion.tail,
+        };
+        let first = self.refine(&prior, predicted);
+        let first_fits = first.1.inlier_share() >= DOUBT_SHARE;
+        let evaluations = first.0.evaluations;
+        let mut tried = Tried {
+            best: first,
+            evaluations,
+            restarts: 0,
+            searched: false,
+            first_fits,
+            prior,
+            failures: self.failures(&prior, step),
+        };
+        if tried.doubtful() {
+            self.restart_failures(&mut tried);
+            self.restart_headings(&prior, &mut tried);
+        }
+        if tried.best.1.inlier_share() < DOUBT_SHARE {
+            self.search(&prior, &mut tried);
+        }
+        self.restart_slipped(&mut tried);
+        self.observe_share(&tried.best.1);
+        self.observe_odometry(&tried, step);
+        let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
+        let odometry_sigmas = sigmas(&prior, result.world_from_robot);
+        let unconfirmed = self.unconfirmed(&agreement);
+        let status = match judge(&agreement, odometry_sigmas) {
+            Status::Tracking if unconfirmed => Status::Degraded,
+            status => status,
+        };
+        let report = MatchReport {
+            beams: self.match_points().len() as u32,
+            inlier_share: agreement.inlier_share(),
+            known_share: agreement.known_share(),
+            odometry_sigmas,
+            evaluations,
+            restarts,
+            searched,
+            unconfirmed,
+        };
+        let trust = if status == Status::Degraded { 0.05 } else { 1.0 };
+        Some(Matched {
+            world_from_robot: if status == Status::Lost { predicted } else { result.world_from_robot },
+            information: constrained(&result.hessian) * (INFORMATION_SCALE * trust),
+            agreement,
+            status,
+            report,
+        })
+    }
+
+    /// After a scan that did not fit, whatever is mapped may be in the wrong place and fit itself: doubt remains until a
+    /// match is supplied by what was mapped before, or the robot has gone far.
+    fn unconfirmed(&mut self, agreement: &Agreement) -> bool {
+        let next = self.keyframes.len() as u32;
+        if agreement.inlier_share() < DOUBT_SHARE {
+            self.doubted_from.get_or_insert(next);
+        } else if self.doubted_from.is_some_and(|from| {
+            agreement.supplier.is_some_and(|supplier| supplier < from) || next - from > UNCONFIRMED_AT_MOST
+        }) {
+            self.doubted_from = None;
+        }
+        self.doubted_from.is_some()
+    }
+
+    /// The end points a match uses: all, or evenly chosen ones where they are very many.
+    fn match_points(&self) -> &[[f64; 2]] {
+        if self.thinned.is_empty() { &self.points.hits } else { &self.thinned }
+    }
+
+    /// A match from one start, and how the scan agrees with the map there.
+    fn refine(&self, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
+        let (map, hits) = (&self.live.map, self.match_points());
+        let result = match self.settings.matching.optimizer {
+            Optimizer::GaussNewton => self.matcher.gauss_newton(map, hits, prior, start),
+            Optimizer::GradientAscent => self.matcher.gradient_ascent(map, hits, prior, start),
+            Optimizer::UnscaledGradientAscent => self.matcher.unscaled_gradient_ascent(map, hits, prior, start),
+        };
+        (result, map.agreement(hits, result.world_from_robot))
+    }
+
+    /// Where the robot is if the wheels fail.
+    fn failures(&self, prior: &Prior, step: Step) -> Vec<Prior> {
+        let at = |last_from_robot: Pose2| Prior { world_from_robot: self.local_from_robot * last_from_robot, ..*prior };
+        self.predictor.failures(step).map(at).collect()
+    }
+
+    /// On doubt the match is started again from where the robot is if the wheels fail.
+    fn restart_failures(&self, tried: &mut Tried) {
+        for failure in tried.failures.clone() {
+            tried.restarts += 1;
+            tried.offer(self.refine(&failure, failure.world_from_robot));
+        }
+    }
+
+    /// A match may stick to what the scans before it have drawn, and slip along a corridor while every scan seems to fit.
+    /// It shows as a fit that falls behind the usual one. Then the places ahead and behind, in the direction that the scan
+    /// says least about, are tried, and one that fits nearly as usual is right: the slip is older than this scan, so the
+    /// prediction does not speak against it.
+    fn restart_slipped(&mut self, tried: &mut Tried) {
+        let share = tried.best.1.inlier_share();
+        let drop = self.usual_share - share;
+        if drop <= SLIP_SHARE || share < DOUBT_SHARE {
+            return;
+        }
+        let [variance_x, variance_y, variance_theta] = tried.prior.variances;
+        let slipped_m2 = SLIPPED_M * SLIPPED_M;
+        let variances = [variance_x + slipped_m2, variance_y + slipped_m2, variance_theta];
+        let prior = Prior { variances, ..tried.prior };
+        let at = tried.best.0.world_from_robot;
+        let [x, y] = weakest(&tried.best.0.hessian);
+        let mut least = share + 0.5 * drop;
+        for by_m in SLIPS_M {
+            tried.restarts += 1;
+            let other = self.refine(&prior, at * Pose2::new(by_m * x, by_m * y, 0.0));
+            tried.evaluations += other.0.evaluations;
+            if other.1.inlier_share() > least {
+                least = other.1.inlier_share();
+                tried.best = other;
+            }
+        }
+    }
+
+    /// Where the scan fits and knows the pose by itself, odometry is judged by it.
+    fn observe_odometry(&mut self, tried: &Tried, step: Step) {
+        let (result, agreement) = &tried.best;
+        let sure = agreement.inlier_share() >= SURE_SHARE && agreement.known_share() >= SURE_SHARE;
+        let covariance = (constrained(&result.hessian) * INFORMATION_SCALE).try_inverse();
+        if let Some(covariance) = covariance.filter(|_| sure && self.lost_scans == 0) {
+            let correction = tried.prior.world_from_robot.between(result.world_from_robot).log();
+            self.predictor.observe(step, correction, covariance.diagonal().into());
+        }
+    }
+
+    /// The share of fitting beams that is usual here and now.
+    fn observe_share(&mut self, agreement: &Agreement) {
+        if agreement.known_share() > 0.5 {
+            self.usual_share += USUAL_WEIGHT * (agreement.inlier_share() - self.usual_share);
+        }
+    }
+
+    /// On doubt the match is started again from other headings; a wrong heading is how matches fail.
+    fn restart_headings(&self, prior: &Prior, tried: &mut Tried) {
+        let predicted = prior.world_from_robot;
+        for turn in RESTART_HEADINGS_RAD {
+            tried.restarts += 1;
+            tried.offer(self.refine(prior, Pose2::new(predicted.x, predicted.y, predicted.theta + turn)));
+        }
+    }
+
+    /// Where restarts do not help, every pose of the prior's window is looked at, and the best one refined.
+    fn search(&mut self, prior: &Prior, tried: &mut Tried) {
+        let [vx, vy, _] = prior.variances;
+        let window = SearchWindow {
+            world_from_robot: prior.world_from_robot,
+            half_width_m: (SEARCH_SIGMAS * vx.max(vy).sqrt()).clamp(SEARCH_LEAST_M, SEARCH_MOST_M),
+            half_width_rad: std::f64::consts::PI,
+        };
+        tried.searched = true;
+        let hits = if self.thinned.is_empty() { &self.points.hits } else { &self.thinned };
+        let found = self.searcher.search(&self.live.map, hits, &window, None);
+        if let Some(found) = found {
+            tried.offer(self.refine(prior, found.best.world_from_robot));
+        }
+    }
+}
+
+/// Distance of a pose from the prior's in standard deviations, the worst of the three.
+fn sigmas(prior: &Prior, world_from_robot: Pose2) -> f64 {
+    let error = prior.world_from_robot.between(world_from_robot).log();
+    error.iter().zip(prior.variances).map(|(e, v)| e.abs() / v.sqrt()).fold(0.0, f64::max)
+}
+
+/// Matches from several starts, and the best of them.
+struct Tried {
+    best: (MatchResult, Agreement),
+    evaluations: u32,
+    restarts: u32,
+    searched: bool,
+    /// The match from the prediction explains the scan.
+    first_fits: bool,
+    prior: Prior,
+    /// Where the robot is if the wheels fail.
+    failures: Vec<Prior>,
+}
+
+impl Tried {
+    /// Misfit and disagreement with odometry add up: a share of each may be as doubtful as one alone.
+    fn doubtful(&self) -> bool {
+        let misfit = (1.0 - self.best.1.inlier_share()) / (1.0 - DOUBT_SHARE);
+        let disagreement = sigmas(&self.prior, self.best.0.world_from_robot) / DOUBT_SIGMAS;
+        misfit.hypot(disagreement) > 1.0
+    }
+
+    /// Smaller is better: the objective, and beams that end where other beams have passed. What odometry says counts in
+    /// full while the first match explains the scan, and only so much where it may have missed a motion altogether.
+    fn score(&self, (result, agreement): &(MatchResult, Agreement)) -> f64 {
+        let most = if self.first_fits { f64::INFINITY } else { PRIOR_COST_AT_MOST };
+        let beams = f64::from(agreement.fitting + agreement.contradicting + agreement.unknown);
+        let scan = result.scan_cost + f64::from(agreement.contradicting);
+        scan * (INDEPENDENT_BEAMS / beams).min(1.0) + self.motion_cost(result.world_from_robot).min(most)
+    }
+
+    /// Negative log density of the motion: as odometry says, or by one of its failures.
+    fn motion_cost(&self, world_from_robot: Pose2) -> f64 {
+        let failed = self.failures.iter().map(|failure| failure.cost(world_from_robot) + FAILURE_COST);
+        failed.fold(self.prior.cost(world_from_robot), f64::min)
+    }
+
+    fn offer(&mut self, other: (MatchResult, Agreement)) {
+        self.evaluations += other.0.evaluations;
+        if self.score(&other) < self.score(&self.best) {
+            self.best = other;
+        }
+    }
+}
+
+fn doubtful(agreement: &Agreement, odometry_sigmas: f64) -> bool {
+    agreement.inlier_share() < DOUBT_SHARE || odometry_sigmas > DOUBT_SIGMAS
+}
+
+fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
+    if agreement.inlier_share() < LOST_SHARE && agreement.known_share() > 0.5 {
+        Status::Lost
+    } else if doubtful(agreement, odometry_sigmas) || agreement.known_share() < KNOWN_SHARE {
+        Status::Degraded
+    } else {
+        Status::Tracking
+    }
+}
+
+/// Direction of translation that a match's information says least about, in the robot's frame.
+fn weakest(information: &Cov3) -> [f64; 2] {
+    let eigen = information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
+    let weak = usize::from(eigen.eigenvalues[1] < eigen.eigenvalues[0]);
+    [eigen.eigenvectors[(0, weak)], eigen.eigenvectors[(1, weak)]]
+}
+
+/// The part of a scan's information that its surfaces really carry.
+///
+/// Along a bare wall the noise of the normals looks like a little information; a direction of translation with less
+/// than [`WEAK_SHARE`] of the strongest one's is left to odometry, and the share is taken off a better one.
+fn constrained(information: &Cov3) -> Cov3 {
+    let eigen = information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
+    let (weak, strong) = if eigen.eigenvalues[0] < eigen.eigenvalues[1] { (0, 1) } else { (1, 0) };
+    let known = (eigen.eigenvalues[weak] - WEAK_SHARE * eigen.eigenvalues[strong]).max(0.0);
+    let keep = if known > 0.0 { (known / eigen.eigenvalues[weak]).sqrt() } else { 0.0 };
+    let [x, y] = [eigen.eigenvectors[(0, strong)], eigen.eigenvectors[(1, strong)]];
+    let (xx, xy, yy) = (x * x + keep * y * y, x * y * (1.0 - keep), y * y + keep * x * x);
+    let shrink = Matrix3::new(xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, 1.0);
+    shrink * information * shrink
+}

@@ -1,0 +1,131 @@
+//! Steps 4 and 5: keyframes, their edges and their covariances.
+
+use super::guard::Matched;
+use super::{MAP_FLOOR, Mapper, fuse};
+use crate::live::Frames;
+use mapwright_geom::{Cov3, compose_covariance};
+use mapwright_record::{Edge, EdgeKind, Keyframe, Status};
+use mapwright_sensor::{BEAM_DROPPED, LaserScan, Sweep};
+use nalgebra::{Matrix3, Vector3};
+
+/// From this share of end points in space that beams have passed on, they are taken for somebody in the way and left
+/// out of the keyframe.
+const INTRUDER_SHARE: f64 = 0.15;
+/// After so many keyframes in a row it is the world that has changed.
+const INTRUDED_AT_MOST: u32 = 16;
+
+impl Mapper {
+    pub(super) fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
+        let lost = matched.is_some_and(|m| m.status == Status::Lost);
+        let empty = self.points.hits.is_empty();
+        let moved = self.local_from_keyframe.last().is_none_or(|&newest| {
+            let step = newest.between(self.local_from_robot);
+            step.x.hypot(step.y) > self.settings.keyframes.distance_m
+                || step.theta.abs() > self.settings.keyframes.angle_rad
+        });
+        let inserted =
+            (moved && !lost && !empty && self.suspect_m <= 0.0).then(|| self.insert(scan, matched)).flatten();
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
+        self.live.follow(&self.settings, frames, inserted.is_some());
+        let newest = self.keyframes.len().checked_sub(1).map(|k| k as u32);
+        let keyframe_from_robot = newest
+            .map_or(self.local_from_robot, |k| self.local_from_keyframe[k as usize].between(self.local_from_robot));
+        self.scans.push((scan.stamp, newest, keyframe_from_robot));
+        inserted
+    }
+
+    pub(super) fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
+        let node = self.keyframes.len() as u32;
+        let id = self.id(node);
+        let sweep = self.believed_sweep()?;
+        let covariance = self.covariance();
+        self.keyframes.push(Keyframe { id, stamp: scan.stamp, scan: self.scans.len() as u64, sweep });
+        self.local_from_keyframe.push(self.local_from_robot);
+        self.world_from_keyframe.push(self.world_from_local * self.local_from_robot);
+        if node > 0 {
+            self.connect(node, matched, &covariance);
+        } else {
+            self.closing.add(self.world_from_keyframe[0], 0.0, &[]);
+        }
+        self.links.push(fuse(&self.odometry_since_keyframe, &self.information));
+        self.keyframe_from_anchor = covariance;
+        self.odometry_since_keyframe = Cov3::zeros();
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
+        let (lever_m, _) = self.points.lever_and_reach_m();
+        self.live.insert(&self.settings, frames, node, lever_m);
+        Some(node)
+    }
+
+    /// The sweep, without the beams that end in space known to be free where they are many: people in the way, or a
+    /// match that is wrong. Few of them are news, a door or a chair, and stay.
+    fn believed_sweep(&mut self) -> Option<Sweep> {
+        let mut sweep = self.sweep.clone()?;
+        let mut intruders = Vec::new();
+        let map = &self.live.map;
+        let _ = map.agreement_of_each(&self.points.hits, self.local_from_robot, |hit| intruders.push(hit));
+        let many = intruders.len() as f64 >= INTRUDER_SHARE * self.points.hits.len() as f64;
+        self.intruded = if many { self.intruded + 1 } else { 0 };
+        if !many || self.intruded > INTRUDED_AT_MOST {
+            return Some(sweep);
+        }
+        let returns: Vec<usize> = (0..sweep.codes.len()).filter(|&beam| sweep.range_m(beam).is_some()).collect();
+        for hit in intruders {
+            sweep.codes[returns[hit]] = BEAM_DROPPED;
+        }
+        Some(sweep)
+    }
+
+    /// Odometry edge with the motion model's information, match edge with the scan's; never both in one.
+    fn connect(&mut self, node: u32, matched: Option<&Matched>, covariance: &Cov3) {
+        let last = node - 1;
+        let between =
+            |from: u32| self.local_from_keyframe[from as usize].between(self.local_from_keyframe[node as usize]);
+        let mut edges = Vec::new();
+        let mut links = Vec::new();
+        let mut step_m = between(last).x.hypot(between(last).y);
+        if let Some(broken) = self.broken.take() {
+            let information = broken.covariance.try_inverse().unwrap_or_else(Cov3::zeros);
+            edges.push((broken.from, EdgeKind::Closure, information));
+            links.push((broken.from, broken.covariance));
+            step_m = super::relocation::BROKEN_WAY_M;
+        } else {
+            let information = self.odometry_since_keyframe.try_inverse().unwrap_or_else(Cov3::zeros);
+            edges.push((last, EdgeKind::Odometry, information));
+            links.push((last, fuse(&self.odometry_since_keyframe, &self.information)));
+        }
+        if let (Some(matched), Some(anchor)) = (matched, self.anchor.filter(|&a| a < node)) {
+            edges.push((anchor, EdgeKind::Match, matched.information));
+            if links.iter().all(|&(from, _)| from != anchor) {
+                links.push((anchor, *covariance));
+            }
+        }
+        let edge = |&(from, kind, information): &(u32, EdgeKind, Cov3)| Edge {
+            from: self.id(from),
+            to: self.id(node),
+            kind,
+            from_from_to: between(from),
+            information,
+        };
+        let edges: Vec<Edge> = edges.iter().map(edge).collect();
+        self.closing.add(self.world_from_keyframe[node as usize], step_m, &edges);
+        self.edges.extend(edges);
+        for (from, covariance) in links {
+            self.live.connect(from, &covariance);
+        }
+    }
+
+    /// Covariance of the robot relative to the anchor.
+    pub(super) fn covariance(&self) -> Cov3 {
+        let predicted = match self.local_from_keyframe.last() {
+            Some(newest) => {
+                let step = newest.between(self.local_from_robot);
+                compose_covariance(&self.keyframe_from_anchor, step, &self.odometry_since_keyframe)
+            }
+            None => self.odometry_since_keyframe,
+        };
+        let away_m = self.anchor.map_or(0.0, |a| self.local_from_keyframe[a as usize].distance(self.local_from_robot));
+        let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
+        let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
+        fuse(&predicted, &self.information) + Matrix3::from_diagonal(&floor)
+    }
+}
