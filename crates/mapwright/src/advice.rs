@@ -4,7 +4,8 @@
 //! link from the robot to it, as uncertain as the drive there, and links to what lies beside it and is not linked yet.
 
 use crate::mapper::Mapper;
-use crate::patches::{DISPLACEMENT_SHARE, ROTATION_SHARE};
+use crate::mapper::spacing;
+use crate::patches::{Spacing, accumulating};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
 use mapwright_record::{EdgeKind, KeyframeId, Verdict};
@@ -138,10 +139,11 @@ fn links(mapper: &Mapper) -> Vec<Link> {
     let mut by_wheels = None;
     for edge in mapper.edges() {
         let [from, to] = [edge.from, edge.to].map(|id| id.seq as usize);
+        let spacing = spacing(mapper.keyframes(), to, poses[to.saturating_sub(1)].distance(poses[to]));
         let link = |covariance: Option<Cov3>| Link {
             from,
             to,
-            uncertainty: uncertainty(covariance),
+            uncertainty: uncertainty(covariance, spacing),
             pivot: [poses[to].x, poses[to].y],
         };
         let covariance = edge.information.try_inverse();
@@ -153,7 +155,7 @@ fn links(mapper: &Mapper) -> Vec<Link> {
             EdgeKind::Match => {
                 if let (Some(wheels), Some(last)) = (by_wheels.filter(|wheels| wheels.to == edge.to), links.last_mut())
                 {
-                    last.uncertainty = uncertainty((wheels.information + edge.information).try_inverse());
+                    last.uncertainty = uncertainty((wheels.information + edge.information).try_inverse(), spacing);
                 }
                 // To the keyframe before, wheels and scan together are all that is known.
                 if from + 1 != to {
@@ -168,15 +170,11 @@ fn links(mapper: &Mapper) -> Vec<Link> {
     links
 }
 
-fn uncertainty(covariance: Option<Cov3>) -> Uncertainty {
+fn uncertainty(covariance: Option<Cov3>, spacing: Spacing) -> Uncertainty {
     let known = covariance.filter(|c| c.iter().all(|v| v.is_finite()) && (0..3).all(|k| c[(k, k)] >= 0.0));
-    let covariance = known.unwrap_or_else(|| Cov3::identity() * UNKNOWN);
-    let [xx, xy, yy] = [covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]];
-    let larger = 0.5 * (xx + yy) + (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
-    Uncertainty {
-        displacement_m2: DISPLACEMENT_SHARE * larger.min(UNKNOWN),
-        rotation_rad2: ROTATION_SHARE * covariance[(2, 2)].min(UNKNOWN),
-    }
+    let Uncertainty { displacement_m2, rotation_rad2 } =
+        accumulating(&known.unwrap_or_else(|| Cov3::identity() * UNKNOWN), spacing);
+    Uncertainty { displacement_m2: displacement_m2.min(UNKNOWN), rotation_rad2: rotation_rad2.min(UNKNOWN) }
 }
 
 /// The graph that is searched from the first keyframe.
@@ -459,8 +457,11 @@ mod tests {
 
     #[test]
     fn what_is_not_known_of_a_link_counts_as_much() {
-        assert_eq!(uncertainty(None), uncertainty(Some(Cov3::identity() * f64::NAN)));
-        assert!(uncertainty(Some(Cov3::identity() * -1.0)).displacement_m2 >= 1.0);
-        assert!(uncertainty(Some(Cov3::identity() * 1e-4)).displacement_m2 < 1e-4);
+        assert_eq!(
+            uncertainty(None, Spacing::default()),
+            uncertainty(Some(Cov3::identity() * f64::NAN), Spacing::default())
+        );
+        assert!(uncertainty(Some(Cov3::identity() * -1.0), Spacing::default()).displacement_m2 >= 1.0);
+        assert!(uncertainty(Some(Cov3::identity() * 1e-4), Spacing::default()).displacement_m2 < 1e-4);
     }
 }

@@ -1,6 +1,6 @@
 //! Which keyframes the live map is made of.
 
-use crate::patches::{Known, Patches};
+use crate::patches::{Known, Patches, Spacing};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LiveMap, LiveMapSettings};
@@ -9,8 +9,11 @@ use mapwright_sensor::{BeamTable, SweepPoints};
 use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
 
-/// Side of the areas over which views are bounded, metres.
+/// Side of the areas in which views are found, metres.
 const AREA_M: f64 = 1.0;
+/// A square metre around a view and a quarter turn, over which views are bounded, metres and radians.
+const ALIKE_M: f64 = 0.564;
+const ALIKE_RAD: f64 = std::f64::consts::FRAC_PI_4;
 /// A live keyframe stays live up to this multiple of the gate.
 const HYSTERESIS: f64 = 2.5;
 
@@ -43,8 +46,8 @@ pub(crate) struct Live {
     gated: bool,
     views: Vec<View>,
     patches: Patches,
-    /// Keyframes of live patches by area and heading, oldest first.
-    areas: FxHashMap<(i32, i32, i32), Vec<u32>>,
+    /// Keyframes of live patches by area.
+    areas: FxHashMap<(i32, i32), Vec<u32>>,
     /// Keyframes to be drawn or taken out, half of one a scan.
     due: VecDeque<u32>,
     /// The one of which the second half is missing.
@@ -65,7 +68,7 @@ struct View {
     /// Where it is drawn, if it is.
     drawn_at: Option<Pose2>,
     /// Where its area's list has it.
-    area: (i32, i32, i32),
+    area: (i32, i32),
     /// Gave way to newer views or was dropped; never comes back.
     gone: bool,
 }
@@ -126,10 +129,10 @@ impl Live {
         self.report.keyframes = self.report.keyframes + usize::from(drawn && !was) - usize::from(was && !drawn);
     }
 
-    /// The next keyframe is as uncertain relative to `from`.
-    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3) {
+    /// The next keyframe, so far from the last one, is as uncertain relative to `from`.
+    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3, spacing: Spacing) {
         if self.gated {
-            self.patches.connect(from, covariance);
+            self.patches.connect(from, covariance, spacing);
         }
     }
 
@@ -144,14 +147,23 @@ impl Live {
         }
     }
 
-    /// Of an area's views the newest ones stay.
+    /// Of the views around one the newest stay.
     fn enter_area(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
-        let key = area(frames.world_from_robot[node as usize]);
-        self.views[node as usize].area = key;
-        let views = self.areas.entry(key).or_default();
-        views.insert(views.partition_point(|&view| view < node), node);
-        if views.len() > settings.live.views_per_area as usize {
-            let oldest = views.remove(0);
+        let at = frames.world_from_robot[node as usize];
+        let (x, y) = area(at);
+        self.views[node as usize].area = (x, y);
+        self.areas.entry((x, y)).or_default().push(node);
+        let (mut alike, mut oldest) = (0, node);
+        for key in (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y))) {
+            for &other in self.areas.get(&key).into_iter().flatten() {
+                let pose = frames.world_from_robot[other as usize];
+                if at.distance(pose) <= ALIKE_M && at.between(pose).theta.abs() <= ALIKE_RAD {
+                    (alike, oldest) = (alike + 1, oldest.min(other));
+                }
+            }
+        }
+        if alike > settings.live.views_per_area {
+            self.leave_area(oldest);
             self.views[oldest as usize].gone = true;
             self.patches.forget(oldest);
             self.due.push_back(oldest);
@@ -292,9 +304,8 @@ impl Live {
     }
 }
 
-fn area(pose: Pose2) -> (i32, i32, i32) {
-    let quarter = (pose.theta / std::f64::consts::FRAC_PI_2).floor() as i32;
-    ((pose.x / AREA_M).floor() as i32, (pose.y / AREA_M).floor() as i32, quarter)
+fn area(pose: Pose2) -> (i32, i32) {
+    ((pose.x / AREA_M).floor() as i32, (pose.y / AREA_M).floor() as i32)
 }
 
 #[cfg(test)]
@@ -343,10 +354,10 @@ mod tests {
             let frames = Frames { keyframes: &keyframes[..=node], world_from_robot: &poses[..=node] };
             let node = node as u32;
             if node > 0 {
-                live.connect(node - 1, &step(sigma_m));
+                live.connect(node - 1, &step(sigma_m), Spacing::default());
             }
             if let Some((_, to)) = closure.filter(|&(at, _)| at == node) {
-                live.connect(to, &step(0.01));
+                live.connect(to, &step(0.01), Spacing::default());
             }
             live.insert(&settings, frames, node, 5.0);
             for inserted in [true, false, false, false] {

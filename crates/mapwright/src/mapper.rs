@@ -23,6 +23,7 @@ mod insert;
 mod relocation;
 
 pub use guard::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
+pub(crate) use insert::spacing;
 
 /// A pose of the final trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +49,7 @@ const SCATTER_SCANS: f64 = 200.0;
 const SCATTER_SHARE: f64 = 0.08;
 /// Error of the map between the anchor and here that no single match shows: at the anchor and per metre away from it,
 /// for positions (m) and headings (rad); calibrated with the scale above.
-const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0003, 0.0006]];
+const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0007, 0.0006]];
 
 /// Builds a map one scan at a time.
 #[derive(Debug, Clone)]

@@ -65,12 +65,11 @@ impl Predictor {
         match increment {
             Some(last_from_robot) => {
                 let expected = odometry_variances(settings, last_from_robot, elapsed_s);
-                let [translation, rotation] =
-                    self.wrong.map(
-                        |[was, expected]| {
-                            if expected > 0.0 { (was / expected).clamp(1.0, WORSE_AT_MOST) } else { 1.0 }
-                        },
-                    );
+                let worse = |[was, expected]: [f64; 2]| match expected {
+                    expected if expected > 0.0 => (was / expected).clamp(1.0, WORSE_AT_MOST),
+                    _ => 1.0,
+                };
+                let [translation, rotation] = self.wrong.map(worse);
                 let variances = [translation * expected[0], translation * expected[1], rotation * expected[2]];
                 Step { last_from_robot, variances, expected, from_odometry: true }
             }

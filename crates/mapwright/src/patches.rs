@@ -13,10 +13,14 @@ const PATCH_M: f64 = 2.0;
 const PATCH_SIGMA_M: f64 = 0.05;
 /// Side of the buckets in which live patches are found, metres.
 const BUCKET_M: f64 = 8.0;
-/// Shares of a link's variances that add up along a chain; the rest is the keyframe's own and does not. Calibrated by
-/// simulated loops, corridors and offices (`docs/decisions/0011-closing-loops.md`).
+/// Shares of a link's variances that add up along a chain; the rest is the keyframe's own and does not. They hold for
+/// keyframes and scans that are so far apart, metres, and grow with these powers of the distance. Calibrated by simulated
+/// loops, corridors and offices (`docs/decisions/0011-closing-loops.md`).
 pub(crate) const DISPLACEMENT_SHARE: f64 = 0.3;
-pub(crate) const ROTATION_SHARE: f64 = 0.1;
+const DISPLACEMENT_STEP_M: f64 = 0.2;
+const ROTATION_SHARE: f64 = 0.1;
+const ROTATION_STEP_M: f64 = 0.05;
+const ROTATION_POWER: f64 = 0.75;
 /// Patches up to this distance from the robot are judged, metres.
 const REACH_M: f64 = 20.0;
 /// The graph is searched anew after so much travel, metres,
@@ -90,9 +94,9 @@ pub(crate) struct Patches {
 }
 
 impl Patches {
-    /// The next keyframe is as uncertain relative to `from`.
-    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3) {
-        self.links.push((from, of(covariance)));
+    /// The next keyframe, so far from the last one, is as uncertain relative to `from`.
+    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3, spacing: Spacing) {
+        self.links.push((from, accumulating(covariance, spacing)));
     }
 
     /// Puts the next keyframe into the nearest live patch it is certain in, or begins one.
@@ -133,7 +137,7 @@ impl Patches {
     pub(crate) fn close(&mut self, poses: &[Pose2], from: u32, to: u32, covariance: &Cov3) {
         let [from, to] = [from, to].map(|node| (self.members[node as usize], position(poses[node as usize])));
         let (Member { patch, uncertainty }, step_m) = (from.0, distance2(from.1, to.1).sqrt());
-        self.link(patch, to.0, uncertainty.then(of(covariance), step_m), to.1);
+        self.link(patch, to.0, uncertainty.then(accumulating(covariance, Spacing::default()), step_m), to.1);
     }
 
     /// A closure was none: what it linked is apart again.
@@ -285,12 +289,30 @@ impl Member {
     const NONE: Self = Self { patch: 0, uncertainty: Uncertainty { displacement_m2: 0.0, rotation_rad2: 0.0 } };
 }
 
-fn of(covariance: &Cov3) -> Uncertainty {
-    let displacement_m2 = covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max();
+/// How densely the way is covered.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Spacing {
+    /// From keyframe to keyframe, metres.
+    pub(crate) keyframe_m: f64,
+    /// From scan to scan, metres.
+    pub(crate) scan_m: f64,
+}
+
+/// What of a link's uncertainty adds up along the way. Keyframes that are close together are matched with the same older
+/// ones and share their errors, and the scans between them, each from the last one's pose, average their headings; farther
+/// apart each adds its own.
+pub(crate) fn accumulating(covariance: &Cov3, spacing: Spacing) -> Uncertainty {
+    let displacement = DISPLACEMENT_SHARE * (spacing.keyframe_m / DISPLACEMENT_STEP_M).max(1.0);
+    let rotation = ROTATION_SHARE * (spacing.scan_m / ROTATION_STEP_M).max(1.0).powf(ROTATION_POWER);
     Uncertainty {
-        displacement_m2: DISPLACEMENT_SHARE * displacement_m2,
-        rotation_rad2: ROTATION_SHARE * covariance[(2, 2)],
+        displacement_m2: displacement.min(1.0) * larger_variance(covariance),
+        rotation_rad2: rotation.min(1.0) * covariance[(2, 2)],
     }
+}
+
+/// Of the position, in the direction in which it is least certain.
+fn larger_variance(covariance: &Cov3) -> f64 {
+    covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max()
 }
 
 fn position(pose: Pose2) -> [f64; 2] {

@@ -20,6 +20,8 @@ pub const KNOWN_SHARE: f64 = 0.3;
 const UNCONFIRMED_AT_MOST: u32 = 50;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
+/// Headings tried for every keyframe, radians.
+const NEARBY_HEADINGS_RAD: [f64; 4] = [-0.018, -0.009, 0.009, 0.018];
 /// The search's window: so many of the prior's standard deviations, within bounds.
 const SEARCH_SIGMAS: f64 = 4.0;
 const SEARCH_LEAST_M: f64 = 0.5;
@@ -32,7 +34,7 @@ const PRIOR_COST_AT_MOST: f64 = 40.0;
 /// What it costs there that the wheels fail: `-ln p`, one step in eight thousand.
 const FAILURE_COST: f64 = 9.0;
 /// This share of the strongest direction's information is noise of the normals and is taken off the weaker one's.
-const WEAK_SHARE: f64 = 0.02;
+const WEAK_SHARE: f64 = 0.01;
 /// A match that fits so much less than usual may have slipped,
 const SLIP_SHARE: f64 = 0.05;
 /// by so much, metres: starts that are tried, and how far they may be from the prediction.
@@ -42,9 +44,12 @@ const SLIPPED_M: f64 = 0.3;
 const SURE_SHARE: f64 = 0.8;
 /// Weight of the newest scan in the usual share of fitting beams.
 const USUAL_WEIGHT: f64 = 0.05;
+/// What does not fit is not in the model, and what fits is as little to be trusted: the information falls with the square
+/// of the fit, to this share where the match is doubtful.
+const LEAST_TRUST: f64 = 0.05;
 /// From the curvature of the objective to information. Beams are correlated (less), the last stage's sigma is wider
 /// than a beam's noise (more); calibrated by the NEES of simulated rooms and corridors (`tests/consistency.rs`).
-const INFORMATION_SCALE: f64 = 1.2;
+const INFORMATION_SCALE: f64 = 1.4;
 
 /// What the match stage hands on.
 pub(super) struct Matched {
@@ -86,6 +91,7 @@ impl Mapper {
         if tried.best.1.inlier_share() < DOUBT_SHARE {
             self.search(&prior, &mut tried);
         }
+        self.restart_nearby(&prior, &mut tried);
         self.restart_slipped(&mut tried);
         self.observe_share(&tried.best.1);
         self.observe_odometry(&tried, step);
@@ -106,7 +112,8 @@ impl Mapper {
             searched,
             unconfirmed,
         };
-        let trust = if status == Status::Degraded { 0.05 } else { 1.0 };
+        let fits = 1.0 - (1.0 - agreement.inlier_share()) / (1.0 - DOUBT_SHARE);
+        let trust = if status == Status::Degraded { LEAST_TRUST } else { (fits * fits).max(LEAST_TRUST) };
         Some(Matched {
             world_from_robot: if status == Status::Lost { predicted } else { result.world_from_robot },
             information: constrained(&result.hessian) * (INFORMATION_SCALE * trust),
@@ -157,6 +164,17 @@ impl Mapper {
         for failure in tried.failures.clone() {
             tried.restarts += 1;
             tried.offer(self.refine(&failure, failure.world_from_robot));
+        }
+    }
+
+    /// What is drawn stays: the scan of a new keyframe is matched from other headings nearby too, for where its beams lie far
+    /// apart from those before there are several headings that fit, and the nearest is not always the best.
+    fn restart_nearby(&self, prior: &Prior, tried: &mut Tried) {
+        let at = tried.best.0.world_from_robot;
+        if self.is_keyframe_at(at) {
+            for turn in NEARBY_HEADINGS_RAD {
+                tried.offer(self.refine(prior, at * Pose2::new(0.0, 0.0, turn)));
+            }
         }
     }
 

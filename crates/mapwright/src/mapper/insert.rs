@@ -3,7 +3,8 @@
 use super::guard::Matched;
 use super::{MAP_FLOOR, Mapper, fuse};
 use crate::live::Frames;
-use mapwright_geom::{Cov3, compose_covariance};
+use crate::patches::Spacing;
+use mapwright_geom::{Cov3, Pose2, compose_covariance};
 use mapwright_record::{Edge, EdgeKind, Keyframe, Status};
 use mapwright_sensor::{BEAM_DROPPED, LaserScan, Sweep};
 use nalgebra::{Matrix3, Vector3};
@@ -15,14 +16,19 @@ const INTRUDER_SHARE: f64 = 0.15;
 const INTRUDED_AT_MOST: u32 = 16;
 
 impl Mapper {
+    /// Whether the robot has moved far enough from the newest keyframe for another one.
+    pub(super) fn is_keyframe_at(&self, local_from_robot: Pose2) -> bool {
+        self.local_from_keyframe.last().is_none_or(|newest| {
+            let step = newest.between(local_from_robot);
+            step.x.hypot(step.y) > self.settings.keyframes.distance_m
+                || step.theta.abs() > self.settings.keyframes.angle_rad
+        })
+    }
+
     pub(super) fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
         let lost = matched.is_some_and(|m| m.status == Status::Lost);
         let empty = self.points.hits.is_empty();
-        let moved = self.local_from_keyframe.last().is_none_or(|&newest| {
-            let step = newest.between(self.local_from_robot);
-            step.x.hypot(step.y) > self.settings.keyframes.distance_m
-                || step.theta.abs() > self.settings.keyframes.angle_rad
-        });
+        let moved = self.is_keyframe_at(self.local_from_robot);
         let inserted =
             (moved && !lost && !empty && self.suspect_m <= 0.0).then(|| self.insert(scan, matched)).flatten();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
@@ -109,8 +115,9 @@ impl Mapper {
         let edges: Vec<Edge> = edges.iter().map(edge).collect();
         self.closing.add(self.world_from_keyframe[node as usize], step_m, &edges);
         self.edges.extend(edges);
+        let spacing = spacing(&self.keyframes, node as usize, step_m);
         for (from, covariance) in links {
-            self.live.connect(from, &covariance);
+            self.live.connect(from, &covariance, spacing);
         }
     }
 
@@ -128,4 +135,11 @@ impl Mapper {
         let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
         fuse(&predicted, &self.information) + Matrix3::from_diagonal(&floor)
     }
+}
+
+/// How far apart keyframes and scans are before a keyframe that is a step on from the last one.
+pub(crate) fn spacing(keyframes: &[Keyframe], node: usize, step_m: f64) -> Spacing {
+    let scan = |node: usize| keyframes.get(node).map_or(0, |keyframe| keyframe.scan);
+    let scans = scan(node).saturating_sub(scan(node.saturating_sub(1))).max(1);
+    Spacing { keyframe_m: step_m, scan_m: step_m / scans as f64 }
 }
