@@ -35,6 +35,9 @@ const PRIOR_COST_AT_MOST: f64 = 40.0;
 const FAILURE_COST: f64 = 9.0;
 /// This share of the strongest direction's information is noise of the normals and is taken off the weaker one's.
 const WEAK_SHARE: f64 = 0.01;
+/// What contradicts odometry has to fit as well as usual, up to so much: a place in a map is seldom right and odometry
+/// that far wrong where the scan fits badly there too.
+const FAR_SHARE: f64 = 0.1;
 /// A match that fits so much less than usual may have slipped,
 const SLIP_SHARE: f64 = 0.05;
 /// by so much, metres: starts that are tried, and how far they may be from the prediction.
@@ -83,6 +86,7 @@ impl Mapper {
             first_fits,
             prior,
             failures: self.failures(&prior, step),
+            far_share: self.usual_share - FAR_SHARE,
         };
         if tried.doubtful() {
             self.restart_failures(&mut tried);
@@ -267,6 +271,8 @@ struct Tried {
     prior: Prior,
     /// Where the robot is if the wheels fail.
     failures: Vec<Prior>,
+    /// What contradicts odometry has to fit so well.
+    far_share: f64,
 }
 
 impl Tried {
@@ -294,7 +300,9 @@ impl Tried {
 
     fn offer(&mut self, other: (MatchResult, Agreement)) {
         self.evaluations += other.0.evaluations;
-        if self.score(&other) < self.score(&self.best) {
+        let far = sigmas(&self.prior, other.0.world_from_robot) > DOUBT_SIGMAS;
+        let believable = !far || other.1.inlier_share() >= self.far_share;
+        if believable && self.score(&other) < self.score(&self.best) {
             self.best = other;
         }
     }
