@@ -9,7 +9,7 @@ use crate::consistency::{Closure, Relative, cycle_of, quantile_99};
 use crate::error::GraphError;
 use crate::group::PoseGroup;
 use crate::optimize::Descent;
-use crate::pose_graph::{Parts, PoseGraph, nearest_information};
+use crate::pose_graph::{Edge, Parts, PoseGraph, nearest_information};
 use crate::problem::{Normal, Problem};
 use nalgebra::SMatrix;
 
@@ -75,12 +75,23 @@ const VAGUE_ALONE: f64 = 0.002;
 const TAILS: f64 = 3.0;
 /// Beliefs that are tried without afterwards, at most.
 const SECOND_THOUGHTS: usize = 8;
-/// How many random closures may fit as well as one that is believed without support.
-const LIKELY: f64 = 0.3;
-/// The same where nothing else is believed.
+/// How many random closures may be expected to fit as well as one that is believed without support.
+const LIKELY: f64 = 0.1;
+/// The same, by the volume that they fill, where nothing else is believed.
 const LIKELY_ALONE: f64 = 0.05;
+/// By how much the ellipsoid is larger in which random closures are counted.
+const WIDER: f64 = 64.0;
+/// How many random closures may be expected to lie as near as a believed one does to the graph without it, where that is
+/// farther off than its covariance says.
+const LIKELY_OUTLIER: f64 = 0.05;
+/// Rounds of dropping what is an accident after all, at most.
+const MAX_REVIEWS: usize = 20;
 /// Hypotheses up to which those without support take part from the beginning.
 const ALONE: usize = 400;
+/// Pairs of neighbours that agree up to which they say nothing of covariances.
+const FEW: f64 = 10.0;
+/// By how much more neighbours must agree for odometry's covariances to be inflated.
+const MORE_AGREE: f64 = 1.05;
 /// Members from which on a hypothesis cannot be an accident.
 const GROUP: usize = 3;
 /// Share of the believed closures that may be false by accident.
@@ -93,9 +104,21 @@ pub(crate) fn believe<P: PoseGroup<D>, const D: usize>(
     graph: &PoseGraph<P, D>,
     settings: &Consensus,
 ) -> Result<Belief<P>, GraphError> {
-    let mut search = Search::new(graph, settings)?;
+    let odometry = Odometry::new(graph);
+    let inflated = odometry.inflated_as_neighbours_say(settings);
+    let few = inflated.mixture.agreeing < FEW;
+    let mut search = Search::new(graph, settings, &odometry, inflated)?;
     search.run()?;
-    search.think_again()?;
+    if few {
+        // too few neighbours to say how honest odometry is: what lets most closures agree
+        for inflation in inflations().skip(1) {
+            let mut other = Search::new(graph, settings, &odometry, odometry.inflated(settings, inflation))?;
+            other.run()?;
+            if other.believed_closures() > search.believed_closures() {
+                search = other;
+            }
+        }
+    }
     let refused = search.refusal();
     Ok(Belief { believed: search.believed, poses: search.poses, refused })
 }
@@ -131,14 +154,32 @@ struct Candidate {
     vagueness: f64,
 }
 
+/// How near a closure lies to where the graph puts it.
+#[derive(Debug, Clone, Copy)]
+struct Test {
+    chi2: f64,
+    /// Share of random closures that would pass.
+    vagueness: f64,
+}
+
+impl Test {
+    /// Share of random closures that would lie as near.
+    fn share(&self, freedom: usize) -> f64 {
+        self.vagueness * (self.chi2 / quantile_99(freedom)).powf(freedom as f64 / 2.0)
+    }
+}
+
 struct Search<'a, P, const D: usize> {
     graph: &'a PoseGraph<P, D>,
     settings: &'a Consensus,
     /// Edges that are no odometry, and what they measure, forwards along odometry.
-    edges: Vec<usize>,
-    closures: Vec<Closure<P, D>>,
+    edges: &'a [usize],
+    closures: &'a [Closure<P, D>],
+    odometry: &'a [bool],
     chain: Chain<P, D>,
     hypotheses: Vec<Hypothesis>,
+    /// Closures that were believed by accident.
+    accident: Vec<bool>,
     /// What random closures fill, metres and radians to the power of their dimensions.
     volume: f64,
     /// By how much covariances are too large.
@@ -150,34 +191,27 @@ struct Search<'a, P, const D: usize> {
 }
 
 impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
-    fn new(graph: &'a PoseGraph<P, D>, settings: &'a Consensus) -> Result<Self, GraphError> {
-        let believed = graph.odometry();
-        let edges: Vec<usize> = (0..believed.len()).filter(|&at| !believed[at]).collect();
-        let chain = Chain::new(graph, &believed);
-        let closure = |&at: &usize| {
-            let edge = &graph.edges[at];
-            let measured = Relative { pose: edge.from_from_to, covariance: covariance(&edge.information) };
-            Closure { from: chain.rank[edge.from], to: chain.rank[edge.to], measured }.forwards()
-        };
-        let closures: Vec<Closure<P, D>> = edges.iter().map(closure).collect();
-        let mut started = graph.clone();
-        started.start_from_odometry()?;
-        let poses: Vec<P> = started.vertices.iter().map(|vertex| vertex.world_from_vertex).collect();
-        let pairs = neighbouring_pairs(&closures, &chain, settings.neighbourhood);
-        let mixture = Mixture::fitted(&pairs, D);
+    fn new(
+        graph: &'a PoseGraph<P, D>,
+        settings: &'a Consensus,
+        odometry: &'a Odometry<'a, P, D>,
+        Neighbours { chain, pairs, mixture }: Neighbours<P, D>,
+    ) -> Result<Self, GraphError> {
+        let poses = poses_by_odometry(graph)?;
         let threshold = quantile_99(D) * mixture.scale;
-        let hypotheses = hypotheses(closures.len(), &pairs, threshold);
         Ok(Self {
             graph,
             settings,
             volume: volume::<P, D>(&poses),
-            edges,
-            closures,
+            edges: &odometry.closure_edges,
+            closures: &odometry.closures,
+            odometry: &odometry.is_odometry,
             chain,
-            hypotheses,
+            hypotheses: hypotheses(odometry.closures.len(), &pairs, threshold),
             scale: mixture.scale,
             by_chance: mixture.by_chance(threshold),
-            believed,
+            accident: vec![false; odometry.closures.len()],
+            believed: odometry.is_odometry.clone(),
             poses,
         })
     }
@@ -188,6 +222,14 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     }
 
     fn run(&mut self) -> Result<(), GraphError> {
+        self.begin()?;
+        self.think_again()?;
+        self.review()?;
+        self.take_in_what_is_no_accident()?;
+        self.review()
+    }
+
+    fn begin(&mut self) -> Result<(), GraphError> {
         self.grow()?;
         self.take_in_what_fits()?;
         self.take_in_what_is_no_accident()
@@ -210,7 +252,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
             let (hypotheses, believed, poses) = (self.hypotheses.clone(), self.believed.clone(), self.poses.clone());
             let believed_closures = self.believed_closures();
             self.forget_all_but_odometry(without)?;
-            self.run()?;
+            self.begin()?;
             if self.believed_closures() <= believed_closures {
                 (self.hypotheses, self.believed, self.poses) = (hypotheses, believed, poses);
             }
@@ -222,9 +264,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         for at in 0..self.hypotheses.len() {
             self.set_state(at, if at == refuted { State::Refuted } else { State::Open });
         }
-        let mut started = self.graph.clone();
-        started.start_from_odometry()?;
-        self.poses = started.vertices.iter().map(|vertex| vertex.world_from_vertex).collect();
+        self.poses = poses_by_odometry(self.graph)?;
         Ok(())
     }
 
@@ -265,15 +305,12 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
             hypothesis.state == State::Open && (hypothesis.members.len() > 1 || alone_allowed)
         };
         let open: Vec<usize> = (0..self.hypotheses.len()).filter(|&at| open(&self.hypotheses[at])).collect();
-        let tested: Vec<(usize, f64, f64)> = self.with_factor(|search, problem, normal| {
-            let test = |&at: &usize| {
-                let (chi2, vagueness) = search.tested(search.hypotheses[at].middle(), problem, normal)?;
-                Some((at, chi2, vagueness))
-            };
+        let tested: Vec<(usize, Test)> = self.with_factor(|search, problem, normal| {
+            let test = |&at: &usize| Some((at, search.tested(search.hypotheses[at].middle(), problem, normal)?));
             open.iter().filter_map(test).collect()
         })?;
         let mut candidates = Vec::new();
-        for (hypothesis, chi2, vagueness) in tested {
+        for (hypothesis, Test { chi2, vagueness }) in tested {
             self.hypotheses[hypothesis].vagueness = vagueness;
             if chi2 <= quantile_99(D) {
                 candidates.push(Candidate { hypothesis, vagueness });
@@ -286,7 +323,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     }
 
     /// Chi-square of a closure given the graph so far, and its vagueness.
-    fn tested(&self, at: usize, problem: &Problem<P, D>, normal: &mut Normal<'_, D>) -> Option<(f64, f64)> {
+    fn tested(&self, at: usize, problem: &Problem<P, D>, normal: &mut Normal<'_, D>) -> Option<Test> {
         let closure = &self.closures[at];
         let (from, to) = (self.chain.vertices[closure.from], self.chain.vertices[closure.to]);
         let predicted = Relative {
@@ -296,9 +333,13 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         let cycle = closure.measured.then(&predicted.inverse());
         let scaled = Relative { pose: cycle.pose, covariance: cycle.covariance * self.scale };
         let chi2 = scaled.chi2_of_cycle();
-        let spread = scaled.covariance.cholesky().map_or(f64::INFINITY, |factor| factor.l().diagonal().product())
-            * quantile_99(D).powf(D as f64 / 2.0);
-        chi2.is_finite().then(|| (chi2, (ball(D) * spread / self.volume).min(1.0)))
+        chi2.is_finite().then(|| self.test(chi2, deviation(&scaled.covariance)))
+    }
+
+    /// A test by an ellipsoid of some product of standard deviations.
+    fn test(&self, chi2: f64, deviation: f64) -> Test {
+        let passing = ball(D) * deviation * quantile_99(D).powf(D as f64 / 2.0);
+        Test { chi2, vagueness: (passing / self.volume).min(1.0) }
     }
 
     /// What is to be believed next.
@@ -336,9 +377,17 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     fn subgraph(&self) -> PoseGraph<P, D> {
         let mut graph =
             PoseGraph { vertices: self.graph.vertices.clone(), edges: Vec::new(), metric: self.graph.metric };
-        let kept = self.graph.edges.iter().zip(&self.believed).filter(|(_, believed)| **believed);
-        graph.edges.extend(kept.map(|(edge, _)| *edge));
+        let kept = (0..self.believed.len()).filter(|&at| self.believed[at]);
+        graph.edges.extend(kept.map(|at| {
+            let edge = self.graph.edges[at];
+            Edge { information: edge.information / self.inflation(at), ..edge }
+        }));
         graph
+    }
+
+    /// By how much the covariance of an edge is larger than stated.
+    fn inflation(&self, edge: usize) -> f64 {
+        if self.odometry[edge] { self.chain.inflation } else { 1.0 }
     }
 
     fn solve(&mut self) -> Result<(), GraphError> {
@@ -384,7 +433,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
             let threshold = self.generous_threshold(&chi2, believed);
             let before = self.believed.clone();
             for (at, chi2) in chi2.into_iter().enumerate() {
-                self.believed[self.edges[at]] = chi2 <= threshold;
+                self.believed[self.edges[at]] = chi2 <= threshold && !self.accident[at];
             }
             if self.believed == before {
                 break;
@@ -397,29 +446,83 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     /// Single closures far from where the poses are, but as near as the poses are certain, where random closures would
     /// not have come so near.
     fn take_in_what_is_no_accident(&mut self) -> Result<(), GraphError> {
+        // those that came and went do not come again
+        let mut tried = self.accident.clone();
         for _ in 0..self.settings.max_rounds {
             let doubted: Vec<usize> = (0..self.closures.len()).filter(|&at| !self.believed[self.edges[at]]).collect();
             if doubted.is_empty() {
                 break;
             }
             let alone = doubted.len() == self.closures.len();
-            let chances = if alone { LIKELY_ALONE } else { LIKELY } / doubted.len() as f64;
-            let found: Vec<usize> = self.with_factor(|search, problem, normal| {
-                let fits = |&at: &usize| {
-                    let (chi2, vagueness) = search.tested(at, problem, normal)?;
-                    let share = vagueness * (chi2 / quantile_99(D)).powf(D as f64 / 2.0);
-                    (chi2 <= quantile_99(D) / TAILS && share <= chances).then_some(at)
-                };
-                doubted.iter().filter_map(fits).collect()
+            let tests: Vec<(usize, Test)> = self.with_factor(|search, problem, normal| {
+                let tests = doubted.iter().filter_map(|&at| Some((at, search.tested(at, problem, normal)?)));
+                tests.filter(|(_, test)| test.vagueness <= VAGUE_ALONE).collect()
             })?;
+            let chance = Chance::counted(tests.iter().map(|(_, test)| test.chi2), D);
+            let fits = |&&(at, test): &&(usize, Test)| {
+                !tried[at]
+                    && test.chi2 <= quantile_99(D) / TAILS
+                    && chance.expected(test.chi2) <= LIKELY
+                    && (!alone || doubted.len() as f64 * test.share(D) <= LIKELY_ALONE)
+            };
+            let found: Vec<usize> = tests.iter().filter(fits).map(|(at, _)| *at).collect();
             if found.is_empty() {
                 break;
             }
-            found.iter().for_each(|&at| self.believed[self.edges[at]] = true);
+            for at in found {
+                self.believed[self.edges[at]] = true;
+                tried[at] = true;
+            }
             self.solve()?;
             self.take_in_what_fits()?;
         }
         Ok(())
+    }
+
+    /// Drops believed closures that lie as far from where the graph without them puts them as random ones can be expected
+    /// to, the likeliest accidents first: what is wrong makes others look wrong.
+    fn review(&mut self) -> Result<(), GraphError> {
+        for _ in 0..MAX_REVIEWS {
+            let doubted = (self.closures.len() - self.believed_closures()) as f64;
+            let mut outliers = self.left_out()?;
+            outliers.retain(|(_, test)| test.chi2 > quantile_99(D) && doubted * test.share(D) > LIKELY_OUTLIER);
+            let likeliest = outliers.iter().map(|(_, test)| test.share(D)).fold(0.0, f64::max);
+            outliers.retain(|(_, test)| test.share(D) >= 0.5 * likeliest);
+            if outliers.is_empty() {
+                break;
+            }
+            for (at, _) in outliers {
+                self.believed[self.edges[at]] = false;
+                self.accident[at] = true;
+            }
+            self.solve()?;
+        }
+        Ok(())
+    }
+
+    /// The test of each believed closure against the graph without it.
+    ///
+    /// With its covariance `C`, `P` of what the whole graph says of it, and its error `e` there, the graph without it says
+    /// `C (C - P)^-1 e` with covariance `C (C - P)^-1 P`, the sum of that and `C` being `C (C - P)^-1 C`.
+    fn left_out(&self) -> Result<Vec<(usize, Test)>, GraphError> {
+        let believed: Vec<usize> = (0..self.closures.len()).filter(|&at| self.believed[self.edges[at]]).collect();
+        self.with_factor(|search, problem, normal| {
+            let test = |&at: &usize| {
+                let edge = &search.graph.edges[search.edges[at]];
+                let [from, to] = [edge.from, edge.to].map(|v| search.poses[v]);
+                let own = covariance(&edge.information);
+                let rest = own - relative_covariance(problem, normal, &search.poses, edge.from, edge.to);
+                let error = Relative {
+                    pose: edge.from_from_to.inverse() * (from.inverse() * to),
+                    covariance: rest * search.scale,
+                };
+                let chi2 = error.chi2_of_cycle();
+                let deviation = deviation(&(own * search.scale)).powi(2) / deviation(&error.covariance);
+                // not where nothing but the closure says where the two are
+                chi2.is_finite().then(|| (at, search.test(chi2, deviation)))
+            };
+            believed.iter().filter_map(test).collect()
+        })
     }
 
     /// Does something with the factor of what is believed so far.
@@ -473,7 +576,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         let edge = &self.graph.edges[at];
         let [first, second] = [edge.from, edge.to].map(|v| self.poses[v]);
         let error = edge.from_from_to.inverse().error_between(first, second, self.graph.metric);
-        error.dot(&(nearest_information(&edge.information).0 * error))
+        error.dot(&(nearest_information(&edge.information).0 * error)) / self.inflation(at)
     }
 }
 
@@ -495,28 +598,99 @@ fn relative_covariance<P: PoseGroup<D>, const D: usize>(
 
 /// Odometry as a chain.
 struct Chain<P, const D: usize> {
-    /// Place of each vertex, and vertex of each place.
-    rank: Vec<usize>,
+    /// By how much its covariances are larger than stated.
+    inflation: f64,
+    /// Vertex of each place.
     vertices: Vec<usize>,
     /// From each place to the next.
     steps: Vec<Option<Relative<P, D>>>,
 }
 
+/// What neighbouring closures say of each other.
+struct Neighbours<P, const D: usize> {
+    chain: Chain<P, D>,
+    pairs: Vec<Pair>,
+    mixture: Mixture,
+}
+
+/// A graph as odometry and closures.
+struct Odometry<'a, P, const D: usize> {
+    graph: &'a PoseGraph<P, D>,
+    is_odometry: Vec<bool>,
+    /// Edges that are no odometry, and what they measure, forwards along odometry.
+    closure_edges: Vec<usize>,
+    closures: Vec<Closure<P, D>>,
+}
+
+impl<'a, P: PoseGroup<D>, const D: usize> Odometry<'a, P, D> {
+    fn new(graph: &'a PoseGraph<P, D>) -> Self {
+        let is_odometry = graph.odometry();
+        let closure_edges: Vec<usize> = (0..is_odometry.len()).filter(|&at| !is_odometry[at]).collect();
+        let (rank, _) = graph.ranks();
+        let closure = |&at: &usize| {
+            let edge = &graph.edges[at];
+            let measured = Relative { pose: edge.from_from_to, covariance: covariance(&edge.information) };
+            Closure { from: rank[edge.from], to: rank[edge.to], measured }.forwards()
+        };
+        let closures = closure_edges.iter().map(closure).collect();
+        Self { graph, is_odometry, closure_edges, closures }
+    }
+
+    /// What neighbouring closures say of each other when odometry's covariances are larger than stated.
+    fn inflated(&self, settings: &Consensus, inflation: f64) -> Neighbours<P, D> {
+        let chain = Chain::new(self.graph, &self.is_odometry, inflation);
+        let pairs = neighbouring_pairs(&self.closures, &chain, settings.neighbourhood);
+        let mixture = Mixture::fitted(&pairs, D);
+        Neighbours { chain, pairs, mixture }
+    }
+
+    /// The same with the least inflation beyond which hardly more of them agree; none where covariances are too large anyway.
+    fn inflated_as_neighbours_say(&self, settings: &Consensus) -> Neighbours<P, D> {
+        let stated = self.inflated(settings, 1.0);
+        if stated.mixture.scale < 1.0 {
+            return stated;
+        }
+        let inflated = inflations().skip(1).map(|inflation| self.inflated(settings, inflation));
+        let all: Vec<Neighbours<P, D>> = std::iter::once(stated).chain(inflated).collect();
+        let most = all.iter().map(|neighbours| neighbours.mixture.agreeing).fold(0.0, f64::max);
+        let enough = |neighbours: &Neighbours<P, D>| MORE_AGREE * neighbours.mixture.agreeing >= most;
+        let mut all = all.into_iter();
+        all.find(enough).unwrap_or_else(|| self.inflated(settings, 1.0))
+    }
+}
+
+/// Factors by which odometry's covariances may be too small.
+fn inflations() -> impl Iterator<Item = f64> {
+    (0..6).map(|step| 4.0_f64.powi(step))
+}
+
+fn poses_by_odometry<P: PoseGroup<D>, const D: usize>(graph: &PoseGraph<P, D>) -> Result<Vec<P>, GraphError> {
+    let mut started = graph.clone();
+    started.start_from_odometry()?;
+    Ok(started.vertices.iter().map(|vertex| vertex.world_from_vertex).collect())
+}
+
 impl<P: PoseGroup<D>, const D: usize> Chain<P, D> {
-    fn new(graph: &PoseGraph<P, D>, odometry: &[bool]) -> Self {
+    fn new(graph: &PoseGraph<P, D>, odometry: &[bool], inflation: f64) -> Self {
         let (rank, vertices) = graph.ranks();
         let mut steps = vec![None; rank.len()];
         for edge in graph.edges.iter().zip(odometry).filter(|(_, is)| **is).map(|(edge, _)| edge) {
-            let step = Relative { pose: edge.from_from_to, covariance: covariance(&edge.information) };
+            let covariance = covariance(&edge.information) * inflation;
+            let step = Relative { pose: edge.from_from_to, covariance };
             steps[rank[edge.from]].get_or_insert(step);
         }
-        Self { rank, vertices, steps }
+        Self { inflation, vertices, steps }
     }
 
     /// Place `b` from place `a`, not after it.
     fn leg(&self, a: usize, b: usize) -> Option<Relative<P, D>> {
         self.steps[a..b].iter().try_fold(Relative::identity(), |so_far, step| Some(so_far.then(step.as_ref()?)))
     }
+}
+
+/// Root of the determinant; infinite where the covariance is not positive definite.
+fn deviation<const D: usize>(covariance: &SMatrix<f64, D, D>) -> f64 {
+    covariance.cholesky().map_or(f64::INFINITY, |factor| factor.l().diagonal().product())
 }
 
 /// Inverse of an information; huge where there is none.
@@ -561,6 +735,8 @@ fn neighbouring_pairs<P: PoseGroup<D>, const D: usize>(
 /// Chi-square of neighbouring pairs: of true ones as the covariances say, up to a scale; of others anything.
 struct Mixture {
     scale: f64,
+    /// Pairs of true ones.
+    agreeing: f64,
     /// Pairs of others up to [`WIDEST`].
     others: f64,
     freedom: usize,
@@ -590,8 +766,8 @@ impl Mixture {
             share = (weights / chi2.len().max(1) as f64).clamp(0.001, 0.999);
         }
         // tails are heavier than the model's
-        let scale = if agreeing < 10.0 { 1.0 } else { (TAILS * scale).min(1.0) };
-        Self { scale, others: chi2.len() as f64 - agreeing, freedom }
+        let scale = if agreeing < FEW { 1.0 } else { (TAILS * scale).min(1.0) };
+        Self { scale, agreeing, others: chi2.len() as f64 - agreeing, freedom }
     }
 
     /// How many of the others agree up to a threshold.
@@ -618,6 +794,26 @@ fn hypotheses(closures: usize, pairs: &[Pair], threshold: f64) -> Vec<Hypothesis
     found.map(|members| Hypothesis { members, state: State::Open, vagueness: 0.0 }).collect()
 }
 
+/// How many random closures come as near as one, counted where they are not yet near: they fill space evenly.
+struct Chance {
+    /// Those within the wider ellipsoid.
+    counted: usize,
+    /// Its chi-square.
+    wider: f64,
+    freedom: usize,
+}
+
+impl Chance {
+    fn counted(chi2: impl Iterator<Item = f64>, freedom: usize) -> Self {
+        let wider = quantile_99(freedom) * WIDER.powf(2.0 / freedom as f64);
+        Self { counted: chi2.filter(|chi2| *chi2 <= wider).count(), wider, freedom }
+    }
+
+    fn expected(&self, chi2: f64) -> f64 {
+        self.counted as f64 * (chi2 / self.wider).powf(self.freedom as f64 / 2.0)
+    }
+}
+
 /// Volume of the unit ball.
 fn ball(freedom: usize) -> f64 {
     let pi = std::f64::consts::PI;
@@ -635,4 +831,51 @@ fn volume<P: PoseGroup<D>, const D: usize>(poses: &[P]) -> f64 {
     let pi = std::f64::consts::PI;
     let area = width(0) * width(1);
     if D == 3 { area * 2.0 * pi } else { area * width(2) * 8.0 * pi * pi }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail loudly")]
+mod tests {
+    use super::*;
+    use crate::pose_graph::Vertex;
+    use mapwright_geom::Pose2;
+    use nalgebra::Matrix3;
+
+    /// A circle driven three times, closed in six places.
+    fn rounds() -> PoseGraph<Pose2, 3> {
+        let mut graph = PoseGraph::default();
+        let step = Pose2::exp([1.0, 0.0, std::f64::consts::TAU / 20.0]);
+        let mut world_from_vertex = Pose2::IDENTITY;
+        for id in 0..60 {
+            graph.vertices.push(Vertex { id, world_from_vertex, fixed: false });
+            world_from_vertex = world_from_vertex * step;
+        }
+        let noise =
+            |k: usize| Pose2::new(0.01 * (k as f64).sin(), 0.01 * (2.0 * k as f64).cos(), 1e-3 * (k as f64).cos());
+        let mut connect = |from: usize, to: usize, pose: Pose2| {
+            let information = Matrix3::identity() * 1e4;
+            graph.edges.push(Edge { from, to, from_from_to: pose * noise(from + to), information });
+        };
+        (1..60).for_each(|k| connect(k - 1, k, step));
+        [3, 9, 14, 21, 28, 35].into_iter().for_each(|k| connect(k, k + 20, Pose2::IDENTITY));
+        graph
+    }
+
+    #[test]
+    fn a_closure_left_out_is_tested_as_by_the_graph_without_it() {
+        let (graph, settings) = (rounds(), Consensus::default());
+        let odometry = Odometry::new(&graph);
+        let mut search = Search::new(&graph, &settings, &odometry, odometry.inflated(&settings, 1.0)).unwrap();
+        search.believed.fill(true);
+        search.solve().unwrap();
+        for (at, left_out) in search.left_out().unwrap() {
+            search.believed[search.edges[at]] = false;
+            search.solve().unwrap();
+            let without =
+                search.with_factor(|search, problem, normal| search.tested(at, problem, normal)).unwrap().unwrap();
+            assert!((left_out.chi2 / without.chi2 - 1.0).abs() < 0.02, "{left_out:?} {without:?}");
+            assert!((left_out.vagueness / without.vagueness - 1.0).abs() < 0.02, "{left_out:?} {without:?}");
+            search.believed[search.edges[at]] = true;
+        }
+    }
 }
