@@ -134,3 +134,35 @@ fn random_ones_alone_are_refused() {
         assert!(solution.refused.is_some());
     }
 }
+
+/// The drive with only every so manieth closure, and odometry whose information is too large by a factor; and how many
+/// edges it has.
+fn overconfident_drive(factor: f64, every: usize, dice: &mut Dice) -> (PoseGraph2, usize) {
+    let mut graph = drive(dice);
+    graph.edges[..POSES - 1].iter_mut().for_each(|edge| edge.information *= factor);
+    let closures: Vec<_> = graph.edges.drain(POSES - 1..).collect();
+    graph.edges.extend(closures.into_iter().skip(every - 1).step_by(every));
+    let edges = graph.edges.len();
+    (graph, edges)
+}
+
+#[test]
+fn odometry_that_claims_too_much_does_not_outvote_the_closures() {
+    for seed in 1..4 {
+        for factor in [4.0, 25.0, 100.0, 1000.0] {
+            for (every, wanted, group) in [(1, 0, 1), (1, 100, 1), (1, 20, 10), (12, 0, 1), (12, 1, 1), (12, 4, 4)] {
+                let mut dice = Dice(seed);
+                let (mut clean, edges) = overconfident_drive(factor, every, &mut dice);
+                let mut harder = clean.clone();
+                add_false(&mut harder, wanted, group, &mut dice);
+                optimize(&mut clean, &SolverSettings::default()).unwrap();
+                let solution = solved(&mut harder);
+                let named = format!("{factor} {every}: {wanted} in groups of {group}, seed {seed}");
+                assert_eq!(solution.refused, None, "{named}");
+                assert!(solution.weights[edges..].iter().all(|weight| *weight == 0.0), "{named}");
+                let (with, without) = (error(&harder), error(&clean));
+                assert!(with <= 1.1 * without, "{named}: {with} {without}");
+            }
+        }
+    }
+}
