@@ -94,11 +94,11 @@ pub(crate) fn believe<P: PoseGroup<D>, const D: usize>(
     let mut search = Search::new(graph, settings, &odometry, inflated)?;
     search.run()?;
     if few {
-        // too few neighbours to say how honest odometry is: what lets most closures agree
+        // too few neighbours to say how honest odometry is: what lets most closures agree, and not just some few
         for inflation in inflations().skip(1) {
             let mut other = Search::new(graph, settings, &odometry, odometry.inflated(settings, inflation))?;
             other.run()?;
-            if other.believed_closures() > search.believed_closures() {
+            if other.believed_closures() > search.believed_closures().max(GROUP - 1) {
                 search = other;
             }
         }

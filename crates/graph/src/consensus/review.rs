@@ -55,7 +55,8 @@ impl<P: PoseGroup<D>, const D: usize> Search<'_, P, D> {
             let alone = doubted.len() == self.closures.len();
             let tests: Vec<(usize, Test)> = self.with_factor(|search, problem, normal| {
                 let tests = doubted.iter().filter_map(|&at| Some((at, search.tested(at, problem, normal)?)));
-                tests.filter(|(_, test)| test.vagueness <= VAGUE_ALONE).collect()
+                // where nothing is believed yet no test is sharp: what fits exactly is enough
+                tests.filter(|(_, test)| alone || test.vagueness <= VAGUE_ALONE).collect()
             })?;
             let chance = Chance::counted(tests.iter().map(|(_, test)| test.chi2), D);
             let fits = |&&(at, test): &&(usize, Test)| {
