@@ -26,6 +26,7 @@ const NEARBY_HEADINGS_RAD: [f64; 4] = [-0.018, -0.009, 0.009, 0.018];
 const SEARCH_SIGMAS: f64 = 4.0;
 const SEARCH_LEAST_M: f64 = 0.5;
 const SEARCH_MOST_M: f64 = 5.0;
+const SEARCH_LEAST_RAD: f64 = 1.5;
 /// Neighbouring beams are right or wrong together: where matches are compared, a scan says as much as so many that are
 /// independent of each other.
 const INDEPENDENT_BEAMS: f64 = 30.0;
@@ -93,7 +94,7 @@ impl Mapper {
             self.restart_headings(&prior, &mut tried);
         }
         if tried.best.1.inlier_share() < DOUBT_SHARE {
-            self.search(&prior, &mut tried);
+            self.search(&prior, &mut tried, step.from_odometry);
         }
         self.restart_nearby(&prior, &mut tried);
         self.restart_slipped(&mut tried);
@@ -238,12 +239,14 @@ impl Mapper {
     }
 
     /// Where restarts do not help, every pose of the prior's window is looked at, and the best one refined.
-    fn search(&mut self, prior: &Prior, tried: &mut Tried) {
-        let [vx, vy, _] = prior.variances;
+    fn search(&mut self, prior: &Prior, tried: &mut Tried, from_odometry: bool) {
+        let [vx, vy, vtheta] = prior.variances;
+        // Wheels may slip in a turn, but nothing turns a robot round behind their back.
+        let turned_rad = if from_odometry { SEARCH_SIGMAS * vtheta.sqrt() } else { std::f64::consts::PI };
         let window = SearchWindow {
             world_from_robot: prior.world_from_robot,
             half_width_m: (SEARCH_SIGMAS * vx.max(vy).sqrt()).clamp(SEARCH_LEAST_M, SEARCH_MOST_M),
-            half_width_rad: std::f64::consts::PI,
+            half_width_rad: turned_rad.clamp(SEARCH_LEAST_RAD, std::f64::consts::PI),
         };
         tried.searched = true;
         let hits = if self.thinned.is_empty() { &self.points.hits } else { &self.thinned };
