@@ -41,9 +41,10 @@ const WEAK_SHARE: f64 = 0.01;
 const FAR_SHARE: f64 = 0.1;
 /// A match that fits so much less than usual may have slipped,
 const SLIP_SHARE: f64 = 0.05;
-/// by so much, metres: starts that are tried, and how far they may be from the prediction.
+/// by so much, metres: starts that are tried, and how far it usually is, and with odometry at most.
 const SLIPS_M: [f64; 6] = [-0.45, -0.3, -0.15, 0.15, 0.3, 0.45];
 const SLIPPED_M: f64 = 0.3;
+const SLIPPED_AT_MOST_M: f64 = 0.5;
 /// From such shares of known and of fitting beams on a match judges odometry.
 const SURE_SHARE: f64 = 0.8;
 /// Weight of the newest scan in the usual share of fitting beams.
@@ -88,13 +89,14 @@ impl Mapper {
             prior,
             failures: self.failures(&prior, step),
             far_share: self.usual_share - FAR_SHARE,
+            from_odometry: step.from_odometry,
         };
         if tried.doubtful() {
             self.restart_failures(&mut tried);
             self.restart_headings(&prior, &mut tried);
         }
         if tried.best.1.inlier_share() < DOUBT_SHARE {
-            self.search(&prior, &mut tried, step.from_odometry);
+            self.search(&prior, &mut tried);
         }
         self.restart_nearby(&prior, &mut tried);
         self.restart_slipped(&mut tried);
@@ -200,11 +202,13 @@ impl Mapper {
         let at = tried.best.0.world_from_robot;
         let [x, y] = weakest(&tried.best.0.hessian);
         let mut least = share + 0.5 * drop;
+        let farthest_m = if tried.from_odometry { SLIPPED_AT_MOST_M } else { f64::INFINITY };
         for by_m in SLIPS_M {
             tried.restarts += 1;
             let other = self.refine(&prior, at * Pose2::new(by_m * x, by_m * y, 0.0));
             tried.evaluations += other.0.evaluations;
-            if other.1.inlier_share() > least {
+            let near = at.distance(other.0.world_from_robot) <= farthest_m;
+            if near && other.1.inlier_share() > least {
                 least = other.1.inlier_share();
                 tried.best = other;
             }
@@ -239,10 +243,10 @@ impl Mapper {
     }
 
     /// Where restarts do not help, every pose of the prior's window is looked at, and the best one refined.
-    fn search(&mut self, prior: &Prior, tried: &mut Tried, from_odometry: bool) {
+    fn search(&mut self, prior: &Prior, tried: &mut Tried) {
         let [vx, vy, vtheta] = prior.variances;
         // Wheels may slip in a turn, but nothing turns a robot round behind their back.
-        let turned_rad = if from_odometry { SEARCH_SIGMAS * vtheta.sqrt() } else { std::f64::consts::PI };
+        let turned_rad = if tried.from_odometry { SEARCH_SIGMAS * vtheta.sqrt() } else { std::f64::consts::PI };
         let window = SearchWindow {
             world_from_robot: prior.world_from_robot,
             half_width_m: (SEARCH_SIGMAS * vx.max(vy).sqrt()).clamp(SEARCH_LEAST_M, SEARCH_MOST_M),
@@ -276,6 +280,7 @@ struct Tried {
     failures: Vec<Prior>,
     /// What contradicts odometry has to fit so well.
     far_share: f64,
+    from_odometry: bool,
 }
 
 impl Tried {
@@ -303,7 +308,8 @@ impl Tried {
 
     fn offer(&mut self, other: (MatchResult, Agreement)) {
         self.evaluations += other.0.evaluations;
-        let far = sigmas(&self.prior, other.0.world_from_robot) > DOUBT_SIGMAS;
+        let explains = |prior: &Prior| sigmas(prior, other.0.world_from_robot) <= DOUBT_SIGMAS;
+        let far = self.from_odometry && !explains(&self.prior) && !self.failures.iter().any(explains);
         let believable = !far || other.1.inlier_share() >= self.far_share;
         if believable && self.score(&other) < self.score(&self.best) {
             self.best = other;
