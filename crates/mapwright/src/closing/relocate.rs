@@ -11,10 +11,10 @@ use rustc_hash::FxHashSet;
 use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
 
-/// What is looked for was seen on so much way, metres, for a robot that comes from unknown ground knows the rest of it not.
-const LATELY_M: f64 = 2.5;
-/// What was seen on so much way must not contradict, metres.
+/// What was seen on so much way is looked for, metres; nothing of it may contradict a place,
 const SINCE_M: f64 = 8.0;
+/// and where that is nowhere, what was seen on so much, for a robot that comes from unknown ground knows the rest of it not.
+const LATELY_M: f64 = 2.5;
 /// The old place is what was seen on so much way before and after, metres.
 const PLACE_M: f64 = 8.0;
 /// The atlas has one view, the newest, for each square of this side, metres, and eighth of a turn.
@@ -91,10 +91,18 @@ impl Seeking {
             Known::Drawn(ref ground) => Arc::clone(ground),
             Known::Views(ref views) => Arc::new(Ground::new(views.clone(), &self.submaps)),
         };
-        let query = Submap::new(&self.lately, &self.submaps);
-        let best = ground.atlas.find(&query);
-        let best = best.and_then(|best| Look { seeking: &self, ground: &ground, query }.judge(&best));
+        let best = self.look_for(&ground, &self.since);
+        let sure = best.is_some_and(|(_, finding)| finding.objection.is_none());
+        // A robot that comes from unknown ground knows little of what it has seen but the last of it.
+        let less = !sure && self.lately.len() < self.since.len();
+        let best = if less { self.look_for(&ground, &self.lately).or(best) } else { best };
         Sought { question: self.question, to: self.to, ground, best }
+    }
+
+    fn look_for(&self, ground: &Ground, seen: &[View]) -> Option<(u32, Finding)> {
+        let query = Submap::new(seen, &self.submaps);
+        let best = ground.atlas.find(&query)?;
+        Look { seeking: self, ground, query, all: seen.len() == self.since.len() }.judge(&best)
     }
 }
 
@@ -102,8 +110,10 @@ impl Seeking {
 struct Look<'a> {
     seeking: &'a Seeking,
     ground: &'a Ground,
-    /// What was seen lately.
+    /// What is looked for,
     query: Submap,
+    /// and whether it is all that was seen.
+    all: bool,
 }
 
 impl Look<'_> {
@@ -170,8 +180,8 @@ impl Look<'_> {
     /// Whether what was seen before, on the way here, speaks against a place. Most of it may have been seen on unknown ground:
     /// little of it needs to fit, but that well.
     fn is_contradicted(&self, view: usize, target: &Submap, sighting: &Sighting) -> bool {
-        let Seeking { since, lately, submaps, .. } = self.seeking;
-        if since.len() <= lately.len() {
+        let Seeking { since, submaps, .. } = self.seeking;
+        if self.all {
             return false;
         }
         let settings = self.anything();
@@ -238,6 +248,10 @@ impl Closing {
         let newest = past.keyframes.len().checked_sub(1)? as u32;
         findings.retain(|other| way_m(other.to, answer.to) <= WITHIN_M);
         let (from, finding) = answer.best.unwrap_or_else(|| (newest, nothing()));
+        // Another place may fit as well for a while; but where the best does not fit, what was found before was chance.
+        if !matches!(finding.objection, None | Some(Objection::Ambiguous)) {
+            findings.clear();
+        }
         let this = self.candidates.len();
         let mut candidate = candidate(&target(from), newest, &finding);
         candidate.verdict = Verdict::Waiting(finding.objection.unwrap_or(Objection::Alone));
