@@ -165,9 +165,23 @@ impl CorrelativeSearch {
         window: &SearchWindow,
         separation: Option<Separation>,
     ) -> Option<SearchResult> {
+        self.search_rivals(map, points, window, separation, |_| false)
+    }
+
+    /// As [`CorrelativeSearch::search`]; `go_on` hears of each rival, best first, and says whether the next one is looked
+    /// for, which is separated from the best pose and from all rivals before it.
+    #[must_use]
+    pub fn search_rivals(
+        &mut self,
+        map: &LiveMap,
+        points: &[[f64; 2]],
+        window: &SearchWindow,
+        separation: Option<Separation>,
+        mut go_on: impl FnMut(Peak) -> bool,
+    ) -> Option<SearchResult> {
         let farthest_m = self.keep_usable(points)?;
         let lattice = Lattice::new(window, map.settings.resolution_m, farthest_m)?;
-        let (best, rival) = self.search_lattice(map, &lattice, separation)?;
+        let (best, rival) = self.search_lattice(map, &lattice, separation, |block| go_on(lattice.peak(block)))?;
         Some(SearchResult {
             best: lattice.peak(&best),
             rival: rival.map(|block| lattice.peak(&block)),
@@ -178,24 +192,31 @@ impl CorrelativeSearch {
         })
     }
 
+    /// The best pose and its first rival.
     fn search_lattice(
         &mut self,
         map: &LiveMap,
         lattice: &Lattice,
         separation: Option<Separation>,
+        mut go_on: impl FnMut(&Block) -> bool,
     ) -> Option<(Block, Option<Block>)> {
         self.scored = 0;
         self.heading.forget();
         self.pyramid.build(map, lattice, &self.points, self.settings.sigma_m);
         self.bound_blocks(lattice);
         let least = (self.settings.least_share * f64::from(self.full_score())).ceil() as u32;
-        let best = self.descend(lattice, least, None)?;
-        let rival = separation.and_then(|separation| {
-            let around_best = Zone::new(lattice, &best, separation);
-            let least = (self.settings.least_rival_share * f64::from(best.bound.0)).ceil() as u32;
-            self.descend(lattice, least, Some(around_best))
-        });
-        Some((best, rival))
+        let best = self.descend(lattice, least, &[])?;
+        let Some(separation) = separation else { return Some((best, None)) };
+        let least = (self.settings.least_rival_share * f64::from(best.bound.0)).ceil() as u32;
+        let (mut zones, mut first) = (vec![Zone::new(lattice, &best, separation)], None);
+        while let Some(rival) = self.descend(lattice, least, &zones) {
+            first.get_or_insert(rival);
+            if !go_on(&rival) {
+                break;
+            }
+            zones.push(Zone::new(lattice, &rival, separation));
+        }
+        Some((best, first))
     }
 
     fn full_score(&self) -> u32 {
@@ -230,8 +251,8 @@ impl CorrelativeSearch {
         self.blocks.sort_unstable();
     }
 
-    /// Depth first, better children first; the best pose outside the zone that scores at least `least`.
-    fn descend(&mut self, lattice: &Lattice, least: u32, excluded: Option<Zone>) -> Option<Block> {
+    /// Depth first, better children first; the best pose outside the zones that scores at least `least`.
+    fn descend(&mut self, lattice: &Lattice, least: u32, excluded: &[Zone]) -> Option<Block> {
         let mut best: Option<Block> = None;
         for k in 0..self.blocks.len() {
             if !self.blocks[k].may_beat(best.as_ref(), least) {
@@ -240,7 +261,7 @@ impl CorrelativeSearch {
             self.stack.push(self.blocks[k]);
             while let Some(block) = self.stack.pop() {
                 let hopeless = !block.may_beat(best.as_ref(), least);
-                if hopeless || excluded.is_some_and(|zone| zone.covers(lattice, &block)) {
+                if hopeless || excluded.iter().any(|zone| zone.covers(lattice, &block)) {
                     continue;
                 }
                 if block.level == 0 {
@@ -343,7 +364,7 @@ mod tests {
             let (map, points) = (random_map(&mut rng), random_points(&mut rng, 15, 1.5));
             let farthest_m = searcher.keep_usable(&points).unwrap();
             let lattice = Lattice::with_step(&window(1.0), CELL_M, farthest_m, case % (MAX_DOUBLINGS + 1)).unwrap();
-            let (best, _) = searcher.search_lattice(&map, &lattice, None).unwrap();
+            let (best, _) = searcher.search_lattice(&map, &lattice, None, |_| false).unwrap();
             let mut first = None;
             for heading in 0..lattice.headings {
                 let cells: Vec<_> = lattice.cells(heading, &points).collect();

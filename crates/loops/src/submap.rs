@@ -41,23 +41,29 @@ impl Submap {
     /// Draws the views.
     #[must_use]
     pub fn new(views: &[View], settings: &SubmapSettings) -> Self {
-        let mut map = LiveMap::new(LiveMapSettings {
-            resolution_m: settings.resolution_m,
-            passes_per_hit: settings.passes_per_hit,
-            ..LiveMapSettings::default()
-        });
-        let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
-        let mut ends = Vec::new();
-        for view in views {
-            points.fill(&view.sweep, &mut table, settings.free_range_m);
-            points.fill_normals();
-            map.draw(&points, view.submap_from_keyframe);
-            ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
-        }
-        map.finish(0);
+        let (map, ends) = draw(views, settings);
         let hits = thinned(&map, ends, settings);
         Self { map, hits }
     }
+}
+
+/// The map of some views, and all their end points in its frame.
+pub(crate) fn draw(views: &[View], settings: &SubmapSettings) -> (LiveMap, Vec<[f64; 2]>) {
+    let mut map = LiveMap::new(LiveMapSettings {
+        resolution_m: settings.resolution_m,
+        passes_per_hit: settings.passes_per_hit,
+        ..LiveMapSettings::default()
+    });
+    let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
+    let mut ends = Vec::new();
+    for view in views {
+        points.fill(&view.sweep, &mut table, settings.free_range_m);
+        points.fill_normals();
+        map.draw(&points, view.submap_from_keyframe);
+        ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
+    }
+    map.finish(0);
+    (map, ends)
 }
 
 /// Of the end points in reach that stand on obstacles, one for each of the larger cells, in the order of these.

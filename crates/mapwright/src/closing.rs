@@ -7,10 +7,14 @@ use mapwright_geom::{Cov3, Pose2, wrap_angle};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
 use mapwright_grid::MatcherSettings;
 use mapwright_loops::{Finding, PlaceIndex, SubmapSettings, VerifySettings, View};
-use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Evidence, Keyframe, KeyframeId, Objection, Verdict};
+use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Keyframe, KeyframeId, Objection, Verdict};
 use mapwright_sensor::{BeamTable, SweepPoints};
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
+
+mod relocate;
+
+pub(crate) use relocate::{Found, Ground, Seeking, Sought};
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;
@@ -46,13 +50,6 @@ const DESCRIBED_M: f64 = 7.0;
 const DESCRIBED_AT_ONCE: usize = 32;
 /// Points farther off are not compared, cells.
 const REACH_CELLS: f64 = 300.0;
-/// A lost robot compares what it has seen on so much way, once more and once less, metres,
-const LOST_SUBMAPS_M: [f64; 2] = [8.0, 3.5];
-/// and needs two findings so far apart.
-const LOST_APART_M: f64 = 0.5;
-/// Of what is known from both places so much fits, or the score is such a share of the overlap.
-const PLAIN_SHARE: f64 = 0.9;
-const PLAIN_SCORE: f64 = 0.94;
 /// 99.9 % quantile of chi-square with three degrees of freedom.
 const IMPROBABLE_CHI2: f64 = 16.3;
 /// Within such an uncertainty nothing else can be meant, metres.
@@ -247,86 +244,6 @@ impl Closing {
         self.described = end;
     }
 
-    /// Looks for what a lost robot has seen in all that is known; the place, once two findings agree on it.
-    pub(crate) fn relocate(
-        &mut self,
-        settings: &Settings,
-        past: Past<'_>,
-        sought: Past<'_>,
-        expected: Pose2,
-        findings: &mut Vec<Found>,
-        matcher: MatcherSettings,
-    ) -> Option<Found> {
-        let to = sought.keyframes.len().checked_sub(1)? as u32;
-        let newest = past.keyframes.len().checked_sub(1)? as u32;
-        let step_m = |node: usize| sought.local_from_keyframe[node - 1].distance(sought.local_from_keyframe[node]);
-        let mut queries: Vec<_> = LOST_SUBMAPS_M.iter().map(|&m| views(sought, to, false, m, step_m)).collect();
-        if queries[0].len() == queries[1].len() {
-            queries.truncate(1);
-        }
-        let mut found: Vec<(usize, Found)> = Vec::new();
-        for query in queries {
-            let targets = self.targets_while_lost(settings, past, newest, &query, expected);
-            let submaps = submaps(settings);
-            let work = Verification { to, query, targets, submaps, verify: VerifySettings::default(), matcher };
-            for (target, finding) in work.run_all() {
-                let mut candidate = candidate(&target, newest, &finding);
-                candidate.verdict = Verdict::Waiting(finding.objection.unwrap_or(Objection::Alone));
-                if let (Some(from_from_to), None, true) =
-                    (finding.target_from_query, finding.objection, is_plain(&finding.evidence))
-                {
-                    let covariance = finding.covariance;
-                    found.push((self.candidates.len(), Found { from: target.from, to, from_from_to, covariance }));
-                }
-                self.candidates.push(candidate);
-            }
-        }
-        let local = |found: &Found| past.local_from_keyframe[found.from as usize] * found.from_from_to;
-        let same = |a: Pose2, b: Pose2| a.distance(b) <= AGREE_M && a.between(b).theta.abs() <= AGREE_RAD;
-        let &(at, first) = found.first()?;
-        if !found.iter().all(|(_, other)| same(local(&first), local(other))) {
-            return None;
-        }
-        let here = sought.local_from_keyframe[to as usize];
-        let agrees = |other: &&Found| {
-            let there = sought.local_from_keyframe[other.to as usize];
-            there.distance(here) >= LOST_APART_M && same(local(other) * there.between(here), local(&first))
-        };
-        let agreeing = findings.iter().filter(agrees).count() as u32;
-        findings.push(first);
-        if agreeing == 0 {
-            return None;
-        }
-        let candidate = &mut self.candidates[at];
-        (candidate.verdict, candidate.evidence.agreeing) = (Verdict::Accepted, agreeing);
-        candidate.to = id(newest + 1);
-        Some(first)
-    }
-
-    fn targets_while_lost(
-        &mut self,
-        settings: &Settings,
-        past: Past<'_>,
-        newest: u32,
-        query: &[View],
-        expected: Pose2,
-    ) -> Vec<(Target, Vec<View>)> {
-        let mut targets = Vec::new();
-        if settings.loops.by_pose {
-            let (half_width_m, half_width_rad) = (1.0, 0.5);
-            let (detection, sigma_m, sigma_rad) = (Detection::Pose, 1e3, 1e3);
-            let middle = expected;
-            targets.push(Target { from: newest, detection, middle, sigma_m, sigma_rad, half_width_m, half_width_rad });
-        }
-        if settings.loops.by_place {
-            self.remember_places(past, past.keyframes.len());
-            for hit in self.places.query(&end_points(query), ALIKE, |_| true) {
-                targets.extend(around(hit.node, hit.heading_rad, 1e3, 1e3));
-            }
-        }
-        targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect()
-    }
-
     /// Keyframes along the way around `at`, before it and, if so wished, after it.
     fn views(&self, past: Past<'_>, at: u32, both_sides: bool, reach_m: f64) -> Vec<View> {
         views(past, at, both_sides, reach_m, |node| self.path_m[node] - self.path_m[node - 1])
@@ -452,24 +369,6 @@ impl Closing {
 /// Half the width of the window in which a place has to be looked for, metres.
 fn window_m(place: &Known) -> f64 {
     WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt()
-}
-
-/// A place that a lost robot has found itself at.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Found {
-    /// The old keyframe.
-    pub(crate) from: u32,
-    /// The keyframe that was made aside.
-    pub(crate) to: u32,
-    pub(crate) from_from_to: Pose2,
-    pub(crate) covariance: Cov3,
-}
-
-/// Whether a fit is good enough for a robot that has nothing else to go by: nearly all that is known of either submap fits, or
-/// all points in known territory fit closely.
-fn is_plain(evidence: &Evidence) -> bool {
-    let closely = evidence.score.zip(evidence.overlap).is_some_and(|(score, overlap)| score >= PLAIN_SCORE * overlap);
-    closely || evidence.inlier_share.is_some_and(|share| share >= PLAIN_SHARE)
 }
 
 fn candidate(target: &Target, to: u32, finding: &Finding) -> Candidate {

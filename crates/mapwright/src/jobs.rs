@@ -3,6 +3,7 @@
 //! A job holds all it needs and says the same wherever and whenever it runs. When a log is processed it is done at once;
 //! a robot that drives hands it to a worker and takes the result in when it is there.
 
+use crate::closing::{Seeking, Sought};
 use mapwright_geom::Pose2;
 use mapwright_graph::{PoseGraph2, SolverSettings, optimize};
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
@@ -21,12 +22,14 @@ pub struct JobResult(pub(crate) Outcome);
 pub(crate) enum Task {
     Verify(Verification),
     Solve(Solving),
+    Seek(Seeking),
 }
 
 #[derive(Debug, Clone)]
 pub(crate) enum Outcome {
     Verified { to: u32, findings: Vec<(Target, Finding)> },
     Solved { solved: Option<Solved> },
+    Sought(Sought),
 }
 
 impl Job {
@@ -36,6 +39,7 @@ impl Job {
         JobResult(match self.0 {
             Task::Verify(verification) => verification.run(),
             Task::Solve(solving) => solving.run(),
+            Task::Seek(seeking) => Outcome::Sought(seeking.run()),
         })
     }
 }
@@ -72,7 +76,7 @@ impl Verification {
     }
 
     /// Every target with what was found there.
-    pub(crate) fn run_all(&self) -> Vec<(Target, Finding)> {
+    fn run_all(&self) -> Vec<(Target, Finding)> {
         let mut verifier = Verifier::new(self.verify, Matcher { settings: self.matcher });
         let query = Submap::new(&self.query, &self.submaps);
         let look = |(target, views): &(Target, Vec<View>)| {

@@ -66,6 +66,8 @@ pub struct Mapper {
     jobs_out: usize,
     /// The map that is made while the robot does not know where it is.
     lost: Option<Box<Lost>>,
+    /// How often it was asked where the robot is.
+    questions: u64,
     /// The way is broken before the next keyframe: it hangs on an old one instead.
     broken: Option<Broken>,
     /// Length of way until a robot that was not seen for a while is believed to be where it was, metres.
@@ -153,6 +155,7 @@ impl Mapper {
             jobs: VecDeque::new(),
             jobs_out: 0,
             lost: None,
+            questions: 0,
             broken: None,
             suspect_m: 0.0,
             misfits: 0,

@@ -149,3 +149,29 @@ fn a_robot_that_was_carried_away_writes_nothing_until_it_is_home() {
         assert!(home_s.is_some(), "it never came home");
     }
 }
+
+/// Seconds after it was put down at which a robot that was carried away first says that it is tracking, within the first
+/// `watched_s`.
+fn tracking_s(seed: u64, watched_s: f64) -> Option<f64> {
+    let case = kidnapping(seed);
+    let mut mapper = Mapper::new(Settings::default()).expect("valid");
+    let since_s = |scan: &TrueScan| scan.scan.stamp.secs_since(case.put_down);
+    let tracking = case.drive().scans().take_while(|scan| since_s(scan) < watched_s).filter(|scan| {
+        let update = mapper.add_scan(&scan.scan);
+        update.status == Status::Tracking && since_s(scan) > 1.0
+    });
+    tracking.map(|scan| since_s(&scan)).next()
+}
+
+#[test]
+fn what_a_covered_laser_saw_does_not_keep_a_robot_from_home() {
+    let results = in_parallel(2, |k| tracking_s([5004, 5012][k], 12.0));
+    println!("home after {results:.1?} s");
+    assert!(results.iter().all(|home_s| home_s.is_some_and(|s| s <= 10.0)));
+}
+
+#[test]
+fn unknown_ground_is_not_taken_for_known() {
+    // Seventy seconds on it comes through rooms that look much like others that it knows.
+    assert_eq!(tracking_s(5011, 80.0), None);
+}

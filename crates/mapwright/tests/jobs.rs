@@ -3,8 +3,8 @@
 
 mod support;
 
-use mapwright::{Edge, EdgeKind, JobResult, Jobs, Mapper, Settings};
-use mapwright_sim::{DriveSettings, TrueScan, worlds};
+use mapwright::{Edge, EdgeKind, JobResult, Jobs, Mapper, Settings, Verdict};
+use mapwright_sim::{DriveSettings, TrueScan, kidnapping, worlds};
 use std::collections::VecDeque;
 use std::thread;
 use support::recording;
@@ -90,6 +90,20 @@ fn results_that_come_late_close_the_loop_all_the_same() {
         assert!(closures(&mapper) > 0);
         assert!(error_m < 1.5 * inline_m + 0.02, "{late} scans late: {error_m} m, at once {inline_m} m");
     }
+}
+
+#[test]
+fn a_robot_that_was_carried_away_comes_home_by_jobs() {
+    let case = kidnapping(902);
+    let lasts = |scan: &TrueScan| scan.scan.stamp.secs_since(case.put_down) < 15.0;
+    let scans: Vec<TrueScan> = case.drive().scans().take_while(lasts).collect();
+    let late = |job: usize| 1 + job * 3 % 7;
+    let (first, came) = live(&scans, late, true);
+    let home = first.candidates().iter().rfind(|c| c.verdict == Verdict::Accepted).expect("it came home");
+    assert!(home.evidence.agreeing >= 2 && home.from.seq < home.to.seq, "{home:?}");
+    let (again, came_again) = live(&scans, late, false);
+    assert_eq!(came, came_again);
+    assert!(bytes(&first) == bytes(&again));
 }
 
 #[test]

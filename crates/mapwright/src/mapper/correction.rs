@@ -25,6 +25,11 @@ impl Mapper {
         if let Some(verification) = self.closing.propose(&self.settings, past, &known, matcher) {
             self.jobs.push_back(Job(Task::Verify(verification)));
         }
+        self.work_inline();
+    }
+
+    /// Does the jobs at once, where they are not handed out.
+    pub(super) fn work_inline(&mut self) {
         while self.settings.loops.jobs == Jobs::Inline
             && let Some(job) = self.jobs.pop_front()
         {
@@ -61,6 +66,7 @@ impl Mapper {
             Outcome::Solved { solved: Some(solved) } if solved.world_from_keyframe.len() <= known => {
                 self.correct(&solved);
             }
+            Outcome::Sought(answer) => self.hear(&answer),
             _ => {}
         }
     }
@@ -113,6 +119,7 @@ impl Mapper {
             self.local_from_keyframe.iter().map(|&local| self.world_from_local * local).collect();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.carry(&before, frames);
+        self.redraw_ground();
     }
 
     /// Error of the map between two keyframes so far apart that no single match shows.

@@ -1,15 +1,17 @@
 //! A robot that does not know where it is: it maps aside, writes nothing, and asks every place it knows.
 
 use super::Mapper;
-use super::guard::Matched;
-use crate::closing::{Found, Past};
+use super::guard::{KNOWN_SHARE, Matched};
+use crate::closing::{Found, Ground, Past, Sought};
+use crate::jobs::{Job, Task};
 use crate::live::Frames;
 use crate::motion::{Predictor, Step};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2, Stamp};
-use mapwright_record::{Status, Update};
+use mapwright_record::{MatchReport, Status, Update};
 use mapwright_sensor::{BeamCounts, LaserScan};
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// What lies between two keyframes that no measurement joins counts as so much way, metres.
 pub(super) const BROKEN_WAY_M: f64 = 1000.0;
@@ -45,7 +47,13 @@ pub(super) struct Lost {
     aside: Mapper,
     way_m: f64,
     asked_m: f64,
+    /// Number of the question that was not answered yet.
+    asking: Option<u64>,
     findings: Vec<Found>,
+    /// Where it is, from the next scan on.
+    found: Option<Found>,
+    /// All that is known, once it was drawn.
+    ground: Option<Arc<Ground>>,
 }
 
 impl Lost {
@@ -55,15 +63,27 @@ impl Lost {
         (settings.loops.by_pose, settings.loops.by_place, settings.loops.relocate) = (false, false, false);
         let mut aside = Mapper::with(settings, Pose2::IDENTITY);
         aside.predictor = predictor.clone();
-        Self { aside, way_m: 0.0, asked_m: f64::NEG_INFINITY, findings: Vec::new() }
+        let asked_m = f64::NEG_INFINITY;
+        Self { aside, way_m: 0.0, asked_m, asking: None, findings: Vec::new(), found: None, ground: None }
     }
 
     /// What was mapped aside is of no use: from this scan on anew.
-    fn from_here(settings: &Settings, predictor: &Predictor, scan: &LaserScan) -> Self {
-        let mut lost = Self::new(settings, predictor);
-        let _ = lost.aside.add_scan(scan);
-        lost
+    fn start_again(&mut self, settings: &Settings, predictor: &Predictor, scan: &LaserScan) {
+        *self = Self { ground: self.ground.take(), ..Self::new(settings, predictor) };
+        let _ = self.aside.add_scan(scan);
     }
+
+    fn is_to_ask(&self) -> bool {
+        // Where it may be home, it asks at every keyframe.
+        let every_m = if self.findings.is_empty() { ASK_EVERY_M } else { 0.0 };
+        self.asking.is_none() && self.way_m >= ASK_FROM_M && self.way_m - self.asked_m >= every_m
+    }
+}
+
+/// Whether a scan has nothing to do with what was mapped aside: that was wrong, or something else is seen all at once, as
+/// by a laser that was covered while the robot was carried.
+fn is_apart(matched: &MatchReport) -> bool {
+    matched.known_share < KNOWN_SHARE || (matched.inlier_share < ASIDE_SHARE && matched.known_share > 0.5)
 }
 
 /// The keyframe on which the next one hangs, for odometry does not lead there.
@@ -141,16 +161,18 @@ impl Mapper {
         if let Some(mut lost) = self.lost.take() {
             let update = lost.aside.add_scan(scan);
             report = update.matched;
-            if update.matched.is_some_and(|m| m.inlier_share < ASIDE_SHARE && m.known_share > 0.5) {
-                *lost = Lost::from_here(&self.settings, &self.predictor, scan);
+            if update.matched.as_ref().is_some_and(is_apart) {
+                lost.start_again(&self.settings, &self.predictor, scan);
             }
             lost.way_m += step.last_from_robot.x.hypot(step.last_from_robot.y);
-            let due = lost.way_m >= ASK_FROM_M && lost.way_m - lost.asked_m >= ASK_EVERY_M;
-            let found = (due && update.keyframe.is_some()).then(|| self.ask_places(&mut lost)).flatten();
-            match found {
-                Some(found) => self.arrive(scan, &lost, &found),
-                None => self.lost = Some(lost),
+            if update.keyframe.is_some() && lost.is_to_ask() {
+                self.ask_everywhere(&mut lost);
             }
+            self.lost = Some(lost);
+        }
+        self.work_inline();
+        if let Some(found) = self.lost.as_mut().and_then(|lost| lost.found.take()) {
+            self.arrive(scan, &found);
         }
         let newest = self.keyframes.len() as u32 - 1;
         let keyframe_from_robot = self.local_from_keyframe[newest as usize].between(self.local_from_robot);
@@ -160,17 +182,45 @@ impl Mapper {
         Update { status, matched: report, ..self.update(scan, beams, None, keyframe, refused) }
     }
 
-    /// Whether a known place fits what was seen since.
-    fn ask_places(&mut self, lost: &mut Lost) -> Option<Found> {
+    /// Asks where in all that is known the robot is.
+    fn ask_everywhere(&mut self, lost: &mut Lost) {
         lost.asked_m = lost.way_m;
+        self.questions += 1;
+        let question = (self.questions, self.matcher.settings);
         let sought = Past { keyframes: &lost.aside.keyframes, local_from_keyframe: &lost.aside.local_from_keyframe };
         let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
-        let expected = self.local_from_keyframe.last()?.between(self.local_from_robot);
-        self.closing.relocate(&self.settings, past, sought, expected, &mut lost.findings, self.matcher.settings)
+        let ground = lost.ground.as_ref();
+        if let Some(seeking) = self.closing.seek(&self.settings, past, &self.dropped, sought, ground, question) {
+            lost.asking = Some(self.questions);
+            self.jobs.push_back(Job(Task::Seek(seeking)));
+        }
+    }
+
+    /// An answer, for a robot that still waits for it.
+    pub(super) fn hear(&mut self, answer: &Sought) {
+        let Some(lost) = self.lost.as_mut().filter(|lost| lost.asking == Some(answer.question)) else { return };
+        lost.asking = None;
+        let known = (answer.to as usize) < lost.aside.keyframes.len();
+        if !known || answer.best.is_some_and(|(from, _)| from as usize >= self.keyframes.len()) {
+            return;
+        }
+        lost.ground = Some(Arc::clone(&answer.ground));
+        let sought = Past { keyframes: &lost.aside.keyframes, local_from_keyframe: &lost.aside.local_from_keyframe };
+        let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
+        let way_m = |a: u32, b: u32| lost.aside.closing.way_m(a, b);
+        lost.found = self.closing.weigh(past, sought, answer, &mut lost.findings, way_m);
+    }
+
+    /// The past was corrected: what is known is to be drawn anew, and what is still asked was asked of the old one.
+    pub(super) fn redraw_ground(&mut self) {
+        if let Some(lost) = &mut self.lost {
+            (lost.ground, lost.asking) = (None, None);
+        }
     }
 
     /// The robot is found: it goes on from there.
-    fn arrive(&mut self, scan: &LaserScan, lost: &Lost, found: &Found) {
+    fn arrive(&mut self, scan: &LaserScan, found: &Found) {
+        let Some(lost) = self.lost.take() else { return };
         let Found { from, to, from_from_to, covariance } = *found;
         let keyframe_from_robot = lost.aside.local_from_keyframe[to as usize].between(lost.aside.local_from_robot);
         self.local_from_robot = self.local_from_keyframe[from as usize] * from_from_to * keyframe_from_robot;

@@ -1,0 +1,226 @@
+//! All that is known as one coarse map, and what was seen lately looked for in the whole of it.
+//!
+//! The search is exact (branch and bound over every position within the map's bounds and every heading), so a place that
+//! explains what was seen nearly as well as the best one does not go unnoticed: it is the rival.
+
+use crate::submap::{Submap, SubmapSettings, View, draw};
+use mapwright_geom::Pose2;
+use mapwright_grid::{CorrelativeSearch, LiveMap, Peak, SearchSettings, SearchWindow, Separation};
+use std::f64::consts::PI;
+
+/// The atlas' cells are so many times those of a submap: the search is for the place, the exact pose comes later.
+const COARSER: f64 = 2.0;
+/// Who sees known ground stands so near to where it was seen from, metres.
+const MARGIN_M: f64 = 3.0;
+/// Points that are looked for at most, and how far they may lie, metres.
+const POINTS: usize = 100;
+const REACH_M: f64 = 10.0;
+/// What the search gives for a point on an obstacle.
+const FULL_SCORE: u32 = 255;
+/// No place fits worse than this share of the full score: who is on known ground knows most of what it sees.
+const LEAST_SCORE: f64 = 0.75;
+/// Half a turn counts as so many metres where the nearest view is looked for: what matters is to have looked the same way.
+const HALF_TURN_M: f64 = 1.5;
+/// Views on either side of one at most.
+const VIEWS_AT_MOST: usize = 40;
+
+/// A pose of the submap that was looked for in the map, and its share of the full score.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// Pose of the submap in the map.
+    pub map_from_query: Pose2,
+    /// 0 to 1.
+    pub score: f64,
+}
+
+/// All that is known: a coarse map of it, and the views it is made of.
+#[derive(Debug, Clone)]
+pub struct Atlas {
+    /// In the order of the way.
+    views: Vec<View>,
+    map: LiveMap,
+    middle: Pose2,
+    half_width_m: f64,
+}
+
+impl Atlas {
+    /// Draws views, given along the way, whose `submap_from_keyframe` are poses in the map.
+    #[must_use]
+    pub fn new(views: Vec<View>, submaps: &SubmapSettings) -> Self {
+        let coarser = SubmapSettings { resolution_m: COARSER * submaps.resolution_m, ..*submaps };
+        let (map, _) = draw(&views, &coarser);
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for Pose2 { x, y, .. } in views.iter().map(|view| view.submap_from_keyframe) {
+            low = [low[0].min(x), low[1].min(y)];
+            high = [high[0].max(x), high[1].max(y)];
+        }
+        let middle = Pose2::new(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.0);
+        let half_width_m = 0.5 * (high[0] - low[0]).max(high[1] - low[1]) + MARGIN_M;
+        Self { views, map, middle, half_width_m }
+    }
+
+    /// Where in all that is known a submap fits best; `None` where nothing fits.
+    #[must_use]
+    pub fn find(&self, query: &Submap) -> Option<Sighting> {
+        self.search(query, LEAST_SCORE, 1.0, None, |_| false)
+    }
+
+    /// Calls with the places other than the `best` one that score at least such a share of it, best first, until told to
+    /// stop.
+    pub fn rivals(&self, query: &Submap, best: &Sighting, least_share: f64, mut go_on: impl FnMut(&Sighting) -> bool) {
+        // A hair less, so that the best is found once more.
+        let least_score = best.score * (1.0 - 1e-9);
+        let _ = self.search(query, least_score, least_share, Some(Separation::default()), |rival| go_on(&rival));
+    }
+
+    fn search(
+        &self,
+        query: &Submap,
+        least_share: f64,
+        least_rival_share: f64,
+        separation: Option<Separation>,
+        mut go_on: impl FnMut(Sighting) -> bool,
+    ) -> Option<Sighting> {
+        let within = |p: &&[f64; 2]| p[0] * p[0] + p[1] * p[1] <= REACH_M * REACH_M;
+        let every = query.hits.iter().filter(within).count().div_ceil(POINTS).max(1);
+        let points: Vec<[f64; 2]> = query.hits.iter().filter(within).step_by(every).copied().collect();
+        let sigma_m = SearchSettings::default().sigma_m.max(self.map.settings.resolution_m);
+        let settings = SearchSettings { sigma_m, reach_m: REACH_M, least_share, least_rival_share };
+        let Self { middle: world_from_robot, half_width_m, .. } = *self;
+        let window = SearchWindow { world_from_robot, half_width_m, half_width_rad: PI };
+        let full = f64::from(FULL_SCORE) * points.len() as f64;
+        let sighting =
+            |peak: Peak| Sighting { map_from_query: peak.world_from_robot, score: f64::from(peak.score) / full };
+        let found =
+            CorrelativeSearch::new(settings)
+                .search_rivals(&self.map, &points, &window, separation, |rival| go_on(sighting(rival)))?;
+        Some(sighting(found.best))
+    }
+
+    /// The view, by its place among those the atlas was made of, from nearest a pose.
+    #[must_use]
+    pub fn nearest(&self, map_from_robot: Pose2) -> Option<usize> {
+        let away_m = |view: &View| {
+            let turn_rad = view.submap_from_keyframe.between(map_from_robot).theta.abs();
+            view.submap_from_keyframe.distance(map_from_robot) + HALF_TURN_M / PI * turn_rad
+        };
+        let away_m: Vec<f64> = self.views.iter().map(away_m).collect();
+        (0..away_m.len()).min_by(|&a, &b| away_m[a].total_cmp(&away_m[b]))
+    }
+
+    /// Pose of a view in the map.
+    #[must_use]
+    pub fn map_from_view(&self, view: usize) -> Pose2 {
+        self.views[view].submap_from_keyframe
+    }
+
+    /// The views along the way around one, up to so many metres before and after it, in its frame.
+    #[must_use]
+    pub fn around(&self, view: usize, reach_m: f64) -> Vec<View> {
+        let view_from_map = self.map_from_view(view).inverse();
+        let mut around = Vec::new();
+        let mut side = |nodes: &mut dyn Iterator<Item = usize>| {
+            let (mut way_m, mut last) = (0.0, self.map_from_view(view));
+            for at in nodes.take(VIEWS_AT_MOST) {
+                let View { sweep, submap_from_keyframe } = &self.views[at];
+                way_m += last.distance(*submap_from_keyframe);
+                if way_m > reach_m {
+                    break;
+                }
+                last = *submap_from_keyframe;
+                around.push(View { sweep: sweep.clone(), submap_from_keyframe: view_from_map * last });
+            }
+        };
+        side(&mut (0..=view).rev());
+        side(&mut (view + 1..self.views.len()));
+        around
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapwright_sensor::Sweep;
+    use mapwright_sim::{Drive, DriveSettings, worlds};
+
+    const SUBMAPS: SubmapSettings =
+        SubmapSettings { resolution_m: 0.05, passes_per_hit: 5, free_range_m: 8.0, reach_m: 15.0, thin_cells: 2 };
+
+    /// What a drive through rooms has seen every second.
+    fn drive() -> Vec<View> {
+        let settings = DriveSettings { scan_rate_hz: 1.0, seed: 3, ..DriveSettings::default() };
+        let scans = Drive::new(worlds::rooms(3).into(), settings).scans().take(120);
+        let view = |scan: mapwright_sim::TrueScan| {
+            let mut sweep = Sweep::empty(&scan.scan.laser);
+            let _ = sweep.fill(&scan.scan, [0.0; 3], (0.1, 30.0));
+            View { sweep, submap_from_keyframe: scan.world_from_robot }
+        };
+        scans.map(view).collect()
+    }
+
+    /// The last few views before one, in its frame.
+    fn query(views: &[View], at: usize) -> Submap {
+        let here = views[at].submap_from_keyframe;
+        let seen = views[at - 4..=at].iter().map(|view| View {
+            sweep: view.sweep.clone(),
+            submap_from_keyframe: here.between(view.submap_from_keyframe),
+        });
+        Submap::new(&seen.collect::<Vec<_>>(), &SUBMAPS)
+    }
+
+    #[test]
+    fn a_place_is_found_among_all() {
+        let views = drive();
+        let atlas = Atlas::new(views.clone(), &SUBMAPS);
+        for at in (20..100).step_by(20) {
+            let found = atlas.find(&query(&views, at)).expect("it was there");
+            let error = views[at].submap_from_keyframe.between(found.map_from_query);
+            assert!(error.x.hypot(error.y) < 0.15 && error.theta.abs() < 0.03, "{error:?} at {at}");
+            assert!(found.score > 0.9);
+            let near = atlas.nearest(found.map_from_query).expect("there are views");
+            assert!(atlas.map_from_view(near).distance(found.map_from_query) < 0.6);
+            let around = atlas.around(near, 3.0);
+            assert!(around.len() > 3 && around.len() < views.len());
+            assert!(around[0].submap_from_keyframe.distance(Pose2::IDENTITY) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_copy_of_a_place_is_its_rival() {
+        let views = drive();
+        let mut twice = views.clone();
+        let away = Pose2::new(60.0, 10.0, 1.0);
+        twice.extend(
+            views
+                .iter()
+                .map(|view| View { sweep: view.sweep.clone(), submap_from_keyframe: away * view.submap_from_keyframe }),
+        );
+        let [once, twice] = [views.clone(), twice].map(|views| Atlas::new(views, &SUBMAPS));
+        let seen = query(&views, 60);
+        let rivals = |atlas: &Atlas, least: f64| {
+            let best = atlas.find(&seen).expect("it was there");
+            let mut rivals = Vec::new();
+            atlas.rivals(&seen, &best, least, |rival| {
+                rivals.push(*rival);
+                rivals.len() < 3
+            });
+            (best, rivals)
+        };
+        let alone = rivals(&once, 0.85).1;
+        let (best, found) = rivals(&twice, 0.85);
+        assert!(found.len() == alone.len() + 1 && found[0].score <= best.score, "{alone:?} {best:?} {found:?}");
+        let here = views[60].submap_from_keyframe;
+        let mut errors_m = [best, found[0]].map(|s| (away * here).distance(s.map_from_query));
+        errors_m.sort_by(f64::total_cmp);
+        assert!(errors_m[0] < 0.15 && (errors_m[1] - (away * here).distance(here)).abs() < 0.3, "{errors_m:?}");
+    }
+
+    #[test]
+    fn nothing_is_found_in_or_by_nothing() {
+        let views = drive();
+        let empty = Atlas::new(Vec::new(), &SUBMAPS);
+        assert!(empty.find(&query(&views, 20)).is_none() && empty.nearest(Pose2::IDENTITY).is_none());
+        let atlas = Atlas::new(views, &SUBMAPS);
+        assert!(atlas.find(&Submap::new(&[], &SUBMAPS)).is_none());
+    }
+}
