@@ -3,6 +3,7 @@
 //! Each section is declared once, with default, allowed range, unit and meaning; reading, writing, checking and the
 //! list that `mapwright config` prints come from that declaration.
 
+use mapwright_geom::Pose2;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -306,6 +307,13 @@ pub struct Settings {
     pub live: LiveSettings,
     /// Coming back to places.
     pub loops: LoopSettings,
+}
+
+impl KeyframeSettings {
+    /// Whether a motion is enough for another keyframe.
+    pub(crate) fn is_far(&self, step: Pose2) -> bool {
+        step.x.hypot(step.y) > self.distance_m || step.theta.abs() > self.angle_rad
+    }
 }
 
 impl Settings {

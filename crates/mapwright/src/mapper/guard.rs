@@ -20,7 +20,7 @@ pub const KNOWN_SHARE: f64 = 0.3;
 const UNCONFIRMED_AT_MOST: u32 = 50;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
-/// Headings tried for every keyframe, radians.
+/// Headings tried where scans are far apart, radians.
 const NEARBY_HEADINGS_RAD: [f64; 4] = [-0.018, -0.009, 0.009, 0.018];
 /// The search's window: so many of the prior's standard deviations, within bounds.
 const SEARCH_SIGMAS: f64 = 4.0;
@@ -98,7 +98,7 @@ impl Mapper {
         if tried.best.1.inlier_share() < DOUBT_SHARE {
             self.search(&prior, &mut tried);
         }
-        self.restart_nearby(&prior, &mut tried);
+        self.restart_nearby(&prior, &mut tried, step);
         self.restart_slipped(&mut tried);
         self.observe_share(&tried.best.1);
         self.observe_odometry(&tried, step);
@@ -174,11 +174,11 @@ impl Mapper {
         }
     }
 
-    /// What is drawn stays: the scan of a new keyframe is matched from other headings nearby too, for where its beams lie far
-    /// apart from those before there are several headings that fit, and the nearest is not always the best.
-    fn restart_nearby(&self, prior: &Prior, tried: &mut Tried) {
+    /// Where scans are so far apart that each becomes a keyframe, it is matched from other headings nearby too: its beams lie
+    /// far from those before, several headings fit, the nearest is not always the best, and what is drawn stays.
+    fn restart_nearby(&self, prior: &Prior, tried: &mut Tried, step: Step) {
         let at = tried.best.0.world_from_robot;
-        if self.is_keyframe_at(at) {
+        if self.settings.keyframes.is_far(step.last_from_robot) {
             for turn in NEARBY_HEADINGS_RAD {
                 tried.offer(self.refine(prior, at * Pose2::new(0.0, 0.0, turn)));
             }

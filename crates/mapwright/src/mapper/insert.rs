@@ -4,7 +4,7 @@ use super::guard::Matched;
 use super::{MAP_FLOOR, Mapper, fuse};
 use crate::live::Frames;
 use crate::patches::Spacing;
-use mapwright_geom::{Cov3, Pose2, compose_covariance};
+use mapwright_geom::{Cov3, compose_covariance};
 use mapwright_record::{Edge, EdgeKind, Keyframe, Status};
 use mapwright_sensor::{BEAM_DROPPED, LaserScan, Sweep};
 use nalgebra::{Matrix3, Vector3};
@@ -16,19 +16,13 @@ const INTRUDER_SHARE: f64 = 0.15;
 const INTRUDED_AT_MOST: u32 = 16;
 
 impl Mapper {
-    /// Whether the robot has moved far enough from the newest keyframe for another one.
-    pub(super) fn is_keyframe_at(&self, local_from_robot: Pose2) -> bool {
-        self.local_from_keyframe.last().is_none_or(|newest| {
-            let step = newest.between(local_from_robot);
-            step.x.hypot(step.y) > self.settings.keyframes.distance_m
-                || step.theta.abs() > self.settings.keyframes.angle_rad
-        })
-    }
-
     pub(super) fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
         let lost = matched.is_some_and(|m| m.status == Status::Lost);
         let empty = self.points.hits.is_empty();
-        let moved = self.is_keyframe_at(self.local_from_robot);
+        let moved = self
+            .local_from_keyframe
+            .last()
+            .is_none_or(|newest| self.settings.keyframes.is_far(newest.between(self.local_from_robot)));
         let inserted =
             (moved && !lost && !empty && self.suspect_m <= 0.0).then(|| self.insert(scan, matched)).flatten();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
