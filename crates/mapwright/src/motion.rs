@@ -30,6 +30,8 @@ const FARTHEST_STEP_M: f64 = 10.0;
 /// the least share of a correction that is the scan's own.
 const WRONG_WEIGHT: f64 = 0.01;
 const WORSE_AT_MOST: f64 = 25.0;
+/// From so many times the model's variance on a slip would not be seen in it.
+const DOUBTED: f64 = 2.0;
 const LEAST_GAIN: f64 = 0.3;
 /// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
 const FAILING_STEP_AT_MOST_M: f64 = 0.5;
@@ -122,6 +124,12 @@ impl Predictor {
             *was += WRONG_WEIGHT * (seen - *was);
             *expected += WRONG_WEIGHT * (step.expected[axis] - *expected);
         }
+    }
+
+    /// Whether odometry's translations have lately been much worse than its model.
+    pub(crate) fn doubts_odometry(&self) -> bool {
+        let [was, expected] = self.wrong[0];
+        was > DOUBTED * expected
     }
 
     /// Remembers a scan and where the robot turned out to have moved.

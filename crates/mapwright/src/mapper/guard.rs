@@ -54,7 +54,7 @@ const USUAL_WEIGHT: f64 = 0.05;
 const LEAST_TRUST: f64 = 0.05;
 /// From the curvature of the objective to information. Beams are correlated (less), the last stage's sigma is wider
 /// than a beam's noise (more); calibrated by the NEES of simulated rooms and corridors (`tests/consistency.rs`).
-const INFORMATION_SCALE: f64 = 1.4;
+const INFORMATION_SCALE: f64 = 1.45;
 
 /// What the match stage hands on.
 pub(super) struct Matched {
@@ -188,11 +188,11 @@ impl Mapper {
     /// A match may stick to what the scans before it have drawn, and slip along a corridor while every scan seems to fit.
     /// It shows as a fit that falls behind the usual one. Then the places ahead and behind, in the direction that the scan
     /// says least about, are tried, and one that fits nearly as usual is right: the slip is older than this scan, so the
-    /// prediction does not speak against it.
+    /// prediction does not speak against it. Odometry that is as good as its model would have shown it.
     fn restart_slipped(&mut self, tried: &mut Tried) {
         let share = tried.best.1.inlier_share();
         let drop = self.usual_share - share;
-        if drop <= SLIP_SHARE || share < DOUBT_SHARE {
+        if drop <= SLIP_SHARE || share < DOUBT_SHARE || (tried.from_odometry && !self.predictor.doubts_odometry()) {
             return;
         }
         let [variance_x, variance_y, variance_theta] = tried.prior.variances;
