@@ -31,7 +31,7 @@ const FARTHEST_STEP_M: f64 = 10.0;
 const WRONG_WEIGHT: f64 = 0.01;
 const WORSE_AT_MOST: f64 = 25.0;
 /// From so many times the model's variance on a slip would not be seen in it.
-const DOUBTED: f64 = 2.0;
+const DOUBTED: f64 = 1.2;
 const LEAST_GAIN: f64 = 0.3;
 /// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
 const FAILING_STEP_AT_MOST_M: f64 = 0.5;

@@ -188,11 +188,11 @@ impl Mapper {
     /// A match may stick to what the scans before it have drawn, and slip along a corridor while every scan seems to fit.
     /// It shows as a fit that falls behind the usual one. Then the places ahead and behind, in the direction that the scan
     /// says least about, are tried, and one that fits nearly as usual is right: the slip is older than this scan, so the
-    /// prediction does not speak against it. Odometry that is as good as its model would have shown it.
+    /// prediction does not speak against it. Odometry that is as good as its model would have shown a long one.
     fn restart_slipped(&mut self, tried: &mut Tried) {
         let share = tried.best.1.inlier_share();
         let drop = self.usual_share - share;
-        if drop <= SLIP_SHARE || share < DOUBT_SHARE || (tried.from_odometry && !self.predictor.doubts_odometry()) {
+        if drop <= SLIP_SHARE || share < DOUBT_SHARE {
             return;
         }
         let [variance_x, variance_y, variance_theta] = tried.prior.variances;
@@ -202,7 +202,11 @@ impl Mapper {
         let at = tried.best.0.world_from_robot;
         let [x, y] = weakest(&tried.best.0.hessian);
         let mut least = share + 0.5 * drop;
-        let farthest_m = if tried.from_odometry { SLIPPED_AT_MOST_M } else { f64::INFINITY };
+        let farthest_m = match (tried.from_odometry, self.predictor.doubts_odometry()) {
+            (true, true) => SLIPPED_AT_MOST_M,
+            (true, false) => SLIPPED_M,
+            (false, _) => f64::INFINITY,
+        };
         for by_m in SLIPS_M {
             tried.restarts += 1;
             let other = self.refine(&prior, at * Pose2::new(by_m * x, by_m * y, 0.0));
