@@ -198,7 +198,7 @@ impl DoubtfulScan {
             why.push(format!("{:.1} s without a scan before scan {}", gap.seconds, grouped(gap.scan)));
         }
         if report.restarts > 0 {
-            why.push(format!("{} other headings tried", report.restarts));
+            why.push(format!("{} other starts tried", report.restarts));
         }
         if report.searched {
             why.push("all poses around searched".to_owned());

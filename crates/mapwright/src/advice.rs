@@ -30,7 +30,7 @@ const RECOMMENDED: usize = 4;
 /// They are so far apart at least: metres, and share of the map's extent.
 const APART_M: f64 = 5.0;
 const APART_SHARE: f64 = 0.08;
-/// A visit pays where it takes away so much of the mean: share, and metres of the chain as it adds up.
+/// A visit pays where it takes away so much of the mean: share, and metres.
 const LEAST_SHARE: f64 = 0.05;
 const LEAST_M: f64 = 0.01;
 /// A heading's error counts as if it were made so far away at least, metres.

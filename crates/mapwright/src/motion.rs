@@ -30,9 +30,9 @@ const FARTHEST_STEP_M: f64 = 10.0;
 /// the least share of a correction that is the scan's own.
 const WRONG_WEIGHT: f64 = 0.01;
 const WORSE_AT_MOST: f64 = 25.0;
+const LEAST_GAIN: f64 = 0.3;
 /// From so many times the model's variance on a slip would not be seen in it.
 const DOUBTED: f64 = 1.2;
-const LEAST_GAIN: f64 = 0.3;
 /// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
 const FAILING_STEP_AT_MOST_M: f64 = 0.5;
 
@@ -119,7 +119,9 @@ impl Predictor {
             if gain < LEAST_GAIN || !gain.is_finite() {
                 continue;
             }
-            let seen = (correction[axis] / gain).powi(2) - scan;
+            // One match that is wrong itself must not make odometry worthless for long; a hair more, so that the most is reached.
+            let most = (1.0 + 1e-9) * WORSE_AT_MOST * step.expected[axis];
+            let seen = ((correction[axis] / gain).powi(2) - scan).min(most);
             let [was, expected] = &mut self.wrong[axis / 2];
             *was += WRONG_WEIGHT * (seen - *was);
             *expected += WRONG_WEIGHT * (step.expected[axis] - *expected);

@@ -39,11 +39,13 @@ const WEAK_SHARE: f64 = 0.01;
 /// What contradicts odometry has to fit as well as usual, up to so much: a place in a map is seldom right and odometry
 /// that far wrong where the scan fits badly there too.
 const FAR_SHARE: f64 = 0.1;
-/// A match that fits so much less than usual may have slipped,
+/// A match that fits so much less than usual may have slipped.
 const SLIP_SHARE: f64 = 0.05;
-/// by so much, metres: starts that are tried, and how far it usually is, and with odometry at most.
+/// Starts that are tried then, ahead and behind, metres.
 const SLIPS_M: [f64; 6] = [-0.45, -0.3, -0.15, 0.15, 0.3, 0.45];
+/// Standard deviation of a slip, metres; with odometry that is as good as its model none is longer.
 const SLIPPED_M: f64 = 0.3;
+/// With odometry that is worse none is longer than this, metres.
 const SLIPPED_AT_MOST_M: f64 = 0.5;
 /// From such shares of known and of fitting beams on a match judges odometry.
 const SURE_SHARE: f64 = 0.8;
@@ -200,7 +202,7 @@ impl Mapper {
         let variances = [variance_x + slipped_m2, variance_y + slipped_m2, variance_theta];
         let prior = Prior { variances, ..tried.prior };
         let at = tried.best.0.world_from_robot;
-        let [x, y] = weakest(&tried.best.0.hessian);
+        let (_, [[x, y], _]) = translation_axes(&tried.best.0.hessian);
         let mut least = share + 0.5 * drop;
         let farthest_m = match (tried.from_odometry, self.predictor.doubts_odometry()) {
             (true, true) => SLIPPED_AT_MOST_M,
@@ -335,11 +337,12 @@ fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
     }
 }
 
-/// Direction of translation that a match's information says least about, in the robot's frame.
-fn weakest(information: &Cov3) -> [f64; 2] {
+/// The information on translation along its weaker and its stronger direction, and the directions, in the robot's frame.
+fn translation_axes(information: &Cov3) -> ([f64; 2], [[f64; 2]; 2]) {
     let eigen = information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
-    let weak = usize::from(eigen.eigenvalues[1] < eigen.eigenvalues[0]);
-    [eigen.eigenvectors[(0, weak)], eigen.eigenvectors[(1, weak)]]
+    let order = if eigen.eigenvalues[0] < eigen.eigenvalues[1] { [0, 1] } else { [1, 0] };
+    let direction = |axis: usize| [eigen.eigenvectors[(0, axis)], eigen.eigenvectors[(1, axis)]];
+    (order.map(|axis| eigen.eigenvalues[axis]), order.map(direction))
 }
 
 /// The part of a scan's information that its surfaces really carry.
@@ -347,11 +350,9 @@ fn weakest(information: &Cov3) -> [f64; 2] {
 /// Along a bare wall the noise of the normals looks like a little information; a direction of translation with less
 /// than [`WEAK_SHARE`] of the strongest one's is left to odometry, and the share is taken off a better one.
 fn constrained(information: &Cov3) -> Cov3 {
-    let eigen = information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
-    let (weak, strong) = if eigen.eigenvalues[0] < eigen.eigenvalues[1] { (0, 1) } else { (1, 0) };
-    let known = (eigen.eigenvalues[weak] - WEAK_SHARE * eigen.eigenvalues[strong]).max(0.0);
-    let keep = if known > 0.0 { (known / eigen.eigenvalues[weak]).sqrt() } else { 0.0 };
-    let [x, y] = [eigen.eigenvectors[(0, strong)], eigen.eigenvectors[(1, strong)]];
+    let ([weak, strong], [_, [x, y]]) = translation_axes(information);
+    let known = (weak - WEAK_SHARE * strong).max(0.0);
+    let keep = if known > 0.0 { (known / weak).sqrt() } else { 0.0 };
     let (xx, xy, yy) = (x * x + keep * y * y, x * y * (1.0 - keep), y * y + keep * x * x);
     let shrink = Matrix3::new(xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, 1.0);
     shrink * information * shrink
