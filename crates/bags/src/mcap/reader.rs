@@ -1,0 +1,436 @@
+//! Messages out of an MCAP file.
+
+use super::MAGIC;
+use super::record::{self, Found, Record, follows, record_at};
+use super::record::{OP_CHANNEL, OP_CHUNK, OP_CHUNK_INDEX, OP_DATA_END, OP_FOOTER, OP_MESSAGE, OP_SCHEMA};
+use crate::catalog::Catalog;
+use crate::decode::{Codec, Decoder, Problem};
+use crate::error::BagError;
+use crate::mcap::channels::Channels;
+use crate::message::{Connection, RawMessage};
+use crate::report::{Container, DamageKind, ReadReport};
+use crate::window::{Bytes, Memory, Window, excerpt, u32_at, u64_at};
+use std::io::{self, Read, Seek};
+
+/// The fixed part of a chunk before the name of its compression, and that name at its longest.
+const CHUNK_HEAD_BYTES: usize = 128;
+
+/// Reads an MCAP file from its first record to its last, in the order of the file.
+#[derive(Debug)]
+pub struct McapReader<R> {
+    window: Window<R>,
+    /// Where the next record is.
+    at: u64,
+    chunk: Option<OpenChunk>,
+    memory: Memory,
+    decoder: Decoder,
+    channels: Channels,
+    /// Where chunks begin according to the summary, ascending.
+    chunks_at: Vec<u64>,
+    catalog: Catalog,
+}
+
+/// A chunk that is being read.
+#[derive(Debug, Clone, Copy)]
+struct OpenChunk {
+    /// Where it lies in the file.
+    at: u64,
+    in_memory: bool,
+    /// Where the next record is, in memory or in the file, and where the records end.
+    inside: u64,
+    end: u64,
+    /// Whether it was cut short, so that its last record may be too.
+    torn: bool,
+}
+
+/// A message found, as numbers.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    id: u32,
+    head: record::MessageHead,
+    offset_bytes: u64,
+    data_at: u64,
+    data_bytes: usize,
+    in_memory: bool,
+}
+
+enum Step {
+    Message(Place),
+    GoOn,
+    End,
+}
+
+impl<R: Read + Seek> McapReader<R> {
+    /// Opens a file, and looks at its summary where it has one.
+    ///
+    /// # Errors
+    ///
+    /// [`BagError::Io`], [`BagError::UnknownContainer`] and [`BagError::Version`].
+    pub fn open(reader: R) -> Result<Self, BagError> {
+        Self::open_part(reader, Catalog::default()).map_err(|(error, _)| error)
+    }
+
+    pub(crate) fn open_part(reader: R, catalog: Catalog) -> Result<Self, (BagError, Box<Catalog>)> {
+        match Window::new(reader).map_err(BagError::from).and_then(|window| check_magic(window)) {
+            Ok(window) => {
+                let mut reader = Self::new(window, catalog);
+                match reader.look_at_summary() {
+                    Ok(()) => Ok(reader),
+                    Err(error) => Err((error.into(), Box::new(reader.catalog))),
+                }
+            }
+            Err(error) => Err((error, Box::new(catalog))),
+        }
+    }
+
+    fn new(window: Window<R>, mut catalog: Catalog) -> Self {
+        catalog.report.container = Some(Container::Mcap);
+        catalog.report.file_bytes += window.end();
+        Self {
+            window,
+            at: MAGIC.len() as u64,
+            chunk: None,
+            memory: Memory::default(),
+            decoder: Decoder::default(),
+            channels: Channels::default(),
+            chunks_at: Vec::new(),
+            catalog,
+        }
+    }
+
+    /// The connections known so far: all of them from the beginning where the file has a summary.
+    #[must_use]
+    pub fn connections(&self) -> &[Connection] {
+        &self.catalog.connections
+    }
+
+    /// What was read so far, and what was lost.
+    #[must_use]
+    pub fn report(&self) -> &ReadReport {
+        &self.catalog.report
+    }
+
+    pub(crate) fn into_catalog(self) -> Catalog {
+        self.catalog
+    }
+
+    /// The next message in the order of the file, or none at its end or where the way is lost.
+    ///
+    /// # Errors
+    ///
+    /// [`BagError::Io`] where the stream fails. Damage is no error: it is in the [`report`](Self::report).
+    pub fn next_message(&mut self) -> Result<Option<RawMessage<'_>>, BagError> {
+        let place = loop {
+            let step = match self.chunk {
+                Some(chunk) => self.step_in_chunk(chunk)?,
+                None => self.step_in_file()?,
+            };
+            match step {
+                Step::Message(place) => break place,
+                Step::GoOn => {}
+                Step::End => return Ok(None),
+            }
+        };
+        self.catalog.report.count(place.id, place.head.log_stamp, place.data_bytes);
+        let data = if place.in_memory {
+            self.memory.get(place.data_at, place.data_bytes)?
+        } else {
+            self.window.get(place.data_at, place.data_bytes)?
+        };
+        Ok(Some(RawMessage {
+            connection: &self.catalog.connections[place.id as usize],
+            log_stamp: place.head.log_stamp,
+            publish_stamp: Some(place.head.publish_stamp),
+            offset_bytes: place.offset_bytes,
+            data,
+        }))
+    }
+
+    fn step_in_file(&mut self) -> io::Result<Step> {
+        let end = self.window.end();
+        if self.at > end {
+            return Ok(Step::End);
+        }
+        let record = match record_at(&mut self.window, self.at)? {
+            Found::Record(record) => record,
+            Found::Torn => return Ok(self.torn("a record, or the end of the data")),
+            Found::Other(found) => return self.lost("a record", &found),
+        };
+        if record.op == OP_CHUNK {
+            return self.enter_chunk(record);
+        }
+        if matches!(record.op, OP_DATA_END | OP_FOOTER) {
+            return self.finish();
+        }
+        if record.end() > end {
+            return Ok(self.torn("a whole record"));
+        }
+        if !follows(&mut self.window, record.end())? {
+            return self.lost("a record behind the one here", &format!("a length of {}", record.length));
+        }
+        self.at = record.end();
+        let whole = (record.at, false);
+        self.channels.take(&mut self.window, record, whole.0, &mut self.catalog)?;
+        message(&mut self.window, record, whole, &self.channels, &mut self.catalog)
+    }
+
+    fn enter_chunk(&mut self, record: Record) -> io::Result<Step> {
+        let end = self.window.end();
+        let body = self.window.get(record.body_at(), CHUNK_HEAD_BYTES.min(record.length as usize))?;
+        // with a summary the file was not cut: the length must be wrong
+        let torn = record.end() > end && self.chunks_at.is_empty();
+        let Some(head) = record::chunk_head(body) else {
+            return if torn { Ok(self.torn("a whole chunk")) } else { self.lost("a chunk", "no head of one") };
+        };
+        let Some(codec) = Codec::from_name(&head.compression) else {
+            let found = excerpt(&head.compression);
+            return self.pass_bad_chunk(&record, DamageKind::UnknownCompression, "none, lz4 or zstd", &found);
+        };
+        *self.catalog.report.chunks.entry(codec.name()).or_default() += 1;
+        let stored = head.stored.min(record.length - head.records_at);
+        let records_at = record.body_at() + head.records_at;
+        let found = self.open_chunk(codec, &head, (records_at, stored))?;
+        match found {
+            Err((kind, expected, found)) if !torn || kind == DamageKind::TooLarge => {
+                return self.pass_bad_chunk(&record, kind, &expected, &found);
+            }
+            _ => {}
+        }
+        if torn {
+            let found = format!("{} bytes", end - self.at);
+            self.catalog.damage(DamageKind::Truncated, self.at, format!("{} bytes", record.length), found, 0);
+        }
+        let (inside, chunk_end) = match codec {
+            Codec::None => (records_at, (records_at + stored).min(end)),
+            _ => (0, self.memory.end()),
+        };
+        self.chunk = Some(OpenChunk { at: record.at, in_memory: codec != Codec::None, inside, end: chunk_end, torn });
+        self.at = if record.end() > end && !torn { self.next_chunk()?.unwrap_or(u64::MAX) } else { record.end() };
+        Ok(Step::GoOn)
+    }
+
+    /// Brings a chunk's records into memory and compares their checksum; else what is wrong, expected and found.
+    fn open_chunk(
+        &mut self,
+        codec: Codec,
+        head: &record::ChunkHead,
+        (records_at, stored): (u64, u64),
+    ) -> io::Result<Result<(), (DamageKind, String, String)>> {
+        let stored_bytes = self.window.get(records_at, stored as usize)?;
+        let is_whole = stored_bytes.len() as u64 == head.stored;
+        let records = if codec == Codec::None {
+            stored_bytes
+        } else {
+            match self.decoder.decode(codec, stored_bytes, head.size, &mut self.memory) {
+                Ok(()) => &self.memory.buffer[..self.memory.filled],
+                Err(Problem::TooLarge { limit_bytes }) => {
+                    let expected = format!("at most {limit_bytes} bytes after decompression");
+                    return Ok(Err((DamageKind::TooLarge, expected, head.size.to_string())));
+                }
+                Err(Problem::Broken { reason }) => {
+                    let expected = format!("{} bytes after decompression", head.size);
+                    return Ok(Err((DamageKind::BadChunk, expected, reason)));
+                }
+            }
+        };
+        if !is_whole {
+            return Ok(Err((DamageKind::BadChunk, format!("{} bytes", head.stored), format!("{stored} bytes"))));
+        }
+        let crc = if head.crc == 0 { 0 } else { crc32fast::hash(records) };
+        Ok(if crc == head.crc {
+            Ok(())
+        } else {
+            Err((DamageKind::BadChecksum, format!("checksum {:08x}", head.crc), format!("{crc:08x}")))
+        })
+    }
+
+    /// A chunk that cannot be used is passed over where a record follows it.
+    fn pass_bad_chunk(&mut self, record: &Record, kind: DamageKind, expected: &str, found: &str) -> io::Result<Step> {
+        let next = if follows(&mut self.window, record.end())? { Some(record.end()) } else { self.next_chunk()? };
+        Ok(self.go_on_at(next, kind, expected, found))
+    }
+
+    fn step_in_chunk(&mut self, chunk: OpenChunk) -> io::Result<Step> {
+        let (step, next) = if chunk.in_memory {
+            record_in_chunk(&mut self.memory, chunk, &mut self.channels, &mut self.catalog)?
+        } else {
+            record_in_chunk(&mut self.window, chunk, &mut self.channels, &mut self.catalog)?
+        };
+        self.chunk = next;
+        Ok(step)
+    }
+
+    /// The file ends within a record: no more comes.
+    fn torn(&mut self, expected: &str) -> Step {
+        let rest = self.window.end().saturating_sub(self.at);
+        if self.at <= self.window.end() {
+            self.catalog.damage(DamageKind::Truncated, self.at, expected, format!("{rest} bytes"), rest);
+        }
+        self.at = u64::MAX;
+        Step::End
+    }
+
+    /// No record, or one that leads nowhere: on to the next chunk that the summary names.
+    fn lost(&mut self, expected: &str, found: &str) -> io::Result<Step> {
+        let next = self.next_chunk()?;
+        Ok(self.go_on_at(next, DamageKind::BadRecord, expected, found))
+    }
+
+    fn go_on_at(&mut self, next: Option<u64>, kind: DamageKind, expected: &str, found: &str) -> Step {
+        let end = self.window.end();
+        self.catalog.damage(kind, self.at, expected, found, next.unwrap_or(end) - self.at);
+        self.at = next.unwrap_or(u64::MAX);
+        Step::GoOn
+    }
+
+    /// The next chunk that the summary names and that is there.
+    fn next_chunk(&mut self) -> io::Result<Option<u64>> {
+        let from = self.chunks_at.partition_point(|at| *at <= self.at);
+        for place in from..self.chunks_at.len() {
+            let at = self.chunks_at[place];
+            if matches!(record_at(&mut self.window, at)?, Found::Record(r) if r.op == OP_CHUNK) {
+                return Ok(Some(at));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The end of the data; what comes behind is summary, and the magic last.
+    fn finish(&mut self) -> io::Result<Step> {
+        let end = self.window.end();
+        let last = self.window.get(end.saturating_sub(MAGIC.len() as u64), MAGIC.len())?;
+        if last != MAGIC {
+            let found = excerpt(last);
+            self.catalog.damage(DamageKind::BadIndex, end, "the magic bytes at the end", found, 0);
+        }
+        self.at = u64::MAX;
+        Ok(Step::End)
+    }
+
+    fn look_at_summary(&mut self) -> io::Result<()> {
+        let end = self.window.end();
+        let footer_at = end.saturating_sub(MAGIC.len() as u64 + 20 + record::HEAD_BYTES);
+        let footer = match record_at(&mut self.window, footer_at)? {
+            Found::Record(Record { op: OP_FOOTER, length: 20, .. }) => self.window.get(footer_at + 9, 20)?,
+            _ => &[],
+        };
+        let (start, crc) = (u64_at(footer, 0).unwrap_or(0), u32_at(footer, 16).unwrap_or(0));
+        let is_there = start >= MAGIC.len() as u64 && start < footer_at;
+        self.catalog.report.note_index(is_there);
+        if !is_there {
+            return Ok(());
+        }
+        // the checksum covers the summary and the footer up to the checksum itself
+        let calculated = if crc == 0 { 0 } else { self.checksum(start, footer_at + 9 + 16)? };
+        if calculated != crc {
+            let (expected, found) = (format!("summary checksum {crc:08x}"), format!("{calculated:08x}"));
+            self.catalog.damage(DamageKind::BadIndex, start, expected, found, 0);
+            return Ok(());
+        }
+        self.read_summary(start, footer_at)
+    }
+
+    fn checksum(&mut self, start: u64, end: u64) -> io::Result<u32> {
+        let (mut hasher, mut at) = (crc32fast::Hasher::new(), start);
+        while at < end {
+            let piece = self.window.get(at, (end - at).min(1 << 16) as usize)?;
+            if piece.is_empty() {
+                break;
+            }
+            hasher.update(piece);
+            at += piece.len() as u64;
+        }
+        Ok(hasher.finalize())
+    }
+
+    fn read_summary(&mut self, start: u64, end: u64) -> io::Result<()> {
+        let mut at = start;
+        while at < end {
+            let record = match record_at(&mut self.window, at)? {
+                Found::Record(record) if record.end() <= end => record,
+                _ => {
+                    self.catalog.damage(DamageKind::BadIndex, at, "a record of the summary", "none", 0);
+                    break;
+                }
+            };
+            match record.op {
+                OP_SCHEMA | OP_CHANNEL => self.channels.take(&mut self.window, record, at, &mut self.catalog)?,
+                OP_CHUNK_INDEX => {
+                    self.chunks_at.extend(u64_at(self.window.get(record.body_at(), 24)?, 16));
+                }
+                _ => {}
+            }
+            at = record.end();
+        }
+        self.chunks_at.sort_unstable();
+        Ok(())
+    }
+}
+
+fn check_magic<R: Read + Seek>(mut window: Window<R>) -> Result<Window<R>, BagError> {
+    let first = window.get(0, MAGIC.len())?;
+    if first == MAGIC {
+        return Ok(window);
+    }
+    let found = excerpt(first);
+    Err(if first.starts_with(&MAGIC[..5]) {
+        BagError::Version { offset_bytes: 5, expected: "an MCAP file of version 0", found }
+    } else {
+        BagError::UnknownContainer { found }
+    })
+}
+
+/// The record at which a chunk stands, and the chunk as it is then; none at its end or where the way is lost.
+fn record_in_chunk(
+    bytes: &mut impl Bytes,
+    chunk: OpenChunk,
+    channels: &mut Channels,
+    catalog: &mut Catalog,
+) -> io::Result<(Step, Option<OpenChunk>)> {
+    if chunk.inside >= chunk.end {
+        return Ok((Step::GoOn, None));
+    }
+    let record = match record_at(bytes, chunk.inside)? {
+        Found::Record(r) if r.end() == chunk.end || (r.end() < chunk.end && follows(bytes, r.end())?) => r,
+        _ => {
+            if !chunk.torn {
+                let found = excerpt(bytes.get(chunk.inside, 9)?);
+                let expected = format!("a record {} bytes before the end of the chunk here", chunk.end - chunk.inside);
+                catalog.damage(DamageKind::BadRecord, chunk.at, expected, found, 0);
+            }
+            return Ok((Step::GoOn, None));
+        }
+    };
+    channels.take(bytes, record, chunk.at, catalog)?;
+    let offset_bytes = if chunk.in_memory { chunk.at } else { record.at };
+    let step = message(bytes, record, (offset_bytes, chunk.in_memory), channels, catalog)?;
+    Ok((step, Some(OpenChunk { inside: record.end(), ..chunk })))
+}
+
+/// A message, if the record is one and its channel is known.
+fn message(
+    bytes: &mut impl Bytes,
+    record: Record,
+    (offset_bytes, in_memory): (u64, bool),
+    channels: &Channels,
+    catalog: &mut Catalog,
+) -> io::Result<Step> {
+    if record.op != OP_MESSAGE {
+        return Ok(Step::GoOn);
+    }
+    let body = bytes.get(record.body_at(), record.length as usize)?;
+    let Some(head) = record::message_head(body) else {
+        let found = format!("{} bytes", record.length);
+        catalog.damage(DamageKind::BadRecord, offset_bytes, "a message's head", found, record.length);
+        return Ok(Step::GoOn);
+    };
+    let Some(id) = channels.connection(head.channel) else {
+        let found = format!("channel {}", head.channel);
+        let skipped = record.end() - record.at;
+        catalog.damage(DamageKind::UnknownConnection, offset_bytes, "a channel that is described", found, skipped);
+        return Ok(Step::GoOn);
+    };
+    let data_at = record.body_at() + record::MESSAGE_HEAD_BYTES;
+    let data_bytes = (record.length - record::MESSAGE_HEAD_BYTES) as usize;
+    Ok(Step::Message(Place { id, head, offset_bytes, data_at, data_bytes, in_memory }))
+}
