@@ -1,7 +1,7 @@
 //! What all files of one recording share: connections and the report.
 
 use crate::message::Connection;
-use crate::report::{Damage, DamageKind, ReadReport};
+use crate::report::{Damage, DamageKind, Place, ReadReport};
 use std::collections::BTreeMap;
 
 /// More connections than any recording has: what goes beyond is damage, so that it cannot fill the memory.
@@ -41,8 +41,19 @@ impl Catalog {
         found: impl Into<String>,
         skipped_bytes: u64,
     ) {
-        let describe =
-            || Damage { part: 0, offset_bytes, expected: expected.into(), found: found.into(), skipped_bytes };
+        self.damage_at(kind, Place::Byte(offset_bytes), expected, found, skipped_bytes);
+    }
+
+    /// The same, at any place.
+    pub(crate) fn damage_at(
+        &mut self,
+        kind: DamageKind,
+        place: Place,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+        skipped_bytes: u64,
+    ) {
+        let describe = || Damage { part: 0, place, expected: expected.into(), found: found.into(), skipped_bytes };
         self.report.damage(kind, describe, skipped_bytes);
     }
 }

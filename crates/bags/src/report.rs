@@ -92,13 +92,32 @@ impl fmt::Display for DamageKind {
     }
 }
 
+/// Where in a file something stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum Place {
+    /// At this byte.
+    Byte(u64),
+    /// In this row of a database's messages.
+    Row(i64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(offset) => write!(f, "byte {offset}"),
+            Self::Row(id) => write!(f, "row {id}"),
+        }
+    }
+}
+
 /// One place where a recording is damaged.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
     /// Which file of a split recording, from 0.
     pub part: usize,
-    /// Byte of the file; for a database the row, where it is known.
-    pub offset_bytes: u64,
+    /// Where it is.
+    pub place: Place,
     /// What should have stood there.
     pub expected: String,
     /// What stood there.
@@ -109,7 +128,7 @@ pub struct Damage {
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "byte {}: expected {}, found {}", self.offset_bytes, self.expected, self.found)?;
+        write!(f, "{}: expected {}, found {}", self.place, self.expected, self.found)?;
         if self.skipped_bytes > 0 {
             write!(f, "; {} bytes skipped", self.skipped_bytes)?;
         }

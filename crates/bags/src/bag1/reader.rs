@@ -26,6 +26,7 @@ pub struct Bag1Reader<R> {
     chunk: Option<OpenChunk>,
     memory: Memory,
     decoder: Decoder,
+    place: Option<Place>,
     index: Index,
     chunks_seen: u32,
     ids: Ids,
@@ -108,6 +109,7 @@ impl<R: Read + Seek> Bag1Reader<R> {
             chunk: None,
             memory: Memory::default(),
             decoder: Decoder::default(),
+            place: None,
             index: Index::default(),
             chunks_seen: 0,
             ids: Ids::default(),
@@ -127,6 +129,10 @@ impl<R: Read + Seek> Bag1Reader<R> {
         &self.catalog.report
     }
 
+    pub(crate) fn catalog_mut(&mut self) -> &mut Catalog {
+        &mut self.catalog
+    }
+
     pub(crate) fn into_catalog(self) -> Catalog {
         self.catalog
     }
@@ -137,18 +143,31 @@ impl<R: Read + Seek> Bag1Reader<R> {
     ///
     /// [`BagError::Io`] where the stream fails. Damage is no error: it is in the [`report`](Self::report).
     pub fn next_message(&mut self) -> Result<Option<RawMessage<'_>>, BagError> {
-        let place = loop {
+        if self.advance()? { self.lend() } else { Ok(None) }
+    }
+
+    /// Goes on to the next message, if there is one.
+    pub(crate) fn advance(&mut self) -> Result<bool, BagError> {
+        self.place = loop {
             let step = match self.chunk {
                 Some(chunk) => self.step_in_chunk(chunk)?,
                 None => self.step_in_file()?,
             };
             match step {
-                Step::Message(place) => break place,
+                Step::Message(place) => break Some(place),
                 Step::GoOn => {}
-                Step::End => return Ok(None),
+                Step::End => break None,
             }
         };
-        self.catalog.report.count(place.id, place.stamp, place.data_bytes);
+        if let Some(place) = self.place {
+            self.catalog.report.count(place.id, place.stamp, place.data_bytes);
+        }
+        Ok(self.place.is_some())
+    }
+
+    /// The message gone to last.
+    pub(crate) fn lend(&mut self) -> Result<Option<RawMessage<'_>>, BagError> {
+        let Some(place) = self.place else { return Ok(None) };
         let data = if place.in_memory {
             self.memory.get(place.data_at, place.data_bytes)?
         } else {

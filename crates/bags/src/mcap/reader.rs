@@ -24,6 +24,7 @@ pub struct McapReader<R> {
     chunk: Option<OpenChunk>,
     memory: Memory,
     decoder: Decoder,
+    place: Option<Place>,
     channels: Channels,
     /// Where chunks begin according to the summary, ascending.
     chunks_at: Vec<u64>,
@@ -92,6 +93,7 @@ impl<R: Read + Seek> McapReader<R> {
             chunk: None,
             memory: Memory::default(),
             decoder: Decoder::default(),
+            place: None,
             channels: Channels::default(),
             chunks_at: Vec::new(),
             catalog,
@@ -110,6 +112,10 @@ impl<R: Read + Seek> McapReader<R> {
         &self.catalog.report
     }
 
+    pub(crate) fn catalog_mut(&mut self) -> &mut Catalog {
+        &mut self.catalog
+    }
+
     pub(crate) fn into_catalog(self) -> Catalog {
         self.catalog
     }
@@ -120,18 +126,31 @@ impl<R: Read + Seek> McapReader<R> {
     ///
     /// [`BagError::Io`] where the stream fails. Damage is no error: it is in the [`report`](Self::report).
     pub fn next_message(&mut self) -> Result<Option<RawMessage<'_>>, BagError> {
-        let place = loop {
+        if self.advance()? { self.lend() } else { Ok(None) }
+    }
+
+    /// Goes on to the next message, if there is one.
+    pub(crate) fn advance(&mut self) -> Result<bool, BagError> {
+        self.place = loop {
             let step = match self.chunk {
                 Some(chunk) => self.step_in_chunk(chunk)?,
                 None => self.step_in_file()?,
             };
             match step {
-                Step::Message(place) => break place,
+                Step::Message(place) => break Some(place),
                 Step::GoOn => {}
-                Step::End => return Ok(None),
+                Step::End => break None,
             }
         };
-        self.catalog.report.count(place.id, place.head.log_stamp, place.data_bytes);
+        if let Some(place) = self.place {
+            self.catalog.report.count(place.id, place.head.log_stamp, place.data_bytes);
+        }
+        Ok(self.place.is_some())
+    }
+
+    /// The message gone to last.
+    pub(crate) fn lend(&mut self) -> Result<Option<RawMessage<'_>>, BagError> {
+        let Some(place) = self.place else { return Ok(None) };
         let data = if place.in_memory {
             self.memory.get(place.data_at, place.data_bytes)?
         } else {

@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""Messages of recordings as the official readers see them, as JSON on stdout.
+
+usage: check_bags.py READER PATH...     READER is rosbags (bags of ROS 1 and 2, as file or folder) or mcap
+
+For each path an object: "connections" with topic, type, md5sum and definition; "messages" in the reader's order, each
+[connection, stamp in ns, number of bytes, CRC-32]. Needs the wheels `rosbags` and `mcap` with `lz4` and `zstandard`.
+"""
+
+import json
+import sys
+import zlib
+from pathlib import Path
+
+
+def read_rosbags(path):
+    if path.suffix == ".bag":
+        from rosbags.rosbag1 import Reader
+    else:
+        from rosbags.rosbag2 import Reader
+    with Reader(path) as reader:
+        # several may share topic and type: told apart by the id in the file
+        order = {id(connection): place for place, connection in enumerate(reader.connections)}
+        connections = [
+            {"topic": c.topic, "type": c.msgtype, "md5sum": c.digest, "definition": c.msgdef.data}
+            for c in reader.connections
+        ]
+        messages = [[order[id(c)], stamp, len(data), zlib.crc32(data)] for c, stamp, data in reader.messages()]
+    return {"connections": connections, "messages": messages}
+
+
+def read_mcap(path):
+    from mcap.reader import make_reader
+
+    connections, places, messages = [], {}, []
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in places:
+                places[channel.id] = len(connections)
+                connections.append(
+                    {
+                        "topic": channel.topic,
+                        "type": schema.name if schema else "",
+                        "md5sum": "",
+                        "definition": schema.data.decode("utf-8", "replace") if schema else "",
+                    }
+                )
+            data = bytes(message.data)
+            messages.append([places[channel.id], message.log_time, len(data), zlib.crc32(data)])
+        counted = summary.statistics.message_count if summary and summary.statistics else None
+        profile = reader.get_header().profile
+    return {"connections": connections, "messages": messages, "counted": counted, "profile": profile}
+
+
+def main():
+    read = {"rosbags": read_rosbags, "mcap": read_mcap}[sys.argv[1]]
+    json.dump([read(Path(path)) for path in sys.argv[2:]], sys.stdout)
+
+
+if __name__ == "__main__":
+    main()
