@@ -101,6 +101,12 @@ impl Recording {
         self.part.as_mut().map_or(Ok(None), |part| part.reader.lend())
     }
 
+    /// Bytes of memory that buffers hold now: never more than a chunk or message, compressed and not.
+    #[must_use]
+    pub fn held_bytes(&self) -> usize {
+        self.part.as_ref().map_or(0, |part| part.reader.held_bytes())
+    }
+
     fn close(&mut self) {
         if let Some(part) = self.part.take() {
             self.catalog = part.reader.into_catalog();

@@ -87,6 +87,12 @@ impl<R: Read + Seek> BagReader<R> {
         each!(&self.inner, reader => reader.report())
     }
 
+    /// Bytes of memory that buffers hold now: never more than a chunk or message, compressed and not.
+    #[must_use]
+    pub fn held_bytes(&self) -> usize {
+        self.message.buffer.capacity() + each!(&self.inner, reader => reader.held_bytes())
+    }
+
     pub(crate) fn catalog_mut(&mut self) -> &mut Catalog {
         each!(&mut self.inner, reader => reader.catalog_mut())
     }

@@ -34,6 +34,11 @@ impl<R: Read + Seek> Window<R> {
         Ok(Self { reader, reader_at: 0, end, start: 0, filled: 0, buffer: Vec::new() })
     }
 
+    /// Bytes of memory held.
+    pub(crate) fn held_bytes(&self) -> usize {
+        self.buffer.capacity()
+    }
+
     fn refill(&mut self, offset: u64, n: usize) -> io::Result<()> {
         self.keep_from(offset);
         let wanted = (n as u64 + READ_AHEAD_BYTES).min(self.end - offset) as usize;

@@ -4,7 +4,7 @@ use super::MAGIC;
 use super::record::{
     self, Found, Header, OP_BAG, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, OP_MESSAGE, Record,
 };
-use super::record::{follows, record_at};
+use super::record::{behind_damaged, follows, record_at};
 use crate::catalog::Catalog;
 use crate::decode::{Codec, Decoder, Problem};
 use crate::error::BagError;
@@ -129,6 +129,11 @@ impl<R: Read + Seek> Bag1Reader<R> {
         &self.catalog.report
     }
 
+    /// Bytes of memory that buffers hold.
+    pub(crate) fn held_bytes(&self) -> usize {
+        self.window.held_bytes() + self.memory.buffer.capacity()
+    }
+
     pub(crate) fn catalog_mut(&mut self) -> &mut Catalog {
         &mut self.catalog
     }
@@ -223,12 +228,12 @@ impl<R: Read + Seek> Bag1Reader<R> {
     fn pass_index(&mut self, record: Record) -> io::Result<Step> {
         let entries = u64::from(record.header.count.unwrap_or(0)) * 12;
         let by_count = record.data_at().saturating_add(entries);
-        let length_is_right = follows(&mut self.window, record.end())?;
-        if length_is_right || by_count == record.end() || !follows(&mut self.window, by_count)? {
+        let by_length = record.end() == by_count || follows(&mut self.window, record.end())?;
+        if by_length || !follows(&mut self.window, by_count)? {
             if record.end() > self.window.end() {
                 return Ok(self.torn("a whole index record"));
             }
-            if !length_is_right {
+            if !by_length {
                 return self.lost("a record behind the index here", &format!("a length of {}", record.data_bytes));
             }
             self.at = record.end();
@@ -297,13 +302,7 @@ impl<R: Read + Seek> Bag1Reader<R> {
             _ => None,
         };
         let Some(record) = record else {
-            if rest > 0 && !chunk.torn {
-                let found = excerpt(self.memory.get(chunk.inside, 25)?);
-                let expected = format!("a record at byte {} of the chunk here", chunk.inside);
-                self.catalog.damage(DamageKind::BadRecord, chunk.at, expected, found, 0);
-            }
-            self.chunk = None;
-            return Ok(Step::GoOn);
+            return self.lost_in_chunk(chunk);
         };
         self.chunk = Some(OpenChunk { inside: record.end(), ..chunk });
         if record.header.op == OP_CONNECTION {
@@ -315,6 +314,18 @@ impl<R: Read + Seek> Bag1Reader<R> {
         })
     }
 
+    fn lost_in_chunk(&mut self, chunk: OpenChunk) -> io::Result<Step> {
+        let rest = self.memory.end() - chunk.inside;
+        let next = if rest == 0 { None } else { behind_damaged(&mut self.memory, chunk.inside)? };
+        self.chunk = next.map(|inside| OpenChunk { inside, ..chunk });
+        if rest > 0 && !chunk.torn {
+            let found = excerpt(self.memory.get(chunk.inside, 25)?);
+            let expected = format!("a record at byte {} of the chunk here", chunk.inside);
+            self.catalog.damage(DamageKind::BadRecord, chunk.at, expected, found, 0);
+        }
+        Ok(Step::GoOn)
+    }
+
     /// The file ends within a record: no more comes.
     fn torn(&mut self, expected: &str) -> Step {
         let rest = self.window.end() - self.at;
@@ -324,12 +335,17 @@ impl<R: Read + Seek> Bag1Reader<R> {
         Step::End
     }
 
-    /// No record, or one that leads nowhere: on to the end of this chunk, else to the next that the index names.
+    /// No record, or one that leads nowhere: on to where its lengths lead if that is a record, to the end of this chunk,
+    /// or to the next chunk that the index names.
     fn lost(&mut self, expected: &str, found: &str) -> io::Result<Step> {
         let chunk_end = self.plain_chunk_end;
         let to_chunk_end =
             chunk_end > self.at && chunk_end < self.window.end() && follows(&mut self.window, chunk_end)?;
-        let next = if to_chunk_end { Some(chunk_end) } else { self.next_chunk()? };
+        let next = match behind_damaged(&mut self.window, self.at)? {
+            Some(next) => Some(next),
+            None if to_chunk_end => Some(chunk_end),
+            None => self.next_chunk()?,
+        };
         let next = next.unwrap_or(self.window.end());
         self.catalog.damage(DamageKind::BadRecord, self.at, expected, found, next - self.at);
         self.at = next;

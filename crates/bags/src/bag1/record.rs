@@ -149,7 +149,36 @@ pub(crate) fn record_at(bytes: &mut impl Bytes, at: u64) -> io::Result<Found> {
     Ok(Found::Record(Record { at, header, header_bytes, data_bytes }))
 }
 
-/// Whether a record, or the end, follows at `at`: a length that was damaged rarely leads to one.
+/// Whether a record, or the end, follows at `at`: a length that was damaged rarely leads to one. A record that is itself
+/// damaged still shows by its lengths, which lead to a further one, or by how it begins.
 pub(crate) fn follows(bytes: &mut impl Bytes, at: u64) -> io::Result<bool> {
-    Ok(at == bytes.end() || (at < bytes.end() && !matches!(record_at(bytes, at)?, Found::Other(_))))
+    if at >= bytes.end() {
+        return Ok(at == bytes.end());
+    }
+    Ok(!matches!(record_at(bytes, at)?, Found::Other(_))
+        || behind_damaged(bytes, at)?.is_some()
+        || begins_like_record(bytes.get(at, 4 + FIRST_FIELD_BYTES)?))
+}
+
+/// The longest first field is a chunk's compression, or a position in the bag's header.
+const FIRST_FIELD_BYTES: usize = 32;
+
+fn begins_like_record(bytes: &[u8]) -> bool {
+    let Some(field) = bytes.get(8..) else { return false };
+    let length = u32_at(bytes, 4).unwrap_or(0) as usize;
+    let names: [&[u8]; 5] = [b"op=", b"conn=", b"time=", b"ver=", b"count="];
+    let others: [&[u8]; 4] = [b"compression=", b"size=", b"topic=", b"chunk_pos="];
+    length <= 256 && names.iter().chain(&others).any(|name| field.starts_with(name))
+}
+
+/// Where the lengths of a damaged record lead to, if that is a record.
+pub(crate) fn behind_damaged(bytes: &mut impl Bytes, at: u64) -> io::Result<Option<u64>> {
+    let Some(header_bytes) = u32_at(bytes.get(at, 4)?, 0).filter(|n| *n <= HEADER_BYTES_MAX) else {
+        return Ok(None);
+    };
+    let data_at = at + 8 + u64::from(header_bytes);
+    let Some(data_bytes) = u32_at(bytes.get(data_at - 4, 4)?, 0) else { return Ok(None) };
+    let next = data_at + u64::from(data_bytes);
+    let is_record = next < bytes.end() && matches!(record_at(bytes, next)?, Found::Record(_));
+    Ok((is_record || next == bytes.end()).then_some(next))
 }

@@ -23,6 +23,8 @@ pub enum Bag1Compression {
     None,
     /// lz4, readable by roslz4.
     Lz4,
+    /// bzip2: smaller and slower.
+    Bz2,
 }
 
 /// Seconds and nanoseconds.
@@ -49,6 +51,7 @@ type RosTime = (u32, u32);
 pub struct Bag1Writer<W> {
     writer: W,
     compression: Bag1Compression,
+    chunk_bytes: usize,
     /// Where the bag begins.
     start: u64,
     /// Written so far.
@@ -87,7 +90,13 @@ impl<W: Write + Seek> Bag1Writer<W> {
         writer.write_all(&bag_header(0, 0, 0))?;
         let at = (MAGIC.len() + BAG_HEADER_BYTES) as u64;
         let (connections, chunk, chunks) = (Vec::new(), OpenChunk::default(), Vec::new());
-        Ok(Self { writer, compression, start, at, connections, chunk, chunks })
+        Ok(Self { writer, compression, chunk_bytes: CHUNK_BYTES, start, at, connections, chunk, chunks })
+    }
+
+    /// Has chunks closed when they have grown to so many bytes, instead of 768 KiB.
+    #[must_use]
+    pub fn with_chunk_bytes(self, chunk_bytes: usize) -> Self {
+        Self { chunk_bytes, ..self }
     }
 
     /// A further connection and the id it gets. Its metadata must have `md5sum`; without a definition an empty one is
@@ -132,7 +141,7 @@ impl<W: Write + Seek> Bag1Writer<W> {
         );
         self.chunk.entries.entry(connection).or_default().push((time, place));
         self.chunk.times = Some(self.chunk.times.map_or((time, time), |(a, b)| (a.min(time), b.max(time))));
-        if self.chunk.content.len() >= CHUNK_BYTES { self.close_chunk() } else { Ok(()) }
+        if self.chunk.content.len() >= self.chunk_bytes { self.close_chunk() } else { Ok(()) }
     }
 
     fn close_chunk(&mut self) -> Result<(), BagError> {
@@ -142,6 +151,7 @@ impl<W: Write + Seek> Bag1Writer<W> {
         let (name, compressed) = match self.compression {
             Bag1Compression::None => ("none", None),
             Bag1Compression::Lz4 => ("lz4", Some(lz4(&content)?)),
+            Bag1Compression::Bz2 => ("bz2", Some(bz2(&content)?)),
         };
         let size = (content.len() as u32).to_le_bytes();
         let mut head = Vec::new();
@@ -282,6 +292,13 @@ fn put_chunk_info(out: &mut Vec<u8>, chunk: &ChunkInfo) {
     ];
     let counts = chunk.counts.iter().flat_map(|(connection, count)| [*connection, *count]);
     put_record(out, &fields, &counts.flat_map(u32::to_le_bytes).collect::<Vec<_>>());
+}
+
+fn bz2(content: &[u8]) -> io::Result<Vec<u8>> {
+    let mut encoder =
+        bzip2::write::BzEncoder::new(Vec::with_capacity(content.len() / 2), bzip2::Compression::default());
+    encoder.write_all(content)?;
+    encoder.finish()
 }
 
 /// As roslz4 demands it: independent blocks, a checksum of the whole and none of blocks.

@@ -1,7 +1,7 @@
 //! Messages out of an MCAP file.
 
 use super::MAGIC;
-use super::record::{self, Found, Record, follows, record_at};
+use super::record::{self, Found, Record, behind_damaged, follows, record_at};
 use super::record::{OP_CHANNEL, OP_CHUNK, OP_CHUNK_INDEX, OP_DATA_END, OP_FOOTER, OP_MESSAGE, OP_SCHEMA};
 use crate::catalog::Catalog;
 use crate::decode::{Codec, Decoder, Problem};
@@ -112,6 +112,11 @@ impl<R: Read + Seek> McapReader<R> {
         &self.catalog.report
     }
 
+    /// Bytes of memory that buffers hold.
+    pub(crate) fn held_bytes(&self) -> usize {
+        self.window.held_bytes() + self.memory.buffer.capacity()
+    }
+
     pub(crate) fn catalog_mut(&mut self) -> &mut Catalog {
         &mut self.catalog
     }
@@ -176,6 +181,12 @@ impl<R: Read + Seek> McapReader<R> {
             Found::Other(found) => return self.lost("a record", &found),
         };
         if record.op == OP_CHUNK {
+            return self.enter_chunk(record);
+        }
+        if self.chunks_at.binary_search(&record.at).is_ok() {
+            // the summary knows better, and the chunk's checksum will tell
+            let found = format!("a record of kind {}", record.op);
+            self.catalog.damage(DamageKind::BadRecord, self.at, "a chunk", found, 0);
             return self.enter_chunk(record);
         }
         if matches!(record.op, OP_DATA_END | OP_FOOTER) {
@@ -289,9 +300,13 @@ impl<R: Read + Seek> McapReader<R> {
         Step::End
     }
 
-    /// No record, or one that leads nowhere: on to the next chunk that the summary names.
+    /// No record, or one that leads nowhere: on to where its length leads if that is a record, else to the next chunk that
+    /// the summary names.
     fn lost(&mut self, expected: &str, found: &str) -> io::Result<Step> {
-        let next = self.next_chunk()?;
+        let next = match behind_damaged(&mut self.window, self.at)? {
+            Some(next) => Some(next),
+            None => self.next_chunk()?,
+        };
         Ok(self.go_on_at(next, DamageKind::BadRecord, expected, found))
     }
 

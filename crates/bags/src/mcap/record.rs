@@ -65,14 +65,21 @@ pub(crate) fn record_at(bytes: &mut impl Bytes, at: u64) -> io::Result<Found> {
     })
 }
 
-/// Whether a record, or the end, follows at `at`: a length that was damaged rarely leads to one.
+/// Whether a record, or the end, follows at `at`: a length that was damaged rarely leads to one. A record of which only the
+/// kind is damaged still shows by its length, which leads to a further one.
 pub(crate) fn follows(bytes: &mut impl Bytes, at: u64) -> io::Result<bool> {
-    let end = bytes.end();
-    Ok(match record_at(bytes, at)? {
-        _ if at >= end => at == end,
-        Found::Record(_) | Found::Torn => true,
-        Found::Other(_) => false,
-    })
+    if at >= bytes.end() {
+        return Ok(at == bytes.end());
+    }
+    Ok(!matches!(record_at(bytes, at)?, Found::Other(_)) || behind_damaged(bytes, at)?.is_some())
+}
+
+/// Where the length of a record of a damaged kind leads to, if that is a record.
+pub(crate) fn behind_damaged(bytes: &mut impl Bytes, at: u64) -> io::Result<Option<u64>> {
+    let length = u64_at(bytes.get(at, HEAD_BYTES as usize)?, 1).filter(|length| *length < RECORD_BYTES_MAX);
+    let Some(next) = length.map(|length| at + HEAD_BYTES + length) else { return Ok(None) };
+    let is_record = next < bytes.end() && matches!(record_at(bytes, next)?, Found::Record(_));
+    Ok(is_record.then_some(next))
 }
 
 /// A text with its length before it, and where it ends.

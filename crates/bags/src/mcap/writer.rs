@@ -7,6 +7,9 @@ use mcap::records::MessageHeader;
 use mcap::write::{WriteOptions, Writer};
 use std::io::{Seek, Write};
 
+/// A chunk is closed when it has grown to this.
+const CHUNK_BYTES: u64 = 1 << 20;
+
 /// How the chunks of an MCAP file are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
@@ -52,6 +55,15 @@ impl<W: Write + Seek> McapWriter<W> {
     ///
     /// [`BagError::Mcap`].
     pub fn new(writer: W, compression: McapCompression) -> Result<Self, BagError> {
+        Self::with_chunk_bytes(writer, compression, CHUNK_BYTES)
+    }
+
+    /// The same, with chunks closed when they have grown to so many bytes, instead of 1 MiB.
+    ///
+    /// # Errors
+    ///
+    /// [`BagError::Mcap`].
+    pub fn with_chunk_bytes(writer: W, compression: McapCompression, chunk_bytes: u64) -> Result<Self, BagError> {
         let compression = match compression {
             McapCompression::None => None,
             McapCompression::Zstd => Some(mcap::Compression::Zstd),
@@ -59,6 +71,7 @@ impl<W: Write + Seek> McapWriter<W> {
         let options = WriteOptions::new()
             .profile("ros2")
             .library(concat!("mapwright ", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(chunk_bytes))
             .compression(compression)
             .compression_threads(0);
         Ok(Self { writer: options.create(writer).map_err(error)?, sequences: Vec::new() })

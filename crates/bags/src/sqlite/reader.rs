@@ -110,6 +110,11 @@ impl SqliteReader {
         &self.catalog.report
     }
 
+    /// Bytes of memory that the message holds.
+    pub(crate) fn held_bytes(&self) -> usize {
+        self.data.capacity()
+    }
+
     pub(crate) fn catalog_mut(&mut self) -> &mut Catalog {
         &mut self.catalog
     }
