@@ -9,16 +9,43 @@ For each path an object: "connections" with topic, type, md5sum and definition; 
 
 import json
 import sys
+import tempfile
 import zlib
 from pathlib import Path
 
 
+def with_right_lengths(path, folder):
+    """A copy in which index records are as long as their count says; rosbags refuses those of an old recorder."""
+    bag, at = bytearray(path.read_bytes()), len(b"#ROSBAG V2.0\n")
+    while at + 8 <= len(bag):
+        header_end = at + 4 + int.from_bytes(bag[at : at + 4], "little")
+        header, length = bytes(bag[at + 4 : header_end]), int.from_bytes(bag[header_end : header_end + 4], "little")
+        if b"op=\x04" in header:
+            place = header.index(b"count=") + len(b"count=")
+            length = 12 * int.from_bytes(header[place : place + 4], "little")
+            bag[header_end : header_end + 4] = length.to_bytes(4, "little")
+        at = header_end + 4 + length
+    copy = Path(folder) / path.name
+    copy.write_bytes(bag)
+    return copy
+
+
 def read_rosbags(path):
-    if path.suffix == ".bag":
-        from rosbags.rosbag1 import Reader
-    else:
+    if path.suffix != ".bag":
         from rosbags.rosbag2 import Reader
-    with Reader(path) as reader:
+
+        return all_messages(Reader(path))
+    from rosbags.rosbag1 import Reader
+
+    try:
+        return all_messages(Reader(path))
+    except AssertionError:
+        with tempfile.TemporaryDirectory() as folder:
+            return all_messages(Reader(with_right_lengths(path, folder)))
+
+
+def all_messages(reader):
+    with reader:
         # several may share topic and type: told apart by the id in the file
         order = {id(connection): place for place, connection in enumerate(reader.connections)}
         connections = [
