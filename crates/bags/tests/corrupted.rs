@@ -199,3 +199,63 @@ fn mcap_files() {
         }
     }
 }
+
+/// Where in the file the data of each message end; data within one page stand there in one piece. The last such place
+/// counts: pages that were split keep what they held.
+#[cfg(feature = "sqlite")]
+fn data_ends(content: &[u8], made: &[Made]) -> Vec<usize> {
+    let find = |data: &[u8]| content.windows(data.len()).rposition(|window| window == data);
+    made.iter().map(|(_, _, data)| find(data).map_or(usize::MAX, |at| at + data.len())).collect()
+}
+
+#[cfg(feature = "sqlite")]
+#[test]
+fn databases() {
+    let folder = common::folder("corrupted_databases");
+    let (made, path) = (common::messages(60), folder.join("whole.db3"));
+    common::database(&path, &made, 4);
+    let (content, original) = (std::fs::read(&path).unwrap(), common::expected(&made, false));
+    let (ends, page) = (data_ends(&content, &made), 4096);
+    let (before, path, mut random) = (resident_bytes(), folder.join("harmed.db3"), Random(5));
+    let (mut refused, mut complete) = (0, 0);
+    for _ in 0..COPIES {
+        let (mut harmed, place) = (content.clone(), random.below(content.len()));
+        let is_cut = random.below(3) == 0;
+        if is_cut {
+            harmed.truncate(place);
+        } else {
+            for _ in 0..=random.below(3) {
+                let near = (place + random.below(16)).min(content.len() - 1);
+                harmed[near] ^= 1 + random.below(255) as u8;
+            }
+        }
+        std::fs::write(&path, &harmed).unwrap();
+        let context = format!("{} at {place} of {}", if is_cut { "cut" } else { "flip" }, content.len());
+        let Ok((seen, report, _)) = common::read_path(&path) else {
+            // without the pages that hold the schema and the list of topics nothing can be read
+            assert!(place < 7 * page, "refused: {context}");
+            refused += 1;
+            continue;
+        };
+        let lost = original.iter().filter(|message| !seen.contains(message)).count();
+        complete += usize::from(lost == 0);
+        if is_cut {
+            // pages before the cut are read, but for what only pages behind it say
+            assert!(seen.iter().all(|message| original.contains(message)), "{context}");
+            assert!(report.has_losses(), "{context}");
+            let before_cut = |place: usize| ends[place] <= harmed.len() / page * page;
+            let missing = (0..made.len()).filter(|p| before_cut(*p) && !seen.contains(&original[*p])).count();
+            assert!(missing == 0, "{context}: {missing} missing, {:?}", report.damages);
+        } else {
+            // a flip costs the messages of its page; undetected it may change one
+            let page_of = |at: usize| at.saturating_sub(1) / page;
+            let others = |p: &usize| page_of(ends[*p]).abs_diff(page_of(place)) > 1;
+            let missing = (0..made.len()).filter(others).filter(|p| !seen.contains(&original[*p])).count();
+            assert!(missing == 0 || report.has_losses() || place < 7 * page, "{context}: {missing} missing silently");
+        }
+    }
+    println!("databases: {refused} of {COPIES} refused, {complete} complete");
+    assert!(refused < COPIES / 4);
+    let grown = resident_bytes().saturating_sub(before);
+    assert!(grown < 128 << 20, "memory grew by {grown} bytes");
+}

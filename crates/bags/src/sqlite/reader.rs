@@ -32,6 +32,8 @@ pub struct SqliteReader {
     /// Connections by the topic's id in the database.
     topics: BTreeMap<i64, u32>,
     data: Vec<u8>,
+    /// The last bytes of a file that ends within a page.
+    torn_tail: Option<Vec<u8>>,
     catalog: Catalog,
 }
 
@@ -95,7 +97,17 @@ impl SqliteReader {
             by_row(&database)
         });
         let (pending, data) = (VecDeque::new(), Vec::new());
-        Ok(Self { database, order, pending, last: None, current: None, topics, data, catalog })
+        Ok(Self {
+            database,
+            order,
+            pending,
+            last: None,
+            current: None,
+            topics,
+            data,
+            torn_tail: head.torn_tail,
+            catalog,
+        })
     }
 
     /// All connections.
@@ -136,6 +148,11 @@ impl SqliteReader {
     pub(crate) fn advance(&mut self) -> bool {
         self.current = loop {
             let Some((row, found)) = self.next_row() else { break None };
+            if self.is_torn() {
+                let expected = "a row before the end of the file";
+                self.catalog.damage_at(DamageKind::Truncated, Place::Row(row), expected, "one across it", 0);
+                continue;
+            }
             if let Some(id) = self.topics.get(&found.topic) {
                 break Some((row, Stamp(found.timestamp), *id));
             }
@@ -155,6 +172,14 @@ impl SqliteReader {
         let connection = self.catalog.connections.get(id as usize)?;
         let offset_bytes = row.max(0) as u64;
         Some(RawMessage { connection, log_stamp, publish_stamp: None, offset_bytes, data: &self.data })
+    }
+
+    /// Whether the message is the one across the end of a torn file: SQLite has it go on with zeros.
+    fn is_torn(&self) -> bool {
+        let Some(tail) = &self.torn_tail else { return false };
+        let end = self.data.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+        let compared = end.min(tail.len());
+        end < self.data.len() && self.data[end - compared..end] == tail[tail.len() - compared..]
     }
 
     /// The next row that can be read.
@@ -245,12 +270,12 @@ fn open_database(path: &Path, head: &DatabaseHead) -> SqlResult<Database> {
     // a message is never larger than its file
     let limit = head.file_bytes.clamp(1 << 20, 1 << 30) as i32;
     database.set_limit(Limit::SQLITE_LIMIT_LENGTH, limit)?;
+    // first of all: only so are databases opened that were cut short
+    database.pragma_update(None, "writable_schema", true)?;
     database.pragma_update(None, "cache_size", -CACHE_KIB)?;
     database.pragma_update(None, "mmap_size", 0)?;
     database.pragma_update(None, "temp_store", 1)?;
     database.pragma_update(None, "trusted_schema", false)?;
-    // only so are databases opened that were cut short
-    database.pragma_update(None, "writable_schema", true)?;
     Ok(database)
 }
 
