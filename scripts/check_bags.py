@@ -2,6 +2,7 @@
 """Messages of recordings as the official readers see them, as JSON on stdout.
 
 usage: check_bags.py READER PATH...     READER is rosbags (bags of ROS 1 and 2, as file or folder) or mcap
+       check_bags.py write FOLDER       compressed bags by rosbags and mcap, each way they have, all with the same content
 
 For each path an object: "connections" with topic, type, md5sum and definition; "messages" in the reader's order, each
 [connection, stamp in ns, number of bytes, CRC-32]. Needs the wheels `rosbags` and `mcap` with `lz4` and `zstandard`.
@@ -81,7 +82,51 @@ def read_mcap(path):
     return {"connections": connections, "messages": messages, "counted": counted, "profile": profile}
 
 
+def made():
+    """Topic, stamp and data of made-up messages."""
+    for number in range(400):
+        data = b"\0\1\0\0" + number.to_bytes(4, "little") + bytes((number * k) % 251 for k in range(number * 3))
+        yield "/odd" if number % 2 else "/even", 1_600_000_000_000_000_000 + number * 1_000_000, data
+
+
+def write_all(folder):
+    from mcap.writer import CompressionType, Writer as McapWriter
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    name = "std_msgs/msg/String"
+    for label in ["LZ4", "BZ2"]:
+        writer = rosbag1.Writer(folder / f"{label}.bag")
+        writer.set_compression(getattr(rosbag1.Writer.CompressionFormat, label))
+        fill(writer, name, {"typestore": get_typestore(Stores.ROS1_NOETIC)})
+    for plugin in ["SQLITE3", "MCAP"]:
+        for mode in ["FILE", "MESSAGE"]:
+            path = folder / f"{plugin}_{mode}"
+            writer = rosbag2.Writer(path, version=9, storage_plugin=getattr(rosbag2.StoragePlugin, plugin))
+            compression = rosbag2.CompressionMode, rosbag2.CompressionFormat
+            writer.set_compression(getattr(compression[0], mode), compression[1].ZSTD)
+            fill(writer, name, {"typestore": get_typestore(Stores.ROS2_HUMBLE)})
+    for label in ["LZ4", "ZSTD", "NONE"]:
+        with (folder / f"{label}.mcap").open("wb") as stream:
+            writer = McapWriter(stream, chunk_size=20_000, compression=getattr(CompressionType, label))
+            writer.start("ros2")
+            schema = writer.register_schema(name, "ros2msg", b"string data")
+            ids = {topic: writer.register_channel(topic, "cdr", schema) for topic in ["/even", "/odd"]}
+            for topic, stamp, data in made():
+                writer.add_message(ids[topic], stamp, data, stamp)
+            writer.finish()
+
+
+def fill(writer, name, options):
+    with writer:
+        connections = {topic: writer.add_connection(topic, name, **options) for topic in ["/even", "/odd"]}
+        for topic, stamp, data in made():
+            writer.write(connections[topic], stamp, data)
+
+
 def main():
+    if sys.argv[1] == "write":
+        return write_all(Path(sys.argv[2]))
     read = {"rosbags": read_rosbags, "mcap": read_mcap}[sys.argv[1]]
     json.dump([read(Path(path)) for path in sys.argv[2:]], sys.stdout)
 

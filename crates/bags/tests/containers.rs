@@ -1,4 +1,5 @@
 //! What recordings look like in the field: without index, in parts, compressed in every way, irregular.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
 
 mod common;
 

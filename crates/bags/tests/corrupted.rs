@@ -1,5 +1,6 @@
 //! Cut and flipped recordings: 2,000 of each container. No panic, memory in bounds, everything before the damage as it
 //! was, and the damage reported with its place.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
 
 mod common;
 

@@ -1,6 +1,7 @@
 //! The same as the official readers in Python see, message by message: of the given bags, and of what the writers here
 //! write. `scripts/check_bags.py` asks them; Python with the wheels `rosbags` and `mcap` is `MAPWRIGHT_PYTHON`, or else
 //! `python3`.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
 
 mod common;
 
@@ -133,7 +134,7 @@ fn what_is_written_reads_the_same_with_the_official_readers() {
         let path = folder.join(name).with_extension("bag");
         std::fs::write(&path, common::bag1(&made, compression)).unwrap();
         let report = compare(&python, "rosbags", &path, false);
-        assert_eq!((report.messages, report.chunks.get(name).is_some()), (300, true));
+        assert_eq!((report.messages, report.chunks.contains_key(name)), (300, true));
     }
     for (name, compression) in [("none", McapCompression::None), ("zstd", McapCompression::Zstd)] {
         let path = folder.join(name).with_extension("mcap");
@@ -167,4 +168,43 @@ fn folder_with_metadata(folder: &Path, name: &str, file: &Path) -> std::path::Pa
     );
     std::fs::write(folder.join("metadata.yaml"), text).unwrap();
     folder
+}
+
+/// The messages that `check_bags.py write` makes up.
+fn made_in_python() -> Vec<Seen> {
+    let data = |number: u32| {
+        let mut data = vec![0, 1, 0, 0];
+        data.extend_from_slice(&number.to_le_bytes());
+        data.extend((0..number * 3).map(|k| ((number * k) % 251) as u8));
+        data
+    };
+    let seen = |number: u32| Seen {
+        topic: if number % 2 == 1 { "/odd" } else { "/even" }.to_owned(),
+        type_name: "std_msgs/msg/String".to_owned(),
+        stamp: 1_600_000_000_000_000_000 + i64::from(number) * 1_000_000,
+        length: data(number).len(),
+        crc: crc32fast::hash(&data(number)),
+    };
+    (0..400).map(seen).collect()
+}
+
+#[test]
+fn what_the_official_writers_compress_comes_back() {
+    let test = "what_the_official_writers_compress_comes_back";
+    let Some(python) = python(test) else { return };
+    let folder = common::folder("official");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/check_bags.py");
+    assert!(Command::new(&python).arg(script).arg("write").arg(&folder).status().unwrap().success());
+    let mut names: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    names.sort();
+    assert_eq!(names.len(), 9);
+    for path in names {
+        let (mut messages, report, connections) = common::read_path(&path).unwrap();
+        for message in &mut messages {
+            message.type_name = long_type(&message.type_name);
+        }
+        assert!(messages == made_in_python(), "{}: {}", path.display(), messages.len());
+        assert!(report.damages.is_empty(), "{}: {:?}", path.display(), report.damages);
+        assert!(connections.iter().all(|c| c.definition.is_some()) || report.container == Some(Container::Sqlite));
+    }
 }

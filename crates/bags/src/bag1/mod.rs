@@ -9,6 +9,8 @@
 //! as a whole, for nobody knows which of its bytes are right. One that is cut short by the end of the file is used up to
 //! there.
 
+mod connections;
+mod index;
 mod reader;
 mod record;
 mod writer;

@@ -1,18 +1,17 @@
 //! Messages out of a ROS 1 bag.
 
 use super::MAGIC;
-use super::record::{
-    self, Found, Header, OP_BAG, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, OP_MESSAGE, Record,
-};
+use super::connections::{Ids, take_connection};
+use super::index::Index;
+use super::record::{Found, OP_CHUNK, OP_CONNECTION, OP_INDEX, OP_MESSAGE, Record};
 use super::record::{behind_damaged, follows, record_at};
 use crate::catalog::Catalog;
 use crate::decode::{Codec, Decoder, Problem};
 use crate::error::BagError;
-use crate::message::{Connection, DefinitionFormat, Encoding, RawMessage};
+use crate::message::{Connection, RawMessage};
 use crate::report::{Container, DamageKind, ReadReport};
 use crate::window::{Bytes, Memory, Window, excerpt};
 use mapwright_geom::Stamp;
-use std::collections::BTreeMap;
 use std::io::{self, Read, Seek};
 
 /// Reads a ROS 1 bag from its first record to its last, in the order of the file.
@@ -42,21 +41,6 @@ struct OpenChunk {
     inside: u64,
     /// Whether it was cut short, so that its last record may be too.
     torn: bool,
-}
-
-/// What the bag's header and the index at its end say.
-#[derive(Debug, Default)]
-struct Index {
-    at: u64,
-    chunk_count: u32,
-    /// Where chunks begin, ascending.
-    chunks_at: Vec<u64>,
-}
-
-/// The numbers that connections have in the file.
-#[derive(Debug, Default)]
-struct Ids {
-    by_conn: BTreeMap<u32, u32>,
 }
 
 /// A message found, as numbers.
@@ -90,8 +74,9 @@ impl<R: Read + Seek> Bag1Reader<R> {
         match Window::new(reader).map_err(BagError::from).and_then(|window| check_magic(window)) {
             Ok(window) => {
                 let mut reader = Self::new(window, catalog);
-                match reader.look_at_index() {
-                    Ok(()) => Ok(reader),
+                let found = Index::find(&mut reader.window, reader.at, &mut reader.ids, &mut reader.catalog);
+                match found {
+                    Ok(index) => Ok(Self { index, ..reader }),
                     Err(error) => Err((error.into(), Box::new(reader.catalog))),
                 }
             }
@@ -286,7 +271,11 @@ impl<R: Read + Seek> Bag1Reader<R> {
 
     /// A chunk that cannot be used is passed over where a record follows it.
     fn pass_bad_chunk(&mut self, record: &Record, kind: DamageKind, expected: &str, found: String) -> io::Result<Step> {
-        let next = if follows(&mut self.window, record.end())? { Some(record.end()) } else { self.next_chunk()? };
+        let next = if follows(&mut self.window, record.end())? {
+            Some(record.end())
+        } else {
+            self.index.next_chunk(&mut self.window, self.at)?
+        };
         let next = next.unwrap_or(self.window.end());
         self.catalog.damage(kind, self.at, expected, found, next - self.at);
         self.at = next;
@@ -344,25 +333,12 @@ impl<R: Read + Seek> Bag1Reader<R> {
         let next = match behind_damaged(&mut self.window, self.at)? {
             Some(next) => Some(next),
             None if to_chunk_end => Some(chunk_end),
-            None => self.next_chunk()?,
+            None => self.index.next_chunk(&mut self.window, self.at)?,
         };
         let next = next.unwrap_or(self.window.end());
         self.catalog.damage(DamageKind::BadRecord, self.at, expected, found, next - self.at);
         self.at = next;
         Ok(Step::GoOn)
-    }
-
-    /// The next chunk that the index names and that is there.
-    fn next_chunk(&mut self) -> io::Result<Option<u64>> {
-        let from = self.index.chunks_at.partition_point(|at| *at <= self.at);
-        for place in from..self.index.chunks_at.len() {
-            let at = self.index.chunks_at[place];
-            let is_chunk = matches!(record_at(&mut self.window, at)?, Found::Record(r) if r.header.op == OP_CHUNK);
-            if is_chunk {
-                return Ok(Some(at));
-            }
-        }
-        Ok(None)
     }
 
     /// A file can also end between records.
@@ -376,37 +352,6 @@ impl<R: Read + Seek> Bag1Reader<R> {
             let (expected, found) = (format!("{} chunks", index.chunk_count), format!("{}", self.chunks_seen));
             self.catalog.damage(DamageKind::Truncated, end, expected, found, 0);
         }
-    }
-
-    fn look_at_index(&mut self) -> io::Result<()> {
-        let header = match record_at(&mut self.window, self.at)? {
-            Found::Record(Record { header: header @ Header { op: OP_BAG, .. }, .. }) => header,
-            _ => Header::default(),
-        };
-        self.index.at = header.index_at.unwrap_or(0);
-        self.index.chunk_count = header.chunk_count.unwrap_or(0);
-        let mut at = self.index.at;
-        let has_index = at > self.at && at < self.window.end();
-        self.catalog.report.note_index(has_index);
-        while has_index && at < self.window.end() {
-            let record = match record_at(&mut self.window, at)? {
-                Found::Record(record) if record.end() <= self.window.end() => record,
-                _ => {
-                    self.catalog.damage(DamageKind::BadIndex, at, "an index of connections and chunks", "others", 0);
-                    break;
-                }
-            };
-            match (record.header.op, record.header.chunk_at) {
-                (OP_CONNECTION, _) => {
-                    take_connection(&mut self.window, &record, at, &mut self.ids, &mut self.catalog)?;
-                }
-                (OP_CHUNK_INFO, Some(chunk_at)) => self.index.chunks_at.push(chunk_at),
-                _ => break,
-            }
-            at = record.end();
-        }
-        self.index.chunks_at.sort_unstable();
-        Ok(())
     }
 }
 
@@ -435,55 +380,4 @@ fn message(record: &Record, offset_bytes: u64, in_memory: bool, ids: &Ids, catal
     };
     let (data_at, data_bytes) = (record.data_at(), record.data_bytes as usize);
     Step::Message(Place { id: *id, stamp, offset_bytes, data_at, data_bytes, in_memory })
-}
-
-/// Takes in the description of a connection; the last one read counts.
-fn take_connection(
-    bytes: &mut impl Bytes,
-    record: &Record,
-    offset_bytes: u64,
-    ids: &mut Ids,
-    catalog: &mut Catalog,
-) -> io::Result<()> {
-    let Some(conn) = record.header.conn else { return Ok(()) };
-    let topic = topic(bytes.get(record.header_at(), record.header_bytes as usize)?);
-    let data = bytes.get(record.data_at(), record.data_bytes as usize)?;
-    let Some(connection) = topic.zip(connection_of(data)).map(|(topic, c)| Connection { topic, ..c }) else {
-        let skipped = record.end() - record.at;
-        let (expected, found) = ("a connection with topic and type", excerpt(data));
-        catalog.damage(DamageKind::BadRecord, offset_bytes, expected, found, skipped);
-        return Ok(());
-    };
-    let before = ids.by_conn.get(&conn).copied();
-    let Some(id) = catalog.add(connection) else {
-        catalog.damage(DamageKind::TooLarge, offset_bytes, "at most 65536 connections", "more", 0);
-        return Ok(());
-    };
-    if before.is_some_and(|before| before != id) {
-        let found = format!("connection {conn} described in two ways");
-        catalog.damage(DamageKind::ConflictingConnection, offset_bytes, "one description", found, 0);
-    }
-    ids.by_conn.insert(conn, id);
-    Ok(())
-}
-
-fn topic(header: &[u8]) -> Option<String> {
-    let topic = record::fields(header).flatten().find(|(name, _)| *name == b"topic");
-    topic.map(|(_, value)| String::from_utf8_lossy(value).into_owned())
-}
-
-/// The connection header that a publisher sends, without its topic, which may be one before remapping.
-fn connection_of(data: &[u8]) -> Option<Connection> {
-    let mut connection = Connection::new("", "", Encoding::Ros1);
-    for field in record::fields(data) {
-        let (name, value) = field?;
-        let (name, value) = (String::from_utf8_lossy(name), String::from_utf8_lossy(value));
-        match &*name {
-            "type" => connection.type_name = value.into_owned(),
-            "message_definition" => connection = connection.with_definition(DefinitionFormat::Ros1Msg, &value),
-            "topic" => {}
-            _ => connection = connection.with_metadata(&name, value),
-        }
-    }
-    (!connection.type_name.is_empty()).then_some(connection)
 }

@@ -10,6 +10,7 @@
 mod channels;
 mod reader;
 mod record;
+mod summary;
 mod writer;
 
 pub use reader::McapReader;

@@ -1,15 +1,15 @@
 //! Messages out of an MCAP file.
 
-use super::MAGIC;
 use super::record::{self, Found, Record, behind_damaged, follows, record_at};
-use super::record::{OP_CHANNEL, OP_CHUNK, OP_CHUNK_INDEX, OP_DATA_END, OP_FOOTER, OP_MESSAGE, OP_SCHEMA};
+use super::record::{OP_CHUNK, OP_DATA_END, OP_FOOTER, OP_MESSAGE};
+use super::{MAGIC, summary};
 use crate::catalog::Catalog;
 use crate::decode::{Codec, Decoder, Problem};
 use crate::error::BagError;
 use crate::mcap::channels::Channels;
 use crate::message::{Connection, RawMessage};
 use crate::report::{Container, DamageKind, ReadReport};
-use crate::window::{Bytes, Memory, Window, excerpt, u32_at, u64_at};
+use crate::window::{Bytes, Memory, Window, excerpt};
 use std::io::{self, Read, Seek};
 
 /// The fixed part of a chunk before the name of its compression, and that name at its longest.
@@ -75,8 +75,8 @@ impl<R: Read + Seek> McapReader<R> {
         match Window::new(reader).map_err(BagError::from).and_then(|window| check_magic(window)) {
             Ok(window) => {
                 let mut reader = Self::new(window, catalog);
-                match reader.look_at_summary() {
-                    Ok(()) => Ok(reader),
+                match summary::look(&mut reader.window, &mut reader.channels, &mut reader.catalog) {
+                    Ok(chunks_at) => Ok(Self { chunks_at, ..reader }),
                     Err(error) => Err((error.into(), Box::new(reader.catalog))),
                 }
             }
@@ -339,65 +339,6 @@ impl<R: Read + Seek> McapReader<R> {
         }
         self.at = u64::MAX;
         Ok(Step::End)
-    }
-
-    fn look_at_summary(&mut self) -> io::Result<()> {
-        let end = self.window.end();
-        let footer_at = end.saturating_sub(MAGIC.len() as u64 + 20 + record::HEAD_BYTES);
-        let footer = match record_at(&mut self.window, footer_at)? {
-            Found::Record(Record { op: OP_FOOTER, length: 20, .. }) => self.window.get(footer_at + 9, 20)?,
-            _ => &[],
-        };
-        let (start, crc) = (u64_at(footer, 0).unwrap_or(0), u32_at(footer, 16).unwrap_or(0));
-        let is_there = start >= MAGIC.len() as u64 && start < footer_at;
-        self.catalog.report.note_index(is_there);
-        if !is_there {
-            return Ok(());
-        }
-        // the checksum covers the summary and the footer up to the checksum itself
-        let calculated = if crc == 0 { 0 } else { self.checksum(start, footer_at + 9 + 16)? };
-        if calculated != crc {
-            let (expected, found) = (format!("summary checksum {crc:08x}"), format!("{calculated:08x}"));
-            self.catalog.damage(DamageKind::BadIndex, start, expected, found, 0);
-            return Ok(());
-        }
-        self.read_summary(start, footer_at)
-    }
-
-    fn checksum(&mut self, start: u64, end: u64) -> io::Result<u32> {
-        let (mut hasher, mut at) = (crc32fast::Hasher::new(), start);
-        while at < end {
-            let piece = self.window.get(at, (end - at).min(1 << 16) as usize)?;
-            if piece.is_empty() {
-                break;
-            }
-            hasher.update(piece);
-            at += piece.len() as u64;
-        }
-        Ok(hasher.finalize())
-    }
-
-    fn read_summary(&mut self, start: u64, end: u64) -> io::Result<()> {
-        let mut at = start;
-        while at < end {
-            let record = match record_at(&mut self.window, at)? {
-                Found::Record(record) if record.end() <= end => record,
-                _ => {
-                    self.catalog.damage(DamageKind::BadIndex, at, "a record of the summary", "none", 0);
-                    break;
-                }
-            };
-            match record.op {
-                OP_SCHEMA | OP_CHANNEL => self.channels.take(&mut self.window, record, at, &mut self.catalog)?,
-                OP_CHUNK_INDEX => {
-                    self.chunks_at.extend(u64_at(self.window.get(record.body_at(), 24)?, 16));
-                }
-                _ => {}
-            }
-            at = record.end();
-        }
-        self.chunks_at.sort_unstable();
-        Ok(())
     }
 }
 

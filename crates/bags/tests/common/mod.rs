@@ -1,5 +1,6 @@
 //! What the tests of this crate share: made-up recordings, and what is read from them.
 #![allow(dead_code)] // no test uses all of it
+#![allow(clippy::print_stdout)] // skipping is said
 
 use mapwright_bags::{
     Bag1Compression, Bag1Writer, BagError, BagReader, Connection, DefinitionFormat, Encoding, McapCompression,
@@ -46,8 +47,11 @@ pub(crate) fn seen(message: &RawMessage<'_>) -> Seen {
     }
 }
 
-/// All messages of a stream with their offsets, the report, and the most that buffers held.
-pub(crate) fn read(content: &[u8]) -> Result<(Vec<(Seen, u64)>, ReadReport, usize), BagError> {
+/// Messages with their offsets, the report, and the most that buffers held.
+pub(crate) type Read = (Vec<(Seen, u64)>, ReadReport, usize);
+
+/// All messages of a stream.
+pub(crate) fn read(content: &[u8]) -> Result<Read, BagError> {
     let mut reader = BagReader::open(Cursor::new(content))?;
     let mut messages = Vec::new();
     while let Some(message) = reader.next_message()? {
