@@ -1,5 +1,6 @@
 //! Chunks and messages decompressed, however they lie about their size.
 
+use crate::lz4;
 use crate::window::Memory;
 use lz4_flex::frame::FrameDecoder;
 use std::io::{self, Read};
@@ -99,6 +100,11 @@ impl Decoder {
             Codec::Zstd => self.zstd(compressed, declared, out),
         };
         let broken = |reason: String| Err(Problem::Broken { reason });
+        if done.is_err() && codec == Codec::Lz4 {
+            out.reach(declared.min(out.filled + compressed.len().saturating_mul(RATIO_USUAL)));
+            let end = out.buffer.len().min(declared);
+            out.filled = lz4::finish_cut(compressed, &mut out.buffer[..end], out.filled);
+        }
         match done {
             Err(error) => broken(error.to_string()),
             Ok(()) if out.filled < declared => broken(format!("{} bytes", out.filled)),
@@ -149,8 +155,7 @@ impl Decoder {
 fn room(out: &mut Memory, compressed: usize, declared: usize) -> &mut [u8] {
     if out.buffer.len() == out.filled {
         let likely = (out.filled * 2).max(compressed.saturating_mul(RATIO_USUAL)).max(1 << 16).min(declared);
-        out.buffer.reserve_exact(likely.saturating_sub(out.filled));
-        out.buffer.resize(likely.max(out.filled), 0);
+        out.reach(likely);
     }
     let end = out.buffer.len().min(declared);
     &mut out.buffer[out.filled..end]
@@ -180,10 +185,7 @@ fn read_all(
 
 fn copy(content: &[u8], declared: usize, out: &mut Memory) -> Result<(), Problem> {
     let n = content.len().min(declared);
-    if out.buffer.len() < n {
-        out.buffer.reserve_exact(n - out.buffer.len());
-        out.buffer.resize(n, 0);
-    }
+    out.reach(n);
     out.buffer[..n].copy_from_slice(&content[..n]);
     out.filled = n;
     if content.len() == declared { Ok(()) } else { Err(Problem::Broken { reason: format!("{} bytes", content.len()) }) }
@@ -199,8 +201,7 @@ mod tests {
     }
 
     fn lz4(content: &[u8]) -> Vec<u8> {
-        let info = lz4_flex::frame::FrameInfo::new().block_size(lz4_flex::frame::BlockSize::Max64KB);
-        let mut encoder = lz4_flex::frame::FrameEncoder::with_frame_info(info, Vec::new());
+        let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
         encoder.write_all(content).unwrap();
         encoder.finish().unwrap()
     }

@@ -33,6 +33,7 @@ mod contents;
 mod decode;
 mod error;
 mod folder;
+mod lz4;
 mod mcap;
 mod message;
 mod reader;

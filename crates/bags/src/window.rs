@@ -101,6 +101,16 @@ pub(crate) struct Memory {
     pub(crate) filled: usize,
 }
 
+impl Memory {
+    /// Makes room for so many bytes, and no more than that.
+    pub(crate) fn reach(&mut self, length: usize) {
+        if self.buffer.len() < length {
+            self.buffer.reserve_exact(length - self.buffer.len());
+            self.buffer.resize(length, 0);
+        }
+    }
+}
+
 impl Bytes for Memory {
     fn end(&self) -> u64 {
         self.filled as u64

@@ -10,6 +10,7 @@
 mod channels;
 mod reader;
 mod record;
+mod records;
 mod summary;
 mod writer;
 

@@ -1,7 +1,8 @@
 //! Messages out of an MCAP file.
 
 use super::record::{self, Found, Record, behind_damaged, follows, record_at};
-use super::record::{OP_CHUNK, OP_DATA_END, OP_FOOTER, OP_MESSAGE};
+use super::record::{OP_CHUNK, OP_DATA_END, OP_FOOTER};
+use super::records::{OpenChunk, Place, Step, message, record_in_chunk};
 use super::{MAGIC, summary};
 use crate::catalog::Catalog;
 use crate::decode::{Codec, Decoder, Problem};
@@ -29,36 +30,6 @@ pub struct McapReader<R> {
     /// Where chunks begin according to the summary, ascending.
     chunks_at: Vec<u64>,
     catalog: Catalog,
-}
-
-/// A chunk that is being read.
-#[derive(Debug, Clone, Copy)]
-struct OpenChunk {
-    /// Where it lies in the file.
-    at: u64,
-    in_memory: bool,
-    /// Where the next record is, in memory or in the file, and where the records end.
-    inside: u64,
-    end: u64,
-    /// Whether it was cut short, so that its last record may be too.
-    torn: bool,
-}
-
-/// A message found, as numbers.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    id: u32,
-    head: record::MessageHead,
-    offset_bytes: u64,
-    data_at: u64,
-    data_bytes: usize,
-    in_memory: bool,
-}
-
-enum Step {
-    Message(Place),
-    GoOn,
-    End,
 }
 
 impl<R: Read + Seek> McapReader<R> {
@@ -353,59 +324,4 @@ fn check_magic<R: Read + Seek>(mut window: Window<R>) -> Result<Window<R>, BagEr
     } else {
         BagError::UnknownContainer { found }
     })
-}
-
-/// The record at which a chunk stands, and the chunk as it is then; none at its end or where the way is lost.
-fn record_in_chunk(
-    bytes: &mut impl Bytes,
-    chunk: OpenChunk,
-    channels: &mut Channels,
-    catalog: &mut Catalog,
-) -> io::Result<(Step, Option<OpenChunk>)> {
-    if chunk.inside >= chunk.end {
-        return Ok((Step::GoOn, None));
-    }
-    let record = match record_at(bytes, chunk.inside)? {
-        Found::Record(r) if r.end() == chunk.end || (r.end() < chunk.end && follows(bytes, r.end())?) => r,
-        _ => {
-            if !chunk.torn {
-                let found = excerpt(bytes.get(chunk.inside, 9)?);
-                let expected = format!("a record {} bytes before the end of the chunk here", chunk.end - chunk.inside);
-                catalog.damage(DamageKind::BadRecord, chunk.at, expected, found, 0);
-            }
-            return Ok((Step::GoOn, None));
-        }
-    };
-    channels.take(bytes, record, chunk.at, catalog)?;
-    let offset_bytes = if chunk.in_memory { chunk.at } else { record.at };
-    let step = message(bytes, record, (offset_bytes, chunk.in_memory), channels, catalog)?;
-    Ok((step, Some(OpenChunk { inside: record.end(), ..chunk })))
-}
-
-/// A message, if the record is one and its channel is known.
-fn message(
-    bytes: &mut impl Bytes,
-    record: Record,
-    (offset_bytes, in_memory): (u64, bool),
-    channels: &Channels,
-    catalog: &mut Catalog,
-) -> io::Result<Step> {
-    if record.op != OP_MESSAGE {
-        return Ok(Step::GoOn);
-    }
-    let body = bytes.get(record.body_at(), record.length as usize)?;
-    let Some(head) = record::message_head(body) else {
-        let found = format!("{} bytes", record.length);
-        catalog.damage(DamageKind::BadRecord, offset_bytes, "a message's head", found, record.length);
-        return Ok(Step::GoOn);
-    };
-    let Some(id) = channels.connection(head.channel) else {
-        let found = format!("channel {}", head.channel);
-        let skipped = record.end() - record.at;
-        catalog.damage(DamageKind::UnknownConnection, offset_bytes, "a channel that is described", found, skipped);
-        return Ok(Step::GoOn);
-    };
-    let data_at = record.body_at() + record::MESSAGE_HEAD_BYTES;
-    let data_bytes = (record.length - record::MESSAGE_HEAD_BYTES) as usize;
-    Ok(Step::Message(Place { id, head, offset_bytes, data_at, data_bytes, in_memory }))
 }
