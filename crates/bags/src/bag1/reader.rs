@@ -14,6 +14,9 @@ use crate::window::{Bytes, Memory, Window, excerpt};
 use mapwright_geom::Stamp;
 use std::io::{self, Read, Seek};
 
+/// Enough of the next record to tell that it is one.
+const NEXT_BYTES: usize = 256;
+
 /// Reads a ROS 1 bag from its first record to its last, in the order of the file.
 #[derive(Debug)]
 pub struct Bag1Reader<R> {
@@ -191,6 +194,10 @@ impl<R: Read + Seek> Bag1Reader<R> {
         }
         if record.end() > end && self.plain_chunk_end <= self.at {
             return Ok(self.torn("a whole record"));
+        }
+        if record.header.op == OP_MESSAGE && record.end() <= end {
+            // in one go with what follows, or the window would go there and back
+            self.window.get(record.at, (record.end() - record.at) as usize + NEXT_BYTES)?;
         }
         if record.end() > end || !follows(&mut self.window, record.end())? {
             if record.end() > end && self.plain_chunk_end >= end {

@@ -1,7 +1,7 @@
 //! Messages out of an MCAP file.
 
 use super::record::{self, Found, Record, behind_damaged, follows, record_at};
-use super::record::{OP_CHUNK, OP_DATA_END, OP_FOOTER};
+use super::record::{OP_CHUNK, OP_DATA_END, OP_FOOTER, OP_MESSAGE};
 use super::records::{OpenChunk, Place, Step, message, record_in_chunk};
 use super::{MAGIC, summary};
 use crate::catalog::Catalog;
@@ -165,6 +165,10 @@ impl<R: Read + Seek> McapReader<R> {
         }
         if record.end() > end {
             return Ok(self.torn("a whole record"));
+        }
+        // in one go with the head of what follows, or the window would go there and back
+        if record.op == OP_MESSAGE {
+            self.window.get(record.at, (record.end() - record.at + record::HEAD_BYTES) as usize)?;
         }
         if !follows(&mut self.window, record.end())? {
             return self.lost("a record behind the one here", &format!("a length of {}", record.length));
