@@ -1,5 +1,5 @@
 //! Any bytes as a ROS 1 bag: no panic, no endless loop, no memory beyond what the bytes hold and unpack to.
-//! `cargo +nightly fuzz run bag1 -- -max_total_time=60`
+//! `ASAN_OPTIONS=detect_odr_violation=0 cargo +nightly fuzz run bag1 -- -max_total_time=60`
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
