@@ -5,6 +5,8 @@ use crate::error::RosError;
 use crate::schema::{Arity, Constant, Primitive};
 use std::collections::BTreeMap;
 
+const HEADER: &str = "std_msgs/Header";
+
 /// Messages by their name; the text before the first separator is `root`.
 pub(super) fn parse(root: &str, text: &str) -> Result<BTreeMap<String, Message>, RosError> {
     let mut messages = BTreeMap::new();
@@ -28,6 +30,10 @@ pub(super) fn parse(root: &str, text: &str) -> Result<BTreeMap<String, Message>,
     }
     keep(&mut messages, &name, message);
     messages.entry(root.to_owned()).or_default();
+    // bags of before 2010 define `Header` under this name
+    if let (false, Some(header)) = (messages.contains_key(HEADER), messages.get("roslib/Header").cloned()) {
+        messages.insert(HEADER.to_owned(), header);
+    }
     Ok(messages)
 }
 
@@ -109,7 +115,7 @@ fn full_name(package: &str, base: &str) -> String {
     if Primitive::from_name(base).is_some() || matches!(base, "string" | "wstring" | "time" | "duration") {
         base.to_owned()
     } else if base == "Header" {
-        "std_msgs/Header".to_owned()
+        HEADER.to_owned()
     } else if base.contains('/') {
         short_name(base)
     } else {
