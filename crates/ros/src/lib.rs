@@ -20,23 +20,35 @@
 
 pub mod builtin;
 mod channel;
+mod cloud;
+mod cloud_time;
 mod definition;
 mod encoder;
 mod error;
 mod field;
 mod fit;
+mod laser;
 pub mod messages;
+mod mounting;
+mod planar;
 pub mod schema;
 mod slice;
+mod tf;
+mod track;
 mod value;
 mod wire;
 
 pub use channel::{Channel, Decoder, DefinitionSource, encode, is_built_in};
+pub use cloud::{Cloud, CloudPoint};
+pub use cloud_time::{PointTime, TimeUnit};
 pub use definition::{Definition, DefinitionFormat, long_name, short_name};
 pub use encoder::Encoder;
 pub use error::RosError;
 pub use field::{Field, Fixed};
 pub use fit::{Fit, FitCheck};
+pub use mounting::Mounting;
+pub use planar::{PlanarSlice, SliceCounts};
 pub use slice::{Slice, SliceIter};
+pub use tf::{TransformBuffer, TransformCounts, TransformLimits};
 pub use value::{Numbers, Record, Value, decode_record};
 pub use wire::{Cursor, Encoding, Scalar};

@@ -39,9 +39,9 @@ pub(super) fn parse(root: &str, text: &str) -> Result<BTreeMap<String, Message>,
 
 /// A text may begin with a separator, and then nothing stands before it; the first definition of a type counts.
 fn keep(messages: &mut BTreeMap<String, Message>, name: &str, message: Message) {
-    let known = messages.get(name).is_some_and(|known| !known.fields.is_empty());
-    if !known && !(message.fields.is_empty() && messages.contains_key(name)) {
-        messages.insert(name.to_owned(), message);
+    let kept = messages.entry(name.to_owned()).or_default();
+    if kept.fields.is_empty() && kept.constants.is_empty() {
+        *kept = message;
     }
 }
 
