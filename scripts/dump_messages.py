@@ -1,7 +1,9 @@
 """Dumps every message of ROS bags with a checksum of all its fields, as the `rosbags` package (PyPI) reads them.
 
     python scripts/dump_messages.py OUT BAG...
+    python scripts/dump_messages.py --check OUT
 
+The second reads the messages of such a file itself and compares the checksums.
 The test `agreement` of crates/ros reads OUT and compares. OUT is a sequence of records, each a line and a body:
     C <type> <ros1|cdr> <ros1msg|ros2msg|none> <bytes> <topic>     then the definition
     M <bytes> <md5 of the canonical text>                           then the message; of the last C's channel
@@ -66,13 +68,19 @@ class Dump:
             body = text.encode()
             self.out.write(f"C {kind} {encoding} {form} {len(body)} {topic}\n".encode() + body + b"\n")
             self.last = channel
+        self.out.write(f"M {len(raw)} {self.canonical_digest(channel, raw)}\n".encode() + bytes(raw) + b"\n")
+        self.count += 1
+
+    def canonical_digest(self, channel, raw):
+        return hashlib.md5(self.canonical(channel, raw).encode()).hexdigest()
+
+    def canonical(self, channel, raw):
+        kind, encoding, form, text, _ = channel
         store = self.store(kind, form, text)
         read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
         lines = []
         message(store, kind, "", read(raw, kind), lines)
-        digest = hashlib.md5("\n".join(lines).encode()).hexdigest()
-        self.out.write(f"M {len(raw)} {digest}\n".encode() + bytes(raw) + b"\n")
-        self.count += 1
+        return "\n".join(lines)
 
     def store(self, kind, form, text):
         key = (kind, form, text)
@@ -151,7 +159,25 @@ def dump_bag(path, dump):
         reader.close()
 
 
+def check(path):
+    """Messages whose checksum is another, at most ten of them."""
+    data, dump, wrong, channel, at = path.read_bytes(), Dump(None), [], None, 0
+    while at < len(data):
+        end = data.index(b"\n", at)
+        words = data[at:end].decode().split(" ")
+        size = int(words[4 if words[0] == "C" else 1])
+        body = data[end + 1 : end + 1 + size]
+        at = end + size + 2
+        if words[0] == "C":
+            channel = (words[1], words[2], words[3], body.decode(), words[5])
+        elif dump.canonical_digest(channel, body) != words[2]:
+            wrong.append(f"{channel[0]} {channel[1]}: {body.hex()[:200]}\n{dump.canonical(channel, body)}")
+    return wrong[:10]
+
+
 def main():
+    if sys.argv[1] == "--check":
+        sys.exit("\n".join(check(Path(sys.argv[2]))) or None)
     with open(sys.argv[1], "wb") as out:
         dump = Dump(out)
         for bag in sys.argv[2:]:

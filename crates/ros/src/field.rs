@@ -188,7 +188,8 @@ impl<'a, T: Field<'a>> Field<'a> for Vec<T> {
     }
     fn read(cursor: &mut Cursor<'a>) -> Result<Self, RosError> {
         let count = cursor.count(T::MIN_BYTES)?;
-        let mut list = Vec::with_capacity(count);
+        // a wrong count must not allocate more than the message; the list grows as elements are found
+        let mut list = Vec::with_capacity(count.min(cursor.left_bytes() / size_of::<T>().max(1) + 1));
         for index in 0..count {
             list.push(T::read(cursor).map_err(|e| e.inside(&format!("[{index}]")))?);
         }

@@ -141,7 +141,7 @@ impl<'a> Dynamic<'_, 'a> {
             let (bytes, big_endian) = (self.cursor.numbers(primitive.size(), count)?, self.cursor.big_endian());
             return Ok(Value::Numbers(Numbers { primitive, bytes, big_endian }));
         }
-        let mut values = Vec::with_capacity(count.min(self.cursor.left_bytes() / ty.base.min_bytes().max(1)));
+        let mut values = Vec::with_capacity(count.min(self.cursor.left_bytes() / size_of::<Value<'_>>() + 1));
         for index in 0..count {
             values.push(self.one(&ty.base).map_err(|e| e.inside(&format!("[{index}]")))?);
         }

@@ -22,7 +22,7 @@ fn data(big: bool) -> Vec<u8> {
         };
         put(1, &f64::from(index).to_le_bytes());
         put(9, &(f32::from(index) + 0.5).to_le_bytes());
-        put(13, &(f32::from(index) * -1.0).to_le_bytes());
+        put(13, &(-f32::from(index)).to_le_bytes());
         put(17, &[7 + index as u8]);
         put(18, &(index + 300).to_le_bytes());
         put(20, &(u32::from(index) * 10_000_000).to_le_bytes());

@@ -1,7 +1,10 @@
 //! Messages of real bags, as `scripts/dump_messages.py` writes them, and their canonical text.
-#![allow(dead_code)] // not every test uses all of it
+#![allow(dead_code, clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "helpers of tests")]
+
+pub(crate) mod random;
 
 use mapwright_ros::{DefinitionFormat, Encoding, Record, Scalar, Value};
+use md5::{Digest, Md5};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -20,25 +23,28 @@ const BAGS: [&str; 9] = [
 ];
 
 /// What the script wrote.
-pub struct Dump(Vec<u8>);
+pub(crate) struct Dump(Vec<u8>);
+
+/// A message and its checksum.
+pub(crate) type Dumped<'d> = (&'d [u8], &'d str);
 
 /// A channel of the dump.
-pub struct DumpedChannel {
-    pub type_name: String,
-    pub encoding: Encoding,
-    pub topic: String,
+pub(crate) struct DumpedChannel {
+    pub(crate) type_name: String,
+    pub(crate) encoding: Encoding,
+    pub(crate) topic: String,
     format: Option<DefinitionFormat>,
     text: String,
 }
 
 impl DumpedChannel {
-    pub fn definition(&self) -> Option<(DefinitionFormat, &str)> {
+    pub(crate) fn definition(&self) -> Option<(DefinitionFormat, &str)> {
         self.format.map(|format| (format, self.text.as_str()))
     }
 }
 
 /// The dump of all bags; none, and a line that says why, where Python, the package or the data is not there.
-pub fn dump(test: &str) -> Option<Dump> {
+pub(crate) fn dump(test: &str) -> Option<Dump> {
     static PATH: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     match PATH.get_or_init(write_dump) {
         Ok(path) => Some(Dump(std::fs::read(path).unwrap())),
@@ -56,22 +62,34 @@ fn write_dump() -> Result<PathBuf, String> {
     if let Some(absent) = bags.iter().find(|bag| !bag.exists()) {
         return Err(format!("no data ({})", absent.display()));
     }
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("ros_messages.bin");
+    let mut script = script()?;
+    let run = script.arg(&out).args(&bags).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    Ok(out)
+}
+
+/// The script, or why it cannot run.
+pub(crate) fn script() -> Result<Command, String> {
     let python = std::env::var_os("MAPWRIGHT_PYTHON").unwrap_or_else(|| "python3".into());
     let has_rosbags = Command::new(&python).args(["-c", "import rosbags"]).output().is_ok_and(|o| o.status.success());
     if !has_rosbags {
         return Err(format!("{} has no package rosbags", python.display()));
     }
-    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("ros_messages.bin");
-    let script = root.join("scripts/dump_messages.py");
-    let run = Command::new(&python).arg(script).arg(&out).args(&bags).output().unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    Ok(out)
+    let mut command = Command::new(python);
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/dump_messages.py"));
+    Ok(command)
+}
+
+/// A checksum as the script writes it.
+pub(crate) fn digest(record: &Record<'_>) -> String {
+    digits(Md5::digest(canonical(record).as_bytes()).iter())
 }
 
 impl Dump {
     /// Each channel with its messages and their checksums, in the order of the file.
-    pub fn channels(&self) -> Vec<(DumpedChannel, Vec<(&[u8], &str)>)> {
-        let mut channels: Vec<(DumpedChannel, Vec<(&[u8], &str)>)> = Vec::new();
+    pub(crate) fn channels(&self) -> Vec<(DumpedChannel, Vec<Dumped<'_>>)> {
+        let mut channels: Vec<(DumpedChannel, Vec<Dumped<'_>>)> = Vec::new();
         let mut rest = self.0.as_slice();
         while !rest.is_empty() {
             let end = rest.iter().position(|byte| *byte == b'\n').unwrap();
@@ -99,7 +117,7 @@ fn channel(words: &[&str], text: &[u8]) -> DumpedChannel {
 }
 
 /// One line a field; see the script.
-pub fn canonical(record: &Record<'_>) -> String {
+pub(crate) fn canonical(record: &Record<'_>) -> String {
     let mut lines = Vec::new();
     fields(record, "", &mut lines);
     lines.join("\n")
