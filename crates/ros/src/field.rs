@@ -3,7 +3,7 @@
 use crate::encoder::Encoder;
 use crate::error::RosError;
 use crate::fit::FitCheck;
-use crate::schema::{Arity, Base, FieldType, Primitive};
+use crate::schema::{Arity, Base, FieldDef, FieldType, Primitive};
 use crate::slice::Slice;
 use crate::value::Value;
 use crate::wire::{Cursor, Scalar};
@@ -98,8 +98,13 @@ impl<'a> Field<'a> for Stamp {
     fn fit(ty: &FieldType, check: &mut FitCheck<'_>) -> Result<(), RosError> {
         let time = "builtin_interfaces/Time";
         let Base::Struct(kind) = &ty.base else { return Err(check.refuse(ty, time)) };
-        let same = ty.arity == Arity::One && kind.name == time && kind.fields.len() == 2;
-        if same { Ok(()) } else { Err(check.refuse(ty, time)) }
+        let is = |index: usize, name: &str, primitives: &[Primitive]| {
+            let of = |field: &FieldDef| primitives.iter().any(|p| field.ty == FieldType::one(Base::Number(*p)));
+            kind.fields.get(index).is_some_and(|field| field.name == name && of(field))
+        };
+        let parts = is(0, "sec", &[Primitive::I32, Primitive::U32]) && is(1, "nanosec", &[Primitive::U32]);
+        let same = ty.arity == Arity::One && kind.name == time && parts && kind.fields.len() == 2;
+        if same { Ok(()) } else { Err(check.refuse(ty, &format!("{time} of int32 sec and uint32 nanosec"))) }
     }
     fn read(cursor: &mut Cursor<'a>) -> Result<Self, RosError> {
         let sec = match cursor.encoding() {

@@ -1,9 +1,9 @@
-//! Laser scans as the mapper takes them.
+//! Laser scans and odometry as the mapper takes them.
 
 use crate::error::RosError;
-use crate::messages::{LaserScan, MultiEchoLaserScan};
-use crate::mounting::Mounting;
-use mapwright_sensor::{LaserModel, LaserScan as SensorScan};
+use crate::messages::{LaserScan, MultiEchoLaserScan, Odometry};
+use crate::mounting::{Mounting, planar};
+use mapwright_sensor::{LaserModel, LaserScan as SensorScan, Odometry as SensorOdometry};
 use std::sync::Arc;
 
 impl LaserScan<'_> {
@@ -65,6 +65,15 @@ impl MultiEchoLaserScan<'_> {
     }
 }
 
+impl Odometry<'_> {
+    /// The reading in the plane; none where the quaternion has no direction or the place is not finite.
+    #[must_use]
+    pub fn to_sensor(&self) -> Option<SensorOdometry> {
+        let odom_from_robot = self.pose.pose.to_pose3().filter(|pose| pose.is_finite())?;
+        Some(SensorOdometry { stamp: self.header.stamp, odom_from_robot: planar(&odom_from_robot) })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,5 +112,18 @@ mod tests {
         let first = scan.first_echoes();
         assert!(first[0] == 2.0 && first[1].is_nan());
         assert_eq!(scan.with_ranges(&first).ranges.len(), 2);
+    }
+
+    #[test]
+    fn odometry_is_seen_from_above_and_needs_a_direction() {
+        let mut odometry = Odometry { header: Header::new(Stamp(7), "odom"), ..Default::default() };
+        assert!(odometry.to_sensor().is_none());
+        odometry.pose.pose.orientation.z = 1.0;
+        odometry.pose.pose.position.x = 2.0;
+        let seen = odometry.to_sensor().unwrap();
+        assert_eq!(
+            (seen.stamp, seen.odom_from_robot),
+            (Stamp(7), mapwright_geom::Pose2::new(2.0, 0.0, std::f64::consts::PI))
+        );
     }
 }

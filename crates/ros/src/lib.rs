@@ -46,7 +46,7 @@ pub use encoder::Encoder;
 pub use error::RosError;
 pub use field::{Field, Fixed};
 pub use fit::{Fit, FitCheck};
-pub use mounting::Mounting;
+pub use mounting::{Mounting, planar};
 pub use planar::{PlanarSlice, SliceCounts};
 pub use slice::{Slice, SliceIter};
 pub use tf::{TransformBuffer, TransformCounts, TransformLimits};

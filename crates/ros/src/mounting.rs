@@ -28,16 +28,22 @@ impl Mounting {
     /// [`RosError::Tilted`] where the scan plane is tilted by more than `limit_deg`, or the pose is not finite.
     pub fn project(robot_from_laser: Pose3, limit_deg: f64) -> Result<Self, RosError> {
         let up = robot_from_laser.rotation * Vector3::z();
-        let forward = robot_from_laser.rotation * Vector3::x();
         let tilt_deg = up.x.hypot(up.y).atan2(up.z.abs()).to_degrees();
         let place = robot_from_laser.translation;
         // a NaN fails the comparison
         if !(tilt_deg <= limit_deg && robot_from_laser.is_finite()) {
             return Err(RosError::Tilted { tilt_deg, limit_deg });
         }
-        let robot_from_laser = Pose2::new(place.x, place.y, forward.y.atan2(forward.x));
-        Ok(Self { robot_from_laser, inverted: up.z < 0.0, height_m: place.z, tilt_deg })
+        let (inverted, height_m) = (up.z < 0.0, place.z);
+        Ok(Self { robot_from_laser: planar(&robot_from_laser), inverted, height_m, tilt_deg })
     }
+}
+
+/// A pose seen from above: height, roll and pitch are left out, the heading is that of the x axis.
+#[must_use]
+pub fn planar(pose: &Pose3) -> Pose2 {
+    let forward = pose.rotation * Vector3::x();
+    Pose2::new(pose.translation.x, pose.translation.y, forward.y.atan2(forward.x))
 }
 
 #[cfg(test)]

@@ -79,6 +79,11 @@ fn a_field_that_is_needed_is_missed_by_name() {
         "sensor_msgs/Imu in this file has field `header.stamp` as float64, expected builtin_interfaces/Time"
     );
     assert_eq!(
+        refusal::<Imu<'_>>("sensor_msgs/Imu", "int32 sec\n", "int64 sec\n"),
+        "sensor_msgs/Imu in this file has field `header.stamp` as builtin_interfaces/Time, expected builtin_interfaces/Time \
+         of int32 sec and uint32 nanosec"
+    );
+    assert_eq!(
         refusal::<LaserScan<'_>>(SCAN, "std_msgs/Header header", "std_msgs/Header[] header"),
         "sensor_msgs/LaserScan in this file has field `header` as std_msgs/Header[], expected std_msgs/Header"
     );

@@ -77,7 +77,8 @@ message! {
     data: &'a [u8],
 }
 
-/// How the `compressedDepth` transport packs a depth picture: `depth = a / (stored - b)` for floats, as it is otherwise.
+/// How the `compressedDepth` transport packs a depth picture: floats are `quant_a / (stored - quant_b)`, integers are
+/// stored as they are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthCompression<'a> {
     /// First parameter of the quantisation.
