@@ -130,7 +130,18 @@ impl<'a> Cloud<'a> {
         self.rows().map(|point| self.point(point))
     }
 
-    /// The places of the points, row by row; faster than [`Cloud::points`].
+    /// Calls a function with the place of each point, row by row; the fastest way to all of them.
+    pub fn for_each_position(&self, mut call: impl FnMut([f64; 3])) {
+        let plain = |axis: &Access| axis.primitive == Primitive::F32 && !axis.big_endian;
+        if !self.position.iter().all(plain) {
+            return self.positions().for_each(call);
+        }
+        let offsets = self.position.map(|axis| axis.offset);
+        let axis = |point: &[u8], offset: usize| f64::from(f32::decode(point.get(offset..).unwrap_or_default(), false));
+        self.rows().for_each(|point| call(offsets.map(|offset| axis(point, offset))));
+    }
+
+    /// The places of the points, row by row.
     pub fn positions(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
         self.rows().map(|point| self.position.map(|axis| axis.read(point)))
     }

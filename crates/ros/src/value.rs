@@ -125,8 +125,12 @@ impl<'a> Dynamic<'_, 'a> {
         if kind.fields.is_empty() && self.cursor.encoding() == Encoding::Cdr {
             self.cursor.scalar::<u8>()?; // IDL has no empty struct; ROS 2 puts a byte there
         }
-        let field = |field: &crate::schema::FieldDef| self.field(&field.ty).map_err(|e| e.inside(&field.name));
-        let values = kind.fields.iter().map(field).collect::<Result<_, _>>()?;
+        // a definition may have more fields than the message has bytes
+        let mut values = Vec::with_capacity(kind.fields.len().min(64));
+        for field in &kind.fields {
+            values.push(self.field(&field.ty).map_err(|e| e.inside(&field.name))?);
+        }
+        let values = values.into_boxed_slice();
         Ok(Record { kind: kind.clone(), values })
     }
 

@@ -70,6 +70,9 @@ fn points_are_found_in_any_layout_and_endianness() {
             }
             assert_eq!(points.points().count(), 6);
             assert_eq!(points.positions().nth(5), Some([5.0, 5.5, -5.0]));
+            let mut places = Vec::new();
+            points.for_each_position(|place| places.push(place));
+            assert!(places.into_iter().eq(points.positions()));
         }
     }
 }
@@ -100,4 +103,16 @@ fn a_cloud_that_contradicts_itself_is_refused() {
 fn an_empty_cloud_has_no_points() {
     let message = PointCloud2 { height: 0, width: 0, data: &[], row_step: 0, ..cloud(&[], false) };
     assert_eq!(Cloud::new(&message).unwrap().points().count(), 0);
+}
+
+#[test]
+fn plain_floats_are_read_like_any_others() {
+    let data = data(false);
+    let fields = vec![field("x", 9, 7), field("y", 13, 7), field("z", 9, 7)];
+    let message = PointCloud2 { fields, ..cloud(&data, false) };
+    let cloud = Cloud::new(&message).unwrap();
+    let mut places = Vec::new();
+    cloud.for_each_position(|place| places.push(place));
+    assert_eq!(places.len(), 6);
+    assert!(places.into_iter().eq(cloud.positions()));
 }
