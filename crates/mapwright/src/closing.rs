@@ -53,7 +53,7 @@ const REACH_CELLS: f64 = 300.0;
 /// 99.9 % quantile of chi-square with three degrees of freedom.
 const IMPROBABLE_CHI2: f64 = 16.3;
 /// Within such an uncertainty nothing else can be meant, metres.
-const SURE_M: f64 = 0.3;
+const SURE_M: f64 = 0.15;
 /// Two findings agree up to here: metres and radians.
 const AGREE_M: f64 = 0.2;
 const AGREE_RAD: f64 = 0.03;

@@ -50,6 +50,8 @@ struct Patch {
     /// Relative to where the search `round` started; none before the first one.
     searched: Option<Uncertainty>,
     round: u32,
+    /// The last search that ended with the robot near it.
+    near: u32,
     /// Its keyframes that may be drawn.
     views: Vec<u32>,
 }
@@ -193,7 +195,8 @@ impl Patches {
     }
 
     fn begin(&mut self, first: u32, at: [f64; 2]) -> u32 {
-        self.patches.push(Patch { first, at, live: true, searched: None, round: self.round, views: Vec::new() });
+        let (round, near, views) = (self.round, self.round, Vec::new());
+        self.patches.push(Patch { first, at, live: true, searched: None, round, near, views });
         self.whole.add_node(at);
         let patch = self.graph.add_node(at);
         self.buckets.entry(bucket(at)).or_default().push(patch);
@@ -241,15 +244,21 @@ impl Patches {
             let distance2 = distance2(patch.at, at);
             let near = distance2 <= REACH_M * REACH_M;
             if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m {
+                patch.near = self.round;
                 flips.push(Flip { patch: reached.node, live: true, distance2 });
             }
         }
-        self.each_live_within(at, REACH_M, |patch, distance2| {
-            let Patch { searched, round, .. } = self.patches[patch as usize];
-            if round != self.round || searched.is_some_and(|known| known.sigma_m(self.lever_m) > out_m) {
-                flips.push(Flip { patch, live: false, distance2 });
+        let mut near = Vec::new();
+        self.each_live_within(at, REACH_M, |patch, distance2| near.push((patch, distance2)));
+        for (number, distance2) in near {
+            let patch = &mut self.patches[number as usize];
+            // Who comes back to a place has to be as certain as to be let in.
+            let most_m = if patch.near + 1 >= self.round { out_m } else { in_m };
+            patch.near = self.round;
+            if patch.round != self.round || patch.searched.is_some_and(|known| known.sigma_m(self.lever_m) > most_m) {
+                flips.push(Flip { patch: number, live: false, distance2 });
             }
-        });
+        }
         flips.sort_by(|a, b| a.distance2.total_cmp(&b.distance2).then(a.patch.cmp(&b.patch)));
         flips
     }

@@ -31,9 +31,10 @@ fn the_start_of_a_short_loop_stays_and_that_of_a_long_one_leaves() {
         (60.0, 4, gate_m, true),
         (120.0, 4, gate_m, false),
         (60.0, 1, 2.0 * gate_m, true),
-        (120.0, 4, 2.0 * gate_m, true),
-        (300.0, 1, 2.0 * gate_m, false),
-        (400.0, 2, 2.0 * gate_m, false),
+        (120.0, 4, 2.0 * gate_m, false),
+        (120.0, 4, 5.0 * gate_m, true),
+        (300.0, 1, 5.0 * gate_m, false),
+        (400.0, 2, 5.0 * gate_m, false),
     ];
     let reports = in_parallel(cases.len(), |k| {
         let (length_m, seed, gate_m, _) = cases[k];

@@ -1,0 +1,227 @@
+//! Points of a point cloud, whatever its layout.
+
+use crate::cloud_time::PointTime;
+use crate::error::RosError;
+use crate::messages::{PointCloud2, PointField};
+use crate::schema::Primitive;
+use crate::wire::Scalar;
+
+/// One point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CloudPoint {
+    /// Where, metres in the sensor's frame; not finite for beams that brought nothing back.
+    pub position: [f64; 3],
+    /// How bright, in units of the device; zero where the cloud does not say.
+    pub intensity: f32,
+    /// Which of the laser's rings; zero where the cloud does not say.
+    pub ring: u32,
+    /// Seconds after the header's stamp; zero where the cloud does not say.
+    pub time_s: f64,
+}
+
+/// Where in a point a number is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Access {
+    offset: usize,
+    pub(crate) primitive: Primitive,
+    big_endian: bool,
+}
+
+impl Access {
+    /// The number; zero where the point is too short, which [`Cloud::new`] has checked.
+    #[inline]
+    pub(crate) fn read(self, point: &[u8]) -> f64 {
+        let bytes = point.get(self.offset..).unwrap_or_default();
+        let big = self.big_endian;
+        match self.primitive {
+            Primitive::F32 => f64::from(f32::decode(bytes, big)),
+            Primitive::F64 => f64::decode(bytes, big),
+            Primitive::U8 | Primitive::Bool => f64::from(u8::decode(bytes, big)),
+            Primitive::I8 => f64::from(i8::decode(bytes, big)),
+            Primitive::U16 => f64::from(u16::decode(bytes, big)),
+            Primitive::I16 => f64::from(i16::decode(bytes, big)),
+            Primitive::U32 => f64::from(u32::decode(bytes, big)),
+            Primitive::I32 => f64::from(i32::decode(bytes, big)),
+            Primitive::U64 | Primitive::I64 => 0.0, // no datatype of a cloud
+        }
+    }
+}
+
+/// Access to the points of a [`PointCloud2`], which are not copied.
+#[derive(Debug, Clone)]
+pub struct Cloud<'a> {
+    data: &'a [u8],
+    width: usize,
+    height: usize,
+    point_step: usize,
+    row_step: usize,
+    position: [Access; 3],
+    intensity: Option<Access>,
+    ring: Option<Access>,
+    time: Option<(Access, PointTime)>,
+}
+
+const INTENSITY: [&str; 3] = ["intensity", "intensities", "reflectivity"];
+const RING: [&str; 3] = ["ring", "channel", "line"];
+/// Of Ouster; Velodyne; Hesai, RoboSense and others; Livox.
+const TIME: [&str; 6] = ["t", "time", "timestamp", "offset_time", "time_offset", "time_stamp"];
+
+impl<'a> Cloud<'a> {
+    /// Finds the points of a message.
+    ///
+    /// # Errors
+    /// [`RosError::Cloud`] where there is no `x`, `y` or `z`, a field lies outside of its point, or the data is not as
+    /// long as width, height and steps say.
+    pub fn new(message: &PointCloud2<'a>) -> Result<Self, RosError> {
+        let (width, height) = (message.width as usize, message.height as usize);
+        let point_step = message.point_step as usize;
+        let row_step = check_size(message)?;
+        let find = |names: &[&str]| names.iter().find_map(|name| message.fields.iter().find(|f| f.name == *name));
+        let access = |field: &PointField<'_>| access(field, point_step, message.is_bigendian);
+        let position = |name: &str| match find(&[name]) {
+            Some(field) => access(field),
+            None => Err(missing(name, &message.fields)),
+        };
+        let mut cloud = Self {
+            data: message.data,
+            width,
+            height,
+            point_step,
+            row_step,
+            position: [position("x")?, position("y")?, position("z")?],
+            intensity: find(&INTENSITY).map(access).transpose()?,
+            ring: find(&RING).map(access).transpose()?,
+            time: None,
+        };
+        if let Some(field) = find(&TIME) {
+            let access = access(field)?;
+            let time = PointTime::of(&field.name, access, &cloud.sampled(), message.header.stamp);
+            cloud.time = time.map(|time| (access, time));
+        }
+        Ok(cloud)
+    }
+
+    /// How many points there are, those without a return included.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How times of points are given; none where they are not, or not plausibly.
+    #[must_use]
+    pub fn time(&self) -> Option<&PointTime> {
+        self.time.as_ref().map(|(_, time)| time)
+    }
+
+    /// Whether points say how bright they are, and of which ring.
+    #[must_use]
+    pub fn has_intensity_and_ring(&self) -> (bool, bool) {
+        (self.intensity.is_some(), self.ring.is_some())
+    }
+
+    /// The points, row by row.
+    pub fn points(&self) -> impl Iterator<Item = CloudPoint> + '_ {
+        self.rows().map(|point| self.point(point))
+    }
+
+    /// Calls a function with the place of each point, row by row; the fastest way to all of them.
+    pub fn for_each_position(&self, mut call: impl FnMut([f64; 3])) {
+        let plain = |axis: &Access| axis.primitive == Primitive::F32 && !axis.big_endian;
+        if !self.position.iter().all(plain) {
+            return self.positions().for_each(call);
+        }
+        let offsets = self.position.map(|axis| axis.offset);
+        let axis = |point: &[u8], offset: usize| f64::from(f32::decode(point.get(offset..).unwrap_or_default(), false));
+        self.rows().for_each(|point| call(offsets.map(|offset| axis(point, offset))));
+    }
+
+    /// The places of the points, row by row.
+    pub fn positions(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        self.rows().map(|point| self.position.map(|axis| axis.read(point)))
+    }
+
+    fn point(&self, point: &[u8]) -> CloudPoint {
+        CloudPoint {
+            position: self.position.map(|axis| axis.read(point)),
+            intensity: self.intensity.map_or(0.0, |access| access.read(point) as f32),
+            ring: self.ring.map_or(0, |access| access.read(point) as u32),
+            time_s: self.time.as_ref().map_or(0.0, |(access, time)| time.seconds(access.read(point))),
+        }
+    }
+
+    fn rows(&self) -> impl Iterator<Item = &'a [u8]> + '_ {
+        let row_bytes = self.width * self.point_step;
+        let row = move |row: usize| self.data.get(row * self.row_step..row * self.row_step + row_bytes);
+        let rows = if self.width == 0 { 0 } else { self.height };
+        (0..rows).filter_map(row).flat_map(|row| row.chunks_exact(self.point_step.max(1)))
+    }
+
+    /// Up to 256 points spread over the cloud, with the first and the last.
+    fn sampled(&self) -> Vec<&'a [u8]> {
+        let last = self.len().saturating_sub(1);
+        let place = |index: usize| {
+            let start = (index / self.width) * self.row_step + (index % self.width) * self.point_step;
+            self.data.get(start..start + self.point_step)
+        };
+        let count = self.len().min(256);
+        (0..count).filter_map(|k| place(k * last / count.saturating_sub(1).max(1))).collect()
+    }
+}
+
+/// The row step, once the data is found to be as long as it must be. Some drivers leave it zero or count points.
+fn check_size(message: &PointCloud2<'_>) -> Result<usize, RosError> {
+    let (width, height) = (message.width as usize, message.height as usize);
+    let row_bytes = width.saturating_mul(message.point_step as usize);
+    let given = message.row_step as usize;
+    let row_step = if height <= 1 || given < row_bytes { row_bytes } else { given };
+    let needed = if height == 0 { 0 } else { row_step.saturating_mul(height - 1).saturating_add(row_bytes) };
+    let no_step = message.point_step == 0 && width > 0 && height > 0;
+    if no_step || needed > message.data.len() {
+        return Err(RosError::Cloud {
+            what: "data".to_owned(),
+            expected: format!("{height} x {width} points of {} bytes ({needed} bytes)", message.point_step),
+            found: format!("{} bytes", message.data.len()),
+        });
+    }
+    Ok(row_step)
+}
+
+/// Datatypes of `sensor_msgs/PointField`.
+fn access(field: &PointField<'_>, point_step: usize, big_endian: bool) -> Result<Access, RosError> {
+    use Primitive::{F32, F64, I8, I16, I32, U8, U16, U32};
+    let refuse = |expected: &str, found: String| RosError::Cloud {
+        what: format!("field `{}`", field.name),
+        expected: expected.to_owned(),
+        found,
+    };
+    let types = [I8, U8, I16, U16, I32, U32, F32, F64];
+    let primitive = usize::from(field.datatype).checked_sub(1).and_then(|index| types.get(index).copied());
+    let primitive = primitive.ok_or_else(|| refuse("a datatype from 1 to 8", field.datatype.to_string()))?;
+    let offset = field.offset as usize;
+    let end = offset.saturating_add(primitive.size());
+    if end > point_step {
+        return Err(refuse(
+            &format!("a place within the {point_step} bytes of a point"),
+            format!("bytes {offset} to {end}"),
+        ));
+    }
+    Ok(Access { offset, primitive, big_endian })
+}
+
+fn missing(name: &str, fields: &[PointField<'_>]) -> RosError {
+    let names: Vec<_> = fields.iter().take(20).map(|field| &*field.name).collect();
+    RosError::Cloud {
+        what: "fields".to_owned(),
+        expected: format!("one named `{name}`"),
+        found: if names.is_empty() { "none".to_owned() } else { crate::error::excerpt(&names.join(", ")) },
+    }
+}
+
+#[cfg(test)]
+mod tests;
