@@ -142,6 +142,10 @@ const LAST_DAMPING: f64 = 1e15;
 const FAR_OFF: f64 = 0.5;
 /// Share of its promise that a step keeps where the quadratic model holds all the way.
 const KEPT_PROMISE: f64 = 0.9;
+/// Difference of a step's gain from one up to which the last factor serves for the next step as well.
+const EXACT: f64 = 0.01;
+/// What a step from the last factor may leave, in shares of what ends the search.
+const LEFT: f64 = 0.1;
 /// A promised decrease below this share of chi-square is rounding.
 const ROUNDING: f64 = 1e-12;
 /// Smallest entry of the damping's diagonal, relative to the largest: directions without information stay put.
@@ -155,12 +159,14 @@ pub(crate) struct Descent {
     growth: f64,
     /// What the last step promised, where it kept its promise.
     last_promise: Option<f64>,
+    /// Whether the last step found the quadratic model exact, so that its factor serves once more.
+    exact: bool,
     pub(crate) iterations: usize,
 }
 
 impl Descent {
     pub(crate) fn new(relative_decrease: f64) -> Self {
-        Self { relative_decrease, damping: 0.0, growth: 2.0, last_promise: None, iterations: 0 }
+        Self { relative_decrease, damping: 0.0, growth: 2.0, last_promise: None, exact: false, iterations: 0 }
     }
 
     /// Takes a first undamped step where chi-square falls nearly as much as that promises: then the start is so good that
@@ -178,7 +184,7 @@ impl Descent {
         normal.linearise(problem, poses, &weights);
         self.iterations += 1;
         let diagonal = vec![0.0; problem.variables * D];
-        let Some(tried) = attempt(problem, normal, poses, &diagonal, 0.0) else { return false };
+        let Some(tried) = attempt(problem, normal, poses, &diagonal, 0.0, None) else { return false };
         let fallen = problem.chi2(poses, &weights) - problem.chi2(&tried.poses, &weights);
         let holds = fallen > 0.0 && fallen >= KEPT_PROMISE * tried.promised;
         if holds {
@@ -204,7 +210,7 @@ impl Descent {
         let mut diagonal = Vec::new();
         let mut before_detour: Option<(Vec<P>, f64)> = None;
         let (mut moved, mut converged) = (true, false);
-        (self.damping, self.growth) = (0.0, 2.0);
+        (self.damping, self.growth, self.exact) = (0.0, 2.0, false);
         for _ in 0..max_iterations {
             if problem.variables == 0 || chi2 == 0.0 {
                 return true;
@@ -216,13 +222,15 @@ impl Descent {
             self.iterations += 1;
             let (best_chi2, detour) = (before_detour.as_ref().map_or(chi2, |(_, best)| *best), before_detour.is_some());
             let damping = self.damping;
-            let tried = attempt(problem, normal, poses, &diagonal, damping);
+            let nearby = std::mem::take(&mut self.exact).then_some(LEFT * self.relative_decrease * chi2);
+            let tried = attempt(problem, normal, poses, &diagonal, damping, nearby);
             let candidate_chi2 = tried.as_ref().map_or(f64::INFINITY, |tried| problem.chi2(&tried.poses, weights));
             match tried {
                 Some(tried) if candidate_chi2 < best_chi2 => {
                     let gain = (chi2 - candidate_chi2) / tried.promised;
                     let small = self.promise(tried.promised, gain) <= self.relative_decrease * chi2 && damping == 0.0;
                     converged = small || tried.promised <= ROUNDING * chi2;
+                    self.exact = damping == 0.0 && nearby.is_none() && (gain - 1.0).abs() <= EXACT;
                     self.accept(gain);
                     (*poses, chi2, moved) = (tried.poses, candidate_chi2, true);
                     before_detour = None;
@@ -287,18 +295,20 @@ struct Tried<P> {
     promised: f64,
 }
 
-/// Solves for a step; none where that fails.
+/// Solves for a step, with the last factor if all but `nearby` of chi-square can be had from that; none where that fails.
 fn attempt<P: PoseGroup<D>, const D: usize>(
     problem: &Problem<P, D>,
     normal: &mut Normal<'_, D>,
     poses: &[P],
     diagonal: &[f64],
     damping: f64,
+    nearby: Option<f64>,
 ) -> Option<Tried<P>> {
     let undamped = normal.system.diagonal();
     normal.system.set_diagonal(undamped.iter().zip(diagonal).map(|(d, floored)| d + damping * floored));
     let descent: Vec<f64> = normal.gradient.iter().map(|g| -g).collect();
-    let step = normal.system.solve(&descent);
+    let step = nearby.and_then(|left| normal.system.solve_nearby(&descent, left));
+    let step = step.or_else(|| normal.system.solve(&descent));
     normal.system.set_diagonal(undamped.into_iter());
     let step = step?;
     let promised = promised_decrease(&step, &descent, diagonal, damping);

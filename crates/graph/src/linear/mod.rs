@@ -4,6 +4,7 @@
 //! Systems", sections 4.2 to 4.8), those of equal pattern together, in blocks whose size the compiler knows. One thread,
 //! sums in a fixed order, products fused where that is written: the same bits on every machine.
 
+mod nearby;
 mod numeric;
 mod symbolic;
 
@@ -24,6 +25,7 @@ pub(crate) struct BlockSystem<'a, const B: usize> {
     pattern: &'a Pattern,
     values: Vec<Block<B>>,
     factor: Vec<f64>,
+    factorised: bool,
     work: Work,
 }
 
@@ -31,7 +33,8 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
     /// All zero.
     pub(crate) fn new(pattern: &'a Pattern) -> Self {
         let values = vec![[[0.0; B]; B]; pattern.rows.len()];
-        Self { pattern, values, factor: vec![0.0; pattern.factor_len::<B>()], work: Work::new::<B>(pattern) }
+        let factor = vec![0.0; pattern.factor_len::<B>()];
+        Self { pattern, values, factor, factorised: false, work: Work::new::<B>(pattern) }
     }
 
     /// Makes every block zero.
@@ -83,15 +86,25 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
             return None;
         }
         let solution = self.substitute(right_hand_sides);
-        let solved = |(b, x): (&[f64], &[f64])| is_solved(self.pattern, &self.values, b, x);
+        let solved = |(b, x): (&[f64], &[f64])| self.is_solved(b, x);
         right_hand_sides.chunks_exact(n).zip(solution.chunks_exact(n)).all(solved).then_some(solution)
+    }
+
+    /// Whether `A x = b` up to rounding.
+    fn is_solved(&self, b: &[f64], x: &[f64]) -> bool {
+        let mut residual = b.to_vec();
+        self.subtract_product(x, &mut residual);
+        // the largest entry of a positive definite matrix stands on its diagonal
+        let largest = self.diagonal().into_iter().fold(0.0, f64::max);
+        norm(&residual) <= BACKWARD_ERROR * (largest * norm(x) + norm(b))
     }
 
     /// Whether the matrix is positive definite.
     pub(crate) fn factorise(&mut self) -> bool {
-        let Self { pattern, values, factor, work } = self;
+        let Self { pattern, values, factor, work, .. } = self;
         // the same statements with the widest registers of the machine
-        pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work })
+        self.factorised = pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work });
+        self.factorised
     }
 
     /// What the last factor makes of right-hand sides that stand one after the other.
@@ -133,28 +146,6 @@ impl<const B: usize> BlockSystem<'_, B> {
         }
         covariance
     }
-}
-
-/// Whether `A x = b` up to rounding.
-fn is_solved<const B: usize>(pattern: &Pattern, values: &[Block<B>], b: &[f64], x: &[f64]) -> bool {
-    let (starts, rows) = (&pattern.starts, &pattern.rows);
-    let mut residual = b.to_vec();
-    let (rest, _) = residual.as_chunks_mut::<B>();
-    let (known, _) = x.as_chunks::<B>();
-    let mut largest = 0.0_f64;
-    for column in 0..known.len() {
-        let diagonal = &values[starts[column]];
-        largest = (0..B).fold(largest, |most, k| most.max(diagonal[k][k]));
-        let mut own = rest[column];
-        subtract_product(diagonal, &known[column], &mut own);
-        for at in starts[column] + 1..starts[column + 1] {
-            subtract_product(&values[at], &known[column], &mut rest[rows[at]]);
-            subtract_transposed_product(&values[at], &known[rows[at]], &mut own);
-        }
-        rest[column] = own;
-    }
-    // the largest entry of a positive definite matrix stands on its diagonal
-    norm(&residual) <= BACKWARD_ERROR * (largest * norm(x) + norm(b))
 }
 
 /// `target -= a x`.

@@ -59,8 +59,8 @@ impl<const B: usize> pulp::WithSimd for Factorisation<'_, B> {
         for run in 0..self.pattern.runs.len() {
             self.begin(run);
             for column in 0..self.pattern.runs[run].width {
-                self.subtract_earlier_runs(run, column);
-                self.subtract_earlier_columns(run, column);
+                self.subtract_earlier_runs::<S>(run, column);
+                self.subtract_earlier_columns::<S>(run, column);
                 if !self.finish(run, column) {
                     return false;
                 }
@@ -93,7 +93,7 @@ impl<const B: usize> Factorisation<'_, B> {
 
     /// Takes from a column what the runs to its left have in common with it.
     #[inline(always)]
-    fn subtract_earlier_runs(&mut self, at: usize, column: usize) {
+    fn subtract_earlier_runs<S: pulp::Simd>(&mut self, at: usize, column: usize) {
         let (pattern, run) = (self.pattern, &self.pattern.runs[at]);
         let length = run.height * B;
         let target = run.start::<B>(at) + column * B * length;
@@ -104,7 +104,7 @@ impl<const B: usize> Factorisation<'_, B> {
             let earlier = &pattern.runs[other];
             let rows = &pattern.rows_of(earlier)[done..];
             let (panel, high) = (&self.factor[earlier.start::<B>(other)..], earlier.height * B);
-            multiply::<B>(panel, high, done * B, earlier.width * B, &mut self.work.product);
+            multiply::<S, B>(panel, high, done * B, earlier.width * B, &mut self.work.product);
             for (place, &row) in rows.iter().enumerate() {
                 let corner = target + self.work.place_of_row[row] * B;
                 for c in 0..B {
@@ -119,13 +119,13 @@ impl<const B: usize> Factorisation<'_, B> {
 
     /// Takes from a column what the earlier ones of its run have in common with it.
     #[inline(always)]
-    fn subtract_earlier_columns(&mut self, at: usize, column: usize) {
+    fn subtract_earlier_columns<S: pulp::Simd>(&mut self, at: usize, column: usize) {
         let run = &self.pattern.runs[at];
         let (start, length, done) = (run.start::<B>(at), run.height * B, column * B);
         if column == 0 {
             return;
         }
-        multiply::<B>(&self.factor[start..], length, done, done, &mut self.work.product);
+        multiply::<S, B>(&self.factor[start..], length, done, done, &mut self.work.product);
         for c in 0..B {
             let target = &mut self.factor[start + (done + c) * length + done..][..length - done];
             subtract(target, &self.work.product[c * (length - done + CHUNK)..][..length - done]);
@@ -160,24 +160,60 @@ impl<const B: usize> Factorisation<'_, B> {
 /// `P[from..] P[from..from + B]^T` over the first columns of a panel `P` with columns of some length; columns of the product
 /// are longer by [`CHUNK`] than those of `P[from..]`.
 #[inline(always)]
-fn multiply<const B: usize>(panel: &[f64], length: usize, from: usize, columns: usize, product: &mut [f64]) {
-    let rows = length - from;
-    for first in (0..rows).step_by(CHUNK) {
-        let mut sums = [[0.0; CHUNK]; B];
-        for k in 0..columns {
-            let column = &panel[k * length + from..];
-            let (Some(right), Some(left)) = (column.first_chunk::<B>(), column[first..].first_chunk::<CHUNK>()) else {
-                break;
-            };
-            for c in 0..B {
-                for r in 0..CHUNK {
-                    sums[c][r] = left[r].mul_add(right[c], sums[c][r]);
-                }
+fn multiply<S: pulp::Simd, const B: usize>(
+    panel: &[f64],
+    length: usize,
+    from: usize,
+    columns: usize,
+    product: &mut [f64],
+) {
+    let (rows, mut first) = (length - from, 0);
+    if S::F64_LANES == 8 {
+        if B < 4 {
+            while first + 3 * CHUNK < rows {
+                multiply_rows::<B, 32>(panel, length, from, columns, first, product);
+                first += 4 * CHUNK;
             }
         }
-        for c in 0..B {
-            product[c * (rows + CHUNK) + first..][..CHUNK].copy_from_slice(&sums[c]);
+        while first + CHUNK < rows {
+            multiply_rows::<B, 16>(panel, length, from, columns, first, product);
+            first += 2 * CHUNK;
         }
+    } else if B < 4 {
+        while first + CHUNK < rows {
+            multiply_rows::<B, 16>(panel, length, from, columns, first, product);
+            first += 2 * CHUNK;
+        }
+    }
+    while first < rows {
+        multiply_rows::<B, CHUNK>(panel, length, from, columns, first, product);
+        first += CHUNK;
+    }
+}
+
+#[inline(always)]
+fn multiply_rows<const B: usize, const R: usize>(
+    panel: &[f64],
+    length: usize,
+    from: usize,
+    columns: usize,
+    first: usize,
+    product: &mut [f64],
+) {
+    let mut sums = [[0.0; R]; B];
+    for k in 0..columns {
+        let column = &panel[k * length + from..];
+        let (Some(right), Some(left)) = (column.first_chunk::<B>(), column[first..].first_chunk::<R>()) else {
+            break;
+        };
+        for c in 0..B {
+            for r in 0..R {
+                sums[c][r] = left[r].mul_add(right[c], sums[c][r]);
+            }
+        }
+    }
+    for c in 0..B {
+        product[c * (length - from + CHUNK) + first..][..R].copy_from_slice(&sums[c]);
     }
 }
 
@@ -199,8 +235,13 @@ impl<const B: usize> pulp::WithSimd for Substitution<'_, B> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(mut self, _: S) {
-        (0..self.pattern.runs.len()).for_each(|run| self.forwards(run));
-        (0..self.pattern.runs.len()).rev().for_each(|run| self.backwards(run));
+        // loops, as closures would be compiled without the wide registers
+        for run in 0..self.pattern.runs.len() {
+            self.forwards(run);
+        }
+        for run in (0..self.pattern.runs.len()).rev() {
+            self.backwards(run);
+        }
     }
 }
 
@@ -249,7 +290,9 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 4];
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
     for (a, b) in a.iter().zip(b) {
-        (0..4).for_each(|k| sums[k] += a[k] * b[k]);
+        for k in 0..4 {
+            sums[k] += a[k] * b[k];
+        }
     }
     let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
