@@ -6,10 +6,12 @@
 
 mod nearby;
 mod numeric;
+mod substitution;
 mod symbolic;
 
 use nalgebra::SMatrix;
-use numeric::{Factorisation, Substitution, Work, dot};
+use numeric::{Factorisation, Work};
+use substitution::{Substitution, dot};
 pub(crate) use symbolic::{Pattern, Slot, elimination_order};
 
 /// Largest residual of a solve that passes, relative to `|A| |x| + |b|` in the maximum norm.
@@ -43,23 +45,16 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
     }
 
     /// Adds the block (first, second) of a slot; its mirror image is understood.
+    #[inline(always)]
     pub(crate) fn add(&mut self, slot: Slot, block: &SMatrix<f64, B, B>) {
-        let target = &mut self.values[slot.at];
-        for c in 0..B {
-            for r in 0..B {
-                target[c][r] += if slot.transposed { block[(c, r)] } else { block[(r, c)] };
-            }
-        }
+        let block = if slot.transposed { block.transpose() } else { *block };
+        add_to(&mut self.values[slot.at], &block.data.0);
     }
 
     /// Adds a symmetric block on the diagonal.
+    #[inline(always)]
     pub(crate) fn add_diagonal(&mut self, variable: usize, block: &SMatrix<f64, B, B>) {
-        let target = &mut self.values[self.pattern.starts[variable]];
-        for c in 0..B {
-            for r in 0..B {
-                target[c][r] += block[(r, c)];
-            }
-        }
+        add_to(&mut self.values[self.pattern.starts[variable]], &block.data.0);
     }
 
     /// The diagonal's entries.
@@ -145,6 +140,15 @@ impl<const B: usize> BlockSystem<'_, B> {
             next = next.iter().filter_map(|&at| if at == run { pattern.parent(run) } else { Some(at) }).collect();
         }
         covariance
+    }
+}
+
+#[inline(always)]
+fn add_to<const B: usize>(target: &mut Block<B>, block: &Block<B>) {
+    for c in 0..B {
+        for r in 0..B {
+            target[c][r] += block[c][r];
+        }
     }
 }
 

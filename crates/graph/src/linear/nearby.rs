@@ -1,6 +1,6 @@
 //! Solutions with the factor of a matrix nearby: conjugate gradients (Hestenes, Stiefel 1952), preconditioned.
 
-use super::numeric::dot;
+use super::substitution::dot;
 use super::{Block, BlockSystem, Pattern, subtract_product, subtract_transposed_product};
 
 /// Steps at most; a new factor costs no more than some of them.
@@ -15,11 +15,12 @@ impl<const B: usize> BlockSystem<'_, B> {
         let mut rest = right_hand_side.to_vec();
         let (mut x, mut direction) = (vec![0.0; rest.len()], vec![0.0; rest.len()]);
         let mut last_error = f64::INFINITY;
-        for _ in 0..if self.factorised { MOST_STEPS } else { 0 } {
+        let most_steps = if self.factorised { MOST_STEPS } else { 0 };
+        for _ in 0..most_steps {
             let preconditioned = self.substitute(&rest);
             // as long as the factor's matrix is like this one
             let error = dot(&rest, &preconditioned);
-            if !(error <= HOPELESS * most_left) {
+            if error.is_nan() || error > HOPELESS * most_left {
                 return None;
             }
             direction.iter_mut().zip(&preconditioned).for_each(|(d, z)| *d = z + error / last_error * *d);

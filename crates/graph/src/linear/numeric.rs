@@ -1,5 +1,5 @@
-//! Cholesky factorisation of the panels, column of blocks by column of blocks from those to its left, and the solution of
-//! triangular systems with them. Panels are column-major, `height * B` by `width * B` numbers.
+//! Cholesky factorisation of the panels, column of blocks by column of blocks from those to its left. Panels are
+//! column-major, `height * B` by `width * B` numbers.
 
 use super::symbolic::{NONE, Pattern};
 use super::{Block, CHUNK};
@@ -54,7 +54,6 @@ impl<const B: usize> pulp::WithSimd for Factorisation<'_, B> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(mut self, _: S) -> bool {
-        self.factor.fill(0.0);
         self.work.first_run.fill(NONE);
         for run in 0..self.pattern.runs.len() {
             self.begin(run);
@@ -81,6 +80,7 @@ impl<const B: usize> Factorisation<'_, B> {
             self.work.place_of_row[row] = place;
         }
         let (start, length) = (run.start::<B>(at), run.height * B);
+        self.factor[start..][..run.width * B * length].fill(0.0);
         for column in 0..run.width {
             for block in pattern.starts[run.first + column]..pattern.starts[run.first + column + 1] {
                 let corner = start + column * B * length + pattern.places[block] * B;
@@ -108,8 +108,8 @@ impl<const B: usize> Factorisation<'_, B> {
             for (place, &row) in rows.iter().enumerate() {
                 let corner = target + self.work.place_of_row[row] * B;
                 for c in 0..B {
-                    let product = &self.work.product[c * (high - done * B + CHUNK) + place * B..][..B];
-                    subtract(&mut self.factor[corner + c * length..][..B], product);
+                    let product = &self.work.product[c * (high - done * B + CHUNK) + place * B..];
+                    subtract_block::<B>(&mut self.factor[corner + c * length..], product);
                 }
             }
             self.work.done[other] += 1;
@@ -168,20 +168,16 @@ fn multiply<S: pulp::Simd, const B: usize>(
     product: &mut [f64],
 ) {
     let (rows, mut first) = (length - from, 0);
-    if S::F64_LANES == 8 {
-        if B < 4 {
-            while first + 3 * CHUNK < rows {
-                multiply_rows::<B, 32>(panel, length, from, columns, first, product);
-                first += 4 * CHUNK;
-            }
+    // as many sums at once as registers hold; each is the same sum however many there are
+    if S::F64_LANES >= 8 && B < 4 {
+        while first + 3 * CHUNK < rows {
+            multiply_rows::<B, { 4 * CHUNK }>(panel, length, from, columns, first, product);
+            first += 4 * CHUNK;
         }
+    }
+    if S::F64_LANES >= 8 || B < 4 {
         while first + CHUNK < rows {
-            multiply_rows::<B, 16>(panel, length, from, columns, first, product);
-            first += 2 * CHUNK;
-        }
-    } else if B < 4 {
-        while first + CHUNK < rows {
-            multiply_rows::<B, 16>(panel, length, from, columns, first, product);
+            multiply_rows::<B, { 2 * CHUNK }>(panel, length, from, columns, first, product);
             first += 2 * CHUNK;
         }
     }
@@ -191,6 +187,7 @@ fn multiply<S: pulp::Simd, const B: usize>(
     }
 }
 
+/// Some rows of the product.
 #[inline(always)]
 fn multiply_rows<const B: usize, const R: usize>(
     panel: &[f64],
@@ -218,82 +215,15 @@ fn multiply_rows<const B: usize, const R: usize>(
 }
 
 #[inline(always)]
+fn subtract_block<const B: usize>(target: &mut [f64], product: &[f64]) {
+    if let (Some(target), Some(product)) = (target.first_chunk_mut::<B>(), product.first_chunk::<B>()) {
+        for r in 0..B {
+            target[r] -= product[r];
+        }
+    }
+}
+
+#[inline(always)]
 fn subtract(target: &mut [f64], product: &[f64]) {
     target.iter_mut().zip(product).for_each(|(t, p)| *t -= p);
-}
-
-/// `x := (L L^T)^-1 x`.
-pub(super) struct Substitution<'a, const B: usize> {
-    pub(super) pattern: &'a Pattern,
-    pub(super) factor: &'a [f64],
-    pub(super) temporary: &'a mut [f64],
-    pub(super) x: &'a mut [f64],
-}
-
-impl<const B: usize> pulp::WithSimd for Substitution<'_, B> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(mut self, _: S) {
-        // loops, as closures would be compiled without the wide registers
-        for run in 0..self.pattern.runs.len() {
-            self.forwards(run);
-        }
-        for run in (0..self.pattern.runs.len()).rev() {
-            self.backwards(run);
-        }
-    }
-}
-
-impl<const B: usize> Substitution<'_, B> {
-    #[inline(always)]
-    pub(super) fn forwards(&mut self, at: usize) {
-        let run = &self.pattern.runs[at];
-        let (length, own) = (run.height * B, run.width * B);
-        let panel = &self.factor[run.start::<B>(at)..][..own * length];
-        let x = &mut self.x[run.first * B..][..own];
-        let below = &mut self.temporary[..length - own];
-        below.fill(0.0);
-        for k in 0..own {
-            let column = &panel[k * length..(k + 1) * length];
-            x[k] /= column[k];
-            let known = x[k];
-            x[k + 1..].iter_mut().zip(&column[k + 1..own]).for_each(|(value, l)| *value -= known * l);
-            below.iter_mut().zip(&column[own..]).for_each(|(value, l)| *value += known * l);
-        }
-        for (place, &row) in self.pattern.rows_of(run)[run.width..].iter().enumerate() {
-            subtract(&mut self.x[row * B..][..B], &self.temporary[place * B..][..B]);
-        }
-    }
-
-    #[inline(always)]
-    fn backwards(&mut self, at: usize) {
-        let run = &self.pattern.runs[at];
-        let (length, own) = (run.height * B, run.width * B);
-        let panel = &self.factor[run.start::<B>(at)..][..own * length];
-        for (place, &row) in self.pattern.rows_of(run)[run.width..].iter().enumerate() {
-            self.temporary[place * B..][..B].copy_from_slice(&self.x[row * B..][..B]);
-        }
-        let below = &self.temporary[..length - own];
-        let x = &mut self.x[run.first * B..][..own];
-        for k in (0..own).rev() {
-            let column = &panel[k * length..(k + 1) * length];
-            x[k] -= dot(&column[own..], below) + dot(&column[k + 1..own], &x[k + 1..]);
-            x[k] /= column[k];
-        }
-    }
-}
-
-/// In four sums.
-#[inline(always)]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
-    for (a, b) in a.iter().zip(b) {
-        for k in 0..4 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
