@@ -11,7 +11,7 @@ mod symbolic;
 
 use nalgebra::SMatrix;
 use numeric::{Factorisation, Work};
-use substitution::{Substitution, dot};
+use substitution::{SecondHalf, Substitution, dot};
 pub(crate) use symbolic::{Pattern, Slot, elimination_order};
 
 /// Largest residual of a solve that passes, relative to `|A| |x| + |b|` in the maximum norm.
@@ -77,10 +77,13 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
         if n == 0 {
             return Some(Vec::new());
         }
-        if !self.factorise() {
+        let mut solution = right_hand_sides.to_vec();
+        if !self.factorise_with(&mut solution) {
             return None;
         }
-        let solution = self.substitute(right_hand_sides);
+        let Self { pattern, factor, work, .. } = self;
+        let whole = Substitution::<B> { pattern, factor, temporary: &mut work.product, x: &mut solution };
+        pulp::Arch::new().dispatch(SecondHalf(whole));
         let solved = |(b, x): (&[f64], &[f64])| self.is_solved(b, x);
         right_hand_sides.chunks_exact(n).zip(solution.chunks_exact(n)).all(solved).then_some(solution)
     }
@@ -96,20 +99,24 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
 
     /// Whether the matrix is positive definite.
     pub(crate) fn factorise(&mut self) -> bool {
+        self.factorise_with(&mut [])
+    }
+
+    /// The same, and multiplies right-hand sides by the factor's inverse.
+    fn factorise_with(&mut self, x: &mut [f64]) -> bool {
         let Self { pattern, values, factor, work, .. } = self;
         // the same statements with the widest registers of the machine
-        self.factorised = pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work });
+        self.factorised = pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work, x });
         self.factorised
     }
 
     /// What the last factor makes of right-hand sides that stand one after the other.
     pub(crate) fn substitute(&mut self, right_hand_sides: &[f64]) -> Vec<f64> {
         let Self { pattern, factor, work, .. } = self;
-        let mut solution = right_hand_sides.to_vec();
-        for x in solution.chunks_exact_mut((pattern.variables() * B).max(1)) {
-            pulp::Arch::new().dispatch(Substitution::<B> { pattern, factor, temporary: &mut work.product, x });
-        }
-        solution
+        let mut x = right_hand_sides.to_vec();
+        let temporary = &mut work.product;
+        pulp::Arch::new().dispatch(Substitution::<B> { pattern, factor, temporary, x: &mut x });
+        x
     }
 }
 
@@ -128,9 +135,8 @@ impl<const B: usize> BlockSystem<'_, B> {
         }
         let mut covariance = SMatrix::<f64, B, B>::zeros();
         while let Some(run) = next.iter().min().copied() {
-            for x in work.sparse.chunks_exact_mut(n) {
-                Substitution::<B> { pattern, factor, temporary: &mut work.product, x }.forwards(run);
-            }
+            let x = &mut work.sparse;
+            Substitution::<B> { pattern, factor, temporary: &mut work.product, x }.forwards(run);
             let own = pattern.runs[run].first * B..(pattern.runs[run].first + pattern.runs[run].width) * B;
             for c in 0..B {
                 let column = &work.sparse[c * n..][own.clone()];

@@ -1,6 +1,7 @@
 //! Cholesky factorisation of the panels, column of blocks by column of blocks from those to its left. Panels are
 //! column-major, `height * B` by `width * B` numbers.
 
+use super::substitution::Substitution;
 use super::symbolic::{NONE, Pattern};
 use super::{Block, CHUNK};
 
@@ -41,12 +42,13 @@ impl Work {
     }
 }
 
-/// `A = L L^T`; false where the matrix is not positive definite.
+/// `A = L L^T` and `x := L^-1 x`, each panel as soon as it is made; false where the matrix is not positive definite.
 pub(super) struct Factorisation<'a, const B: usize> {
     pub(super) pattern: &'a Pattern,
     pub(super) values: &'a [Block<B>],
     pub(super) factor: &'a mut [f64],
     pub(super) work: &'a mut Work,
+    pub(super) x: &'a mut [f64],
 }
 
 impl<const B: usize> pulp::WithSimd for Factorisation<'_, B> {
@@ -66,6 +68,8 @@ impl<const B: usize> pulp::WithSimd for Factorisation<'_, B> {
             }
             self.work.done[run] = self.pattern.runs[run].width;
             self.work.enqueue(self.pattern, run);
+            let Self { pattern, factor, work, x, .. } = &mut self;
+            Substitution::<B> { pattern, factor, temporary: &mut work.product, x }.forwards(run);
         }
         true
     }

@@ -3,7 +3,7 @@
 use super::CHUNK;
 use super::symbolic::Pattern;
 
-/// `x := (L L^T)^-1 x`.
+/// `x := (L L^T)^-1 x` for right-hand sides that stand one after the other.
 pub(super) struct Substitution<'a, const B: usize> {
     pub(super) pattern: &'a Pattern,
     pub(super) factor: &'a [f64],
@@ -11,17 +11,29 @@ pub(super) struct Substitution<'a, const B: usize> {
     pub(super) x: &'a mut [f64],
 }
 
+/// `x := L^-T x`, its second half.
+pub(super) struct SecondHalf<'a, const B: usize>(pub(super) Substitution<'a, B>);
+
 impl<const B: usize> pulp::WithSimd for Substitution<'_, B> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(mut self, _: S) {
+    fn with_simd<S: pulp::Simd>(mut self, simd: S) {
         // loops, as closures would be compiled without the wide registers
         for run in 0..self.pattern.runs.len() {
             self.forwards(run);
         }
-        for run in (0..self.pattern.runs.len()).rev() {
-            self.backwards(run);
+        SecondHalf(self).with_simd(simd);
+    }
+}
+
+impl<const B: usize> pulp::WithSimd for SecondHalf<'_, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(mut self, _: S) {
+        for run in (0..self.0.pattern.runs.len()).rev() {
+            self.0.backwards(run);
         }
     }
 }
@@ -33,21 +45,23 @@ impl<const B: usize> Substitution<'_, B> {
         let (length, own) = (run.height * B, run.width * B);
         let panel = &self.factor[run.start::<B>(at)..];
         let known = &mut self.temporary[..length + CHUNK];
-        known[..own].copy_from_slice(&self.x[run.first * B..][..own]);
-        known[own..].fill(0.0);
-        if B % 2 == 0 {
-            for done in (0..own).step_by(2) {
-                forwards_columns::<2>(panel, length, done, known);
+        for x in self.x.chunks_exact_mut(self.pattern.variables() * B) {
+            known[..own].copy_from_slice(&x[run.first * B..][..own]);
+            known[own..].fill(0.0);
+            if B.is_multiple_of(2) {
+                for done in (0..own).step_by(2) {
+                    forwards_columns::<2>(panel, length, done, known);
+                }
+            } else {
+                for done in (0..own).step_by(B) {
+                    forwards_columns::<B>(panel, length, done, known);
+                }
             }
-        } else {
-            for done in (0..own).step_by(B) {
-                forwards_columns::<B>(panel, length, done, known);
-            }
-        }
-        self.x[run.first * B..][..own].copy_from_slice(&known[..own]);
-        for (place, &row) in self.pattern.rows_of(run).iter().enumerate().skip(run.width) {
-            for r in 0..B {
-                self.x[row * B + r] += known[place * B + r];
+            x[run.first * B..][..own].copy_from_slice(&known[..own]);
+            for (place, &row) in self.pattern.rows_of(run).iter().enumerate().skip(run.width) {
+                for r in 0..B {
+                    x[row * B + r] += known[place * B + r];
+                }
             }
         }
     }
@@ -59,19 +73,21 @@ impl<const B: usize> Substitution<'_, B> {
         let panel = &self.factor[run.start::<B>(at)..];
         let known = &mut self.temporary[..length + CHUNK];
         known[length..].fill(0.0);
-        for (place, &row) in self.pattern.rows_of(run).iter().enumerate() {
-            known[place * B..][..B].copy_from_slice(&self.x[row * B..][..B]);
-        }
-        if B % 2 == 0 {
-            for done in (0..own).step_by(2).rev() {
-                backwards_columns::<2>(panel, length, done, known);
+        for x in self.x.chunks_exact_mut(self.pattern.variables() * B) {
+            for (place, &row) in self.pattern.rows_of(run).iter().enumerate() {
+                known[place * B..][..B].copy_from_slice(&x[row * B..][..B]);
             }
-        } else {
-            for done in (0..own).step_by(B).rev() {
-                backwards_columns::<B>(panel, length, done, known);
+            if B.is_multiple_of(2) {
+                for done in (0..own).step_by(2).rev() {
+                    backwards_columns::<2>(panel, length, done, known);
+                }
+            } else {
+                for done in (0..own).step_by(B).rev() {
+                    backwards_columns::<B>(panel, length, done, known);
+                }
             }
+            x[run.first * B..][..own].copy_from_slice(&known[..own]);
         }
-        self.x[run.first * B..][..own].copy_from_slice(&known[..own]);
     }
 }
 
