@@ -226,6 +226,48 @@ mod tests {
         assert!((DVector::from_vec(x) - expected).norm() < 1e-10);
     }
 
+    /// A band of variables, ten of them coupled with each other as well.
+    fn banded<'a, const B: usize>(pattern: &'a Pattern, pairs: &[(usize, usize)]) -> BlockSystem<'a, B> {
+        let mut system = BlockSystem::<B>::new(pattern);
+        for variable in 0..40 {
+            system.add_diagonal(variable, &SMatrix::from_fn(|r, c| if r == c { 90.0 } else { 0.3 }));
+        }
+        for &(a, b) in pairs {
+            system.add(pattern.slot(a, b), &SMatrix::from_fn(|r, c| ((a + 3 * b) as f64 + (r * B + c) as f64).sin()));
+        }
+        system
+    }
+
+    fn registers_do_not_matter<const B: usize>() {
+        use pulp::WithSimd;
+        let clique = (30..40).flat_map(|a| (30..a).map(move |b| (a, b)));
+        let pairs: Vec<_> = (0..39).map(|v| (v, v + 1)).chain((0..34).map(|v| (v, v + 6))).chain(clique).collect();
+        let pattern = Pattern::new(40, &pairs).unwrap();
+        let right: Vec<f64> = (0..80 * B).map(|k| (k as f64).cos()).collect();
+        let widest = banded::<B>(&pattern, &pairs).solve(&right).unwrap();
+        let mut system = banded::<B>(&pattern, &pairs);
+        let mut x = right.clone();
+        let (values, factor, work) = (&system.values, &mut system.factor, &mut system.work);
+        let pattern = &pattern;
+        assert!(Factorisation { pattern, values, factor, work, x: &mut x }.with_simd(pulp::Scalar::new()));
+        let whole = Substitution::<B> { pattern, factor, temporary: &mut work.product, x: &mut x };
+        SecondHalf(whole).with_simd(pulp::Scalar::new());
+        let bits = |x: &[f64]| x.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&x), bits(&widest));
+        assert!(system.factorise());
+        assert_eq!(bits(&system.substitute(&right)), bits(&widest));
+        let again = system.solve_nearby(&right[..40 * B], 1e-2).unwrap();
+        assert!(again.iter().zip(&widest).all(|(a, b)| (a - b).abs() < 1e-10));
+    }
+
+    #[test]
+    fn solutions_have_the_same_bits_with_registers_of_any_width() {
+        registers_do_not_matter::<1>();
+        registers_do_not_matter::<2>();
+        registers_do_not_matter::<3>();
+        registers_do_not_matter::<6>();
+    }
+
     #[test]
     fn what_is_not_positive_definite_is_refused() {
         let pattern = Pattern::new(2, &[(0, 1)]).unwrap();
