@@ -27,7 +27,7 @@ pub struct SolverSettings {
     /// Whether the chordal relaxation's solution is started from where its chi-square is lower and a first step from the
     /// poses given does not keep its promise.
     pub chordal: bool,
-    /// Factorisations at most, for each stage of [`SolverSettings::robust`].
+    /// Steps at most, for each stage of [`SolverSettings::robust`].
     pub max_iterations: usize,
     /// The search ends with the step that promises to lower chi-square by less than this share.
     pub relative_decrease: f64,
@@ -48,7 +48,7 @@ pub struct Solution {
     pub chi2_before: f64,
     /// Chi-square at the end, each edge with its weight.
     pub chi2_after: f64,
-    /// Factorisations of the normal equations.
+    /// Steps tried, each a solution of the normal equations.
     pub iterations: usize,
     /// Whether the stop rule was met before the iterations were used up.
     pub converged: bool,
