@@ -62,6 +62,7 @@ pub(crate) fn graduate<P: PoseGroup<D>, const D: usize>(
             weights[at] = weight(problem.term_chi2(at, poses), threshold, control);
             undecided += usize::from(weights[at] > 0.0 && weights[at] < 1.0);
         }
+        descent.chi2 = problem.chi2(poses, weights);
         descent.run(problem, normal, poses, weights, gnc.iterations_per_stage);
         if undecided == 0 && control > 1.0 {
             break;

@@ -159,17 +159,21 @@ impl PoseGroup<6> for Pose3 {
     }
 
     fn coordinates_jacobian(self, metric: RotationError) -> SMatrix<f64, 6, 6> {
-        let turn = match metric {
-            RotationError::QuaternionVector => {
-                let (vector, real) = quaternion_parts(self);
-                skew(&vector) + Matrix3::from_diagonal_element(real)
-            }
-            RotationError::RotationVector => inverse_right_jacobian(&self.rotation.scaled_axis()),
-        };
-        let mut jacobian = SMatrix::<f64, 6, 6>::zeros();
-        jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(self.rotation.to_rotation_matrix().matrix());
-        jacobian.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
-        jacobian
+        jacobian_at(self, &self.coordinates(metric), metric)
+    }
+
+    /// As the definition, with one arc tangent.
+    #[inline]
+    fn linear_error_between(
+        self,
+        first: Self,
+        second: Self,
+        metric: RotationError,
+    ) -> (SVector<f64, 6>, SMatrix<f64, 6, 6>, SMatrix<f64, 6, 6>) {
+        let first_from_second = first.inverse() * second;
+        let error = self * first_from_second;
+        let coordinates = error.coordinates(metric);
+        (coordinates, jacobian_at(error, &coordinates, metric), first_from_second.inverse().adjoint())
     }
 
     fn parts(self) -> (Matrix3<f64>, Vector3<f64>) {
@@ -180,13 +184,7 @@ impl PoseGroup<6> for Pose3 {
         if !rotation.iter().chain(translation.iter()).all(|v| v.is_finite()) {
             return None;
         }
-        let svd = rotation.try_svd(true, true, 1e-12, 200)?;
-        let (u, v_t) = (svd.u?, svd.v_t?);
-        let sign = (u.determinant() * v_t.determinant()).signum();
-        let smallest = svd.singular_values.imin();
-        let mut signs = Vector3::repeat(1.0);
-        signs[smallest] = sign;
-        let nearest = u * Matrix3::from_diagonal(&signs) * v_t;
+        let nearest = polar_rotation(rotation).or_else(|| nearest_rotation(rotation))?;
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(nearest));
         Some(Self { translation, rotation }).filter(|pose| pose.is_finite())
     }
@@ -196,15 +194,64 @@ impl PoseGroup<6> for Pose3 {
     }
 }
 
-/// Derivative of the rotation vector by a right perturbation (Sola, Deray, Atchuthan 2018, eq. 144).
-fn inverse_right_jacobian(turn: &Vector3<f64>) -> Matrix3<f64> {
-    let angle2 = turn.norm_squared();
-    let k = if angle2 < 1e-6 {
-        1.0 / 12.0 + angle2 / 720.0
-    } else {
-        let half = 0.5 * angle2.sqrt();
-        (1.0 - half / half.tan()) / angle2
+/// Times that the polar iteration is repeated at most; what takes longer is nearly singular.
+const POLAR_STEPS: usize = 12;
+
+/// The orthogonal factor of a matrix with positive determinant, by Newton's iteration scaled with that (Higham 1986,
+/// "Computing the polar decomposition", section 3); none for others and nearly singular ones.
+fn polar_rotation(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let mut rotation = *matrix;
+    for _ in 0..POLAR_STEPS {
+        let (x, y, z) = (rotation.column(0), rotation.column(1), rotation.column(2));
+        let cofactors = Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)]);
+        let determinant = x.dot(&cofactors.column(0));
+        if determinant.is_nan() || determinant <= 1e-9 * rotation.norm().powi(3) {
+            return None;
+        }
+        let scale = determinant.cbrt().recip();
+        let next = rotation * (0.5 * scale) + cofactors * (0.5 / (scale * determinant));
+        let change = (next - rotation).norm_squared();
+        rotation = next;
+        // convergence is quadratic
+        if change < 1e-18 {
+            return Some(rotation);
+        }
+    }
+    None
+}
+
+/// The nearest rotation by singular values.
+fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let svd = matrix.try_svd(true, true, 1e-12, 200)?;
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let sign = (u.determinant() * v_t.determinant()).signum();
+    let smallest = svd.singular_values.imin();
+    let mut signs = Vector3::repeat(1.0);
+    signs[smallest] = sign;
+    Some(u * Matrix3::from_diagonal(&signs) * v_t)
+}
+
+/// Derivative of the coordinates, which are known, by a right perturbation.
+fn jacobian_at(pose: Pose3, coordinates: &SVector<f64, 6>, metric: RotationError) -> SMatrix<f64, 6, 6> {
+    let (vector, real) = quaternion_parts(pose);
+    let turn = match metric {
+        RotationError::QuaternionVector => skew(&vector) + Matrix3::from_diagonal_element(real),
+        RotationError::RotationVector => {
+            inverse_right_jacobian(&coordinates.fixed_rows::<3>(3).into_owned(), real / vector.norm())
+        }
     };
+    let mut jacobian = SMatrix::<f64, 6, 6>::zeros();
+    jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(pose.rotation.to_rotation_matrix().matrix());
+    jacobian.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
+    jacobian
+}
+
+/// Derivative of the rotation vector by a right perturbation (Sola, Deray, Atchuthan 2018, eq. 144), given the cotangent
+/// of half its angle.
+fn inverse_right_jacobian(turn: &Vector3<f64>, half_cotangent: f64) -> Matrix3<f64> {
+    let angle2 = turn.norm_squared();
+    let k =
+        if angle2 < 1e-6 { 1.0 / 12.0 + angle2 / 720.0 } else { (1.0 - 0.5 * angle2.sqrt() * half_cotangent) / angle2 };
     let cross = skew(turn);
     Matrix3::identity() + 0.5 * cross + k * cross * cross
 }

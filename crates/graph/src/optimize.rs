@@ -27,7 +27,7 @@ pub struct SolverSettings {
     /// Whether the chordal relaxation's solution is started from where its chi-square is lower and a first step from the
     /// poses given does not keep its promise.
     pub chordal: bool,
-    /// Factorisations at most, for each stage of [`SolverSettings::robust`].
+    /// Steps at most, for each stage of [`SolverSettings::robust`].
     pub max_iterations: usize,
     /// The search ends with the step that promises to lower chi-square by less than this share.
     pub relative_decrease: f64,
@@ -48,7 +48,7 @@ pub struct Solution {
     pub chi2_before: f64,
     /// Chi-square at the end, each edge with its weight.
     pub chi2_after: f64,
-    /// Factorisations of the normal equations.
+    /// Steps tried, each a solution of the normal equations.
     pub iterations: usize,
     /// Whether the stop rule was met before the iterations were used up.
     pub converged: bool,
@@ -84,15 +84,18 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
     let mut weights = vec![1.0; problem.terms.len()];
     let chi2_before = problem.chi2(&poses, &weights);
     let mut normal = Normal::new(&problem);
-    let mut descent = Descent::new(settings.relative_decrease);
+    let mut descent = Descent::new(settings.relative_decrease, chi2_before);
     let relax =
         settings.chordal && settings.robust.is_none() && !descent.begins_well(&problem, &mut normal, &mut poses);
     let relaxed = if relax { chordal_poses(&problem, &poses) } else { None };
-    let relaxed = relaxed.filter(|relaxed| problem.chi2(relaxed, &weights) < chi2_before);
-    let from_chordal = relaxed.is_some();
-    poses = relaxed.unwrap_or(poses);
+    let relaxed_chi2 = relaxed.as_ref().map_or(f64::INFINITY, |relaxed| problem.chi2(relaxed, &weights));
+    let from_chordal = relaxed_chi2 < chi2_before;
+    if let Some(relaxed) = relaxed.filter(|_| from_chordal) {
+        (poses, descent.chi2) = (relaxed, relaxed_chi2);
+    }
     if let Some(gnc) = &settings.robust {
         graduate(gnc, &graph.odometry(), &problem, &mut normal, &mut poses, &mut weights, &mut descent);
+        descent.chi2 = problem.chi2(&poses, &weights);
     }
     let converged = descent.run(&problem, &mut normal, &mut poses, &weights, settings.max_iterations);
     for (vertex, pose) in graph.vertices.iter_mut().zip(&poses) {
@@ -100,7 +103,7 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
     }
     Ok(Solution {
         chi2_before,
-        chi2_after: problem.chi2(&poses, &weights),
+        chi2_after: descent.chi2,
         iterations: descent.iterations,
         converged,
         from_chordal,
@@ -142,6 +145,10 @@ const LAST_DAMPING: f64 = 1e15;
 const FAR_OFF: f64 = 0.5;
 /// Share of its promise that a step keeps where the quadratic model holds all the way.
 const KEPT_PROMISE: f64 = 0.9;
+/// Difference of a step's gain from one up to which the last factor serves for the next step as well.
+const EXACT: f64 = 0.01;
+/// What a step from the last factor may leave, in shares of what ends the search.
+const LEFT: f64 = 0.1;
 /// A promised decrease below this share of chi-square is rounding.
 const ROUNDING: f64 = 1e-12;
 /// Smallest entry of the damping's diagonal, relative to the largest: directions without information stay put.
@@ -153,14 +160,18 @@ pub(crate) struct Descent {
     relative_decrease: f64,
     damping: f64,
     growth: f64,
+    /// Chi-square at the poses.
+    pub(crate) chi2: f64,
     /// What the last step promised, where it kept its promise.
     last_promise: Option<f64>,
+    /// Whether the last step found the quadratic model exact, so that its factor serves once more.
+    exact: bool,
     pub(crate) iterations: usize,
 }
 
 impl Descent {
-    pub(crate) fn new(relative_decrease: f64) -> Self {
-        Self { relative_decrease, damping: 0.0, growth: 2.0, last_promise: None, iterations: 0 }
+    pub(crate) fn new(relative_decrease: f64, chi2: f64) -> Self {
+        Self { relative_decrease, damping: 0.0, growth: 2.0, chi2, last_promise: None, exact: false, iterations: 0 }
     }
 
     /// Takes a first undamped step where chi-square falls nearly as much as that promises: then the start is so good that
@@ -178,12 +189,13 @@ impl Descent {
         normal.linearise(problem, poses, &weights);
         self.iterations += 1;
         let diagonal = vec![0.0; problem.variables * D];
-        let Some(tried) = attempt(problem, normal, poses, &diagonal, 0.0) else { return false };
-        let fallen = problem.chi2(poses, &weights) - problem.chi2(&tried.poses, &weights);
+        let Some(tried) = attempt(problem, normal, poses, &diagonal, 0.0, None) else { return false };
+        let tried_chi2 = problem.chi2(&tried.poses, &weights);
+        let fallen = self.chi2 - tried_chi2;
         let holds = fallen > 0.0 && fallen >= KEPT_PROMISE * tried.promised;
         if holds {
             self.last_promise = Some(tried.promised);
-            *poses = tried.poses;
+            (*poses, self.chi2) = (tried.poses, tried_chi2);
         }
         holds
     }
@@ -200,13 +212,12 @@ impl Descent {
         weights: &[f64],
         max_iterations: usize,
     ) -> bool {
-        let mut chi2 = problem.chi2(poses, weights);
         let mut diagonal = Vec::new();
         let mut before_detour: Option<(Vec<P>, f64)> = None;
         let (mut moved, mut converged) = (true, false);
-        (self.damping, self.growth) = (0.0, 2.0);
+        (self.damping, self.growth, self.exact) = (0.0, 2.0, false);
         for _ in 0..max_iterations {
-            if problem.variables == 0 || chi2 == 0.0 {
+            if problem.variables == 0 || self.chi2 == 0.0 {
                 return true;
             }
             if moved {
@@ -214,28 +225,32 @@ impl Descent {
                 diagonal = floored(normal.system.diagonal());
             }
             self.iterations += 1;
-            let (best_chi2, detour) = (before_detour.as_ref().map_or(chi2, |(_, best)| *best), before_detour.is_some());
+            let (best_chi2, detour) =
+                (before_detour.as_ref().map_or(self.chi2, |(_, best)| *best), before_detour.is_some());
             let damping = self.damping;
-            let tried = attempt(problem, normal, poses, &diagonal, damping);
+            let nearby = std::mem::take(&mut self.exact).then_some(LEFT * self.relative_decrease * self.chi2);
+            let tried = attempt(problem, normal, poses, &diagonal, damping, nearby);
             let candidate_chi2 = tried.as_ref().map_or(f64::INFINITY, |tried| problem.chi2(&tried.poses, weights));
             match tried {
                 Some(tried) if candidate_chi2 < best_chi2 => {
-                    let gain = (chi2 - candidate_chi2) / tried.promised;
-                    let small = self.promise(tried.promised, gain) <= self.relative_decrease * chi2 && damping == 0.0;
-                    converged = small || tried.promised <= ROUNDING * chi2;
+                    let gain = (self.chi2 - candidate_chi2) / tried.promised;
+                    let small =
+                        self.promise(tried.promised, gain) <= self.relative_decrease * self.chi2 && damping == 0.0;
+                    converged = small || tried.promised <= ROUNDING * self.chi2;
+                    self.exact = damping == 0.0 && nearby.is_none() && (gain - 1.0).abs() <= EXACT;
                     self.accept(gain);
-                    (*poses, chi2, moved) = (tried.poses, candidate_chi2, true);
+                    (*poses, self.chi2, moved) = (tried.poses, candidate_chi2, true);
                     before_detour = None;
                 }
-                Some(tried) if !detour && tried.promised <= ROUNDING * chi2 => converged = true,
+                Some(tried) if !detour && tried.promised <= ROUNDING * self.chi2 => converged = true,
                 Some(tried) if !detour && damping == 0.0 && candidate_chi2.is_finite() => {
-                    before_detour = Some((std::mem::replace(poses, tried.poses), chi2));
-                    (chi2, moved) = (candidate_chi2, true);
+                    before_detour = Some((std::mem::replace(poses, tried.poses), self.chi2));
+                    (self.chi2, moved) = (candidate_chi2, true);
                 }
                 _ => {
                     moved = detour;
                     if let Some((best, best_chi2)) = before_detour.take() {
-                        (*poses, chi2) = (best, best_chi2);
+                        (*poses, self.chi2) = (best, best_chi2);
                     }
                     if !self.reject() {
                         return false;
@@ -246,8 +261,8 @@ impl Descent {
                 return true;
             }
         }
-        if let Some((best, _)) = before_detour {
-            *poses = best;
+        if let Some((best, best_chi2)) = before_detour {
+            (*poses, self.chi2) = (best, best_chi2);
         }
         false
     }
@@ -287,18 +302,20 @@ struct Tried<P> {
     promised: f64,
 }
 
-/// Solves for a step; none where that fails.
+/// Solves for a step, with the last factor if all but `nearby` of chi-square can be had from that; none where that fails.
 fn attempt<P: PoseGroup<D>, const D: usize>(
     problem: &Problem<P, D>,
     normal: &mut Normal<'_, D>,
     poses: &[P],
     diagonal: &[f64],
     damping: f64,
+    nearby: Option<f64>,
 ) -> Option<Tried<P>> {
     let undamped = normal.system.diagonal();
     normal.system.set_diagonal(undamped.iter().zip(diagonal).map(|(d, floored)| d + damping * floored));
     let descent: Vec<f64> = normal.gradient.iter().map(|g| -g).collect();
-    let step = normal.system.solve(&descent);
+    let step = nearby.and_then(|left| normal.system.solve_nearby(&descent, left));
+    let step = step.or_else(|| normal.system.solve(&descent));
     normal.system.set_diagonal(undamped.into_iter());
     let step = step?;
     let promised = promised_decrease(&step, &descent, diagonal, damping);

@@ -150,13 +150,29 @@ impl<P: PoseGroup<D>, const D: usize> pulp::WithSimd for Linearisation<'_, '_, P
 /// `a b`, always compiled where it is used.
 #[inline(always)]
 fn product<const D: usize>(a: &SMatrix<f64, D, D>, b: &SMatrix<f64, D, D>) -> SMatrix<f64, D, D> {
+    if D <= 4 { padded_product::<D, 4>(a, b) } else { padded_product::<D, 8>(a, b) }
+}
+
+/// The same with columns as long as registers.
+#[inline(always)]
+fn padded_product<const D: usize, const P: usize>(
+    a: &SMatrix<f64, D, D>,
+    b: &SMatrix<f64, D, D>,
+) -> SMatrix<f64, D, D> {
+    // loops, as closures would be compiled without the wide registers
+    let mut left = [[0.0; P]; D];
+    for k in 0..D {
+        left[k][..D].copy_from_slice(&a.data.0[k]);
+    }
     let mut columns = [[0.0; D]; D];
     for c in 0..D {
+        let mut sums = [0.0; P];
         for k in 0..D {
-            for r in 0..D {
-                columns[c][r] += a.data.0[k][r] * b.data.0[c][k];
+            for r in 0..P {
+                sums[r] = left[k][r].mul_add(b.data.0[c][k], sums[r]);
             }
         }
+        columns[c].copy_from_slice(&sums[..D]);
     }
     SMatrix::from_data(ArrayStorage(columns))
 }

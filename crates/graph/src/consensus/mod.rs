@@ -298,7 +298,8 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     fn solve(&mut self) -> Result<(), GraphError> {
         let problem = Problem::new(&self.subgraph())?;
         let every = vec![1.0; problem.terms.len()];
-        Descent::new(1e-4).run(&problem, &mut Normal::new(&problem), &mut self.poses, &every, 12);
+        let mut descent = Descent::new(1e-4, problem.chi2(&self.poses, &every));
+        descent.run(&problem, &mut Normal::new(&problem), &mut self.poses, &every, 12);
         Ok(())
     }
 

@@ -4,11 +4,14 @@
 //! Systems", sections 4.2 to 4.8), those of equal pattern together, in blocks whose size the compiler knows. One thread,
 //! sums in a fixed order, products fused where that is written: the same bits on every machine.
 
+mod nearby;
 mod numeric;
+mod substitution;
 mod symbolic;
 
 use nalgebra::SMatrix;
-use numeric::{Factorisation, Substitution, Work, dot};
+use numeric::{Factorisation, Work};
+use substitution::{SecondHalf, Substitution, dot};
 pub(crate) use symbolic::{Pattern, Slot, elimination_order};
 
 /// Largest residual of a solve that passes, relative to `|A| |x| + |b|` in the maximum norm.
@@ -24,6 +27,7 @@ pub(crate) struct BlockSystem<'a, const B: usize> {
     pattern: &'a Pattern,
     values: Vec<Block<B>>,
     factor: Vec<f64>,
+    factorised: bool,
     work: Work,
 }
 
@@ -31,7 +35,8 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
     /// All zero.
     pub(crate) fn new(pattern: &'a Pattern) -> Self {
         let values = vec![[[0.0; B]; B]; pattern.rows.len()];
-        Self { pattern, values, factor: vec![0.0; pattern.factor_len::<B>()], work: Work::new::<B>(pattern) }
+        let factor = vec![0.0; pattern.factor_len::<B>()];
+        Self { pattern, values, factor, factorised: false, work: Work::new::<B>(pattern) }
     }
 
     /// Makes every block zero.
@@ -40,23 +45,16 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
     }
 
     /// Adds the block (first, second) of a slot; its mirror image is understood.
+    #[inline(always)]
     pub(crate) fn add(&mut self, slot: Slot, block: &SMatrix<f64, B, B>) {
-        let target = &mut self.values[slot.at];
-        for c in 0..B {
-            for r in 0..B {
-                target[c][r] += if slot.transposed { block[(c, r)] } else { block[(r, c)] };
-            }
-        }
+        let block = if slot.transposed { block.transpose() } else { *block };
+        add_to(&mut self.values[slot.at], &block.data.0);
     }
 
     /// Adds a symmetric block on the diagonal.
+    #[inline(always)]
     pub(crate) fn add_diagonal(&mut self, variable: usize, block: &SMatrix<f64, B, B>) {
-        let target = &mut self.values[self.pattern.starts[variable]];
-        for c in 0..B {
-            for r in 0..B {
-                target[c][r] += block[(r, c)];
-            }
-        }
+        add_to(&mut self.values[self.pattern.starts[variable]], &block.data.0);
     }
 
     /// The diagonal's entries.
@@ -79,29 +77,46 @@ impl<'a, const B: usize> BlockSystem<'a, B> {
         if n == 0 {
             return Some(Vec::new());
         }
-        if !self.factorise() {
+        let mut solution = right_hand_sides.to_vec();
+        if !self.factorise_with(&mut solution) {
             return None;
         }
-        let solution = self.substitute(right_hand_sides);
-        let solved = |(b, x): (&[f64], &[f64])| is_solved(self.pattern, &self.values, b, x);
+        let Self { pattern, factor, work, .. } = self;
+        let whole = Substitution::<B> { pattern, factor, temporary: &mut work.product, x: &mut solution };
+        pulp::Arch::new().dispatch(SecondHalf(whole));
+        let solved = |(b, x): (&[f64], &[f64])| self.is_solved(b, x);
         right_hand_sides.chunks_exact(n).zip(solution.chunks_exact(n)).all(solved).then_some(solution)
+    }
+
+    /// Whether `A x = b` up to rounding.
+    fn is_solved(&self, b: &[f64], x: &[f64]) -> bool {
+        let mut residual = b.to_vec();
+        self.subtract_product(x, &mut residual);
+        // the largest entry of a positive definite matrix stands on its diagonal
+        let largest = self.diagonal().into_iter().fold(0.0, f64::max);
+        norm(&residual) <= BACKWARD_ERROR * (largest * norm(x) + norm(b))
     }
 
     /// Whether the matrix is positive definite.
     pub(crate) fn factorise(&mut self) -> bool {
-        let Self { pattern, values, factor, work } = self;
+        self.factorise_with(&mut [])
+    }
+
+    /// The same, and multiplies right-hand sides by the factor's inverse.
+    fn factorise_with(&mut self, x: &mut [f64]) -> bool {
+        let Self { pattern, values, factor, work, .. } = self;
         // the same statements with the widest registers of the machine
-        pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work })
+        self.factorised = pulp::Arch::new().dispatch(Factorisation { pattern, values, factor, work, x });
+        self.factorised
     }
 
     /// What the last factor makes of right-hand sides that stand one after the other.
     pub(crate) fn substitute(&mut self, right_hand_sides: &[f64]) -> Vec<f64> {
         let Self { pattern, factor, work, .. } = self;
-        let mut solution = right_hand_sides.to_vec();
-        for x in solution.chunks_exact_mut((pattern.variables() * B).max(1)) {
-            pulp::Arch::new().dispatch(Substitution::<B> { pattern, factor, temporary: &mut work.product, x });
-        }
-        solution
+        let mut x = right_hand_sides.to_vec();
+        let temporary = &mut work.product;
+        pulp::Arch::new().dispatch(Substitution::<B> { pattern, factor, temporary, x: &mut x });
+        x
     }
 }
 
@@ -120,9 +135,8 @@ impl<const B: usize> BlockSystem<'_, B> {
         }
         let mut covariance = SMatrix::<f64, B, B>::zeros();
         while let Some(run) = next.iter().min().copied() {
-            for x in work.sparse.chunks_exact_mut(n) {
-                Substitution::<B> { pattern, factor, temporary: &mut work.product, x }.forwards(run);
-            }
+            let x = &mut work.sparse;
+            Substitution::<B> { pattern, factor, temporary: &mut work.product, x }.forwards(run);
             let own = pattern.runs[run].first * B..(pattern.runs[run].first + pattern.runs[run].width) * B;
             for c in 0..B {
                 let column = &work.sparse[c * n..][own.clone()];
@@ -135,26 +149,13 @@ impl<const B: usize> BlockSystem<'_, B> {
     }
 }
 
-/// Whether `A x = b` up to rounding.
-fn is_solved<const B: usize>(pattern: &Pattern, values: &[Block<B>], b: &[f64], x: &[f64]) -> bool {
-    let (starts, rows) = (&pattern.starts, &pattern.rows);
-    let mut residual = b.to_vec();
-    let (rest, _) = residual.as_chunks_mut::<B>();
-    let (known, _) = x.as_chunks::<B>();
-    let mut largest = 0.0_f64;
-    for column in 0..known.len() {
-        let diagonal = &values[starts[column]];
-        largest = (0..B).fold(largest, |most, k| most.max(diagonal[k][k]));
-        let mut own = rest[column];
-        subtract_product(diagonal, &known[column], &mut own);
-        for at in starts[column] + 1..starts[column + 1] {
-            subtract_product(&values[at], &known[column], &mut rest[rows[at]]);
-            subtract_transposed_product(&values[at], &known[rows[at]], &mut own);
+#[inline(always)]
+fn add_to<const B: usize>(target: &mut Block<B>, block: &Block<B>) {
+    for c in 0..B {
+        for r in 0..B {
+            target[c][r] += block[c][r];
         }
-        rest[column] = own;
     }
-    // the largest entry of a positive definite matrix stands on its diagonal
-    norm(&residual) <= BACKWARD_ERROR * (largest * norm(x) + norm(b))
 }
 
 /// `target -= a x`.
@@ -223,6 +224,48 @@ mod tests {
         }
         let expected = dense.cholesky().unwrap().solve(&b);
         assert!((DVector::from_vec(x) - expected).norm() < 1e-10);
+    }
+
+    /// A band of variables, ten of them coupled with each other as well.
+    fn banded<'a, const B: usize>(pattern: &'a Pattern, pairs: &[(usize, usize)]) -> BlockSystem<'a, B> {
+        let mut system = BlockSystem::<B>::new(pattern);
+        for variable in 0..40 {
+            system.add_diagonal(variable, &SMatrix::from_fn(|r, c| if r == c { 90.0 } else { 0.3 }));
+        }
+        for &(a, b) in pairs {
+            system.add(pattern.slot(a, b), &SMatrix::from_fn(|r, c| ((a + 3 * b) as f64 + (r * B + c) as f64).sin()));
+        }
+        system
+    }
+
+    fn registers_do_not_matter<const B: usize>() {
+        use pulp::WithSimd;
+        let clique = (30..40).flat_map(|a| (30..a).map(move |b| (a, b)));
+        let pairs: Vec<_> = (0..39).map(|v| (v, v + 1)).chain((0..34).map(|v| (v, v + 6))).chain(clique).collect();
+        let pattern = Pattern::new(40, &pairs).unwrap();
+        let right: Vec<f64> = (0..80 * B).map(|k| (k as f64).cos()).collect();
+        let widest = banded::<B>(&pattern, &pairs).solve(&right).unwrap();
+        let mut system = banded::<B>(&pattern, &pairs);
+        let mut x = right.clone();
+        let (values, factor, work) = (&system.values, &mut system.factor, &mut system.work);
+        let pattern = &pattern;
+        assert!(Factorisation { pattern, values, factor, work, x: &mut x }.with_simd(pulp::Scalar::new()));
+        let whole = Substitution::<B> { pattern, factor, temporary: &mut work.product, x: &mut x };
+        SecondHalf(whole).with_simd(pulp::Scalar::new());
+        let bits = |x: &[f64]| x.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&x), bits(&widest));
+        assert!(system.factorise());
+        assert_eq!(bits(&system.substitute(&right)), bits(&widest));
+        let again = system.solve_nearby(&right[..40 * B], 1e-2).unwrap();
+        assert!(again.iter().zip(&widest).all(|(a, b)| (a - b).abs() < 1e-10));
+    }
+
+    #[test]
+    fn solutions_have_the_same_bits_with_registers_of_any_width() {
+        registers_do_not_matter::<1>();
+        registers_do_not_matter::<2>();
+        registers_do_not_matter::<3>();
+        registers_do_not_matter::<6>();
     }
 
     #[test]

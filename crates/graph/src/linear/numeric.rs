@@ -1,6 +1,7 @@
-//! Cholesky factorisation of the panels, column of blocks by column of blocks from those to its left, and the solution of
-//! triangular systems with them. Panels are column-major, `height * B` by `width * B` numbers.
+//! Cholesky factorisation of the panels, column of blocks by column of blocks from those to its left. Panels are
+//! column-major, `height * B` by `width * B` numbers.
 
+use super::substitution::Substitution;
 use super::symbolic::{NONE, Pattern};
 use super::{Block, CHUNK};
 
@@ -41,12 +42,13 @@ impl Work {
     }
 }
 
-/// `A = L L^T`; false where the matrix is not positive definite.
+/// `A = L L^T` and `x := L^-1 x`, each panel as soon as it is made; false where the matrix is not positive definite.
 pub(super) struct Factorisation<'a, const B: usize> {
     pub(super) pattern: &'a Pattern,
     pub(super) values: &'a [Block<B>],
     pub(super) factor: &'a mut [f64],
     pub(super) work: &'a mut Work,
+    pub(super) x: &'a mut [f64],
 }
 
 impl<const B: usize> pulp::WithSimd for Factorisation<'_, B> {
@@ -54,19 +56,20 @@ impl<const B: usize> pulp::WithSimd for Factorisation<'_, B> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(mut self, _: S) -> bool {
-        self.factor.fill(0.0);
         self.work.first_run.fill(NONE);
         for run in 0..self.pattern.runs.len() {
             self.begin(run);
             for column in 0..self.pattern.runs[run].width {
-                self.subtract_earlier_runs(run, column);
-                self.subtract_earlier_columns(run, column);
+                self.subtract_earlier_runs::<S>(run, column);
+                self.subtract_earlier_columns::<S>(run, column);
                 if !self.finish(run, column) {
                     return false;
                 }
             }
             self.work.done[run] = self.pattern.runs[run].width;
             self.work.enqueue(self.pattern, run);
+            let Self { pattern, factor, work, x, .. } = &mut self;
+            Substitution::<B> { pattern, factor, temporary: &mut work.product, x }.forwards(run);
         }
         true
     }
@@ -81,6 +84,7 @@ impl<const B: usize> Factorisation<'_, B> {
             self.work.place_of_row[row] = place;
         }
         let (start, length) = (run.start::<B>(at), run.height * B);
+        self.factor[start..][..run.width * B * length].fill(0.0);
         for column in 0..run.width {
             for block in pattern.starts[run.first + column]..pattern.starts[run.first + column + 1] {
                 let corner = start + column * B * length + pattern.places[block] * B;
@@ -93,7 +97,7 @@ impl<const B: usize> Factorisation<'_, B> {
 
     /// Takes from a column what the runs to its left have in common with it.
     #[inline(always)]
-    fn subtract_earlier_runs(&mut self, at: usize, column: usize) {
+    fn subtract_earlier_runs<S: pulp::Simd>(&mut self, at: usize, column: usize) {
         let (pattern, run) = (self.pattern, &self.pattern.runs[at]);
         let length = run.height * B;
         let target = run.start::<B>(at) + column * B * length;
@@ -104,12 +108,12 @@ impl<const B: usize> Factorisation<'_, B> {
             let earlier = &pattern.runs[other];
             let rows = &pattern.rows_of(earlier)[done..];
             let (panel, high) = (&self.factor[earlier.start::<B>(other)..], earlier.height * B);
-            multiply::<B>(panel, high, done * B, earlier.width * B, &mut self.work.product);
+            multiply::<S, B>(panel, high, done * B, earlier.width * B, &mut self.work.product);
             for (place, &row) in rows.iter().enumerate() {
                 let corner = target + self.work.place_of_row[row] * B;
                 for c in 0..B {
-                    let product = &self.work.product[c * (high - done * B + CHUNK) + place * B..][..B];
-                    subtract(&mut self.factor[corner + c * length..][..B], product);
+                    let product = &self.work.product[c * (high - done * B + CHUNK) + place * B..];
+                    subtract_block::<B>(&mut self.factor[corner + c * length..], product);
                 }
             }
             self.work.done[other] += 1;
@@ -119,13 +123,13 @@ impl<const B: usize> Factorisation<'_, B> {
 
     /// Takes from a column what the earlier ones of its run have in common with it.
     #[inline(always)]
-    fn subtract_earlier_columns(&mut self, at: usize, column: usize) {
+    fn subtract_earlier_columns<S: pulp::Simd>(&mut self, at: usize, column: usize) {
         let run = &self.pattern.runs[at];
         let (start, length, done) = (run.start::<B>(at), run.height * B, column * B);
         if column == 0 {
             return;
         }
-        multiply::<B>(&self.factor[start..], length, done, done, &mut self.work.product);
+        multiply::<S, B>(&self.factor[start..], length, done, done, &mut self.work.product);
         for c in 0..B {
             let target = &mut self.factor[start + (done + c) * length + done..][..length - done];
             subtract(target, &self.work.product[c * (length - done + CHUNK)..][..length - done]);
@@ -160,23 +164,65 @@ impl<const B: usize> Factorisation<'_, B> {
 /// `P[from..] P[from..from + B]^T` over the first columns of a panel `P` with columns of some length; columns of the product
 /// are longer by [`CHUNK`] than those of `P[from..]`.
 #[inline(always)]
-fn multiply<const B: usize>(panel: &[f64], length: usize, from: usize, columns: usize, product: &mut [f64]) {
-    let rows = length - from;
-    for first in (0..rows).step_by(CHUNK) {
-        let mut sums = [[0.0; CHUNK]; B];
-        for k in 0..columns {
-            let column = &panel[k * length + from..];
-            let (Some(right), Some(left)) = (column.first_chunk::<B>(), column[first..].first_chunk::<CHUNK>()) else {
-                break;
-            };
-            for c in 0..B {
-                for r in 0..CHUNK {
-                    sums[c][r] = left[r].mul_add(right[c], sums[c][r]);
-                }
+fn multiply<S: pulp::Simd, const B: usize>(
+    panel: &[f64],
+    length: usize,
+    from: usize,
+    columns: usize,
+    product: &mut [f64],
+) {
+    let (rows, mut first) = (length - from, 0);
+    // as many sums at once as registers hold; each is the same sum however many there are
+    if S::F64_LANES >= 8 && B < 4 {
+        while first + 3 * CHUNK < rows {
+            multiply_rows::<B, { 4 * CHUNK }>(panel, length, from, columns, first, product);
+            first += 4 * CHUNK;
+        }
+    }
+    if S::F64_LANES >= 8 || B < 4 {
+        while first + CHUNK < rows {
+            multiply_rows::<B, { 2 * CHUNK }>(panel, length, from, columns, first, product);
+            first += 2 * CHUNK;
+        }
+    }
+    while first < rows {
+        multiply_rows::<B, CHUNK>(panel, length, from, columns, first, product);
+        first += CHUNK;
+    }
+}
+
+/// Some rows of the product.
+#[inline(always)]
+fn multiply_rows<const B: usize, const R: usize>(
+    panel: &[f64],
+    length: usize,
+    from: usize,
+    columns: usize,
+    first: usize,
+    product: &mut [f64],
+) {
+    let mut sums = [[0.0; R]; B];
+    for k in 0..columns {
+        let column = &panel[k * length + from..];
+        let (Some(right), Some(left)) = (column.first_chunk::<B>(), column[first..].first_chunk::<R>()) else {
+            break;
+        };
+        for c in 0..B {
+            for r in 0..R {
+                sums[c][r] = left[r].mul_add(right[c], sums[c][r]);
             }
         }
-        for c in 0..B {
-            product[c * (rows + CHUNK) + first..][..CHUNK].copy_from_slice(&sums[c]);
+    }
+    for c in 0..B {
+        product[c * (length - from + CHUNK) + first..][..R].copy_from_slice(&sums[c]);
+    }
+}
+
+#[inline(always)]
+fn subtract_block<const B: usize>(target: &mut [f64], product: &[f64]) {
+    if let (Some(target), Some(product)) = (target.first_chunk_mut::<B>(), product.first_chunk::<B>()) {
+        for r in 0..B {
+            target[r] -= product[r];
         }
     }
 }
@@ -184,73 +230,4 @@ fn multiply<const B: usize>(panel: &[f64], length: usize, from: usize, columns: 
 #[inline(always)]
 fn subtract(target: &mut [f64], product: &[f64]) {
     target.iter_mut().zip(product).for_each(|(t, p)| *t -= p);
-}
-
-/// `x := (L L^T)^-1 x`.
-pub(super) struct Substitution<'a, const B: usize> {
-    pub(super) pattern: &'a Pattern,
-    pub(super) factor: &'a [f64],
-    pub(super) temporary: &'a mut [f64],
-    pub(super) x: &'a mut [f64],
-}
-
-impl<const B: usize> pulp::WithSimd for Substitution<'_, B> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(mut self, _: S) {
-        (0..self.pattern.runs.len()).for_each(|run| self.forwards(run));
-        (0..self.pattern.runs.len()).rev().for_each(|run| self.backwards(run));
-    }
-}
-
-impl<const B: usize> Substitution<'_, B> {
-    #[inline(always)]
-    pub(super) fn forwards(&mut self, at: usize) {
-        let run = &self.pattern.runs[at];
-        let (length, own) = (run.height * B, run.width * B);
-        let panel = &self.factor[run.start::<B>(at)..][..own * length];
-        let x = &mut self.x[run.first * B..][..own];
-        let below = &mut self.temporary[..length - own];
-        below.fill(0.0);
-        for k in 0..own {
-            let column = &panel[k * length..(k + 1) * length];
-            x[k] /= column[k];
-            let known = x[k];
-            x[k + 1..].iter_mut().zip(&column[k + 1..own]).for_each(|(value, l)| *value -= known * l);
-            below.iter_mut().zip(&column[own..]).for_each(|(value, l)| *value += known * l);
-        }
-        for (place, &row) in self.pattern.rows_of(run)[run.width..].iter().enumerate() {
-            subtract(&mut self.x[row * B..][..B], &self.temporary[place * B..][..B]);
-        }
-    }
-
-    #[inline(always)]
-    fn backwards(&mut self, at: usize) {
-        let run = &self.pattern.runs[at];
-        let (length, own) = (run.height * B, run.width * B);
-        let panel = &self.factor[run.start::<B>(at)..][..own * length];
-        for (place, &row) in self.pattern.rows_of(run)[run.width..].iter().enumerate() {
-            self.temporary[place * B..][..B].copy_from_slice(&self.x[row * B..][..B]);
-        }
-        let below = &self.temporary[..length - own];
-        let x = &mut self.x[run.first * B..][..own];
-        for k in (0..own).rev() {
-            let column = &panel[k * length..(k + 1) * length];
-            x[k] -= dot(&column[own..], below) + dot(&column[k + 1..own], &x[k + 1..]);
-            x[k] /= column[k];
-        }
-    }
-}
-
-/// In four sums.
-#[inline(always)]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
-    for (a, b) in a.iter().zip(b) {
-        (0..4).for_each(|k| sums[k] += a[k] * b[k]);
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }

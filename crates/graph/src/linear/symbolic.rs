@@ -229,7 +229,7 @@ fn equal_runs(factor_starts: &[usize], factor_rows: &[usize]) -> (Vec<Run>, Vec<
 }
 
 /// Widths up to which runs are merged, and what share of the blocks may then be zeros.
-const MERGED: [(usize, f64); 3] = [(4, 0.5), (8, 0.25), (usize::MAX, 0.05)];
+const MERGED: [(usize, f64); 3] = [(2, 0.5), (4, 0.2), (usize::MAX, 0.03)];
 
 /// Runs that lead into the next one are merged with it where few zeros come of that: a wide panel is worth some.
 fn merged_runs(runs: &[Run], run_rows: &[usize]) -> (Vec<Run>, Vec<usize>) {
