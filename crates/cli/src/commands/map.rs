@@ -41,7 +41,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;
     let words =
-        report::last_words(&mapping, &made, &timing) + &&read.used() + &report::remarks(&losses, &read.oddities());
+        report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &read.oddities());
     let files = mapping.output.commit()?;
     let voice = args.mapping.voice;
     if voice.json {
