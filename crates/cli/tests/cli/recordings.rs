@@ -2,7 +2,7 @@
 
 use crate::real_logs::shared_data;
 use crate::robot::Robot;
-use crate::support::{assert_code, assert_refused, folder, json, run, text};
+use crate::support::{assert_code, assert_refused, folder, json, run, run_with_input, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -217,6 +217,8 @@ fn a_damaged_recording_is_used_up_to_the_damage_which_is_told_with_its_offset() 
     assert_says(&output, &["lost     truncated", "byte "]);
     let report = json(&folder.join("out/report.json"));
     assert!(report["read"]["scans"].as_u64().unwrap() > 20, "{report}");
+    let streamed = run_with_input(&["map", "-", "-o", folder.join("out").to_str().unwrap()], &bytes);
+    assert_refused(&streamed, 1, &["found a stream: recordings are read twice"]);
     let losses = report["losses"].as_array().unwrap();
     assert!(losses.iter().any(|loss| loss.as_str().unwrap().contains("first at byte ")), "{losses:?}");
     let damage = &report["read"]["damages"][0]["first"][0];
