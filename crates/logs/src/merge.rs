@@ -1,7 +1,8 @@
 //! Two topics in the order of their stamps, over a bounded window.
 
+use crate::scans::Taken;
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry};
+use mapwright_sensor::Odometry;
 use std::collections::VecDeque;
 
 /// How long a message waits for those of another topic, seconds between the times of recording; and how far readings of
@@ -29,14 +30,14 @@ pub(crate) struct Next<T> {
 /// What comes next.
 #[derive(Debug)]
 pub(crate) enum Turn {
-    Scan(Next<LaserScan>),
+    Scan(Next<Taken>),
     Odometry(Next<Odometry>),
 }
 
 /// Scans and odometry that wait for each other.
 #[derive(Debug, Default)]
 pub(crate) struct Merger {
-    scans: VecDeque<Waiting<LaserScan>>,
+    scans: VecDeque<Waiting<Taken>>,
     odometry: VecDeque<Waiting<Odometry>>,
     /// Delivered readings of the last [`WINDOW_S`], in their order.
     past: VecDeque<Odometry>,
@@ -50,7 +51,7 @@ impl Merger {
         self.now = recorded;
     }
 
-    pub(crate) fn push_scan(&mut self, place: u64, scan: LaserScan) {
+    pub(crate) fn push_scan(&mut self, place: u64, scan: Taken) {
         self.scans.push_back(Waiting { recorded: self.now, place, item: scan });
     }
 
@@ -60,8 +61,8 @@ impl Merger {
 
     /// Bytes held by what waits.
     pub(crate) fn held_bytes(&self) -> usize {
-        let scans: usize = self.scans.iter().map(|scan| scan.item.ranges_m.capacity() * size_of::<f32>()).sum();
-        let waiting = self.scans.capacity() * size_of::<Waiting<LaserScan>>();
+        let scans: usize = self.scans.iter().map(|scan| scan.item.held_bytes()).sum();
+        let waiting = self.scans.capacity() * size_of::<Waiting<Taken>>();
         let odometry = self.odometry.capacity() * size_of::<Waiting<Odometry>>();
         scans + waiting + odometry + self.past.capacity() * size_of::<Odometry>()
     }
@@ -70,7 +71,7 @@ impl Merger {
     pub(crate) fn pop(&mut self, is_end: bool) -> Option<Turn> {
         let is_due = |recorded| is_end || self.is_due(recorded);
         let is_scan = match (self.scans.front(), self.odometry.front()) {
-            (Some(scan), Some(odometry)) => scan.item.stamp < odometry.item.stamp,
+            (Some(scan), Some(odometry)) => scan.item.scan.stamp < odometry.item.stamp,
             (Some(scan), None) if is_due(scan.recorded) => true,
             (None, Some(odometry)) if is_due(odometry.recorded) => false,
             _ => return None,
@@ -82,11 +83,12 @@ impl Merger {
         self.now.secs_since(recorded) > WINDOW_S || self.scans.len() + self.odometry.len() > WINDOW_MESSAGES
     }
 
-    fn pop_scan(&mut self) -> Option<Next<LaserScan>> {
+    fn pop_scan(&mut self) -> Option<Next<Taken>> {
         let Waiting { place, item, .. } = self.scans.pop_front()?;
-        let steps_back = self.last_scan.is_some_and(|last| item.stamp < last);
-        let is_late = !steps_back && self.past.back().is_some_and(|odometry| item.stamp < odometry.stamp);
-        self.last_scan = Some(item.stamp);
+        let stamp = item.scan.stamp;
+        let steps_back = self.last_scan.is_some_and(|last| stamp < last);
+        let is_late = !steps_back && self.past.back().is_some_and(|odometry| stamp < odometry.stamp);
+        self.last_scan = Some(stamp);
         Some(Next { place, is_late, item })
     }
 
@@ -116,6 +118,21 @@ impl Merger {
         None
     }
 
+    /// The robot's twist per second at a stamp: between the readings around it, else between the last two before.
+    pub(crate) fn twist_per_s(&self, stamp: Stamp) -> Option<[f64; 3]> {
+        let waiting = self.odometry.front().map(|waiting| &waiting.item);
+        let mut after: Option<&Odometry> = None;
+        for reading in waiting.into_iter().chain(self.past.iter().rev()) {
+            let apart_s = after.map_or(0.0, |after| after.stamp.secs_since(reading.stamp));
+            if let Some(after) = after.filter(|_| apart_s > 0.0 && apart_s <= WINDOW_S && reading.stamp <= stamp) {
+                let step = reading.odom_from_robot.between(after.odom_from_robot).log();
+                return Some(step.map(|part| part / apart_s));
+            }
+            after = Some(reading);
+        }
+        None
+    }
+
     /// The stamp of the last reading delivered.
     pub(crate) fn last_odometry(&self) -> Option<Stamp> {
         self.past.back().map(|odometry| odometry.stamp)
@@ -138,19 +155,20 @@ fn between(before: &Odometry, after: Option<&Odometry>, stamp: Stamp) -> Option<
 mod tests {
     use super::*;
     use crate::scans::no_scan;
+    use mapwright_sensor::LaserScan;
 
     fn odometry(ms: i64, x: f64) -> Odometry {
         Odometry { stamp: Stamp(ms * 1_000_000), odom_from_robot: Pose2::new(x, 0.0, 0.0) }
     }
 
-    fn scan(ms: i64) -> LaserScan {
-        LaserScan { stamp: Stamp(ms * 1_000_000), ..no_scan() }
+    fn scan(ms: i64) -> Taken {
+        LaserScan { stamp: Stamp(ms * 1_000_000), ..no_scan() }.into()
     }
 
     /// Stamps in ms of all that is delivered, scans negative.
     fn drain(merger: &mut Merger, is_end: bool) -> Vec<i64> {
         let turn = |turn| match turn {
-            Turn::Scan(next) => -next.item.stamp.0 / 1_000_000,
+            Turn::Scan(next) => -next.item.scan.stamp.0 / 1_000_000,
             Turn::Odometry(next) => next.item.stamp.0 / 1_000_000,
         };
         std::iter::from_fn(|| merger.pop(is_end)).map(turn).collect()
