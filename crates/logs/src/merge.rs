@@ -11,6 +11,9 @@ pub const WINDOW_S: f64 = 2.0;
 /// How many messages wait at most.
 pub const WINDOW_MESSAGES: usize = 4096;
 
+/// How many bytes of scans wait at most, but for one.
+pub const WINDOW_BYTES: usize = 64 << 20;
+
 /// A message that waits.
 #[derive(Debug)]
 struct Waiting<T> {
@@ -42,16 +45,26 @@ pub(crate) struct Merger {
     /// Delivered readings of the last [`WINDOW_S`], in their order.
     past: VecDeque<Odometry>,
     now: Stamp,
+    /// Bytes of the scans that wait.
+    scan_bytes: usize,
+    /// There is no odometry to wait for.
+    is_alone: bool,
     last_scan: Option<Stamp>,
 }
 
 impl Merger {
+    /// For scans alone, or with odometry for them to wait for.
+    pub(crate) fn new(has_odometry: bool) -> Self {
+        Self { is_alone: !has_odometry, ..Self::default() }
+    }
+
     /// The time at which the newest message of any topic was recorded.
     pub(crate) fn at(&mut self, recorded: Stamp) {
         self.now = recorded;
     }
 
     pub(crate) fn push_scan(&mut self, place: u64, scan: Taken) {
+        self.scan_bytes += scan.held_bytes();
         self.scans.push_back(Waiting { recorded: self.now, place, item: scan });
     }
 
@@ -61,10 +74,9 @@ impl Merger {
 
     /// Bytes held by what waits.
     pub(crate) fn held_bytes(&self) -> usize {
-        let scans: usize = self.scans.iter().map(|scan| scan.item.held_bytes()).sum();
         let waiting = self.scans.capacity() * size_of::<Waiting<Taken>>();
         let odometry = self.odometry.capacity() * size_of::<Waiting<Odometry>>();
-        scans + waiting + odometry + self.past.capacity() * size_of::<Odometry>()
+        self.scan_bytes + waiting + odometry + self.past.capacity() * size_of::<Odometry>()
     }
 
     /// The next in order, where it is certain or has waited long enough; at the recording's end in any case.
@@ -80,11 +92,15 @@ impl Merger {
     }
 
     fn is_due(&self, recorded: Stamp) -> bool {
-        self.now.secs_since(recorded) > WINDOW_S || self.scans.len() + self.odometry.len() > WINDOW_MESSAGES
+        self.is_alone
+            || self.now.secs_since(recorded) > WINDOW_S
+            || self.scans.len() + self.odometry.len() > WINDOW_MESSAGES
+            || self.scan_bytes > WINDOW_BYTES
     }
 
     fn pop_scan(&mut self) -> Option<Next<Taken>> {
         let Waiting { place, item, .. } = self.scans.pop_front()?;
+        self.scan_bytes = self.scan_bytes.saturating_sub(item.held_bytes());
         let stamp = item.scan.stamp;
         let steps_back = self.last_scan.is_some_and(|last| stamp < last);
         let is_late = !steps_back && self.past.back().is_some_and(|odometry| stamp < odometry.stamp);
