@@ -7,6 +7,7 @@ pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_eval::Delta;
+use mapwright_logs::{Choice, SliceBounds};
 use std::path::PathBuf;
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
@@ -54,13 +55,37 @@ pub(crate) struct SettingsArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct MapArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
-    pub(crate) log: PathBuf,
+    /// Logs of one drive in a row: ROS 1 bags, MCAP files, ROS 2 bags (folder or file), CARMEN logs (plain, .gz or .bz2; `-`
+    /// is the standard input).
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
+}
+
+/// What to use of a recording instead of what would be found.
+#[derive(Debug, Clone, Default, ClapArgs)]
+pub(crate) struct SourceArgs {
+    /// Topic to use, of scans or of odometry (of transforms, to take odometry from them); may be repeated.
+    #[arg(long, value_name = "TOPIC")]
+    topic: Vec<String>,
+    /// The robot's frame.
+    #[arg(long, value_name = "FRAME")]
+    frame: Option<String>,
+    /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
+    #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
+    slice: Option<SliceBounds>,
+}
+
+impl SourceArgs {
+    pub(crate) fn choice(&self) -> Choice {
+        Choice { topics: self.topic.clone(), frame: self.frame.clone(), slice: self.slice }
+    }
 }
 
 /// How to map and what to say about it.
@@ -118,8 +143,11 @@ pub(crate) enum Align {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct InfoArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
-    pub(crate) log: PathBuf,
+    /// Logs as for `map`; of two, the differences are listed as well.
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
     /// One JSON object instead of words.
     #[arg(long)]
     pub(crate) json: bool,
@@ -160,7 +188,7 @@ pub(crate) enum AlignTo {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct CalibrateArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    /// Log as for `map`; a CARMEN log may come from the standard input, `-`.
     pub(crate) log: PathBuf,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
@@ -198,7 +226,7 @@ pub(crate) enum Show {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct PerturbArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    /// Log as for `map`; a CARMEN log may come from the standard input, `-`.
     pub(crate) log: PathBuf,
     /// The harder log, a plain CARMEN log of its scans.
     #[arg(short, long, value_name = "FILE")]
@@ -282,6 +310,16 @@ fn parse_pose(text: &str) -> Result<Pose2, String> {
         [x, y, yaw] if [x, y, yaw].iter().all(|v| v.abs() <= 1e5) => Ok(Pose2::new(x, y, yaw)),
         _ => Err("expected three numbers within 100 km, such as 1.5,-2,0.1".to_owned()),
     }
+}
+
+fn parse_slice(text: &str) -> Result<SliceBounds, String> {
+    let bounds = text.split_once(':').and_then(|(low, high)| {
+        Some(SliceBounds { z_min_m: low.trim().parse().ok()?, z_max_m: high.trim().parse().ok()? })
+    });
+    let is_usable = |bounds: &SliceBounds| bounds.z_min_m < bounds.z_max_m && bounds.z_max_m - bounds.z_min_m <= 1e4;
+    bounds
+        .filter(is_usable)
+        .ok_or_else(|| "expected two heights in metres, the lower first, such as 0.1:1.0".to_owned())
 }
 
 fn parse_delta(text: &str) -> Result<Delta, String> {

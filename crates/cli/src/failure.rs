@@ -5,6 +5,7 @@ use mapwright_eval::EvalError;
 use mapwright_formats::FormatError;
 use mapwright_graph::GraphError;
 use mapwright_graph::g2o::G2oError;
+use mapwright_logs::LogError;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -39,6 +40,8 @@ pub(crate) enum Failure {
     Read { path: PathBuf, cause: String },
     #[error("cannot write {}: {cause}", path.display())]
     Write { path: PathBuf, cause: String },
+    #[error("{0}")]
+    Log(String),
     #[error("{name}: expected laser scans, found {found}")]
     NoScan { name: String, found: String },
     #[error("{}: {cause}", path.display())]
@@ -70,6 +73,14 @@ impl Failure {
 
     pub(crate) fn read(path: &Path, cause: FormatError) -> Self {
         Self::Read { path: path.to_owned(), cause: in_words(cause) }
+    }
+
+    /// A log's failure in words, without naming the stream where the system is to blame.
+    pub(crate) fn log(error: LogError) -> Self {
+        match error {
+            LogError::Carmen { name, cause } => Self::Log(format!("cannot read {name}: {}", in_words(cause))),
+            other => Self::Log(other.to_string()),
+        }
     }
 
     pub(crate) fn open(path: &Path, reason: impl ToString) -> Self {
