@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 
 mod relocate;
 
-pub(crate) use relocate::{Found, Ground, Seeking, Sought};
+pub(crate) use relocate::{Chance, Found, Ground, Seeking, Sought};
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;

@@ -29,7 +29,7 @@ pub(crate) enum Task {
 pub(crate) enum Outcome {
     Verified { to: u32, findings: Vec<(Target, Finding)> },
     Solved { solved: Option<Solved> },
-    Sought(Sought),
+    Sought(Box<Sought>),
 }
 
 impl Job {
@@ -39,7 +39,7 @@ impl Job {
         JobResult(match self.0 {
             Task::Verify(verification) => verification.run(),
             Task::Solve(solving) => solving.run(),
-            Task::Seek(seeking) => Outcome::Sought(seeking.run()),
+            Task::Seek(seeking) => Outcome::Sought(Box::new(seeking.run())),
         })
     }
 }

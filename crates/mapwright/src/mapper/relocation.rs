@@ -2,7 +2,7 @@
 
 use super::Mapper;
 use super::guard::{KNOWN_SHARE, Matched};
-use crate::closing::{Found, Ground, Past, Sought};
+use crate::closing::{Chance, Found, Ground, Past, Sought};
 use crate::jobs::{Job, Task};
 use crate::live::Frames;
 use crate::motion::{Predictor, Step};
@@ -29,7 +29,7 @@ const LOST_SCANS: u32 = 10;
 /// Places are asked after so much way, metres.
 const ASK_EVERY_M: f64 = 0.4;
 /// once it has seen so much of it, metres: one room is like another.
-const ASK_FROM_M: f64 = 2.0;
+const ASK_FROM_M: f64 = 1.6;
 /// So many misfits are no accident.
 const MISFITS: u32 = 5;
 /// A robot that has moved less than this, metres, sees the same again, to this share of known and fitting beams.
@@ -49,7 +49,7 @@ pub(super) struct Lost {
     asked_m: f64,
     /// Number of the question that was not answered yet.
     asking: Option<u64>,
-    findings: Vec<Found>,
+    chances: Vec<Chance>,
     /// Where it is, from the next scan on.
     found: Option<Found>,
     /// All that is known, once it was drawn.
@@ -64,7 +64,7 @@ impl Lost {
         let mut aside = Mapper::with(settings, Pose2::IDENTITY);
         aside.predictor = predictor.clone();
         let asked_m = f64::NEG_INFINITY;
-        Self { aside, way_m: 0.0, asked_m, asking: None, findings: Vec::new(), found: None, ground: None }
+        Self { aside, way_m: 0.0, asked_m, asking: None, chances: Vec::new(), found: None, ground: None }
     }
 
     /// What was mapped aside is of no use: from this scan on anew.
@@ -75,7 +75,7 @@ impl Lost {
 
     fn is_to_ask(&self) -> bool {
         // Where it may be home, it asks at every keyframe.
-        let every_m = if self.findings.is_empty() { ASK_EVERY_M } else { 0.0 };
+        let every_m = if self.chances.is_empty() { ASK_EVERY_M } else { 0.0 };
         self.asking.is_none() && self.way_m >= ASK_FROM_M && self.way_m - self.asked_m >= every_m
     }
 }
@@ -201,14 +201,14 @@ impl Mapper {
         let Some(lost) = self.lost.as_mut().filter(|lost| lost.asking == Some(answer.question)) else { return };
         lost.asking = None;
         let known = (answer.to as usize) < lost.aside.keyframes.len();
-        if !known || answer.best.is_some_and(|(from, _)| from as usize >= self.keyframes.len()) {
+        if !known || answer.best.as_ref().is_some_and(|best| best.from as usize >= self.keyframes.len()) {
             return;
         }
         lost.ground = Some(Arc::clone(&answer.ground));
         let sought = Past { keyframes: &lost.aside.keyframes, local_from_keyframe: &lost.aside.local_from_keyframe };
         let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
         let way_m = |a: u32, b: u32| lost.aside.closing.way_m(a, b);
-        lost.found = self.closing.weigh(past, sought, answer, &mut lost.findings, way_m);
+        lost.found = self.closing.weigh(past, sought, answer, &mut lost.chances, way_m);
     }
 
     /// The past was corrected: what is known is to be drawn anew, and what is still asked was asked of the old one.

@@ -1,0 +1,191 @@
+//! A close look at the places where what was seen may be.
+
+use super::{Ground, Seeking};
+use mapwright_geom::Pose2;
+use mapwright_grid::{Matcher, SearchWindow};
+use mapwright_loops::{Atlas, Finding, Sighting, Submap, Verifier, VerifySettings};
+use mapwright_record::{Evidence, Objection};
+
+/// The old place is what was seen on so much way before and after, metres.
+const PLACE_M: f64 = 8.0;
+/// Half widths of the window in which a sighting is looked at closely.
+const CLOSELY_M: f64 = 0.3;
+const CLOSELY_RAD: f64 = 0.06;
+/// A place that scores more than this share of the best is its rival unless, looked at as closely, it explains less than
+/// this share of what the best does
+const RIVAL_SHARE: f64 = 0.9;
+/// or, where the robot has come from elsewhere, leaves so many times as much unexplained.
+const RIVAL_MISFIT: f64 = 3.0;
+/// So many are looked at; where there are more, nothing is decided.
+const RIVALS_AT_MOST: usize = 48;
+/// The score of a plain fit is such a share of the overlap or, where all that was seen is looked for, such a share of what is
+/// known fits.
+const PLAIN_SCORE: f64 = 0.94;
+const PLAIN_SHARE: f64 = 0.9;
+/// Who is on known ground knows such a share of what it has seen lately, and of all that it has seen where it never left it.
+const PLAIN_OVERLAP: f64 = 0.9;
+const WHOLE_OVERLAP: f64 = 0.95;
+/// What a place must show at least, and how much may speak against it.
+const LEAST_SHARE: f64 = 0.8;
+const MOST_CONTRADICTION: f64 = 0.14;
+/// What was seen before, on the way here, and scores such a share of the best is common here,
+const COMMON_SHARE: f64 = 0.93;
+/// unless it is where the robot is, metres.
+const RETURNED_M: f64 = 1.5;
+
+/// A place, and how what was seen fits there.
+#[derive(Debug, Clone)]
+pub(crate) struct Place {
+    /// The old keyframe nearest to it.
+    pub(crate) from: u32,
+    pub(super) finding: Finding,
+    /// Where it fits nearly as well: poses of what was looked for in the map; none where there are too many.
+    pub(super) rivals: Option<Vec<Pose2>>,
+    /// Whether all was looked for that was seen since the robot is lost.
+    whole: bool,
+    /// Whether the robot has seen elsewhere what fits nearly as well.
+    common: bool,
+}
+
+/// A close look at places that were sighted.
+pub(super) struct Look<'a> {
+    pub(super) seeking: &'a Seeking,
+    pub(super) ground: &'a Ground,
+    /// What is looked for,
+    pub(super) query: Submap,
+    /// whether it is all that was seen on the way that is kept in mind,
+    pub(super) all: bool,
+    /// and whether that is the whole way since the robot is lost.
+    pub(super) whole: bool,
+}
+
+impl Look<'_> {
+    /// The best place as a finding: refined, judged as a closure is, by what was seen before, and by its rivals.
+    pub(super) fn judge(&self, best: &Sighting) -> Option<Place> {
+        let view = self.ground.atlas.nearest(best.map_from_query)?;
+        let target = self.place(view);
+        let mut finding = self.look(view, &target, &self.query, best, self.verify());
+        if finding.objection.is_none() && self.is_contradicted(view, &target, best) {
+            finding.objection = Some(Objection::Contradiction);
+        }
+        let mut rivals = Some(Vec::new());
+        if finding.objection.is_none() && self.is_common(best) {
+            finding.objection = Some(Objection::Ambiguous);
+            return Some(Place { from: self.ground.nodes[view], finding, rivals, whole: false, common: true });
+        } else if finding.objection.is_none() {
+            let (equal, many) = self.rivals(best, &finding.evidence);
+            if let Some(first) = equal.first() {
+                finding.evidence.ambiguity = Some(first.score / best.score);
+                finding.objection = Some(Objection::Ambiguous);
+            }
+            rivals = (!many).then(|| equal.iter().map(|rival| rival.map_from_query).collect());
+        }
+        Some(Place { from: self.ground.nodes[view], finding, rivals, whole: self.whole, common: false })
+    }
+
+    /// Whether a robot that has come from somewhere else has seen there what fits nearly as well: such places are common in this
+    /// building, and the one that is known need not be the one.
+    fn is_common(&self, best: &Sighting) -> bool {
+        let Seeking { before, aside_from_query, submaps, .. } = self.seeking;
+        if before.is_empty() {
+            return false;
+        }
+        let again = Atlas::new(before.clone(), submaps).find(&self.query);
+        again.is_some_and(|again| {
+            let returned = again.map_from_query.distance(*aside_from_query) <= RETURNED_M;
+            !returned && again.score >= COMMON_SHARE * best.score
+        })
+    }
+
+    /// The other places that explain what was seen nearly as well, and whether there are too many to look at.
+    fn rivals(&self, best: &Sighting, evidence: &Evidence) -> (Vec<Sighting>, bool) {
+        let (mut equal, mut looked_at) = (Vec::new(), 0);
+        self.ground.atlas.rivals(&self.query, best, RIVAL_SHARE, |rival| {
+            looked_at += 1;
+            if looked_at > RIVALS_AT_MOST || !self.explains_less(rival, evidence) {
+                equal.push(*rival);
+            }
+            looked_at <= RIVALS_AT_MOST
+        });
+        (equal, looked_at > RIVALS_AT_MOST)
+    }
+
+    /// As for a closure, but where all that was seen has to fit, things that have moved since count for less.
+    fn verify(&self) -> VerifySettings {
+        let strict = VerifySettings::default();
+        if !self.whole {
+            return strict;
+        }
+        VerifySettings { least_inlier_share: LEAST_SHARE, most_contradiction: MOST_CONTRADICTION, ..strict }
+    }
+
+    /// What was seen around a view.
+    fn place(&self, view: usize) -> Submap {
+        Submap::new(&self.ground.atlas.around(view, PLACE_M), &self.seeking.submaps)
+    }
+
+    fn look(
+        &self,
+        view: usize,
+        target: &Submap,
+        query: &Submap,
+        sighting: &Sighting,
+        settings: VerifySettings,
+    ) -> Finding {
+        let window = SearchWindow {
+            world_from_robot: self.ground.atlas.map_from_view(view).between(sighting.map_from_query),
+            half_width_m: CLOSELY_M,
+            half_width_rad: CLOSELY_RAD,
+        };
+        Verifier::new(settings, Matcher { settings: self.seeking.matcher }).look_for(query, target, &window)
+    }
+
+    /// For looks at what need not fit.
+    fn anything(&self) -> VerifySettings {
+        VerifySettings { least_score: 0.0, ..self.verify() }
+    }
+
+    /// Whether what was seen before, on the way here, speaks against a place. Most of it may have been seen on unknown ground:
+    /// little of it needs to fit, but that well.
+    fn is_contradicted(&self, view: usize, target: &Submap, sighting: &Sighting) -> bool {
+        let Seeking { since, submaps, .. } = self.seeking;
+        if self.all {
+            return false;
+        }
+        let settings = self.anything();
+        let seen = self.look(view, target, &Submap::new(since, submaps), sighting, settings).evidence;
+        seen.contradiction.is_none_or(|share| share > settings.most_contradiction)
+            || seen.inlier_share.is_none_or(|share| share < settings.least_inlier_share)
+    }
+
+    /// Whether another place, looked at as closely, is by far the worse explanation. By how much two places differ says
+    /// little where both score nearly in full; how much either leaves unexplained says it all.
+    fn explains_less(&self, rival: &Sighting, best: &Evidence) -> bool {
+        let Some(view) = self.ground.atlas.nearest(rival.map_from_query) else { return false };
+        let there = self.look(view, &self.place(view), &self.query, rival, self.anything()).evidence;
+        let (there, here) = (misfit(&there), misfit(best));
+        // All that it has seen fits: other places have to explain as much of it. Of what was seen lately there is less to go by.
+        if self.whole { 1.0 - there < RIVAL_SHARE * (1.0 - here) } else { there >= RIVAL_MISFIT * here }
+    }
+}
+
+/// The share of what was seen that a place leaves unexplained.
+fn misfit(evidence: &Evidence) -> f64 {
+    1.0 - evidence.score.unwrap_or(0.0) * evidence.inlier_share.unwrap_or(0.0)
+}
+
+impl Place {
+    /// Whether a fit is good enough for a robot that has nothing else to go by, be it that it fits elsewhere too: nearly all
+    /// points in known territory fit closely, or, of all that was seen, nearly all that is known of either submap fits.
+    pub(super) fn is_plain(&self) -> bool {
+        let Evidence { score, overlap, inlier_share, .. } = self.finding.evidence;
+        let closely = score.zip(overlap).is_some_and(|(score, overlap)| score >= PLAIN_SCORE * overlap);
+        let nearly_all = self.whole && inlier_share.is_some_and(|share| share >= PLAIN_SHARE);
+        let on_known_ground =
+            overlap.is_some_and(|share| share >= if self.whole { WHOLE_OVERLAP } else { PLAIN_OVERLAP });
+        !self.common
+            && on_known_ground
+            && (closely || nearly_all)
+            && matches!(self.finding.objection, None | Some(Objection::Ambiguous))
+    }
+}
