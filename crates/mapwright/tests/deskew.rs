@@ -8,7 +8,7 @@ use turns::{Deskew, turning};
 
 #[test]
 fn undoing_the_sweeps_motion_pays_in_fast_turns() {
-    let [on, off] = [Deskew::On, Deskew::Off].map(|deskew| turning(3.0, 1, deskew).expect("defaults are valid"));
+    let [on, off] = [Deskew::On, Deskew::Off].map(|deskew| turning(3.0, 0.1, 1, deskew).expect("defaults are valid"));
     println!("deskewed {on:?}, not {off:?}");
     assert!(on.position_m < 0.5 * off.position_m && on.position_m < 0.03);
     assert!(on.heading_deg < 0.5 * off.heading_deg && on.heading_deg < 0.5);
