@@ -97,7 +97,7 @@ impl<W: Write> Lines<W> {
 
 fn check(pose: Pose2) -> Result<(), FormatError> {
     let (what, limit) = ("a number of a pose", FIXED_LIMIT);
-    match [pose.x, pose.y, pose.theta].into_iter().find(|value| !(value.abs() <= limit)) {
+    match [pose.x, pose.y, pose.theta].into_iter().find(|value| value.is_nan() || value.abs() > limit) {
         Some(value) => Err(FormatError::OutOfRange { what, value, limit }),
         None => Ok(()),
     }
