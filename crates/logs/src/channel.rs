@@ -1,0 +1,111 @@
+//! From a recording's connections to decoders of its messages.
+
+use mapwright_bags::{Connection, DefinitionFormat, Encoding};
+use mapwright_ros::messages::{Kind, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, TfMessage};
+use mapwright_ros::{Channel, Decoder};
+
+/// What a topic's messages are good for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum TopicKind {
+    /// `sensor_msgs/LaserScan`.
+    Scan,
+    /// `sensor_msgs/MultiEchoLaserScan`.
+    MultiEcho,
+    /// `sensor_msgs/PointCloud2`.
+    Cloud,
+    /// `nav_msgs/Odometry`.
+    Odometry,
+    /// `tf2_msgs/TFMessage`.
+    Transforms,
+    /// Anything else.
+    Other,
+}
+
+impl TopicKind {
+    /// By the name of a type, with or without `msg` in the middle.
+    #[must_use]
+    pub fn of(type_name: &str) -> Self {
+        let kinds: [(fn(&str) -> bool, Self); 5] = [
+            (LaserScan::is, Self::Scan),
+            (MultiEchoLaserScan::is, Self::MultiEcho),
+            (PointCloud2::is, Self::Cloud),
+            (Odometry::is, Self::Odometry),
+            (TfMessage::is, Self::Transforms),
+        ];
+        kinds.iter().find(|(is, _)| is(type_name)).map_or(Self::Other, |(_, kind)| *kind)
+    }
+
+    /// Whether its messages can become scans.
+    #[must_use]
+    pub fn is_scans(self) -> bool {
+        matches!(self, Self::Scan | Self::MultiEcho | Self::Cloud)
+    }
+}
+
+/// A decoder of one connection's messages.
+#[derive(Debug)]
+pub(crate) enum Messages {
+    Scan(Decoder<LaserScan<'static>>),
+    MultiEcho(Decoder<MultiEchoLaserScan<'static>>),
+    Cloud(Decoder<PointCloud2<'static>>),
+    Odometry(Decoder<Odometry<'static>>),
+    Transforms(Decoder<TfMessage<'static>>),
+    /// Nothing to decode, or nothing that can be: why, where it should have been.
+    None(Option<String>),
+}
+
+impl Messages {
+    pub(crate) fn of(connection: &Connection) -> Self {
+        let kind = TopicKind::of(&connection.type_name);
+        if kind == TopicKind::Other {
+            return Self::None(None);
+        }
+        Self::decoder(kind, connection).unwrap_or_else(|reason| Self::None(Some(reason)))
+    }
+
+    fn decoder(kind: TopicKind, connection: &Connection) -> Result<Self, String> {
+        let channel = channel(connection)?;
+        let made = match kind {
+            TopicKind::Scan => Decoder::new(&channel).map(Self::Scan),
+            TopicKind::MultiEcho => Decoder::new(&channel).map(Self::MultiEcho),
+            TopicKind::Cloud => Decoder::new(&channel).map(Self::Cloud),
+            TopicKind::Odometry => Decoder::new(&channel).map(Self::Odometry),
+            TopicKind::Transforms => Decoder::new(&channel).map(Self::Transforms),
+            TopicKind::Other => return Ok(Self::None(None)),
+        };
+        made.map_err(|error| error.to_string())
+    }
+}
+
+fn channel(connection: &Connection) -> Result<Channel, String> {
+    let encoding = match &connection.encoding {
+        Encoding::Ros1 => mapwright_ros::Encoding::Ros1,
+        Encoding::Cdr => mapwright_ros::Encoding::Cdr,
+        other => return Err(format!("messages encoded as {other} are not read, expected ros1 or cdr")),
+    };
+    let definition = connection.definition.as_ref().and_then(|definition| {
+        let format = match definition.format {
+            DefinitionFormat::Ros1Msg => mapwright_ros::DefinitionFormat::Ros1Msg,
+            DefinitionFormat::Ros2Msg => mapwright_ros::DefinitionFormat::Ros2Msg,
+            DefinitionFormat::Ros2Idl => mapwright_ros::DefinitionFormat::Ros2Idl,
+            _ => return None,
+        };
+        Some((format, &*definition.text))
+    });
+    Channel::new(&connection.type_name, encoding, definition).map_err(|error| error.to_string())
+}
+
+/// Decoders by connection, made when a connection first delivers.
+#[derive(Debug, Default)]
+pub(crate) struct Decoders(Vec<Option<Messages>>);
+
+impl Decoders {
+    pub(crate) fn of(&mut self, connection: &Connection) -> &mut Messages {
+        let at = connection.id as usize;
+        if self.0.len() <= at {
+            self.0.resize_with(at + 1, || None);
+        }
+        self.0[at].get_or_insert_with(|| Messages::of(connection))
+    }
+}

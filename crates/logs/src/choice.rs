@@ -1,0 +1,37 @@
+//! What a user wants to have otherwise.
+
+use mapwright_ros::PlanarSlice;
+
+/// Heights between which points of a cloud become a scan, metres in the robot's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SliceBounds {
+    /// Points below are left out.
+    pub z_min_m: f64,
+    /// Points above are left out.
+    pub z_max_m: f64,
+}
+
+impl SliceBounds {
+    pub(crate) fn planar(self) -> PlanarSlice {
+        PlanarSlice { z_min_m: self.z_min_m, z_max_m: self.z_max_m, ..PlanarSlice::default() }
+    }
+}
+
+/// What overrides what would be found.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Choice {
+    /// Topics to use: one of scans, one of odometry (or of transforms, to take odometry from them), in any order.
+    pub topics: Vec<String>,
+    /// The robot's frame.
+    pub frame: Option<String>,
+    /// Makes scans of point clouds.
+    pub slice: Option<SliceBounds>,
+}
+
+impl Choice {
+    /// Whether nothing is overridden.
+    #[must_use]
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}

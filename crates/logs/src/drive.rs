@@ -1,0 +1,269 @@
+//! One or several logs of one drive as one stream of events.
+
+use crate::chain::Chain;
+use crate::choice::Choice;
+use crate::error::LogError;
+use crate::plan::Plan;
+use crate::report::LogReport;
+use crate::scans::no_scan;
+use crate::stream::{Event, Stream};
+use crate::survey::Survey;
+use mapwright_bags::BagError;
+use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, open_log};
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_sensor::{LaserScan, Odometry};
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::fmt;
+use std::io::{self, Read};
+use std::path::PathBuf;
+use std::rc::Rc;
+
+/// A log to read.
+pub enum Input {
+    /// A ROS 1 bag, an MCAP file, a ROS 2 bag as a folder or a database: read twice, so that it must be on disk.
+    Recording(PathBuf),
+    /// A CARMEN log, plain, gzip or bzip2; read once.
+    Carmen(Box<dyn Read>),
+}
+
+impl fmt::Debug for Input {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Recording(path) => f.debug_tuple("Recording").field(path).finish(),
+            Self::Carmen(_) => f.debug_tuple("Carmen").finish_non_exhaustive(),
+        }
+    }
+}
+
+/// A log of the drive.
+#[derive(Debug)]
+struct Part {
+    name: String,
+    reader: Reader,
+}
+
+#[derive(Debug)]
+enum Reader {
+    Carmen(Box<CarmenReader<LogStream<Counted>>>, Rc<Cell<u64>>),
+    Recording { path: PathBuf, survey: Box<Survey>, plan: Box<Plan> },
+    Stream(Box<Stream>),
+}
+
+/// One or several logs of one drive, in the order in which they are given.
+#[derive(Debug)]
+pub struct Drive {
+    parts: VecDeque<Part>,
+    reports: Vec<(String, LogReport)>,
+    chain: Chain,
+    scan: LaserScan,
+    odometry: Odometry,
+    is_begun: bool,
+}
+
+/// Which buffer holds the event.
+enum Kind {
+    Scan,
+    Odometry,
+}
+
+impl Drive {
+    /// Opens logs, each with its name for reports; recordings are read once from end to end and planned.
+    ///
+    /// Frames that an earlier recording has fixed hold for later ones too, for a split recording says them only once.
+    ///
+    /// # Errors
+    /// [`LogError`]; what is refused says what to type instead.
+    pub fn open(inputs: Vec<(String, Input)>, choice: &Choice) -> Result<Self, LogError> {
+        let mut parts = VecDeque::new();
+        let mut links = None;
+        for (name, input) in inputs {
+            let reader = match input {
+                Input::Carmen(source) => carmen(source).map_err(|cause| LogError::Carmen { name: name.clone(), cause })?,
+                Input::Recording(path) => {
+                    let survey = Survey::of(&path);
+                    let mut survey = survey.map_err(|cause| LogError::Recording { name: name.clone(), cause })?;
+                    if let Some(links) = &links {
+                        survey.links.inherit(links);
+                    }
+                    links = Some(survey.links.clone());
+                    let plan = Plan::of(&survey, choice);
+                    let plan = plan.map_err(|reason| LogError::Refused { name: name.clone(), reason })?;
+                    Reader::Recording { path, survey: Box::new(survey), plan: Box::new(plan) }
+                }
+            };
+            parts.push_back(Part { name, reader });
+        }
+        let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
+        let (chain, reports) = (Chain::default(), Vec::new());
+        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, is_begun: false })
+    }
+
+    /// The plans of the recordings that are not yet begun, with their names.
+    pub fn plans(&self) -> impl Iterator<Item = (&str, &Plan)> {
+        self.parts.iter().filter_map(|part| match &part.reader {
+            Reader::Recording { plan, .. } => Some((part.name.as_str(), &**plan)),
+            _ => None,
+        })
+    }
+
+    /// Which log the events come from now, from 0.
+    #[must_use]
+    pub fn part(&self) -> usize {
+        self.reports.len()
+    }
+
+    /// How much of the present log was read: bytes of a CARMEN log, the share of a recording.
+    #[must_use]
+    pub fn read_of_part(&self, size_bytes: u64) -> u64 {
+        match self.parts.front().map(|part| &part.reader) {
+            Some(Reader::Carmen(_, read_bytes)) => read_bytes.get(),
+            Some(Reader::Stream(stream)) => (stream.share() * size_bytes as f64) as u64,
+            _ => 0,
+        }
+    }
+
+    /// How the odometry of one log goes on in the next, in words.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.chain.notes
+    }
+
+    /// The next scan or reading, or none at the end of the last log.
+    ///
+    /// # Errors
+    /// [`LogError`] where a file fails. Damage and bad messages are in the [reports](Self::into_reports).
+    pub fn next_event(&mut self) -> Result<Option<LogEvent<'_>>, LogError> {
+        let Some(kind) = self.advance()? else { return Ok(None) };
+        Ok(Some(match kind {
+            Kind::Scan => LogEvent::Scan(&self.scan),
+            Kind::Odometry => LogEvent::Odometry(&self.odometry),
+        }))
+    }
+
+    fn advance(&mut self) -> Result<Option<Kind>, LogError> {
+        while let Some(part) = self.parts.front_mut() {
+            if !self.is_begun {
+                part.begin()?;
+                self.chain.begin(&part.name);
+                self.is_begun = true;
+            }
+            if let Some(kind) = part.read(&mut self.scan, &mut self.odometry)? {
+                self.chain(&kind);
+                return Ok(Some(kind));
+            }
+            self.end_part();
+        }
+        Ok(None)
+    }
+
+    fn chain(&mut self, kind: &Kind) {
+        match kind {
+            Kind::Scan => {
+                let stamp = self.scan.stamp;
+                self.scan.odom_from_robot = self.scan.odom_from_robot.map(|pose| self.chain.pose(stamp, pose));
+            }
+            Kind::Odometry => {
+                let Odometry { stamp, odom_from_robot } = self.odometry;
+                self.odometry.odom_from_robot = self.chain.pose(stamp, odom_from_robot);
+            }
+        }
+    }
+
+    fn end_part(&mut self) {
+        self.is_begun = false;
+        if let Some(part) = self.parts.pop_front() {
+            let report = match part.reader {
+                Reader::Carmen(reader, _) => LogReport::Carmen(Box::new(reader.into_report())),
+                Reader::Stream(stream) => LogReport::Recording(Box::new(stream.into_report())),
+                Reader::Recording { .. } => return,
+            };
+            self.reports.push((part.name, report));
+        }
+    }
+
+    /// The report of each log that was begun, with its name.
+    #[must_use]
+    pub fn into_reports(mut self) -> Vec<(String, LogReport)> {
+        if self.is_begun {
+            self.end_part();
+        }
+        self.reports
+    }
+}
+
+impl Part {
+    /// Opens a recording for its second pass.
+    fn begin(&mut self) -> Result<(), LogError> {
+        if let Reader::Recording { path, survey, plan } = &self.reader {
+            let stream = Stream::open(path, (**survey).clone(), (**plan).clone());
+            self.reader = Reader::Stream(Box::new(stream.map_err(|cause| self.failed(cause))?));
+        }
+        Ok(())
+    }
+
+    fn failed(&self, cause: BagError) -> LogError {
+        LogError::Recording { name: self.name.clone(), cause }
+    }
+
+    fn read(&mut self, scan: &mut LaserScan, odometry: &mut Odometry) -> Result<Option<Kind>, LogError> {
+        let event = match &mut self.reader {
+            Reader::Recording { .. } => return Ok(None),
+            Reader::Stream(stream) => stream.next_event().map(|event| {
+                Ok(event.map(|event| match event {
+                    Event::Scan(next) => {
+                        *scan = next;
+                        Kind::Scan
+                    }
+                    Event::Odometry(next) => {
+                        *odometry = next;
+                        Kind::Odometry
+                    }
+                }))
+            }),
+            Reader::Carmen(reader, _) => Ok(reader.next_event().map(|event| take_carmen(event, scan, odometry))),
+        };
+        match event {
+            Ok(Ok(kind)) => Ok(kind),
+            Ok(Err(cause)) => Err(LogError::Carmen { name: self.name.clone(), cause }),
+            Err(cause) => Err(self.failed(cause)),
+        }
+    }
+}
+
+fn take_carmen(event: Option<LogEvent<'_>>, scan: &mut LaserScan, odometry: &mut Odometry) -> Option<Kind> {
+    match event? {
+        LogEvent::Scan(next) => {
+            scan.stamp = next.stamp;
+            scan.laser = next.laser.clone();
+            scan.ranges_m.clone_from(&next.ranges_m);
+            scan.odom_from_robot = next.odom_from_robot;
+            Some(Kind::Scan)
+        }
+        LogEvent::Odometry(next) => {
+            *odometry = *next;
+            Some(Kind::Odometry)
+        }
+        _ => None,
+    }
+}
+
+fn carmen(source: Box<dyn Read>) -> Result<Reader, FormatError> {
+    let read_bytes = Rc::new(Cell::new(0));
+    let stream = open_log(Counted { source, read_bytes: Rc::clone(&read_bytes) })?;
+    Ok(Reader::Carmen(Box::new(CarmenReader::new(stream)), read_bytes))
+}
+
+/// Counts the bytes taken from a source.
+struct Counted {
+    source: Box<dyn Read>,
+    read_bytes: Rc<Cell<u64>>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let got = self.source.read(out)?;
+        self.read_bytes.set(self.read_bytes.get() + got as u64);
+        Ok(got)
+    }
+}

@@ -1,0 +1,34 @@
+//! Why a log cannot be read or mapped.
+
+use mapwright_bags::BagError;
+use mapwright_formats::FormatError;
+
+/// A failure that ends reading; bad messages are none, they are counted in the [`LogReport`](crate::LogReport).
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// A recording that cannot be read at all.
+    #[error("cannot read {name}: {cause}")]
+    Recording {
+        /// The log.
+        name: String,
+        /// What is wrong.
+        cause: BagError,
+    },
+    /// A stream that failed.
+    #[error("cannot read {name}: {cause}")]
+    Carmen {
+        /// The log.
+        name: String,
+        /// What is wrong.
+        cause: FormatError,
+    },
+    /// There is nothing in it to map with, or not without help: what is there, and what to type.
+    #[error("{name}: {reason}")]
+    Refused {
+        /// The log.
+        name: String,
+        /// Why, what is there instead, and what to type.
+        reason: String,
+    },
+}

@@ -1,0 +1,118 @@
+//! Where a sensor sits on which robot, by the transforms of a recording.
+
+use crate::choice::Choice;
+use crate::links::{Link, Links, base_rank, is_world};
+use mapwright_geom::Pose3;
+
+/// The robot's frame moves by no more than this out of the plane, radians.
+const SWING_MOST_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
+
+/// A sensor's place.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Place {
+    pub(crate) robot_frame: String,
+    pub(crate) robot_from_sensor: Pose3,
+    /// Why the robot's frame is this one.
+    pub(crate) reason: String,
+    /// What had to be assumed, where nothing says where the sensor sits.
+    pub(crate) assumed: Option<String>,
+}
+
+/// Finds the robot that carries a sensor. `moved` are the frames that odometry says it moves.
+pub(crate) fn place(links: &Links, sensor: &str, moved: &[&str], choice: &Choice) -> Result<Place, String> {
+    if let Some(robot_frame) = &choice.frame {
+        return on(links, robot_frame.trim_start_matches('/'), sensor, "as asked for".to_owned());
+    }
+    let above = links.above(sensor);
+    if above.is_empty() {
+        return Ok(unplaced(links, sensor, moved));
+    }
+    let is_moved = |link: &&Link| is_world(&link.parent) || moved.contains(&link.child.as_str());
+    let robot = above.iter().position(is_moved).or_else(|| above.iter().position(|link| !link.is_constant()));
+    let Some(at) = robot else {
+        let frames = above.iter().map(|link| link.parent.as_str());
+        let named = frames.filter_map(|frame| Some((base_rank(frame)?, frame))).min();
+        let root = above.last().map_or(sensor, |link| &link.parent);
+        let (robot_frame, reason) = match named {
+            Some((_, frame)) => (frame, "a robot's frame by its name"),
+            None => (root, "the root of the tree that the sensor is in"),
+        };
+        return on(links, robot_frame, sensor, reason.to_owned());
+    };
+    let link = above[at];
+    let is_named = is_moved(&link);
+    if !is_named && link.swung_rad > SWING_MOST_RAD {
+        return Err(swinging(link, sensor));
+    }
+    let reason = if moved.contains(&link.child.as_str()) {
+        "the frame that odometry moves".to_owned()
+    } else {
+        format!("the frame that moves in '{}' and carries '{sensor}'", link.parent)
+    };
+    on(links, &link.child, sensor, reason)
+}
+
+/// With the sensor rigidly on a frame that is known.
+fn on(links: &Links, robot_frame: &str, sensor: &str, reason: String) -> Result<Place, String> {
+    match links.constant(robot_frame, sensor) {
+        Ok(robot_from_sensor) => {
+            Ok(Place { robot_frame: robot_frame.to_owned(), robot_from_sensor, reason, assumed: None })
+        }
+        Err(Some(link)) if link.swung_rad > SWING_MOST_RAD => Err(swinging(link, sensor)),
+        Err(Some(link)) => Err(format!(
+            "'{sensor}' moves on the robot: '{}' moves in '{}' by up to {:.3} m and {:.1} deg; expected a sensor that is \
+             fixed to '{robot_frame}'",
+            link.child,
+            link.parent,
+            link.moved_m,
+            link.turned_rad.to_degrees()
+        )),
+        Err(None) => Err(format!(
+            "nothing links '{sensor}' to '{robot_frame}'; frames above '{sensor}': {}",
+            list(links.above(sensor).iter().map(|link| link.parent.as_str()))
+        )),
+    }
+}
+
+fn swinging(link: &Link, sensor: &str) -> String {
+    format!(
+        "'{sensor}' tilts during the log: '{}' swings in '{}' by up to {:.1} deg out of the plane; a laser that tilts sweeps \
+         through space, and its scans are no horizontal plane to map",
+        link.child,
+        link.parent,
+        link.swung_rad.to_degrees()
+    )
+}
+
+/// A sensor of which no transform says where it is: in the robot's origin.
+fn unplaced(links: &Links, sensor: &str, moved: &[&str]) -> Place {
+    let named = links.iter().flat_map(|link| [link.child.as_str(), link.parent.as_str()]);
+    let named = named.filter_map(|frame| Some((base_rank(frame)?, frame))).min().map(|(_, frame)| frame);
+    let by_odometry = moved.iter().copied().find(|frame| !frame.is_empty());
+    let (robot_frame, reason) = match (by_odometry, named) {
+        (Some(frame), _) => (frame, "the frame that odometry moves"),
+        (None, Some(frame)) => (frame, "a robot's frame by its name"),
+        (None, None) => (sensor, "the sensor's own, for there is no other"),
+    };
+    let assumed = format!(
+        "no transform says where '{sensor}' sits on the robot: assumed to sit in the origin of '{robot_frame}' and to look \
+         ahead"
+    );
+    let assumed = (robot_frame != sensor).then_some(assumed);
+    Place {
+        robot_frame: robot_frame.to_owned(),
+        robot_from_sensor: Pose3::identity(),
+        reason: reason.to_owned(),
+        assumed,
+    }
+}
+
+/// Names for people, the first few.
+pub(crate) fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<_> = names.collect();
+    match names.len() {
+        0 => "none".to_owned(),
+        1..=12 => names.join(", "),
+        more => format!("{} and {} more", names[..12].join(", "), more - 12),
+    }
+}

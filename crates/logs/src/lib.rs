@@ -1,0 +1,60 @@
+//! Logs of any kind as one stream of scans and odometry: CARMEN logs, ROS 1 bags, MCAP files and ROS 2 bags.
+//!
+//! What to use of a recording is found, not configured. A first pass ([`Survey`]) reads what is there: topics with their
+//! types and counts, and which frame hangs where. From that a [`Plan`] is made, in which every decision has its reason in
+//! words, or a refusal that says what is there and what to type instead. A [`Drive`] then reads one or several logs
+//! according to their plans and yields their events.
+//!
+//! # Order
+//!
+//! One rule for all readers. Within a topic messages keep the order in which they arrived, whatever their stamps say.
+//! Across topics they are merged by the stamps of their headers, over a window of at most [`WINDOW_S`] seconds of arrival and
+//! [`WINDOW_MESSAGES`] messages. Stamps that step backwards are noted; messages that come later than the window allows are
+//! delivered when they come, and counted. A header without a stamp has the time of its recording instead, and is counted.
+//!
+//! # Odometry of a scan
+//!
+//! It is interpolated at the scan's stamp, which is that of its first beam, between the readings before and after it,
+//! where these are at most [`WINDOW_S`] seconds apart; else it is the one before, unless that is older than that; else
+//! there is none.
+//!
+//! # Memory
+//!
+//! Neither pass holds more than a chunk or message, the window, and reports that are bounded.
+//!
+//! ```no_run
+//! use mapwright_logs::{Choice, Drive, Input};
+//! let input = Input::Recording("drive.mcap".into());
+//! let mut drive = Drive::open(vec![("drive.mcap".to_owned(), input)], &Choice::default())?;
+//! while let Some(event) = drive.next_event()? {
+//!     println!("{event:?}");
+//! }
+//! # Ok::<(), mapwright_logs::LogError>(())
+//! ```
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+mod chain;
+mod channel;
+mod choice;
+mod drive;
+mod error;
+mod frames;
+mod links;
+mod merge;
+mod odometry;
+mod plan;
+mod report;
+mod scans;
+mod stream;
+mod survey;
+mod words;
+
+pub use channel::TopicKind;
+pub use choice::{Choice, SliceBounds};
+pub use drive::{Drive, Input};
+pub use error::LogError;
+pub use links::{Link, Links};
+pub use merge::{WINDOW_MESSAGES, WINDOW_S};
+pub use plan::{OdometrySource, Plan};
+pub use report::{LogReport, Refused, RecordingReport, StreamReport};
+pub use survey::{Survey, TopicSurvey};

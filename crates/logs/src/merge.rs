@@ -1,0 +1,214 @@
+//! Two topics in the order of their stamps, over a bounded window.
+
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_sensor::{LaserScan, Odometry};
+use std::collections::VecDeque;
+
+/// How long a message waits for those of another topic, seconds between the times of recording; and how far readings of
+/// odometry may lie apart to be interpolated.
+pub const WINDOW_S: f64 = 2.0;
+/// How many messages wait at most.
+pub const WINDOW_MESSAGES: usize = 4096;
+
+/// A message that waits.
+#[derive(Debug)]
+struct Waiting<T> {
+    recorded: Stamp,
+    place: u64,
+    item: T,
+}
+
+/// A message whose turn it is; its number in the recording, and whether others with later stamps went before it.
+#[derive(Debug)]
+pub(crate) struct Next<T> {
+    pub(crate) place: u64,
+    pub(crate) is_late: bool,
+    pub(crate) item: T,
+}
+
+/// What comes next.
+#[derive(Debug)]
+pub(crate) enum Turn {
+    Scan(Next<LaserScan>),
+    Odometry(Next<Odometry>),
+}
+
+/// Scans and odometry that wait for each other.
+#[derive(Debug, Default)]
+pub(crate) struct Merger {
+    scans: VecDeque<Waiting<LaserScan>>,
+    odometry: VecDeque<Waiting<Odometry>>,
+    /// Delivered readings of the last [`WINDOW_S`], in their order.
+    past: VecDeque<Odometry>,
+    now: Stamp,
+    last_scan: Option<Stamp>,
+}
+
+impl Merger {
+    /// The time at which the newest message of any topic was recorded.
+    pub(crate) fn at(&mut self, recorded: Stamp) {
+        self.now = recorded;
+    }
+
+    pub(crate) fn push_scan(&mut self, place: u64, scan: LaserScan) {
+        self.scans.push_back(Waiting { recorded: self.now, place, item: scan });
+    }
+
+    pub(crate) fn push_odometry(&mut self, place: u64, odometry: Odometry) {
+        self.odometry.push_back(Waiting { recorded: self.now, place, item: odometry });
+    }
+
+    /// Bytes held by what waits.
+    pub(crate) fn held_bytes(&self) -> usize {
+        let scans: usize = self.scans.iter().map(|scan| scan.item.ranges_m.capacity() * size_of::<f32>()).sum();
+        let waiting = self.scans.capacity() * size_of::<Waiting<LaserScan>>();
+        let odometry = self.odometry.capacity() * size_of::<Waiting<Odometry>>();
+        scans + waiting + odometry + self.past.capacity() * size_of::<Odometry>()
+    }
+
+    /// The next in order, where it is certain or has waited long enough; at the recording's end in any case.
+    pub(crate) fn pop(&mut self, is_end: bool) -> Option<Turn> {
+        let is_due = |recorded| is_end || self.is_due(recorded);
+        let is_scan = match (self.scans.front(), self.odometry.front()) {
+            (Some(scan), Some(odometry)) => scan.item.stamp < odometry.item.stamp,
+            (Some(scan), None) if is_due(scan.recorded) => true,
+            (None, Some(odometry)) if is_due(odometry.recorded) => false,
+            _ => return None,
+        };
+        if is_scan { self.pop_scan().map(Turn::Scan) } else { self.pop_odometry().map(Turn::Odometry) }
+    }
+
+    fn is_due(&self, recorded: Stamp) -> bool {
+        self.now.secs_since(recorded) > WINDOW_S || self.scans.len() + self.odometry.len() > WINDOW_MESSAGES
+    }
+
+    fn pop_scan(&mut self) -> Option<Next<LaserScan>> {
+        let Waiting { place, item, .. } = self.scans.pop_front()?;
+        let steps_back = self.last_scan.is_some_and(|last| item.stamp < last);
+        let is_late = !steps_back && self.past.back().is_some_and(|odometry| item.stamp < odometry.stamp);
+        self.last_scan = Some(item.stamp);
+        Some(Next { place, is_late, item })
+    }
+
+    fn pop_odometry(&mut self) -> Option<Next<Odometry>> {
+        let Waiting { place, item, .. } = self.odometry.pop_front()?;
+        let steps_back = self.past.back().is_some_and(|last| item.stamp < last.stamp);
+        let is_late = !steps_back && self.last_scan.is_some_and(|scan| item.stamp < scan);
+        self.past.push_back(item);
+        while self.past.len() > WINDOW_MESSAGES
+            || self.past.front().is_some_and(|first| item.stamp.secs_since(first.stamp) > WINDOW_S)
+        {
+            self.past.pop_front();
+        }
+        Some(Next { place, is_late, item })
+    }
+
+    /// Odometry's pose at a stamp, by the module's rule.
+    pub(crate) fn odom_from_robot(&self, stamp: Stamp) -> Option<Pose2> {
+        let waiting = self.odometry.front().map(|waiting| &waiting.item);
+        let mut after: Option<&Odometry> = None;
+        for reading in waiting.into_iter().chain(self.past.iter().rev()) {
+            if reading.stamp <= stamp {
+                return between(reading, after, stamp);
+            }
+            after = Some(reading);
+        }
+        None
+    }
+
+    /// The stamp of the last reading delivered.
+    pub(crate) fn last_odometry(&self) -> Option<Stamp> {
+        self.past.back().map(|odometry| odometry.stamp)
+    }
+}
+
+fn between(before: &Odometry, after: Option<&Odometry>, stamp: Stamp) -> Option<Pose2> {
+    let since_s = stamp.secs_since(before.stamp);
+    if let Some(after) = after {
+        let apart_s = after.stamp.secs_since(before.stamp);
+        if apart_s > 0.0 && apart_s <= WINDOW_S {
+            let step = before.odom_from_robot.between(after.odom_from_robot).log();
+            return Some(before.odom_from_robot * Pose2::exp(step.map(|part| part * since_s / apart_s)));
+        }
+    }
+    (since_s <= WINDOW_S).then_some(before.odom_from_robot)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scans::no_scan;
+
+    fn odometry(ms: i64, x: f64) -> Odometry {
+        Odometry { stamp: Stamp(ms * 1_000_000), odom_from_robot: Pose2::new(x, 0.0, 0.0) }
+    }
+
+    fn scan(ms: i64) -> LaserScan {
+        LaserScan { stamp: Stamp(ms * 1_000_000), ..no_scan() }
+    }
+
+    /// Stamps in ms of all that is delivered, scans negative.
+    fn drain(merger: &mut Merger, is_end: bool) -> Vec<i64> {
+        let turn = |turn| match turn {
+            Turn::Scan(next) => -next.item.stamp.0 / 1_000_000,
+            Turn::Odometry(next) => next.item.stamp.0 / 1_000_000,
+        };
+        std::iter::from_fn(|| merger.pop(is_end)).map(turn).collect()
+    }
+
+    #[test]
+    fn topics_are_merged_by_stamps_and_each_keeps_its_own_order() {
+        let mut merger = Merger::default();
+        merger.push_scan(1, scan(100));
+        merger.push_scan(2, scan(90)); // steps back and keeps its place
+        merger.push_odometry(3, odometry(50, 0.0));
+        merger.push_odometry(4, odometry(95, 0.0));
+        merger.push_odometry(5, odometry(150, 0.0));
+        assert_eq!(drain(&mut merger, false), [50, 95, -100, -90]);
+        assert_eq!(drain(&mut merger, true), [150]);
+    }
+
+    #[test]
+    fn nobody_waits_longer_than_the_window_and_who_comes_later_is_late() {
+        let mut merger = Merger::default();
+        merger.at(Stamp(0));
+        merger.push_scan(1, scan(100));
+        assert!(drain(&mut merger, false).is_empty());
+        merger.at(Stamp(2_100_000_000));
+        assert_eq!(drain(&mut merger, false), [-100]);
+        merger.push_odometry(2, odometry(60, 0.0));
+        let Some(Turn::Odometry(next)) = merger.pop(true) else { panic!() };
+        assert!(next.is_late);
+    }
+
+    #[test]
+    fn no_more_messages_wait_than_the_window_holds() {
+        let mut merger = Merger::default();
+        for place in 0..3 * WINDOW_MESSAGES as i64 {
+            merger.push_odometry(place as u64, odometry(place, 0.0));
+            drain(&mut merger, false);
+            assert!(merger.odometry.len() <= WINDOW_MESSAGES);
+        }
+    }
+
+    #[test]
+    fn odometry_is_interpolated_at_the_scans_stamp_or_is_the_one_before() {
+        let mut merger = Merger::default();
+        for (ms, x) in [(0, 0.0), (100, 1.0), (200, 3.0), (9000, 5.0)] {
+            merger.push_odometry(1, odometry(ms, x));
+        }
+        for _ in 0..2 {
+            assert!(matches!(merger.pop(true), Some(Turn::Odometry(_))));
+        }
+        let x_at = |merger: &Merger, ms: i64| merger.odom_from_robot(Stamp(ms * 1_000_000)).map(|pose| pose.x);
+        assert_eq!([x_at(&merger, 100), x_at(&merger, 150), x_at(&merger, 50)], [Some(1.0), Some(2.0), Some(0.5)]);
+        assert_eq!(x_at(&merger, -1), None);
+        drain(&mut merger, true);
+        assert_eq!(x_at(&merger, 20_000), None, "too old");
+        let mut sparse = Merger::default();
+        sparse.push_odometry(1, odometry(0, 1.0));
+        sparse.push_odometry(2, odometry(5000, 9.0));
+        assert!(matches!(sparse.pop(true), Some(Turn::Odometry(_))));
+        assert_eq!([x_at(&sparse, 1000), x_at(&sparse, 3000)], [Some(1.0), None], "the next is too far away");
+    }
+}

@@ -1,0 +1,110 @@
+//! Which odometry to use, and why.
+
+use crate::channel::TopicKind;
+use crate::choice::Choice;
+use crate::frames::Place;
+use crate::links::{Link, Links, is_map, is_world};
+use crate::plan::OdometrySource;
+use crate::survey::{Survey, TopicSurvey, same_name};
+use crate::words::grouped;
+use mapwright_geom::Pose3;
+
+/// What was decided.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Found {
+    pub(crate) source: OdometrySource,
+    pub(crate) reason: String,
+    pub(crate) assumed: Option<String>,
+}
+
+/// Topics of odometry that can be used, the one to prefer first: not another mapper's result, then most messages.
+pub(crate) fn topics<'a>(survey: &'a Survey, choice: &Choice) -> Vec<&'a TopicSurvey> {
+    let all = survey.topics.iter().filter(|topic| topic.kind == TopicKind::Odometry && topic.usable() > 0);
+    let mut all: Vec<_> = all.filter(|topic| !is_map(topic.frame()) || is_chosen(topic, choice)).collect();
+    all.sort_by_key(|topic| (!is_chosen(topic, choice), u64::MAX - topic.usable(), topic.name.len()));
+    if choice.topics.iter().any(|name| survey.topic(name).is_some_and(|topic| topic.kind == TopicKind::Transforms)) {
+        return Vec::new();
+    }
+    all
+}
+
+fn is_chosen(topic: &TopicSurvey, choice: &Choice) -> bool {
+    choice.topics.iter().any(|name| same_name(name, &topic.name))
+}
+
+/// Odometry of the robot that a place is on.
+pub(crate) fn find(survey: &Survey, place: &Place, choice: &Choice) -> Found {
+    let by_link = moving_link(&survey.links, &place.robot_frame);
+    let candidates = topics(survey, choice);
+    if let Some(topic) = candidates.first() {
+        return by_topic(survey, topic, &candidates[1..], by_link, place, choice);
+    }
+    match by_link {
+        Some(link) if !is_map(&link.parent) => Found {
+            reason: format!(
+                "the transforms '{}' -> '{}' ({}), for there is no topic of odometry that fits",
+                link.parent,
+                link.child,
+                grouped(link.transforms)
+            ),
+            source: OdometrySource::Transforms {
+                parent: link.parent.clone(),
+                child: link.child.clone(),
+                child_from_robot: survey.links.constant(&link.child, &place.robot_frame).unwrap_or(Pose3::identity()),
+            },
+            assumed: None,
+        },
+        Some(link) => Found {
+            reason: format!(
+                "none: '{}' -> '{}' is where another mapper believed to be, which is no odometry; poses are predicted by \
+                 constant velocity",
+                link.parent, link.child
+            ),
+            source: OdometrySource::None,
+            assumed: None,
+        },
+        None => Found {
+            reason: "none in the log: poses are predicted by constant velocity".to_owned(),
+            source: OdometrySource::None,
+            assumed: None,
+        },
+    }
+}
+
+/// The link by which a robot moves: the first above its frame that is not constant, or whose parent is `odom`.
+fn moving_link<'a>(links: &'a Links, robot_frame: &str) -> Option<&'a Link> {
+    links.above(robot_frame).into_iter().find(|link| is_world(&link.parent) || !link.is_constant())
+}
+
+fn by_topic(
+    survey: &Survey,
+    topic: &TopicSurvey,
+    others: &[&TopicSurvey],
+    by_link: Option<&Link>,
+    place: &Place,
+    choice: &Choice,
+) -> Found {
+    let child = topic.child_frame();
+    let (child_from_robot, assumed) = match survey.links.constant(child, &place.robot_frame) {
+        Ok(child_from_robot) => (child_from_robot, None),
+        Err(_) if child.is_empty() => (Pose3::identity(), None),
+        Err(_) => (
+            Pose3::identity(),
+            Some(format!(
+                "{} moves '{child}', which nothing links to '{}': taken for the same frame",
+                topic.name, place.robot_frame
+            )),
+        ),
+    };
+    let mut reason = format!("{} ({}, {} messages)", topic.name, topic.type_name, grouped(topic.usable()));
+    if is_chosen(topic, choice) {
+        reason += ", as asked for";
+    } else if let Some(other) = others.first() {
+        reason += &format!(", with more messages than {} ({})", other.name, grouped(other.usable()));
+    }
+    if let Some(link) = by_link {
+        let (parent, child) = (&link.parent, &link.child);
+        reason += &format!("; preferred to the transforms '{parent}' -> '{child}', for messages are the readings themselves");
+    }
+    Found { source: OdometrySource::Topic { name: topic.name.clone(), child_from_robot }, reason, assumed }
+}

@@ -1,0 +1,245 @@
+//! What to use of a recording, and why.
+
+use crate::channel::TopicKind;
+use crate::choice::{Choice, SliceBounds};
+use crate::frames::{Place, list, place};
+use crate::odometry;
+use crate::survey::{Survey, TopicSurvey, same_name};
+use crate::words::grouped;
+use mapwright_geom::Pose3;
+use mapwright_ros::Mounting;
+use std::collections::BTreeMap;
+
+/// The most by which a scan plane may be tilted against the robot's, degrees.
+pub(crate) const TILT_MOST_DEG: f64 = 5.0;
+
+/// Where the robot's own idea of its motion comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OdometrySource {
+    /// There is none.
+    None,
+    /// A topic of `nav_msgs/Odometry`.
+    Topic {
+        /// Its name.
+        name: String,
+        /// The robot's frame in the frame that it moves.
+        child_from_robot: Pose3,
+    },
+    /// The transforms from one frame to another.
+    Transforms {
+        /// The frame that odometry started in.
+        parent: String,
+        /// The frame that moves in it.
+        child: String,
+        /// The robot's frame in the frame that moves.
+        child_from_robot: Pose3,
+    },
+}
+
+/// Where a sensor's scans go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Mount {
+    /// A planar laser.
+    Planar(Mounting),
+    /// A sensor in space.
+    Space(Pose3),
+}
+
+/// What is used of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// The topic of the scans.
+    pub scans: String,
+    /// What kind of scans.
+    pub kind: TopicKind,
+    /// Heights of the slice, for clouds.
+    pub slice: Option<SliceBounds>,
+    /// The robot's frame.
+    pub robot_frame: String,
+    /// The frame of most of the scans.
+    pub sensor_frame: String,
+    /// Where odometry comes from.
+    pub odometry: OdometrySource,
+    /// Each decision and why: the name of what was decided, and the words.
+    pub reasons: Vec<(&'static str, String)>,
+    /// What had to be assumed, in words.
+    pub assumed: Vec<String>,
+    /// Mountings by the scans' frames.
+    pub(crate) mounts: BTreeMap<String, Mount>,
+}
+
+/// A topic of scans that can be used.
+struct Candidate<'a> {
+    topic: &'a TopicSurvey,
+    place: Place,
+    mount: Mount,
+}
+
+impl Plan {
+    /// Decides what to use.
+    ///
+    /// # Errors
+    /// Why nothing can be mapped, what is there instead and what to type, in words.
+    pub fn of(survey: &Survey, choice: &Choice) -> Result<Self, String> {
+        for name in &choice.topics {
+            if survey.topic(name).is_none() {
+                return Err(format!("there is no topic {name}; there are {}", contents(survey)));
+            }
+        }
+        let (mut candidates, refused) = candidates(survey, choice)?;
+        candidates.sort_by_key(|candidate| {
+            let wanted = (candidate.topic.kind == TopicKind::Cloud) == choice.slice.is_some();
+            (!wanted, candidate.place.assumed.is_some(), u64::MAX - candidate.topic.usable())
+        });
+        let others: Vec<_> = candidates.iter().skip(1).map(|candidate| candidate.topic.name.clone()).collect();
+        match candidates.into_iter().next() {
+            Some(chosen) => Ok(decide(survey, choice, chosen, &others, &refused)),
+            None => Err(refused.join("; ")),
+        }
+    }
+
+    /// Scans say when their beams were taken, or whether they do not.
+    fn deskew(topic: &TopicSurvey) -> String {
+        match (topic.kind, topic.has_times) {
+            (TopicKind::Cloud, true) => {
+                "not undone within a cloud, though its points have times: a slice takes all of them as one moment".to_owned()
+            }
+            (TopicKind::Cloud, false) => "not undone: the points have no times".to_owned(),
+            (_, true) => "undone: time_increment says when each beam was taken, the stamp when the first".to_owned(),
+            (_, false) => "not undone: time_increment is 0, so that all beams count as taken at once".to_owned(),
+        }
+    }
+}
+
+fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[String], refused: &[String]) -> Plan {
+    let Candidate { topic, place, mount } = chosen;
+    let found = odometry::find(survey, &place, choice);
+    let is_asked = choice.topics.iter().any(|name| same_name(name, &topic.name));
+    let why = match (is_asked, others) {
+        (true, _) => "as asked for".to_owned(),
+        (_, []) => "the only topic of scans that can be mapped with".to_owned(),
+        (_, others) => format!("the most scans; not used: {}", list(others.iter().map(String::as_str))),
+    };
+    let count = grouped(topic.usable());
+    let mut reasons = vec![
+        ("scans", format!("{} ({}, {count} messages, {}): {why}", topic.name, topic.type_name, topic.shape)),
+        ("robot", format!("'{}', {}", place.robot_frame, place.reason)),
+        ("mounting", mounting_words(topic.frame(), &place, &mount)),
+        ("odometry", found.reason.clone()),
+        ("motion", Plan::deskew(topic)),
+    ];
+    reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
+    let mut mounts = BTreeMap::from([(topic.frame().to_owned(), mount)]);
+    for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
+        let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
+        if let Ok(other) = crate::frames::place(&survey.links, frame, &[], &robot)
+            && let Ok(mount) = mount_of(topic.kind, &other)
+        {
+            mounts.insert(frame.clone(), mount);
+        }
+    }
+    Plan {
+        scans: topic.name.clone(),
+        kind: topic.kind,
+        slice: choice.slice.filter(|_| topic.kind == TopicKind::Cloud),
+        robot_frame: place.robot_frame.clone(),
+        sensor_frame: topic.frame().to_owned(),
+        odometry: found.source,
+        reasons,
+        assumed: place.assumed.into_iter().chain(found.assumed).collect(),
+        mounts,
+    }
+}
+
+fn mounting_words(sensor: &str, place: &Place, mount: &Mount) -> String {
+    if place.assumed.is_some() {
+        return format!("'{sensor}' in the robot's origin, assumed");
+    }
+    match mount {
+        Mount::Planar(mounting) => {
+            let at = mounting.robot_from_laser;
+            let way_up = if mounting.inverted { "upside down" } else { "upright" };
+            format!(
+                "'{sensor}' at x {:.3} m, y {:.3} m, yaw {:.1} deg, {way_up}, {:.3} m up, tilted by {:.1} deg",
+                at.x,
+                at.y,
+                at.theta.to_degrees(),
+                mounting.height_m,
+                mounting.tilt_deg
+            )
+        }
+        Mount::Space(pose) => {
+            let at = pose.translation;
+            format!("'{sensor}' at x {:.3} m, y {:.3} m, z {:.3} m", at.x, at.y, at.z)
+        }
+    }
+}
+
+fn mount_of(kind: TopicKind, place: &Place) -> Result<Mount, String> {
+    if kind == TopicKind::Cloud {
+        return Ok(Mount::Space(place.robot_from_sensor));
+    }
+    let mounting = Mounting::project(place.robot_from_sensor, TILT_MOST_DEG);
+    mounting.map(Mount::Planar).map_err(|error| format!("{error}, seen from '{}'", place.robot_frame))
+}
+
+/// Topics of scans that can be used, and why others cannot.
+fn candidates<'a>(survey: &'a Survey, choice: &Choice) -> Result<(Vec<Candidate<'a>>, Vec<String>), String> {
+    let asked = |topic: &&TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
+    let mut all: Vec<_> = survey.topics.iter().filter(|topic| topic.kind.is_scans()).collect();
+    if all.iter().any(asked) {
+        all.retain(asked);
+    }
+    let other = choice.topics.iter().filter_map(|name| survey.topic(name)).find(|topic| topic.kind == TopicKind::Other);
+    if let Some(topic) = other {
+        return Err(format!("{} is {}, expected scans or odometry", topic.name, topic.type_name));
+    }
+    if all.is_empty() {
+        return Err(format!(
+            "expected laser scans, found no topic of LaserScan, MultiEchoLaserScan or PointCloud2; there are {}",
+            contents(survey)
+        ));
+    }
+    let odometry = odometry::topics(survey, choice);
+    let moved: Vec<_> = odometry.first().map(|topic| topic.child_frame()).into_iter().filter(|f| !f.is_empty()).collect();
+    let (mut found, mut refused) = (Vec::new(), Vec::new());
+    for topic in all {
+        match candidate(survey, choice, topic, &moved) {
+            Ok(candidate) => found.push(candidate),
+            Err(reason) => refused.push(format!("{}: {reason}", topic.name)),
+        }
+    }
+    Ok((found, refused))
+}
+
+fn candidate<'a>(
+    survey: &Survey,
+    choice: &Choice,
+    topic: &'a TopicSurvey,
+    moved: &[&str],
+) -> Result<Candidate<'a>, String> {
+    if topic.usable() == 0 {
+        let why = topic.first_error.as_ref().map_or_else(|| "no messages".to_owned(), |e| format!("unreadable: {e}"));
+        return Err(why);
+    }
+    if topic.kind == TopicKind::Cloud && choice.slice.is_none() {
+        return Err(format!(
+            "{} point clouds ({}); a slice of them can be mapped: mapwright map LOG --topic {} --slice 0.1:1.0 -o OUT",
+            grouped(topic.usable()),
+            topic.shape,
+            topic.name
+        ));
+    }
+    let place = place(&survey.links, topic.frame(), moved, choice)?;
+    let mount = mount_of(topic.kind, &place)?;
+    Ok(Candidate { topic, place, mount })
+}
+
+/// The topics with types and counts.
+fn contents(survey: &Survey) -> String {
+    let with_messages = survey.topics.iter().filter(|topic| topic.messages > 0);
+    let words: Vec<_> = with_messages
+        .map(|topic| format!("{} ({}, {})", topic.name, topic.type_name, grouped(topic.messages)))
+        .collect();
+    list(words.iter().map(String::as_str))
+}

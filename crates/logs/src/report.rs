@@ -1,0 +1,86 @@
+//! What became of a log's messages.
+
+use crate::plan::Plan;
+use crate::survey::Survey;
+use mapwright_formats::{Noted, TopicReport};
+
+/// Messages that could not be used.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Refused {
+    /// How many.
+    pub count: u64,
+    /// Which message of the recording was the first, from 1, where it lies, and what is wrong with it.
+    pub first: Option<String>,
+}
+
+impl Refused {
+    pub(crate) fn note(&mut self, place: u64, offset_bytes: u64, reason: impl FnOnce() -> String) {
+        self.count += 1;
+        self.first.get_or_insert_with(|| format!("message {place} at byte {offset_bytes}: {}", reason()));
+    }
+}
+
+/// What the second pass delivered. Memory is bounded, however long or broken the recording.
+#[derive(Debug, Clone, Default)]
+pub struct StreamReport {
+    /// Messages of all topics read.
+    pub messages: u64,
+    /// Scans delivered.
+    pub scans: u64,
+    /// Readings of odometry delivered.
+    pub odometry: u64,
+    /// The topics used: that of scans, then that of odometry where there is one. Places are numbers of messages.
+    pub topics: Vec<TopicReport>,
+    /// Messages delivered after others of a later stamp, for they came later than the window allows.
+    pub late: Noted,
+    /// Headers without a stamp; the time of recording stands in.
+    pub unstamped: Noted,
+    /// Messages of the topics used that could not be decoded.
+    pub undecodable: Refused,
+    /// Scans and readings that were decoded and cannot be used.
+    pub unusable: Refused,
+    /// Scans without a reading of odometry near enough, where there is odometry.
+    pub without_odometry: Noted,
+    /// The scan's stamp less that of the last reading of odometry, at the first of these, seconds.
+    pub odometry_behind_s: Option<f64>,
+    /// Ranges that are NaN or infinite, delivered as they are.
+    pub non_finite_ranges: u64,
+    /// Points of clouds outside of the slice, and those that are not finite.
+    pub points_outside: u64,
+    /// Points of clouds that made a scan.
+    pub points_used: u64,
+    /// The most memory that the reader's buffers and the window held, bytes.
+    pub held_bytes: usize,
+}
+
+/// All that is known of one recording.
+#[derive(Debug, Clone)]
+pub struct RecordingReport {
+    /// What the first pass found, and what the container's reader says of all of it.
+    pub survey: Survey,
+    /// What was used, and why.
+    pub plan: Plan,
+    /// What the second pass delivered.
+    pub stream: StreamReport,
+}
+
+/// The report of one log.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum LogReport {
+    /// Of a CARMEN log.
+    Carmen(Box<mapwright_formats::ReadReport>),
+    /// Of a recording of messages.
+    Recording(Box<RecordingReport>),
+}
+
+impl LogReport {
+    /// Scans delivered.
+    #[must_use]
+    pub fn scans(&self) -> u64 {
+        match self {
+            Self::Carmen(report) => report.scans,
+            Self::Recording(report) => report.stream.scans,
+        }
+    }
+}

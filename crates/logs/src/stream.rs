@@ -1,0 +1,252 @@
+//! The second pass over a recording: its events in order.
+
+use crate::channel::{Decoders, Messages};
+use crate::links::{bare, stamp_or};
+use crate::merge::{Merger, Next, Turn};
+use crate::plan::{OdometrySource, Plan};
+use crate::report::{RecordingReport, StreamReport};
+use crate::scans::{Problem, ScanMaker};
+use crate::survey::{Survey, same_name};
+use mapwright_bags::{BagError, Connection, RawMessage, Recording};
+use mapwright_formats::TopicReport;
+use mapwright_geom::{Pose2, Pose3, Stamp};
+use mapwright_ros::messages::TfMessage;
+use mapwright_ros::planar;
+use mapwright_sensor::{LaserScan, Odometry};
+use std::path::Path;
+
+/// Successive odometry poses farther apart are a jump, metres.
+const JUMP_M: f64 = 10.0;
+/// Poses beyond are no odometry, metres.
+const FARTHEST_M: f64 = 1e6;
+
+/// An event of a recording.
+#[derive(Debug)]
+pub(crate) enum Event {
+    Scan(LaserScan),
+    Odometry(Odometry),
+}
+
+/// What a connection is used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Use {
+    Scans,
+    Odometry,
+    Nothing,
+}
+
+/// A recording that is read according to its plan.
+#[derive(Debug)]
+pub(crate) struct Stream {
+    recording: Recording,
+    survey: Survey,
+    plan: Plan,
+    maker: ScanMaker,
+    decoders: Decoders,
+    uses: Vec<Option<Use>>,
+    merger: Merger,
+    report: StreamReport,
+    last_beams: Option<usize>,
+    last_pose: Option<Pose2>,
+    is_end: bool,
+}
+
+impl Stream {
+    pub(crate) fn open(path: &Path, survey: Survey, plan: Plan) -> Result<Self, BagError> {
+        let named = |name: &str| TopicReport { name: name.to_owned(), ..TopicReport::default() };
+        let mut topics = vec![named(&plan.scans)];
+        match &plan.odometry {
+            OdometrySource::None => {}
+            OdometrySource::Topic { name, .. } => topics.push(named(name)),
+            OdometrySource::Transforms { parent, child, .. } => topics.push(named(&format!("{parent} -> {child}"))),
+        }
+        Ok(Self {
+            recording: Recording::open(path)?,
+            survey,
+            maker: ScanMaker::new(&plan),
+            plan,
+            decoders: Decoders::default(),
+            uses: Vec::new(),
+            merger: Merger::default(),
+            report: StreamReport { topics, ..StreamReport::default() },
+            last_beams: None,
+            last_pose: None,
+            is_end: false,
+        })
+    }
+
+    /// How much of the recording was read, from 0 to 1.
+    pub(crate) fn share(&self) -> f64 {
+        self.report.messages as f64 / self.survey.container.messages.max(1) as f64
+    }
+
+    pub(crate) fn into_report(self) -> RecordingReport {
+        RecordingReport { survey: self.survey, plan: self.plan, stream: self.report }
+    }
+
+    pub(crate) fn next_event(&mut self) -> Result<Option<Event>, BagError> {
+        loop {
+            match self.merger.pop(self.is_end) {
+                Some(Turn::Scan(next)) => return Ok(Some(Event::Scan(self.scan(next)))),
+                Some(Turn::Odometry(next)) => return Ok(Some(Event::Odometry(self.odometry(next)))),
+                None if self.is_end => return Ok(None),
+                None => self.read()?,
+            }
+        }
+    }
+
+    /// Takes in one more message.
+    fn read(&mut self) -> Result<(), BagError> {
+        let held_bytes = self.recording.held_bytes() + self.merger.held_bytes();
+        self.report.held_bytes = self.report.held_bytes.max(held_bytes);
+        let Some(message) = self.recording.next_message()? else {
+            self.is_end = true;
+            return Ok(());
+        };
+        self.report.messages += 1;
+        self.merger.at(message.log_stamp);
+        let place = self.report.messages;
+        let used = used(&mut self.uses, message.connection, &self.plan);
+        if used == Use::Nothing {
+            return Ok(());
+        }
+        let messages = self.decoders.of(message.connection);
+        let (taken, report) = match used {
+            Use::Scans => (take_scan(&mut self.maker, messages, &message, &mut self.merger, place), &mut self.report),
+            _ => (take_odometry(&self.plan.odometry, messages, &message, &mut self.merger, place), &mut self.report),
+        };
+        match taken {
+            Ok(true) => {}
+            Ok(false) => report.unstamped.note(place),
+            Err(Problem::Undecodable(reason)) => report.undecodable.note(place, message.offset_bytes, || reason),
+            Err(Problem::Unusable(reason)) => report.unusable.note(place, message.offset_bytes, || reason),
+        }
+        report.points_used = self.maker.counts.used;
+        report.points_outside = self.maker.counts.outside;
+        Ok(())
+    }
+
+    fn scan(&mut self, next: Next<LaserScan>) -> LaserScan {
+        let Next { place, is_late, item: mut scan } = next;
+        scan.odom_from_robot = self.merger.odom_from_robot(scan.stamp);
+        let report = &mut self.report;
+        report.scans += 1;
+        if is_late {
+            report.late.note(place);
+        }
+        if scan.odom_from_robot.is_none() && self.plan.odometry != OdometrySource::None {
+            report.without_odometry.note(place);
+            let behind_s = self.merger.last_odometry().map(|last| scan.stamp.secs_since(last));
+            report.odometry_behind_s = report.odometry_behind_s.or(behind_s);
+        }
+        report.non_finite_ranges += scan.ranges_m.iter().filter(|range_m| !range_m.is_finite()).count() as u64;
+        if let Some(topic) = report.topics.first_mut() {
+            topic.events += 1;
+            topic.stamps.observe(place, scan.stamp);
+            if self.last_beams.is_some_and(|beams| beams != scan.ranges_m.len()) {
+                topic.beam_count_changes.note(place);
+            }
+        }
+        self.last_beams = Some(scan.ranges_m.len());
+        scan
+    }
+
+    fn odometry(&mut self, next: Next<Odometry>) -> Odometry {
+        let Next { place, is_late, item } = next;
+        self.report.odometry += 1;
+        if is_late {
+            self.report.late.note(place);
+        }
+        if let Some(topic) = self.report.topics.get_mut(1) {
+            topic.events += 1;
+            topic.stamps.observe(place, item.stamp);
+            if self.last_pose.is_some_and(|last| last.distance(item.odom_from_robot) > JUMP_M) {
+                topic.odometry_jumps.note(place);
+            }
+        }
+        self.last_pose = Some(item.odom_from_robot);
+        item
+    }
+}
+
+fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &Plan) -> Use {
+    let at = connection.id as usize;
+    if uses.len() <= at {
+        uses.resize(at + 1, None);
+    }
+    *uses[at].get_or_insert_with(|| {
+        let kind = crate::TopicKind::of(&connection.type_name);
+        let is_odometry = match &plan.odometry {
+            OdometrySource::None => false,
+            OdometrySource::Topic { name, .. } => {
+                kind == crate::TopicKind::Odometry && same_name(name, &connection.topic)
+            }
+            OdometrySource::Transforms { .. } => kind == crate::TopicKind::Transforms,
+        };
+        if kind == plan.kind && same_name(&plan.scans, &connection.topic) {
+            Use::Scans
+        } else if is_odometry {
+            Use::Odometry
+        } else {
+            Use::Nothing
+        }
+    })
+}
+
+/// Whether the message had a stamp of its own.
+fn take_scan(
+    maker: &mut ScanMaker,
+    messages: &mut Messages,
+    message: &RawMessage<'_>,
+    merger: &mut Merger,
+    place: u64,
+) -> Result<bool, Problem> {
+    let mut scan = maker.scan(messages, message.data)?;
+    let (stamp, is_unstamped) = stamp_or(scan.stamp, message.log_stamp);
+    scan.stamp = stamp;
+    merger.push_scan(place, scan);
+    Ok(!is_unstamped)
+}
+
+/// Whether the message had a stamp of its own.
+fn take_odometry(
+    source: &OdometrySource,
+    messages: &mut Messages,
+    message: &RawMessage<'_>,
+    merger: &mut Merger,
+    place: u64,
+) -> Result<bool, Problem> {
+    let undecodable = |error: mapwright_ros::RosError| Problem::Undecodable(error.to_string());
+    match (source, messages) {
+        (OdometrySource::Topic { child_from_robot, .. }, Messages::Odometry(decoder)) => {
+            let odometry = decoder.decode(message.data).map_err(undecodable)?;
+            let pose = odometry.pose.pose.to_pose3();
+            let (stamp, is_unstamped) = stamp_or(odometry.header.stamp, message.log_stamp);
+            merger.push_odometry(place, reading(stamp, pose, *child_from_robot)?);
+            Ok(!is_unstamped)
+        }
+        (OdometrySource::Transforms { parent, child, child_from_robot }, Messages::Transforms(decoder)) => {
+            let transforms: TfMessage<'_> = decoder.decode(message.data).map_err(undecodable)?;
+            let mut all_stamped = true;
+            for link in &transforms.transforms {
+                if link.header.frame() == parent && bare(&link.child_frame_id) == child {
+                    let (stamp, is_unstamped) = stamp_or(link.header.stamp, message.log_stamp);
+                    merger.push_odometry(place, reading(stamp, link.transform.to_pose3(), *child_from_robot)?);
+                    all_stamped &= !is_unstamped;
+                }
+            }
+            Ok(all_stamped)
+        }
+        (_, Messages::None(Some(reason))) => Err(Problem::Undecodable(reason.clone())),
+        _ => Ok(true),
+    }
+}
+
+fn reading(stamp: Stamp, odom_from_child: Option<Pose3>, child_from_robot: Pose3) -> Result<Odometry, Problem> {
+    let odom_from_robot = odom_from_child.map(|pose| planar(&(pose * child_from_robot)));
+    let usable = odom_from_robot.filter(|pose| pose.is_finite() && pose.x.abs().max(pose.y.abs()) <= FARTHEST_M);
+    let Some(odom_from_robot) = usable else {
+        return Err(Problem::Unusable("expected a finite pose within 10^6 m with a direction".to_owned()));
+    };
+    Ok(Odometry { stamp, odom_from_robot })
+}

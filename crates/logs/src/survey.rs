@@ -1,0 +1,236 @@
+//! The first pass over a recording: what is there.
+
+use crate::channel::{Decoders, Messages, TopicKind};
+use crate::links::{Links, bare};
+use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
+use mapwright_geom::Stamp;
+use mapwright_ros::messages::{Header, Odometry};
+use mapwright_ros::{Cloud, RosError};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Frames of a topic that are remembered.
+const FRAMES_KEPT: usize = 16;
+/// Topics of which the messages are looked at.
+const TOPICS_KEPT: usize = 4096;
+
+/// One topic of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TopicSurvey {
+    /// Its name.
+    pub name: String,
+    /// The type as written.
+    pub type_name: String,
+    /// What it is good for.
+    pub kind: TopicKind,
+    /// Messages.
+    pub messages: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// First and last time at which it was recorded.
+    pub recorded: Option<(Stamp, Stamp)>,
+    /// Frames of its headers and how often each; of scans, clouds and odometry.
+    pub frames: BTreeMap<String, u64>,
+    /// Frames that odometry moves, and how often each.
+    pub child_frames: BTreeMap<String, u64>,
+    /// Messages that could not be decoded.
+    pub undecodable: u64,
+    /// What was wrong with the first of them, or with all.
+    pub first_error: Option<String>,
+    /// Whether the messages say when each beam or point was taken.
+    pub has_times: bool,
+    /// The fields of a cloud's points, or the beams of the first scan, in words.
+    pub shape: String,
+}
+
+impl TopicSurvey {
+    fn new(connection: &Connection) -> Self {
+        Self {
+            name: connection.topic.clone(),
+            type_name: connection.type_name.clone(),
+            kind: TopicKind::of(&connection.type_name),
+            messages: 0,
+            bytes: 0,
+            recorded: None,
+            frames: BTreeMap::new(),
+            child_frames: BTreeMap::new(),
+            undecodable: 0,
+            first_error: None,
+            has_times: false,
+            shape: String::new(),
+        }
+    }
+
+    /// Messages that can be used.
+    #[must_use]
+    pub fn usable(&self) -> u64 {
+        self.messages.saturating_sub(self.undecodable)
+    }
+
+    /// Messages a second by the times of their recording.
+    #[must_use]
+    pub fn rate_hz(&self) -> Option<f64> {
+        let (first, last) = self.recorded?;
+        let span_s = last.secs_since(first);
+        (span_s > 0.0 && self.messages > 1).then(|| (self.messages - 1) as f64 / span_s)
+    }
+
+    /// The frame of most of its messages.
+    #[must_use]
+    pub fn frame(&self) -> &str {
+        most(&self.frames)
+    }
+
+    /// The frame that most of its messages move; of odometry.
+    #[must_use]
+    pub fn child_frame(&self) -> &str {
+        most(&self.child_frames)
+    }
+
+    fn count(&mut self, message: &RawMessage<'_>) {
+        self.messages += 1;
+        self.bytes += message.data.len() as u64;
+        let stamp = message.log_stamp;
+        let (first, last) = self.recorded.unwrap_or((stamp, stamp));
+        self.recorded = Some((first.min(stamp), last.max(stamp)));
+    }
+
+    fn header(&mut self, header: &Header<'_>) {
+        note_frame(&mut self.frames, header.frame());
+    }
+
+    fn odometry(&mut self, odometry: &Odometry<'_>) {
+        self.header(&odometry.header);
+        note_frame(&mut self.child_frames, bare(&odometry.child_frame_id));
+    }
+
+    /// Looks into a message; what is wrong with it, if anything.
+    fn look(&mut self, messages: &mut Messages, data: &[u8], links: &mut Links) -> Result<(), String> {
+        let words = |error: RosError| error.to_string();
+        let is_first = self.shape.is_empty();
+        match messages {
+            Messages::Scan(decoder) => {
+                let scan = decoder.decode(data).map_err(words)?;
+                self.header(&scan.header);
+                self.has_times |= scan.time_increment > 0.0;
+                if is_first {
+                    self.shape = format!("{} beams", scan.ranges.len());
+                }
+            }
+            Messages::MultiEcho(decoder) => {
+                let scan = decoder.decode(data).map_err(words)?;
+                self.header(&scan.header);
+                self.has_times |= scan.time_increment > 0.0;
+                if is_first {
+                    self.shape = format!("{} beams", scan.ranges.len());
+                }
+            }
+            Messages::Cloud(decoder) => {
+                let message = decoder.decode(data).map_err(words)?;
+                self.header(&message.header);
+                if is_first {
+                    let cloud = Cloud::new(&message).map_err(words)?;
+                    let fields: Vec<_> = message.fields.iter().take(12).map(|field| &*field.name).collect();
+                    self.has_times = cloud.time().is_some();
+                    self.shape = format!("{} points of {}", cloud.len(), fields.join(" "));
+                }
+            }
+            Messages::Odometry(decoder) => self.odometry(&decoder.decode(data).map_err(words)?),
+            Messages::Transforms(decoder) => {
+                links.see(&decoder.decode(data).map_err(words)?, self.name.ends_with("tf_static"));
+            }
+            Messages::None(None) => {}
+            Messages::None(Some(reason)) => return Err(reason.clone()),
+        }
+        Ok(())
+    }
+}
+
+fn most(frames: &BTreeMap<String, u64>) -> &str {
+    frames.iter().max_by_key(|(_, count)| **count).map_or("", |(frame, _)| frame)
+}
+
+fn note_frame(frames: &mut BTreeMap<String, u64>, frame: &str) {
+    if let Some(count) = frames.get_mut(frame) {
+        *count += 1;
+    } else if frames.len() < FRAMES_KEPT {
+        frames.insert(frame.to_owned(), 1);
+    }
+}
+
+/// What a recording holds, by a pass over all of it. Memory does not depend on its length.
+#[derive(Debug, Clone)]
+pub struct Survey {
+    /// Topics in the order of their appearance; two of one name where their types differ.
+    pub topics: Vec<TopicSurvey>,
+    /// Which frame hangs where.
+    pub links: Links,
+    /// What the container's reader says.
+    pub container: ReadReport,
+    /// The most memory that the reader's buffers held, bytes.
+    pub held_bytes: usize,
+}
+
+impl Survey {
+    /// Reads a recording from its beginning to its end.
+    ///
+    /// # Errors
+    /// [`BagError`] where it cannot be read at all.
+    pub fn of(path: &Path) -> Result<Self, BagError> {
+        let mut recording = Recording::open(path)?;
+        let (mut decoders, mut links) = (Decoders::default(), Links::default());
+        let (mut topics, mut topic_of): (Vec<TopicSurvey>, Vec<Option<usize>>) = (Vec::new(), Vec::new());
+        let mut held_bytes = 0;
+        while let Some(message) = recording.next_message()? {
+            if let Some(at) = place(&mut topics, &mut topic_of, message.connection) {
+                let topic = &mut topics[at];
+                topic.count(&message);
+                if let Err(reason) = topic.look(decoders.of(message.connection), message.data, &mut links) {
+                    topic.undecodable += 1;
+                    topic.first_error.get_or_insert(reason);
+                }
+            }
+            held_bytes = held_bytes.max(recording.held_bytes());
+        }
+        for connection in recording.connections() {
+            place(&mut topics, &mut topic_of, connection);
+        }
+        Ok(Self { topics, links, container: recording.report().clone(), held_bytes })
+    }
+
+    /// A topic by its name; the slash in front may be left out.
+    #[must_use]
+    pub fn topic(&self, name: &str) -> Option<&TopicSurvey> {
+        self.topics.iter().find(|topic| same_name(&topic.name, name))
+    }
+
+    /// First and last time of any message, by the times of recording.
+    #[must_use]
+    pub fn recorded(&self) -> Option<(Stamp, Stamp)> {
+        let spans = self.topics.iter().filter_map(|topic| topic.recorded);
+        spans.reduce(|all, span| (all.0.min(span.0), all.1.max(span.1)))
+    }
+}
+
+/// `/scan` is `scan`.
+pub(crate) fn same_name(a: &str, b: &str) -> bool {
+    a.trim_start_matches('/') == b.trim_start_matches('/')
+}
+
+/// Where a connection's topic stands in the list.
+fn place(topics: &mut Vec<TopicSurvey>, topic_of: &mut Vec<Option<usize>>, connection: &Connection) -> Option<usize> {
+    let id = connection.id as usize;
+    if topic_of.len() <= id {
+        topic_of.resize(id + 1, None);
+    }
+    if topic_of[id].is_none() {
+        let same = |topic: &TopicSurvey| topic.name == connection.topic && topic.type_name == connection.type_name;
+        topic_of[id] = topics.iter().position(same).or_else(|| {
+            (topics.len() < TOPICS_KEPT).then(|| {
+                topics.push(TopicSurvey::new(connection));
+                topics.len() - 1
+            })
+        });
+    }
+    topic_of[id]
+}
