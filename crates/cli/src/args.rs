@@ -7,7 +7,7 @@ pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_eval::Delta;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
 #[derive(Debug, Parser)]
@@ -37,6 +37,10 @@ pub(crate) enum Command {
     Perturb(PerturbArgs),
     /// Every place where the robot may have come back, from a folder of results: what was found, decided and why.
     Explain(ExplainArgs),
+    /// Results for other tools, from a folder of results: trajectories, maps, or everything as MCAP.
+    Export(ExportArgs),
+    /// A log in another format, told by the ending of its name: CARMEN (.clf, .log), ROS 1 bag (.bag), MCAP (.mcap).
+    Convert(ConvertArgs),
     /// Many simulated worlds mapped and measured against their truth; exit code 3 where a floor is missed.
     Suite(SuiteArgs),
 }
@@ -236,6 +240,75 @@ pub(crate) struct ExplainArgs {
 }
 
 #[derive(Debug, ClapArgs)]
+pub(crate) struct ExportArgs {
+    /// Folder of results of `mapwright map`, or its session.mapwright.
+    pub(crate) results: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum)]
+    pub(crate) to: ExportTo,
+    /// The file; otherwise export.tum, export.mcap and so on in the folder of results.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExportTo {
+    /// Trajectory: stamp x y z qx qy qz qw.
+    Tum,
+    /// Trajectory: 12 numbers a line, the upper rows of the pose's matrix; no stamps.
+    Kitti,
+    /// Trajectory with odometry's beside it, a line of names first.
+    Csv,
+    /// Map, path, transforms, scans and closures for Foxglove and ROS 2.
+    Mcap,
+    /// Map for Nav2, with its .yaml.
+    Pgm,
+    /// Map as a plain PNG with a world file (.pgw), for QGIS and others.
+    Worldfile,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ConvertArgs {
+    /// CARMEN log (plain, .gz or .bz2; `-` is the standard input), ROS 1 bag, MCAP file or ROS 2 bag.
+    pub(crate) log: PathBuf,
+    /// The new log; its ending says in which format.
+    #[arg(value_name = "OUT", value_parser = parse_log_name)]
+    pub(crate) output: PathBuf,
+    /// Topic of scans or of odometry to use, instead of those found; may be repeated.
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) topic: Vec<String>,
+    /// The robot's frame, instead of the one found.
+    #[arg(long, value_name = "FRAME")]
+    pub(crate) frame: Option<String>,
+}
+
+/// Formats that logs are written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LogFormat {
+    Carmen,
+    Bag1,
+    Mcap,
+}
+
+impl LogFormat {
+    fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "clf" | "log" | "carmen" => Some(Self::Carmen),
+            "bag" => Some(Self::Bag1),
+            "mcap" => Some(Self::Mcap),
+            _ => None,
+        }
+    }
+}
+
+impl ConvertArgs {
+    /// The parser has seen to it that there is one.
+    pub(crate) fn format(&self) -> LogFormat {
+        LogFormat::of(&self.output).unwrap_or(LogFormat::Carmen)
+    }
+}
+
+#[derive(Debug, ClapArgs)]
 pub(crate) struct OptimizeArgs {
     /// Pose graph with tags of g2o or TORO.
     pub(crate) graph: PathBuf,
@@ -269,6 +342,12 @@ pub(crate) enum StartFrom {
 pub(crate) enum Information {
     Quaternions,
     Angles,
+}
+
+fn parse_log_name(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let known = LogFormat::of(&path).is_some();
+    if known { Ok(path) } else { Err("expected a name that ends in .clf, .log, .bag or .mcap".to_owned()) }
 }
 
 fn parse_assignment(text: &str) -> Result<(String, String), String> {

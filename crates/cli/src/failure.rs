@@ -5,6 +5,7 @@ use mapwright_eval::EvalError;
 use mapwright_formats::FormatError;
 use mapwright_graph::GraphError;
 use mapwright_graph::g2o::G2oError;
+use mapwright_logs::LogError;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -55,6 +56,10 @@ pub(crate) enum Failure {
     Solve { path: PathBuf, cause: GraphError },
     #[error("{}: {cause}", path.display())]
     Candidates { path: PathBuf, cause: String },
+    #[error("{}: {cause}", path.display())]
+    Session { path: PathBuf, cause: String },
+    #[error(transparent)]
+    Log(#[from] LogError),
     #[error("{name}: {reason}")]
     World { name: String, reason: String },
     #[error("cannot write to the standard output: {0}")]

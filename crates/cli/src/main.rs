@@ -16,6 +16,7 @@ mod output;
 mod pose_graph;
 mod progress;
 mod report;
+mod session;
 mod settings;
 mod simulated;
 mod stamps;

@@ -66,12 +66,7 @@ impl<W: Write + Seek> Recording<W> {
     }
 
     /// A topic of messages of a standard type.
-    pub(crate) fn add(
-        &mut self,
-        topic: &str,
-        type_name: &str,
-        durability: Durability,
-    ) -> Result<Topic, ExportError> {
+    pub(crate) fn add(&mut self, topic: &str, type_name: &str, durability: Durability) -> Result<Topic, ExportError> {
         let definition = builtin::text(type_name, self.encoding())?;
         let id = match &mut self.container {
             Container::Bag1(writer) => {

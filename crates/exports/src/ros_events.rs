@@ -30,13 +30,7 @@ struct Known {
 
 impl<W: Write + Seek> RosEvents<W> {
     pub(crate) fn new(recording: Recording<W>) -> Self {
-        Self {
-            recording,
-            odom: None,
-            tf: None,
-            tf_static: None,
-            lasers: Vec::new(),
-        }
+        Self { recording, odom: None, tf: None, tf_static: None, lasers: Vec::new() }
     }
 
     pub(crate) fn scan(&mut self, scan: &LaserScan) -> Result<(), ExportError> {

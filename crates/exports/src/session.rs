@@ -65,11 +65,7 @@ pub fn write_session_mcap<W: Write + Seek>(
     write_course(recording, session, &order, begin, closures)
 }
 
-fn write_map<W: Write + Seek>(
-    recording: &mut Recording<W>,
-    map: &GridImage,
-    stamp: Stamp,
-) -> Result<(), ExportError> {
+fn write_map<W: Write + Seek>(recording: &mut Recording<W>, map: &GridImage, stamp: Stamp) -> Result<(), ExportError> {
     let topic = recording.add("/map", "nav_msgs/OccupancyGrid", Durability::TransientLocal)?;
     let cells: Vec<i8> = map.cells.iter().map(|&cell| if cell == UNKNOWN { -1 } else { cell.min(100) as i8 }).collect();
     let info = MapMetaData {
@@ -112,7 +108,8 @@ fn write_markers<W: Write + Seek>(
     // a marker without points is an error to RViz
     let markers = [(CLOSURES, MarkerShape::LineList, lines), (KEYFRAMES, MarkerShape::Points, dots)];
     let markers = markers.into_iter().filter(|(_, _, points): &(_, _, Vec<Point>)| !points.is_empty());
-    let array = MarkerArray { markers: markers.map(|(look, shape, points)| marker(stamp, look, shape, points)).collect() };
+    let array =
+        MarkerArray { markers: markers.map(|(look, shape, points)| marker(stamp, look, shape, points)).collect() };
     recording.write_bytes(topic, stamp, &array.encode(Encoding::Cdr)?)?;
     Ok(closures.len())
 }

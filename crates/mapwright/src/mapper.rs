@@ -15,8 +15,8 @@ use mapwright_sensor::{BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepP
 use nalgebra::{Matrix3, Vector3};
 use relocation::{Broken, Lost};
 use rustc_hash::FxHashSet;
-use sweep_motion::RecentOdometry;
 use std::collections::VecDeque;
+use sweep_motion::RecentOdometry;
 
 mod correction;
 mod guard;

@@ -13,7 +13,8 @@ use std::io::Write;
 /// As [`GridImage::validate`]; [`FormatError::Png`], [`FormatError::Io`].
 pub fn write_plain_png(map: &GridImage, mut writer: impl Write) -> Result<(), FormatError> {
     map.validate()?;
-    let too_large = |_| FormatError::MapGeometry { what: "side", value: map.width as f64, expected: "cells below 2^32" };
+    let too_large =
+        |_| FormatError::MapGeometry { what: "side", value: map.width as f64, expected: "cells below 2^32" };
     let [width, height] = [u32::try_from(map.width).map_err(too_large)?, u32::try_from(map.height).map_err(too_large)?];
     let shade = shades();
     let rows = map.cells.chunks_exact(map.width).rev();
