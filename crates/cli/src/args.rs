@@ -1,13 +1,16 @@
 //! What can be asked for.
 
+mod export;
 mod suite;
 
+pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_eval::Delta;
-use std::path::{Path, PathBuf};
+use mapwright_logs::{Choice, SliceBounds};
+use std::path::PathBuf;
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
 #[derive(Debug, Parser)]
@@ -58,13 +61,37 @@ pub(crate) struct SettingsArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct MapArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
-    pub(crate) log: PathBuf,
+    /// Logs of one drive in a row: ROS 1 bags, MCAP files, ROS 2 bags (folder or file), CARMEN logs (plain, .gz or .bz2; `-`
+    /// is the standard input).
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
+}
+
+/// What to use of a recording instead of what would be found.
+#[derive(Debug, Clone, Default, ClapArgs)]
+pub(crate) struct SourceArgs {
+    /// Topic to use, of scans or of odometry (of transforms, to take odometry from them); may be repeated.
+    #[arg(long, value_name = "TOPIC")]
+    topic: Vec<String>,
+    /// The robot's frame.
+    #[arg(long, value_name = "FRAME")]
+    frame: Option<String>,
+    /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
+    #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
+    slice: Option<SliceBounds>,
+}
+
+impl SourceArgs {
+    pub(crate) fn choice(&self) -> Choice {
+        Choice { topics: self.topic.clone(), frame: self.frame.clone(), slice: self.slice }
+    }
 }
 
 /// How to map and what to say about it.
@@ -122,8 +149,11 @@ pub(crate) enum Align {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct InfoArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
-    pub(crate) log: PathBuf,
+    /// Logs as for `map`; of two, the differences are listed as well.
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
     /// One JSON object instead of words.
     #[arg(long)]
     pub(crate) json: bool,
@@ -164,7 +194,7 @@ pub(crate) enum AlignTo {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct CalibrateArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    /// Log as for `map`; a CARMEN log may come from the standard input, `-`.
     pub(crate) log: PathBuf,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
@@ -202,7 +232,7 @@ pub(crate) enum Show {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct PerturbArgs {
-    /// CARMEN log, plain, .gz or .bz2; `-` is the standard input.
+    /// Log as for `map`; a CARMEN log may come from the standard input, `-`.
     pub(crate) log: PathBuf,
     /// The harder log, a plain CARMEN log of its scans.
     #[arg(short, long, value_name = "FILE")]
@@ -237,75 +267,6 @@ pub(crate) struct ExplainArgs {
     /// Only those that this keyframe takes part in.
     #[arg(long, value_name = "N")]
     pub(crate) keyframe: Option<u32>,
-}
-
-#[derive(Debug, ClapArgs)]
-pub(crate) struct ExportArgs {
-    /// Folder of results of `mapwright map`, or its session.mapwright.
-    pub(crate) results: PathBuf,
-    /// What to write.
-    #[arg(long, value_enum)]
-    pub(crate) to: ExportTo,
-    /// The file; otherwise export.tum, export.mcap and so on in the folder of results.
-    #[arg(short, long, value_name = "FILE")]
-    pub(crate) output: Option<PathBuf>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ExportTo {
-    /// Trajectory: stamp x y z qx qy qz qw.
-    Tum,
-    /// Trajectory: 12 numbers a line, the upper rows of the pose's matrix; no stamps.
-    Kitti,
-    /// Trajectory with odometry's beside it, a line of names first.
-    Csv,
-    /// Map, path, transforms, scans and closures for Foxglove and ROS 2.
-    Mcap,
-    /// Map for Nav2, with its .yaml.
-    Pgm,
-    /// Map as a plain PNG with a world file (.pgw), for QGIS and others.
-    Worldfile,
-}
-
-#[derive(Debug, ClapArgs)]
-pub(crate) struct ConvertArgs {
-    /// CARMEN log (plain, .gz or .bz2; `-` is the standard input), ROS 1 bag, MCAP file or ROS 2 bag.
-    pub(crate) log: PathBuf,
-    /// The new log; its ending says in which format.
-    #[arg(value_name = "OUT", value_parser = parse_log_name)]
-    pub(crate) output: PathBuf,
-    /// Topic of scans or of odometry to use, instead of those found; may be repeated.
-    #[arg(long, value_name = "TOPIC")]
-    pub(crate) topic: Vec<String>,
-    /// The robot's frame, instead of the one found.
-    #[arg(long, value_name = "FRAME")]
-    pub(crate) frame: Option<String>,
-}
-
-/// Formats that logs are written in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum LogFormat {
-    Carmen,
-    Bag1,
-    Mcap,
-}
-
-impl LogFormat {
-    fn of(path: &Path) -> Option<Self> {
-        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-            "clf" | "log" | "carmen" => Some(Self::Carmen),
-            "bag" => Some(Self::Bag1),
-            "mcap" => Some(Self::Mcap),
-            _ => None,
-        }
-    }
-}
-
-impl ConvertArgs {
-    /// The parser has seen to it that there is one.
-    pub(crate) fn format(&self) -> LogFormat {
-        LogFormat::of(&self.output).unwrap_or(LogFormat::Carmen)
-    }
 }
 
 #[derive(Debug, ClapArgs)]
@@ -344,12 +305,6 @@ pub(crate) enum Information {
     Angles,
 }
 
-fn parse_log_name(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    let known = LogFormat::of(&path).is_some();
-    if known { Ok(path) } else { Err("expected a name that ends in .clf, .log, .bag or .mcap".to_owned()) }
-}
-
 fn parse_assignment(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, such as map.resolution_m=0.1")?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
@@ -361,6 +316,16 @@ fn parse_pose(text: &str) -> Result<Pose2, String> {
         [x, y, yaw] if [x, y, yaw].iter().all(|v| v.abs() <= 1e5) => Ok(Pose2::new(x, y, yaw)),
         _ => Err("expected three numbers within 100 km, such as 1.5,-2,0.1".to_owned()),
     }
+}
+
+fn parse_slice(text: &str) -> Result<SliceBounds, String> {
+    let bounds = text.split_once(':').and_then(|(low, high)| {
+        Some(SliceBounds { z_min_m: low.trim().parse().ok()?, z_max_m: high.trim().parse().ok()? })
+    });
+    let is_usable = |bounds: &SliceBounds| bounds.z_min_m < bounds.z_max_m && bounds.z_max_m - bounds.z_min_m <= 1e4;
+    bounds
+        .filter(is_usable)
+        .ok_or_else(|| "expected two heights in metres, the lower first, such as 0.1:1.0".to_owned())
 }
 
 fn parse_delta(text: &str) -> Result<Delta, String> {

@@ -1,28 +1,25 @@
-//! A log as it is read: from a file or the standard input, until it or the user ends.
+//! Logs as they are read: from files or the standard input, until they or the user end.
 
 use crate::failure::Failure;
-use crate::terminal::count;
-use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, ReadReport, open_log};
+use crate::reading::{Reading, found_instead};
+use mapwright_formats::LogEvent;
+use mapwright_logs::{Choice, Drive, Input};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-use std::cell::Cell;
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Exit code of a process that a second Ctrl-C ends at once.
 const KILLED_BY_INTERRUPT: i32 = 130;
 
-/// A log that is being read.
+/// Logs that are being read.
 pub(crate) struct Log {
-    path: PathBuf,
-    /// Size on disk, where that is known.
-    pub(crate) size_bytes: Option<u64>,
-    read_bytes: Rc<Cell<u64>>,
-    reader: CarmenReader<LogStream<Counted>>,
+    names: Vec<String>,
+    sizes_bytes: Vec<Option<u64>>,
+    drive: Drive,
 }
 
 /// How reading ended.
@@ -35,90 +32,116 @@ pub(crate) enum Ending {
 }
 
 impl Log {
-    /// Opens a file, or the standard input for `-`.
+    /// Opens a log, or the standard input for `-`, and takes what is found in it.
     pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
-        let (source, size_bytes): (Box<dyn Read>, _) = if path == Path::new("-") {
-            (Box::new(io::stdin()), None)
-        } else {
-            let (file, size_bytes) = open_file(path)?;
-            (Box::new(file), size_bytes)
-        };
-        let read_bytes = Rc::new(Cell::new(0));
-        let counted = Counted { source, read_bytes: Rc::clone(&read_bytes) };
-        let stream = open_log(counted).map_err(|cause| Failure::read(path, cause))?;
-        Ok(Self { path: path.to_owned(), size_bytes, read_bytes, reader: CarmenReader::new(stream) })
+        Self::open_all(&[path.to_owned()], &Choice::default())
+    }
+
+    /// Opens logs of one drive.
+    pub(crate) fn open_all(paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
+        let inputs: Result<Vec<_>, Failure> = paths.iter().map(|path| Ok((name_of(path), input(path)?))).collect();
+        Self::of(inputs?, paths, choice)
+    }
+
+    /// Reads inputs that are found at these paths.
+    pub(crate) fn of(inputs: Vec<(String, Input)>, paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
+        let names = inputs.iter().map(|(name, _)| name.clone()).collect();
+        let sizes_bytes = paths.iter().map(|path| size_bytes(path)).collect();
+        Ok(Self { names, sizes_bytes, drive: Drive::open(inputs, choice).map_err(Failure::log)? })
+    }
+
+    /// Size on disk, where that is known of all.
+    pub(crate) fn size_bytes(&self) -> Option<u64> {
+        self.sizes_bytes.iter().copied().sum()
     }
 
     /// Name for reports.
     pub(crate) fn name(&self) -> String {
-        if self.path == Path::new("-") { "standard input".to_owned() } else { self.path.display().to_string() }
+        self.names.join(", ")
     }
 
-    /// The next event, or none at the end of the log.
+    /// The next event, or none at the end of the last log.
     pub(crate) fn next_event(&mut self) -> Result<Option<LogEvent<'_>>, Failure> {
-        self.reader.next_event().map_err(|cause| Failure::read(&self.path, cause))
+        self.drive.next_event().map_err(Failure::log)
     }
 
-    /// Hands each event to `take`, with the number of bytes read of the file so far.
+    /// Hands each event to `take`, with the number of bytes read of the files so far.
     pub(crate) fn for_each(
         &mut self,
         interrupt: &Interrupt,
         mut take: impl FnMut(LogEvent<'_>, u64) -> Result<(), Failure>,
     ) -> Result<Ending, Failure> {
-        let read_bytes = Rc::clone(&self.read_bytes);
-        while let Some(event) = self.next_event()? {
-            take(event, read_bytes.get())?;
+        loop {
+            let position = self.position();
+            let Some(event) = self.next_event()? else { return Ok(Ending::OfLog) };
+            take(event, position)?;
             if interrupt.came() {
                 return Ok(Ending::Interrupted);
             }
         }
-        Ok(Ending::OfLog)
     }
 
-    /// The reader's report; a log without a single scan is a failure that says what was found instead.
-    pub(crate) fn finish(self) -> Result<ReadReport, Failure> {
-        let name = self.name();
-        let report = self.reader.into_report();
-        if report.has_scans() { Ok(report) } else { Err(Failure::NoScan { name, found: found_instead(&report) }) }
+    fn position(&self) -> u64 {
+        let part = self.drive.part();
+        let before: u64 = self.sizes_bytes.iter().take(part).flatten().sum();
+        before + self.drive.read_of_part(self.sizes_bytes.get(part).copied().flatten().unwrap_or(0))
+    }
+
+    /// The readers' reports; logs without a single scan are a failure that says what was found instead.
+    pub(crate) fn finish(self) -> Result<Reading, Failure> {
+        let (name, notes) = (self.name(), self.drive.notes().to_vec());
+        let logs = self.drive.into_reports();
+        if logs.iter().all(|(_, report)| report.scans() == 0) {
+            return Err(Failure::NoScan { name, found: found_instead(&logs) });
+        }
+        Ok(Reading { logs, notes })
     }
 }
 
-fn open_file(path: &Path) -> Result<(File, Option<u64>), Failure> {
-    let metadata = fs::metadata(path).map_err(|error| Failure::open(path, error))?;
+/// A log's name for reports.
+pub(crate) fn name_of(path: &Path) -> String {
+    if path == Path::new("-") { "standard input".to_owned() } else { path.display().to_string() }
+}
+
+fn size_bytes(path: &Path) -> Option<u64> {
+    let metadata = fs::metadata(path).ok().filter(|_| path != Path::new("-"))?;
+    if !metadata.is_dir() {
+        return metadata.is_file().then_some(metadata.len());
+    }
+    let files = fs::read_dir(path).ok()?.filter_map(|entry| entry.ok()?.metadata().ok());
+    Some(files.filter(fs::Metadata::is_file).map(|file| file.len()).sum())
+}
+
+/// What lies at a path, told by its first bytes; all that is no recording is read as a CARMEN log.
+pub(crate) fn input(path: &Path) -> Result<Input, Failure> {
+    if path == Path::new("-") {
+        return Ok(Input::Carmen(Box::new(io::stdin())));
+    }
+    let failed = |error| Failure::open(path, error);
+    let metadata = fs::metadata(path).map_err(failed)?;
     if metadata.is_dir() {
-        return Err(Failure::open(path, "expected a log, found a directory"));
+        return if holds_recording(path) {
+            Ok(Input::Recording(path.to_owned()))
+        } else {
+            Err(Failure::open(path, "expected a log, found a directory without .mcap, .db3 or .bag files"))
+        };
     }
-    let file = File::open(path).map_err(|error| Failure::open(path, error))?;
-    Ok((file, metadata.is_file().then_some(metadata.len())))
+    let mut file = File::open(path).map_err(failed)?;
+    if metadata.is_file() {
+        let mut first_bytes = Vec::new();
+        Read::by_ref(&mut file).take(16).read_to_end(&mut first_bytes).map_err(failed)?;
+        if Input::is_recording(&first_bytes) {
+            return Ok(Input::Recording(path.to_owned()));
+        }
+        file.rewind().map_err(failed)?;
+    }
+    Ok(Input::Carmen(Box::new(file)))
 }
 
-fn found_instead(report: &ReadReport) -> String {
-    if report.bytes == 0 && report.lines == 0 && report.tear.is_none() {
-        return "an empty file".to_owned();
-    }
-    let mut found = vec![count(report.lines, "line")];
-    if report.odometry > 0 {
-        found.push(count(report.odometry, "odometry reading"));
-    }
-    found.extend(report.tear.as_ref().map(FormatError::to_string));
-    if let Some(first) = report.drops.values().flat_map(|drops| &drops.first).min_by_key(|dropped| dropped.line) {
-        found.push(format!("{} dropped, first {first}", report.dropped_lines()));
-    }
-    found.join(", ")
-}
-
-/// Counts the bytes taken from a source.
-struct Counted {
-    source: Box<dyn Read>,
-    read_bytes: Rc<Cell<u64>>,
-}
-
-impl Read for Counted {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        let got = self.source.read(out)?;
-        self.read_bytes.set(self.read_bytes.get() + got as u64);
-        Ok(got)
-    }
+fn holds_recording(folder: &Path) -> bool {
+    let names = fs::read_dir(folder).into_iter().flatten();
+    let names: Vec<_> = names.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+    !mapwright_bags::FolderContents::of(&names).parts.is_empty()
 }
 
 /// Ctrl-C (or a request to terminate): the first asks to stop, the second ends the process at once.

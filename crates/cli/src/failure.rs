@@ -40,6 +40,8 @@ pub(crate) enum Failure {
     Read { path: PathBuf, cause: String },
     #[error("cannot write {}: {cause}", path.display())]
     Write { path: PathBuf, cause: String },
+    #[error("{0}")]
+    Log(String),
     #[error("{name}: expected laser scans, found {found}")]
     NoScan { name: String, found: String },
     #[error("{}: {cause}", path.display())]
@@ -58,8 +60,6 @@ pub(crate) enum Failure {
     Candidates { path: PathBuf, cause: String },
     #[error("{}: {cause}", path.display())]
     Session { path: PathBuf, cause: String },
-    #[error(transparent)]
-    Log(#[from] LogError),
     #[error("{name}: {reason}")]
     World { name: String, reason: String },
     #[error("cannot write to the standard output: {0}")]
@@ -73,8 +73,20 @@ impl Failure {
         Self::Write { path: path.as_ref().to_owned(), cause: in_words(cause.into()) }
     }
 
+    pub(crate) fn write_in_words(path: &Path, cause: &impl std::fmt::Display) -> Self {
+        Self::Write { path: path.to_owned(), cause: cause.to_string() }
+    }
+
     pub(crate) fn read(path: &Path, cause: FormatError) -> Self {
         Self::Read { path: path.to_owned(), cause: in_words(cause) }
+    }
+
+    /// A log's failure in words, without naming the stream where the system is to blame.
+    pub(crate) fn log(error: LogError) -> Self {
+        match error {
+            LogError::Carmen { name, cause } => Self::Log(format!("cannot read {name}: {}", in_words(cause))),
+            other => Self::Log(other.to_string()),
+        }
     }
 
     pub(crate) fn open(path: &Path, reason: impl ToString) -> Self {

@@ -15,6 +15,7 @@ mod mapping;
 mod output;
 mod pose_graph;
 mod progress;
+mod reading;
 mod report;
 mod session;
 mod settings;

@@ -34,7 +34,7 @@ pub(crate) fn read_report(report: &ReadReport) -> Value {
     })
 }
 
-fn topic_report(topic: &TopicReport) -> Value {
+pub(crate) fn topic_report(topic: &TopicReport) -> Value {
     json!({
         "name": topic.name,
         "events": topic.events,
@@ -65,24 +65,29 @@ pub(crate) fn read_losses(report: &ReadReport) -> Vec<String> {
 
 /// What is odd about a log without being a loss, in words.
 pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
-    let mut odd = Vec::new();
-    let mut note = |noted: &Noted, what: &str| {
-        if let Some(line) = noted.first_places.first() {
-            odd.push(format!("{what}: {}, first at line {line}", grouped(noted.count)));
-        }
-    };
-    for topic in &report.topics {
-        let name = &topic.name;
-        note(&topic.stamps.backward, &format!("{name} stamps that step backwards (kept in the order of the file)"));
-        note(&topic.stamps.repeated, &format!("{name} stamps that repeat"));
-        note(&topic.odometry_jumps, &format!("{name} odometry jumps of more than 10 m"));
-        note(&topic.beam_count_changes, &format!("{name} changes of the number of beams"));
-    }
-    note(&report.unstamped, "lines without a stamp of their own");
+    let mut odd: Vec<_> = report.topics.iter().flat_map(|topic| topic_oddities(topic, "line")).collect();
+    odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {
         odd.push(format!("ranges that are not finite: {}", grouped(report.non_finite_ranges)));
     }
     odd
+}
+
+/// What is odd about one topic; `place` is what its places count.
+pub(crate) fn topic_oddities(topic: &TopicReport, place: &str) -> Vec<String> {
+    let name = &topic.name;
+    let noted = [
+        (&topic.stamps.backward, format!("{name} stamps that step backwards (kept in the order of the file)")),
+        (&topic.stamps.repeated, format!("{name} stamps that repeat")),
+        (&topic.odometry_jumps, format!("{name} odometry jumps of more than 10 m")),
+        (&topic.beam_count_changes, format!("{name} changes of the number of beams")),
+    ];
+    noted.iter().filter_map(|(noted, what)| note(noted, what, place)).collect()
+}
+
+fn note(noted: &Noted, what: &str, place: &str) -> Option<String> {
+    let first = noted.first_places.first()?;
+    Some(format!("{what}: {}, first at {place} {first}", grouped(noted.count)))
 }
 
 /// What a mapping run lost beside what the reader lost, in words.

@@ -23,6 +23,8 @@ use std::rc::Rc;
 pub enum Input {
     /// A ROS 1 bag, an MCAP file, a ROS 2 bag as a folder or a database: read twice, so that it must be on disk.
     Recording(PathBuf),
+    /// The same, where its first pass is done already.
+    Surveyed(PathBuf, Box<Survey>),
     /// A CARMEN log, plain, gzip or bzip2; read once.
     Carmen(Box<dyn Read>),
 }
@@ -30,9 +32,18 @@ pub enum Input {
 impl fmt::Debug for Input {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Recording(path) => f.debug_tuple("Recording").field(path).finish(),
+            Self::Recording(path) | Self::Surveyed(path, _) => f.debug_tuple("Recording").field(path).finish(),
             Self::Carmen(_) => f.debug_tuple("Carmen").finish_non_exhaustive(),
         }
+    }
+}
+
+impl Input {
+    /// Whether the first bytes of a file (16 are enough) are those of a recording, compressed as a whole or not.
+    #[must_use]
+    pub fn is_recording(first_bytes: &[u8]) -> bool {
+        const BEGINNINGS: [&[u8]; 4] = [b"#ROS", b"\x89MCAP", b"SQLite format 3\0", &[0x28, 0xb5, 0x2f, 0xfd]];
+        BEGINNINGS.iter().any(|beginning| first_bytes.starts_with(beginning))
     }
 }
 
@@ -78,20 +89,26 @@ impl Drive {
         let mut parts = VecDeque::new();
         let mut links = None;
         for (name, input) in inputs {
-            let reader = match input {
-                Input::Carmen(source) => carmen(source).map_err(|cause| LogError::Carmen { name: name.clone(), cause })?,
+            let failed = |cause| LogError::Recording { name: name.clone(), cause };
+            let (path, mut survey) = match input {
                 Input::Recording(path) => {
-                    let survey = Survey::of(&path);
-                    let mut survey = survey.map_err(|cause| LogError::Recording { name: name.clone(), cause })?;
-                    if let Some(links) = &links {
-                        survey.links.inherit(links);
-                    }
-                    links = Some(survey.links.clone());
-                    let plan = Plan::of(&survey, choice);
-                    let plan = plan.map_err(|reason| LogError::Refused { name: name.clone(), reason })?;
-                    Reader::Recording { path, survey: Box::new(survey), plan: Box::new(plan) }
+                    let survey = Survey::of(&path).map_err(failed)?;
+                    (path, Box::new(survey))
+                }
+                Input::Surveyed(path, survey) => (path, survey),
+                Input::Carmen(source) => {
+                    let reader = carmen(source).map_err(|cause| LogError::Carmen { name: name.clone(), cause })?;
+                    parts.push_back(Part { name, reader });
+                    continue;
                 }
             };
+            if let Some(links) = &links {
+                survey.links.inherit(links);
+            }
+            links = Some(survey.links.clone());
+            let plan = Plan::of(&survey, choice);
+            let plan = plan.map_err(|reason| LogError::refused(&name, &reason))?;
+            let reader = Reader::Recording { path, survey, plan: Box::new(plan) };
             parts.push_back(Part { name, reader });
         }
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };

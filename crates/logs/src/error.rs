@@ -32,3 +32,11 @@ pub enum LogError {
         reason: String,
     },
 }
+
+impl LogError {
+    /// What a plan refuses, with the log's name in the command to type.
+    #[must_use]
+    pub fn refused(name: &str, reason: &str) -> Self {
+        Self::Refused { name: name.to_owned(), reason: reason.replace(" LOG ", &format!(" {name} ")) }
+    }
+}

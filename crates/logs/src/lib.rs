@@ -56,5 +56,5 @@ pub use error::LogError;
 pub use links::{Link, Links};
 pub use merge::{WINDOW_MESSAGES, WINDOW_S};
 pub use plan::{OdometrySource, Plan};
-pub use report::{LogReport, Refused, RecordingReport, StreamReport};
+pub use report::{LogReport, RecordingReport, Refused, StreamReport};
 pub use survey::{Survey, TopicSurvey};

@@ -104,7 +104,8 @@ fn by_topic(
     }
     if let Some(link) = by_link {
         let (parent, child) = (&link.parent, &link.child);
-        reason += &format!("; preferred to the transforms '{parent}' -> '{child}', for messages are the readings themselves");
+        reason +=
+            &format!("; preferred to the transforms '{parent}' -> '{child}', for messages are the readings themselves");
     }
     Found { source: OdometrySource::Topic { name: topic.name.clone(), child_from_robot }, reason, assumed }
 }

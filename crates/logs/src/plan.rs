@@ -102,7 +102,8 @@ impl Plan {
     fn deskew(topic: &TopicSurvey) -> String {
         match (topic.kind, topic.has_times) {
             (TopicKind::Cloud, true) => {
-                "not undone within a cloud, though its points have times: a slice takes all of them as one moment".to_owned()
+                "not undone within a cloud, though its points have times: a slice takes all of them as one moment"
+                    .to_owned()
             }
             (TopicKind::Cloud, false) => "not undone: the points have no times".to_owned(),
             (_, true) => "undone: time_increment says when each beam was taken, the stamp when the first".to_owned(),
@@ -201,7 +202,8 @@ fn candidates<'a>(survey: &'a Survey, choice: &Choice) -> Result<(Vec<Candidate<
         ));
     }
     let odometry = odometry::topics(survey, choice);
-    let moved: Vec<_> = odometry.first().map(|topic| topic.child_frame()).into_iter().filter(|f| !f.is_empty()).collect();
+    let moved: Vec<_> =
+        odometry.first().map(|topic| topic.child_frame()).into_iter().filter(|f| !f.is_empty()).collect();
     let (mut found, mut refused) = (Vec::new(), Vec::new());
     for topic in all {
         match candidate(survey, choice, topic, &moved) {

@@ -5,7 +5,6 @@ use crate::calibration::{Calibration, Estimate, Sample, calibrate};
 use crate::events::{Interrupt, Log};
 use crate::failure::{Failure, Outcome};
 use crate::progress::Progress;
-use crate::report::read_losses;
 use crate::settings;
 use crate::terminal::{say, say_json};
 use mapwright::{LaserScan, Mapper, Pose2, Status};
@@ -19,7 +18,7 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let mut collector = Collector::new(Mapper::new(settings::load(&args.settings)?)?);
     let interrupt = Interrupt::watch()?;
     let mut log = Log::open(&args.log)?;
-    let mut progress = Progress::new(log.size_bytes, args.voice.quiet || args.voice.json);
+    let mut progress = Progress::new(log.size_bytes(), args.voice.quiet || args.voice.json);
     log.for_each(&interrupt, |event, position| {
         match event {
             LogEvent::Scan(scan) => {
@@ -36,7 +35,7 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     })?;
     progress.finish();
     let name = log.name();
-    let losses = read_losses(&log.finish()?);
+    let losses = log.finish()?.losses();
     let presumed = collector.presumed.unwrap_or(Pose2::IDENTITY);
     let found =
         calibrate(&collector.runs, presumed).map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;

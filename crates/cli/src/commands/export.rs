@@ -8,9 +8,12 @@ use crate::session::{map_of, read_session};
 use crate::terminal::{count, say};
 use mapwright_exports::write_session_mcap;
 use mapwright_formats::{
-    CsvPose, TumWriter, write_csv, write_kitti, write_map_yaml, write_pgm, write_plain_png, write_world_file,
+    CsvPose, FormatError, TumWriter, write_csv, write_kitti, write_map_yaml, write_pgm, write_plain_png,
+    write_world_file,
 };
-use mapwright_record::Session;
+use mapwright_record::{Session, SessionScan};
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &ExportArgs) -> Result<Outcome, Failure> {
@@ -43,36 +46,34 @@ fn beside(results: &Path, name: &str) -> PathBuf {
 
 fn trajectory(to: ExportTo, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
     let scans = session.scans.iter();
-    write_whole(path, |file| match to {
-        ExportTo::Kitti => write_kitti(scans.map(|scan| scan.map_from_robot), file),
-        ExportTo::Csv => {
-            let row = |scan: &mapwright_record::SessionScan| CsvPose {
-                stamp: scan.stamp,
-                map_from_robot: scan.map_from_robot,
-                odom_from_robot: scan.odom_from_robot,
-            };
-            write_csv(scans.map(row), file)
-        }
-        _ => {
-            let mut writer = TumWriter::new(file);
-            for scan in scans {
-                writer.write_planar(scan.stamp, scan.map_from_robot)?;
-            }
-            writer.finish().map(|_| ())
-        }
+    write_whole(path, |file| {
+        let written = match to {
+            ExportTo::Kitti => write_kitti(scans.map(|scan| scan.map_from_robot), file),
+            ExportTo::Csv => write_csv(scans.map(csv_pose), file),
+            _ => write_tum(session, file),
+        };
+        written.map_err(|cause| Failure::write(path, cause))
     })?;
     say(&format!("{}: {}\n", path.display(), count(session.scans.len() as u64, "pose")))?;
     Ok(Vec::new())
 }
 
+fn csv_pose(scan: &SessionScan) -> CsvPose {
+    CsvPose { stamp: scan.stamp, map_from_robot: scan.map_from_robot, odom_from_robot: scan.odom_from_robot }
+}
+
+fn write_tum(session: &Session, file: impl Write) -> Result<(), FormatError> {
+    let mut writer = TumWriter::new(file);
+    session.scans.iter().try_for_each(|scan| writer.write_planar(scan.stamp, scan.map_from_robot))?;
+    writer.finish().map(|_| ())
+}
+
 fn mcap(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
     let made = map_of(session, &args.results)?;
-    let mut counts = None;
-    write_whole(path, |file| {
-        counts = Some(write_session_mcap(session, &made.image, file)?.1);
-        Ok::<(), mapwright_exports::ExportError>(())
+    let counts = write_whole(path, |file| {
+        let written = write_session_mcap(session, &made.image, file);
+        written.map(|(_, counts)| counts).map_err(|cause| Failure::write_in_words(path, &cause))
     })?;
-    let counts = counts.unwrap_or_default();
     say(&format!(
         "{}: map of {} x {} cells, {}, {}, {}\n",
         path.display(),
@@ -95,7 +96,7 @@ fn map(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>,
         return Err(Failure::write(path, std::io::Error::other("expected an image's name, such as map.png")));
     }
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    write_whole(path, |file| if is_pgm { write_pgm(image, file) } else { write_plain_png(image, file) })?;
+    write_part(path, |file| if is_pgm { write_pgm(image, file) } else { write_plain_png(image, file) })?;
     write_whole(
         &second,
         |file| if is_pgm { write_map_yaml(image, &name, file) } else { write_world_file(image, file) },
@@ -103,6 +104,10 @@ fn map(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>,
     let (width, height) = (image.width, image.height);
     say(&format!("{} and {}: {width} x {height} cells\n", path.display(), second.display()))?;
     Ok(losses(&made))
+}
+
+fn write_part(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), FormatError>) -> Result<(), Failure> {
+    write_whole(path, |file| write(file).map_err(|cause| Failure::write(path, cause)))
 }
 
 fn losses(made: &MapImage) -> Vec<String> {

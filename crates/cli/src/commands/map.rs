@@ -13,9 +13,9 @@ use serde_json::json;
 pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?; // wrong usage is told before anything is touched
     let interrupt = Interrupt::watch()?;
-    let mut log = Log::open(&args.log)?;
+    let mut log = Log::open_all(&args.logs, &args.source.choice())?;
     let output = OutputFolder::create(&args.output)?;
-    let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes)?;
+    let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes())?;
     let ending = log.for_each(&interrupt, |event, position| match event {
         LogEvent::Scan(scan) => mapping.add_scan(scan, position).map(|_| ()),
         LogEvent::Odometry(odometry) => {
@@ -28,16 +28,17 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let name = log.name();
     let read = log.finish()?;
     let made = mapping.write_results()?;
-    let mut losses = report::read_losses(&read);
+    let mut losses = read.losses();
     losses.extend(report::mapping_losses(&mapping, &made));
     if ending == Ending::Interrupted {
-        losses.push(format!("interrupted after line {} of the log; the results are complete up to there", read.lines));
+        losses.push(format!("interrupted after {}; the results are complete up to there", read.place()));
     }
-    let report = report::full_report(&name, report::read_report(&read), &mut mapping, &made, &losses);
+    let report = report::full_report(&name, read.to_json(), &mut mapping, &made, &losses);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;
-    let words = report::last_words(&mapping, &made, &timing) + &report::remarks(&losses, &report::read_oddities(&read));
+    let words =
+        report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &read.oddities());
     let files = mapping.output.commit()?;
     let voice = args.mapping.voice;
     if voice.json {

@@ -3,9 +3,9 @@
 use crate::args::PerturbArgs;
 use crate::events::Log;
 use crate::failure::{Failure, Outcome};
-use crate::report::read_losses;
+use crate::reading::Reading;
 use crate::terminal::{count, say};
-use mapwright_formats::{CarmenWriter, FormatError, LogEvent, ReadReport};
+use mapwright_formats::{CarmenWriter, FormatError, LogEvent};
 use mapwright_geom::Pose2;
 use mapwright_sensor::LaserScan;
 use mapwright_sim::PerturbScans;
@@ -19,7 +19,7 @@ pub(super) fn run(args: &PerturbArgs) -> Result<Outcome, Failure> {
     let mut writer = CarmenWriter::new(BufWriter::with_capacity(1 << 16, file));
     let written = write_harder(&mut scans, args, &mut writer).and_then(|n| writer.finish().map(|_| n));
     let written = written.map_err(|cause| Failure::write(&args.output, cause))?;
-    let losses = read_losses(&scans.finish()?);
+    let losses = scans.finish()?.losses();
     say(&format!("{}: {}\n", args.output.display(), count(written, "scan")))?;
     Ok(Outcome::of_losses(&losses))
 }
@@ -60,7 +60,7 @@ impl Scans {
     }
 
     /// The reader's report, once all scans are read; or what ended them.
-    pub(super) fn finish(self) -> Result<ReadReport, Failure> {
+    pub(super) fn finish(self) -> Result<Reading, Failure> {
         match self.failure {
             Some(failure) => Err(failure),
             None => self.log.finish(),

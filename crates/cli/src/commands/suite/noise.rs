@@ -6,7 +6,6 @@ use crate::args::NoiseArgs;
 use crate::commands::eval::read_relation_file;
 use crate::commands::perturb::Scans;
 use crate::failure::Failure;
-use crate::report::read_losses;
 use mapwright::{LaserScan, Mapper, Settings, Status};
 use mapwright_eval::{ErrorStats, PoseErrors, Relation, StampedPose, relation_errors};
 use mapwright_sim::PerturbScans;
@@ -38,7 +37,7 @@ impl Noise {
         let relations = read_relation_file(&args.relations)?;
         let mut reader = Scans::open(&args.log)?;
         let scans = reader.by_ref().collect();
-        let losses = read_losses(&reader.finish()?);
+        let losses = reader.finish()?.losses();
         Ok(Self { amount: args.amount, settings, scans, relations, losses })
     }
 }

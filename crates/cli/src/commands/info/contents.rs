@@ -1,0 +1,230 @@
+//! Scans and odometry of one log, counted and measured.
+
+use crate::terminal::{count, duration, grouped};
+use mapwright::{BeamCounts, LaserModel, LaserScan, Pose2, Stamp, Sweep};
+use mapwright_formats::LogEvent;
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::sync::Arc;
+
+/// A pause of a topic this many times its median period is a gap.
+const GAP_PERIODS: f64 = 10.0;
+/// The shortest pause that is called a gap, seconds.
+const GAP_AT_LEAST_S: f64 = 1.0;
+/// Odometry steps beyond this are jumps, not path, metres.
+const JUMP_M: f64 = 10.0;
+/// Gaps that are listed.
+const GAPS_SHOWN: usize = 5;
+
+/// What is in a log.
+#[derive(Debug, Default)]
+pub(super) struct Contents {
+    pub(super) odometry: Topic,
+    pub(super) lasers: Vec<Laser>,
+}
+
+/// Times and path of one kind of event.
+#[derive(Debug, Default)]
+pub(super) struct Topic {
+    /// In the order of the file. Twelve bytes an event are all that is kept of it.
+    pub(super) stamps: Vec<Stamp>,
+    last: Option<Pose2>,
+    path_m: f64,
+    turned_rad: f64,
+    poses: u64,
+}
+
+/// One laser of the log.
+#[derive(Debug)]
+pub(super) struct Laser {
+    pub(super) model: Arc<LaserModel>,
+    pub(super) topic: Topic,
+    pub(super) beams: (usize, usize),
+    counts: BeamCounts,
+    farthest_m: f32,
+    sweep: Sweep,
+}
+
+impl Contents {
+    pub(super) fn add(&mut self, event: LogEvent<'_>) {
+        match event {
+            LogEvent::Scan(scan) => self.add_scan(scan),
+            LogEvent::Odometry(odometry) => self.odometry.add(odometry.stamp, Some(odometry.odom_from_robot)),
+            _ => {}
+        }
+    }
+
+    fn add_scan(&mut self, scan: &LaserScan) {
+        let same = |laser: &Laser| *laser.model == *scan.laser;
+        let at = self.lasers.iter().position(same).unwrap_or_else(|| {
+            self.lasers.push(Laser::new(&scan.laser));
+            self.lasers.len() - 1
+        });
+        self.lasers[at].add(scan);
+    }
+
+    pub(super) fn to_words(&self) -> String {
+        let mut text = String::new();
+        for laser in &self.lasers {
+            let _ = write!(text, "{}", laser.to_words());
+        }
+        if self.odometry.poses > 0 {
+            let _ = write!(text, "odometry {}", self.odometry.to_words("reading"));
+        }
+        text
+    }
+
+    pub(super) fn to_json(&self, name: &str) -> Value {
+        json!({
+            "log": name,
+            "lasers": self.lasers.iter().map(Laser::to_json).collect::<Vec<_>>(),
+            "odometry": self.odometry.to_json(),
+        })
+    }
+}
+
+impl Laser {
+    fn new(model: &Arc<LaserModel>) -> Self {
+        Self {
+            model: Arc::clone(model),
+            topic: Topic::default(),
+            beams: (usize::MAX, 0),
+            counts: BeamCounts::default(),
+            farthest_m: 0.0,
+            sweep: Sweep::empty(model),
+        }
+    }
+
+    fn add(&mut self, scan: &LaserScan) {
+        self.topic.add(scan.stamp, scan.odom_from_robot);
+        let beams = scan.ranges_m.len();
+        self.beams = (self.beams.0.min(beams), self.beams.1.max(beams));
+        let limits_m = (0.0, f64::INFINITY);
+        self.counts.add(&self.sweep.fill(scan, [0.0; 3], limits_m));
+        let reach_m = self.model.range_max_m as f32;
+        let returns = scan.ranges_m.iter().filter(|&&range_m| range_m < reach_m);
+        self.farthest_m = returns.fold(self.farthest_m, |farthest_m, &range_m| farthest_m.max(range_m));
+    }
+
+    fn field_of_view_deg(&self) -> f64 {
+        (self.model.angle_step_rad * self.beams.1.saturating_sub(1) as f64).abs().to_degrees()
+    }
+
+    fn to_words(&self) -> String {
+        let (model, mount) = (&self.model, self.model.robot_from_laser);
+        let beams = if self.beams.0 == self.beams.1 {
+            self.beams.0.to_string()
+        } else {
+            format!("{} to {}", self.beams.0, self.beams.1)
+        };
+        let all = f64::from(self.counts.returns) + f64::from(self.counts.no_return);
+        let bad = self.counts.too_near + self.counts.not_a_number;
+        format!(
+            "laser    {}: {beams} beams over {:.0} deg, up to {} m; on the robot at x {:.3} m, y {:.3} m, yaw {:.2} deg{}\n\
+             \x20        farthest return {:.1} m, no return {:.1} %, unusable beams {}\n         {}",
+            model.name,
+            self.field_of_view_deg(),
+            model.range_max_m,
+            mount.x,
+            mount.y,
+            mount.theta.to_degrees(),
+            if model.inverted { ", upside down" } else { "" },
+            self.farthest_m,
+            100.0 * f64::from(self.counts.no_return) / all.max(1.0),
+            grouped(u64::from(bad)),
+            self.topic.to_words("scan"),
+        )
+    }
+
+    fn to_json(&self) -> Value {
+        let mount = self.model.robot_from_laser;
+        json!({
+            "name": self.model.name,
+            "beams": [self.beams.0, self.beams.1],
+            "field_of_view_deg": self.field_of_view_deg(),
+            "range_max_m": self.model.range_max_m,
+            "robot_from_laser": [mount.x, mount.y, mount.theta],
+            "inverted": self.model.inverted,
+            "farthest_return_m": self.farthest_m,
+            "returns": self.counts.returns,
+            "no_return": self.counts.no_return,
+            "too_near": self.counts.too_near,
+            "not_a_number": self.counts.not_a_number,
+            "topic": self.topic.to_json(),
+        })
+    }
+}
+
+impl Topic {
+    fn add(&mut self, stamp: Stamp, odom_from_robot: Option<Pose2>) {
+        self.stamps.push(stamp);
+        let Some(pose) = odom_from_robot else { return };
+        self.poses += 1;
+        if let Some(step) = self.last.map(|last| last.between(pose))
+            && step.x.hypot(step.y) <= JUMP_M
+        {
+            self.path_m += step.x.hypot(step.y);
+            self.turned_rad += step.theta.abs();
+        }
+        self.last = Some(pose);
+    }
+
+    /// Time from the earliest to the latest stamp, seconds.
+    pub(super) fn span_s(&self) -> f64 {
+        match (self.stamps.iter().min(), self.stamps.iter().max()) {
+            (Some(&first), Some(&last)) => last.secs_since(first),
+            _ => 0.0,
+        }
+    }
+
+    /// Median time between stamps that run forward, seconds.
+    pub(super) fn period_s(&self) -> Option<f64> {
+        let mut periods: Vec<_> = self.steps().map(|(_, step_s)| step_s).filter(|&step_s| step_s > 0.0).collect();
+        periods.sort_by(f64::total_cmp);
+        periods.get(periods.len() / 2).copied()
+    }
+
+    fn steps(&self) -> impl Iterator<Item = (Stamp, f64)> + '_ {
+        self.stamps.windows(2).map(|pair| (pair[0], pair[1].secs_since(pair[0])))
+    }
+
+    /// Pauses and where they begin, longest first.
+    fn gaps(&self) -> Vec<(Stamp, f64)> {
+        let least_s = (GAP_PERIODS * self.period_s().unwrap_or(0.0)).max(GAP_AT_LEAST_S);
+        let mut gaps: Vec<_> = self.steps().filter(|&(_, step_s)| step_s > least_s).collect();
+        gaps.sort_by(|a, b| b.1.total_cmp(&a.1));
+        gaps
+    }
+
+    fn to_words(&self, what: &str) -> String {
+        let mut text = format!("{} over {}", count(self.stamps.len() as u64, what), duration(self.span_s()));
+        if let Some(period_s) = self.period_s() {
+            let _ = write!(text, ", {:.1} a second in the median", 1.0 / period_s);
+        }
+        if self.poses > 0 {
+            let turns = self.turned_rad / std::f64::consts::TAU;
+            let _ = write!(text, "; by odometry {:.0} m of path, {turns:.0} full turns", self.path_m);
+        }
+        let gaps = self.gaps();
+        if !gaps.is_empty() {
+            let shown = gaps.iter().take(GAPS_SHOWN);
+            let listed: Vec<_> = shown.map(|(from, s)| format!("{s:.1} s after {:.3}", from.as_secs_f64())).collect();
+            let _ = write!(text, "\n         {}: {}", count(gaps.len() as u64, "gap"), listed.join(", "));
+        }
+        text + "\n"
+    }
+
+    fn to_json(&self) -> Value {
+        let gaps = self.gaps();
+        let listed = gaps.iter().take(20).map(|(from, s)| json!({ "after_s": from.as_secs_f64(), "length_s": s }));
+        json!({
+            "events": self.stamps.len(),
+            "span_s": self.span_s(),
+            "period_s": self.period_s(),
+            "path_m": self.path_m,
+            "turned_rad": self.turned_rad,
+            "gap_count": gaps.len(),
+            "gaps": listed.collect::<Vec<_>>(),
+        })
+    }
+}
