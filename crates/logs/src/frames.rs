@@ -5,7 +5,7 @@ use crate::links::{Link, Links, base_rank, is_world};
 use mapwright_geom::Pose3;
 
 /// The robot's frame moves by no more than this out of the plane, radians.
-const SWING_MOST_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
+pub(crate) const SWING_MOST_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
 /// A sensor's place.
 #[derive(Debug, Clone, PartialEq)]

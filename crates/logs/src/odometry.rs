@@ -2,7 +2,7 @@
 
 use crate::channel::TopicKind;
 use crate::choice::Choice;
-use crate::frames::Place;
+use crate::frames::{Place, SWING_MOST_RAD};
 use crate::links::{Link, Links, is_map, is_world};
 use crate::plan::OdometrySource;
 use crate::survey::{Survey, TopicSurvey, same_name};
@@ -71,9 +71,11 @@ pub(crate) fn find(survey: &Survey, place: &Place, choice: &Choice) -> Found {
     }
 }
 
-/// The link by which a robot moves: the first above its frame that is not constant, or whose parent is `odom`.
+/// The link by which a robot moves: the first above its frame that is not constant, or whose parent is `odom`; none that
+/// swings out of the plane within the robot.
 fn moving_link<'a>(links: &'a Links, robot_frame: &str) -> Option<&'a Link> {
-    links.above(robot_frame).into_iter().find(|link| is_world(&link.parent) || !link.is_constant())
+    let moving = links.above(robot_frame).into_iter().find(|link| is_world(&link.parent) || !link.is_constant());
+    moving.filter(|link| is_world(&link.parent) || link.swung_rad <= SWING_MOST_RAD)
 }
 
 fn by_topic(

@@ -97,7 +97,7 @@ fn map(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>,
     }
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     write_part(path, |file| if is_pgm { write_pgm(image, file) } else { write_plain_png(image, file) })?;
-    write_whole(
+    write_part(
         &second,
         |file| if is_pgm { write_map_yaml(image, &name, file) } else { write_world_file(image, file) },
     )?;
