@@ -4,52 +4,64 @@ use crate::error::ExportError;
 use mapwright_formats::CarmenWriter;
 use mapwright_sensor::{LaserModel, LaserScan, Odometry};
 use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::io::Write;
 use std::sync::Arc;
 
 /// Headings that went through a quaternion differ by no more, radians.
 const SAME_RAD: f64 = 1e-12;
 
-/// Writes events, one late: a reading of the wheels that the next scan carries itself is left out.
+/// Readings that are held back at most until the next scan.
+const HELD_BACK: usize = 1024;
+
+/// Writes events, the wheels' readings with the next scan: one that a scan carries itself is left out.
 #[derive(Debug)]
 pub(crate) struct CarmenEvents<W> {
     writer: CarmenWriter<W>,
     conventional: Conventional,
-    pending: Option<Odometry>,
+    pending: VecDeque<Odometry>,
+    /// What the last scan carried.
+    carried: Option<Odometry>,
 }
 
 impl<W: Write> CarmenEvents<W> {
     pub(crate) fn new(writer: W) -> Self {
-        Self { writer: CarmenWriter::new(writer), conventional: Conventional::default(), pending: None }
+        let writer = CarmenWriter::new(writer);
+        Self { writer, conventional: Conventional::default(), pending: VecDeque::new(), carried: None }
     }
 
     pub(crate) fn scan(&mut self, scan: &LaserScan) -> Result<(), ExportError> {
-        let carried = |odometry: &Odometry| {
-            odometry.stamp == scan.stamp
-                && scan.odom_from_robot.is_some_and(|own| {
-                    let off = own.between(odometry.odom_from_robot);
-                    (off.x, off.y) == (0.0, 0.0) && off.theta.abs() <= SAME_RAD
-                })
-        };
-        if let Some(odometry) = self.pending.take().filter(|odometry| !carried(odometry)) {
-            self.writer.odometry(&odometry)?;
+        let carried = |odom_from_robot| Odometry { stamp: scan.stamp, odom_from_robot };
+        let carried = scan.odom_from_robot.map(carried);
+        while let Some(odometry) = self.pending.pop_front() {
+            if !is_same(carried, &odometry) {
+                self.writer.odometry(&odometry)?;
+            }
         }
+        self.carried = carried;
         Ok(self.writer.scan(&self.conventional.scan(scan))?)
     }
 
     pub(crate) fn odometry(&mut self, odometry: &Odometry) -> Result<(), ExportError> {
-        match self.pending.replace(*odometry) {
-            Some(before) => Ok(self.writer.odometry(&before)?),
-            None => Ok(()),
+        if is_same(self.carried, odometry) {
+            return Ok(());
         }
+        self.pending.push_back(*odometry);
+        let oldest = if self.pending.len() > HELD_BACK { self.pending.pop_front() } else { None };
+        oldest.map_or(Ok(()), |odometry| Ok(self.writer.odometry(&odometry)?))
     }
 
     pub(crate) fn finish(mut self) -> Result<W, ExportError> {
-        if let Some(odometry) = self.pending.take() {
-            self.writer.odometry(&odometry)?;
-        }
+        self.pending.iter().try_for_each(|odometry| self.writer.odometry(odometry))?;
         Ok(self.writer.finish()?)
     }
+}
+
+fn is_same(carried: Option<Odometry>, odometry: &Odometry) -> bool {
+    carried.is_some_and(|carried| {
+        let off = carried.odom_from_robot.between(odometry.odom_from_robot);
+        carried.stamp == odometry.stamp && (off.x, off.y) == (0.0, 0.0) && off.theta.abs() <= SAME_RAD
+    })
 }
 
 /// Numbers of a laser that came through single precision as they were before: angles by CARMEN's convention where they
