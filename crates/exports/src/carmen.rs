@@ -13,6 +13,8 @@ const SAME_RAD: f64 = 1e-12;
 
 /// Readings that are held back at most until the next scan.
 const HELD_BACK: usize = 1024;
+/// Scans whose odometry is remembered.
+const CARRIED: usize = 64;
 
 /// Writes events, the wheels' readings with the next scan: one that a scan carries itself is left out.
 #[derive(Debug)]
@@ -20,30 +22,32 @@ pub(crate) struct CarmenEvents<W> {
     writer: CarmenWriter<W>,
     conventional: Conventional,
     pending: VecDeque<Odometry>,
-    /// What the last scan carried.
-    carried: Option<Odometry>,
+    /// What the last scans carried: where stamps step backwards a reading may come later.
+    carried: VecDeque<Odometry>,
 }
 
 impl<W: Write> CarmenEvents<W> {
     pub(crate) fn new(writer: W) -> Self {
         let writer = CarmenWriter::new(writer);
-        Self { writer, conventional: Conventional::default(), pending: VecDeque::new(), carried: None }
+        Self { writer, conventional: Conventional::default(), pending: VecDeque::new(), carried: VecDeque::new() }
     }
 
     pub(crate) fn scan(&mut self, scan: &LaserScan) -> Result<(), ExportError> {
         let carried = |odom_from_robot| Odometry { stamp: scan.stamp, odom_from_robot };
-        let carried = scan.odom_from_robot.map(carried);
+        self.carried.extend(scan.odom_from_robot.map(carried));
+        if self.carried.len() > CARRIED {
+            self.carried.pop_front();
+        }
         while let Some(odometry) = self.pending.pop_front() {
-            if !is_same(carried, &odometry) {
+            if !self.is_carried(&odometry) {
                 self.writer.odometry(&odometry)?;
             }
         }
-        self.carried = carried;
         Ok(self.writer.scan(&self.conventional.scan(scan))?)
     }
 
     pub(crate) fn odometry(&mut self, odometry: &Odometry) -> Result<(), ExportError> {
-        if is_same(self.carried, odometry) {
+        if self.is_carried(odometry) {
             return Ok(());
         }
         self.pending.push_back(*odometry);
@@ -55,13 +59,13 @@ impl<W: Write> CarmenEvents<W> {
         self.pending.iter().try_for_each(|odometry| self.writer.odometry(odometry))?;
         Ok(self.writer.finish()?)
     }
-}
 
-fn is_same(carried: Option<Odometry>, odometry: &Odometry) -> bool {
-    carried.is_some_and(|carried| {
-        let off = carried.odom_from_robot.between(odometry.odom_from_robot);
-        carried.stamp == odometry.stamp && (off.x, off.y) == (0.0, 0.0) && off.theta.abs() <= SAME_RAD
-    })
+    fn is_carried(&self, odometry: &Odometry) -> bool {
+        self.carried.iter().any(|carried| {
+            let off = carried.odom_from_robot.between(odometry.odom_from_robot);
+            carried.stamp == odometry.stamp && (off.x, off.y) == (0.0, 0.0) && off.theta.abs() <= SAME_RAD
+        })
+    }
 }
 
 /// Numbers of a laser that came through single precision as they were before: angles by CARMEN's convention where they

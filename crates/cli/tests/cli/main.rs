@@ -8,6 +8,8 @@ mod explain;
 mod map;
 mod optimize;
 mod real_logs;
+mod recordings;
+mod robot;
 mod show;
 mod suite;
 mod support;

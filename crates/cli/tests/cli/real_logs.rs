@@ -4,15 +4,19 @@ use crate::support::{assert_code, folder, run};
 use std::path::{Path, PathBuf};
 
 /// `../shared/data` beside the workspace, or `MAPWRIGHT_DATA`.
-fn data(name: &str) -> Option<PathBuf> {
+pub(crate) fn shared_data(name: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let root = std::env::var_os("MAPWRIGHT_DATA").map_or_else(beside, PathBuf::from);
-    let path = root.join("2d_benchmark").join(name);
+    let path = root.join(name);
     if !path.exists() {
         eprintln!("real logs: skipped: no data ({})", path.display());
         return None;
     }
     Some(path)
+}
+
+fn data(name: &str) -> Option<PathBuf> {
+    shared_data(&format!("2d_benchmark/{name}"))
 }
 
 /// Maps the log and checks the mean relation error.

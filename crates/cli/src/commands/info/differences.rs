@@ -73,7 +73,7 @@ impl Differences {
         let (Some(first), Some(second)) = (a.contents.lasers.first(), b.contents.lasers.first()) else { return };
         let (a, b) = (&first.model, &second.model);
         let mut differ = |what: &str, values: [f64; 2], unit: &str| {
-            if (values[0] - values[1]).abs() > 1e-6 {
+            if (values[0] - values[1]).abs() > 1e-4 {
                 self.words.push(format!("{what}: {:.4} and {:.4} {unit}", values[0], values[1]));
             }
         };

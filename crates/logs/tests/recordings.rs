@@ -1,0 +1,218 @@
+//! Recordings with everything that goes wrong, made here.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests may")]
+
+use mapwright_bags::{Connection, Encoding, McapCompression, McapWriter};
+use mapwright_formats::LogEvent;
+use mapwright_geom::{Pose3, Stamp};
+use mapwright_logs::{Choice, Drive, Input, LogReport, OdometrySource, Plan, RecordingReport, Survey};
+use mapwright_ros::messages::{Header, LaserScan, Odometry, TfMessage, Transform, TransformStamped};
+use mapwright_ros::{Encoding as Layout, Field, encode};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+const SCAN: &str = "sensor_msgs/msg/LaserScan";
+const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+const TRANSFORMS: &str = "tf2_msgs/msg/TFMessage";
+
+fn ms(ms: i64) -> Stamp {
+    Stamp(1_000_000_000_000 + ms * 1_000_000)
+}
+
+/// An MCAP file being written; topics are added when they are first used.
+struct Recorder {
+    writer: McapWriter<File>,
+    topics: Vec<(String, u32)>,
+    path: PathBuf,
+}
+
+impl Recorder {
+    fn new(name: &str) -> Self {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let writer = McapWriter::new(File::create(&path).unwrap(), McapCompression::None).unwrap();
+        Self { writer, topics: Vec::new(), path }
+    }
+
+    fn raw(&mut self, topic: &str, kind: &str, recorded: Stamp, data: &[u8]) {
+        let known = self.topics.iter().find(|(name, _)| name == topic).map(|(_, id)| *id);
+        let id = known.unwrap_or_else(|| {
+            let id = self.writer.add_connection(&Connection::new(topic, kind, Encoding::Cdr)).unwrap();
+            self.topics.push((topic.to_owned(), id));
+            id
+        });
+        self.writer.write(id, recorded, recorded, data).unwrap();
+    }
+
+    fn write<'a>(&mut self, topic: &str, kind: &str, recorded: Stamp, message: &impl Field<'a>) {
+        self.raw(topic, kind, recorded, &encode(message, Layout::Cdr).unwrap());
+    }
+
+    fn scan(&mut self, recorded: Stamp, stamp: Stamp, ranges: &[f32]) {
+        let header = Header::new(stamp, "laser");
+        let scan =
+            LaserScan { header, angle_increment: 0.01, range_max: 9.0, ranges: ranges.into(), ..Default::default() };
+        self.write("/scan", SCAN, recorded, &scan);
+    }
+
+    fn odometry(&mut self, topic: &str, recorded: Stamp, stamp: Stamp, x: f64) {
+        let header = Header::new(stamp, "odom");
+        let mut odometry = Odometry { header, child_frame_id: "base_link".into(), ..Default::default() };
+        odometry.pose.pose.position.x = x;
+        odometry.pose.pose.orientation.w = 1.0;
+        self.write(topic, ODOMETRY, recorded, &odometry);
+    }
+
+    fn link(&mut self, topic: &str, stamp: Stamp, parent: &str, child: &str, x: f64) {
+        let mut pose = Pose3::identity();
+        pose.translation.x = x;
+        let header = Header::new(stamp, parent);
+        let transform = Transform::from(pose);
+        let transforms = vec![TransformStamped { header, child_frame_id: child.into(), transform }];
+        self.write(topic, TRANSFORMS, stamp, &TfMessage { transforms });
+    }
+
+    fn finish(self) -> PathBuf {
+        self.writer.finish().unwrap();
+        self.path
+    }
+}
+
+/// Stamps in ms and odometry's x of the scans, and the report.
+fn read(path: PathBuf) -> (Vec<(i64, Option<f64>)>, RecordingReport) {
+    let mut drive = Drive::open(vec![("log".to_owned(), Input::Recording(path))], &Choice::default()).unwrap();
+    let mut scans = Vec::new();
+    while let Some(event) = drive.next_event().unwrap() {
+        if let LogEvent::Scan(scan) = event {
+            let x = scan.odom_from_robot.map(|pose| (pose.x * 1e9).round() / 1e9);
+            scans.push(((scan.stamp.0 - ms(0).0) / 1_000_000, x));
+        }
+    }
+    match drive.into_reports().pop() {
+        Some((_, LogReport::Recording(report))) => (scans, *report),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn plan(path: &Path) -> Result<Plan, String> {
+    Plan::of(&Survey::of(path).unwrap(), &Choice::default())
+}
+
+#[test]
+fn scans_get_odometry_at_their_stamps_whatever_comes_first() {
+    let mut recorder = Recorder::new("order.mcap");
+    recorder.odometry("/odom", ms(5), ms(0), 0.0);
+    recorder.scan(ms(60), ms(50), &[1.0; 3]);
+    recorder.scan(ms(70), ms(40), &[1.0; 4]); // steps back, and keeps its place
+    recorder.odometry("/odom", ms(300), ms(100), 1.0); // comes late, but within the window
+    recorder.scan(ms(400), Stamp(0), &[1.0; 4]); // no stamp: the time of recording
+    recorder.odometry("/odom", ms(500), ms(500), 2.0);
+    recorder.scan(ms(9000), ms(9000), &[f32::NAN; 4]); // no odometry for so long
+    let (scans, report) = read(recorder.finish());
+    assert_eq!(scans, [(50, Some(0.5)), (40, Some(0.4)), (400, Some(1.75)), (9000, None)]);
+    let stream = &report.stream;
+    assert_eq!((stream.scans, stream.odometry, stream.unstamped.count, stream.late.count), (4, 3, 1, 0));
+    assert_eq!((stream.without_odometry.count, stream.odometry_behind_s), (1, Some(8.5)));
+    assert_eq!(stream.topics[0].stamps.backward.first_places, [3]);
+    assert_eq!(stream.topics[0].beam_count_changes.count, 1);
+    assert_eq!(stream.non_finite_ranges, 4);
+}
+
+#[test]
+fn odometry_that_comes_after_the_window_is_counted_as_late() {
+    let mut recorder = Recorder::new("late.mcap");
+    recorder.odometry("/odom", ms(0), ms(0), 0.0);
+    recorder.scan(ms(100), ms(100), &[1.0; 3]);
+    recorder.scan(ms(3000), ms(3000), &[1.0; 3]);
+    recorder.odometry("/odom", ms(3100), ms(50), 1.0);
+    let (scans, report) = read(recorder.finish());
+    assert_eq!(scans, [(100, Some(0.0)), (3000, None)]);
+    assert_eq!(report.stream.late.first_places, [4]);
+}
+
+#[test]
+fn bad_messages_are_counted_with_their_place_and_the_others_are_used() {
+    let mut recorder = Recorder::new("bad.mcap");
+    recorder.scan(ms(0), ms(0), &[1.0; 3]);
+    recorder.raw("/scan", SCAN, ms(100), &[0, 1, 0, 0, 1, 2]);
+    recorder.odometry("/odom", ms(150), ms(150), f64::NAN);
+    recorder.write("/scan", SCAN, ms(200), &LaserScan { angle_min: f32::NAN, ..Default::default() });
+    recorder.scan(ms(300), ms(300), &[1.0; 3]);
+    let (scans, report) = read(recorder.finish());
+    assert_eq!(scans.len(), 2);
+    let (undecodable, unusable) = (&report.stream.undecodable, &report.stream.unusable);
+    assert_eq!((undecodable.count, unusable.count), (1, 2));
+    assert!(undecodable.first.as_ref().unwrap().starts_with("message 2 at byte "), "{undecodable:?}");
+    assert!(unusable.first.as_ref().unwrap().contains("expected a finite pose"), "{unusable:?}");
+}
+
+#[test]
+fn of_several_topics_of_odometry_the_fullest_is_used_and_never_another_mappers() {
+    let mut recorder = Recorder::new("several.mcap");
+    for k in 0..10 {
+        recorder.odometry("/filtered", ms(k * 100), ms(k * 100), 1.0);
+        recorder.odometry("/wheels", ms(k * 100), ms(k * 100), 1.0);
+        recorder.odometry("/wheels", ms(k * 100 + 50), ms(k * 100 + 50), 1.0);
+        recorder.link("/tf", ms(k * 100), "map", "odom", 0.1 * k as f64);
+        recorder.link("/tf", ms(k * 100), "odom", "base_link", 0.1 * k as f64);
+        recorder.scan(ms(k * 100), ms(k * 100), &[1.0; 3]);
+    }
+    recorder.link("/tf_static", ms(0), "base_link", "laser", 0.25);
+    let path = recorder.finish();
+    let found = plan(&path).unwrap();
+    assert!(matches!(&found.odometry, OdometrySource::Topic { name, .. } if name == "/wheels"), "{found:?}");
+    assert!(
+        found.assumed.is_empty() && found.reasons.iter().any(|(_, why)| why.contains("/filtered (10)")),
+        "{found:?}"
+    );
+    let choice = Choice { topics: vec!["filtered".to_owned()], ..Choice::default() };
+    let asked = Plan::of(&Survey::of(&path).unwrap(), &choice).unwrap();
+    assert!(matches!(&asked.odometry, OdometrySource::Topic { name, .. } if name == "/filtered"), "{asked:?}");
+
+    let mut recorder = Recorder::new("mapped.mcap");
+    for k in 0..10 {
+        recorder.link("/tf", ms(k * 100), "map", "base_link", 0.1 * k as f64);
+        recorder.link("/tf", ms(k * 100), "base_link", "laser", 0.2);
+        recorder.scan(ms(k * 100), ms(k * 100), &[1.0; 3]);
+    }
+    let found = plan(&recorder.finish()).unwrap();
+    assert_eq!((&found.odometry, found.robot_frame.as_str()), (&OdometrySource::None, "base_link"));
+    assert!(found.reasons.iter().any(|(_, why)| why.contains("another mapper")), "{found:?}");
+}
+
+#[test]
+fn a_laser_that_moves_on_the_robot_is_refused_and_cycles_end() {
+    let mut recorder = Recorder::new("moving.mcap");
+    for k in 0..10 {
+        recorder.link("/tf", ms(k * 100), "odom", "base_link", 0.1 * k as f64);
+        recorder.link("/tf", ms(k * 100), "base_link", "laser", 0.05 * k as f64);
+        recorder.scan(ms(k * 100), ms(k * 100), &[1.0; 3]);
+    }
+    let refused = plan(&recorder.finish()).unwrap_err();
+    assert!(refused.contains("'laser' moves on the robot") && refused.contains("0.450 m"), "{refused}");
+
+    let mut recorder = Recorder::new("cycle.mcap");
+    recorder.scan(ms(0), ms(0), &[1.0; 3]);
+    for (parent, child) in [("a", "laser"), ("b", "a"), ("a", "b"), ("laser", "b")] {
+        recorder.link("/tf", ms(0), parent, child, 0.1);
+    }
+    assert!(plan(&recorder.finish()).is_ok());
+}
+
+#[test]
+fn memory_does_not_depend_on_a_recordings_length() {
+    let held = |name: &str, scans: i64| {
+        let mut recorder = Recorder::new(name);
+        for k in 0..scans {
+            recorder.odometry("/odom", ms(k * 25), ms(k * 25), 0.0);
+            recorder.scan(ms(k * 25), ms(k * 25), &[1.0; 1000]);
+        }
+        let path = recorder.finish();
+        let megabytes = std::fs::metadata(&path).unwrap().len() >> 20;
+        let (scans, report) = read(path.clone());
+        std::fs::remove_file(path).unwrap();
+        assert!(!scans.is_empty() && report.survey.held_bytes > 0);
+        (megabytes, report.stream.held_bytes.max(report.survey.held_bytes))
+    };
+    let ((short_mb, short), (long_mb, long)) = (held("short.mcap", 800), held("long.mcap", 8000));
+    assert!(long_mb >= 9 * short_mb, "{short_mb} and {long_mb} MiB");
+    assert!(long as f64 <= 1.02 * short as f64, "{short} and {long} bytes held");
+}
