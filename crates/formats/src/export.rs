@@ -34,7 +34,7 @@ pub fn write_kitti(world_from_robot: impl IntoIterator<Item = Pose2>, writer: im
     for pose in world_from_robot {
         check(pose)?;
         let (s, c) = sin_cos(pose.theta);
-        lines.numbers(&[c, -s, 0.0], ROTATION_DECIMALS);
+        lines.numbers(&[c, 0.0 - s, 0.0], ROTATION_DECIMALS);
         lines.numbers(&[pose.x], DECIMALS);
         lines.numbers(&[s, c, 0.0], ROTATION_DECIMALS);
         lines.numbers(&[pose.y], DECIMALS);
