@@ -7,7 +7,7 @@ use mapwright_logs::{Choice, Drive, Input};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::fs::{self, File};
-use std::io::{self, Read, Seek};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,10 +40,11 @@ impl Log {
     /// Opens logs of one drive.
     pub(crate) fn open_all(paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
         let inputs: Result<Vec<_>, Failure> = paths.iter().map(|path| Ok((name_of(path), input(path)?))).collect();
-        Self::of(inputs?, paths, choice)
+        let log = Self::of(inputs?, paths, choice)?;
+        Ok(Self { drive: log.drive.without_readings(), ..log })
     }
 
-    /// Reads inputs that are found at these paths.
+    /// Reads inputs that are found at these paths, with all readings of odometry.
     pub(crate) fn of(inputs: Vec<(String, Input)>, paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
         let names = inputs.iter().map(|(name, _)| name.clone()).collect();
         let sizes_bytes = paths.iter().map(|path| size_bytes(path)).collect();
@@ -114,28 +115,29 @@ fn size_bytes(path: &Path) -> Option<u64> {
 
 /// What lies at a path, told by its first bytes; all that is no recording is read as a CARMEN log.
 pub(crate) fn input(path: &Path) -> Result<Input, Failure> {
-    if path == Path::new("-") {
-        return Ok(Input::Carmen(Box::new(io::stdin())));
-    }
     let failed = |error| Failure::open(path, error);
+    if path == Path::new("-") {
+        return streamed(io::stdin(), path, false);
+    }
     let metadata = fs::metadata(path).map_err(failed)?;
-    if metadata.is_dir() {
-        return if holds_recording(path) {
-            Ok(Input::Recording(path.to_owned()))
-        } else {
-            Err(Failure::open(path, "expected a log, found a directory without .mcap, .db3 or .bag files"))
-        };
+    if !metadata.is_dir() {
+        return streamed(File::open(path).map_err(failed)?, path, metadata.is_file());
     }
-    let mut file = File::open(path).map_err(failed)?;
-    if metadata.is_file() {
-        let mut first_bytes = Vec::new();
-        Read::by_ref(&mut file).take(16).read_to_end(&mut first_bytes).map_err(failed)?;
-        if Input::is_recording(&first_bytes) {
-            return Ok(Input::Recording(path.to_owned()));
-        }
-        file.rewind().map_err(failed)?;
+    if holds_recording(path) {
+        return Ok(Input::Recording(path.to_owned()));
     }
-    Ok(Input::Carmen(Box::new(file)))
+    Err(Failure::open(path, "expected a log, found a directory without .mcap, .db3 or .bag files"))
+}
+
+fn streamed(mut source: impl Read + 'static, path: &Path, is_file: bool) -> Result<Input, Failure> {
+    let mut first_bytes = Vec::new();
+    let read = source.by_ref().take(16).read_to_end(&mut first_bytes);
+    read.map_err(|error| Failure::Read { path: path.to_owned(), cause: error.to_string() })?;
+    match Input::is_recording(&first_bytes) {
+        true if is_file => Ok(Input::Recording(path.to_owned())),
+        true => Err(Failure::open(path, "expected a file, found a stream: recordings are read twice")),
+        false => Ok(Input::Carmen(Box::new(io::Cursor::new(first_bytes).chain(source)))),
+    }
 }
 
 fn holds_recording(folder: &Path) -> bool {

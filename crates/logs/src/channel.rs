@@ -26,14 +26,14 @@ impl TopicKind {
     /// By the name of a type, with or without `msg` in the middle.
     #[must_use]
     pub fn of(type_name: &str) -> Self {
-        let kinds: [(fn(&str) -> bool, Self); 5] = [
-            (LaserScan::is, Self::Scan),
-            (MultiEchoLaserScan::is, Self::MultiEcho),
-            (PointCloud2::is, Self::Cloud),
-            (Odometry::is, Self::Odometry),
-            (TfMessage::is, Self::Transforms),
-        ];
-        kinds.iter().find(|(is, _)| is(type_name)).map_or(Self::Other, |(_, kind)| *kind)
+        match type_name {
+            name if LaserScan::is(name) => Self::Scan,
+            name if MultiEchoLaserScan::is(name) => Self::MultiEcho,
+            name if PointCloud2::is(name) => Self::Cloud,
+            name if Odometry::is(name) => Self::Odometry,
+            name if TfMessage::is(name) => Self::Transforms,
+            _ => Self::Other,
+        }
     }
 
     /// Whether its messages can become scans.

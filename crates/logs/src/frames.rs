@@ -21,6 +21,9 @@ pub(crate) struct Place {
 /// Finds the robot that carries a sensor. `moved` are the frames that odometry says it moves.
 pub(crate) fn place(links: &Links, sensor: &str, moved: &[&str], choice: &Choice) -> Result<Place, String> {
     if let Some(robot_frame) = &choice.frame {
+        if !links.knows(sensor) && robot_frame.trim_start_matches('/') != sensor {
+            return Ok(assumed_on(robot_frame.trim_start_matches('/'), sensor, "as asked for"));
+        }
         return on(links, robot_frame.trim_start_matches('/'), sensor, "as asked for".to_owned());
     }
     let above = links.above(sensor);
@@ -94,16 +97,22 @@ fn unplaced(links: &Links, sensor: &str, moved: &[&str]) -> Place {
         (None, Some(frame)) => (frame, "a robot's frame by its name"),
         (None, None) => (sensor, "the sensor's own, for there is no other"),
     };
+    if let Ok(place) = on(links, robot_frame, sensor, reason.to_owned()) {
+        return place; // the sensor is the tree's root, or the robot itself
+    }
+    assumed_on(robot_frame, sensor, reason)
+}
+
+fn assumed_on(robot_frame: &str, sensor: &str, reason: &str) -> Place {
     let assumed = format!(
         "no transform says where '{sensor}' sits on the robot: assumed to sit in the origin of '{robot_frame}' and to look \
          ahead"
     );
-    let assumed = (robot_frame != sensor).then_some(assumed);
     Place {
         robot_frame: robot_frame.to_owned(),
         robot_from_sensor: Pose3::identity(),
         reason: reason.to_owned(),
-        assumed,
+        assumed: Some(assumed),
     }
 }
 

@@ -191,9 +191,12 @@ fn candidates<'a>(survey: &'a Survey, choice: &Choice) -> Result<(Vec<Candidate<
     if all.iter().any(asked) {
         all.retain(asked);
     }
-    let other = choice.topics.iter().filter_map(|name| survey.topic(name)).find(|topic| topic.kind == TopicKind::Other);
-    if let Some(topic) = other {
-        return Err(format!("{} is {}, expected scans or odometry", topic.name, topic.type_name));
+    for name in &choice.topics {
+        let mut named = survey.topics.iter().filter(|topic| same_name(&topic.name, name)).peekable();
+        let first = named.peek().map_or("", |topic| topic.type_name.as_str());
+        if named.all(|topic| topic.kind == TopicKind::Other) {
+            return Err(format!("{name} is {first}, expected scans or odometry"));
+        }
     }
     if all.is_empty() {
         return Err(format!(

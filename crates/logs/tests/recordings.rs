@@ -189,6 +189,13 @@ fn a_laser_that_moves_on_the_robot_is_refused_and_cycles_end() {
     let refused = plan(&recorder.finish()).unwrap_err();
     assert!(refused.contains("'laser' moves on the robot") && refused.contains("0.450 m"), "{refused}");
 
+    let mut recorder = Recorder::new("root.mcap");
+    recorder.scan(ms(0), ms(0), &[1.0; 3]);
+    recorder.link("/tf_static", ms(0), "laser", "base_link", -0.3);
+    let found = plan(&recorder.finish()).unwrap();
+    assert!(found.robot_frame == "base_link" && found.assumed.is_empty(), "{found:?}");
+    assert!(found.reasons.iter().any(|(_, why)| why.contains("x 0.300 m")), "{found:?}");
+
     let mut recorder = Recorder::new("cycle.mcap");
     recorder.scan(ms(0), ms(0), &[1.0; 3]);
     for (parent, child) in [("a", "laser"), ("b", "a"), ("a", "b"), ("laser", "b")] {

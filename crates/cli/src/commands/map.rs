@@ -7,15 +7,18 @@ use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::report;
 use crate::terminal::{say, say_json};
+use crate::timing::StageClock;
 use mapwright_formats::LogEvent;
 use serde_json::json;
 
 pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?; // wrong usage is told before anything is touched
     let interrupt = Interrupt::watch()?;
+    let clock = StageClock::start(); // a recording's first pass counts as well
     let mut log = Log::open_all(&args.logs, &args.source.choice())?;
     let output = OutputFolder::create(&args.output)?;
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes())?;
+    mapping.clock = clock;
     let ending = log.for_each(&interrupt, |event, position| match event {
         LogEvent::Scan(scan) => mapping.add_scan(scan, position).map(|_| ()),
         LogEvent::Odometry(odometry) => {

@@ -2,7 +2,7 @@
 
 use crate::real_logs::shared_data;
 use crate::robot::Robot;
-use crate::support::{assert_code, assert_refused, folder, json, run, text};
+use crate::support::{assert_code, assert_refused, folder, json, run, run_with_input, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -27,6 +27,16 @@ fn apart_m(a: &Path, b: &Path) -> f64 {
     let (a, b) = (poses(a), poses(b));
     assert!(!a.is_empty() && a.len() == b.len(), "{} and {} poses", a.len(), b.len());
     a.iter().zip(&b).map(|(a, b)| (a[1] - b[1]).hypot(a[2] - b[2])).fold(0.0, f64::max)
+}
+
+/// ATE of a run's trajectory, metres.
+fn ate_m(out: &Path, reference: &Path) -> f64 {
+    let trajectory = out.join("trajectory.tum");
+    let args = ["eval", trajectory.to_str().unwrap(), "--reference", reference.to_str().unwrap(), "--json"];
+    let eval = run(&args);
+    assert_code(&eval, 0);
+    let value: serde_json::Value = serde_json::from_slice(&eval.stdout).unwrap();
+    value[0]["ate"]["translation_m"]["rmse"].as_f64().unwrap()
 }
 
 fn assert_says(output: &Output, says: &[&str]) {
@@ -75,11 +85,7 @@ fn carmen_and_a_bag_of_the_same_drive_agree_and_their_input_is_compared() {
     let (from_bag, from_carmen) = (folder.join("bag"), folder.join("carmen"));
     assert_code(&map(&log, &from_bag, &[]), 0);
     assert_code(&map(&carmen, &from_carmen, &[]), 0);
-    let trajectory = |out: &Path| out.join("trajectory.tum").display().to_string();
-    let eval = run(&["eval", &trajectory(&from_bag), "--reference", &trajectory(&from_carmen), "--json"]);
-    assert_code(&eval, 0);
-    let value: serde_json::Value = serde_json::from_slice(&eval.stdout).unwrap();
-    let ate_m = value[0]["ate"]["translation_m"]["rmse"].as_f64().unwrap();
+    let ate_m = ate_m(&from_bag, &from_carmen.join("trajectory.tum"));
     assert!(ate_m <= 0.05, "{ate_m} m");
 
     let info = run(&["info", &carmen, &log]);
@@ -131,8 +137,10 @@ fn mounting_is_found_even_where_it_is_said_last_and_upside_down() {
     assert_code(&output, 0);
     assert_says(&output, &["upside down"]);
     assert!(!text(&output.stdout).contains("assumed"));
-    let apart_m = apart_m(&plain, &hanging);
-    assert!(apart_m < 0.005, "{apart_m} m");
+    for name in ["plain", "hanging"] {
+        let ate_m = ate_m(&folder.join(name), &folder.join(format!("{name}.tum")));
+        assert!(ate_m < 0.02, "{name}: {ate_m} m");
+    }
 }
 
 #[test]
@@ -209,9 +217,24 @@ fn a_damaged_recording_is_used_up_to_the_damage_which_is_told_with_its_offset() 
     assert_says(&output, &["lost     truncated", "byte "]);
     let report = json(&folder.join("out/report.json"));
     assert!(report["read"]["scans"].as_u64().unwrap() > 20, "{report}");
+    let streamed = run_with_input(&["map", "-", "-o", folder.join("out").to_str().unwrap()], &bytes);
+    assert_refused(&streamed, 1, &["found a stream: recordings are read twice"]);
     let losses = report["losses"].as_array().unwrap();
     assert!(losses.iter().any(|loss| loss.as_str().unwrap().contains("first at byte ")), "{losses:?}");
     let damage = &report["read"]["damages"][0]["first"][0];
     assert!(damage.as_str().unwrap().starts_with("byte "), "{damage}");
     assert_code(&run(&["info", cut.to_str().unwrap()]), 3);
+}
+
+#[test]
+fn time_increment_undoes_fast_turns() {
+    let folder = folder("fast_turns");
+    let error_m = |name: &str, says_times: bool| {
+        let (path, out) = (folder.join(format!("{name}.mcap")), folder.join(name));
+        let robot = Robot { sweep_s: 0.09, says_times, turn_rate_rad_per_s: 2.5, ..Robot::default() };
+        assert_code(&map(&robot.record(&path), &out, &[]), 0);
+        ate_m(&out, &path.with_extension("tum"))
+    };
+    let (with_m, without_m) = (error_m("with", true), error_m("without", false));
+    assert!(with_m < 0.02 && with_m < 0.5 * without_m, "{with_m} m with times, {without_m} m without");
 }

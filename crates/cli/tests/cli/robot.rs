@@ -1,15 +1,17 @@
 //! Simulated drives as recordings of messages.
 
 use mapwright_bags::{Connection, Encoding, McapCompression, McapWriter};
+use mapwright_formats::TumWriter;
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{
     Header, LaserScan, Odometry, PointCloud2, PointField, TfMessage, Transform, TransformStamped,
 };
 use mapwright_ros::{Encoding as Layout, Field, encode};
-use mapwright_sensor::LaserScan as Scan;
+use mapwright_sensor::{LaserModel, LaserScan as Scan};
 use mapwright_sim::{Drive, DriveSettings, Event, worlds};
 use std::fs::File;
 use std::path::Path;
+use std::sync::Arc;
 
 /// What the robot records.
 #[derive(Clone, Copy)]
@@ -24,6 +26,10 @@ pub(crate) struct Robot {
     /// Whether the laser's place is said, and only at the end.
     pub(crate) says_mounting: bool,
     pub(crate) clouds: bool,
+    /// How long a sweep takes, and whether `time_increment` says so.
+    pub(crate) sweep_s: f64,
+    pub(crate) says_times: bool,
+    pub(crate) turn_rate_rad_per_s: f64,
 }
 
 impl Default for Robot {
@@ -35,6 +41,9 @@ impl Default for Robot {
             odometry_messages: true,
             says_mounting: true,
             clouds: false,
+            sweep_s: 0.0,
+            says_times: true,
+            turn_rate_rad_per_s: 0.8,
         }
     }
 }
@@ -89,19 +98,31 @@ impl Recorder {
 }
 
 impl Robot {
-    /// Records the drive as an MCAP file.
+    fn drive(self) -> DriveSettings {
+        let mut settings = DriveSettings { duration_s: self.to_s, seed: 5, ..DriveSettings::default() };
+        settings.robot.turn_rate_rad_per_s = self.turn_rate_rad_per_s;
+        settings.robot.turn_acceleration_rad_per_s2 = 4.0 * self.turn_rate_rad_per_s;
+        let beam_period_s = self.sweep_s / settings.laser.beams as f64;
+        settings.laser.model = Arc::new(LaserModel { beam_period_s, ..(*settings.laser.model).clone() });
+        settings
+    }
+
+    /// Records the drive as an MCAP file, and the truth beside it as `.tum`.
     pub(crate) fn record(self, path: &Path) -> String {
         let writer = McapWriter::new(File::create(path).unwrap(), McapCompression::Zstd).unwrap();
         let mut recorder = Recorder { writer, topics: Vec::new() };
-        let settings = DriveSettings { duration_s: self.to_s, seed: 5, ..DriveSettings::default() };
+        let mut truth = TumWriter::new(File::create(path.with_extension("tum")).unwrap());
         let mut last = Stamp(0);
-        for event in Drive::new(worlds::three_rooms(5).into(), settings) {
+        for event in Drive::new(worlds::three_rooms(5).into(), self.drive()) {
             let (Event::Odometry(mapwright_sensor::Odometry { stamp, .. })
             | Event::Scan(mapwright_sim::TrueScan { scan: Scan { stamp, .. }, .. })) = &event;
             if stamp.as_secs_f64() < self.from_s {
                 continue;
             }
             last = later(*stamp);
+            if let Event::Scan(scan) = &event {
+                truth.write_planar(last, scan.world_from_robot).unwrap();
+            }
             match event {
                 Event::Odometry(odometry) => self.odometry(&mut recorder, last, odometry.odom_from_robot),
                 Event::Scan(scan) if self.clouds => cloud(&mut recorder, last, &scan.scan),
@@ -118,6 +139,7 @@ impl Robot {
             );
         }
         recorder.writer.finish().unwrap();
+        truth.finish().unwrap();
         path.display().to_string()
     }
 
@@ -150,6 +172,7 @@ impl Robot {
             angle_min: first as f32,
             angle_max: last as f32,
             angle_increment: laser.angle_step_rad as f32,
+            time_increment: if self.says_times { laser.beam_period_s as f32 } else { 0.0 },
             range_min: laser.range_min_m as f32,
             range_max: laser.range_max_m as f32,
             ranges: ranges[..].into(),
