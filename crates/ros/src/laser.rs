@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn angles_of_lasers_are_not_rounded_to_single_precision() {
         let half = mapwright_sensor::LaserModel::half_circle("", 180);
-        for meant_rad in [half.angle_min_rad, half.angle_step_rad, 0.25_f64.to_radians(), -2.35_f32.into(), 0.0] {
+        for meant_rad in [half.angle_min_rad, half.angle_step_rad, 0.25_f64.to_radians(), f64::from(-2.35_f32), 0.0] {
             assert_eq!(angle_as_meant(meant_rad as f32), meant_rad);
         }
         assert!(angle_as_meant(f32::NAN).is_nan() && angle_as_meant(f32::INFINITY).is_infinite());

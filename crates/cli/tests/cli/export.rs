@@ -56,8 +56,9 @@ fn what_cannot_be_exported_or_converted_is_told() {
     assert!(!target.exists());
 }
 
-/// Maps a log, the same by way of MCAP and of a bag, and that turned back to CARMEN.
-fn round_trip(folder: &Path, log: &Path) {
+/// Maps a log by way of MCAP, of a bag and of CARMEN made of the MCAP: all the same, and the same as the log itself where
+/// its laser's angles are whole thousandths of a degree, for messages have them in single precision.
+fn round_trip(folder: &Path, log: &Path, angles_are_whole: bool) {
     let [mcap, bag, back] = ["log.mcap", "log.bag", "back.clf"].map(|name| folder.join(name));
     convert(log, &mcap);
     convert(log, &bag);
@@ -67,7 +68,7 @@ fn round_trip(folder: &Path, log: &Path) {
         mapped(log.to_str().unwrap(), &out);
         poses(&out.join("trajectory.tum"))
     };
-    let expected = trajectory(log);
+    let expected = trajectory(if angles_are_whole { log } else { &mcap });
     for log in [&mcap, &bag, &back] {
         let found = trajectory(log);
         assert_eq!(found.len(), expected.len(), "{}", log.display());
@@ -112,7 +113,7 @@ fn a_converted_log_is_the_same_log() {
     let folder = folder("convert");
     let log = small_log_in(&folder);
     assert!(small_log().len() > 1000);
-    round_trip(&folder, Path::new(&log));
+    round_trip(&folder, Path::new(&log), false);
 }
 
 /// Up to so many seconds after the first event.
@@ -141,5 +142,5 @@ fn three_minutes_of_intel_convert_and_map_to_the_same() {
     let short = folder.join("intel.clf");
     beginning(&log, 180.0, &short);
     assert!(scan_lines(&short).len() > 900);
-    round_trip(&folder, &short);
+    round_trip(&folder, &short, true);
 }
