@@ -8,8 +8,11 @@ use turns::{Deskew, turning};
 
 #[test]
 fn undoing_the_sweeps_motion_pays_in_fast_turns() {
-    let [on, off] = [Deskew::On, Deskew::Off].map(|deskew| turning(3.0, 0.1, 1, deskew).expect("defaults are valid"));
-    println!("deskewed {on:?}, not {off:?}");
-    assert!(on.position_m < 0.5 * off.position_m && on.position_m < 0.03);
-    assert!(on.heading_deg < 0.5 * off.heading_deg && on.heading_deg < 0.5);
+    let of = |deskew| turning(3.0, 0.1, 1, deskew).expect("defaults are valid");
+    let [on, carried_on] = [Deskew::On, Deskew::CarriedOn].map(of);
+    let [off, at_once] = [Deskew::Off, Deskew::NotNeeded].map(of);
+    println!("as read {on:?}, carried on {carried_on:?}, not {off:?}, at once {at_once:?}");
+    assert!(on.position_m < 0.25 * off.position_m && on.position_m < at_once.position_m + 0.005);
+    assert!(on.heading_deg < 0.1 * off.heading_deg);
+    assert!(on.heading_deg < 0.5 * carried_on.heading_deg && carried_on.heading_deg < 0.5 * off.heading_deg);
 }

@@ -14,8 +14,13 @@ fn session(keyframes: u32) -> Session {
     let keyframe = |k: u32| {
         let laser = if k.is_multiple_of(3) { &far } else { &near };
         let codes = (0..20 + k as u16).map(|beam| beam.wrapping_mul(4099)).collect();
-        let sweep =
-            Sweep { laser: Arc::clone(laser), codes, step_m: 0.002, twist_per_s: [0.0; 3], scatters: k % 2 == 0 };
+        let sweep = Sweep {
+            laser: Arc::clone(laser),
+            codes,
+            step_m: 0.002,
+            twist_per_s: [0.0; 3],
+            scatters: k.is_multiple_of(2),
+        };
         Keyframe { id: id(k), stamp: Stamp(i64::from(k) - 3), scan: u64::from(2 * k), sweep }
     };
     let edge = |k: u32| Edge {
