@@ -115,7 +115,8 @@ impl Bytes {
         keyframe.sweep.twist_per_s.into_iter().for_each(|rate| self.number(rate));
         self.0.push(u8::from(keyframe.sweep.scatters));
         self.count(keyframe.sweep.codes.len());
-        self.0.extend(keyframe.sweep.codes.iter().flat_map(|code| code.to_le_bytes()));
+        self.0.reserve(2 * keyframe.sweep.codes.len());
+        keyframe.sweep.codes.iter().for_each(|code| self.0.extend_from_slice(&code.to_le_bytes()));
     }
 
     fn edge(&mut self, [from, to]: [u32; 2], edge: &Edge) {
