@@ -36,12 +36,11 @@ impl Reading {
 
     /// What is odd without being a loss, in words.
     pub(crate) fn oddities(&self) -> Vec<String> {
-        let odd = self.of_each(|report| match report {
+        self.of_each(|report| match report {
             LogReport::Carmen(report) => read_oddities(report),
             LogReport::Recording(report) => recording_oddities(report),
             _ => Vec::new(),
-        });
-        odd.into_iter().chain(self.notes.iter().cloned()).collect()
+        })
     }
 
     /// What was used of recordings and why, as lines.
@@ -54,6 +53,9 @@ impl Reading {
                 }
                 text += &plan_words(&report.plan);
             }
+        }
+        for note in &self.notes {
+            let _ = writeln!(text, "joined   {note}");
         }
         text
     }

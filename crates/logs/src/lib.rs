@@ -9,7 +9,7 @@
 //!
 //! One rule for all readers. Within a topic messages keep the order in which they arrived, whatever their stamps say.
 //! Across topics they are merged by the stamps of their headers, a scan by the end of its sweep, over a window of at most
-//! [`WINDOW_S`] seconds of arrival and [`WINDOW_MESSAGES`] messages. Stamps that step backwards are noted; messages that come later than the window allows are
+//! [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans. Stamps that step backwards are noted; messages that come later than the window allows are
 //! delivered when they come, and counted. A header without a stamp has the time of its recording instead, and is counted.
 //!
 //! # Odometry of a scan
@@ -17,6 +17,11 @@
 //! It is the reading of the scan's stamp, which is that of its first beam, or else interpolated there between the readings
 //! before and after it, where these are at most [`WINDOW_S`] seconds apart; else it is the one before, unless that is older than that; else
 //! there is none.
+//!
+//! # Motion within a scan
+//!
+//! Beams of a laser keep their times (`time_increment`, the stamp being that of the first), and the mapper undoes the motion
+//! between them. Points of a cloud that have times are moved to where the sensor was at the stamp, by odometry's twist there.
 //!
 //! # Memory
 //!
@@ -54,7 +59,7 @@ pub use choice::{Choice, SliceBounds};
 pub use drive::{Drive, Input};
 pub use error::LogError;
 pub use links::{Link, Links};
-pub use merge::{WINDOW_MESSAGES, WINDOW_S};
+pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use plan::{OdometrySource, Plan};
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
 pub use survey::{Survey, TopicSurvey};

@@ -1,5 +1,6 @@
 //! Two topics in the order of their stamps, over a bounded window.
 
+use crate::scans::Taken;
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_sensor::{LaserScan, Odometry};
 use std::collections::VecDeque;
@@ -9,6 +10,9 @@ use std::collections::VecDeque;
 pub const WINDOW_S: f64 = 2.0;
 /// How many messages wait at most.
 pub const WINDOW_MESSAGES: usize = 4096;
+
+/// How many bytes of scans wait at most, but for one.
+pub const WINDOW_BYTES: usize = 64 << 20;
 
 /// A message that waits.
 #[derive(Debug)]
@@ -29,28 +33,38 @@ pub(crate) struct Next<T> {
 /// What comes next.
 #[derive(Debug)]
 pub(crate) enum Turn {
-    Scan(Next<LaserScan>),
+    Scan(Next<Taken>),
     Odometry(Next<Odometry>),
 }
 
 /// Scans and odometry that wait for each other.
 #[derive(Debug, Default)]
 pub(crate) struct Merger {
-    scans: VecDeque<Waiting<LaserScan>>,
+    scans: VecDeque<Waiting<Taken>>,
     odometry: VecDeque<Waiting<Odometry>>,
     /// Delivered readings of the last [`WINDOW_S`], in their order.
     past: VecDeque<Odometry>,
     now: Stamp,
+    /// Bytes of the scans that wait.
+    scan_bytes: usize,
+    /// There is no odometry to wait for.
+    is_alone: bool,
     last_scan: Option<Stamp>,
 }
 
 impl Merger {
+    /// For scans alone, or with odometry for them to wait for.
+    pub(crate) fn new(has_odometry: bool) -> Self {
+        Self { is_alone: !has_odometry, ..Self::default() }
+    }
+
     /// The time at which the newest message of any topic was recorded.
     pub(crate) fn at(&mut self, recorded: Stamp) {
         self.now = recorded;
     }
 
-    pub(crate) fn push_scan(&mut self, place: u64, scan: LaserScan) {
+    pub(crate) fn push_scan(&mut self, place: u64, scan: Taken) {
+        self.scan_bytes += scan.held_bytes();
         self.scans.push_back(Waiting { recorded: self.now, place, item: scan });
     }
 
@@ -60,17 +74,16 @@ impl Merger {
 
     /// Bytes held by what waits.
     pub(crate) fn held_bytes(&self) -> usize {
-        let scans: usize = self.scans.iter().map(|scan| scan.item.ranges_m.capacity() * size_of::<f32>()).sum();
-        let waiting = self.scans.capacity() * size_of::<Waiting<LaserScan>>();
+        let waiting = self.scans.capacity() * size_of::<Waiting<Taken>>();
         let odometry = self.odometry.capacity() * size_of::<Waiting<Odometry>>();
-        scans + waiting + odometry + self.past.capacity() * size_of::<Odometry>()
+        self.scan_bytes + waiting + odometry + self.past.capacity() * size_of::<Odometry>()
     }
 
     /// The next in order, where it is certain or has waited long enough; at the recording's end in any case.
     pub(crate) fn pop(&mut self, is_end: bool) -> Option<Turn> {
         let is_due = |recorded| is_end || self.is_due(recorded);
         let is_scan = match (self.scans.front(), self.odometry.front()) {
-            (Some(scan), Some(odometry)) => end_of(&scan.item) < odometry.item.stamp,
+            (Some(scan), Some(odometry)) => end_of(&scan.item.scan) < odometry.item.stamp,
             (Some(scan), None) if is_due(scan.recorded) => true,
             (None, Some(odometry)) if is_due(odometry.recorded) => false,
             _ => return None,
@@ -79,14 +92,19 @@ impl Merger {
     }
 
     fn is_due(&self, recorded: Stamp) -> bool {
-        self.now.secs_since(recorded) > WINDOW_S || self.scans.len() + self.odometry.len() > WINDOW_MESSAGES
+        self.is_alone
+            || self.now.secs_since(recorded) > WINDOW_S
+            || self.scans.len() + self.odometry.len() > WINDOW_MESSAGES
+            || self.scan_bytes > WINDOW_BYTES
     }
 
-    fn pop_scan(&mut self) -> Option<Next<LaserScan>> {
+    fn pop_scan(&mut self) -> Option<Next<Taken>> {
         let Waiting { place, item, .. } = self.scans.pop_front()?;
-        let steps_back = self.last_scan.is_some_and(|last| item.stamp < last);
-        let is_late = !steps_back && self.past.back().is_some_and(|odometry| end_of(&item) < odometry.stamp);
-        self.last_scan = Some(item.stamp);
+        self.scan_bytes = self.scan_bytes.saturating_sub(item.held_bytes());
+        let (stamp, end) = (item.scan.stamp, end_of(&item.scan));
+        let steps_back = self.last_scan.is_some_and(|last| stamp < last);
+        let is_late = !steps_back && self.past.back().is_some_and(|odometry| end < odometry.stamp);
+        self.last_scan = Some(stamp);
         Some(Next { place, is_late, item })
     }
 
@@ -115,6 +133,21 @@ impl Merger {
         for reading in waiting.into_iter().chain(self.past.iter().rev()) {
             if reading.stamp <= stamp {
                 return between(reading, after, stamp);
+            }
+            after = Some(reading);
+        }
+        None
+    }
+
+    /// The robot's twist per second at a stamp: between the readings around it, else between the last two before.
+    pub(crate) fn twist_per_s(&self, stamp: Stamp) -> Option<[f64; 3]> {
+        let waiting = self.odometry.front().map(|waiting| &waiting.item);
+        let mut after: Option<&Odometry> = None;
+        for reading in waiting.into_iter().chain(self.past.iter().rev()) {
+            let apart_s = after.map_or(0.0, |after| after.stamp.secs_since(reading.stamp));
+            if let Some(after) = after.filter(|_| apart_s > 0.0 && apart_s <= WINDOW_S && reading.stamp <= stamp) {
+                let step = reading.odom_from_robot.between(after.odom_from_robot).log();
+                return Some(step.map(|part| part / apart_s));
             }
             after = Some(reading);
         }
@@ -157,14 +190,14 @@ mod tests {
         Odometry { stamp: Stamp(ms * 1_000_000), odom_from_robot: Pose2::new(x, 0.0, 0.0) }
     }
 
-    fn scan(ms: i64) -> LaserScan {
-        LaserScan { stamp: Stamp(ms * 1_000_000), ..no_scan() }
+    fn scan(ms: i64) -> Taken {
+        LaserScan { stamp: Stamp(ms * 1_000_000), ..no_scan() }.into()
     }
 
     /// Stamps in ms of all that is delivered, scans negative.
     fn drain(merger: &mut Merger, is_end: bool) -> Vec<i64> {
         let turn = |turn| match turn {
-            Turn::Scan(next) => -next.item.stamp.0 / 1_000_000,
+            Turn::Scan(next) => -next.item.scan.stamp.0 / 1_000_000,
             Turn::Odometry(next) => next.item.stamp.0 / 1_000_000,
         };
         std::iter::from_fn(|| merger.pop(is_end)).map(turn).collect()
@@ -186,8 +219,8 @@ mod tests {
     fn a_scan_comes_when_its_sweep_is_over() {
         let mut merger = Merger::default();
         let laser = mapwright_sensor::LaserModel { beam_period_s: 0.01, ..(*no_scan().laser).clone() };
-        let slow = LaserScan { ranges_m: vec![1.0; 10], laser: laser.into(), ..scan(0) };
-        merger.push_scan(1, slow);
+        let slow = LaserScan { stamp: Stamp(0), ranges_m: vec![1.0; 10], laser: laser.into(), odom_from_robot: None };
+        merger.push_scan(1, slow.into());
         [0, 50, 100, 150].into_iter().for_each(|ms| merger.push_odometry(2, odometry(ms, 0.0)));
         assert_eq!(drain(&mut merger, true), [0, 50, 100, 0, 150]);
     }

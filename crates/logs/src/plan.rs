@@ -99,11 +99,13 @@ impl Plan {
     }
 
     /// Scans say when their beams were taken, or whether they do not.
-    fn deskew(topic: &TopicSurvey) -> String {
+    fn deskew(topic: &TopicSurvey, odometry: &OdometrySource) -> String {
         match (topic.kind, topic.has_times) {
+            (TopicKind::Cloud, true) if *odometry == OdometrySource::None => {
+                "not undone, though the points have times: there is no odometry to say how the robot moved".to_owned()
+            }
             (TopicKind::Cloud, true) => {
-                "not undone within a cloud, though its points have times: a slice takes all of them as one moment"
-                    .to_owned()
+                "undone: the points have times, and odometry says how the robot moved".to_owned()
             }
             (TopicKind::Cloud, false) => "not undone: the points have no times".to_owned(),
             (_, true) => "undone: time_increment says when each beam was taken, the stamp when the first".to_owned(),
@@ -127,7 +129,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         ("robot", format!("'{}', {}", place.robot_frame, place.reason)),
         ("mounting", mounting_words(topic.frame(), &place, &mount)),
         ("odometry", found.reason.clone()),
-        ("motion", Plan::deskew(topic)),
+        ("motion", Plan::deskew(topic, &found.source)),
     ];
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
     let mut mounts = BTreeMap::from([(topic.frame().to_owned(), mount)]);

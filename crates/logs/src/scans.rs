@@ -2,7 +2,7 @@
 
 use crate::channel::Messages;
 use crate::plan::{Mount, Plan};
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{LaserScan, PointCloud2};
 use mapwright_ros::{Cloud, Mounting, PlanarSlice, RosError, SliceCounts};
 use mapwright_sensor::{LaserModel, LaserScan as SensorScan};
@@ -15,6 +15,34 @@ use std::sync::Arc;
 pub(crate) enum Problem {
     Undecodable(String),
     Unusable(String),
+}
+
+/// A scan that waits for its turn.
+#[derive(Debug)]
+pub(crate) struct Taken {
+    pub(crate) scan: SensorScan,
+    /// Points of the slice in the robot's frame at their times, where a cloud says these; the scan is then empty.
+    pub(crate) points: Vec<TimedPoint>,
+}
+
+/// A point and its time after the scan's stamp, metres and seconds.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TimedPoint {
+    place: [f32; 3],
+    time_s: f32,
+}
+
+impl From<SensorScan> for Taken {
+    fn from(scan: SensorScan) -> Self {
+        Self { scan, points: Vec::new() }
+    }
+}
+
+impl Taken {
+    /// Bytes held beside the value itself.
+    pub(crate) fn held_bytes(&self) -> usize {
+        self.scan.ranges_m.capacity() * size_of::<f32>() + self.points.capacity() * size_of::<TimedPoint>()
+    }
 }
 
 /// Makes scans of messages; lasers are shared by the scans they took.
@@ -33,13 +61,13 @@ impl ScanMaker {
     }
 
     /// The scan; its stamp is that of the header.
-    pub(crate) fn scan(&mut self, messages: &mut Messages, data: &[u8]) -> Result<SensorScan, Problem> {
+    pub(crate) fn scan(&mut self, messages: &mut Messages, data: &[u8]) -> Result<Taken, Problem> {
         match messages {
-            Messages::Scan(decoder) => self.planar(&decoder.decode(data).map_err(undecodable)?),
+            Messages::Scan(decoder) => Ok(self.planar(&decoder.decode(data).map_err(undecodable)?)?.into()),
             Messages::MultiEcho(decoder) => {
                 let scan = decoder.decode(data).map_err(undecodable)?;
                 let first = scan.first_echoes();
-                self.planar(&scan.with_ranges(&first))
+                Ok(self.planar(&scan.with_ranges(&first))?.into())
             }
             Messages::Cloud(decoder) => self.cloud(&decoder.decode(data).map_err(undecodable)?),
             Messages::None(Some(reason)) => Err(Problem::Undecodable(reason.clone())),
@@ -61,7 +89,7 @@ impl ScanMaker {
         Ok(scan.to_sensor(self.shared(laser)))
     }
 
-    fn cloud(&mut self, message: &PointCloud2<'_>) -> Result<SensorScan, Problem> {
+    fn cloud(&mut self, message: &PointCloud2<'_>) -> Result<Taken, Problem> {
         let robot_from_sensor = match self.mount(message.header.frame())? {
             Mount::Space(pose) => pose,
             Mount::Planar(_) => Pose3::identity(),
@@ -69,11 +97,46 @@ impl ScanMaker {
         let cloud = Cloud::new(message).map_err(unusable)?;
         let at = robot_from_sensor.translation;
         let laser = self.shared(self.slice.laser(message.header.frame(), [at.x, at.y]));
-        let points = cloud.positions().map(|point| robot_from_sensor.transform(Vector3::from(point)).into());
-        let (scan, counts) = self.slice.scan(message.header.stamp, laser, points);
+        let stamp = message.header.stamp;
+        let in_robot = |place: [f64; 3]| -> [f64; 3] { robot_from_sensor.transform(Vector3::from(place)).into() };
+        if cloud.time().is_none() {
+            return Ok(self.sliced(stamp, laser, cloud.positions().map(in_robot)).into());
+        }
+        let heights = self.slice.z_min_m..=self.slice.z_max_m;
+        let mut points = Vec::new();
+        for point in cloud.points() {
+            let place = in_robot(point.position);
+            if heights.contains(&place[2]) {
+                points.push(TimedPoint { place: place.map(|part| part as f32), time_s: point.time_s as f32 });
+            } else {
+                self.counts.outside += 1;
+            }
+        }
+        let scan = SensorScan { stamp, laser, ranges_m: Vec::new(), odom_from_robot: None };
+        Ok(Taken { scan, points })
+    }
+
+    /// The scan, with the motion undone that the robot made between its stamp and each point, given its twist per second.
+    pub(crate) fn finish(&mut self, taken: Taken, twist_per_s: Option<[f64; 3]>) -> SensorScan {
+        let Taken { scan, points } = taken;
+        if !scan.ranges_m.is_empty() {
+            return scan;
+        }
+        let twist = twist_per_s.unwrap_or([0.0; 3]);
+        let points = points.iter().map(|point| {
+            let [x, y, z] = point.place.map(f64::from);
+            let stamp_from_then = Pose2::exp(twist.map(|rate| rate * f64::from(point.time_s)));
+            let [x, y] = stamp_from_then.transform([x, y]);
+            [x, y, z]
+        });
+        self.sliced(scan.stamp, scan.laser, points)
+    }
+
+    fn sliced(&mut self, stamp: Stamp, laser: Arc<LaserModel>, points: impl Iterator<Item = [f64; 3]>) -> SensorScan {
+        let (scan, counts) = self.slice.scan(stamp, laser, points);
         self.counts.used += counts.used;
         self.counts.outside += counts.outside + counts.invalid;
-        Ok(scan)
+        scan
     }
 
     /// The laser as it is known already, where it is the same.

@@ -5,7 +5,7 @@ use crate::links::{bare, stamp_or};
 use crate::merge::{Merger, Next, Turn};
 use crate::plan::{OdometrySource, Plan};
 use crate::report::{RecordingReport, StreamReport};
-use crate::scans::{Problem, ScanMaker};
+use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{Survey, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
 use mapwright_formats::TopicReport;
@@ -64,10 +64,10 @@ impl Stream {
             recording: Recording::open(path)?,
             survey,
             maker: ScanMaker::new(&plan),
+            merger: Merger::new(plan.odometry != OdometrySource::None),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),
-            merger: Merger::default(),
             report: StreamReport { topics, ..StreamReport::default() },
             last_beams: None,
             last_pose: None,
@@ -121,16 +121,18 @@ impl Stream {
             Err(Problem::Undecodable(reason)) => report.undecodable.note(place, message.offset_bytes, || reason),
             Err(Problem::Unusable(reason)) => report.unusable.note(place, message.offset_bytes, || reason),
         }
-        report.points_used = self.maker.counts.used;
-        report.points_outside = self.maker.counts.outside;
         Ok(())
     }
 
-    fn scan(&mut self, next: Next<LaserScan>) -> LaserScan {
-        let Next { place, is_late, item: mut scan } = next;
+    fn scan(&mut self, next: Next<Taken>) -> LaserScan {
+        let Next { place, is_late, item } = next;
+        let twist_per_s = self.merger.twist_per_s(item.scan.stamp);
+        let mut scan = self.maker.finish(item, twist_per_s);
         scan.odom_from_robot = self.merger.odom_from_robot(scan.stamp);
         let report = &mut self.report;
         report.scans += 1;
+        report.points_used = self.maker.counts.used;
+        report.points_outside = self.maker.counts.outside;
         if is_late {
             report.late.note(place);
         }
@@ -201,10 +203,10 @@ fn take_scan(
     merger: &mut Merger,
     place: u64,
 ) -> Result<bool, Problem> {
-    let mut scan = maker.scan(messages, message.data)?;
-    let (stamp, is_unstamped) = stamp_or(scan.stamp, message.log_stamp);
-    scan.stamp = stamp;
-    merger.push_scan(place, scan);
+    let mut taken = maker.scan(messages, message.data)?;
+    let (stamp, is_unstamped) = stamp_or(taken.scan.stamp, message.log_stamp);
+    taken.scan.stamp = stamp;
+    merger.push_scan(place, taken);
     Ok(!is_unstamped)
 }
 

@@ -5,7 +5,9 @@ use mapwright_bags::{Connection, Encoding, McapCompression, McapWriter};
 use mapwright_formats::LogEvent;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_logs::{Choice, Drive, Input, LogReport, OdometrySource, Plan, RecordingReport, Survey};
-use mapwright_ros::messages::{Header, LaserScan, Odometry, TfMessage, Transform, TransformStamped};
+use mapwright_ros::messages::{
+    Header, LaserEcho, LaserScan, MultiEchoLaserScan, Odometry, TfMessage, Transform, TransformStamped,
+};
 use mapwright_ros::{Encoding as Layout, Field, encode};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -202,6 +204,18 @@ fn a_laser_that_moves_on_the_robot_is_refused_and_cycles_end() {
         recorder.link("/tf", ms(0), parent, child, 0.1);
     }
     assert!(plan(&recorder.finish()).is_ok());
+}
+
+#[test]
+fn of_several_echoes_the_first_counts() {
+    let mut recorder = Recorder::new("echoes.mcap");
+    let echo = |echoes: &'static [f32]| LaserEcho { echoes: echoes.into() };
+    let header = Header::new(ms(0), "laser");
+    let ranges = vec![echo(&[2.0, 5.0]), echo(&[]), echo(&[3.0])];
+    let scan = MultiEchoLaserScan { header, angle_increment: 0.1, range_max: 9.0, ranges, ..Default::default() };
+    recorder.write("/echoes", "sensor_msgs/msg/MultiEchoLaserScan", ms(0), &scan);
+    let (scans, report) = read(recorder.finish());
+    assert_eq!((scans.len(), report.stream.non_finite_ranges, report.plan.scans.as_str()), (1, 1, "/echoes"));
 }
 
 #[test]

@@ -174,7 +174,7 @@ fn a_laser_that_is_mounted_tilted_is_refused_in_degrees() {
 #[test]
 fn clouds_are_mapped_as_a_slice_and_refused_with_the_command_that_does_it() {
     let folder = folder("clouds");
-    let log = Robot { clouds: true, ..Robot::default() }.record(&folder.join("clouds.mcap"));
+    let log = Robot { clouds: true, says_times: false, ..Robot::default() }.record(&folder.join("clouds.mcap"));
     let command = format!("mapwright map {log} --topic /points --slice 0.1:1.0");
     assert_refused(&map(&log, &folder.join("out"), &[]), 1, &["point clouds", &command]);
     let output = map(&log, &folder.join("out"), &["--slice", "0.1:1.0"]);
@@ -226,15 +226,28 @@ fn a_damaged_recording_is_used_up_to_the_damage_which_is_told_with_its_offset() 
     assert_code(&run(&["info", cut.to_str().unwrap()]), 3);
 }
 
+/// ATE of a drive with fast turns and sweeps of 90 ms, with the times of beams or points and without.
+fn errors_of_fast_turns(name: &str, clouds: bool, more: &[&str]) -> [f64; 2] {
+    let folder = folder(name);
+    [true, false].map(|says_times| {
+        let name = format!("times_{says_times}");
+        let (path, out) = (folder.join(&name).with_extension("mcap"), folder.join(&name));
+        let robot = Robot { sweep_s: 0.09, says_times, clouds, turn_rate_rad_per_s: 2.5, ..Robot::default() };
+        let output = map(&robot.record(&path), &out, more);
+        assert_code(&output, 0);
+        assert_says(&output, &[if says_times { "motion   undone" } else { "motion   not undone" }]);
+        ate_m(&out, &path.with_extension("tum"))
+    })
+}
+
 #[test]
 fn time_increment_undoes_fast_turns() {
-    let folder = folder("fast_turns");
-    let error_m = |name: &str, says_times: bool| {
-        let (path, out) = (folder.join(format!("{name}.mcap")), folder.join(name));
-        let robot = Robot { sweep_s: 0.09, says_times, turn_rate_rad_per_s: 2.5, ..Robot::default() };
-        assert_code(&map(&robot.record(&path), &out, &[]), 0);
-        ate_m(&out, &path.with_extension("tum"))
-    };
-    let (with_m, without_m) = (error_m("with", true), error_m("without", false));
+    let [with_m, without_m] = errors_of_fast_turns("fast_turns", false, &[]);
+    assert!(with_m < 0.02 && with_m < 0.5 * without_m, "{with_m} m with times, {without_m} m without");
+}
+
+#[test]
+fn times_of_points_undo_fast_turns() {
+    let [with_m, without_m] = errors_of_fast_turns("fast_clouds", true, &["--slice", "0.1:1.0"]);
     assert!(with_m < 0.02 && with_m < 0.5 * without_m, "{with_m} m with times, {without_m} m without");
 }

@@ -125,7 +125,7 @@ impl Robot {
             }
             match event {
                 Event::Odometry(odometry) => self.odometry(&mut recorder, last, odometry.odom_from_robot),
-                Event::Scan(scan) if self.clouds => cloud(&mut recorder, last, &scan.scan),
+                Event::Scan(scan) if self.clouds => self.cloud(&mut recorder, last, &scan.scan),
                 Event::Scan(scan) => self.scan(&mut recorder, last, &scan.scan),
             }
         }
@@ -180,32 +180,34 @@ impl Robot {
         };
         recorder.write("/scan", "sensor_msgs/msg/LaserScan", stamp, &message);
     }
-}
 
-/// The returns of a scan as points half a metre up, and as many on the floor.
-fn cloud(recorder: &mut Recorder, stamp: Stamp, scan: &Scan) {
-    let mut data = Vec::new();
-    let mut points = 0;
-    for (beam, range_m) in scan.ranges_m.iter().enumerate() {
-        let range_m = f64::from(*range_m);
-        if range_m < scan.laser.range_max_m {
-            let (sin, cos) = scan.laser.bearing_in_robot(beam).sin_cos();
-            for [x, y, z] in [[range_m * cos, range_m * sin, 0.5], [0.5 * range_m * cos, 0.5 * range_m * sin, 0.0]] {
-                [x, y, z].iter().for_each(|value| data.extend_from_slice(&(*value as f32).to_le_bytes()));
-                points += 1;
+    /// The returns of a scan as points half a metre up, and as many on the floor; with times where a sweep takes any.
+    fn cloud(self, recorder: &mut Recorder, stamp: Stamp, scan: &Scan) {
+        let (mut data, mut points) = (Vec::new(), 0);
+        for (beam, range_m) in scan.ranges_m.iter().enumerate() {
+            let range_m = f64::from(*range_m);
+            let time_s = if self.says_times { beam as f64 * scan.laser.beam_period_s } else { 0.0 };
+            if range_m < scan.laser.range_max_m {
+                let (sin, cos) = scan.laser.bearing_in_robot(beam).sin_cos();
+                for (share, z) in [(1.0, 0.5), (0.5, 0.0)] {
+                    let point = [share * range_m * cos, share * range_m * sin, z, time_s];
+                    point.iter().for_each(|value| data.extend_from_slice(&(*value as f32).to_le_bytes()));
+                    points += 1;
+                }
             }
         }
+        let field = |name: &'static str, offset| PointField { name: name.into(), offset, datatype: 7, count: 1 };
+        let last = if self.says_times { "time" } else { "intensity" };
+        let message = PointCloud2 {
+            header: Header::new(stamp, "laser"),
+            height: 1,
+            width: points,
+            fields: vec![field("x", 0), field("y", 4), field("z", 8), field(last, 12)],
+            point_step: 16,
+            row_step: 16 * points,
+            data: &data,
+            ..Default::default()
+        };
+        recorder.write("/points", "sensor_msgs/msg/PointCloud2", stamp, &message);
     }
-    let field = |name: &'static str, offset| PointField { name: name.into(), offset, datatype: 7, count: 1 };
-    let message = PointCloud2 {
-        header: Header::new(stamp, "laser"),
-        height: 1,
-        width: points,
-        fields: vec![field("x", 0), field("y", 4), field("z", 8)],
-        point_step: 12,
-        row_step: 12 * points,
-        data: &data,
-        ..Default::default()
-    };
-    recorder.write("/points", "sensor_msgs/msg/PointCloud2", stamp, &message);
 }
