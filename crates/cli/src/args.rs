@@ -1,7 +1,9 @@
 //! What can be asked for.
 
+mod export;
 mod suite;
 
+pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
@@ -38,6 +40,10 @@ pub(crate) enum Command {
     Perturb(PerturbArgs),
     /// Every place where the robot may have come back, from a folder of results: what was found, decided and why.
     Explain(ExplainArgs),
+    /// Results for other tools, from a folder of results: trajectories, maps, or everything as MCAP.
+    Export(ExportArgs),
+    /// A log in another format, told by the ending of its name: CARMEN (.clf, .log), ROS 1 bag (.bag), MCAP (.mcap).
+    Convert(ConvertArgs),
     /// Many simulated worlds mapped and measured against their truth; exit code 3 where a floor is missed.
     Suite(SuiteArgs),
 }

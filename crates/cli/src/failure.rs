@@ -58,6 +58,8 @@ pub(crate) enum Failure {
     Solve { path: PathBuf, cause: GraphError },
     #[error("{}: {cause}", path.display())]
     Candidates { path: PathBuf, cause: String },
+    #[error("{}: {cause}", path.display())]
+    Session { path: PathBuf, cause: String },
     #[error("{name}: {reason}")]
     World { name: String, reason: String },
     #[error("cannot write to the standard output: {0}")]
@@ -69,6 +71,10 @@ pub(crate) enum Failure {
 impl Failure {
     pub(crate) fn write(path: impl AsRef<Path>, cause: impl Into<FormatError>) -> Self {
         Self::Write { path: path.as_ref().to_owned(), cause: in_words(cause.into()) }
+    }
+
+    pub(crate) fn write_in_words(path: &Path, cause: &impl std::fmt::Display) -> Self {
+        Self::Write { path: path.to_owned(), cause: cause.to_string() }
     }
 
     pub(crate) fn read(path: &Path, cause: FormatError) -> Self {

@@ -17,6 +17,7 @@ mod pose_graph;
 mod progress;
 mod reading;
 mod report;
+mod session;
 mod settings;
 mod simulated;
 mod stamps;

@@ -8,6 +8,7 @@ use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
+use crate::session::{SESSION, session_of};
 use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
@@ -36,6 +37,15 @@ pub(crate) struct Mapping {
     align: Align,
     picture_side: Option<u16>,
     has_odometry: bool,
+    wheels: WheelPoses,
+}
+
+/// Odometry's pose at every scan, in the frame of the log's own odometry.
+#[derive(Default)]
+struct WheelPoses {
+    odom_from_robot: Vec<Pose2>,
+    /// The mapper's odometry starts at the origin, the log's does not.
+    odom_from_start: Option<Pose2>,
 }
 
 /// What a run has made, for report and people.
@@ -78,6 +88,7 @@ impl Mapping {
             align: args.align,
             picture_side: args.picture_side,
             has_odometry: false,
+            wheels: WheelPoses::default(),
         })
     }
 
@@ -90,6 +101,7 @@ impl Mapping {
             let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
             written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
+        self.wheels.add(scan, &update);
         self.progress.scan(update.stamp, position);
         Ok(update)
     }
@@ -113,6 +125,8 @@ impl Mapping {
         }
         let way = self.write_trajectory()?;
         self.write_graph()?;
+        let session = session_of(&self.mapper, &self.wheels.in_the_logs_frame());
+        self.output.write(SESSION, |writer| Ok(writer.write_all(&session.encode())?))?;
         let MapImage { image, cells_left_out } = self.render();
         self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
         self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
@@ -182,6 +196,21 @@ impl Mapping {
 
     fn wall_angle(&self, image: &GridImage) -> Option<f64> {
         (self.align == Align::Walls).then(|| dominant_wall_angle(&image.wall_points_map(), image.resolution_m))
+    }
+}
+
+impl WheelPoses {
+    fn add(&mut self, scan: &LaserScan, update: &Update) {
+        let own = scan.odom_from_robot.filter(|pose| pose.is_finite());
+        if let (None, Some(odom_from_robot)) = (self.odom_from_start, own) {
+            self.odom_from_start = Some(odom_from_robot * update.odom_from_robot.inverse());
+        }
+        self.odom_from_robot.push(update.odom_from_robot);
+    }
+
+    fn in_the_logs_frame(&self) -> Vec<Pose2> {
+        let odom_from_start = self.odom_from_start.unwrap_or(Pose2::IDENTITY);
+        self.odom_from_robot.iter().map(|&start_from_robot| odom_from_start * start_from_robot).collect()
     }
 }
 

@@ -69,6 +69,27 @@ impl OutputFolder {
     }
 }
 
+/// Writes a file that appears under its name only when it is complete.
+pub(crate) fn write_whole<T>(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let Some(name) = path.file_name() else {
+        return Err(Failure::write(path, std::io::Error::other("expected a file's name")));
+    };
+    let part = path.with_file_name(format!(".{}.part", name.to_string_lossy()));
+    let failed = |error| Failure::write(path, error);
+    let file = File::create(&part).map_err(failed)?;
+    let mut writer = BufWriter::with_capacity(1 << 16, file);
+    let written = write(&mut writer).and_then(|made| writer.flush().map_err(failed).map(|()| made));
+    drop(writer);
+    let named = written.and_then(|made| fs::rename(&part, path).map_err(failed).map(|()| made));
+    if named.is_err() {
+        let _ = fs::remove_file(&part); // nothing helps where that fails as well
+    }
+    named
+}
+
 impl Drop for OutputFolder {
     fn drop(&mut self) {
         if self.committed {

@@ -6,12 +6,14 @@
 //! - [`open_log`]: plain, gzip and bzip2 streams, told by their first bytes.
 //! - [`CarmenReader`], [`CarmenWriter`]: CARMEN logs.
 //! - [`TumWriter`], [`TrajectoryReader`], [`read_relations`]: trajectories and relations as text.
+//! - [`write_kitti`], [`write_csv`]: trajectories for other tools.
 //! - [`GridImage`]: maps as PGM with YAML for Nav2 ([`write_pgm`], [`write_map_yaml`]) and as a picture to look at
-//!   ([`write_png`]).
+//!   ([`write_png`]), or with a world file ([`write_plain_png`], [`write_world_file`]).
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod carmen;
 mod error;
+mod export;
 mod lines;
 mod map;
 mod number;
@@ -23,8 +25,10 @@ mod trajectory;
 
 pub use carmen::{CarmenReader, CarmenWriter, DEFAULT_RANGE_MAX_M, LogEvent};
 pub use error::FormatError;
+pub use export::{CsvPose, write_csv, write_kitti};
 pub use lines::Excerpt;
-pub use map::{Confidence, GridImage, Picture, UNKNOWN, dominant_wall_angle, write_map_yaml, write_pgm, write_png};
+pub use map::{Confidence, GridImage, Picture, UNKNOWN, dominant_wall_angle};
+pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_world_file};
 pub use open::{Compression, LogStream, open_log};
 pub use report::{DropReason, DroppedLine, Drops, Noted, ReadReport, TopicReport};
 pub use stamp_watch::{StampStep, StampWatch};

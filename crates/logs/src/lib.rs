@@ -8,14 +8,14 @@
 //! # Order
 //!
 //! One rule for all readers. Within a topic messages keep the order in which they arrived, whatever their stamps say.
-//! Across topics they are merged by the stamps of their headers, over a window of at most [`WINDOW_S`] seconds of arrival,
-//! [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans. Stamps that step backwards are noted; messages that come later than the window allows are
+//! Across topics they are merged by the stamps of their headers, a scan by the end of its sweep, over a window of at most
+//! [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans. Stamps that step backwards are noted; messages that come later than the window allows are
 //! delivered when they come, and counted. A header without a stamp has the time of its recording instead, and is counted.
 //!
 //! # Odometry of a scan
 //!
-//! It is interpolated at the scan's stamp, which is that of its first beam, between the readings before and after it,
-//! where these are at most [`WINDOW_S`] seconds apart; else it is the one before, unless that is older than that; else
+//! It is the reading of the scan's stamp, which is that of its first beam, or else interpolated there between the readings
+//! before and after it, where these are at most [`WINDOW_S`] seconds apart; else it is the one before, unless that is older than that; else
 //! there is none.
 //!
 //! # Motion within a scan

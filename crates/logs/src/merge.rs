@@ -2,7 +2,7 @@
 
 use crate::scans::Taken;
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::Odometry;
+use mapwright_sensor::{LaserScan, Odometry};
 use std::collections::VecDeque;
 
 /// How long a message waits for those of another topic, seconds between the times of recording; and how far readings of
@@ -83,7 +83,7 @@ impl Merger {
     pub(crate) fn pop(&mut self, is_end: bool) -> Option<Turn> {
         let is_due = |recorded| is_end || self.is_due(recorded);
         let is_scan = match (self.scans.front(), self.odometry.front()) {
-            (Some(scan), Some(odometry)) => scan.item.scan.stamp < odometry.item.stamp,
+            (Some(scan), Some(odometry)) => end_of(&scan.item.scan) < odometry.item.stamp,
             (Some(scan), None) if is_due(scan.recorded) => true,
             (None, Some(odometry)) if is_due(odometry.recorded) => false,
             _ => return None,
@@ -101,9 +101,9 @@ impl Merger {
     fn pop_scan(&mut self) -> Option<Next<Taken>> {
         let Waiting { place, item, .. } = self.scans.pop_front()?;
         self.scan_bytes = self.scan_bytes.saturating_sub(item.held_bytes());
-        let stamp = item.scan.stamp;
+        let (stamp, end) = (item.scan.stamp, end_of(&item.scan));
         let steps_back = self.last_scan.is_some_and(|last| stamp < last);
-        let is_late = !steps_back && self.past.back().is_some_and(|odometry| stamp < odometry.stamp);
+        let is_late = !steps_back && self.past.back().is_some_and(|odometry| end < odometry.stamp);
         self.last_scan = Some(stamp);
         Some(Next { place, is_late, item })
     }
@@ -124,6 +124,11 @@ impl Merger {
     /// Odometry's pose at a stamp, by the module's rule.
     pub(crate) fn odom_from_robot(&self, stamp: Stamp) -> Option<Pose2> {
         let waiting = self.odometry.front().map(|waiting| &waiting.item);
+        // where stamps step backwards, the reading of this very stamp may stand anywhere
+        let all = self.odometry.iter().map(|waiting| &waiting.item).chain(self.past.iter().rev());
+        if let Some(same) = all.into_iter().find(|reading| reading.stamp == stamp) {
+            return Some(same.odom_from_robot);
+        }
         let mut after: Option<&Odometry> = None;
         for reading in waiting.into_iter().chain(self.past.iter().rev()) {
             if reading.stamp <= stamp {
@@ -155,6 +160,15 @@ impl Merger {
     }
 }
 
+/// When a scan is there: at the end of its sweep, so that what the wheels did during it is known; at its stamp where the
+/// beams' times are not known.
+fn end_of(scan: &LaserScan) -> Stamp {
+    let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
+    // at most what a scan may take at all; a NaN is none
+    let sweep_s = if sweep_s > 0.0 { sweep_s.min(10.0) } else { 0.0 };
+    Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0))
+}
+
 fn between(before: &Odometry, after: Option<&Odometry>, stamp: Stamp) -> Option<Pose2> {
     let since_s = stamp.secs_since(before.stamp);
     if let Some(after) = after {
@@ -171,7 +185,6 @@ fn between(before: &Odometry, after: Option<&Odometry>, stamp: Stamp) -> Option<
 mod tests {
     use super::*;
     use crate::scans::no_scan;
-    use mapwright_sensor::LaserScan;
 
     fn odometry(ms: i64, x: f64) -> Odometry {
         Odometry { stamp: Stamp(ms * 1_000_000), odom_from_robot: Pose2::new(x, 0.0, 0.0) }
@@ -200,6 +213,26 @@ mod tests {
         merger.push_odometry(5, odometry(150, 0.0));
         assert_eq!(drain(&mut merger, false), [50, 95, -100, -90]);
         assert_eq!(drain(&mut merger, true), [150]);
+    }
+
+    #[test]
+    fn a_scan_comes_when_its_sweep_is_over() {
+        let mut merger = Merger::default();
+        let laser = mapwright_sensor::LaserModel { beam_period_s: 0.01, ..(*no_scan().laser).clone() };
+        let slow = LaserScan { stamp: Stamp(0), ranges_m: vec![1.0; 10], laser: laser.into(), odom_from_robot: None };
+        merger.push_scan(1, slow.into());
+        [0, 50, 100, 150].into_iter().for_each(|ms| merger.push_odometry(2, odometry(ms, 0.0)));
+        assert_eq!(drain(&mut merger, true), [0, 50, 100, 0, 150]);
+    }
+
+    #[test]
+    fn the_reading_of_the_scans_own_stamp_counts_wherever_it_stands() {
+        let mut merger = Merger::default();
+        for (ms, x) in [(50, 0.0), (300, 1.0), (100, 2.0), (200, 3.0)] {
+            merger.push_odometry(1, odometry(ms, x));
+        }
+        assert!(matches!(merger.pop(true), Some(Turn::Odometry(_))));
+        assert_eq!(merger.odom_from_robot(Stamp(100_000_000)).map(|pose| pose.x), Some(2.0));
     }
 
     #[test]

@@ -16,11 +16,13 @@ use nalgebra::{Matrix3, Vector3};
 use relocation::{Broken, Lost};
 use rustc_hash::FxHashSet;
 use std::collections::VecDeque;
+use sweep_motion::RecentOdometry;
 
 mod correction;
 mod guard;
 mod insert;
 mod relocation;
+mod sweep_motion;
 
 pub use guard::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub(crate) use insert::spacing;
@@ -38,9 +40,6 @@ pub struct TrajectoryPose {
 const FARTHEST_M: f64 = 1e6;
 /// Keyframes back from the newest over which the chain of covariances is kept in mind.
 const CHAIN: usize = 64;
-/// More motion than this within one sweep is not believed, metres and radians.
-const SWEEP_MOTION_M: f64 = 5.0;
-const SWEEP_TURN_RAD: f64 = 3.0;
 /// Beams a match uses at most.
 const MATCH_BEAMS: usize = 4096;
 /// Scans over which the share of isolated returns is averaged.
@@ -96,7 +95,7 @@ pub struct Mapper {
     anchor: Option<u32>,
     /// Covariance of the newest keyframe relative to the anchor.
     keyframe_from_anchor: Cov3,
-    last_odometry: Option<Odometry>,
+    recent_odometry: RecentOdometry,
     sweep: Option<Sweep>,
     table: BeamTable,
     points: SweepPoints,
@@ -172,7 +171,7 @@ impl Mapper {
             links: Vec::new(),
             anchor: None,
             keyframe_from_anchor: Cov3::zeros(),
-            last_odometry: None,
+            recent_odometry: RecentOdometry::default(),
             sweep: None,
             table: BeamTable::default(),
             points: SweepPoints::default(),
@@ -187,10 +186,12 @@ impl Mapper {
         }
     }
 
-    /// Remembers a reading of the wheels for scans that carry none of their own.
+    /// Remembers a reading of the wheels: for scans that carry none of their own, and for the robot's motion during a sweep.
+    ///
+    /// Hand in what was read during a sweep before its scan, as it arrives from a robot.
     pub fn add_odometry(&mut self, odometry: &Odometry) {
         if odometry.odom_from_robot.is_finite() {
-            self.last_odometry = Some(*odometry);
+            self.recent_odometry.add(*odometry);
         }
     }
 
@@ -230,7 +231,7 @@ impl Mapper {
 
     fn odometry_of(&self, scan: &LaserScan) -> Option<Pose2> {
         let own = scan.odom_from_robot.filter(|pose| pose.is_finite());
-        own.or(self.last_odometry.map(|odometry| odometry.odom_from_robot))
+        own.or(self.recent_odometry.last())
     }
 
     fn prepare(&mut self, scan: &LaserScan, step: Step, refused: Option<&'static str>) -> BeamCounts {
@@ -239,12 +240,7 @@ impl Mapper {
             let refused = u32::try_from(scan.ranges_m.len()).unwrap_or(u32::MAX);
             return BeamCounts { refused, ..BeamCounts::default() };
         }
-        // The sweep's own motion: the step's twist, carried on at the same rate.
-        let twist = if scan.laser.beam_period_s > 0.0 { self.predictor.twist(scan.stamp, step) } else { [0.0; 3] };
-        let sweep_s = scan.laser.beam_period_s.abs() * scan.ranges_m.len() as f64;
-        let credible =
-            twist[0].hypot(twist[1]) * sweep_s <= SWEEP_MOTION_M && twist[2].abs() * sweep_s <= SWEEP_TURN_RAD;
-        let twist = if credible { twist } else { [0.0; 3] };
+        let twist = self.sweep_twist(scan, step);
         let limits = (self.settings.scan.min_range_m, self.settings.scan.max_range_m);
         let sweep = self.sweep.get_or_insert_with(|| Sweep::empty(&scan.laser));
         let mut beams = sweep.fill(scan, twist, limits);

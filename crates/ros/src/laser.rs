@@ -14,8 +14,8 @@ impl LaserScan<'_> {
     pub fn laser(&self, mounting: &Mounting) -> Result<LaserModel, RosError> {
         let laser = LaserModel {
             name: self.header.frame().to_owned(),
-            angle_min_rad: f64::from(self.angle_min),
-            angle_step_rad: f64::from(self.angle_increment),
+            angle_min_rad: angle_as_meant(self.angle_min),
+            angle_step_rad: angle_as_meant(self.angle_increment),
             range_min_m: f64::from(self.range_min),
             range_max_m: f64::from(self.range_max),
             robot_from_laser: mounting.robot_from_laser,
@@ -38,6 +38,14 @@ impl LaserScan<'_> {
     pub fn to_sensor(&self, laser: Arc<LaserModel>) -> SensorScan {
         SensorScan { stamp: self.header.stamp, laser, ranges_m: self.ranges.to_vec(), odom_from_robot: None }
     }
+}
+
+/// The angle before it was rounded to single precision, where it was a whole number of thousandths of a degree, as those
+/// of most lasers are.
+fn angle_as_meant(angle_rad: f32) -> f64 {
+    let thousandths = (f64::from(angle_rad).to_degrees() * 1e3).round();
+    let meant_rad = (thousandths / 1e3).to_radians();
+    if meant_rad as f32 == angle_rad { meant_rad } else { f64::from(angle_rad) }
 }
 
 impl MultiEchoLaserScan<'_> {
@@ -94,6 +102,15 @@ mod tests {
         assert_eq!((laser.name.as_str(), laser.beam_period_s), ("laser", f64::from(1e-5_f32)));
         let sensor = scan.to_sensor(laser);
         assert_eq!((sensor.stamp, sensor.ranges_m.len()), (Stamp(7), 3));
+    }
+
+    #[test]
+    fn angles_of_lasers_are_not_rounded_to_single_precision() {
+        let half = mapwright_sensor::LaserModel::half_circle("", 180);
+        for meant_rad in [half.angle_min_rad, half.angle_step_rad, 0.25_f64.to_radians(), f64::from(-2.35_f32), 0.0] {
+            assert_eq!(angle_as_meant(meant_rad as f32), meant_rad);
+        }
+        assert!(angle_as_meant(f32::NAN).is_nan() && angle_as_meant(f32::INFINITY).is_infinite());
     }
 
     #[test]

@@ -2,9 +2,11 @@
 
 mod calibrate;
 mod config;
+mod convert;
 mod demo;
 mod eval;
 mod explain;
+mod export;
 mod info;
 mod map;
 mod optimize;
@@ -26,6 +28,8 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Export(args) => export::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Suite(args) => suite::run(&args),
     }
 }

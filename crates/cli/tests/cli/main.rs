@@ -5,6 +5,7 @@ mod bad_input;
 mod commands;
 mod doubt;
 mod explain;
+mod export;
 mod map;
 mod optimize;
 mod real_logs;

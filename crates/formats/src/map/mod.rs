@@ -4,10 +4,12 @@ mod canvas;
 mod confidence;
 mod font;
 mod picture;
+mod plain;
 mod walls;
 
 pub use confidence::Confidence;
 pub use picture::{Picture, write_png};
+pub use plain::{write_plain_png, write_world_file};
 pub use walls::dominant_wall_angle;
 
 use crate::error::FormatError;
@@ -84,11 +86,7 @@ fn geometry(
 /// As [`GridImage::validate`]; [`FormatError::Io`].
 pub fn write_pgm(map: &GridImage, mut writer: impl Write) -> Result<(), FormatError> {
     map.validate()?;
-    let shade: [u8; 256] = std::array::from_fn(|cell| match cell as u8 {
-        0..=FREE_UP_TO => 254,
-        OCCUPIED_FROM..=100 => 0,
-        _ => 205,
-    });
+    let shade = shades();
     write!(writer, "P5\n{} {}\n255\n", map.width, map.height)?;
     let mut pixels = Vec::with_capacity(map.width);
     for row in map.cells.chunks_exact(map.width).rev() {
@@ -97,6 +95,15 @@ pub fn write_pgm(map: &GridImage, mut writer: impl Write) -> Result<(), FormatEr
         writer.write_all(&pixels)?;
     }
     Ok(writer.flush()?)
+}
+
+/// The pixel of each cell.
+fn shades() -> [u8; 256] {
+    std::array::from_fn(|cell| match cell as u8 {
+        0..=FREE_UP_TO => 254,
+        OCCUPIED_FROM..=100 => 0,
+        _ => 205,
+    })
 }
 
 /// Writes the YAML that goes with [`write_pgm`]'s image, which lies beside it under `image_name`.

@@ -1,0 +1,37 @@
+//! `mapwright convert`
+
+use crate::args::{ConvertArgs, LogFormat};
+use crate::events::Log;
+use crate::failure::{Failure, Outcome};
+use crate::output::write_whole;
+use crate::report::remarks;
+use crate::terminal::{count, say};
+use mapwright_exports::{EventCounts, EventWriter, ExportError};
+use std::io::{Seek, Write};
+
+pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
+    let mut log = Log::open_all(std::slice::from_ref(&args.log), &args.source.choice())?;
+    let unwritten = |cause: ExportError| Failure::write_in_words(&args.output, &cause);
+    let counts = write_whole(&args.output, |file| match args.format() {
+        LogFormat::Carmen => pour(&mut log, EventWriter::carmen(file), unwritten),
+        LogFormat::Bag1 => pour(&mut log, EventWriter::bag1(file).map_err(unwritten)?, unwritten),
+        LogFormat::Mcap => pour(&mut log, EventWriter::mcap(file).map_err(unwritten)?, unwritten),
+    })?;
+    let reading = log.finish()?;
+    let losses = reading.losses();
+    let (scans, readings) = (count(counts.scans, "scan"), count(counts.odometry, "odometry reading"));
+    let remarks = remarks(&losses, &reading.oddities());
+    say(&format!("{}: {scans}, {readings}\n{remarks}", args.output.display()))?;
+    Ok(Outcome::of_losses(&losses))
+}
+
+fn pour<W: Write + Seek>(
+    log: &mut Log,
+    mut writer: EventWriter<W>,
+    unwritten: impl Fn(ExportError) -> Failure,
+) -> Result<EventCounts, Failure> {
+    while let Some(event) = log.next_event()? {
+        writer.write(event).map_err(&unwritten)?;
+    }
+    Ok(writer.finish().map_err(unwritten)?.1)
+}

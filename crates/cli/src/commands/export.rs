@@ -1,0 +1,116 @@
+//! `mapwright export`
+
+use crate::args::{ExportArgs, ExportTo};
+use crate::failure::{Failure, Outcome};
+use crate::image::MapImage;
+use crate::output::write_whole;
+use crate::session::{map_of, read_session};
+use crate::terminal::{count, say};
+use mapwright_exports::write_session_mcap;
+use mapwright_formats::{
+    CsvPose, FormatError, TumWriter, write_csv, write_kitti, write_map_yaml, write_pgm, write_plain_png,
+    write_world_file,
+};
+use mapwright_record::{Session, SessionScan};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+pub(super) fn run(args: &ExportArgs) -> Result<Outcome, Failure> {
+    let session = read_session(&args.results)?;
+    let path = args.output.clone().unwrap_or_else(|| beside(&args.results, default_name(args.to)));
+    let losses = match args.to {
+        ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args.to, &session, &path)?,
+        ExportTo::Mcap => mcap(args, &session, &path)?,
+        ExportTo::Pgm | ExportTo::Worldfile => map(args, &session, &path)?,
+    };
+    say(&losses.iter().map(|loss| format!("lost     {loss}\n")).collect::<String>())?;
+    Ok(Outcome::of_losses(&losses))
+}
+
+fn default_name(to: ExportTo) -> &'static str {
+    match to {
+        ExportTo::Tum => "export.tum",
+        ExportTo::Kitti => "export.kitti",
+        ExportTo::Csv => "export.csv",
+        ExportTo::Mcap => "export.mcap",
+        ExportTo::Pgm => "export.pgm",
+        ExportTo::Worldfile => "map_plain.png",
+    }
+}
+
+/// In the folder of results.
+fn beside(results: &Path, name: &str) -> PathBuf {
+    if results.is_dir() { results.join(name) } else { results.with_file_name(name) }
+}
+
+fn trajectory(to: ExportTo, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
+    let scans = session.scans.iter();
+    write_whole(path, |file| {
+        let written = match to {
+            ExportTo::Kitti => write_kitti(scans.map(|scan| scan.map_from_robot), file),
+            ExportTo::Csv => write_csv(scans.map(csv_pose), file),
+            _ => write_tum(session, file),
+        };
+        written.map_err(|cause| Failure::write(path, cause))
+    })?;
+    say(&format!("{}: {}\n", path.display(), count(session.scans.len() as u64, "pose")))?;
+    Ok(Vec::new())
+}
+
+fn csv_pose(scan: &SessionScan) -> CsvPose {
+    CsvPose { stamp: scan.stamp, map_from_robot: scan.map_from_robot, odom_from_robot: scan.odom_from_robot }
+}
+
+fn write_tum(session: &Session, file: impl Write) -> Result<(), FormatError> {
+    let mut writer = TumWriter::new(file);
+    session.scans.iter().try_for_each(|scan| writer.write_planar(scan.stamp, scan.map_from_robot))?;
+    writer.finish().map(|_| ())
+}
+
+fn mcap(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
+    let made = map_of(session, &args.results)?;
+    let counts = write_whole(path, |file| {
+        let written = write_session_mcap(session, &made.image, file);
+        written.map(|(_, counts)| counts).map_err(|cause| Failure::write_in_words(path, &cause))
+    })?;
+    say(&format!(
+        "{}: map of {} x {} cells, {}, {}, {}\n",
+        path.display(),
+        made.image.width,
+        made.image.height,
+        count(counts.poses as u64, "pose"),
+        count(counts.scans as u64, "scan"),
+        count(counts.closures as u64, "closure"),
+    ))?;
+    Ok(losses(&made))
+}
+
+/// The map and what says where it lies, beside it.
+fn map(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
+    let made = map_of(session, &args.results)?;
+    let image = &made.image;
+    let is_pgm = args.to == ExportTo::Pgm;
+    let second = path.with_extension(if is_pgm { "yaml" } else { "pgw" });
+    if second == path {
+        return Err(Failure::write(path, std::io::Error::other("expected an image's name, such as map.png")));
+    }
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    write_part(path, |file| if is_pgm { write_pgm(image, file) } else { write_plain_png(image, file) })?;
+    write_part(
+        &second,
+        |file| if is_pgm { write_map_yaml(image, &name, file) } else { write_world_file(image, file) },
+    )?;
+    let (width, height) = (image.width, image.height);
+    say(&format!("{} and {}: {width} x {height} cells\n", path.display(), second.display()))?;
+    Ok(losses(&made))
+}
+
+fn write_part(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), FormatError>) -> Result<(), Failure> {
+    write_whole(path, |file| write(file).map_err(|cause| Failure::write(path, cause)))
+}
+
+fn losses(made: &MapImage) -> Vec<String> {
+    let left_out = (made.cells_left_out > 0).then(|| count(made.cells_left_out, "known cell"));
+    left_out.map(|cells| format!("{cells} lie too far out for a map's file")).into_iter().collect()
+}

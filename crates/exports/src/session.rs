@@ -1,0 +1,231 @@
+//! A run's results as an MCAP file of ROS 2.
+
+use crate::error::ExportError;
+use crate::frames::{MAP, ODOM, frame_of, in_space, scan_topic};
+use crate::messages::{laser_scan, mounts, odom_transform, pose_stamped, transform};
+use crate::recording::{Durability, Recording, Topic};
+use mapwright_formats::{GridImage, UNKNOWN};
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_record::{Edge, EdgeKind, KeyframeId, Session, SessionScan};
+use mapwright_ros::Encoding;
+use mapwright_ros::messages::{
+    ColorRgba, Header, MapMetaData, Marker, MarkerAction, MarkerArray, MarkerShape, OccupancyGrid, Path, Point,
+    TfMessage, Vector3,
+};
+use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep};
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+use std::sync::Arc;
+
+/// Closures as lines: namespace, colour and width in metres.
+const CLOSURES: (&str, ColorRgba, f64) = ("closures", ColorRgba { r: 0.1, g: 0.75, b: 0.3, a: 0.9 }, 0.05);
+/// Keyframes as dots.
+const KEYFRAMES: (&str, ColorRgba, f64) = ("keyframes", ColorRgba { r: 0.2, g: 0.35, b: 0.85, a: 0.9 }, 0.08);
+
+/// What was written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SessionCounts {
+    /// Lines between two keyframes.
+    pub closures: usize,
+    /// Sweeps of keyframes.
+    pub scans: usize,
+    /// Poses of the robot.
+    pub poses: usize,
+}
+
+/// Writes a session and its map as an MCAP file of ROS 2 that Foxglove, RViz and `ros2 bag` open. Messages are in the
+/// order of their stamps.
+///
+/// | topic | type | content |
+/// |---|---|---|
+/// | `/map` | `nav_msgs/OccupancyGrid` | the final map, at the first stamp; latched |
+/// | `/path` | `nav_msgs/Path` | the final trajectory, every scan, at the first stamp; latched |
+/// | `/closures` | `visualization_msgs/MarkerArray` | closures that stand as lines, keyframes as dots; latched |
+/// | `/tf_static` | `tf2_msgs/TFMessage` | `base_link -> laser`, a frame for each laser by its name; latched |
+/// | `/tf` | `tf2_msgs/TFMessage` | `map -> odom` (REP 105) and `odom -> base_link` at every scan |
+/// | `/pose` | `geometry_msgs/PoseStamped` | the robot in the map at every scan |
+/// | `/scan`, `/scan_NAME` | `sensor_msgs/LaserScan` | the keyframes' sweeps: dropped beams NaN, without return infinite |
+///
+/// # Errors
+/// [`ExportError::Bag`] for stamps before 1970 or where the stream below fails; [`ExportError::Format`] for a map of
+/// impossible shape.
+pub fn write_session_mcap<W: Write + Seek>(
+    session: &Session,
+    map: &GridImage,
+    writer: W,
+) -> Result<(W, SessionCounts), ExportError> {
+    map.validate()?;
+    let mut order: Vec<usize> = (0..session.scans.len()).collect();
+    order.sort_by_key(|&scan| session.scans[scan].stamp);
+    let begin = order.first().map_or(Stamp(0), |&scan| session.scans[scan].stamp);
+    let mut recording = Recording::mcap(writer)?;
+    write_map(&mut recording, map, begin)?;
+    write_path(&mut recording, session, &order, begin)?;
+    let closures = write_markers(&mut recording, session, begin)?;
+    write_course(recording, session, &order, begin, closures)
+}
+
+fn write_map<W: Write + Seek>(recording: &mut Recording<W>, map: &GridImage, stamp: Stamp) -> Result<(), ExportError> {
+    let topic = recording.add("/map", "nav_msgs/OccupancyGrid", Durability::TransientLocal)?;
+    let cells: Vec<i8> = map.cells.iter().map(|&cell| if cell == UNKNOWN { -1 } else { cell.min(100) as i8 }).collect();
+    let info = MapMetaData {
+        map_load_time: stamp,
+        resolution: map.resolution_m as f32,
+        width: map.width as u32,
+        height: map.height as u32,
+        origin: in_space(map.world_from_map).into(),
+    };
+    let message = OccupancyGrid { header: Header::new(stamp, MAP), info, data: cells[..].into() };
+    recording.write(topic, stamp, &message)
+}
+
+fn write_path<W: Write + Seek>(
+    recording: &mut Recording<W>,
+    session: &Session,
+    order: &[usize],
+    begin: Stamp,
+) -> Result<(), ExportError> {
+    let topic = recording.add("/path", "nav_msgs/Path", Durability::TransientLocal)?;
+    let poses = order.iter().map(|&scan| &session.scans[scan]);
+    let poses = poses.map(|scan| pose_stamped(scan.stamp, MAP, scan.map_from_robot)).collect();
+    recording.write(topic, begin, &Path { header: Header::new(begin, MAP), poses })
+}
+
+/// Returns how many closures there are.
+fn write_markers<W: Write + Seek>(
+    recording: &mut Recording<W>,
+    session: &Session,
+    stamp: Stamp,
+) -> Result<usize, ExportError> {
+    let topic = recording.add("/closures", MarkerArray::TYPE, Durability::TransientLocal)?;
+    let ids = session.keyframes.iter().map(|keyframe| keyframe.id);
+    let poses: BTreeMap<KeyframeId, Pose2> = ids.zip(session.map_from_keyframe.iter().copied()).collect();
+    let ends = |edge: &Edge| Some([*poses.get(&edge.from)?, *poses.get(&edge.to)?]);
+    let closures: Vec<[Pose2; 2]> =
+        session.edges.iter().filter(|edge| edge.kind == EdgeKind::Closure).filter_map(ends).collect();
+    let lines = closures.iter().flatten().map(point).collect();
+    let dots = session.map_from_keyframe.iter().map(point).collect();
+    // a marker without points is an error to RViz
+    let markers = [(CLOSURES, MarkerShape::LineList, lines), (KEYFRAMES, MarkerShape::Points, dots)];
+    let markers = markers.into_iter().filter(|(_, _, points): &(_, _, Vec<Point>)| !points.is_empty());
+    let array =
+        MarkerArray { markers: markers.map(|(look, shape, points)| marker(stamp, look, shape, points)).collect() };
+    recording.write_bytes(topic, stamp, &array.encode(Encoding::Cdr)?)?;
+    Ok(closures.len())
+}
+
+fn point(pose: &Pose2) -> Point {
+    Point { x: pose.x, y: pose.y, z: 0.0 }
+}
+
+fn marker(
+    stamp: Stamp,
+    (ns, color, width_m): (&'static str, ColorRgba, f64),
+    shape: MarkerShape,
+    points: Vec<Point>,
+) -> Marker<'static> {
+    Marker {
+        header: Header::new(stamp, MAP),
+        ns: ns.into(),
+        id: 0,
+        shape,
+        action: MarkerAction::Add,
+        pose: in_space(Pose2::IDENTITY).into(),
+        scale: Vector3 { x: width_m, y: width_m, z: 0.0 },
+        color,
+        frame_locked: false,
+        points,
+        colors: Vec::new(),
+        text: "".into(),
+    }
+}
+
+/// Everything that happens on the way.
+fn write_course<W: Write + Seek>(
+    mut recording: Recording<W>,
+    session: &Session,
+    order: &[usize],
+    begin: Stamp,
+    closures: usize,
+) -> Result<(W, SessionCounts), ExportError> {
+    let lasers = lasers(session);
+    let tf_static = recording.add("/tf_static", "tf2_msgs/TFMessage", Durability::TransientLocal)?;
+    let mut shown = first_of_each_frame(&lasers);
+    recording.write(tf_static, begin, &mounts(begin, shown.values().copied()))?;
+    let tf = recording.add("/tf", "tf2_msgs/TFMessage", Durability::Volatile)?;
+    let pose = recording.add("/pose", "geometry_msgs/PoseStamped", Durability::Volatile)?;
+    let topics = scan_topics(&mut recording, &shown)?;
+    let by_scan: BTreeMap<u64, &Sweep> =
+        session.keyframes.iter().map(|keyframe| (keyframe.scan, &keyframe.sweep)).collect();
+    let mut counts = SessionCounts { closures, poses: order.len(), scans: 0 };
+    for &number in order {
+        let scan = &session.scans[number];
+        recording.write(tf, scan.stamp, &transforms(scan))?;
+        recording.write(pose, scan.stamp, &pose_stamped(scan.stamp, MAP, scan.map_from_robot))?;
+        let Some(sweep) = by_scan.get(&(number as u64)) else { continue };
+        let frame = frame_of(&sweep.laser);
+        let before = shown.insert(frame, &*sweep.laser);
+        if before.is_some_and(|before| mount(before) != mount(&sweep.laser)) {
+            recording.write(tf_static, scan.stamp, &mounts(scan.stamp, shown.values().copied()))?;
+        }
+        if let Some(topic) = topics.get(frame) {
+            recording.write(*topic, scan.stamp, &laser_scan(scan.stamp, &sweep.laser, &ranges_m(sweep)))?;
+            counts.scans += 1;
+        }
+    }
+    Ok((recording.finish()?, counts))
+}
+
+/// `map -> odom` such that the two together lead to where the robot is in the map.
+fn transforms(scan: &SessionScan) -> TfMessage<'static> {
+    let map_from_odom = scan.map_from_robot * scan.odom_from_robot.inverse();
+    let correction = transform(scan.stamp, MAP, ODOM, in_space(map_from_odom));
+    TfMessage { transforms: vec![correction, odom_transform(scan.stamp, scan.odom_from_robot)] }
+}
+
+/// The keyframes' lasers in the order in which they come.
+fn lasers(session: &Session) -> Vec<&Arc<LaserModel>> {
+    let mut lasers: Vec<&Arc<LaserModel>> = Vec::new();
+    for keyframe in &session.keyframes {
+        let laser = &keyframe.sweep.laser;
+        if !lasers.iter().rev().any(|known| Arc::ptr_eq(known, laser)) {
+            lasers.push(laser);
+        }
+    }
+    lasers
+}
+
+/// By frame.
+fn first_of_each_frame<'a>(lasers: &[&'a Arc<LaserModel>]) -> BTreeMap<&'a str, &'a LaserModel> {
+    let mut shown = BTreeMap::new();
+    for laser in lasers {
+        shown.entry(frame_of(laser)).or_insert(&***laser);
+    }
+    shown
+}
+
+fn scan_topics<'a, W: Write + Seek>(
+    recording: &mut Recording<W>,
+    shown: &BTreeMap<&'a str, &'a LaserModel>,
+) -> Result<BTreeMap<&'a str, Topic>, ExportError> {
+    let mut topics = BTreeMap::new();
+    for &frame in shown.keys() {
+        let name = scan_topic(frame, topics.is_empty());
+        topics.insert(frame, recording.add(&name, "sensor_msgs/LaserScan", Durability::Volatile)?);
+    }
+    Ok(topics)
+}
+
+fn mount(laser: &LaserModel) -> (Pose2, bool) {
+    (laser.robot_from_laser, laser.inverted)
+}
+
+/// As REP 117 has them.
+fn ranges_m(sweep: &Sweep) -> Vec<f32> {
+    let range_m = |&code: &u16| match code {
+        BEAM_DROPPED => f32::NAN,
+        BEAM_NO_RETURN => f32::INFINITY,
+        code => (f64::from(code) * sweep.step_m) as f32,
+    };
+    sweep.codes.iter().map(range_m).collect()
+}

@@ -1,0 +1,151 @@
+//! What is written of a session reads back, here and with the official readers in Python. `scripts/check_exports.py` asks
+//! them; Python with the wheels `mcap`, `mcap-ros2-support` and `rosbags` is `MAPWRIGHT_PYTHON`, or else `python3`.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
+
+use mapwright_bags::McapReader;
+use mapwright_exports::{SessionCounts, write_session_mcap};
+use mapwright_formats::{GridImage, UNKNOWN};
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, Session, SessionScan};
+use mapwright_ros::messages::{LaserScan, OccupancyGrid, TfMessage};
+use mapwright_ros::{Channel, Decoder, Encoding, planar};
+use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+
+const SCANS: u32 = 40;
+
+/// A drive around, corrected against odometry; one stamp steps backwards, the laser hangs upside down.
+fn session() -> Session {
+    let laser = LaserModel {
+        robot_from_laser: Pose2::new(0.2, 0.05, 0.3),
+        inverted: true,
+        range_max_m: 30.0,
+        ..LaserModel::half_circle("front_laser", 5)
+    };
+    let laser = Arc::new(laser);
+    let id = |seq| KeyframeId { robot: 0, session: 0, seq };
+    let along = |k: u32| Pose2::new(0.1 * f64::from(k), (0.2 * f64::from(k)).sin(), 0.15 * f64::from(k));
+    let scan = |k: u32| SessionScan {
+        stamp: Stamp(1_600_000_000_000_000_000 + 100_000_000 * i64::from(if k == 7 { 4 } else { k })),
+        map_from_robot: along(k),
+        odom_from_robot: Pose2::new(0.3, -2.0, 1.0) * along(k) * Pose2::new(0.001 * f64::from(k), 0.0, 0.002),
+    };
+    let scans: Vec<_> = (0..SCANS).map(scan).collect();
+    let codes = vec![1000, BEAM_DROPPED, BEAM_NO_RETURN, 2000, 3000];
+    let sweep = Sweep { laser, codes, step_m: 0.001, twist_per_s: [0.0; 3], scatters: false };
+    let keyframe = |k: u32| Keyframe {
+        id: id(k),
+        stamp: scans[2 * k as usize].stamp,
+        scan: u64::from(2 * k),
+        sweep: sweep.clone(),
+    };
+    let edge = |from, to, kind| Edge {
+        from: id(from),
+        to: id(to),
+        kind,
+        from_from_to: Pose2::IDENTITY,
+        information: mapwright_geom::Cov3::identity(),
+    };
+    Session {
+        settings: String::new(),
+        keyframes: (0..SCANS / 2).map(keyframe).collect(),
+        map_from_keyframe: (0..SCANS / 2).map(|k| along(2 * k)).collect(),
+        edges: vec![edge(0, 1, EdgeKind::Odometry), edge(1, 19, EdgeKind::Closure), edge(2, 18, EdgeKind::Closure)],
+        scans,
+    }
+}
+
+fn map() -> GridImage {
+    let cells = vec![0, 100, UNKNOWN, 40, 70, 5];
+    GridImage { width: 3, height: 2, resolution_m: 0.05, world_from_map: Pose2::new(-1.0, 2.0, 0.0), cells }
+}
+
+fn written() -> Vec<u8> {
+    let (out, counts) = write_session_mcap(&session(), &map(), Cursor::new(Vec::new())).unwrap();
+    assert_eq!(counts, SessionCounts { closures: 2, scans: 20, poses: 40 });
+    out.into_inner()
+}
+
+#[test]
+fn what_is_written_reads_back() {
+    let mut reader = McapReader::open(Cursor::new(written())).unwrap();
+    let channel = |name| Channel::new(name, Encoding::Cdr, None).unwrap();
+    let mut scans = Decoder::<LaserScan<'_>>::new(&channel("sensor_msgs/LaserScan")).unwrap();
+    let mut maps = Decoder::<OccupancyGrid<'_>>::new(&channel("nav_msgs/OccupancyGrid")).unwrap();
+    let mut tfs = Decoder::<TfMessage<'_>>::new(&channel("tf2_msgs/TFMessage")).unwrap();
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    let (mut last, mut transforms) = (Stamp(0), 0);
+    let session = session();
+    while let Some(message) = reader.next_message().unwrap() {
+        assert!(message.log_stamp >= last, "messages are in the order of their stamps");
+        last = message.log_stamp;
+        *counts.entry(message.connection.topic.clone()).or_default() += 1;
+        match &*message.connection.topic {
+            "/scan" => {
+                let scan = scans.decode(message.data).unwrap();
+                assert_eq!((scan.header.frame(), scan.ranges.len()), ("front_laser", 5));
+                assert_eq!((scan.ranges.get(0), scan.ranges.get(2)), (Some(1.0), Some(f32::INFINITY)));
+                assert!(scan.ranges.get(1).unwrap().is_nan());
+            }
+            "/map" => assert_eq!(maps.decode(message.data).unwrap().data.to_vec(), [0, 100, -1, 40, 70, 5]),
+            "/tf" => {
+                let message = tfs.decode(message.data).unwrap();
+                let [map_from_odom, odom_from_robot] =
+                    [0, 1].map(|k: usize| planar(&message.transforms[k].transform.to_pose3().unwrap()));
+                let stamp = message.transforms[0].header.stamp;
+                let at_stamp = session.scans.iter().filter(|scan| scan.stamp == stamp);
+                let off_m = |scan: &SessionScan| (map_from_odom * odom_from_robot).distance(scan.map_from_robot);
+                assert!(at_stamp.map(off_m).fold(f64::INFINITY, f64::min) < 1e-9);
+                transforms += 1;
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(transforms, 40);
+    let all =
+        [("/closures", 1), ("/map", 1), ("/path", 1), ("/pose", 40), ("/scan", 20), ("/tf", 40), ("/tf_static", 1)];
+    assert!(counts.iter().map(|(topic, count)| (topic.as_str(), *count)).eq(all), "{counts:?}");
+}
+
+#[test]
+fn an_empty_session_is_a_file_too() {
+    let (out, counts) = write_session_mcap(&Session::default(), &map(), Cursor::new(Vec::new())).unwrap();
+    assert_eq!(counts, SessionCounts::default());
+    assert!(McapReader::open(out).unwrap().next_message().unwrap().is_some());
+}
+
+#[test]
+fn the_official_readers_see_the_same() {
+    let test = "the_official_readers_see_the_same";
+    let python = std::env::var("MAPWRIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let works = Command::new(&python).args(["-c", "import rosbags, mcap, mcap_ros2, zstandard"]).output();
+    if !works.is_ok_and(|output| output.status.success()) {
+        println!("{test}: skipped: no Python with rosbags, mcap and mcap-ros2-support ({python})");
+        return;
+    }
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("session.mcap");
+    std::fs::write(&path, written()).unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/check_exports.py");
+    let output = Command::new(&python).arg(script).arg(&path).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(seen["profile"], "ros2");
+    assert!(seen["worst"].as_f64().unwrap() < 1e-9, "map -> odom -> base_link is the pose: {seen}");
+    assert_eq!(seen["links"], serde_json::json!(["base_link->front_laser", "map->odom", "odom->base_link"]));
+    assert_eq!(seen["map"], serde_json::json!([3, 2, 0.05]));
+    assert_eq!((&seen["path"], &seen["ranges"], &seen["occupied"]), (&40.into(), &5.into(), &2.into()));
+    assert_eq!(seen["markers"], serde_json::json!([["closures", 5, 4], ["keyframes", 8, 20]]));
+    for (topic, count, latched) in [("/map", 1, true), ("/path", 1, true), ("/tf_static", 1, true), ("/tf", 40, false)]
+    {
+        let seen = &seen["topics"][topic];
+        assert_eq!(
+            (&seen["count"], &seen["latched"], &seen["encoding"]),
+            (&count.into(), &latched.into(), &"cdr".into())
+        );
+    }
+}

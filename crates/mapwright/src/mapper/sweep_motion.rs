@@ -1,0 +1,86 @@
+//! How the robot moved while a scan was taken.
+
+use super::Mapper;
+use crate::motion::Step;
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_sensor::{LaserScan, Odometry};
+use std::collections::VecDeque;
+
+/// More motion than this within one sweep is not believed, metres and radians.
+const SWEEP_MOTION_M: f64 = 5.0;
+const SWEEP_TURN_RAD: f64 = 3.0;
+/// Readings of the wheels that are kept: more than the longest usual sweep has.
+const READINGS: usize = 128;
+/// Wheels that were read for less of the sweep than this say too little of it.
+const COVERED_SHARE: f64 = 0.4;
+/// Readings farther apart are not joined, seconds.
+const JOINED_S: f64 = 1.0;
+
+/// The last readings of the wheels.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RecentOdometry(VecDeque<Odometry>);
+
+impl RecentOdometry {
+    pub(super) fn add(&mut self, odometry: Odometry) {
+        if self.0.len() == READINGS {
+            self.0.pop_front();
+        }
+        self.0.push_back(odometry);
+    }
+
+    pub(super) fn last(&self) -> Option<Pose2> {
+        self.0.back().map(|odometry| odometry.odom_from_robot)
+    }
+
+    /// The first reading from `stamp` on, or the last one before.
+    fn at_or_after(&self, stamp: Stamp) -> Option<&Odometry> {
+        let later = self.0.iter().rev().take_while(|odometry| odometry.stamp >= stamp).last();
+        later.or(self.0.back())
+    }
+}
+
+impl Mapper {
+    /// The robot's twist per second during the sweep, which begins at the scan's stamp.
+    ///
+    /// A scan arrives when its sweep is over, and the wheels have been read on the way: then they say it. Otherwise the
+    /// motion since the last scan is carried on.
+    pub(super) fn sweep_twist(&self, scan: &LaserScan, step: Step) -> [f64; 3] {
+        let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
+        // beams that are taken at once, or in an order that nobody knows
+        if sweep_s.is_nan() || sweep_s <= 0.0 {
+            return [0.0; 3];
+        }
+        let read = if step.from_odometry { self.twist_read(scan, sweep_s) } else { None };
+        let twist = read.unwrap_or_else(|| self.predictor.twist(scan.stamp, step));
+        let credible =
+            twist[0].hypot(twist[1]) * sweep_s <= SWEEP_MOTION_M && twist[2].abs() * sweep_s <= SWEEP_TURN_RAD;
+        if credible { twist } else { [0.0; 3] }
+    }
+
+    /// By readings of the wheels from within the sweep.
+    fn twist_read(&self, scan: &LaserScan, sweep_s: f64) -> Option<[f64; 3]> {
+        let odom_from_robot = scan.odom_from_robot.filter(|pose| pose.is_finite())?;
+        let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
+        let later = self.recent_odometry.at_or_after(end)?;
+        let elapsed_s = later.stamp.secs_since(scan.stamp);
+        let says = elapsed_s >= COVERED_SHARE * sweep_s && elapsed_s <= sweep_s + JOINED_S;
+        says.then(|| odom_from_robot.between(later.odom_from_robot).log().map(|d| d / elapsed_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reading_at_the_end_of_the_sweep_counts() {
+        let mut recent = RecentOdometry::default();
+        assert!(recent.at_or_after(Stamp(0)).is_none());
+        for stamp in 0..1000 {
+            recent.add(Odometry { stamp: Stamp(stamp), odom_from_robot: Pose2::IDENTITY });
+        }
+        assert_eq!(recent.0.len(), READINGS);
+        assert_eq!(recent.at_or_after(Stamp(950)).map(|odometry| odometry.stamp), Some(Stamp(950)));
+        assert_eq!(recent.at_or_after(Stamp(5000)).map(|odometry| odometry.stamp), Some(Stamp(999)));
+    }
+}

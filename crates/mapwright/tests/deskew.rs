@@ -1,0 +1,18 @@
+//! Undoing the motion during a sweep pays in fast turns.
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
+
+#[path = "support/turns.rs"]
+mod turns;
+
+use turns::{Deskew, turning};
+
+#[test]
+fn undoing_the_sweeps_motion_pays_in_fast_turns() {
+    let of = |deskew| turning(3.0, 0.1, 1, deskew).expect("defaults are valid");
+    let [on, carried_on] = [Deskew::On, Deskew::CarriedOn].map(of);
+    let [off, at_once] = [Deskew::Off, Deskew::NotNeeded].map(of);
+    println!("as read {on:?}, carried on {carried_on:?}, not {off:?}, at once {at_once:?}");
+    assert!(on.position_m < 0.25 * off.position_m && on.position_m < at_once.position_m + 0.005);
+    assert!(on.heading_deg < 0.1 * off.heading_deg);
+    assert!(on.heading_deg < 0.5 * carried_on.heading_deg && carried_on.heading_deg < 0.5 * off.heading_deg);
+}
