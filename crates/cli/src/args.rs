@@ -282,7 +282,7 @@ pub(crate) struct OptimizeArgs {
     /// Believe only closures that agree with odometry and each other; refuse where too many false ones do.
     #[arg(long)]
     pub(crate) robust: bool,
-    /// Factorisations at most, with `--robust` after the false closures are out.
+    /// Steps at most, with `--robust` after the false closures are out.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(..=100_000))]
     pub(crate) max_iterations: u32,
     /// What the information of rotations in space belongs to: angles, to which the optima usually quoted belong, or

@@ -15,7 +15,7 @@ pub struct Gnc {
     pub step: f64,
     /// Stages at most.
     pub max_stages: usize,
-    /// Factorisations in each stage.
+    /// Steps in each stage.
     pub iterations_per_stage: usize,
     /// The search for closures that agree, which comes instead of the stages; none for the stages from the start given.
     pub consensus: Option<Consensus>,
