@@ -79,6 +79,17 @@ fn round_trip(folder: &Path, log: &Path, angles_are_whole: bool) {
         }
     }
     assert_eq!(scan_lines(&back), scan_lines(log), "the same stamps and ranges");
+    let known = stamps(&back, &["ODOM", "FLASER", "ROBOTLASER1"]);
+    let lost: Vec<_> = stamps(log, &["ODOM"]).into_iter().filter(|stamp| !known.contains(stamp)).collect();
+    assert!(lost.is_empty(), "readings of the wheels that did not come back: {lost:?}");
+}
+
+/// The stamps of lines that carry odometry, in microseconds.
+fn stamps(log: &Path, tags: &[&str]) -> Vec<i64> {
+    let text = String::from_utf8_lossy(&fs::read(log).unwrap()).into_owned();
+    let lines = text.lines().filter(|line| tags.iter().any(|tag| line.split(' ').next() == Some(tag)));
+    let stamp = |line: &str| line.split_whitespace().rev().nth(2).unwrap().parse::<f64>().unwrap();
+    lines.map(|line| (1e6 * stamp(line)).round() as i64).collect()
 }
 
 /// Stamps as written, and where the robot was.

@@ -124,7 +124,7 @@ impl Laser {
              \x20        farthest return {:.1} m, no return {:.1} %, unusable beams {}\n         {}",
             model.name,
             self.field_of_view_deg(),
-            model.range_max_m,
+            (1e4 * model.range_max_m).round() / 1e4,
             mount.x,
             mount.y,
             mount.theta.to_degrees(),
