@@ -1,13 +1,14 @@
 //! The same as the official readers in Python see, message by message: of the given bags, and of what the writers here
 //! write. `scripts/check_bags.py` asks them; Python with the wheels `rosbags` and `mcap` is `MAPWRIGHT_PYTHON`, or else
 //! `python3`.
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
+#![allow(clippy::explicit_write, clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
 
 mod common;
 
 use common::Seen;
 use mapwright_bags::{Bag1Compression, Container, DamageKind, McapCompression, ReadReport};
 use serde_json::Value;
+use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
@@ -18,7 +19,7 @@ fn python(test: &str) -> Option<String> {
     if works.is_ok_and(|output| output.status.success()) {
         return Some(python);
     }
-    println!("{test}: skipped: no Python with rosbags and mcap ({python})");
+    let _ = writeln!(std::io::stderr(), "{test}: skipped: no Python with rosbags and mcap ({python})");
     None
 }
 

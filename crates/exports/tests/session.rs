@@ -1,6 +1,6 @@
 //! What is written of a session reads back, here and with the official readers in Python. `scripts/check_exports.py` asks
 //! them; Python with the wheels `mcap`, `mcap-ros2-support` and `rosbags` is `MAPWRIGHT_PYTHON`, or else `python3`.
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
+#![allow(clippy::explicit_write, clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
 
 use mapwright_bags::McapReader;
 use mapwright_exports::{SessionCounts, write_session_mcap};
@@ -13,6 +13,7 @@ use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Cursor;
+use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
@@ -125,7 +126,10 @@ fn the_official_readers_see_the_same() {
     let python = std::env::var("MAPWRIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let works = Command::new(&python).args(["-c", "import rosbags, mcap, mcap_ros2, zstandard"]).output();
     if !works.is_ok_and(|output| output.status.success()) {
-        println!("{test}: skipped: no Python with rosbags, mcap and mcap-ros2-support ({python})");
+        let _ = writeln!(
+            std::io::stderr(),
+            "{test}: skipped: no Python with rosbags, mcap and mcap-ros2-support ({python})"
+        );
         return;
     }
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("session.mcap");

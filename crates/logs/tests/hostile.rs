@@ -1,8 +1,9 @@
 //! Whatever the bytes: no panic, and an answer.
-#![allow(clippy::unwrap_used, reason = "tests may")]
+#![allow(clippy::explicit_write, clippy::unwrap_used, reason = "tests may")]
 
 use mapwright_logs::{Choice, Drive, Input};
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// `../shared/data` beside the workspace, or `MAPWRIGHT_DATA`.
@@ -13,7 +14,7 @@ fn sample() -> Option<PathBuf> {
     if !path.exists() {
         #[allow(clippy::print_stderr, reason = "a skipped test is to be seen")]
         {
-            eprintln!("hostile: skipped: no data ({})", path.display());
+            let _ = writeln!(std::io::stderr(), "hostile: skipped: no data ({})", path.display());
         }
         return None;
     }

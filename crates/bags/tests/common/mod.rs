@@ -1,5 +1,5 @@
 //! What the tests of this crate share: made-up recordings, and what is read from them.
-#![allow(dead_code)] // no test uses all of it
+#![allow(clippy::explicit_write, dead_code)] // no test uses all of it
 #![allow(clippy::print_stdout)] // skipping is said
 
 use mapwright_bags::{
@@ -8,6 +8,7 @@ use mapwright_bags::{
 };
 use mapwright_geom::Stamp;
 use std::io::Cursor;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// splitmix64.
@@ -228,6 +229,6 @@ pub(crate) fn given(test: &str) -> Option<PathBuf> {
     if folder.exists() {
         return Some(folder);
     }
-    println!("{test}: skipped: no data ({})", folder.display());
+    let _ = writeln!(std::io::stderr(), "{test}: skipped: no data ({})", folder.display());
     None
 }

@@ -1,11 +1,19 @@
 //! Messages of real bags, as `scripts/dump_messages.py` writes them, and their canonical text.
-#![allow(dead_code, clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "helpers of tests")]
+#![allow(
+    clippy::explicit_write,
+    dead_code,
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stderr,
+    reason = "helpers of tests"
+)]
 
 pub(crate) mod random;
 
 use mapwright_ros::{DefinitionFormat, Encoding, Record, Scalar, Value};
 use md5::{Digest, Md5};
 use std::fmt::Write;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -49,7 +57,7 @@ pub(crate) fn dump(test: &str) -> Option<Dump> {
     match PATH.get_or_init(write_dump) {
         Ok(path) => Some(Dump(std::fs::read(path).unwrap())),
         Err(reason) => {
-            eprintln!("{test}: skipped: {reason}");
+            let _ = writeln!(std::io::stderr(), "{test}: skipped: {reason}");
             None
         }
     }
