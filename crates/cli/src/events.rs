@@ -39,17 +39,11 @@ impl Log {
 
     /// Opens logs of one drive.
     pub(crate) fn open_all(paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
-        let log = Self::open_with_readings(paths, choice)?;
-        Ok(Self { drive: log.drive.without_readings(), ..log })
-    }
-
-    /// Opens logs of one drive, with all readings of odometry.
-    pub(crate) fn open_with_readings(paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
         let inputs: Result<Vec<_>, Failure> = paths.iter().map(|path| Ok((name_of(path), input(path)?))).collect();
         Self::of(inputs?, paths, choice)
     }
 
-    /// Reads inputs that are found at these paths, with all readings of odometry.
+    /// Reads inputs that are found at these paths.
     pub(crate) fn of(inputs: Vec<(String, Input)>, paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
         let names = inputs.iter().map(|(name, _)| name.clone()).collect();
         let sizes_bytes = paths.iter().map(|path| size_bytes(path)).collect();

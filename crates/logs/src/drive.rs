@@ -70,7 +70,6 @@ pub struct Drive {
     scan: LaserScan,
     odometry: Odometry,
     is_begun: bool,
-    leaves_out_readings: bool,
 }
 
 /// Which buffer holds the event.
@@ -114,14 +113,7 @@ impl Drive {
         }
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
         let (chain, reports) = (Chain::default(), Vec::new());
-        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, is_begun: false, leaves_out_readings: false })
-    }
-
-    /// Leaves out the readings of odometry of recordings, whose scans have odometry of their own at their stamps: a scan
-    /// without is then one without, and nobody takes the last reading for it.
-    #[must_use]
-    pub fn without_readings(self) -> Self {
-        Self { leaves_out_readings: true, ..self }
+        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, is_begun: false })
     }
 
     /// The plans of the recordings that are not yet begun, with their names.
@@ -174,12 +166,7 @@ impl Drive {
                 self.is_begun = true;
             }
             if let Some(kind) = part.read(&mut self.scan, &mut self.odometry)? {
-                let is_left_out =
-                    self.leaves_out_readings && matches!((&kind, &part.reader), (Kind::Odometry, Reader::Stream(_)));
                 self.chain(&kind);
-                if is_left_out {
-                    continue;
-                }
                 return Ok(Some(kind));
             }
             self.end_part();

@@ -186,7 +186,8 @@ impl Mapper {
         }
     }
 
-    /// Remembers a reading of the wheels: for scans that carry none of their own, and for the robot's motion during a sweep.
+    /// Remembers a reading of the wheels: for scans within 2 s of it that carry none of their own, and for the robot's motion
+    /// during a sweep.
     ///
     /// Hand in what was read during a sweep before its scan, as it arrives from a robot.
     pub fn add_odometry(&mut self, odometry: &Odometry) {
@@ -231,7 +232,7 @@ impl Mapper {
 
     fn odometry_of(&self, scan: &LaserScan) -> Option<Pose2> {
         let own = scan.odom_from_robot.filter(|pose| pose.is_finite());
-        own.or(self.recent_odometry.last())
+        own.or_else(|| self.recent_odometry.fresh_at(scan.stamp))
     }
 
     fn prepare(&mut self, scan: &LaserScan, step: Step, refused: Option<&'static str>) -> BeamCounts {

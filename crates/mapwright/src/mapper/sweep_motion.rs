@@ -11,6 +11,8 @@ const SWEEP_MOTION_M: f64 = 5.0;
 const SWEEP_TURN_RAD: f64 = 3.0;
 /// Readings of the wheels that are kept: more than the longest usual sweep has.
 const READINGS: usize = 128;
+/// The last reading counts for a scan that has none of its own up to so many seconds before or after it.
+const FRESH_S: f64 = 2.0;
 /// Wheels that were read for less of the sweep than this say too little of it.
 const COVERED_SHARE: f64 = 0.4;
 /// Readings farther apart are not joined, seconds.
@@ -28,8 +30,10 @@ impl RecentOdometry {
         self.0.push_back(odometry);
     }
 
-    pub(super) fn last(&self) -> Option<Pose2> {
-        self.0.back().map(|odometry| odometry.odom_from_robot)
+    /// The last reading, where it is not too old to say where the robot is at `stamp`.
+    pub(super) fn fresh_at(&self, stamp: Stamp) -> Option<Pose2> {
+        let fresh = |odometry: &&Odometry| stamp.secs_since(odometry.stamp).abs() <= FRESH_S;
+        self.0.back().filter(fresh).map(|odometry| odometry.odom_from_robot)
     }
 
     /// The first reading from `stamp` on, or the last one before.
@@ -71,6 +75,14 @@ impl Mapper {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn wheels_that_fell_silent_say_nothing() {
+        let mut recent = RecentOdometry::default();
+        recent.add(Odometry { stamp: Stamp::from_secs_f64(10.0), odom_from_robot: Pose2::IDENTITY });
+        let known = |s: f64| recent.fresh_at(Stamp::from_secs_f64(s)).is_some();
+        assert_eq!([0.0, 9.0, 11.9, 12.1, 1e6].map(known), [false, true, true, false, false]);
+    }
 
     #[test]
     fn the_reading_at_the_end_of_the_sweep_counts() {
