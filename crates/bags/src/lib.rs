@@ -36,6 +36,7 @@ mod folder;
 mod lz4;
 mod mcap;
 mod message;
+mod place;
 mod reader;
 mod report;
 #[cfg(feature = "sqlite")]

@@ -9,9 +9,9 @@ use crate::catalog::Catalog;
 use crate::decode::{Codec, Decoder, Problem};
 use crate::error::BagError;
 use crate::message::{Connection, RawMessage};
+use crate::place::{Place, Step};
 use crate::report::{Container, DamageKind, ReadReport};
 use crate::window::{Bytes, Memory, Window, excerpt};
-use mapwright_geom::Stamp;
 use std::io::{self, Read, Seek};
 
 /// Enough of the next record to tell that it is one.
@@ -44,23 +44,6 @@ struct OpenChunk {
     inside: u64,
     /// Whether it was cut short, so that its last record may be too.
     torn: bool,
-}
-
-/// A message found, as numbers.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    id: u32,
-    stamp: Stamp,
-    offset_bytes: u64,
-    data_at: u64,
-    data_bytes: usize,
-    in_memory: bool,
-}
-
-enum Step {
-    Message(Place),
-    GoOn,
-    End,
 }
 
 impl<R: Read + Seek> Bag1Reader<R> {
@@ -153,7 +136,7 @@ impl<R: Read + Seek> Bag1Reader<R> {
             }
         };
         if let Some(place) = self.place {
-            self.catalog.report.count(place.id, place.stamp, place.data_bytes);
+            self.catalog.report.count(place.id, place.log_stamp, place.data_bytes);
         }
         Ok(self.place.is_some())
     }
@@ -161,18 +144,7 @@ impl<R: Read + Seek> Bag1Reader<R> {
     /// The message gone to last.
     pub(crate) fn lend(&mut self) -> Result<Option<RawMessage<'_>>, BagError> {
         let Some(place) = self.place else { return Ok(None) };
-        let data = if place.in_memory {
-            self.memory.get(place.data_at, place.data_bytes)?
-        } else {
-            self.window.get(place.data_at, place.data_bytes)?
-        };
-        Ok(Some(RawMessage {
-            connection: &self.catalog.connections[place.id as usize],
-            log_stamp: place.stamp,
-            publish_stamp: None,
-            offset_bytes: place.offset_bytes,
-            data,
-        }))
+        Ok(Some(place.lend(&self.catalog.connections, &mut self.memory, &mut self.window)?))
     }
 
     fn step_in_file(&mut self) -> io::Result<Step> {
@@ -386,5 +358,13 @@ fn message(record: &Record, offset_bytes: u64, in_memory: bool, ids: &Ids, catal
         return Step::GoOn;
     };
     let (data_at, data_bytes) = (record.data_at(), record.data_bytes as usize);
-    Step::Message(Place { id: *id, stamp, offset_bytes, data_at, data_bytes, in_memory })
+    Step::Message(Place {
+        id: *id,
+        log_stamp: stamp,
+        publish_stamp: None,
+        offset_bytes,
+        data_at,
+        data_bytes,
+        in_memory,
+    })
 }

@@ -2,13 +2,14 @@
 
 use super::record::{self, Found, Record, behind_damaged, follows, record_at};
 use super::record::{OP_CHUNK, OP_DATA_END, OP_FOOTER, OP_MESSAGE};
-use super::records::{OpenChunk, Place, Step, message, record_in_chunk};
+use super::records::{OpenChunk, message, record_in_chunk};
 use super::{MAGIC, summary};
 use crate::catalog::Catalog;
 use crate::decode::{Codec, Decoder, Problem};
 use crate::error::BagError;
 use crate::mcap::channels::Channels;
 use crate::message::{Connection, RawMessage};
+use crate::place::{Place, Step};
 use crate::report::{Container, DamageKind, ReadReport};
 use crate::window::{Bytes, Memory, Window, excerpt};
 use std::io::{self, Read, Seek};
@@ -119,7 +120,7 @@ impl<R: Read + Seek> McapReader<R> {
             }
         };
         if let Some(place) = self.place {
-            self.catalog.report.count(place.id, place.head.log_stamp, place.data_bytes);
+            self.catalog.report.count(place.id, place.log_stamp, place.data_bytes);
         }
         Ok(self.place.is_some())
     }
@@ -127,18 +128,7 @@ impl<R: Read + Seek> McapReader<R> {
     /// The message gone to last.
     pub(crate) fn lend(&mut self) -> Result<Option<RawMessage<'_>>, BagError> {
         let Some(place) = self.place else { return Ok(None) };
-        let data = if place.in_memory {
-            self.memory.get(place.data_at, place.data_bytes)?
-        } else {
-            self.window.get(place.data_at, place.data_bytes)?
-        };
-        Ok(Some(RawMessage {
-            connection: &self.catalog.connections[place.id as usize],
-            log_stamp: place.head.log_stamp,
-            publish_stamp: Some(place.head.publish_stamp),
-            offset_bytes: place.offset_bytes,
-            data,
-        }))
+        Ok(Some(place.lend(&self.catalog.connections, &mut self.memory, &mut self.window)?))
     }
 
     fn step_in_file(&mut self) -> io::Result<Step> {

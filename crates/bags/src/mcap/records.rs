@@ -3,6 +3,7 @@
 use super::channels::Channels;
 use super::record::{self, Found, OP_MESSAGE, Record, follows, record_at};
 use crate::catalog::Catalog;
+use crate::place::{Place, Step};
 use crate::report::DamageKind;
 use crate::window::{Bytes, excerpt};
 use std::io;
@@ -18,23 +19,6 @@ pub(crate) struct OpenChunk {
     pub(crate) end: u64,
     /// Whether it was cut short, so that its last record may be too.
     pub(crate) torn: bool,
-}
-
-/// A message found, as numbers.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Place {
-    pub(crate) id: u32,
-    pub(crate) head: record::MessageHead,
-    pub(crate) offset_bytes: u64,
-    pub(crate) data_at: u64,
-    pub(crate) data_bytes: usize,
-    pub(crate) in_memory: bool,
-}
-
-pub(crate) enum Step {
-    Message(Place),
-    GoOn,
-    End,
 }
 
 /// The record at which a chunk stands, and the chunk as it is then; none at its end or where the way is lost.
@@ -89,5 +73,13 @@ pub(crate) fn message(
     };
     let data_at = record.body_at() + record::MESSAGE_HEAD_BYTES;
     let data_bytes = (record.length - record::MESSAGE_HEAD_BYTES) as usize;
-    Ok(Step::Message(Place { id, head, offset_bytes, data_at, data_bytes, in_memory }))
+    Ok(Step::Message(Place {
+        id,
+        log_stamp: head.log_stamp,
+        publish_stamp: Some(head.publish_stamp),
+        offset_bytes,
+        data_at,
+        data_bytes,
+        in_memory,
+    }))
 }
