@@ -88,6 +88,10 @@ suite-loops *args: release
 suite-look-alike *args: release
     {{mapwright}} suite look-alike -o {{figures}}/suite {{args}}
 
+# 50 office floors with people in them: the error
+suite-offices *args: release
+    {{mapwright}} suite offices -o {{figures}}/suite {{args}}
+
 # 100 robots carried away: noticed, written while lost, home found
 suite-kidnapped *args: release
     {{mapwright}} suite kidnapped -o {{figures}}/suite {{args}}

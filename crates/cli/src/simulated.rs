@@ -4,13 +4,29 @@ use crate::closures::taken_back;
 use crate::failure::Failure;
 use mapwright::{Edge, EdgeKind, Mapper, Pose2, Settings, Stamp, Update};
 use mapwright_eval::{Alignment, EvalError, PosePair, ate_of_pairs};
-use mapwright_sim::{Drive, Event};
+use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
 
 /// A match to a keyframe with more way than this between has closed a loop, metres.
 pub(crate) const CLOSING_FROM_M: f64 = 20.0;
 /// What is right lies within this of the truth, metres and degrees.
 pub(crate) const RIGHT_M: f64 = 0.3;
 pub(crate) const RIGHT_DEG: f64 = 3.0;
+
+/// People on an office floor.
+pub(crate) const PEOPLE: usize = 6;
+
+/// A robot with a laser as they are sold, through a floor with people in it.
+pub(crate) fn office(seed: u64, people: usize) -> Drive {
+    let site = worlds::office_floor(seed).with_people(people, seed);
+    let laser = LaserSettings {
+        range_sigma_m: 0.015,
+        no_return_probability: 0.001,
+        random_reading_probability: 1e-4,
+        quantum_m: 0.01,
+        ..LaserSettings::default()
+    };
+    Drive::new(site.into(), DriveSettings { laser, seed, ..DriveSettings::default() })
+}
 
 /// A mapped drive.
 pub(crate) struct Simulated {

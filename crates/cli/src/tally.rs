@@ -161,6 +161,7 @@ impl Tally {
             "too_near": self.beams.too_near,
             "not_a_number": self.beams.not_a_number,
             "isolated": self.beams.isolated,
+            "moving": self.beams.moving,
             "refused": self.beams.refused,
         })
     }

@@ -22,9 +22,9 @@ const MOVES_A_SCAN: usize = 16;
 /// Rounds of following that bring the surroundings of a robot into the live map that was found elsewhere.
 const ARRIVAL_STEPS: usize = 400;
 /// Half a keyframe more is drawn a scan for so many that are due,
-const BACKLOG: usize = 256;
+const BACKLOG: usize = 64;
 /// and so many halves at most.
-const HALVES_AT_MOST: usize = 4;
+const HALVES_AT_MOST: usize = 8;
 
 /// What the live map consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

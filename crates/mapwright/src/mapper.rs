@@ -12,6 +12,7 @@ use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
 use mapwright_grid::{CorrelativeSearch, CountGrid, LiveMap, Matcher, MatcherSettings};
 use mapwright_record::{Candidate, Edge, Keyframe, KeyframeId, Status, Update};
 use mapwright_sensor::{BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
+use movers::{Movers, Place};
 use nalgebra::{Matrix3, Vector3};
 use relocation::{Broken, Lost};
 use rustc_hash::FxHashSet;
@@ -21,6 +22,7 @@ use sweep_motion::RecentOdometry;
 mod correction;
 mod guard;
 mod insert;
+mod movers;
 mod relocation;
 mod sweep_motion;
 
@@ -96,6 +98,7 @@ pub struct Mapper {
     /// Covariance of the newest keyframe relative to the anchor.
     keyframe_from_anchor: Cov3,
     recent_odometry: RecentOdometry,
+    movers: Movers,
     sweep: Option<Sweep>,
     table: BeamTable,
     points: SweepPoints,
@@ -172,6 +175,7 @@ impl Mapper {
             anchor: None,
             keyframe_from_anchor: Cov3::zeros(),
             recent_odometry: RecentOdometry::default(),
+            movers: Movers::default(),
             sweep: None,
             table: BeamTable::default(),
             points: SweepPoints::default(),
@@ -251,6 +255,17 @@ impl Mapper {
             beams.returns -= beams.isolated;
         }
         self.points.fill(sweep, &mut self.table, self.settings.scan.free_range_m);
+        if self.settings.scan.drop_moving && step.from_odometry && !self.predictor.doubts_odometry() {
+            let place = Place {
+                local_from_robot: self.local_from_robot * step.last_from_robot,
+                odom_from_robot: self.odom_from_robot * step.last_from_robot,
+            };
+            beams.moving = self.movers.drop_from(sweep, &self.points, scan.stamp, place);
+            if beams.moving > 0 {
+                beams.returns -= beams.moving;
+                self.points.fill(sweep, &mut self.table, self.settings.scan.free_range_m);
+            }
+        }
         self.thinned.clear();
         let every = self.points.hits.len().div_ceil(MATCH_BEAMS);
         if every > 1 {
@@ -286,6 +301,12 @@ impl Mapper {
         let moved = before.between(self.local_from_robot);
         self.predictor.settle(scan.stamp, odom, moved, tracking);
         self.odom_from_robot = self.odom_from_robot * step.last_from_robot;
+        if self.lost_scans > 0 {
+            self.movers.forget();
+        } else {
+            let place = Place { local_from_robot: self.local_from_robot, odom_from_robot: self.odom_from_robot };
+            self.movers.remember(&scan.laser, scan.stamp, place);
+        }
     }
 
     /// Makes `anchor` the keyframe that covariances are relative to.

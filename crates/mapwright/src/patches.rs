@@ -23,6 +23,11 @@ const ROTATION_STEP_M: f64 = 0.05;
 const ROTATION_POWER: f64 = 0.75;
 /// Patches up to this distance from the robot are judged, metres.
 const REACH_M: f64 = 20.0;
+/// A patch that was matched against on so much way is held, metres; until so much it may be so many times as uncertain as one
+/// that is let in.
+const HELD_M: f64 = 20.0;
+const LEAVING_M: f64 = 80.0;
+const LEAVING: f64 = 1.5;
 /// The graph is searched anew after so much travel, metres,
 const SEARCH_EVERY_M: f64 = 1.0;
 /// so many links a scan,
@@ -50,8 +55,8 @@ struct Patch {
     /// Relative to where the search `round` started; none before the first one.
     searched: Option<Uncertainty>,
     round: u32,
-    /// The last search that ended with the robot near it.
-    near: u32,
+    /// How long the robot's way was when it was last there or matched against it, metres.
+    used_m: f64,
     /// Its keyframes that may be drawn.
     views: Vec<u32>,
 }
@@ -84,6 +89,8 @@ pub(crate) struct Patches {
     /// Links of the next keyframe.
     links: Vec<(u32, Uncertainty)>,
     lever_m: f64,
+    /// Length of the robot's way, metres.
+    way_m: f64,
     round: u32,
     /// The last search that has ended.
     judged: u32,
@@ -111,8 +118,10 @@ impl Patches {
             let Member { patch, uncertainty } = self.members[from as usize];
             let step_m = distance2(position(poses[from as usize]), at).sqrt();
             links.push((patch, uncertainty.then(link, step_m)));
+            self.patches[patch as usize].used_m = self.way_m;
             if from + 1 == node {
                 chained = true;
+                self.way_m += step_m;
                 self.since_searched = self.since_searched.then(link, step_m);
                 self.since_started = self.since_started.then(link, step_m);
             }
@@ -120,10 +129,13 @@ impl Patches {
         if node > 0 && !chained {
             // The way is broken: what was known relative to the robot no longer is.
             (self.searching, self.judged, self.searched_from) = (false, self.round + 1, [f64::INFINITY; 2]);
+            self.way_m += LEAVING_M;
         }
         let member = self.joined(at, &links).unwrap_or_else(|| Member { patch: self.begin(node, at), ..Member::NONE });
         self.members.push(member);
-        self.patches[member.patch as usize].views.push(node);
+        let Patch { views, used_m, .. } = &mut self.patches[member.patch as usize];
+        views.push(node);
+        *used_m = self.way_m;
         for (patch, link) in links {
             self.link(patch, member, link, at);
         }
@@ -195,8 +207,8 @@ impl Patches {
     }
 
     fn begin(&mut self, first: u32, at: [f64; 2]) -> u32 {
-        let (round, near, views) = (self.round, self.round, Vec::new());
-        self.patches.push(Patch { first, at, live: true, searched: None, round, near, views });
+        let (round, used_m, views) = (self.round, self.way_m, Vec::new());
+        self.patches.push(Patch { first, at, live: true, searched: None, round, used_m, views });
         self.whole.add_node(at);
         let patch = self.graph.add_node(at);
         self.buckets.entry(bucket(at)).or_default().push(patch);
@@ -244,7 +256,6 @@ impl Patches {
             let distance2 = distance2(patch.at, at);
             let near = distance2 <= REACH_M * REACH_M;
             if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m {
-                patch.near = self.round;
                 flips.push(Flip { patch: reached.node, live: true, distance2 });
             }
         }
@@ -252,9 +263,12 @@ impl Patches {
         self.each_live_within(at, REACH_M, |patch, distance2| near.push((patch, distance2)));
         for (number, distance2) in near {
             let patch = &mut self.patches[number as usize];
-            // Who comes back to a place has to be as certain as to be let in.
-            let most_m = if patch.near + 1 >= self.round { out_m } else { in_m };
-            patch.near = self.round;
+            // What has not been matched against for a while has to be as certain as to be let in.
+            let most_m = match self.way_m - patch.used_m {
+                unused_m if unused_m <= HELD_M => out_m,
+                unused_m if unused_m <= LEAVING_M => LEAVING * in_m,
+                _ => in_m,
+            };
             if patch.round != self.round || patch.searched.is_some_and(|known| known.sigma_m(self.lever_m) > most_m) {
                 flips.push(Flip { patch: number, live: false, distance2 });
             }

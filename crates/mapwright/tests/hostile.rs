@@ -20,7 +20,8 @@ fn check(mapper: &mut Mapper, scan: &LaserScan) {
     assert!(pose.is_finite() && pose.x.abs() <= FARTHEST_M && pose.y.abs() <= FARTHEST_M, "{pose:?}");
     assert!(mapper.keyframes().len() >= keyframes);
     let counts = update.beams;
-    let beams = counts.returns + counts.no_return + counts.too_near + counts.not_a_number + counts.isolated;
+    let beams =
+        counts.returns + counts.no_return + counts.too_near + counts.not_a_number + counts.isolated + counts.moving;
     let beams = beams + counts.refused;
     assert_eq!(beams as usize, scan.ranges_m.len());
 }

@@ -24,6 +24,8 @@ pub struct BeamCounts {
     pub not_a_number: u32,
     /// Returns without a neighbour at their range, from a laser with many of them: see [`Sweep::drop_isolated`].
     pub isolated: u32,
+    /// Returns from things that move.
+    pub moving: u32,
 }
 
 impl BeamCounts {
@@ -34,6 +36,7 @@ impl BeamCounts {
         self.too_near = self.too_near.saturating_add(other.too_near);
         self.not_a_number = self.not_a_number.saturating_add(other.not_a_number);
         self.isolated = self.isolated.saturating_add(other.isolated);
+        self.moving = self.moving.saturating_add(other.moving);
         self.refused = self.refused.saturating_add(other.refused);
     }
 }

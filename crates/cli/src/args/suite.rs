@@ -47,6 +47,11 @@ pub(crate) enum Suite {
     /// scans that say tracking at a wrong pose, from 5 s after being put down until located. Floors: 95 % noticed, 95 %
     /// home, nothing written, nothing wrong.
     Kidnapped(WorldsArgs),
+    /// Office floors with people who walk along with the robot and in its way: the trajectory's error.
+    ///
+    /// A world is `worlds::office_floor(seed)` with that many people, as `mapwright demo` has it. ATE is that of all scans,
+    /// aligned rigidly, rmse. Floor: ATE at most 0.05 m in every world.
+    Offices(OfficesArgs),
     /// A real log with noise on every increment of odometry, scored against surveyed relations.
     ///
     /// Translation and rotation of each increment are multiplied by `1 + N(0, amount)` each, anew for every seed. The
@@ -72,7 +77,7 @@ pub(crate) struct RunArgs {
 
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct WorldsArgs {
-    /// How many seeds; by default those that the floors are for: 50 loops, 200 look-alikes, 100 kidnappings.
+    /// How many seeds; by default those that the floors are for: 50 loops, 200 look-alikes, 100 kidnappings, 50 offices.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) worlds: Option<u32>,
     #[command(flatten)]
@@ -84,6 +89,15 @@ pub(crate) struct LoopsArgs {
     /// Length of each loop, metres.
     #[arg(long, value_name = "M", default_value_t = 500.0, value_parser = parse_length)]
     pub(crate) length: f64,
+    #[command(flatten)]
+    pub(crate) worlds: WorldsArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct OfficesArgs {
+    /// People on each floor.
+    #[arg(long, value_name = "N", default_value_t = crate::simulated::PEOPLE as u32, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub(crate) people: u32,
     #[command(flatten)]
     pub(crate) worlds: WorldsArgs,
 }

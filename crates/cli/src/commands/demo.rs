@@ -8,14 +8,14 @@ use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::report;
+use crate::simulated::{PEOPLE, office};
 use crate::terminal::{say, say_json};
 use mapwright::Pose2;
 use mapwright_eval::{Alignment, Ate, Relation, RelationReport, StampedPose, ate, relation_errors};
 use mapwright_formats::TumWriter;
-use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
+use mapwright_sim::Event;
 use serde_json::{Value, json};
 
-const PEOPLE: usize = 6;
 /// The truth is compared over pairs of scans: so many scans apart, and wherever the robot comes back.
 const STEP_SCANS: usize = 50;
 /// A place is met again within this distance, metres, and after this time, seconds.
@@ -35,7 +35,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     let name = format!("simulated office floor, seed {}", args.seed);
     let mut mapping = Mapping::begin(&mapping_args, output, None)?;
     let mut truth = Vec::new();
-    for event in drive(args.seed) {
+    for event in office(args.seed, PEOPLE) {
         match event {
             Event::Odometry(odometry) => mapping.add_odometry(&odometry),
             Event::Scan(scan) => {
@@ -49,19 +49,6 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     }
     mapping.end_of_scans();
     finish(args, &name, mapping, &truth, interrupt.came())
-}
-
-/// A robot with a laser as they are sold, through a floor with people in it.
-fn drive(seed: u64) -> Drive {
-    let site = worlds::office_floor(seed).with_people(PEOPLE, seed);
-    let laser = LaserSettings {
-        range_sigma_m: 0.015,
-        no_return_probability: 0.001,
-        random_reading_probability: 1e-4,
-        quantum_m: 0.01,
-        ..LaserSettings::default()
-    };
-    Drive::new(site.into(), DriveSettings { laser, seed, ..DriveSettings::default() })
 }
 
 fn finish(

@@ -4,7 +4,7 @@ use super::Mapper;
 use crate::motion::Step;
 use crate::settings::Optimizer;
 use mapwright_geom::{Cov3, Pose2};
-use mapwright_grid::{Agreement, MatchResult, Prior, SearchWindow};
+use mapwright_grid::{Agreement, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow};
 use mapwright_record::{MatchReport, Status};
 use nalgebra::Matrix3;
 
@@ -39,8 +39,8 @@ const WEAK_SHARE: f64 = 0.01;
 /// What contradicts odometry has to fit as well as usual, up to so much: a place in a map is seldom right and odometry
 /// that far wrong where the scan fits badly there too.
 const FAR_SHARE: f64 = 0.1;
-/// A match that fits so much less than usual may have slipped.
-const SLIP_SHARE: f64 = 0.05;
+/// A match that fits so much less than usual may have been led astray, or have slipped.
+const FALL_SHARE: f64 = 0.05;
 /// Starts that are tried then, ahead and behind, metres.
 const SLIPS_M: [f64; 6] = [-0.45, -0.3, -0.15, 0.15, 0.3, 0.45];
 /// Standard deviation of a slip, metres; with odometry that is as good as its model none is longer.
@@ -100,6 +100,7 @@ impl Mapper {
         if tried.best.1.inlier_share() < DOUBT_SHARE {
             self.search(&prior, &mut tried);
         }
+        self.restart_finely(&prior, &mut tried);
         self.restart_nearby(&prior, &mut tried, step);
         self.restart_slipped(&mut tried);
         self.observe_share(&tried.best.1);
@@ -153,11 +154,15 @@ impl Mapper {
 
     /// A match from one start, and how the scan agrees with the map there.
     fn refine(&self, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
+        self.refine_with(&self.matcher, prior, start)
+    }
+
+    fn refine_with(&self, matcher: &Matcher, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
         let (map, hits) = (&self.live.map, self.match_points());
         let result = match self.settings.matching.optimizer {
-            Optimizer::GaussNewton => self.matcher.gauss_newton(map, hits, prior, start),
-            Optimizer::GradientAscent => self.matcher.gradient_ascent(map, hits, prior, start),
-            Optimizer::UnscaledGradientAscent => self.matcher.unscaled_gradient_ascent(map, hits, prior, start),
+            Optimizer::GaussNewton => matcher.gauss_newton(map, hits, prior, start),
+            Optimizer::GradientAscent => matcher.gradient_ascent(map, hits, prior, start),
+            Optimizer::UnscaledGradientAscent => matcher.unscaled_gradient_ascent(map, hits, prior, start),
         };
         (result, map.agreement(hits, result.world_from_robot))
     }
@@ -173,6 +178,17 @@ impl Mapper {
         for failure in tried.failures.clone() {
             tried.restarts += 1;
             tried.offer(self.refine(&failure, failure.world_from_robot));
+        }
+    }
+
+    /// A match begins coarsely, to find its way from afar; what comes into view all at once may lead it astray then. Where it
+    /// fits less than usual it is started again without, for with sound odometry it is near.
+    fn restart_finely(&self, prior: &Prior, tried: &mut Tried) {
+        let sound = tried.from_odometry && !self.predictor.doubts_odometry();
+        if sound && self.usual_share - tried.best.1.inlier_share() > FALL_SHARE {
+            let settings = MatcherSettings { capture_sigma_m: self.matcher.settings.sigma_m, ..self.matcher.settings };
+            tried.restarts += 1;
+            tried.offer(self.refine_with(&Matcher { settings }, prior, prior.world_from_robot));
         }
     }
 
@@ -194,7 +210,7 @@ impl Mapper {
     fn restart_slipped(&mut self, tried: &mut Tried) {
         let share = tried.best.1.inlier_share();
         let drop = self.usual_share - share;
-        if drop <= SLIP_SHARE || share < DOUBT_SHARE {
+        if drop <= FALL_SHARE || share < DOUBT_SHARE {
             return;
         }
         let [variance_x, variance_y, variance_theta] = tried.prior.variances;

@@ -5,6 +5,7 @@ mod kidnapped;
 mod look_alike;
 mod loops;
 mod noise;
+mod offices;
 mod parallel;
 
 use crate::args::{RunArgs, Suite, SuiteArgs, WorldsArgs};
@@ -46,6 +47,11 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Kidnapped(args) => {
             measure(&kidnapped::Kidnapped { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
+        }
+        Suite::Offices(args) => {
+            let settings = settings_of(&args.worlds.run)?;
+            let offices = offices::Offices { people: args.people as usize, settings };
+            measure(&offices, seeds_of(&args.worlds, 50), &args.worlds.run)
         }
         Suite::Noise(args) => {
             let noise = noise::Noise::read(args, settings_of(&args.run)?)?;
