@@ -119,6 +119,9 @@ impl Changes {
     }
 }
 
+/// Bits of a coordinate within a tile, in 1/2^32 of a cell.
+const BAND: u32 = 32 + TILE_BITS;
+
 /// A beam's way over the cells: one a step along its major axis, the other coordinate in fixed point.
 struct Ray {
     major: i32,
@@ -149,15 +152,31 @@ impl Ray {
     }
 
     #[inline]
-    fn step(&mut self) {
-        self.major += self.step;
-        self.minor = self.minor.wrapping_add(self.minor_step);
+    fn step_by(&mut self, steps: u32) {
+        self.major = self.major.wrapping_add(self.step.wrapping_mul(steps as i32));
+        self.minor = self.minor.wrapping_add(self.minor_step.wrapping_mul(i64::from(steps)));
+    }
+
+    /// The present cell within its tile, to go on from.
+    #[inline]
+    fn cursor<const STEEP: bool>(&self) -> Cursor<STEEP> {
+        let major = i64::from(self.major & (TILE_SIDE - 1));
+        let minor = self.minor & ((1 << BAND) - 1);
+        if STEEP {
+            Cursor {
+                row: (major << BAND) + minor,
+                row_step: (i64::from(self.step) << BAND) + self.minor_step,
+                column: 0,
+                column_step: 0,
+            }
+        } else {
+            Cursor { row: minor, row_step: self.minor_step, column: major as i32, column_step: self.step }
+        }
     }
 
     /// How many of the next steps begin in the tile of the present cell; they count as gone.
     #[inline]
     fn steps_in_tile(&mut self) -> u32 {
-        const BAND: u32 = 32 + TILE_BITS;
         let in_tile = self.major & (TILE_SIDE - 1);
         let to_edge = if self.step > 0 { TILE_SIDE - in_tile } else { in_tile + 1 };
         let most = self.left.min(to_edge as u32);
@@ -172,6 +191,34 @@ impl Ray {
         };
         self.left -= steps;
         steps
+    }
+}
+
+/// A ray within one tile, in as few numbers as can be: a look at a cell is most of what drawing does.
+struct Cursor<const STEEP: bool> {
+    /// Row of the cell in 1/2^32; of a steep ray in 1/2^38, so that the column is in the bits between.
+    row: i64,
+    row_step: i64,
+    column: i32,
+    column_step: i32,
+}
+
+impl<const STEEP: bool> Cursor<STEEP> {
+    /// Index of the cell within the tile.
+    #[inline]
+    fn cell(&self) -> usize {
+        if STEEP {
+            (self.row >> 32) as usize & (TILE_CELLS - 1)
+        } else {
+            let row = (self.row >> (32 - TILE_BITS)) as usize & (TILE_CELLS - TILE_SIDE as usize);
+            (row | self.column as usize) & (TILE_CELLS - 1)
+        }
+    }
+
+    #[inline]
+    fn step(&mut self) {
+        self.row = self.row.wrapping_add(self.row_step);
+        self.column = self.column.wrapping_add(self.column_step);
     }
 }
 
@@ -392,22 +439,25 @@ impl CountGrid {
     ) {
         let Some(mut ray) = Ray::new(start, end) else { return };
         let delta = if change == Change::Add { 1 } else { u32::MAX };
-        // A pass can end an obstacle, and one pass less can make one of a cell with hits.
-        let may_flip = if change == Change::Add { FLAGS } else { HAS_HITS };
+        // A pass can end an obstacle, and one pass less can make one of a cell with hits: from here on, and so many.
+        let (may_flip, kinds) =
+            if change == Change::Add { (FLAGS, u32::MAX - FLAGS) } else { (HAS_HITS, OBSTACLE - 1) };
         while ray.left > 0 {
             let minor = (ray.minor >> 32) as i32;
             let tile = self.tile_number(if STEEP { tile_of(minor, ray.major) } else { tile_of(ray.major, minor) });
             let CountTile { passes, slots, .. } = &mut self.tiles[tile];
-            for _ in 0..ray.steps_in_tile() {
-                let minor = (ray.minor >> 32) as i32;
-                let in_tile = if STEEP { cell_in_tile(minor, ray.major) } else { cell_in_tile(ray.major, minor) };
+            let steps = ray.steps_in_tile();
+            let mut cursor = ray.cursor::<STEEP>();
+            for _ in 0..steps {
+                let in_tile = cursor.cell();
                 let count = passes[in_tile].wrapping_add(delta);
                 passes[in_tile] = count;
-                if LISTEN && count & FLAGS == may_flip {
+                if LISTEN && count.wrapping_sub(may_flip) <= kinds {
                     touched.push(slots[in_tile]);
                 }
-                ray.step();
+                cursor.step();
             }
+            ray.step_by(steps);
         }
     }
 

@@ -37,6 +37,28 @@ pub struct DistanceField {
     survivors: Vec<(i32, i32)>,
 }
 
+/// Look-ups that stay in a tile for a while, as those of neighbouring beams do.
+pub(crate) struct LookUps<'a> {
+    field: &'a DistanceField,
+    tile: (i32, i32),
+    number: u32,
+}
+
+impl LookUps<'_> {
+    /// As [`DistanceField::nearest`].
+    #[inline]
+    pub(crate) fn nearest(&mut self, cell_x: i32, cell_y: i32) -> u32 {
+        let tile = tile_of(cell_x, cell_y);
+        if tile != self.tile {
+            (self.tile, self.number) = (tile, self.field.index.find(tile));
+        }
+        match self.number {
+            NO_TILE => NO_OBSTACLE,
+            number => self.field.tiles[number as usize].nearest[cell_in_tile(cell_x, cell_y)],
+        }
+    }
+}
+
 impl DistanceField {
     /// An empty field that knows obstacles up to `radius_cells` away (1 to 15).
     #[must_use]
@@ -73,10 +95,15 @@ impl DistanceField {
         }
     }
 
-    /// Number of the tile that holds a cell, for look-ups of many cells of one tile.
+    /// Number of the tile.
     #[inline]
     pub(crate) fn tile_number(&self, tile: (i32, i32)) -> u32 {
         self.index.find(tile)
+    }
+
+    /// For look-ups of many cells in a row.
+    pub(crate) fn look_ups(&self) -> LookUps<'_> {
+        LookUps { field: self, tile: (i32::MIN, i32::MIN), number: NO_TILE }
     }
 
     /// Squared distance in cells to the nearest obstacle and that obstacle's cell.

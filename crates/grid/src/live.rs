@@ -208,10 +208,11 @@ impl LiveMap {
         let near2 = (2.0 * self.settings.resolution_m).powi(2);
         let mut tally = Tally::default();
         let mut agreement = Agreement::default();
+        let mut field = self.field.look_ups();
         for (k, &[px, py]) in points.iter().enumerate() {
             let (x, y) = (world_from_robot.x + c * px - s * py, world_from_robot.y + s * px + c * py);
             let (cell_x, cell_y) = (floor_cell(x * cells_per_m), floor_cell(y * cells_per_m));
-            let slot = self.field.nearest(cell_x, cell_y);
+            let slot = field.nearest(cell_x, cell_y);
             if slot != NO_OBSTACLE {
                 let surfel = &self.surfels[slot as usize];
                 if (x - surfel.x).powi(2) + (y - surfel.y).powi(2) < near2 {

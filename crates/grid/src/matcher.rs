@@ -8,9 +8,9 @@
 //! Both look a beam's obstacle up once per evaluation. A step counts only if the objective improves with every beam's
 //! obstacle assigned anew.
 
-use crate::field::NO_OBSTACLE;
+use crate::field::{LookUps, NO_OBSTACLE};
 use crate::live::LiveMap;
-use crate::tiles::{NO_TILE, cell_in_tile, floor_cell, tile_of};
+use crate::tiles::floor_cell;
 use mapwright_geom::Pose2;
 use nalgebra::{Matrix3, Vector3};
 
@@ -339,35 +339,26 @@ impl Block {
 /// One field look-up a beam.
 struct Lookup<'a> {
     map: &'a LiveMap,
+    field: LookUps<'a>,
     world_from_robot: Pose2,
     sin_cos: (f64, f64),
     cells_per_m: f64,
-    tile: (i32, i32),
-    tile_number: u32,
 }
 
 impl<'a> Lookup<'a> {
     fn new(map: &'a LiveMap, world_from_robot: Pose2, sin_cos: (f64, f64)) -> Self {
         let cells_per_m = 1.0 / map.settings.resolution_m;
-        Self { map, world_from_robot, sin_cos, cells_per_m, tile: (i32::MIN, i32::MIN), tile_number: NO_TILE }
+        Self { map, field: map.field().look_ups(), world_from_robot, sin_cos, cells_per_m }
     }
 
     fn gather(&mut self, points: &[[f64; 2]], block: &mut Block) {
         let (s, c) = self.sin_cos;
-        let (field, surfels) = (self.map.field(), self.map.surfels());
+        let surfels = self.map.surfels();
         for (k, &[px, py]) in points.iter().enumerate() {
             let (rx, ry) = (c * px - s * py, s * px + c * py);
             let (wx, wy) = (self.world_from_robot.x + rx, self.world_from_robot.y + ry);
             let (cell_x, cell_y) = (floor_cell(wx * self.cells_per_m), floor_cell(wy * self.cells_per_m));
-            if tile_of(cell_x, cell_y) != self.tile {
-                self.tile = tile_of(cell_x, cell_y);
-                self.tile_number = field.tile_number(self.tile);
-            }
-            let slot = if self.tile_number == NO_TILE {
-                NO_OBSTACLE
-            } else {
-                field.tiles[self.tile_number as usize].nearest[cell_in_tile(cell_x, cell_y)]
-            };
+            let slot = self.field.nearest(cell_x, cell_y);
             #[cfg(test)]
             tests::LOOK_UPS.set(tests::LOOK_UPS.get() + 1);
             if slot == NO_OBSTACLE {

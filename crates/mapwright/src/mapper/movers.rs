@@ -207,7 +207,7 @@ impl Bearings {
         let turns = (turned / TAU).floor();
         let beam = ((turned - turns * TAU) / self.angle_step_rad.abs() + 0.5) as usize;
         let around = beam.saturating_sub(self.around)..(beam + self.around + 1).min(self.beams);
-        (beam < self.beams).then(|| (dx.hypot(dy), around))
+        (beam < self.beams).then(|| ((dx * dx + dy * dy).sqrt(), around))
     }
 }
 
