@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail loudly")]
 
 use mapwright_geom::Pose2;
-use mapwright_graph::{Edge, Gnc, PoseGraph2, Refusal, Solution, SolverSettings, Start, Vertex, optimize};
+use mapwright_graph::{Consensus, Edge, Gnc, PoseGraph2, Refusal, Solution, SolverSettings, Start, Vertex, optimize};
 use nalgebra::{Matrix3, Vector3};
 
 const POSES: usize = 600;
@@ -120,6 +120,28 @@ fn where_false_ones_are_as_good_a_case_all_are_refused_and_odometry_is_kept() {
         assert!(
             graph.odometry().iter().zip(&solution.weights).all(|(odometry, w)| *w == f64::from(u8::from(*odometry)))
         );
+    }
+}
+
+/// Beyond ten for each true one nothing is promised, unless asked for.
+#[test]
+fn many_times_as_many_are_refused_and_odometry_is_kept() {
+    for seed in 1..4 {
+        let mut dice = Dice(seed);
+        let mut graph = drive(&mut dice);
+        add_false(&mut graph, 2000, 1, &mut dice);
+        let (mut expected, mut all_the_same) = (graph.clone(), graph.clone());
+        expected.start_from_odometry().unwrap();
+        let solution = solved(&mut graph);
+        assert!(matches!(solution.refused, Some(Refusal::Outnumbered { .. })), "{:?}", solution.refused);
+        for (found, odometry) in graph.vertices.iter().zip(&expected.vertices) {
+            assert!(found.world_from_vertex.distance(odometry.world_from_vertex) < 1e-6);
+        }
+        let consensus = Some(Consensus { most_doubted: f64::INFINITY, ..Consensus::default() });
+        let robust = Some(Gnc { consensus, ..Gnc::default() });
+        let settings = SolverSettings { start: Start::Odometry, robust, ..SolverSettings::default() };
+        assert_eq!(optimize(&mut all_the_same, &settings).unwrap().refused, None);
+        assert!(error(&all_the_same) < 0.5 * error(&graph), "{} {}", error(&all_the_same), error(&graph));
     }
 }
 

@@ -147,6 +147,10 @@ fn refusal_in_words(refusal: &Refusal) -> String {
         Refusal::Rivals { believed, rivals } => {
             format!("{} agree with each other against {} that do", closures(*rivals), grouped(*believed as u64))
         }
+        Refusal::Outnumbered { believed, doubted } => {
+            let believed = grouped(*believed as u64);
+            format!("{} are doubted and {believed} believed, of which some may be accidents", closures(*doubted))
+        }
         Refusal::Chance { believed, expected } => {
             format!("{} agree, of random ones {expected:.0} would", closures(*believed))
         }

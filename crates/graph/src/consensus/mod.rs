@@ -27,11 +27,14 @@ pub struct Consensus {
     pub max_rounds: usize,
     /// Refuses where those that agree with each other but not with what is believed are more than this share of the believed.
     pub largest_rival: f64,
+    /// Refuses where more than this many are doubted for each that is believed; infinity never does. Up to ten false ones
+    /// for each true one were found to do no harm; of thirty some may be believed.
+    pub most_doubted: f64,
 }
 
 impl Default for Consensus {
     fn default() -> Self {
-        Self { neighbourhood: 8, max_rounds: 40, largest_rival: 0.7 }
+        Self { neighbourhood: 8, max_rounds: 40, largest_rival: 0.7, most_doubted: 12.0 }
     }
 }
 
@@ -47,6 +50,13 @@ pub enum Refusal {
         believed: usize,
         /// Closures that agree with each other against them.
         rivals: usize,
+    },
+    /// So many are doubted that some of the believed ones may be accidents.
+    Outnumbered {
+        /// Closures believed.
+        believed: usize,
+        /// Closures that are not.
+        doubted: usize,
     },
     /// So many agree by chance.
     Chance {
@@ -338,6 +348,10 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         let rivals = self.rivals();
         if rivals as f64 > self.settings.largest_rival * believed as f64 {
             return Some(Refusal::Rivals { believed, rivals });
+        }
+        let doubted = self.closures.len() - believed;
+        if doubted as f64 > self.settings.most_doubted * believed as f64 {
+            return Some(Refusal::Outnumbered { believed, doubted });
         }
         if (believed as f64) < 2.0 * self.by_chance {
             return Some(Refusal::Chance { believed, expected: self.by_chance });
