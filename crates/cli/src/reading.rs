@@ -139,6 +139,7 @@ fn recording_json(report: &RecordingReport) -> Value {
     value["used"] = plan_json(&report.plan);
     value["scans"] = json!(stream.scans);
     value["odometry"] = json!(stream.odometry);
+    value["turn_rates"] = json!(stream.turn_rates);
     value["undecodable"] = refused_json(&stream.undecodable);
     value["unusable"] = refused_json(&stream.unusable);
     value["late"] = noted_json(&stream.late);

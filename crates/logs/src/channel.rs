@@ -1,7 +1,7 @@
 //! From a recording's connections to decoders of its messages.
 
 use mapwright_bags::{Connection, DefinitionFormat, Encoding};
-use mapwright_ros::messages::{Kind, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, TfMessage};
+use mapwright_ros::messages::{Imu, Kind, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, TfMessage};
 use mapwright_ros::{Channel, Decoder};
 
 /// What a topic's messages are good for.
@@ -18,6 +18,8 @@ pub enum TopicKind {
     Odometry,
     /// `tf2_msgs/TFMessage`.
     Transforms,
+    /// `sensor_msgs/Imu`.
+    Imu,
     /// Anything else.
     Other,
 }
@@ -32,6 +34,7 @@ impl TopicKind {
             name if PointCloud2::is(name) => Self::Cloud,
             name if Odometry::is(name) => Self::Odometry,
             name if TfMessage::is(name) => Self::Transforms,
+            name if Imu::is(name) => Self::Imu,
             _ => Self::Other,
         }
     }
@@ -51,6 +54,7 @@ pub(crate) enum Messages {
     Cloud(Decoder<PointCloud2<'static>>),
     Odometry(Decoder<Odometry<'static>>),
     Transforms(Decoder<TfMessage<'static>>),
+    Imu(Decoder<Imu<'static>>),
     /// Nothing to decode, or nothing that can be: why, where it should have been.
     None(Option<String>),
 }
@@ -72,6 +76,7 @@ impl Messages {
             TopicKind::Cloud => Decoder::new(&channel).map(Self::Cloud),
             TopicKind::Odometry => Decoder::new(&channel).map(Self::Odometry),
             TopicKind::Transforms => Decoder::new(&channel).map(Self::Transforms),
+            TopicKind::Imu => Decoder::new(&channel).map(Self::Imu),
             TopicKind::Other => return Ok(Self::None(None)),
         };
         made.map_err(|error| error.to_string())

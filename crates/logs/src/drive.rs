@@ -11,7 +11,7 @@ use crate::survey::Survey;
 use mapwright_bags::BagError;
 use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, open_log};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry};
+use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::fmt;
@@ -69,6 +69,7 @@ pub struct Drive {
     chain: Chain,
     scan: LaserScan,
     odometry: Odometry,
+    turn_rate: TurnRate,
     is_begun: bool,
 }
 
@@ -76,6 +77,7 @@ pub struct Drive {
 enum Kind {
     Scan,
     Odometry,
+    TurnRate,
 }
 
 impl Drive {
@@ -112,8 +114,9 @@ impl Drive {
             parts.push_back(Part { name, reader });
         }
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
+        let turn_rate = TurnRate { stamp: Stamp(0), rad_per_s: 0.0 };
         let (chain, reports) = (Chain::default(), Vec::new());
-        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, is_begun: false })
+        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, turn_rate, is_begun: false })
     }
 
     /// The plans of the recordings that are not yet begun, with their names.
@@ -155,6 +158,7 @@ impl Drive {
         Ok(Some(match kind {
             Kind::Scan => LogEvent::Scan(&self.scan),
             Kind::Odometry => LogEvent::Odometry(&self.odometry),
+            Kind::TurnRate => LogEvent::TurnRate(&self.turn_rate),
         }))
     }
 
@@ -165,7 +169,7 @@ impl Drive {
                 self.chain.begin(&part.name);
                 self.is_begun = true;
             }
-            if let Some(kind) = part.read(&mut self.scan, &mut self.odometry)? {
+            if let Some(kind) = part.read(&mut self.scan, &mut self.odometry, &mut self.turn_rate)? {
                 self.chain(&kind);
                 return Ok(Some(kind));
             }
@@ -184,6 +188,7 @@ impl Drive {
                 let Odometry { stamp, odom_from_robot } = self.odometry;
                 self.odometry.odom_from_robot = self.chain.pose(stamp, odom_from_robot);
             }
+            Kind::TurnRate => {}
         }
     }
 
@@ -223,7 +228,12 @@ impl Part {
         LogError::Recording { name: self.name.clone(), cause }
     }
 
-    fn read(&mut self, scan: &mut LaserScan, odometry: &mut Odometry) -> Result<Option<Kind>, LogError> {
+    fn read(
+        &mut self,
+        scan: &mut LaserScan,
+        odometry: &mut Odometry,
+        turn_rate: &mut TurnRate,
+    ) -> Result<Option<Kind>, LogError> {
         let event = match &mut self.reader {
             Reader::Recording { .. } => return Ok(None),
             Reader::Stream(stream) => stream.next_event().map(|event| {
@@ -235,6 +245,10 @@ impl Part {
                     Event::Odometry(next) => {
                         *odometry = next;
                         Kind::Odometry
+                    }
+                    Event::TurnRate(next) => {
+                        *turn_rate = next;
+                        Kind::TurnRate
                     }
                 }))
             }),

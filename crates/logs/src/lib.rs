@@ -52,6 +52,7 @@ mod report;
 mod scans;
 mod stream;
 mod survey;
+mod turning;
 mod words;
 
 pub use channel::TopicKind;
@@ -63,3 +64,4 @@ pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use plan::{OdometrySource, Plan};
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
 pub use survey::{Survey, TopicSurvey};
+pub use turning::TurningSource;

@@ -162,7 +162,7 @@ impl Merger {
 
 /// When a scan is there: at the end of its sweep, so that what the wheels did during it is known; at its stamp where the
 /// beams' times are not known.
-fn end_of(scan: &LaserScan) -> Stamp {
+pub(crate) fn end_of(scan: &LaserScan) -> Stamp {
     let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
     // at most what a scan may take at all; a NaN is none
     let sweep_s = if sweep_s > 0.0 { sweep_s.min(10.0) } else { 0.0 };

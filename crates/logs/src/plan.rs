@@ -5,6 +5,7 @@ use crate::choice::{Choice, SliceBounds};
 use crate::frames::{Place, list, place};
 use crate::odometry;
 use crate::survey::{Survey, TopicSurvey, same_name};
+use crate::turning::{self, TurningSource};
 use crate::words::grouped;
 use mapwright_geom::Pose3;
 use mapwright_ros::Mounting;
@@ -60,6 +61,8 @@ pub struct Plan {
     pub sensor_frame: String,
     /// Where odometry comes from.
     pub odometry: OdometrySource,
+    /// Where turn rates come from, for the robot's motion during a sweep.
+    pub turning: Option<TurningSource>,
     /// Each decision and why: the name of what was decided, and the words.
     pub reasons: Vec<(&'static str, String)>,
     /// What had to be assumed, in words.
@@ -99,8 +102,12 @@ impl Plan {
     }
 
     /// Scans say when their beams were taken, or whether they do not.
-    fn deskew(topic: &TopicSurvey, odometry: &OdometrySource) -> String {
+    fn deskew(topic: &TopicSurvey, odometry: &OdometrySource, turning: Option<&TurningSource>) -> String {
         match (topic.kind, topic.has_times) {
+            (TopicKind::Cloud, true) if *odometry == OdometrySource::None && turning.is_some() => {
+                "undone as to turning: the points have times, and there is no odometry to say how else the robot moved"
+                    .to_owned()
+            }
             (TopicKind::Cloud, true) if *odometry == OdometrySource::None => {
                 "not undone, though the points have times: there is no odometry to say how the robot moved".to_owned()
             }
@@ -117,6 +124,7 @@ impl Plan {
 fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[String], refused: &[String]) -> Plan {
     let Candidate { topic, place, mount } = chosen;
     let found = odometry::find(survey, &place, choice);
+    let (turning, why_turning) = turning::find(survey, topic, &place, choice);
     let is_asked = choice.topics.iter().any(|name| same_name(name, &topic.name));
     let why = match (is_asked, others) {
         (true, _) => "as asked for".to_owned(),
@@ -129,8 +137,9 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         ("robot", format!("'{}', {}", place.robot_frame, place.reason)),
         ("mounting", mounting_words(topic.frame(), &place, &mount)),
         ("odometry", found.reason.clone()),
-        ("motion", Plan::deskew(topic, &found.source)),
+        ("motion", Plan::deskew(topic, &found.source, turning.as_ref())),
     ];
+    reasons.extend(why_turning.map(|why| ("turning", why)));
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
     let mut mounts = BTreeMap::from([(topic.frame().to_owned(), mount)]);
     for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
@@ -148,6 +157,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         robot_frame: place.robot_frame.clone(),
         sensor_frame: topic.frame().to_owned(),
         odometry: found.source,
+        turning,
         reasons,
         assumed: place.assumed.into_iter().chain(found.assumed).collect(),
         mounts,

@@ -29,6 +29,8 @@ pub struct StreamReport {
     pub scans: u64,
     /// Readings of odometry delivered.
     pub odometry: u64,
+    /// Turn rates delivered.
+    pub turn_rates: u64,
     /// The topics used: that of scans, then that of odometry where there is one. Places are numbers of messages.
     pub topics: Vec<TopicReport>,
     /// Messages delivered after others of a later stamp, for they came later than the window allows.

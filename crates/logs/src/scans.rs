@@ -1,6 +1,7 @@
 //! Scans out of messages.
 
 use crate::channel::Messages;
+use crate::merge::end_of;
 use crate::plan::{Mount, Plan};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{LaserScan, PointCloud2};
@@ -9,6 +10,9 @@ use mapwright_sensor::{LaserModel, LaserScan as SensorScan};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+/// Points that were taken longer after or before their cloud's stamp say nothing of its sweep, seconds.
+const LONGEST_SWEEP_S: f32 = 10.0;
 
 /// Why a message is no scan.
 #[derive(Debug)]
@@ -39,6 +43,16 @@ impl From<SensorScan> for Taken {
 }
 
 impl Taken {
+    /// The first and the last time at which a beam or a point was taken.
+    pub(crate) fn span(&self) -> (Stamp, Stamp) {
+        let (mut first_s, mut last_s) = (0.0_f32, 0.0_f32);
+        for point in self.points.iter().filter(|point| point.time_s.abs() <= LONGEST_SWEEP_S) {
+            (first_s, last_s) = (first_s.min(point.time_s), last_s.max(point.time_s));
+        }
+        let at = |s: f32| Stamp(self.scan.stamp.0.saturating_add(Stamp::from_secs_f64(f64::from(s)).0));
+        (at(first_s), at(last_s).max(end_of(&self.scan)))
+    }
+
     /// Bytes held beside the value itself.
     pub(crate) fn held_bytes(&self) -> usize {
         self.scan.ranges_m.capacity() * size_of::<f32>() + self.points.capacity() * size_of::<TimedPoint>()

@@ -2,17 +2,19 @@
 
 use crate::channel::{Decoders, Messages};
 use crate::links::{bare, stamp_or};
-use crate::merge::{Merger, Next, Turn};
+use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
 use crate::plan::{OdometrySource, Plan};
 use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
-use crate::survey::{Survey, same_name};
+use crate::survey::{Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
 use mapwright_formats::TopicReport;
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
-use mapwright_sensor::{LaserScan, Odometry};
+use mapwright_sensor::{LaserScan, Odometry, TurnRate, TurnRates};
+use nalgebra::Vector3;
+use std::collections::VecDeque;
 use std::path::Path;
 
 /// Successive odometry poses farther apart are a jump, metres.
@@ -25,6 +27,7 @@ const FARTHEST_M: f64 = 1e6;
 pub(crate) enum Event {
     Scan(LaserScan),
     Odometry(Odometry),
+    TurnRate(TurnRate),
 }
 
 /// What a connection is used for.
@@ -32,6 +35,7 @@ pub(crate) enum Event {
 enum Use {
     Scans,
     Odometry,
+    Turning,
     Nothing,
 }
 
@@ -45,6 +49,7 @@ pub(crate) struct Stream {
     decoders: Decoders,
     uses: Vec<Option<Use>>,
     merger: Merger,
+    turning: Turning,
     report: StreamReport,
     last_beams: Option<usize>,
     last_pose: Option<Pose2>,
@@ -65,6 +70,7 @@ impl Stream {
             survey,
             maker: ScanMaker::new(&plan),
             merger: Merger::new(plan.odometry != OdometrySource::None),
+            turning: Turning::default(),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),
@@ -86,8 +92,18 @@ impl Stream {
 
     pub(crate) fn next_event(&mut self) -> Result<Option<Event>, BagError> {
         loop {
+            if let Some(rate) = self.turning.next_rate() {
+                self.report.turn_rates += 1;
+                return Ok(Some(Event::TurnRate(rate)));
+            }
+            if let Some((scan, _)) = self.turning.scan.take() {
+                return Ok(Some(Event::Scan(scan)));
+            }
             match self.merger.pop(self.is_end) {
-                Some(Turn::Scan(next)) => return Ok(Some(Event::Scan(self.scan(next)))),
+                Some(Turn::Scan(next)) => {
+                    let end = next.item.span().1;
+                    self.turning.scan = Some((self.scan(next), end));
+                }
                 Some(Turn::Odometry(next)) => return Ok(Some(Event::Odometry(self.odometry(next)))),
                 None if self.is_end => return Ok(None),
                 None => self.read()?,
@@ -97,7 +113,7 @@ impl Stream {
 
     /// Takes in one more message.
     fn read(&mut self) -> Result<(), BagError> {
-        let held_bytes = self.recording.held_bytes() + self.merger.held_bytes();
+        let held_bytes = self.recording.held_bytes() + self.merger.held_bytes() + self.turning.held_bytes();
         self.report.held_bytes = self.report.held_bytes.max(held_bytes);
         let Some(message) = self.recording.next_message()? else {
             self.is_end = true;
@@ -112,6 +128,7 @@ impl Stream {
         }
         let messages = self.decoders.of(message.connection);
         let (taken, report) = match used {
+            Use::Turning => (self.turning.take(&self.plan, messages, &message), &mut self.report),
             Use::Scans => (take_scan(&mut self.maker, messages, &message, &mut self.merger, place), &mut self.report),
             _ => (take_odometry(&self.plan.odometry, messages, &message, &mut self.merger, place), &mut self.report),
         };
@@ -126,7 +143,13 @@ impl Stream {
 
     fn scan(&mut self, next: Next<Taken>) -> LaserScan {
         let Next { place, is_late, item } = next;
-        let twist_per_s = self.merger.twist_per_s(item.scan.stamp);
+        let (first, last) = item.span();
+        let turning = self.turning.rates.mean(first, last);
+        let read = self.merger.twist_per_s(item.scan.stamp);
+        let twist_per_s = turning.map_or(read, |turning| {
+            let [x, y, _] = read.unwrap_or([0.0; 3]);
+            Some([x, y, turning])
+        });
         let mut scan = self.maker.finish(item, twist_per_s);
         scan.odom_from_robot = self.merger.odom_from_robot(scan.stamp);
         let report = &mut self.report;
@@ -171,6 +194,46 @@ impl Stream {
     }
 }
 
+/// Turn rates that wait for the scan during whose sweep they were read.
+#[derive(Debug, Default)]
+struct Turning {
+    waiting: VecDeque<TurnRate>,
+    /// The newest as read.
+    rates: TurnRates,
+    /// The scan that is next, and when its sweep is over.
+    scan: Option<(LaserScan, Stamp)>,
+}
+
+impl Turning {
+    /// Those from before the end of the next scan's sweep.
+    fn next_rate(&mut self) -> Option<TurnRate> {
+        let end = self.scan.as_ref()?.1;
+        self.waiting.pop_front_if(|rate| rate.stamp <= end)
+    }
+
+    /// Whether the message had a stamp of its own.
+    fn take(&mut self, plan: &Plan, messages: &mut Messages, message: &RawMessage<'_>) -> Result<bool, Problem> {
+        let (Some(source), Messages::Imu(decoder)) = (&plan.turning, messages) else { return Ok(true) };
+        let imu = decoder.decode(message.data).map_err(|error| Problem::Undecodable(error.to_string()))?;
+        let (stamp, is_unstamped) = stamp_or(imu.header.stamp, message.log_stamp);
+        let omega = Vector3::new(imu.angular_velocity.x, imu.angular_velocity.y, imu.angular_velocity.z);
+        let rate = TurnRate { stamp, rad_per_s: omega.dot(&Vector3::from(source.up_in_sensor)) };
+        if !has_turn_rate(&imu) || !self.rates.add(rate) {
+            let found = rate.rad_per_s;
+            return Err(Problem::Unusable(format!("expected a turn rate within 100 rad/s, found {found}")));
+        }
+        if self.waiting.len() == WINDOW_MESSAGES {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back(rate);
+        Ok(!is_unstamped)
+    }
+
+    fn held_bytes(&self) -> usize {
+        self.waiting.capacity() * size_of::<TurnRate>()
+    }
+}
+
 fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &Plan) -> Use {
     let at = connection.id as usize;
     if uses.len() <= at {
@@ -185,10 +248,13 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &Plan) -> Us
             }
             OdometrySource::Transforms { .. } => kind == crate::TopicKind::Transforms,
         };
+        let is_turning = plan.turning.as_ref().is_some_and(|turning| same_name(&turning.name, &connection.topic));
         if kind == plan.kind && same_name(&plan.scans, &connection.topic) {
             Use::Scans
         } else if is_odometry {
             Use::Odometry
+        } else if is_turning && kind == crate::TopicKind::Imu {
+            Use::Turning
         } else {
             Use::Nothing
         }

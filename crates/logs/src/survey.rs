@@ -4,7 +4,7 @@ use crate::channel::{Decoders, Messages, TopicKind};
 use crate::links::{Links, bare};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_geom::Stamp;
-use mapwright_ros::messages::{Header, Odometry};
+use mapwright_ros::messages::{Header, Imu, Odometry};
 use mapwright_ros::{Cloud, RosError};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -29,7 +29,7 @@ pub struct TopicSurvey {
     pub bytes: u64,
     /// First and last time at which it was recorded.
     pub recorded: Option<(Stamp, Stamp)>,
-    /// Frames of its headers and how often each; of scans, clouds and odometry.
+    /// Frames of its headers and how often each; of scans, clouds, odometry and inertial readings.
     pub frames: BTreeMap<String, u64>,
     /// Frames that odometry moves, and how often each.
     pub child_frames: BTreeMap<String, u64>,
@@ -139,11 +139,23 @@ impl TopicSurvey {
             Messages::Transforms(decoder) => {
                 links.see(&decoder.decode(data).map_err(words)?, self.name.ends_with("tf_static"));
             }
+            Messages::Imu(decoder) => {
+                let imu = decoder.decode(data).map_err(words)?;
+                self.header(&imu.header);
+                if !has_turn_rate(&imu) {
+                    return Err("no turn rate: its covariance begins with -1".to_owned());
+                }
+            }
             Messages::None(None) => {}
             Messages::None(Some(reason)) => return Err(reason.clone()),
         }
         Ok(())
     }
+}
+
+/// By the convention of the message a covariance that begins with -1 says that there is no such reading.
+pub(crate) fn has_turn_rate(imu: &Imu<'_>) -> bool {
+    imu.angular_velocity_covariance.0[0] != -1.0
 }
 
 fn most(frames: &BTreeMap<String, u64>) -> &str {

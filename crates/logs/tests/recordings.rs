@@ -6,7 +6,7 @@ use mapwright_formats::LogEvent;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_logs::{Choice, Drive, Input, LogReport, OdometrySource, Plan, RecordingReport, Survey};
 use mapwright_ros::messages::{
-    Header, LaserEcho, LaserScan, MultiEchoLaserScan, Odometry, TfMessage, Transform, TransformStamped,
+    Header, Imu, LaserEcho, LaserScan, MultiEchoLaserScan, Odometry, TfMessage, Transform, TransformStamped,
 };
 use mapwright_ros::{Encoding as Layout, Field, encode};
 use std::fs::File;
@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 const SCAN: &str = "sensor_msgs/msg/LaserScan";
 const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+const IMU: &str = "sensor_msgs/msg/Imu";
 const TRANSFORMS: &str = "tf2_msgs/msg/TFMessage";
 
 fn ms(ms: i64) -> Stamp {
@@ -61,6 +62,28 @@ impl Recorder {
         odometry.pose.pose.position.x = x;
         odometry.pose.pose.orientation.w = 1.0;
         self.write(topic, ODOMETRY, recorded, &odometry);
+    }
+
+    fn sweep(&mut self, recorded: Stamp, stamp: Stamp, beams: usize) {
+        let ranges = vec![1.0_f32; beams];
+        let scan = LaserScan {
+            header: Header::new(stamp, "laser"),
+            angle_increment: 0.01,
+            time_increment: 0.001,
+            range_max: 9.0,
+            ranges: ranges.as_slice().into(),
+            ..Default::default()
+        };
+        self.write("/scan", SCAN, recorded, &scan);
+    }
+
+    fn imu(&mut self, topic: &str, frame: &str, stamp: Stamp, omega: [f64; 3], is_there: bool) {
+        let mut imu = Imu { header: Header::new(stamp, frame), ..Default::default() };
+        (imu.angular_velocity.x, imu.angular_velocity.y, imu.angular_velocity.z) = omega.into();
+        if !is_there {
+            imu.angular_velocity_covariance.0[0] = -1.0;
+        }
+        self.write(topic, IMU, stamp, &imu);
     }
 
     fn link(&mut self, topic: &str, stamp: Stamp, parent: &str, child: &str, x: f64) {
@@ -236,4 +259,80 @@ fn memory_does_not_depend_on_a_recordings_length() {
     let ((short_mb, short), (long_mb, long)) = (held("short.mcap", 800), held("long.mcap", 8000));
     assert!(long_mb >= 9 * short_mb, "{short_mb} and {long_mb} MiB");
     assert!(long as f64 <= 1.02 * short as f64, "{short} and {long} bytes held");
+}
+
+/// An inertial sensor that lies on its side: its x axis points up.
+fn lying(parent: &'static str, child: &'static str) -> TfMessage<'static> {
+    let mut transform = Transform::from(Pose3::identity());
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    (transform.rotation.y, transform.rotation.w) = (-half, half);
+    let header = Header::new(ms(0), parent);
+    TfMessage { transforms: vec![TransformStamped { header, child_frame_id: child.into(), transform }] }
+}
+
+#[test]
+fn turn_rates_come_before_the_scan_in_whose_sweep_they_were_read() {
+    let mut recorder = Recorder::new("imu.mcap");
+    recorder.link("/tf_static", ms(0), "base_link", "laser", 0.1);
+    recorder.write("/tf_static", TRANSFORMS, ms(0), &lying("base_link", "imu"));
+    for k in 0..30 {
+        recorder.imu("/imu", "imu", ms(10 * k), [0.1 * k as f64, 5.0, 7.0], true);
+        recorder.imu("/tilted", "elsewhere", ms(10 * k), [0.0; 3], true);
+        if k % 10 == 9 {
+            recorder.sweep(ms(10 * k + 5), ms(10 * k - 90), 90);
+        }
+    }
+    recorder.imu("/imu", "imu", ms(301), [f64::NAN; 3], true);
+    recorder.imu("/imu", "imu", ms(302), [1.0; 3], false);
+    let path = recorder.finish();
+    let found = plan(&path).unwrap();
+    let turning = found.turning.as_ref().unwrap();
+    assert_eq!(turning.name, "/imu");
+    assert!(turning.up_in_sensor.iter().zip([1.0, 0.0, 0.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{turning:?}");
+    assert!(found.reasons.iter().any(|(what, why)| *what == "turning" && why.contains("/imu (31 messages)")));
+    let mut drive = Drive::open(vec![("log".to_owned(), Input::Recording(path))], &Choice::default()).unwrap();
+    let (mut order, mut rates) = (Vec::new(), Vec::new());
+    while let Some(event) = drive.next_event().unwrap() {
+        match event {
+            LogEvent::Scan(scan) => order.push((rates.len(), scan.stamp)),
+            LogEvent::TurnRate(rate) => rates.push(*rate),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(order, [(10, ms(0)), (20, ms(100)), (30, ms(200))]);
+    assert!(rates.iter().enumerate().all(|(k, rate)| (rate.rad_per_s - 0.1 * k as f64).abs() < 1e-9), "{rates:?}");
+    match drive.into_reports().pop() {
+        Some((_, LogReport::Recording(report))) => {
+            assert_eq!((report.stream.turn_rates, report.stream.unusable.count), (30, 2));
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_gyroscope_that_nothing_places_or_nobody_needs_is_not_used() {
+    for (name, placed, sweeps, why) in [
+        ("unplaced.mcap", false, true, "nothing says how 'imu' sits on 'base_link'"),
+        ("at_once.mcap", true, false, "all beams count as taken at once"),
+        ("both.mcap", true, true, "says how the robot turned"),
+    ] {
+        let mut recorder = Recorder::new(name);
+        recorder.link("/tf_static", ms(0), "base_link", "laser", 0.1);
+        if placed {
+            recorder.write("/tf_static", TRANSFORMS, ms(0), &lying("base_link", "imu"));
+        }
+        recorder.imu("/imu", "imu", ms(5), [1.0; 3], true);
+        if sweeps {
+            recorder.sweep(ms(100), ms(0), 90);
+        } else {
+            recorder.scan(ms(100), ms(0), &[1.0; 90]);
+        }
+        let plan = plan(&recorder.finish()).unwrap();
+        assert_eq!(plan.turning.is_some(), placed && sweeps, "{name}");
+        assert!(
+            plan.reasons.iter().any(|(what, words)| *what == "turning" && words.contains(why)),
+            "{:?}",
+            plan.reasons
+        );
+    }
 }

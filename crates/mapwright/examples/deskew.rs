@@ -13,12 +13,12 @@ use turns::{Deskew, Errors, turning};
 fn main() -> Result<(), Box<dyn Error>> {
     let seeds: u64 = std::env::args().nth(1).map_or(Ok(4), |text| text.parse())?;
     println!(
-        "turns  wheels   undone as read      carried on          not undone          all beams at once   (ATE mean, worst; heading)"
+        "turns  wheels   with a gyroscope    undone as read      carried on          not undone          all beams at once   (ATE mean, worst; heading)"
     );
     for (wheels, rad_per_s) in [0.1, 1.0].into_iter().flat_map(|wheels| [1.0, 2.0, 3.0, 4.0].map(|rate| (wheels, rate)))
     {
         let mut line = format!("{rad_per_s:.0} rad/s x{wheels:<4}");
-        for deskew in [Deskew::On, Deskew::CarriedOn, Deskew::Off, Deskew::NotNeeded] {
+        for deskew in [Deskew::Gyroscope, Deskew::On, Deskew::CarriedOn, Deskew::Off, Deskew::NotNeeded] {
             let runs: Result<Vec<_>, _> = (0..seeds).map(|seed| turning(rad_per_s, wheels, seed, deskew)).collect();
             line += &in_words(&runs?);
         }

@@ -42,7 +42,7 @@ pub use mapwright_record::{
     Candidate, Detection, Edge, EdgeKind, Evidence, Keyframe, KeyframeId, MatchReport, Objection, Status, Update,
     Verdict,
 };
-pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep};
+pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use probe::{NoProbe, Probe, Stage};
 pub use render::GlobalMap;
 pub use settings::{

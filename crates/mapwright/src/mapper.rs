@@ -11,7 +11,7 @@ use guard::Matched;
 use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
 use mapwright_grid::{CorrelativeSearch, CountGrid, LiveMap, Matcher, MatcherSettings};
 use mapwright_record::{Candidate, Edge, Keyframe, KeyframeId, Status, Update};
-use mapwright_sensor::{BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints};
+use mapwright_sensor::{BeamCounts, BeamTable, LaserScan, Odometry, Sweep, SweepPoints, TurnRate, TurnRates};
 use movers::{Movers, Place};
 use nalgebra::{Matrix3, Vector3};
 use relocation::{Broken, Lost};
@@ -98,6 +98,7 @@ pub struct Mapper {
     /// Covariance of the newest keyframe relative to the anchor.
     keyframe_from_anchor: Cov3,
     recent_odometry: RecentOdometry,
+    turn_rates: TurnRates,
     movers: Movers,
     sweep: Option<Sweep>,
     table: BeamTable,
@@ -175,6 +176,7 @@ impl Mapper {
             anchor: None,
             keyframe_from_anchor: Cov3::zeros(),
             recent_odometry: RecentOdometry::default(),
+            turn_rates: TurnRates::default(),
             movers: Movers::default(),
             sweep: None,
             table: BeamTable::default(),
@@ -198,6 +200,12 @@ impl Mapper {
         if odometry.odom_from_robot.is_finite() {
             self.recent_odometry.add(*odometry);
         }
+    }
+
+    /// Remembers a reading of a gyroscope, for the robot's motion during a sweep: hand in what was read during it before its
+    /// scan. False where it is no rate that a robot can have; it is left out then.
+    pub fn add_turn_rate(&mut self, rate: &TurnRate) -> bool {
+        self.turn_rates.add(*rate)
     }
 
     /// One scan through the pipeline.

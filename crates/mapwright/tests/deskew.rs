@@ -16,3 +16,12 @@ fn undoing_the_sweeps_motion_pays_in_fast_turns() {
     assert!(on.heading_deg < 0.1 * off.heading_deg);
     assert!(on.heading_deg < 0.5 * carried_on.heading_deg && carried_on.heading_deg < 0.5 * off.heading_deg);
 }
+
+/// Wheels that slip in a turn shape the sweep wrongly; a gyroscope does not.
+#[test]
+fn a_gyroscope_says_how_the_robot_turned() {
+    let of = |deskew| turning(3.0, 1.0, 1, deskew).expect("defaults are valid");
+    let [wheels, gyroscope] = [Deskew::On, Deskew::Gyroscope].map(of);
+    println!("by the wheels {wheels:?}, by a gyroscope {gyroscope:?}");
+    assert!(gyroscope.heading_deg < 0.5 * wheels.heading_deg && gyroscope.position_m < 0.7 * wheels.position_m);
+}

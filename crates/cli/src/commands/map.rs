@@ -25,6 +25,10 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
             mapping.add_odometry(odometry);
             Ok(())
         }
+        LogEvent::TurnRate(rate) => {
+            mapping.mapper.add_turn_rate(rate);
+            Ok(())
+        }
         _ => Ok(()),
     })?;
     mapping.end_of_scans();

@@ -8,7 +8,7 @@ use crate::error::FormatError;
 use crate::lines::{Excerpt, Line, LineReader};
 use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry};
+use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::io::Read;
 use std::sync::Arc;
 
@@ -23,6 +23,8 @@ pub enum LogEvent<'a> {
     Scan(&'a LaserScan),
     /// A reading of the wheels.
     Odometry(&'a Odometry),
+    /// A reading of a gyroscope; CARMEN logs have none.
+    TurnRate(&'a TurnRate),
 }
 
 /// Reads a CARMEN log line by line, with bounded memory and no allocation per line.

@@ -47,7 +47,7 @@ impl Mapper {
     /// The robot's twist per second during the sweep, which begins at the scan's stamp.
     ///
     /// A scan arrives when its sweep is over, and the wheels have been read on the way: then they say it. Otherwise the
-    /// motion since the last scan is carried on.
+    /// motion since the last scan is carried on. Turning is what a gyroscope says, where one was read on the way.
     pub(super) fn sweep_twist(&self, scan: &LaserScan, step: Step) -> [f64; 3] {
         let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
         // beams that are taken at once, or in an order that nobody knows
@@ -55,7 +55,9 @@ impl Mapper {
             return [0.0; 3];
         }
         let read = if step.from_odometry { self.twist_read(scan, sweep_s) } else { None };
-        let twist = read.unwrap_or_else(|| self.predictor.twist(scan.stamp, step));
+        let [x, y, turning] = read.unwrap_or_else(|| self.predictor.twist(scan.stamp, step));
+        let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
+        let twist = [x, y, self.turn_rates.mean(scan.stamp, end).unwrap_or(turning)];
         let credible =
             twist[0].hypot(twist[1]) * sweep_s <= SWEEP_MOTION_M && twist[2].abs() * sweep_s <= SWEEP_TURN_RAD;
         if credible { twist } else { [0.0; 3] }
