@@ -21,6 +21,8 @@ const FULL_SCORE: u32 = 255;
 const LEAST_SCORE: f64 = 0.75;
 /// Half a turn counts as so many metres where the nearest view is looked for: what matters is to have looked the same way.
 const HALF_TURN_M: f64 = 1.5;
+/// Two obstacles are one within such a squared distance, cells.
+const ON_OBSTACLE_CELLS2: u32 = 9;
 /// Views on either side of one at most.
 const VIEWS_AT_MOST: usize = 40;
 
@@ -106,6 +108,20 @@ impl Atlas {
         };
         let away_m: Vec<f64> = self.views.iter().map(away_m).collect();
         (0..away_m.len()).min_by(|&a, &b| away_m[a].total_cmp(&away_m[b]))
+    }
+
+    /// Share of another map's obstacles that stand on obstacles of this one, where the other lies in it as stated.
+    #[must_use]
+    pub fn share_of(&self, other: &Self, map_from_other: Pose2) -> f64 {
+        let side_m = self.map.settings.resolution_m;
+        let (mut all, mut known) = (0_u32, 0_u32);
+        for cell in other.map.field().obstacles() {
+            let [x, y] = <[i32; 2]>::from(cell).map(|at| (f64::from(at) + 0.5) * other.map.settings.resolution_m);
+            let [x, y] = map_from_other.transform([x, y]).map(|m| (m / side_m).floor() as i32);
+            all += 1;
+            known += u32::from(self.map.field().nearest_cell(x, y).is_some_and(|(d2, _)| d2 <= ON_OBSTACLE_CELLS2));
+        }
+        if all == 0 { 0.0 } else { f64::from(known) / f64::from(all) }
     }
 
     /// Pose of a view in the map.
@@ -213,6 +229,25 @@ mod tests {
         let mut errors_m = [best, found[0]].map(|s| (away * here).distance(s.map_from_query));
         errors_m.sort_by(f64::total_cmp);
         assert!(errors_m[0] < 0.15 && (errors_m[1] - (away * here).distance(here)).abs() < 0.3, "{errors_m:?}");
+    }
+
+    #[test]
+    fn the_share_that_is_known_is_that_of_the_way_shared() {
+        let views = drive();
+        let moved = Pose2::new(3.0, -2.0, 0.7);
+        let part = |range: std::ops::Range<usize>| {
+            let view = |view: &View| View {
+                sweep: view.sweep.clone(),
+                submap_from_keyframe: moved.inverse() * view.submap_from_keyframe,
+            };
+            Atlas::new(views[range].iter().map(view).collect(), &SUBMAPS)
+        };
+        let known = Atlas::new(views[..60].to_vec(), &SUBMAPS);
+        let [inside, partly, outside] = [20..40, 40..90, 60..120].map(|range| known.share_of(&part(range), moved));
+        assert!(inside > 0.95 && partly < inside && outside < partly, "{inside} {partly} {outside}");
+        let away = Pose2::new(500.0, 0.0, 0.0) * moved;
+        assert!(known.share_of(&part(20..40), away) == 0.0);
+        assert!(known.share_of(&Atlas::new(Vec::new(), &SUBMAPS), moved) == 0.0);
     }
 
     #[test]

@@ -33,6 +33,10 @@ const COMMON_SHARE: f64 = 0.93;
 /// unless it is where the robot is, metres.
 const RETURNED_M: f64 = 1.5;
 
+/// Of what a robot has seen on its way from unknown ground little is known; where it has seen more than this share of what is
+/// known, it would have been found there before, unless it never left known ground.
+const KNOWN_BEFORE: std::ops::Range<f64> = 0.33..0.9;
+
 /// A place, and how what was seen fits there.
 #[derive(Debug, Clone)]
 pub(crate) struct Place {
@@ -69,7 +73,7 @@ impl Look<'_> {
             finding.objection = Some(Objection::Contradiction);
         }
         let mut rivals = Some(Vec::new());
-        if finding.objection.is_none() && self.is_common(best) {
+        if finding.objection.is_none() && self.is_unlikely(best) {
             finding.objection = Some(Objection::Ambiguous);
             return Some(Place { from: self.ground.nodes[view], finding, rivals, whole: false, common: true });
         } else if finding.objection.is_none() {
@@ -83,18 +87,21 @@ impl Look<'_> {
         Some(Place { from: self.ground.nodes[view], finding, rivals, whole: self.whole, common: false })
     }
 
-    /// Whether a robot that has come from somewhere else has seen there what fits nearly as well: such places are common in this
-    /// building, and the one that is known need not be the one.
-    fn is_common(&self, best: &Sighting) -> bool {
+    /// Whether what a robot has seen before it came here speaks against a place: what fits nearly as well, for then such
+    /// places are common in this building, and the one that is known need not be the one; or, were it there, too much of what
+    /// is known, for the robot was not found then.
+    fn is_unlikely(&self, best: &Sighting) -> bool {
         let Seeking { before, aside_from_query, submaps, .. } = self.seeking;
         if before.is_empty() {
             return false;
         }
-        let again = Atlas::new(before.clone(), submaps).find(&self.query);
-        again.is_some_and(|again| {
-            let returned = again.map_from_query.distance(*aside_from_query) <= RETURNED_M;
-            !returned && again.score >= COMMON_SHARE * best.score
-        })
+        let before = Atlas::new(before.clone(), submaps);
+        let map_from_aside = best.map_from_query * aside_from_query.inverse();
+        KNOWN_BEFORE.contains(&self.ground.atlas.share_of(&before, map_from_aside))
+            || before.find(&self.query).is_some_and(|again| {
+                let returned = again.map_from_query.distance(*aside_from_query) <= RETURNED_M;
+                !returned && again.score >= COMMON_SHARE * best.score
+            })
     }
 
     /// The other places that explain what was seen nearly as well, and whether there are too many to look at.
