@@ -6,7 +6,7 @@ use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
 use crate::plan::{OdometrySource, Plan};
 use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
-use crate::survey::{Survey, has_turn_rate, same_name};
+use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
 use mapwright_formats::TopicReport;
 use mapwright_geom::{Pose2, Pose3, Stamp};
@@ -218,9 +218,12 @@ impl Turning {
         let (stamp, is_unstamped) = stamp_or(imu.header.stamp, message.log_stamp);
         let omega = Vector3::new(imu.angular_velocity.x, imu.angular_velocity.y, imu.angular_velocity.z);
         let rate = TurnRate { stamp, rad_per_s: omega.dot(&Vector3::from(source.up_in_sensor)) };
-        if !has_turn_rate(&imu) || !self.rates.add(rate) {
-            let found = rate.rad_per_s;
-            return Err(Problem::Unusable(format!("expected a turn rate within 100 rad/s, found {found}")));
+        if !has_turn_rate(&imu) {
+            return Err(Problem::Unusable(NO_TURN_RATE.to_owned()));
+        }
+        if !self.rates.add(rate) {
+            let expected = "expected turn rates within 100 rad/s in the order of their stamps";
+            return Err(Problem::Unusable(format!("{expected}, found {} rad/s", rate.rad_per_s)));
         }
         if self.waiting.len() == WINDOW_MESSAGES {
             self.waiting.pop_front();

@@ -143,7 +143,7 @@ impl TopicSurvey {
                 let imu = decoder.decode(data).map_err(words)?;
                 self.header(&imu.header);
                 if !has_turn_rate(&imu) {
-                    return Err("no turn rate: its covariance begins with -1".to_owned());
+                    return Err(NO_TURN_RATE.to_owned());
                 }
             }
             Messages::None(None) => {}
@@ -152,6 +152,8 @@ impl TopicSurvey {
         Ok(())
     }
 }
+
+pub(crate) const NO_TURN_RATE: &str = "no turn rate: its covariance begins with -1";
 
 /// By the convention of the message a covariance that begins with -1 says that there is no such reading.
 pub(crate) fn has_turn_rate(imu: &Imu<'_>) -> bool {

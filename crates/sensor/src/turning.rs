@@ -26,23 +26,28 @@ pub struct TurnRate {
 pub struct TurnRates(VecDeque<TurnRate>);
 
 impl TurnRates {
-    /// Keeps a reading; false where it is none that a robot can have: not a number, or beyond 100 rad/s. One whose stamp steps
-    /// back begins anew.
+    /// Keeps a reading; false where it cannot be used: not a number, beyond 100 rad/s, or up to a second older than the last
+    /// one. Where stamps step farther back, a log has begun anew, and so do the readings; of two of the same time the second
+    /// counts.
     pub fn add(&mut self, rate: TurnRate) -> bool {
         if rate.rad_per_s.is_nan() || rate.rad_per_s.abs() > FASTEST_RAD_PER_S {
             return false;
         }
-        if self.0.back().is_some_and(|last| rate.stamp <= last.stamp) {
-            self.0.clear();
-        } else if self.0.len() == READINGS {
+        match self.0.back().map(|last| rate.stamp.secs_since(last.stamp)) {
+            Some(since_s) if since_s < -JOINED_S => self.0.clear(),
+            Some(since_s) if since_s < 0.0 => return false,
+            Some(0.0) => drop(self.0.pop_back()),
+            _ => {}
+        }
+        if self.0.len() == READINGS {
             self.0.pop_front();
         }
         self.0.push_back(rate);
         true
     }
 
-    /// The mean from `start` to `end`, radians a second, by trapezia from the reading at or before the one to the reading at or after the
-    /// other; none where they do not say it.
+    /// The mean from `start` to `end`, radians a second, by trapezia from the reading at or before the one to the reading at or
+    /// after the other; none where they cover less than two fifths of the time, and where that is no time.
     #[must_use]
     pub fn mean(&self, start: Stamp, end: Stamp) -> Option<f64> {
         let first = self.0.partition_point(|rate| rate.stamp <= start).saturating_sub(1);
@@ -61,7 +66,8 @@ impl TurnRates {
             turned_rad += 0.5 * (at(from) + at(until)) * within_s;
             covered_s += within_s;
         }
-        (covered_s >= COVERED_SHARE * end.secs_since(start)).then(|| turned_rad / covered_s)
+        let says = covered_s > 0.0 && covered_s >= COVERED_SHARE * end.secs_since(start);
+        says.then(|| turned_rad / covered_s)
     }
 }
 
@@ -88,5 +94,10 @@ mod tests {
         assert!(!read(&mut rates, 41.0, f64::NAN) && !read(&mut rates, 41.0, f64::INFINITY));
         assert!(read(&mut rates, 5.0, 1.0) && read(&mut rates, 5.1, 1.0) && rates.0.len() == 2);
         assert!((mean(&rates, 5.0, 5.1).unwrap_or(0.0) - 1.0).abs() < 1e-9);
+        assert!(!read(&mut rates, 4.5, 9.0), "out of order");
+        assert!(read(&mut rates, 5.1, 2.0) && rates.0.len() == 2, "twice the same time");
+        assert!((mean(&rates, 5.0, 5.1).unwrap_or(0.0) - 1.5).abs() < 1e-9);
+        // no time, and time that runs backwards
+        assert_eq!((mean(&rates, 5.05, 5.05), mean(&rates, 5.1, 5.0)), (None, None));
     }
 }
