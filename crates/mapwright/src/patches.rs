@@ -55,7 +55,7 @@ struct Patch {
     /// Relative to where the search `round` started; none before the first one.
     searched: Option<Uncertainty>,
     round: u32,
-    /// How long the robot's way was when it was last there or matched against it, or let it in, metres.
+    /// How long the robot's way was when it was last there or matched against it, metres.
     used_m: f64,
     /// Its keyframes that may be drawn.
     views: Vec<u32>,
@@ -279,12 +279,8 @@ impl Patches {
 
     /// Carries a flip out and returns the keyframes concerned.
     pub(crate) fn flip(&mut self, flip: Flip) -> Vec<u32> {
-        let Patch { at, live, views, used_m, .. } = &mut self.patches[flip.patch as usize];
+        let Patch { at, live, views, .. } = &mut self.patches[flip.patch as usize];
         *live = flip.live;
-        if flip.live {
-            // Who is let in is there to be matched against.
-            *used_m = self.way_m;
-        }
         let nodes = self.buckets.entry(bucket(*at)).or_default();
         nodes.retain(|&patch| patch != flip.patch);
         if flip.live {
