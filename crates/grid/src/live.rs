@@ -171,22 +171,25 @@ impl LiveMap {
 
     /// Counts a sweep's beams in or out; `supplier` is the number of its keyframe.
     pub fn change(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change, supplier: u32) {
-        let mut touched = std::mem::take(&mut self.touched);
-        self.counts.draw(points, world_from_robot, change, &mut touched);
-        self.touched = touched;
-        self.settle(change, supplier);
+        self.draw(points, world_from_robot, change, supplier);
+        self.refresh();
     }
 
-    /// Counts a sweep's beams in, the obstacles left for [`LiveMap::finish`]: cheaper where many sweeps are drawn.
-    pub fn draw(&mut self, points: &SweepPoints, world_from_robot: Pose2) {
-        let mut touched = std::mem::take(&mut self.touched);
-        self.counts.draw(points, world_from_robot, Change::Add, &mut touched);
-        self.touched = touched;
-    }
-
-    /// Brings the obstacles up to date with what was drawn; their supplier is `supplier`.
-    pub fn finish(&mut self, supplier: u32) {
-        self.settle(Change::Add, supplier);
+    /// As [`LiveMap::change`], the obstacles left for [`LiveMap::refresh`]: cheaper where many sweeps change.
+    pub fn draw(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change, supplier: u32) {
+        let known = self.touched.len();
+        self.counts.draw(points, world_from_robot, change, &mut self.touched);
+        self.suppliers.resize(self.counts.slot_count(), NO_SUPPLIER);
+        for entry in self.touched[known..].iter().filter(|&entry| entry & BEAM_END != 0) {
+            let slot = entry & !BEAM_END;
+            let hits = self.counts.cell(slot).hits;
+            let known = &mut self.suppliers[slot as usize];
+            match change {
+                Change::Add if *known == NO_SUPPLIER || hits.is_power_of_two() => *known = supplier,
+                Change::Remove if *known == supplier || hits == 0 => *known = NO_SUPPLIER,
+                _ => {}
+            }
+        }
     }
 
     /// How a scan's end points agree with the map at a pose.
@@ -232,17 +235,33 @@ impl LiveMap {
         agreement
     }
 
-    /// Brings obstacles, field and surfels up to date with the cells that were touched.
-    fn settle(&mut self, change: Change, supplier: u32) {
+    /// Calls with the keyframe behind each obstacle that an end point, at a pose, would be matched against.
+    pub fn each_supplier(&self, points: &[[f64; 2]], world_from_robot: Pose2, mut call: impl FnMut(u32)) {
+        let (s, c) = world_from_robot.theta.sin_cos();
+        let cells_per_m = 1.0 / self.settings.resolution_m;
+        let mut field = self.field.look_ups();
+        for &[px, py] in points {
+            let (x, y) = (world_from_robot.x + c * px - s * py, world_from_robot.y + s * px + c * py);
+            let slot = field.nearest(floor_cell(x * cells_per_m), floor_cell(y * cells_per_m));
+            if slot != NO_OBSTACLE && self.suppliers[slot as usize] != NO_SUPPLIER {
+                call(self.suppliers[slot as usize]);
+            }
+        }
+    }
+
+    /// Brings obstacles, field and surfels up to date with what was drawn.
+    pub fn refresh(&mut self) {
+        if self.touched.is_empty() {
+            return;
+        }
         let slots = self.counts.slot_count();
         self.flags.resize(slots, 0);
         self.surfels.resize(slots, Surfel::default());
         self.means.resize(slots, [0.0; 2]);
-        self.suppliers.resize(slots, NO_SUPPLIER);
         self.collect_changed();
         let mut changed = std::mem::take(&mut self.changed);
         for &slot in &changed {
-            self.settle_cell(slot, change, supplier);
+            self.settle_cell(slot);
         }
         self.field.remove_all(&self.vanished);
         self.vanished.clear();
@@ -273,17 +292,11 @@ impl LiveMap {
         }
     }
 
-    fn settle_cell(&mut self, slot: u32, change: Change, supplier: u32) {
+    fn settle_cell(&mut self, slot: u32) {
         let cell = *self.counts.cell(slot);
         let flag = self.flags[slot as usize];
         let moved = flag & MOVED != 0;
         if moved {
-            let known = &mut self.suppliers[slot as usize];
-            match change {
-                Change::Add if *known == NO_SUPPLIER || cell.hits.is_power_of_two() => *known = supplier,
-                Change::Remove if *known == supplier || cell.hits == 0 => *known = NO_SUPPLIER,
-                _ => {}
-            }
             self.means[slot as usize] = self.mean(slot);
         }
         let passes = self.counts.passes(cell.x, cell.y);

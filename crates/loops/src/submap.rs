@@ -1,7 +1,7 @@
 //! Submaps: what was seen along a few metres of the way, as one small map.
 
 use mapwright_geom::Pose2;
-use mapwright_grid::{LiveMap, LiveMapSettings};
+use mapwright_grid::{Change, LiveMap, LiveMapSettings};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 
 /// What a submap is made of: a keyframe's measurement at its place.
@@ -59,10 +59,10 @@ pub(crate) fn draw(views: &[View], settings: &SubmapSettings) -> (LiveMap, Vec<[
     for view in views {
         points.fill(&view.sweep, &mut table, settings.free_range_m);
         points.fill_normals();
-        map.draw(&points, view.submap_from_keyframe);
+        map.draw(&points, view.submap_from_keyframe, Change::Add, 0);
         ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
     }
-    map.finish(0);
+    map.refresh();
     (map, ends)
 }
 

@@ -1,6 +1,6 @@
 //! Which keyframes the live map is made of.
 
-use crate::patches::{Known, Patches, Spacing};
+use crate::patches::{Flip, Known, Patches, Spacing};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LiveMap, LiveMapSettings};
@@ -25,6 +25,11 @@ const ARRIVAL_STEPS: usize = 400;
 const BACKLOG: usize = 64;
 /// and so many halves at most.
 const HALVES_AT_MOST: usize = 8;
+
+/// A scan meets a patch that supplies what more than such a share of its end points would be matched against.
+const MET_SHARE: f64 = 0.02;
+/// So many halves of keyframes leave before the scan is matched, the others in the next scans.
+const MET_HALVES: usize = 64;
 
 /// What the live map consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,6 +60,8 @@ pub(crate) struct Live {
     /// Where its first half was drawn or taken out.
     half_at: Option<Pose2>,
     lever_m: f64,
+    /// Patches that the present scan meets and for how many of its end points.
+    met: Vec<(u32, u32)>,
     /// Drawn keyframes that a correction has moved, to be drawn anew.
     moved: VecDeque<u32>,
     inserted_last: bool,
@@ -97,6 +104,7 @@ impl Live {
             half_done: None,
             half_at: None,
             lever_m: 0.0,
+            met: Vec::new(),
             moved: VecDeque::new(),
             inserted_last: false,
             report: LiveReport::default(),
@@ -123,7 +131,7 @@ impl Live {
         let at = half_at.or(view.drawn_at.filter(|_| change == Change::Remove));
         let at = at.unwrap_or(frames.world_from_robot[node as usize]);
         self.half_at = if first_half == Some(true) { Some(at) } else { self.half_at };
-        self.map.change(&self.points, at, change, node);
+        self.map.draw(&self.points, at, change, node);
         let (drawn, was) = (change == Change::Add, view.drawn_at.is_some());
         view.drawn_at = drawn.then_some(at);
         self.report.keyframes = self.report.keyframes + usize::from(drawn && !was) - usize::from(was && !drawn);
@@ -177,24 +185,63 @@ impl Live {
         }
     }
 
-    /// Once a scan: brings the live keyframes around the robot in line with the gate, a little at a time.
-    pub(crate) fn follow(&mut self, settings: &Settings, frames: Frames<'_>, inserted: bool) {
-        if !self.gated {
+    /// A patch's keyframes join or leave: they are due to be drawn or taken out.
+    fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
+        for node in self.patches.flip(flip) {
+            self.due.push_back(node);
+            if flip.live {
+                self.report.let_in += 1;
+                self.enter_area(settings, frames, node);
+            } else {
+                self.report.gated_out += 1;
+                self.leave_area(node);
+            }
+        }
+    }
+
+    /// Before a scan is matched: if it would be matched against what is too uncertain for that, all that is so uncertain around
+    /// the robot leaves the live map.
+    pub(crate) fn meet(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], predicted: Pose2) {
+        if !self.patches.any_stale() {
             return;
         }
+        let mut met = std::mem::take(&mut self.met);
+        self.map.each_supplier(hits, predicted, |supplier| {
+            let Some(patch) = self.patches.stale(supplier) else { return };
+            match met.iter_mut().find(|(known, _)| *known == patch) {
+                Some((_, points)) => *points += 1,
+                None => met.push((patch, 1)),
+            }
+        });
+        let waiting = self.due.len();
+        let least = MET_SHARE * hits.len() as f64;
+        if met.drain(..).any(|(_, points)| f64::from(points) > least) {
+            for flip in self.patches.stale_around(predicted) {
+                self.flip(settings, frames, flip);
+            }
+        }
+        self.met = met;
+        let leaving = self.due.len() - waiting;
+        self.due.rotate_right(leaving);
+        for _ in 0..(2 * leaving).min(MET_HALVES) {
+            self.draw_half(settings, frames);
+        }
+        self.map.refresh();
+    }
+
+    /// Once a scan: brings the live keyframes around the robot in line with the gate, a little at a time.
+    pub(crate) fn follow(&mut self, settings: &Settings, frames: Frames<'_>, inserted: bool) {
+        if self.gated {
+            self.follow_gate(settings, frames, inserted);
+        }
+        self.map.refresh();
+    }
+
+    fn follow_gate(&mut self, settings: &Settings, frames: Frames<'_>, inserted: bool) {
         self.move_some(settings, frames);
         let gate_m = settings.live.gate_m;
         for flip in self.patches.search(frames.world_from_robot, gate_m, gate_m * HYSTERESIS) {
-            for node in self.patches.flip(flip) {
-                self.due.push_back(node);
-                if flip.live {
-                    self.report.let_in += 1;
-                    self.enter_area(settings, frames, node);
-                } else {
-                    self.report.gated_out += 1;
-                    self.leave_area(node);
-                }
-            }
+            self.flip(settings, frames, flip);
         }
         // A scan that has inserted is the dearest already; where every scan inserts it cannot be helped.
         if !inserted || self.inserted_last {
@@ -269,6 +316,11 @@ impl Live {
         }
     }
 
+    /// Whether a keyframe is in the live map or is to be.
+    pub(crate) fn is_live(&self, node: u32) -> bool {
+        !self.gated || self.patches.is_live(node)
+    }
+
     fn draw_half(&mut self, settings: &Settings, frames: Frames<'_>) {
         if let Some((node, change)) = self.half_done.take() {
             self.draw(settings, frames, node, change, Some(false));
@@ -297,6 +349,7 @@ impl Live {
         if view.drawn_at.is_some() {
             self.draw(settings, frames, node, Change::Remove, None);
         }
+        self.map.refresh();
         if self.gated {
             self.leave_area(node);
             self.patches.forget(node);
@@ -419,6 +472,32 @@ mod tests {
             "{:?}",
             live.report
         );
+    }
+
+    #[test]
+    fn what_is_too_uncertain_to_be_matched_against_leaves_before_a_scan_would_be() {
+        // Out, and back beside it: the start is 30 steps of 0.05 m old when the robot is beside it again.
+        let (keyframes, mut poses) = corridor(60);
+        for back in 30..60 {
+            let there = poses[59 - back];
+            poses[back] = Pose2 { y: there.y + 10.0, ..there };
+        }
+        let (settings, frames) = (gated(), Frames { keyframes: &keyframes, world_from_robot: &poses });
+        let mut live = drive(&keyframes, &poses, 0.05, None);
+        finish(&mut live, &keyframes, &poses);
+        let drawn = |live: &Live, node: usize| live.views[node].drawn_at.is_some();
+        let scan = |live: &mut Live, node: usize| {
+            let mut points = SweepPoints::default();
+            points.fill(&keyframes[node].sweep, &mut BeamTable::default(), settings.scan.free_range_m);
+            live.meet(&settings, frames, &points.hits, poses[node]);
+        };
+        scan(&mut live, 59);
+        assert!(live.report.gated_out == 0 && drawn(&live, 0), "no scan has met it: {:?}", live.report);
+        scan(&mut live, 0);
+        assert!(live.report.gated_out > 0 && !drawn(&live, 0) && drawn(&live, 59), "{:?}", live.report);
+        finish(&mut live, &keyframes, &poses);
+        live.map.refresh();
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
     }
 
     #[test]

@@ -228,7 +228,10 @@ impl Mapper {
         if self.lost.is_some() {
             return self.add_scan_while_lost(scan, beams, step, predicted, odom_from_robot, refused);
         }
-        // 3. Match against the live map, with a guard.
+        // 3. Match against the live map, with a guard; what is not certain enough for that leaves before.
+        let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
+        let hits = if self.thinned.is_empty() { &self.points.hits } else { &self.thinned };
+        self.live.meet(&self.settings, frames, hits, predicted);
         let matched = self.match_scan(predicted, step);
         probe.end(Stage::Match);
         let matched = self.suspicion(scan.stamp, matched, step);
@@ -300,7 +303,8 @@ impl Mapper {
         if let Some(matched) = matched.filter(|_| tracking) {
             self.local_from_robot = matched.world_from_robot;
             self.information = matched.information;
-            self.anchor_at(matched.agreement.supplier);
+            let supplier = matched.agreement.supplier;
+            self.anchor_at(supplier.filter(|&node| self.live.is_live(node)));
         }
         if !acceptable(self.local_from_robot) {
             self.local_from_robot = before;

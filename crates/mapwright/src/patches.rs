@@ -57,6 +57,8 @@ struct Patch {
     round: u32,
     /// How long the robot's way was when it was last there or matched against it, metres.
     used_m: f64,
+    /// Live, but too uncertain to be matched against: it leaves before the next scan would be.
+    stale: bool,
     /// Its keyframes that may be drawn.
     views: Vec<u32>,
 }
@@ -92,6 +94,8 @@ pub(crate) struct Patches {
     /// Length of the robot's way, metres.
     way_m: f64,
     round: u32,
+    /// How many patches are stale.
+    stale: usize,
     /// The last search that has ended.
     judged: u32,
     searching: bool,
@@ -207,8 +211,8 @@ impl Patches {
     }
 
     fn begin(&mut self, first: u32, at: [f64; 2]) -> u32 {
-        let (round, used_m, views) = (self.round, self.way_m, Vec::new());
-        self.patches.push(Patch { first, at, live: true, searched: None, round, used_m, views });
+        let (round, used_m, stale, views) = (self.round, self.way_m, false, Vec::new());
+        self.patches.push(Patch { first, at, live: true, searched: None, round, used_m, stale, views });
         self.whole.add_node(at);
         let patch = self.graph.add_node(at);
         self.buckets.entry(bucket(at)).or_default().push(patch);
@@ -269,18 +273,46 @@ impl Patches {
                 unused_m if unused_m <= LEAVING_M => LEAVING * in_m,
                 _ => in_m,
             };
-            if patch.round != self.round || patch.searched.is_some_and(|known| known.sigma_m(self.lever_m) > most_m) {
+            // One that has just begun was not looked for; one that was not reached is more uncertain than all that may stay.
+            let reached = patch.round == self.round;
+            let sigma_m = patch.searched.filter(|_| reached).map(|known| known.sigma_m(self.lever_m));
+            let sigma_m = sigma_m.unwrap_or(if reached { 0.0 } else { f64::INFINITY });
+            self.stale = self.stale + usize::from(sigma_m > most_m) - usize::from(patch.stale);
+            patch.stale = sigma_m > most_m;
+            if sigma_m > out_m {
                 flips.push(Flip { patch: number, live: false, distance2 });
             }
         }
-        flips.sort_by(|a, b| a.distance2.total_cmp(&b.distance2).then(a.patch.cmp(&b.patch)));
-        flips
+        nearest_first(flips)
+    }
+
+    /// Whether there are patches that have to leave when a scan meets them.
+    pub(crate) fn any_stale(&self) -> bool {
+        self.stale > 0
+    }
+
+    /// A keyframe's patch, if it is one of those.
+    pub(crate) fn stale(&self, node: u32) -> Option<u32> {
+        let patch = self.members.get(node as usize)?.patch;
+        self.patches[patch as usize].stale.then_some(patch)
+    }
+
+    /// The flips that make all patches leave that have to when a scan meets them, nearest first.
+    pub(crate) fn stale_around(&self, at: Pose2) -> Vec<Flip> {
+        let mut flips = Vec::new();
+        self.each_live_within(position(at), REACH_M, |patch, distance2| {
+            if self.patches[patch as usize].stale {
+                flips.push(Flip { patch, live: false, distance2 });
+            }
+        });
+        nearest_first(flips)
     }
 
     /// Carries a flip out and returns the keyframes concerned.
     pub(crate) fn flip(&mut self, flip: Flip) -> Vec<u32> {
-        let Patch { at, live, views, .. } = &mut self.patches[flip.patch as usize];
-        *live = flip.live;
+        let Patch { at, live, stale, views, .. } = &mut self.patches[flip.patch as usize];
+        self.stale -= usize::from(*stale);
+        (*live, *stale) = (flip.live, false);
         let nodes = self.buckets.entry(bucket(*at)).or_default();
         nodes.retain(|&patch| patch != flip.patch);
         if flip.live {
@@ -297,9 +329,10 @@ impl Patches {
     /// A keyframe will not be drawn again; a patch without any is left out of searches.
     pub(crate) fn forget(&mut self, node: u32) {
         let Some(&Member { patch, .. }) = self.members.get(node as usize) else { return };
-        let Patch { at, views, .. } = &mut self.patches[patch as usize];
+        let Patch { at, views, stale, .. } = &mut self.patches[patch as usize];
         views.retain(|&view| view != node);
         if views.is_empty() {
+            self.stale -= usize::from(std::mem::take(stale));
             self.graph.isolate(patch);
             if let Some(nodes) = self.buckets.get_mut(&bucket(*at)) {
                 nodes.retain(|&other| other != patch);
@@ -336,6 +369,11 @@ pub(crate) fn accumulating(covariance: &Cov3, spacing: Spacing) -> Uncertainty {
 /// Of the position, in the direction in which it is least certain.
 fn larger_variance(covariance: &Cov3) -> f64 {
     covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max()
+}
+
+fn nearest_first(mut flips: Vec<Flip>) -> Vec<Flip> {
+    flips.sort_by(|a, b| a.distance2.total_cmp(&b.distance2).then(a.patch.cmp(&b.patch)));
+    flips
 }
 
 fn position(pose: Pose2) -> [f64; 2] {
