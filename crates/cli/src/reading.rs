@@ -142,6 +142,7 @@ fn recording_json(report: &RecordingReport) -> Value {
     value["turn_rates"] = json!(stream.turn_rates);
     value["undecodable"] = refused_json(&stream.undecodable);
     value["unusable"] = refused_json(&stream.unusable);
+    value["refused_turn_rates"] = refused_json(&stream.refused_turn_rates);
     value["late"] = noted_json(&stream.late);
     value["unstamped"] = noted_json(&stream.unstamped);
     value["scans_without_odometry"] = noted_json(&stream.without_odometry);
@@ -243,6 +244,9 @@ fn recording_oddities(report: &RecordingReport) -> Vec<String> {
         None => "scans before any odometry".to_owned(),
     };
     note(&stream.without_odometry, &behind);
+    if let Some(first) = &stream.refused_turn_rates.first {
+        odd.push(format!("turn rates left out: {}, first {first}", grouped(stream.refused_turn_rates.count)));
+    }
     if report.survey.links.refused > 0 {
         odd.push(format!("transforms that cannot be: {}", grouped(report.survey.links.refused)));
     }

@@ -41,6 +41,8 @@ pub struct StreamReport {
     pub undecodable: Refused,
     /// Scans and readings that were decoded and cannot be used.
     pub unusable: Refused,
+    /// Readings of the gyroscope that were decoded and cannot be used: sweeps are straightened without them.
+    pub refused_turn_rates: Refused,
     /// Scans without a reading of odometry near enough, where there is odometry.
     pub without_odometry: Noted,
     /// The scan's stamp less that of the last reading of odometry, at the first of these, seconds.

@@ -136,6 +136,9 @@ impl Stream {
             Ok(true) => {}
             Ok(false) => report.unstamped.note(place),
             Err(Problem::Undecodable(reason)) => report.undecodable.note(place, message.offset_bytes, || reason),
+            Err(Problem::Unusable(reason)) if used == Use::Turning => {
+                report.refused_turn_rates.note(place, message.offset_bytes, || reason);
+            }
             Err(Problem::Unusable(reason)) => report.unusable.note(place, message.offset_bytes, || reason),
         }
         Ok(())

@@ -303,7 +303,8 @@ fn turn_rates_come_before_the_scan_in_whose_sweep_they_were_read() {
     assert!(rates.iter().enumerate().all(|(k, rate)| (rate.rad_per_s - 0.1 * k as f64).abs() < 1e-9), "{rates:?}");
     match drive.into_reports().pop() {
         Some((_, LogReport::Recording(report))) => {
-            assert_eq!((report.stream.turn_rates, report.stream.unusable.count), (30, 2));
+            let (refused, unusable) = (&report.stream.refused_turn_rates, &report.stream.unusable);
+            assert_eq!((report.stream.turn_rates, refused.count, unusable.count), (30, 2, 0));
         }
         other => panic!("{other:?}"),
     }
