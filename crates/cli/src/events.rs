@@ -34,20 +34,29 @@ pub(crate) enum Ending {
 impl Log {
     /// Opens a log, or the standard input for `-`, and takes what is found in it.
     pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
-        Self::open_all(&[path.to_owned()], &Choice::default())
+        Self::open_all(&[path.to_owned()], &Choice::default(), &mut |_, _| true)
     }
 
-    /// Opens logs of one drive.
-    pub(crate) fn open_all(paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
+    /// Opens logs of one drive; while recordings are looked through, `watch` hears their names and how many messages were.
+    pub(crate) fn open_all(
+        paths: &[PathBuf],
+        choice: &Choice,
+        watch: &mut dyn FnMut(&str, u64) -> bool,
+    ) -> Result<Self, Failure> {
         let inputs: Result<Vec<_>, Failure> = paths.iter().map(|path| Ok((name_of(path), input(path)?))).collect();
-        Self::of(inputs?, paths, choice)
+        Self::of(inputs?, paths, choice, watch)
     }
 
     /// Reads inputs that are found at these paths.
-    pub(crate) fn of(inputs: Vec<(String, Input)>, paths: &[PathBuf], choice: &Choice) -> Result<Self, Failure> {
+    pub(crate) fn of(
+        inputs: Vec<(String, Input)>,
+        paths: &[PathBuf],
+        choice: &Choice,
+        watch: &mut dyn FnMut(&str, u64) -> bool,
+    ) -> Result<Self, Failure> {
         let names = inputs.iter().map(|(name, _)| name.clone()).collect();
         let sizes_bytes = paths.iter().map(|path| size_bytes(path)).collect();
-        Ok(Self { names, sizes_bytes, drive: Drive::open(inputs, choice).map_err(Failure::log)? })
+        Ok(Self { names, sizes_bytes, drive: Drive::open_watched(inputs, choice, watch).map_err(Failure::log)? })
     }
 
     /// Size on disk, where that is known of all.

@@ -88,13 +88,27 @@ impl Drive {
     /// # Errors
     /// [`LogError`]; what is refused says what to type instead.
     pub fn open(inputs: Vec<(String, Input)>, choice: &Choice) -> Result<Self, LogError> {
+        Self::open_watched(inputs, choice, &mut |_, _| true)
+    }
+
+    /// As [`Drive::open`]; while recordings are looked through, `watch` hears now and then a log's name and how many of its
+    /// messages were looked at, and says whether to go on.
+    ///
+    /// # Errors
+    /// As of [`Drive::open`]; [`LogError::Stopped`] where `watch` does not go on.
+    pub fn open_watched(
+        inputs: Vec<(String, Input)>,
+        choice: &Choice,
+        watch: &mut dyn FnMut(&str, u64) -> bool,
+    ) -> Result<Self, LogError> {
         let mut parts = VecDeque::new();
         let mut links = None;
         for (name, input) in inputs {
             let failed = |cause| LogError::Recording { name: name.clone(), cause };
             let (path, mut survey) = match input {
                 Input::Recording(path) => {
-                    let survey = Survey::of(&path).map_err(failed)?;
+                    let survey = Survey::watched(&path, &mut |seen| watch(&name, seen)).map_err(failed)?;
+                    let survey = survey.ok_or_else(|| LogError::Stopped { name: name.clone() })?;
                     (path, Box::new(survey))
                 }
                 Input::Surveyed(path, survey) => (path, survey),

@@ -23,6 +23,12 @@ pub enum LogError {
         /// What is wrong.
         cause: FormatError,
     },
+    /// Whoever watched it being looked through did not want to go on.
+    #[error("{name}: stopped while it was looked through; nothing was mapped")]
+    Stopped {
+        /// The log.
+        name: String,
+    },
     /// There is nothing in it to map with, or not without help: what is there, and what to type.
     #[error("{name}: {reason}")]
     Refused {

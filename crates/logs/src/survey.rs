@@ -11,6 +11,8 @@ use std::path::Path;
 
 /// Frames of a topic that are remembered.
 const FRAMES_KEPT: usize = 16;
+/// Who watches is told after so many messages.
+const WATCHED_EVERY: u64 = 64;
 /// Topics of which the messages are looked at.
 const TOPICS_KEPT: usize = 4096;
 
@@ -191,10 +193,24 @@ impl Survey {
     /// # Errors
     /// [`BagError`] where it cannot be read at all.
     pub fn of(path: &Path) -> Result<Self, BagError> {
+        Ok(Self::look_through(path, &mut |_| true)?.0)
+    }
+
+    /// As [`Survey::of`]; `watch` hears now and then how many messages were looked at and says whether to go on. None where it
+    /// did not.
+    ///
+    /// # Errors
+    /// [`BagError`] where the recording cannot be read at all.
+    pub fn watched(path: &Path, watch: &mut dyn FnMut(u64) -> bool) -> Result<Option<Self>, BagError> {
+        let (survey, is_whole) = Self::look_through(path, watch)?;
+        Ok(is_whole.then_some(survey))
+    }
+
+    fn look_through(path: &Path, watch: &mut dyn FnMut(u64) -> bool) -> Result<(Self, bool), BagError> {
         let mut recording = Recording::open(path)?;
         let (mut decoders, mut links) = (Decoders::default(), Links::default());
         let (mut topics, mut topic_of): (Vec<TopicSurvey>, Vec<Option<usize>>) = (Vec::new(), Vec::new());
-        let mut held_bytes = 0;
+        let (mut held_bytes, mut seen, mut is_whole) = (0, 0_u64, true);
         while let Some(message) = recording.next_message()? {
             if let Some(at) = place(&mut topics, &mut topic_of, message.connection) {
                 let topic = &mut topics[at];
@@ -205,11 +221,16 @@ impl Survey {
                 }
             }
             held_bytes = held_bytes.max(recording.held_bytes());
+            seen += 1;
+            if seen.is_multiple_of(WATCHED_EVERY) && !watch(seen) {
+                is_whole = false;
+                break;
+            }
         }
         for connection in recording.connections() {
             place(&mut topics, &mut topic_of, connection);
         }
-        Ok(Self { topics, links, container: recording.report().clone(), held_bytes })
+        Ok((Self { topics, links, container: recording.report().clone(), held_bytes }, is_whole))
     }
 
     /// A topic by its name; the slash in front may be left out.

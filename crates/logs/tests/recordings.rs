@@ -4,7 +4,7 @@
 use mapwright_bags::{Connection, Encoding, McapCompression, McapWriter};
 use mapwright_formats::LogEvent;
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_logs::{Choice, Drive, Input, LogReport, OdometrySource, Plan, RecordingReport, Survey};
+use mapwright_logs::{Choice, Drive, Input, LogError, LogReport, OdometrySource, Plan, RecordingReport, Survey};
 use mapwright_ros::messages::{
     Header, Imu, LaserEcho, LaserScan, MultiEchoLaserScan, Odometry, TfMessage, Transform, TransformStamped,
 };
@@ -115,6 +115,27 @@ fn read(path: PathBuf) -> (Vec<(i64, Option<f64>)>, RecordingReport) {
         Some((_, LogReport::Recording(report))) => (scans, *report),
         other => panic!("{other:?}"),
     }
+}
+
+#[test]
+fn who_watches_a_recording_being_looked_through_can_stop_it() {
+    let mut recorder = Recorder::new("watched.mcap");
+    (0..300).for_each(|k| recorder.scan(ms(k), ms(k), &[1.0; 4]));
+    let path = recorder.finish();
+    let mut heard = Vec::new();
+    let whole = Survey::watched(&path, &mut |messages| {
+        heard.push(messages);
+        true
+    });
+    assert_eq!(whole.unwrap().unwrap().topics[0].messages, 300);
+    assert_eq!(heard, [64, 128, 192, 256]);
+    assert!(Survey::watched(&path, &mut |messages| messages < 128).unwrap().is_none());
+    let inputs = vec![("log".to_owned(), Input::Recording(path))];
+    let stopped = Drive::open_watched(inputs, &Choice::default(), &mut |name, messages| {
+        assert_eq!((name, messages), ("log", 64));
+        false
+    });
+    assert!(matches!(stopped, Err(LogError::Stopped { name }) if name == "log"));
 }
 
 fn plan(path: &Path) -> Result<Plan, String> {

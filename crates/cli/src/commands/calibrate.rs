@@ -4,11 +4,12 @@ use crate::args::CalibrateArgs;
 use crate::calibration::{Calibration, Estimate, Sample, calibrate};
 use crate::events::{Interrupt, Log};
 use crate::failure::{Failure, Outcome};
-use crate::progress::Progress;
+use crate::progress::{FirstPass, Progress};
 use crate::settings;
 use crate::terminal::{say, say_json};
 use mapwright::{LaserScan, Mapper, Pose2, Status};
 use mapwright_formats::LogEvent;
+use mapwright_logs::Choice;
 use serde_json::{Value, json};
 
 /// Values smaller than so many standard deviations may as well be zero.
@@ -17,8 +18,12 @@ const CLEAR_SIGMAS: f64 = 3.0;
 pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let mut collector = Collector::new(Mapper::new(settings::load(&args.settings)?)?);
     let interrupt = Interrupt::watch()?;
-    let mut log = Log::open(&args.log)?;
-    let mut progress = Progress::new(log.size_bytes(), args.voice.quiet || args.voice.json);
+    let quiet = args.voice.quiet || args.voice.json;
+    let mut first_pass = FirstPass::new(&interrupt, quiet);
+    let logs = std::slice::from_ref(&args.log);
+    let mut log = Log::open_all(logs, &Choice::default(), &mut |name, messages| first_pass.look(name, messages))?;
+    drop(first_pass);
+    let mut progress = Progress::new(log.size_bytes(), quiet);
     log.for_each(&interrupt, |event, position| {
         match event {
             LogEvent::Scan(scan) => {

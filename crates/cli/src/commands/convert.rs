@@ -10,7 +10,7 @@ use mapwright_exports::{EventCounts, EventWriter, ExportError};
 use std::io::{Seek, Write};
 
 pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
-    let mut log = Log::open_all(std::slice::from_ref(&args.log), &args.source.choice())?;
+    let mut log = Log::open_all(std::slice::from_ref(&args.log), &args.source.choice(), &mut |_, _| true)?;
     let unwritten = |cause: ExportError| Failure::write_in_words(&args.output, &cause);
     let counts = write_whole(&args.output, |file| match args.format() {
         LogFormat::Carmen => pour(&mut log, EventWriter::carmen(file), unwritten),

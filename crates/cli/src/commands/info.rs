@@ -7,6 +7,7 @@ mod recorded;
 use crate::args::InfoArgs;
 use crate::events::{Ending, Interrupt, Log, input, name_of};
 use crate::failure::{Failure, Outcome};
+use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;
 use crate::terminal::{count, grouped, say, say_json};
@@ -74,9 +75,12 @@ impl Found {
         links: &mut Links,
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
-        let survey =
-            Survey::of(path).map_err(|cause| Failure::log(LogError::Recording { name: name.clone(), cause }))?;
-        let mut survey = Box::new(survey);
+        let mut first_pass = FirstPass::new(interrupt, false);
+        let survey = Survey::watched(path, &mut |messages| first_pass.look(&name, messages));
+        drop(first_pass);
+        let survey = survey.map_err(|cause| Failure::log(LogError::Recording { name: name.clone(), cause }))?;
+        let stopped = || Failure::log(LogError::Stopped { name: name.clone() });
+        let mut survey = Box::new(survey.ok_or_else(stopped)?);
         survey.links.inherit(links);
         links.clone_from(&survey.links);
         let (words, plan) = (recorded::words(&name, &survey), Plan::of(&survey, choice));
@@ -114,7 +118,8 @@ impl Found {
         choice: &Choice,
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
-        let mut log = Log::of(vec![(name.clone(), input)], &[PathBuf::from(path)], choice)?;
+        let mut log =
+            Log::of(vec![(name.clone(), input)], &[PathBuf::from(path)], choice, &mut |_, _| !interrupt.came())?;
         let (mut contents, mut steps) = (Contents::default(), Steps::default());
         let ending = log.for_each(interrupt, |event, _| {
             steps.add(event);

@@ -5,6 +5,7 @@ use crate::events::{Ending, Interrupt, Log};
 use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
+use crate::progress::FirstPass;
 use crate::report;
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
@@ -15,7 +16,11 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?; // wrong usage is told before anything is touched
     let interrupt = Interrupt::watch()?;
     let clock = StageClock::start(); // a recording's first pass counts as well
-    let mut log = Log::open_all(&args.logs, &args.source.choice())?;
+    let voice = args.mapping.voice;
+    let mut first_pass = FirstPass::new(&interrupt, voice.quiet || voice.json);
+    let mut log =
+        Log::open_all(&args.logs, &args.source.choice(), &mut |name, messages| first_pass.look(name, messages))?;
+    drop(first_pass);
     let output = OutputFolder::create(&args.output)?;
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes())?;
     mapping.clock = clock;
@@ -47,7 +52,6 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let words =
         report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &read.oddities());
     let files = mapping.output.commit()?;
-    let voice = args.mapping.voice;
     if voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
     } else if !voice.quiet {
