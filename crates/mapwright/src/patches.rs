@@ -21,8 +21,8 @@ const DISPLACEMENT_STEP_M: f64 = 0.2;
 const ROTATION_SHARE: f64 = 0.1;
 const ROTATION_STEP_M: f64 = 0.05;
 const ROTATION_POWER: f64 = 0.75;
-/// Patches up to this distance from the robot are judged, metres.
-const REACH_M: f64 = 20.0;
+/// Patches up to this distance from the robot are judged, metres: what is seen 20 m away may have been drawn from 20 m beyond.
+const REACH_M: f64 = 40.0;
 /// A patch that was matched against on so much way is held, metres; until so much it may be so many times as uncertain as one
 /// that is let in.
 const HELD_M: f64 = 20.0;
