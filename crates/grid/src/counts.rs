@@ -38,11 +38,20 @@ pub struct HitCell {
     pub sum_nxx: u32,
     /// Sum of `n_x n_y`, likewise.
     pub sum_nxy: u32,
+    /// Sum of `n_x` of those normals, which point to where the surface was seen from, likewise.
+    pub sum_nx: u32,
+    /// Sum of `n_y`, likewise.
+    pub sum_ny: u32,
 }
 
 impl HitCell {
     const fn empty(x: i32, y: i32) -> Self {
-        Self { x, y, hits: 0, sum_x: 0, sum_y: 0, points: 0, normals: 0, sum_nxx: 0, sum_nxy: 0 }
+        Self { x, y, hits: 0, sum_x: 0, sum_y: 0, points: 0, normals: 0, sum_nxx: 0, sum_nxy: 0, sum_nx: 0, sum_ny: 0 }
+    }
+
+    /// Sum of the normals, in 1/1024.
+    pub(crate) fn facing(&self) -> [i64; 2] {
+        [self.sum_nx, self.sum_ny].map(|sum| i64::from(sum as i32))
     }
 
     fn add(&mut self, other: &Self) {
@@ -54,6 +63,8 @@ impl HitCell {
             (&mut self.normals, other.normals),
             (&mut self.sum_nxx, other.sum_nxx),
             (&mut self.sum_nxy, other.sum_nxy),
+            (&mut self.sum_nx, other.sum_nx),
+            (&mut self.sum_ny, other.sum_ny),
         ];
         for (sum, term) in pairs {
             *sum = sum.wrapping_add(term);
@@ -61,12 +72,20 @@ impl HitCell {
     }
 }
 
+/// The nearest whole number, modulo 2^32.
+#[inline]
+fn rounded(value: f64) -> u32 {
+    // In 1.5 * 2^52 + value the mantissa's lowest bits are the whole number.
+    const BIAS: f64 = 6_755_399_441_055_744.0;
+    (value + BIAS).to_bits() as u32
+}
+
 /// What one beam's end adds to a cell.
 #[derive(Debug, Clone, Copy)]
 pub struct Hit {
     /// End point in cells.
     pub end_cells: [f64; 2],
-    /// Unit normal of the surface in the map's frame, where the scan knows it.
+    /// Unit normal of the surface in the map's frame, on the sensor's side, where the scan knows it.
     pub normal: Option<[f64; 2]>,
     /// Whether the scan shows something small there.
     pub point: bool,
@@ -277,9 +296,20 @@ impl CountGrid {
             }
             return slots;
         }
-        for (k, slot) in slots.iter_mut().enumerate() {
-            let (dx, dy) = (k as i32 % 3 - 1, k as i32 / 3 - 1);
-            *slot = self.slot(cell_x + dx, cell_y + dy).unwrap_or(NO_SLOT);
+        // Down each column in turn: there the tile changes once at most.
+        for column in 0..3 {
+            let mut known = tile_of(cell_x + column - 1, cell_y - 1);
+            let mut tile = self.index.find(known);
+            for row in 0..3 {
+                let (x, y) = (cell_x + column - 1, cell_y + row - 1);
+                if tile_of(x, y) != known {
+                    known = tile_of(x, y);
+                    tile = self.index.find(known);
+                }
+                if tile != NO_TILE {
+                    slots[(3 * row + column) as usize] = self.tiles[tile as usize].slots[cell_in_tile(x, y)];
+                }
+            }
         }
         slots
     }
@@ -367,8 +397,10 @@ impl CountGrid {
         add(&mut cell.points, u32::from(hit.point));
         if let Some([nx, ny]) = hit.normal {
             add(&mut cell.normals, 1);
-            add(&mut cell.sum_nxx, (nx * nx * FRACTION_STEPS) as i32 as u32);
-            add(&mut cell.sum_nxy, (nx * ny * FRACTION_STEPS) as i32 as u32);
+            add(&mut cell.sum_nxx, rounded(nx * nx * FRACTION_STEPS));
+            add(&mut cell.sum_nxy, rounded(nx * ny * FRACTION_STEPS));
+            add(&mut cell.sum_nx, rounded(nx * FRACTION_STEPS));
+            add(&mut cell.sum_ny, rounded(ny * FRACTION_STEPS));
         }
         slot
     }
@@ -546,6 +578,8 @@ impl CountGrid {
                     cell.normals,
                     cell.sum_nxx,
                     cell.sum_nxy,
+                    cell.sum_nx,
+                    cell.sum_ny,
                 ] {
                     bytes.extend_from_slice(&word.to_le_bytes());
                 }

@@ -46,7 +46,7 @@ pub(crate) struct LookUps<'a> {
 
 impl LookUps<'_> {
     /// As [`DistanceField::nearest`].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn nearest(&mut self, cell_x: i32, cell_y: i32) -> u32 {
         let tile = tile_of(cell_x, cell_y);
         if tile != self.tile {

@@ -22,7 +22,23 @@ pub struct Surfel {
     pub axy: f32,
     /// `A`'s lower right.
     pub ayy: f32,
+    /// Mean of the unit normals, which point to where the surface was seen from: short where both sides were seen.
+    pub facing: [f32; 2],
 }
+
+impl Surfel {
+    /// Whether a beam in this direction would end on the surface's far side.
+    #[inline]
+    pub(crate) fn is_seen_from_behind(&self, [rx, ry]: [f32; 2]) -> bool {
+        let away = self.facing[0] * rx + self.facing[1] * ry;
+        away > 0.0 && away * away > BEHIND * BEHIND * (rx * rx + ry * ry)
+    }
+}
+
+/// So far from an end point that is nearest to a wall's far side its near side is looked for.
+const THICKNESS_CELLS: f64 = 3.0;
+/// Cosine between beam and normal, times how much the normals agree, from which a surface is seen from behind.
+const BEHIND: f32 = 0.1;
 
 /// What counts as an obstacle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,6 +94,8 @@ impl Agreement {
 struct Tally {
     entries: [(u32, u32); 16],
     used: usize,
+    /// Neighbouring end points vote alike.
+    last: usize,
 }
 
 impl Tally {
@@ -85,14 +103,17 @@ impl Tally {
         if candidate == NO_SUPPLIER {
             return;
         }
-        for entry in &mut self.entries[..self.used] {
-            if entry.0 == candidate {
-                entry.1 += 1;
-                return;
-            }
+        let last = &mut self.entries[self.last];
+        if last.0 == candidate && last.1 > 0 {
+            last.1 += 1;
+            return;
         }
-        if self.used < self.entries.len() {
+        if let Some(known) = self.entries[..self.used].iter().position(|entry| entry.0 == candidate) {
+            self.entries[known].1 += 1;
+            self.last = known;
+        } else if self.used < self.entries.len() {
             self.entries[self.used] = (candidate, 1);
+            self.last = self.used;
             self.used += 1;
         }
     }
@@ -167,6 +188,25 @@ impl LiveMap {
     #[must_use]
     pub fn surfels(&self) -> &[Surfel] {
         &self.surfels
+    }
+
+    /// The obstacle that a beam `from` a point is matched against where it ends at another, in the map's frame, metres: the
+    /// nearest, unless it was only seen from the other side.
+    #[must_use]
+    pub fn obstacle_seen(&self, from: [f64; 2], end: [f64; 2]) -> Option<&Surfel> {
+        let ray = [0, 1].map(|k| (end[k] - from[k]) as f32);
+        let [x, y] = end.map(|metres| floor_cell(metres / self.settings.resolution_m));
+        let nearest = self.surfels.get(self.field.nearest(x, y) as usize)?;
+        if nearest.is_seen_from_behind(ray) { self.near_side(nearest, end, ray) } else { Some(nearest) }
+    }
+
+    /// The near side of a wall of which an end point is nearest to the far side.
+    #[cold]
+    pub(crate) fn near_side(&self, far_side: &Surfel, end: [f64; 2], ray: [f32; 2]) -> Option<&Surfel> {
+        let away = far_side.facing.map(|f| THICKNESS_CELLS * f64::from(f));
+        let [x, y] = [0, 1].map(|k| floor_cell(end[k] / self.settings.resolution_m - away[k]));
+        let surfel = self.surfels.get(self.field.nearest(x, y) as usize);
+        surfel.filter(|surfel| !surfel.is_seen_from_behind(ray))
     }
 
     /// Counts a sweep's beams in or out; `supplier` is the number of its keyframe.
@@ -340,18 +380,24 @@ impl LiveMap {
         let cell = self.counts.cell(slot);
         if cell.normals == 0 {
             let w = (self.settings.point_weight * f64::from(cell.points) / f64::from(cell.hits)) as f32;
-            return Surfel { x, y, axx: w, axy: 0.0, ayy: w };
+            return Surfel { x, y, axx: w, axy: 0.0, ayy: w, facing: [0.0; 2] };
         }
-        let (mut surfaces, mut count) = ([(0.0, [0.0; 2]); 9], 0);
-        let (mut n, mut sum_nxx, mut sum_nxy) = (0_u64, 0_i64, 0_i64);
+        let (mut sum_dx, mut sum_dy, mut hits) = (0.0, 0.0, 0.0);
+        let (mut n, mut sum_nxx, mut sum_nxy, mut sum_n) = (0_u64, 0_i64, 0_i64, [0_i64; 2]);
+        let own = cell.facing();
         for near in self.counts.neighbours(cell.x, cell.y) {
             if near == NO_SLOT || self.flags[near as usize] & OCCUPIED == 0 {
                 continue;
             }
             let cell = self.counts.cell(near);
-            if cell.normals > 0 {
-                surfaces[count] = (f64::from(cell.hits), self.means[near as usize]);
-                count += 1;
+            let facing = cell.facing();
+            // The other side of a thin wall is another surface.
+            if cell.normals > 0 && own[0] * facing[0] + own[1] * facing[1] >= 0 {
+                sum_n = [sum_n[0] + facing[0], sum_n[1] + facing[1]];
+                let (w, mean) = (f64::from(cell.hits), self.means[near as usize]);
+                sum_dx += w * (mean[0] - x);
+                sum_dy += w * (mean[1] - y);
+                hits += w;
                 n += u64::from(cell.normals);
                 sum_nxx += i64::from(cell.sum_nxx);
                 sum_nxy += i64::from(cell.sum_nxy as i32);
@@ -360,7 +406,8 @@ impl LiveMap {
         let scale = 1.0 / (n as f64 * FRACTION_STEPS);
         let (axx, axy) = (sum_nxx as f64 * scale, sum_nxy as f64 * scale);
         let ayy = 1.0 - axx;
-        let plain = Surfel { x, y, axx: axx as f32, axy: axy as f32, ayy: ayy as f32 };
+        let facing = sum_n.map(|sum| (sum as f64 * scale) as f32);
+        let plain = Surfel { x, y, axx: axx as f32, axy: axy as f32, ayy: ayy as f32, facing };
         // Eigenvalues of A are 1/2 +- root: far apart where the normals agree.
         let half_difference = 0.5 * (axx - ayy);
         let root = (half_difference * half_difference + axy * axy).sqrt();
@@ -369,13 +416,7 @@ impl LiveMap {
         }
         let (pxx, pxy) = (0.5 + 0.5 * half_difference / root, 0.5 * axy / root);
         let pyy = 1.0 - pxx;
-        let (mut shift_x, mut shift_y, mut hits) = (0.0, 0.0, 0.0);
-        for &(w, mean) in &surfaces[..count] {
-            let (dx, dy) = (mean[0] - x, mean[1] - y);
-            shift_x += w * (pxx * dx + pxy * dy);
-            shift_y += w * (pxy * dx + pyy * dy);
-            hits += w;
-        }
+        let (shift_x, shift_y) = (pxx * sum_dx + pxy * sum_dy, pxy * sum_dx + pyy * sum_dy);
         Surfel { x: x + shift_x / hits, y: y + shift_y / hits, ..plain }
     }
 }

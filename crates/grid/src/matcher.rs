@@ -35,16 +35,16 @@ impl Prior {
     /// Negative log density (up to a constant), gradient and curvature at a pose.
     fn evaluate(&self, world_from_robot: Pose2) -> (f64, Vector3<f64>, Vector3<f64>) {
         let error = self.world_from_robot.between(world_from_robot).log();
-        let mut cost = 0.0;
+        let mut spreads = 1.0_f64;
         let (mut gradient, mut curvature) = (Vector3::zeros(), Vector3::zeros());
         for k in 0..3 {
             let information = 1.0 / self.variances[k];
             let spread = 1.0 + error[k] * error[k] * information / self.tail;
-            cost += 0.5 * self.tail * spread.ln();
+            spreads *= spread;
             curvature[k] = information / spread;
             gradient[k] = curvature[k] * error[k];
         }
-        (cost, gradient, curvature)
+        (0.5 * self.tail * spreads.ln(), gradient, curvature)
     }
 }
 
@@ -365,9 +365,17 @@ impl<'a> Lookup<'a> {
                 block.set_missed(k);
                 continue;
             }
-            let surfel = &surfels[slot as usize];
+            let mut surfel = &surfels[slot as usize];
+            let (rx, ry) = (rx as f32, ry as f32);
+            if surfel.is_seen_from_behind([rx, ry]) {
+                let Some(near) = self.map.near_side(surfel, [wx, wy], [rx, ry]) else {
+                    block.set_missed(k);
+                    continue;
+                };
+                surfel = near;
+            }
             (block.dx[k], block.dy[k]) = ((wx - surfel.x) as f32, (wy - surfel.y) as f32);
-            (block.rx[k], block.ry[k]) = (rx as f32, ry as f32);
+            (block.rx[k], block.ry[k]) = (rx, ry);
             (block.axx[k], block.axy[k], block.ayy[k]) = (surfel.axx, surfel.axy, surfel.ayy);
         }
         for k in points.len()..BLOCK {
@@ -487,6 +495,55 @@ mod tests {
             assert!(result.evaluations > 3);
             assert_eq!(LOOK_UPS.get(), result.evaluations as usize * points.hits.len());
             assert!(result.world_from_robot.distance(Pose2::IDENTITY) < 0.01, "{result:?}");
+        }
+    }
+
+    /// A wall along y, seen from a point on the x axis.
+    fn wall(x: f64, from_x: f64) -> SweepPoints {
+        let hits = (0..100).map(|k| [x, -2.0 + 0.04 * f64::from(k)]).collect();
+        let mut points = SweepPoints { hits, origin: [from_x, 0.0], beam_step_rad: 0.01, ..SweepPoints::default() };
+        points.fill_normals();
+        points
+    }
+
+    #[test]
+    fn a_wall_is_not_matched_against_its_other_side() {
+        // The corridor's side of a wall is known, and the room's other walls; the robot, in the room, sees the room's side.
+        let mut map = LiveMap::new(LiveMapSettings::default());
+        map.change(&wall(0.0, -1.0), Pose2::IDENTITY, Change::Add, 0);
+        let mut sides = SweepPoints::default();
+        for y in [-2.0, 2.0] {
+            sides.hits.extend((0..100).map(|k| [0.15 + 0.04 * f64::from(k), y]));
+        }
+        (sides.origin, sides.beam_step_rad) = ([2.0, 0.0], 0.01);
+        sides.fill_normals();
+        map.change(&sides, Pose2::IDENTITY, Change::Add, 1);
+        let from_room = Pose2::new(2.0, 0.0, 0.0);
+        let seen = |world: [f64; 2]| from_room.inverse().transform(world);
+        let hits: Vec<_> = wall(0.15, 2.0).hits.iter().chain(&sides.hits).map(|&hit| seen(hit)).collect();
+        let prior = Prior { world_from_robot: from_room, variances: [0.01; 3], tail: 1e8 };
+        let found = Matcher::default().gauss_newton(&map, &hits, &prior, from_room).world_from_robot;
+        assert!(found.distance(from_room) < 0.01 && found.theta.abs() < 0.005, "{found:?}");
+        // With the room's side in the map too it is found from beyond the wall's middle.
+        map.change(&wall(0.15, 2.0), Pose2::IDENTITY, Change::Add, 2);
+        let start = Pose2::new(1.88, 0.0, 0.0);
+        let prior = Prior { world_from_robot: start, variances: [0.01; 3], tail: 1e8 };
+        let found = Matcher::default().gauss_newton(&map, &hits, &prior, start).world_from_robot;
+        assert!(found.distance(from_room) < 0.01 && found.theta.abs() < 0.005, "{found:?}");
+    }
+
+    #[test]
+    fn the_sides_of_a_thin_wall_are_two_lines() {
+        let mut map = LiveMap::new(LiveMapSettings::default());
+        let sides = [(0.02, -1.0), (0.08, 1.0)];
+        for (node, &(x, from_x)) in (0..).zip(&sides) {
+            map.change(&wall(x, from_x), Pose2::IDENTITY, Change::Add, node);
+        }
+        for (x, from_x) in sides {
+            let line = map.obstacle_seen([from_x, 0.0], [x, 0.1]).expect("the side that is seen");
+            assert!((line.x - x).abs() < 1e-3, "{line:?}");
+            let line = map.obstacle_seen([from_x, 0.0], [0.1 - x, 0.1]).expect("the side that is seen");
+            assert!((line.x - x).abs() < 1e-3, "{line:?}");
         }
     }
 }

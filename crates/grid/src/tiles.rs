@@ -15,11 +15,15 @@ const CACHE_BITS: u32 = 5;
 const CACHE: usize = 1 << (2 * CACHE_BITS);
 
 /// The cell of a coordinate given in cells: rounded down. Coordinates beyond 2^30 cells are clamped to the edge.
+///
+/// To a millionth of a cell: what is less than half of that below a whole number counts as that number.
 #[inline]
 pub(crate) fn floor_cell(cells: f64) -> i32 {
-    const BIAS: f64 = 1_073_741_824.0;
-    // Positive after the bias, so that truncation rounds down; the cast saturates.
-    ((cells + BIAS) as i64 - BIAS as i64) as i32
+    const EDGE: f64 = 1_073_741_824.0;
+    // In 1.5 * 2^32 + cells the mantissa's lowest 20 bits are the fraction and the 32 above them 2^31 + floor(cells).
+    const BIAS: f64 = 6_442_450_944.0;
+    let biased = cells.clamp(-EDGE, EDGE) + BIAS;
+    ((biased.to_bits() >> 20) as u32 ^ 1 << 31) as i32
 }
 
 /// The tile that holds a cell.
@@ -75,5 +79,22 @@ impl TileIndex {
         let number = *self.numbers.entry(tile).or_insert(next);
         self.cache[Self::slot(tile)] = CacheEntry { tile, number };
         (number, number == next)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_rounded_down_and_end_at_an_edge() {
+        for (cells, cell) in
+            [(0.0, 0), (0.99, 0), (1.0, 1), (-0.01, -1), (-1.0, -1), (-64.5, -65), (1e6 + 0.5, 1_000_000)]
+        {
+            assert_eq!(floor_cell(cells), cell, "{cells}");
+        }
+        for cells in [1.1e9, 1e20, f64::INFINITY] {
+            assert_eq!((floor_cell(cells), floor_cell(-cells)), (1 << 30, -(1 << 30)), "{cells}");
+        }
     }
 }

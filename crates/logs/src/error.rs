@@ -24,7 +24,7 @@ pub enum LogError {
         cause: FormatError,
     },
     /// Whoever watched it being looked through did not want to go on.
-    #[error("{name}: stopped while it was looked through; nothing was mapped")]
+    #[error("{name}: stopped while it was looked through, before anything else")]
     Stopped {
         /// The log.
         name: String,

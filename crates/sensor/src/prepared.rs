@@ -270,8 +270,10 @@ impl SweepPoints {
         self.normals.clear();
         self.normals.reserve(self.hits.len());
         for i in 0..self.hits.len() {
-            let normal = self.normal(i);
-            self.normals.push(normal);
+            let [nx, ny] = self.normal(i);
+            let [x, y] = self.hits[i];
+            let to_sensor = nx * (self.origin[0] - x) + ny * (self.origin[1] - y);
+            self.normals.push(if to_sensor < 0.0 { [-nx, -ny] } else { [nx, ny] });
         }
     }
 
@@ -396,5 +398,25 @@ impl Line {
         let (vx, vy) = if diff > 0.0 { (-xy, root + diff) } else { (root - diff, -xy) };
         let norm = (vx * vx + vy * vy).sqrt();
         (norm > 0.0).then(|| Self { normal: [vx / norm, vy / norm], along: mean + root, across: mean - root })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_point_to_where_the_surface_was_seen_from() {
+        let along = |k: i32| -1.0 + 0.04 * f64::from(k);
+        for origin in [[0.5, 0.2], [-3.0, 0.0], [3.0, 0.0]] {
+            let hits = [-2.0, 2.0].into_iter().flat_map(|x| (0..50).map(move |k| [x, along(k)])).collect();
+            let mut points = SweepPoints { hits, origin, beam_step_rad: 0.01, ..SweepPoints::default() };
+            points.fill_normals();
+            for (hit, normal) in points.hits.iter().zip(&points.normals) {
+                assert!(normal[0].abs() > 0.99, "{normal:?} at {hit:?}");
+                assert!(normal[0] * (origin[0] - hit[0]) > 0.0, "{normal:?} at {hit:?} seen from {origin:?}");
+            }
+            assert_eq!(points.normals.len(), 100);
+        }
     }
 }

@@ -5,9 +5,9 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
-fn errors(folder: &Path, what: &str) -> Value {
-    let out = folder.join(what);
-    let show = ["demo", "--show", what, "--length", "70", "-o", out.to_str().unwrap(), "--json"];
+fn errors(folder: &Path, what: &str, seed: u64) -> Value {
+    let (out, seed) = (folder.join(format!("{what}-{seed}")), seed.to_string());
+    let show = ["demo", "--show", what, "--length", "70", "--seed", &seed, "-o", out.to_str().unwrap(), "--json"];
     let output = run(&show);
     assert_code(&output, 0);
     for name in ["before.png", "after.png"] {
@@ -22,12 +22,14 @@ fn errors(folder: &Path, what: &str) -> Value {
 fn each_lesson_is_shown_with_its_errors() {
     let folder = folder("show");
     let ate_m = |errors: &Value, what: &str| errors["ate_m"][what].as_f64().unwrap();
-    let open = errors(&folder, "no-closure");
-    assert!(ate_m(&open, "optimised") < 0.7 * ate_m(&open, "open"), "{open}");
-    let spread = errors(&folder, "spread");
+    // The ends of one open loop may meet by chance.
+    let open: Vec<_> = [1, 2, 5].into_iter().map(|seed| errors(&folder, "no-closure", seed)).collect();
+    let all_m = |what: &str| open.iter().map(|errors| ate_m(errors, what)).sum::<f64>();
+    assert!(all_m("optimised") < 0.7 * all_m("open"), "{open:?}");
+    let spread = errors(&folder, "spread", 5);
     assert!(ate_m(&spread, "spread") < 0.4 * ate_m(&spread, "wheels"), "{spread}");
     assert!(spread["gap"]["translation_m"].as_f64().unwrap() > 3.0, "{spread}");
-    let false_closure = errors(&folder, "false-closure");
+    let false_closure = errors(&folder, "false-closure", 5);
     assert_eq!(false_closure["false_closure_outvoted"], true);
     assert!(ate_m(&false_closure, "obeyed") > 2.0 * ate_m(&false_closure, "outvoted"), "{false_closure}");
     assert!(ate_m(&false_closure, "outvoted") < 1.5 * ate_m(&false_closure, "without"), "{false_closure}");

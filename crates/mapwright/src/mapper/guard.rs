@@ -56,7 +56,7 @@ const USUAL_WEIGHT: f64 = 0.05;
 const LEAST_TRUST: f64 = 0.05;
 /// From the curvature of the objective to information. Beams are correlated (less), the last stage's sigma is wider
 /// than a beam's noise (more); calibrated by the NEES of simulated rooms and corridors (`tests/consistency.rs`).
-const INFORMATION_SCALE: f64 = 1.45;
+const INFORMATION_SCALE: f64 = 1.7;
 
 /// What the match stage hands on.
 pub(super) struct Matched {
