@@ -275,7 +275,7 @@ impl LiveMap {
         agreement
     }
 
-    /// Calls with the keyframe behind each obstacle that an end point, at a pose, would be matched against.
+    /// Calls with the keyframe behind the obstacle nearest to each end point at a pose, from whichever side it was seen.
     pub fn each_supplier(&self, points: &[[f64; 2]], world_from_robot: Pose2, mut call: impl FnMut(u32)) {
         let (s, c) = world_from_robot.theta.sin_cos();
         let cells_per_m = 1.0 / self.settings.resolution_m;

@@ -2,11 +2,12 @@
 //!
 //! The objective is `log p(scan | pose, map) + log p(pose | prediction)` with the likelihood field of *Probabilistic
 //! Robotics* (2005, section 6.4): each beam is a hit with density `exp(-q / (2 sigma^2))`, `q` its squared distance to
-//! the nearest obstacle, or a random reading with the relative density `random_ratio`. Two optimisers climb it, damped
-//! Gauss-Newton and the gradient ascent of Thrun, Burgard and Fox's chapter on fast incremental mapping.
+//! the nearest obstacle that was seen from the beam's side, or a random reading with the relative density
+//! `random_ratio`. Two optimisers climb it, damped Gauss-Newton and the gradient ascent of Thrun, Burgard and Fox's
+//! chapter on fast incremental mapping.
 //!
-//! Both look a beam's obstacle up once per evaluation. A step counts only if the objective improves with every beam's
-//! obstacle assigned anew.
+//! Both look a beam's obstacle up once per evaluation, and once more where it was only seen from the other side. A step
+//! counts only if the objective improves with every beam's obstacle assigned anew.
 
 use crate::field::{LookUps, NO_OBSTACLE};
 use crate::live::LiveMap;
@@ -102,7 +103,7 @@ pub struct MatchResult {
     pub prior_cost: f64,
     /// Gauss-Newton Hessian of the scan's term alone.
     pub hessian: Matrix3<f64>,
-    /// Evaluations used, one field look-up a beam each.
+    /// Evaluations used, one field look-up a beam each, two where the first finds a wall's far side.
     pub evaluations: u32,
 }
 
@@ -336,7 +337,7 @@ impl Block {
     }
 }
 
-/// One field look-up a beam.
+/// One field look-up a beam, two where the first finds a wall's far side.
 struct Lookup<'a> {
     map: &'a LiveMap,
     field: LookUps<'a>,

@@ -216,7 +216,8 @@ const GRAZED_WIDTH_M: f64 = 0.03;
 pub struct SweepPoints {
     /// Where beams met something.
     pub hits: Vec<[f64; 2]>,
-    /// Unit normal of the surface at each hit, zero where the scan does not show one; see [`SweepPoints::fill_normals`].
+    /// Unit normal of the surface at each hit, on the sensor's side, zero where the scan does not show one; see
+    /// [`SweepPoints::fill_normals`].
     pub normals: Vec<[f64; 2]>,
     /// Ends of the free space along beams that met nothing.
     pub free_ends: Vec<[f64; 2]>,
