@@ -9,7 +9,7 @@ use mapwright_formats::{GridImage, Picture, dominant_wall_angle, write_png};
 /// Counts of every keyframe at these poses, whatever the mapper itself makes of them.
 pub(crate) fn draw_keyframes(mapper: &Mapper, world_from_keyframe: &[Pose2]) -> CountGrid {
     let poses: Vec<_> = world_from_keyframe.iter().copied().map(Some).collect();
-    let mut map = GlobalMap::new(mapper.settings());
+    let mut map = GlobalMap::without_normals(mapper.settings());
     map.export(mapper.keyframes(), &poses, 2);
     map.into_counts()
 }

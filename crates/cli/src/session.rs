@@ -42,7 +42,7 @@ pub(crate) fn map_of(session: &Session, path: &Path) -> Result<MapImage, Failure
         .map_err(|error| Failure::Session { path: path.to_owned(), cause: format!("its settings: {error}") })?;
     settings.validate()?;
     let poses: Vec<Option<Pose2>> = session.map_from_keyframe.iter().copied().map(Some).collect();
-    let mut map = GlobalMap::new(&settings);
+    let mut map = GlobalMap::without_normals(&settings);
     map.export(&session.keyframes, &poses, 2);
     Ok(map_image(&map.into_counts(), settings.map.passes_per_hit))
 }

@@ -31,8 +31,15 @@ impl Surfel {
     #[inline]
     pub(crate) fn is_seen_from_behind(&self, [rx, ry]: [f32; 2]) -> bool {
         let away = self.facing[0] * rx + self.facing[1] * ry;
-        away > 0.0 && away * away > BEHIND * BEHIND * (rx * rx + ry * ry)
+        // Most are seen from the front.
+        away > 0.0 && is_far_behind(away, [rx, ry])
     }
+}
+
+#[cold]
+#[inline(never)]
+fn is_far_behind(away: f32, [rx, ry]: [f32; 2]) -> bool {
+    away * away > BEHIND * BEHIND * (rx * rx + ry * ry)
 }
 
 /// So far from an end point that is nearest to a wall's far side its near side is looked for.

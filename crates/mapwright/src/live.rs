@@ -17,19 +17,25 @@ const ALIKE_RAD: f64 = std::f64::consts::FRAC_PI_4;
 /// A live keyframe stays live up to this multiple of the gate.
 const HYSTERESIS: f64 = 2.5;
 
-/// Keyframes drawn anew a scan after a correction.
-const MOVES_A_SCAN: usize = 16;
 /// Rounds of following that bring the surroundings of a robot into the live map that was found elsewhere.
 const ARRIVAL_STEPS: usize = 400;
-/// Half a keyframe more is drawn a scan for so many that are due,
+/// and keyframes that are drawn there at once.
+const ARRIVAL_KEYFRAMES: usize = 200;
+/// A keyframe is drawn anew when what it shows has moved by more than this, cells.
+const DISPLACED_CELLS: f64 = 0.25;
+/// So many keyframes that are due are drawn at a time, for what they have in common is settled once,
+const BATCH: u32 = 8;
+/// one every two scans; one more every two scans for so many that are due,
 const BACKLOG: usize = 64;
-/// and so many halves at most.
-const HALVES_AT_MOST: usize = 8;
+/// and so many more at most.
+const BACKLOG_AT_MOST: usize = 32;
 
 /// A scan meets a patch that supplies what more than such a share of its end points would be matched against.
 const MET_SHARE: f64 = 0.02;
-/// So many halves of keyframes leave before the scan is matched, the others in the next scans.
-const MET_HALVES: usize = 64;
+/// Side of the squares by which it is told whether a scan meets a patch that is not drawn where it belongs, metres.
+const SQUARE_M: f64 = 2.0;
+/// So many keyframes leave before the scan is matched, the others in the next scans.
+const MET_AT_ONCE: usize = 32;
 
 /// What the live map consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -53,17 +59,17 @@ pub(crate) struct Live {
     patches: Patches,
     /// Keyframes of live patches by area.
     areas: FxHashMap<(i32, i32), Vec<u32>>,
-    /// Keyframes to be drawn or taken out, half of one a scan.
+    /// Keyframes to be drawn or taken out,
     due: VecDeque<u32>,
-    /// The one of which the second half is missing.
-    half_done: Option<(u32, Change)>,
-    /// Where its first half was drawn or taken out.
-    half_at: Option<Pose2>,
+    /// and those that may stay drawn until a scan meets them or there is time.
+    leaving: VecDeque<u32>,
+    /// How many halves of them may be drawn by now.
+    halves: u32,
     lever_m: f64,
     /// Patches that the present scan meets and for how many of its end points.
     met: Vec<(u32, u32)>,
-    /// Drawn keyframes that a correction has moved, to be drawn anew.
-    moved: VecDeque<u32>,
+    /// Patches that wait until a scan meets them to be drawn where they belong, by the squares in which they have obstacles.
+    waiting: Vec<((i32, i32), u32)>,
     inserted_last: bool,
     report: LiveReport,
     points: SweepPoints,
@@ -101,11 +107,11 @@ impl Live {
             patches: Patches::default(),
             areas: FxHashMap::default(),
             due: VecDeque::new(),
-            half_done: None,
-            half_at: None,
+            leaving: VecDeque::new(),
+            halves: 0,
             lever_m: 0.0,
             met: Vec::new(),
-            moved: VecDeque::new(),
+            waiting: Vec::new(),
             inserted_last: false,
             report: LiveReport::default(),
             points: SweepPoints::default(),
@@ -117,20 +123,14 @@ impl Live {
         self.report
     }
 
-    /// Draws a keyframe's beams into the map or takes them out again; all, or the first or second half.
-    fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, change: Change, first_half: Option<bool>) {
+    /// Draws a keyframe's beams into the map or takes them out again.
+    fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, change: Change) {
         let sweep = &frames.keyframes[node as usize].sweep;
         self.points.fill(sweep, &mut self.table, settings.scan.free_range_m);
         self.points.fill_normals();
-        if let Some(first) = first_half {
-            self.points.keep_half(first);
-        }
         let view = &mut self.views[node as usize];
-        // The second half is drawn, or taken out, where the first one was.
-        let half_at = self.half_at.filter(|_| first_half == Some(false));
-        let at = half_at.or(view.drawn_at.filter(|_| change == Change::Remove));
-        let at = at.unwrap_or(frames.world_from_robot[node as usize]);
-        self.half_at = if first_half == Some(true) { Some(at) } else { self.half_at };
+        let drawn_at = view.drawn_at.filter(|_| change == Change::Remove);
+        let at = drawn_at.unwrap_or(frames.world_from_robot[node as usize]);
         self.map.draw(&self.points, at, change, node);
         let (drawn, was) = (change == Change::Add, view.drawn_at.is_some());
         view.drawn_at = drawn.then_some(at);
@@ -148,9 +148,9 @@ impl Live {
     pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, lever_m: f64) {
         self.views.push(View::default());
         self.lever_m = lever_m;
-        self.draw(settings, frames, node, Change::Add, None);
+        self.draw(settings, frames, node, Change::Add);
         if self.gated {
-            self.patches.add(frames.world_from_robot, lever_m);
+            self.patches.add(frames.world_from_robot, lever_m, &self.points.hits);
             self.enter_area(settings, frames, node);
         }
     }
@@ -188,73 +188,125 @@ impl Live {
     /// A patch's keyframes join or leave: they are due to be drawn or taken out.
     fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
         for node in self.patches.flip(flip) {
-            self.due.push_back(node);
             if flip.live {
-                self.report.let_in += 1;
                 self.enter_area(settings, frames, node);
             } else {
-                self.report.gated_out += 1;
+                self.leaving.push_back(node);
                 self.leave_area(node);
             }
         }
     }
 
-    /// Before a scan is matched: if it would be matched against what is too uncertain for that, all that is so uncertain around
-    /// the robot leaves the live map.
+    /// Before a scan is matched: if it would be matched against what is too uncertain for that, this leaves the live map, and
+    /// all that is so uncertain around the robot leaves it in the course of time.
     pub(crate) fn meet(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], predicted: Pose2) {
-        if !self.patches.any_stale() {
+        self.meet_waiting(hits, predicted);
+        if !self.patches.any_stale() && self.leaving.is_empty() {
             return;
         }
         let mut met = std::mem::take(&mut self.met);
         self.map.each_supplier(hits, predicted, |supplier| {
-            let Some(patch) = self.patches.stale(supplier) else { return };
-            match met.iter_mut().find(|(known, _)| *known == patch) {
-                Some((_, points)) => *points += 1,
-                None => met.push((patch, 1)),
+            if let Some(patch) = self.patches.unwanted(supplier) {
+                count(&mut met, patch, 1);
             }
         });
-        let waiting = self.due.len();
         let least = MET_SHARE * hits.len() as f64;
-        if met.drain(..).any(|(_, points)| f64::from(points) > least) {
+        if met.iter().any(|&(patch, points)| f64::from(points) > least && self.patches.is_stale(patch)) {
             for flip in self.patches.stale_around(predicted) {
                 self.flip(settings, frames, flip);
             }
         }
+        met.retain(|&(patch, _)| !self.patches.is_stale(patch));
+        let waiting = self.due.len();
+        if f64::from(met.iter().map(|&(_, points)| points).sum::<u32>()) > least {
+            met.sort_unstable_by_key(|&(patch, points)| (std::cmp::Reverse(points), patch));
+            for &(patch, _) in &met {
+                self.due.extend(self.patches.settle(patch));
+            }
+        }
+        met.clear();
         self.met = met;
         let leaving = self.due.len() - waiting;
         self.due.rotate_right(leaving);
-        for _ in 0..(2 * leaving).min(MET_HALVES) {
-            self.draw_half(settings, frames);
-        }
+        self.settle_due(settings, frames, leaving.min(MET_AT_ONCE));
         self.map.refresh();
+    }
+
+    /// What is certain and was not drawn yet is due as soon as a scan ends on it.
+    fn meet_waiting(&mut self, hits: &[[f64; 2]], predicted: Pose2) {
+        if self.waiting.is_empty() {
+            return;
+        }
+        let mut met = std::mem::take(&mut self.met);
+        let (s, c) = predicted.theta.sin_cos();
+        let square = |&[x, y]: &[f64; 2]| square([predicted.x + c * x - s * y, predicted.y + s * x + c * y]);
+        // Neighbouring beams end in the same square.
+        for run in hits.chunk_by(|a, b| square(a) == square(b)) {
+            let square = square(&run[0]);
+            let first = self.waiting.partition_point(|&(other, _)| other < square);
+            for &(_, patch) in self.waiting[first..].iter().take_while(|(other, _)| *other == square) {
+                count(&mut met, patch, run.len() as u32);
+            }
+        }
+        let least = MET_SHARE * hits.len() as f64;
+        met.sort_unstable_by_key(|&(patch, points)| (std::cmp::Reverse(points), patch));
+        for (patch, _) in met.drain(..).filter(|&(_, points)| f64::from(points) > least) {
+            self.due.extend(self.patches.settle(patch));
+            self.waiting.retain(|&(_, other)| other != patch);
+        }
+        self.met = met;
+    }
+
+    /// Notes where the patches around that wait have their obstacles, and where these are drawn if they are.
+    fn note_waiting(&mut self, frames: Frames<'_>) {
+        self.waiting.clear();
+        let Some(&at) = frames.world_from_robot.last() else { return };
+        let Self { patches, waiting, views, .. } = self;
+        let pose = |node: u32| frames.world_from_robot[node as usize];
+        patches.each_waiting(at, |number, patch| {
+            let drawn =
+                patch.views.iter().find_map(|&view| Some(views[view as usize].drawn_at? * pose(view).inverse()));
+            for moved in [Some(Pose2::IDENTITY), drawn].into_iter().flatten() {
+                let Pose2 { x, y, theta } = moved * pose(patch.first);
+                let (s, c) = theta.sin_cos();
+                let in_world = |[px, py]: [f64; 2]| [x + c * px - s * py, y + s * px + c * py];
+                waiting.extend(patch.outline().map(|point| (square(in_world(point)), number)));
+            }
+        });
+        waiting.sort_unstable();
+        waiting.dedup();
     }
 
     /// Once a scan: brings the live keyframes around the robot in line with the gate, a little at a time.
     pub(crate) fn follow(&mut self, settings: &Settings, frames: Frames<'_>, inserted: bool) {
         if self.gated {
-            self.follow_gate(settings, frames, inserted);
-        }
-        self.map.refresh();
-    }
-
-    fn follow_gate(&mut self, settings: &Settings, frames: Frames<'_>, inserted: bool) {
-        self.move_some(settings, frames);
-        let gate_m = settings.live.gate_m;
-        for flip in self.patches.search(frames.world_from_robot, gate_m, gate_m * HYSTERESIS) {
-            self.flip(settings, frames, flip);
+            self.follow_gate(settings, frames);
         }
         // A scan that has inserted is the dearest already; where every scan inserts it cannot be helped.
         if !inserted || self.inserted_last {
-            for _ in 0..=(self.due.len() / BACKLOG).min(HALVES_AT_MOST) {
-                self.draw_half(settings, frames);
+            self.halves += 1 + (self.due.len() / BACKLOG).min(BACKLOG_AT_MOST) as u32;
+            if self.halves >= 2 * BATCH {
+                self.settle_due(settings, frames, self.halves as usize / 2);
+                self.halves %= 2;
             }
         }
         self.inserted_last = inserted;
+        self.map.refresh();
     }
 
-    /// The keyframes were moved by a correction; what is drawn follows, the newest first.
-    pub(crate) fn carry(&mut self, before: &[Pose2], frames: Frames<'_>) {
+    fn follow_gate(&mut self, settings: &Settings, frames: Frames<'_>) {
+        let gate_m = settings.live.gate_m;
+        let Some(flips) = self.patches.search(frames.world_from_robot, gate_m, gate_m * HYSTERESIS) else { return };
+        for flip in flips {
+            self.flip(settings, frames, flip);
+        }
+        self.note_waiting(frames);
+    }
+
+    /// The keyframes were moved by a correction; what is drawn follows where scans meet it.
+    pub(crate) fn carry(&mut self, settings: &Settings, before: &[Pose2], frames: Frames<'_>) {
         if self.gated {
+            self.waiting.clear();
             self.patches.carry(before, frames.world_from_robot);
             self.areas.clear();
             for node in 0..frames.world_from_robot.len() as u32 {
@@ -265,29 +317,54 @@ impl Live {
                 }
             }
         }
-        let quarter_m = 0.25 * self.map.settings.resolution_m;
-        let lever_m = self.lever_m;
-        let displaced = |node: &u32| {
-            let at = frames.world_from_robot[*node as usize];
-            self.views[*node as usize]
-                .drawn_at
-                .is_some_and(|drawn_at| drawn_at.distance(at) + lever_m * drawn_at.between(at).theta.abs() > quarter_m)
-        };
-        self.moved = (0..frames.world_from_robot.len() as u32).rev().filter(displaced).collect();
+        let nodes = 0..frames.world_from_robot.len() as u32;
+        let displaced = nodes.clone().filter(|&node| self.is_displaced(frames, node) && self.is_wanted(node));
+        let displaced: Vec<u32> = displaced.collect();
+        if !self.gated {
+            self.due = displaced.into();
+            return;
+        }
+        let wanted = nodes.filter(|&node| self.views[node as usize].drawn_at.is_some() && self.is_wanted(node)).count();
+        let stay = wanted - displaced.len();
+        for node in displaced {
+            self.patches.unsettle(node);
+        }
+        if self.report.keyframes > 2 * stay {
+            self.begin_anew(settings, frames);
+        }
+        self.note_waiting(frames);
     }
 
-    /// Draws some keyframes anew where they belong.
-    fn move_some(&mut self, settings: &Settings, frames: Frames<'_>) {
-        for _ in 0..MOVES_A_SCAN.min(self.moved.len()) {
-            let Some(node) = self.moved.pop_front() else { return };
-            if self.half_done.is_some_and(|(half, _)| half == node) {
-                self.draw_half(settings, frames);
-            }
-            if self.views[node as usize].drawn_at.is_some() {
-                self.draw(settings, frames, node, Change::Remove, None);
-                self.draw(settings, frames, node, Change::Add, None);
+    /// Whether a keyframe is to be in the live map.
+    fn is_wanted(&self, node: u32) -> bool {
+        !self.views[node as usize].gone && self.is_live(node)
+    }
+
+    /// Whether a keyframe is drawn elsewhere than where it belongs.
+    fn is_displaced(&self, frames: Frames<'_>, node: u32) -> bool {
+        let at = frames.world_from_robot[node as usize];
+        self.views[node as usize].drawn_at.is_some_and(|drawn_at| {
+            let moved_m = drawn_at.distance(at) + self.lever_m * drawn_at.between(at).theta.abs();
+            moved_m > DISPLACED_CELLS * self.map.settings.resolution_m
+        })
+    }
+
+    /// Where more would have to be taken out of the live map than stays, it begins anew, with the newest views. The others wait.
+    fn begin_anew(&mut self, settings: &Settings, frames: Frames<'_>) {
+        self.map = LiveMap::new(self.map.settings);
+        self.views.iter_mut().for_each(|view| view.drawn_at = None);
+        self.report.keyframes = 0;
+        self.due.clear();
+        self.leaving.clear();
+        self.patches.unsettle_all();
+        let mut left = MET_AT_ONCE;
+        for node in (0..self.views.len() as u32).rev() {
+            if left > 0 && self.is_wanted(node) {
+                self.draw(settings, frames, node, Change::Add);
+                left -= 1;
             }
         }
+        self.map.refresh();
     }
 
     /// A closure links two keyframes.
@@ -309,11 +386,14 @@ impl Live {
         if self.gated { self.patches.survey() } else { Vec::new() }
     }
 
-    /// The robot was found elsewhere: the live map follows at once.
-    pub(crate) fn arrive(&mut self, settings: &Settings, frames: Frames<'_>) {
+    /// The robot was found elsewhere: the live map follows at once, as far as a scan from there sees.
+    pub(crate) fn arrive(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], at: Pose2) {
         for _ in 0..ARRIVAL_STEPS {
             self.follow(settings, frames, false);
         }
+        self.meet_waiting(hits, at);
+        self.settle_due(settings, frames, ARRIVAL_KEYFRAMES);
+        self.map.refresh();
     }
 
     /// Whether a keyframe is in the live map or is to be.
@@ -321,33 +401,34 @@ impl Live {
         !self.gated || self.patches.is_live(node)
     }
 
-    fn draw_half(&mut self, settings: &Settings, frames: Frames<'_>) {
-        if let Some((node, change)) = self.half_done.take() {
-            self.draw(settings, frames, node, change, Some(false));
-            return;
-        }
-        while let Some(node) = self.due.pop_front() {
-            let View { drawn_at, gone, .. } = self.views[node as usize];
-            let drawn = drawn_at.is_some();
-            let wanted = !gone && self.patches.is_live(node);
-            if wanted != drawn {
-                let change = if wanted { Change::Add } else { Change::Remove };
-                self.draw(settings, frames, node, change, Some(true));
-                self.half_done = Some((node, change));
-                return;
+    /// Draws, takes out or moves up to so many of the keyframes that are due, and then of those that are leaving.
+    fn settle_due(&mut self, settings: &Settings, frames: Frames<'_>, most: usize) {
+        let mut left = most;
+        while left > 0 {
+            let Some(node) = self.due.pop_front().or_else(|| self.leaving.pop_front()) else { return };
+            let drawn = self.views[node as usize].drawn_at.is_some();
+            let wanted = self.is_wanted(node);
+            if wanted == drawn && !(wanted && self.is_displaced(frames, node)) {
+                continue;
             }
+            if drawn {
+                self.draw(settings, frames, node, Change::Remove);
+            }
+            if wanted {
+                self.draw(settings, frames, node, Change::Add);
+            }
+            self.report.let_in += u64::from(wanted && !drawn);
+            self.report.gated_out += u64::from(!wanted && !self.views[node as usize].gone);
+            left -= 1;
         }
     }
 
     /// Takes a keyframe out for good.
     pub(crate) fn drop(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
-        if self.half_done.is_some_and(|(half, _)| half == node) {
-            self.draw_half(settings, frames);
-        }
         let Some(view) = self.views.get_mut(node as usize) else { return };
         view.gone = true;
         if view.drawn_at.is_some() {
-            self.draw(settings, frames, node, Change::Remove, None);
+            self.draw(settings, frames, node, Change::Remove);
         }
         self.map.refresh();
         if self.gated {
@@ -355,6 +436,17 @@ impl Live {
             self.patches.forget(node);
         }
     }
+}
+
+fn count(met: &mut Vec<(u32, u32)>, patch: u32, points: u32) {
+    match met.iter_mut().find(|(known, _)| *known == patch) {
+        Some((_, sum)) => *sum += points,
+        None => met.push((patch, points)),
+    }
+}
+
+fn square([x, y]: [f64; 2]) -> (i32, i32) {
+    ((x / SQUARE_M).floor() as i32, (y / SQUARE_M).floor() as i32)
 }
 
 fn area(pose: Pose2) -> (i32, i32) {
@@ -433,9 +525,14 @@ mod tests {
     }
 
     fn finish(live: &mut Live, keyframes: &[Keyframe], world_from_robot: &[Pose2]) {
-        while live.half_done.is_some() || !live.due.is_empty() {
-            live.draw_half(&gated(), Frames { keyframes, world_from_robot });
-        }
+        live.settle_due(&gated(), Frames { keyframes, world_from_robot }, usize::MAX);
+    }
+
+    /// A scan like that of a keyframe meets what is there.
+    fn scan(live: &mut Live, keyframes: &[Keyframe], poses: &[Pose2], node: usize) {
+        let (settings, mut points) = (gated(), SweepPoints::default());
+        points.fill(&keyframes[node].sweep, &mut BeamTable::default(), settings.scan.free_range_m);
+        live.meet(&settings, Frames { keyframes, world_from_robot: poses }, &points.hits, poses[node]);
     }
 
     #[test]
@@ -463,37 +560,69 @@ mod tests {
     }
 
     #[test]
-    fn a_link_to_a_place_that_was_out_lets_it_in_again() {
+    fn a_link_to_a_place_that_was_out_lets_it_in_again_when_a_scan_meets_it() {
         let (keyframes, poses) = corridor(60);
         let mut live = drive(&keyframes, &poses, 0.12, Some((55, 34)));
         finish(&mut live, &keyframes, &poses);
-        assert!(
-            live.views[33].drawn_at.is_some() && live.views[34].drawn_at.is_some() && live.report.let_in > 0,
-            "{:?}",
-            live.report
-        );
+        let drawn = |live: &Live, node: usize| live.views[node].drawn_at.is_some();
+        assert!(live.is_live(33) && live.is_live(34) && live.report.let_in == 0, "{:?}", live.report);
+        assert!(!drawn(&live, 33) && !drawn(&live, 34));
+        scan(&mut live, &keyframes, &poses, 33);
+        finish(&mut live, &keyframes, &poses);
+        assert!(drawn(&live, 33) && drawn(&live, 34) && live.report.let_in > 0, "{:?}", live.report);
+        live.map.refresh();
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    }
+
+    /// The keyframes from `first` on stay, those before are carried along the corridor.
+    fn corrected(poses: &[Pose2], first: usize) -> Vec<Pose2> {
+        let by = |node: usize| if node < first { 0.3 } else { 0.0 };
+        poses.iter().enumerate().map(|(node, pose)| Pose2 { x: pose.x + by(node), ..*pose }).collect()
     }
 
     #[test]
-    fn what_is_too_uncertain_to_be_matched_against_leaves_before_a_scan_would_be() {
-        // Out, and back beside it: the start is 30 steps of 0.05 m old when the robot is beside it again.
+    fn what_a_correction_moves_is_drawn_where_it_belongs_when_a_scan_meets_it() {
+        let (keyframes, poses) = corridor(60);
+        for first in [10, 50] {
+            let mut live = drive(&keyframes, &poses, 0.001, None);
+            let moved = corrected(&poses, first);
+            let frames = Frames { keyframes: &keyframes, world_from_robot: &moved };
+            live.carry(&gated(), &poses, frames);
+            finish(&mut live, &keyframes, &moved);
+            let at = |live: &Live, node: usize| live.views[node].drawn_at;
+            // Where most has moved all begins anew, with the newest; where little has it stays until it is met.
+            let newest = (0..60).filter(|&node| at(&live, node).is_some()).count();
+            assert_eq!(newest, if first == 10 { 60 } else { MET_AT_ONCE }, "{:?}", live.report);
+            assert_eq!(at(&live, 5), if first == 10 { Some(poses[5]) } else { None });
+            for node in 0..60 {
+                scan(&mut live, &keyframes, &moved, node);
+            }
+            finish(&mut live, &keyframes, &moved);
+            live.map.refresh();
+            assert!((0..60).all(|node| at(&live, node) == Some(moved[node])), "{:?}", live.report);
+            assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &moved).to_bytes());
+        }
+    }
+
+    /// Out, and back beside it: the start is 30 steps old when the robot is beside it again.
+    fn out_and_back() -> (Vec<Keyframe>, Vec<Pose2>) {
         let (keyframes, mut poses) = corridor(60);
         for back in 30..60 {
             let there = poses[59 - back];
             poses[back] = Pose2 { y: there.y + 10.0, ..there };
         }
-        let (settings, frames) = (gated(), Frames { keyframes: &keyframes, world_from_robot: &poses });
+        (keyframes, poses)
+    }
+
+    #[test]
+    fn what_is_too_uncertain_to_be_matched_against_leaves_before_a_scan_would_be() {
+        let (keyframes, poses) = out_and_back();
         let mut live = drive(&keyframes, &poses, 0.05, None);
         finish(&mut live, &keyframes, &poses);
         let drawn = |live: &Live, node: usize| live.views[node].drawn_at.is_some();
-        let scan = |live: &mut Live, node: usize| {
-            let mut points = SweepPoints::default();
-            points.fill(&keyframes[node].sweep, &mut BeamTable::default(), settings.scan.free_range_m);
-            live.meet(&settings, frames, &points.hits, poses[node]);
-        };
-        scan(&mut live, 59);
+        scan(&mut live, &keyframes, &poses, 59);
         assert!(live.report.gated_out == 0 && drawn(&live, 0), "no scan has met it: {:?}", live.report);
-        scan(&mut live, 0);
+        scan(&mut live, &keyframes, &poses, 0);
         assert!(live.report.gated_out > 0 && !drawn(&live, 0) && drawn(&live, 59), "{:?}", live.report);
         finish(&mut live, &keyframes, &poses);
         live.map.refresh();
@@ -501,19 +630,18 @@ mod tests {
     }
 
     #[test]
-    fn a_keyframe_that_is_half_taken_out_can_be_dropped() {
-        let (keyframes, poses) = corridor(60);
-        let mut live = drive(&keyframes, &poses, 0.12, None);
-        let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
-        let newest = 59;
-        live.due.clear();
-        live.views[newest].gone = true;
-        live.due.push_back(newest as u32);
-        live.half_done = None;
-        live.draw_half(&gated(), frames);
-        assert_eq!(live.half_done, Some((newest as u32, Change::Remove)));
-        live.drop(&gated(), frames, newest as u32);
-        assert!(live.views[newest].drawn_at.is_none() && live.half_done.is_none());
+    fn a_keyframe_that_is_to_leave_can_be_dropped() {
+        let (keyframes, poses) = out_and_back();
+        let mut live = drive(&keyframes, &poses, 0.05, None);
+        scan(&mut live, &keyframes, &poses, 0);
+        let drawn = |live: &Live, node: u32| live.views[node as usize].drawn_at.is_some();
+        let leaving = live.leaving.iter().copied().find(|&node| drawn(&live, node));
+        let leaving = leaving.expect("what no scan meets leaves in the course of time");
+        live.drop(&gated(), Frames { keyframes: &keyframes, world_from_robot: &poses }, leaving);
+        assert!(!drawn(&live, leaving));
+        finish(&mut live, &keyframes, &poses);
+        live.map.refresh();
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
     }
 
     #[test]

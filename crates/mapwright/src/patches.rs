@@ -11,6 +11,10 @@ use rustc_hash::FxHashMap;
 const PATCH_M: f64 = 2.0;
 /// if it is as certain relative to its first keyframe, metres.
 const PATCH_SIGMA_M: f64 = 0.05;
+/// Side of the squares by which a patch knows where it has obstacles, metres,
+const OUTLINE_M: f64 = 1.0;
+/// from one hit of so many.
+const OUTLINE_HITS: usize = 4;
 /// Side of the buckets in which live patches are found, metres.
 const BUCKET_M: f64 = 8.0;
 /// Shares of a link's variances that add up along a chain; the rest is the keyframe's own and does not. They hold for
@@ -47,9 +51,9 @@ pub(crate) struct Known {
 }
 
 #[derive(Debug, Clone)]
-struct Patch {
+pub(crate) struct Patch {
     /// The keyframe it began with.
-    first: u32,
+    pub(crate) first: u32,
     at: [f64; 2],
     live: bool,
     /// Relative to where the search `round` started; none before the first one.
@@ -59,8 +63,19 @@ struct Patch {
     used_m: f64,
     /// Live, but too uncertain to be matched against: it leaves before the next scan would be.
     stale: bool,
+    /// Not drawn as it should be, or drawn though it should not be: that is mended when a scan meets it.
+    unsettled: bool,
     /// Its keyframes that may be drawn.
-    views: Vec<u32>,
+    pub(crate) views: Vec<u32>,
+    /// Squares in which its keyframes have seen obstacles, relative to the first one.
+    outline: Vec<[i16; 2]>,
+}
+
+impl Patch {
+    /// Middles of the squares in which its keyframes have seen obstacles, relative to the first one, metres.
+    pub(crate) fn outline(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.outline.iter().map(|square| square.map(|k| (f64::from(k) + 0.5) * OUTLINE_M))
+    }
 }
 
 /// A keyframe's patch, and how certain it is relative to where that began.
@@ -113,7 +128,7 @@ impl Patches {
     }
 
     /// Puts the next keyframe into the nearest live patch it is certain in, or begins one.
-    pub(crate) fn add(&mut self, poses: &[Pose2], lever_m: f64) {
+    pub(crate) fn add(&mut self, poses: &[Pose2], lever_m: f64, hits: &[[f64; 2]]) {
         self.lever_m = lever_m;
         let node = self.members.len() as u32;
         let at = position(poses[node as usize]);
@@ -137,9 +152,22 @@ impl Patches {
         }
         let member = self.joined(at, &links).unwrap_or_else(|| Member { patch: self.begin(node, at), ..Member::NONE });
         self.members.push(member);
-        let Patch { views, used_m, .. } = &mut self.patches[member.patch as usize];
+        let Patch { first, views, used_m, outline, .. } = &mut self.patches[member.patch as usize];
         views.push(node);
         *used_m = self.way_m;
+        let Pose2 { x, y, theta } = poses[*first as usize].between(poses[node as usize]);
+        let (s, c) = theta.sin_cos();
+        let square = |&[hx, hy]: &[f64; 2]| {
+            [x + c * hx - s * hy, y + s * hx + c * hy].map(|metres| (metres / OUTLINE_M).floor() as i16)
+        };
+        let mut last = None;
+        for square in
+            hits.iter().step_by(OUTLINE_HITS).map(square).filter(|&square| last.replace(square) != Some(square))
+        {
+            if let Err(at) = outline.binary_search(&square) {
+                outline.insert(at, square);
+            }
+        }
         for (patch, link) in links {
             self.link(patch, member, link, at);
         }
@@ -211,8 +239,21 @@ impl Patches {
     }
 
     fn begin(&mut self, first: u32, at: [f64; 2]) -> u32 {
-        let (round, used_m, stale, views) = (self.round, self.way_m, false, Vec::new());
-        self.patches.push(Patch { first, at, live: true, searched: None, round, used_m, stale, views });
+        let (round, used_m) = (self.round, self.way_m);
+        let (views, outline) = (Vec::new(), Vec::new());
+        let fresh = Patch {
+            first,
+            at,
+            live: true,
+            searched: None,
+            round,
+            used_m,
+            stale: false,
+            unsettled: false,
+            views,
+            outline,
+        };
+        self.patches.push(fresh);
         self.whole.add_node(at);
         let patch = self.graph.add_node(at);
         self.buckets.entry(bucket(at)).or_default().push(patch);
@@ -236,8 +277,8 @@ impl Patches {
 
     /// Goes on searching. When a search has ended, the patches that change sides: live ones more uncertain than `out_m`,
     /// others at most as uncertain as `in_m`, nearest first.
-    pub(crate) fn search(&mut self, poses: &[Pose2], in_m: f64, out_m: f64) -> Vec<Flip> {
-        let Some(newest) = self.members.last() else { return Vec::new() };
+    pub(crate) fn search(&mut self, poses: &[Pose2], in_m: f64, out_m: f64) -> Option<Vec<Flip>> {
+        let newest = self.members.last()?;
         let at = position(poses[self.members.len() - 1]);
         if !self.searching && distance2(at, self.searched_from) > SEARCH_EVERY_M * SEARCH_EVERY_M {
             self.round += 1;
@@ -246,10 +287,10 @@ impl Patches {
             (self.searching, self.searched_from, self.since_started) = (true, at, Uncertainty::default());
         }
         if !self.searching || !self.graph.advance(SEARCH_LINKS, SEARCH_AT_MOST) {
-            return Vec::new();
+            return None;
         }
         (self.searching, self.judged, self.since_searched) = (false, self.round, self.since_started);
-        self.verdict(at, in_m, out_m)
+        Some(self.verdict(at, in_m, out_m))
     }
 
     fn verdict(&mut self, at: [f64; 2], in_m: f64, out_m: f64) -> Vec<Flip> {
@@ -291,10 +332,16 @@ impl Patches {
         self.stale > 0
     }
 
-    /// A keyframe's patch, if it is one of those.
-    pub(crate) fn stale(&self, node: u32) -> Option<u32> {
-        let patch = self.members.get(node as usize)?.patch;
-        self.patches[patch as usize].stale.then_some(patch)
+    /// Whether a patch is one of those.
+    pub(crate) fn is_stale(&self, patch: u32) -> bool {
+        self.patches[patch as usize].stale
+    }
+
+    /// A keyframe's patch, if that is one of those or is not live any more.
+    pub(crate) fn unwanted(&self, node: u32) -> Option<u32> {
+        let number = self.members.get(node as usize)?.patch;
+        let patch = &self.patches[number as usize];
+        (patch.stale || !patch.live).then_some(number)
     }
 
     /// The flips that make all patches leave that have to when a scan meets them, nearest first.
@@ -310,15 +357,43 @@ impl Patches {
 
     /// Carries a flip out and returns the keyframes concerned.
     pub(crate) fn flip(&mut self, flip: Flip) -> Vec<u32> {
-        let Patch { at, live, stale, views, .. } = &mut self.patches[flip.patch as usize];
+        let Patch { at, live, stale, unsettled, views, .. } = &mut self.patches[flip.patch as usize];
         self.stale -= usize::from(*stale);
-        (*live, *stale) = (flip.live, false);
+        (*live, *stale, *unsettled) = (flip.live, false, true);
         let nodes = self.buckets.entry(bucket(*at)).or_default();
         nodes.retain(|&patch| patch != flip.patch);
         if flip.live {
             nodes.push(flip.patch);
         }
         views.clone()
+    }
+
+    /// Calls with every live patch around that is not settled, and its number.
+    pub(crate) fn each_waiting(&self, at: Pose2, mut call: impl FnMut(u32, &Patch)) {
+        self.each_live_within(position(at), REACH_M, |number, _| {
+            let patch = &self.patches[number as usize];
+            if patch.unsettled {
+                call(number, patch);
+            }
+        });
+    }
+
+    /// A keyframe is not drawn as it should be, and with it its patch.
+    pub(crate) fn unsettle(&mut self, node: u32) {
+        if let Some(member) = self.members.get(node as usize) {
+            self.patches[member.patch as usize].unsettled = true;
+        }
+    }
+
+    /// Nothing is drawn any more: that is as it should be where a patch is not live.
+    pub(crate) fn unsettle_all(&mut self) {
+        self.patches.iter_mut().for_each(|patch| patch.unsettled = patch.live);
+    }
+
+    /// A patch is about to be drawn as it should be: its views, if there is something to be done.
+    pub(crate) fn settle(&mut self, patch: u32) -> &[u32] {
+        let Patch { unsettled, views, .. } = &mut self.patches[patch as usize];
+        if std::mem::take(unsettled) { views } else { &[] }
     }
 
     /// Whether a keyframe's patch is live.

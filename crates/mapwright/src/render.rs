@@ -33,8 +33,16 @@ const SHARE: usize = 32;
 #[derive(Debug, Clone)]
 pub struct GlobalMap {
     counts: CountGrid,
-    free_range_m: f64,
+    pen: Pen,
     drawn: Vec<Option<Drawn>>,
+}
+
+/// How keyframes are drawn.
+#[derive(Debug, Clone, Copy)]
+struct Pen {
+    resolution_m: f64,
+    free_range_m: f64,
+    normals: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,9 +66,22 @@ impl GlobalMap {
     pub fn new(settings: &Settings) -> Self {
         Self {
             counts: CountGrid::new(settings.map.resolution_m),
-            free_range_m: settings.scan.free_range_m,
+            pen: Pen {
+                resolution_m: settings.map.resolution_m,
+                free_range_m: settings.scan.free_range_m,
+                normals: true,
+            },
             drawn: Vec::new(),
         }
+    }
+
+    /// An empty map that counts hits and passes and where in a cell the hits are, but not which way surfaces face: all that
+    /// a picture shows, in two thirds of the time.
+    #[must_use]
+    pub fn without_normals(settings: &Settings) -> Self {
+        let mut map = Self::new(settings);
+        map.pen.normals = false;
+        map
     }
 
     /// Counts of all keyframes at their render poses.
@@ -156,8 +177,8 @@ impl GlobalMap {
     fn draw(&mut self, work: &[Work<'_>], threads: usize) {
         let helpers = threads.min(work.len().div_ceil(SHARE)).saturating_sub(1);
         let next = AtomicUsize::new(0);
-        let (resolution_m, free_range_m) = (self.counts.resolution_m(), self.free_range_m);
-        let take_shares = || take_shares(work, &next, resolution_m, free_range_m);
+        let pen = self.pen;
+        let take_shares = || take_shares(work, &next, pen);
         let done = thread::scope(|scope| {
             let spawn = |_| thread::Builder::new().spawn_scoped(scope, take_shares).ok();
             // Where there is no thread to be had, the others do its share.
@@ -178,13 +199,8 @@ impl GlobalMap {
 }
 
 /// Takes a few keyframes at a time until there are none left; returns what that changes and the levers of the keyframes.
-fn take_shares(
-    work: &[Work<'_>],
-    next: &AtomicUsize,
-    resolution_m: f64,
-    free_range_m: f64,
-) -> (Changes, Vec<(usize, f64)>) {
-    let (mut changes, mut levers) = (Changes::new(resolution_m), Vec::new());
+fn take_shares(work: &[Work<'_>], next: &AtomicUsize, pen: Pen) -> (Changes, Vec<(usize, f64)>) {
+    let (mut changes, mut levers) = (Changes::new(pen.resolution_m), Vec::new());
     let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
     loop {
         let first = next.fetch_add(SHARE, Ordering::Relaxed);
@@ -192,8 +208,12 @@ fn take_shares(
             return (changes, levers);
         }
         for k in first..work.len().min(first + SHARE) {
-            points.fill(&work[k].keyframe.sweep, &mut table, free_range_m);
-            points.fill_normals();
+            points.fill(&work[k].keyframe.sweep, &mut table, pen.free_range_m);
+            if pen.normals {
+                points.fill_normals();
+            } else {
+                points.normals.resize(points.hits.len(), [0.0; 2]);
+            }
             for (pose, change) in [(work[k].from, Change::Remove), (work[k].to, Change::Add)] {
                 if let Some(world_from_keyframe) = pose {
                     changes.draw(&points, world_from_keyframe, change);

@@ -4,7 +4,7 @@
 mod support;
 
 use mapwright::{CountGrid, GlobalMap, Keyframe, Mapper, Pose2, Settings};
-use mapwright_grid::Change;
+use mapwright_grid::{Change, HitCell};
 use mapwright_sensor::{BeamTable, SweepPoints};
 use mapwright_sim::{DriveSettings, worlds};
 use proptest::prelude::*;
@@ -108,6 +108,20 @@ proptest! {
             prop_assert!(exported.to_bytes() == scratch);
             prop_assert!(seen(exported) == fresh, "{threads} threads");
         }
+    }
+}
+
+#[test]
+fn a_map_without_normals_is_the_same_but_for_these() {
+    let (keyframes, poses) = (MAPPED.keyframes(), MAPPED.render_poses());
+    let mut maps = [GlobalMap::new(&Settings::default()), GlobalMap::without_normals(&Settings::default())];
+    let [with, without] = maps.each_mut().map(|map| map.export(keyframes, &poses, 2));
+    assert!(with.known_cells().eq(without.known_cells()));
+    assert_eq!(with.slot_count(), without.slot_count());
+    for slot in 0..with.slot_count() as u32 {
+        let (with, without) = (with.cell(slot), *without.cell(slot));
+        let bare = HitCell { normals: 0, points: 0, sum_nxx: 0, sum_nxy: 0, sum_nx: 0, sum_ny: 0, ..*with };
+        assert_eq!(without, bare);
     }
 }
 

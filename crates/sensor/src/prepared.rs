@@ -318,14 +318,6 @@ impl SweepPoints {
         best.1
     }
 
-    /// Keeps one of two halves, `first` or not; together they are the whole.
-    pub fn keep_half(&mut self, first: bool) {
-        for points in [&mut self.hits, &mut self.normals, &mut self.free_ends] {
-            let half = points.len() / 2;
-            if first { points.truncate(half) } else { drop(points.drain(..half)) }
-        }
-    }
-
     /// Root mean square range of the hits and the range of the farthest one, metres; 1 m each without hits.
     #[must_use]
     pub fn lever_and_reach_m(&self) -> (f64, f64) {

@@ -118,7 +118,7 @@ impl Mapper {
         self.world_from_keyframe =
             self.local_from_keyframe.iter().map(|&local| self.world_from_local * local).collect();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
-        self.live.carry(&before, frames);
+        self.live.carry(&self.settings, &before, frames);
         self.redraw_ground();
     }
 

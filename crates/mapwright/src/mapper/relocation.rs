@@ -234,7 +234,7 @@ impl Mapper {
         self.arrived = self.insert(scan, None);
         if self.arrived.is_some() {
             let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
-            self.live.arrive(&self.settings, frames);
+            self.live.arrive(&self.settings, frames, &self.points.hits, self.local_from_robot);
         }
     }
 }
