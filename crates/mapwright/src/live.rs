@@ -34,6 +34,8 @@ const BACKLOG_AT_MOST: usize = 32;
 const MET_SHARE: f64 = 0.02;
 /// Side of the squares by which it is told whether a scan meets a patch that is not drawn where it belongs, metres.
 const SQUARE_M: f64 = 2.0;
+/// Of a patch that is let in so many views stay.
+const LET_IN_AT_MOST: usize = 16;
 /// So many keyframes leave before the scan is matched, the others in the next scans.
 const MET_AT_ONCE: usize = 32;
 
@@ -172,11 +174,16 @@ impl Live {
         }
         if alike > settings.live.views_per_area {
             self.leave_area(oldest);
-            self.views[oldest as usize].gone = true;
-            self.patches.forget(oldest);
-            self.due.push_back(oldest);
-            self.report.superseded += 1;
+            self.supersede(oldest);
         }
+    }
+
+    /// A view gives way to others for good.
+    fn supersede(&mut self, node: u32) {
+        self.views[node as usize].gone = true;
+        self.patches.forget(node);
+        self.due.push_back(node);
+        self.report.superseded += 1;
     }
 
     fn leave_area(&mut self, node: u32) {
@@ -185,11 +192,19 @@ impl Live {
         }
     }
 
-    /// A patch's keyframes join or leave: they are due to be drawn or taken out.
+    /// A patch's keyframes join or leave: when a scan meets them or in the course of time they are drawn or taken out. Of
+    /// many that join some stay, evenly spread.
     fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
-        for node in self.patches.flip(flip) {
+        let nodes = self.patches.flip(flip);
+        let count = nodes.len();
+        for (k, node) in nodes.into_iter().enumerate() {
             if flip.live {
-                self.enter_area(settings, frames, node);
+                let is_one_of_those = k * LET_IN_AT_MOST / count != (k + 1) * LET_IN_AT_MOST / count;
+                if count <= LET_IN_AT_MOST || is_one_of_those {
+                    self.enter_area(settings, frames, node);
+                } else {
+                    self.supersede(node);
+                }
             } else {
                 self.leaving.push_back(node);
                 self.leave_area(node);
@@ -626,6 +641,26 @@ mod tests {
         assert!(live.report.gated_out > 0 && !drawn(&live, 0) && drawn(&live, 59), "{:?}", live.report);
         finish(&mut live, &keyframes, &poses);
         live.map.refresh();
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    }
+
+    #[test]
+    fn of_a_place_that_is_let_in_again_some_views_stay() {
+        let (keyframes, poses) = corridor(2);
+        let most = gated().live.views_per_area as usize;
+        let (keyframes, poses) = (vec![keyframes[1].clone(); most], vec![poses[1]; most]);
+        let mut live = drive(&keyframes, &poses, 0.001, None);
+        let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
+        for is_live in [false, true] {
+            live.flip(&gated(), frames, Flip { patch: 0, live: is_live, distance2: 0.0 });
+            finish(&mut live, &keyframes, &poses);
+            assert_eq!(live.report.keyframes, 0, "out, and not met yet");
+        }
+        live.note_waiting(frames);
+        scan(&mut live, &keyframes, &poses, 0);
+        finish(&mut live, &keyframes, &poses);
+        live.map.refresh();
+        assert_eq!((live.report.keyframes, live.report.superseded), (LET_IN_AT_MOST, (most - LET_IN_AT_MOST) as u64));
         assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
     }
 

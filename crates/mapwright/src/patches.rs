@@ -90,7 +90,8 @@ struct Member {
 pub(crate) struct Flip {
     pub(crate) patch: u32,
     pub(crate) live: bool,
-    distance2: f64,
+    /// From the robot, square metres.
+    pub(crate) distance2: f64,
 }
 
 /// The patches and the search that judges them.
