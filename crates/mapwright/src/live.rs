@@ -61,10 +61,8 @@ pub(crate) struct Live {
     patches: Patches,
     /// Keyframes of live patches by area.
     areas: FxHashMap<(i32, i32), Vec<u32>>,
-    /// Keyframes to be drawn or taken out,
+    /// Keyframes to be drawn or taken out.
     due: VecDeque<u32>,
-    /// and those that may stay drawn until a scan meets them or there is time.
-    leaving: VecDeque<u32>,
     /// How many halves of them may be drawn by now.
     halves: u32,
     lever_m: f64,
@@ -109,7 +107,6 @@ impl Live {
             patches: Patches::default(),
             areas: FxHashMap::default(),
             due: VecDeque::new(),
-            leaving: VecDeque::new(),
             halves: 0,
             lever_m: 0.0,
             met: Vec::new(),
@@ -192,8 +189,8 @@ impl Live {
         }
     }
 
-    /// A patch's keyframes join or leave: when a scan meets them or in the course of time they are drawn or taken out. Of
-    /// many that join some stay, evenly spread.
+    /// A patch's keyframes join or leave: they are due to be taken out, or wait until a scan meets them to be drawn. Of many
+    /// that join some stay, evenly spread.
     fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
         let nodes = self.patches.flip(flip);
         let count = nodes.len();
@@ -206,45 +203,42 @@ impl Live {
                     self.supersede(node);
                 }
             } else {
-                self.leaving.push_back(node);
+                self.due.push_back(node);
                 self.leave_area(node);
             }
         }
     }
 
-    /// Before a scan is matched: if it would be matched against what is too uncertain for that, this leaves the live map, and
-    /// all that is so uncertain around the robot leaves it in the course of time.
+    /// Before a scan is matched: if it would be matched against what is too uncertain for that, all that is so uncertain around
+    /// the robot leaves the live map, the nearest at once.
     pub(crate) fn meet(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], predicted: Pose2) {
         self.meet_waiting(hits, predicted);
-        if !self.patches.any_stale() && self.leaving.is_empty() {
+        if !self.patches.any_stale() || !self.meets_stale(hits, predicted) {
             return;
         }
-        let mut met = std::mem::take(&mut self.met);
-        self.map.each_supplier(hits, predicted, |supplier| {
-            if let Some(patch) = self.patches.unwanted(supplier) {
-                count(&mut met, patch, 1);
-            }
-        });
-        let least = MET_SHARE * hits.len() as f64;
-        if met.iter().any(|&(patch, points)| f64::from(points) > least && self.patches.is_stale(patch)) {
-            for flip in self.patches.stale_around(predicted) {
-                self.flip(settings, frames, flip);
-            }
-        }
-        met.retain(|&(patch, _)| !self.patches.is_stale(patch));
         let waiting = self.due.len();
-        if f64::from(met.iter().map(|&(_, points)| points).sum::<u32>()) > least {
-            met.sort_unstable_by_key(|&(patch, points)| (std::cmp::Reverse(points), patch));
-            for &(patch, _) in &met {
-                self.due.extend(self.patches.settle(patch));
-            }
+        for flip in self.patches.stale_around(predicted) {
+            self.flip(settings, frames, flip);
         }
-        met.clear();
-        self.met = met;
         let leaving = self.due.len() - waiting;
         self.due.rotate_right(leaving);
         self.settle_due(settings, frames, leaving.min(MET_AT_ONCE));
         self.map.refresh();
+    }
+
+    /// Whether one of the patches that are too uncertain supplies what more than a few of a scan's end points would be matched
+    /// against.
+    fn meets_stale(&mut self, hits: &[[f64; 2]], predicted: Pose2) -> bool {
+        let mut met = std::mem::take(&mut self.met);
+        self.map.each_supplier(hits, predicted, |supplier| {
+            if let Some(patch) = self.patches.stale(supplier) {
+                count(&mut met, patch, 1);
+            }
+        });
+        let least = MET_SHARE * hits.len() as f64;
+        let is_met = met.drain(..).any(|(_, points)| f64::from(points) > least);
+        self.met = met;
+        is_met
     }
 
     /// What is certain and was not drawn yet is due as soon as a scan ends on it.
@@ -370,7 +364,6 @@ impl Live {
         self.views.iter_mut().for_each(|view| view.drawn_at = None);
         self.report.keyframes = 0;
         self.due.clear();
-        self.leaving.clear();
         self.patches.unsettle_all();
         let mut left = MET_AT_ONCE;
         for node in (0..self.views.len() as u32).rev() {
@@ -416,11 +409,11 @@ impl Live {
         !self.gated || self.patches.is_live(node)
     }
 
-    /// Draws, takes out or moves up to so many of the keyframes that are due, and then of those that are leaving.
+    /// Draws, takes out or moves up to so many of the keyframes that are due.
     fn settle_due(&mut self, settings: &Settings, frames: Frames<'_>, most: usize) {
         let mut left = most;
         while left > 0 {
-            let Some(node) = self.due.pop_front().or_else(|| self.leaving.pop_front()) else { return };
+            let Some(node) = self.due.pop_front() else { return };
             let drawn = self.views[node as usize].drawn_at.is_some();
             let wanted = self.is_wanted(node);
             if wanted == drawn && !(wanted && self.is_displaced(frames, node)) {
@@ -666,13 +659,14 @@ mod tests {
 
     #[test]
     fn a_keyframe_that_is_to_leave_can_be_dropped() {
-        let (keyframes, poses) = out_and_back();
-        let mut live = drive(&keyframes, &poses, 0.05, None);
-        scan(&mut live, &keyframes, &poses, 0);
+        let (keyframes, poses) = corridor(60);
+        let mut live = drive(&keyframes, &poses, 0.001, None);
+        let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
+        live.flip(&gated(), frames, Flip { patch: 0, live: false, distance2: 0.0 });
         let drawn = |live: &Live, node: u32| live.views[node as usize].drawn_at.is_some();
-        let leaving = live.leaving.iter().copied().find(|&node| drawn(&live, node));
-        let leaving = leaving.expect("what no scan meets leaves in the course of time");
-        live.drop(&gated(), Frames { keyframes: &keyframes, world_from_robot: &poses }, leaving);
+        let leaving = live.due.iter().copied().find(|&node| drawn(&live, node));
+        let leaving = leaving.expect("what leaves is taken out a few at a time");
+        live.drop(&gated(), frames, leaving);
         assert!(!drawn(&live, leaving));
         finish(&mut live, &keyframes, &poses);
         live.map.refresh();

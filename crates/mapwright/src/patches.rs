@@ -63,7 +63,7 @@ pub(crate) struct Patch {
     used_m: f64,
     /// Live, but too uncertain to be matched against: it leaves before the next scan would be.
     stale: bool,
-    /// Not drawn as it should be, or drawn though it should not be: that is mended when a scan meets it.
+    /// Live, but not drawn where it belongs, for it was let in or moved: that is mended when a scan meets it.
     unsettled: bool,
     /// Its keyframes that may be drawn.
     pub(crate) views: Vec<u32>,
@@ -333,16 +333,10 @@ impl Patches {
         self.stale > 0
     }
 
-    /// Whether a patch is one of those.
-    pub(crate) fn is_stale(&self, patch: u32) -> bool {
-        self.patches[patch as usize].stale
-    }
-
-    /// A keyframe's patch, if that is one of those or is not live any more.
-    pub(crate) fn unwanted(&self, node: u32) -> Option<u32> {
-        let number = self.members.get(node as usize)?.patch;
-        let patch = &self.patches[number as usize];
-        (patch.stale || !patch.live).then_some(number)
+    /// A keyframe's patch, if it is one of those.
+    pub(crate) fn stale(&self, node: u32) -> Option<u32> {
+        let patch = self.members.get(node as usize)?.patch;
+        self.patches[patch as usize].stale.then_some(patch)
     }
 
     /// The flips that make all patches leave that have to when a scan meets them, nearest first.
@@ -360,7 +354,7 @@ impl Patches {
     pub(crate) fn flip(&mut self, flip: Flip) -> Vec<u32> {
         let Patch { at, live, stale, unsettled, views, .. } = &mut self.patches[flip.patch as usize];
         self.stale -= usize::from(*stale);
-        (*live, *stale, *unsettled) = (flip.live, false, true);
+        (*live, *stale, *unsettled) = (flip.live, false, flip.live);
         let nodes = self.buckets.entry(bucket(*at)).or_default();
         nodes.retain(|&patch| patch != flip.patch);
         if flip.live {
@@ -382,7 +376,8 @@ impl Patches {
     /// A keyframe is not drawn as it should be, and with it its patch.
     pub(crate) fn unsettle(&mut self, node: u32) {
         if let Some(member) = self.members.get(node as usize) {
-            self.patches[member.patch as usize].unsettled = true;
+            let patch = &mut self.patches[member.patch as usize];
+            patch.unsettled = patch.live;
         }
     }
 
