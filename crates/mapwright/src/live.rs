@@ -44,11 +44,12 @@ const MET_AT_ONCE: usize = 32;
 pub struct LiveReport {
     /// Keyframes in it.
     pub keyframes: usize,
-    /// Keyframes that were taken out because they were no longer certain relative to the robot.
+    /// Keyframes that were taken out because they were no longer certain relative to the robot; those that were left behind
+    /// where the map began anew are not counted.
     pub gated_out: u64,
-    /// Keyframes that came back in.
+    /// Keyframes that were drawn again.
     pub let_in: u64,
-    /// Keyframes that gave way to newer views of the same area.
+    /// Keyframes that gave way to other views of the same area.
     pub superseded: u64,
 }
 

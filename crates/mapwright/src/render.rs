@@ -76,7 +76,7 @@ impl GlobalMap {
     }
 
     /// An empty map that counts hits and passes and where in a cell the hits are, but not which way surfaces face: all that
-    /// a picture shows, in two thirds of the time.
+    /// a picture shows, in less time.
     #[must_use]
     pub fn without_normals(settings: &Settings) -> Self {
         let mut map = Self::new(settings);
