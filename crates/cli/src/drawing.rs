@@ -3,15 +3,20 @@
 use crate::failure::Failure;
 use crate::image::{map_image, without_outliers};
 use crate::output::OutputFolder;
-use mapwright::{CountGrid, GlobalMap, Mapper, Pose2};
+use mapwright::{CountGrid, GlobalMap, Keyframe, Mapper, Pose2, Settings};
 use mapwright_formats::{GridImage, Picture, dominant_wall_angle, write_png};
+
+/// What a picture shows of keyframes at these poses; those without one are left out.
+pub(crate) fn draw(settings: &Settings, keyframes: &[Keyframe], world_from_keyframe: &[Option<Pose2>]) -> CountGrid {
+    let mut map = GlobalMap::without_normals(settings);
+    map.export(keyframes, world_from_keyframe, 2);
+    map.into_counts()
+}
 
 /// Counts of every keyframe at these poses, whatever the mapper itself makes of them.
 pub(crate) fn draw_keyframes(mapper: &Mapper, world_from_keyframe: &[Pose2]) -> CountGrid {
     let poses: Vec<_> = world_from_keyframe.iter().copied().map(Some).collect();
-    let mut map = GlobalMap::without_normals(mapper.settings());
-    map.export(mapper.keyframes(), &poses, 2);
-    map.into_counts()
+    draw(mapper.settings(), mapper.keyframes(), &poses)
 }
 
 /// The same map before and after, both turned so that the walls of the latter are upright.

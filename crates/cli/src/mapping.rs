@@ -3,6 +3,7 @@
 use crate::advice::{numbered, seen_from};
 use crate::args::{Align, MappingArgs, StampPolicy};
 use crate::closures::{CLOSURES, ClosureFile, taken_back};
+use crate::drawing::draw;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
@@ -13,7 +14,7 @@ use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
-use mapwright::{Advice, Edge, EdgeKind, GlobalMap, LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
+use mapwright::{Advice, Edge, EdgeKind, LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
 use mapwright_formats::{Confidence, GridImage, Picture, TumWriter, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
@@ -182,9 +183,8 @@ impl Mapping {
         if live.policy == LivePolicy::Everything {
             map_image(self.mapper.live_map().counts(), map.passes_per_hit)
         } else {
-            let mut whole = GlobalMap::without_normals(self.mapper.settings());
-            whole.export(self.mapper.keyframes(), &self.mapper.render_poses(), 2);
-            map_image(whole.counts(), map.passes_per_hit)
+            let counts = draw(self.mapper.settings(), self.mapper.keyframes(), &self.mapper.render_poses());
+            map_image(&counts, map.passes_per_hit)
         }
     }
 

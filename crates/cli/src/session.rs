@@ -1,9 +1,10 @@
 //! `session.mapwright`: what the maps, trajectories and graphs of a run are functions of, for `mapwright export`.
 
 use crate::closures::taken_back;
+use crate::drawing::draw;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
-use mapwright::{Edge, EdgeKind, GlobalMap, Mapper, Pose2, Settings};
+use mapwright::{Edge, EdgeKind, Mapper, Pose2, Settings};
 use mapwright_record::{Session, SessionScan};
 use std::fs;
 use std::path::Path;
@@ -42,7 +43,5 @@ pub(crate) fn map_of(session: &Session, path: &Path) -> Result<MapImage, Failure
         .map_err(|error| Failure::Session { path: path.to_owned(), cause: format!("its settings: {error}") })?;
     settings.validate()?;
     let poses: Vec<Option<Pose2>> = session.map_from_keyframe.iter().copied().map(Some).collect();
-    let mut map = GlobalMap::without_normals(&settings);
-    map.export(&session.keyframes, &poses, 2);
-    Ok(map_image(&map.into_counts(), settings.map.passes_per_hit))
+    Ok(map_image(&draw(&settings, &session.keyframes, &poses), settings.map.passes_per_hit))
 }
