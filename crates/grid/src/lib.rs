@@ -15,3 +15,4 @@ pub use counts::{Change, Changes, CountGrid, HitCell};
 pub use field::DistanceField;
 pub use live::{Agreement, LiveMap, LiveMapSettings, Surfel};
 pub use matcher::{Evaluation, MatchResult, Matcher, MatcherSettings, Prior};
+pub use tiles::floor_cell;

@@ -18,7 +18,8 @@ const CACHE: usize = 1 << (2 * CACHE_BITS);
 ///
 /// To a millionth of a cell: what is less than half of that below a whole number counts as that number.
 #[inline]
-pub(crate) fn floor_cell(cells: f64) -> i32 {
+#[must_use]
+pub fn floor_cell(cells: f64) -> i32 {
     const EDGE: f64 = 1_073_741_824.0;
     // In 1.5 * 2^32 + cells the mantissa's lowest 20 bits are the fraction and the 32 above them 2^31 + floor(cells).
     const BIAS: f64 = 6_442_450_944.0;

@@ -18,8 +18,11 @@ pub(crate) use relocate::{Chance, Found, Ground, Seeking, Sought};
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;
-/// Length of way that makes a submap, to one side, metres.
+/// Length of way that makes a submap, to one side, metres,
 const SUBMAP_M: f64 = 8.0;
+/// and where it has to tell less poses apart, for the window is no wider than this to either side, metres.
+const NARROW_SUBMAP_M: f64 = 2.0;
+const NARROW_M: f64 = 0.5;
 /// Views of a submap lie so far apart at least: metres or radians.
 const VIEW_M: f64 = 0.4;
 const VIEW_RAD: f64 = 0.35;
@@ -84,6 +87,8 @@ pub(crate) struct Closing {
     path_m: Vec<f64>,
     checked_m: f64,
     asked_m: f64,
+    /// Old places that the matches of late were supported by or that closures led to.
+    supports: Vec<Support>,
     places: PlaceIndex,
     /// Keyframes that were described, or are too near to one that was.
     described: u32,
@@ -91,6 +96,14 @@ pub(crate) struct Closing {
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
+}
+
+/// What was found out of an old place that supports matches.
+#[derive(Debug, Clone, Copy)]
+struct Support {
+    from: u32,
+    to: u32,
+    verified: bool,
 }
 
 /// The poses and measurements that closing looks at.
@@ -110,6 +123,7 @@ impl Closing {
             path_m: Vec::new(),
             checked_m: 0.0,
             asked_m: 0.0,
+            supports: Vec::new(),
             places: PlaceIndex::default(),
             described: 0,
             described_m: 0.0,
@@ -140,17 +154,22 @@ impl Closing {
         self.path_m.last().is_some_and(|now| now - self.checked_m >= CHECK_EVERY_M)
     }
 
-    /// The old places that the newest keyframe may have come back to, as work to be done.
+    /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
+    /// supplied most of what the last scan was matched against.
     pub(crate) fn propose(
         &mut self,
         settings: &Settings,
         past: Past<'_>,
         known: &[Known],
+        support: Option<u32>,
         matcher: MatcherSettings,
     ) -> Option<Verification> {
         let to = past.keyframes.len().checked_sub(1)? as u32;
         self.checked_m = self.path_m[to as usize];
         let mut targets = if settings.loops.by_pose { self.near(past, to, known) } else { Vec::new() };
+        if settings.loops.by_pose {
+            targets.extend(support.and_then(|from| self.supporting(past, to, from, known)));
+        }
         let widest_m = known.iter().filter(|place| !place.live).map(window_m).fold(0.0, f64::max);
         if settings.loops.by_place && (widest_m > 0.5 * WIDEST_M || !settings.loops.by_pose) {
             // Before they are needed, and a few at a time, for this is done within a scan.
@@ -165,16 +184,44 @@ impl Closing {
         if targets.is_empty() {
             return None;
         }
+        let reach_m =
+            if targets.iter().all(|target| target.half_width_m <= NARROW_M) { NARROW_SUBMAP_M } else { SUBMAP_M };
         let targets =
-            targets.into_iter().map(|target| (target, self.views(past, target.from, true, SUBMAP_M))).collect();
+            targets.into_iter().map(|target| (target, self.views(past, target.from, true, reach_m))).collect();
         Some(Verification {
             to,
-            query: self.views(past, to, false, SUBMAP_M),
+            query: self.views(past, to, false, reach_m),
             targets,
             submaps: submaps(settings),
             verify: VerifySettings::default(),
             matcher,
         })
+    }
+
+    /// The old place that the newest keyframe was matched against, unless it was looked at lately: such a match is a closure.
+    fn supporting(&mut self, past: Past<'_>, to: u32, from: u32, known: &[Known]) -> Option<Target> {
+        let now_m = self.path_m[to as usize];
+        let path_m = &self.path_m;
+        self.supports.retain(|support| now_m - path_m[support.to as usize] < TOGETHER_M);
+        if from >= to || self.way_m(to, from) < LEFT_M || self.support(from).is_some() {
+            return None;
+        }
+        // The patch that began last before the place tells how certain it is.
+        let place = known.iter().filter(|patch| patch.first <= from).max_by_key(|patch| patch.first)?;
+        self.supports.push(Support { from, to, verified: false });
+        Some(target(past, place, from, to, Detection::Match))
+    }
+
+    /// What was found out last of an old place that supports matches.
+    fn support(&self, from: u32) -> Option<Support> {
+        self.supports.iter().rev().copied().find(|support| self.way_m(support.from, from) < TOGETHER_M)
+    }
+
+    /// Whether a match that is supported by `from` links the newest keyframe to it: not where that is an old place
+    /// and was not found there by the cascade.
+    pub(crate) fn links(&self, from: u32) -> bool {
+        let newest = self.path_m.len() as u32 - 1;
+        self.way_m(newest, from) < LEFT_M || self.support(from).is_none_or(|support| support.verified)
     }
 
     /// Places within the uncertainty of the pose, nearest first.
@@ -183,19 +230,9 @@ impl Closing {
         let mut near: Vec<(f64, Target)> = Vec::new();
         for place in known.iter().filter(|place| !place.live && self.way_m(to, place.first) >= LEFT_M) {
             let there = past.local_from_keyframe[place.first as usize];
-            let (sigma_m, sigma_rad) =
-                (place.uncertainty.displacement_m2.sqrt(), place.uncertainty.rotation_rad2.sqrt());
             let away_m = there.distance(here);
-            if away_m <= NEAR_M + WINDOW_SIGMAS * sigma_m {
-                let target = Target {
-                    from: place.first,
-                    detection: Detection::Pose,
-                    middle: there.between(here),
-                    sigma_m,
-                    sigma_rad,
-                    half_width_m: window_m(place).min(WIDEST_M),
-                    half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
-                };
+            let target = target(past, place, place.first, to, Detection::Pose);
+            if away_m <= NEAR_M + WINDOW_SIGMAS * target.sigma_m {
                 near.push((away_m, target));
             }
         }
@@ -301,6 +338,7 @@ impl Closing {
             self.candidates[at].verdict = Verdict::Accepted;
             let Candidate { from, to, from_from_to, covariance, .. } = self.candidates[at];
             let Some((from_from_to, information)) = from_from_to.zip(covariance.try_inverse()) else { continue };
+            self.supports.push(Support { from: from.seq, to: to.seq, verified: true });
             let edge = Edge { from, to, kind: EdgeKind::Closure, from_from_to, information };
             self.closures.push((self.graph.edges.len(), at));
             self.add_edge(&edge);
@@ -369,6 +407,21 @@ impl Closing {
 /// Half the width of the window in which a place has to be looked for, metres.
 fn window_m(place: &Known) -> f64 {
     WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt()
+}
+
+/// A place is looked for where the poses say it is.
+fn target(past: Past<'_>, place: &Known, from: u32, to: u32, detection: Detection) -> Target {
+    let [there, here] = [from, to].map(|node| past.local_from_keyframe[node as usize]);
+    let (sigma_m, sigma_rad) = (place.uncertainty.displacement_m2.sqrt(), place.uncertainty.rotation_rad2.sqrt());
+    Target {
+        from,
+        detection,
+        middle: there.between(here),
+        sigma_m,
+        sigma_rad,
+        half_width_m: window_m(place).min(WIDEST_M),
+        half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
+    }
 }
 
 fn candidate(target: &Target, to: u32, finding: &Finding) -> Candidate {
@@ -449,4 +502,51 @@ fn views(past: Past<'_>, at: u32, both_sides: bool, reach_m: f64, step_m: impl F
 
 fn id(node: u32) -> KeyframeId {
     KeyframeId { robot: 0, session: 0, seq: node }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapwright_record::Evidence;
+
+    /// A metre from keyframe to keyframe, out and back.
+    fn way(count: u32) -> (Closing, Vec<Pose2>) {
+        let pose = |k: u32| {
+            if k < count / 2 { Pose2::new(f64::from(k), 0.0, 0.0) } else { Pose2::new(f64::from(count - k), 0.0, PI) }
+        };
+        let poses: Vec<Pose2> = (0..count).map(pose).collect();
+        let mut closing = Closing::new();
+        poses.iter().for_each(|&pose| closing.add(pose, 1.0, &[]));
+        (closing, poses)
+    }
+
+    fn finding(target_from_query: Pose2, objection: Option<Objection>) -> Finding {
+        let covariance = Cov3::from_diagonal(&[1e-4, 1e-4, 1e-5].into());
+        Finding { target_from_query: Some(target_from_query), covariance, evidence: Evidence::default(), objection }
+    }
+
+    #[test]
+    fn a_match_that_an_old_place_supports_links_it_only_if_it_is_found_there() {
+        for objection in [None, Some(Objection::Contradiction), Some(Objection::LittleOverlap)] {
+            let (mut closing, poses) = way(60);
+            let past = Past { keyframes: &[], local_from_keyframe: &poses };
+            let known = [Known { first: 0, live: true, uncertainty: Default::default() }];
+            assert!(closing.supporting(past, 59, 45, &known).is_none() && closing.links(45), "passed just now");
+            let target = closing.supporting(past, 59, 10, &known).expect("it is old and was not looked at");
+            assert_eq!((target.from, target.detection), (10, Detection::Match));
+            assert!(!closing.links(10) && closing.links(45), "nobody knows yet");
+            assert!(closing.supporting(past, 59, 12, &known).is_none(), "it was looked at just now");
+            let edges = closing.judge(past, 59, &target, &finding(target.middle, objection));
+            let is_closure = objection.is_none();
+            assert_eq!(
+                (edges.len(), closing.links(10), closing.links(12)),
+                (usize::from(is_closure), is_closure, is_closure)
+            );
+            // Farther on it has to show again.
+            (0..40).for_each(|_| closing.add(poses[59], 1.0, &[]));
+            let poses: Vec<Pose2> = poses.iter().copied().chain([poses[59]; 40]).collect();
+            let past = Past { keyframes: &[], local_from_keyframe: &poses };
+            assert!(closing.supporting(past, 99, 10, &known).is_some());
+        }
+    }
 }

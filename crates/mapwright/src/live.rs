@@ -3,7 +3,7 @@
 use crate::patches::{Flip, Known, Patches, Spacing};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
-use mapwright_grid::{Change, LiveMap, LiveMapSettings};
+use mapwright_grid::{Change, LiveMap, LiveMapSettings, floor_cell};
 use mapwright_record::Keyframe;
 use mapwright_sensor::{BeamTable, SweepPoints};
 use rustc_hash::FxHashMap;
@@ -28,14 +28,14 @@ const BATCH: u32 = 8;
 /// one every two scans; one more every two scans for so many that are due,
 const BACKLOG: usize = 64;
 /// and so many more at most.
-const BACKLOG_AT_MOST: usize = 32;
+const BACKLOG_AT_MOST: usize = 8;
 
 /// A scan meets a patch that supplies what more than such a share of its end points would be matched against.
 const MET_SHARE: f64 = 0.02;
 /// Side of the squares by which it is told whether a scan meets a patch that is not drawn where it belongs, metres.
 const SQUARE_M: f64 = 2.0;
-/// Of a patch that is let in so many views stay.
-const LET_IN_AT_MOST: usize = 16;
+/// Of a patch that is drawn again so many views stay, evenly spread.
+const REDRAWN_AT_MOST: usize = 16;
 /// So many keyframes leave before the scan is matched, the others in the next scans.
 const MET_AT_ONCE: usize = 32;
 
@@ -190,19 +190,11 @@ impl Live {
         }
     }
 
-    /// A patch's keyframes join or leave: they are due to be taken out, or wait until a scan meets them to be drawn. Of many
-    /// that join some stay, evenly spread.
+    /// A patch's keyframes join or leave: they are due to be taken out, or wait until a scan meets them to be drawn.
     fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
-        let nodes = self.patches.flip(flip);
-        let count = nodes.len();
-        for (k, node) in nodes.into_iter().enumerate() {
+        for node in self.patches.flip(flip) {
             if flip.live {
-                let is_one_of_those = k * LET_IN_AT_MOST / count != (k + 1) * LET_IN_AT_MOST / count;
-                if count <= LET_IN_AT_MOST || is_one_of_those {
-                    self.enter_area(settings, frames, node);
-                } else {
-                    self.supersede(node);
-                }
+                self.enter_area(settings, frames, node);
             } else {
                 self.due.push_back(node);
                 self.leave_area(node);
@@ -251,17 +243,31 @@ impl Live {
         let (s, c) = predicted.theta.sin_cos();
         let square = |&[x, y]: &[f64; 2]| square([predicted.x + c * x - s * y, predicted.y + s * x + c * y]);
         // Neighbouring beams end in the same square.
-        for run in hits.chunk_by(|a, b| square(a) == square(b)) {
-            let square = square(&run[0]);
+        let mut hits_left = hits.iter().map(square).peekable();
+        while let Some(square) = hits_left.next() {
+            let mut points = 1;
+            while hits_left.next_if_eq(&square).is_some() {
+                points += 1;
+            }
             let first = self.waiting.partition_point(|&(other, _)| other < square);
             for &(_, patch) in self.waiting[first..].iter().take_while(|(other, _)| *other == square) {
-                count(&mut met, patch, run.len() as u32);
+                count(&mut met, patch, points);
             }
         }
         let least = MET_SHARE * hits.len() as f64;
         met.sort_unstable_by_key(|&(patch, points)| (std::cmp::Reverse(points), patch));
         for (patch, _) in met.drain(..).filter(|&(_, points)| f64::from(points) > least) {
-            self.due.extend(self.patches.settle(patch));
+            let views = self.patches.settle(patch).to_vec();
+            let count = views.len();
+            let stays = |k: usize| k * REDRAWN_AT_MOST / count != (k + 1) * REDRAWN_AT_MOST / count;
+            for (k, view) in views.into_iter().enumerate() {
+                if count <= REDRAWN_AT_MOST || stays(k) {
+                    self.due.push_back(view);
+                } else {
+                    self.leave_area(view);
+                    self.supersede(view);
+                }
+            }
             self.waiting.retain(|&(_, other)| other != patch);
         }
         self.met = met;
@@ -455,7 +461,7 @@ fn count(met: &mut Vec<(u32, u32)>, patch: u32, points: u32) {
 }
 
 fn square([x, y]: [f64; 2]) -> (i32, i32) {
-    ((x / SQUARE_M).floor() as i32, (y / SQUARE_M).floor() as i32)
+    (floor_cell(x / SQUARE_M), floor_cell(y / SQUARE_M))
 }
 
 fn area(pose: Pose2) -> (i32, i32) {
@@ -639,7 +645,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_place_that_is_let_in_again_some_views_stay() {
+    fn of_a_place_that_is_drawn_again_some_views_stay() {
         let (keyframes, poses) = corridor(2);
         let most = gated().live.views_per_area as usize;
         let (keyframes, poses) = (vec![keyframes[1].clone(); most], vec![poses[1]; most]);
@@ -654,7 +660,7 @@ mod tests {
         scan(&mut live, &keyframes, &poses, 0);
         finish(&mut live, &keyframes, &poses);
         live.map.refresh();
-        assert_eq!((live.report.keyframes, live.report.superseded), (LET_IN_AT_MOST, (most - LET_IN_AT_MOST) as u64));
+        assert_eq!((live.report.keyframes, live.report.superseded), (REDRAWN_AT_MOST, (most - REDRAWN_AT_MOST) as u64));
         assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
     }
 

@@ -5,6 +5,7 @@
 
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
+use mapwright_grid::floor_cell;
 use rustc_hash::FxHashMap;
 
 /// A keyframe joins a patch that began up to here, metres,
@@ -159,7 +160,7 @@ impl Patches {
         let Pose2 { x, y, theta } = poses[*first as usize].between(poses[node as usize]);
         let (s, c) = theta.sin_cos();
         let square = |&[hx, hy]: &[f64; 2]| {
-            [x + c * hx - s * hy, y + s * hx + c * hy].map(|metres| (metres / OUTLINE_M).floor() as i16)
+            [x + c * hx - s * hy, y + s * hx + c * hy].map(|metres| floor_cell(metres / OUTLINE_M) as i16)
         };
         let mut last = None;
         for square in

@@ -3,7 +3,9 @@
 
 mod support;
 
-use mapwright::{Correction, EdgeKind, Mapper, Objection, Pose2, Settings, Status, Verdict};
+use mapwright::{
+    Candidate, Correction, Detection, Edge, EdgeKind, Mapper, Objection, Pose2, Settings, Status, Verdict,
+};
 use mapwright_sim::{DriveSettings, TrueScan, kidnapping, worlds};
 use support::{ate_m, in_parallel, recording};
 
@@ -69,6 +71,25 @@ fn loops_are_closed_and_the_past_corrected() {
     }
     let sum = |of: fn(&(usize, usize, f64, f64)) -> f64| results.iter().map(of).sum::<f64>();
     assert!(sum(|r| r.2) < 0.8 * sum(|r| r.3), "closing must make maps better");
+}
+
+#[test]
+fn matches_that_old_places_support_are_closures_and_are_judged_as_such() {
+    let results = in_parallel(4, |k| {
+        let seed = 900 + k as u64;
+        let mapped =
+            map_with(Settings::default(), &recording(worlds::office_floor(seed), DriveSettings::long_drive(seed)));
+        let candidates = mapped.mapper.candidates().iter().filter(|c| c.detection == Detection::Match);
+        let accepted: Vec<_> = candidates.filter(|c| c.verdict == Verdict::Accepted).collect();
+        let is_edge = |c: &&&Candidate| {
+            let is = |edge: &&Edge| (edge.kind, edge.from, edge.to) == (EdgeKind::Closure, c.from, c.to);
+            mapped.mapper.edges().iter().any(|edge| is(&edge))
+        };
+        (accepted.len(), accepted.iter().filter(is_edge).count(), mapped.wrong_closures())
+    });
+    println!("accepted, edges, wrong: {results:?}");
+    assert!(results.iter().all(|&(accepted, edges, wrong)| accepted == edges && wrong == 0));
+    assert!(results.iter().map(|r| r.0).sum::<usize>() > 0);
 }
 
 #[test]

@@ -10,6 +10,8 @@ pub enum Detection {
     Pose,
     /// By what the place looks like, wherever it lies.
     Place,
+    /// By the match of a scan: the place is in the live map, and it supplied most of what the scan was matched against.
+    Match,
 }
 
 impl Detection {
@@ -19,6 +21,7 @@ impl Detection {
         match self {
             Self::Pose => "pose",
             Self::Place => "place",
+            Self::Match => "match",
         }
     }
 }

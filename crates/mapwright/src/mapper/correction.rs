@@ -22,7 +22,7 @@ impl Mapper {
         let known = self.live.survey();
         let matcher = self.matcher.settings;
         let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
-        if let Some(verification) = self.closing.propose(&self.settings, past, &known, matcher) {
+        if let Some(verification) = self.closing.propose(&self.settings, past, &known, self.anchor, matcher) {
             self.jobs.push_back(Job(Task::Verify(verification)));
         }
         self.work_inline();

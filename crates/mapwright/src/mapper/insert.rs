@@ -94,7 +94,9 @@ impl Mapper {
             links.push((last, fuse(&self.odometry_since_keyframe, &self.information)));
         }
         if let (Some(matched), Some(anchor)) = (matched, self.anchor.filter(|&a| a < node)) {
-            edges.push((anchor, EdgeKind::Match, matched.information));
+            if self.closing.links(anchor) {
+                edges.push((anchor, EdgeKind::Match, matched.information));
+            }
             if links.iter().all(|&(from, _)| from != anchor) {
                 links.push((anchor, *covariance));
             }
