@@ -6,7 +6,7 @@ mod common;
 use common::{CHUNK_BYTES, expected, messages, read};
 use mapwright_bags::{
     Bag1Compression, Bag1Reader, BagError, BagReader, DamageKind, Definition, DefinitionFormat, Encoding,
-    McapCompression, McapReader,
+    McapCompression, McapReader, Place,
 };
 use std::io::Cursor;
 
@@ -176,4 +176,22 @@ fn a_bag_that_lacks_what_it_needs_is_not_written() {
     let empty = writer.finish().unwrap().into_inner();
     let (seen, report, _) = read(&empty).unwrap();
     assert!(seen.is_empty() && report.damages.is_empty());
+}
+
+#[test]
+fn a_harmed_length_in_an_mcap_file_without_chunks_costs_its_message() {
+    let made = common::messages(60);
+    let whole = common::foreign_mcap(&made, mcap::WriteOptions::new().compression(None).use_chunks(false));
+    let (messages, ..) = common::read(&whole).unwrap();
+    for (harmed, offset) in [(7, 1), (20, 3), (58, 4)] {
+        let at = messages[harmed].1 as usize;
+        // A length within the file that leads into a message, one beyond its end, one beyond all sense.
+        let mut content = whole.clone();
+        content[at + offset] ^= 0x55;
+        let (seen, report, _) = common::read(&content).unwrap();
+        let all_but_one = (0..60).filter(|&k| k != harmed).map(|k| messages[k].0.clone());
+        assert!(seen.iter().map(|(seen, _)| seen.clone()).eq(all_but_one), "{harmed}: {} of 60", seen.len());
+        let damages = &report.damages[&DamageKind::BadRecord];
+        assert_eq!((damages.count, damages.first[0].place), (1, Place::Byte(at as u64)));
+    }
 }

@@ -1,7 +1,7 @@
 //! Messages out of an MCAP file.
 
 use super::record::{self, Found, Record, behind_damaged, follows, record_at};
-use super::record::{OP_CHUNK, OP_DATA_END, OP_FOOTER, OP_MESSAGE};
+use super::record::{OP_ATTACHMENT, OP_CHUNK, OP_DATA_END, OP_FOOTER, OP_MESSAGE};
 use super::records::{OpenChunk, message, record_in_chunk};
 use super::{MAGIC, summary};
 use crate::catalog::Catalog;
@@ -16,6 +16,13 @@ use std::io::{self, Read, Seek};
 
 /// The fixed part of a chunk before the name of its compression, and that name at its longest.
 const CHUNK_HEAD_BYTES: usize = 128;
+
+/// Where the way is lost, records are looked for in blocks of so many bytes,
+const RESYNC_BYTES: usize = 1 << 16;
+/// at so many places that may be one,
+const RESYNC_TRIES: u32 = 1 << 16;
+/// and found where so many follow one another.
+const RESYNC_ROW: usize = 3;
 
 /// Reads an MCAP file from its first record to its last, in the order of the file.
 #[derive(Debug)]
@@ -154,7 +161,13 @@ impl<R: Read + Seek> McapReader<R> {
             return self.finish();
         }
         if record.end() > end {
-            return Ok(self.torn("a whole record"));
+            // what an attachment holds may look like records
+            let next = if record.op == OP_ATTACHMENT { None } else { self.resync()? };
+            let found = || format!("a length of {}", record.length);
+            return Ok(match next {
+                Some(_) => self.go_on_at(next, DamageKind::BadRecord, "a record that ends within the file", &found()),
+                None => self.torn("a whole record"),
+            });
         }
         // in one go with the head of what follows, or the window would go there and back
         if record.op == OP_MESSAGE {
@@ -266,11 +279,14 @@ impl<R: Read + Seek> McapReader<R> {
     }
 
     /// No record, or one that leads nowhere: on to where its length leads if that is a record, else to the next chunk that
-    /// the summary names.
+    /// the summary names, else to where records follow one another again.
     fn lost(&mut self, expected: &str, found: &str) -> io::Result<Step> {
         let next = match behind_damaged(&mut self.window, self.at)? {
             Some(next) => Some(next),
-            None => self.next_chunk()?,
+            None => match self.next_chunk()? {
+                Some(next) => Some(next),
+                None => self.resync()?,
+            },
         };
         Ok(self.go_on_at(next, DamageKind::BadRecord, expected, found))
     }
@@ -292,6 +308,52 @@ impl<R: Read + Seek> McapReader<R> {
             }
         }
         Ok(None)
+    }
+
+    /// The first place behind this one from which on a few records follow one another.
+    fn resync(&mut self) -> io::Result<Option<u64>> {
+        let (mut from, mut tries) = (self.at + 1, 0);
+        while from < self.window.end() {
+            let block = self.window.get(from, RESYNC_BYTES)?;
+            let beyond = block.len();
+            let heads = block.windows(record::HEAD_BYTES as usize);
+            let likely = |head: &[u8]| (OP_FOOTER..=OP_DATA_END).contains(&head[0]) && head[5..] == [0; 4];
+            let places: Vec<u64> = (from..).zip(heads).filter(|(_, head)| likely(head)).map(|(at, _)| at).collect();
+            for at in places {
+                tries += 1;
+                if tries > RESYNC_TRIES {
+                    return Ok(None);
+                }
+                if self.is_row(at)? {
+                    return Ok(Some(at));
+                }
+            }
+            from += (beyond as u64).saturating_sub(record::HEAD_BYTES - 1).max(1);
+        }
+        Ok(None)
+    }
+
+    /// Whether records follow one another from here on, messages of known channels among them or not, or up to the end.
+    fn is_row(&mut self, mut at: u64) -> io::Result<bool> {
+        for _ in 0..RESYNC_ROW {
+            let record = match record_at(&mut self.window, at)? {
+                Found::Record(record) if record.op <= OP_DATA_END && record.end() <= self.window.end() => record,
+                _ => return Ok(false),
+            };
+            if record.op == OP_MESSAGE {
+                let head = self.window.get(record.body_at(), record::MESSAGE_HEAD_BYTES as usize)?;
+                let is_known =
+                    record::message_head(head).is_some_and(|head| self.channels.connection(head.channel).is_some());
+                if record.length < record::MESSAGE_HEAD_BYTES || !is_known {
+                    return Ok(false);
+                }
+            }
+            if record.op == OP_FOOTER {
+                return Ok(record.end() + MAGIC.len() as u64 == self.window.end());
+            }
+            at = record.end();
+        }
+        Ok(true)
     }
 
     /// The end of the data; what comes behind is summary, and the magic last.

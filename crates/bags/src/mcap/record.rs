@@ -11,6 +11,7 @@ pub(crate) const OP_CHANNEL: u8 = 4;
 pub(crate) const OP_MESSAGE: u8 = 5;
 pub(crate) const OP_CHUNK: u8 = 6;
 pub(crate) const OP_CHUNK_INDEX: u8 = 8;
+pub(crate) const OP_ATTACHMENT: u8 = 9;
 pub(crate) const OP_DATA_END: u8 = 15;
 /// Records of kinds beyond are private.
 const OP_PRIVATE: u8 = 0x80;

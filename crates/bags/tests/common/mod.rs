@@ -159,6 +159,17 @@ pub(crate) fn expected(messages: &[Made], ros1: bool) -> Vec<Seen> {
 /// A database as rosbag2 writes it; old ones have fewer columns and no index.
 #[cfg(feature = "sqlite")]
 pub(crate) fn database(path: &Path, messages: &[Made], version: u32) {
+    let messages = messages.iter().map(|(connection, stamp, data)| (*connection, *stamp, data));
+    database_of(path, messages, version);
+}
+
+/// As [`database`], of messages that come one by one.
+#[cfg(feature = "sqlite")]
+pub(crate) fn database_of<D: rusqlite::ToSql>(
+    path: &Path,
+    messages: impl IntoIterator<Item = (u32, Stamp, D)>,
+    version: u32,
+) {
     let _ = std::fs::remove_file(path);
     let mut db = rusqlite::Connection::open(path).unwrap();
     let (columns, values) = match version {
@@ -207,7 +218,7 @@ pub(crate) fn database(path: &Path, messages: &[Made], version: u32) {
         }
     }
     for (connection, stamp, data) in messages {
-        let row = (i64::from(*connection) + 1, stamp.0, data);
+        let row = (i64::from(connection) + 1, stamp.0, data);
         writing.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?1, ?2, ?3)", row).unwrap();
     }
     writing.commit().unwrap();
