@@ -14,14 +14,17 @@ pub struct EventCounts {
     pub scans: u64,
     /// Readings of the wheels.
     pub odometry: u64,
+    /// Readings of a gyroscope.
+    pub turn_rates: u64,
     /// Events of a kind that the format has no place for.
     pub left_out: u64,
 }
 
-/// Writes a log's scans and odometry in the order in which they come.
+/// Writes a log's scans, odometry and turn rates in the order in which they come.
 ///
 /// ROS 1 bags and MCAP get scans on `/scan` (further lasers on `/scan_NAME`), the wheels on `/odom`, `odom -> base_link`
-/// on `/tf` and the mounts of lasers on `/tf_static`; a laser's frame is its name. Odometry that a scan carries itself is a
+/// on `/tf`, turn rates on `/imu` in the robot's frame, and the mounts of lasers on `/tf_static`; a laser's frame is its name.
+/// CARMEN has no place for turn rates. Odometry that a scan carries itself is a
 /// reading of the same stamp just before it. Messages bear the events' stamps; they
 /// are received in the order in which they are written, so that a reader that sorts keeps that order.
 #[derive(Debug)]
@@ -74,12 +77,16 @@ impl<W: Write + Seek> EventWriter<W> {
             (LogEvent::Scan(scan), Kind::Ros(ros)) => ros.scan(scan)?,
             (LogEvent::Odometry(odometry), Kind::Carmen(carmen)) => carmen.odometry(odometry)?,
             (LogEvent::Odometry(odometry), Kind::Ros(ros)) => ros.odometry(odometry)?,
-            _ => {}
+            (LogEvent::TurnRate(rate), Kind::Ros(ros)) => ros.turn_rate(rate)?,
+            _ => {
+                self.counts.left_out += 1;
+                return Ok(());
+            }
         }
         let count = match event {
             LogEvent::Scan(_) => &mut self.counts.scans,
             LogEvent::Odometry(_) => &mut self.counts.odometry,
-            _ => &mut self.counts.left_out,
+            _ => &mut self.counts.turn_rates,
         };
         *count += 1;
         Ok(())

@@ -3,9 +3,9 @@
 use crate::frames::{ODOM, ROBOT, frame_of, in_space, robot_from_laser};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{
-    Header, LaserScan, Odometry, PoseStamped, PoseWithCovariance, TfMessage, TransformStamped,
+    Header, Imu, LaserScan, Odometry, PoseStamped, PoseWithCovariance, TfMessage, TransformStamped,
 };
-use mapwright_sensor::LaserModel;
+use mapwright_sensor::{LaserModel, TurnRate};
 
 /// A laser's sweep of these ranges.
 pub(crate) fn laser_scan<'a>(stamp: Stamp, laser: &'a LaserModel, ranges_m: &'a [f32]) -> LaserScan<'a> {
@@ -28,6 +28,14 @@ pub(crate) fn laser_scan<'a>(stamp: Stamp, laser: &'a LaserModel, ranges_m: &'a 
 pub(crate) fn odometry(stamp: Stamp, odom_from_robot: Pose2) -> Odometry<'static> {
     let pose = PoseWithCovariance { pose: in_space(odom_from_robot).into(), ..PoseWithCovariance::default() };
     Odometry { header: Header::new(stamp, ODOM), child_frame_id: ROBOT.into(), pose, ..Odometry::default() }
+}
+
+/// How the robot turns; its orientation and acceleration are not known.
+pub(crate) fn turn_rate(rate: &TurnRate) -> Imu<'static> {
+    let mut imu = Imu { header: Header::new(rate.stamp, ROBOT), ..Imu::default() };
+    imu.angular_velocity.z = rate.rad_per_s;
+    (imu.orientation_covariance.0[0], imu.linear_acceleration_covariance.0[0]) = (-1.0, -1.0);
+    imu
 }
 
 /// `parent_from_child` at a time.

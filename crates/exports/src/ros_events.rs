@@ -2,11 +2,11 @@
 
 use crate::error::ExportError;
 use crate::frames::{frame_of, scan_topic};
-use crate::messages::{laser_scan, mounts, odom_transform, odometry};
+use crate::messages::{laser_scan, mounts, odom_transform, odometry, turn_rate};
 use crate::recording::{Durability, Recording, Topic};
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_ros::messages::TfMessage;
-use mapwright_sensor::{LaserModel, LaserScan, Odometry};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, TurnRate};
 use std::io::{Seek, Write};
 use std::sync::Arc;
 
@@ -15,6 +15,7 @@ use std::sync::Arc;
 pub(crate) struct RosEvents<W: Write + Seek> {
     recording: Recording<W>,
     odom: Option<Topic>,
+    imu: Option<Topic>,
     tf: Option<Topic>,
     tf_static: Option<Topic>,
     lasers: Vec<Known>,
@@ -30,7 +31,7 @@ struct Known {
 
 impl<W: Write + Seek> RosEvents<W> {
     pub(crate) fn new(recording: Recording<W>) -> Self {
-        Self { recording, odom: None, tf: None, tf_static: None, lasers: Vec::new() }
+        Self { recording, odom: None, imu: None, tf: None, tf_static: None, lasers: Vec::new() }
     }
 
     pub(crate) fn scan(&mut self, scan: &LaserScan) -> Result<(), ExportError> {
@@ -49,6 +50,14 @@ impl<W: Write + Seek> RosEvents<W> {
         };
         self.recording.write(topic, stamp, &odometry(stamp, odom_from_robot))?;
         self.transform(stamp, odom_from_robot)
+    }
+
+    pub(crate) fn turn_rate(&mut self, rate: &TurnRate) -> Result<(), ExportError> {
+        let topic = match self.imu {
+            Some(topic) => topic,
+            None => *self.imu.insert(self.recording.add("/imu", "sensor_msgs/Imu", Durability::Volatile)?),
+        };
+        self.recording.write(topic, rate.stamp, &turn_rate(rate))
     }
 
     pub(crate) fn finish(self) -> Result<W, ExportError> {

@@ -5,8 +5,9 @@ use mapwright_bags::{Bag1Reader, McapReader, RawMessage};
 use mapwright_exports::EventWriter;
 use mapwright_formats::{CarmenReader, LogEvent};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_ros::messages::{LaserScan, Odometry, TfMessage};
+use mapwright_ros::messages::{Imu, LaserScan, Odometry, TfMessage};
 use mapwright_ros::{Channel, Decoder, Encoding, Mounting};
+use mapwright_sensor::TurnRate;
 use std::io::Cursor;
 
 const LOG: &str = "PARAM robot_frontlaser_offset -0.04 nohost 0\n\
@@ -91,6 +92,29 @@ fn mcap_and_bags_carry_the_log_in_its_order() {
         found.push(seen(&message, Encoding::Ros1));
     }
     assert_eq!(found, expected());
+}
+
+#[test]
+fn turn_rates_go_into_recordings_as_they_were_and_carmen_leaves_them_out() {
+    let rates =
+        [(1_000, 0.125), (1_010, -3.5)].map(|(ms, rad_per_s)| TurnRate { stamp: Stamp(ms * 1_000_000), rad_per_s });
+    let mut writer = EventWriter::mcap(Cursor::new(Vec::new())).unwrap();
+    rates.iter().for_each(|rate| writer.write(LogEvent::TurnRate(rate)).unwrap());
+    let (mcap, counts) = writer.finish().unwrap();
+    assert_eq!((counts.turn_rates, counts.left_out), (2, 0));
+    let mut reader = McapReader::open(mcap).unwrap();
+    let mut found = Vec::new();
+    while let Some(message) = reader.next_message().unwrap() {
+        let channel = Channel::new(&message.connection.type_name, Encoding::Cdr, None).unwrap();
+        let imu = Decoder::<Imu<'_>>::new(&channel).unwrap().decode(message.data).unwrap();
+        assert_eq!((&*message.connection.topic, imu.header.frame()), ("/imu", "base_link"));
+        assert_eq!((imu.orientation_covariance.0[0], imu.angular_velocity_covariance.0[0]), (-1.0, 0.0));
+        found.push(TurnRate { stamp: imu.header.stamp, rad_per_s: imu.angular_velocity.z });
+    }
+    assert_eq!(found, rates);
+    let mut writer = EventWriter::carmen(Cursor::new(Vec::new()));
+    rates.iter().for_each(|rate| writer.write(LogEvent::TurnRate(rate)).unwrap());
+    assert_eq!(writer.finish().unwrap().1.left_out, 2);
 }
 
 #[test]

@@ -20,8 +20,16 @@ pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
     let reading = log.finish()?;
     let losses = reading.losses();
     let (scans, readings) = (count(counts.scans, "scan"), count(counts.odometry, "odometry reading"));
-    let remarks = remarks(&losses, &reading.oddities());
-    say(&format!("{}: {scans}, {readings}\n{remarks}", args.output.display()))?;
+    let mut what = format!("{scans}, {readings}");
+    if counts.turn_rates > 0 {
+        what += &format!(", {}", count(counts.turn_rates, "turn rate"));
+    }
+    let mut oddities = reading.oddities();
+    if counts.left_out > 0 {
+        oddities.push(format!("{} have no place in CARMEN logs", count(counts.left_out, "turn rate")));
+    }
+    let remarks = remarks(&losses, &oddities);
+    say(&format!("{}: {what}\n{remarks}", args.output.display()))?;
     Ok(Outcome::of_losses(&losses))
 }
 

@@ -2,9 +2,15 @@
 
 use crate::real_logs::shared_data;
 use crate::support::{assert_code, assert_refused, folder, run, small_log, small_log_in, text};
+use mapwright_exports::EventWriter;
+use mapwright_formats::LogEvent;
+use mapwright_geom::Stamp;
+use mapwright_logs::{Choice, Drive, Input};
+use mapwright_sensor::{LaserModel, LaserScan, TurnRate};
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 fn mapped(log: &str, out: &Path) {
     assert_code(&run(&["map", log, "-o", out.to_str().unwrap(), "--quiet"]), 0);
@@ -154,4 +160,46 @@ fn three_minutes_of_intel_convert_and_map_to_the_same() {
     beginning(&log, 180.0, &short);
     assert!(scan_lines(&short).len() > 900);
     round_trip(&folder, &short, true);
+}
+
+/// The turn rates that a recording gives to a mapper.
+fn turn_rates(path: &Path) -> Vec<TurnRate> {
+    let input = vec![("log".to_owned(), Input::Recording(path.to_owned()))];
+    let mut drive = Drive::open(input, &Choice::default()).unwrap();
+    let mut rates = Vec::new();
+    while let Some(event) = drive.next_event().unwrap() {
+        if let LogEvent::TurnRate(rate) = event {
+            rates.push(*rate);
+        }
+    }
+    rates
+}
+
+#[test]
+fn turn_rates_go_from_recording_to_recording_and_are_said_to_be_left_out_of_others() {
+    let folder = folder("convert_turn_rates");
+    let path = |name: &str| folder.join(name);
+    let mut writer = EventWriter::mcap(fs::File::create(path("a.mcap")).unwrap()).unwrap();
+    let at = |ms: i64| Stamp(1_600_000_000_000_000_000 + ms * 1_000_000);
+    let laser = Arc::new(LaserModel { beam_period_s: 0.0005, ..LaserModel::half_circle("front", 100) });
+    let mut made = Vec::new();
+    for k in 0..60 {
+        let rate = TurnRate { stamp: at(10 * k), rad_per_s: 0.01 * k as f64 };
+        writer.write(LogEvent::TurnRate(&rate)).unwrap();
+        made.push(rate);
+        if k % 10 == 9 {
+            let stamp = at(10 * k - 60);
+            let scan = LaserScan { stamp, laser: Arc::clone(&laser), ranges_m: vec![3.0; 100], odom_from_robot: None };
+            writer.write(LogEvent::Scan(&scan)).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    convert(&path("a.mcap"), &path("b.bag"));
+    convert(&path("b.bag"), &path("c.mcap"));
+    for name in ["a.mcap", "b.bag", "c.mcap"] {
+        let read = turn_rates(&path(name));
+        assert!(read.len() > 50 && made.starts_with(&read), "{name}: {} of {}", read.len(), made.len());
+    }
+    let told = run(&["convert", path("c.mcap").to_str().unwrap(), path("d.clf").to_str().unwrap()]);
+    assert!(text(&told.stdout).contains("turn rates have no place in CARMEN logs"), "{}", text(&told.stdout));
 }
