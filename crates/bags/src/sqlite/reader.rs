@@ -17,6 +17,8 @@ use std::path::Path;
 const BATCH: usize = 256;
 /// Rows looked for in vain, one after the other, before the rest of a damaged database is given up.
 const MISSES_MAX: u32 = 20_000;
+/// Of a database.
+const HEADER_BYTES: u64 = 100;
 /// SQLite's page cache.
 const CACHE_KIB: i64 = 2048;
 
@@ -74,11 +76,15 @@ impl SqliteReader {
 
     pub(crate) fn open_part(path: &Path, mut catalog: Catalog) -> Result<Self, (BagError, Box<Catalog>)> {
         let opened = folder::database_head(path).and_then(|head| {
-            let shown = path.display().to_string();
-            let database = open_database(path, &head)
-                .map_err(|error| BagError::Database { path: shown.clone(), found: error.to_string() })?;
-            schema::check(&database, &shown)?;
-            Ok((head, database))
+            let database = open_database(path, &head).map_err(|error| error.to_string());
+            let checked = database.and_then(|database| schema::check(&database).map(|()| database));
+            match checked {
+                Ok(database) => Ok((head, database)),
+                Err(found) => {
+                    let found = found + &end_of(&head);
+                    Err(BagError::Database { path: path.display().to_string(), found })
+                }
+            }
         });
         let (head, database) = match opened {
             Ok(opened) => opened,
@@ -277,6 +283,15 @@ fn open_database(path: &Path, head: &DatabaseHead) -> SqlResult<Database> {
     database.pragma_update(None, "temp_store", 1)?;
     database.pragma_update(None, "trusted_schema", false)?;
     Ok(database)
+}
+
+/// Where a file that was cut short ends.
+fn end_of(head: &DatabaseHead) -> String {
+    match (head.file_bytes, head.expected_bytes) {
+        (0..HEADER_BYTES, _) => format!("; the file ends within the header, at byte {}", head.file_bytes),
+        (end, expected) if end < expected => format!("; the file ends at byte {end} of {expected}"),
+        _ => String::new(),
+    }
 }
 
 fn uri(path: &Path) -> String {

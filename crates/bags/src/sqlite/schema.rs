@@ -1,7 +1,6 @@
 //! The tables of a ROS 2 bag, which differ from version to version.
 
 use crate::catalog::Catalog;
-use crate::error::BagError;
 use crate::message::{Connection, Definition, DefinitionFormat, Encoding};
 use crate::report::DamageKind;
 use rusqlite::types::ValueRef;
@@ -27,17 +26,16 @@ fn text(row: &Row<'_>, column: usize) -> SqlResult<String> {
 }
 
 /// Refuses what is no ROS 2 bag: both tables must be there, and be plain tables.
-pub(super) fn check(database: &Database, path: &str) -> Result<(), BagError> {
-    let error = |found: String| BagError::Database { path: path.to_owned(), found };
+pub(super) fn check(database: &Database) -> Result<(), String> {
     let sql = "SELECT name FROM sqlite_master WHERE type = 'table' AND name IN ('messages', 'topics') \
                AND sql LIKE 'CREATE TABLE%'";
     let tables = || -> SqlResult<BTreeSet<String>> {
         let mut statement = database.prepare(sql)?;
         statement.query_map([], |row| text(row, 0))?.collect()
     };
-    let tables = tables().map_err(|e| error(e.to_string()))?;
+    let tables = tables().map_err(|error| error.to_string())?;
     match ["messages", "topics"].iter().find(|name| !tables.contains(**name)) {
-        Some(missing) => Err(error(format!("no table `{missing}`"))),
+        Some(missing) => Err(format!("no table `{missing}`")),
         None => Ok(()),
     }
 }
