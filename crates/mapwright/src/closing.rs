@@ -388,6 +388,9 @@ impl Closing {
             ends.push((candidate.from, candidate.to));
         }
         self.closures.retain(|(at, _)| !edges.contains(at));
+        for support in &mut self.supports {
+            support.verified &= !ends.contains(&(id(support.from), id(support.to)));
+        }
         ends
     }
 
@@ -538,6 +541,11 @@ mod tests {
             assert!(closing.supporting(past, 59, 12, &known).is_none(), "it was looked at just now");
             let edges = closing.judge(past, 59, &target, &finding(target.middle, objection));
             let is_closure = objection.is_none();
+            if is_closure {
+                let mut doubted = closing.clone();
+                assert_eq!(doubted.take_back(&[0]), [(id(10), id(59))]);
+                assert!(!doubted.links(10), "later evidence speaks against it");
+            }
             assert_eq!(
                 (edges.len(), closing.links(10), closing.links(12)),
                 (usize::from(is_closure), is_closure, is_closure)
