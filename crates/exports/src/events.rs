@@ -73,22 +73,26 @@ impl<W: Write + Seek> EventWriter<W> {
     /// beyond 1000 km; [`ExportError::Bag`] and [`ExportError::Format`] where the stream below fails.
     pub fn write(&mut self, event: LogEvent<'_>) -> Result<(), ExportError> {
         match (event, &mut self.kind) {
-            (LogEvent::Scan(scan), Kind::Carmen(carmen)) => carmen.scan(scan)?,
-            (LogEvent::Scan(scan), Kind::Ros(ros)) => ros.scan(scan)?,
-            (LogEvent::Odometry(odometry), Kind::Carmen(carmen)) => carmen.odometry(odometry)?,
-            (LogEvent::Odometry(odometry), Kind::Ros(ros)) => ros.odometry(odometry)?,
-            (LogEvent::TurnRate(rate), Kind::Ros(ros)) => ros.turn_rate(rate)?,
-            _ => {
-                self.counts.left_out += 1;
-                return Ok(());
+            (LogEvent::Scan(scan), kind) => {
+                match kind {
+                    Kind::Carmen(carmen) => carmen.scan(scan)?,
+                    Kind::Ros(ros) => ros.scan(scan)?,
+                }
+                self.counts.scans += 1;
             }
+            (LogEvent::Odometry(odometry), kind) => {
+                match kind {
+                    Kind::Carmen(carmen) => carmen.odometry(odometry)?,
+                    Kind::Ros(ros) => ros.odometry(odometry)?,
+                }
+                self.counts.odometry += 1;
+            }
+            (LogEvent::TurnRate(rate), Kind::Ros(ros)) => {
+                ros.turn_rate(rate)?;
+                self.counts.turn_rates += 1;
+            }
+            _ => self.counts.left_out += 1,
         }
-        let count = match event {
-            LogEvent::Scan(_) => &mut self.counts.scans,
-            LogEvent::Odometry(_) => &mut self.counts.odometry,
-            _ => &mut self.counts.turn_rates,
-        };
-        *count += 1;
         Ok(())
     }
 

@@ -166,6 +166,7 @@ impl Closing {
     ) -> Option<Verification> {
         let to = past.keyframes.len().checked_sub(1)? as u32;
         self.checked_m = self.path_m[to as usize];
+        self.forget_supports();
         let mut targets = if settings.loops.by_pose { self.near(past, to, known) } else { Vec::new() };
         if settings.loops.by_pose {
             targets.extend(support.and_then(|from| self.supporting(past, to, from, known)));
@@ -200,16 +201,18 @@ impl Closing {
 
     /// The old place that the newest keyframe was matched against, unless it was looked at lately: such a match is a closure.
     fn supporting(&mut self, past: Past<'_>, to: u32, from: u32, known: &[Known]) -> Option<Target> {
-        let now_m = self.path_m[to as usize];
-        let path_m = &self.path_m;
-        self.supports.retain(|support| now_m - path_m[support.to as usize] < TOGETHER_M);
         if from >= to || self.way_m(to, from) < LEFT_M || self.support(from).is_some() {
             return None;
         }
-        // The patch that began last before the place tells how certain it is.
-        let place = known.iter().filter(|patch| patch.first <= from).max_by_key(|patch| patch.first)?;
+        let place = patch_of(known, from)?;
         self.supports.push(Support { from, to, verified: false });
         Some(target(past, place, from, to, Detection::Match))
+    }
+
+    /// What was found out long ago says nothing of what the robot is matched against now.
+    fn forget_supports(&mut self) {
+        let (path_m, now_m) = (&self.path_m, self.path_m.last().copied().unwrap_or(0.0));
+        self.supports.retain(|support| now_m - path_m[support.to as usize] < TOGETHER_M);
     }
 
     /// What was found out last of an old place that supports matches.
@@ -254,9 +257,7 @@ impl Closing {
         let found = self.places.query(hits, ALIKE, left);
         let mut targets = Vec::new();
         for hit in found {
-            // The patch that began last before the place tells how certain it is.
-            let patch = known.iter().filter(|patch| patch.first <= hit.node).max_by_key(|patch| patch.first);
-            let Some(patch) = patch.filter(|patch| !patch.live) else { continue };
+            let Some(patch) = patch_of(known, hit.node).filter(|patch| !patch.live) else { continue };
             let (sigma_m, sigma_rad) =
                 (patch.uncertainty.displacement_m2.sqrt(), patch.uncertainty.rotation_rad2.sqrt());
             let [there, here] = [hit.node, to].map(|node| past.local_from_keyframe[node as usize]);
@@ -412,6 +413,11 @@ fn window_m(place: &Known) -> f64 {
     WINDOW_M + WINDOW_SIGMAS * place.uncertainty.displacement_m2.sqrt()
 }
 
+/// The patch that tells how certain a place is: the one that began last before it.
+fn patch_of(known: &[Known], node: u32) -> Option<&Known> {
+    known.iter().filter(|patch| patch.first <= node).max_by_key(|patch| patch.first)
+}
+
 /// A place is looked for where the poses say it is.
 fn target(past: Past<'_>, place: &Known, from: u32, to: u32, detection: Detection) -> Target {
     let [there, here] = [from, to].map(|node| past.local_from_keyframe[node as usize]);
@@ -554,6 +560,7 @@ mod tests {
             (0..40).for_each(|_| closing.add(poses[59], 1.0, &[]));
             let poses: Vec<Pose2> = poses.iter().copied().chain([poses[59]; 40]).collect();
             let past = Past { keyframes: &[], local_from_keyframe: &poses };
+            closing.forget_supports();
             assert!(closing.supporting(past, 99, 10, &known).is_some());
         }
     }

@@ -333,7 +333,7 @@ impl<R: Read + Seek> McapReader<R> {
         Ok(None)
     }
 
-    /// Whether records follow one another from here on, messages of known channels among them or not, or up to the end.
+    /// Whether a few records follow one another from here on, or all up to the end; messages only of known channels.
     fn is_row(&mut self, mut at: u64) -> io::Result<bool> {
         for _ in 0..RESYNC_ROW {
             let record = match record_at(&mut self.window, at)? {
