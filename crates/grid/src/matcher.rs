@@ -129,27 +129,8 @@ impl Matcher {
     /// The scan's term at a pose; `points` are end points in the robot's frame, metres.
     #[must_use]
     pub fn evaluate(&self, map: &LiveMap, points: &[[f64; 2]], world_from_robot: Pose2, sigma_m: f64) -> Evaluation {
-        let (s, c) = world_from_robot.theta.sin_cos();
-        let scale = 0.5 / (sigma_m * sigma_m);
         let random = self.settings.random_ratio;
-        let mut lookup = Lookup::new(map, world_from_robot, (s, c));
-        let mut block = Block::EMPTY;
-        let mut sums = Sums::default();
-        for some in points.chunks(BLOCK) {
-            lookup.gather(some, &mut block);
-            sums.add(&block, scale as f32, random as f32);
-        }
-        // The sums are over a translation in the world's frame; a right perturbation's is in the robot's.
-        let [gx, gy, gt, hxx, hxy, hyy, hxt, hyt, htt, hits] = sums.totals.map(f64::from);
-        let world_from_tangent = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
-        let k = 2.0 * scale;
-        let gradient = world_from_tangent.transpose() * Vector3::new(gx, gy, gt) * k;
-        let second = Matrix3::new(hxx, hxy, hxt, hxy, hyy, hyt, hxt, hyt, htt);
-        let hessian = world_from_tangent.transpose() * second * world_from_tangent * k;
-        // Slots of the last block that held no beam counted as random readings.
-        let padding = points.len().div_ceil(BLOCK) * BLOCK - points.len();
-        let cost = -sums.log_likelihood + padding as f64 * random.ln();
-        Evaluation { cost, gradient, hessian, hits }
+        pulp::Arch::new().dispatch(Term { map, points, world_from_robot, sigma_m, random })
     }
 
     fn objective(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, pose: Pose2, sigma_m: f64) -> Objective {
@@ -298,6 +279,44 @@ impl Matcher {
     }
 }
 
+/// The scan's term at a pose, for the widest registers there are: without fused operations the sums are the same in all.
+struct Term<'a> {
+    map: &'a LiveMap,
+    points: &'a [[f64; 2]],
+    world_from_robot: Pose2,
+    sigma_m: f64,
+    random: f64,
+}
+
+impl pulp::WithSimd for Term<'_> {
+    type Output = Evaluation;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Evaluation {
+        let Self { map, points, world_from_robot, sigma_m, random } = self;
+        let (s, c) = world_from_robot.theta.sin_cos();
+        let scale = 0.5 / (sigma_m * sigma_m);
+        let mut lookup = Lookup::new(map, world_from_robot, (s, c));
+        let mut block = Block::EMPTY;
+        let mut sums = Sums::default();
+        for some in points.chunks(BLOCK) {
+            lookup.gather(some, &mut block);
+            sums.add(&block, scale as f32, random as f32);
+        }
+        // The sums are over a translation in the world's frame; a right perturbation's is in the robot's.
+        let [gx, gy, gt, hxx, hxy, hyy, hxt, hyt, htt, hits] = sums.totals.map(f64::from);
+        let world_from_tangent = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
+        let k = 2.0 * scale;
+        let gradient = world_from_tangent.transpose() * Vector3::new(gx, gy, gt) * k;
+        let second = Matrix3::new(hxx, hxy, hxt, hxy, hyy, hyt, hxt, hyt, htt);
+        let hessian = world_from_tangent.transpose() * second * world_from_tangent * k;
+        // Slots of the last block that held no beam counted as random readings.
+        let padding = points.len().div_ceil(BLOCK) * BLOCK - points.len();
+        let cost = -sums.log_likelihood + padding as f64 * random.ln();
+        Evaluation { cost, gradient, hessian, hits }
+    }
+}
+
 /// Where gradient ascent has come to rest, it tries steps of these `kappa` once more: a dent is as wide as a cell.
 const DENT_STRIDES: [f64; 3] = [30.0, 10.0, 3.0];
 
@@ -352,6 +371,7 @@ impl<'a> Lookup<'a> {
         Self { map, field: map.field().look_ups(), world_from_robot, sin_cos, cells_per_m }
     }
 
+    #[inline(always)]
     fn gather(&mut self, points: &[[f64; 2]], block: &mut Block) {
         let (s, c) = self.sin_cos;
         let surfels = self.map.surfels();
@@ -393,6 +413,7 @@ struct Sums {
 }
 
 impl Sums {
+    #[inline(always)]
     fn add(&mut self, block: &Block, scale: f32, random: f32) {
         let mut sums = [[0.0_f32; LANES]; 10];
         let mut product = [1.0_f32; LANES];
@@ -496,6 +517,22 @@ mod tests {
             assert!(result.evaluations > 3);
             assert_eq!(LOOK_UPS.get(), result.evaluations as usize * points.hits.len());
             assert!(result.world_from_robot.distance(Pose2::IDENTITY) < 0.01, "{result:?}");
+        }
+    }
+
+    #[test]
+    fn wide_registers_give_the_same_bits() {
+        use pulp::WithSimd;
+        let points = corner();
+        let mut map = LiveMap::new(LiveMapSettings::default());
+        map.change(&points, Pose2::IDENTITY, Change::Add, 0);
+        for k in 0..20 {
+            let pose = Pose2::new(0.01 * f64::from(k), -0.007 * f64::from(k), 0.003 * f64::from(k));
+            let (hits, sigma_m) = (&points.hits[k as usize..], 0.02 * f64::from(k + 1));
+            let term = Term { map: &map, points: hits, world_from_robot: pose, sigma_m, random: 0.01 };
+            let narrow = term.with_simd(pulp::Scalar::new());
+            assert_eq!(Matcher::default().evaluate(&map, hits, pose, sigma_m), narrow);
+            assert!(narrow.hits > 1.0);
         }
     }
 

@@ -1,6 +1,7 @@
 //! The poses of a search window, and blocks of them.
 
 use super::{MAX_DOUBLINGS, MAX_SEARCH_BLOCKS, MAX_SEARCH_CELLS, Peak, SearchWindow, Separation};
+use crate::tiles::floor_cell;
 use mapwright_geom::{Pose2, sin_cos, wrap_angle};
 use std::cmp::Reverse;
 use std::f64::consts::PI;
@@ -126,7 +127,7 @@ impl Lattice {
     pub(super) fn cells<'a>(&self, heading: u32, points: &'a [[f64; 2]]) -> impl Iterator<Item = [i32; 2]> + use<'a> {
         let (s, c) = sin_cos(self.theta(heading));
         let Self { middle, cells_per_m, doublings, .. } = *self;
-        let cell = move |metres: f64| ((metres * cells_per_m).floor() as i32) >> doublings;
+        let cell = move |metres: f64| floor_cell(metres * cells_per_m) >> doublings;
         points.iter().map(move |p| [cell(middle.x + (c * p[0] - s * p[1])), cell(middle.y + (s * p[0] + c * p[1]))])
     }
 
