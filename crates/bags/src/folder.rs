@@ -268,6 +268,8 @@ pub(crate) struct DatabaseHead {
     pub(crate) expected_bytes: u64,
     /// Whether changes are kept beside the database that are not yet in it.
     pub(crate) has_log: bool,
+    /// Where the first bytes are not those of a database.
+    pub(crate) strange_byte: Option<usize>,
     /// The last bytes before the tear, without zeros at their end, where the file ends within a page.
     pub(crate) torn_tail: Option<Vec<u8>>,
 }
@@ -286,11 +288,12 @@ pub(crate) fn database_head(path: &Path) -> Result<DatabaseHead, BagError> {
         let page_bytes = if number(16, 2) == 1 { 1 << 16 } else { number(16, 2) };
         let expected_bytes = if number(24, 4) == number(92, 4) { number(28, 4) * page_bytes } else { 0 };
         let is_torn = page_bytes > 0 && file_bytes % page_bytes > 0;
+        let strange_byte = head.iter().zip(b"SQLite format 3\0").position(|(found, expected)| found != expected);
         let torn_tail = if is_torn { Some(tail(&mut file, file_bytes, page_bytes)?) } else { None };
         let mut log = path.as_os_str().to_owned();
         log.push("-wal");
         let has_log = fs::metadata(log).is_ok_and(|log| log.len() > 0);
-        Ok(DatabaseHead { file_bytes, expected_bytes, has_log, torn_tail })
+        Ok(DatabaseHead { file_bytes, expected_bytes, has_log, strange_byte, torn_tail })
     };
     read().map_err(|cause| path_error(path, cause))
 }

@@ -237,10 +237,16 @@ fn databases() {
             Err(error) => {
                 // without the first page, which tells where the tables are, nothing can be read
                 assert!(place < page, "refused: {context}: {error}");
-                let end = harmed.len();
-                let told =
-                    if end < 100 { format!("at byte {end}") } else { format!("at byte {end} of {}", content.len()) };
-                assert!(!is_cut || error.to_string().ends_with(&told), "{context}: {error}");
+                let (end, whole) = (harmed.len(), content.len());
+                let first = content.iter().zip(&harmed).position(|(was, is)| was != is).unwrap_or(end);
+                let told = match first {
+                    _ if is_cut && end < 100 => format!("at byte {end}"),
+                    _ if is_cut => format!("at byte {end} of {whole}"),
+                    0..16 => format!("from byte {first} on"),
+                    16..100 => "from byte 0 on".into(),
+                    _ => "from byte 100 on".into(),
+                };
+                assert!(error.to_string().ends_with(&told), "{context}: {error}");
                 refused += 1;
                 continue;
             }

@@ -9,3 +9,6 @@ mod reader;
 mod schema;
 
 pub use reader::SqliteReader;
+
+/// Of a database's header; behind it, on the first page, stands which tables there are.
+const HEADER_BYTES: u64 = 100;

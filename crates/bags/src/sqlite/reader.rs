@@ -1,6 +1,6 @@
 //! Messages out of a ROS 2 sqlite bag.
 
-use super::schema;
+use super::{HEADER_BYTES, schema};
 use crate::catalog::Catalog;
 use crate::error::BagError;
 use crate::folder::{self, DatabaseHead};
@@ -17,8 +17,6 @@ use std::path::Path;
 const BATCH: usize = 256;
 /// Rows looked for in vain, one after the other, before the rest of a damaged database is given up.
 const MISSES_MAX: u32 = 20_000;
-/// Of a database.
-const HEADER_BYTES: u64 = 100;
 /// SQLite's page cache.
 const CACHE_KIB: i64 = 2048;
 
@@ -76,12 +74,12 @@ impl SqliteReader {
 
     pub(crate) fn open_part(path: &Path, mut catalog: Catalog) -> Result<Self, (BagError, Box<Catalog>)> {
         let opened = folder::database_head(path).and_then(|head| {
-            let database = open_database(path, &head).map_err(|error| error.to_string());
+            let database = open_database(path, &head).map_err(|error| format!("{error} in the header from byte 0 on"));
             let checked = database.and_then(|database| schema::check(&database).map(|()| database));
             match checked {
                 Ok(database) => Ok((head, database)),
                 Err(found) => {
-                    let found = found + &end_of(&head);
+                    let found = found + &damage_of(&head);
                     Err(BagError::Database { path: path.display().to_string(), found })
                 }
             }
@@ -285,11 +283,12 @@ fn open_database(path: &Path, head: &DatabaseHead) -> SqlResult<Database> {
     Ok(database)
 }
 
-/// Where a file that was cut short ends.
-fn end_of(head: &DatabaseHead) -> String {
-    match (head.file_bytes, head.expected_bytes) {
-        (0..HEADER_BYTES, _) => format!("; the file ends within the header, at byte {}", head.file_bytes),
-        (end, expected) if end < expected => format!("; the file ends at byte {end} of {expected}"),
+/// Where a file ends that was cut short, or is no database.
+fn damage_of(head: &DatabaseHead) -> String {
+    match (head.strange_byte, head.file_bytes, head.expected_bytes) {
+        (Some(at), ..) => format!("; not `SQLite format 3` from byte {at} on"),
+        (_, 0..HEADER_BYTES, _) => format!("; the file ends within the header, at byte {}", head.file_bytes),
+        (_, end, expected) if end < expected => format!("; the file ends at byte {end} of {expected}"),
         _ => String::new(),
     }
 }

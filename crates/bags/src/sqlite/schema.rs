@@ -1,5 +1,6 @@
 //! The tables of a ROS 2 bag, which differ from version to version.
 
+use super::HEADER_BYTES;
 use crate::catalog::Catalog;
 use crate::message::{Connection, Definition, DefinitionFormat, Encoding};
 use crate::report::DamageKind;
@@ -33,11 +34,14 @@ pub(super) fn check(database: &Database) -> Result<(), String> {
         let mut statement = database.prepare(sql)?;
         statement.query_map([], |row| text(row, 0))?.collect()
     };
-    let tables = tables().map_err(|error| error.to_string())?;
-    match ["messages", "topics"].iter().find(|name| !tables.contains(**name)) {
-        Some(missing) => Err(format!("no table `{missing}`")),
-        None => Ok(()),
-    }
+    let found = match tables() {
+        Err(error) => error.to_string(),
+        Ok(tables) => match ["messages", "topics"].iter().find(|name| !tables.contains(**name)) {
+            Some(missing) => format!("no table `{missing}`"),
+            None => return Ok(()),
+        },
+    };
+    Err(format!("{found} in the list of tables from byte {HEADER_BYTES} on"))
 }
 
 /// Takes in all topics; connections by the topic's id in the database.
