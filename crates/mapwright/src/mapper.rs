@@ -199,12 +199,18 @@ impl Mapper {
     pub fn add_odometry(&mut self, odometry: &Odometry) {
         if odometry.odom_from_robot.is_finite() {
             self.recent_odometry.add(*odometry);
+            if let Some(lost) = &mut self.lost {
+                lost.add_odometry(odometry);
+            }
         }
     }
 
     /// Remembers a reading of a gyroscope, for the robot's motion during a sweep: hand in what was read during it before its
     /// scan. False where it is no rate that a robot can have; it is left out then.
     pub fn add_turn_rate(&mut self, rate: &TurnRate) -> bool {
+        if let Some(lost) = &mut self.lost {
+            lost.add_turn_rate(rate);
+        }
         self.turn_rates.add(*rate)
     }
 

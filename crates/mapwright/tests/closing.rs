@@ -4,7 +4,7 @@
 mod support;
 
 use mapwright::{
-    Candidate, Correction, Detection, Edge, EdgeKind, Mapper, Objection, Pose2, Settings, Status, Verdict,
+    Candidate, Correction, Detection, Edge, EdgeKind, Mapper, Objection, Odometry, Pose2, Settings, Status, Verdict,
 };
 use mapwright_sim::{DriveSettings, TrueScan, kidnapping, worlds};
 use support::{ate_m, in_parallel, recording};
@@ -169,6 +169,22 @@ fn a_robot_that_was_carried_away_writes_nothing_until_it_is_home() {
         assert!(noticed_s.is_some_and(|s| s <= 5.0) && written == 0);
         assert!(home_s.is_some(), "it never came home");
     }
+}
+
+#[test]
+fn a_lost_robot_hears_its_wheels_however_they_are_handed_in() {
+    let ways = in_parallel(2, |apart| {
+        let mut mapper = Mapper::new(Settings::default()).expect("valid");
+        let mut lost = 0;
+        for mut scan in kidnapping(902).drive().scans() {
+            if let Some(odom_from_robot) = scan.scan.odom_from_robot.take_if(|_| apart == 1) {
+                mapper.add_odometry(&Odometry { stamp: scan.scan.stamp, odom_from_robot });
+            }
+            lost += usize::from(mapper.add_scan(&scan.scan).status == Status::Lost);
+        }
+        (lost, mapper.trajectory().collect::<Vec<_>>())
+    });
+    assert!(ways[0].0 > 50 && ways[0] == ways[1], "{} and {} scans lost", ways[0].0, ways[1].0);
 }
 
 /// Seconds after it was put down at which a robot that was carried away first says that it is tracking, within the first

@@ -5,11 +5,11 @@ use super::guard::{KNOWN_SHARE, Matched};
 use crate::closing::{Chance, Found, Ground, Past, Sought};
 use crate::jobs::{Job, Task};
 use crate::live::Frames;
-use crate::motion::{Predictor, Step};
-use crate::settings::{LivePolicy, Settings};
+use crate::motion::Step;
+use crate::settings::LivePolicy;
 use mapwright_geom::{Cov3, Pose2, Stamp};
 use mapwright_record::{MatchReport, Status, Update};
-use mapwright_sensor::{BeamCounts, LaserScan};
+use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -57,20 +57,30 @@ pub(super) struct Lost {
 }
 
 impl Lost {
-    fn new(settings: &Settings, predictor: &Predictor) -> Self {
-        let mut settings = *settings;
+    fn new(mapper: &Mapper) -> Self {
+        let mut settings = mapper.settings;
         settings.live.policy = LivePolicy::Everything;
         (settings.loops.by_pose, settings.loops.by_place, settings.loops.relocate) = (false, false, false);
         let mut aside = Mapper::with(settings, Pose2::IDENTITY);
-        aside.predictor = predictor.clone();
+        aside.predictor = mapper.predictor.clone();
+        aside.recent_odometry = mapper.recent_odometry.clone();
+        aside.turn_rates = mapper.turn_rates.clone();
         let asked_m = f64::NEG_INFINITY;
         Self { aside, way_m: 0.0, asked_m, asking: None, chances: Vec::new(), found: None, ground: None }
     }
 
     /// What was mapped aside is of no use: from this scan on anew.
-    fn start_again(&mut self, settings: &Settings, predictor: &Predictor, scan: &LaserScan) {
-        *self = Self { ground: self.ground.take(), ..Self::new(settings, predictor) };
+    fn start_again(&mut self, mapper: &Mapper, scan: &LaserScan) {
+        *self = Self { ground: self.ground.take(), ..Self::new(mapper) };
         let _ = self.aside.add_scan(scan);
+    }
+
+    pub(super) fn add_odometry(&mut self, odometry: &Odometry) {
+        self.aside.add_odometry(odometry);
+    }
+
+    pub(super) fn add_turn_rate(&mut self, rate: &TurnRate) {
+        self.aside.add_turn_rate(rate);
     }
 
     fn is_to_ask(&self) -> bool {
@@ -134,7 +144,7 @@ impl Mapper {
             if let Some(node) = self.arrived.take() {
                 self.leave_again(node);
             }
-            self.lost = Some(Box::new(Lost::new(&self.settings, &self.predictor)));
+            self.lost = Some(Box::new(Lost::new(self)));
         }
     }
 
@@ -162,7 +172,7 @@ impl Mapper {
             let update = lost.aside.add_scan(scan);
             report = update.matched;
             if update.matched.as_ref().is_some_and(is_apart) {
-                lost.start_again(&self.settings, &self.predictor, scan);
+                lost.start_again(self, scan);
             }
             lost.way_m += step.last_from_robot.x.hypot(step.last_from_robot.y);
             if update.keyframe.is_some() && lost.is_to_ask() {
