@@ -96,37 +96,44 @@ impl Agreement {
     }
 }
 
+/// Candidates a tally has room for.
+const TALLIED: usize = 16;
+
 /// Counts votes for a few candidates; candidates beyond the table's size lose their votes.
-#[derive(Default)]
 struct Tally {
-    entries: [(u32, u32); 16],
+    candidates: [u32; TALLIED],
+    votes: [u32; TALLIED],
     used: usize,
     /// Neighbouring end points vote alike.
     last: usize,
 }
 
 impl Tally {
+    const EMPTY: Self = Self { candidates: [NO_SUPPLIER; TALLIED], votes: [0; TALLIED], used: 0, last: 0 };
+
+    #[inline]
     fn count(&mut self, candidate: u32) {
         if candidate == NO_SUPPLIER {
             return;
         }
-        let last = &mut self.entries[self.last];
-        if last.0 == candidate && last.1 > 0 {
-            last.1 += 1;
-            return;
+        if self.candidates[self.last] != candidate {
+            // All at once: that is quicker than one after the other.
+            let same = |k: usize| u32::from(self.candidates[k] == candidate) << k;
+            let known = (0..TALLIED).map(same).sum::<u32>().trailing_zeros() as usize;
+            let at = known.min(self.used);
+            if at == TALLIED {
+                return;
+            }
+            self.candidates[at] = candidate;
+            self.used = self.used.max(at + 1);
+            self.last = at;
         }
-        if let Some(known) = self.entries[..self.used].iter().position(|entry| entry.0 == candidate) {
-            self.entries[known].1 += 1;
-            self.last = known;
-        } else if self.used < self.entries.len() {
-            self.entries[self.used] = (candidate, 1);
-            self.last = self.used;
-            self.used += 1;
-        }
+        self.votes[self.last] += 1;
     }
 
     fn most(&self) -> Option<u32> {
-        self.entries[..self.used].iter().max_by_key(|entry| (entry.1, std::cmp::Reverse(entry.0))).map(|entry| entry.0)
+        let most = (0..self.used).max_by_key(|&k| (self.votes[k], std::cmp::Reverse(self.candidates[k])));
+        most.map(|k| self.candidates[k])
     }
 }
 
@@ -256,7 +263,7 @@ impl LiveMap {
         let (s, c) = world_from_robot.theta.sin_cos();
         let cells_per_m = 1.0 / self.settings.resolution_m;
         let near2 = (2.0 * self.settings.resolution_m).powi(2);
-        let mut tally = Tally::default();
+        let mut tally = Tally::EMPTY;
         let mut agreement = Agreement::default();
         let mut field = self.field.look_ups();
         for (k, &[px, py]) in points.iter().enumerate() {
