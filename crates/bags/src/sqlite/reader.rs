@@ -74,7 +74,8 @@ impl SqliteReader {
 
     pub(crate) fn open_part(path: &Path, mut catalog: Catalog) -> Result<Self, (BagError, Box<Catalog>)> {
         let opened = folder::database_head(path).and_then(|head| {
-            let database = open_database(path, &head).map_err(|error| format!("{error} in the header from byte 0 on"));
+            let database =
+                open_database(path, &head).map_err(|error| format!("{error}, reading the header from byte 0 on"));
             let checked = database.and_then(|database| schema::check(&database).map(|()| database));
             match checked {
                 Ok(database) => Ok((head, database)),

@@ -34,14 +34,12 @@ pub(super) fn check(database: &Database) -> Result<(), String> {
         let mut statement = database.prepare(sql)?;
         statement.query_map([], |row| text(row, 0))?.collect()
     };
-    let found = match tables() {
-        Err(error) => error.to_string(),
-        Ok(tables) => match ["messages", "topics"].iter().find(|name| !tables.contains(**name)) {
-            Some(missing) => format!("no table `{missing}`"),
-            None => return Ok(()),
-        },
-    };
-    Err(format!("{found} in the list of tables from byte {HEADER_BYTES} on"))
+    let listed = format!("the list of tables from byte {HEADER_BYTES} on");
+    let tables = tables().map_err(|error| format!("{error}, reading {listed}"))?;
+    match ["messages", "topics"].iter().find(|name| !tables.contains(**name)) {
+        Some(missing) => Err(format!("no table `{missing}` in {listed}")),
+        None => Ok(()),
+    }
 }
 
 /// Takes in all topics; connections by the topic's id in the database.
