@@ -6,6 +6,7 @@
 //! left around, from bit rows of obstacles. Both are exact, unlike propagation among neighbours (brushfire: Kalra,
 //! Ferguson, Stentz 2006; Lau, Sprunk, Burgard 2013), whose truncation error this avoids.
 
+use crate::survivors::Survivors;
 use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in_tile, tile_of};
 
 /// No obstacle within the radius.
@@ -34,7 +35,9 @@ pub struct DistanceField {
     cells: Vec<(i32, i32)>,
     orphans: Vec<(i32, i32)>,
     gone: Vec<((i32, i32), u32)>,
-    survivors: Vec<(i32, i32)>,
+    survivors: Survivors,
+    /// Corner of the survivors' box.
+    corner: (i32, i32),
 }
 
 /// Look-ups that stay in a tile for a while, as those of neighbouring beams do.
@@ -75,7 +78,8 @@ impl DistanceField {
             cells: Vec::new(),
             orphans: Vec::new(),
             gone: Vec::new(),
-            survivors: Vec::new(),
+            survivors: Survivors::default(),
+            corner: (0, 0),
         }
     }
 
@@ -257,10 +261,11 @@ impl DistanceField {
         if let (Some((left, right)), Some((low, high))) = (range(|cell| cell.0), range(|cell| cell.1)) {
             // At most 4 * 15 + 1 columns: a disc's, and the radius on both sides.
             let columns = u64::MAX >> (63 - (right - left));
+            self.corner = (left, low);
             for y in low..=high {
                 let mut bits = self.row_bits(left, y) & columns;
                 while bits != 0 {
-                    survivors.push((left + bits.trailing_zeros() as i32, y));
+                    survivors.push(bits.trailing_zeros() as i16, (y - low) as i16);
                     bits &= bits - 1;
                 }
             }
@@ -269,16 +274,11 @@ impl DistanceField {
     }
 
     fn nearest_survivor(&self, (cell_x, cell_y): (i32, i32)) -> (u8, u32) {
-        let mut best = (self.radius * self.radius + 1, (0, 0));
-        for &(x, y) in &self.survivors {
-            let d2 = (x - cell_x) * (x - cell_x) + (y - cell_y) * (y - cell_y);
-            if d2 < best.0 {
-                best = (d2, (x, y));
-            }
-        }
-        let (d2, (x, y)) = best;
+        let (left, low) = self.corner;
+        let (d2, (x, y)) = self.survivors.nearest((cell_x - left) as i16, (cell_y - low) as i16);
         // An occupied cell is its own nearest obstacle.
-        if d2 > self.radius * self.radius { (FAR, NO_OBSTACLE) } else { (d2 as u8, self.nearest(x, y)) }
+        let far = i32::from(d2) > self.radius * self.radius;
+        if far { (FAR, NO_OBSTACLE) } else { (d2 as u8, self.nearest(left + i32::from(x), low + i32::from(y))) }
     }
 
     /// Occupancy of 64 cells of a row from `first_x` on, lowest bit first.

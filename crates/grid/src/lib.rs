@@ -5,6 +5,7 @@ mod counts;
 mod field;
 mod live;
 mod matcher;
+mod survivors;
 mod tiles;
 
 pub use correlative::{

@@ -76,6 +76,8 @@ fn thinned(map: &LiveMap, mut ends: Vec<[f64; 2]>, settings: &SubmapSettings) ->
     let cell = |[x, y]: [f64; 2]| ((y / side_m).floor() as i64, (x / side_m).floor() as i64);
     let mut keyed: Vec<((i64, i64), usize)> =
         (0..ends.len()).filter(|&k| !gone[k]).map(|k| (cell(ends[k]), k)).collect();
+    // Neighbouring beams end in the same cell.
+    keyed.dedup_by_key(|(cell, _)| *cell);
     keyed.sort_unstable();
     keyed.dedup_by_key(|(cell, _)| *cell);
     keyed.into_iter().map(|(_, k)| ends[k]).collect()

@@ -5,6 +5,7 @@ use super::read::scaled_rotations;
 use crate::group::RotationError;
 use crate::pose_graph::PoseGraph;
 use nalgebra::SMatrix;
+use std::fmt::Write as _;
 use std::io::{self, Write};
 
 /// Writes a graph with g2o's tags; every number reads back as the same double, but for the rounding of the quaternion's
@@ -40,7 +41,7 @@ fn write_parts<P, const D: usize>(
     let mut line = String::new();
     for vertex in &graph.vertices {
         line.clear();
-        line.push_str(&format!("VERTEX_{tag} {}", vertex.id));
+        let _ = write!(line, "VERTEX_{tag} {}", vertex.id);
         push_numbers(&mut line, numbers(&vertex.world_from_vertex).into_iter());
         stream.write_all(line.as_bytes())?;
     }
@@ -55,7 +56,7 @@ fn write_parts<P, const D: usize>(
         let information = convert(&edge.information);
         let upper = (0..D).flat_map(|r| (r..D).map(move |c| (r, c))).map(|at| information[at]);
         line.clear();
-        line.push_str(&format!("EDGE_{tag} {from} {to}"));
+        let _ = write!(line, "EDGE_{tag} {from} {to}");
         push_numbers(&mut line, numbers(&edge.from_from_to).into_iter().chain(upper));
         stream.write_all(line.as_bytes())?;
     }
@@ -64,6 +65,8 @@ fn write_parts<P, const D: usize>(
 
 fn push_numbers(line: &mut String, numbers: impl Iterator<Item = f64>) {
     // `+ 0.0` spares minus zero its sign
-    numbers.for_each(|number| line.push_str(&format!(" {}", number + 0.0)));
+    for number in numbers {
+        let _ = write!(line, " {}", number + 0.0);
+    }
     line.push('\n');
 }
