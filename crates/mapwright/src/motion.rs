@@ -80,10 +80,11 @@ impl Predictor {
     }
 
     /// The last motion once more. Scans come at an even rate even where their stamps come in bursts, so a motion is
-    /// carried from scan to scan; only a gap of several periods adds uncertainty with its length.
+    /// carried from scan to scan, over gaps too, for many of them are a logger that was late: a gap of several periods
+    /// adds uncertainty with its length and nothing else.
     fn constant_velocity(&self, settings: &MotionSettings, elapsed_s: f64) -> Step {
         let gap_s = if elapsed_s > GAP_PERIODS * self.period_s { elapsed_s - self.period_s } else { 0.0 };
-        let carried = self.twist.filter(|_| gap_s == 0.0).unwrap_or([0.0; 3]);
+        let carried = self.twist.unwrap_or([0.0; 3]);
         let (translation, rotation) = (carried[0].hypot(carried[1]), carried[2].abs());
         let sigma_t = STEADY_M + STEADY_SHARE * translation + settings.translation_floor_m + 0.5 * gap_s.min(4.0);
         let sigma_r = STEADY_RAD + STEADY_SHARE * rotation + settings.rotation_floor_rad + 0.8 * gap_s.min(4.0);
@@ -198,6 +199,25 @@ mod tests {
             ratio = (step.variances[0] / step.expected[0]).sqrt();
         }
         ratio
+    }
+
+    #[test]
+    fn without_odometry_a_motion_is_carried_over_a_gap_that_makes_it_uncertain() {
+        let settings = Settings::default().motion;
+        let mut predictor = Predictor::default();
+        let motion = Pose2::new(0.06, 0.0, 0.02);
+        (0..50).for_each(|k| predictor.settle(Stamp(200_000_000 * k), None, motion, true));
+        let after_s = |seconds: f64| {
+            let stamp = Stamp(200_000_000 * 49 + (seconds * 1e9) as i64);
+            predictor.step(&settings, stamp, None)
+        };
+        let (usual, burst, gap) = (after_s(0.2), after_s(0.001), after_s(2.4));
+        for step in [usual, burst, gap] {
+            assert!(step.last_from_robot.distance(motion) < 1e-12, "{step:?}");
+        }
+        assert_eq!(usual.variances, burst.variances);
+        let sigma_m = |step: Step| step.variances[0].sqrt();
+        assert!((sigma_m(gap) - sigma_m(usual) - 0.5 * 2.2).abs() < 1e-9, "{gap:?}");
     }
 
     #[test]
