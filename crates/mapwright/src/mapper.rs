@@ -3,7 +3,7 @@
 use crate::closing::Closing;
 use crate::jobs::Job;
 use crate::live::{Frames, Live, LiveReport};
-use crate::motion::{Predictor, Step};
+use crate::motion::{Moved, Predictor, Step};
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::render::GlobalMap;
 use crate::settings::{Settings, SettingsError};
@@ -316,8 +316,13 @@ impl Mapper {
             self.local_from_robot = before;
         }
         self.lost_scans = if matched.is_some() && !tracking { (self.lost_scans + 1).min(1000) } else { 0 };
-        let moved = before.between(self.local_from_robot);
-        self.predictor.settle(scan.stamp, odom, moved, tracking);
+        let moved = match matched {
+            _ if !tracking => Moved::Unknown,
+            _ if step.from_odometry => Moved::By(before.between(self.local_from_robot)),
+            Some(matched) if matched.slip_corrected => Moved::AsBefore,
+            _ => Moved::Matched(before.between(self.local_from_robot)),
+        };
+        self.predictor.settle(scan.stamp, odom, moved);
         self.odom_from_robot = self.odom_from_robot * step.last_from_robot;
         if self.lost_scans > 0 {
             self.movers.forget();

@@ -15,12 +15,29 @@ pub(crate) struct Step {
     pub(crate) from_odometry: bool,
 }
 
+/// How a robot turned out to have moved since the scan before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Moved {
+    /// The wheels were heard.
+    By(Pose2),
+    /// As a match says that had nothing but the velocity to begin from.
+    Matched(Pose2),
+    /// The pose was put right by more than the motion; that counts as the one before.
+    AsBefore,
+    Unknown,
+}
+
 /// From so many usual periods on, the time between two scans is a gap.
 const GAP_PERIODS: f64 = 8.0;
-/// How evenly a robot moves from scan to scan: metres, radians, and a share of the motion.
-const STEADY_M: f64 = 0.05;
+/// How evenly a robot moves from scan to scan: how it speeds up, metres per second squared, over periods up to so many
+/// seconds; radians; and shares of translation and rotation.
+const STEADY_MPS2: f64 = 1.0;
+const STEADY_AT_MOST_S: f64 = 0.5;
 const STEADY_RAD: f64 = 0.1;
-const STEADY_SHARE: f64 = 0.4;
+const STEADY_SHARE: [f64; 2] = [0.1, 0.4];
+/// Weight of the newest motion in the velocity that is carried: matches in a corridor stick to what was just drawn, and a
+/// velocity that follows each of them comes to a stand.
+const VELOCITY_WEIGHT: f64 = 0.3;
 /// Weight of the newest period in the running mean.
 const PERIOD_WEIGHT: f64 = 0.02;
 /// Motion between two scans that no ground robot makes; odometry that claims more is not believed, metres.
@@ -41,8 +58,10 @@ const FAILING_STEP_AT_MOST_M: f64 = 0.5;
 pub(crate) struct Predictor {
     odom_from_robot: Option<Pose2>,
     stamp: Option<Stamp>,
-    /// The last motion from scan to scan.
+    /// Motion from scan to scan: the last one; without odometry its translation is averaged.
     twist: Option<[f64; 3]>,
+    /// The last scan came after a gap.
+    after_gap: bool,
     /// Running mean of the time between scans.
     period_s: f64,
     /// Of translation and rotation: what odometry has been wrong by, and what it was expected to be.
@@ -79,15 +98,17 @@ impl Predictor {
         }
     }
 
-    /// The last motion once more. Scans come at an even rate even where their stamps come in bursts, so a motion is
+    /// The motion as before. Scans come at an even rate even where their stamps come in bursts, so a motion is
     /// carried from scan to scan, over gaps too, for many of them are a logger that was late: a gap of several periods
     /// adds uncertainty with its length and nothing else.
     fn constant_velocity(&self, settings: &MotionSettings, elapsed_s: f64) -> Step {
         let gap_s = if elapsed_s > GAP_PERIODS * self.period_s { elapsed_s - self.period_s } else { 0.0 };
         let carried = self.twist.unwrap_or([0.0; 3]);
         let (translation, rotation) = (carried[0].hypot(carried[1]), carried[2].abs());
-        let sigma_t = STEADY_M + STEADY_SHARE * translation + settings.translation_floor_m + 0.5 * gap_s.min(4.0);
-        let sigma_r = STEADY_RAD + STEADY_SHARE * rotation + settings.rotation_floor_rad + 0.8 * gap_s.min(4.0);
+        let steady_m = STEADY_MPS2 * self.period_s.min(STEADY_AT_MOST_S).powi(2);
+        let [share_t, share_r] = STEADY_SHARE;
+        let sigma_t = steady_m + share_t * translation + settings.translation_floor_m + 0.5 * gap_s.min(4.0);
+        let sigma_r = STEADY_RAD + share_r * rotation + settings.rotation_floor_rad + 0.8 * gap_s.min(4.0);
         Step {
             last_from_robot: Pose2::exp(carried),
             variances: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
@@ -135,16 +156,23 @@ impl Predictor {
         was > DOUBTED * expected
     }
 
-    /// Remembers a scan and where the robot turned out to have moved.
-    pub(crate) fn settle(
-        &mut self,
-        stamp: Stamp,
-        odom_from_robot: Option<Pose2>,
-        last_from_robot: Pose2,
-        trusted: bool,
-    ) {
+    /// Remembers a scan and how the robot turned out to have moved.
+    pub(crate) fn settle(&mut self, stamp: Stamp, odom_from_robot: Option<Pose2>, moved: Moved) {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
-        self.twist = trusted.then(|| last_from_robot.log());
+        let after_gap = elapsed_s > GAP_PERIODS * self.period_s && self.period_s > 0.0;
+        match moved {
+            // What was driven in a gap is no motion from scan to scan; where gaps are usual it is all there is.
+            Moved::Matched(_) if after_gap && !self.after_gap && self.twist.is_some() => {}
+            Moved::By(last_from_robot) => self.twist = Some(last_from_robot.log()),
+            Moved::Matched(last_from_robot) => {
+                let [x, y, theta] = last_from_robot.log();
+                let [vx, vy, _] = self.twist.unwrap_or([x, y, theta]);
+                self.twist = Some([vx + VELOCITY_WEIGHT * (x - vx), vy + VELOCITY_WEIGHT * (y - vy), theta]);
+            }
+            Moved::AsBefore => {}
+            Moved::Unknown => self.twist = None,
+        }
+        self.after_gap = after_gap;
         if elapsed_s > 0.0 && elapsed_s < 2.0 {
             let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
             self.period_s += weight * (elapsed_s - self.period_s);
@@ -187,7 +215,7 @@ mod tests {
         let settings = Settings::default().motion;
         let mut predictor = Predictor::default();
         let (mut odom_from_robot, mut ratio) = (Pose2::IDENTITY, 0.0);
-        predictor.settle(Stamp(0), Some(odom_from_robot), Pose2::IDENTITY, true);
+        predictor.settle(Stamp(0), Some(odom_from_robot), Moved::By(Pose2::IDENTITY));
         for k in 1..4000_i64 {
             odom_from_robot = odom_from_robot * Pose2::new(0.1, 0.0, 0.0);
             let step = predictor.step(&settings, Stamp(100_000_000 * k), Some(odom_from_robot));
@@ -195,7 +223,7 @@ mod tests {
             let error = [1.4, -0.7, 0.2, -1.4, 0.9, -0.4][k as usize % 6] * worse * step.expected[0].sqrt();
             let gain = step.variances[0] / (step.variances[0] + scan_m2);
             predictor.observe(step, [gain * error, 0.0, 0.0], [scan_m2, f64::INFINITY, f64::INFINITY]);
-            predictor.settle(Stamp(100_000_000 * k), Some(odom_from_robot), step.last_from_robot, true);
+            predictor.settle(Stamp(100_000_000 * k), Some(odom_from_robot), Moved::By(step.last_from_robot));
             ratio = (step.variances[0] / step.expected[0]).sqrt();
         }
         ratio
@@ -206,7 +234,7 @@ mod tests {
         let settings = Settings::default().motion;
         let mut predictor = Predictor::default();
         let motion = Pose2::new(0.06, 0.0, 0.02);
-        (0..50).for_each(|k| predictor.settle(Stamp(200_000_000 * k), None, motion, true));
+        (0..50).for_each(|k| predictor.settle(Stamp(200_000_000 * k), None, Moved::Matched(motion)));
         let after_s = |seconds: f64| {
             let stamp = Stamp(200_000_000 * 49 + (seconds * 1e9) as i64);
             predictor.step(&settings, stamp, None)
@@ -218,6 +246,29 @@ mod tests {
         assert_eq!(usual.variances, burst.variances);
         let sigma_m = |step: Step| step.variances[0].sqrt();
         assert!((sigma_m(gap) - sigma_m(usual) - 0.5 * 2.2).abs() < 1e-9, "{gap:?}");
+    }
+
+    #[test]
+    fn without_odometry_neither_a_slip_put_right_nor_a_gap_nor_single_matches_make_a_robot_fast() {
+        let settings = Settings::default().motion;
+        let mut predictor = Predictor::default();
+        let motion = Pose2::new(0.05, 0.0, 0.0);
+        let stamp = |k: i64| Stamp(100_000_000 * k);
+        (0..50).for_each(|k| predictor.settle(stamp(k), None, Moved::Matched(motion)));
+        let carried_m = |predictor: &Predictor| predictor.clone().step(&settings, stamp(60), None).last_from_robot.x;
+        predictor.settle(stamp(50), None, Moved::AsBefore);
+        assert!((carried_m(&predictor) - 0.05).abs() < 1e-12, "what was put right is no motion");
+        predictor.settle(stamp(70), None, Moved::Matched(Pose2::new(1.0, 0.0, 0.0)));
+        assert!((carried_m(&predictor) - 0.05).abs() < 1e-12, "nor is what was driven in two seconds");
+        predictor.settle(stamp(71), None, Moved::Matched(Pose2::IDENTITY));
+        assert!((carried_m(&predictor) - 0.035).abs() < 1e-12, "one match that stays behind does not stop it");
+        (72..100).for_each(|k| predictor.settle(stamp(k), None, Moved::Matched(Pose2::IDENTITY)));
+        assert!(carried_m(&predictor) < 1e-5, "many do");
+        // Where every scan comes after a gap their motions count.
+        (0..30).for_each(|k| predictor.settle(stamp(150 + 50 * k), None, Moved::Matched(Pose2::new(1.0, 0.0, 0.0))));
+        assert!(carried_m(&predictor) > 0.9);
+        predictor.settle(stamp(2000), None, Moved::Unknown);
+        assert_eq!(carried_m(&predictor), 0.0, "of a lost robot nothing is known");
     }
 
     #[test]

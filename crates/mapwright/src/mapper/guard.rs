@@ -65,6 +65,8 @@ pub(super) struct Matched {
     pub(super) agreement: Agreement,
     pub(super) status: Status,
     pub(super) report: MatchReport,
+    /// An older slip was put right: the pose's step is not the robot's motion.
+    pub(super) slip_corrected: bool,
 }
 
 impl Mapper {
@@ -102,7 +104,7 @@ impl Mapper {
         }
         self.restart_finely(&prior, &mut tried);
         self.restart_nearby(&prior, &mut tried, step);
-        self.restart_slipped(&mut tried);
+        let slip_corrected = self.restart_slipped(&mut tried);
         self.observe_share(&tried.best.1);
         self.observe_odometry(&tried, step);
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
@@ -130,6 +132,7 @@ impl Mapper {
             agreement,
             status,
             report,
+            slip_corrected,
         })
     }
 
@@ -206,12 +209,13 @@ impl Mapper {
     /// A match may stick to what the scans before it have drawn, and slip along a corridor while every scan seems to fit.
     /// It shows as a fit that falls behind the usual one. Then the places ahead and behind, in the direction that the scan
     /// says least about, are tried, and one that fits nearly as usual is right: the slip is older than this scan, so the
-    /// prediction does not speak against it. Odometry that is as good as its model would have shown a long one.
-    fn restart_slipped(&mut self, tried: &mut Tried) {
+    /// prediction does not speak against it. Odometry that is as good as its model would have shown a long one. Tells
+    /// whether one was taken.
+    fn restart_slipped(&mut self, tried: &mut Tried) -> bool {
         let share = tried.best.1.inlier_share();
         let drop = self.usual_share - share;
         if drop <= FALL_SHARE || share < DOUBT_SHARE {
-            return;
+            return false;
         }
         let [variance_x, variance_y, variance_theta] = tried.prior.variances;
         let slipped_m2 = SLIPPED_M * SLIPPED_M;
@@ -225,6 +229,7 @@ impl Mapper {
             (true, false) => SLIPPED_M,
             (false, _) => f64::INFINITY,
         };
+        let mut corrected = false;
         for by_m in SLIPS_M {
             tried.restarts += 1;
             let other = self.refine(&prior, at * Pose2::new(by_m * x, by_m * y, 0.0));
@@ -233,8 +238,10 @@ impl Mapper {
             if near && other.1.inlier_share() > least {
                 least = other.1.inlier_share();
                 tried.best = other;
+                corrected = true;
             }
         }
+        corrected
     }
 
     /// Where the scan fits and knows the pose by itself, odometry is judged by it.
