@@ -316,11 +316,12 @@ impl Mapper {
             self.local_from_robot = before;
         }
         self.lost_scans = if matched.is_some() && !tracking { (self.lost_scans + 1).min(1000) } else { 0 };
+        let last_from_robot = before.between(self.local_from_robot);
         let moved = match matched {
             _ if !tracking => Moved::Unknown,
-            _ if step.from_odometry => Moved::By(before.between(self.local_from_robot)),
+            _ if step.from_odometry => Moved::By(last_from_robot),
             Some(matched) if matched.slip_corrected => Moved::AsBefore,
-            _ => Moved::Matched(before.between(self.local_from_robot)),
+            _ => Moved::Matched(last_from_robot),
         };
         self.predictor.settle(scan.stamp, odom, moved);
         self.odom_from_robot = self.odom_from_robot * step.last_from_robot;
