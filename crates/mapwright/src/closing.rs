@@ -2,7 +2,7 @@
 
 use crate::jobs::{Solving, Target, Verification};
 use crate::patches::Known;
-use crate::settings::Settings;
+use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2, wrap_angle};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
 use mapwright_grid::MatcherSettings;
@@ -13,6 +13,9 @@ use nalgebra::Matrix3;
 use std::f64::consts::PI;
 
 mod relocate;
+mod supports;
+
+use supports::{Supports, agree, is_left};
 
 pub(crate) use relocate::{Chance, Found, Ground, Seeking, Sought};
 
@@ -87,8 +90,10 @@ pub(crate) struct Closing {
     path_m: Vec<f64>,
     checked_m: f64,
     asked_m: f64,
-    /// Old places that the matches of late were supported by or that closures led to.
-    supports: Vec<Support>,
+    /// Old places that the matches of late were supported by or that closures led to,
+    supports: Supports,
+    /// and whether they are looked at: not where places are not looked for by pose or nothing ever leaves the live map.
+    looks_at_supports: bool,
     places: PlaceIndex,
     /// Keyframes that were described, or are too near to one that was.
     described: u32,
@@ -96,14 +101,6 @@ pub(crate) struct Closing {
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
-}
-
-/// What was found out of an old place that supports matches.
-#[derive(Debug, Clone, Copy)]
-struct Support {
-    from: u32,
-    to: u32,
-    verified: bool,
 }
 
 /// The poses and measurements that closing looks at.
@@ -114,7 +111,7 @@ pub(crate) struct Past<'a> {
 }
 
 impl Closing {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(settings: &Settings) -> Self {
         Self {
             candidates: Vec::new(),
             graph: PoseGraph2::default(),
@@ -123,7 +120,8 @@ impl Closing {
             path_m: Vec::new(),
             checked_m: 0.0,
             asked_m: 0.0,
-            supports: Vec::new(),
+            supports: Supports::default(),
+            looks_at_supports: settings.loops.by_pose && settings.live.policy == LivePolicy::Gated,
             places: PlaceIndex::default(),
             described: 0,
             described_m: 0.0,
@@ -166,7 +164,7 @@ impl Closing {
     ) -> Option<Verification> {
         let to = past.keyframes.len().checked_sub(1)? as u32;
         self.checked_m = self.path_m[to as usize];
-        self.forget_supports();
+        self.supports.forget(&self.path_m);
         let mut targets = if settings.loops.by_pose { self.near(past, to, known) } else { Vec::new() };
         if settings.loops.by_pose {
             targets.extend(support.and_then(|from| self.supporting(past, to, from, known)));
@@ -201,30 +199,40 @@ impl Closing {
 
     /// The old place that the newest keyframe was matched against, unless it was looked at lately: such a match is a closure.
     fn supporting(&mut self, past: Past<'_>, to: u32, from: u32, known: &[Known]) -> Option<Target> {
-        if from >= to || self.way_m(to, from) < LEFT_M || self.support(from).is_some() {
+        if from >= to || !self.is_unjudged(from) {
             return None;
         }
-        let place = patch_of(known, from)?;
-        self.supports.push(Support { from, to, verified: false });
+        self.supports.ask(from, to);
+        let Some(place) = patch_of(known, from) else {
+            self.supports.learn(from, to, supports::Found::Not);
+            return None;
+        };
         Some(target(past, place, from, to, Detection::Match))
     }
 
-    /// What was found out long ago says nothing of what the robot is matched against now.
-    fn forget_supports(&mut self) {
-        let (path_m, now_m) = (&self.path_m, self.path_m.last().copied().unwrap_or(0.0));
-        self.supports.retain(|support| now_m - path_m[support.to as usize] < TOGETHER_M);
+    /// Whether a match that is supported by `from` waits for a look at that old place.
+    pub(crate) fn is_unjudged(&self, from: u32) -> bool {
+        self.looks_at_supports && is_left(&self.path_m, from) && !self.supports.is_asked(&self.path_m, from)
     }
 
-    /// What was found out last of an old place that supports matches.
-    fn support(&self, from: u32) -> Option<Support> {
-        self.supports.iter().rev().copied().find(|support| self.way_m(support.from, from) < TOGETHER_M)
-    }
-
-    /// Whether a match that is supported by `from` links the newest keyframe to it: not where that is an old place
-    /// and was not found there by the cascade.
+    /// Whether a match that is supported by `from` links the keyframe that comes next to it: not where that is an old place
+    /// that the cascade has not found.
     pub(crate) fn links(&self, from: u32) -> bool {
-        let newest = self.path_m.len() as u32 - 1;
-        self.way_m(newest, from) < LEFT_M || self.support(from).is_none_or(|support| support.verified)
+        let verdict = || self.supports.verdict(&self.path_m, from);
+        !is_left(&self.path_m, from)
+            || verdict().map_or(!self.looks_at_supports, |found| found == supports::Found::Here)
+    }
+
+    /// A match that may link when its place has been looked at.
+    pub(crate) fn wait(&mut self, edge: Edge) {
+        self.supports.wait(&self.path_m, edge);
+    }
+
+    /// After a verdict that has made `closures`: the matches that have waited for it and link.
+    pub(crate) fn settle_matches(&mut self, past: Past<'_>, closures: &[Edge]) -> Vec<Edge> {
+        let edges = self.supports.settle(&self.path_m, past, closures);
+        edges.iter().for_each(|edge| self.add_edge(edge));
+        edges
     }
 
     /// Places within the uncertainty of the pose, nearest first.
@@ -311,6 +319,9 @@ impl Closing {
         };
         let this = self.candidates.len();
         self.candidates.push(candidate);
+        if target.detection == Detection::Match {
+            self.supports.learn(target.from, to, supports::Found::Not);
+        }
         let may_count = finding.objection.is_none() || unclear;
         if !may_count || chi2 > IMPROBABLE_CHI2 {
             return Vec::new();
@@ -339,7 +350,7 @@ impl Closing {
             self.candidates[at].verdict = Verdict::Accepted;
             let Candidate { from, to, from_from_to, covariance, .. } = self.candidates[at];
             let Some((from_from_to, information)) = from_from_to.zip(covariance.try_inverse()) else { continue };
-            self.supports.push(Support { from: from.seq, to: to.seq, verified: true });
+            self.supports.learn(from.seq, to.seq, supports::Found::Here);
             let edge = Edge { from, to, kind: EdgeKind::Closure, from_from_to, information };
             self.closures.push((self.graph.edges.len(), at));
             self.add_edge(&edge);
@@ -357,13 +368,9 @@ impl Closing {
     fn agree(&self, past: Past<'_>, a: &Candidate, b: &Candidate) -> bool {
         let (Some(a_pose), Some(b_pose)) = (a.from_from_to, b.from_from_to) else { return false };
         let way_to = self.way_m(a.to.seq, b.to.seq);
-        if !(APART_M..=TOGETHER_M).contains(&way_to) || self.way_m(a.from.seq, b.from.seq) > TOGETHER_M {
-            return false;
-        }
-        let local = |id: KeyframeId| past.local_from_keyframe[id.seq as usize];
-        let via_a = local(b.from).between(local(a.from)) * a_pose * local(a.to).between(local(b.to));
-        let error = via_a.between(b_pose);
-        error.x.hypot(error.y) <= AGREE_M && error.theta.abs() <= AGREE_RAD
+        (APART_M..=TOGETHER_M).contains(&way_to)
+            && self.way_m(a.from.seq, b.from.seq) <= TOGETHER_M
+            && agree(past, (a.from, a.to, a_pose), (b.from, b.to, b_pose))
     }
 
     /// The graph to be solved, when that is due.
@@ -389,9 +396,7 @@ impl Closing {
             ends.push((candidate.from, candidate.to));
         }
         self.closures.retain(|(at, _)| !edges.contains(at));
-        for support in &mut self.supports {
-            support.verified &= !ends.contains(&(id(support.from), id(support.to)));
-        }
+        ends.iter().for_each(|(from, to)| self.supports.unlearn(from.seq, to.seq));
         ends
     }
 
@@ -399,6 +404,7 @@ impl Closing {
     pub(crate) fn disown(&mut self, node: u32) {
         let edges = self.graph.edges.iter_mut().filter(|edge| edge.to == node as usize);
         edges.for_each(|edge| edge.information = Matrix3::zeros());
+        self.supports.disown(node);
         let arrivals = self.candidates.iter_mut().filter(|c| c.to == id(node) && c.verdict == Verdict::Accepted);
         arrivals.for_each(|candidate| candidate.verdict = Verdict::TakenBack(Objection::Contradiction));
     }
@@ -524,7 +530,7 @@ mod tests {
             if k < count / 2 { Pose2::new(f64::from(k), 0.0, 0.0) } else { Pose2::new(f64::from(count - k), 0.0, PI) }
         };
         let poses: Vec<Pose2> = (0..count).map(pose).collect();
-        let mut closing = Closing::new();
+        let mut closing = Closing::new(&Settings::default());
         poses.iter().for_each(|&pose| closing.add(pose, 1.0, &[]));
         (closing, poses)
     }
@@ -534,6 +540,14 @@ mod tests {
         Finding { target_from_query: Some(target_from_query), covariance, evidence: Evidence::default(), objection }
     }
 
+    /// A match of the newest keyframe with an old one, off by so much.
+    fn match_with(poses: &[Pose2], from: u32, off_m: f64) -> Edge {
+        let to = poses.len() as u32 - 1;
+        let between = poses[from as usize].between(poses[to as usize]);
+        let from_from_to = Pose2 { x: between.x + off_m, ..between };
+        Edge { from: id(from), to: id(to), kind: EdgeKind::Match, from_from_to, information: Cov3::identity() }
+    }
+
     #[test]
     fn a_match_that_an_old_place_supports_links_it_only_if_it_is_found_there() {
         for objection in [None, Some(Objection::Contradiction), Some(Objection::LittleOverlap)] {
@@ -541,12 +555,22 @@ mod tests {
             let past = Past { keyframes: &[], local_from_keyframe: &poses };
             let known = [Known { first: 0, live: true, uncertainty: Default::default() }];
             assert!(closing.supporting(past, 59, 45, &known).is_none() && closing.links(45), "passed just now");
+            assert!(closing.is_unjudged(10) && !closing.links(10), "nobody has looked");
+            let (good, bad) = (match_with(&poses, 11, 0.05), match_with(&poses, 12, 0.3));
+            closing.wait(good);
             let target = closing.supporting(past, 59, 10, &known).expect("it is old and was not looked at");
             assert_eq!((target.from, target.detection), (10, Detection::Match));
-            assert!(!closing.links(10) && closing.links(45), "nobody knows yet");
+            assert!(!closing.is_unjudged(10) && !closing.links(10) && closing.links(45), "nobody knows yet");
+            closing.wait(bad);
             assert!(closing.supporting(past, 59, 12, &known).is_none(), "it was looked at just now");
+            assert!(closing.settle_matches(past, &[]).is_empty(), "the verdict is not there");
             let edges = closing.judge(past, 59, &target, &finding(target.middle, objection));
             let is_closure = objection.is_none();
+            // What has waited links if the place was found where the match says.
+            let settled = closing.settle_matches(past, &edges);
+            assert_eq!(settled, if is_closure { vec![good] } else { Vec::new() });
+            assert_eq!(closing.graph.edges.len(), 2 * usize::from(is_closure));
+            assert!(closing.settle_matches(past, &edges).is_empty(), "once");
             if is_closure {
                 let mut doubted = closing.clone();
                 assert_eq!(doubted.take_back(&[0]), [(id(10), id(59))]);
@@ -556,12 +580,37 @@ mod tests {
                 (edges.len(), closing.links(10), closing.links(12)),
                 (usize::from(is_closure), is_closure, is_closure)
             );
-            // Farther on it has to show again.
-            (0..40).for_each(|_| closing.add(poses[59], 1.0, &[]));
-            let poses: Vec<Pose2> = poses.iter().copied().chain([poses[59]; 40]).collect();
+            // Farther on it has to show again, and soon if it was not found: then what was seen before links too.
+            for (further, asked) in [(5, !is_closure), (40, true)] {
+                let mut later = closing.clone();
+                (0..further).for_each(|_| later.add(poses[59], 1.0, &[]));
+                let poses: Vec<Pose2> = poses.iter().copied().chain(vec![poses[59]; further]).collect();
+                let past = Past { keyframes: &[], local_from_keyframe: &poses };
+                later.supports.forget(&later.path_m);
+                let to = poses.len() as u32 - 1;
+                let target = later.supporting(past, to, 10, &known);
+                assert_eq!(target.is_some(), asked, "{further} m on");
+                if let Some(target) = target {
+                    let edges = later.judge(past, to, &target, &finding(target.middle, None));
+                    let settled = later.settle_matches(past, &edges);
+                    assert_eq!(settled, if further == 5 { vec![good] } else { Vec::new() });
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn matches_link_unseen_where_nobody_looks() {
+        let mut blind = Settings::default();
+        blind.loops.by_pose = false;
+        let mut everything = Settings::default();
+        everything.live.policy = LivePolicy::Everything;
+        for settings in [blind, everything] {
+            let (mut closing, poses) = way(60);
+            closing.looks_at_supports = Closing::new(&settings).looks_at_supports;
+            assert!(!closing.is_unjudged(10) && closing.links(10));
             let past = Past { keyframes: &[], local_from_keyframe: &poses };
-            closing.forget_supports();
-            assert!(closing.supporting(past, 99, 10, &known).is_some());
+            assert!(closing.supporting(past, 59, 10, &[]).is_none());
         }
     }
 }

@@ -154,7 +154,7 @@ impl Mapper {
             predictor: Predictor::default(),
             keyframes: Vec::new(),
             edges: Vec::new(),
-            closing: Closing::new(),
+            closing: Closing::new(&settings),
             jobs: VecDeque::new(),
             jobs_out: 0,
             lost: None,

@@ -4,7 +4,8 @@
 mod support;
 
 use mapwright::{
-    Candidate, Correction, Detection, Edge, EdgeKind, Mapper, Objection, Odometry, Pose2, Settings, Status, Verdict,
+    Candidate, Correction, Detection, Edge, EdgeKind, KeyframeId, Mapper, Objection, Odometry, Pose2, Settings, Status,
+    Verdict,
 };
 use mapwright_sim::{DriveSettings, TrueScan, kidnapping, worlds};
 use support::{ate_m, in_parallel, recording};
@@ -30,6 +31,16 @@ fn map_with(settings: Settings, scans: &[TrueScan]) -> Mapped {
 impl Mapped {
     fn closures(&self) -> usize {
         self.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure).count()
+    }
+
+    /// Length of way up to each keyframe.
+    fn way_m(&self) -> Vec<f64> {
+        let poses = self.mapper.keyframe_poses();
+        let mut way_m = vec![0.0];
+        for pair in poses.windows(2) {
+            way_m.push(way_m[way_m.len() - 1] + pair[0].distance(pair[1]));
+        }
+        way_m
     }
 
     /// Closures whose ends lie, in the final map, otherwise than in the world.
@@ -85,11 +96,22 @@ fn matches_that_old_places_support_are_closures_and_are_judged_as_such() {
             let is = |edge: &&Edge| (edge.kind, edge.from, edge.to) == (EdgeKind::Closure, c.from, c.to);
             mapped.mapper.edges().iter().any(|edge| is(&edge))
         };
-        (accepted.len(), accepted.iter().filter(is_edge).count(), mapped.wrong_closures())
+        let way_m = mapped.way_m();
+        let apart_m = |a: KeyframeId, b: KeyframeId| (way_m[a.seq as usize] - way_m[b.seq as usize]).abs();
+        let old = |edge: &&Edge| edge.kind == EdgeKind::Match && apart_m(edge.from, edge.to) > 21.0;
+        let found = |edge: &&Edge| {
+            let mut closures = mapped.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure);
+            closures.any(|other| apart_m(edge.from, other.from) < 31.0 && apart_m(edge.to, other.to) < 31.0)
+        };
+        let old: Vec<&Edge> = mapped.mapper.edges().iter().filter(old).collect();
+        let unfound = old.iter().filter(|edge| !found(edge)).count();
+        (accepted.len(), accepted.iter().filter(is_edge).count(), mapped.wrong_closures(), old.len(), unfound)
     });
-    println!("accepted, edges, wrong: {results:?}");
-    assert!(results.iter().all(|&(accepted, edges, wrong)| accepted == edges && wrong == 0));
-    assert!(results.iter().map(|r| r.0).sum::<usize>() > 0);
+    println!("accepted, edges, wrong; matches with old places, not found there: {results:?}");
+    assert!(
+        results.iter().all(|&(accepted, edges, wrong, _, unfound)| accepted == edges && wrong == 0 && unfound == 0)
+    );
+    assert!(results.iter().map(|r| r.0).sum::<usize>() > 0 && results.iter().map(|r| r.3).sum::<usize>() > 0);
 }
 
 #[test]

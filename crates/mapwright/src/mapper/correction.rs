@@ -13,10 +13,11 @@ use mapwright_loops::Finding;
 use mapwright_record::{Edge, EdgeKind, KeyframeId};
 
 impl Mapper {
-    /// Looks for old places from time to time.
+    /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at.
     pub(super) fn detect(&mut self, keyframe: Option<u32>) {
         let busy = self.jobs_out > 0 || !self.jobs.is_empty();
-        if keyframe.is_none() || busy || !self.closing.is_due() {
+        let due = || self.closing.is_due() || self.anchor.is_some_and(|anchor| self.closing.is_unjudged(anchor));
+        if keyframe.is_none() || busy || !due() {
             return;
         }
         let known = self.live.survey();
@@ -72,6 +73,7 @@ impl Mapper {
     }
 
     fn judge(&mut self, to: u32, findings: &[(Target, Finding)]) {
+        let mut closures = Vec::new();
         for (target, finding) in findings.iter().filter(|(target, _)| target.from < to) {
             let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
             for edge in self.closing.judge(past, to, target, finding) {
@@ -79,11 +81,14 @@ impl Mapper {
                 let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
                 self.live.close(frames, edge.from.seq, edge.to.seq, &covariance);
                 self.edges.push(edge);
+                closures.push(edge);
                 if self.settings.loops.correction == Correction::Spread {
                     self.spread(&edge);
                 }
             }
         }
+        let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
+        self.edges.extend(self.closing.settle_matches(past, &closures));
         if self.settings.loops.correction == Correction::Graph
             && let Some(solving) = self.closing.solving(&self.world_from_keyframe)
         {

@@ -94,8 +94,12 @@ impl Mapper {
             links.push((last, fuse(&self.odometry_since_keyframe, &self.information)));
         }
         if let (Some(matched), Some(anchor)) = (matched, self.anchor.filter(|&a| a < node)) {
+            let (from_from_to, information) = (between(anchor), matched.information);
             if self.closing.links(anchor) {
-                edges.push((anchor, EdgeKind::Match, matched.information));
+                edges.push((anchor, EdgeKind::Match, information));
+            } else {
+                let (from, to) = (self.id(anchor), self.id(node));
+                self.closing.wait(Edge { from, to, kind: EdgeKind::Match, from_from_to, information });
             }
             if links.iter().all(|&(from, _)| from != anchor) {
                 links.push((anchor, *covariance));

@@ -1,0 +1,129 @@
+//! Old places that matches are supported by: what was found out of each, and the matches that wait for it.
+
+use super::{AGREE_M, AGREE_RAD, LEFT_M, Past, TOGETHER_M};
+use mapwright_geom::Pose2;
+use mapwright_record::{Edge, KeyframeId};
+
+/// A place that was not found is looked at again after so much way, metres.
+const ASK_AGAIN_M: f64 = 4.0;
+
+/// What is known of the old places that matches are supported by or that closures led to.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Supports {
+    /// The latest last. Each holds on so much way to either side of both ends: [`TOGETHER_M`].
+    known: Vec<Support>,
+    /// Matches with old places that are not found yet.
+    waiting: Vec<Edge>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Support {
+    from: u32,
+    to: u32,
+    verdict: Option<Found>,
+}
+
+/// Whether the cascade has found the robot at an old place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    Here,
+    Not,
+}
+
+impl Supports {
+    /// A place is being looked at.
+    pub(super) fn ask(&mut self, from: u32, to: u32) {
+        self.known.push(Support { from, to, verdict: None });
+    }
+
+    /// What came of it, or of another search that led there.
+    pub(super) fn learn(&mut self, from: u32, to: u32, found: Found) {
+        match self.known.iter_mut().find(|support| (support.from, support.to) == (from, to)) {
+            Some(support) => support.verdict = Some(found),
+            None => self.known.push(Support { from, to, verdict: Some(found) }),
+        }
+    }
+
+    /// A closure was none; what was found by others stays.
+    pub(super) fn unlearn(&mut self, from: u32, to: u32) {
+        let ends = |support: &&mut Support| (support.from, support.to) == (from, to);
+        self.known.iter_mut().filter(ends).for_each(|support| support.verdict = Some(Found::Not));
+    }
+
+    /// What was found out long ago says nothing of what the robot is matched against now; `path_m` is the length of way up to
+    /// each keyframe.
+    pub(super) fn forget(&mut self, path_m: &[f64]) {
+        let now_m = path_m.last().copied().unwrap_or(0.0);
+        let is_recent = |to: u32| now_m - path_m[to as usize] < TOGETHER_M;
+        self.known.retain(|support| is_recent(support.to));
+        self.waiting.retain(|edge| is_recent(edge.to.seq));
+    }
+
+    /// Whether anybody has looked at that place lately.
+    pub(super) fn is_asked(&self, path_m: &[f64], from: u32) -> bool {
+        self.last(path_m, from).is_some()
+    }
+
+    /// What was found out last of that place; none while nobody knows.
+    pub(super) fn verdict(&self, path_m: &[f64], from: u32) -> Option<Found> {
+        self.last(path_m, from)?.verdict
+    }
+
+    fn last(&self, path_m: &[f64], from: u32) -> Option<Support> {
+        let near = |support: &&Support| way_m(path_m, support.from, from) < TOGETHER_M;
+        let support = self.known.iter().rev().find(near)?;
+        let since_m = path_m.last().copied().unwrap_or(0.0) - path_m[support.to as usize];
+        let holds_m = if support.verdict == Some(Found::Not) { ASK_AGAIN_M } else { TOGETHER_M };
+        (since_m < holds_m).then_some(*support)
+    }
+
+    /// A keyframe is not where it was thought to be.
+    pub(super) fn disown(&mut self, node: u32) {
+        self.known.retain(|support| support.to != node);
+        self.waiting.retain(|edge| edge.to.seq != node);
+    }
+
+    /// A match of the keyframe that comes next, no edge until its place is found.
+    pub(super) fn wait(&mut self, path_m: &[f64], edge: Edge) {
+        self.forget(path_m);
+        self.waiting.push(edge);
+    }
+
+    /// The matches that have waited for `closures`: those that say the same. Others with that place are none; what waits for other
+    /// places stays.
+    pub(super) fn settle(&mut self, path_m: &[f64], past: Past<'_>, closures: &[Edge]) -> Vec<Edge> {
+        let mut settled = Vec::new();
+        for edge in std::mem::take(&mut self.waiting) {
+            let tie = (edge.from, edge.to, edge.from_from_to);
+            let is_near = |a: KeyframeId, b: KeyframeId| way_m(path_m, a.seq, b.seq) < TOGETHER_M;
+            let says_the_same = |closure: &Edge| {
+                is_near(closure.from, edge.from)
+                    && is_near(closure.to, edge.to)
+                    && agree(past, (closure.from, closure.to, closure.from_from_to), tie)
+            };
+            if self.verdict(path_m, edge.from.seq) != Some(Found::Here) {
+                self.waiting.push(edge);
+            } else if closures.iter().any(says_the_same) {
+                settled.push(edge);
+            }
+        }
+        settled
+    }
+}
+
+/// Whether two relative poses of keyframes, from and to, say the same by the short ways between their ends.
+pub(super) fn agree(past: Past<'_>, a: (KeyframeId, KeyframeId, Pose2), b: (KeyframeId, KeyframeId, Pose2)) -> bool {
+    let local = |id: KeyframeId| past.local_from_keyframe[id.seq as usize];
+    let via_a = local(b.0).between(local(a.0)) * a.2 * local(a.1).between(local(b.1));
+    let error = via_a.between(b.2);
+    error.x.hypot(error.y) <= AGREE_M && error.theta.abs() <= AGREE_RAD
+}
+
+/// Whether a keyframe lies so far back along the way that the newest one has left it.
+pub(super) fn is_left(path_m: &[f64], from: u32) -> bool {
+    path_m.len().checked_sub(1).is_some_and(|newest| way_m(path_m, newest as u32, from) >= LEFT_M)
+}
+
+fn way_m(path_m: &[f64], a: u32, b: u32) -> f64 {
+    (path_m[a as usize] - path_m[b as usize]).abs()
+}
