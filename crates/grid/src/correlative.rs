@@ -16,6 +16,7 @@ use lattice::{Block, Lattice, Zone};
 use mapwright_geom::Pose2;
 use pyramid::{HeadingCells, Pyramid};
 use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 /// Score cells a search may hold; a window that needs more is searched in steps of 2, 4 or 8 cells. About 27 MB in all.
 pub const MAX_SEARCH_CELLS: usize = 1 << 23;
@@ -141,6 +142,8 @@ pub struct CorrelativeSearch {
     heading: HeadingCells,
     blocks: Vec<Block>,
     stack: Vec<Block>,
+    open: BinaryHeap<Reverse<Block>>,
+    turned: Vec<HeadingCells>,
     scored: u64,
 }
 
@@ -208,15 +211,50 @@ impl CorrelativeSearch {
         let best = self.descend(lattice, least, &[])?;
         let Some(separation) = separation else { return Some((best, None)) };
         let least = (self.settings.least_rival_share * f64::from(best.bound.0)).ceil() as u32;
-        let (mut zones, mut first) = (vec![Zone::new(lattice, &best, separation)], None);
-        while let Some(rival) = self.descend(lattice, least, &zones) {
-            first.get_or_insert(rival);
-            if !go_on(&rival) {
-                break;
-            }
+        let mut zones = vec![Zone::new(lattice, &best, separation)];
+        let first = self.descend(lattice, least, &zones);
+        if let Some(rival) = first.filter(&mut go_on) {
             zones.push(Zone::new(lattice, &rival, separation));
+            self.more_rivals(lattice, least, separation, zones, go_on);
         }
         Some((best, first))
+    }
+
+    /// Best first: each block is looked into once for all rivals, where depth first it would be once for each.
+    fn more_rivals(
+        &mut self,
+        lattice: &Lattice,
+        least: u32,
+        separation: Separation,
+        mut zones: Vec<Zone>,
+        mut go_on: impl FnMut(&Block) -> bool,
+    ) {
+        self.open.clear();
+        self.turned.iter_mut().for_each(HeadingCells::forget);
+        let worth = self.blocks.iter().take_while(|block| block.bound.0 >= least);
+        self.open.extend(worth.copied().map(Reverse));
+        while let Some(Reverse(block)) = self.open.pop() {
+            if zones.iter().any(|zone| zone.covers(lattice, &block)) {
+                continue;
+            }
+            if block.level == 0 {
+                if !go_on(&block) {
+                    break;
+                }
+                zones.push(Zone::new(lattice, &block, separation));
+            } else {
+                // Headings come in turn here: what falls where at each is kept.
+                let turned = block.heading as usize;
+                if self.turned.len() <= turned {
+                    self.turned.resize_with(turned + 1, HeadingCells::default);
+                }
+                std::mem::swap(&mut self.heading, &mut self.turned[turned]);
+                self.split(lattice, &block);
+                std::mem::swap(&mut self.heading, &mut self.turned[turned]);
+                let worth = self.stack.drain(..).filter(|block| block.bound.0 >= least);
+                self.open.extend(worth.map(Reverse));
+            }
+        }
     }
 
     fn full_score(&self) -> u32 {

@@ -6,7 +6,7 @@ mod common;
 use common::{View, map_of, map_of_obstacles, views};
 use mapwright_geom::{Pose2, sin_cos, wrap_angle};
 use mapwright_grid::{
-    CorrelativeSearch, LiveMap, LiveMapSettings, SearchResult, SearchSettings, SearchWindow, Separation,
+    CorrelativeSearch, LiveMap, LiveMapSettings, Peak, SearchResult, SearchSettings, SearchWindow, Separation,
 };
 use mapwright_sim::{Rng, worlds};
 use proptest::prelude::*;
@@ -53,25 +53,39 @@ impl Exhaustive {
         Self { poses, middle, step_m, step_rad }
     }
 
-    fn check(&self, found: &SearchResult, full_turn: bool, separation: Separation) {
-        let best = self.poses[0];
-        let separated = |&&(_, _, k, j, i): &&(Reverse<u32>, i32, i32, i32, i32)| {
-            let turned = f64::from(k - best.2) * self.step_rad;
+    /// The best pose and its `rivals`, each separated from the best and from those before it, best first.
+    fn check(&self, found: &SearchResult, rivals: &[Peak], full_turn: bool, separation: Separation) {
+        type Step = (Reverse<u32>, i32, i32, i32, i32);
+        let separated = |a: &Step, b: &Step| {
+            let turned = f64::from(a.2 - b.2) * self.step_rad;
             let turned = if full_turn { wrap_angle(turned) } else { turned };
             let distance_steps = separation.distance_m / self.step_m + 1e-6;
-            f64::from((i - best.4).pow(2) + (j - best.3).pow(2)) > distance_steps.powi(2)
+            f64::from((a.4 - b.4).pow(2) + (a.3 - b.3).pow(2)) > distance_steps.powi(2)
                 || turned.abs() > separation.angle_rad + 1e-9
         };
-        let rival = self.poses.iter().find(separated);
-        let expected = |&(Reverse(score), _, k, j, i): &(Reverse<u32>, i32, i32, i32, i32)| {
+        let expected = |&(Reverse(score), _, k, j, i): &Step| {
             let x = self.middle.x + f64::from(i) * self.step_m;
             let y = self.middle.y + f64::from(j) * self.step_m;
             (score, Pose2::new(x, y, self.middle.theta + f64::from(k) * self.step_rad))
         };
-        assert_eq!((found.best.score, found.best.world_from_robot), expected(&best));
-        assert_eq!(found.rival.map(|peak| (peak.score, peak.world_from_robot)), rival.map(expected));
+        let mut peaks = vec![self.poses[0]];
+        for pose in &self.poses {
+            if peaks.len() <= RIVALS && peaks.iter().all(|peak| separated(pose, peak)) {
+                peaks.push(*pose);
+            }
+        }
+        let as_found = |peak: &Peak| (peak.score, peak.world_from_robot);
+        assert_eq!(as_found(&found.best), expected(&peaks[0]));
+        assert_eq!(found.rival.as_ref().map(as_found), peaks.get(1).map(expected));
+        assert_eq!(
+            rivals.iter().map(as_found).collect::<Vec<_>>(),
+            peaks[1..].iter().map(expected).collect::<Vec<_>>()
+        );
     }
 }
+
+/// So many rivals are checked.
+const RIVALS: usize = 6;
 
 fn check_against_exhaustive(
     map: &LiveMap,
@@ -80,9 +94,15 @@ fn check_against_exhaustive(
     searcher: &mut CorrelativeSearch,
 ) {
     let separation = Separation { distance_m: 0.3, angle_rad: 0.2 };
-    let found = searcher.search(map, points, window, Some(separation)).expect("there are points");
+    let mut rivals = Vec::new();
+    let found = searcher.search_rivals(map, points, window, Some(separation), |rival| {
+        rivals.push(rival);
+        rivals.len() < RIVALS
+    });
+    let found = found.expect("there are points");
     let all = Exhaustive::new(map, points, window, searcher.settings.sigma_m, &found);
-    all.check(&found, window.half_width_rad >= PI, separation);
+    all.check(&found, &rivals, window.half_width_rad >= PI, separation);
+    assert_eq!(searcher.search(map, points, window, Some(separation)).expect("as before").rival, found.rival);
     let alone = searcher.search(map, points, window, None).expect("there are points");
     assert_eq!((alone.best, alone.rival), (found.best, None));
 }
