@@ -5,7 +5,10 @@
 
 use crate::submap::{Submap, SubmapSettings, View, draw};
 use mapwright_geom::Pose2;
-use mapwright_grid::{CorrelativeSearch, LiveMap, Peak, SearchSettings, SearchWindow, Separation};
+use mapwright_grid::{
+    Agreement, CorrelativeSearch, LiveMap, Matcher, Peak, Prior, SearchSettings, SearchWindow, Separation,
+};
+use mapwright_sensor::{BeamTable, SweepPoints};
 use std::f64::consts::PI;
 
 /// The atlas' cells are so many times those of a submap: the search is for the place, the exact pose comes later.
@@ -73,6 +76,47 @@ impl Atlas {
         // A hair less, so that the best is found once more.
         let least_score = best.score * (1.0 - 1e-9);
         let _ = self.search(query, least_score, least_share, Some(Separation::default()), |rival| go_on(&rival));
+    }
+
+    /// Places that score at least `least_score` of the full score and `least_share` of what the best does, at least a metre or
+    /// 20 degrees apart, best first.
+    #[must_use]
+    pub fn sightings(&self, query: &Submap, least_score: f64, least_share: f64, at_most: usize) -> Vec<Sighting> {
+        let mut sightings = Vec::new();
+        let separation = Separation { distance_m: 1.0, ..Separation::default() };
+        let best = self.search(query, least_score, least_share, Some(separation), |rival| {
+            sightings.push(rival);
+            sightings.len() + 1 < at_most
+        });
+        best.into_iter().chain(sightings).take(at_most).collect()
+    }
+
+    /// The pose of a submap near one where it was sighted that fits best by all its points, and how it fits there.
+    #[must_use]
+    pub fn refine(&self, query: &Submap, map_from_query: Pose2, matcher: &mut Matcher) -> (Pose2, Agreement) {
+        let prior = Prior { world_from_robot: map_from_query, variances: [1.0, 1.0, 0.1], tail: 1e8 };
+        let refined = matcher.gauss_newton(&self.map, &query.hits, &prior, map_from_query).world_from_robot;
+        (refined, self.map.agreement(&query.hits, refined))
+    }
+
+    /// Share of views of which at least such a share of the end points lies on known ground, where their map lies in this one
+    /// as stated.
+    #[must_use]
+    pub fn share_on_known_ground<'a>(
+        &self,
+        views: impl IntoIterator<Item = &'a View>,
+        map_from_views: Pose2,
+        least_share: f64,
+    ) -> f64 {
+        let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
+        let (mut all, mut known) = (0_u32, 0_u32);
+        for view in views {
+            points.fill(&view.sweep, &mut table, 0.0);
+            let agreement = self.map.agreement(&points.hits, map_from_views * view.submap_from_keyframe);
+            all += 1;
+            known += u32::from(agreement.known_share() >= least_share);
+        }
+        if all == 0 { 0.0 } else { f64::from(known) / f64::from(all) }
     }
 
     fn search(
@@ -248,6 +292,40 @@ mod tests {
         let away = Pose2::new(500.0, 0.0, 0.0) * moved;
         assert!(known.share_of(&part(20..40), away) == 0.0);
         assert!(known.share_of(&Atlas::new(Vec::new(), &SUBMAPS), moved) == 0.0);
+    }
+
+    #[test]
+    fn sightings_are_told_best_first_and_refined_to_the_centimetre() {
+        let views = drive();
+        let atlas = Atlas::new(views.clone(), &SUBMAPS);
+        let (seen, here) = (query(&views, 60), views[60].submap_from_keyframe);
+        let sightings = atlas.sightings(&seen, 0.4, 0.5, 3);
+        assert!(sightings.len() == 3 && sightings.is_sorted_by(|a, b| a.score >= b.score), "{sightings:?}");
+        assert_eq!(Some(sightings[0]), atlas.find(&seen));
+        for (k, a) in sightings.iter().enumerate() {
+            let apart = |b: &Sighting| {
+                let between = a.map_from_query.between(b.map_from_query);
+                between.x.hypot(between.y) > 0.99 || between.theta.abs() > 0.34
+            };
+            assert!(sightings[k + 1..].iter().all(apart) && a.score >= 0.5 * sightings[0].score);
+        }
+        let (refined, agreement) = atlas.refine(&seen, sightings[0].map_from_query, &mut Matcher::default());
+        let error = here.between(refined);
+        assert!(error.x.hypot(error.y) < 0.02 && error.theta.abs() < 0.005, "{error:?}");
+        assert!(agreement.inlier_share() > 0.95 && agreement.known_share() > 0.95, "{agreement:?}");
+        assert!(atlas.sightings(&Submap::new(&[], &SUBMAPS), 0.4, 0.5, 6).is_empty());
+        assert!(atlas.sightings(&seen, 0.4, 0.5, 0).is_empty());
+    }
+
+    #[test]
+    fn views_of_known_ground_are_told_from_those_of_other_ground() {
+        let views = drive();
+        let known = Atlas::new(views[..60].to_vec(), &SUBMAPS);
+        let share =
+            |range: std::ops::Range<usize>, moved: Pose2| known.share_on_known_ground(&views[range], moved, 0.9);
+        let [inside, outside] = [20..40, 80..120].map(|range| share(range, Pose2::IDENTITY));
+        assert!(inside == 1.0 && outside < 0.5, "{inside} {outside}");
+        assert!(share(20..40, Pose2::new(500.0, 0.0, 0.0)) == 0.0 && share(0..0, Pose2::IDENTITY) == 0.0);
     }
 
     #[test]

@@ -17,7 +17,7 @@ mod supports;
 
 use supports::{Supports, agree, is_left};
 
-pub(crate) use relocate::{Chance, Found, Ground, Seeking, Sought};
+pub(crate) use relocate::{Chance, Found, Ground, Heard, Seeking, Sought, hopes};
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;

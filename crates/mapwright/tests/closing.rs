@@ -234,3 +234,24 @@ fn unknown_ground_is_not_taken_for_known() {
     // Seventy seconds on it comes through rooms that look much like others that it knows.
     assert_eq!(tracking_s(5011, 80.0), None);
 }
+
+/// On a metre of a corridor, two long since seen places fit to 0.95 and a little farther along the wall as well; what was seen
+/// on the eight metres before, a fifth of which stands in their free space, says no.
+#[test]
+fn a_place_that_fits_along_a_wall_is_asked_all_the_questions() {
+    assert_eq!(in_parallel(2, |k| tracking_s([17_041, 18_011][k], 25.0)), [None, None]);
+}
+
+/// Put down ten metres from known ground it sees more and more of it on its way there; and where much has changed, a fifth of
+/// what it sees speaks against the only place that it can be at. Both were lost for good, or for 45 s.
+#[test]
+fn a_place_that_lasts_is_home() {
+    let seeds = [20_023, 20_045, 17_083, 19_005];
+    let late_s = in_parallel(seeds.len(), |k| {
+        let case = kidnapping(seeds[k]);
+        let home_s = case.home.expect("it comes home").secs_since(case.put_down);
+        tracking_s(seeds[k], home_s + 12.0).map(|s| s - home_s)
+    });
+    println!("home after {late_s:.1?} s");
+    assert!(late_s.iter().all(|late_s| late_s.is_some_and(|s| (0.0..=10.0).contains(&s))), "{late_s:?}");
+}

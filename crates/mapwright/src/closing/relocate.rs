@@ -6,12 +6,16 @@ use mapwright_geom::Pose2;
 use mapwright_grid::MatcherSettings;
 use mapwright_loops::{Atlas, Submap, SubmapSettings, View};
 use rustc_hash::FxHashSet;
+use std::cell::OnceCell;
 use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
 
+mod hypotheses;
 mod look;
 mod weigh;
 
+use hypotheses::Hypothesis;
+pub(crate) use hypotheses::{Heard, Hope, hopes};
 use look::{Look, Place};
 pub(crate) use weigh::{Chance, Found};
 
@@ -58,9 +62,11 @@ pub(crate) struct Seeking {
     since: Vec<View>,
     /// The bound was not reached.
     whole: bool,
-    /// What was seen before that, and from where it is looked for.
-    before: Vec<View>,
+    /// What was seen before that and how far back, metres, and from where it is looked for.
+    before: Vec<(f64, View)>,
     aside_from_query: Pose2,
+    /// Where the robot may be by earlier answers.
+    hopes: Vec<Hope>,
     submaps: SubmapSettings,
     matcher: MatcherSettings,
 }
@@ -73,6 +79,8 @@ pub(crate) struct Sought {
     pub(crate) ground: Arc<Ground>,
     /// The best place of all.
     pub(crate) best: Option<Place>,
+    /// The places that what was seen bears out.
+    pub(crate) hypotheses: Vec<Hypothesis>,
 }
 
 impl Seeking {
@@ -81,19 +89,28 @@ impl Seeking {
             Known::Drawn(ref ground) => Arc::clone(ground),
             Known::Views(ref views) => Arc::new(Ground::new(views.clone(), &self.submaps)),
         };
-        let best = self.look_for(&ground, &self.since);
+        let [since, lately] = [&self.since, &self.lately].map(|views| Submap::new(views, &self.submaps));
+        let before = OnceCell::new();
+        let look = |query, all| Look {
+            seeking: &self,
+            ground: &ground,
+            query,
+            since: &since,
+            all,
+            whole: all && self.whole,
+            before: &before,
+            again: OnceCell::new(),
+        };
+        let less = self.lately.len() < self.since.len();
+        let best = look(&since, true).best();
+        let lately = look(&lately, !less);
         let fits = best.as_ref().is_some_and(Place::is_plain);
         // A robot that comes from unknown ground knows little of what it has seen but the last of it.
-        let less = !fits && self.lately.len() < self.since.len();
-        let best = if less { self.look_for(&ground, &self.lately).or(best) } else { best };
-        Sought { question: self.question, to: self.to, ground, best }
-    }
-
-    fn look_for(&self, ground: &Ground, seen: &[View]) -> Option<Place> {
-        let query = Submap::new(seen, &self.submaps);
-        let best = ground.atlas.find(&query)?;
-        let all = seen.len() == self.since.len();
-        Look { seeking: self, ground, query, all, whole: all && self.whole }.judge(&best)
+        let best = if !fits && less { lately.best().or(best) } else { best };
+        // For long it is nowhere; a look at every other answer is enough to see it come.
+        let is_to_look = !self.whole && (!self.hopes.is_empty() || self.question.is_multiple_of(2));
+        let hypotheses = if is_to_look { lately.hypotheses() } else { Vec::new() };
+        Sought { question: self.question, to: self.to, ground, best, hypotheses }
     }
 }
 
@@ -106,7 +123,7 @@ impl Closing {
         past: Past<'_>,
         dropped: &FxHashSet<u32>,
         sought: Past<'_>,
-        ground: Option<&Arc<Ground>>,
+        (ground, hopes): (Option<&Arc<Ground>>, Vec<Hope>),
         (question, matcher): (u64, MatcherSettings),
     ) -> Option<Seeking> {
         let to = sought.keyframes.len().checked_sub(1)? as u32;
@@ -122,7 +139,7 @@ impl Closing {
         let (lately, since) = (seen_on(LATELY_M), seen_on(SINCE_M));
         let before = if whole { Vec::new() } else { seen_before(sought, step_m) };
         let aside_from_query = sought.local_from_keyframe[to as usize];
-        Some(Seeking { question, to, known, lately, since, whole, before, aside_from_query, submaps, matcher })
+        Some(Seeking { question, to, known, lately, since, whole, before, aside_from_query, hopes, submaps, matcher })
     }
 }
 
@@ -141,23 +158,21 @@ fn everything(past: Past<'_>, dropped: &FxHashSet<u32>) -> Vec<(u32, View)> {
     views
 }
 
-/// Views of what a lost robot has seen, but for the last of it.
-fn seen_before(sought: Past<'_>, step_m: impl Fn(usize) -> f64) -> Vec<View> {
-    let (mut way_m, mut first, mut end) = (0.0, 0, 0);
+/// Views of what a lost robot has seen, but for the last of it, and how far back, metres.
+fn seen_before(sought: Past<'_>, step_m: impl Fn(usize) -> f64) -> Vec<(f64, View)> {
+    let mut back_m = 0.0;
+    let mut before = Vec::new();
     for node in (1..sought.keyframes.len()).rev() {
-        way_m += step_m(node);
-        if way_m < 2.0 * LATELY_M {
-            end = node;
-        } else if way_m > BEFORE_M {
-            first = node;
+        back_m += step_m(node);
+        if back_m > BEFORE_M {
             break;
         }
+        if back_m >= 2.0 * LATELY_M {
+            let (sweep, submap_from_keyframe) =
+                (sought.keyframes[node - 1].sweep.clone(), sought.local_from_keyframe[node - 1]);
+            before.push((back_m, View { sweep, submap_from_keyframe }));
+        }
     }
-    (first..end)
-        .step_by(2)
-        .map(|node| View {
-            sweep: sought.keyframes[node].sweep.clone(),
-            submap_from_keyframe: sought.local_from_keyframe[node],
-        })
-        .collect()
+    before.reverse();
+    before.into_iter().step_by(2).collect()
 }

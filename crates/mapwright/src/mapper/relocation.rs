@@ -2,7 +2,7 @@
 
 use super::Mapper;
 use super::guard::{KNOWN_SHARE, Matched};
-use crate::closing::{Chance, Found, Ground, Past, Sought};
+use crate::closing::{Chance, Found, Ground, Heard, Past, Sought, hopes};
 use crate::jobs::{Job, Task};
 use crate::live::Frames;
 use crate::motion::Step;
@@ -50,6 +50,7 @@ pub(super) struct Lost {
     /// Number of the question that was not answered yet.
     asking: Option<u64>,
     chances: Vec<Chance>,
+    heard: Vec<Heard>,
     /// Where it is, from the next scan on.
     found: Option<Found>,
     /// All that is known, once it was drawn.
@@ -66,7 +67,16 @@ impl Lost {
         aside.recent_odometry = mapper.recent_odometry.clone();
         aside.turn_rates = mapper.turn_rates.clone();
         let asked_m = f64::NEG_INFINITY;
-        Self { aside, way_m: 0.0, asked_m, asking: None, chances: Vec::new(), found: None, ground: None }
+        Self {
+            aside,
+            way_m: 0.0,
+            asked_m,
+            asking: None,
+            chances: Vec::new(),
+            heard: Vec::new(),
+            found: None,
+            ground: None,
+        }
     }
 
     /// What was mapped aside is of no use: from this scan on anew.
@@ -85,7 +95,8 @@ impl Lost {
 
     fn is_to_ask(&self) -> bool {
         // Where it may be home, it asks at every keyframe.
-        let every_m = if self.chances.is_empty() { ASK_EVERY_M } else { 0.0 };
+        let nowhere = self.chances.is_empty() && self.heard.last().is_none_or(Heard::is_nowhere);
+        let every_m = if nowhere { ASK_EVERY_M } else { 0.0 };
         self.asking.is_none() && self.way_m >= ASK_FROM_M && self.way_m - self.asked_m >= every_m
     }
 }
@@ -199,7 +210,8 @@ impl Mapper {
         let question = (self.questions, self.matcher.settings);
         let sought = Past { keyframes: &lost.aside.keyframes, local_from_keyframe: &lost.aside.local_from_keyframe };
         let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
-        let ground = lost.ground.as_ref();
+        let hopes = hopes(sought, &lost.heard, |a, b| lost.aside.closing.way_m(a, b));
+        let ground = (lost.ground.as_ref(), hopes);
         if let Some(seeking) = self.closing.seek(&self.settings, past, &self.dropped, sought, ground, question) {
             lost.asking = Some(self.questions);
             self.jobs.push_back(Job(Task::Seek(seeking)));
@@ -219,6 +231,9 @@ impl Mapper {
         let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
         let way_m = |a: u32, b: u32| lost.aside.closing.way_m(a, b);
         lost.found = self.closing.weigh(past, sought, answer, &mut lost.chances, way_m);
+        if lost.found.is_none() {
+            lost.found = self.closing.follow(past, sought, answer, &mut lost.heard, way_m);
+        }
     }
 
     /// The past was corrected: what is known is to be drawn anew, and what is still asked was asked of the old one.

@@ -1,10 +1,11 @@
 //! A close look at the places where what was seen may be.
 
-use super::{Ground, Seeking};
+use super::{Ground, LATELY_M, Seeking};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Matcher, SearchWindow};
 use mapwright_loops::{Atlas, Finding, Sighting, Submap, Verifier, VerifySettings};
 use mapwright_record::{Evidence, Objection};
+use std::cell::OnceCell;
 
 /// The old place is what was seen on so much way before and after, metres.
 const PLACE_M: f64 = 8.0;
@@ -36,6 +37,9 @@ const RETURNED_M: f64 = 1.5;
 /// Of what a robot has seen on its way from unknown ground little is known; where it has seen more than this share of what is
 /// known, it would have been found there before, unless it never left known ground.
 const KNOWN_BEFORE: std::ops::Range<f64> = 0.33..0.9;
+/// Who has seen this share of a scan on known ground would have been found there; so few of the scans are chance.
+const ON_KNOWN_GROUND: f64 = 0.9;
+const SELDOM: f64 = 0.1;
 
 /// A place, and how what was seen fits there.
 #[derive(Debug, Clone)]
@@ -56,27 +60,41 @@ pub(super) struct Look<'a> {
     pub(super) seeking: &'a Seeking,
     pub(super) ground: &'a Ground,
     /// What is looked for,
-    pub(super) query: Submap,
-    /// whether it is all that was seen on the way that is kept in mind,
+    pub(super) query: &'a Submap,
+    /// all that was seen on the way that is kept in mind,
+    pub(super) since: &'a Submap,
+    /// whether the one is the other,
     pub(super) all: bool,
     /// and whether that is the whole way since the robot is lost.
     pub(super) whole: bool,
+    /// What was seen before that, once it was drawn,
+    pub(super) before: &'a OnceCell<Atlas>,
+    /// and where in it fits what is looked for.
+    pub(super) again: OnceCell<Option<Sighting>>,
 }
 
 impl Look<'_> {
+    /// The place of all where what is looked for fits best.
+    pub(super) fn best(&self) -> Option<Place> {
+        self.judge(&self.ground.atlas.find(self.query)?)
+    }
+
     /// The best place as a finding: refined, judged as a closure is, by what was seen before, and by its rivals.
-    pub(super) fn judge(&self, best: &Sighting) -> Option<Place> {
+    fn judge(&self, best: &Sighting) -> Option<Place> {
         let view = self.ground.atlas.nearest(best.map_from_query)?;
         let target = self.place(view);
-        let mut finding = self.look(view, &target, &self.query, best, self.verify());
-        if finding.objection.is_none() && self.is_contradicted(view, &target, best) {
-            finding.objection = Some(Objection::Contradiction);
+        let mut finding = self.look(view, &target, self.query, best, self.verify());
+        let from = self.ground.nodes[view];
+        // Where it fits a little farther along a wall as well, the place is as good.
+        let mut fits = matches!(finding.objection, None | Some(Objection::Ambiguous));
+        if fits && self.is_against(view, &target, best) {
+            (finding.objection, fits) = (Some(Objection::Contradiction), false);
         }
         let mut rivals = Some(Vec::new());
-        if finding.objection.is_none() && self.is_unlikely(best) {
+        if fits && self.is_unlikely(best) {
             finding.objection = Some(Objection::Ambiguous);
-            return Some(Place { from: self.ground.nodes[view], finding, rivals, whole: false, common: true });
-        } else if finding.objection.is_none() {
+            return Some(Place { from, finding, rivals, whole: false, common: true });
+        } else if fits {
             let (equal, many) = self.rivals(best, &finding.evidence);
             if let Some(first) = equal.first() {
                 finding.evidence.ambiguity = Some(first.score / best.score);
@@ -84,30 +102,48 @@ impl Look<'_> {
             }
             rivals = (!many).then(|| equal.iter().map(|rival| rival.map_from_query).collect());
         }
-        Some(Place { from: self.ground.nodes[view], finding, rivals, whole: self.whole, common: false })
+        Some(Place { from, finding, rivals, whole: self.whole, common: false })
     }
 
     /// Whether what a robot has seen before it came here speaks against a place: what fits nearly as well, for then such
     /// places are common in this building, and the one that is known need not be the one; or, were it there, too much of what
     /// is known, for the robot was not found then.
     fn is_unlikely(&self, best: &Sighting) -> bool {
-        let Seeking { before, aside_from_query, submaps, .. } = self.seeking;
-        if before.is_empty() {
+        if self.seeking.before.is_empty() {
             return false;
         }
-        let before = Atlas::new(before.clone(), submaps);
-        let map_from_aside = best.map_from_query * aside_from_query.inverse();
-        KNOWN_BEFORE.contains(&self.ground.atlas.share_of(&before, map_from_aside))
-            || before.find(&self.query).is_some_and(|again| {
-                let returned = again.map_from_query.distance(*aside_from_query) <= RETURNED_M;
-                !returned && again.score >= COMMON_SHARE * best.score
-            })
+        let map_from_aside = best.map_from_query * self.seeking.aside_from_query.inverse();
+        KNOWN_BEFORE.contains(&self.ground.atlas.share_of(self.before(), map_from_aside)) || self.is_common(best)
+    }
+
+    /// Whether what was seen before fits nearly as well.
+    pub(super) fn is_common(&self, best: &Sighting) -> bool {
+        if self.seeking.before.is_empty() {
+            return false;
+        }
+        self.again.get_or_init(|| self.before().find(self.query)).is_some_and(|again| {
+            let returned = again.map_from_query.distance(self.seeking.aside_from_query) <= RETURNED_M;
+            !returned && again.score >= COMMON_SHARE * best.score
+        })
+    }
+
+    fn before(&self) -> &Atlas {
+        let Seeking { before, submaps, .. } = self.seeking;
+        self.before.get_or_init(|| Atlas::new(before.iter().map(|(_, view)| view.clone()).collect(), submaps))
+    }
+
+    /// Whether a robot that is there would have been on known ground before so much way, metres, and was not found.
+    pub(super) fn was_there(&self, map_from_query: Pose2, way_m: f64) -> bool {
+        let Seeking { before, aside_from_query, .. } = self.seeking;
+        let earlier = before.iter().filter(|(back_m, _)| *back_m > way_m + LATELY_M).map(|(_, view)| view);
+        let map_from_aside = map_from_query * aside_from_query.inverse();
+        self.ground.atlas.share_on_known_ground(earlier, map_from_aside, ON_KNOWN_GROUND) > SELDOM
     }
 
     /// The other places that explain what was seen nearly as well, and whether there are too many to look at.
     fn rivals(&self, best: &Sighting, evidence: &Evidence) -> (Vec<Sighting>, bool) {
         let (mut equal, mut looked_at) = (Vec::new(), 0);
-        self.ground.atlas.rivals(&self.query, best, RIVAL_SHARE, |rival| {
+        self.ground.atlas.rivals(self.query, best, RIVAL_SHARE, |rival| {
             looked_at += 1;
             if looked_at > RIVALS_AT_MOST || !self.explains_less(rival, evidence) {
                 equal.push(*rival);
@@ -127,11 +163,11 @@ impl Look<'_> {
     }
 
     /// What was seen around a view.
-    fn place(&self, view: usize) -> Submap {
+    pub(super) fn place(&self, view: usize) -> Submap {
         Submap::new(&self.ground.atlas.around(view, PLACE_M), &self.seeking.submaps)
     }
 
-    fn look(
+    pub(super) fn look(
         &self,
         view: usize,
         target: &Submap,
@@ -148,32 +184,36 @@ impl Look<'_> {
     }
 
     /// For looks at what need not fit.
-    fn anything(&self) -> VerifySettings {
+    pub(super) fn anything(&self) -> VerifySettings {
         VerifySettings { least_score: 0.0, ..self.verify() }
     }
 
     /// Whether what was seen before, on the way here, speaks against a place. Most of it may have been seen on unknown ground:
     /// little of it needs to fit, but that well.
-    fn is_contradicted(&self, view: usize, target: &Submap, sighting: &Sighting) -> bool {
-        let Seeking { since, submaps, .. } = self.seeking;
+    fn is_against(&self, view: usize, target: &Submap, sighting: &Sighting) -> bool {
         if self.all {
             return false;
         }
         let settings = self.anything();
-        let seen = self.look(view, target, &Submap::new(since, submaps), sighting, settings).evidence;
-        seen.contradiction.is_none_or(|share| share > settings.most_contradiction)
-            || seen.inlier_share.is_none_or(|share| share < settings.least_inlier_share)
+        let seen = self.look(view, target, self.since, sighting, settings).evidence;
+        is_contradicted(&seen, settings.least_inlier_share, settings.most_contradiction)
     }
 
     /// Whether another place, looked at as closely, is by far the worse explanation. By how much two places differ says
     /// little where both score nearly in full; how much either leaves unexplained says it all.
     fn explains_less(&self, rival: &Sighting, best: &Evidence) -> bool {
         let Some(view) = self.ground.atlas.nearest(rival.map_from_query) else { return false };
-        let there = self.look(view, &self.place(view), &self.query, rival, self.anything()).evidence;
+        let there = self.look(view, &self.place(view), self.query, rival, self.anything()).evidence;
         let (there, here) = (misfit(&there), misfit(best));
         // All that it has seen fits: other places have to explain as much of it. Of what was seen lately there is less to go by.
         if self.whole { 1.0 - there < RIVAL_SHARE * (1.0 - here) } else { there >= RIVAL_MISFIT * here }
     }
+}
+
+/// Whether too little is for a place or too much against it.
+pub(super) fn is_contradicted(evidence: &Evidence, least_share: f64, most_contradiction: f64) -> bool {
+    evidence.contradiction.is_none_or(|share| share > most_contradiction)
+        || evidence.inlier_share.is_none_or(|share| share < least_share)
 }
 
 /// The share of what was seen that a place leaves unexplained.

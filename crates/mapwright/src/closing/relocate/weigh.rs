@@ -14,7 +14,7 @@ const WITHIN_M: f64 = 3.0;
 /// the first and the last so far apart,
 const APART_M: f64 = 0.7;
 /// and so many of them without any one of the other places.
-const WITHOUT: usize = 2;
+pub(super) const WITHOUT: usize = 2;
 /// Poses up to here are the same place, metres and radians.
 const SAME_M: f64 = 0.3;
 const SAME_RAD: f64 = 0.06;
@@ -45,7 +45,7 @@ impl Chance {
 }
 
 /// Whether two motions of the map made aside put what is `here` into the same place.
-fn same(a: Pose2, b: Pose2, here: Pose2) -> bool {
+pub(super) fn same(a: Pose2, b: Pose2, here: Pose2) -> bool {
     let error = (a * here).between(b * here);
     error.x.hypot(error.y) <= SAME_M && error.theta.abs() <= SAME_RAD
 }
@@ -118,7 +118,7 @@ fn nothing() -> Finding {
 }
 
 /// A robot may be anywhere.
-fn target(from: u32) -> Target {
+pub(super) fn target(from: u32) -> Target {
     Target {
         from,
         detection: Detection::Place,
