@@ -36,8 +36,8 @@ const TENABLE: [[Bounds; 2]; 2] = [
         Bounds { closely: 0.0, overlap: 0.0, share: 0.82, contradiction: 0.15 },
     ],
 ];
-/// The same for a place that is believed where it lasts.
-const CLOSE: [[Bounds; 2]; 2] = [
+/// The same for a place that is believed where it lasts; where all that was seen on the way fits well, less closely.
+const CLOSE: [[Bounds; 2]; 3] = [
     [
         Bounds { closely: 0.94, overlap: 0.7, share: 0.82, contradiction: 0.14 },
         Bounds { closely: 0.0, overlap: 0.0, share: 0.86, contradiction: 0.09 },
@@ -45,6 +45,10 @@ const CLOSE: [[Bounds; 2]; 2] = [
     [
         Bounds { closely: 0.97, overlap: 0.85, share: 0.8, contradiction: 0.15 },
         Bounds { closely: 0.0, overlap: 0.0, share: 0.83, contradiction: 0.13 },
+    ],
+    [
+        Bounds { closely: 0.92, overlap: 0.9, share: 0.85, contradiction: 0.1 },
+        Bounds { closely: 0.0, overlap: 0.0, share: 0.9, contradiction: 0.06 },
     ],
 ];
 /// Answers are kept for so much way, metres.
@@ -136,7 +140,7 @@ impl Look<'_> {
         let lately = TENABLE.iter().any(|[lately, _]| lately.hold(&finding.evidence));
         let map_from_query = self.ground.atlas.map_from_view(view) * finding.target_from_query.filter(|_| lately)?;
         let since = self.look(view, &target, self.since, &near, self.anything()).evidence;
-        let is = |bounds: &[[Bounds; 2]; 2]| {
+        let is = |bounds: &[[Bounds; 2]]| {
             bounds.iter().any(|bounds| bounds[0].hold(&finding.evidence) && bounds[1].hold(&since))
         };
         let (is_tenable, is_close) = (is(&TENABLE), is(&CLOSE));
