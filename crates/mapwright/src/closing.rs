@@ -12,6 +12,7 @@ use mapwright_sensor::{BeamTable, SweepPoints};
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
 
+mod look_back;
 mod relocate;
 mod supports;
 

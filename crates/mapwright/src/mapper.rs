@@ -17,6 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 use relocation::{Broken, Lost};
 use rustc_hash::FxHashSet;
 use std::collections::VecDeque;
+use suspicion::Suspicion;
 use sweep_motion::RecentOdometry;
 
 mod correction;
@@ -24,6 +25,7 @@ mod guard;
 mod insert;
 mod movers;
 mod relocation;
+mod suspicion;
 mod sweep_motion;
 
 pub use guard::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
@@ -71,12 +73,8 @@ pub struct Mapper {
     questions: u64,
     /// The way is broken before the next keyframe: it hangs on an old one instead.
     broken: Option<Broken>,
-    /// Length of way until a robot that was not seen for a while is believed to be where it was, metres.
-    suspect_m: f64,
-    /// Scans that did not fit on it.
-    misfits: u32,
-    /// The keyframe of an arrival that is not yet believed.
-    arrived: Option<u32>,
+    /// Whether the robot is where it thinks it is.
+    suspicion: Suspicion,
     /// The last scan that saw something.
     seen: Option<Stamp>,
     /// Current poses of the keyframes, in the front end's frame and in the map's.
@@ -160,9 +158,7 @@ impl Mapper {
             lost: None,
             questions: 0,
             broken: None,
-            suspect_m: 0.0,
-            misfits: 0,
-            arrived: None,
+            suspicion: Suspicion::default(),
             seen: None,
             local_from_keyframe: Vec::new(),
             world_from_keyframe: Vec::new(),

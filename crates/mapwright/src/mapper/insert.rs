@@ -24,7 +24,7 @@ impl Mapper {
             .last()
             .is_none_or(|newest| self.settings.keyframes.is_far(newest.between(self.local_from_robot)));
         let inserted =
-            (moved && !lost && !empty && self.suspect_m <= 0.0).then(|| self.insert(scan, matched)).flatten();
+            (moved && !lost && !empty && self.suspicion.is_none()).then(|| self.insert(scan, matched)).flatten();
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.follow(&self.settings, frames, inserted.is_some());
         let newest = self.keyframes.len().checked_sub(1).map(|k| k as u32);

@@ -1,13 +1,14 @@
 //! A robot that does not know where it is: it maps aside, writes nothing, and asks every place it knows.
 
 use super::Mapper;
-use super::guard::{KNOWN_SHARE, Matched};
+use super::guard::KNOWN_SHARE;
+use super::suspicion::Suspicion;
 use crate::closing::{Chance, Found, Ground, Heard, Past, Sought, hopes};
 use crate::jobs::{Job, Task};
 use crate::live::Frames;
 use crate::motion::Step;
 use crate::settings::LivePolicy;
-use mapwright_geom::{Cov3, Pose2, Stamp};
+use mapwright_geom::{Cov3, Pose2};
 use mapwright_record::{MatchReport, Status, Update};
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
 use nalgebra::Vector3;
@@ -15,28 +16,10 @@ use std::sync::Arc;
 
 /// What lies between two keyframes that no measurement joins counts as so much way, metres.
 pub(super) const BROKEN_WAY_M: f64 = 1000.0;
-/// After a time without a look at the world, so much way has to fit before the robot is believed where it was, metres.
-const SUSPECT_WAY_M: f64 = 1.5;
-/// The same where the robot has arrived, by its own account.
-const ARRIVAL_WAY_M: f64 = 4.0;
-/// From so many usual periods without returns on, and so many seconds.
-const BLIND_PERIODS: f64 = 20.0;
-const BLIND_S: f64 = 4.0;
-/// Such a share of the known beams has to fit then.
-const SUSPECT_SHARE: f64 = 0.8;
-/// After so many scans in a row that fit nowhere the robot is lost, and so much travel.
-const LOST_SCANS: u32 = 10;
 /// Places are asked after so much way, metres.
 const ASK_EVERY_M: f64 = 0.4;
 /// once it has seen so much of it, metres: one room is like another.
 const ASK_FROM_M: f64 = 1.6;
-/// So many misfits are no accident.
-const MISFITS: u32 = 5;
-/// A robot that has moved less than this, metres, sees the same again, to this share of known and fitting beams.
-const SAME_M: f64 = 0.2;
-const SAME_SHARE: f64 = 0.9;
-/// What it sees must not differ from odometry by more standard deviations than this.
-const SUSPECT_SIGMAS: f64 = 6.0;
 /// Below this share of fitting beams even the map made aside is wrong.
 const ASIDE_SHARE: f64 = 0.5;
 
@@ -58,7 +41,7 @@ pub(super) struct Lost {
 }
 
 impl Lost {
-    fn new(mapper: &Mapper) -> Self {
+    pub(super) fn new(mapper: &Mapper) -> Self {
         let mut settings = mapper.settings;
         settings.live.policy = LivePolicy::Everything;
         (settings.loops.by_pose, settings.loops.by_place, settings.loops.relocate) = (false, false, false);
@@ -115,58 +98,6 @@ pub(super) struct Broken {
 }
 
 impl Mapper {
-    /// After a time without a look at the world the robot may be anywhere: unless what it sees fits very well, it is lost.
-    pub(super) fn suspicion(&mut self, stamp: Stamp, matched: Option<Matched>, step: Step) -> Option<Matched> {
-        let mut matched = matched?;
-        let blind_s = self.seen.map_or(0.0, |seen| stamp.secs_since(seen));
-        self.seen = Some(stamp);
-        let usual_s = self.predictor.period_s();
-        if self.settings.loops.relocate && usual_s > 0.0 && blind_s > BLIND_S.max(BLIND_PERIODS * usual_s) {
-            (self.suspect_m, self.misfits) = (SUSPECT_WAY_M, 0);
-        }
-        if self.suspect_m > 0.0 {
-            let moved_m = step.last_from_robot.x.hypot(step.last_from_robot.y);
-            // Without a look at the world and without motion, it is the same that is seen again.
-            let again = self.arrived.is_none() && SUSPECT_WAY_M - self.suspect_m < SAME_M;
-            self.suspect_m -= moved_m;
-            self.arrived = self.arrived.filter(|_| self.suspect_m > 0.0);
-            let same = matched.agreement.known_share() >= SAME_SHARE && matched.agreement.inlier_share() >= SAME_SHARE;
-            let fits = (same || !again)
-                && matched.agreement.inlier_share() >= SUSPECT_SHARE
-                && matched.report.odometry_sigmas <= SUSPECT_SIGMAS
-                && matched.status != Status::Lost;
-            if !fits {
-                self.misfits += 1;
-                matched.status = Status::Degraded;
-            }
-            if self.misfits >= MISFITS {
-                matched.status = Status::Lost;
-                self.get_lost();
-            }
-        } else if matched.status == Status::Lost && self.lost_scans >= LOST_SCANS {
-            self.get_lost();
-        }
-        Some(matched)
-    }
-
-    fn get_lost(&mut self) {
-        if self.settings.loops.relocate && !self.keyframes.is_empty() {
-            self.suspect_m = 0.0;
-            if let Some(node) = self.arrived.take() {
-                self.leave_again(node);
-            }
-            self.lost = Some(Box::new(Lost::new(self)));
-        }
-    }
-
-    /// The robot did not arrive where it thought: the keyframe of its arrival is none.
-    fn leave_again(&mut self, node: u32) {
-        let _ = self.drop_keyframe(self.id(node));
-        let arrival = self.id(node);
-        self.edges.retain(|edge| edge.to != arrival);
-        self.closing.disown(node);
-    }
-
     /// One scan of a robot that does not know where it is.
     pub(super) fn add_scan_while_lost(
         &mut self,
@@ -255,9 +186,9 @@ impl Mapper {
         self.lost_scans = 0;
         self.doubted_from = None;
         self.broken = Some(Broken { from, covariance });
-        (self.suspect_m, self.misfits) = (ARRIVAL_WAY_M, 0);
-        self.arrived = self.insert(scan, None);
-        if self.arrived.is_some() {
+        let arrived = self.insert(scan, None);
+        self.suspicion = Suspicion::of_arrival(arrived);
+        if arrived.is_some() {
             let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
             self.live.arrive(&self.settings, frames, &self.points.hits, self.local_from_robot);
         }
