@@ -25,9 +25,15 @@ pub struct Kidnapping {
     /// Whether it is put down on ground that it has seen before; otherwise it comes back there later by itself.
     pub known_ground: bool,
     /// The first time, once it is put down, at which more than half of what it sees was seen from one place before it was
-    /// taken, to 0.2 s; `None` where that never happens.
+    /// taken, to 0.2 s; `None` where that never happens. Through a door that may be a matter of an instant.
+    pub glimpse: Option<Stamp>,
+    /// When it comes to known ground: the first such time from which on that is so for at least half of the next [`STAY_S`]
+    /// seconds.
     pub home: Option<Stamp>,
 }
+
+/// Who has come to known ground is there for at least half of so long, seconds.
+pub const STAY_S: f64 = 10.0;
 
 impl Kidnapping {
     /// The recording, with its truth.
@@ -53,8 +59,8 @@ pub fn kidnapping(seed: u64) -> Kidnapping {
     let incidents = vec![Incident::Carried { from_s, to_s, waypoint, blocked: rng.chance(0.5) }];
     let settings = DriveSettings { incidents, ..undisturbed };
     let (taken, put_down) = (Stamp::from_secs_f64(from_s), Stamp::from_secs_f64(to_s));
-    let home = first_on_ground_of(&site, &settings, taken, put_down);
-    Kidnapping { site, settings, taken, put_down, known_ground, home }
+    let [glimpse, home] = first_on_ground_of(&site, &settings, taken, put_down, STAY_S);
+    Kidnapping { site, settings, taken, put_down, known_ground, glimpse, home }
 }
 
 /// The waypoint nearest to this share of the way.

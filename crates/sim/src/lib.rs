@@ -42,7 +42,7 @@ pub mod worlds;
 
 pub use drive::{Drive, DriveSettings, Event, TrueScan};
 pub use failures::{FAILED_MATCH_CASES, FailedMatchCase, FailureKind, failed_match_cases};
-pub use kidnap::{Kidnapping, kidnapping};
+pub use kidnap::{Kidnapping, STAY_S, kidnapping};
 pub use laser::LaserSettings;
 pub use math::Point;
 pub use odometry::OdometryNoise;

@@ -6,6 +6,7 @@ use crate::math::{Point, add, distance, rotate, scale, sub, unit};
 use crate::route::Site;
 use crate::world::World;
 use mapwright_geom::{Pose2, Stamp};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// A place is seen from elsewhere when it lies no further than this behind what the ray meets, metres.
@@ -127,22 +128,42 @@ pub fn view_overlap(
     viewer.overlap(&sample(world_from_robot), &sample(world_from_other_robot))
 }
 
-/// The first time at or after `after` at which more than half of the view is that of a time before `before`.
+/// Looked at every 0.2 s from `after` on: the first time at which more than half of the view is that of a time before
+/// `before`, and the first such time from which on that is so for at least half of the next `stay_s` seconds.
 pub(crate) fn first_on_ground_of(
     site: &Arc<Site>,
     settings: &DriveSettings,
     before: Stamp,
     after: Stamp,
-) -> Option<Stamp> {
+    stay_s: f64,
+) -> [Option<Stamp>; 2] {
     let viewer = Viewer::new(&site.world, settings);
     let samples = samples(site, settings, &viewer);
     let known: Vec<&Sample> = samples.iter().filter(|sample| sample.stamp < before).collect();
-    let home = |world_from_robot: Pose2| {
+    let is_known = |world_from_robot: Pose2| {
         let here = viewer.sample(after, 0.0, world_from_robot);
         known.iter().any(|sample| viewer.overlap(sample, &here) > REVISIT_OVERLAP)
     };
-    let mut rest = path_at(site, settings, 5.0).into_iter().filter(|(stamp, ..)| *stamp >= after);
-    rest.find(|&(_, world_from_robot, _)| home(world_from_robot)).map(|(stamp, ..)| stamp)
+    let rest = path_at(site, settings, 5.0).into_iter().filter(|(stamp, ..)| *stamp >= after);
+    let mut first = None;
+    // Times on known ground, and how many others have followed, for as long as it may be the one.
+    let mut open: VecDeque<(Stamp, [u32; 2])> = VecDeque::new();
+    for (stamp, world_from_robot, _) in rest {
+        if let Some(&(entered, [on, off])) = open.front().filter(|(entered, _)| stamp.secs_since(*entered) > stay_s) {
+            if on >= off {
+                return [first, Some(entered)];
+            }
+            open.pop_front();
+        }
+        let on_known = is_known(world_from_robot);
+        open.iter_mut().for_each(|(_, counts)| counts[usize::from(!on_known)] += 1);
+        if on_known {
+            first.get_or_insert(stamp);
+            open.push_back((stamp, [0; 2]));
+        }
+    }
+    let entered = open.iter().find(|(_, [on, off])| on >= off).map(|(entered, _)| *entered);
+    [first, entered]
 }
 
 /// True and reported poses of the drive once a second.

@@ -159,3 +159,14 @@ fn a_kidnapped_robot_is_blind_on_the_way_and_comes_home() {
     }
     assert!((5..25).contains(&blocked));
 }
+
+#[test]
+fn a_glimpse_of_known_ground_is_no_homecoming() {
+    // Through doors two of these see for an instant what they have seen before, and come there half a minute later.
+    for (seed, away_s) in [(19_003, 20.0..35.0), (19_017, 20.0..35.0), (19_001, 0.0..0.3), (19_005, 0.0..0.3)] {
+        let case = kidnapping(seed);
+        let [glimpse, home] = [case.glimpse, case.home].map(|at| at.expect("it comes home"));
+        println!("{seed}: home {:.1} s after a glimpse", home.secs_since(glimpse));
+        assert!(away_s.contains(&home.secs_since(glimpse)), "{seed}");
+    }
+}

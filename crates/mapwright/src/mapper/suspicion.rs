@@ -41,6 +41,8 @@ pub(super) struct Suspicion {
     arrived: Option<u32>,
     /// What it has seen meanwhile, in the frame of the newest keyframe; nothing after an arrival.
     seen: Vec<View>,
+    /// Whether that was looked at halfway.
+    looked: bool,
 }
 
 impl Suspicion {
@@ -99,7 +101,7 @@ impl Mapper {
         Some(matched)
     }
 
-    /// Whether all that was seen since the robot was blind speaks against its place, once it has gone far enough. Every scan
+    /// Whether all that was seen since the robot was blind speaks against its place, halfway and once it has gone far enough. Every scan
     /// of it may fit, as in a corridor that looks like the one before; as one submap it is asked what a closure is asked, and
     /// what should be there and is not counts as well.
     fn is_elsewhere(&mut self, local_from_robot: Pose2) -> bool {
@@ -112,10 +114,15 @@ impl Mapper {
             let view = |sweep| View { sweep, submap_from_keyframe: newest_from_robot };
             self.suspicion.seen.extend(self.sweep.clone().map(view));
         }
-        if !self.suspicion.is_none() {
+        let halfway = !self.suspicion.looked && self.suspicion.left_m <= 0.5 * SUSPECT_WAY_M;
+        if !halfway && !self.suspicion.is_none() {
             return false;
         }
-        let seen = std::mem::take(&mut self.suspicion.seen);
+        self.suspicion.looked = true;
+        let seen = self.suspicion.seen.clone();
+        if self.suspicion.is_none() {
+            self.suspicion.seen.clear();
+        }
         if seen.len() < 2 {
             // It has driven on without a look; one scan says too little.
             return false;

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 /// So long after being put down it must be noticed, seconds.
 const NOTICED_WITHIN_S: f64 = 5.0;
-/// So long after half of what is seen is known the robot must know where it is, seconds.
+/// So long after it has come to known ground the robot must know where it is, seconds.
 const HOME_WITHIN_S: f64 = 10.0;
 
 pub(super) struct Kidnapped {
@@ -25,12 +25,16 @@ pub(super) struct World {
     /// Seconds after being put down; negative where a covered laser gave it away on the way.
     noticed_s: Option<f64>,
     noticed: bool,
-    /// Seconds from being put down until half of what is seen was known; none where that never happens.
+    /// Seconds from being put down until half of what is seen was known for the first time; none where that never happens.
+    glimpse_s: Option<f64>,
+    /// The same until it was known for at least half of ten seconds.
     home_s: Option<f64>,
     /// Seconds from being put down until the robot knew where it was.
     located_s: Option<f64>,
     /// Whether in time; none where there was no home to be found.
     home: Option<bool>,
+    /// Whether in time from the first glimpse on.
+    home_by_glimpse: Option<bool>,
     written: usize,
     misplaced: usize,
     wrong: usize,
@@ -48,15 +52,17 @@ impl Measure for Kidnapped {
             witness.see(mapper.keyframe_poses(), update, truth);
         })?;
         let since_put_down = |stamp: Stamp| stamp.secs_since(case.put_down);
-        let home = case.home.map(|home| witness.located.is_some_and(|at| at.secs_since(home) <= HOME_WITHIN_S));
+        let in_time = |from: Stamp| witness.located.is_some_and(|at| at.secs_since(from) <= HOME_WITHIN_S);
         Ok(World {
             seed,
             known_ground: case.known_ground,
             noticed_s: witness.noticed.map(since_put_down),
             noticed: witness.noticed.is_some_and(|at| since_put_down(at) <= NOTICED_WITHIN_S),
+            glimpse_s: case.glimpse.map(since_put_down),
             home_s: case.home.map(since_put_down),
             located_s: witness.located.map(since_put_down),
-            home,
+            home: case.home.map(in_time),
+            home_by_glimpse: case.glimpse.map(in_time),
             written: witness.written.len(),
             misplaced: witness.written.iter().filter(|&&keyframe| witness.is_misplaced(&world, keyframe)).count(),
             wrong: witness.wrong,
@@ -66,11 +72,12 @@ impl Measure for Kidnapped {
     fn line(world: &World) -> String {
         let seconds = |s: Option<f64>| s.map_or("  never".to_owned(), |s| format!("{s:5.1} s"));
         format!(
-            "{:6}  {:7} ground  noticed {} ({})  home {}, located {} ({})  {:4} written, {:4} misplaced, {:4} wrong",
+            "{:6}  {:7} ground  noticed {} ({})  glimpse {}, home {}, located {} ({})  {:4} written, {:4} misplaced, {:4} wrong",
             world.seed,
             if world.known_ground { "known" } else { "unknown" },
             seconds(world.noticed_s),
             if world.noticed { "ok" } else { "LATE" },
+            seconds(world.glimpse_s),
             seconds(world.home_s),
             seconds(world.located_s),
             world.home.map_or("-", |home| if home { "ok" } else { "LATE" }),
@@ -107,6 +114,8 @@ struct Group {
     noticed: usize,
     with_home: usize,
     home: usize,
+    /// In time from the first glimpse of known ground on.
+    home_by_glimpse: usize,
     written: usize,
     misplaced: usize,
     wrong: usize,
@@ -121,6 +130,7 @@ impl Group {
             noticed: sum(|w| usize::from(w.noticed)),
             with_home: sum(|w| usize::from(w.home.is_some())),
             home: sum(|w| usize::from(w.home == Some(true))),
+            home_by_glimpse: sum(|w| usize::from(w.home_by_glimpse == Some(true))),
             written: sum(|w| w.written),
             misplaced: sum(|w| w.misplaced),
             wrong: sum(|w| w.wrong),
@@ -130,9 +140,10 @@ impl Group {
 
     fn line(&self, what: &str) -> String {
         format!(
-            "{what:14}  noticed {}, home {}, {} keyframes written, {} misplaced, {} scans wrong in {} worlds\n",
+            "{what:14}  noticed {}, home {}, {} from the first glimpse on, {} keyframes written, {} misplaced, {} scans wrong in {} worlds\n",
             percent(self.noticed, self.worlds),
             percent(self.home, self.with_home),
+            self.home_by_glimpse,
             self.written,
             self.misplaced,
             self.wrong,
