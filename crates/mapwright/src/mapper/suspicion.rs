@@ -25,6 +25,8 @@ const MISFITS: u32 = 5;
 const SAME_M: f64 = 0.2;
 const SAME_RAD: f64 = 0.1;
 const SAME_SHARE: f64 = 0.9;
+/// So many views are kept for a look, however long it turns on the spot.
+const SEEN_AT_MOST: usize = 40;
 /// What it sees must not differ from odometry by more standard deviations than this.
 const SUSPECT_SIGMAS: f64 = 6.0;
 
@@ -110,7 +112,8 @@ impl Mapper {
         };
         let newest_from_robot = self.local_from_keyframe[newest].between(local_from_robot);
         let last = self.suspicion.seen.last().map(|view| view.submap_from_keyframe);
-        if last.is_none_or(|last| self.settings.keyframes.is_far(last.between(newest_from_robot))) {
+        let is_far = last.is_none_or(|last| self.settings.keyframes.is_far(last.between(newest_from_robot)));
+        if is_far && self.suspicion.seen.len() < SEEN_AT_MOST {
             let view = |sweep| View { sweep, submap_from_keyframe: newest_from_robot };
             self.suspicion.seen.extend(self.sweep.clone().map(view));
         }
