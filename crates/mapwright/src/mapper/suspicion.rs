@@ -2,6 +2,7 @@
 
 use super::Mapper;
 use super::guard::Matched;
+use super::relocation::Lost;
 use crate::closing::Past;
 use crate::motion::Step;
 use mapwright_geom::{Pose2, Stamp};
@@ -25,10 +26,10 @@ const MISFITS: u32 = 5;
 const SAME_M: f64 = 0.2;
 const SAME_RAD: f64 = 0.1;
 const SAME_SHARE: f64 = 0.9;
-/// So many views are kept for a look, however long it turns on the spot.
-const SEEN_AT_MOST: usize = 40;
 /// What it sees must not differ from odometry by more standard deviations than this.
 const SUSPECT_SIGMAS: f64 = 6.0;
+/// So many views are kept for a look, however long it turns on the spot.
+const SEEN_AT_MOST: usize = 40;
 
 /// A robot that may not be where it thinks it is. It writes nothing until then.
 #[derive(Debug, Clone, Default)]
@@ -103,9 +104,9 @@ impl Mapper {
         Some(matched)
     }
 
-    /// Whether all that was seen since the robot was blind speaks against its place, halfway and once it has gone far enough. Every scan
-    /// of it may fit, as in a corridor that looks like the one before; as one submap it is asked what a closure is asked, and
-    /// what should be there and is not counts as well.
+    /// Whether all that was seen since the robot was blind speaks against its place, halfway and once it has gone far enough.
+    /// Every scan of it may fit, as in a corridor that looks like the one before; as one submap it is asked what a closure is
+    /// asked, and what should be there and is not counts as well.
     fn is_elsewhere(&mut self, local_from_robot: Pose2) -> bool {
         let Some(newest) = self.keyframes.len().checked_sub(1).filter(|_| self.suspicion.arrived.is_none()) else {
             return false;
@@ -118,14 +119,13 @@ impl Mapper {
             self.suspicion.seen.extend(self.sweep.clone().map(view));
         }
         let halfway = !self.suspicion.looked && self.suspicion.left_m <= 0.5 * SUSPECT_WAY_M;
-        if !halfway && !self.suspicion.is_none() {
+        let believed = self.suspicion.is_none();
+        if !halfway && !believed {
             return false;
         }
         self.suspicion.looked = true;
-        let seen = self.suspicion.seen.clone();
-        if self.suspicion.is_none() {
-            self.suspicion.seen.clear();
-        }
+        let seen = &mut self.suspicion.seen;
+        let seen = if believed { std::mem::take(seen) } else { seen.clone() };
         if seen.len() < 2 {
             // It has driven on without a look; one scan says too little.
             return false;
@@ -141,7 +141,7 @@ impl Mapper {
             if let Some(node) = suspicion.arrived {
                 self.leave_again(node);
             }
-            self.lost = Some(Box::new(super::relocation::Lost::new(self)));
+            self.lost = Some(Box::new(Lost::new(self)));
         }
     }
 
