@@ -25,6 +25,10 @@ const SINCE_M: f64 = 8.0;
 const LATELY_M: f64 = 2.5;
 /// What a robot that is lost for long has seen on so much way is looked through for what looks the same, metres.
 const BEFORE_M: f64 = 60.0;
+/// A place that is found is looked for in what was seen before as well, for so much way back, metres.
+const BACK_M: f64 = 1.0;
+/// and in so many keyframes, however long the robot turns on the spot.
+const BACK_AT_MOST: usize = 8;
 /// The atlas has one view, the newest, for each square of this side, metres, and eighth of a turn.
 const VIEW_EVERY_M: f64 = 0.5;
 /// All that is known, drawn once for as long as the robot is lost.
@@ -65,10 +69,23 @@ pub(crate) struct Seeking {
     /// What was seen before that and how far back, metres, and from where it is looked for.
     before: Vec<(f64, View)>,
     aside_from_query: Pose2,
+    /// The same for the keyframes just before, the oldest first.
+    earlier: Vec<Earlier>,
     /// Where the robot may be by earlier answers.
     hopes: Vec<Hope>,
     submaps: SubmapSettings,
     matcher: MatcherSettings,
+}
+
+/// What was seen lately and on the way, up to an earlier keyframe.
+#[derive(Debug, Clone)]
+struct Earlier {
+    to: u32,
+    /// Whether there was an answer since.
+    answered: bool,
+    lately: Vec<View>,
+    since: Vec<View>,
+    aside_from_query: Pose2,
 }
 
 /// What came of it.
@@ -79,8 +96,10 @@ pub(crate) struct Sought {
     pub(crate) ground: Arc<Ground>,
     /// The best place of all.
     pub(crate) best: Option<Place>,
-    /// The places that what was seen bears out.
-    pub(crate) hypotheses: Vec<Hypothesis>,
+    /// The places that what was seen bears out; `None` where nobody looked.
+    pub(crate) hypotheses: Option<Vec<Hypothesis>>,
+    /// Where they stood already, the earliest first.
+    pub(crate) earlier: Vec<Heard>,
 }
 
 impl Seeking {
@@ -107,28 +126,29 @@ impl Seeking {
         let fits = best.as_ref().is_some_and(Place::is_plain);
         // A robot that comes from unknown ground knows little of what it has seen but the last of it.
         let best = if !fits && less { lately.best().or(best) } else { best };
-        // For long it is nowhere; a look at every other answer is enough to see it come.
+        // For long it is nowhere; a look at every other answer, which looks back, is enough to see it come.
         let is_to_look = !self.whole && (!self.hopes.is_empty() || self.question.is_multiple_of(2));
-        let hypotheses = if is_to_look { lately.hypotheses() } else { Vec::new() };
-        Sought { question: self.question, to: self.to, ground, best, hypotheses }
+        let hypotheses = is_to_look.then(|| lately.hypotheses());
+        let (hypotheses, earlier) = hypotheses.unzip();
+        Sought { question: self.question, to: self.to, ground, best, hypotheses, earlier: earlier.unwrap_or_default() }
     }
 }
 
 impl Closing {
     /// The question where in all that is known a lost robot may be, as work to be done; `ground` is what earlier answers
-    /// were found on.
+    /// were found on, the last of them at the keyframe `answered`.
     pub(crate) fn seek(
         &self,
         settings: &Settings,
         past: Past<'_>,
         dropped: &FxHashSet<u32>,
         sought: Past<'_>,
-        (ground, hopes): (Option<&Arc<Ground>>, Vec<Hope>),
+        (ground, hopes, answered): (Option<&Arc<Ground>>, Vec<Hope>, Option<u32>),
         (question, matcher): (u64, MatcherSettings),
     ) -> Option<Seeking> {
         let to = sought.keyframes.len().checked_sub(1)? as u32;
         let step_m = |node: usize| sought.local_from_keyframe[node - 1].distance(sought.local_from_keyframe[node]);
-        let seen_on = |way_m: f64| views(sought, to, false, way_m, step_m);
+        let seen_on = |at: u32, way_m: f64| views(sought, at, false, way_m, step_m);
         let known = ground.map_or_else(|| Known::Views(everything(past, dropped)), |g| Known::Drawn(Arc::clone(g)));
         let submaps = submaps(settings);
         let mut left_m = SINCE_M;
@@ -136,10 +156,36 @@ impl Closing {
             left_m -= step_m(node);
             left_m >= 0.0
         });
-        let (lately, since) = (seen_on(LATELY_M), seen_on(SINCE_M));
+        let seen_at = |at: u32| (seen_on(at, LATELY_M), seen_on(at, SINCE_M), sought.local_from_keyframe[at as usize]);
+        let (lately, since, aside_from_query) = seen_at(to);
         let before = if whole { Vec::new() } else { seen_before(sought, step_m) };
-        let aside_from_query = sought.local_from_keyframe[to as usize];
-        Some(Seeking { question, to, known, lately, since, whole, before, aside_from_query, hopes, submaps, matcher })
+        let mut back_m = 0.0;
+        let before_to = (0..to).rev().take_while(|&at| {
+            back_m += step_m(at as usize + 1);
+            back_m <= BACK_M
+        });
+        let before_to = before_to.take(BACK_AT_MOST);
+        let earlier = |to| {
+            let (lately, since, aside_from_query) = seen_at(to);
+            let answered = answered.is_some_and(|answered| to <= answered);
+            Earlier { to, answered, lately, since, aside_from_query }
+        };
+        let mut earlier: Vec<Earlier> = if whole { Vec::new() } else { before_to.map(earlier).collect() };
+        earlier.reverse();
+        Some(Seeking {
+            question,
+            to,
+            known,
+            lately,
+            since,
+            whole,
+            before,
+            aside_from_query,
+            earlier,
+            hopes,
+            submaps,
+            matcher,
+        })
     }
 }
 

@@ -142,7 +142,7 @@ impl Mapper {
         let sought = Past { keyframes: &lost.aside.keyframes, local_from_keyframe: &lost.aside.local_from_keyframe };
         let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
         let hopes = hopes(sought, &lost.heard, |a, b| lost.aside.closing.way_m(a, b));
-        let ground = (lost.ground.as_ref(), hopes);
+        let ground = (lost.ground.as_ref(), hopes, lost.heard.last().map(Heard::to));
         if let Some(seeking) = self.closing.seek(&self.settings, past, &self.dropped, sought, ground, question) {
             lost.asking = Some(self.questions);
             self.jobs.push_back(Job(Task::Seek(seeking)));

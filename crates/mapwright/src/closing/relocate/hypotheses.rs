@@ -7,19 +7,22 @@
 
 use super::look::{Look, is_contradicted};
 use super::weigh::{WITHOUT, same, target};
-use super::{Found, LATELY_M, Sought};
+use super::{Found, LATELY_M, Seeking, Sought};
 use crate::closing::{Closing, Past, candidate, id};
 use mapwright_geom::Pose2;
-use mapwright_grid::Matcher;
-use mapwright_loops::{Finding, Sighting, VerifySettings};
+use mapwright_grid::{Agreement, Matcher};
+use mapwright_loops::{Finding, Sighting, Submap, VerifySettings};
 use mapwright_record::{Evidence, Verdict};
+use std::cell::LazyCell;
 
 /// Places are looked at from such a share of the full score on, and of the best,
 const LEAST_SCORE: f64 = 0.65;
 const LEAST_OF_BEST: f64 = 0.75;
 /// the best so many, and so many of them closely.
-const SIGHTINGS: usize = 24;
+const SIGHTINGS: usize = 48;
 const LOOKS: usize = 10;
+/// A point that speaks against a place outweighs so many that fit.
+const AGAINST: f64 = 3.0;
 /// What fits this badly on the coarse map is not looked at closely.
 const COARSE: Bounds = Bounds { closely: 0.0, overlap: 0.0, share: 0.78, contradiction: 0.18 };
 /// So many hypotheses are followed.
@@ -53,11 +56,19 @@ const CLOSE: [[Bounds; 2]; 3] = [
 ];
 /// Answers are kept for so much way, metres.
 const KEPT_M: f64 = 10.0;
-/// A place is believed that has lasted for so much way, metres, and fitted closely so often;
+/// It may be missing from one answer, and from two in a row or more for each so many in which it stood, up to so many.
+const STOOD_FOR_EACH_MISSED: usize = 6;
+const MISSED_AT_MOST: usize = 3;
+/// A place is believed that has lasted for so much way, metres, the longer where less than this share of what was seen lately
+/// is known, and fitted closely so often;
 const LASTED_M: f64 = 1.5;
+const LASTED_LITTLE_KNOWN_M: f64 = 2.5;
+const LITTLE_KNOWN: f64 = 0.8;
 const CLOSELY: usize = 4;
 /// mostly, or for so much way, metres, at least in one answer of three.
 const LONGER_M: f64 = 3.0;
+/// Another place is its rival where it explains such a share of what the place does.
+const RIVAL_SHARE: f64 = 0.9;
 /// Whatever the robot has seen before, it is not chance for so much way, metres, and so often.
 const WHATEVER_M: f64 = 8.0;
 const WHATEVER: usize = 10;
@@ -82,14 +93,34 @@ impl Bounds {
     }
 }
 
-/// A place that what was seen bears out.
+/// How what was seen fits at a place that it bears out.
 #[derive(Debug, Clone)]
-pub(crate) struct Hypothesis {
+struct Fit {
     /// The old keyframe nearest to it.
-    pub(crate) from: u32,
+    from: u32,
     finding: Finding,
     map_from_query: Pose2,
     is_close: bool,
+}
+
+impl Fit {
+    fn standing(&self, aside_from_query: Pose2, is_unlikely: bool) -> Standing {
+        let Evidence { score, overlap, inlier_share, .. } = self.finding.evidence;
+        let [score, overlap, fitting] = [score, overlap, inlier_share].map(Option::unwrap_or_default);
+        Standing {
+            map_from_aside: self.map_from_query * aside_from_query.inverse(),
+            overlap,
+            explains: score * fitting,
+            is_close: self.is_close,
+            is_unlikely,
+        }
+    }
+}
+
+/// A place that what was seen bears out.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis {
+    fit: Fit,
     is_unlikely: bool,
 }
 
@@ -102,64 +133,99 @@ pub(crate) struct Hope {
 }
 
 impl Look<'_> {
-    /// The places that what was seen lately bears out, those that earlier answers have found first.
-    pub(super) fn hypotheses(&self) -> Vec<Hypothesis> {
-        let atlas = &self.ground.atlas;
+    /// The places that what was seen lately bears out: those that earlier answers have found, and of the others first what
+    /// fits without much that speaks against it, however much of it is known. And where they stood before.
+    pub(super) fn hypotheses(&self) -> (Vec<Hypothesis>, Vec<Heard>) {
         let mut matcher = Matcher { settings: self.seeking.matcher };
-        let hopes = self.seeking.hopes.iter().map(|hope| hope.map_from_aside * self.seeking.aside_from_query);
-        let sightings = atlas.sightings(self.query, LEAST_SCORE, LEAST_OF_BEST, SIGHTINGS);
-        let (mut looked_at, mut hypotheses): (Vec<Pose2>, Vec<Hypothesis>) = (Vec::new(), Vec::new());
-        for near in hopes.chain(sightings.iter().map(|sighting| sighting.map_from_query)) {
-            let (map_from_query, agreement) = atlas.refine(self.query, near, &mut matcher);
-            let contradiction = f64::from(agreement.contradicting) / self.query.hits.len().max(1) as f64;
-            let hopeless = agreement.inlier_share() < COARSE.share || contradiction > COARSE.contradiction;
+        let mut refine = |near: Pose2| self.ground.atlas.refine(self.query, near, &mut matcher);
+        let hopes = self.seeking.hopes.iter().map(|hope| refine(hope.map_from_aside * self.seeking.aside_from_query));
+        let mut places: Vec<(Pose2, Agreement)> = hopes.collect();
+        let sightings = self.ground.atlas.sightings(self.query, LEAST_SCORE, LEAST_OF_BEST, SIGHTINGS);
+        let mut others: Vec<(Pose2, Agreement)> =
+            sightings.iter().map(|sighting| refine(sighting.map_from_query)).collect();
+        let speaks_for =
+            |(_, there): &(Pose2, Agreement)| f64::from(there.fitting) - AGAINST * f64::from(there.contradicting);
+        others.sort_by(|a, b| speaks_for(b).total_cmp(&speaks_for(a)));
+        places.append(&mut others);
+        let (mut looked_at, mut fits): (Vec<Pose2>, Vec<Fit>) = (Vec::new(), Vec::new());
+        for (map_from_query, there) in places {
+            let contradiction = f64::from(there.contradicting) / self.query.hits.len().max(1) as f64;
+            let hopeless = there.inlier_share() < COARSE.share || contradiction > COARSE.contradiction;
             if hopeless || looked_at.iter().any(|&other| same(other, map_from_query, Pose2::IDENTITY)) {
                 continue;
             }
             looked_at.push(map_from_query);
-            let hypothesis = self.look_closely(map_from_query);
-            let is_new = |new: &Hypothesis| {
-                !hypotheses.iter().any(|old| same(old.map_from_query, new.map_from_query, Pose2::IDENTITY))
-            };
-            if let Some(hypothesis) = hypothesis.filter(is_new) {
-                hypotheses.push(hypothesis);
+            let fit = self.fit(self.query, self.since, map_from_query);
+            let is_new =
+                |new: &Fit| !fits.iter().any(|old| same(old.map_from_query, new.map_from_query, Pose2::IDENTITY));
+            if let Some(fit) = fit.filter(is_new) {
+                fits.push(fit);
             }
             if looked_at.len() >= LOOKS {
                 break;
             }
         }
-        hypotheses
+        self.stand(&fits)
     }
 
-    fn look_closely(&self, map_from_query: Pose2) -> Option<Hypothesis> {
+    /// How what was seen fits near a pose in the map, where that bears it out.
+    fn fit(&self, query: &Submap, since: &Submap, map_from_query: Pose2) -> Option<Fit> {
         let view = self.ground.atlas.nearest(map_from_query)?;
         let target = self.place(view);
         let near = Sighting { map_from_query, score: 0.0 };
         let settings = VerifySettings { least_score: 0.0, ..VerifySettings::default() };
-        let finding = self.look(view, &target, self.query, &near, settings);
+        let finding = self.look(view, &target, query, &near, settings);
         let lately = TENABLE.iter().any(|[lately, _]| lately.hold(&finding.evidence));
         let map_from_query = self.ground.atlas.map_from_view(view) * finding.target_from_query.filter(|_| lately)?;
-        let since = self.look(view, &target, self.since, &near, self.anything()).evidence;
+        let since = self.look(view, &target, since, &near, self.anything()).evidence;
         let is = |bounds: &[[Bounds; 2]]| {
             bounds.iter().any(|bounds| bounds[0].hold(&finding.evidence) && bounds[1].hold(&since))
         };
         let (is_tenable, is_close) = (is(&TENABLE), is(&CLOSE));
-        let is_unlikely = || {
-            let hope = self.seeking.hopes.iter().find(|hope| {
-                same(hope.map_from_aside * self.seeking.aside_from_query, map_from_query, Pose2::IDENTITY)
-            });
-            let score = finding.evidence.score.unwrap_or(0.0);
-            self.is_common(&Sighting { map_from_query, score })
-                || self.was_there(map_from_query, hope.map_or(0.0, |hope| hope.way_m).max(LATELY_M))
+        is_tenable.then(|| Fit { from: self.ground.nodes[view], finding, map_from_query, is_close })
+    }
+
+    /// Fits as hypotheses, and where they stood before: all of them since the last answer, those that it did not know also
+    /// earlier.
+    fn stand(&self, fits: &[Fit]) -> (Vec<Hypothesis>, Vec<Heard>) {
+        let Seeking { aside_from_query, submaps, .. } = self.seeking;
+        let mut heard: Vec<Heard> = Vec::new();
+        let mut earlier = vec![Vec::new(); fits.len()];
+        for before in self.seeking.earlier.iter().filter(|_| !fits.is_empty()) {
+            let queries = LazyCell::new(|| [&before.lately, &before.since].map(|views| Submap::new(views, submaps)));
+            for (fit, earlier) in fits.iter().zip(&mut earlier) {
+                let near = fit.map_from_query * aside_from_query.between(before.aside_from_query);
+                let is_known = before.answered && self.hope(fit).is_some();
+                let there = (!is_known).then(|| self.fit(&queries[0], &queries[1], near)).flatten();
+                earlier.push(there.filter(|there| same(there.map_from_query, near, Pose2::IDENTITY)));
+            }
+            heard.push(Heard { to: before.to, standing: Vec::new() });
+        }
+        let stand = |(fit, earlier): (&Fit, Vec<Option<Fit>>)| {
+            let is_close = fit.is_close || earlier.iter().flatten().any(|there| there.is_close);
+            let is_unlikely = is_close && self.is_unlikely_place(fit);
+            for ((before, heard), there) in self.seeking.earlier.iter().zip(&mut heard).zip(&earlier) {
+                heard.standing.extend(there.as_ref().map(|there| there.standing(before.aside_from_query, is_unlikely)));
+            }
+            Hypothesis { fit: fit.clone(), is_unlikely }
         };
-        let from = self.ground.nodes[view];
-        is_tenable.then(|| Hypothesis {
-            from,
-            finding,
-            map_from_query,
-            is_close,
-            is_unlikely: is_close && is_unlikely(),
-        })
+        let hypotheses = fits.iter().zip(earlier).map(stand).collect();
+        (hypotheses, heard)
+    }
+
+    /// Whether such a place is common in what was seen before, or the robot would have been found there.
+    fn is_unlikely_place(&self, fit: &Fit) -> bool {
+        let Fit { map_from_query, finding: Finding { evidence, .. }, .. } = fit;
+        self.is_common(evidence.score.unwrap_or(0.0), evidence)
+            || self.was_there(*map_from_query, self.hope(fit).map_or(0.0, |hope| hope.way_m).max(LATELY_M))
+    }
+
+    /// What earlier answers made of a place.
+    fn hope(&self, fit: &Fit) -> Option<&Hope> {
+        let is = |hope: &&Hope| {
+            same(hope.map_from_aside * self.seeking.aside_from_query, fit.map_from_query, Pose2::IDENTITY)
+        };
+        self.seeking.hopes.iter().find(is)
     }
 }
 
@@ -174,11 +240,19 @@ pub(crate) struct Heard {
 #[derive(Debug, Clone, Copy)]
 struct Standing {
     map_from_aside: Pose2,
+    /// The share of what was seen lately that is known there, and that it explains.
+    overlap: f64,
+    explains: f64,
     is_close: bool,
     is_unlikely: bool,
 }
 
 impl Heard {
+    /// The newest keyframe that was asked about.
+    pub(crate) fn to(&self) -> u32 {
+        self.to
+    }
+
     /// Whether no place was left.
     pub(crate) fn is_nowhere(&self) -> bool {
         self.standing.is_empty()
@@ -189,22 +263,43 @@ impl Heard {
     }
 }
 
-/// The answers that have a place standing, the latest first, but for single ones between them.
+/// Takes in what stood already.
+fn merge(heard: &mut Vec<Heard>, earlier: &Heard, here: Pose2) {
+    if heard.last().is_none_or(|last| last.to < earlier.to) {
+        heard.push(earlier.clone());
+    } else if let Some(answer) = heard.iter_mut().find(|answer| answer.to == earlier.to) {
+        for standing in &earlier.standing {
+            if answer.of(standing.map_from_aside, here).is_none() {
+                answer.standing.push(*standing);
+            }
+        }
+    }
+}
+
+/// The answers that have a place standing, the latest first, but for a few in a row between them: one, or the more the longer
+/// it had been standing.
 fn run_of(heard: &[Heard], map_from_aside: Pose2, here: Pose2) -> Vec<(&Heard, Standing)> {
-    let mut missed = 0;
-    let known = heard.iter().rev().map_while(|answer| {
-        let standing = answer.of(map_from_aside, here);
-        missed = if standing.is_some() { 0 } else { missed + 1 };
-        (missed < 2).then_some(standing.map(|standing| (answer, standing)))
-    });
-    known.flatten().collect()
+    let (mut run, mut missed) = (Vec::new(), 0);
+    for answer in heard {
+        if let Some(standing) = answer.of(map_from_aside, here) {
+            missed = 0;
+            run.push((answer, standing));
+        } else {
+            missed += 1;
+            if missed > (run.len() / STOOD_FOR_EACH_MISSED).clamp(1, MISSED_AT_MOST) {
+                run.clear();
+            }
+        }
+    }
+    run.reverse();
+    run
 }
 
 /// What is to be looked at again.
 pub(crate) fn hopes(sought: Past<'_>, heard: &[Heard], way_m: impl Fn(u32, u32) -> f64) -> Vec<Hope> {
     let mut hopes: Vec<Hope> = Vec::new();
     let Some((to, &here)) = sought.local_from_keyframe.iter().enumerate().next_back() else { return hopes };
-    for standing in heard.iter().rev().take(3).flat_map(|answer| &answer.standing) {
+    for standing in heard.iter().rev().take(MISSED_AT_MOST).flat_map(|answer| &answer.standing) {
         let Standing { map_from_aside, .. } = *standing;
         if hopes.len() < HOPES && !hopes.iter().any(|hope| same(hope.map_from_aside, map_from_aside, here)) {
             let first = run_of(heard, map_from_aside, here).last().map(|(first, _)| first.to);
@@ -229,18 +324,19 @@ impl Closing {
         let newest = past.keyframes.len().checked_sub(1)? as u32;
         let here = sought.local_from_keyframe[answer.to as usize];
         heard.retain(|other| way_m(other.to, answer.to) <= KEPT_M);
-        let standing = |hypothesis: &Hypothesis| {
-            let Hypothesis { map_from_query, is_close, is_unlikely, .. } = *hypothesis;
-            Standing { map_from_aside: map_from_query * here.inverse(), is_close, is_unlikely }
-        };
-        heard.push(Heard { to: answer.to, standing: answer.hypotheses.iter().map(standing).collect() });
-        for hypothesis in answer.hypotheses.iter().filter(|hypothesis| hypothesis.is_close) {
+        let hypotheses = answer.hypotheses.as_ref()?;
+        for earlier in answer.earlier.iter().filter(|earlier| earlier.to < answer.to) {
+            merge(heard, earlier, here);
+        }
+        let standing = |hypothesis: &Hypothesis| hypothesis.fit.standing(here, hypothesis.is_unlikely);
+        heard.push(Heard { to: answer.to, standing: hypotheses.iter().map(standing).collect() });
+        for hypothesis in hypotheses.iter().filter(|hypothesis| hypothesis.fit.is_close) {
             let run = run_of(heard, standing(hypothesis).map_from_aside, here);
             let span_m = run.last().map_or(0.0, |(first, _)| way_m(first.to, answer.to));
             if !(lasts(&run, span_m) && is_only(&run, here)) {
                 continue;
             }
-            let Hypothesis { from, finding, .. } = *hypothesis;
+            let Fit { from, finding, .. } = hypothesis.fit;
             let mut candidate = candidate(&target(from), newest, &finding);
             (candidate.verdict, candidate.evidence.agreeing) = (Verdict::Accepted, run.len() as u32 - 1);
             candidate.to = id(newest + 1);
@@ -259,16 +355,24 @@ fn lasts(run: &[(&Heard, Standing)], span_m: f64) -> bool {
     let likely = count(|standing| standing.is_close && !standing.is_unlikely);
     let mostly = 3 * closely >= 2 * run.len();
     let often = mostly || (span_m >= LONGER_M && 3 * closely >= run.len());
-    (likely >= CLOSELY && 3 * likely >= 2 * closely && span_m >= LASTED_M && often)
+    let little_known = run.first().is_none_or(|(_, latest)| latest.overlap < LITTLE_KNOWN);
+    let lasted_m = if little_known { LASTED_LITTLE_KNOWN_M } else { LASTED_M };
+    (likely >= CLOSELY && 3 * likely >= 2 * closely && span_m >= lasted_m && often)
         || (closely >= WHATEVER && span_m >= WHATEVER_M && mostly)
 }
 
-/// Whether every other place that stood meanwhile is missing from enough of the answers.
+/// Whether every other place that explained as much meanwhile is missing from enough of the answers.
 fn is_only(run: &[(&Heard, Standing)], here: Pose2) -> bool {
-    let without = |other: Pose2| run.iter().filter(|(answer, _)| answer.of(other, here).is_none()).count();
+    let rivals = |other: &Standing, this: &Standing| other.explains >= RIVAL_SHARE * this.explains;
+    let without = |other: Pose2| {
+        let lacks =
+            |(answer, this): &&(&Heard, Standing)| answer.of(other, here).is_none_or(|other| !rivals(&other, this));
+        run.iter().filter(lacks).count()
+    };
     run.iter().all(|(answer, this)| {
         answer.standing.iter().all(|other| {
             same(other.map_from_aside, this.map_from_aside, here)
+                || !rivals(other, this)
                 || without(other.map_from_aside) >= WITHOUT.max(run.len() / 3)
         })
     })
@@ -285,11 +389,18 @@ mod tests {
     }
 
     /// Answers every quarter of a metre; for each the places that stand, close ones as `c`, unlikely ones as `u`, tenable ones
-    /// as `t`.
+    /// as `t`, close ones of which little is known as `l`, which explain less.
     fn heard(answers: &[&[&str]]) -> Vec<Heard> {
         let standing = |(k, what): (usize, &&str)| {
             let map_from_aside = place(k);
-            (*what != "-").then_some(Standing { map_from_aside, is_close: *what != "t", is_unlikely: *what == "u" })
+            let overlap = if *what == "l" { 0.7 } else { 0.9 };
+            (*what != "-").then_some(Standing {
+                map_from_aside,
+                overlap,
+                explains: 0.9 * overlap,
+                is_close: *what != "t",
+                is_unlikely: *what == "u",
+            })
         };
         let answer = |(to, places): (usize, &&[&str])| {
             let standing = places.iter().enumerate().filter_map(standing).collect();
@@ -312,6 +423,23 @@ mod tests {
         assert!(!is_home(&[close; 6]), "it has not lasted yet");
         assert!(is_home(&[close, close, &["-"], close, close, close, &["t"], close]), "single answers may miss it");
         assert!(!is_home(&[close, close, close, close, &[], &[], close, close, close]), "two in a row may not");
+        let none: &[&str] = &[];
+        let after = |stood: usize, missed: usize| [vec![close; stood], vec![none; missed], vec![close]].concat();
+        assert!(is_home(&after(12, 2)) && !is_home(&after(11, 2)), "unless it has lasted for long");
+        assert!(is_home(&after(18, 3)) && !is_home(&after(30, 4)));
+    }
+
+    #[test]
+    fn a_place_of_which_little_is_known_has_to_last_longer() {
+        let little: &[&str] = &["l"];
+        assert!(!is_home(&[little; 10]) && is_home(&[little; 11]));
+        assert!(is_home(&[little, little, &["c"], &["c"], &["c"], &["c"], &["c"]]), "it is known by now");
+    }
+
+    #[test]
+    fn a_place_that_explains_less_is_no_rival() {
+        assert!(is_home(&[["c", "l"].as_slice(); 7]));
+        assert!(!is_home(&[["l", "c"].as_slice(); 12]), "the other way round it is one");
     }
 
     #[test]

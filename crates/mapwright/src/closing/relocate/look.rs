@@ -29,10 +29,16 @@ const WHOLE_OVERLAP: f64 = 0.95;
 /// What a place must show at least, and how much may speak against it.
 const LEAST_SHARE: f64 = 0.8;
 const MOST_CONTRADICTION: f64 = 0.14;
-/// What was seen before, on the way here, and scores such a share of the best is common here,
+/// What was seen before, on the way here, and fits there to such a share of how it fits at a place, makes it common here,
 const COMMON_SHARE: f64 = 0.93;
 /// unless it is where the robot is, metres.
 const RETURNED_M: f64 = 1.5;
+/// So many places of it are looked at, from such a share of the full score on, and of the best.
+const AGAIN_AT_MOST: usize = 4;
+const AGAIN_SCORE: f64 = 0.7;
+const AGAIN_OF_BEST: f64 = 0.93;
+/// What is known to less than this share there does not count.
+const AGAIN_OVERLAP: f64 = 0.5;
 
 /// Of what a robot has seen on its way from unknown ground little is known; where it has seen more than this share of what is
 /// known, it would have been found there before, unless it never left known ground.
@@ -69,8 +75,8 @@ pub(super) struct Look<'a> {
     pub(super) whole: bool,
     /// What was seen before that, once it was drawn,
     pub(super) before: &'a OnceCell<Atlas>,
-    /// and where in it fits what is looked for.
-    pub(super) again: OnceCell<Option<Sighting>>,
+    /// and how what is looked for fits where it was seen before, with the score of the search.
+    pub(super) again: OnceCell<Vec<(f64, Evidence)>>,
 }
 
 impl Look<'_> {
@@ -91,7 +97,7 @@ impl Look<'_> {
             (finding.objection, fits) = (Some(Objection::Contradiction), false);
         }
         let mut rivals = Some(Vec::new());
-        if fits && self.is_unlikely(best) {
+        if fits && self.is_unlikely(best, &finding.evidence) {
             finding.objection = Some(Objection::Ambiguous);
             return Some(Place { from, finding, rivals, whole: false, common: true });
         } else if fits {
@@ -108,23 +114,41 @@ impl Look<'_> {
     /// Whether what a robot has seen before it came here speaks against a place: what fits nearly as well, for then such
     /// places are common in this building, and the one that is known need not be the one; or, were it there, too much of what
     /// is known, for the robot was not found then.
-    fn is_unlikely(&self, best: &Sighting) -> bool {
+    fn is_unlikely(&self, best: &Sighting, evidence: &Evidence) -> bool {
         if self.seeking.before.is_empty() {
             return false;
         }
         let map_from_aside = best.map_from_query * self.seeking.aside_from_query.inverse();
-        KNOWN_BEFORE.contains(&self.ground.atlas.share_of(self.before(), map_from_aside)) || self.is_common(best)
+        KNOWN_BEFORE.contains(&self.ground.atlas.share_of(self.before(), map_from_aside))
+            || self.is_common(best.score, evidence)
     }
 
-    /// Whether what was seen before fits nearly as well.
-    pub(super) fn is_common(&self, best: &Sighting) -> bool {
+    /// Whether what is looked for fits nearly as well where it was seen before: by the search and, looked at as closely, by how
+    /// well that fits which is known of it.
+    pub(super) fn is_common(&self, score: f64, evidence: &Evidence) -> bool {
         if self.seeking.before.is_empty() {
             return false;
         }
-        self.again.get_or_init(|| self.before().find(self.query)).is_some_and(|again| {
-            let returned = again.map_from_query.distance(self.seeking.aside_from_query) <= RETURNED_M;
-            !returned && again.score >= COMMON_SHARE * best.score
+        let again = self.again.get_or_init(|| self.seen_again());
+        again.iter().any(|(again, there)| {
+            *again >= COMMON_SHARE * score && fit_of_known(there) >= COMMON_SHARE * fit_of_known(evidence)
         })
+    }
+
+    /// Where what is looked for fits in what was seen before: the score of the search, and how it fits, looked at closely.
+    fn seen_again(&self) -> Vec<(f64, Evidence)> {
+        let before = self.before();
+        let sightings = before.sightings(self.query, AGAIN_SCORE, AGAIN_OF_BEST, AGAIN_AT_MOST);
+        let elsewhere = sightings
+            .iter()
+            .filter(|sighting| sighting.map_from_query.distance(self.seeking.aside_from_query) > RETURNED_M);
+        let look = |sighting: &Sighting| {
+            let view = before.nearest(sighting.map_from_query)?;
+            let target = Submap::new(&before.around(view, PLACE_M), &self.seeking.submaps);
+            let near = before.map_from_view(view).between(sighting.map_from_query);
+            Some((sighting.score, self.look_near(near, &target, self.query, self.anything()).evidence))
+        };
+        elsewhere.filter_map(look).collect()
     }
 
     fn before(&self) -> &Atlas {
@@ -175,11 +199,12 @@ impl Look<'_> {
         sighting: &Sighting,
         settings: VerifySettings,
     ) -> Finding {
-        let window = SearchWindow {
-            world_from_robot: self.ground.atlas.map_from_view(view).between(sighting.map_from_query),
-            half_width_m: CLOSELY_M,
-            half_width_rad: CLOSELY_RAD,
-        };
+        let near = self.ground.atlas.map_from_view(view).between(sighting.map_from_query);
+        self.look_near(near, target, query, settings)
+    }
+
+    fn look_near(&self, near: Pose2, target: &Submap, query: &Submap, settings: VerifySettings) -> Finding {
+        let window = SearchWindow { world_from_robot: near, half_width_m: CLOSELY_M, half_width_rad: CLOSELY_RAD };
         Verifier::new(settings, Matcher { settings: self.seeking.matcher }).look_for(query, target, &window)
     }
 
@@ -214,6 +239,13 @@ impl Look<'_> {
 pub(super) fn is_contradicted(evidence: &Evidence, least_share: f64, most_contradiction: f64) -> bool {
     evidence.contradiction.is_none_or(|share| share > most_contradiction)
         || evidence.inlier_share.is_none_or(|share| share < least_share)
+}
+
+/// How well what is known of it fits at a place; nothing where little is known.
+fn fit_of_known(evidence: &Evidence) -> f64 {
+    let [score, overlap, fitting] =
+        [evidence.score, evidence.overlap, evidence.inlier_share].map(Option::unwrap_or_default);
+    if overlap < AGAIN_OVERLAP { 0.0 } else { score / overlap * fitting }
 }
 
 /// The share of what was seen that a place leaves unexplained.
