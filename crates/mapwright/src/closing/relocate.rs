@@ -127,7 +127,7 @@ impl Seeking {
         // A robot that comes from unknown ground knows little of what it has seen but the last of it.
         let best = if !fits && less { lately.best().or(best) } else { best };
         // For long it is nowhere; a look at every other answer, which looks back, is enough to see it come.
-        let is_to_look = !self.whole && (!self.hopes.is_empty() || self.question.is_multiple_of(2));
+        let is_to_look = self.whole || !self.hopes.is_empty() || self.question.is_multiple_of(2);
         let hypotheses = is_to_look.then(|| lately.hypotheses());
         let (hypotheses, earlier) = hypotheses.unzip();
         Sought { question: self.question, to: self.to, ground, best, hypotheses, earlier: earlier.unwrap_or_default() }

@@ -5,7 +5,7 @@
 //! the only one: hypotheses are followed from answer to answer, as in multi-hypothesis localisation (Jensfelt and
 //! Kristensen 2001).
 
-use super::look::{Look, is_contradicted};
+use super::look::{Look, WHOLE_OVERLAP, is_contradicted};
 use super::weigh::{WITHOUT, same, target};
 use super::{Found, LATELY_M, Seeking, Sought};
 use crate::closing::{Closing, Past, candidate, id};
@@ -181,8 +181,15 @@ impl Look<'_> {
         let is = |bounds: &[[Bounds; 2]]| {
             bounds.iter().any(|bounds| bounds[0].hold(&finding.evidence) && bounds[1].hold(&since))
         };
+        // Who may never have left known ground knows nearly all that it has seen, or comes from elsewhere.
+        let on_known_ground = since.overlap.is_some_and(|share| share >= WHOLE_OVERLAP);
         let (is_tenable, is_close) = (is(&TENABLE), is(&CLOSE));
-        is_tenable.then(|| Fit { from: self.ground.nodes[view], finding, map_from_query, is_close })
+        (is_tenable && (on_known_ground || !self.seeking.whole)).then(|| Fit {
+            from: self.ground.nodes[view],
+            finding,
+            map_from_query,
+            is_close,
+        })
     }
 
     /// Fits as hypotheses, and where they stood before: all of them since the last answer, those that it did not know also
@@ -361,7 +368,7 @@ fn lasts(run: &[(&Heard, Standing)], span_m: f64) -> bool {
         || (closely >= WHATEVER && span_m >= WHATEVER_M && mostly)
 }
 
-/// Whether every other place that explained as much meanwhile is missing from enough of the answers.
+/// Whether no other place explains as much now, and every one that did meanwhile is missing from enough of the answers.
 fn is_only(run: &[(&Heard, Standing)], here: Pose2) -> bool {
     let rivals = |other: &Standing, this: &Standing| other.explains >= RIVAL_SHARE * this.explains;
     let without = |other: Pose2| {
@@ -369,11 +376,11 @@ fn is_only(run: &[(&Heard, Standing)], here: Pose2) -> bool {
             |(answer, this): &&(&Heard, Standing)| answer.of(other, here).is_none_or(|other| !rivals(&other, this));
         run.iter().filter(lacks).count()
     };
-    run.iter().all(|(answer, this)| {
+    run.iter().enumerate().all(|(back, (answer, this))| {
         answer.standing.iter().all(|other| {
             same(other.map_from_aside, this.map_from_aside, here)
                 || !rivals(other, this)
-                || without(other.map_from_aside) >= WITHOUT.max(run.len() / 3)
+                || (back > 0 && without(other.map_from_aside) >= WITHOUT.max(run.len() / 3))
         })
     })
 }
@@ -456,6 +463,7 @@ mod tests {
         assert!(!is_home(&[both; 12]));
         assert!(!is_home(&[both, both, both, both, both, both, both, both, one]), "one answer without it is chance");
         assert!(is_home(&[both, both, both, both, both, one, one, one, one]));
+        assert!(!is_home(&[one, one, one, one, one, one, one, one, both]), "now it stands");
     }
 
     #[test]

@@ -25,7 +25,7 @@ const PLAIN_SCORE: f64 = 0.94;
 const PLAIN_SHARE: f64 = 0.9;
 /// Who is on known ground knows such a share of what it has seen lately, and of all that it has seen where it never left it.
 const PLAIN_OVERLAP: f64 = 0.9;
-const WHOLE_OVERLAP: f64 = 0.95;
+pub(super) const WHOLE_OVERLAP: f64 = 0.95;
 /// What a place must show at least, and how much may speak against it.
 const LEAST_SHARE: f64 = 0.8;
 const MOST_CONTRADICTION: f64 = 0.14;
