@@ -20,6 +20,7 @@ use std::collections::VecDeque;
 use suspicion::Suspicion;
 use sweep_motion::RecentOdometry;
 
+mod arrival;
 mod correction;
 mod guard;
 mod insert;
@@ -195,7 +196,7 @@ impl Mapper {
     pub fn add_odometry(&mut self, odometry: &Odometry) {
         if odometry.odom_from_robot.is_finite() {
             self.recent_odometry.add(*odometry);
-            if let Some(lost) = &mut self.lost {
+            if let Some(lost) = self.lost_or_arrived() {
                 lost.add_odometry(odometry);
             }
         }
@@ -204,7 +205,7 @@ impl Mapper {
     /// Remembers a reading of a gyroscope, for the robot's motion during a sweep: hand in what was read during it before its
     /// scan. False where it is no rate that a robot can have; it is left out then.
     pub fn add_turn_rate(&mut self, rate: &TurnRate) -> bool {
-        if let Some(lost) = &mut self.lost {
+        if let Some(lost) = self.lost_or_arrived() {
             lost.add_turn_rate(rate);
         }
         self.turn_rates.add(*rate)
@@ -236,7 +237,7 @@ impl Mapper {
         self.live.meet(&self.settings, frames, hits, predicted);
         let matched = self.match_scan(predicted, step);
         probe.end(Stage::Match);
-        let matched = self.suspicion(scan.stamp, matched, step);
+        let matched = self.suspicion(scan, matched, step);
         self.settle(scan, odom_from_robot, step, predicted, matched.as_ref());
         // 4. and 5. Insert when the robot has moved enough; the live map follows what is certain.
         let keyframe = self.insert_if_moved(scan, matched.as_ref());

@@ -1,6 +1,7 @@
 //! A robot that does not know where it is: it maps aside, writes nothing, and asks every place it knows.
 
 use super::Mapper;
+use super::arrival::Arrival;
 use super::guard::KNOWN_SHARE;
 use super::suspicion::Suspicion;
 use crate::closing::{Chance, Found, Ground, Heard, Past, Sought, hopes};
@@ -64,10 +65,35 @@ impl Lost {
         }
     }
 
-    /// What was mapped aside is of no use: from this scan on anew.
-    fn start_again(&mut self, mapper: &Mapper, scan: &LaserScan) {
+    /// What was mapped aside is of no use any more.
+    pub(super) fn begin_again(&mut self, mapper: &Mapper) {
         *self = Self { ground: self.ground.take(), ..Self::new(mapper) };
-        let _ = self.aside.add_scan(scan);
+    }
+
+    /// One scan of it, mapped aside.
+    pub(super) fn see(&mut self, mapper: &Mapper, scan: &LaserScan) -> Update {
+        let update = self.aside.add_scan(scan);
+        if update.matched.as_ref().is_some_and(is_apart) {
+            self.begin_again(mapper);
+            let _ = self.aside.add_scan(scan);
+        }
+        update
+    }
+
+    /// The keyframes that were made aside, and where the robot is relative to the newest.
+    pub(super) fn aside(&self) -> (Past<'_>, Pose2) {
+        let Mapper { keyframes, local_from_keyframe, local_from_robot, .. } = &self.aside;
+        let newest = local_from_keyframe.last().copied().unwrap_or_default();
+        (Past { keyframes, local_from_keyframe }, newest.between(*local_from_robot))
+    }
+
+    /// Where it was found it is not; what spoke for that has to be seen anew.
+    pub(super) fn give_up(&mut self) {
+        (self.chances, self.heard, self.asking) = (Vec::new(), Vec::new(), None);
+    }
+
+    fn redraw_ground(&mut self) {
+        (self.ground, self.asking) = (None, None);
     }
 
     pub(super) fn add_odometry(&mut self, odometry: &Odometry) {
@@ -113,11 +139,8 @@ impl Mapper {
         self.settle(scan, odom, step, predicted, None);
         let mut report = None;
         if let Some(mut lost) = self.lost.take() {
-            let update = lost.aside.add_scan(scan);
+            let update = lost.see(self, scan);
             report = update.matched;
-            if update.matched.as_ref().is_some_and(is_apart) {
-                lost.start_again(self, scan);
-            }
             lost.way_m += step.last_from_robot.x.hypot(step.last_from_robot.y);
             if update.keyframe.is_some() && lost.is_to_ask() {
                 self.ask_everywhere(&mut lost);
@@ -169,11 +192,14 @@ impl Mapper {
         }
     }
 
+    /// A robot that does not know where it is, or may not know.
+    pub(super) fn lost_or_arrived(&mut self) -> Option<&mut Lost> {
+        self.lost.as_deref_mut().or_else(|| self.suspicion.lost())
+    }
+
     /// The past was corrected: what is known is to be drawn anew, and what is still asked was asked of the old one.
     pub(super) fn redraw_ground(&mut self) {
-        if let Some(lost) = &mut self.lost {
-            (lost.ground, lost.asking) = (None, None);
-        }
+        self.lost_or_arrived().into_iter().for_each(Lost::redraw_ground);
     }
 
     /// The robot is found: it goes on from there.
@@ -189,8 +215,10 @@ impl Mapper {
         self.doubted_from = None;
         self.broken = Some(Broken { from, covariance });
         let arrived = self.insert(scan, None);
-        self.suspicion = Suspicion::of_arrival(arrived);
-        if arrived.is_some() {
+        // It has seen where it is until now, though not here.
+        self.seen = Some(scan.stamp);
+        if let Some(node) = arrived {
+            self.suspicion = Suspicion::of_arrival(Arrival::new(node, from, lost));
             let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
             self.live.arrive(&self.settings, frames, &self.points.hits, self.local_from_robot);
         }

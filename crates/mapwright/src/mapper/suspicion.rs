@@ -1,18 +1,23 @@
 //! Whether a robot is still where it was: after a time without a look at the world, and where it has come home.
 
 use super::Mapper;
+use super::arrival::Arrival;
 use super::guard::Matched;
 use super::relocation::Lost;
 use crate::closing::Past;
 use crate::motion::Step;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::Pose2;
 use mapwright_loops::View;
 use mapwright_record::{Objection, Status};
+use mapwright_sensor::LaserScan;
 
 /// After a time without a look at the world, so much way has to fit before the robot is believed where it was, metres.
 const SUSPECT_WAY_M: f64 = 1.5;
 /// The same where the robot has arrived, by its own account.
-const ARRIVAL_WAY_M: f64 = 4.0;
+const ARRIVAL_WAY_M: f64 = 8.0;
+/// or, where it leaves what is known, on less than this share of a scan, so much.
+const FRONTIER_SHARE: f64 = 0.5;
+const FRONTIER_WAY_M: f64 = 1.5;
 /// From so many usual periods without returns on, and so many seconds.
 const BLIND_PERIODS: f64 = 20.0;
 const BLIND_S: f64 = 4.0;
@@ -40,8 +45,8 @@ pub(super) struct Suspicion {
     turned_rad: f64,
     /// Scans that did not fit on it.
     misfits: u32,
-    /// The keyframe of an arrival that is not yet believed.
-    arrived: Option<u32>,
+    /// An arrival that is not yet believed.
+    arrival: Option<Arrival>,
     /// What it has seen meanwhile, in the frame of the newest keyframe; nothing after an arrival.
     seen: Vec<View>,
     /// Whether that was looked at halfway.
@@ -50,15 +55,29 @@ pub(super) struct Suspicion {
 
 impl Suspicion {
     pub(super) fn is_none(&self) -> bool {
-        self.left_m <= 0.0
+        self.left_m <= 0.0 && self.arrival.is_none()
     }
 
-    pub(super) fn of_arrival(arrived: Option<u32>) -> Self {
-        Self { left_m: ARRIVAL_WAY_M, arrived, ..Self::default() }
+    pub(super) fn of_arrival(arrival: Arrival) -> Self {
+        Self { left_m: ARRIVAL_WAY_M, arrival: Some(arrival), ..Self::default() }
+    }
+
+    /// What a robot that has arrived would be otherwise.
+    pub(super) fn lost(&mut self) -> Option<&mut Lost> {
+        self.arrival.as_mut().map(Arrival::lost)
     }
 
     fn of_blindness() -> Self {
         Self { left_m: SUSPECT_WAY_M, ..Self::default() }
+    }
+
+    /// Keeps an arrival for as long as it is not believed.
+    fn keep(&mut self, arrival: Arrival, known_share: f64) {
+        let is_at_frontier = known_share < FRONTIER_SHARE && ARRIVAL_WAY_M - self.left_m >= FRONTIER_WAY_M;
+        if is_at_frontier && !arrival.is_doubted() {
+            self.left_m = 0.0;
+        }
+        self.arrival = Some(arrival).filter(|arrival| self.left_m > 0.0 || arrival.is_doubted());
     }
 
     /// Takes a scan in; whether it speaks against the place.
@@ -66,14 +85,14 @@ impl Suspicion {
         self.turned_rad += step.last_from_robot.theta;
         // Without a look at the world and without motion, it is the same that is seen again.
         let moved = SUSPECT_WAY_M - self.left_m >= SAME_M || self.turned_rad.abs() >= SAME_RAD;
-        let again = self.arrived.is_none() && !moved;
+        let again = self.arrival.is_none() && !moved;
         self.left_m -= step.last_from_robot.x.hypot(step.last_from_robot.y);
-        self.arrived = self.arrived.filter(|_| self.left_m > 0.0);
         let [known, fitting] = [matched.agreement.known_share(), matched.agreement.inlier_share()];
         let same = known >= SAME_SHARE && fitting >= SAME_SHARE;
         let fits = (same || !again)
             && fitting >= SUSPECT_SHARE
-            && matched.report.odometry_sigmas <= SUSPECT_SIGMAS
+            // Who has arrived is held against all that it sees, whatever its wheels do.
+            && (self.arrival.is_some() || matched.report.odometry_sigmas <= SUSPECT_SIGMAS)
             && matched.status != Status::Lost;
         self.misfits += u32::from(!fits);
         !fits
@@ -82,19 +101,33 @@ impl Suspicion {
 
 impl Mapper {
     /// After a time without a look at the world the robot may be anywhere: unless what it sees fits very well, it is lost.
-    pub(super) fn suspicion(&mut self, stamp: Stamp, matched: Option<Matched>, step: Step) -> Option<Matched> {
+    pub(super) fn suspicion(&mut self, scan: &LaserScan, matched: Option<Matched>, step: Step) -> Option<Matched> {
         let mut matched = matched?;
+        let stamp = scan.stamp;
         let blind_s = self.seen.map_or(0.0, |seen| stamp.secs_since(seen));
         self.seen = Some(stamp);
         let usual_s = self.predictor.period_s();
         if self.settings.loops.relocate && usual_s > 0.0 && blind_s > BLIND_S.max(BLIND_PERIODS * usual_s) {
-            self.suspicion = Suspicion { arrived: self.suspicion.arrived, ..Suspicion::of_blindness() };
+            self.suspicion = match self.suspicion.arrival.take() {
+                Some(arrival) => Suspicion::of_arrival(arrival.anew(self)),
+                None => Suspicion::of_blindness(),
+            };
         }
         if !self.suspicion.is_none() {
             if self.suspicion.is_against(&matched, step) {
                 matched.status = Status::Degraded;
             }
-            if self.suspicion.misfits >= MISFITS || self.is_elsewhere(matched.world_from_robot) {
+            let elsewhere = if let Some(mut arrival) = self.suspicion.arrival.take() {
+                let refuted = arrival.is_refuted(self, scan, &matched);
+                if arrival.is_doubted() {
+                    matched.status = Status::Degraded;
+                }
+                self.suspicion.keep(arrival, matched.agreement.known_share());
+                refuted
+            } else {
+                self.is_elsewhere(matched.world_from_robot)
+            };
+            if self.suspicion.misfits >= MISFITS || elsewhere {
                 matched.status = Status::Lost;
                 self.get_lost();
             }
@@ -108,9 +141,7 @@ impl Mapper {
     /// Every scan of it may fit, as in a corridor that looks like the one before; as one submap it is asked what a closure is
     /// asked, and what should be there and is not counts as well.
     fn is_elsewhere(&mut self, local_from_robot: Pose2) -> bool {
-        let Some(newest) = self.keyframes.len().checked_sub(1).filter(|_| self.suspicion.arrived.is_none()) else {
-            return false;
-        };
+        let Some(newest) = self.keyframes.len().checked_sub(1) else { return false };
         let newest_from_robot = self.local_from_keyframe[newest].between(local_from_robot);
         let last = self.suspicion.seen.last().map(|view| view.submap_from_keyframe);
         let is_far = last.is_none_or(|last| self.settings.keyframes.is_far(last.between(newest_from_robot)));
@@ -138,18 +169,37 @@ impl Mapper {
     pub(super) fn get_lost(&mut self) {
         if self.settings.loops.relocate && !self.keyframes.is_empty() {
             let suspicion = std::mem::take(&mut self.suspicion);
-            if let Some(node) = suspicion.arrived {
-                self.leave_again(node);
-            }
-            self.lost = Some(Box::new(Lost::new(self)));
+            self.lost = Some(match suspicion.arrival {
+                Some(arrival) => self.leave_again(arrival),
+                None => Box::new(Lost::new(self)),
+            });
         }
     }
+}
 
-    /// The robot did not arrive where it thought: the keyframe of its arrival is none.
-    fn leave_again(&mut self, node: u32) {
-        let _ = self.drop_keyframe(self.id(node));
-        let arrival = self.id(node);
-        self.edges.retain(|edge| edge.to != arrival);
-        self.closing.disown(node);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Settings;
+
+    fn arrived(way_m: f64, against: u32) -> (Suspicion, Arrival) {
+        let mapper = Mapper::with(Settings::default(), Pose2::IDENTITY);
+        let arrival = Arrival::new(9, 3, Box::new(Lost::new(&mapper))).with_against(against);
+        let mut suspicion = Suspicion::of_arrival(arrival);
+        suspicion.left_m -= way_m;
+        let arrival = suspicion.arrival.take().expect("it is");
+        (suspicion, arrival)
+    }
+
+    #[test]
+    fn an_arrival_is_believed_in_the_end_or_where_known_ground_ends() {
+        let is_believed = |way_m: f64, known_share: f64, against: u32| {
+            let (mut suspicion, arrival) = arrived(way_m, against);
+            suspicion.keep(arrival, known_share);
+            suspicion.is_none()
+        };
+        assert!(!is_believed(7.9, 0.9, 0) && is_believed(8.0, 0.9, 0), "all of the way");
+        assert!(!is_believed(1.4, 0.4, 0) && is_believed(1.6, 0.4, 0) && !is_believed(1.6, 0.6, 0), "the frontier");
+        assert!(!is_believed(1.6, 0.4, 1) && !is_believed(8.0, 0.9, 1), "nobody is believed in doubt");
     }
 }

@@ -62,7 +62,7 @@ const MISSED_AT_MOST: usize = 3;
 /// A place is believed that has lasted for so much way, metres, the longer where less than this share of what was seen lately
 /// is known, and fitted closely so often;
 const LASTED_M: f64 = 1.5;
-const LASTED_LITTLE_KNOWN_M: f64 = 2.5;
+const LASTED_LITTLE_KNOWN_M: f64 = 4.0;
 const LITTLE_KNOWN: f64 = 0.8;
 const CLOSELY: usize = 4;
 /// mostly, or for so much way, metres, at least in one answer of three.
@@ -439,7 +439,7 @@ mod tests {
     #[test]
     fn a_place_of_which_little_is_known_has_to_last_longer() {
         let little: &[&str] = &["l"];
-        assert!(!is_home(&[little; 10]) && is_home(&[little; 11]));
+        assert!(!is_home(&[little; 16]) && is_home(&[little; 17]));
         assert!(is_home(&[little, little, &["c"], &["c"], &["c"], &["c"], &["c"]]), "it is known by now");
     }
 
@@ -470,6 +470,20 @@ mod tests {
     fn a_place_where_it_would_have_been_found_before_has_to_last_whatever() {
         let unlikely: &[&str] = &["u"];
         assert!(!is_home(&[unlikely; 32]) && is_home(&[unlikely; 33]));
+    }
+
+    #[test]
+    fn what_stood_already_is_taken_in() {
+        let mut known = heard(&[&["c"], &["t"]]);
+        known[1].to = 3;
+        let [one, two]: [&[&str]; 2] = [&["c"], &["c", "c"]];
+        for (to, places) in [(0, two), (1, one), (3, two), (4, one)] {
+            let standing = heard(&[places]).swap_remove(0).standing;
+            merge(&mut known, &Heard { to, standing }, HERE);
+        }
+        let stood: Vec<(u32, usize)> = known.iter().map(|answer| (answer.to, answer.standing.len())).collect();
+        assert_eq!(stood, [(0, 2), (3, 2), (4, 1)], "what lies between answers without one of its own is left");
+        assert!(!known[1].standing[0].is_close, "what an answer has found stays");
     }
 
     #[test]
