@@ -27,6 +27,13 @@ pub struct Surfel {
 }
 
 impl Surfel {
+    /// Squared distance of a point from the surface, square metres.
+    #[must_use]
+    pub fn squared_distance(&self, x: f64, y: f64) -> f64 {
+        let (dx, dy) = (x - self.x, y - self.y);
+        f64::from(self.axx) * dx * dx + 2.0 * f64::from(self.axy) * dx * dy + f64::from(self.ayy) * dy * dy
+    }
+
     /// Whether a beam in this direction would end on the surface's far side.
     #[inline]
     pub(crate) fn is_seen_from_behind(&self, [rx, ry]: [f32; 2]) -> bool {
@@ -289,6 +296,32 @@ impl LiveMap {
         agreement
     }
 
+    /// How closely the end points in known territory lie on the surfaces at a pose: the mean of `exp(-d^2 / (2 sigma^2))`, with
+    /// `d` from the line of the nearest surface, metres, or from the surface itself where that is no longer near. A likelihood
+    /// field (Thrun, Burgard and Fox 2005, section 6.4) whose obstacles are lines. Zero where nothing is known.
+    #[must_use]
+    pub fn closeness(&self, points: &[[f64; 2]], world_from_robot: Pose2, sigma_m: f64) -> f64 {
+        let (s, c) = world_from_robot.theta.sin_cos();
+        let cells_per_m = 1.0 / self.settings.resolution_m;
+        let [known2, near2] = [2.0, 3.0].map(|cells| (cells * self.settings.resolution_m).powi(2));
+        let per_d2 = 0.5 / (sigma_m * sigma_m);
+        let (mut sum, mut known) = (0.0, 0_u32);
+        let mut field = self.field.look_ups();
+        for &[px, py] in points {
+            let (x, y) = (world_from_robot.x + c * px - s * py, world_from_robot.y + s * px + c * py);
+            let (cell_x, cell_y) = (floor_cell(x * cells_per_m), floor_cell(y * cells_per_m));
+            let slot = field.nearest(cell_x, cell_y);
+            let surfel = (slot != NO_OBSTACLE).then(|| &self.surfels[slot as usize]);
+            let away2 = surfel.map_or(f64::INFINITY, |surfel| (x - surfel.x).powi(2) + (y - surfel.y).powi(2));
+            if away2 < known2 || self.counts.passes(cell_x, cell_y) > 0 {
+                known += 1;
+                let off2 = surfel.filter(|_| away2 < near2).map_or(away2, |surfel| surfel.squared_distance(x, y));
+                sum += (-off2 * per_d2).exp();
+            }
+        }
+        if known == 0 { 0.0 } else { sum / f64::from(known) }
+    }
+
     /// Calls with the keyframe behind the obstacle nearest to each end point at a pose, from whichever side it was seen.
     pub fn each_supplier(&self, points: &[[f64; 2]], world_from_robot: Pose2, mut call: impl FnMut(u32)) {
         let (s, c) = world_from_robot.theta.sin_cos();
@@ -461,5 +494,22 @@ mod tests {
         }
         map.change(&points, Pose2::IDENTITY, Change::Add, 7);
         assert_eq!(supplier(&map), Some(7));
+    }
+
+    #[test]
+    fn closeness_is_what_a_normal_distribution_makes_of_the_distance_from_the_line() {
+        const SIGMA_M: f64 = 0.025;
+        let hits: Vec<_> = (0..80).map(|k| [2.0, 0.025 * f64::from(k) - 1.0]).collect();
+        let points = SweepPoints { normals: vec![[-1.0, 0.0]; hits.len()], hits, ..SweepPoints::default() };
+        let mut map = LiveMap::new(LiveMapSettings::default());
+        map.change(&points, Pose2::IDENTITY, Change::Add, 0);
+        let inner = &points.hits[10..70];
+        for (off_m, along_m) in [(0.0, 0.0), (0.0, 0.1), (0.02, 0.0), (-0.04, 0.1), (0.09, 0.0)] {
+            let there = map.closeness(inner, Pose2::new(off_m, along_m, 0.0), SIGMA_M);
+            let expected = (-0.5 * (off_m / SIGMA_M).powi(2)).exp();
+            assert!((there - expected).abs() < 1e-3, "{off_m} m off, {along_m} m along: {there}, expected {expected}");
+        }
+        let nowhere = map.closeness(inner, Pose2::new(1.0, 0.0, 0.0), SIGMA_M);
+        assert!(nowhere < f64::EPSILON, "nothing is known there: {nowhere}");
     }
 }

@@ -210,6 +210,9 @@ const NORMAL_RATIO: f64 = 0.1;
 const GRAZED_HITS: usize = 4;
 const GRAZED_GAP_M: f64 = 0.3;
 const GRAZED_WIDTH_M: f64 = 0.03;
+/// Hits are compared with the line through those so many before and after them, where these are no farther apart, metres.
+const OFFSET_HITS: usize = 2;
+const OFFSET_REACH_M: f64 = 0.5;
 
 /// End points of a sweep in the robot's frame at the sweep's stamp, metres, as the matcher and the map want them.
 #[derive(Debug, Clone, Default)]
@@ -316,6 +319,18 @@ impl SweepPoints {
             }
         }
         best.1
+    }
+
+    /// How far hits lie from the line through the second one before and the second one after them, metres, where those are
+    /// within 0.5 m of each other. On a straight wall with noise of sigma across it their variance is `1.5 sigma^2`.
+    pub fn offsets_m(&self) -> impl Iterator<Item = f64> + '_ {
+        self.hits.windows(2 * OFFSET_HITS + 1).filter_map(|row| {
+            let (a, here, b) = (row[0], row[OFFSET_HITS], row[2 * OFFSET_HITS]);
+            let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+            let apart_m = dx.hypot(dy);
+            let off_m = ((here[0] - a[0]) * dy - (here[1] - a[1]) * dx).abs() / apart_m;
+            (apart_m > 0.0 && apart_m <= OFFSET_REACH_M).then_some(off_m)
+        })
     }
 
     /// Root mean square range of the hits and the range of the farthest one, metres; 1 m each without hits.

@@ -5,7 +5,7 @@
 //! the only one: hypotheses are followed from answer to answer, as in multi-hypothesis localisation (Jensfelt and
 //! Kristensen 2001).
 
-use super::look::{Look, WHOLE_OVERLAP, is_contradicted};
+use super::look::{Look, WHOLE_OVERLAP, fit_of_known, is_contradicted};
 use super::weigh::{WITHOUT, same, target};
 use super::{Found, LATELY_M, Seeking, Sought};
 use crate::closing::{Closing, Past, candidate, id};
@@ -24,35 +24,37 @@ const LOOKS: usize = 10;
 /// A point that speaks against a place outweighs so many that fit.
 const AGAINST: f64 = 3.0;
 /// What fits this badly on the coarse map is not looked at closely.
-const COARSE: Bounds = Bounds { closely: 0.0, overlap: 0.0, share: 0.78, contradiction: 0.18 };
+const COARSE: Bounds = Bounds { overlap: 0.0, share: 0.75, contradiction: 0.2 };
+/// From here on surfaces lie where they should, not near.
+const EXACT: f64 = 0.86;
 /// So many hypotheses are followed.
 const HOPES: usize = 4;
-/// A place that fits so is not given up: what was seen lately, and all that was seen on the way that is kept in mind; there,
-/// where nearly all is known, much may have changed since as long as what is left fits the closer.
-const TENABLE: [[Bounds; 2]; 2] = [
-    [
-        Bounds { closely: 0.92, overlap: 0.6, share: 0.8, contradiction: 0.15 },
-        Bounds { closely: 0.0, overlap: 0.0, share: 0.83, contradiction: 0.11 },
-    ],
-    [
-        Bounds { closely: 0.96, overlap: 0.85, share: 0.8, contradiction: 0.15 },
-        Bounds { closely: 0.0, overlap: 0.0, share: 0.82, contradiction: 0.15 },
-    ],
+/// A place that fits so is not given up: what was seen lately, and all that was seen on the way that is kept in mind; where
+/// much has changed, what is left must fit the closer.
+const TENABLE: [Fitting; 2] = [
+    Fitting {
+        closeness: 0.74,
+        lately: Bounds { overlap: 0.6, share: 0.8, contradiction: 0.15 },
+        since: Bounds { overlap: 0.0, share: 0.82, contradiction: 0.15 },
+    },
+    Fitting {
+        closeness: 0.86,
+        lately: Bounds { overlap: 0.6, share: 0.76, contradiction: 0.17 },
+        since: Bounds { overlap: 0.0, share: 0.76, contradiction: 0.17 },
+    },
 ];
-/// The same for a place that is believed where it lasts; where all that was seen on the way fits well, less closely.
-const CLOSE: [[Bounds; 2]; 3] = [
-    [
-        Bounds { closely: 0.94, overlap: 0.7, share: 0.82, contradiction: 0.14 },
-        Bounds { closely: 0.0, overlap: 0.0, share: 0.86, contradiction: 0.09 },
-    ],
-    [
-        Bounds { closely: 0.97, overlap: 0.85, share: 0.8, contradiction: 0.15 },
-        Bounds { closely: 0.0, overlap: 0.0, share: 0.83, contradiction: 0.13 },
-    ],
-    [
-        Bounds { closely: 0.92, overlap: 0.9, share: 0.85, contradiction: 0.1 },
-        Bounds { closely: 0.0, overlap: 0.0, share: 0.9, contradiction: 0.06 },
-    ],
+/// The same for a place that is believed where it lasts.
+const CLOSE: [Fitting; 2] = [
+    Fitting {
+        closeness: 0.8,
+        lately: Bounds { overlap: 0.6, share: 0.86, contradiction: 0.09 },
+        since: Bounds { overlap: 0.0, share: 0.84, contradiction: 0.11 },
+    },
+    Fitting {
+        closeness: EXACT,
+        lately: Bounds { overlap: 0.6, share: 0.78, contradiction: 0.15 },
+        since: Bounds { overlap: 0.0, share: 0.78, contradiction: 0.15 },
+    },
 ];
 /// Answers are kept for so much way, metres.
 const KEPT_M: f64 = 10.0;
@@ -60,9 +62,10 @@ const KEPT_M: f64 = 10.0;
 const STOOD_FOR_EACH_MISSED: usize = 6;
 const MISSED_AT_MOST: usize = 3;
 /// A place is believed that has lasted for so much way, metres, the longer where less than this share of what was seen lately
-/// is known, and fitted closely so often;
+/// is known, the less so where it mostly fits exactly, and fitted closely so often;
 const LASTED_M: f64 = 1.5;
 const LASTED_LITTLE_KNOWN_M: f64 = 4.0;
+const LASTED_EXACTLY_M: f64 = 2.5;
 const LITTLE_KNOWN: f64 = 0.8;
 const CLOSELY: usize = 4;
 /// mostly, or for so much way, metres, at least in one answer of three.
@@ -73,12 +76,10 @@ const RIVAL_SHARE: f64 = 0.9;
 const WHATEVER_M: f64 = 8.0;
 const WHATEVER: usize = 10;
 
-/// What a fit has to come up to.
+/// What has to fit, and how well.
 struct Bounds {
-    /// The score as a share of the overlap,
-    closely: f64,
     overlap: f64,
-    /// of what is known, what fits,
+    /// Of what is known, what fits,
     share: f64,
     /// and of all, what speaks against it at most.
     contradiction: f64,
@@ -86,10 +87,22 @@ struct Bounds {
 
 impl Bounds {
     fn hold(&self, evidence: &Evidence) -> bool {
-        let [score, overlap] = [evidence.score, evidence.overlap].map(Option::unwrap_or_default);
-        overlap >= self.overlap
-            && score >= self.closely * overlap
+        evidence.overlap.is_some_and(|overlap| overlap >= self.overlap)
             && !is_contradicted(evidence, self.share, self.contradiction)
+    }
+}
+
+/// What a place has to come up to.
+struct Fitting {
+    /// How closely surfaces lie on those of the other submap, as a share of how closely they lie on their own.
+    closeness: f64,
+    lately: Bounds,
+    since: Bounds,
+}
+
+impl Fitting {
+    fn holds(&self, closeness: f64, lately: &Evidence, since: &Evidence) -> bool {
+        closeness >= self.closeness && self.lately.hold(lately) && self.since.hold(since)
     }
 }
 
@@ -100,18 +113,21 @@ struct Fit {
     from: u32,
     finding: Finding,
     map_from_query: Pose2,
+    closeness: f64,
+    fit_of_known: f64,
     is_close: bool,
 }
 
 impl Fit {
     fn standing(&self, aside_from_query: Pose2, is_unlikely: bool) -> Standing {
-        let Evidence { score, overlap, inlier_share, .. } = self.finding.evidence;
-        let [score, overlap, fitting] = [score, overlap, inlier_share].map(Option::unwrap_or_default);
+        let Evidence { overlap, inlier_share, .. } = self.finding.evidence;
+        let [overlap, fitting] = [overlap, inlier_share].map(Option::unwrap_or_default);
         Standing {
             map_from_aside: self.map_from_query * aside_from_query.inverse(),
             overlap,
-            explains: score * fitting,
+            explains: overlap * fitting * self.closeness,
             is_close: self.is_close,
+            is_exact: self.closeness >= EXACT,
             is_unlikely,
         }
     }
@@ -175,20 +191,27 @@ impl Look<'_> {
         let near = Sighting { map_from_query, score: 0.0 };
         let settings = VerifySettings { least_score: 0.0, ..VerifySettings::default() };
         let finding = self.look(view, &target, query, &near, settings);
-        let lately = TENABLE.iter().any(|[lately, _]| lately.hold(&finding.evidence));
-        let map_from_query = self.ground.atlas.map_from_view(view) * finding.target_from_query.filter(|_| lately)?;
-        let since = self.look(view, &target, since, &near, self.anything()).evidence;
-        let is = |bounds: &[[Bounds; 2]]| {
-            bounds.iter().any(|bounds| bounds[0].hold(&finding.evidence) && bounds[1].hold(&since))
-        };
+        let lately = finding.evidence;
+        let target_from_query =
+            finding.target_from_query.filter(|_| TENABLE.iter().any(|fitting| fitting.lately.hold(&lately)))?;
+        let map_from_query = self.ground.atlas.map_from_view(view) * target_from_query;
+        let all = self.look(view, &target, since, &near, self.anything());
+        let (target_from_since, all) = (all.target_from_query?, all.evidence);
+        // A wrong place may fit to the width of a cell, but hardly all the way, and seen from either side, to that of a wall.
+        let closeness = query
+            .closeness(&target, target_from_query)
+            .min(since.closeness(&target, target_from_since))
+            .min(target.closeness(since, target_from_since.inverse()));
+        let is = |fitting: &Fitting| fitting.holds(closeness, &lately, &all);
         // Who may never have left known ground knows nearly all that it has seen, or comes from elsewhere.
-        let on_known_ground = since.overlap.is_some_and(|share| share >= WHOLE_OVERLAP);
-        let (is_tenable, is_close) = (is(&TENABLE), is(&CLOSE));
-        (is_tenable && (on_known_ground || !self.seeking.whole)).then(|| Fit {
+        let on_known_ground = all.overlap.is_some_and(|share| share >= WHOLE_OVERLAP);
+        (TENABLE.iter().any(is) && (on_known_ground || !self.seeking.whole)).then(|| Fit {
             from: self.ground.nodes[view],
             finding,
             map_from_query,
-            is_close,
+            closeness,
+            fit_of_known: fit_of_known(&finding, query, &target),
+            is_close: CLOSE.iter().any(is),
         })
     }
 
@@ -222,9 +245,8 @@ impl Look<'_> {
 
     /// Whether such a place is common in what was seen before, or the robot would have been found there.
     fn is_unlikely_place(&self, fit: &Fit) -> bool {
-        let Fit { map_from_query, finding: Finding { evidence, .. }, .. } = fit;
-        self.is_common(evidence.score.unwrap_or(0.0), evidence)
-            || self.was_there(*map_from_query, self.hope(fit).map_or(0.0, |hope| hope.way_m).max(LATELY_M))
+        self.is_common(fit.finding.evidence.score.unwrap_or(0.0), fit.fit_of_known)
+            || self.was_there(fit.map_from_query, self.hope(fit).map_or(0.0, |hope| hope.way_m).max(LATELY_M))
     }
 
     /// What earlier answers made of a place.
@@ -251,6 +273,7 @@ struct Standing {
     overlap: f64,
     explains: f64,
     is_close: bool,
+    is_exact: bool,
     is_unlikely: bool,
 }
 
@@ -363,7 +386,12 @@ fn lasts(run: &[(&Heard, Standing)], span_m: f64) -> bool {
     let mostly = 3 * closely >= 2 * run.len();
     let often = mostly || (span_m >= LONGER_M && 3 * closely >= run.len());
     let little_known = run.first().is_none_or(|(_, latest)| latest.overlap < LITTLE_KNOWN);
-    let lasted_m = if little_known { LASTED_LITTLE_KNOWN_M } else { LASTED_M };
+    let exactly = count(|standing| standing.is_close && standing.is_exact);
+    let lasted_m = match (little_known, 3 * exactly >= 2 * closely) {
+        (false, _) => LASTED_M,
+        (true, true) => LASTED_EXACTLY_M,
+        (true, false) => LASTED_LITTLE_KNOWN_M,
+    };
     (likely >= CLOSELY && 3 * likely >= 2 * closely && span_m >= lasted_m && often)
         || (closely >= WHATEVER && span_m >= WHATEVER_M && mostly)
 }
@@ -396,16 +424,17 @@ mod tests {
     }
 
     /// Answers every quarter of a metre; for each the places that stand, close ones as `c`, unlikely ones as `u`, tenable ones
-    /// as `t`, close ones of which little is known as `l`, which explain less.
+    /// as `t`, close ones of which little is known as `l`, exact ones as `e`, which explain less.
     fn heard(answers: &[&[&str]]) -> Vec<Heard> {
         let standing = |(k, what): (usize, &&str)| {
             let map_from_aside = place(k);
-            let overlap = if *what == "l" { 0.7 } else { 0.9 };
+            let overlap = if "le".contains(what) { 0.7 } else { 0.9 };
             (*what != "-").then_some(Standing {
                 map_from_aside,
                 overlap,
                 explains: 0.9 * overlap,
                 is_close: *what != "t",
+                is_exact: *what == "e",
                 is_unlikely: *what == "u",
             })
         };
@@ -440,6 +469,10 @@ mod tests {
     fn a_place_of_which_little_is_known_has_to_last_longer() {
         let little: &[&str] = &["l"];
         assert!(!is_home(&[little; 16]) && is_home(&[little; 17]));
+        let exact: &[&str] = &["e"];
+        assert!(!is_home(&[exact; 10]) && is_home(&[exact; 11]), "not for so long where it fits exactly,");
+        let mixed: [&[&str]; 12] = std::array::from_fn(|k| if k % 2 == 0 { exact } else { little });
+        assert!(!is_home(&mixed), "mostly");
         assert!(is_home(&[little, little, &["c"], &["c"], &["c"], &["c"], &["c"]]), "it is known by now");
     }
 
@@ -488,20 +521,23 @@ mod tests {
 
     #[test]
     fn each_bound_counts() {
-        let fit = |score, overlap, inlier_share, contradiction| Evidence {
-            score: Some(score),
+        let fit = |overlap, inlier_share, contradiction| Evidence {
             overlap: Some(overlap),
             inlier_share: Some(inlier_share),
             contradiction: Some(contradiction),
             ..Evidence::default()
         };
-        let bounds = &CLOSE[0][0];
-        assert!(bounds.hold(&fit(0.8, 0.8, 0.9, 0.1)));
-        for worse in
-            [fit(0.7, 0.8, 0.9, 0.1), fit(0.69, 0.69, 0.9, 0.1), fit(0.8, 0.8, 0.81, 0.1), fit(0.8, 0.8, 0.9, 0.15)]
-        {
-            assert!(!bounds.hold(&worse), "{worse:?}");
+        let (good, bounds) = (fit(0.8, 0.9, 0.08), &CLOSE[0]);
+        assert!(bounds.holds(0.85, &good, &good));
+        assert!(!bounds.holds(0.79, &good, &good), "not closely");
+        for worse in [fit(0.8, 0.81, 0.08), fit(0.8, 0.9, 0.12)] {
+            assert!(!bounds.holds(0.85, &worse, &good) && !bounds.holds(0.85, &good, &worse), "{worse:?}");
         }
-        assert!(!bounds.hold(&Evidence::default()));
+        let little = fit(0.5, 0.9, 0.08);
+        assert!(
+            !bounds.holds(0.85, &little, &good) && bounds.holds(0.85, &good, &little),
+            "what is new may be elsewhere"
+        );
+        assert!(!bounds.holds(0.85, &Evidence::default(), &good));
     }
 }

@@ -23,6 +23,8 @@ const RIVALS_AT_MOST: usize = 48;
 /// known fits.
 const PLAIN_SCORE: f64 = 0.94;
 const PLAIN_SHARE: f64 = 0.9;
+/// A wrong place may fit to the width of a cell; surfaces lie this closely on those of the right one.
+const PLAIN_CLOSENESS: f64 = 0.8;
 /// Who is on known ground knows such a share of what it has seen lately, and of all that it has seen where it never left it.
 const PLAIN_OVERLAP: f64 = 0.9;
 pub(super) const WHOLE_OVERLAP: f64 = 0.95;
@@ -59,6 +61,8 @@ pub(crate) struct Place {
     whole: bool,
     /// Whether the robot has seen elsewhere what fits nearly as well.
     common: bool,
+    /// How closely surfaces lie on those that are known, as a share of how closely they lie on their own.
+    closeness: f64,
 }
 
 /// A close look at places that were sighted.
@@ -75,8 +79,8 @@ pub(super) struct Look<'a> {
     pub(super) whole: bool,
     /// What was seen before that, once it was drawn,
     pub(super) before: &'a OnceCell<Atlas>,
-    /// and how what is looked for fits where it was seen before, with the score of the search.
-    pub(super) again: OnceCell<Vec<(f64, Evidence)>>,
+    /// and where what is looked for fits in it: the score of the search, and how well that fits which is known.
+    pub(super) again: OnceCell<Vec<(f64, f64)>>,
 }
 
 impl Look<'_> {
@@ -91,15 +95,16 @@ impl Look<'_> {
         let target = self.place(view);
         let mut finding = self.look(view, &target, self.query, best, self.verify());
         let from = self.ground.nodes[view];
+        let closeness = finding.target_from_query.map_or(0.0, |pose| self.query.closeness(&target, pose));
         // Where it fits a little farther along a wall as well, the place is as good.
         let mut fits = matches!(finding.objection, None | Some(Objection::Ambiguous));
         if fits && self.is_against(view, &target, best) {
             (finding.objection, fits) = (Some(Objection::Contradiction), false);
         }
         let mut rivals = Some(Vec::new());
-        if fits && self.is_unlikely(best, &finding.evidence) {
+        if fits && self.is_unlikely(best, fit_of_known(&finding, self.query, &target)) {
             finding.objection = Some(Objection::Ambiguous);
-            return Some(Place { from, finding, rivals, whole: false, common: true });
+            return Some(Place { from, finding, rivals, whole: false, common: true, closeness });
         } else if fits {
             let (equal, many) = self.rivals(best, &finding.evidence);
             if let Some(first) = equal.first() {
@@ -108,35 +113,34 @@ impl Look<'_> {
             }
             rivals = (!many).then(|| equal.iter().map(|rival| rival.map_from_query).collect());
         }
-        Some(Place { from, finding, rivals, whole: self.whole, common: false })
+        Some(Place { from, finding, rivals, whole: self.whole, common: false, closeness })
     }
 
     /// Whether what a robot has seen before it came here speaks against a place: what fits nearly as well, for then such
     /// places are common in this building, and the one that is known need not be the one; or, were it there, too much of what
     /// is known, for the robot was not found then.
-    fn is_unlikely(&self, best: &Sighting, evidence: &Evidence) -> bool {
+    fn is_unlikely(&self, best: &Sighting, here: f64) -> bool {
         if self.seeking.before.is_empty() {
             return false;
         }
         let map_from_aside = best.map_from_query * self.seeking.aside_from_query.inverse();
         KNOWN_BEFORE.contains(&self.ground.atlas.share_of(self.before(), map_from_aside))
-            || self.is_common(best.score, evidence)
+            || self.is_common(best.score, here)
     }
 
     /// Whether what is looked for fits nearly as well where it was seen before: by the search and, looked at as closely, by how
-    /// well that fits which is known of it.
-    pub(super) fn is_common(&self, score: f64, evidence: &Evidence) -> bool {
+    /// well that fits which is known of it, `here`.
+    pub(super) fn is_common(&self, score: f64, here: f64) -> bool {
         if self.seeking.before.is_empty() {
             return false;
         }
         let again = self.again.get_or_init(|| self.seen_again());
-        again.iter().any(|(again, there)| {
-            *again >= COMMON_SHARE * score && fit_of_known(there) >= COMMON_SHARE * fit_of_known(evidence)
-        })
+        again.iter().any(|&(again, there)| again >= COMMON_SHARE * score && there >= COMMON_SHARE * here)
     }
 
-    /// Where what is looked for fits in what was seen before: the score of the search, and how it fits, looked at closely.
-    fn seen_again(&self) -> Vec<(f64, Evidence)> {
+    /// Where what is looked for fits in what was seen before: the score of the search and, looked at closely, how well that
+    /// fits which is known.
+    fn seen_again(&self) -> Vec<(f64, f64)> {
         let before = self.before();
         let sightings = before.sightings(self.query, AGAIN_SCORE, AGAIN_OF_BEST, AGAIN_AT_MOST);
         let elsewhere = sightings
@@ -146,7 +150,8 @@ impl Look<'_> {
             let view = before.nearest(sighting.map_from_query)?;
             let target = Submap::new(&before.around(view, PLACE_M), &self.seeking.submaps);
             let near = before.map_from_view(view).between(sighting.map_from_query);
-            Some((sighting.score, self.look_near(near, &target, self.query, self.anything()).evidence))
+            let finding = self.look_near(near, &target, self.query, self.anything());
+            Some((sighting.score, fit_of_known(&finding, self.query, &target)))
         };
         elsewhere.filter_map(look).collect()
     }
@@ -241,11 +246,11 @@ pub(super) fn is_contradicted(evidence: &Evidence, least_share: f64, most_contra
         || evidence.inlier_share.is_none_or(|share| share < least_share)
 }
 
-/// How well what is known of it fits at a place; nothing where little is known.
-fn fit_of_known(evidence: &Evidence) -> f64 {
-    let [score, overlap, fitting] =
-        [evidence.score, evidence.overlap, evidence.inlier_share].map(Option::unwrap_or_default);
-    if overlap < AGAIN_OVERLAP { 0.0 } else { score / overlap * fitting }
+/// How well what is known of a submap fits in another: the share of it that does, by how closely; nothing where little is known.
+pub(super) fn fit_of_known(finding: &Finding, query: &Submap, target: &Submap) -> f64 {
+    let Finding { target_from_query, evidence: Evidence { overlap, inlier_share, .. }, .. } = finding;
+    let fitting = inlier_share.filter(|_| overlap.is_some_and(|overlap| overlap >= AGAIN_OVERLAP)).unwrap_or(0.0);
+    target_from_query.map_or(0.0, |pose| fitting * query.closeness(target, pose))
 }
 
 /// The share of what was seen that a place leaves unexplained.
@@ -263,6 +268,7 @@ impl Place {
         let on_known_ground =
             overlap.is_some_and(|share| share >= if self.whole { WHOLE_OVERLAP } else { PLAIN_OVERLAP });
         !self.common
+            && self.closeness >= PLAIN_CLOSENESS
             && on_known_ground
             && (closely || nearly_all)
             && matches!(self.finding.objection, None | Some(Objection::Ambiguous))
