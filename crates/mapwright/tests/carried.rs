@@ -187,24 +187,22 @@ fn a_place_that_lasts_is_home() {
     assert!(late_s.iter().all(|late_s| late_s.is_some_and(|s| (0.0..=10.0).contains(&s))), "{late_s:?}");
 }
 
-/// On a floor that is the same turned by half a turn it is found, 14 s on, where all that it has seen fits as well as where
-/// it is. On the next three metres ever less does: nothing but the keyframe of its arrival was written, that is gone again,
-/// and it comes home.
+/// On a floor that is the same turned by half a turn all that it has seen 14 s on fits as well as where it is, but not as
+/// closely.
 #[test]
-fn who_arrived_where_less_and_less_fits_was_not_there() {
+fn a_place_that_does_not_fit_closely_is_not_home() {
     let case = kidnapping(28_017);
-    let (mut wrong, mut written, mut home_s) = (0, Vec::new(), None);
-    let mapper = arrive(&case, 105.0, 0.0, |update, right| {
+    let (mut wrong, mut written, mut home_s) = (0, 0, None);
+    arrive(&case, 105.0, 0.0, |update, right| {
         let since_s = update.stamp.secs_since(case.put_down);
         let found = since_s > 1.0 && update.status == Status::Tracking;
         home_s = home_s.or((found && right).then_some(since_s));
         wrong += usize::from(found && !right);
-        written.extend(update.keyframe.filter(|_| home_s.is_none()));
+        written += usize::from(since_s > 0.0 && update.keyframe.is_some() && home_s.is_none());
     });
-    println!("{wrong} scans at a wrong place, {} keyframes, home after {home_s:.1?} s", written.len());
+    println!("{wrong} scans at a wrong place, {written} keyframes, home after {home_s:.1?} s");
     assert!(home_s.is_some_and(|s| (92.0..=102.0).contains(&s)));
-    assert!(wrong <= 70 && written.len() <= 1);
-    assert!(mapper.edges().iter().all(|edge| !written.contains(&edge.to)), "no edge leads there");
+    assert!(wrong == 0 && written == 0);
 }
 
 /// Found, it sees nothing for ten seconds while it drives on: wherever it is thought to be then, it comes home.

@@ -224,3 +224,55 @@ impl Mapper {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Settings;
+    use mapwright_sim::kidnapping;
+
+    /// Where all that a robot has seen on the way from where it was put down, 14 s ago, fits as well as where it is, on a floor
+    /// that is nearly the same turned by half a turn.
+    const WRONG: Pose2 = Pose2 { x: 19.676, y: -0.007, theta: -0.003 };
+
+    #[test]
+    fn who_is_found_where_less_and_less_fits_is_lost_again_and_has_left_nothing() {
+        let case = kidnapping(28_017);
+        let mut mapper = Mapper::with(Settings::default(), Pose2::IDENTITY);
+        let since_s = |scan: &LaserScan| scan.stamp.secs_since(case.put_down);
+        let (mut arrived, mut tracked, mut written, mut way_m) = (None, 0, 0, 0.0);
+        for scan in case.drive().scans().map(|scan| scan.scan).take_while(|scan| since_s(scan) < 60.0) {
+            let before = mapper.local_from_robot;
+            if arrived.is_none() && since_s(&scan) > 14.0 {
+                let lost = mapper.lost.as_mut().expect("it was carried away");
+                let to = lost.aside.keyframes.len() as u32 - 1;
+                let keyframe_from_robot =
+                    lost.aside.local_from_keyframe[to as usize].between(lost.aside.local_from_robot);
+                let local_from_to = WRONG * keyframe_from_robot.inverse();
+                let away_m = |&k: &usize| mapper.local_from_keyframe[k].distance(local_from_to);
+                let from =
+                    (0..mapper.keyframes.len()).min_by(|a, b| away_m(a).total_cmp(&away_m(b))).expect("it mapped");
+                let from_from_to = mapper.local_from_keyframe[from].between(local_from_to);
+                let covariance = Cov3::from_diagonal(&Vector3::new(4e-4, 4e-4, 2e-5));
+                lost.found = Some(Found { from: from as u32, to, from_from_to, covariance });
+                arrived = Some(mapper.keyframes.len() as u32);
+            }
+            let update = mapper.add_scan(&scan);
+            if arrived.is_some() && update.status != Status::Lost {
+                way_m += if tracked > 0 { before.distance(mapper.local_from_robot) } else { 0.0 };
+                tracked += 1;
+                written += usize::from(update.keyframe.is_some());
+            }
+        }
+        println!("{tracked} scans on {way_m:.1} m, {written} keyframes");
+        let node = arrived.expect("it did");
+        assert!(
+            tracked > 10 && (0.5..8.0).contains(&way_m) && mapper.lost.is_some(),
+            "it has gone on there for {way_m} m"
+        );
+        assert!(written == 1 && mapper.dropped.contains(&node), "the keyframe of the arrival is withdrawn");
+        let arrival = mapper.id(node);
+        assert!(mapper.edges.iter().all(|edge| edge.to != arrival && edge.from != arrival), "no edge leads there");
+        assert!(mapper.render_poses()[node as usize].is_none(), "nor is it drawn");
+    }
+}
