@@ -220,6 +220,22 @@ fn a_place_that_does_not_fit_closely_is_not_home() {
     assert!(wrong == 0 && written == 0);
 }
 
+/// Along a wall all that it has seen fits a third of a metre beside where it is, what it has seen lately does not.
+#[test]
+fn who_is_found_in_two_places_is_not_home() {
+    let case = kidnapping(20_080);
+    let (mut wrong, mut written, mut home_s) = (0, 0, None);
+    arrive(&case, 20.0, 0.0, |update, right| {
+        let since_s = update.stamp.secs_since(case.put_down);
+        let found = since_s > 1.0 && update.status == Status::Tracking;
+        home_s = home_s.or((found && right).then_some(since_s));
+        wrong += usize::from(found && !right);
+        written += usize::from(since_s > 0.0 && update.keyframe.is_some() && home_s.is_none());
+    });
+    println!("{wrong} scans at a wrong place, {written} keyframes, home after {home_s:.1?} s");
+    assert!(home_s.is_some_and(|s| s < 15.0) && wrong == 0 && written == 0);
+}
+
 /// Found, it sees nothing for ten seconds while it drives on: wherever it is thought to be then, it comes home.
 #[test]
 fn who_was_blind_on_arrival_comes_home_all_the_same() {

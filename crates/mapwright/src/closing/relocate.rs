@@ -110,19 +110,20 @@ impl Seeking {
         };
         let [since, lately] = [&self.since, &self.lately].map(|views| Submap::new(views, &self.submaps));
         let before = OnceCell::new();
-        let look = |query, all| Look {
+        let less = self.lately.len() < self.since.len();
+        let look = |query, all, other| Look {
             seeking: &self,
             ground: &ground,
             query,
             since: &since,
             all,
+            other: Some(other).filter(|_| less),
             whole: all && self.whole,
             before: &before,
             again: OnceCell::new(),
         };
-        let less = self.lately.len() < self.since.len();
-        let best = look(&since, true).best();
-        let lately = look(&lately, !less);
+        let best = look(&since, true, &lately).best();
+        let lately = look(&lately, !less, &since);
         let fits = best.as_ref().is_some_and(Place::is_plain);
         // A robot that comes from unknown ground knows little of what it has seen but the last of it.
         let best = if !fits && less { lately.best().or(best) } else { best };

@@ -5,7 +5,7 @@
 //! the only one: hypotheses are followed from answer to answer, as in multi-hypothesis localisation (Jensfelt and
 //! Kristensen 2001).
 
-use super::look::{Look, WHOLE_OVERLAP, fit_of_known, is_contradicted};
+use super::look::{Look, WHOLE_OVERLAP, fit_of_known, is_contradicted, say_the_same};
 use super::weigh::{WITHOUT, same, target};
 use super::{Found, LATELY_M, Seeking, Sought};
 use crate::closing::{Closing, Past, candidate, id};
@@ -196,6 +196,7 @@ impl Look<'_> {
             finding.target_from_query.filter(|_| TENABLE.iter().any(|fitting| fitting.lately.hold(&lately)))?;
         let map_from_query = self.ground.atlas.map_from_view(view) * target_from_query;
         let all = self.look(view, &target, since, &near, self.anything());
+        let steady = say_the_same(&finding, &all);
         let (target_from_since, all) = (all.target_from_query?, all.evidence);
         // A wrong place may fit to the width of a cell, but hardly all the way, and seen from either side, to that of a wall.
         let closeness = query
@@ -211,7 +212,7 @@ impl Look<'_> {
             map_from_query,
             closeness,
             fit_of_known: fit_of_known(&finding, query, &target),
-            is_close: CLOSE.iter().any(is),
+            is_close: steady && CLOSE.iter().any(is),
         })
     }
 

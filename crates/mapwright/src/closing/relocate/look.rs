@@ -25,6 +25,9 @@ const PLAIN_SCORE: f64 = 0.94;
 const PLAIN_SHARE: f64 = 0.9;
 /// A wrong place may fit to the width of a cell; surfaces lie this closely on those of the right one.
 const PLAIN_CLOSENESS: f64 = 0.8;
+/// What was seen lately and what was seen before as well are found no farther apart than this, metres: along a wall one of them
+/// may be found elsewhere.
+const SAME_PLACE_M: f64 = 0.15;
 /// Who is on known ground knows such a share of what it has seen lately, and of all that it has seen where it never left it.
 const PLAIN_OVERLAP: f64 = 0.9;
 pub(super) const WHOLE_OVERLAP: f64 = 0.95;
@@ -63,6 +66,8 @@ pub(crate) struct Place {
     common: bool,
     /// How closely surfaces lie on those that are known, as a share of how closely they lie on their own.
     closeness: f64,
+    /// Whether what was seen lately and what was seen before as well are found in the same place.
+    steady: bool,
 }
 
 /// A close look at places that were sighted.
@@ -75,6 +80,8 @@ pub(super) struct Look<'a> {
     pub(super) since: &'a Submap,
     /// whether the one is the other,
     pub(super) all: bool,
+    /// what was seen lately where all is looked for, and the other way round, where that is not the same,
+    pub(super) other: Option<&'a Submap>,
     /// and whether that is the whole way since the robot is lost.
     pub(super) whole: bool,
     /// What was seen before that, once it was drawn,
@@ -98,13 +105,15 @@ impl Look<'_> {
         let closeness = finding.target_from_query.map_or(0.0, |pose| self.query.closeness(&target, pose));
         // Where it fits a little farther along a wall as well, the place is as good.
         let mut fits = matches!(finding.objection, None | Some(Objection::Ambiguous));
-        if fits && self.is_against(view, &target, best) {
+        let other = self.other.filter(|_| fits).map(|other| self.look(view, &target, other, best, self.anything()));
+        if fits && !self.all && other.is_some_and(|seen| self.is_against(&seen.evidence)) {
             (finding.objection, fits) = (Some(Objection::Contradiction), false);
         }
+        let steady = other.is_none_or(|other| say_the_same(&finding, &other));
         let mut rivals = Some(Vec::new());
         if fits && self.is_unlikely(best, fit_of_known(&finding, self.query, &target)) {
             finding.objection = Some(Objection::Ambiguous);
-            return Some(Place { from, finding, rivals, whole: false, common: true, closeness });
+            return Some(Place { from, finding, rivals, whole: false, common: true, closeness, steady });
         } else if fits {
             let (equal, many) = self.rivals(best, &finding.evidence);
             if let Some(first) = equal.first() {
@@ -113,7 +122,7 @@ impl Look<'_> {
             }
             rivals = (!many).then(|| equal.iter().map(|rival| rival.map_from_query).collect());
         }
-        Some(Place { from, finding, rivals, whole: self.whole, common: false, closeness })
+        Some(Place { from, finding, rivals, whole: self.whole, common: false, closeness, steady })
     }
 
     /// Whether what a robot has seen before it came here speaks against a place: what fits nearly as well, for then such
@@ -220,13 +229,9 @@ impl Look<'_> {
 
     /// Whether what was seen before, on the way here, speaks against a place. Most of it may have been seen on unknown ground:
     /// little of it needs to fit, but that well.
-    fn is_against(&self, view: usize, target: &Submap, sighting: &Sighting) -> bool {
-        if self.all {
-            return false;
-        }
+    fn is_against(&self, seen: &Evidence) -> bool {
         let settings = self.anything();
-        let seen = self.look(view, target, self.since, sighting, settings).evidence;
-        is_contradicted(&seen, settings.least_inlier_share, settings.most_contradiction)
+        is_contradicted(seen, settings.least_inlier_share, settings.most_contradiction)
     }
 
     /// Whether another place, looked at as closely, is by far the worse explanation. By how much two places differ says
@@ -244,6 +249,11 @@ impl Look<'_> {
 pub(super) fn is_contradicted(evidence: &Evidence, least_share: f64, most_contradiction: f64) -> bool {
     evidence.contradiction.is_none_or(|share| share > most_contradiction)
         || evidence.inlier_share.is_none_or(|share| share < least_share)
+}
+
+/// Whether what was seen lately and what was seen before as well are found in the same place.
+pub(super) fn say_the_same(one: &Finding, other: &Finding) -> bool {
+    one.target_from_query.zip(other.target_from_query).is_some_and(|(one, other)| one.distance(other) <= SAME_PLACE_M)
 }
 
 /// How well what is known of a submap fits in another: the share of it that does, by how closely; nothing where little is known.
@@ -269,6 +279,7 @@ impl Place {
             overlap.is_some_and(|share| share >= if self.whole { WHOLE_OVERLAP } else { PLAIN_OVERLAP });
         !self.common
             && self.closeness >= PLAIN_CLOSENESS
+            && self.steady
             && on_known_ground
             && (closely || nearly_all)
             && matches!(self.finding.objection, None | Some(Objection::Ambiguous))
