@@ -3,7 +3,7 @@
 
 use mapwright_geom::Pose2;
 use mapwright_sim::worlds::{
-    CorridorWalls, corridor, grand_loop, growing_building, loop_of, office_floor, rooms, three_rooms,
+    CorridorWalls, corridor, corridor_grid, grand_loop, growing_building, loop_of, office_floor, rooms, three_rooms,
 };
 use mapwright_sim::{
     Door, Drive, DriveSettings, Event, Incident, LaserSettings, OdometryNoise, Revisits, Schedule, Segment, Site,
@@ -26,6 +26,7 @@ fn all(seed: u64) -> Vec<(&'static str, Site)> {
         ("small loop", grand_loop(seed, 50.0)),
         ("loop", grand_loop(seed, 400.0)),
         ("loop of 150 m", loop_of(seed, 150.0)),
+        ("corridor grid", corridor_grid(seed, 300.0)),
     ]
 }
 

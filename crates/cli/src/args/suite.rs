@@ -25,6 +25,11 @@ pub(crate) enum Suite {
     /// wheels say. Floors: every loop closed, ratio of the two ATE at
     /// most 1.3 in every world.
     Loops(LoopsArgs),
+    /// Corridors that look alike, driven in loops within loops: no wrong closure, and the error beside that of a batch solve.
+    ///
+    /// A world is `worlds::corridor_grid(seed, length)`, driven by `DriveSettings::long_drive(seed)`. Closing edges, which of
+    /// them are wrong, ATE and the batch solve are as in `loops`. Floors: no edge wrong, ratio at most 1.3 in every world.
+    Nested(NestedArgs),
     /// Buildings made to deceive: no wrong closure, and true returns found all the same.
     ///
     /// A world is `worlds::look_alike(seed)`; the alias lies inside odometry's two-sigma ellipse for even seeds, outside
@@ -77,7 +82,8 @@ pub(crate) struct RunArgs {
 
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct WorldsArgs {
-    /// How many seeds; by default those that the floors are for: 50 loops, 200 look-alikes, 100 kidnappings, 50 offices.
+    /// How many seeds; by default those that the floors are for: 50 loops, 200 look-alikes, 100 kidnappings, 50 offices,
+    /// 20 drives of nested loops.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) worlds: Option<u32>,
     #[command(flatten)]
@@ -89,6 +95,18 @@ pub(crate) struct LoopsArgs {
     /// Length of each loop, metres.
     #[arg(long, value_name = "M", default_value_t = 500.0, value_parser = parse_length)]
     pub(crate) length: f64,
+    #[command(flatten)]
+    pub(crate) worlds: WorldsArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct NestedArgs {
+    /// Length of each drive, metres.
+    #[arg(long, value_name = "M", default_value_t = 1900.0, value_parser = parse_drive)]
+    pub(crate) length: f64,
+    /// Wheels so many times as bad as the default ones.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = super::parse_factor)]
+    pub(crate) wheels: f64,
     #[command(flatten)]
     pub(crate) worlds: WorldsArgs,
 }
@@ -118,6 +136,10 @@ pub(crate) struct NoiseArgs {
     pub(crate) seeds: u32,
     #[command(flatten)]
     pub(crate) run: RunArgs,
+}
+
+fn parse_drive(text: &str) -> Result<f64, String> {
+    super::within(text, 100.0..=5000.0, "a length from 100 to 5000 m")
 }
 
 pub(super) fn parse_length(text: &str) -> Result<f64, String> {

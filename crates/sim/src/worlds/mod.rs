@@ -1,6 +1,7 @@
 //! Ready worlds, each a function of a seed and little else; no two seeds alike.
 
 mod corridor;
+mod corridor_grid;
 mod growing;
 mod look_alike;
 mod loops;
@@ -8,6 +9,7 @@ mod office;
 mod rooms;
 
 pub use corridor::{CorridorWalls, corridor, grand_loop};
+pub use corridor_grid::corridor_grid;
 pub use growing::growing_building;
 pub use look_alike::{Alias, LookAlike, LookAlikeKind, look_alike};
 pub use loops::loop_of;

@@ -4,6 +4,7 @@ mod floors;
 mod kidnapped;
 mod look_alike;
 mod loops;
+mod nested;
 mod noise;
 mod offices;
 mod parallel;
@@ -41,6 +42,11 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         Suite::Loops(args) => {
             let settings = settings_of(&args.worlds.run)?;
             measure(&loops::Loops { length_m: args.length, settings }, seeds_of(&args.worlds, 50), &args.worlds.run)
+        }
+        Suite::Nested(args) => {
+            let settings = settings_of(&args.worlds.run)?;
+            let nested = nested::Nested { length_m: args.length, wheels: args.wheels, settings };
+            measure(&nested, seeds_of(&args.worlds, 20), &args.worlds.run)
         }
         Suite::LookAlike(args) => {
             measure(&look_alike::LookAlikes { settings: settings_of(&args.run)? }, seeds_of(args, 200), &args.run)

@@ -1,0 +1,114 @@
+//! `mapwright suite nested`
+
+use super::Measure;
+use super::floors::Floor;
+use crate::batch::{batch_poses, true_pairs};
+use crate::failure::Failure;
+use crate::simulated::{Closing, Simulated};
+use mapwright::Settings;
+use mapwright_eval::ErrorStats;
+use mapwright_sim::{Drive, DriveSettings, OdometryNoise, Revisits, worlds};
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// The error may be so many times that of the batch solve.
+const MOST_RATIO: f64 = 1.3;
+
+pub(super) struct Nested {
+    pub(super) length_m: f64,
+    /// Wheels so many times as bad as the default ones.
+    pub(super) wheels: f64,
+    pub(super) settings: Settings,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct World {
+    seed: u64,
+    path_m: f64,
+    scans: usize,
+    keyframes: usize,
+    closures: usize,
+    closings: usize,
+    wrong: usize,
+    /// Of the keyframes, as the batch solve's.
+    ate_m: f64,
+    batch_ate_m: f64,
+    ratio: f64,
+}
+
+impl Measure for Nested {
+    type World = World;
+    const NAME: &'static str = "nested";
+    const FILES: [&'static str; 2] = ["nested.jsonl", "nested.json"];
+
+    fn world(&self, seed: u64) -> Result<World, Failure> {
+        let failure = |reason: String| Failure::World { name: format!("nested loops, seed {seed}"), reason };
+        let site = Arc::new(worlds::corridor_grid(seed, self.length_m));
+        let odometry = OdometryNoise::default().with_slips().times(self.wheels);
+        let drive = DriveSettings { odometry, ..DriveSettings::long_drive(seed) };
+        let world = Simulated::map(Drive::new(Arc::clone(&site), drive.clone()), &self.settings)?;
+        let pairs = true_pairs(&world, &Revisits::of(&site, &drive));
+        let batch = batch_poses(&world, &pairs).map_err(|cause| failure(cause.to_string()))?;
+        let ate = |poses| world.keyframe_ate_m(poses).map_err(|cause| failure(cause.to_string()));
+        let (ate_m, batch_ate_m) = (ate(world.mapper.keyframe_poses())?, ate(&batch)?);
+        let closings = world.closings();
+        let wrong = |closing: &&Closing| !closing.is_right();
+        Ok(World {
+            seed,
+            path_m: world.length_m(),
+            scans: world.scan_count(),
+            keyframes: world.keyframe_count(),
+            closures: closings.iter().filter(|closing| closing.kind == mapwright::EdgeKind::Closure).count(),
+            closings: closings.len(),
+            wrong: closings.iter().filter(wrong).count(),
+            ate_m,
+            batch_ate_m,
+            ratio: ate_m / batch_ate_m,
+        })
+    }
+
+    fn line(world: &World) -> String {
+        format!(
+            "{:6}  {:4} closures, {:5} closing, {:3} wrong  ATE {:7.3} m, batch {:6.3} m, ratio {:6.2}  {:4.0} m of way",
+            world.seed,
+            world.closures,
+            world.closings,
+            world.wrong,
+            world.ate_m,
+            world.batch_ate_m,
+            world.ratio,
+            world.path_m,
+        )
+    }
+
+    fn summary(&self, worlds: &[World]) -> (String, Value, Vec<Floor>) {
+        let stats = |pick: fn(&World) -> f64| ErrorStats::of(&worlds.iter().map(pick).collect::<Vec<_>>());
+        let mut words = String::new();
+        for (what, unit, stats) in [
+            ("ATE", " m", stats(|w| w.ate_m)),
+            ("batch", " m", stats(|w| w.batch_ate_m)),
+            ("ratio", "", stats(|w| w.ratio)),
+        ] {
+            words += &stats.map_or(String::new(), |s| {
+                format!("{what:8} mean {:.3}{unit}, median {:.3}{unit}, worst {:.3}{unit}\n", s.mean, s.median, s.max)
+            });
+        }
+        let wrong: usize = worlds.iter().map(|world| world.wrong).sum();
+        let within = worlds.iter().filter(|world| world.ratio <= MOST_RATIO).count();
+        let mean = |stats: Option<ErrorStats>| stats.map(|stats| stats.mean);
+        let value = json!({
+            "length_m": self.length_m,
+            "wheels": self.wheels,
+            "wrong_closings": wrong,
+            "ate_m_mean": mean(stats(|w| w.ate_m)),
+            "batch_ate_m_mean": mean(stats(|w| w.batch_ate_m)),
+            "ratio_worst": stats(|w| w.ratio).map(|stats| stats.max),
+        });
+        let floors = vec![
+            Floor::none("no wrong closing edge", wrong),
+            Floor::share("ratio at most 1.3 in every world", 1.0, within, worlds.len()),
+        ];
+        (words, value, floors)
+    }
+}
