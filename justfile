@@ -84,6 +84,10 @@ figures-noise log amount *args: release
 suite-loops *args: release
     {{mapwright}} suite loops -o {{figures}}/suite {{args}}
 
+# 20 drives of 1.9 km in nested loops of corridors that look alike: wrong closures, and the error
+suite-nested *args: release
+    {{mapwright}} suite nested -o {{figures}}/suite {{args}}
+
 # 200 buildings made to deceive: wrong closures, and true returns found
 suite-look-alike *args: release
     {{mapwright}} suite look-alike -o {{figures}}/suite {{args}}

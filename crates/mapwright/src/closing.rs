@@ -11,6 +11,7 @@ use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Keyframe, KeyframeI
 use mapwright_sensor::{BeamTable, SweepPoints};
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 mod look_back;
 mod relocate;
@@ -408,6 +409,38 @@ impl Closing {
         self.supports.disown(node);
         let arrivals = self.candidates.iter_mut().filter(|c| c.to == id(node) && c.verdict == Verdict::Accepted);
         arrivals.for_each(|candidate| candidate.verdict = Verdict::TakenBack(Objection::Contradiction));
+    }
+
+    /// The keyframes from `node` on were moved: edges across that are no closures say what they say now, and that of the wheels
+    /// as `weaken` has it; matches of `doubted` keyframes with old places say nothing. Matches that wait are forgotten.
+    pub(crate) fn measure_anew(
+        &mut self,
+        past: Past<'_>,
+        node: u32,
+        doubted: Range<u32>,
+        weaken: impl Fn(Cov3) -> Cov3,
+    ) {
+        let Self { graph, closures, path_m, .. } = self;
+        for (at, edge) in graph.edges.iter_mut().enumerate() {
+            let GraphEdge { from, to, .. } = *edge;
+            if closures.iter().any(|&(closure, _)| closure == at) {
+                continue;
+            }
+            if doubted.contains(&(to as u32)) && path_m[to] - path_m[from] >= LEFT_M {
+                edge.information = Matrix3::zeros();
+            } else if from < node as usize && to >= node as usize {
+                edge.from_from_to = past.local_from_keyframe[from].between(past.local_from_keyframe[to]);
+                if from + 1 == to {
+                    edge.information = weaken(edge.information);
+                }
+            }
+        }
+        self.supports.forget_since(node);
+    }
+
+    /// Whether there is so much way between two keyframes that the one is an old place to the other.
+    pub(crate) fn is_old(&self, from: u32, to: u32) -> bool {
+        self.way_m(from, to) >= LEFT_M
     }
 
     pub(crate) fn covariance_of(&self, edge: &Edge) -> Cov3 {

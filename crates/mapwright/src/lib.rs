@@ -35,7 +35,7 @@ struct ReadmeExamples;
 pub use advice::{Advice, Place};
 pub use jobs::{Job, JobResult};
 pub use live::LiveReport;
-pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, Mapper, TrajectoryPose};
+pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, Mapper, Mended, TrajectoryPose};
 pub use mapwright_geom::{Cov3, Pose2, Stamp};
 pub use mapwright_grid::{CountGrid, LiveMap};
 pub use mapwright_record::{

@@ -16,6 +16,7 @@ use movers::{Movers, Place};
 use nalgebra::{Matrix3, Vector3};
 use relocation::{Broken, Lost};
 use rustc_hash::FxHashSet;
+use slip::Slips;
 use std::collections::VecDeque;
 use suspicion::Suspicion;
 use sweep_motion::RecentOdometry;
@@ -26,11 +27,13 @@ mod guard;
 mod insert;
 mod movers;
 mod relocation;
+mod slip;
 mod suspicion;
 mod sweep_motion;
 
 pub use guard::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub(crate) use insert::spacing;
+pub use slip::Mended;
 
 /// A pose of the final trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,6 +114,7 @@ pub struct Mapper {
     lost_scans: u32,
     /// Running mean of the share of fitting beams.
     usual_share: f64,
+    slips: Slips,
     /// The first keyframe made in doubt, until a match confirms where the robot is.
     doubted_from: Option<u32>,
     /// Keyframes in a row with somebody in the way.
@@ -184,6 +188,7 @@ impl Mapper {
             scatter: Scatter::default(),
             lost_scans: 0,
             usual_share: 0.0,
+            slips: Slips::default(),
             doubted_from: None,
             intruded: 0,
         }
@@ -239,6 +244,7 @@ impl Mapper {
         probe.end(Stage::Match);
         let matched = self.suspicion(scan, matched, step);
         self.settle(scan, odom_from_robot, step, predicted, matched.as_ref());
+        self.watch_slips(matched.as_ref(), step);
         // 4. and 5. Insert when the robot has moved enough; the live map follows what is certain.
         let keyframe = self.insert_if_moved(scan, matched.as_ref());
         probe.end(Stage::Insert);

@@ -25,10 +25,11 @@ pub(crate) enum Suite {
     /// wheels say. Floors: every loop closed, ratio of the two ATE at
     /// most 1.3 in every world.
     Loops(LoopsArgs),
-    /// Corridors that look alike, driven in loops within loops: no wrong closure, and the error beside that of a batch solve.
+    /// Corridors that look alike, driven in loops within loops: which closures are wrong, and the error.
     ///
     /// A world is `worlds::corridor_grid(seed, length)`, driven by `DriveSettings::long_drive(seed)`. Closing edges, which of
-    /// them are wrong, ATE and the batch solve are as in `loops`. Floors: no edge wrong, ratio at most 1.3 in every world.
+    /// them are wrong, ATE and the batch solve are as in `loops`; most of such a drive is known ground, where the batch solve has
+    /// the truth at every keyframe. Floors: 999 of 1000 closing edges right, ATE at most 0.4 m in every world.
     Nested(NestedArgs),
     /// Buildings made to deceive: no wrong closure, and true returns found all the same.
     ///

@@ -83,6 +83,11 @@ impl Supports {
         self.waiting.retain(|edge| edge.to.seq != node);
     }
 
+    /// The keyframes from `node` on were moved: what waits for them says what is no longer so.
+    pub(super) fn forget_since(&mut self, node: u32) {
+        self.waiting.retain(|edge| edge.to.seq < node);
+    }
+
     /// A match of the keyframe that comes next, no edge until its place is found.
     pub(super) fn wait(&mut self, path_m: &[f64], edge: Edge) {
         self.forget(path_m);

@@ -29,7 +29,7 @@ const SEARCH_MOST_M: f64 = 5.0;
 const SEARCH_LEAST_RAD: f64 = 1.5;
 /// Neighbouring beams are right or wrong together: where matches are compared, a scan says as much as so many that are
 /// independent of each other.
-const INDEPENDENT_BEAMS: f64 = 30.0;
+pub(super) const INDEPENDENT_BEAMS: f64 = 30.0;
 /// The most that disagreement with odometry may count there. As above, calibrated in docs/decisions/0010.
 const PRIOR_COST_AT_MOST: f64 = 40.0;
 /// What it costs there that the wheels fail: `-ln p`, one step in eight thousand.
@@ -156,7 +156,7 @@ impl Mapper {
     }
 
     /// A match from one start, and how the scan agrees with the map there.
-    fn refine(&self, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
+    pub(super) fn refine(&self, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
         self.refine_with(&self.matcher, prior, start)
     }
 
@@ -361,7 +361,7 @@ fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
 }
 
 /// The information on translation along its weaker and its stronger direction, and the directions, in the robot's frame.
-fn translation_axes(information: &Cov3) -> ([f64; 2], [[f64; 2]; 2]) {
+pub(super) fn translation_axes(information: &Cov3) -> ([f64; 2], [[f64; 2]; 2]) {
     let eigen = information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
     let order = if eigen.eigenvalues[0] < eigen.eigenvalues[1] { [0, 1] } else { [1, 0] };
     let direction = |axis: usize| [eigen.eigenvectors[(0, axis)], eigen.eigenvectors[(1, axis)]];
