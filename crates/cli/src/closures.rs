@@ -1,7 +1,7 @@
 //! `closures.json`: every place the robot may have come back to, what speaks for it and what was decided.
 
 use crate::failure::Failure;
-use mapwright::{Candidate, Keyframe, KeyframeId, Mapper, Verdict};
+use mapwright::{Candidate, Keyframe, KeyframeId, Mapper, Mended, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs;
@@ -25,6 +25,20 @@ pub(crate) struct ClosureFile {
     /// How many keyframes there are, so that their numbers mean something.
     pub(crate) keyframes: usize,
     pub(crate) candidates: Vec<CandidateRecord>,
+    /// Slips of the wheels that scans have told; older files have none.
+    #[serde(default)]
+    pub(crate) slips: Vec<SlipRecord>,
+}
+
+/// Where the wheels slipped, and by how much what was mapped since was moved.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SlipRecord {
+    /// The first keyframe that was moved.
+    pub(crate) from: u32,
+    pub(crate) from_stamp_s: Option<f64>,
+    /// The scan that settled it.
+    pub(crate) scan: u64,
+    pub(crate) metres: f64,
 }
 
 /// A candidate; what was never measured, or is not finite, is null.
@@ -99,7 +113,13 @@ impl ClosureFile {
     pub(crate) fn of(mapper: &Mapper) -> Self {
         let keyframes = mapper.keyframes();
         let candidates = mapper.candidates().iter().map(|candidate| record(candidate, keyframes)).collect();
-        Self { keyframes: keyframes.len(), candidates }
+        let slips = mapper.slips().iter().map(|&Mended { scan, from, metres }| SlipRecord {
+            from,
+            from_stamp_s: keyframes.get(from as usize).map(|keyframe| keyframe.stamp.as_secs_f64()),
+            scan,
+            metres,
+        });
+        Self { keyframes: keyframes.len(), candidates, slips: slips.collect() }
     }
 
     /// Reads the file, or that of a folder of results.

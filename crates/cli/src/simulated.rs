@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use mapwright::{Edge, EdgeKind, Mapper, Pose2, Settings, Stamp, Update};
 use mapwright_eval::{Alignment, EvalError, PosePair, ate_of_pairs};
 use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
+use serde::Serialize;
 
 /// A match to a keyframe with more way than this between has closed a loop, metres.
 pub(crate) const CLOSING_FROM_M: f64 = 20.0;
@@ -48,7 +49,7 @@ struct Taken {
 }
 
 /// How far a relative pose lies from the truth.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(crate) struct PoseError {
     pub(crate) metres: f64,
     pub(crate) degrees: f64,

@@ -1,7 +1,7 @@
 //! `mapwright explain`
 
 use crate::args::ExplainArgs;
-use crate::closures::{CandidateRecord, ClosureFile, VerdictName};
+use crate::closures::{CandidateRecord, ClosureFile, SlipRecord, VerdictName};
 use crate::failure::{Failure, Outcome};
 use crate::terminal::{count, say};
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use std::fmt::Write;
 pub(super) fn run(args: &ExplainArgs) -> Result<Outcome, Failure> {
     let file = ClosureFile::read(&args.results)?;
     let shown: Vec<_> = file.candidates.iter().filter(|candidate| is_wanted(args, candidate)).collect();
-    say(&(summary(&file, shown.len()) + &groups(&shown)))?;
+    say(&(summary(&file, shown.len()) + &groups(&shown) + &slips(args, &file)))?;
     Ok(Outcome::Done)
 }
 
@@ -54,9 +54,34 @@ fn groups(shown: &[&CandidateRecord]) -> String {
     text
 }
 
+/// One line each; not beside a choice of candidates by their verdict.
+fn slips(args: &ExplainArgs, file: &ClosureFile) -> String {
+    let is_near = |slip: &&SlipRecord| args.keyframe.is_none_or(|keyframe| keyframe == slip.from);
+    let slips: Vec<&SlipRecord> = file.slips.iter().filter(is_near).collect();
+    if slips.is_empty() || args.accepted || args.refused {
+        return String::new();
+    }
+    let mut text =
+        format!("\n{} of the wheels, put right by what scans say together\n", count(slips.len() as u64, "slip"));
+    for slip in slips {
+        let _ = writeln!(
+            text,
+            "  {}{}: {:.3} m, settled by scan {}",
+            slip.from,
+            at(slip.from_stamp_s),
+            slip.metres,
+            slip.scan
+        );
+    }
+    text
+}
+
+fn at(stamp_s: Option<f64>) -> String {
+    stamp_s.map_or(String::new(), |stamp_s| format!(" ({stamp_s:.3} s)"))
+}
+
 /// Two lines: what and where, and the numbers.
 fn in_words(candidate: &CandidateRecord) -> String {
-    let at = |stamp_s: Option<f64>| stamp_s.map_or(String::new(), |stamp_s| format!(" ({stamp_s:.3} s)"));
     let mut text = format!(
         "  {}{} -> {}{}, found by {}",
         candidate.from,

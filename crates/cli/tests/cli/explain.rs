@@ -16,7 +16,8 @@ const CLOSURES: &str = r#"{"keyframes": 50, "candidates": [
   {"from": 2, "to": 44, "from_stamp_s": 1.5, "to_stamp_s": 95.0, "detection": "place", "verdict": "taken back",
    "reason": "other closures contradict it", "evidence": {"points": 12, "score": null, "ambiguity": null,
    "overlap": null, "inlier_share": null, "contradiction": null, "cycle_chi2": null, "agreeing": 1},
-   "from_from_to": null, "sigmas": null}]}"#;
+   "from_from_to": null, "sigmas": null}],
+  "slips": [{"from": 30, "from_stamp_s": 61.5, "scan": 211, "metres": 0.4}]}"#;
 
 /// Explains what stands in a folder of this name; tests run side by side, each in its own.
 fn explain(name: &str, closures: &str, more: &[&str]) -> Output {
@@ -40,6 +41,8 @@ fn candidates_are_told_with_verdict_reason_and_numbers() {
         "cycle chi-square 2.5",
         "refused, another pose fits nearly as well: 1",
         "runner-up 0.97",
+        "1 slip of the wheels",
+        "30 (61.500 s): 0.400 m, settled by scan 211",
     ];
     expected.iter().for_each(|what| assert!(all.contains(what), "expected {what:?}, found {all}"));
     let pairs = |more: &[&str]| said(more).lines().filter(|line| line.contains(" -> ")).count();
@@ -48,6 +51,10 @@ fn candidates_are_told_with_verdict_reason_and_numbers() {
     assert_eq!(pairs(&["--keyframe", "2"]), 2);
     assert_eq!(pairs(&["--refused", "--keyframe", "44"]), 1);
     assert!(said(&["--keyframe", "9"]).contains("shown: 0"));
+    let slips = |more: &[&str]| said(more).contains("of the wheels");
+    assert!(slips(&["--keyframe", "30"]) && !slips(&["--keyframe", "9"]) && !slips(&["--accepted"]));
+    let older = CLOSURES.replace("\"slips\"", "\"notes\"");
+    assert_code(&explain("explain_older", &older, &[]), 0);
 }
 
 #[test]

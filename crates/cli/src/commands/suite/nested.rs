@@ -4,7 +4,7 @@ use super::Measure;
 use super::floors::Floor;
 use crate::batch::{batch_poses, true_pairs};
 use crate::failure::Failure;
-use crate::simulated::{Closing, Simulated};
+use crate::simulated::{Closing, PoseError, Simulated};
 use mapwright::Settings;
 use mapwright_eval::ErrorStats;
 use mapwright_sim::{Drive, DriveSettings, OdometryNoise, Revisits, worlds};
@@ -32,10 +32,24 @@ pub(super) struct World {
     closures: usize,
     closings: usize,
     wrong: usize,
+    /// Each wrong one.
+    wrong_closings: Vec<Wrong>,
+    /// Slips that were put right.
+    slips: usize,
     /// Of the keyframes, as the batch solve's.
     ate_m: f64,
     batch_ate_m: f64,
     ratio: f64,
+}
+
+/// A closing edge that is wrong, as measured or in the final map.
+#[derive(Debug, Serialize)]
+struct Wrong {
+    is_closure: bool,
+    from: usize,
+    to: usize,
+    measured: PoseError,
+    in_map: PoseError,
 }
 
 impl Measure for Nested {
@@ -54,7 +68,17 @@ impl Measure for Nested {
         let ate = |poses| world.keyframe_ate_m(poses).map_err(|cause| failure(cause.to_string()));
         let (ate_m, batch_ate_m) = (ate(world.mapper.keyframe_poses())?, ate(&batch)?);
         let closings = world.closings();
-        let wrong = |closing: &&Closing| !closing.is_right();
+        let wrong = |closing: &Closing| {
+            let Closing { kind, from, to, measured, in_map } = *closing;
+            (!closing.is_right()).then(|| Wrong {
+                is_closure: kind == mapwright::EdgeKind::Closure,
+                from,
+                to,
+                measured,
+                in_map,
+            })
+        };
+        let wrong_closings: Vec<Wrong> = closings.iter().filter_map(wrong).collect();
         Ok(World {
             seed,
             path_m: world.length_m(),
@@ -62,7 +86,9 @@ impl Measure for Nested {
             keyframes: world.keyframe_count(),
             closures: closings.iter().filter(|closing| closing.kind == mapwright::EdgeKind::Closure).count(),
             closings: closings.len(),
-            wrong: closings.iter().filter(wrong).count(),
+            wrong: wrong_closings.len(),
+            wrong_closings,
+            slips: world.mapper.slips().len(),
             ate_m,
             batch_ate_m,
             ratio: ate_m / batch_ate_m,
