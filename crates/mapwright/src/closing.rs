@@ -11,6 +11,7 @@ use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Keyframe, KeyframeI
 use mapwright_sensor::{BeamTable, SweepPoints};
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 mod look_back;
 mod relocate;
@@ -410,38 +411,41 @@ impl Closing {
         arrivals.for_each(|candidate| candidate.verdict = Verdict::TakenBack(Objection::Contradiction));
     }
 
-    /// The keyframes from `node` on were moved, each by itself; `change` is that of one seen from another. Edges that are no
-    /// closures say what they say now, those of the wheels less certainly. Matches that wait are forgotten.
-    pub(crate) fn measure_anew(&mut self, node: u32, change: impl Fn(usize, usize) -> Pose2) {
-        let Self { graph, closures, .. } = self;
-        for (at, edge) in graph.edges.iter_mut().enumerate().filter(|(_, edge)| edge.to >= node as usize) {
+    /// The keyframes from `node` on were moved: edges across that are no closures say what they say now, and that of the wheels
+    /// as `weaken` has it; matches of `doubted` keyframes with old places say nothing. Matches that wait are forgotten.
+    pub(crate) fn measure_anew(
+        &mut self,
+        past: Past<'_>,
+        node: u32,
+        doubted: Range<u32>,
+        weaken: impl Fn(Cov3) -> Cov3,
+    ) {
+        let Self { graph, closures, path_m, .. } = self;
+        for (at, edge) in graph.edges.iter_mut().enumerate() {
+            let GraphEdge { from, to, .. } = *edge;
             if closures.iter().any(|&(closure, _)| closure == at) {
                 continue;
             }
-            let change = change(edge.from, edge.to);
-            edge.from_from_to = edge.from_from_to * change;
-            if edge.from + 1 == edge.to {
-                edge.information = weakened(edge.information, change);
+            if doubted.contains(&(to as u32)) && path_m[to] - path_m[from] >= LEFT_M {
+                edge.information = Matrix3::zeros();
+            } else if from < node as usize && to >= node as usize {
+                edge.from_from_to = past.local_from_keyframe[from].between(past.local_from_keyframe[to]);
+                if from + 1 == to {
+                    edge.information = weaken(edge.information);
+                }
             }
         }
         self.supports.forget_since(node);
     }
 
+    /// Whether there is so much way between two keyframes that the one is an old place to the other.
+    pub(crate) fn is_old(&self, from: u32, to: u32) -> bool {
+        self.way_m(from, to) >= LEFT_M
+    }
+
     pub(crate) fn covariance_of(&self, edge: &Edge) -> Cov3 {
         edge.information.try_inverse().unwrap_or_else(|| Cov3::identity() * 100.0)
     }
-}
-
-/// Covariance of a change that nobody has measured.
-pub(crate) fn spread(change: Pose2) -> Cov3 {
-    let change = change.to_vector();
-    change * change.transpose()
-}
-
-/// The information of wheels that have slipped by so much.
-pub(crate) fn weakened(information: Cov3, change: Pose2) -> Cov3 {
-    let covariance = information.try_inverse().map(|covariance| covariance + spread(change));
-    covariance.and_then(|covariance| covariance.try_inverse()).unwrap_or(information)
 }
 
 /// Half the width of the window in which a place has to be looked for, metres.

@@ -244,7 +244,7 @@ impl Mapper {
         probe.end(Stage::Match);
         let matched = self.suspicion(scan, matched, step);
         self.settle(scan, odom_from_robot, step, predicted, matched.as_ref());
-        self.watch_slips(matched.as_ref(), step, predicted);
+        self.watch_slips(matched.as_ref(), step);
         // 4. and 5. Insert when the robot has moved enough; the live map follows what is certain.
         let keyframe = self.insert_if_moved(scan, matched.as_ref());
         probe.end(Stage::Insert);

@@ -27,11 +27,6 @@ impl Closing {
         Some(look(settings, matcher, &target, &seen, newest_from_last))
     }
 
-    /// What was seen on the way to a keyframe, in its frame.
-    pub(crate) fn ground_before(&self, settings: &Settings, past: Past<'_>, node: u32) -> Submap {
-        Submap::new(&self.views(past, node, false, SUBMAP_M), &submaps(settings))
-    }
-
     /// What was seen lately by a robot that maps aside, beside what was seen around an old keyframe; `at_from_newest` is where
     /// its newest keyframe is thought to be.
     pub(crate) fn look_around(

@@ -5,14 +5,14 @@
 //! usual, and each such scan fits better in one and the same place ahead or behind. Their likelihood ratios add up.
 
 use super::Mapper;
-use super::guard::{DOUBT_SIGMAS, INDEPENDENT_BEAMS, Matched, translation_axes};
-use crate::closing::{Past, spread, weakened};
+use super::guard::{INDEPENDENT_BEAMS, Matched, translation_axes};
+use crate::closing::Past;
 use crate::live::Frames;
 use crate::motion::Step;
-use mapwright_geom::Pose2;
-use mapwright_grid::{Change, LiveMap, Matcher, Prior};
-use mapwright_record::{EdgeKind, Status};
-use mapwright_sensor::SweepPoints;
+use mapwright_geom::{Cov3, Pose2};
+use mapwright_grid::Prior;
+use mapwright_record::{Edge, EdgeKind, Status};
+use nalgebra::Vector3;
 
 /// A fit that falls so far behind the usual one is watched.
 const FALL_SHARE: f64 = 0.02;
@@ -32,19 +32,13 @@ const LOOKS: u32 = 4;
 const BETTER: f64 = 8.0;
 const BETTER_THAN_OTHERS: f64 = 4.0;
 const OTHER_M: f64 = 0.25;
-/// The last two speak for the same place up to here, metres.
-const STEADY_M: f64 = 0.1;
-/// What was seen on the way alone has to say so much for it, nats.
-const LEAST_GAIN: f64 = 3.0;
 /// Less is not put right, metres.
 const LEAST_M: f64 = 0.1;
 /// After so much way without a scan that falls behind, and after so much in all, nothing is left to be said, metres.
 const LAPSE_M: f64 = 1.5;
 const WATCH_M: f64 = 6.0;
 /// A slip may have begun so many keyframes before it showed.
-const BEFORE: u32 = 12;
-/// So many keyframes after it tell where a slip began.
-const LOOK_ON: usize = 10;
+const BEFORE: u32 = 8;
 /// Standard deviations of the place that was found, metres and radians.
 const FOUND_M: f64 = 0.05;
 const FOUND_RAD: f64 = 0.01;
@@ -78,8 +72,6 @@ struct Watch {
     along: [f64; 2],
     /// Negative log likelihood of each place, less that of where the robot is thought to be.
     sums: [f64; 2 * PLACES + 1],
-    /// The same of the last look alone.
-    last: [f64; 2 * PLACES + 1],
     looks: u32,
     /// Way since it began, since the last look and since the last scan that fell behind, metres.
     way_m: f64,
@@ -88,43 +80,11 @@ struct Watch {
 }
 
 impl Watch {
-    fn new(from: u32) -> Self {
-        let none = [0.0; 2 * PLACES + 1];
-        Self {
-            from,
-            along: [0.0; 2],
-            sums: none,
-            last: none,
-            looks: 0,
-            way_m: 0.0,
-            unseen_m: LOOK_EVERY_M,
-            fitting_m: 0.0,
-        }
-    }
-
-    /// The same, with nothing said yet.
-    fn anew(&self) -> Self {
-        let Self { from, way_m, unseen_m, fitting_m, .. } = *self;
-        Self { way_m, unseen_m, fitting_m, ..Self::new(from) }
-    }
-
-    /// Another look. Where the last two speak for another place than all together the wheels are slipping still, and what
-    /// was said before says nothing.
-    fn add(&mut self, look: [f64; 2 * PLACES + 1]) {
-        let both = std::array::from_fn(|place| self.last[place] + look[place]);
-        self.sums = std::array::from_fn(|place| self.sums[place] + look[place]);
-        self.looks += 1;
-        if self.looks > 2 && place_m(best(&self.sums).abs_diff(best(&both)) + PLACES) > STEADY_M {
-            (self.sums, self.looks) = (both, 2);
-        }
-        self.last = look;
-    }
-
     /// How far along the place lies that explains all, if one does.
     fn verdict_m(&self) -> Option<f64> {
-        let best = best(&self.sums);
+        let best = (0..self.sums.len()).min_by(|&a, &b| self.sums[a].total_cmp(&self.sums[b]))?;
         let away_m = |place: usize| (place as f64 - best as f64).abs() * PLACE_M;
-        let by_m = place_m(best);
+        let by_m = (best as f64 - PLACES as f64) * PLACE_M;
         let others = (0..self.sums.len()).filter(|&place| away_m(place) >= OTHER_M - 1e-9);
         let alone = others.map(|place| self.sums[place] - self.sums[best]).fold(f64::INFINITY, f64::min);
         let found = self.looks >= LOOKS
@@ -146,12 +106,8 @@ impl Mapper {
     }
 
     /// Looks whether the robot has slipped, scan by scan, and puts it right once they say so together.
-    pub(super) fn watch_slips(&mut self, matched: Option<&Matched>, step: Step, predicted: Pose2) {
-        let matched = matched.filter(|m| m.status != Status::Lost && self.suspicion.is_none());
-        if matched.is_some_and(|m| m.slip_corrected || m.report.odometry_sigmas > DOUBT_SIGMAS) {
-            self.follow_jump(predicted);
-        }
-        let Some(matched) = matched.filter(|m| m.status == Status::Tracking && !m.slip_corrected) else {
+    pub(super) fn watch_slips(&mut self, matched: Option<&Matched>, step: Step) {
+        let Some(matched) = matched.filter(|m| m.status == Status::Tracking && self.suspicion.is_none()) else {
             self.slips.watch = None;
             return;
         };
@@ -160,7 +116,10 @@ impl Mapper {
         let moved_m = step.last_from_robot.x.hypot(step.last_from_robot.y);
         let Some(watch) = &mut self.slips.watch else {
             if falls {
-                self.slips.watch = Some(Watch::new(self.keyframes.len() as u32));
+                let from = self.keyframes.len() as u32;
+                let sums = [0.0; 2 * PLACES + 1];
+                let (along, way_m, unseen_m, fitting_m) = ([0.0; 2], 0.0, LOOK_EVERY_M, 0.0);
+                self.slips.watch = Some(Watch { from, along, sums, looks: 0, way_m, unseen_m, fitting_m });
                 self.look_along();
             } else if matched.agreement.known_share() > 0.5 {
                 self.slips.usual_share += USUAL_WEIGHT * (share - self.slips.usual_share);
@@ -201,14 +160,16 @@ impl Mapper {
         }
         if cosine.abs() < 0.98 {
             // Around a corner it is another corridor.
-            *watch = Watch { along, ..watch.anew() };
+            (watch.along, watch.sums, watch.looks) = (along, [0.0; 2 * PLACES + 1], 0);
         }
-        let at_place = |place: usize| {
-            let by_m = place_m(place);
-            Pose2::new(at.x + by_m * along[0], at.y + by_m * along[1], at.theta)
-        };
-        let here = misfit(&self.matcher, map, points, at);
-        watch.add(std::array::from_fn(|place| gain(misfit(&self.matcher, map, points, at_place(place)), here)));
+        watch.looks += 1;
+        let share = (INDEPENDENT_BEAMS / points.len() as f64).min(1.0);
+        for (place, sum) in watch.sums.iter_mut().enumerate() {
+            let by_m = (place as f64 - PLACES as f64) * PLACE_M;
+            let there = Pose2::new(at.x + by_m * along[0], at.y + by_m * along[1], at.theta);
+            let cost = self.matcher.evaluate(map, points, there, sigma_m).cost;
+            *sum += ((cost - here.cost) * share).clamp(-LOOK_AT_MOST, LOOK_AT_MOST);
+        }
     }
 
     /// Once all is said, what was mapped since the wheels slipped is moved to where it belongs.
@@ -220,8 +181,12 @@ impl Mapper {
         if self.jobs_out > 0 || !self.jobs.is_empty() {
             return;
         }
-        let (noticed, along) = (watch.from, watch.along);
+        let (from, along) = (watch.from, watch.along);
         self.slips.watch = None;
+        let verified = |edge: &Edge| edge.kind == EdgeKind::Closure && edge.to.seq >= from;
+        if self.edges.iter().rev().any(verified) {
+            return;
+        }
         let at = self.local_from_robot;
         let there = Pose2::new(at.x + by_m * along[0], at.y + by_m * along[1], at.theta);
         let variances = [FOUND_M * FOUND_M, FOUND_M * FOUND_M, FOUND_RAD * FOUND_RAD];
@@ -231,121 +196,52 @@ impl Mapper {
         if found.distance(there) > 2.0 * FOUND_M || agreement.inlier_share() < self.slips.usual_share - FALL_SHARE {
             return;
         }
-        let Some(from) = self.began(noticed, found * at.inverse()) else { return };
-        if self.is_verified_since(from) {
-            return;
-        }
         self.slips.mended.push(Mended { scan: self.scans.len() as u64, from, metres: at.distance(found) });
-        self.shift_since(from, at, found);
+        self.shift_since(from, found * at.inverse(), found);
     }
 
-    /// The match itself has put a slip right: what was mapped meanwhile follows.
-    fn follow_jump(&mut self, predicted: Pose2) {
-        let found = self.local_from_robot;
-        let jump_m = predicted.distance(found);
-        if jump_m < LEAST_M || self.jobs_out > 0 || !self.jobs.is_empty() {
-            return;
-        }
-        let newest = self.keyframes.len() as u32;
-        let began = self.began(newest, found * predicted.inverse());
-        let Some(from) = began.filter(|&from| from < newest && !self.is_verified_since(from)) else { return };
-        self.slips.mended.push(Mended { scan: self.scans.len() as u64, from, metres: jump_m });
-        self.shift_since(from, predicted, found);
-    }
-
-    /// Whether a keyframe from there on was found at an old place.
-    fn is_verified_since(&self, from: u32) -> bool {
-        self.edges.iter().rev().any(|edge| edge.kind == EdgeKind::Closure && edge.to.seq >= from)
-    }
-
-    /// The first keyframe that is misplaced: from there on what was seen fits better beside what was seen before if it is
-    /// moved, and before it does not.
-    fn began(&mut self, noticed: u32, new_from_old: Pose2) -> Option<u32> {
-        let first = noticed.saturating_sub(BEFORE).max(1);
-        let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
-        let origin = *self.local_from_keyframe.get(first as usize - 1)?;
-        let mut map = self.closing.ground_before(&self.settings, past, first - 1).map;
-        let mut points = SweepPoints::default();
-        let mut best = (LEAST_GAIN, None);
-        for began in first..=self.keyframes.len() as u32 {
-            let mut sum = 0.0;
-            let mut look = |hits: &[[f64; 2]], pose: Pose2| {
-                let misfit = |pose: Pose2| misfit(&self.matcher, &map, hits, origin.between(pose));
-                sum += gain(misfit(pose), misfit(new_from_old * pose));
-            };
-            for node in (began as usize..self.keyframes.len()).take(LOOK_ON) {
-                points.fill(&self.keyframes[node].sweep, &mut self.table, self.settings.scan.free_range_m);
-                look(&points.hits, self.local_from_keyframe[node]);
-            }
-            if began as usize + LOOK_ON > self.keyframes.len() {
-                look(if self.thinned.is_empty() { &self.points.hits } else { &self.thinned }, self.local_from_robot);
-            }
-            if sum > best.0 {
-                best = (sum, Some(began));
-            }
-            if let (Some(keyframe), Some(&pose)) =
-                (self.keyframes.get(began as usize), self.local_from_keyframe.get(began as usize))
-            {
-                points.fill(&keyframe.sweep, &mut self.table, self.settings.scan.free_range_m);
-                points.fill_normals();
-                map.change(&points, origin.between(pose), Change::Add, 0);
-            }
-        }
-        best.1
-    }
-
-    /// Moves the robot from where it was thought to be, and with it the keyframes from `from` on. Edges across say what they say
-    /// now, the wheels' not much.
-    fn shift_since(&mut self, from: u32, thought: Pose2, found: Pose2) {
+    /// Moves the robot and the keyframes from `from` on; edges across say what they say now, the wheels' not much.
+    fn shift_since(&mut self, from: u32, new_from_old: Pose2, local_from_robot: Pose2) {
         let before = self.local_from_keyframe.clone();
-        let new_from_old = found * thought.inverse();
-        for k in from as usize..before.len() {
-            self.local_from_keyframe[k] = new_from_old * before[k];
+        for k in from as usize..self.local_from_keyframe.len() {
+            self.local_from_keyframe[k] = new_from_old * self.local_from_keyframe[k];
             self.world_from_keyframe[k] = self.world_from_local * self.local_from_keyframe[k];
         }
+        let slipped = self.local_from_robot.between(local_from_robot);
+        let slip = Vector3::new(slipped.x, slipped.y, slipped.theta);
+        let slip = Cov3::from(slip * slip.transpose());
+        self.local_from_robot = local_from_robot;
         self.movers.forget();
-        let now = &self.local_from_keyframe;
-        let change = |a: usize, b: usize| before[a].between(before[b]).between(now[a].between(now[b]));
-        for edge in self.edges.iter_mut().filter(|edge| edge.kind != EdgeKind::Closure && edge.to.seq >= from) {
-            let change = change(edge.from.seq as usize, edge.to.seq as usize);
-            edge.from_from_to = edge.from_from_to * change;
+        let weaken = |information: Cov3| {
+            let covariance = information.try_inverse().map(|covariance| covariance + slip);
+            covariance.and_then(|covariance| covariance.try_inverse()).unwrap_or(information)
+        };
+        let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
+        let is_across = |edge: &Edge| edge.from.seq < from && edge.to.seq >= from && edge.kind != EdgeKind::Closure;
+        // Matches of the last keyframes before with old places may have been led astray by it.
+        let doubted = from.saturating_sub(BEFORE)..from;
+        let is_doubted = |edge: &Edge| {
+            let old = self.closing.is_old(edge.from.seq, edge.to.seq);
+            edge.kind == EdgeKind::Match && doubted.contains(&edge.to.seq) && old
+        };
+        self.edges.retain(|edge| !is_doubted(edge));
+        for edge in self.edges.iter_mut().filter(|edge| is_across(edge)) {
+            let [a, b] = [edge.from, edge.to].map(|id| past.local_from_keyframe[id.seq as usize]);
+            edge.from_from_to = a.between(b);
             if edge.from.seq + 1 == edge.to.seq {
-                edge.information = weakened(edge.information, change);
+                edge.information = weaken(edge.information);
             }
         }
-        self.closing.measure_anew(from, change);
-        for k in from as usize..now.len() {
-            self.links[k] += spread(change(k - 1, k));
+        self.closing.measure_anew(past, from, doubted, weaken);
+        if from as usize == self.keyframes.len() {
+            self.odometry_since_keyframe += slip;
+        } else if let Some(link) = self.links.get_mut(from as usize) {
+            *link += slip;
         }
-        if let (Some(&old), Some(new)) = (before.last(), now.last()) {
-            self.odometry_since_keyframe += spread(old.between(thought).between(new.between(found)));
-        }
-        self.local_from_robot = found;
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         self.live.carry(&self.settings, &before, frames);
         self.redraw_ground();
     }
-}
-
-/// The place that fits best.
-fn best(sums: &[f64; 2 * PLACES + 1]) -> usize {
-    (0..sums.len()).min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(PLACES)
-}
-
-/// Negative log likelihood of a scan at a pose.
-fn misfit(matcher: &Matcher, map: &LiveMap, hits: &[[f64; 2]], pose: Pose2) -> f64 {
-    let share = (INDEPENDENT_BEAMS / hits.len() as f64).min(1.0);
-    matcher.evaluate(map, hits, pose, 1.5 * matcher.settings.sigma_m).cost * share
-}
-
-/// How much more one place costs than another, as one scan may say.
-fn gain(one: f64, other: f64) -> f64 {
-    (one - other).clamp(-LOOK_AT_MOST, LOOK_AT_MOST)
-}
-
-/// How far ahead a place lies, metres.
-fn place_m(place: usize) -> f64 {
-    (place as f64 - PLACES as f64) * PLACE_M
 }
 
 #[cfg(test)]
@@ -355,9 +251,9 @@ mod tests {
     fn watch(sums: impl Fn(f64) -> f64, looks: u32) -> Watch {
         let mut all = [0.0; 2 * PLACES + 1];
         for (place, sum) in all.iter_mut().enumerate() {
-            *sum = sums(place_m(place));
+            *sum = sums((place as f64 - PLACES as f64) * PLACE_M);
         }
-        Watch { sums: all, looks, ..Watch::new(0) }
+        Watch { from: 0, along: [1.0, 0.0], sums: all, looks, way_m: 0.0, unseen_m: 0.0, fitting_m: 0.0 }
     }
 
     #[test]
