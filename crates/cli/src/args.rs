@@ -38,7 +38,8 @@ pub(crate) enum Command {
     Optimize(OptimizeArgs),
     /// A harder version of a log: fewer scans, random beams, worse odometry.
     Perturb(PerturbArgs),
-    /// Every place where the robot may have come back, from a folder of results: what was found, decided and why.
+    /// Every place where the robot may have come back, from a folder of results: what was found, decided and why; and the
+    /// wheels' slips.
     Explain(ExplainArgs),
     /// Results for other tools, from a folder of results: trajectories, maps, or everything as MCAP.
     Export(ExportArgs),

@@ -56,8 +56,8 @@ fn groups(shown: &[&CandidateRecord]) -> String {
 
 /// One line each; not beside a choice of candidates by their verdict.
 fn slips(args: &ExplainArgs, file: &ClosureFile) -> String {
-    let is_near = |slip: &&SlipRecord| args.keyframe.is_none_or(|keyframe| keyframe == slip.from);
-    let slips: Vec<&SlipRecord> = file.slips.iter().filter(is_near).collect();
+    let begins_there = |slip: &&SlipRecord| args.keyframe.is_none_or(|keyframe| keyframe == slip.from);
+    let slips: Vec<&SlipRecord> = file.slips.iter().filter(begins_there).collect();
     if slips.is_empty() || args.accepted || args.refused {
         return String::new();
     }

@@ -54,7 +54,10 @@ fn candidates_are_told_with_verdict_reason_and_numbers() {
     let slips = |more: &[&str]| said(more).contains("of the wheels");
     assert!(slips(&["--keyframe", "30"]) && !slips(&["--keyframe", "9"]) && !slips(&["--accepted"]));
     let older = CLOSURES.replace("\"slips\"", "\"notes\"");
-    assert_code(&explain("explain_older", &older, &[]), 0);
+    let output = explain("explain_older", &older, &[]);
+    assert_code(&output, 0);
+    let said = text(&output.stdout);
+    assert!(said.contains("candidates among 50 keyframes") && !said.contains("of the wheels"), "{said}");
 }
 
 #[test]
