@@ -148,9 +148,18 @@ impl Live {
     pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, lever_m: f64) {
         self.views.push(View::default());
         self.lever_m = lever_m;
-        self.draw(settings, frames, node, Change::Add);
+        let blank = frames.keyframes[node as usize].sweep.is_blank();
+        if blank {
+            // It is where the robot is, and there is nothing to draw.
+            self.points.clear();
+            self.views[node as usize].gone = true;
+        } else {
+            self.draw(settings, frames, node, Change::Add);
+        }
         if self.gated {
             self.patches.add(frames.world_from_robot, lever_m, &self.points.hits);
+        }
+        if self.gated && !blank {
             self.enter_area(settings, frames, node);
         }
     }
@@ -193,6 +202,9 @@ impl Live {
     /// A patch's keyframes join or leave: they are due to be taken out, or wait until a scan meets them to be drawn.
     fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
         for node in self.patches.flip(flip) {
+            if self.views[node as usize].gone {
+                continue;
+            }
             if flip.live {
                 self.enter_area(settings, frames, node);
             } else {
@@ -677,6 +689,28 @@ mod tests {
         assert!(!drawn(&live, leaving));
         finish(&mut live, &keyframes, &poses);
         live.map.refresh();
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    }
+
+    #[test]
+    fn a_keyframe_without_beams_is_a_place_and_nothing_drawn() {
+        let (mut keyframes, poses) = corridor(40);
+        keyframes[20].sweep = keyframes[20].sweep.blanked();
+        let mut live = drive(&keyframes, &poses, 0.001, None);
+        let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
+        let is_out = |live: &Live| live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|&k| k == 20);
+        assert!(is_out(&live) && live.is_live(20) && live.is_live(39), "it is known where it is, and what follows");
+        for is_live in [false, true] {
+            for patch in 0..5 {
+                live.flip(&gated(), frames, Flip { patch, live: is_live, distance2: 0.0 });
+            }
+            finish(&mut live, &keyframes, &poses);
+        }
+        live.note_waiting(frames);
+        scan(&mut live, &keyframes, &poses, 20);
+        finish(&mut live, &keyframes, &poses);
+        live.map.refresh();
+        assert!(is_out(&live));
         assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
     }
 

@@ -141,6 +141,20 @@ impl Sweep {
         !before.iter().chain(after).any(near)
     }
 
+    /// The same sweep with every beam dropped: it says where the laser was and nothing of what it saw.
+    #[must_use]
+    pub fn blanked(&self) -> Self {
+        let mut blank = self.clone();
+        blank.codes.fill(BEAM_DROPPED);
+        blank
+    }
+
+    /// Whether every beam was dropped.
+    #[must_use]
+    pub fn is_blank(&self) -> bool {
+        self.codes.iter().all(|&code| code == BEAM_DROPPED)
+    }
+
     /// Range of a return in metres, or `None` for a beam that is none.
     #[must_use]
     pub fn range_m(&self, beam: usize) -> Option<f64> {
@@ -412,6 +426,18 @@ impl Line {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_blank_sweep_has_its_beams_and_saw_nothing() {
+        let laser = Arc::new(LaserModel::half_circle("front", 3));
+        let ranges_m = vec![1.0, f32::INFINITY, f32::NAN];
+        let scan = LaserScan { stamp: mapwright_geom::Stamp(0), laser, ranges_m, odom_from_robot: None };
+        let (sweep, _) = Sweep::from_scan(&scan, [0.0; 3]);
+        let blank = sweep.blanked();
+        assert!(blank.is_blank() && !sweep.is_blank() && blank.codes.len() == 3);
+        let free = Sweep { codes: vec![BEAM_DROPPED, BEAM_NO_RETURN, BEAM_DROPPED], ..blank };
+        assert!(!free.is_blank(), "a beam without a return has seen free space");
+    }
 
     #[test]
     fn normals_point_to_where_the_surface_was_seen_from() {

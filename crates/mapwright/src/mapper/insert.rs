@@ -35,9 +35,14 @@ impl Mapper {
     }
 
     pub(super) fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
+        let sweep = self.believed_sweep()?;
+        Some(self.insert_sweep(scan, matched, sweep))
+    }
+
+    /// A keyframe where the robot is.
+    pub(super) fn insert_sweep(&mut self, scan: &LaserScan, matched: Option<&Matched>, sweep: Sweep) -> u32 {
         let node = self.keyframes.len() as u32;
         let id = self.id(node);
-        let sweep = self.believed_sweep()?;
         let covariance = self.covariance();
         self.keyframes.push(Keyframe { id, stamp: scan.stamp, scan: self.scans.len() as u64, sweep });
         self.local_from_keyframe.push(self.local_from_robot);
@@ -53,7 +58,7 @@ impl Mapper {
         let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
         let (lever_m, _) = self.points.lever_and_reach_m();
         self.live.insert(&self.settings, frames, node, lever_m);
-        Some(node)
+        node
     }
 
     /// The sweep, without the beams that end in space known to be free where they are many: people in the way, or a

@@ -11,7 +11,7 @@ use crate::motion::Step;
 use crate::settings::LivePolicy;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_record::{MatchReport, Status, Update};
-use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{BeamCounts, LaserScan, Odometry, Sweep, TurnRate};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -155,8 +155,7 @@ impl Mapper {
         let keyframe_from_robot = self.local_from_keyframe[newest as usize].between(self.local_from_robot);
         self.scans.push((scan.stamp, Some(newest), keyframe_from_robot));
         let status = if self.lost.is_some() { Status::Lost } else { Status::Tracking };
-        let keyframe = self.lost.is_none().then_some(newest);
-        Update { status, matched: report, ..self.update(scan, beams, None, keyframe, refused) }
+        Update { status, matched: report, ..self.update(scan, beams, None, None, refused) }
     }
 
     /// Asks where in all that is known the robot is.
@@ -202,7 +201,8 @@ impl Mapper {
         self.lost_or_arrived().into_iter().for_each(Lost::redraw_ground);
     }
 
-    /// The robot is found: it goes on from there.
+    /// The robot is found: it goes on from there. Until that is believed nothing is written: the keyframe of the arrival, which
+    /// the next ones hang on, is one without beams, and none that anybody is told of.
     fn arrive(&mut self, scan: &LaserScan, found: &Found) {
         let Some(lost) = self.lost.take() else { return };
         let Found { from, to, from_from_to, covariance } = *found;
@@ -214,10 +214,11 @@ impl Mapper {
         self.lost_scans = 0;
         self.doubted_from = None;
         self.broken = Some(Broken { from, covariance });
-        let arrived = self.insert(scan, None);
+        let arrived = self.sweep.as_ref().map(Sweep::blanked).map(|blank| self.insert_sweep(scan, None, blank));
         // It has seen where it is until now, though not here.
         self.seen = Some(scan.stamp);
         if let Some(node) = arrived {
+            self.dropped.insert(node);
             self.suspicion = Suspicion::of_arrival(Arrival::new(node, from, lost));
             let frames = Frames { keyframes: &self.keyframes, world_from_robot: &self.local_from_keyframe };
             self.live.arrive(&self.settings, frames, &self.points.hits, self.local_from_robot);
@@ -270,9 +271,28 @@ mod tests {
             tracked > 10 && (0.5..8.0).contains(&way_m) && mapper.lost.is_some(),
             "it has gone on there for {way_m} m"
         );
-        assert!(written == 1 && mapper.dropped.contains(&node), "the keyframe of the arrival is withdrawn");
+        assert!(written == 0 && mapper.dropped.contains(&node), "the keyframe of the arrival is none");
+        assert!(mapper.keyframes[node as usize].sweep.is_blank(), "and has seen nothing");
         let arrival = mapper.id(node);
         assert!(mapper.edges.iter().all(|edge| edge.to != arrival && edge.from != arrival), "no edge leads there");
         assert!(mapper.render_poses()[node as usize].is_none(), "nor is it drawn");
+    }
+
+    /// A new corridor fits in a known one to the width of a cell for 5 m, as far as it was seen lately; all that was seen on the
+    /// way does not lie on its walls.
+    #[test]
+    fn who_drives_along_a_corridor_like_a_known_one_is_not_found_there() {
+        let case = kidnapping(41_031);
+        let mut mapper = Mapper::with(Settings::default(), Pose2::IDENTITY);
+        let since_s = |scan: &LaserScan| scan.stamp.secs_since(case.put_down);
+        let mut asked = 0;
+        for scan in case.drive().scans().map(|scan| scan.scan).take_while(|scan| since_s(scan) < 16.0) {
+            let update = mapper.add_scan(&scan);
+            if since_s(&scan) > 5.0 {
+                assert_eq!(update.status, Status::Lost, "{} s", since_s(&scan));
+                asked = mapper.questions;
+            }
+        }
+        assert!(asked > 20, "it has asked {asked} times");
     }
 }

@@ -64,7 +64,8 @@ pub(crate) struct Place {
     whole: bool,
     /// Whether the robot has seen elsewhere what fits nearly as well.
     common: bool,
-    /// How closely surfaces lie on those that are known, as a share of how closely they lie on their own.
+    /// How closely surfaces lie on those that are known, as a share of how closely they lie on their own; the least of what was
+    /// seen lately, all that was seen on the way, and the map.
     closeness: f64,
     /// Whether what was seen lately and what was seen before as well are found in the same place.
     steady: bool,
@@ -102,7 +103,6 @@ impl Look<'_> {
         let target = self.place(view);
         let mut finding = self.look(view, &target, self.query, best, self.verify());
         let from = self.ground.nodes[view];
-        let closeness = finding.target_from_query.map_or(0.0, |pose| self.query.closeness(&target, pose));
         // Where it fits a little farther along a wall as well, the place is as good.
         let mut fits = matches!(finding.objection, None | Some(Objection::Ambiguous));
         let other = self.other.filter(|_| fits).map(|other| self.look(view, &target, other, best, self.anything()));
@@ -110,6 +110,7 @@ impl Look<'_> {
             (finding.objection, fits) = (Some(Objection::Contradiction), false);
         }
         let steady = other.is_none_or(|other| say_the_same(&finding, &other));
+        let closeness = self.closeness(&target, &finding, other.as_ref());
         let mut rivals = Some(Vec::new());
         if fits && self.is_unlikely(best, fit_of_known(&finding, self.query, &target)) {
             finding.objection = Some(Objection::Ambiguous);
@@ -123,6 +124,18 @@ impl Look<'_> {
             rivals = (!many).then(|| equal.iter().map(|rival| rival.map_from_query).collect());
         }
         Some(Place { from, finding, rivals, whole: self.whole, common: false, closeness, steady })
+    }
+
+    /// How closely what is looked for, what else was seen lately or on the way, and, seen from the map, all of that lies where
+    /// it should: the least of the three, for a wrong corridor may pass for one of them.
+    fn closeness(&self, target: &Submap, finding: &Finding, other: Option<&Finding>) -> f64 {
+        let Some(pose) = finding.target_from_query else { return 0.0 };
+        let there = other.and_then(|other| other.target_from_query);
+        let seen = self.other.zip(there).map(|(submap, pose)| submap.closeness(target, pose));
+        let target_from_since = if self.all { pose } else { there.unwrap_or(pose) };
+        let since = if self.all { self.query } else { self.since };
+        let back = target.closeness(since, target_from_since.inverse());
+        self.query.closeness(target, pose).min(back).min(seen.unwrap_or(f64::INFINITY))
     }
 
     /// Whether what a robot has seen before it came here speaks against a place: what fits nearly as well, for then such
