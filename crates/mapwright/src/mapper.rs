@@ -119,6 +119,8 @@ pub struct Mapper {
     doubted_from: Option<u32>,
     /// Keyframes in a row with somebody in the way.
     intruded: u32,
+    /// and of those that hardly fit.
+    misfits: u32,
 }
 
 impl Mapper {
@@ -191,6 +193,7 @@ impl Mapper {
             slips: Slips::default(),
             doubted_from: None,
             intruded: 0,
+            misfits: 0,
         }
     }
 
