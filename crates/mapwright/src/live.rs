@@ -698,7 +698,8 @@ mod tests {
         keyframes[20].sweep = keyframes[20].sweep.blanked();
         let mut live = drive(&keyframes, &poses, 0.001, None);
         let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
-        let is_out = |live: &Live| live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|&k| k == 20);
+        let is_out =
+            |live: &Live| live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|&k| k == 20);
         assert!(is_out(&live) && live.is_live(20) && live.is_live(39), "it is known where it is, and what follows");
         for is_live in [false, true] {
             for patch in 0..5 {
