@@ -119,8 +119,6 @@ pub struct Mapper {
     doubted_from: Option<u32>,
     /// Keyframes in a row with somebody in the way.
     intruded: u32,
-    /// and of those that hardly fit.
-    misfits: u32,
 }
 
 impl Mapper {
@@ -193,7 +191,6 @@ impl Mapper {
             slips: Slips::default(),
             doubted_from: None,
             intruded: 0,
-            misfits: 0,
         }
     }
 

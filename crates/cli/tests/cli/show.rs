@@ -22,8 +22,8 @@ fn errors(folder: &Path, what: &str, seed: u64) -> Value {
 fn each_lesson_is_shown_with_its_errors() {
     let folder = folder("show");
     let ate_m = |errors: &Value, what: &str| errors["ate_m"][what].as_f64().unwrap();
-    // The ends of one open loop may meet by chance, and then nothing is left to be righted: these end apart.
-    let open: Vec<_> = [2, 5, 6].into_iter().map(|seed| errors(&folder, "no-closure", seed)).collect();
+    // The ends of one open loop may meet by chance.
+    let open: Vec<_> = [1, 2, 5].into_iter().map(|seed| errors(&folder, "no-closure", seed)).collect();
     let all_m = |what: &str| open.iter().map(|errors| ate_m(errors, what)).sum::<f64>();
     assert!(all_m("optimised") < 0.5 * all_m("open"), "{open:?}");
     assert!(open.iter().all(|errors| ate_m(errors, "optimised") < ate_m(errors, "open")), "{open:?}");

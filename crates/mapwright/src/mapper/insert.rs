@@ -1,6 +1,6 @@
 //! Steps 4 and 5: keyframes, their edges and their covariances.
 
-use super::guard::{DOUBT_SHARE, Matched};
+use super::guard::Matched;
 use super::{MAP_FLOOR, Mapper, fuse};
 use crate::live::Frames;
 use crate::patches::Spacing;
@@ -14,11 +14,6 @@ use nalgebra::{Matrix3, Vector3};
 const INTRUDER_SHARE: f64 = 0.15;
 /// After so many keyframes in a row it is the world that has changed.
 const INTRUDED_AT_MOST: u32 = 16;
-/// A scan of which more than this share ends where it is known, and that fits by so much less than usual, is not drawn,
-const MISFIT_KNOWN_SHARE: f64 = 0.5;
-const MISFIT_FALL: f64 = 0.25;
-/// unless so many in a row did not: then it is the map that is wrong.
-const MISFITS_AT_MOST: u32 = 3;
 
 impl Mapper {
     pub(super) fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
@@ -40,20 +35,8 @@ impl Mapper {
     }
 
     pub(super) fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
-        let mut sweep = self.believed_sweep()?;
-        let misfit = matched.is_some_and(|matched| self.is_misfit(matched));
-        self.misfits = if misfit { self.misfits + 1 } else { 0 };
-        if misfit && self.misfits <= MISFITS_AT_MOST {
-            sweep = sweep.blanked();
-        }
+        let sweep = self.believed_sweep()?;
         Some(self.insert_sweep(scan, matched, sweep))
-    }
-
-    /// Whether a scan fits so badly where much is known, and so much worse than usual, that it was hardly taken where the match has
-    /// it: what it saw is drawn by those after it, once the robot knows where it is.
-    fn is_misfit(&self, matched: &Matched) -> bool {
-        let (fitting, known) = (matched.agreement.inlier_share(), matched.agreement.known_share());
-        fitting < DOUBT_SHARE && known > MISFIT_KNOWN_SHARE && fitting < self.usual_share - MISFIT_FALL
     }
 
     /// A keyframe where the robot is.
