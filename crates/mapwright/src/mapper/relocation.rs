@@ -278,8 +278,8 @@ mod tests {
         assert!(mapper.render_poses()[node as usize].is_none(), "nor is it drawn");
     }
 
-    /// A new corridor fits in a known one to the width of a cell for 5 m, as far as it was seen lately; all that was seen on the
-    /// way does not lie on its walls.
+    /// What was seen lately of a new corridor lies closely enough on the walls of a known one, seven answers long; not all three
+    /// of it, what was seen on the way, and the known one seen from there do.
     #[test]
     fn who_drives_along_a_corridor_like_a_known_one_is_not_found_there() {
         let case = kidnapping(41_031);
