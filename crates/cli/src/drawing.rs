@@ -13,6 +13,13 @@ pub(crate) fn draw(settings: &Settings, keyframes: &[Keyframe], world_from_keyfr
     map.into_counts()
 }
 
+/// What a picture shows of a run, and the numbers of the keyframes that it leaves out because they contradict the others.
+pub(crate) fn draw_believed(mapper: &Mapper) -> (CountGrid, Vec<u32>) {
+    let mut map = GlobalMap::without_normals(mapper.settings());
+    let left_out = map.export_believed(mapper.keyframes(), &mapper.render_poses(), mapper.doubted(), 2);
+    (map.into_counts(), left_out)
+}
+
 /// Counts of every keyframe at these poses, whatever the mapper itself makes of them.
 pub(crate) fn draw_keyframes(mapper: &Mapper, world_from_keyframe: &[Pose2]) -> CountGrid {
     let poses: Vec<_> = world_from_keyframe.iter().copied().map(Some).collect();

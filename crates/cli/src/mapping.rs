@@ -3,7 +3,7 @@
 use crate::advice::{numbered, seen_from};
 use crate::args::{Align, MappingArgs, StampPolicy};
 use crate::closures::{CLOSURES, ClosureFile, taken_back};
-use crate::drawing::draw;
+use crate::drawing::draw_believed;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
@@ -56,6 +56,7 @@ pub(crate) struct Made {
     pub(crate) map_cells: [usize; 2],
     pub(crate) map_m: [f64; 2],
     pub(crate) cells_left_out: u64,
+    pub(crate) keyframes_left_out: usize,
     pub(crate) wall_angle_rad: Option<f64>,
     pub(crate) advice: Advice,
 }
@@ -126,9 +127,9 @@ impl Mapping {
         }
         let way = self.write_trajectory()?;
         self.write_graph()?;
-        let session = session_of(&self.mapper, &self.wheels.in_the_logs_frame());
+        let (MapImage { image, cells_left_out }, keyframes_left_out) = self.render();
+        let session = session_of(&self.mapper, &self.wheels.in_the_logs_frame(), &keyframes_left_out);
         self.output.write(SESSION, |writer| Ok(writer.write_all(&session.encode())?))?;
-        let MapImage { image, cells_left_out } = self.render();
         self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
         self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
         let wall_angle_rad = self.wall_angle(&image);
@@ -143,6 +144,7 @@ impl Mapping {
             map_cells: [image.width, image.height],
             map_m: [shown.width, shown.height].map(|cells| cells as f64 * image.resolution_m),
             cells_left_out,
+            keyframes_left_out: keyframes_left_out.len(),
             wall_angle_rad,
             advice,
         })
@@ -177,14 +179,15 @@ impl Mapping {
         })
     }
 
-    /// Every keyframe at its present pose. A live map of everything is that map already.
-    fn render(&self) -> MapImage {
+    /// Every keyframe at its present pose, and the numbers of those that are left out. A live map of everything is that map
+    /// already.
+    fn render(&self) -> (MapImage, Vec<u32>) {
         let Settings { live, map, .. } = self.mapper.settings();
         if live.policy == LivePolicy::Everything {
-            map_image(self.mapper.live_map().counts(), map.passes_per_hit)
+            (map_image(self.mapper.live_map().counts(), map.passes_per_hit), Vec::new())
         } else {
-            let counts = draw(self.mapper.settings(), self.mapper.keyframes(), &self.mapper.render_poses());
-            map_image(&counts, map.passes_per_hit)
+            let (counts, left_out) = draw_believed(&self.mapper);
+            (map_image(&counts, map.passes_per_hit), left_out)
         }
     }
 

@@ -102,6 +102,10 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
     if lost > 0 {
         losses.push(format!("{} left out of the map, for the robot was lost", count(lost, "scan")));
     }
+    if made.keyframes_left_out > 0 {
+        let what = count(made.keyframes_left_out as u64, "keyframe");
+        losses.push(format!("{what} left out of the map, for the scan hardly fitted and contradicts the others"));
+    }
     if made.cells_left_out > 0 {
         losses.push(format!(
             "{} lie too far out for the map's files (at most 100 million cells; a larger map.resolution_m helps)",
@@ -131,6 +135,7 @@ pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: 
         "map": {
             "cells": made.map_cells,
             "cells_left_out": made.cells_left_out,
+            "keyframes_left_out": made.keyframes_left_out,
             "wall_angle_rad": made.wall_angle_rad,
         },
         "certainty": advice::report(&made.advice),

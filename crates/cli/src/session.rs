@@ -12,8 +12,8 @@ use std::path::Path;
 /// Its name in the folder of results.
 pub(crate) const SESSION: &str = "session.mapwright";
 
-/// The run so far; `odom_from_robot` has odometry's pose at every scan.
-pub(crate) fn session_of(mapper: &Mapper, odom_from_robot: &[Pose2]) -> Session {
+/// The run so far; `odom_from_robot` has odometry's pose at every scan. Keyframes that the map leaves out have no beams.
+pub(crate) fn session_of(mapper: &Mapper, odom_from_robot: &[Pose2], left_out: &[u32]) -> Session {
     let gone = taken_back(mapper.candidates());
     let stands = |edge: &&Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
     let scan = |(pose, &odom_from_robot): (mapwright::TrajectoryPose, &Pose2)| SessionScan {
@@ -21,10 +21,16 @@ pub(crate) fn session_of(mapper: &Mapper, odom_from_robot: &[Pose2]) -> Session 
         map_from_robot: pose.map_from_robot,
         odom_from_robot,
     };
+    let mut keyframes = mapper.keyframes().to_vec();
+    for &k in left_out {
+        if let Some(keyframe) = keyframes.get_mut(k as usize) {
+            keyframe.sweep = keyframe.sweep.blanked();
+        }
+    }
     Session {
         settings: serde_json::to_string(mapper.settings()).unwrap_or_default(),
         scans: mapper.trajectory().zip(odom_from_robot).map(scan).collect(),
-        keyframes: mapper.keyframes().to_vec(),
+        keyframes,
         map_from_keyframe: mapper.keyframe_poses().to_vec(),
         edges: mapper.edges().iter().filter(stands).copied().collect(),
     }

@@ -44,7 +44,7 @@ pub use mapwright_record::{
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use probe::{NoProbe, Probe, Stage};
-pub use render::GlobalMap;
+pub use render::{Doubted, GlobalMap};
 pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,

@@ -5,7 +5,7 @@ use crate::jobs::Job;
 use crate::live::{Frames, Live, LiveReport};
 use crate::motion::{Moved, Predictor, Step};
 use crate::probe::{NoProbe, Probe, Stage};
-use crate::render::GlobalMap;
+use crate::render::{Doubted, GlobalMap};
 use crate::settings::{Settings, SettingsError};
 use guard::Matched;
 use mapwright_geom::{Cov3, Pose2, Stamp, compose_covariance};
@@ -110,6 +110,8 @@ pub struct Mapper {
     thinned: Vec<[f64; 2]>,
     /// Keyframes that were taken out for good.
     dropped: FxHashSet<u32>,
+    /// Keyframes whose scan hardly fitted.
+    doubted: Vec<Doubted>,
     scatter: Scatter,
     lost_scans: u32,
     /// Running mean of the share of fitting beams.
@@ -185,6 +187,7 @@ impl Mapper {
             searcher: CorrelativeSearch::default(),
             thinned: Vec::new(),
             dropped: FxHashSet::default(),
+            doubted: Vec::new(),
             scatter: Scatter::default(),
             lost_scans: 0,
             usual_share: 0.0,
@@ -451,7 +454,14 @@ impl Mapper {
         self.keyframes.iter().zip(&self.world_from_keyframe).map(|(k, &pose)| stays(k).then_some(pose)).collect()
     }
 
-    /// Counts of every keyframe at its present pose, drawn from scratch on two threads: the map to export.
+    /// The keyframes whose scan hardly fitted when they were made: see [`GlobalMap::export_believed`].
+    #[must_use]
+    pub fn doubted(&self) -> &[Doubted] {
+        &self.doubted
+    }
+
+    /// Counts of every keyframe at its present pose, drawn from scratch on two threads, without those that hardly fitted
+    /// ([`Mapper::doubted`]) and contradict the others: the map to export.
     #[must_use]
     pub fn render(&self) -> CountGrid {
         self.render_with(2)
@@ -461,7 +471,7 @@ impl Mapper {
     #[must_use]
     pub fn render_with(&self, threads: usize) -> CountGrid {
         let mut map = GlobalMap::new(&self.settings);
-        map.export(&self.keyframes, &self.render_poses(), threads);
+        map.export_believed(&self.keyframes, &self.render_poses(), &self.doubted, threads);
         map.into_counts()
     }
 }

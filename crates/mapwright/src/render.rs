@@ -1,15 +1,18 @@
 //! The global map: every keyframe's beams where the keyframe is, or was until it moved by enough to see.
 
+use crate::mapper::DOUBT_SHARE;
 use crate::settings::Settings;
 use mapwright_geom::Pose2;
-use mapwright_grid::{Change, Changes, CountGrid};
+use mapwright_grid::{Change, Changes, CountGrid, floor_cell};
 use mapwright_record::Keyframe;
-use mapwright_sensor::{BeamTable, SweepPoints};
+use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 /// A drawn keyframe is drawn anew when one of its points may have moved by more than this share of a cell.
 const FOLLOW_CELLS: f64 = 0.25;
+/// A scan can only be said not to fit where more than this share of its end points lies where something is known.
+pub(crate) const MISFIT_KNOWN_SHARE: f64 = 0.5;
 /// Keyframes that a thread takes at a time.
 const SHARE: usize = 32;
 
@@ -37,11 +40,21 @@ pub struct GlobalMap {
     drawn: Vec<Option<Drawn>>,
 }
 
+/// A keyframe whose scan hardly fitted when it was made.
+#[derive(Debug, Clone)]
+pub struct Doubted {
+    /// Its number.
+    pub keyframe: u32,
+    /// Its scan with every beam: the keyframe's own lacks those that ended in space known to be free.
+    pub sweep: Sweep,
+}
+
 /// How keyframes are drawn.
 #[derive(Debug, Clone, Copy)]
 struct Pen {
     resolution_m: f64,
     free_range_m: f64,
+    passes_per_hit: u32,
     normals: bool,
 }
 
@@ -69,6 +82,7 @@ impl GlobalMap {
             pen: Pen {
                 resolution_m: settings.map.resolution_m,
                 free_range_m: settings.scan.free_range_m,
+                passes_per_hit: settings.map.passes_per_hit,
                 normals: true,
             },
             drawn: Vec::new(),
@@ -120,6 +134,62 @@ impl GlobalMap {
         self.update(keyframes, world_from_keyframe, threads, |drawn, now| drawn.world_from_keyframe != now);
         self.counts.compact();
         &self.counts
+    }
+
+    /// As [`GlobalMap::export`], but of the keyframes in `doubted` only those are drawn that agree with what all others show
+    /// or that end where these show nothing. Returns the numbers of those that are left out.
+    ///
+    /// A scan that hardly fitted may have been matched wrong, turned in a doorway say; what it saw is shown by those before and
+    /// after it. It is judged by the whole map, for where a loop was open it may have been the map that was wrong.
+    pub fn export_believed(
+        &mut self,
+        keyframes: &[Keyframe],
+        world_from_keyframe: &[Option<Pose2>],
+        doubted: &[Doubted],
+        threads: usize,
+    ) -> Vec<u32> {
+        let mut poses = world_from_keyframe.to_vec();
+        let mut taken = Vec::new();
+        for Doubted { keyframe, sweep } in doubted {
+            if let Some(pose) = poses.get_mut(*keyframe as usize).and_then(Option::take) {
+                taken.push((*keyframe, pose, sweep));
+            }
+        }
+        self.export(keyframes, &poses, threads);
+        let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
+        let mut left_out = Vec::new();
+        for &(keyframe, pose, sweep) in &taken {
+            points.fill(sweep, &mut table, self.pen.free_range_m);
+            if self.contradicts(&points.hits, pose) {
+                left_out.push(keyframe);
+            } else {
+                poses[keyframe as usize] = Some(pose);
+            }
+        }
+        if left_out.len() < taken.len() {
+            self.export(keyframes, &poses, threads);
+        }
+        left_out
+    }
+
+    /// Whether most of a scan's end points lie where something is known, and too few of these where anything is.
+    fn contradicts(&self, hits: &[[f64; 2]], world_from_robot: Pose2) -> bool {
+        let (s, c) = world_from_robot.theta.sin_cos();
+        let cells_per_m = 1.0 / self.pen.resolution_m;
+        let (mut known, mut fitting) = (0_u32, 0_u32);
+        for &[x, y] in hits {
+            let cell_x = floor_cell((world_from_robot.x + c * x - s * y) * cells_per_m);
+            let cell_y = floor_cell((world_from_robot.y + s * x + c * y) * cells_per_m);
+            let fits = (-1..=1).any(|dy| (-1..=1).any(|dx| self.is_obstacle(cell_x + dx, cell_y + dy)));
+            fitting += u32::from(fits);
+            known += u32::from(fits || self.counts.passes(cell_x, cell_y) > 0);
+        }
+        f64::from(known) > MISFIT_KNOWN_SHARE * hits.len() as f64 && f64::from(fitting) < DOUBT_SHARE * f64::from(known)
+    }
+
+    fn is_obstacle(&self, cell_x: i32, cell_y: i32) -> bool {
+        let hits = self.counts.slot(cell_x, cell_y).map_or(0, |slot| self.counts.cell(slot).hits);
+        hits > 0 && hits.saturating_mul(self.pen.passes_per_hit) >= self.counts.passes(cell_x, cell_y)
     }
 
     /// The counts, when nothing more is to follow.

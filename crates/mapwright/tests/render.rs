@@ -3,7 +3,7 @@
 
 mod support;
 
-use mapwright::{CountGrid, GlobalMap, Keyframe, Mapper, Pose2, Settings};
+use mapwright::{CountGrid, Doubted, GlobalMap, Keyframe, Mapper, Pose2, Settings};
 use mapwright_grid::{Change, HitCell};
 use mapwright_sensor::{BeamTable, SweepPoints};
 use mapwright_sim::{DriveSettings, worlds};
@@ -153,4 +153,29 @@ fn dropped_keyframes_leave_the_map_whoever_draws_it() {
     assert!(map.counts().to_bytes() == mapper.render_with(1).to_bytes());
     let all_at_once = mapper.render_with(3);
     assert!(seen(map.export(mapper.keyframes(), &mapper.render_poses(), 2)) == seen(&all_at_once));
+}
+
+#[test]
+fn a_scan_that_hardly_fitted_is_drawn_where_it_agrees_with_the_others_only() {
+    let (keyframes, poses) = (MAPPED.keyframes(), MAPPED.render_poses());
+    let settings = Settings::default();
+    let doubted = [40, 80].map(|k| Doubted { keyframe: k, sweep: keyframes[k as usize].sweep.clone() });
+    let mut map = GlobalMap::new(&settings);
+    assert_eq!(map.export_believed(keyframes, &poses, &doubted, 2), []);
+    assert!(map.counts().to_bytes() == by_definition(keyframes, &poses).to_bytes());
+    // The one turned as by a match that went astray: its beams end beyond the walls and before them.
+    let turned = poses[40].expect("none was dropped") * Pose2::new(0.0, 0.0, 0.35);
+    let mut astray = poses.clone();
+    astray[40] = Some(turned);
+    assert_eq!(map.export_believed(keyframes, &astray, &doubted, 2), [40]);
+    astray[40] = None;
+    assert!(map.counts().to_bytes() == by_definition(keyframes, &astray).to_bytes());
+    // Where the others show nothing they do not contradict.
+    let far_away = Pose2::new(500.0, 0.0, 0.0);
+    astray[40] = Some(far_away);
+    assert_eq!(map.export_believed(keyframes, &astray, &doubted, 1), []);
+    assert_eq!(map.render_pose(40), Some(far_away));
+    // Numbers of keyframes that there are not are nobody's.
+    let nobody = [Doubted { keyframe: u32::MAX, ..doubted[0].clone() }];
+    assert_eq!(map.export_believed(keyframes, &poses, &nobody, 2), []);
 }

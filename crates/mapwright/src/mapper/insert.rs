@@ -1,9 +1,10 @@
 //! Steps 4 and 5: keyframes, their edges and their covariances.
 
-use super::guard::Matched;
+use super::guard::{DOUBT_SHARE, Matched};
 use super::{MAP_FLOOR, Mapper, fuse};
 use crate::live::Frames;
 use crate::patches::Spacing;
+use crate::render::{Doubted, MISFIT_KNOWN_SHARE};
 use mapwright_geom::{Cov3, compose_covariance};
 use mapwright_record::{Edge, EdgeKind, Keyframe, Status};
 use mapwright_sensor::{BEAM_DROPPED, LaserScan, Sweep};
@@ -36,7 +37,11 @@ impl Mapper {
 
     pub(super) fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
         let sweep = self.believed_sweep()?;
-        Some(self.insert_sweep(scan, matched, sweep))
+        let node = self.insert_sweep(scan, matched, sweep);
+        if let Some(sweep) = self.sweep.clone().filter(|_| matched.is_some_and(hardly_fits)) {
+            self.doubted.push(Doubted { keyframe: node, sweep });
+        }
+        Some(node)
     }
 
     /// A keyframe where the robot is.
@@ -140,6 +145,11 @@ impl Mapper {
         let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
         fuse(&predicted, &self.information) + Matrix3::from_diagonal(&floor)
     }
+}
+
+/// Whether a scan fits badly where much is known.
+fn hardly_fits(matched: &Matched) -> bool {
+    matched.agreement.inlier_share() < DOUBT_SHARE && matched.agreement.known_share() > MISFIT_KNOWN_SHARE
 }
 
 /// How far apart keyframes and scans are before a keyframe that is a step on from the last one.
