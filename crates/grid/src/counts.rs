@@ -49,6 +49,13 @@ impl HitCell {
         Self { x, y, hits: 0, sum_x: 0, sum_y: 0, points: 0, normals: 0, sum_nxx: 0, sum_nxy: 0, sum_nx: 0, sum_ny: 0 }
     }
 
+    /// Whether the cell is an obstacle to a map in which so many beams passed through it, and a hit outweighs
+    /// `passes_per_hit` of them.
+    #[must_use]
+    pub fn is_obstacle(&self, passes: u32, passes_per_hit: u32) -> bool {
+        self.hits > 0 && self.hits.saturating_mul(passes_per_hit) >= passes
+    }
+
     /// Sum of the normals, in 1/1024.
     pub(crate) fn facing(&self) -> [i64; 2] {
         [self.sum_nx, self.sum_ny].map(|sum| i64::from(sum as i32))

@@ -387,7 +387,7 @@ impl LiveMap {
             self.means[slot as usize] = self.mean(slot);
         }
         let passes = self.counts.passes(cell.x, cell.y);
-        let occupied = cell.hits > 0 && cell.hits.saturating_mul(self.settings.passes_per_hit) >= passes;
+        let occupied = cell.is_obstacle(passes, self.settings.passes_per_hit);
         let was = flag & OCCUPIED != 0;
         if occupied && !was {
             self.flags[slot as usize] |= OCCUPIED;

@@ -188,8 +188,9 @@ impl GlobalMap {
     }
 
     fn is_obstacle(&self, cell_x: i32, cell_y: i32) -> bool {
-        let hits = self.counts.slot(cell_x, cell_y).map_or(0, |slot| self.counts.cell(slot).hits);
-        hits > 0 && hits.saturating_mul(self.pen.passes_per_hit) >= self.counts.passes(cell_x, cell_y)
+        let passes = || self.counts.passes(cell_x, cell_y);
+        let slot = self.counts.slot(cell_x, cell_y);
+        slot.is_some_and(|slot| self.counts.cell(slot).is_obstacle(passes(), self.pen.passes_per_hit))
     }
 
     /// The counts, when nothing more is to follow.

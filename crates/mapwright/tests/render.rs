@@ -179,3 +179,25 @@ fn a_scan_that_hardly_fitted_is_drawn_where_it_agrees_with_the_others_only() {
     let nobody = [Doubted { keyframe: u32::MAX, ..doubted[0].clone() }];
     assert_eq!(map.export_believed(keyframes, &poses, &nobody, 2), []);
 }
+
+/// Every other beam sees things nearer than they are, three scans long.
+#[test]
+fn the_map_lacks_the_scans_that_hardly_fitted_and_the_mapper_keeps_them() {
+    const BAD: std::ops::Range<usize> = 40..43;
+    let mut mapper = Mapper::new(Settings::default()).expect("valid");
+    let mut recordings = recording(worlds::office_floor(3), DriveSettings { seed: 3, ..DriveSettings::default() });
+    let mut bad = Vec::new();
+    for (number, recorded) in recordings.iter_mut().step_by(10).take(BAD.end + 5).enumerate() {
+        if BAD.contains(&number) {
+            recorded.scan.ranges_m.iter_mut().step_by(2).for_each(|range_m| *range_m *= 0.7);
+        }
+        let made = mapper.add_scan(&recorded.scan).keyframe.filter(|_| BAD.contains(&number));
+        bad.extend(made.map(|id| id.seq));
+    }
+    assert_eq!(bad.len(), BAD.len());
+    assert!(mapper.doubted().iter().map(|doubted| doubted.keyframe).eq(bad.iter().copied()));
+    assert!(bad.iter().all(|&seq| !mapper.keyframes()[seq as usize].sweep.is_blank()), "loops may be found by them");
+    let mut poses = mapper.render_poses();
+    bad.iter().for_each(|&seq| poses[seq as usize] = None);
+    assert!(mapper.render().to_bytes() == by_definition(mapper.keyframes(), &poses).to_bytes());
+}

@@ -38,8 +38,8 @@ impl Mapper {
     pub(super) fn insert(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<u32> {
         let sweep = self.believed_sweep()?;
         let node = self.insert_sweep(scan, matched, sweep);
-        if let Some(sweep) = self.sweep.clone().filter(|_| matched.is_some_and(hardly_fits)) {
-            self.doubted.push(Doubted { keyframe: node, sweep });
+        if let Some(sweep) = self.sweep.as_ref().filter(|_| matched.is_some_and(hardly_fits)) {
+            self.doubted.push(Doubted { keyframe: node, sweep: sweep.clone() });
         }
         Some(node)
     }
