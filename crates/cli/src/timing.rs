@@ -5,8 +5,13 @@ use serde_json::{Value, json};
 use std::fs;
 use std::time::{Duration, Instant};
 
-const STAGES: [(Stage, &str); 4] =
-    [(Stage::Prepare, "prepare"), (Stage::Predict, "predict"), (Stage::Match, "match"), (Stage::Insert, "insert")];
+const STAGES: [(Stage, &str); 5] = [
+    (Stage::Prepare, "prepare"),
+    (Stage::Predict, "predict"),
+    (Stage::Match, "match"),
+    (Stage::Insert, "insert"),
+    (Stage::Close, "close"),
+];
 
 /// Times the stages of the pipeline, and the whole around them.
 #[derive(Debug, Clone)]

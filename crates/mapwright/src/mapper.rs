@@ -253,6 +253,7 @@ impl Mapper {
         probe.end(Stage::Insert);
         // 6. and 7. Detect and correct: jobs, done at once or handed out.
         self.detect(keyframe);
+        probe.end(Stage::Close);
         // 8. Report.
         self.update(scan, beams, matched.as_ref(), keyframe, refused)
     }

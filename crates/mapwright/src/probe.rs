@@ -11,6 +11,8 @@ pub enum Stage {
     Match,
     /// Inserting a keyframe, with the live map's changes.
     Insert,
+    /// Looking for old places and correcting the past, where that is done inline.
+    Close,
 }
 
 /// Hears when a stage ends. The time since the previous call belongs to that stage.

@@ -21,7 +21,20 @@ fn two_runs_and_any_number_of_threads_give_the_same_bytes() {
         let read = |run: &str| fs::read(folder.join(run).join(name)).unwrap();
         assert!(read("one") == read("again") && read("one") == read("two"), "{name} differs");
     }
-    assert!(folder.join("one/timing.json").exists());
+}
+
+#[test]
+fn the_stages_of_a_run_take_all_of_its_time() {
+    let folder = folder("stages");
+    let (log, out) = (small_log_in(&folder), folder.join("out"));
+    assert_code(&run(&["map", &log, "-o", out.to_str().unwrap()]), 0);
+    let timing = json(&out.join("timing.json"));
+    let stages = timing["stages_s"].as_object().unwrap();
+    let names: Vec<&str> = stages.keys().map(String::as_str).collect();
+    assert_eq!(names, ["read", "prepare", "predict", "match", "insert", "close", "write"]);
+    let sum: f64 = stages.values().map(|seconds| seconds.as_f64().unwrap()).sum();
+    let total = timing["total_s"].as_f64().unwrap();
+    assert!((sum - total).abs() < 1e-6 && stages["match"].as_f64() > Some(0.0), "{sum} of {total} s");
 }
 
 #[test]

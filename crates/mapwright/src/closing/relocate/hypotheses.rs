@@ -5,7 +5,7 @@
 //! the only one: hypotheses are followed from answer to answer, as in multi-hypothesis localisation (Jensfelt and
 //! Kristensen 2001).
 
-use super::look::{Look, WHOLE_OVERLAP, fit_of_known, is_contradicted, say_the_same};
+use super::look::{Look, WHOLE_OVERLAP, closeness_both_ways, fit_of_known, is_contradicted, say_the_same};
 use super::weigh::{WITHOUT, same, target};
 use super::{Found, LATELY_M, Seeking, Sought};
 use crate::closing::{Closing, Past, candidate, id};
@@ -198,11 +198,8 @@ impl Look<'_> {
         let all = self.look(view, &target, since, &near, self.anything());
         let steady = say_the_same(&finding, &all);
         let (target_from_since, all) = (all.target_from_query?, all.evidence);
-        // A wrong place may fit to the width of a cell, but hardly all the way, and seen from either side, to that of a wall.
-        let closeness = query
-            .closeness(&target, target_from_query)
-            .min(since.closeness(&target, target_from_since))
-            .min(target.closeness(since, target_from_since.inverse()));
+        let since = (since, target_from_since);
+        let closeness = closeness_both_ways(&target, [Some((query, target_from_query)), Some(since)], since);
         let is = |fitting: &Fitting| fitting.holds(closeness, &lately, &all);
         // Who may never have left known ground knows nearly all that it has seen, or comes from elsewhere.
         let on_known_ground = all.overlap.is_some_and(|share| share >= WHOLE_OVERLAP);

@@ -127,15 +127,12 @@ impl Look<'_> {
     }
 
     /// How closely what is looked for, what else was seen lately or on the way, and, seen from the map, all of that lies where
-    /// it should: the least of the three, for a wrong corridor may pass for one of them.
+    /// it should.
     fn closeness(&self, target: &Submap, finding: &Finding, other: Option<&Finding>) -> f64 {
         let Some(pose) = finding.target_from_query else { return 0.0 };
         let there = other.and_then(|other| other.target_from_query);
-        let seen = self.other.zip(there).map(|(submap, pose)| submap.closeness(target, pose));
-        let target_from_since = if self.all { pose } else { there.unwrap_or(pose) };
-        let since = if self.all { self.query } else { self.since };
-        let back = target.closeness(since, target_from_since.inverse());
-        self.query.closeness(target, pose).min(back).min(seen.unwrap_or(f64::INFINITY))
+        let since = if self.all { (self.query, pose) } else { (self.since, there.unwrap_or(pose)) };
+        closeness_both_ways(target, [Some((self.query, pose)), self.other.zip(there)], since)
     }
 
     /// Whether what a robot has seen before it came here speaks against a place: what fits nearly as well, for then such
@@ -267,6 +264,17 @@ pub(super) fn is_contradicted(evidence: &Evidence, least_share: f64, most_contra
 /// Whether what was seen lately and what was seen before as well are found in the same place.
 pub(super) fn say_the_same(one: &Finding, other: &Finding) -> bool {
     one.target_from_query.zip(other.target_from_query).is_some_and(|(one, other)| one.distance(other) <= SAME_PLACE_M)
+}
+
+/// How closely what was seen lies on the surfaces of a place, and these on all that was seen on the way: the least of these, for
+/// a wrong place may fit to the width of a cell, but hardly all the way, and seen from either side, to that of a wall.
+pub(super) fn closeness_both_ways(
+    target: &Submap,
+    seen: [Option<(&Submap, Pose2)>; 2],
+    (since, target_from_since): (&Submap, Pose2),
+) -> f64 {
+    let back = target.closeness(since, target_from_since.inverse());
+    seen.into_iter().flatten().map(|(submap, pose)| submap.closeness(target, pose)).fold(back, f64::min)
 }
 
 /// How well what is known of a submap fits in another: the share of it that does, by how closely; nothing where little is known.
