@@ -105,6 +105,20 @@ fn what_a_covered_laser_saw_does_not_keep_a_robot_from_home() {
     assert!(results.iter().all(|home_s| home_s.is_some_and(|s| s <= 10.0)));
 }
 
+/// Half a metre from a wall what a covered laser sees fits that a little, a third of a metre from where the wheels say.
+#[test]
+fn a_laser_that_is_covered_beside_a_wall_strays_to_nothing_and_draws_nothing() {
+    let case = kidnapping(63_055);
+    let (mut written, mut lost, mut scans) = (0, 0, 0);
+    arrive(&case, 5.0, 0.0, |update, _| {
+        written += usize::from(update.keyframe.is_some());
+        lost += usize::from(update.status == Status::Lost);
+        scans += 1;
+    });
+    println!("{lost} of {scans} scans lost, {written} keyframes");
+    assert!(scans > 100 && lost == scans && written == 0);
+}
+
 /// A tenth of the noise that the suite's lasers have, and more than twice as much.
 #[test]
 fn a_laser_of_any_noise_finds_home() {

@@ -10,7 +10,7 @@ use nalgebra::Matrix3;
 
 /// Below this share of fitting beams, among those in known territory, a match is doubtful.
 pub const DOUBT_SHARE: f64 = 0.6;
-/// Below this share the match is not believed.
+/// Below this share the match is not believed; below [`DOUBT_SHARE`] neither where it contradicts odometry.
 pub const LOST_SHARE: f64 = 0.35;
 /// Disagreement with odometry that raises doubt, standard deviations.
 pub const DOUBT_SIGMAS: f64 = 4.0;
@@ -110,7 +110,7 @@ impl Mapper {
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
         let odometry_sigmas = sigmas(&prior, result.world_from_robot);
         let unconfirmed = self.unconfirmed(&agreement);
-        let status = match judge(&agreement, odometry_sigmas) {
+        let status = match judge(&agreement, odometry_sigmas, step.from_odometry) {
             Status::Tracking if unconfirmed => Status::Degraded,
             status => status,
         };
@@ -350,8 +350,10 @@ fn doubtful(agreement: &Agreement, odometry_sigmas: f64) -> bool {
     agreement.inlier_share() < DOUBT_SHARE || odometry_sigmas > DOUBT_SIGMAS
 }
 
-fn judge(agreement: &Agreement, odometry_sigmas: f64) -> Status {
-    if agreement.inlier_share() < LOST_SHARE && agreement.known_share() > 0.5 {
+fn judge(agreement: &Agreement, odometry_sigmas: f64, from_odometry: bool) -> Status {
+    // A match that sees nothing it knows strays to where a part of it fits.
+    let strays = from_odometry && odometry_sigmas > DOUBT_SIGMAS && agreement.inlier_share() < DOUBT_SHARE;
+    if agreement.known_share() > 0.5 && (agreement.inlier_share() < LOST_SHARE || strays) {
         Status::Lost
     } else if doubtful(agreement, odometry_sigmas) || agreement.known_share() < KNOWN_SHARE {
         Status::Degraded
