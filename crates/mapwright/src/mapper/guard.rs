@@ -36,6 +36,9 @@ const PRIOR_COST_AT_MOST: f64 = 40.0;
 const FAILURE_COST: f64 = 9.0;
 /// This share of the strongest direction's information is noise of the normals and is taken off the weaker one's.
 const WEAK_SHARE: f64 = 0.01;
+/// The same without odometry: nothing holds a match then that sticks along a corridor to what was just drawn, and what it says
+/// of that direction is wrong by metres before a scan tells.
+const WEAK_SHARE_ALONE: f64 = 0.03;
 /// What contradicts odometry has to fit as well as usual, up to so much: a place in a map is seldom right and odometry
 /// that far wrong where the scan fits badly there too.
 const FAR_SHARE: f64 = 0.1;
@@ -128,7 +131,7 @@ impl Mapper {
         let trust = if status == Status::Degraded { LEAST_TRUST } else { (fits * fits).max(LEAST_TRUST) };
         Some(Matched {
             world_from_robot: if status == Status::Lost { predicted } else { result.world_from_robot },
-            information: constrained(&result.hessian) * (INFORMATION_SCALE * trust),
+            information: constrained(&result.hessian, step.from_odometry) * (INFORMATION_SCALE * trust),
             agreement,
             status,
             report,
@@ -248,7 +251,7 @@ impl Mapper {
     fn observe_odometry(&mut self, tried: &Tried, step: Step) {
         let (result, agreement) = &tried.best;
         let sure = agreement.inlier_share() >= SURE_SHARE && agreement.known_share() >= SURE_SHARE;
-        let covariance = (constrained(&result.hessian) * INFORMATION_SCALE).try_inverse();
+        let covariance = (constrained(&result.hessian, step.from_odometry) * INFORMATION_SCALE).try_inverse();
         if let Some(covariance) = covariance.filter(|_| sure && self.lost_scans == 0) {
             let correction = tried.prior.world_from_robot.between(result.world_from_robot).log();
             self.predictor.observe(step, correction, covariance.diagonal().into());
@@ -373,10 +376,11 @@ pub(super) fn translation_axes(information: &Cov3) -> ([f64; 2], [[f64; 2]; 2]) 
 /// The part of a scan's information that its surfaces really carry.
 ///
 /// Along a bare wall the noise of the normals looks like a little information; a direction of translation with less
-/// than [`WEAK_SHARE`] of the strongest one's is left to odometry, and the share is taken off a better one.
-fn constrained(information: &Cov3) -> Cov3 {
+/// than [`WEAK_SHARE`] of the strongest one's is left to the prediction, and the share is taken off a better one.
+fn constrained(information: &Cov3, from_odometry: bool) -> Cov3 {
     let ([weak, strong], [_, [x, y]]) = translation_axes(information);
-    let known = (weak - WEAK_SHARE * strong).max(0.0);
+    let share = if from_odometry { WEAK_SHARE } else { WEAK_SHARE_ALONE };
+    let known = (weak - share * strong).max(0.0);
     let keep = if known > 0.0 { (known / weak).sqrt() } else { 0.0 };
     let (xx, xy, yy) = (x * x + keep * y * y, x * y * (1.0 - keep), y * y + keep * x * x);
     let shrink = Matrix3::new(xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, 1.0);
