@@ -10,7 +10,8 @@ use nalgebra::Matrix3;
 
 /// Below this share of fitting beams, among those in known territory, a match is doubtful.
 pub const DOUBT_SHARE: f64 = 0.6;
-/// Below this share the match is not believed; below [`DOUBT_SHARE`] neither where it contradicts odometry.
+/// Below this share the match is not believed; below [`DOUBT_SHARE`] neither where it contradicts odometry after a scan that was
+/// not believed.
 pub const LOST_SHARE: f64 = 0.35;
 /// Disagreement with odometry that raises doubt, standard deviations.
 pub const DOUBT_SIGMAS: f64 = 4.0;
@@ -113,7 +114,7 @@ impl Mapper {
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
         let odometry_sigmas = sigmas(&prior, result.world_from_robot);
         let unconfirmed = self.unconfirmed(&agreement);
-        let status = match judge(&agreement, odometry_sigmas, step.from_odometry) {
+        let status = match judge(&agreement, odometry_sigmas, step.from_odometry && self.lost_scans > 0) {
             Status::Tracking if unconfirmed => Status::Degraded,
             status => status,
         };
@@ -353,9 +354,10 @@ fn doubtful(agreement: &Agreement, odometry_sigmas: f64) -> bool {
     agreement.inlier_share() < DOUBT_SHARE || odometry_sigmas > DOUBT_SIGMAS
 }
 
-fn judge(agreement: &Agreement, odometry_sigmas: f64, from_odometry: bool) -> Status {
+/// `after_lost`: the scan before was not believed, and there is odometry to go by.
+fn judge(agreement: &Agreement, odometry_sigmas: f64, after_lost: bool) -> Status {
     // A match that sees nothing it knows strays to where a part of it fits.
-    let strays = from_odometry && odometry_sigmas > DOUBT_SIGMAS && agreement.inlier_share() < DOUBT_SHARE;
+    let strays = after_lost && odometry_sigmas > DOUBT_SIGMAS && agreement.inlier_share() < DOUBT_SHARE;
     if agreement.known_share() > 0.5 && (agreement.inlier_share() < LOST_SHARE || strays) {
         Status::Lost
     } else if doubtful(agreement, odometry_sigmas) || agreement.known_share() < KNOWN_SHARE {
