@@ -49,3 +49,12 @@ fn what_is_shown_is_said_in_words() {
     assert_refused(&run(&["demo", "--show", "spread", "--length", "5"]), 2, &["50 to 2000 m"]);
     assert_refused(&run(&["demo", "--length", "100"]), 2, &["--show"]);
 }
+
+#[test]
+fn the_spread_is_shown_where_the_laser_knows_the_place_no_more() {
+    let folder = folder("show_spread");
+    let out = folder.join("out");
+    // What is shown without a length: its wheels lead the robot so far astray that it would be lost.
+    assert_code(&run(&["demo", "--show", "spread", "-o", out.to_str().unwrap()]), 0);
+    assert!(out.join("after.png").exists());
+}
