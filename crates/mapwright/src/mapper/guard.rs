@@ -378,7 +378,8 @@ pub(super) fn translation_axes(information: &Cov3) -> ([f64; 2], [[f64; 2]; 2]) 
 /// The part of a scan's information that its surfaces really carry.
 ///
 /// Along a bare wall the noise of the normals looks like a little information; a direction of translation with less
-/// than [`WEAK_SHARE`] of the strongest one's is left to the prediction, and the share is taken off a better one.
+/// than a share of the strongest one's ([`WEAK_SHARE`], [`WEAK_SHARE_ALONE`]) is left to the prediction, and the share is taken
+/// off a better one.
 fn constrained(information: &Cov3, from_odometry: bool) -> Cov3 {
     let ([weak, strong], [_, [x, y]]) = translation_axes(information);
     let share = if from_odometry { WEAK_SHARE } else { WEAK_SHARE_ALONE };
