@@ -2,7 +2,8 @@
 //!
 //! Units are metres and radians, axes are right-handed with x forward. A pose named `a_from_b` takes coordinates in
 //! frame `b` to coordinates in frame `a`, so that names cancel: `a_from_b * b_from_c = a_from_c`. Tangent vectors are
-//! right perturbations, translation first: `pose * exp([dx, dy, dtheta])`.
+//! right perturbations, translation first: `pose * exp([dx, dy, dtheta])`. What is the same in the plane and in space is
+//! written over [`Pose`].
 //!
 //! ```
 //! use mapwright_geom::Pose2;
@@ -13,11 +14,17 @@
 //! ```
 
 mod angle;
+mod point;
+mod pose;
 mod pose2;
 mod pose3;
 mod stamp;
+mod tangent;
 
 pub use angle::{sin_cos, wrap_angle};
-pub use pose2::{Cov3, Pose2, compose_covariance, inverse_covariance};
+pub use point::Point;
+pub use pose::{Apart, FARTHEST_M, Pose};
+pub use pose2::Pose2;
 pub use pose3::{Pose3, skew};
 pub use stamp::Stamp;
+pub use tangent::{Cov3, Cov6, Tangent, TangentMatrix, compose_covariance, inverse_covariance};

@@ -1,11 +1,8 @@
-//! SE(2): poses, their group operations and the propagation of covariances.
+//! SE(2): rigid motions of the plane.
 
 use crate::angle::wrap_angle;
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Mul;
-
-/// Covariance of a pose's tangent `(x, y, theta)` in m^2, m rad, rad^2.
-pub type Cov3 = Matrix3<f64>;
 
 /// A rigid motion of the plane; as `a_from_b` it is the pose of frame `b` seen from frame `a`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -107,23 +104,6 @@ impl Mul for Pose2 {
     }
 }
 
-/// Covariance of `a_from_b * b_from_c` to first order, both given as right perturbations of independent poses.
-///
-/// `cov(a_from_c) = Ad(c_from_b) cov(a_from_b) Ad(c_from_b)^T + cov(b_from_c)` (Smith, Self, Cheeseman 1990, in the
-/// right-perturbation form of Barfoot and Furgale 2014, eq. 40).
-#[must_use]
-pub fn compose_covariance(cov_a_from_b: &Cov3, b_from_c: Pose2, cov_b_from_c: &Cov3) -> Cov3 {
-    let adjoint = b_from_c.inverse().adjoint();
-    adjoint * cov_a_from_b * adjoint.transpose() + cov_b_from_c
-}
-
-/// Covariance of `b_from_a` when `a_from_b` has `covariance`, both as right perturbations.
-#[must_use]
-pub fn inverse_covariance(a_from_b: Pose2, covariance: &Cov3) -> Cov3 {
-    let adjoint = a_from_b.adjoint();
-    adjoint * covariance * adjoint.transpose()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,23 +136,6 @@ mod tests {
         fn adjoint_moves_a_perturbation_across(a in pose(), t in prop::array::uniform3(-0.3..0.3f64)) {
             let moved = a.adjoint() * Vector3::from(t);
             prop_assert!(close(a * Pose2::exp(t), Pose2::exp(moved.into()) * a));
-        }
-
-        #[test]
-        fn covariance_composition_matches_the_jacobian(a in pose(), b in pose()) {
-            let eps = 1e-6;
-            let cov_a = Cov3::from_diagonal(&Vector3::new(0.04, 0.01, 0.02));
-            let cov_b = Cov3::from_diagonal(&Vector3::new(0.01, 0.03, 0.005));
-            let mut jacobian = Matrix3::zeros();
-            for k in 0..3 {
-                let mut t = [0.0; 3];
-                t[k] = eps;
-                let moved = (a * b).between(a * Pose2::exp(t) * b).log();
-                jacobian.set_column(k, &(Vector3::from(moved) / eps));
-            }
-            let expected = jacobian * cov_a * jacobian.transpose() + cov_b;
-            let got = compose_covariance(&cov_a, b, &cov_b);
-            prop_assert!((expected - got).norm() < 1e-3 * expected.norm());
         }
     }
 }
