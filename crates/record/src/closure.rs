@@ -1,7 +1,7 @@
 //! Cycles: where the robot may have come back to, what speaks for it, and what was decided.
 
 use crate::keyframe::KeyframeId;
-use mapwright_geom::{Cov3, Pose2};
+use mapwright_geom::{Pose, Pose2};
 
 /// How a candidate was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -10,7 +10,7 @@ pub enum Detection {
     Pose,
     /// By what the place looks like, wherever it lies.
     Place,
-    /// By the match of a scan: the place is in the live map, and it supplied most of what the scan was matched against.
+    /// By the match of a scan: the place is in the local map, and it supplied most of what the scan was matched against.
     Match,
 }
 
@@ -95,7 +95,7 @@ pub enum Verdict {
     /// It is none.
     Refused(Objection),
     /// It was one, until later evidence spoke against it.
-    TakenBack(Objection),
+    Withdrawn(Objection),
 }
 
 impl Verdict {
@@ -106,7 +106,7 @@ impl Verdict {
             Self::Accepted => "accepted",
             Self::Waiting(_) => "waiting",
             Self::Refused(_) => "refused",
-            Self::TakenBack(_) => "taken back",
+            Self::Withdrawn(_) => "withdrawn",
         }
     }
 
@@ -115,14 +115,14 @@ impl Verdict {
     pub fn objection(self) -> Option<Objection> {
         match self {
             Self::Accepted => None,
-            Self::Waiting(why) | Self::Refused(why) | Self::TakenBack(why) => Some(why),
+            Self::Waiting(why) | Self::Refused(why) | Self::Withdrawn(why) => Some(why),
         }
     }
 }
 
 /// A place the robot may have come back to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Candidate {
+pub struct Candidate<P: Pose = Pose2> {
     /// The old keyframe.
     pub from: KeyframeId,
     /// The present one.
@@ -134,7 +134,7 @@ pub struct Candidate {
     /// What was decided.
     pub verdict: Verdict,
     /// The best pose of `to` in the frame of `from`, if one was found.
-    pub from_from_to: Option<Pose2>,
+    pub from_from_to: Option<P>,
     /// Covariance of its right perturbation.
-    pub covariance: Cov3,
+    pub covariance: P::Matrix,
 }

@@ -1,7 +1,36 @@
 //! Keyframes and the edges between them.
 
-use mapwright_geom::{Cov3, Pose2, Stamp};
-use mapwright_sensor::Sweep;
+use crate::left_out::Beams;
+use mapwright_geom::{Pose, Pose2, Stamp};
+use mapwright_sensor::{BEAM_DROPPED, Sweep};
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// Which run of which robot: what the names of keyframes begin with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct RunId {
+    /// The robot.
+    pub robot: u128,
+    /// Which of its runs, from zero.
+    pub session: u32,
+}
+
+impl RunId {
+    /// The robot of this name: the same on every machine (128-bit FNV-1a of the name's bytes).
+    #[must_use]
+    pub fn of_robot(name: &str) -> Self {
+        const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
+        const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
+        let robot = name.bytes().fold(OFFSET, |hash, byte| (hash ^ u128::from(byte)).wrapping_mul(PRIME));
+        Self { robot, session: 0 }
+    }
+
+    /// The keyframe that is the `seq`th of this run, from zero.
+    #[must_use]
+    pub fn keyframe(self, seq: u32) -> KeyframeId {
+        KeyframeId { robot: self.robot, session: self.session, seq }
+    }
+}
 
 /// Name of a keyframe for ever and across robots. Order within a session is `seq`; stamps are neither unique nor ordered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -14,17 +43,53 @@ pub struct KeyframeId {
     pub seq: u32,
 }
 
-/// A prepared measurement that the map is made of.
+impl KeyframeId {
+    /// The run it belongs to.
+    #[must_use]
+    pub fn run(self) -> RunId {
+        RunId { robot: self.robot, session: self.session }
+    }
+}
+
+/// What a keyframe keeps of a sensor's reading: a laser's sweep in the plane, later a cloud in space.
+pub trait Measurement: Clone + Debug + PartialEq + Send + Sync + 'static {
+    /// The poses of what takes it.
+    type Pose: Pose;
+
+    /// The same without some of its beams, as a map is to draw it.
+    #[must_use]
+    fn without(&self, beams: &Beams) -> Self;
+}
+
+impl Measurement for Sweep {
+    type Pose = Pose2;
+
+    fn without(&self, beams: &Beams) -> Self {
+        let Beams::These(beams) = beams else { return self.blanked() };
+        let mut sweep = self.clone();
+        for &beam in beams {
+            if let Some(code) = sweep.codes.get_mut(beam as usize) {
+                *code = BEAM_DROPPED;
+            }
+        }
+        sweep
+    }
+}
+
+/// A prepared measurement that the map is made of. It never changes; what a map leaves out of it is a record of its own
+/// ([`crate::LeftOut`]).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Keyframe {
+pub struct Keyframe<M = Sweep> {
     /// Its name.
     pub id: KeyframeId,
     /// When it was taken.
     pub stamp: Stamp,
     /// Number of the scan in arrival order, from zero.
     pub scan: u64,
-    /// What the laser saw.
-    pub sweep: Sweep,
+    /// What the sensor saw.
+    pub sweep: Arc<M>,
+    /// Its scan hardly fitted when it was made: the finished map says whether it is drawn.
+    pub hardly_fits: bool,
 }
 
 /// Where an edge's knowledge comes from.
@@ -32,7 +97,7 @@ pub struct Keyframe {
 pub enum EdgeKind {
     /// The motion model alone.
     Odometry,
-    /// A scan matched against the live map, to the keyframe that supplied most of the matched points; the scan alone.
+    /// A scan matched against the local map, to the keyframe that supplied most of the matched points; the scan alone.
     Match,
     /// A verified return to a place seen before.
     Closure,
@@ -40,7 +105,7 @@ pub enum EdgeKind {
 
 /// A relative pose of two keyframes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Edge {
+pub struct Edge<P: Pose = Pose2> {
     /// The keyframe it starts at.
     pub from: KeyframeId,
     /// The keyframe it leads to.
@@ -48,7 +113,7 @@ pub struct Edge {
     /// Where its knowledge comes from.
     pub kind: EdgeKind,
     /// Pose of `to` in the frame of `from`.
-    pub from_from_to: Pose2,
-    /// Information of its tangent (right perturbation; 1/m^2, 1/(m rad), 1/rad^2).
-    pub information: Cov3,
+    pub from_from_to: P,
+    /// Information of its tangent (right perturbation, translation first; in the plane 1/m^2, 1/(m rad), 1/rad^2).
+    pub information: P::Matrix,
 }

@@ -1,13 +1,19 @@
 //! What lasts of a mapping run (keyframes and edges), and what is told to the outside (updates).
 //!
-//! A [`Session`] holds all of the former as bytes. A keyframe is immutable; poses live apart from it, and every map is a function of both.
+//! A run is a sequence of [`Entry`]s: an [`Update`] carries those of one scan, a [`Session`] is what all of them amount to, and
+//! the file of a session holds them in order. A keyframe is immutable; poses live apart from it, and every map is a function of
+//! both.
 
 mod closure;
+mod entry;
 mod keyframe;
+mod left_out;
 mod session;
 mod update;
 
 pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
-pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId};
-pub use session::{Session, SessionError, SessionScan};
-pub use update::{MatchReport, Status, Update};
+pub use entry::{Entry, Fragment, FragmentStart, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId, Measurement, RunId};
+pub use left_out::{Beams, LeftOut, LeftOutReason};
+pub use session::{EntryError, Session, SessionEdge, TrajectoryPose};
+pub use update::{Localisation, MatchReport, Status, Update};

@@ -1,8 +1,9 @@
-//! What one scan led to.
+//! What one scan or one job led to.
 
-use crate::keyframe::KeyframeId;
-use mapwright_geom::{Cov3, Pose2, Stamp};
-use mapwright_sensor::BeamCounts;
+use crate::entry::Entry;
+use crate::keyframe::{KeyframeId, Measurement};
+use mapwright_geom::{Pose, Stamp};
+use mapwright_sensor::{BeamCounts, Sweep};
 
 /// How well the robot knows where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -22,6 +23,33 @@ impl Status {
         match self {
             Self::Tracking => "tracking",
             Self::Degraded => "degraded",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// Whether the robot's place in the map is believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Localisation {
+    /// It is.
+    #[default]
+    Tracking,
+    /// It saw nothing for a while: nothing is written until what it sees has fitted for some way.
+    Checking,
+    /// It was lost and has found itself: nothing is written until what it sees has borne that out.
+    OnTrial,
+    /// It does not know where it is, and maps provisionally.
+    Lost,
+}
+
+impl Localisation {
+    /// Lower-case name for reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tracking => "tracking",
+            Self::Checking => "checking",
+            Self::OnTrial => "on trial",
             Self::Lost => "lost",
         }
     }
@@ -48,25 +76,28 @@ pub struct MatchReport {
     pub unconfirmed: bool,
 }
 
-/// Everything that anybody outside may know about one scan.
+/// Everything that anybody outside may know about one scan, or about the result of one job: then `scan` is the newest scan, of
+/// which nothing new is said (`beams`, `matched`, `refused` and `keyframe` are empty), and the pose is the corrected one.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Update {
+pub struct Update<M: Measurement = Sweep> {
     /// Number of the scan in arrival order, from zero.
     pub scan: u64,
     /// The scan's stamp.
     pub stamp: Stamp,
     /// Pose of the robot in the map.
-    pub map_from_robot: Pose2,
+    pub map_from_robot: M::Pose,
     /// Covariance of the pose relative to `anchor` (right perturbation; m^2, m rad, rad^2).
-    pub covariance: Cov3,
+    pub covariance: <M::Pose as Pose>::Matrix,
     /// Keyframe that supplied most of the matched points.
     pub anchor: Option<KeyframeId>,
     /// How well the robot knows where it is.
     pub status: Status,
+    /// Whether its place in the map is believed.
+    pub localisation: Localisation,
     /// Frame of continuous odometry in the map; jumps when the map is corrected.
-    pub map_from_odom: Pose2,
+    pub map_from_odom: M::Pose,
     /// Pose of the robot by odometry alone; never jumps.
-    pub odom_from_robot: Pose2,
+    pub odom_from_robot: M::Pose,
     /// The keyframe this scan became, if it did.
     pub keyframe: Option<KeyframeId>,
     /// What became of the beams.
@@ -75,4 +106,7 @@ pub struct Update {
     pub matched: Option<MatchReport>,
     /// The scan was refused as a whole for this reason (its pose is odometry's prediction).
     pub refused: Option<&'static str>,
+    /// What changed, in order: the scan itself, keyframes, edges, candidates and verdicts, what was withdrawn or left out, and
+    /// who moved. All entries of all updates, in order, are the log; [`crate::Session`] is what they amount to.
+    pub entries: Vec<Entry<M>>,
 }

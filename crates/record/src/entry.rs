@@ -1,0 +1,131 @@
+//! What a run consists of, entry by entry: the log, the stream of updates and a mapper's store are the same entries.
+
+use crate::closure::{Candidate, Verdict};
+use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement, RunId};
+use crate::left_out::LeftOut;
+use mapwright_geom::{Pose, Pose2, Stamp};
+use mapwright_sensor::Sweep;
+use std::sync::Arc;
+
+/// One thing that happened. Numbers of edges and candidates count those of the log, from zero.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Entry<M: Measurement = Sweep> {
+    /// A run begins: what comes next was recorded by this robot.
+    Run(Run),
+    /// A scan was taken in.
+    Scan(ScanPose<M::Pose>),
+    /// A keyframe was made.
+    Keyframe {
+        /// The keyframe.
+        keyframe: Arc<Keyframe<M>>,
+        /// Its pose in the map then.
+        map_from_keyframe: M::Pose,
+    },
+    /// A fragment begins with the keyframe that was made last.
+    Fragment(Fragment),
+    /// An edge was found.
+    Edge(RecordedEdge<M::Pose>),
+    /// An edge says something else than before.
+    Remeasured {
+        /// The edge.
+        number: u32,
+        /// What it says of its ends, which stay the same.
+        from_from_to: M::Pose,
+        /// Information of its tangent.
+        information: <M::Pose as Pose>::Matrix,
+    },
+    /// An edge says nothing any more.
+    Withdrawn {
+        /// The edge.
+        number: u32,
+    },
+    /// A place the robot may have come back to was looked at.
+    Candidate(Candidate<M::Pose>),
+    /// More evidence has changed what is thought of a candidate.
+    Verdict {
+        /// The candidate.
+        number: u32,
+        /// What was decided.
+        verdict: Verdict,
+        /// Other candidates that agree with it.
+        agreeing: u32,
+    },
+    /// Beams of a keyframe are not drawn.
+    LeftOut(LeftOut),
+    /// The wheels have slipped, and what was mapped since was moved.
+    WheelSlip(WheelSlip),
+    /// Keyframes were moved by a correction.
+    Snapshot(Snapshot<M::Pose>),
+}
+
+/// The beginning of a run.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Run {
+    /// Its name.
+    pub id: RunId,
+    /// The run's settings in whatever words its program has for them.
+    pub settings: String,
+}
+
+/// Where the robot was at a scan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScanPose<P: Pose = Pose2> {
+    /// The scan's stamp.
+    pub stamp: Stamp,
+    /// The keyframe whose corrections it follows; none before the first.
+    pub keyframe: Option<KeyframeId>,
+    /// Pose of the robot in that keyframe's frame, or in the map where there is none.
+    pub keyframe_from_robot: P,
+    /// Pose of the robot by odometry alone; never jumps.
+    pub odom_from_robot: P,
+}
+
+/// Keyframes that tracking links without a break, from one on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Fragment {
+    /// The first of them.
+    pub first: KeyframeId,
+    /// What came before it.
+    pub start: FragmentStart,
+}
+
+/// Why a fragment begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum FragmentStart {
+    /// The robot was switched on.
+    SwitchedOn,
+    /// It was lost, and has found itself in the map.
+    Relocalised,
+    /// A session is continued.
+    Resumed,
+}
+
+/// An edge and what it was made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordedEdge<P: Pose = Pose2> {
+    /// The edge.
+    pub edge: Edge<P>,
+    /// For a verified closure the number of its candidate.
+    pub candidate: Option<u32>,
+}
+
+/// A slip of the wheels along a corridor that scans have told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WheelSlip {
+    /// The scan that settled it.
+    pub scan: u64,
+    /// The first keyframe that was moved; the next one where none was.
+    pub from: KeyframeId,
+    /// By how far, metres.
+    pub metres: f64,
+}
+
+/// Poses of keyframes in the map as a correction has left them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot<P: Pose = Pose2> {
+    /// Corrections so far, this one among them.
+    pub number: u32,
+    /// Those that have moved.
+    pub map_from_keyframe: Vec<(KeyframeId, P)>,
+}
