@@ -49,11 +49,13 @@ pub struct SearchSettings {
     pub least_share: f64,
     /// Rivals that score less than this share of the best pose are not looked for, which makes clear cases cheap.
     pub least_rival_share: f64,
+    /// A search that would score more poses and blocks of poses than this is cut short and finds nothing.
+    pub most_scored: u64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0, least_rival_share: 0.0 }
+        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0, least_rival_share: 0.0, most_scored: u64::MAX }
     }
 }
 
@@ -157,8 +159,8 @@ impl CorrelativeSearch {
     /// The best pose of a window for end points in the robot's frame, metres, and its best rival where `separation` is
     /// given.
     ///
-    /// `None` where nothing reaches the least share, where no point is finite and within reach, where the window is not
-    /// finite, lies beyond 10^6 m or, even in steps of 8 cells, takes more than [`MAX_SEARCH_CELLS`] or
+    /// `None` where nothing reaches the least share, where the search was cut short ([`CorrelativeSearch::scored`] tells), where
+    /// no point is finite and within reach, where the window is not finite, lies beyond 10^6 m or, even in steps of 8 cells, takes more than [`MAX_SEARCH_CELLS`] or
     /// [`MAX_SEARCH_BLOCKS`] (about 550 m of half width and reach together at 5 cm).
     #[must_use]
     pub fn search(
@@ -182,6 +184,7 @@ impl CorrelativeSearch {
         separation: Option<Separation>,
         mut go_on: impl FnMut(Peak) -> bool,
     ) -> Option<SearchResult> {
+        self.scored = 0;
         let farthest_m = self.keep_usable(points)?;
         let lattice = Lattice::new(window, map.settings.resolution_m, farthest_m)?;
         let (best, rival) = self.search_lattice(map, &lattice, separation, |block| go_on(lattice.peak(block)))?;
@@ -195,6 +198,17 @@ impl CorrelativeSearch {
         })
     }
 
+    /// Poses and blocks of poses that the last search scored: the work done.
+    #[must_use]
+    pub fn scored(&self) -> u64 {
+        self.scored
+    }
+
+    /// Whether the search has done all the work that it may do.
+    fn is_cut_short(&self) -> bool {
+        self.scored > self.settings.most_scored
+    }
+
     /// The best pose and its first rival.
     fn search_lattice(
         &mut self,
@@ -203,12 +217,11 @@ impl CorrelativeSearch {
         separation: Option<Separation>,
         mut go_on: impl FnMut(&Block) -> bool,
     ) -> Option<(Block, Option<Block>)> {
-        self.scored = 0;
         self.heading.forget();
         self.pyramid.build(map, lattice, &self.points, self.settings.sigma_m);
         self.bound_blocks(lattice);
         let least = (self.settings.least_share * f64::from(self.full_score())).ceil() as u32;
-        let best = self.descend(lattice, least, &[])?;
+        let best = self.descend(lattice, least, &[]).filter(|_| !self.is_cut_short())?;
         let Some(separation) = separation else { return Some((best, None)) };
         let least = (self.settings.least_rival_share * f64::from(best.bound.0)).ceil() as u32;
         let mut zones = vec![Zone::new(lattice, &best, separation)];
@@ -217,7 +230,7 @@ impl CorrelativeSearch {
             zones.push(Zone::new(lattice, &rival, separation));
             self.more_rivals(lattice, least, separation, zones, go_on);
         }
-        Some((best, first))
+        (!self.is_cut_short()).then_some((best, first))
     }
 
     /// Best first: each block is looked into once for all rivals, where depth first it would be once for each.
@@ -233,7 +246,7 @@ impl CorrelativeSearch {
         self.turned.iter_mut().for_each(HeadingCells::forget);
         let worth = self.blocks.iter().take_while(|block| block.bound.0 >= least);
         self.open.extend(worth.copied().map(Reverse));
-        while let Some(Reverse(block)) = self.open.pop() {
+        while let Some(Reverse(block)) = self.open.pop().filter(|_| !self.is_cut_short()) {
             if zones.iter().any(|zone| zone.covers(lattice, &block)) {
                 continue;
             }
@@ -293,12 +306,12 @@ impl CorrelativeSearch {
     fn descend(&mut self, lattice: &Lattice, least: u32, excluded: &[Zone]) -> Option<Block> {
         let mut best: Option<Block> = None;
         for k in 0..self.blocks.len() {
-            if !self.blocks[k].may_beat(best.as_ref(), least) {
+            if !self.blocks[k].may_beat(best.as_ref(), least) || self.is_cut_short() {
                 break;
             }
             self.stack.push(self.blocks[k]);
             while let Some(block) = self.stack.pop() {
-                let hopeless = !block.may_beat(best.as_ref(), least);
+                let hopeless = !block.may_beat(best.as_ref(), least) || self.is_cut_short();
                 if hopeless || excluded.iter().any(|zone| zone.covers(lattice, &block)) {
                     continue;
                 }

@@ -9,6 +9,7 @@ use mapwright_grid::{
     Agreement, CorrelativeSearch, LiveMap, Matcher, Peak, Prior, SearchSettings, SearchWindow, Separation,
 };
 use mapwright_sensor::{BeamTable, SweepPoints};
+use std::cell::Cell;
 use std::f64::consts::PI;
 
 /// The atlas' cells are so many times those of a submap: the search is for the place, the exact pose comes later.
@@ -38,6 +39,34 @@ pub struct Sighting {
     pub score: f64,
 }
 
+/// How much may still be searched for: poses and blocks of poses scored ([`CorrelativeSearch::scored`]).
+#[derive(Debug, Clone)]
+pub struct Effort(Cell<u64>);
+
+impl Effort {
+    /// So much.
+    #[must_use]
+    pub fn new(scored: u64) -> Self {
+        Self(Cell::new(scored))
+    }
+
+    /// What is left of it.
+    #[must_use]
+    pub fn left(&self) -> u64 {
+        self.0.get()
+    }
+
+    /// Whether nothing is left: what was looked for last was cut short.
+    #[must_use]
+    pub fn is_spent(&self) -> bool {
+        self.left() == 0
+    }
+
+    fn spend(&self, scored: u64) {
+        self.0.set(self.left().saturating_sub(scored));
+    }
+}
+
 /// All that is known: a coarse map of it, and the views it is made of.
 #[derive(Debug, Clone)]
 pub struct Atlas {
@@ -64,27 +93,41 @@ impl Atlas {
         Self { views, map, middle, half_width_m }
     }
 
-    /// Where in all that is known a submap fits best; `None` where nothing fits.
+    /// Where in all that is known a submap fits best; `None` where nothing fits, or where the effort is spent before that is known.
     #[must_use]
-    pub fn find(&self, query: &Submap) -> Option<Sighting> {
-        self.search(query, LEAST_SCORE, 1.0, None, |_| false)
+    pub fn find(&self, query: &Submap, effort: &Effort) -> Option<Sighting> {
+        self.search(query, effort, (LEAST_SCORE, 1.0), None, |_| false)
     }
 
     /// Calls with the places other than the `best` one that score at least such a share of it, best first, until told to
-    /// stop.
-    pub fn rivals(&self, query: &Submap, best: &Sighting, least_share: f64, mut go_on: impl FnMut(&Sighting) -> bool) {
+    /// stop or the effort is spent.
+    pub fn rivals(
+        &self,
+        query: &Submap,
+        effort: &Effort,
+        best: &Sighting,
+        least_share: f64,
+        mut go_on: impl FnMut(&Sighting) -> bool,
+    ) {
         // A hair less, so that the best is found once more.
         let least_score = best.score * (1.0 - 1e-9);
-        let _ = self.search(query, least_score, least_share, Some(Separation::default()), |rival| go_on(&rival));
+        let shares = (least_score, least_share);
+        let _ = self.search(query, effort, shares, Some(Separation::default()), |rival| go_on(&rival));
     }
 
     /// Places that score at least `least_score` of the full score and `least_share` of what the best does, at least a metre or
     /// 20 degrees apart, best first.
     #[must_use]
-    pub fn sightings(&self, query: &Submap, least_score: f64, least_share: f64, at_most: usize) -> Vec<Sighting> {
+    pub fn sightings(
+        &self,
+        query: &Submap,
+        effort: &Effort,
+        (least_score, least_share): (f64, f64),
+        at_most: usize,
+    ) -> Vec<Sighting> {
         let mut sightings = Vec::new();
         let separation = Separation { distance_m: 1.0, ..Separation::default() };
-        let best = self.search(query, least_score, least_share, Some(separation), |rival| {
+        let best = self.search(query, effort, (least_score, least_share), Some(separation), |rival| {
             sightings.push(rival);
             sightings.len() + 1 < at_most
         });
@@ -122,25 +165,29 @@ impl Atlas {
     fn search(
         &self,
         query: &Submap,
-        least_share: f64,
-        least_rival_share: f64,
+        effort: &Effort,
+        (least_share, least_rival_share): (f64, f64),
         separation: Option<Separation>,
         mut go_on: impl FnMut(Sighting) -> bool,
     ) -> Option<Sighting> {
+        if effort.is_spent() {
+            return None;
+        }
         let within = |p: &&[f64; 2]| p[0] * p[0] + p[1] * p[1] <= REACH_M * REACH_M;
         let every = query.hits.iter().filter(within).count().div_ceil(POINTS).max(1);
         let points: Vec<[f64; 2]> = query.hits.iter().filter(within).step_by(every).copied().collect();
         let sigma_m = SearchSettings::default().sigma_m.max(self.map.settings.resolution_m);
-        let settings = SearchSettings { sigma_m, reach_m: REACH_M, least_share, least_rival_share };
+        let settings =
+            SearchSettings { sigma_m, reach_m: REACH_M, least_share, least_rival_share, most_scored: effort.left() };
         let Self { middle: world_from_robot, half_width_m, .. } = *self;
         let window = SearchWindow { world_from_robot, half_width_m, half_width_rad: PI };
         let full = f64::from(FULL_SCORE) * points.len() as f64;
         let sighting =
             |peak: Peak| Sighting { map_from_query: peak.world_from_robot, score: f64::from(peak.score) / full };
-        let found =
-            CorrelativeSearch::new(settings)
-                .search_rivals(&self.map, &points, &window, separation, |rival| go_on(sighting(rival)))?;
-        Some(sighting(found.best))
+        let mut searcher = CorrelativeSearch::new(settings);
+        let found = searcher.search_rivals(&self.map, &points, &window, separation, |rival| go_on(sighting(rival)));
+        effort.spend(searcher.scored());
+        Some(sighting(found?.best))
     }
 
     /// The view, by its place among those the atlas was made of, from nearest a pose.
@@ -206,6 +253,23 @@ mod tests {
     const SUBMAPS: SubmapSettings =
         SubmapSettings { resolution_m: 0.05, passes_per_hit: 5, free_range_m: 8.0, reach_m: 15.0, thin_cells: 2 };
 
+    fn all() -> Effort {
+        Effort::new(u64::MAX)
+    }
+
+    #[test]
+    fn a_search_that_is_cut_short_finds_nothing_and_says_so() {
+        let views = drive();
+        let (atlas, seen) = (Atlas::new(views.clone(), &SUBMAPS), query(&views, 40));
+        let enough = Effort::new(1 << 40);
+        assert!(atlas.find(&seen, &enough).is_some() && !enough.is_spent());
+        let needed = (1 << 40) - enough.left();
+        let little = Effort::new(needed - 1);
+        assert!(atlas.find(&seen, &little).is_none() && little.is_spent());
+        assert!(atlas.find(&seen, &little).is_none(), "nothing is left");
+        assert!(atlas.sightings(&seen, &Effort::new(needed / 2), (0.4, 0.5), 6).is_empty());
+    }
+
     /// What a drive through rooms has seen every second.
     fn drive() -> Vec<View> {
         let settings = DriveSettings { scan_rate_hz: 1.0, seed: 3, ..DriveSettings::default() };
@@ -233,7 +297,7 @@ mod tests {
         let views = drive();
         let atlas = Atlas::new(views.clone(), &SUBMAPS);
         for at in (20..100).step_by(20) {
-            let found = atlas.find(&query(&views, at)).expect("it was there");
+            let found = atlas.find(&query(&views, at), &all()).expect("it was there");
             let error = views[at].submap_from_keyframe.between(found.map_from_query);
             assert!(error.x.hypot(error.y) < 0.15 && error.theta.abs() < 0.03, "{error:?} at {at}");
             assert!(found.score > 0.9);
@@ -258,9 +322,9 @@ mod tests {
         let [once, twice] = [views.clone(), twice].map(|views| Atlas::new(views, &SUBMAPS));
         let seen = query(&views, 60);
         let rivals = |atlas: &Atlas, least: f64| {
-            let best = atlas.find(&seen).expect("it was there");
+            let best = atlas.find(&seen, &all()).expect("it was there");
             let mut rivals = Vec::new();
-            atlas.rivals(&seen, &best, least, |rival| {
+            atlas.rivals(&seen, &all(), &best, least, |rival| {
                 rivals.push(*rival);
                 rivals.len() < 3
             });
@@ -299,9 +363,9 @@ mod tests {
         let views = drive();
         let atlas = Atlas::new(views.clone(), &SUBMAPS);
         let (seen, here) = (query(&views, 60), views[60].submap_from_keyframe);
-        let sightings = atlas.sightings(&seen, 0.4, 0.5, 3);
+        let sightings = atlas.sightings(&seen, &all(), (0.4, 0.5), 3);
         assert!(sightings.len() == 3 && sightings.is_sorted_by(|a, b| a.score >= b.score), "{sightings:?}");
-        assert_eq!(Some(sightings[0]), atlas.find(&seen));
+        assert_eq!(Some(sightings[0]), atlas.find(&seen, &all()));
         for (k, a) in sightings.iter().enumerate() {
             let apart = |b: &Sighting| {
                 let between = a.map_from_query.between(b.map_from_query);
@@ -313,8 +377,8 @@ mod tests {
         let error = here.between(refined);
         assert!(error.x.hypot(error.y) < 0.02 && error.theta.abs() < 0.005, "{error:?}");
         assert!(agreement.inlier_share() > 0.95 && agreement.known_share() > 0.95, "{agreement:?}");
-        assert!(atlas.sightings(&Submap::new(&[], &SUBMAPS), 0.4, 0.5, 6).is_empty());
-        assert!(atlas.sightings(&seen, 0.4, 0.5, 0).is_empty());
+        assert!(atlas.sightings(&Submap::new(&[], &SUBMAPS), &all(), (0.4, 0.5), 6).is_empty());
+        assert!(atlas.sightings(&seen, &all(), (0.4, 0.5), 0).is_empty());
     }
 
     #[test]
@@ -332,8 +396,8 @@ mod tests {
     fn nothing_is_found_in_or_by_nothing() {
         let views = drive();
         let empty = Atlas::new(Vec::new(), &SUBMAPS);
-        assert!(empty.find(&query(&views, 20)).is_none() && empty.nearest(Pose2::IDENTITY).is_none());
+        assert!(empty.find(&query(&views, 20), &all()).is_none() && empty.nearest(Pose2::IDENTITY).is_none());
         let atlas = Atlas::new(views, &SUBMAPS);
-        assert!(atlas.find(&Submap::new(&[], &SUBMAPS)).is_none());
+        assert!(atlas.find(&Submap::new(&[], &SUBMAPS), &all()).is_none());
     }
 }

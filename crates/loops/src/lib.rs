@@ -5,7 +5,7 @@ mod places;
 mod submap;
 mod verify;
 
-pub use atlas::{Atlas, Sighting};
+pub use atlas::{Atlas, Effort, Sighting};
 pub use places::{PlaceHit, PlaceIndex};
 pub use submap::{Submap, SubmapSettings, View};
 pub use verify::{Finding, Verifier, VerifySettings};

@@ -90,6 +90,12 @@ impl Verifier {
         Self { settings, matcher, ..Self::default() }
     }
 
+    /// Poses and blocks of poses that the last search scored: most of its work.
+    #[must_use]
+    pub fn scored(&self) -> u64 {
+        self.searcher.scored()
+    }
+
     /// Looks for `query` in `target` at the poses of a window.
     #[must_use]
     pub fn look_for(&mut self, query: &Submap, target: &Submap, window: &SearchWindow) -> Finding {

@@ -19,7 +19,7 @@ mod supports;
 
 use supports::{Supports, agree, is_left};
 
-pub(crate) use relocate::{Chance, Found, Ground, Heard, Seeking, Sought, hopes};
+pub(crate) use relocate::{Budget, Chance, Found, Ground, Heard, Seeking, Sought, hopes};
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;
@@ -58,8 +58,10 @@ const DESCRIBED_M: f64 = 7.0;
 const DESCRIBED_AT_ONCE: usize = 32;
 /// Points farther off are not compared, cells.
 const REACH_CELLS: f64 = 300.0;
-/// 99.9 % quantile of chi-square with three degrees of freedom.
-const IMPROBABLE_CHI2: f64 = 16.3;
+/// A finding that contradicts the chain of edges by more than this chi-square (three degrees of freedom) is refused. A chain states
+/// too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
+/// true closures by the dozen (docs/decisions/0011-closing-loops.md).
+const IMPROBABLE_CHI2: f64 = 150.0;
 /// Within such an uncertainty nothing else can be meant, metres.
 const SURE_M: f64 = 0.15;
 /// Two findings agree up to here: metres and radians.

@@ -27,7 +27,7 @@ pub(crate) enum Task {
 
 #[derive(Debug, Clone)]
 pub(crate) enum Outcome {
-    Verified { to: u32, findings: Vec<(Target, Finding)> },
+    Verified { to: u32, findings: Vec<(Target, Finding)>, work: (usize, u64) },
     Solved { solved: Option<Solved> },
     Sought(Box<Sought>),
 }
@@ -71,14 +71,11 @@ pub(crate) struct Target {
 }
 
 impl Verification {
-    fn run(self) -> Outcome {
-        Outcome::Verified { to: self.to, findings: self.run_all() }
-    }
-
     /// Every target with what was found there.
-    fn run_all(&self) -> Vec<(Target, Finding)> {
+    fn run(self) -> Outcome {
         let mut verifier = Verifier::new(self.verify, Matcher { settings: self.matcher });
         let query = Submap::new(&self.query, &self.submaps);
+        let mut work = (self.query.len(), 0);
         let look = |(target, views): &(Target, Vec<View>)| {
             let submap = Submap::new(views, &self.submaps);
             let window = SearchWindow {
@@ -86,9 +83,12 @@ impl Verification {
                 half_width_m: target.half_width_m,
                 half_width_rad: target.half_width_rad,
             };
-            (*target, verifier.look_for(&query, &submap, &window))
+            let finding = verifier.look_for(&query, &submap, &window);
+            work = (work.0 + views.len(), work.1 + verifier.scored());
+            (*target, finding)
         };
-        self.targets.iter().map(look).collect()
+        let findings = self.targets.iter().map(look).collect();
+        Outcome::Verified { to: self.to, findings, work }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The pipeline: scan in, update out.
 
-use crate::closing::Closing;
+use crate::closing::{Budget, Closing};
 use crate::jobs::Job;
 use crate::live::{Frames, Live, LiveReport};
 use crate::motion::{Moved, Predictor, Step};
@@ -73,8 +73,9 @@ pub struct Mapper {
     jobs_out: usize,
     /// The map that is made while the robot does not know where it is.
     lost: Option<Box<Lost>>,
-    /// How often it was asked where the robot is.
+    /// How often it was asked where the robot is, and what that may cost.
     questions: u64,
+    budget: Budget,
     /// The way is broken before the next keyframe: it hangs on an old one instead.
     broken: Option<Broken>,
     /// Whether the robot is where it thinks it is.
@@ -164,6 +165,7 @@ impl Mapper {
             jobs_out: 0,
             lost: None,
             questions: 0,
+            budget: Budget::default(),
             broken: None,
             suspicion: Suspicion::default(),
             seen: None,
@@ -245,6 +247,7 @@ impl Mapper {
         self.live.meet(&self.settings, frames, hits, predicted);
         let matched = self.match_scan(predicted, step);
         probe.end(Stage::Match);
+        matched.iter().for_each(|m| self.budget.earn_match(m.report.evaluations, m.report.beams));
         let matched = self.suspicion(scan, matched, step);
         self.settle(scan, odom_from_robot, step, predicted, matched.as_ref());
         self.watch_slips(matched.as_ref(), step);

@@ -40,8 +40,10 @@ const STEADY_SHARE: [f64; 2] = [0.1, 0.4];
 const VELOCITY_WEIGHT: f64 = 0.3;
 /// Weight of the newest period in the running mean.
 const PERIOD_WEIGHT: f64 = 0.02;
-/// Motion between two scans that no ground robot makes; odometry that claims more is not believed, metres.
-const FARTHEST_STEP_M: f64 = 10.0;
+/// Odometry that claims to have gone farther than this between two scans, metres, and faster than any robot that maps
+/// buildings drives, metres per second, has jumped and is not believed.
+const JUMP_M: f64 = 10.0;
+const JUMP_MPS: f64 = 3.0;
 
 /// Odometry is believed as it deserves: weight of the newest scan, how much worse than the model it may be at most, and
 /// the least share of a correction that is the scan's own.
@@ -80,7 +82,7 @@ impl Predictor {
         // Stamps may stand still or run backwards: then the time is not known and counts as one usual period.
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s } else { 0.1 };
         let increment = match (settings.use_odometry, self.odom_from_robot, odom_from_robot) {
-            (true, Some(last), Some(now)) => Some(last.between(now)).filter(|step| believable(*step)),
+            (true, Some(last), Some(now)) => Some(last.between(now)).filter(|step| believable(*step, elapsed_s)),
             _ => None,
         };
         match increment {
@@ -184,8 +186,8 @@ impl Predictor {
     }
 }
 
-fn believable(step: Pose2) -> bool {
-    step.is_finite() && step.x.hypot(step.y) <= FARTHEST_STEP_M
+fn believable(step: Pose2, elapsed_s: f64) -> bool {
+    step.is_finite() && step.x.hypot(step.y) <= JUMP_M.max(JUMP_MPS * elapsed_s)
 }
 
 /// Variances of an odometry step.
@@ -227,6 +229,20 @@ mod tests {
             ratio = (step.variances[0] / step.expected[0]).sqrt();
         }
         ratio
+    }
+
+    #[test]
+    fn odometry_that_went_on_during_a_pause_is_believed_and_a_jump_is_not() {
+        let settings = Settings::default().motion;
+        let mut predictor = Predictor::default();
+        predictor.settle(Stamp(0), Some(Pose2::IDENTITY), Moved::By(Pose2::IDENTITY));
+        let is_believed = |after_s: f64, by_m: f64| {
+            let stamp = Stamp::from_secs_f64(after_s);
+            predictor.step(&settings, stamp, Some(Pose2::new(by_m, 0.0, 0.0))).from_odometry
+        };
+        assert!(is_believed(60.0, 45.0) && is_believed(0.1, 9.9), "a robot drove on");
+        assert!(!is_believed(0.1, 10.1) && !is_believed(60.0, 200.0) && !is_believed(-5.0, 12.0), "a jump");
+        assert!(!is_believed(60.0, f64::NAN));
     }
 
     #[test]

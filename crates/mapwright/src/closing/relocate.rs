@@ -4,7 +4,7 @@ use super::{Closing, Past, submaps, views};
 use crate::settings::Settings;
 use mapwright_geom::Pose2;
 use mapwright_grid::MatcherSettings;
-use mapwright_loops::{Atlas, Submap, SubmapSettings, View};
+use mapwright_loops::{Atlas, Effort, Submap, SubmapSettings, View};
 use rustc_hash::FxHashSet;
 use std::cell::OnceCell;
 use std::f64::consts::FRAC_PI_4;
@@ -75,6 +75,8 @@ pub(crate) struct Seeking {
     hopes: Vec<Hope>,
     submaps: SubmapSettings,
     matcher: MatcherSettings,
+    /// What may be spent on it: see [`Budget`].
+    effort: u64,
 }
 
 /// What was seen lately and on the way, up to an earlier keyframe.
@@ -100,6 +102,56 @@ pub(crate) struct Sought {
     pub(crate) hypotheses: Option<Vec<Hypothesis>>,
     /// Where they stood already, the earliest first.
     pub(crate) earlier: Vec<Heard>,
+    /// What it might cost, and has.
+    pub(crate) given: u64,
+    pub(crate) spent: u64,
+}
+
+/// What searching everything may cost: so many times what all else has cost until then, so that no log takes more than three
+/// times its time because a robot was lost in it. Counted, not timed, so that a run is the same on every machine: in poses and
+/// blocks of poses scored, each some 100 look-ups.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Budget {
+    usual: u64,
+    spent: u64,
+    /// What a question has to have at least, for one with less was cut short.
+    needed: u64,
+}
+
+/// Of what all else has cost.
+const TIMES_THE_USUAL: u64 = 2;
+/// A tenth of a second's work, for logs that have only begun.
+const AT_FIRST: u64 = 1_000_000;
+/// What else costs about as much as so many scored poses (of the instructions of a whole log): an evaluation of so many beams as
+/// one, a keyframe drawn in and out, a view drawn into a submap.
+const BEAMS_A_POSE: u64 = 25;
+const KEYFRAME: u64 = 1300;
+const VIEW: u64 = 400;
+
+impl Budget {
+    pub(crate) fn earn_match(&mut self, evaluations: u32, beams: u32) {
+        self.usual += u64::from(evaluations) * u64::from(beams) / BEAMS_A_POSE;
+    }
+
+    pub(crate) fn earn_keyframe(&mut self) {
+        self.usual += KEYFRAME;
+    }
+
+    pub(crate) fn earn_verification(&mut self, views: usize, scored: u64) {
+        self.usual += VIEW * views as u64 + scored;
+    }
+
+    /// What a question may cost, where that is enough.
+    pub(crate) fn for_question(&self) -> Option<u64> {
+        let left = (AT_FIRST + TIMES_THE_USUAL * self.usual).saturating_sub(self.spent);
+        (left > self.needed).then_some(left)
+    }
+
+    /// What a question was given and has cost; where all of it was spent, the next one has to have twice as much.
+    pub(crate) fn spend(&mut self, given: u64, spent: u64) {
+        self.spent += spent;
+        self.needed = if spent == given { 2 * given } else { 0 };
+    }
 }
 
 impl Seeking {
@@ -109,11 +161,12 @@ impl Seeking {
             Known::Views(ref views) => Arc::new(Ground::new(views.clone(), &self.submaps)),
         };
         let [since, lately] = [&self.since, &self.lately].map(|views| Submap::new(views, &self.submaps));
-        let before = OnceCell::new();
+        let (before, effort) = (OnceCell::new(), Effort::new(self.effort));
         let less = self.lately.len() < self.since.len();
         let look = |query, all, other| Look {
             seeking: &self,
             ground: &ground,
+            effort: &effort,
             query,
             since: &since,
             all,
@@ -131,7 +184,12 @@ impl Seeking {
         let is_to_look = self.whole || !self.hopes.is_empty() || self.question.is_multiple_of(2);
         let hypotheses = is_to_look.then(|| lately.hypotheses());
         let (hypotheses, earlier) = hypotheses.unzip();
-        Sought { question: self.question, to: self.to, ground, best, hypotheses, earlier: earlier.unwrap_or_default() }
+        let (question, to, given, spent) = (self.question, self.to, self.effort, self.effort - effort.left());
+        if effort.is_spent() {
+            // Cut short: what was not looked at may be the place, so nothing was found.
+            return Sought { question, to, ground, best: None, hypotheses: None, earlier: Vec::new(), given, spent };
+        }
+        Sought { question, to, ground, best, hypotheses, earlier: earlier.unwrap_or_default(), given, spent }
     }
 }
 
@@ -145,7 +203,7 @@ impl Closing {
         dropped: &FxHashSet<u32>,
         sought: Past<'_>,
         (ground, hopes, answered): (Option<&Arc<Ground>>, Vec<Hope>, Option<u32>),
-        (question, matcher): (u64, MatcherSettings),
+        (question, effort, matcher): (u64, u64, MatcherSettings),
     ) -> Option<Seeking> {
         let to = sought.keyframes.len().checked_sub(1)? as u32;
         let step_m = |node: usize| sought.local_from_keyframe[node - 1].distance(sought.local_from_keyframe[node]);
@@ -186,6 +244,7 @@ impl Closing {
             hopes,
             submaps,
             matcher,
+            effort,
         })
     }
 }

@@ -63,7 +63,10 @@ impl Mapper {
         self.jobs_out = self.jobs_out.saturating_sub(1);
         let known = self.keyframes.len();
         match result.0 {
-            Outcome::Verified { to, findings } if (to as usize) < known => self.judge(to, &findings),
+            Outcome::Verified { to, findings, work } if (to as usize) < known => {
+                self.budget.earn_verification(work.0, work.1);
+                self.judge(to, &findings);
+            }
             Outcome::Solved { solved: Some(solved) } if solved.world_from_keyframe.len() <= known => {
                 self.correct(&solved);
             }

@@ -46,6 +46,7 @@ impl Mapper {
 
     /// A keyframe where the robot is.
     pub(super) fn insert_sweep(&mut self, scan: &LaserScan, matched: Option<&Matched>, sweep: Sweep) -> u32 {
+        self.budget.earn_keyframe();
         let node = self.keyframes.len() as u32;
         let id = self.id(node);
         let covariance = self.covariance();

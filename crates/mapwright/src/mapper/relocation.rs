@@ -141,7 +141,11 @@ impl Mapper {
         if let Some(mut lost) = self.lost.take() {
             let update = lost.see(self, scan);
             report = update.matched;
+            report.iter().for_each(|m| self.budget.earn_match(m.evaluations, m.beams));
             lost.way_m += step.last_from_robot.x.hypot(step.last_from_robot.y);
+            if update.keyframe.is_some() {
+                self.budget.earn_keyframe();
+            }
             if update.keyframe.is_some() && lost.is_to_ask() {
                 self.ask_everywhere(&mut lost);
             }
@@ -161,8 +165,9 @@ impl Mapper {
     /// Asks where in all that is known the robot is.
     fn ask_everywhere(&mut self, lost: &mut Lost) {
         lost.asked_m = lost.way_m;
+        let Some(effort) = self.budget.for_question() else { return };
         self.questions += 1;
-        let question = (self.questions, self.matcher.settings);
+        let question = (self.questions, effort, self.matcher.settings);
         let sought = Past { keyframes: &lost.aside.keyframes, local_from_keyframe: &lost.aside.local_from_keyframe };
         let past = Past { keyframes: &self.keyframes, local_from_keyframe: &self.local_from_keyframe };
         let hopes = hopes(sought, &lost.heard, |a, b| lost.aside.closing.way_m(a, b));
@@ -175,6 +180,7 @@ impl Mapper {
 
     /// An answer, for a robot that still waits for it.
     pub(super) fn hear(&mut self, answer: &Sought) {
+        self.budget.spend(answer.given, answer.spent);
         let Some(lost) = self.lost.as_mut().filter(|lost| lost.asking == Some(answer.question)) else { return };
         lost.asking = None;
         let known = (answer.to as usize) < lost.aside.keyframes.len();

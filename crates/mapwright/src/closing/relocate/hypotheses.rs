@@ -156,7 +156,7 @@ impl Look<'_> {
         let mut refine = |near: Pose2| self.ground.atlas.refine(self.query, near, &mut matcher);
         let hopes = self.seeking.hopes.iter().map(|hope| refine(hope.map_from_aside * self.seeking.aside_from_query));
         let mut places: Vec<(Pose2, Agreement)> = hopes.collect();
-        let sightings = self.ground.atlas.sightings(self.query, LEAST_SCORE, LEAST_OF_BEST, SIGHTINGS);
+        let sightings = self.ground.atlas.sightings(self.query, self.effort, (LEAST_SCORE, LEAST_OF_BEST), SIGHTINGS);
         let mut others: Vec<(Pose2, Agreement)> =
             sightings.iter().map(|sighting| refine(sighting.map_from_query)).collect();
         let speaks_for =

@@ -3,7 +3,7 @@
 use super::{Ground, LATELY_M, Seeking};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Matcher, SearchWindow};
-use mapwright_loops::{Atlas, Finding, Sighting, Submap, Verifier, VerifySettings};
+use mapwright_loops::{Atlas, Effort, Finding, Sighting, Submap, Verifier, VerifySettings};
 use mapwright_record::{Evidence, Objection};
 use std::cell::OnceCell;
 
@@ -75,6 +75,7 @@ pub(crate) struct Place {
 pub(super) struct Look<'a> {
     pub(super) seeking: &'a Seeking,
     pub(super) ground: &'a Ground,
+    pub(super) effort: &'a Effort,
     /// What is looked for,
     pub(super) query: &'a Submap,
     /// all that was seen on the way that is kept in mind,
@@ -94,7 +95,7 @@ pub(super) struct Look<'a> {
 impl Look<'_> {
     /// The place of all where what is looked for fits best.
     pub(super) fn best(&self) -> Option<Place> {
-        self.judge(&self.ground.atlas.find(self.query)?)
+        self.judge(&self.ground.atlas.find(self.query, self.effort)?)
     }
 
     /// The best place as a finding: refined, judged as a closure is, by what was seen before, and by its rivals.
@@ -161,7 +162,7 @@ impl Look<'_> {
     /// fits which is known.
     fn seen_again(&self) -> Vec<(f64, f64)> {
         let before = self.before();
-        let sightings = before.sightings(self.query, AGAIN_SCORE, AGAIN_OF_BEST, AGAIN_AT_MOST);
+        let sightings = before.sightings(self.query, self.effort, (AGAIN_SCORE, AGAIN_OF_BEST), AGAIN_AT_MOST);
         let elsewhere = sightings
             .iter()
             .filter(|sighting| sighting.map_from_query.distance(self.seeking.aside_from_query) > RETURNED_M);
@@ -191,7 +192,7 @@ impl Look<'_> {
     /// The other places that explain what was seen nearly as well, and whether there are too many to look at.
     fn rivals(&self, best: &Sighting, evidence: &Evidence) -> (Vec<Sighting>, bool) {
         let (mut equal, mut looked_at) = (Vec::new(), 0);
-        self.ground.atlas.rivals(self.query, best, RIVAL_SHARE, |rival| {
+        self.ground.atlas.rivals(self.query, self.effort, best, RIVAL_SHARE, |rival| {
             looked_at += 1;
             if looked_at > RIVALS_AT_MOST || !self.explains_less(rival, evidence) {
                 equal.push(*rival);
