@@ -6,7 +6,7 @@ use crate::messages::{laser_scan, mounts, odom_transform, pose_stamped, transfor
 use crate::recording::{Durability, Recording, Topic};
 use mapwright_formats::{GridImage, UNKNOWN};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_record::{Edge, EdgeKind, KeyframeId, Session, SessionScan};
+use mapwright_record::{EdgeKind, Session, TrajectoryPose};
 use mapwright_ros::Encoding;
 use mapwright_ros::messages::{
     ColorRgba, Header, MapMetaData, Marker, MarkerAction, MarkerArray, MarkerShape, OccupancyGrid, Path, Point,
@@ -55,14 +55,14 @@ pub fn write_session_mcap<W: Write + Seek>(
     writer: W,
 ) -> Result<(W, SessionCounts), ExportError> {
     map.validate()?;
-    let mut order: Vec<usize> = (0..session.scans.len()).collect();
-    order.sort_by_key(|&scan| session.scans[scan].stamp);
-    let begin = order.first().map_or(Stamp(0), |&scan| session.scans[scan].stamp);
+    let mut scans: Vec<(usize, TrajectoryPose)> = session.trajectory().enumerate().collect();
+    scans.sort_by_key(|(_, scan)| scan.stamp);
+    let begin = scans.first().map_or(Stamp(0), |(_, scan)| scan.stamp);
     let mut recording = Recording::mcap(writer)?;
     write_map(&mut recording, map, begin)?;
-    write_path(&mut recording, session, &order, begin)?;
+    write_path(&mut recording, &scans, begin)?;
     let closures = write_markers(&mut recording, session, begin)?;
-    write_course(recording, session, &order, begin, closures)
+    write_course(recording, session, &scans, begin, closures)
 }
 
 fn write_map<W: Write + Seek>(recording: &mut Recording<W>, map: &GridImage, stamp: Stamp) -> Result<(), ExportError> {
@@ -81,13 +81,11 @@ fn write_map<W: Write + Seek>(recording: &mut Recording<W>, map: &GridImage, sta
 
 fn write_path<W: Write + Seek>(
     recording: &mut Recording<W>,
-    session: &Session,
-    order: &[usize],
+    scans: &[(usize, TrajectoryPose)],
     begin: Stamp,
 ) -> Result<(), ExportError> {
     let topic = recording.add("/path", "nav_msgs/Path", Durability::TransientLocal)?;
-    let poses = order.iter().map(|&scan| &session.scans[scan]);
-    let poses = poses.map(|scan| pose_stamped(scan.stamp, MAP, scan.map_from_robot)).collect();
+    let poses = scans.iter().map(|(_, scan)| pose_stamped(scan.stamp, MAP, scan.map_from_robot)).collect();
     recording.write(topic, begin, &Path { header: Header::new(begin, MAP), poses })
 }
 
@@ -98,13 +96,12 @@ fn write_markers<W: Write + Seek>(
     stamp: Stamp,
 ) -> Result<usize, ExportError> {
     let topic = recording.add("/closures", MarkerArray::TYPE, Durability::TransientLocal)?;
-    let ids = session.keyframes.iter().map(|keyframe| keyframe.id);
-    let poses: BTreeMap<KeyframeId, Pose2> = ids.zip(session.map_from_keyframe.iter().copied()).collect();
-    let ends = |edge: &Edge| Some([*poses.get(&edge.from)?, *poses.get(&edge.to)?]);
-    let closures: Vec<[Pose2; 2]> =
-        session.edges.iter().filter(|edge| edge.kind == EdgeKind::Closure).filter_map(ends).collect();
+    let poses = session.map_from_keyframe();
+    let closures = session.recorded_edges().iter().filter(|known| !known.withdrawn);
+    let closures = closures.filter(|known| known.recorded.edge.kind == EdgeKind::Closure);
+    let closures: Vec<[Pose2; 2]> = closures.map(|known| known.ends.map(|end| poses[end as usize])).collect();
     let lines = closures.iter().flatten().map(point).collect();
-    let dots = session.map_from_keyframe.iter().map(point).collect();
+    let dots = poses.iter().map(point).collect();
     // a marker without points is an error to RViz
     let markers = [(CLOSURES, MarkerShape::LineList, lines), (KEYFRAMES, MarkerShape::Points, dots)];
     let markers = markers.into_iter().filter(|(_, _, points): &(_, _, Vec<Point>)| !points.is_empty());
@@ -144,7 +141,7 @@ fn marker(
 fn write_course<W: Write + Seek>(
     mut recording: Recording<W>,
     session: &Session,
-    order: &[usize],
+    scans: &[(usize, TrajectoryPose)],
     begin: Stamp,
     closures: usize,
 ) -> Result<(W, SessionCounts), ExportError> {
@@ -155,14 +152,14 @@ fn write_course<W: Write + Seek>(
     let tf = recording.add("/tf", "tf2_msgs/TFMessage", Durability::Volatile)?;
     let pose = recording.add("/pose", "geometry_msgs/PoseStamped", Durability::Volatile)?;
     let topics = scan_topics(&mut recording, &shown)?;
-    let by_scan: BTreeMap<u64, &Sweep> =
-        session.keyframes.iter().map(|keyframe| (keyframe.scan, &keyframe.sweep)).collect();
-    let mut counts = SessionCounts { closures, poses: order.len(), scans: 0 };
-    for &number in order {
-        let scan = &session.scans[number];
+    let drawn = session.keyframes().iter().zip(session.drawn());
+    let by_scan: BTreeMap<u64, &Arc<Sweep>> =
+        drawn.filter_map(|(keyframe, sweep)| Some((keyframe.scan, sweep.as_ref()?))).collect();
+    let mut counts = SessionCounts { closures, poses: scans.len(), scans: 0 };
+    for (number, scan) in scans {
         recording.write(tf, scan.stamp, &transforms(scan))?;
         recording.write(pose, scan.stamp, &pose_stamped(scan.stamp, MAP, scan.map_from_robot))?;
-        let Some(sweep) = by_scan.get(&(number as u64)) else { continue };
+        let Some(sweep) = by_scan.get(&(*number as u64)) else { continue };
         let frame = frame_of(&sweep.laser);
         let before = shown.insert(frame, &*sweep.laser);
         if before.is_some_and(|before| mount(before) != mount(&sweep.laser)) {
@@ -177,7 +174,7 @@ fn write_course<W: Write + Seek>(
 }
 
 /// `map -> odom` such that the two together lead to where the robot is in the map.
-fn transforms(scan: &SessionScan) -> TfMessage<'static> {
+fn transforms(scan: &TrajectoryPose) -> TfMessage<'static> {
     let map_from_odom = scan.map_from_robot * scan.odom_from_robot.inverse();
     let correction = transform(scan.stamp, MAP, ODOM, in_space(map_from_odom));
     TfMessage { transforms: vec![correction, odom_transform(scan.stamp, scan.odom_from_robot)] }
@@ -186,7 +183,7 @@ fn transforms(scan: &SessionScan) -> TfMessage<'static> {
 /// The keyframes' lasers in the order in which they come.
 fn lasers(session: &Session) -> Vec<&Arc<LaserModel>> {
     let mut lasers: Vec<&Arc<LaserModel>> = Vec::new();
-    for keyframe in &session.keyframes {
+    for keyframe in session.keyframes() {
         let laser = &keyframe.sweep.laser;
         if !lasers.iter().rev().any(|known| Arc::ptr_eq(known, laser)) {
             lasers.push(laser);

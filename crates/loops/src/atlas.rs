@@ -11,6 +11,7 @@ use mapwright_grid::{
 use mapwright_sensor::{BeamTable, SweepPoints};
 use std::cell::Cell;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// The atlas' cells are so many times those of a submap: the search is for the place, the exact pose comes later.
 const COARSER: f64 = 2.0;
@@ -235,7 +236,7 @@ impl Atlas {
                     break;
                 }
                 last = *submap_from_keyframe;
-                around.push(View { sweep: sweep.clone(), submap_from_keyframe: view_from_map * last });
+                around.push(View { sweep: Arc::clone(sweep), submap_from_keyframe: view_from_map * last });
             }
         };
         side(&mut (0..=view).rev());
@@ -277,7 +278,7 @@ mod tests {
         let view = |scan: mapwright_sim::TrueScan| {
             let mut sweep = Sweep::empty(&scan.scan.laser);
             let _ = sweep.fill(&scan.scan, [0.0; 3], (0.1, 30.0));
-            View { sweep, submap_from_keyframe: scan.world_from_robot }
+            View { sweep: Arc::new(sweep), submap_from_keyframe: scan.world_from_robot }
         };
         scans.map(view).collect()
     }
@@ -286,7 +287,7 @@ mod tests {
     fn query(views: &[View], at: usize) -> Submap {
         let here = views[at].submap_from_keyframe;
         let seen = views[at - 4..=at].iter().map(|view| View {
-            sweep: view.sweep.clone(),
+            sweep: Arc::clone(&view.sweep),
             submap_from_keyframe: here.between(view.submap_from_keyframe),
         });
         Submap::new(&seen.collect::<Vec<_>>(), &SUBMAPS)
@@ -317,7 +318,7 @@ mod tests {
         twice.extend(
             views
                 .iter()
-                .map(|view| View { sweep: view.sweep.clone(), submap_from_keyframe: away * view.submap_from_keyframe }),
+                .map(|view| View { sweep: Arc::clone(&view.sweep), submap_from_keyframe: away * view.submap_from_keyframe }),
         );
         let [once, twice] = [views.clone(), twice].map(|views| Atlas::new(views, &SUBMAPS));
         let seen = query(&views, 60);
@@ -345,7 +346,7 @@ mod tests {
         let moved = Pose2::new(3.0, -2.0, 0.7);
         let part = |range: std::ops::Range<usize>| {
             let view = |view: &View| View {
-                sweep: view.sweep.clone(),
+                sweep: Arc::clone(&view.sweep),
                 submap_from_keyframe: moved.inverse() * view.submap_from_keyframe,
             };
             Atlas::new(views[range].iter().map(view).collect(), &SUBMAPS)

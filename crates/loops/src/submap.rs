@@ -3,6 +3,7 @@
 use mapwright_geom::Pose2;
 use mapwright_grid::{Change, LiveMap, LiveMapSettings};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
+use std::sync::Arc;
 
 /// Standard deviation by which closeness is judged: so many times that of the laser, no less and no more than so many cells.
 const CLOSENESS_SIGMAS: f64 = 1.25;
@@ -14,7 +15,7 @@ const MEDIAN_OFFSET: f64 = 0.826;
 #[derive(Debug, Clone)]
 pub struct View {
     /// What the laser saw.
-    pub sweep: Sweep,
+    pub sweep: Arc<Sweep>,
     /// Where from.
     pub submap_from_keyframe: Pose2,
 }
@@ -133,7 +134,7 @@ mod tests {
         let view = |scan: &TrueScan| {
             let mut sweep = Sweep::empty(&scan.scan.laser);
             let _ = sweep.fill(&scan.scan, [0.0; 3], (0.1, 30.0));
-            View { sweep, submap_from_keyframe: here.between(scan.world_from_robot) }
+            View { sweep: Arc::new(sweep), submap_from_keyframe: here.between(scan.world_from_robot) }
         };
         (Submap::new(&scans.iter().map(view).collect::<Vec<_>>(), &SETTINGS), here)
     }

@@ -3,13 +3,12 @@
 //! Certainty is that of the best path over the graph ([`CertaintyGraph`]). A place is judged by what a visit would add: a
 //! link from the robot to it, as uncertain as the drive there, and links to what lies beside it and is not linked yet.
 
-use crate::mapper::Mapper;
-use crate::mapper::spacing;
+use crate::front::map_floor;
 use crate::patches::{Spacing, accumulating};
+use crate::store::spacing;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
-use mapwright_record::{EdgeKind, KeyframeId, Verdict};
-use std::collections::BTreeSet;
+use mapwright_record::{EdgeKind, KeyframeId, Session};
 
 /// A link of which nothing is known, m^2 and rad^2.
 const UNKNOWN: f64 = 100.0;
@@ -76,13 +75,13 @@ impl Place {
 impl Advice {
     /// For the map as it is now.
     #[must_use]
-    pub fn of(mapper: &Mapper) -> Self {
-        let at: Vec<[f64; 2]> = mapper.keyframe_poses().iter().map(|pose| [pose.x, pose.y]).collect();
-        Self::over(&at, &links(mapper))
+    pub fn of(session: &Session) -> Self {
+        let at: Vec<[f64; 2]> = session.map_from_keyframe().iter().map(|pose| [pose.x, pose.y]).collect();
+        Self::over(&at, &links(session), |k| session.keyframes()[k].id)
     }
 
     /// For keyframes at `at` and the links between them.
-    fn over(at: &[[f64; 2]], links: &[Link]) -> Self {
+    fn over(at: &[[f64; 2]], links: &[Link], id: impl Fn(usize) -> KeyframeId) -> Self {
         let Some(newest) = at.len().checked_sub(1) else { return Self::default() };
         let certainty = Certainty::of(at, links);
         let sigmas_m = certainty.sigmas_m(&[]);
@@ -106,7 +105,7 @@ impl Advice {
             mean_sigma_m,
             worst_sigma_m: sigmas_m.iter().copied().filter(|sigma| sigma.is_finite()).fold(0.0, f64::max),
             keyframe_sigmas_m: sigmas_m,
-            places: places.into_iter().map(|(after_m, place)| route.place(place, after_m)).collect(),
+            places: places.into_iter().map(|(after_m, place)| route.place(place, after_m, &id)).collect(),
         }
     }
 }
@@ -122,24 +121,13 @@ struct Link {
 }
 
 /// Every link that stands: to the keyframe before by wheels and scan together, to the one matched with, and closures.
-fn links(mapper: &Mapper) -> Vec<Link> {
-    let poses = mapper.keyframe_poses();
-    let taken_back = |verdict| matches!(verdict, Verdict::TakenBack(_));
-    let mut gone = BTreeSet::new();
-    for candidate in mapper.candidates() {
-        let pair = [candidate.from, candidate.to];
-        if taken_back(candidate.verdict) {
-            gone.insert(pair);
-        }
-    }
-    for candidate in mapper.candidates().iter().filter(|candidate| candidate.verdict == Verdict::Accepted) {
-        gone.remove(&[candidate.from, candidate.to]);
-    }
-    let mut links: Vec<Link> = Vec::with_capacity(mapper.edges().len());
+fn links(session: &Session) -> Vec<Link> {
+    let poses = session.map_from_keyframe();
+    let mut links: Vec<Link> = Vec::with_capacity(session.recorded_edges().len());
     let mut by_wheels = None;
-    for edge in mapper.edges() {
-        let [from, to] = [edge.from, edge.to].map(|id| id.seq as usize);
-        let spacing = spacing(mapper.keyframes(), to, poses[to.saturating_sub(1)].distance(poses[to]));
+    for known in session.recorded_edges().iter().filter(|known| !known.withdrawn) {
+        let (edge, [from, to]) = (&known.recorded.edge, known.ends.map(|end| end as usize));
+        let spacing = spacing(session.keyframes(), to, poses[to.saturating_sub(1)].distance(poses[to]));
         let link = |covariance: Option<Cov3>| Link {
             from,
             to,
@@ -160,10 +148,9 @@ fn links(mapper: &Mapper) -> Vec<Link> {
                 // To the keyframe before, wheels and scan together are all that is known.
                 if from + 1 != to {
                     let away_m = poses[from].distance(poses[to]);
-                    links.push(link(covariance.map(|covariance| covariance + Mapper::map_floor(away_m))));
+                    links.push(link(covariance.map(|covariance| covariance + map_floor(away_m))));
                 }
             }
-            EdgeKind::Closure if gone.contains(&[edge.from, edge.to]) => {}
             EdgeKind::Closure => links.push(link(covariance)),
         }
     }
@@ -276,7 +263,7 @@ impl Route {
         Self { towards_newest: ways(&places, step_m), keyframes, at: places, way_m }
     }
 
-    fn place(&self, place: usize, mean_sigma_after_m: f64) -> Place {
+    fn place(&self, place: usize, mean_sigma_after_m: f64, id: impl Fn(usize) -> KeyframeId) -> Place {
         let last = self.at.len() - 1;
         let mut way = vec![self.at[place]];
         let mut here = place;
@@ -289,7 +276,7 @@ impl Route {
             way.clear();
         }
         Place {
-            keyframe: KeyframeId { robot: 0, session: 0, seq: self.keyframes[place] as u32 },
+            keyframe: id(self.keyframes[place]),
             at: self.at[place],
             away_m: distance(self.at[place], self.at[last]),
             way,
@@ -405,6 +392,11 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mapwright_record::RunId;
+
+    fn id(k: usize) -> KeyframeId {
+        RunId::default().keyframe(k as u32)
+    }
 
     /// A square of 100 m a side, a keyframe a metre, up to `count` of them.
     fn square(count: usize) -> (Vec<[f64; 2]>, Vec<Link>) {
@@ -423,13 +415,13 @@ mod tests {
     #[test]
     fn an_open_loop_wants_to_be_closed_where_it_began_and_a_closed_one_nothing() {
         let (at, mut links) = square(390);
-        let open = Advice::over(&at, &links);
+        let open = Advice::over(&at, &links, id);
         let best = &open.places[0];
         assert!(best.at[0] + best.at[1] < 15.0, "{best:?}");
         assert!(best.mean_sigma_after_m < 0.75 * open.mean_sigma_m, "{open:?}");
         assert!(best.away_m < 20.0 && best.way_m().is_some_and(|m| m > 350.0), "{best:?}");
         links.push(Link { from: 0, to: 389, uncertainty: CLOSURE, pivot: at[389] });
-        let closed = Advice::over(&at, &links);
+        let closed = Advice::over(&at, &links, id);
         assert!((closed.mean_sigma_m / best.mean_sigma_after_m - 1.0).abs() < 0.2, "{closed:?}, {best:?}");
         assert!(closed.worst_sigma_m < open.worst_sigma_m && closed.places.is_empty(), "{:?}", closed.places);
     }
@@ -437,7 +429,7 @@ mod tests {
     #[test]
     fn places_are_apart_from_each_other_and_the_best_stands_first() {
         let (at, links) = square(360);
-        let places = Advice::over(&at, &links).places;
+        let places = Advice::over(&at, &links, id).places;
         assert!(places.len() > 1);
         for (k, place) in places.iter().enumerate() {
             assert!(places[..k].iter().all(|other| distance(other.at, place.at) >= 5.0));
@@ -447,9 +439,9 @@ mod tests {
 
     #[test]
     fn a_map_of_nothing_of_one_keyframe_and_of_unlinked_ones_has_no_advice() {
-        assert_eq!(Advice::over(&[], &[]), Advice::default());
-        assert_eq!(Advice::over(&[[1.0, 2.0]], &[]).keyframe_sigmas_m, [0.0]);
-        let apart = Advice::over(&[[0.0; 2], [50.0, 0.0], [1e6, f64::NAN]], &[]);
+        assert_eq!(Advice::over(&[], &[], id), Advice::default());
+        assert_eq!(Advice::over(&[[1.0, 2.0]], &[], id).keyframe_sigmas_m, [0.0]);
+        let apart = Advice::over(&[[0.0; 2], [50.0, 0.0], [1e6, f64::NAN]], &[], id);
         assert_eq!(apart.keyframe_sigmas_m, [0.0, f64::INFINITY, f64::INFINITY]);
         assert!(apart.places.iter().all(|place| place.way_m().is_none()));
         assert_eq!(apart.worst_sigma_m, 0.0);

@@ -1,38 +1,33 @@
-//! Cycles: which old places to look for, which findings to believe, and the graph they make.
+//! Cycles: which old places to look for, and which findings to believe.
 
-use crate::jobs::{Solving, Target, Verification};
 use crate::patches::Known;
 use crate::settings::{LivePolicy, Settings};
-use mapwright_geom::{Cov3, Pose2, wrap_angle};
-use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
+use crate::store::{Judged, NodeId, Past};
+use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::MatcherSettings;
-use mapwright_loops::{Finding, PlaceIndex, SubmapSettings, VerifySettings, View};
-use mapwright_record::{Candidate, Detection, Edge, EdgeKind, Keyframe, KeyframeId, Objection, Verdict};
-use mapwright_sensor::{BeamTable, SweepPoints};
-use nalgebra::Matrix3;
+use mapwright_loops::{Finding, PlaceIndex, VerifySettings};
+use mapwright_record::{Candidate, Detection, Edge, Objection, Verdict};
 use std::f64::consts::PI;
-use std::ops::Range;
 
 mod look_back;
 mod relocate;
+mod solving;
+mod submaps;
 mod supports;
+mod verification;
 
+pub(crate) use look_back::{look_around, look_back};
+pub(crate) use relocate::{Budget, Chance, Found, Ground, Heard, Seeking, Sought, follow, hopes, seek, weigh};
+pub(crate) use solving::{Solved, Solving};
+use submaps::{SUBMAP_M, end_points, submaps, views_along};
 use supports::{Supports, agree, is_left};
-
-pub(crate) use relocate::{Budget, Chance, Found, Ground, Heard, Seeking, Sought, hopes};
+pub(crate) use verification::{Target, Verification, Verified};
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;
-/// Length of way that makes a submap, to one side, metres,
-const SUBMAP_M: f64 = 8.0;
-/// and where it has to tell less poses apart, for the window is no wider than this to either side, metres.
+/// A submap is made of less way where it has to tell less poses apart, for the window is no wider than this to either side, metres.
 const NARROW_SUBMAP_M: f64 = 2.0;
 const NARROW_M: f64 = 0.5;
-/// Views of a submap lie so far apart at least: metres or radians.
-const VIEW_M: f64 = 0.4;
-const VIEW_RAD: f64 = 0.35;
-/// Views of a submap at most, to one side.
-const VIEWS_AT_MOST: usize = 40;
 /// Places this near to the robot may be seen from there, metres.
 const NEAR_M: f64 = 4.0;
 /// The search's window in standard deviations, and what is added for the model's sake.
@@ -56,8 +51,6 @@ const DESCRIBE_EVERY_M: f64 = 0.5;
 const DESCRIBED_M: f64 = 7.0;
 /// Keyframes described at most within one scan.
 const DESCRIBED_AT_ONCE: usize = 32;
-/// Points farther off are not compared, cells.
-const REACH_CELLS: f64 = 300.0;
 /// A finding that contradicts the chain of edges by more than this chi-square (three degrees of freedom) is refused. A chain states
 /// too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
 /// true closures by the dozen (docs/decisions/0011-closing-loops.md).
@@ -76,52 +69,44 @@ const APART_M: f64 = 2.0;
 const TOGETHER_M: f64 = 30.0;
 /// Findings that wait at most.
 const WAITING_AT_MOST: usize = 64;
-/// A closure that moves nothing farther than this may wait for others, metres.
+/// A closure that moves nothing farther than this may wait for others, metres; a turn moves what is so far away, metres.
 const STRAIN_M: f64 = 0.02;
+const LEVER_M: f64 = 5.0;
 const STRAINED_AT_MOST: usize = 12;
 
-/// What is known of cycles.
+/// What is known of cycles beside the candidates, which are the store's.
 #[derive(Debug, Clone)]
 pub(crate) struct Closing {
-    /// Every candidate, taken or not.
-    pub(crate) candidates: Vec<Candidate>,
-    pub(crate) graph: PoseGraph2,
-    /// Closures: place among the graph's edges, and among the candidates.
-    closures: Vec<(usize, usize)>,
-    /// Findings that wait for company, places among the candidates.
-    waiting: Vec<usize>,
-    /// Length of way up to each keyframe.
-    path_m: Vec<f64>,
+    /// Findings that wait for company, numbers of candidates.
+    waiting: Vec<u32>,
+    /// Length of way when old places were looked for last, and asked for by what they look like, metres.
     checked_m: f64,
     asked_m: f64,
     /// Old places that the matches of late were supported by or that closures led to,
     supports: Supports,
-    /// and whether they are looked at: not where places are not looked for by pose or nothing ever leaves the live map.
+    /// and whether they are looked at: not where places are not looked for by pose or nothing ever leaves the local map.
     looks_at_supports: bool,
     places: PlaceIndex,
     /// Keyframes that were described, or are too near to one that was.
-    described: u32,
+    described: NodeId,
     described_m: f64,
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
 }
 
-/// The poses and measurements that closing looks at.
-#[derive(Clone, Copy)]
-pub(crate) struct Past<'a> {
-    pub(crate) keyframes: &'a [Keyframe],
-    pub(crate) local_from_keyframe: &'a [Pose2],
+/// What a finding makes of candidates: its own, and those that have waited and agree with it.
+#[derive(Debug, Clone)]
+pub(crate) struct Judgement {
+    pub(crate) judged: Judged,
+    /// Numbers of those that have waited and are closures now, as it is itself.
+    pub(crate) agreeing: Vec<u32>,
 }
 
 impl Closing {
     pub(crate) fn new(settings: &Settings) -> Self {
         Self {
-            candidates: Vec::new(),
-            graph: PoseGraph2::default(),
-            closures: Vec::new(),
             waiting: Vec::new(),
-            path_m: Vec::new(),
             checked_m: 0.0,
             asked_m: 0.0,
             supports: Supports::default(),
@@ -134,26 +119,8 @@ impl Closing {
         }
     }
 
-    /// A new keyframe and its edges.
-    pub(crate) fn add(&mut self, world_from_keyframe: Pose2, step_m: f64, edges: &[Edge]) {
-        let id = self.graph.vertices.len() as u64;
-        self.graph.vertices.push(Vertex { id, world_from_vertex: world_from_keyframe, fixed: id == 0 });
-        let before = self.path_m.last().copied().unwrap_or(0.0);
-        self.path_m.push(before + step_m);
-        edges.iter().for_each(|edge| self.add_edge(edge));
-    }
-
-    fn add_edge(&mut self, edge: &Edge) {
-        let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
-        self.graph.edges.push(GraphEdge { from, to, from_from_to: edge.from_from_to, information: edge.information });
-    }
-
-    pub(crate) fn way_m(&self, a: u32, b: u32) -> f64 {
-        (self.path_m[a as usize] - self.path_m[b as usize]).abs()
-    }
-
-    pub(crate) fn is_due(&self) -> bool {
-        self.path_m.last().is_some_and(|now| now - self.checked_m >= CHECK_EVERY_M)
+    pub(crate) fn is_due(&self, past: Past<'_>) -> bool {
+        past.way_m.last().is_some_and(|now| now - self.checked_m >= CHECK_EVERY_M)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -163,12 +130,12 @@ impl Closing {
         settings: &Settings,
         past: Past<'_>,
         known: &[Known],
-        support: Option<u32>,
+        support: Option<NodeId>,
         matcher: MatcherSettings,
     ) -> Option<Verification> {
-        let to = past.keyframes.len().checked_sub(1)? as u32;
-        self.checked_m = self.path_m[to as usize];
-        self.supports.forget(&self.path_m);
+        let to = past.newest()?;
+        self.checked_m = past.way_m[to as usize];
+        self.supports.forget(past.way_m);
         let mut targets = if settings.loops.by_pose { self.near(past, to, known) } else { Vec::new() };
         if settings.loops.by_pose {
             targets.extend(support.and_then(|from| self.supporting(past, to, from, known)));
@@ -180,7 +147,7 @@ impl Closing {
             let needed = widest_m > WIDEST_M || !settings.loops.by_pose;
             if needed && self.checked_m - self.asked_m >= ASK_EVERY_M {
                 self.asked_m = self.checked_m;
-                let hits = end_points(&self.views(past, to, false, DESCRIBED_M));
+                let hits = end_points(&views_along(past, to, false, DESCRIBED_M));
                 targets.extend(self.alike(past, to, known, &hits));
             }
         }
@@ -190,10 +157,10 @@ impl Closing {
         let reach_m =
             if targets.iter().all(|target| target.half_width_m <= NARROW_M) { NARROW_SUBMAP_M } else { SUBMAP_M };
         let targets =
-            targets.into_iter().map(|target| (target, self.views(past, target.from, true, reach_m))).collect();
+            targets.into_iter().map(|target| (target, views_along(past, target.from, true, reach_m))).collect();
         Some(Verification {
             to,
-            query: self.views(past, to, false, reach_m),
+            query: views_along(past, to, false, reach_m),
             targets,
             submaps: submaps(settings),
             verify: VerifySettings::default(),
@@ -203,7 +170,7 @@ impl Closing {
 
     /// The old place that the newest keyframe was matched against, unless it was looked at lately: such a match is a closure.
     fn supporting(&mut self, past: Past<'_>, to: u32, from: u32, known: &[Known]) -> Option<Target> {
-        if from >= to || !self.is_unjudged(from) {
+        if from >= to || !self.is_unjudged(past, from) {
             return None;
         }
         self.supports.ask(from, to);
@@ -215,35 +182,33 @@ impl Closing {
     }
 
     /// Whether a match that is supported by `from` waits for a look at that old place.
-    pub(crate) fn is_unjudged(&self, from: u32) -> bool {
-        self.looks_at_supports && is_left(&self.path_m, from) && !self.supports.is_asked(&self.path_m, from)
+    pub(crate) fn is_unjudged(&self, past: Past<'_>, from: NodeId) -> bool {
+        self.looks_at_supports && is_left(past.way_m, from) && !self.supports.is_asked(past.way_m, from)
     }
 
     /// Whether a match that is supported by `from` links the keyframe that comes next to it: not where that is an old place
     /// that the cascade has not found.
-    pub(crate) fn links(&self, from: u32) -> bool {
-        let verdict = || self.supports.verdict(&self.path_m, from);
-        !is_left(&self.path_m, from)
+    pub(crate) fn links(&self, past: Past<'_>, from: NodeId) -> bool {
+        let verdict = || self.supports.verdict(past.way_m, from);
+        !is_left(past.way_m, from)
             || verdict().map_or(!self.looks_at_supports, |found| found == supports::Found::Here)
     }
 
     /// A match that may link when its place has been looked at.
-    pub(crate) fn wait(&mut self, edge: Edge) {
-        self.supports.wait(&self.path_m, edge);
+    pub(crate) fn wait(&mut self, past: Past<'_>, edge: Edge) {
+        self.supports.wait(past, edge);
     }
 
     /// After a verdict that has made `closures`: the matches that have waited for it and link.
     pub(crate) fn settle_matches(&mut self, past: Past<'_>, closures: &[Edge]) -> Vec<Edge> {
-        let edges = self.supports.settle(&self.path_m, past, closures);
-        edges.iter().for_each(|edge| self.add_edge(edge));
-        edges
+        self.supports.settle(past, closures)
     }
 
     /// Places within the uncertainty of the pose, nearest first.
     fn near(&self, past: Past<'_>, to: u32, known: &[Known]) -> Vec<Target> {
         let here = past.local_from_keyframe[to as usize];
         let mut near: Vec<(f64, Target)> = Vec::new();
-        for place in known.iter().filter(|place| !place.live && self.way_m(to, place.first) >= LEFT_M) {
+        for place in known.iter().filter(|place| !place.live && past.way_between_m(to, place.first) >= LEFT_M) {
             let there = past.local_from_keyframe[place.first as usize];
             let away_m = there.distance(here);
             let target = target(past, place, place.first, to, Detection::Pose);
@@ -254,7 +219,7 @@ impl Closing {
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.from.cmp(&b.1.from)));
         let mut targets: Vec<Target> = Vec::new();
         for (_, target) in near {
-            let new = |other: &Target| self.way_m(other.from, target.from) > SUBMAP_M;
+            let new = |other: &Target| past.way_between_m(other.from, target.from) > SUBMAP_M;
             if targets.len() < TARGETS && targets.iter().all(new) {
                 targets.push(target);
             }
@@ -264,8 +229,7 @@ impl Closing {
 
     /// Places that look like this one, where the uncertainty of the pose allows for them.
     fn alike(&mut self, past: Past<'_>, to: u32, known: &[Known], hits: &[[f64; 2]]) -> Vec<Target> {
-        let path_m = &self.path_m;
-        let left = |node: u32| (path_m[to as usize] - path_m[node as usize]).abs() >= LEFT_M;
+        let left = |node: NodeId| past.way_between_m(to, node) >= LEFT_M;
         let found = self.places.query(hits, ALIKE, left);
         let mut targets = Vec::new();
         for hit in found {
@@ -282,38 +246,33 @@ impl Closing {
 
     /// Describes places since the last time, of so many keyframes at most, each by what was seen on the last metres of the way.
     fn remember_places(&mut self, past: Past<'_>, at_most: usize) {
-        let end = past.keyframes.len().min(self.described as usize + at_most) as u32;
+        let end = past.way_m.len().min(self.described as usize + at_most) as NodeId;
         for node in self.described..end {
-            let way_m = self.path_m[node as usize];
+            let way_m = past.way_m[node as usize];
             if self.places.is_empty() || way_m - self.described_m >= DESCRIBE_EVERY_M {
                 self.described_m = way_m;
-                let hits = end_points(&self.views(past, node, false, DESCRIBED_M));
+                let hits = end_points(&views_along(past, node, false, DESCRIBED_M));
                 self.places.add(node, &hits);
             }
         }
         self.described = end;
     }
 
-    /// Keyframes along the way around `at`, before it and, if so wished, after it.
-    fn views(&self, past: Past<'_>, at: u32, both_sides: bool, reach_m: f64) -> Vec<View> {
-        views(past, at, both_sides, reach_m, |node| self.path_m[node] - self.path_m[node - 1])
-    }
-
-    /// Judges a finding; the closures that it makes, as edges.
-    pub(crate) fn judge(&mut self, past: Past<'_>, to: u32, target: &Target, finding: &Finding) -> Vec<Edge> {
-        let mut candidate = candidate(target, to, finding);
+    /// Judges a finding, and with it the candidates that wait.
+    pub(crate) fn judge(
+        &mut self,
+        past: Past<'_>,
+        candidates: &[Candidate],
+        to: NodeId,
+        (target, finding): (&Target, &Finding),
+    ) -> Judgement {
+        let mut judged = target.judged(to, finding);
         let found = finding.target_from_query.unwrap_or(target.middle);
-        let expected = past.local_from_keyframe[target.from as usize].between(past.local_from_keyframe[to as usize]);
-        let error = expected.between(found);
-        let variance_m2 = target.sigma_m * target.sigma_m + finding.covariance[(0, 0)].max(finding.covariance[(1, 1)]);
-        let variance_rad2 = target.sigma_rad * target.sigma_rad + finding.covariance[(2, 2)];
-        let distance2 = error.x * error.x + error.y * error.y;
-        let chi2 = distance2 / variance_m2 + error.theta * error.theta / variance_rad2;
-        candidate.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
+        let chi2 = cycle_chi2(past, to, target, finding, found);
+        judged.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
         let unclear = finding.objection == Some(Objection::Ambiguous)
-            && candidate.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);
-        candidate.verdict = match finding.objection {
-            Some(Objection::Ambiguous) if unclear && chi2 <= IMPROBABLE_CHI2 => Verdict::Waiting(Objection::Ambiguous),
+            && judged.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);
+        judged.verdict = match finding.objection {
             Some(why @ (Objection::Ambiguous | Objection::LittleOverlap | Objection::Unconstrained)) => {
                 Verdict::Waiting(why)
             }
@@ -321,133 +280,87 @@ impl Closing {
             None if chi2 > IMPROBABLE_CHI2 => Verdict::Refused(Objection::Improbable),
             None => Verdict::Waiting(Objection::Alone),
         };
-        let this = self.candidates.len();
-        self.candidates.push(candidate);
         if target.detection == Detection::Match {
             self.supports.learn(target.from, to, supports::Found::Not);
         }
         let may_count = finding.objection.is_none() || unclear;
         if !may_count || chi2 > IMPROBABLE_CHI2 {
-            return Vec::new();
+            return Judgement { judged, agreeing: Vec::new() };
         }
-        let friends: Vec<usize> = self
-            .waiting
-            .iter()
-            .copied()
-            .filter(|&other| self.agree(past, &self.candidates[other], &candidate))
-            .collect();
-        self.candidates[this].evidence.agreeing = friends.len() as u32;
-        let clear = |at: usize| self.candidates[at].verdict == Verdict::Waiting(Objection::Alone);
-        let all_unclear = !friends.iter().copied().chain([this]).any(clear);
+        let number = candidates.len() as u32;
+        let others = self.waiting.iter().copied();
+        let friends: Vec<u32> = others.filter(|&k| is_alike(past, &candidates[k as usize], &judged)).collect();
+        judged.evidence.agreeing = friends.len() as u32;
+        let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
+        let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
         let sure = target.sigma_m < SURE_M && !unclear;
-        let enough = if all_unclear { UNCLEAR_FRIENDS } else { 1 };
+        let enough = if any_clear { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && !sure {
-            self.waiting.push(this);
+            self.waiting.push(number);
             if self.waiting.len() > WAITING_AT_MOST {
                 self.waiting.remove(0);
             }
-            return Vec::new();
+            return Judgement { judged, agreeing: Vec::new() };
         }
         self.waiting.retain(|other| !friends.contains(other));
-        let mut edges = Vec::new();
-        for at in friends.into_iter().chain([this]) {
-            self.candidates[at].verdict = Verdict::Accepted;
-            let Candidate { from, to, from_from_to, covariance, .. } = self.candidates[at];
-            let Some((from_from_to, information)) = from_from_to.zip(covariance.try_inverse()) else { continue };
-            self.supports.learn(from.seq, to.seq, supports::Found::Here);
-            let edge = Edge { from, to, kind: EdgeKind::Closure, from_from_to, information };
-            self.closures.push((self.graph.edges.len(), at));
-            self.add_edge(&edge);
-            let expected =
-                past.local_from_keyframe[from.seq as usize].between(past.local_from_keyframe[to.seq as usize]);
-            let error = expected.between(from_from_to);
-            self.strained += 1;
-            self.urgent |= error.x.hypot(error.y) + 5.0 * error.theta.abs() > STRAIN_M;
-            edges.push(edge);
-        }
-        edges
+        judged.verdict = Verdict::Accepted;
+        Judgement { judged, agreeing: friends }
     }
 
-    /// Whether two findings say the same, by the short ways between their ends.
-    fn agree(&self, past: Past<'_>, a: &Candidate, b: &Candidate) -> bool {
-        let (Some(a_pose), Some(b_pose)) = (a.from_from_to, b.from_from_to) else { return false };
-        let way_to = self.way_m(a.to.seq, b.to.seq);
-        (APART_M..=TOGETHER_M).contains(&way_to)
-            && self.way_m(a.from.seq, b.from.seq) <= TOGETHER_M
-            && agree(past, (a.from, a.to, a_pose), (b.from, b.to, b_pose))
+    /// A candidate has become a closure, with this edge between these nodes.
+    pub(crate) fn accepted(&mut self, past: Past<'_>, [from, to]: [NodeId; 2], edge: &Edge) {
+        self.supports.learn(from, to, supports::Found::Here);
+        let error = past.pose(from).between(past.pose(to)).between(edge.from_from_to);
+        self.strained += 1;
+        self.urgent |= error.x.hypot(error.y) + LEVER_M * error.theta.abs() > STRAIN_M;
     }
 
-    /// The graph to be solved, when that is due.
-    pub(crate) fn solving(&mut self, world_from_keyframe: &[Pose2]) -> Option<Solving> {
-        if !self.urgent && self.strained < STRAINED_AT_MOST {
-            return None;
+    /// Whether the graph is to be solved now; then it counts as solved.
+    pub(crate) fn take_solving_due(&mut self) -> bool {
+        let due = self.urgent || self.strained >= STRAINED_AT_MOST;
+        if due {
+            (self.urgent, self.strained) = (false, 0);
         }
-        (self.urgent, self.strained) = (false, 0);
-        for (vertex, &pose) in self.graph.vertices.iter_mut().zip(world_from_keyframe) {
-            vertex.world_from_vertex = pose;
-        }
-        let closures = self.closures.iter().map(|&(edge, _)| edge).collect();
-        Some(Solving { graph: self.graph.clone(), closures, most_chi2: 25.0 })
+        due
     }
 
-    /// Later evidence speaks against closures, given by their places among the graph's edges; their ends.
-    pub(crate) fn take_back(&mut self, edges: &[usize]) -> Vec<(KeyframeId, KeyframeId)> {
-        let mut ends = Vec::new();
-        for &(edge, candidate) in self.closures.iter().filter(|(at, _)| edges.contains(at)) {
-            self.graph.edges[edge].information = Matrix3::zeros();
-            let candidate = &mut self.candidates[candidate];
-            candidate.verdict = Verdict::TakenBack(Objection::Outvoted);
-            ends.push((candidate.from, candidate.to));
-        }
-        self.closures.retain(|(at, _)| !edges.contains(at));
-        ends.iter().for_each(|(from, to)| self.supports.unlearn(from.seq, to.seq));
-        ends
+    /// A closure between two keyframes was none.
+    pub(crate) fn withdrawn(&mut self, [from, to]: [NodeId; 2]) {
+        self.supports.unlearn(from, to);
     }
 
-    /// A keyframe is not where it was thought to be: nothing leads there any more.
-    pub(crate) fn disown(&mut self, node: u32) {
-        let edges = self.graph.edges.iter_mut().filter(|edge| edge.to == node as usize);
-        edges.for_each(|edge| edge.information = Matrix3::zeros());
+    /// A keyframe is not where it was thought to be.
+    pub(crate) fn disown(&mut self, node: NodeId) {
         self.supports.disown(node);
-        let arrivals = self.candidates.iter_mut().filter(|c| c.to == id(node) && c.verdict == Verdict::Accepted);
-        arrivals.for_each(|candidate| candidate.verdict = Verdict::TakenBack(Objection::Contradiction));
     }
 
-    /// The keyframes from `node` on were moved: edges across that are no closures say what they say now, and that of the wheels
-    /// as `weaken` has it; matches of `doubted` keyframes with old places say nothing. Matches that wait are forgotten.
-    pub(crate) fn measure_anew(
-        &mut self,
-        past: Past<'_>,
-        node: u32,
-        doubted: Range<u32>,
-        weaken: impl Fn(Cov3) -> Cov3,
-    ) {
-        let Self { graph, closures, path_m, .. } = self;
-        for (at, edge) in graph.edges.iter_mut().enumerate() {
-            let GraphEdge { from, to, .. } = *edge;
-            if closures.iter().any(|&(closure, _)| closure == at) {
-                continue;
-            }
-            if doubted.contains(&(to as u32)) && path_m[to] - path_m[from] >= LEFT_M {
-                edge.information = Matrix3::zeros();
-            } else if from < node as usize && to >= node as usize {
-                edge.from_from_to = past.local_from_keyframe[from].between(past.local_from_keyframe[to]);
-                if from + 1 == to {
-                    edge.information = weaken(edge.information);
-                }
-            }
-        }
+    /// The keyframes from `node` on were moved: matches that wait there say what is no longer so.
+    pub(crate) fn forget_since(&mut self, node: NodeId) {
         self.supports.forget_since(node);
     }
+}
 
-    /// Whether there is so much way between two keyframes that the one is an old place to the other.
-    pub(crate) fn is_old(&self, from: u32, to: u32) -> bool {
-        self.way_m(from, to) >= LEFT_M
-    }
+/// Whether there is so much way between two keyframes that the one is an old place to the other.
+pub(crate) fn is_old(past: Past<'_>, from: NodeId, to: NodeId) -> bool {
+    past.way_between_m(from, to) >= LEFT_M
+}
 
-    pub(crate) fn covariance_of(&self, edge: &Edge) -> Cov3 {
-        edge.information.try_inverse().unwrap_or_else(|| Cov3::identity() * 100.0)
-    }
+/// How far a finding differs from what the poses say: chi-square with three degrees of freedom.
+fn cycle_chi2(past: Past<'_>, to: NodeId, target: &Target, finding: &Finding, found: Pose2) -> f64 {
+    let error = past.pose(target.from).between(past.pose(to)).between(found);
+    let variance_m2 = target.sigma_m * target.sigma_m + finding.covariance[(0, 0)].max(finding.covariance[(1, 1)]);
+    let variance_rad2 = target.sigma_rad * target.sigma_rad + finding.covariance[(2, 2)];
+    let distance2 = error.x * error.x + error.y * error.y;
+    distance2 / variance_m2 + error.theta * error.theta / variance_rad2
+}
+
+/// Whether a candidate that waits and a finding say the same, by the short ways between their ends.
+fn is_alike(past: Past<'_>, waiting: &Candidate, judged: &Judged) -> bool {
+    let (Some(a_pose), Some(b_pose)) = (waiting.from_from_to, judged.from_from_to) else { return false };
+    let Some([from, to]) = past.nodes([waiting.from, waiting.to]) else { return false };
+    (APART_M..=TOGETHER_M).contains(&past.way_between_m(to, judged.to))
+        && past.way_between_m(from, judged.from) <= TOGETHER_M
+        && agree(past, (from, to, a_pose), (judged.from, judged.to, b_pose))
 }
 
 /// Half the width of the window in which a place has to be looked for, metres.
@@ -462,7 +375,7 @@ fn patch_of(known: &[Known], node: u32) -> Option<&Known> {
 
 /// A place is looked for where the poses say it is.
 fn target(past: Past<'_>, place: &Known, from: u32, to: u32, detection: Detection) -> Target {
-    let [there, here] = [from, to].map(|node| past.local_from_keyframe[node as usize]);
+    let [there, here] = [from, to].map(|node| past.pose(node));
     let (sigma_m, sigma_rad) = (place.uncertainty.displacement_m2.sqrt(), place.uncertainty.rotation_rad2.sqrt());
     Target {
         from,
@@ -472,18 +385,6 @@ fn target(past: Past<'_>, place: &Known, from: u32, to: u32, detection: Detectio
         sigma_rad,
         half_width_m: window_m(place).min(WIDEST_M),
         half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
-    }
-}
-
-fn candidate(target: &Target, to: u32, finding: &Finding) -> Candidate {
-    Candidate {
-        from: id(target.from),
-        to: id(to),
-        detection: target.detection,
-        evidence: finding.evidence,
-        verdict: Verdict::Accepted,
-        from_from_to: finding.target_from_query,
-        covariance: finding.covariance,
     }
 }
 
@@ -500,59 +401,6 @@ fn around(from: u32, heading_rad: Option<f64>, sigma_m: f64, sigma_rad: f64) -> 
         half_width_m: ALIKE_M,
         half_width_rad,
     })
-}
-
-fn submaps(settings: &Settings) -> SubmapSettings {
-    SubmapSettings {
-        resolution_m: settings.map.resolution_m,
-        passes_per_hit: settings.map.passes_per_hit,
-        free_range_m: settings.scan.free_range_m,
-        reach_m: REACH_CELLS * settings.map.resolution_m,
-        thin_cells: 2,
-    }
-}
-
-/// End points of views, in their submap's frame.
-fn end_points(views: &[View]) -> Vec<[f64; 2]> {
-    let (mut points, mut table, mut ends) = (SweepPoints::default(), BeamTable::default(), Vec::new());
-    for view in views {
-        points.fill(&view.sweep, &mut table, 0.0);
-        ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
-    }
-    ends
-}
-
-/// Keyframes along the way around `at`, before it and, if so wished, after it; `step_m` is the way to a keyframe from the
-/// one before.
-fn views(past: Past<'_>, at: u32, both_sides: bool, reach_m: f64, step_m: impl Fn(usize) -> f64) -> Vec<View> {
-    let at = at as usize;
-    let submap_from_local = past.local_from_keyframe[at].inverse();
-    let mut views = Vec::new();
-    let mut side = |nodes: &mut dyn Iterator<Item = (usize, f64)>| {
-        let (mut way_m, mut last, mut taken) = (0.0, None::<Pose2>, 0);
-        for (node, step_m) in nodes {
-            way_m += step_m;
-            if way_m > reach_m || taken >= VIEWS_AT_MOST {
-                break;
-            }
-            let pose = past.local_from_keyframe[node];
-            let far = |last: Pose2| last.distance(pose) >= VIEW_M || last.between(pose).theta.abs() >= VIEW_RAD;
-            if last.is_none_or(far) {
-                (last, taken) = (Some(pose), taken + 1);
-                let sweep = past.keyframes[node].sweep.clone();
-                views.push(View { sweep, submap_from_keyframe: submap_from_local * pose });
-            }
-        }
-    };
-    side(&mut (0..=at).rev().map(|node| (node, if node == at { 0.0 } else { step_m(node + 1) })));
-    if both_sides {
-        side(&mut (at + 1..past.keyframes.len()).map(|node| (node, step_m(node))));
-    }
-    views
-}
-
-fn id(node: u32) -> KeyframeId {
-    KeyframeId { robot: 0, session: 0, seq: node }
 }
 
 #[cfg(test)]

@@ -18,15 +18,18 @@
 //! ```
 
 mod advice;
+mod back;
 mod closing;
+mod front;
 mod jobs;
 mod live;
+mod localisation;
 mod mapper;
-mod motion;
 mod patches;
 mod probe;
 mod render;
 mod settings;
+mod store;
 
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
@@ -34,17 +37,18 @@ struct ReadmeExamples;
 
 pub use advice::{Advice, Place};
 pub use jobs::{Job, JobResult};
-pub use live::LiveReport;
-pub use mapper::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE, Mapper, Mended, TrajectoryPose};
+pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
+pub use mapper::Mapper;
 pub use mapwright_geom::{Cov3, Pose2, Stamp};
 pub use mapwright_grid::{CountGrid, LiveMap};
 pub use mapwright_record::{
-    Candidate, Detection, Edge, EdgeKind, Evidence, Keyframe, KeyframeId, MatchReport, Objection, Status, Update,
-    Verdict,
+    Beams, Candidate, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart, Keyframe,
+    KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, RecordedEdge, Run, RunId, ScanPose,
+    Session, SessionEdge, Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use probe::{NoProbe, Probe, Stage};
-pub use render::{Doubted, GlobalMap};
+pub use render::GlobalMap;
 pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,

@@ -4,10 +4,11 @@ use crate::patches::{Flip, Known, Patches, Spacing};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LiveMap, LiveMapSettings};
-use mapwright_record::Keyframe;
-use mapwright_sensor::{BeamTable, SweepPoints};
+use mapwright_record::LocalMapReport;
+use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 mod waiting;
 
@@ -37,20 +38,6 @@ const MET_SHARE: f64 = 0.02;
 /// So many keyframes leave before the scan is matched, the others in the next scans.
 const MET_AT_ONCE: usize = 32;
 
-/// What the live map consists of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct LiveReport {
-    /// Keyframes in it.
-    pub keyframes: usize,
-    /// Keyframes that were taken out because they were no longer certain relative to the robot; those that were left behind
-    /// where the map began anew are not counted.
-    pub gated_out: u64,
-    /// Keyframes that were drawn again.
-    pub let_in: u64,
-    /// Keyframes that gave way to other views of the same area.
-    pub superseded: u64,
-}
-
 /// The live map and the rule that keeps it.
 #[derive(Debug, Clone)]
 pub(crate) struct Live {
@@ -70,7 +57,7 @@ pub(crate) struct Live {
     /// Patches that wait until a scan meets them to be drawn where they belong, by the squares in which they have obstacles.
     waiting: Vec<((i32, i32), u32)>,
     inserted_last: bool,
-    report: LiveReport,
+    report: LocalMapReport,
     points: SweepPoints,
     table: BeamTable,
 }
@@ -88,7 +75,8 @@ struct View {
 /// The keyframes as the live map needs them.
 #[derive(Clone, Copy)]
 pub(crate) struct Frames<'a> {
-    pub(crate) keyframes: &'a [Keyframe],
+    /// What is drawn of each, if anything is.
+    pub(crate) drawn: &'a [Option<Arc<Sweep>>],
     pub(crate) world_from_robot: &'a [Pose2],
 }
 
@@ -111,19 +99,19 @@ impl Live {
             met: Vec::new(),
             waiting: Vec::new(),
             inserted_last: false,
-            report: LiveReport::default(),
+            report: LocalMapReport::default(),
             points: SweepPoints::default(),
             table: BeamTable::default(),
         }
     }
 
-    pub(crate) fn report(&self) -> LiveReport {
+    pub(crate) fn report(&self) -> LocalMapReport {
         self.report
     }
 
     /// Draws a keyframe's beams into the map or takes them out again.
     fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, change: Change) {
-        let sweep = &frames.keyframes[node as usize].sweep;
+        let Some(sweep) = &frames.drawn[node as usize] else { return };
         self.points.fill(sweep, &mut self.table, settings.scan.free_range_m);
         self.points.fill_normals();
         let view = &mut self.views[node as usize];
@@ -146,7 +134,7 @@ impl Live {
     pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, lever_m: f64) {
         self.views.push(View::default());
         self.lever_m = lever_m;
-        let blank = frames.keyframes[node as usize].sweep.is_blank();
+        let blank = frames.drawn[node as usize].is_none();
         if blank {
             // It is where the robot is, and there is nothing to draw.
             self.points.clear();

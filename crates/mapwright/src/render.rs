@@ -1,18 +1,17 @@
 //! The global map: every keyframe's beams where the keyframe is, or was until it moved by enough to see.
 
-use crate::mapper::DOUBT_SHARE;
+use crate::front::{DOUBT_SHARE, MISFIT_KNOWN_SHARE};
 use crate::settings::Settings;
 use mapwright_geom::Pose2;
 use mapwright_grid::{Change, Changes, CountGrid, floor_cell};
-use mapwright_record::Keyframe;
+use mapwright_record::{KeyframeId, Session};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 /// A drawn keyframe is drawn anew when one of its points may have moved by more than this share of a cell.
 const FOLLOW_CELLS: f64 = 0.25;
-/// A scan can only be said not to fit where more than this share of its end points lies where something is known.
-pub(crate) const MISFIT_KNOWN_SHARE: f64 = 0.5;
 /// Keyframes that a thread takes at a time.
 const SHARE: usize = 32;
 
@@ -28,7 +27,7 @@ const SHARE: usize = 32;
 /// # let mapper = Mapper::new(Settings::default())?;
 /// let mut map = GlobalMap::new(mapper.settings());
 /// // After each correction, or when somebody looks:
-/// map.follow(mapper.keyframes(), &mapper.render_poses(), 2);
+/// map.follow(mapper.session(), 2);
 /// let known = map.counts().known_cells().count();
 /// # Ok(())
 /// # }
@@ -40,14 +39,8 @@ pub struct GlobalMap {
     drawn: Vec<Option<Drawn>>,
 }
 
-/// A keyframe whose scan hardly fitted when it was made.
-#[derive(Debug, Clone)]
-pub struct Doubted {
-    /// Its number.
-    pub keyframe: u32,
-    /// Its scan with every beam: the keyframe's own lacks those that ended in space known to be free.
-    pub sweep: Sweep,
-}
+/// What is drawn where: of each keyframe a sweep, if anything.
+type Wanted<'a> = Option<(&'a Arc<Sweep>, Pose2)>;
 
 /// How keyframes are drawn.
 #[derive(Debug, Clone, Copy)]
@@ -58,8 +51,9 @@ struct Pen {
     normals: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 struct Drawn {
+    sweep: Arc<Sweep>,
     world_from_keyframe: Pose2,
     /// Distance of the farthest drawn point from the keyframe, metres; how far a rotation moves it.
     lever_m: f64,
@@ -68,9 +62,8 @@ struct Drawn {
 /// A keyframe to be drawn, taken out or both.
 struct Work<'a> {
     number: usize,
-    keyframe: &'a Keyframe,
-    from: Option<Pose2>,
-    to: Option<Pose2>,
+    from: Option<Drawn>,
+    to: Wanted<'a>,
 }
 
 impl GlobalMap {
@@ -107,17 +100,17 @@ impl GlobalMap {
     /// Where a keyframe is drawn, if it is.
     #[must_use]
     pub fn render_pose(&self, number: usize) -> Option<Pose2> {
-        self.drawn.get(number).copied().flatten().map(|drawn| drawn.world_from_keyframe)
+        self.drawn.get(number)?.as_ref().map(|drawn| drawn.world_from_keyframe)
     }
 
-    /// Draws new keyframes, takes out those without a pose, and draws those anew of which a point may have moved by more
+    /// Draws new keyframes, takes out what is left out, and draws those anew of which a point may have moved by more
     /// than a quarter of a cell. Returns how many there were of all these.
     ///
-    /// `keyframes` are those of the last call and perhaps more; `world_from_keyframe` has a pose for each, or none for
-    /// one that is not to be in the map. The work is shared by `threads` threads, of which the caller's is one.
-    pub fn follow(&mut self, keyframes: &[Keyframe], world_from_keyframe: &[Option<Pose2>], threads: usize) -> usize {
+    /// The session is that of the last call, which may have grown. The work is shared by `threads` threads, of which the
+    /// caller's is one.
+    pub fn follow(&mut self, session: &Session, threads: usize) -> usize {
         let visible_m = FOLLOW_CELLS * self.counts.resolution_m();
-        self.update(keyframes, world_from_keyframe, threads, |drawn, now| {
+        self.update(&wanted(session.drawn(), session.map_from_keyframe()), threads, |drawn, now| {
             let turned_rad = drawn.world_from_keyframe.between(now).theta.abs();
             drawn.world_from_keyframe.distance(now) + drawn.lever_m * turned_rad > visible_m
         })
@@ -125,49 +118,51 @@ impl GlobalMap {
 
     /// As [`GlobalMap::follow`], for all that have moved at all: afterwards the map is the one drawn from scratch, its
     /// tiles and slots in the same order.
-    pub fn export(
+    pub fn export(&mut self, session: &Session, threads: usize) -> &CountGrid {
+        self.export_at(session.drawn(), session.map_from_keyframe(), threads)
+    }
+
+    /// As [`GlobalMap::export`], of any sweeps at any poses; those that are none are left out.
+    pub fn export_at(
         &mut self,
-        keyframes: &[Keyframe],
-        world_from_keyframe: &[Option<Pose2>],
+        drawn: &[Option<Arc<Sweep>>],
+        map_from_keyframe: &[Pose2],
         threads: usize,
     ) -> &CountGrid {
-        self.update(keyframes, world_from_keyframe, threads, |drawn, now| drawn.world_from_keyframe != now);
-        self.counts.compact();
+        self.export_wanted(&wanted(drawn, map_from_keyframe), threads);
         &self.counts
     }
 
-    /// As [`GlobalMap::export`], but of the keyframes in `doubted` only those are drawn that agree with what all others show
-    /// or that end where these show nothing. Returns the numbers of those that are left out.
+    fn export_wanted(&mut self, wanted: &[Wanted<'_>], threads: usize) {
+        self.update(wanted, threads, |drawn, now| drawn.world_from_keyframe != now);
+        self.counts.compact();
+    }
+
+    /// As [`GlobalMap::export`], but of the keyframes whose scan hardly fitted only those are drawn that agree with what all others
+    /// show or that end where these show nothing. Returns those that are left out.
     ///
     /// A scan that hardly fitted may have been matched wrong, turned in a doorway say; what it saw is shown by those before and
-    /// after it. It is judged by the whole map, for where a loop was open it may have been the map that was wrong.
-    pub fn export_believed(
-        &mut self,
-        keyframes: &[Keyframe],
-        world_from_keyframe: &[Option<Pose2>],
-        doubted: &[Doubted],
-        threads: usize,
-    ) -> Vec<u32> {
-        let mut poses = world_from_keyframe.to_vec();
-        let mut taken = Vec::new();
-        for Doubted { keyframe, sweep } in doubted {
-            if let Some(pose) = poses.get_mut(*keyframe as usize).and_then(Option::take) {
-                taken.push((*keyframe, pose, sweep));
-            }
-        }
-        self.export(keyframes, &poses, threads);
+    /// after it. It is judged by the whole map, for where a loop was open it may have been the map that was wrong, and with every
+    /// beam it had.
+    pub fn export_believed(&mut self, session: &Session, threads: usize) -> Vec<KeyframeId> {
+        let all = wanted(session.drawn(), session.map_from_keyframe());
+        let mut sure = all.clone();
+        let doubted: Vec<usize> =
+            (0..all.len()).filter(|&k| session.keyframes()[k].hardly_fits && sure[k].take().is_some()).collect();
+        self.export_wanted(&sure, threads);
         let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
         let mut left_out = Vec::new();
-        for &(keyframe, pose, sweep) in &taken {
-            points.fill(sweep, &mut table, self.pen.free_range_m);
-            if self.contradicts(&points.hits, pose) {
-                left_out.push(keyframe);
+        for &k in &doubted {
+            let keyframe = &session.keyframes()[k];
+            points.fill(&keyframe.sweep, &mut table, self.pen.free_range_m);
+            if self.contradicts(&points.hits, session.map_from_keyframe()[k]) {
+                left_out.push(keyframe.id);
             } else {
-                poses[keyframe as usize] = Some(pose);
+                sure[k] = all[k];
             }
         }
-        if left_out.len() < taken.len() {
-            self.export(keyframes, &poses, threads);
+        if left_out.len() < doubted.len() {
+            self.export_wanted(&sure, threads);
         }
         left_out
     }
@@ -199,49 +194,43 @@ impl GlobalMap {
         self.counts
     }
 
-    fn update(
-        &mut self,
-        keyframes: &[Keyframe],
-        world_from_keyframe: &[Option<Pose2>],
-        threads: usize,
-        moved: impl Fn(Drawn, Pose2) -> bool,
-    ) -> usize {
-        let count = keyframes.len().min(world_from_keyframe.len());
-        self.drawn.resize(count.max(self.drawn.len()), None);
+    fn update(&mut self, wanted: &[Wanted<'_>], threads: usize, moved: impl Fn(&Drawn, Pose2) -> bool) -> usize {
+        self.drawn.resize(wanted.len().max(self.drawn.len()), None);
         let mut work = Vec::new();
-        for (number, (keyframe, &to)) in keyframes.iter().zip(world_from_keyframe).enumerate() {
-            let drawn = self.drawn[number];
+        for (number, &to) in wanted.iter().enumerate() {
+            let drawn = &self.drawn[number];
             let stays = match (drawn, to) {
                 (None, None) => true,
-                (Some(drawn), Some(now)) => !moved(drawn, now),
+                (Some(drawn), Some((sweep, now))) => Arc::ptr_eq(&drawn.sweep, sweep) && !moved(drawn, now),
                 _ => false,
             };
             if !stays {
-                work.push(Work { number, keyframe, from: drawn.map(|drawn| drawn.world_from_keyframe), to });
+                work.push(Work { number, from: drawn.clone(), to });
             }
         }
         let changed = work.len();
-        self.draw_from_scratch_if_cheaper(keyframes, &mut work);
+        self.draw_from_scratch_if_cheaper(wanted, &mut work);
         self.draw(&work, threads);
         changed
     }
 
     /// Where more is to be taken out than stays, all is drawn from scratch: the counts are the same.
-    fn draw_from_scratch_if_cheaper<'a>(&mut self, keyframes: &'a [Keyframe], work: &mut Vec<Work<'a>>) {
+    fn draw_from_scratch_if_cheaper<'a>(&mut self, wanted: &[Wanted<'a>], work: &mut Vec<Work<'a>>) {
         for work in &*work {
             self.drawn[work.number] = None;
         }
         let taken_out = work.iter().filter(|work| work.from.is_some()).count();
         let staying = self.drawn.iter().flatten().count();
         // Keyframes that are no longer handed over cannot be drawn.
-        if taken_out <= staying || self.drawn.len() > keyframes.len() {
+        if taken_out <= staying || self.drawn.len() > wanted.len() {
             return;
         }
         self.counts = CountGrid::new(self.counts.resolution_m());
         work.iter_mut().for_each(|work| work.from = None);
-        work.extend(keyframes.iter().enumerate().filter_map(|(number, keyframe)| {
-            let to = self.render_pose(number);
-            to.is_some().then_some(Work { number, keyframe, from: None, to })
+        work.extend(wanted.iter().enumerate().filter_map(|(number, &to)| {
+            let at = self.render_pose(number)?;
+            let (sweep, _) = to?;
+            Some(Work { number, from: None, to: Some((sweep, at)) })
         }));
     }
 
@@ -263,10 +252,19 @@ impl GlobalMap {
         let (shares, levers): (Vec<_>, Vec<_>) = done.into_iter().unzip();
         self.counts.take_in(shares);
         for (k, lever_m) in levers.into_iter().flatten() {
-            let drawn_at = |world_from_keyframe| Drawn { world_from_keyframe, lever_m };
+            let drawn_at = |(sweep, world_from_keyframe): (&Arc<Sweep>, Pose2)| Drawn {
+                sweep: Arc::clone(sweep),
+                world_from_keyframe,
+                lever_m,
+            };
             self.drawn[work[k].number] = work[k].to.map(drawn_at);
         }
     }
+}
+
+/// What is drawn of keyframes at these poses.
+fn wanted<'a>(drawn: &'a [Option<Arc<Sweep>>], map_from_keyframe: &[Pose2]) -> Vec<Wanted<'a>> {
+    drawn.iter().zip(map_from_keyframe).map(|(sweep, &pose)| Some((sweep.as_ref()?, pose))).collect()
 }
 
 /// Takes a few keyframes at a time until there are none left; returns what that changes and the levers of the keyframes.
@@ -279,18 +277,28 @@ fn take_shares(work: &[Work<'_>], next: &AtomicUsize, pen: Pen) -> (Changes, Vec
             return (changes, levers);
         }
         for k in first..work.len().min(first + SHARE) {
-            points.fill(&work[k].keyframe.sweep, &mut table, pen.free_range_m);
-            if pen.normals {
-                points.fill_normals();
-            } else {
-                points.normals.resize(points.hits.len(), [0.0; 2]);
-            }
-            for (pose, change) in [(work[k].from, Change::Remove), (work[k].to, Change::Add)] {
-                if let Some(world_from_keyframe) = pose {
-                    changes.draw(&points, world_from_keyframe, change);
+            let Work { from, to, .. } = &work[k];
+            let from = from.as_ref().map(|drawn| (&drawn.sweep, drawn.world_from_keyframe));
+            let mut filled: Option<&Arc<Sweep>> = None;
+            for (wanted, change) in [(from, Change::Remove), (*to, Change::Add)] {
+                let Some((sweep, world_from_keyframe)) = wanted else { continue };
+                if !filled.replace(sweep).is_some_and(|filled| Arc::ptr_eq(filled, sweep)) {
+                    pen.fill(&mut points, sweep, &mut table);
                 }
+                changes.draw(&points, world_from_keyframe, change);
             }
             levers.push((k, farthest_m(&points)));
+        }
+    }
+}
+
+impl Pen {
+    fn fill(&self, points: &mut SweepPoints, sweep: &Sweep, table: &mut BeamTable) {
+        points.fill(sweep, table, self.free_range_m);
+        if self.normals {
+            points.fill_normals();
+        } else {
+            points.normals.resize(points.hits.len(), [0.0; 2]);
         }
     }
 }

@@ -332,6 +332,28 @@ impl Settings {
         lines
     }
 
+    /// Every setting as a line `section.key = value`, which [`Settings::from_text`] reads.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        let line = |line: SettingLine| format!("{}.{} = {}\n", line.section, line.key, line.value);
+        self.lines().into_iter().map(line).collect()
+    }
+
+    /// The settings that these lines set; those that they do not name are the defaults.
+    ///
+    /// # Errors
+    /// A line that is no `section.key = value`, and those of [`Settings::set`] and [`Settings::validate`].
+    pub fn from_text(text: &str) -> Result<Self, SettingsError> {
+        let mut settings = Self::default();
+        for line in text.lines().filter(|line| !line.trim().is_empty()) {
+            let (key, value) =
+                line.split_once('=').ok_or_else(|| SettingsError::Unknown { key: line.trim().to_owned() })?;
+            settings.set(key.trim(), value.trim())?;
+        }
+        settings.validate()?;
+        Ok(settings)
+    }
+
     /// Sets one value by its dotted key, such as `map.resolution_m`.
     ///
     /// # Errors
@@ -378,6 +400,17 @@ mod tests {
         }
         assert_eq!(settings, Settings::default());
         assert_eq!(settings.validate(), Ok(()));
+    }
+
+    #[test]
+    fn settings_are_read_back_from_their_text() {
+        let mut settings = Settings::default();
+        settings.set("map.resolution_m", "0.1").expect("a number");
+        settings.set("live.policy", "everything").expect("a policy");
+        assert_eq!(Settings::from_text(&settings.to_text()), Ok(settings));
+        assert_eq!(Settings::from_text("\n"), Ok(Settings::default()));
+        assert!(Settings::from_text("map.resolution_m 0.1").is_err() && Settings::from_text("a = 1").is_err());
+        assert!(Settings::from_text("map.resolution_m = 99").is_err());
     }
 
     #[test]

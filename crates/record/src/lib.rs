@@ -16,4 +16,4 @@ pub use entry::{Entry, Fragment, FragmentStart, RecordedEdge, Run, ScanPose, Sna
 pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId, Measurement, RunId};
 pub use left_out::{Beams, LeftOut, LeftOutReason};
 pub use session::{EntryError, Session, SessionEdge, TrajectoryPose};
-pub use update::{Localisation, MatchReport, Status, Update};
+pub use update::{LocalMapReport, Localisation, MatchReport, Status, Update};

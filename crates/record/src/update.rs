@@ -55,6 +55,20 @@ impl Localisation {
     }
 }
 
+/// What the local map consists of: the keyframes that scans are matched against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LocalMapReport {
+    /// Keyframes in it.
+    pub keyframes: usize,
+    /// Keyframes that were taken out because they were no longer certain relative to the robot; those that were left behind
+    /// where the map began anew are not counted.
+    pub gated_out: u64,
+    /// Keyframes that were drawn again.
+    pub let_in: u64,
+    /// Keyframes that gave way to other views of the same area.
+    pub superseded: u64,
+}
+
 /// How the pose of a scan was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MatchReport {
@@ -106,6 +120,8 @@ pub struct Update<M: Measurement = Sweep> {
     pub matched: Option<MatchReport>,
     /// The scan was refused as a whole for this reason (its pose is odometry's prediction).
     pub refused: Option<&'static str>,
+    /// What the next scan is matched against.
+    pub local_map: LocalMapReport,
     /// What changed, in order: the scan itself, keyframes, edges, candidates and verdicts, what was withdrawn or left out, and
     /// who moved. All entries of all updates, in order, are the log; [`crate::Session`] is what they amount to.
     pub entries: Vec<Entry<M>>,

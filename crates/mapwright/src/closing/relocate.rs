@@ -1,7 +1,8 @@
 //! Where a lost robot is: what it has seen since, looked for in all that is known.
 
-use super::{Closing, Past, submaps, views};
+use super::submaps::{submaps, views};
 use crate::settings::Settings;
+use crate::store::{NodeId, Past};
 use mapwright_geom::Pose2;
 use mapwright_grid::MatcherSettings;
 use mapwright_loops::{Atlas, Effort, Submap, SubmapSettings, View};
@@ -15,9 +16,9 @@ mod look;
 mod weigh;
 
 use hypotheses::Hypothesis;
-pub(crate) use hypotheses::{Heard, Hope, hopes};
+pub(crate) use hypotheses::{Heard, Hope, follow, hopes};
 use look::{Look, Place};
-pub(crate) use weigh::{Chance, Found};
+pub(crate) use weigh::{Chance, Found, weigh};
 
 /// What was seen on so much way is looked for, metres; nothing of it may contradict a place,
 const SINCE_M: f64 = 8.0;
@@ -193,71 +194,67 @@ impl Seeking {
     }
 }
 
-impl Closing {
-    /// The question where in all that is known a lost robot may be, as work to be done; `ground` is what earlier answers
-    /// were found on, the last of them at the keyframe `answered`.
-    pub(crate) fn seek(
-        &self,
-        settings: &Settings,
-        past: Past<'_>,
-        dropped: &FxHashSet<u32>,
-        sought: Past<'_>,
-        (ground, hopes, answered): (Option<&Arc<Ground>>, Vec<Hope>, Option<u32>),
-        (question, effort, matcher): (u64, u64, MatcherSettings),
-    ) -> Option<Seeking> {
-        let to = sought.keyframes.len().checked_sub(1)? as u32;
-        let step_m = |node: usize| sought.local_from_keyframe[node - 1].distance(sought.local_from_keyframe[node]);
-        let seen_on = |at: u32, way_m: f64| views(sought, at, false, way_m, step_m);
-        let known = ground.map_or_else(|| Known::Views(everything(past, dropped)), |g| Known::Drawn(Arc::clone(g)));
-        let submaps = submaps(settings);
-        let mut left_m = SINCE_M;
-        let whole = (1..=to as usize).rev().all(|node| {
-            left_m -= step_m(node);
-            left_m >= 0.0
-        });
-        let seen_at = |at: u32| (seen_on(at, LATELY_M), seen_on(at, SINCE_M), sought.local_from_keyframe[at as usize]);
+/// The question where in all that is known a lost robot may be, as work to be done; `ground` is what earlier answers
+/// were found on, the last of them at the keyframe `answered`.
+pub(crate) fn seek(
+    settings: &Settings,
+    past: Past<'_>,
+    sought: Past<'_>,
+    (ground, hopes, answered): (Option<&Arc<Ground>>, Vec<Hope>, Option<u32>),
+    (question, effort, matcher): (u64, u64, MatcherSettings),
+) -> Option<Seeking> {
+    let to = sought.newest()?;
+    let step_m = |node: usize| sought.step_m(node);
+    let seen_on = |at: u32, way_m: f64| views(sought, at, false, way_m, step_m);
+    let known = ground.map_or_else(|| Known::Views(everything(past)), |g| Known::Drawn(Arc::clone(g)));
+    let submaps = submaps(settings);
+    let mut left_m = SINCE_M;
+    let whole = (1..=to as usize).rev().all(|node| {
+        left_m -= step_m(node);
+        left_m >= 0.0
+    });
+    let seen_at = |at: u32| (seen_on(at, LATELY_M), seen_on(at, SINCE_M), sought.local_from_keyframe[at as usize]);
+    let (lately, since, aside_from_query) = seen_at(to);
+    let before = if whole { Vec::new() } else { seen_before(sought, step_m) };
+    let mut back_m = 0.0;
+    let before_to = (0..to).rev().take_while(|&at| {
+        back_m += step_m(at as usize + 1);
+        back_m <= BACK_M
+    });
+    let before_to = before_to.take(BACK_AT_MOST);
+    let earlier = |to| {
         let (lately, since, aside_from_query) = seen_at(to);
-        let before = if whole { Vec::new() } else { seen_before(sought, step_m) };
-        let mut back_m = 0.0;
-        let before_to = (0..to).rev().take_while(|&at| {
-            back_m += step_m(at as usize + 1);
-            back_m <= BACK_M
-        });
-        let before_to = before_to.take(BACK_AT_MOST);
-        let earlier = |to| {
-            let (lately, since, aside_from_query) = seen_at(to);
-            let answered = answered.is_some_and(|answered| to <= answered);
-            Earlier { to, answered, lately, since, aside_from_query }
-        };
-        let mut earlier: Vec<Earlier> = if whole { Vec::new() } else { before_to.map(earlier).collect() };
-        earlier.reverse();
-        Some(Seeking {
-            question,
-            to,
-            known,
-            lately,
-            since,
-            whole,
-            before,
-            aside_from_query,
-            earlier,
-            hopes,
-            submaps,
-            matcher,
-            effort,
-        })
-    }
+        let answered = answered.is_some_and(|answered| to <= answered);
+        Earlier { to, answered, lately, since, aside_from_query }
+    };
+    let mut earlier: Vec<Earlier> = if whole { Vec::new() } else { before_to.map(earlier).collect() };
+    earlier.reverse();
+    Some(Seeking {
+        question,
+        to,
+        known,
+        lately,
+        since,
+        whole,
+        before,
+        aside_from_query,
+        earlier,
+        hopes,
+        submaps,
+        matcher,
+        effort,
+    })
 }
 
 /// Views of all ground, along the way; where it was seen often, as it was seen last.
-fn everything(past: Past<'_>, dropped: &FxHashSet<u32>) -> Vec<(u32, View)> {
+fn everything(past: Past<'_>) -> Vec<(NodeId, View)> {
     let mut seen = FxHashSet::default();
     let mut views = Vec::new();
-    for node in (0..past.keyframes.len()).rev().filter(|&node| !dropped.contains(&(node as u32))) {
-        let pose = past.local_from_keyframe[node];
+    for (node, sweep) in past.drawn.iter().enumerate().rev() {
+        let (Some(sweep), pose) = (sweep, past.local_from_keyframe[node]) else { continue };
         let [x, y] = [pose.x, pose.y].map(|m| (m / VIEW_EVERY_M).floor() as i32);
         if seen.insert((x, y, (pose.theta / FRAC_PI_4).floor() as i32)) {
-            views.push((node as u32, View { sweep: past.keyframes[node].sweep.clone(), submap_from_keyframe: pose }));
+            views.push((node as NodeId, View { sweep: Arc::clone(sweep), submap_from_keyframe: pose }));
         }
     }
     views.reverse();
@@ -268,15 +265,14 @@ fn everything(past: Past<'_>, dropped: &FxHashSet<u32>) -> Vec<(u32, View)> {
 fn seen_before(sought: Past<'_>, step_m: impl Fn(usize) -> f64) -> Vec<(f64, View)> {
     let mut back_m = 0.0;
     let mut before = Vec::new();
-    for node in (1..sought.keyframes.len()).rev() {
+    for node in (1..sought.drawn.len()).rev() {
         back_m += step_m(node);
         if back_m > BEFORE_M {
             break;
         }
-        if back_m >= 2.0 * LATELY_M {
-            let (sweep, submap_from_keyframe) =
-                (sought.keyframes[node - 1].sweep.clone(), sought.local_from_keyframe[node - 1]);
-            before.push((back_m, View { sweep, submap_from_keyframe }));
+        if let Some(sweep) = sought.drawn[node - 1].as_ref().filter(|_| back_m >= 2.0 * LATELY_M) {
+            let submap_from_keyframe = sought.local_from_keyframe[node - 1];
+            before.push((back_m, View { sweep: Arc::clone(sweep), submap_from_keyframe }));
         }
     }
     before.reverse();

@@ -1,8 +1,9 @@
 //! Old places that matches are supported by: what was found out of each, and the matches that wait for it.
 
-use super::{AGREE_M, AGREE_RAD, LEFT_M, Past, TOGETHER_M};
+use super::{AGREE_M, AGREE_RAD, LEFT_M, TOGETHER_M};
+use crate::store::{NodeId, Past};
 use mapwright_geom::Pose2;
-use mapwright_record::{Edge, KeyframeId};
+use mapwright_record::Edge;
 
 /// A place that was not found is looked at again after so much way, metres.
 const ASK_AGAIN_M: f64 = 4.0;
@@ -12,8 +13,8 @@ const ASK_AGAIN_M: f64 = 4.0;
 pub(super) struct Supports {
     /// The latest last. Each holds on so much way to either side of both ends: [`TOGETHER_M`].
     known: Vec<Support>,
-    /// Matches with old places that are not found yet.
-    waiting: Vec<Edge>,
+    /// Matches with old places that are not found yet, and their ends.
+    waiting: Vec<([NodeId; 2], Edge)>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +57,7 @@ impl Supports {
         let now_m = path_m.last().copied().unwrap_or(0.0);
         let is_recent = |to: u32| now_m - path_m[to as usize] < TOGETHER_M;
         self.known.retain(|support| is_recent(support.to));
-        self.waiting.retain(|edge| is_recent(edge.to.seq));
+        self.waiting.retain(|&([_, to], _)| is_recent(to));
     }
 
     /// Whether anybody has looked at that place lately.
@@ -80,34 +81,35 @@ impl Supports {
     /// A keyframe is not where it was thought to be.
     pub(super) fn disown(&mut self, node: u32) {
         self.known.retain(|support| support.to != node);
-        self.waiting.retain(|edge| edge.to.seq != node);
+        self.waiting.retain(|&([_, to], _)| to != node);
     }
 
     /// The keyframes from `node` on were moved: what waits for them says what is no longer so.
     pub(super) fn forget_since(&mut self, node: u32) {
-        self.waiting.retain(|edge| edge.to.seq < node);
+        self.waiting.retain(|&([_, to], _)| to < node);
     }
 
     /// A match of the keyframe that comes next, no edge until its place is found.
-    pub(super) fn wait(&mut self, path_m: &[f64], edge: Edge) {
-        self.forget(path_m);
-        self.waiting.push(edge);
+    pub(super) fn wait(&mut self, past: Past<'_>, edge: Edge) {
+        self.forget(past.way_m);
+        self.waiting.extend(past.nodes([edge.from, edge.to]).map(|ends| (ends, edge)));
     }
 
     /// The matches that have waited for `closures`: those that say the same. Others with that place are none; what waits for other
     /// places stays.
-    pub(super) fn settle(&mut self, path_m: &[f64], past: Past<'_>, closures: &[Edge]) -> Vec<Edge> {
+    pub(super) fn settle(&mut self, past: Past<'_>, closures: &[Edge]) -> Vec<Edge> {
         let mut settled = Vec::new();
-        for edge in std::mem::take(&mut self.waiting) {
-            let tie = (edge.from, edge.to, edge.from_from_to);
-            let is_near = |a: KeyframeId, b: KeyframeId| way_m(path_m, a.seq, b.seq) < TOGETHER_M;
+        for (ends, edge) in std::mem::take(&mut self.waiting) {
+            let [from, to] = ends;
             let says_the_same = |closure: &Edge| {
-                is_near(closure.from, edge.from)
-                    && is_near(closure.to, edge.to)
-                    && agree(past, (closure.from, closure.to, closure.from_from_to), tie)
+                past.nodes([closure.from, closure.to]).is_some_and(|[a, b]| {
+                    past.way_between_m(a, from) < TOGETHER_M
+                        && past.way_between_m(b, to) < TOGETHER_M
+                        && agree(past, (a, b, closure.from_from_to), (from, to, edge.from_from_to))
+                })
             };
-            if self.verdict(path_m, edge.from.seq) != Some(Found::Here) {
-                self.waiting.push(edge);
+            if self.verdict(past.way_m, from) != Some(Found::Here) {
+                self.waiting.push((ends, edge));
             } else if closures.iter().any(says_the_same) {
                 settled.push(edge);
             }
@@ -117,9 +119,8 @@ impl Supports {
 }
 
 /// Whether two relative poses of keyframes, from and to, say the same by the short ways between their ends.
-pub(super) fn agree(past: Past<'_>, a: (KeyframeId, KeyframeId, Pose2), b: (KeyframeId, KeyframeId, Pose2)) -> bool {
-    let local = |id: KeyframeId| past.local_from_keyframe[id.seq as usize];
-    let via_a = local(b.0).between(local(a.0)) * a.2 * local(a.1).between(local(b.1));
+pub(super) fn agree(past: Past<'_>, a: (NodeId, NodeId, Pose2), b: (NodeId, NodeId, Pose2)) -> bool {
+    let via_a = past.pose(b.0).between(past.pose(a.0)) * a.2 * past.pose(a.1).between(past.pose(b.1));
     let error = via_a.between(b.2);
     error.x.hypot(error.y) <= AGREE_M && error.theta.abs() <= AGREE_RAD
 }

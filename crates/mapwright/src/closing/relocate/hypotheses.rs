@@ -8,7 +8,7 @@
 use super::look::{Look, WHOLE_OVERLAP, closeness_both_ways, fit_of_known, is_contradicted, say_the_same};
 use super::weigh::{WITHOUT, same, target};
 use super::{Found, LATELY_M, Seeking, Sought};
-use crate::closing::{Closing, Past, candidate, id};
+use crate::store::{Judged, NodeId, Past};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Agreement, Matcher};
 use mapwright_loops::{Finding, Sighting, Submap, VerifySettings};
@@ -324,56 +324,51 @@ fn run_of(heard: &[Heard], map_from_aside: Pose2, here: Pose2) -> Vec<(&Heard, S
 }
 
 /// What is to be looked at again.
-pub(crate) fn hopes(sought: Past<'_>, heard: &[Heard], way_m: impl Fn(u32, u32) -> f64) -> Vec<Hope> {
+pub(crate) fn hopes(sought: Past<'_>, heard: &[Heard]) -> Vec<Hope> {
     let mut hopes: Vec<Hope> = Vec::new();
     let Some((to, &here)) = sought.local_from_keyframe.iter().enumerate().next_back() else { return hopes };
     for standing in heard.iter().rev().take(MISSED_AT_MOST).flat_map(|answer| &answer.standing) {
         let Standing { map_from_aside, .. } = *standing;
         if hopes.len() < HOPES && !hopes.iter().any(|hope| same(hope.map_from_aside, map_from_aside, here)) {
             let first = run_of(heard, map_from_aside, here).last().map(|(first, _)| first.to);
-            let way_m = first.map_or(0.0, |first| way_m(first, to as u32));
+            let way_m = first.map_or(0.0, |first| sought.way_between_m(first, to as NodeId));
             hopes.push(Hope { map_from_aside, way_m });
         }
     }
     hopes
 }
 
-impl Closing {
-    /// Takes down what an answer leaves standing; the place, once it has lasted and is the only one that has. `way_m` is
-    /// the way between two keyframes that were made aside.
-    pub(crate) fn follow(
-        &mut self,
-        past: Past<'_>,
-        sought: Past<'_>,
-        answer: &Sought,
-        heard: &mut Vec<Heard>,
-        way_m: impl Fn(u32, u32) -> f64,
-    ) -> Option<Found> {
-        let newest = past.keyframes.len().checked_sub(1)? as u32;
-        let here = sought.local_from_keyframe[answer.to as usize];
-        heard.retain(|other| way_m(other.to, answer.to) <= KEPT_M);
-        let hypotheses = answer.hypotheses.as_ref()?;
-        for earlier in answer.earlier.iter().filter(|earlier| earlier.to < answer.to) {
-            merge(heard, earlier, here);
-        }
-        let standing = |hypothesis: &Hypothesis| hypothesis.fit.standing(here, hypothesis.is_unlikely);
-        heard.push(Heard { to: answer.to, standing: hypotheses.iter().map(standing).collect() });
-        for hypothesis in hypotheses.iter().filter(|hypothesis| hypothesis.fit.is_close) {
-            let run = run_of(heard, standing(hypothesis).map_from_aside, here);
-            let span_m = run.last().map_or(0.0, |(first, _)| way_m(first.to, answer.to));
-            if !(lasts(&run, span_m) && is_only(&run, here)) {
-                continue;
-            }
-            let Fit { from, finding, .. } = hypothesis.fit;
-            let mut candidate = candidate(&target(from), newest, &finding);
-            (candidate.verdict, candidate.evidence.agreeing) = (Verdict::Accepted, run.len() as u32 - 1);
-            candidate.to = id(newest + 1);
-            self.candidates.push(candidate);
-            let from_from_to = finding.target_from_query?;
-            return Some(Found { from, to: answer.to, from_from_to, covariance: finding.covariance });
-        }
-        None
+/// Takes down what an answer leaves standing; the place, once it has lasted and is the only one that has, and what was found of
+/// it as a candidate.
+pub(crate) fn follow(
+    past: Past<'_>,
+    sought: Past<'_>,
+    answer: &Sought,
+    heard: &mut Vec<Heard>,
+) -> Option<(Judged, Found)> {
+    let newest = past.newest()?;
+    let here = sought.pose(answer.to);
+    let way_m = |a: NodeId, b: NodeId| sought.way_between_m(a, b);
+    heard.retain(|other| way_m(other.to, answer.to) <= KEPT_M);
+    let hypotheses = answer.hypotheses.as_ref()?;
+    for earlier in answer.earlier.iter().filter(|earlier| earlier.to < answer.to) {
+        merge(heard, earlier, here);
     }
+    let standing = |hypothesis: &Hypothesis| hypothesis.fit.standing(here, hypothesis.is_unlikely);
+    heard.push(Heard { to: answer.to, standing: hypotheses.iter().map(standing).collect() });
+    for hypothesis in hypotheses.iter().filter(|hypothesis| hypothesis.fit.is_close) {
+        let run = run_of(heard, standing(hypothesis).map_from_aside, here);
+        let span_m = run.last().map_or(0.0, |(first, _)| way_m(first.to, answer.to));
+        if !(lasts(&run, span_m) && is_only(&run, here)) {
+            continue;
+        }
+        let Fit { from, finding, .. } = hypothesis.fit;
+        let mut judged = target(from).judged(newest + 1, &finding);
+        (judged.verdict, judged.evidence.agreeing) = (Verdict::Accepted, run.len() as u32 - 1);
+        let from_from_to = finding.target_from_query?;
+        return Some((judged, Found { from, to: answer.to, from_from_to, covariance: finding.covariance }));
+    }
+    None
 }
 
 /// Whether a place has been standing for long enough, and fitted closely often enough.

@@ -1,8 +1,8 @@
 //! Answers to where a lost robot is, weighed against each other.
 
 use super::Sought;
-use crate::closing::{Closing, Past, candidate, id};
-use crate::jobs::Target;
+use crate::closing::verification::Target;
+use crate::store::{Judged, NodeId, Past};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_loops::Finding;
 use mapwright_record::{Detection, Evidence, Objection, Verdict};
@@ -50,51 +50,45 @@ pub(super) fn same(a: Pose2, b: Pose2, here: Pose2) -> bool {
     error.x.hypot(error.y) <= SAME_M && error.theta.abs() <= SAME_RAD
 }
 
-impl Closing {
-    /// Takes an answer down; the place, once enough of them agree on it. `way_m` is the way between two keyframes that
-    /// were made aside.
-    pub(crate) fn weigh(
-        &mut self,
-        past: Past<'_>,
-        sought: Past<'_>,
-        answer: &Sought,
-        chances: &mut Vec<Chance>,
-        way_m: impl Fn(u32, u32) -> f64,
-    ) -> Option<Found> {
-        let newest = past.keyframes.len().checked_sub(1)? as u32;
-        chances.retain(|other| way_m(other.found.to, answer.to) <= WITHIN_M);
-        let (from, finding) =
-            answer.best.as_ref().map_or_else(|| (newest, nothing()), |best| (best.from, best.finding));
-        let here = sought.local_from_keyframe[answer.to as usize];
-        let there = finding.target_from_query.map(|pose| past.local_from_keyframe[from as usize] * pose);
-        // Another place may fit as well for a while; but where the best is another and does not fit, what was found before was
-        // chance.
-        let fits = matches!(finding.objection, None | Some(Objection::Ambiguous));
-        if !fits && !there.is_some_and(|there| chances.iter().any(|chance| chance.has(there * here.inverse(), here))) {
-            chances.clear();
-        }
-        let this = self.candidates.len();
-        let mut candidate = candidate(&target(from), newest, &finding);
-        candidate.verdict = Verdict::Waiting(finding.objection.unwrap_or(Objection::Alone));
-        self.candidates.push(candidate);
-        let place = answer.best.as_ref().filter(|best| best.is_plain())?;
-        let found =
-            Found { from, to: answer.to, from_from_to: finding.target_from_query?, covariance: finding.covariance };
-        let there = there?;
-        let rivals = place.rivals.as_ref().map(|rivals| [&[there], rivals.as_slice()].concat());
-        let aside_from_here = here.inverse();
-        let map_from_aside = rivals.map(|all| all.iter().map(|&pose| pose * aside_from_here).collect());
-        chances.push(Chance { found, map_from_aside });
-        let agreeing = agreeing(chances, there * aside_from_here, here);
-        let far = agreeing.iter().any(|a| way_m(a.found.to, found.to) >= APART_M);
-        let enough = agreeing.len() >= FINDINGS && far && is_only(&agreeing, there * aside_from_here, here);
-        if enough {
-            let candidate = &mut self.candidates[this];
-            (candidate.verdict, candidate.evidence.agreeing) = (Verdict::Accepted, agreeing.len() as u32 - 1);
-            candidate.to = id(newest + 1);
-        }
-        enough.then_some(found)
+/// Takes an answer down: what it found, as a candidate, and the place, once enough of them agree on it. `way_m` is the way
+/// between two keyframes that were made provisionally.
+pub(crate) fn weigh(
+    past: Past<'_>,
+    sought: Past<'_>,
+    answer: &Sought,
+    chances: &mut Vec<Chance>,
+) -> Option<(Judged, Option<Found>)> {
+    let newest = past.newest()?;
+    let way_m = |a: NodeId, b: NodeId| sought.way_between_m(a, b);
+    chances.retain(|other| way_m(other.found.to, answer.to) <= WITHIN_M);
+    let (from, finding) = answer.best.as_ref().map_or_else(|| (newest, nothing()), |best| (best.from, best.finding));
+    let here = sought.pose(answer.to);
+    let there = finding.target_from_query.map(|pose| past.pose(from) * pose);
+    // Another place may fit as well for a while; but where the best is another and does not fit, what was found before was
+    // chance.
+    let fits = matches!(finding.objection, None | Some(Objection::Ambiguous));
+    if !fits && !there.is_some_and(|there| chances.iter().any(|chance| chance.has(there * here.inverse(), here))) {
+        chances.clear();
     }
+    let mut judged = target(from).judged(newest, &finding);
+    judged.verdict = Verdict::Waiting(finding.objection.unwrap_or(Objection::Alone));
+    let place = answer.best.as_ref().filter(|best| best.is_plain());
+    let (Some(place), Some(there), Some(from_from_to)) = (place, there, finding.target_from_query) else {
+        return Some((judged, None));
+    };
+    let found = Found { from, to: answer.to, from_from_to, covariance: finding.covariance };
+    let rivals = place.rivals.as_ref().map(|rivals| [&[there], rivals.as_slice()].concat());
+    let aside_from_here = here.inverse();
+    let map_from_aside = rivals.map(|all| all.iter().map(|&pose| pose * aside_from_here).collect());
+    chances.push(Chance { found, map_from_aside });
+    let agreeing = agreeing(chances, there * aside_from_here, here);
+    let far = agreeing.iter().any(|a| way_m(a.found.to, found.to) >= APART_M);
+    let enough = agreeing.len() >= FINDINGS && far && is_only(&agreeing, there * aside_from_here, here);
+    if enough {
+        (judged.verdict, judged.evidence.agreeing) = (Verdict::Accepted, agreeing.len() as u32 - 1);
+        judged.to = newest + 1;
+    }
+    Some((judged, enough.then_some(found)))
 }
 
 /// The answers that have a place among their best.

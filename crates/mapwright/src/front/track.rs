@@ -1,10 +1,12 @@
 //! Step 3: the match, and the guard that starts it again where it is in doubt.
 
-use super::Mapper;
-use crate::motion::Step;
-use crate::settings::Optimizer;
-use mapwright_geom::{Cov3, Pose2};
-use mapwright_grid::{Agreement, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow};
+use super::predict::{Predictor, Step};
+use crate::settings::{Optimizer, Settings};
+use crate::store::NodeId;
+use mapwright_geom::{Cov3, Pose2, Stamp};
+use mapwright_grid::{
+    Agreement, CorrelativeSearch, LiveMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
+};
 use mapwright_record::{MatchReport, Status};
 use nalgebra::Matrix3;
 
@@ -17,6 +19,10 @@ pub const LOST_SHARE: f64 = 0.35;
 pub const DOUBT_SIGMAS: f64 = 4.0;
 /// Where a smaller share of a scan's beams ends in known territory, the map says little about the pose.
 pub const KNOWN_SHARE: f64 = 0.3;
+/// A scan can only be said not to fit where more than this share of its end points lies where something is known.
+pub(crate) const MISFIT_KNOWN_SHARE: f64 = 0.5;
+/// Misfits in a row are counted so far.
+const MISFITS_AT_MOST: u32 = 1000;
 /// After so many keyframes without confirmation it is a new part of the map that is tracked.
 const UNCONFIRMED_AT_MOST: u32 = 50;
 /// Headings tried on doubt beside the predicted one, radians.
@@ -63,29 +69,132 @@ const LEAST_TRUST: f64 = 0.05;
 const INFORMATION_SCALE: f64 = 1.7;
 
 /// What the match stage hands on.
-pub(super) struct Matched {
-    pub(super) world_from_robot: Pose2,
-    pub(super) information: Cov3,
-    pub(super) agreement: Agreement,
-    pub(super) status: Status,
-    pub(super) report: MatchReport,
+#[derive(Debug, Clone)]
+pub(crate) struct Matched {
+    pub(crate) local_from_robot: Pose2,
+    pub(crate) information: Cov3,
+    pub(crate) agreement: Agreement,
+    pub(crate) status: Status,
+    pub(crate) report: MatchReport,
     /// An older slip was put right: the pose's step is not the robot's motion.
     pub(super) slip_corrected: bool,
+    /// Where the scan knows the pose by itself: what it corrects odometry by, and to what variances.
+    pub(super) on_odometry: Option<([f64; 3], [f64; 3])>,
+    /// Time since the last scan that saw something, seconds.
+    pub(crate) blind_s: f64,
 }
 
-impl Mapper {
-    /// The scan against the live map, from the prediction and, where that is doubtful, from elsewhere.
-    pub(super) fn match_scan(&mut self, predicted: Pose2, step: Step) -> Option<Matched> {
-        if self.keyframes.is_empty() || self.points.hits.is_empty() {
+impl Matched {
+    /// Whether its pose is believed.
+    pub(crate) fn is_believed(&self) -> bool {
+        self.status != Status::Lost
+    }
+
+    /// Whether the scan fits badly where much is known.
+    pub(super) fn hardly_fits(&self) -> bool {
+        self.agreement.inlier_share() < DOUBT_SHARE && self.agreement.known_share() > MISFIT_KNOWN_SHARE
+    }
+}
+
+/// What a scan is matched with, and what is known beside it.
+#[derive(Clone, Copy)]
+pub(super) struct Scene<'a> {
+    pub(super) settings: &'a Settings,
+    pub(super) map: &'a LiveMap,
+    /// End points in the robot's frame.
+    pub(super) points: &'a [[f64; 2]],
+    pub(super) predictor: &'a Predictor,
+    /// Where the robot was at the scan before, and its motion since.
+    pub(super) local_from_last: Pose2,
+    pub(super) step: Step,
+    /// The keyframe that comes next.
+    pub(super) next: NodeId,
+}
+
+impl Scene<'_> {
+    fn refine_with(&self, matcher: &Matcher, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
+        let (map, hits) = (self.map, self.points);
+        let result = match self.settings.matching.optimizer {
+            Optimizer::GaussNewton => matcher.gauss_newton(map, hits, prior, start),
+            Optimizer::GradientAscent => matcher.gradient_ascent(map, hits, prior, start),
+            Optimizer::UnscaledGradientAscent => matcher.unscaled_gradient_ascent(map, hits, prior, start),
+        };
+        (result, map.agreement(hits, result.world_from_robot))
+    }
+
+    /// Where the robot is if the wheels fail.
+    fn failures(&self, prior: &Prior) -> Vec<Prior> {
+        let at = |last_from_robot: Pose2| Prior { world_from_robot: self.local_from_last * last_from_robot, ..*prior };
+        self.predictor.failures(self.step).map(at).collect()
+    }
+}
+
+/// Matches scans, and remembers how they have fitted.
+#[derive(Debug, Clone)]
+pub(crate) struct Tracker {
+    pub(super) matcher: Matcher,
+    searcher: CorrelativeSearch,
+    /// Running mean of the share of fitting beams.
+    usual_share: f64,
+    /// Scans in a row that were not believed.
+    misfits: u32,
+    /// The first keyframe made in doubt, until a match confirms where the robot is.
+    doubted_from: Option<NodeId>,
+    /// The last scan that saw something.
+    seen: Option<Stamp>,
+}
+
+impl Tracker {
+    pub(super) fn new(settings: &Settings) -> Self {
+        let settings = MatcherSettings {
+            sigma_m: settings.matching.sigma_m,
+            capture_sigma_m: settings.matching.capture_sigma_m,
+            random_ratio: settings.matching.random_ratio,
+            beam_share: settings.matching.beam_share,
+            max_evaluations: settings.matching.max_evaluations,
+            ..MatcherSettings::default()
+        };
+        Self {
+            matcher: Matcher { settings },
+            searcher: CorrelativeSearch::default(),
+            usual_share: 0.0,
+            misfits: 0,
+            doubted_from: None,
+            seen: None,
+        }
+    }
+
+    /// Scans in a row that were not believed.
+    pub(crate) fn misfits(&self) -> u32 {
+        self.misfits
+    }
+
+    /// Whether a match is believed, after localisation has judged it.
+    pub(super) fn note(&mut self, matched: Option<&Matched>) {
+        let is_misfit = matched.is_some_and(|matched| !matched.is_believed());
+        self.misfits = if is_misfit { (self.misfits + 1).min(MISFITS_AT_MOST) } else { 0 };
+    }
+
+    /// The robot is somewhere else, where it sees something.
+    pub(super) fn put_down(&mut self, stamp: Stamp) {
+        (self.misfits, self.doubted_from, self.seen) = (0, None, Some(stamp));
+    }
+
+    /// The scan against the local map, from the prediction and, where that is doubtful, from elsewhere. None without a map or
+    /// without a hit.
+    pub(super) fn track(&mut self, scene: &Scene<'_>, stamp: Stamp, predicted: Pose2) -> Option<Matched> {
+        if scene.next == 0 || scene.points.is_empty() {
             return None;
         }
-        let widen = 1.0 + f64::from(self.lost_scans);
+        let blind_s = self.seen.replace(stamp).map_or(0.0, |seen| stamp.secs_since(seen));
+        let Scene { step, .. } = *scene;
+        let widen = 1.0 + f64::from(self.misfits);
         let prior = Prior {
             world_from_robot: predicted,
             variances: step.variances.map(|v| v * widen),
-            tail: self.settings.motion.tail,
+            tail: scene.settings.motion.tail,
         };
-        let first = self.refine(&prior, predicted);
+        let first = self.refine(scene, &prior, predicted);
         let first_fits = first.1.inlier_share() >= DOUBT_SHARE;
         let evaluations = first.0.evaluations;
         let mut tried = Tried {
@@ -95,31 +204,31 @@ impl Mapper {
             searched: false,
             first_fits,
             prior,
-            failures: self.failures(&prior, step),
+            failures: scene.failures(&prior),
             far_share: self.usual_share - FAR_SHARE,
             from_odometry: step.from_odometry,
         };
         if tried.doubtful() {
-            self.restart_failures(&mut tried);
-            self.restart_headings(&prior, &mut tried);
+            self.restart_failures(scene, &mut tried);
+            self.restart_headings(scene, &prior, &mut tried);
         }
         if tried.best.1.inlier_share() < DOUBT_SHARE {
-            self.search(&prior, &mut tried);
+            self.search(scene, &prior, &mut tried);
         }
-        self.restart_finely(&prior, &mut tried);
-        self.restart_nearby(&prior, &mut tried, step);
-        let slip_corrected = self.restart_slipped(&mut tried);
+        self.restart_finely(scene, &prior, &mut tried);
+        self.restart_nearby(scene, &prior, &mut tried);
+        let slip_corrected = self.restart_slipped(scene, &mut tried);
         self.observe_share(&tried.best.1);
-        self.observe_odometry(&tried, step);
+        let on_odometry = self.on_odometry(&tried, step);
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
         let odometry_sigmas = sigmas(&prior, result.world_from_robot);
-        let unconfirmed = self.unconfirmed(&agreement);
-        let status = match judge(&agreement, odometry_sigmas, step.from_odometry && self.lost_scans > 0) {
+        let unconfirmed = self.unconfirmed(scene.next, &agreement);
+        let status = match judge(&agreement, odometry_sigmas, step.from_odometry && self.misfits > 0) {
             Status::Tracking if unconfirmed => Status::Degraded,
             status => status,
         };
         let report = MatchReport {
-            beams: self.match_points().len() as u32,
+            beams: scene.points.len() as u32,
             inlier_share: agreement.inlier_share(),
             known_share: agreement.known_share(),
             odometry_sigmas,
@@ -131,19 +240,20 @@ impl Mapper {
         let fits = 1.0 - (1.0 - agreement.inlier_share()) / (1.0 - DOUBT_SHARE);
         let trust = if status == Status::Degraded { LEAST_TRUST } else { (fits * fits).max(LEAST_TRUST) };
         Some(Matched {
-            world_from_robot: if status == Status::Lost { predicted } else { result.world_from_robot },
+            local_from_robot: if status == Status::Lost { predicted } else { result.world_from_robot },
             information: constrained(&result.hessian, step.from_odometry) * (INFORMATION_SCALE * trust),
             agreement,
             status,
             report,
             slip_corrected,
+            on_odometry,
+            blind_s,
         })
     }
 
     /// After a scan that did not fit, whatever is mapped may be in the wrong place and fit itself: doubt remains until a
     /// match is supplied by what was mapped before, or the robot has gone far.
-    fn unconfirmed(&mut self, agreement: &Agreement) -> bool {
-        let next = self.keyframes.len() as u32;
+    fn unconfirmed(&mut self, next: NodeId, agreement: &Agreement) -> bool {
         if agreement.inlier_share() < DOUBT_SHARE {
             self.doubted_from.get_or_insert(next);
         } else if self.doubted_from.is_some_and(|from| {
@@ -154,58 +264,37 @@ impl Mapper {
         self.doubted_from.is_some()
     }
 
-    /// The end points a match uses: all, or evenly chosen ones where they are very many.
-    fn match_points(&self) -> &[[f64; 2]] {
-        if self.thinned.is_empty() { &self.points.hits } else { &self.thinned }
-    }
-
     /// A match from one start, and how the scan agrees with the map there.
-    pub(super) fn refine(&self, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
-        self.refine_with(&self.matcher, prior, start)
-    }
-
-    fn refine_with(&self, matcher: &Matcher, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
-        let (map, hits) = (&self.live.map, self.match_points());
-        let result = match self.settings.matching.optimizer {
-            Optimizer::GaussNewton => matcher.gauss_newton(map, hits, prior, start),
-            Optimizer::GradientAscent => matcher.gradient_ascent(map, hits, prior, start),
-            Optimizer::UnscaledGradientAscent => matcher.unscaled_gradient_ascent(map, hits, prior, start),
-        };
-        (result, map.agreement(hits, result.world_from_robot))
-    }
-
-    /// Where the robot is if the wheels fail.
-    fn failures(&self, prior: &Prior, step: Step) -> Vec<Prior> {
-        let at = |last_from_robot: Pose2| Prior { world_from_robot: self.local_from_robot * last_from_robot, ..*prior };
-        self.predictor.failures(step).map(at).collect()
+    pub(super) fn refine(&self, scene: &Scene<'_>, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
+        scene.refine_with(&self.matcher, prior, start)
     }
 
     /// On doubt the match is started again from where the robot is if the wheels fail.
-    fn restart_failures(&self, tried: &mut Tried) {
+    fn restart_failures(&self, scene: &Scene<'_>, tried: &mut Tried) {
         for failure in tried.failures.clone() {
             tried.restarts += 1;
-            tried.offer(self.refine(&failure, failure.world_from_robot));
+            tried.offer(self.refine(scene, &failure, failure.world_from_robot));
         }
     }
 
     /// A match begins coarsely, to find its way from afar; what comes into view all at once may lead it astray then. Where it
     /// fits less than usual it is started again without, for with sound odometry it is near.
-    fn restart_finely(&self, prior: &Prior, tried: &mut Tried) {
-        let sound = tried.from_odometry && !self.predictor.doubts_odometry();
+    fn restart_finely(&self, scene: &Scene<'_>, prior: &Prior, tried: &mut Tried) {
+        let sound = tried.from_odometry && !scene.predictor.doubts_odometry();
         if sound && self.usual_share - tried.best.1.inlier_share() > FALL_SHARE {
             let settings = MatcherSettings { capture_sigma_m: self.matcher.settings.sigma_m, ..self.matcher.settings };
             tried.restarts += 1;
-            tried.offer(self.refine_with(&Matcher { settings }, prior, prior.world_from_robot));
+            tried.offer(scene.refine_with(&Matcher { settings }, prior, prior.world_from_robot));
         }
     }
 
     /// Where scans are so far apart that each becomes a keyframe, it is matched from other headings nearby too: its beams lie
     /// far from those before, several headings fit, the nearest is not always the best, and what is drawn stays.
-    fn restart_nearby(&self, prior: &Prior, tried: &mut Tried, step: Step) {
+    fn restart_nearby(&self, scene: &Scene<'_>, prior: &Prior, tried: &mut Tried) {
         let at = tried.best.0.world_from_robot;
-        if self.settings.keyframes.is_far(step.last_from_robot) {
+        if scene.settings.keyframes.is_far(scene.step.last_from_robot) {
             for turn in NEARBY_HEADINGS_RAD {
-                tried.offer(self.refine(prior, at * Pose2::new(0.0, 0.0, turn)));
+                tried.offer(self.refine(scene, prior, at * Pose2::new(0.0, 0.0, turn)));
             }
         }
     }
@@ -215,7 +304,7 @@ impl Mapper {
     /// says least about, are tried, and one that fits nearly as usual is right: the slip is older than this scan, so the
     /// prediction does not speak against it. Odometry that is as good as its model would have shown a long one. Tells
     /// whether one was taken.
-    fn restart_slipped(&mut self, tried: &mut Tried) -> bool {
+    fn restart_slipped(&self, scene: &Scene<'_>, tried: &mut Tried) -> bool {
         let share = tried.best.1.inlier_share();
         let drop = self.usual_share - share;
         if drop <= FALL_SHARE || share < DOUBT_SHARE {
@@ -228,7 +317,7 @@ impl Mapper {
         let at = tried.best.0.world_from_robot;
         let (_, [[x, y], _]) = translation_axes(&tried.best.0.hessian);
         let mut least = share + 0.5 * drop;
-        let farthest_m = match (tried.from_odometry, self.predictor.doubts_odometry()) {
+        let farthest_m = match (tried.from_odometry, scene.predictor.doubts_odometry()) {
             (true, true) => SLIPPED_AT_MOST_M,
             (true, false) => SLIPPED_M,
             (false, _) => f64::INFINITY,
@@ -236,7 +325,7 @@ impl Mapper {
         let mut corrected = false;
         for by_m in SLIPS_M {
             tried.restarts += 1;
-            let other = self.refine(&prior, at * Pose2::new(by_m * x, by_m * y, 0.0));
+            let other = self.refine(scene, &prior, at * Pose2::new(by_m * x, by_m * y, 0.0));
             tried.evaluations += other.0.evaluations;
             let near = at.distance(other.0.world_from_robot) <= farthest_m;
             if near && other.1.inlier_share() > least {
@@ -248,15 +337,14 @@ impl Mapper {
         corrected
     }
 
-    /// Where the scan fits and knows the pose by itself, odometry is judged by it.
-    fn observe_odometry(&mut self, tried: &Tried, step: Step) {
+    /// Where the scan fits and knows the pose by itself, odometry is judged by it: its correction, and to what variances.
+    fn on_odometry(&self, tried: &Tried, step: Step) -> Option<([f64; 3], [f64; 3])> {
         let (result, agreement) = &tried.best;
         let sure = agreement.inlier_share() >= SURE_SHARE && agreement.known_share() >= SURE_SHARE;
         let covariance = (constrained(&result.hessian, step.from_odometry) * INFORMATION_SCALE).try_inverse();
-        if let Some(covariance) = covariance.filter(|_| sure && self.lost_scans == 0) {
-            let correction = tried.prior.world_from_robot.between(result.world_from_robot).log();
-            self.predictor.observe(step, correction, covariance.diagonal().into());
-        }
+        let covariance = covariance.filter(|_| sure && self.misfits == 0)?;
+        let correction = tried.prior.world_from_robot.between(result.world_from_robot).log();
+        Some((correction, covariance.diagonal().into()))
     }
 
     /// The share of fitting beams that is usual here and now.
@@ -267,16 +355,16 @@ impl Mapper {
     }
 
     /// On doubt the match is started again from other headings; a wrong heading is how matches fail.
-    fn restart_headings(&self, prior: &Prior, tried: &mut Tried) {
+    fn restart_headings(&self, scene: &Scene<'_>, prior: &Prior, tried: &mut Tried) {
         let predicted = prior.world_from_robot;
         for turn in RESTART_HEADINGS_RAD {
             tried.restarts += 1;
-            tried.offer(self.refine(prior, Pose2::new(predicted.x, predicted.y, predicted.theta + turn)));
+            tried.offer(self.refine(scene, prior, Pose2::new(predicted.x, predicted.y, predicted.theta + turn)));
         }
     }
 
     /// Where restarts do not help, every pose of the prior's window is looked at, and the best one refined.
-    fn search(&mut self, prior: &Prior, tried: &mut Tried) {
+    fn search(&mut self, scene: &Scene<'_>, prior: &Prior, tried: &mut Tried) {
         let [vx, vy, vtheta] = prior.variances;
         // Wheels may slip in a turn, but nothing turns a robot round behind their back.
         let turned_rad = if tried.from_odometry { SEARCH_SIGMAS * vtheta.sqrt() } else { std::f64::consts::PI };
@@ -286,10 +374,9 @@ impl Mapper {
             half_width_rad: turned_rad.clamp(SEARCH_LEAST_RAD, std::f64::consts::PI),
         };
         tried.searched = true;
-        let hits = if self.thinned.is_empty() { &self.points.hits } else { &self.thinned };
-        let found = self.searcher.search(&self.live.map, hits, &window, None);
+        let found = self.searcher.search(scene.map, scene.points, &window, None);
         if let Some(found) = found {
-            tried.offer(self.refine(prior, found.best.world_from_robot));
+            tried.offer(self.refine(scene, prior, found.best.world_from_robot));
         }
     }
 }

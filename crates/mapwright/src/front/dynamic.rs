@@ -72,7 +72,7 @@ type Ranges = Vec<f32>;
 
 /// Scans of the last seconds.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Movers {
+pub(super) struct DynamicObjects {
     seen: VecDeque<Seen>,
     /// Of the present scan, if it was measured.
     ranges: Ranges,
@@ -81,7 +81,7 @@ pub(super) struct Movers {
     moving: Vec<usize>,
 }
 
-impl Movers {
+impl DynamicObjects {
     /// Drops the beams that end on what moves; how many they are.
     pub(super) fn drop_from(&mut self, sweep: &mut Sweep, points: &SweepPoints, stamp: Stamp, place: Place) -> u32 {
         self.measure(sweep);
@@ -280,7 +280,7 @@ mod tests {
     /// Drives along a corridor; after each scan: beams dropped, and of them those that end on the first thing.
     fn drive(scans: usize, truth: impl Fn(f64) -> (Place, f64), things: impl Fn(f64) -> Vec<Round>) -> Vec<[usize; 2]> {
         let laser = Arc::new(LaserModel { range_max_m: 20.0, ..LaserModel::half_circle("laser", 181) });
-        let (mut movers, mut table, mut points) = (Movers::default(), BeamTable::default(), SweepPoints::default());
+        let (mut movers, mut table, mut points) = (DynamicObjects::default(), BeamTable::default(), SweepPoints::default());
         let scan = |number: usize| {
             let time_s = number as f64 * PERIOD_S;
             let (stamp, (place, x)) = (Stamp::from_secs_f64(time_s), truth(time_s));
@@ -347,7 +347,7 @@ mod tests {
     /// What the last scan but one saw must not be taken for what this one saw.
     #[test]
     fn scans_that_were_not_measured_are_not_remembered() {
-        let mut movers = Movers::default();
+        let mut movers = DynamicObjects::default();
         let laser = Arc::new(LaserModel::half_circle("laser", 3));
         let ranges_m = vec![1.0; 3];
         let scan = LaserScan { stamp: Stamp(0), laser: Arc::clone(&laser), ranges_m, odom_from_robot: None };
@@ -363,7 +363,7 @@ mod tests {
 
     #[test]
     fn stamps_that_step_back_and_other_lasers_are_borne() {
-        let mut movers = Movers::default();
+        let mut movers = DynamicObjects::default();
         let place = steady(0.0).0;
         for (second, beams) in [(5.0, 181), (1.0, 90), (1.6, 90), (2.2, 3), (2.8, 0)] {
             let laser = Arc::new(LaserModel::half_circle("laser", beams));

@@ -1,9 +1,8 @@
 //! How the robot moved while a scan was taken.
 
-use super::Mapper;
-use crate::motion::Step;
+use super::predict::Step;
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry};
+use mapwright_sensor::{LaserScan, Odometry, TurnRate, TurnRates};
 use std::collections::VecDeque;
 
 /// More motion than this within one sweep is not believed, metres and radians.
@@ -18,12 +17,19 @@ const COVERED_SHARE: f64 = 0.4;
 /// Readings farther apart are not joined, seconds.
 const JOINED_S: f64 = 1.0;
 
+/// What wheels and a gyroscope have said of late.
+#[derive(Debug, Clone, Default)]
+pub(super) struct SweepMotion {
+    odometry: RecentOdometry,
+    turn_rates: TurnRates,
+}
+
 /// The last readings of the wheels.
 #[derive(Debug, Clone, Default)]
-pub(super) struct RecentOdometry(VecDeque<Odometry>);
+struct RecentOdometry(VecDeque<Odometry>);
 
 impl RecentOdometry {
-    pub(super) fn add(&mut self, odometry: Odometry) {
+    fn add(&mut self, odometry: Odometry) {
         if self.0.len() == READINGS {
             self.0.pop_front();
         }
@@ -31,7 +37,7 @@ impl RecentOdometry {
     }
 
     /// The last reading, where it is not too old to say where the robot is at `stamp`.
-    pub(super) fn fresh_at(&self, stamp: Stamp) -> Option<Pose2> {
+    fn fresh_at(&self, stamp: Stamp) -> Option<Pose2> {
         let fresh = |odometry: &&Odometry| stamp.secs_since(odometry.stamp).abs() <= FRESH_S;
         self.0.back().filter(fresh).map(|odometry| odometry.odom_from_robot)
     }
@@ -43,19 +49,32 @@ impl RecentOdometry {
     }
 }
 
-impl Mapper {
+impl SweepMotion {
+    pub(super) fn add_odometry(&mut self, odometry: Odometry) {
+        self.odometry.add(odometry);
+    }
+
+    pub(super) fn add_turn_rate(&mut self, rate: &TurnRate) -> bool {
+        self.turn_rates.add(*rate)
+    }
+
+    /// The last pose by the wheels, where it is not too old to say where the robot is at `stamp`.
+    pub(super) fn fresh_odometry(&self, stamp: Stamp) -> Option<Pose2> {
+        self.odometry.fresh_at(stamp)
+    }
+
     /// The robot's twist per second during the sweep, which begins at the scan's stamp.
     ///
     /// A scan arrives when its sweep is over, and the wheels have been read on the way: then they say it. Otherwise the
-    /// motion since the last scan is carried on. Turning is what a gyroscope says, where one was read on the way.
-    pub(super) fn sweep_twist(&self, scan: &LaserScan, step: Step) -> [f64; 3] {
+    /// motion since the last scan is carried on, as `carried`. Turning is what a gyroscope says, where one was read on the way.
+    pub(super) fn twist(&self, scan: &LaserScan, step: Step, carried: [f64; 3]) -> [f64; 3] {
         let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
         // beams that are taken at once, or in an order that nobody knows
         if sweep_s.is_nan() || sweep_s <= 0.0 {
             return [0.0; 3];
         }
         let read = if step.from_odometry { self.twist_read(scan, sweep_s) } else { None };
-        let [x, y, turning] = read.unwrap_or_else(|| self.predictor.twist(scan.stamp, step));
+        let [x, y, turning] = read.unwrap_or(carried);
         let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
         let twist = [x, y, self.turn_rates.mean(scan.stamp, end).unwrap_or(turning)];
         let credible =
@@ -67,7 +86,7 @@ impl Mapper {
     fn twist_read(&self, scan: &LaserScan, sweep_s: f64) -> Option<[f64; 3]> {
         let odom_from_robot = scan.odom_from_robot.filter(|pose| pose.is_finite())?;
         let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
-        let later = self.recent_odometry.at_or_after(end)?;
+        let later = self.odometry.at_or_after(end)?;
         let elapsed_s = later.stamp.secs_since(scan.stamp);
         let says = elapsed_s >= COVERED_SHARE * sweep_s && elapsed_s <= sweep_s + JOINED_S;
         says.then(|| odom_from_robot.between(later.odom_from_robot).log().map(|d| d / elapsed_s))

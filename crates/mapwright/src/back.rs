@@ -1,0 +1,69 @@
+//! The back end: what may take longer than a scan, as jobs, and what is known of cycles.
+
+use crate::closing::{Budget, Closing};
+use crate::jobs::{Job, Task};
+use crate::settings::{Jobs, Settings};
+use std::collections::VecDeque;
+
+/// Jobs and cycles.
+#[derive(Debug, Clone)]
+pub(crate) struct BackEnd {
+    pub(crate) closing: Closing,
+    jobs: VecDeque<Job>,
+    /// Jobs that were handed out and have not come back.
+    out: usize,
+    is_inline: bool,
+    /// How often it was asked where the robot is, and what that may cost.
+    questions: u64,
+    pub(crate) budget: Budget,
+}
+
+impl BackEnd {
+    pub(crate) fn new(settings: &Settings) -> Self {
+        Self {
+            closing: Closing::new(settings),
+            jobs: VecDeque::new(),
+            out: 0,
+            is_inline: settings.loops.jobs == Jobs::Inline,
+            questions: 0,
+            budget: Budget::default(),
+        }
+    }
+
+    /// Whether something is under way, which was asked of the past as it is.
+    pub(crate) fn is_busy(&self) -> bool {
+        self.out > 0 || !self.jobs.is_empty()
+    }
+
+    pub(crate) fn push(&mut self, task: Task) {
+        self.jobs.push_back(Job(task));
+    }
+
+    /// The next job, where they are done at once.
+    pub(crate) fn next_inline(&mut self) -> Option<Job> {
+        if self.is_inline { self.jobs.pop_front() } else { None }
+    }
+
+    /// The next job, for somebody who brings its result back.
+    pub(crate) fn hand_out(&mut self) -> Option<Job> {
+        let job = self.jobs.pop_front();
+        self.out += usize::from(job.is_some());
+        job
+    }
+
+    pub(crate) fn came_back(&mut self) {
+        self.out = self.out.saturating_sub(1);
+    }
+
+    /// The number of a question where the robot is, and what it may cost; none while that is too little.
+    pub(crate) fn next_question(&mut self) -> Option<(u64, u64)> {
+        let effort = self.budget.for_question()?;
+        self.questions += 1;
+        Some((self.questions, effort))
+    }
+
+    #[cfg(test)]
+    pub(crate) fn questions(&self) -> u64 {
+        self.questions
+    }
+}

@@ -1,0 +1,331 @@
+//! The front end: where the robot is from scan to scan, and the keyframes it makes. It owns the local map and the robot's pose, in a
+//! frame of its own in which the newest keyframe never jumps, and can be run without a mapper: what it finds it returns.
+
+use crate::live::Live;
+use crate::patches::Known;
+use crate::settings::Settings;
+use crate::store::{NewKeyframe, NodeId, Past, Slipped, Written};
+use dynamic::Place;
+use insert::Intruders;
+use mapwright_geom::{Cov3, Pose2};
+use mapwright_grid::{LiveMap, MatcherSettings};
+use mapwright_record::{Beams, LeftOutReason, LocalMapReport};
+use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
+use predict::{Moved, Predictor, Step};
+use prepare::Preparation;
+use slip::SlipWatch;
+use std::sync::Arc;
+use track::{Scene, Tracker};
+
+mod dynamic;
+mod insert;
+mod pose;
+mod predict;
+mod prepare;
+mod slip;
+mod sweep_motion;
+mod track;
+
+pub(crate) use pose::{RobotPose, map_floor};
+pub(crate) use slip::BEFORE;
+pub use track::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
+pub(crate) use track::{MISFIT_KNOWN_SHARE, Matched};
+
+/// Builds a local map and tracks the robot in it, one scan at a time.
+#[derive(Debug, Clone)]
+pub(crate) struct FrontEnd {
+    settings: Settings,
+    preparation: Preparation,
+    predictor: Predictor,
+    tracker: Tracker,
+    pose: RobotPose,
+    local_map: Live,
+    intruders: Intruders,
+    slips: SlipWatch,
+}
+
+/// A scan that was prepared, and where odometry or constant velocity have the robot.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Prepared {
+    pub(crate) step: Step,
+    /// The prediction, in the front end's frame; its variances are the step's.
+    pub(crate) predicted: Pose2,
+    pub(crate) odom_from_robot: Option<Pose2>,
+    pub(crate) beams: BeamCounts,
+    pub(crate) refused: Option<&'static str>,
+}
+
+impl FrontEnd {
+    /// A front end whose robot starts here.
+    pub(crate) fn new(settings: Settings, local_from_robot: Pose2) -> Self {
+        Self {
+            preparation: Preparation::default(),
+            predictor: Predictor::default(),
+            tracker: Tracker::new(&settings),
+            pose: RobotPose::new(local_from_robot),
+            local_map: Live::new(&settings),
+            intruders: Intruders::default(),
+            slips: SlipWatch::default(),
+            settings,
+        }
+    }
+
+    /// One that maps anew while wheels and gyroscope go on.
+    pub(crate) fn going_on_from(other: &Self, settings: Settings) -> Self {
+        Self {
+            preparation: Preparation::going_on_from(&other.preparation),
+            predictor: other.predictor.clone(),
+            ..Self::new(settings, Pose2::IDENTITY)
+        }
+    }
+
+    pub(crate) fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    pub(crate) fn pose(&self) -> &RobotPose {
+        &self.pose
+    }
+
+    pub(crate) fn scan(&self) -> &Preparation {
+        &self.preparation
+    }
+
+    pub(crate) fn tracker(&self) -> &Tracker {
+        &self.tracker
+    }
+
+    pub(crate) fn matcher(&self) -> MatcherSettings {
+        self.tracker.matcher.settings
+    }
+
+    /// Usual time between two scans, seconds.
+    pub(crate) fn period_s(&self) -> f64 {
+        self.predictor.period_s()
+    }
+
+    pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {
+        if odometry.odom_from_robot.is_finite() {
+            self.preparation.add_odometry(*odometry);
+        }
+    }
+
+    pub(crate) fn add_turn_rate(&mut self, rate: &TurnRate) -> bool {
+        self.preparation.add_turn_rate(rate)
+    }
+
+    /// Steps 1 and 2: hits and free space as points, what was dropped counted; the pose by odometry or constant velocity.
+    pub(crate) fn prepare(&mut self, scan: &LaserScan) -> Prepared {
+        let refused = scan.laser.check(scan.ranges_m.len()).err();
+        let odom_from_robot = self.preparation.odometry_of(scan);
+        let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot);
+        let predicted = self.pose.local_from_robot() * step.last_from_robot;
+        let place = Place {
+            local_from_robot: predicted,
+            odom_from_robot: self.pose.odom_from_robot() * step.last_from_robot,
+        };
+        let sound = self.settings.scan.drop_moving && step.from_odometry && !self.predictor.doubts_odometry();
+        let beams = if refused.is_some() {
+            self.preparation.refuse(scan)
+        } else {
+            let twist = self.predictor.twist(scan.stamp, step);
+            self.preparation.prepare(&self.settings.scan, scan, step, twist, sound.then_some(place))
+        };
+        Prepared { step, predicted, odom_from_robot, beams, refused }
+    }
+
+    /// Step 3: the scan against the local map; what is not certain enough for that leaves before.
+    pub(crate) fn track(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared) -> Option<Matched> {
+        let Prepared { step, predicted, .. } = *prepared;
+        self.local_map.meet(&self.settings, past.frames(), self.preparation.match_points(), predicted);
+        let Self { settings, preparation, predictor, tracker, pose, local_map, .. } = self;
+        let scene = Scene {
+            settings,
+            map: &local_map.map,
+            points: preparation.match_points(),
+            predictor,
+            local_from_last: pose.local_from_robot(),
+            step,
+            next: past.local_from_keyframe.len() as NodeId,
+        };
+        let matched = tracker.track(&scene, scan.stamp, predicted)?;
+        if let Some((correction, variances)) = matched.on_odometry {
+            self.predictor.observe(step, correction, variances);
+        }
+        Some(matched)
+    }
+
+    /// Takes over the new pose and its covariance, now that it is known whether the match is believed.
+    pub(crate) fn settle(
+        &mut self,
+        past: Past<'_>,
+        scan: &LaserScan,
+        prepared: &Prepared,
+        matched: Option<&Matched>,
+    ) {
+        let Prepared { step, predicted, odom_from_robot, .. } = *prepared;
+        let believed = matched.filter(|matched| matched.is_believed());
+        let supplier = believed.and_then(|matched| matched.agreement.supplier);
+        let anchor = supplier.filter(|&node| self.local_map.is_live(node));
+        let last_from_robot = self.pose.settle(past, step, predicted, believed, anchor);
+        self.tracker.note(matched);
+        let moved = match believed {
+            None => Moved::Unknown,
+            _ if step.from_odometry => Moved::By(last_from_robot),
+            Some(matched) if matched.slip_corrected => Moved::AsBefore,
+            _ => Moved::Matched(last_from_robot),
+        };
+        self.predictor.settle(scan.stamp, odom_from_robot, moved);
+        if self.tracker.misfits() > 0 {
+            self.preparation.forget_scans();
+        } else {
+            let place = Place {
+                local_from_robot: self.pose.local_from_robot(),
+                odom_from_robot: self.pose.odom_from_robot(),
+            };
+            self.preparation.remember(&scan.laser, scan.stamp, place);
+        }
+    }
+
+    /// A slip of the wheels that the scans tell together; nothing is told where the robot may be elsewhere (`matched` is none then).
+    pub(crate) fn watch_slips(
+        &mut self,
+        past: Past<'_>,
+        step: Step,
+        matched: Option<&Matched>,
+        busy: bool,
+        is_closed_since: impl Fn(NodeId) -> bool,
+    ) -> Option<Slipped> {
+        let Some(matched) = slip::is_clear(matched) else {
+            self.slips.stop();
+            return None;
+        };
+        let local_from_robot = self.pose.local_from_robot();
+        let scene = Scene {
+            settings: &self.settings,
+            map: &self.local_map.map,
+            points: self.preparation.match_points(),
+            predictor: &self.predictor,
+            local_from_last: local_from_robot,
+            step,
+            next: past.local_from_keyframe.len() as NodeId,
+        };
+        self.slips.watch(&scene, &self.tracker, matched, local_from_robot, busy, is_closed_since)
+    }
+
+    /// Step 4: a keyframe, once the robot has moved enough and sees something.
+    pub(crate) fn new_keyframe(
+        &mut self,
+        past: Past<'_>,
+        scan: &LaserScan,
+        matched: Option<&Matched>,
+    ) -> Option<NewKeyframe> {
+        let local_from_robot = self.pose.local_from_robot();
+        let newest = past.local_from_keyframe.last();
+        let moved = newest.is_none_or(|newest| self.settings.keyframes.is_far(newest.between(local_from_robot)));
+        let lost = matched.is_some_and(|matched| !matched.is_believed());
+        if !moved || lost || self.preparation.points().hits.is_empty() {
+            return None;
+        }
+        let beams = self.intruders.find(&self.local_map.map, &self.preparation, local_from_robot);
+        let left_out = beams.map(|beams| (beams, LeftOutReason::InTheWay));
+        self.keyframe_here(past, scan, matched, left_out)
+    }
+
+    /// A keyframe of which nothing is drawn, where the robot was put down.
+    pub(crate) fn blank_keyframe(&self, past: Past<'_>, scan: &LaserScan) -> Option<NewKeyframe> {
+        self.keyframe_here(past, scan, None, Some((Beams::All, LeftOutReason::OnTrial)))
+    }
+
+    fn keyframe_here(
+        &self,
+        past: Past<'_>,
+        scan: &LaserScan,
+        matched: Option<&Matched>,
+        left_out: Option<(Beams, LeftOutReason)>,
+    ) -> Option<NewKeyframe> {
+        let sweep = Arc::new(self.preparation.sweep()?.clone());
+        Some(NewKeyframe {
+            stamp: scan.stamp,
+            sweep,
+            left_out,
+            hardly_fits: matched.is_some_and(Matched::hardly_fits),
+            local_from_keyframe: self.pose.local_from_robot(),
+            covariance: self.pose.covariance(past),
+            odometry: self.pose.odometry_since_keyframe(),
+            fused: self.pose.fused(),
+            matched: matched.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
+        })
+    }
+
+    /// The keyframe was written: it joins the local map.
+    pub(crate) fn wrote(&mut self, past: Past<'_>, new: &NewKeyframe, written: &Written) {
+        for (from, covariance) in &written.links {
+            self.local_map.connect(*from, covariance, written.spacing);
+        }
+        self.pose.made_keyframe(new.covariance);
+        let (lever_m, _) = self.preparation.points().lever_and_reach_m();
+        self.local_map.insert(&self.settings, past.frames(), written.node, lever_m);
+    }
+
+    /// Step 5, once a scan: the local map follows what is certain relative to the robot.
+    pub(crate) fn follow(&mut self, past: Past<'_>, inserted: bool) {
+        self.local_map.follow(&self.settings, past.frames(), inserted);
+    }
+
+    /// The past was moved from where it was `before`.
+    pub(crate) fn carry(&mut self, past: Past<'_>, before: &[Pose2]) {
+        self.local_map.carry(&self.settings, before, past.frames());
+    }
+
+    /// A slip was corrected in the past, which was `before`; the robot follows.
+    pub(crate) fn slip(&mut self, past: Past<'_>, before: &[Pose2], slipped: &Slipped) {
+        self.pose.slip(slipped.from, slipped.local_from_robot, &slipped.slip);
+        self.preparation.forget_scans();
+        self.carry(past, before);
+    }
+
+    /// The robot is where nobody thought, near an old keyframe.
+    pub(crate) fn put_down(&mut self, scan: &LaserScan, local_from_robot: Pose2, near: NodeId) {
+        self.pose.put_down(local_from_robot, near);
+        self.tracker.put_down(scan.stamp);
+    }
+
+    /// The local map follows there at once, as far as a scan sees.
+    pub(crate) fn look_around(&mut self, past: Past<'_>) {
+        let hits = &self.preparation.points().hits;
+        self.local_map.arrive(&self.settings, past.frames(), hits, self.pose.local_from_robot());
+    }
+
+    /// A closure links two keyframes, this surely.
+    pub(crate) fn close(&mut self, past: Past<'_>, from: NodeId, to: NodeId, covariance: &Cov3) {
+        self.local_map.close(past.frames(), from, to, covariance);
+    }
+
+    /// A closure was none.
+    pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
+        self.local_map.open(from, to);
+    }
+
+    /// A keyframe is taken out for good; before it is left out of what is drawn.
+    pub(crate) fn drop_keyframe(&mut self, past: Past<'_>, node: NodeId) {
+        self.local_map.drop(&self.settings, past.frames(), node);
+    }
+
+    /// How certain old places are relative to the newest keyframe.
+    pub(crate) fn survey(&mut self) -> Vec<Known> {
+        self.local_map.survey()
+    }
+
+    pub(crate) fn is_in_local_map(&self, node: NodeId) -> bool {
+        self.local_map.is_live(node)
+    }
+
+    pub(crate) fn local_map(&self) -> &LiveMap {
+        &self.local_map.map
+    }
+
+    pub(crate) fn local_map_report(&self) -> LocalMapReport {
+        self.local_map.report()
+    }
+}

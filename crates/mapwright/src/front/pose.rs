@@ -1,0 +1,156 @@
+//! Where the robot is in the front end's frame, and how certain that is relative to the anchor: the keyframe that supplied
+//! most of what the last scan was matched with.
+
+use super::track::Matched;
+use crate::store::{NodeId, Past};
+use super::predict::Step;
+use mapwright_geom::{Cov3, Pose, Pose2, compose_covariance};
+use nalgebra::{Matrix3, Vector3};
+
+/// Keyframes back from the newest over which the chain of covariances is kept in mind.
+const CHAIN: usize = 64;
+/// Error of the map between the anchor and here that no single match shows: at the anchor and per metre away from it,
+/// for positions (m) and headings (rad); calibrated with the scale of the information (`tests/consistency.rs`).
+const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0007, 0.0006]];
+/// Variances of what nobody knows, m^2 and rad^2.
+const UNKNOWN: [f64; 3] = [1e4, 1e4, 10.0];
+
+/// The robot's pose and covariances.
+#[derive(Debug, Clone)]
+pub(crate) struct RobotPose {
+    local_from_robot: Pose2,
+    odom_from_robot: Pose2,
+    /// Information of the last match, zero where there was none.
+    information: Cov3,
+    /// Motion-model covariance alone, relative to the newest keyframe.
+    odometry_since_keyframe: Cov3,
+    /// Fused covariance of each keyframe relative to the one before.
+    links: Vec<Cov3>,
+    anchor: Option<NodeId>,
+    /// Covariance of the newest keyframe relative to the anchor.
+    keyframe_from_anchor: Cov3,
+}
+
+impl RobotPose {
+    pub(super) fn new(local_from_robot: Pose2) -> Self {
+        Self {
+            local_from_robot,
+            odom_from_robot: Pose2::IDENTITY,
+            information: Cov3::zeros(),
+            odometry_since_keyframe: Cov3::zeros(),
+            links: Vec::new(),
+            anchor: None,
+            keyframe_from_anchor: Cov3::zeros(),
+        }
+    }
+
+    pub(crate) fn local_from_robot(&self) -> Pose2 {
+        self.local_from_robot
+    }
+
+    pub(crate) fn odom_from_robot(&self) -> Pose2 {
+        self.odom_from_robot
+    }
+
+    pub(crate) fn anchor(&self) -> Option<NodeId> {
+        self.anchor
+    }
+
+    /// Motion-model covariance alone, relative to the newest keyframe.
+    pub(super) fn odometry_since_keyframe(&self) -> Cov3 {
+        self.odometry_since_keyframe
+    }
+
+    /// Of the newest keyframe-to-be relative to the one before, by wheels and scan together.
+    pub(super) fn fused(&self) -> Cov3 {
+        fuse(&self.odometry_since_keyframe, &self.information)
+    }
+
+    /// Takes the motion of a scan over, and its match where that is believed; `anchor` supplied it. The motion since the scan
+    /// before.
+    pub(super) fn settle(
+        &mut self,
+        past: Past<'_>,
+        step: Step,
+        predicted: Pose2,
+        matched: Option<&Matched>,
+        anchor: Option<NodeId>,
+    ) -> Pose2 {
+        let before = self.local_from_robot;
+        let noise = Matrix3::from_diagonal(&Vector3::from(step.variances));
+        self.information = Cov3::zeros();
+        self.odometry_since_keyframe = compose_covariance(&self.odometry_since_keyframe, step.last_from_robot, &noise);
+        self.local_from_robot = predicted;
+        if let Some(matched) = matched {
+            self.local_from_robot = matched.local_from_robot;
+            self.information = matched.information;
+            self.anchor_at(past, anchor);
+        }
+        if !self.local_from_robot.is_within_bounds() {
+            self.local_from_robot = before;
+        }
+        self.odom_from_robot = self.odom_from_robot * step.last_from_robot;
+        before.between(self.local_from_robot)
+    }
+
+    /// Makes `anchor` the keyframe that covariances are relative to.
+    fn anchor_at(&mut self, past: Past<'_>, anchor: Option<NodeId>) {
+        let Some(anchor) = anchor.filter(|_| anchor != self.anchor) else { return };
+        let newest = past.local_from_keyframe.len().saturating_sub(1);
+        self.anchor = Some(anchor);
+        if newest - (anchor as usize).min(newest) <= CHAIN {
+            self.keyframe_from_anchor = (anchor as usize + 1..=newest).fold(Cov3::zeros(), |sum, k| {
+                let step = past.local_from_keyframe[k - 1].between(past.local_from_keyframe[k]);
+                compose_covariance(&sum, step, &self.links[k])
+            });
+        }
+    }
+
+    /// A keyframe was made here, this certain relative to the anchor.
+    pub(super) fn made_keyframe(&mut self, covariance: Cov3) {
+        self.links.push(self.fused());
+        self.keyframe_from_anchor = covariance;
+        self.odometry_since_keyframe = Cov3::zeros();
+    }
+
+    /// The robot is somewhere else than was thought: near a keyframe, however certain.
+    pub(super) fn put_down(&mut self, local_from_robot: Pose2, near: NodeId) {
+        self.local_from_robot = local_from_robot;
+        self.anchor = Some(near);
+        self.keyframe_from_anchor = Cov3::from_diagonal(&Vector3::from(UNKNOWN));
+        self.odometry_since_keyframe = Cov3::zeros();
+    }
+
+    /// The wheels had slipped before keyframe `from`: the robot is elsewhere, and so much less certain.
+    pub(super) fn slip(&mut self, from: NodeId, local_from_robot: Pose2, slip: &Cov3) {
+        self.local_from_robot = local_from_robot;
+        match self.links.get_mut(from as usize) {
+            Some(link) => *link += slip,
+            None => self.odometry_since_keyframe += slip,
+        }
+    }
+
+    /// Covariance of the robot relative to the anchor.
+    pub(crate) fn covariance(&self, past: Past<'_>) -> Cov3 {
+        let predicted = match past.local_from_keyframe.last() {
+            Some(newest) => {
+                let step = newest.between(self.local_from_robot);
+                compose_covariance(&self.keyframe_from_anchor, step, &self.odometry_since_keyframe)
+            }
+            None => self.odometry_since_keyframe,
+        };
+        let away_m = self.anchor.map_or(0.0, |anchor| past.pose(anchor).distance(self.local_from_robot));
+        fuse(&predicted, &self.information) + map_floor(away_m)
+    }
+}
+
+/// Error of the map between two keyframes so far apart that no single match shows.
+pub(crate) fn map_floor(away_m: f64) -> Cov3 {
+    let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
+    Cov3::from_diagonal(&Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad))
+}
+
+/// Posterior covariance of a prior covariance and a measurement's information.
+fn fuse(covariance: &Cov3, information: &Cov3) -> Cov3 {
+    covariance.try_inverse().and_then(|prior| (prior + information).try_inverse()).unwrap_or(*covariance)
+}

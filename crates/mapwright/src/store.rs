@@ -1,0 +1,376 @@
+//! What lasts: the session, and beside it what the stages need of it: dense numbers, poses in the front end's frame and the
+//! length of the way. Only the mapper writes to it, entry by entry.
+
+use crate::live::Frames;
+use crate::patches::Spacing;
+use mapwright_geom::{Cov3, Pose, Pose2, Stamp};
+use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
+use mapwright_record::{
+    Beams, Candidate, Edge, EdgeKind, Entry, Fragment, FragmentStart, Keyframe, KeyframeId, LeftOut, LeftOutReason,
+    RecordedEdge, Run, RunId, ScanPose, Session, Snapshot, Verdict, WheelSlip,
+};
+use mapwright_sensor::Sweep;
+use nalgebra::Matrix3;
+use std::sync::Arc;
+
+mod new;
+
+pub(crate) use new::{Judged, Link, NewKeyframe, Slipped, Written};
+
+/// What lies between two keyframes that no measurement joins counts as so much way, metres.
+const FARTHEST_WAY_M: f64 = 1000.0;
+
+/// Place of a keyframe among those of the session; it never leaves memory.
+pub(crate) type NodeId = u32;
+
+/// The poses and measurements of all keyframes, by node.
+#[derive(Clone, Copy)]
+pub(crate) struct Past<'a> {
+    pub(crate) session: &'a Session,
+    /// What is drawn of each keyframe, if anything is.
+    pub(crate) drawn: &'a [Option<Arc<Sweep>>],
+    pub(crate) local_from_keyframe: &'a [Pose2],
+    /// Length of the way up to each keyframe, metres.
+    pub(crate) way_m: &'a [f64],
+}
+
+impl<'a> Past<'a> {
+    pub(crate) fn newest(self) -> Option<NodeId> {
+        self.local_from_keyframe.len().checked_sub(1).map(|newest| newest as NodeId)
+    }
+
+    pub(crate) fn pose(self, node: NodeId) -> Pose2 {
+        self.local_from_keyframe[node as usize]
+    }
+
+    /// The nodes of two keyframes, if they are there.
+    pub(crate) fn nodes(self, [a, b]: [KeyframeId; 2]) -> Option<[NodeId; 2]> {
+        Some([self.session.place(a)? as NodeId, self.session.place(b)? as NodeId])
+    }
+
+    /// Straight from the keyframe before to this one, metres.
+    pub(crate) fn step_m(self, node: usize) -> f64 {
+        self.local_from_keyframe[node - 1].distance(self.local_from_keyframe[node])
+    }
+
+    /// Length of the way between two keyframes, metres.
+    pub(crate) fn way_between_m(self, a: NodeId, b: NodeId) -> f64 {
+        (self.way_m[a as usize] - self.way_m[b as usize]).abs()
+    }
+
+    /// What the local map needs of it.
+    pub(crate) fn frames(self) -> Frames<'a> {
+        Frames { drawn: self.drawn, world_from_robot: self.local_from_keyframe }
+    }
+}
+
+/// A session as it grows.
+#[derive(Debug, Clone)]
+pub(crate) struct Store {
+    session: Session,
+    /// Poses in the front end's frame, in which the newest keyframe never jumps.
+    local_from_keyframe: Vec<Pose2>,
+    /// Moves when the past is corrected.
+    map_from_local: Pose2,
+    way_m: Vec<f64>,
+    /// Entries that nobody was told of yet.
+    fresh: Vec<Entry>,
+}
+
+impl Store {
+    pub(crate) fn new(run: RunId, settings: String) -> Self {
+        let mut store = Self {
+            session: Session::default(),
+            local_from_keyframe: Vec::new(),
+            map_from_local: Pose2::IDENTITY,
+            way_m: Vec::new(),
+            fresh: Vec::new(),
+        };
+        store.write(Entry::Run(Run { id: run, settings }));
+        store
+    }
+
+    /// The one place where a session grows.
+    fn write(&mut self, entry: Entry) {
+        let added = self.session.add(entry.clone());
+        debug_assert!(added.is_ok(), "{added:?}: {entry:?}");
+        if added.is_ok() {
+            self.fresh.push(entry);
+        }
+    }
+
+    /// What was written since the last time.
+    pub(crate) fn take_fresh(&mut self) -> Vec<Entry> {
+        std::mem::take(&mut self.fresh)
+    }
+
+    pub(crate) fn session(&self) -> &Session {
+        &self.session
+    }
+
+    pub(crate) fn past(&self) -> Past<'_> {
+        Past {
+            session: &self.session,
+            drawn: self.session.drawn(),
+            local_from_keyframe: &self.local_from_keyframe,
+            way_m: &self.way_m,
+        }
+    }
+
+    pub(crate) fn len(&self) -> NodeId {
+        self.local_from_keyframe.len() as NodeId
+    }
+
+    pub(crate) fn map_from_local(&self) -> Pose2 {
+        self.map_from_local
+    }
+
+    pub(crate) fn id(&self, node: NodeId) -> KeyframeId {
+        let known = self.session.keyframes().get(node as usize).map(|keyframe| keyframe.id);
+        // Of those that are not there only the next one is ever named.
+        known.or_else(|| self.session.next_id()).unwrap_or(RunId::default().keyframe(node))
+    }
+
+    pub(crate) fn node(&self, id: KeyframeId) -> Option<NodeId> {
+        self.session.place(id).map(|place| place as NodeId)
+    }
+
+    /// Number of the scan that comes next.
+    pub(crate) fn next_scan(&self) -> u64 {
+        self.session.scans().len() as u64
+    }
+
+    /// A scan, where it hangs on the newest keyframe.
+    pub(crate) fn add_scan(&mut self, stamp: Stamp, local_from_robot: Pose2, odom_from_robot: Pose2) {
+        let newest = self.past().newest();
+        let keyframe_from_robot =
+            newest.map_or(local_from_robot, |k| self.local_from_keyframe[k as usize].between(local_from_robot));
+        let keyframe = newest.map(|node| self.id(node));
+        self.write(Entry::Scan(ScanPose { stamp, keyframe, keyframe_from_robot, odom_from_robot }));
+    }
+
+    /// A keyframe with its edges: of odometry with the motion model's information, of the match with the scan's; never both
+    /// in one. `links` says whether a match with a keyframe is an edge already.
+    pub(crate) fn add_keyframe(
+        &mut self,
+        new: &NewKeyframe,
+        link: Link,
+        links: impl Fn(Past<'_>, NodeId) -> bool,
+    ) -> Written {
+        let node = self.add_alone(new);
+        let fragment = match (node, link) {
+            (0, _) => Some(FragmentStart::SwitchedOn),
+            (_, Link::Relocalised { .. }) => Some(FragmentStart::Relocalised),
+            _ => None,
+        };
+        if let Some(start) = fragment {
+            self.write(Entry::Fragment(Fragment { first: self.id(node), start }));
+        }
+        let Some(last) = node.checked_sub(1) else {
+            self.way_m.push(0.0);
+            return Written { node, links: Vec::new(), spacing: Spacing::default(), unjudged: None };
+        };
+        let (mut edges, mut known, mut unjudged) = (Vec::new(), Vec::new(), None);
+        let step = self.local_from_keyframe[last as usize].between(new.local_from_keyframe);
+        let mut step_m = step.x.hypot(step.y);
+        match link {
+            Link::Relocalised { from, covariance } => {
+                edges.push(self.edge(from, node, EdgeKind::Closure, information_of(&covariance)));
+                known.push((from, covariance));
+                step_m = FARTHEST_WAY_M;
+            }
+            Link::Odometry => {
+                edges.push(self.edge(last, node, EdgeKind::Odometry, information_of(&new.odometry)));
+                known.push((last, new.fused));
+            }
+        }
+        if let Some((anchor, information)) = new.matched.filter(|&(anchor, _)| anchor < node) {
+            let edge = self.edge(anchor, node, EdgeKind::Match, information);
+            if links(self.past(), anchor) { edges.push(edge) } else { unjudged = Some(edge) }
+            if known.iter().all(|&(from, _)| from != anchor) {
+                known.push((anchor, new.covariance));
+            }
+        }
+        self.way_m.push(self.way_m[last as usize] + step_m);
+        edges.into_iter().for_each(|edge| self.add_edge(edge, None));
+        let spacing = spacing(self.session.keyframes(), node as usize, step_m);
+        Written { node, links: known, spacing, unjudged }
+    }
+
+    fn add_alone(&mut self, new: &NewKeyframe) -> NodeId {
+        let node = self.len();
+        let keyframe = Arc::new(Keyframe {
+            id: self.id(node),
+            stamp: new.stamp,
+            scan: self.next_scan(),
+            sweep: Arc::clone(&new.sweep),
+            hardly_fits: new.hardly_fits,
+        });
+        let map_from_keyframe = self.map_from_local * new.local_from_keyframe;
+        self.local_from_keyframe.push(new.local_from_keyframe);
+        self.write(Entry::Keyframe { keyframe, map_from_keyframe });
+        if let Some((beams, reason)) = &new.left_out {
+            self.leave_out(node, beams.clone(), *reason);
+        }
+        node
+    }
+
+    /// Beams of a keyframe are not drawn from now on.
+    pub(crate) fn leave_out(&mut self, node: NodeId, beams: Beams, reason: LeftOutReason) {
+        self.write(Entry::LeftOut(LeftOut { keyframe: self.id(node), beams, reason }));
+    }
+
+    fn edge(&self, from: NodeId, to: NodeId, kind: EdgeKind, information: Cov3) -> Edge {
+        let from_from_to = self.local_from_keyframe[from as usize].between(self.local_from_keyframe[to as usize]);
+        Edge { from: self.id(from), to: self.id(to), kind, from_from_to, information }
+    }
+
+    pub(crate) fn add_edge(&mut self, edge: Edge, candidate: Option<u32>) {
+        self.write(Entry::Edge(RecordedEdge { edge, candidate }));
+    }
+
+    /// Takes a candidate down and returns its number.
+    pub(crate) fn add_candidate(&mut self, judged: &Judged) -> u32 {
+        let Judged { from, to, detection, evidence, verdict, from_from_to, covariance } = *judged;
+        let (from, to) = (self.id(from), self.id(to));
+        self.write(Entry::Candidate(Candidate { from, to, detection, evidence, verdict, from_from_to, covariance }));
+        self.session.candidates().len() as u32 - 1
+    }
+
+    /// A candidate is a closure: the edge that it makes, if it says where it leads and how surely.
+    pub(crate) fn accept(&mut self, number: u32) -> Option<Edge> {
+        let candidate = *self.session.candidates().get(number as usize)?;
+        if candidate.verdict != Verdict::Accepted {
+            let agreeing = candidate.evidence.agreeing;
+            self.write(Entry::Verdict { number, verdict: Verdict::Accepted, agreeing });
+        }
+        let Candidate { from, to, from_from_to, covariance, .. } = candidate;
+        let (from_from_to, information) = from_from_to.zip(covariance.try_inverse())?;
+        let edge = Edge { from, to, kind: EdgeKind::Closure, from_from_to, information };
+        self.add_edge(edge, Some(number));
+        Some(edge)
+    }
+
+    /// An edge says nothing any more, and what it was made of is none; its ends.
+    pub(crate) fn withdraw(&mut self, number: usize, verdict: Verdict) -> Option<[NodeId; 2]> {
+        let edge = *self.session.recorded_edges().get(number)?;
+        self.write(Entry::Withdrawn { number: number as u32 });
+        if let Some(number) = edge.recorded.candidate {
+            let agreeing = self.session.candidates()[number as usize].evidence.agreeing;
+            self.write(Entry::Verdict { number, verdict, agreeing });
+        }
+        Some(edge.ends)
+    }
+
+    /// A keyframe is not where it was thought to be: nothing leads there any more, and nothing of it is drawn.
+    pub(crate) fn disown(&mut self, node: NodeId, verdict: Verdict) {
+        let id = self.id(node);
+        let leads_there = |&at: &usize| self.session.recorded_edges()[at].ends[1] == node;
+        let edges: Vec<usize> = (0..self.session.recorded_edges().len()).filter(leads_there).collect();
+        edges.into_iter().for_each(|at| self.write(Entry::Withdrawn { number: at as u32 }));
+        let accepted = self.session.candidates().iter().enumerate();
+        let accepted = accepted.filter(|(_, c)| c.to == id && c.verdict == Verdict::Accepted);
+        let accepted: Vec<(u32, u32)> = accepted.map(|(at, c)| (at as u32, c.evidence.agreeing)).collect();
+        for (number, agreeing) in accepted {
+            self.write(Entry::Verdict { number, verdict, agreeing });
+        }
+        self.leave_out(node, Beams::All, LeftOutReason::OnTrial);
+    }
+
+    /// Whether a verified closure leads to one of the keyframes from `node` on.
+    pub(crate) fn is_closed_since(&self, node: NodeId) -> bool {
+        let closes = |edge: &&Edge| edge.kind == EdgeKind::Closure && self.node(edge.to).is_some_and(|to| to >= node);
+        self.session.edges().rev().any(|edge| closes(&edge))
+    }
+
+    /// The graph to be solved: every edge once, in the order they were found. Those that were withdrawn say nothing.
+    pub(crate) fn graph(&self) -> PoseGraph2 {
+        let poses = self.session.map_from_keyframe().iter().enumerate();
+        let vertex =
+            |(k, &world_from_vertex): (usize, &Pose2)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
+        let edges = self.session.recorded_edges().iter().map(|known| {
+            let [from, to] = known.ends.map(|end| end as usize);
+            let Edge { from_from_to, information, .. } = known.recorded.edge;
+            GraphEdge { from, to, from_from_to, information: if known.withdrawn { Matrix3::zeros() } else { information } }
+        });
+        PoseGraph2 { vertices: poses.map(vertex).collect(), edges: edges.collect(), ..PoseGraph2::default() }
+    }
+
+    /// Numbers of the edges that were made of candidates and stand.
+    pub(crate) fn closures(&self) -> Vec<usize> {
+        let edges = self.session.recorded_edges().iter().enumerate();
+        edges.filter(|(_, edge)| edge.recorded.candidate.is_some() && !edge.withdrawn).map(|(at, _)| at).collect()
+    }
+
+    /// Moves the past to where a solution has it, which may be older than the newest keyframes: they are carried along, and its
+    /// newest stays where it is in the front end's frame. The poses before, in that frame; none where the solution is of no use.
+    pub(crate) fn correct(&mut self, map_from_keyframe: &[Pose2]) -> Option<Vec<Pose2>> {
+        let last = map_from_keyframe.len().checked_sub(1)?;
+        if !map_from_keyframe.iter().all(|pose| pose.is_within_bounds()) {
+            return None;
+        }
+        let before = self.local_from_keyframe.clone();
+        self.map_from_local = map_from_keyframe[last] * self.local_from_keyframe[last].inverse();
+        let local_from_map = self.map_from_local.inverse();
+        for (local, &map) in self.local_from_keyframe.iter_mut().zip(map_from_keyframe) {
+            *local = local_from_map * map;
+        }
+        self.take_snapshot();
+        Some(before)
+    }
+
+    fn take_snapshot(&mut self) {
+        let Self { session, local_from_keyframe, map_from_local, .. } = self;
+        let poses = local_from_keyframe.iter().map(|&local| *map_from_local * local);
+        let moved = session.keyframes().iter().zip(session.map_from_keyframe()).zip(poses);
+        let moved = moved.filter(|((_, was), is)| *was != is).map(|((keyframe, _), is)| (keyframe.id, is));
+        let (number, moved): (u32, Vec<_>) = (session.corrections() + 1, moved.collect());
+        if moved.is_empty() {
+            return;
+        }
+        self.write(Entry::Snapshot(Snapshot { number, map_from_keyframe: moved }));
+    }
+
+    /// The wheels have slipped: keyframes from one on are moved, edges across say what they say now, the wheels' not much, and
+    /// matches of the last keyframes before with old places nothing, for they may have been led astray by it. The poses before.
+    pub(crate) fn shift(&mut self, slipped: &Slipped, doubted: impl Fn(Past<'_>, NodeId, NodeId) -> bool) -> Vec<Pose2> {
+        let Slipped { from, metres, .. } = *slipped;
+        let before = self.local_from_keyframe.clone();
+        for pose in &mut self.local_from_keyframe[from as usize..] {
+            *pose = slipped.new_from_old * *pose;
+        }
+        self.write(Entry::WheelSlip(WheelSlip { scan: self.next_scan(), from: self.id(from), metres }));
+        for number in 0..self.session.recorded_edges().len() {
+            self.remeasure(number, slipped, &doubted);
+        }
+        self.take_snapshot();
+        before
+    }
+
+    fn remeasure(&mut self, number: usize, slipped: &Slipped, doubted: impl Fn(Past<'_>, NodeId, NodeId) -> bool) {
+        let known = self.session.recorded_edges()[number];
+        let ([from, to], Edge { kind, information, .. }) = (known.ends, known.recorded.edge);
+        if known.withdrawn || kind == EdgeKind::Closure {
+            return;
+        }
+        let number = number as u32;
+        if kind == EdgeKind::Match && doubted(self.past(), from, to) {
+            self.write(Entry::Withdrawn { number });
+        } else if from < slipped.from && to >= slipped.from {
+            let [a, b] = [from, to].map(|node| self.local_from_keyframe[node as usize]);
+            let information = if from + 1 == to { slipped.weakened(information) } else { information };
+            self.write(Entry::Remeasured { number, from_from_to: a.between(b), information });
+        }
+    }
+}
+
+fn information_of(covariance: &Cov3) -> Cov3 {
+    covariance.try_inverse().unwrap_or_else(Cov3::zeros)
+}
+
+/// How far apart keyframes and scans are before a keyframe that is a step on from the last one.
+pub(crate) fn spacing(keyframes: &[Arc<Keyframe>], node: usize, step_m: f64) -> Spacing {
+    let scan = |node: usize| keyframes.get(node).map_or(0, |keyframe| keyframe.scan);
+    let scans = scan(node).saturating_sub(scan(node.saturating_sub(1))).max(1);
+    Spacing { keyframe_m: step_m, scan_m: step_m / scans as f64 }
+}
