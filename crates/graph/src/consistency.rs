@@ -6,64 +6,80 @@
 
 use crate::clique::largest_clique;
 use crate::group::{PoseGroup, RotationError};
-use nalgebra::SMatrix;
+use mapwright_geom::{Apart, Pose, Pose2, Pose3, TangentMatrix, compose_covariance, inverse_covariance};
 
 /// A relative pose and the covariance of its right perturbation, translation first.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Relative<P, const D: usize> {
+pub struct Relative<P: Pose> {
     /// `first_from_second`.
     pub pose: P,
     /// Of `pose * exp(noise)`.
-    pub covariance: SMatrix<f64, D, D>,
+    pub covariance: P::Matrix,
 }
 
-impl<P: PoseGroup<D>, const D: usize> Relative<P, D> {
+impl<P: Pose> Relative<P> {
     /// What is known for sure: a pose relative to itself.
     #[must_use]
     pub fn identity() -> Self {
-        Self { pose: P::default(), covariance: SMatrix::zeros() }
+        Self { pose: P::identity(), covariance: P::Matrix::zero() }
     }
 
     /// `a_from_c` of `a_from_b` and an independent `b_from_c`.
     #[must_use]
     pub fn then(&self, next: &Self) -> Self {
-        let carried = next.pose.inverse().adjoint();
-        Self {
-            pose: self.pose * next.pose,
-            covariance: carried * self.covariance * carried.transpose() + next.covariance,
-        }
+        let covariance = compose_covariance(&self.covariance, next.pose, &next.covariance);
+        Self { pose: self.pose * next.pose, covariance }
     }
 
     /// `b_from_a` of `a_from_b`.
     #[must_use]
     pub fn inverse(&self) -> Self {
-        let carried = self.pose.adjoint();
-        Self { pose: self.pose.inverse(), covariance: carried * self.covariance * carried.transpose() }
+        Self { pose: self.pose.inverse(), covariance: inverse_covariance(self.pose, &self.covariance) }
     }
 
     /// Squared distance from the identity in standard deviations; infinite where the covariance is not positive definite.
     #[must_use]
     pub fn chi2_of_cycle(&self) -> f64 {
-        let error = self.pose.coordinates(RotationError::RotationVector);
-        let jacobian = self.pose.coordinates_jacobian(RotationError::RotationVector);
-        let covariance = jacobian * self.covariance * jacobian.transpose();
-        let solved = covariance.cholesky().map(|factor| error.dot(&factor.solve(&error)));
-        solved.filter(|chi2| *chi2 >= 0.0).unwrap_or(f64::INFINITY)
+        P::apart::<CycleChi2>(*self)
     }
+}
+
+/// See [`Relative::chi2_of_cycle`].
+struct CycleChi2;
+
+impl Apart for CycleChi2 {
+    type Of<'a, P: Pose> = Relative<P>;
+    type Output<P: Pose> = f64;
+
+    fn plane(cycle: Relative<Pose2>) -> f64 {
+        chi2_of_cycle(&cycle)
+    }
+
+    fn space(cycle: Relative<Pose3>) -> f64 {
+        chi2_of_cycle(&cycle)
+    }
+}
+
+fn chi2_of_cycle<P: PoseGroup<D>, const D: usize>(cycle: &Relative<P>) -> f64 {
+    let error = cycle.pose.coordinates(RotationError::RotationVector);
+    let jacobian = cycle.pose.coordinates_jacobian(RotationError::RotationVector);
+    let covariance = jacobian * cycle.covariance * jacobian.transpose();
+    let solved = covariance.cholesky().map(|factor| error.dot(&factor.solve(&error)));
+    solved.filter(|chi2| *chi2 >= 0.0).unwrap_or(f64::INFINITY)
 }
 
 /// Two keyframes that are believed to have been seen from each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Closure<P, const D: usize> {
+pub struct Closure<P: Pose> {
     /// Place of one keyframe in the chain.
     pub from: usize,
     /// Place of the other.
     pub to: usize,
     /// `from_from_to`.
-    pub measured: Relative<P, D>,
+    pub measured: Relative<P>,
 }
 
-impl<P: PoseGroup<D>, const D: usize> Closure<P, D> {
+impl<P: Pose> Closure<P> {
     /// The same, from the earlier keyframe to the later.
     #[must_use]
     pub fn forwards(&self) -> Self {
@@ -110,14 +126,14 @@ pub struct Consistent {
 /// no cycle contradicts anything. Time and memory grow with the square of the closures; the same input gives the same
 /// set.
 #[must_use]
-pub fn largest_consistent_set<P: PoseGroup<D>, const D: usize>(
-    closures: &[Closure<P, D>],
-    chain: impl Fn(usize, usize) -> Option<Relative<P, D>>,
+pub fn largest_consistent_set<P: Pose>(
+    closures: &[Closure<P>],
+    chain: impl Fn(usize, usize) -> Option<Relative<P>>,
     settings: &ConsistencySettings,
 ) -> Consistent {
-    let threshold = settings.threshold_chi2.unwrap_or_else(|| quantile_99(D));
-    let forwards: Vec<Closure<P, D>> = closures.iter().map(Closure::forwards).collect();
-    let holds = |closure: &Closure<P, D>| {
+    let threshold = settings.threshold_chi2.unwrap_or_else(|| quantile_99(P::DIMENSION));
+    let forwards: Vec<Closure<P>> = closures.iter().map(Closure::forwards).collect();
+    let holds = |closure: &Closure<P>| {
         let alone = chain(closure.from, closure.to).map(|leg| closure.measured.then(&leg.inverse()));
         alone.is_none_or(|cycle| cycle.chi2_of_cycle() <= threshold)
     };
@@ -133,11 +149,11 @@ pub fn largest_consistent_set<P: PoseGroup<D>, const D: usize>(
 
 /// Once around: along the first closure, the chain, back along the second, the chain. Both must lead forwards, so that
 /// the pieces of the chain are as short as can be.
-pub(crate) fn cycle_of<P: PoseGroup<D>, const D: usize>(
-    first: &Closure<P, D>,
-    second: &Closure<P, D>,
-    chain: impl Fn(usize, usize) -> Option<Relative<P, D>>,
-) -> Option<Relative<P, D>> {
+pub(crate) fn cycle_of<P: Pose>(
+    first: &Closure<P>,
+    second: &Closure<P>,
+    chain: impl Fn(usize, usize) -> Option<Relative<P>>,
+) -> Option<Relative<P>> {
     let leg = |a: usize, b: usize| if a <= b { chain(a, b) } else { chain(b, a).map(|leg| leg.inverse()) };
     let outward = first.measured.then(&leg(first.to, second.to)?);
     Some(outward.then(&second.measured.inverse()).then(&leg(second.from, first.from)?))
@@ -155,7 +171,7 @@ mod tests {
     use nalgebra::{Matrix3, Vector3};
 
     /// Two rounds on a circle of 40 keyframes each; one metre and 9 degrees a step.
-    fn chain(a: usize, b: usize) -> Option<Relative<Pose2, 3>> {
+    fn chain(a: usize, b: usize) -> Option<Relative<Pose2>> {
         let step = Relative {
             pose: Pose2::exp([1.0, 0.0, std::f64::consts::TAU / 40.0]),
             covariance: Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5)),
@@ -163,7 +179,7 @@ mod tests {
         Some((a..b).fold(Relative::identity(), |so_far, _| so_far.then(&step)))
     }
 
-    fn closure(from: usize, to: usize, error: Pose2) -> Closure<Pose2, 3> {
+    fn closure(from: usize, to: usize, error: Pose2) -> Closure<Pose2> {
         let covariance = Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5));
         let pose = chain(from.min(to), from.max(to)).unwrap().pose;
         let pose = if from < to { pose } else { pose.inverse() };
