@@ -165,41 +165,53 @@ pub(crate) fn quantile_99(freedom: usize) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail loudly")]
 mod tests {
     use super::*;
-    use mapwright_geom::Pose2;
-    use nalgebra::{Matrix3, Vector3};
+    use mapwright_geom::Tangent;
 
-    /// Two rounds on a circle of 40 keyframes each; one metre and 9 degrees a step.
-    fn chain(a: usize, b: usize) -> Option<Relative<Pose2>> {
+    /// A motion in the plane; in space it also rises and rolls.
+    fn motion<P: Pose>(x: f64, y: f64, yaw: f64, out_of_plane: f64) -> P {
+        P::identity().retract(&P::Tangent::from_fn(|k| match k {
+            0 => x,
+            1 => y,
+            k if k + 1 == P::DIMENSION => yaw,
+            _ => out_of_plane,
+        }))
+    }
+
+    /// Two rounds of 40 keyframes each, on a circle or a helix; one metre and 9 degrees a step.
+    fn chain<P: Pose>(a: usize, b: usize) -> Option<Relative<P>> {
         let step = Relative {
-            pose: Pose2::exp([1.0, 0.0, std::f64::consts::TAU / 40.0]),
-            covariance: Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5)),
+            pose: motion(1.0, 0.0, std::f64::consts::TAU / 40.0, 0.05),
+            covariance: P::Matrix::from_variances(1e-4, 1e-5),
         };
         Some((a..b).fold(Relative::identity(), |so_far, _| so_far.then(&step)))
     }
 
-    fn closure(from: usize, to: usize, error: Pose2) -> Closure<Pose2> {
-        let covariance = Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5));
-        let pose = chain(from.min(to), from.max(to)).unwrap().pose;
+    fn closure<P: Pose>(from: usize, to: usize, error: P) -> Closure<P> {
+        let pose = chain::<P>(from.min(to), from.max(to)).unwrap().pose;
         let pose = if from < to { pose } else { pose.inverse() };
-        Closure { from, to, measured: Relative { pose: pose * error, covariance } }
+        Closure {
+            from,
+            to,
+            measured: Relative { pose: pose * error, covariance: P::Matrix::from_variances(1e-4, 1e-5) },
+        }
     }
 
-    #[test]
-    fn the_majority_that_agrees_is_found_and_its_rival_named() {
-        let small = Pose2::new(0.01, -0.01, 0.002);
+    fn majority_is_found<P: Pose>(shift_m: f64) {
+        let small = motion::<P>(0.01, -0.01, 0.002, 0.002);
         let mut closures: Vec<_> = (0..8).map(|k| closure(4 * k, 4 * k + 40, small)).collect();
         closures[3] = closure(52, 12, small);
         // four that agree with each other, within what the chain allows, but not with the others
         closures.extend((0..4).map(|k| {
-            let mut false_one = closure(2 + 4 * k, 42 + 4 * k, Pose2::IDENTITY);
-            let shift = Pose2::new(0.2, 0.0, 0.0);
-            let at = chain(0, 2 + 4 * k).unwrap().pose;
+            let mut false_one = closure(2 + 4 * k, 42 + 4 * k, P::identity());
+            let shift = P::identity().moved([shift_m, 0.0, 0.0]);
+            let at = chain::<P>(0, 2 + 4 * k).unwrap().pose;
             false_one.measured.pose = at.inverse() * shift * at * false_one.measured.pose;
             false_one
         }));
-        closures.push(closure(5, 33, Pose2::new(3.0, 2.0, 1.0)));
+        closures.push(closure(5, 33, motion(3.0, 2.0, 1.0, 1.0)));
         let found = largest_consistent_set(&closures, chain, &ConsistencySettings::default());
         assert_eq!(found.members, (0..8).collect::<Vec<_>>());
         assert_eq!((found.rivals, found.against_chain), ((8..12).collect(), vec![12]));
@@ -207,20 +219,40 @@ mod tests {
     }
 
     #[test]
-    fn a_closure_means_the_same_in_both_directions() {
-        let there = closure(3, 45, Pose2::new(0.1, 0.2, 0.03));
+    fn the_majority_that_agrees_is_found_and_its_rival_named() {
+        majority_is_found::<Pose2>(0.2);
+        majority_is_found::<Pose3>(0.25);
+    }
+
+    fn both_directions_mean_the_same<P: Pose>() {
+        let there = closure(3, 45, motion::<P>(0.1, 0.2, 0.03, 0.01));
         let back = Closure { from: 45, to: 3, measured: there.measured.inverse() }.forwards();
-        assert!((there.measured.pose.between(back.measured.pose)).to_vector().norm() < 1e-12);
-        assert!((there.measured.covariance - back.measured.covariance).norm() < 1e-12);
+        let apart = there.measured.pose.local(back.measured.pose);
+        let difference = there.measured.covariance - back.measured.covariance;
+        for row in 0..P::DIMENSION {
+            assert!(apart[row].abs() < 1e-12);
+            assert!((0..P::DIMENSION).all(|column| difference[(row, column)].abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn a_closure_means_the_same_in_both_directions() {
+        both_directions_mean_the_same::<Pose2>();
+        both_directions_mean_the_same::<Pose3>();
+    }
+
+    fn nonsense_is_survived<P: Pose>() {
+        let settings = ConsistencySettings::default();
+        assert_eq!(largest_consistent_set::<P>(&[], chain, &settings).members, Vec::<usize>::new());
+        let mut broken = closure(3, 45, P::identity());
+        broken.measured.covariance = P::Matrix::from_fn(|_, _| f64::NAN);
+        let found = largest_consistent_set(&[broken], chain, &settings);
+        assert_eq!((found.members, found.against_chain), (vec![], vec![0]));
     }
 
     #[test]
     fn nothing_and_nonsense_are_survived() {
-        let settings = ConsistencySettings::default();
-        assert_eq!(largest_consistent_set(&[], chain, &settings).members, Vec::<usize>::new());
-        let mut broken = closure(3, 45, Pose2::IDENTITY);
-        broken.measured.covariance.fill(f64::NAN);
-        let found = largest_consistent_set(&[broken], chain, &settings);
-        assert_eq!((found.members, found.against_chain), (vec![], vec![0]));
+        nonsense_is_survived::<Pose2>();
+        nonsense_is_survived::<Pose3>();
     }
 }

@@ -6,15 +6,15 @@
 //! already the other way.
 //!
 //! *Rotation in space.* Let `R_k` be the orientation after step `k`, and `w` the rotation vector, along the axes of the
-//! map, that is missing at the end: `R* = exp(w) R_n`. With `c_k` the sum of the shares up to step `k`,
-//! `R'_k = exp(c_k w) R_k` meets `R*` exactly at `c_n = 1`. Step `k` then turns from `R'_k-1` to `R'_k` by
-//! `R_k-1^T exp((c_k - c_k-1) w) R_k`: its own rotation and its share of `w`, seen from where the robot is. All shares
-//! turn about one axis of the map, so they commute, and nothing has to be iterated. To first order these are the most
-//! probable rotations where those of the steps err independently and about any axis alike, with variances in proportion to
-//! the shares: the least `sum |d_k|^2 / s_k` under `sum R_k d_k = w` is `d_k = s_k / (sum s) R_k^T w`. So do Dubbelman and
-//! Browning ("COP-SLAM", 2015; "trajectory bending") and, with slerp in place of the rotation vector, Grisetti, Stachniss
-//! and Burgard ("Nonlinear constraint network optimization for efficient map learning", 2009). A bias about an axis that
-//! turns with the robot out of the plane it drives in is not such an error: of it a rest is left to the translation.
+//! map, that is missing at the end: `R* = exp(w) R_n`. With `c_k` the sum of the shares up to step `k`, `R'_k = exp(c_k
+//! w) R_k` meets `R*` exactly at `c_n = 1`. Step `k` then turns from `R'_k-1` to `R'_k` by `R_k-1^T exp((c_k - c_k-1)
+//! w) R_k`: its own rotation and its share of `w`, seen from where the robot is. All shares turn about one axis of the
+//! map, so they commute, and nothing has to be iterated. To first order these are the most probable rotations where
+//! those of the steps err independently and about any axis alike, with variances in proportion to the shares: the least
+//! `sum |d_k|^2 / s_k` under `sum R_k d_k = w` is `d_k = s_k / (sum s) R_k^T w`. Akin are the pose chains of Dubbelman
+//! and Browning ("COP-SLAM", 2015) and, with slerp in place of the rotation vector, the paths of Grisetti, Stachniss
+//! and Burgard ("Nonlinear constraint network optimization for efficient map learning", 2009). A bias about an axis
+//! that turns with the robot out of the plane it drives in is no such error: of it a rest is left to the translation.
 
 use mapwright_geom::Pose;
 
