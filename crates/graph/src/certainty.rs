@@ -6,9 +6,9 @@
 //! and `q |x|^2`; adding the distances travelled instead would forbid a short loop for being a loop.
 //!
 //! *In space* a link errs by a rotation vector `d_i` with covariance `Q_i`, and `q_i` is the largest eigenvalue of that, the
-//! variance about the axis about which it is least certain. To first order it displaces `x` by `d_i x r`, `r = x - x_i`,
-//! along a unit vector `u` by `u . (d_i x r) = d_i . (r x u)`, whose variance is
-//! `(r x u)^T Q_i (r x u) <= q_i |r x u|^2 <= q_i |r|^2`. The largest eigenvalue of a sum of covariances is at most the sum
+//! variance about the axis about which it is least certain. To first order it displaces `x`, with
+//! `r = x - x_i`, by `cross(d_i, r)`, and along a unit vector `u` by `u . cross(d_i, r) = d_i . c` with `c = cross(r, u)`,
+//! whose variance is `c^T Q_i c <= q_i |c|^2 <= q_i |r|^2`. The largest eigenvalue of a sum of covariances is at most the sum
 //! of theirs (Weyl), so the variance of a path is at most as above in every direction, and just that where errors are alike
 //! about all axes and some `u` is square to all `r`, such as on a straight way. (Summed over three directions it would be
 //! `r^T (tr Q I - Q) r`; what is gated and reported here is one direction's.) Whichever axes a covariance is written along,
