@@ -17,7 +17,7 @@ pub(crate) fn information(sigma_m: f64, sigma_rad: f64) -> Cov3 {
 }
 
 /// An edge that says the truth about two keyframes.
-pub(crate) fn true_edge(world: &Simulated, [from, to]: [usize; 2], information: Cov3) -> Edge<Pose2, 3> {
+pub(crate) fn true_edge(world: &Simulated, [from, to]: [usize; 2], information: Cov3) -> Edge<Pose2> {
     Edge { from, to, from_from_to: world.true_between(from, to), information }
 }
 

@@ -136,22 +136,22 @@ pub trait Pose:
     fn moved(self, outer_m: [f64; 3]) -> Self;
 
     /// Does work that is written apart for the plane and for space; which of the two is known when this is compiled.
-    fn apart<W: Apart>(work: W::Of<Self>) -> W::Output<Self>;
+    fn apart<W: Apart>(work: W::Of<'_, Self>) -> W::Output<Self>;
 }
 
 /// Work that is not the same code in the plane and in space, or needs to know the number of components; done by
 /// [`Pose::apart`].
 pub trait Apart {
     /// What the work is done on.
-    type Of<P: Pose>;
+    type Of<'a, P: Pose>;
     /// What comes out.
     type Output<P: Pose>;
 
     /// The work in the plane.
-    fn plane(work: Self::Of<Pose2>) -> Self::Output<Pose2>;
+    fn plane(work: Self::Of<'_, Pose2>) -> Self::Output<Pose2>;
 
     /// The work in space.
-    fn space(work: Self::Of<Pose3>) -> Self::Output<Pose3>;
+    fn space(work: Self::Of<'_, Pose3>) -> Self::Output<Pose3>;
 }
 
 impl Pose for Pose2 {
@@ -238,7 +238,7 @@ impl Pose for Pose2 {
     }
 
     #[inline]
-    fn apart<W: Apart>(work: W::Of<Self>) -> W::Output<Self> {
+    fn apart<W: Apart>(work: W::Of<'_, Self>) -> W::Output<Self> {
         W::plane(work)
     }
 }
@@ -329,7 +329,7 @@ impl Pose for Pose3 {
     }
 
     #[inline]
-    fn apart<W: Apart>(work: W::Of<Self>) -> W::Output<Self> {
+    fn apart<W: Apart>(work: W::Of<'_, Self>) -> W::Output<Self> {
         W::space(work)
     }
 }

@@ -57,6 +57,9 @@ pub trait TangentMatrix:
     + Sealed
     + 'static
 {
+    /// Rows, and as many columns: 3 in the plane, 6 in space.
+    const SIZE: usize;
+
     /// What it is multiplied with.
     type Tangent;
 
@@ -119,6 +122,8 @@ macro_rules! tangent_matrix {
         }
 
         impl TangentMatrix for SMatrix<f64, $size, $size> {
+            const SIZE: usize = $size;
+
             type Tangent = SVector<f64, $size>;
 
             #[inline]

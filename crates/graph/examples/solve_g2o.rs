@@ -1,8 +1,9 @@
 //! Time of the solve alone: `cargo run --release -p mapwright-graph --example solve_g2o -- [--odometry] [--robust] [--plain] [--angles] FILE...`
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
+use mapwright_geom::Pose;
 use mapwright_graph::g2o::{AnyPoseGraph, read_g2o};
-use mapwright_graph::{Gnc, PoseGraph, PoseGroup, RotationError, SolverSettings, Start, optimize};
+use mapwright_graph::{Gnc, PoseGraph, RotationError, SolverSettings, Start, optimize};
 use std::time::Instant;
 
 fn main() {
@@ -23,7 +24,7 @@ fn main() {
     }
 }
 
-fn solve<P: PoseGroup<D>, const D: usize>(file: &str, graph: &PoseGraph<P, D>, settings: &SolverSettings) {
+fn solve<P: Pose>(file: &str, graph: &PoseGraph<P>, settings: &SolverSettings) {
     let runs = (0..7).map(|_| {
         let mut graph = graph.clone();
         let started = Instant::now();

@@ -6,64 +6,80 @@
 
 use crate::clique::largest_clique;
 use crate::group::{PoseGroup, RotationError};
-use nalgebra::SMatrix;
+use mapwright_geom::{Apart, Pose, Pose2, Pose3, TangentMatrix, compose_covariance, inverse_covariance};
 
 /// A relative pose and the covariance of its right perturbation, translation first.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Relative<P, const D: usize> {
+pub struct Relative<P: Pose> {
     /// `first_from_second`.
     pub pose: P,
     /// Of `pose * exp(noise)`.
-    pub covariance: SMatrix<f64, D, D>,
+    pub covariance: P::Matrix,
 }
 
-impl<P: PoseGroup<D>, const D: usize> Relative<P, D> {
+impl<P: Pose> Relative<P> {
     /// What is known for sure: a pose relative to itself.
     #[must_use]
     pub fn identity() -> Self {
-        Self { pose: P::default(), covariance: SMatrix::zeros() }
+        Self { pose: P::identity(), covariance: P::Matrix::zero() }
     }
 
     /// `a_from_c` of `a_from_b` and an independent `b_from_c`.
     #[must_use]
     pub fn then(&self, next: &Self) -> Self {
-        let carried = next.pose.inverse().adjoint();
-        Self {
-            pose: self.pose * next.pose,
-            covariance: carried * self.covariance * carried.transpose() + next.covariance,
-        }
+        let covariance = compose_covariance(&self.covariance, next.pose, &next.covariance);
+        Self { pose: self.pose * next.pose, covariance }
     }
 
     /// `b_from_a` of `a_from_b`.
     #[must_use]
     pub fn inverse(&self) -> Self {
-        let carried = self.pose.adjoint();
-        Self { pose: self.pose.inverse(), covariance: carried * self.covariance * carried.transpose() }
+        Self { pose: self.pose.inverse(), covariance: inverse_covariance(self.pose, &self.covariance) }
     }
 
     /// Squared distance from the identity in standard deviations; infinite where the covariance is not positive definite.
     #[must_use]
     pub fn chi2_of_cycle(&self) -> f64 {
-        let error = self.pose.coordinates(RotationError::RotationVector);
-        let jacobian = self.pose.coordinates_jacobian(RotationError::RotationVector);
-        let covariance = jacobian * self.covariance * jacobian.transpose();
-        let solved = covariance.cholesky().map(|factor| error.dot(&factor.solve(&error)));
-        solved.filter(|chi2| *chi2 >= 0.0).unwrap_or(f64::INFINITY)
+        P::apart::<CycleChi2>(*self)
     }
+}
+
+/// See [`Relative::chi2_of_cycle`].
+struct CycleChi2;
+
+impl Apart for CycleChi2 {
+    type Of<'a, P: Pose> = Relative<P>;
+    type Output<P: Pose> = f64;
+
+    fn plane(cycle: Relative<Pose2>) -> f64 {
+        chi2_of_cycle(&cycle)
+    }
+
+    fn space(cycle: Relative<Pose3>) -> f64 {
+        chi2_of_cycle(&cycle)
+    }
+}
+
+fn chi2_of_cycle<P: PoseGroup<D>, const D: usize>(cycle: &Relative<P>) -> f64 {
+    let error = cycle.pose.coordinates(RotationError::RotationVector);
+    let jacobian = cycle.pose.coordinates_jacobian(RotationError::RotationVector);
+    let covariance = jacobian * cycle.covariance * jacobian.transpose();
+    let solved = covariance.cholesky().map(|factor| error.dot(&factor.solve(&error)));
+    solved.filter(|chi2| *chi2 >= 0.0).unwrap_or(f64::INFINITY)
 }
 
 /// Two keyframes that are believed to have been seen from each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Closure<P, const D: usize> {
+pub struct Closure<P: Pose> {
     /// Place of one keyframe in the chain.
     pub from: usize,
     /// Place of the other.
     pub to: usize,
     /// `from_from_to`.
-    pub measured: Relative<P, D>,
+    pub measured: Relative<P>,
 }
 
-impl<P: PoseGroup<D>, const D: usize> Closure<P, D> {
+impl<P: Pose> Closure<P> {
     /// The same, from the earlier keyframe to the later.
     #[must_use]
     pub fn forwards(&self) -> Self {
@@ -110,14 +126,14 @@ pub struct Consistent {
 /// no cycle contradicts anything. Time and memory grow with the square of the closures; the same input gives the same
 /// set.
 #[must_use]
-pub fn largest_consistent_set<P: PoseGroup<D>, const D: usize>(
-    closures: &[Closure<P, D>],
-    chain: impl Fn(usize, usize) -> Option<Relative<P, D>>,
+pub fn largest_consistent_set<P: Pose>(
+    closures: &[Closure<P>],
+    chain: impl Fn(usize, usize) -> Option<Relative<P>>,
     settings: &ConsistencySettings,
 ) -> Consistent {
-    let threshold = settings.threshold_chi2.unwrap_or_else(|| quantile_99(D));
-    let forwards: Vec<Closure<P, D>> = closures.iter().map(Closure::forwards).collect();
-    let holds = |closure: &Closure<P, D>| {
+    let threshold = settings.threshold_chi2.unwrap_or_else(|| quantile_99(P::DIMENSION));
+    let forwards: Vec<Closure<P>> = closures.iter().map(Closure::forwards).collect();
+    let holds = |closure: &Closure<P>| {
         let alone = chain(closure.from, closure.to).map(|leg| closure.measured.then(&leg.inverse()));
         alone.is_none_or(|cycle| cycle.chi2_of_cycle() <= threshold)
     };
@@ -133,11 +149,11 @@ pub fn largest_consistent_set<P: PoseGroup<D>, const D: usize>(
 
 /// Once around: along the first closure, the chain, back along the second, the chain. Both must lead forwards, so that
 /// the pieces of the chain are as short as can be.
-pub(crate) fn cycle_of<P: PoseGroup<D>, const D: usize>(
-    first: &Closure<P, D>,
-    second: &Closure<P, D>,
-    chain: impl Fn(usize, usize) -> Option<Relative<P, D>>,
-) -> Option<Relative<P, D>> {
+pub(crate) fn cycle_of<P: Pose>(
+    first: &Closure<P>,
+    second: &Closure<P>,
+    chain: impl Fn(usize, usize) -> Option<Relative<P>>,
+) -> Option<Relative<P>> {
     let leg = |a: usize, b: usize| if a <= b { chain(a, b) } else { chain(b, a).map(|leg| leg.inverse()) };
     let outward = first.measured.then(&leg(first.to, second.to)?);
     Some(outward.then(&second.measured.inverse()).then(&leg(second.from, first.from)?))
@@ -149,41 +165,53 @@ pub(crate) fn quantile_99(freedom: usize) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail loudly")]
 mod tests {
     use super::*;
-    use mapwright_geom::Pose2;
-    use nalgebra::{Matrix3, Vector3};
+    use mapwright_geom::Tangent;
 
-    /// Two rounds on a circle of 40 keyframes each; one metre and 9 degrees a step.
-    fn chain(a: usize, b: usize) -> Option<Relative<Pose2, 3>> {
+    /// A motion in the plane; in space it also rises and rolls.
+    fn motion<P: Pose>(x: f64, y: f64, yaw: f64, out_of_plane: f64) -> P {
+        P::identity().retract(&P::Tangent::from_fn(|k| match k {
+            0 => x,
+            1 => y,
+            k if k + 1 == P::DIMENSION => yaw,
+            _ => out_of_plane,
+        }))
+    }
+
+    /// Two rounds of 40 keyframes each, on a circle or a helix; one metre and 9 degrees a step.
+    fn chain<P: Pose>(a: usize, b: usize) -> Option<Relative<P>> {
         let step = Relative {
-            pose: Pose2::exp([1.0, 0.0, std::f64::consts::TAU / 40.0]),
-            covariance: Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5)),
+            pose: motion(1.0, 0.0, std::f64::consts::TAU / 40.0, 0.05),
+            covariance: P::Matrix::from_variances(1e-4, 1e-5),
         };
         Some((a..b).fold(Relative::identity(), |so_far, _| so_far.then(&step)))
     }
 
-    fn closure(from: usize, to: usize, error: Pose2) -> Closure<Pose2, 3> {
-        let covariance = Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 1e-5));
-        let pose = chain(from.min(to), from.max(to)).unwrap().pose;
+    fn closure<P: Pose>(from: usize, to: usize, error: P) -> Closure<P> {
+        let pose = chain::<P>(from.min(to), from.max(to)).unwrap().pose;
         let pose = if from < to { pose } else { pose.inverse() };
-        Closure { from, to, measured: Relative { pose: pose * error, covariance } }
+        Closure {
+            from,
+            to,
+            measured: Relative { pose: pose * error, covariance: P::Matrix::from_variances(1e-4, 1e-5) },
+        }
     }
 
-    #[test]
-    fn the_majority_that_agrees_is_found_and_its_rival_named() {
-        let small = Pose2::new(0.01, -0.01, 0.002);
+    fn majority_is_found<P: Pose>(shift_m: f64) {
+        let small = motion::<P>(0.01, -0.01, 0.002, 0.002);
         let mut closures: Vec<_> = (0..8).map(|k| closure(4 * k, 4 * k + 40, small)).collect();
         closures[3] = closure(52, 12, small);
         // four that agree with each other, within what the chain allows, but not with the others
         closures.extend((0..4).map(|k| {
-            let mut false_one = closure(2 + 4 * k, 42 + 4 * k, Pose2::IDENTITY);
-            let shift = Pose2::new(0.2, 0.0, 0.0);
-            let at = chain(0, 2 + 4 * k).unwrap().pose;
+            let mut false_one = closure(2 + 4 * k, 42 + 4 * k, P::identity());
+            let shift = P::identity().moved([shift_m, 0.0, 0.0]);
+            let at = chain::<P>(0, 2 + 4 * k).unwrap().pose;
             false_one.measured.pose = at.inverse() * shift * at * false_one.measured.pose;
             false_one
         }));
-        closures.push(closure(5, 33, Pose2::new(3.0, 2.0, 1.0)));
+        closures.push(closure(5, 33, motion(3.0, 2.0, 1.0, 1.0)));
         let found = largest_consistent_set(&closures, chain, &ConsistencySettings::default());
         assert_eq!(found.members, (0..8).collect::<Vec<_>>());
         assert_eq!((found.rivals, found.against_chain), ((8..12).collect(), vec![12]));
@@ -191,20 +219,40 @@ mod tests {
     }
 
     #[test]
-    fn a_closure_means_the_same_in_both_directions() {
-        let there = closure(3, 45, Pose2::new(0.1, 0.2, 0.03));
+    fn the_majority_that_agrees_is_found_and_its_rival_named() {
+        majority_is_found::<Pose2>(0.2);
+        majority_is_found::<Pose3>(0.25);
+    }
+
+    fn both_directions_mean_the_same<P: Pose>() {
+        let there = closure(3, 45, motion::<P>(0.1, 0.2, 0.03, 0.01));
         let back = Closure { from: 45, to: 3, measured: there.measured.inverse() }.forwards();
-        assert!((there.measured.pose.between(back.measured.pose)).to_vector().norm() < 1e-12);
-        assert!((there.measured.covariance - back.measured.covariance).norm() < 1e-12);
+        let apart = there.measured.pose.local(back.measured.pose);
+        let difference = there.measured.covariance - back.measured.covariance;
+        for row in 0..P::DIMENSION {
+            assert!(apart[row].abs() < 1e-12);
+            assert!((0..P::DIMENSION).all(|column| difference[(row, column)].abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn a_closure_means_the_same_in_both_directions() {
+        both_directions_mean_the_same::<Pose2>();
+        both_directions_mean_the_same::<Pose3>();
+    }
+
+    fn nonsense_is_survived<P: Pose>() {
+        let settings = ConsistencySettings::default();
+        assert_eq!(largest_consistent_set::<P>(&[], chain, &settings).members, Vec::<usize>::new());
+        let mut broken = closure(3, 45, P::identity());
+        broken.measured.covariance = P::Matrix::from_fn(|_, _| f64::NAN);
+        let found = largest_consistent_set(&[broken], chain, &settings);
+        assert_eq!((found.members, found.against_chain), (vec![], vec![0]));
     }
 
     #[test]
     fn nothing_and_nonsense_are_survived() {
-        let settings = ConsistencySettings::default();
-        assert_eq!(largest_consistent_set(&[], chain, &settings).members, Vec::<usize>::new());
-        let mut broken = closure(3, 45, Pose2::IDENTITY);
-        broken.measured.covariance.fill(f64::NAN);
-        let found = largest_consistent_set(&[broken], chain, &settings);
-        assert_eq!((found.members, found.against_chain), (vec![], vec![0]));
+        nonsense_is_survived::<Pose2>();
+        nonsense_is_survived::<Pose3>();
     }
 }

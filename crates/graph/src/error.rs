@@ -16,7 +16,7 @@ pub enum GraphError {
         /// How many vertices there are.
         vertices: usize,
     },
-    /// A vertex has no finite pose, or one beyond [`LARGEST_M`](crate::LARGEST_M).
+    /// A vertex has no finite pose, or one beyond [`FARTHEST_M`](mapwright_geom::FARTHEST_M).
     #[error("vertex {id}: expected a pose within 10^6 m, found {found}")]
     Pose {
         /// The vertex.

@@ -2,6 +2,7 @@
 //! non-convexity for robust spatial perception", section IV): closures that contradict the others lose their say.
 
 use crate::consensus::Consensus;
+use crate::consistency::quantile_99;
 use crate::group::PoseGroup;
 use crate::optimize::Descent;
 use crate::problem::{Normal, Problem};
@@ -33,11 +34,6 @@ impl Default for Gnc {
     }
 }
 
-/// 99 % quantile of chi-square with three degrees of freedom.
-const QUANTILE_3: f64 = 11.345;
-/// The same with six.
-const QUANTILE_6: f64 = 16.812;
-
 /// Finds the weights, and moves the poses on the way.
 pub(crate) fn graduate<P: PoseGroup<D>, const D: usize>(
     gnc: &Gnc,
@@ -48,7 +44,7 @@ pub(crate) fn graduate<P: PoseGroup<D>, const D: usize>(
     weights: &mut [f64],
     descent: &mut Descent,
 ) {
-    let threshold = gnc.threshold_chi2.unwrap_or(if D == 3 { QUANTILE_3 } else { QUANTILE_6 });
+    let threshold = gnc.threshold_chi2.unwrap_or_else(|| quantile_99(D));
     let closures: Vec<usize> = (0..trusted.len()).filter(|&at| !trusted[at]).collect();
     let worst = closures.iter().map(|&at| problem.term_chi2(at, poses)).fold(0.0, f64::max);
     if worst <= threshold {

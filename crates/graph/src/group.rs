@@ -1,9 +1,7 @@
-//! What the solver needs to know about poses, for the plane and for space.
+//! What the solver needs to know about poses beside [`Pose`], for the plane and for space.
 
-use mapwright_geom::{Pose2, Pose3, skew, wrap_angle};
+use mapwright_geom::{Pose, Pose2, Pose3, skew, wrap_angle};
 use nalgebra::{Matrix2, Matrix3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
-use std::fmt::Debug;
-use std::ops::Mul;
 
 /// How the rotation of an error in space is measured, and hence what its information means; the plane has one way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -16,20 +14,10 @@ pub enum RotationError {
     RotationVector,
 }
 
-/// A group of rigid motions with tangents of `D` components, translation first, that perturb from the right.
-pub trait PoseGroup<const D: usize>: Copy + Debug + PartialEq + Default + Mul<Output = Self> {
-    /// `b_from_a` of `a_from_b`.
-    #[must_use]
-    fn inverse(self) -> Self;
-
-    /// `self * exp(tangent)`.
-    #[must_use]
-    fn retract(self, tangent: &SVector<f64, D>) -> Self;
-
-    /// `self * exp(t) = exp(self.adjoint() * t) * self`.
-    #[must_use]
-    fn adjoint(self) -> SMatrix<f64, D, D>;
-
+/// Poses with tangents of `D` components, and how their errors are measured and linearised.
+pub(crate) trait PoseGroup<const D: usize>:
+    Pose<Tangent = SVector<f64, D>, Matrix = SMatrix<f64, D, D>>
+{
     /// Coordinates of an error pose in which chi-square is measured, to first order its tangent.
     #[must_use]
     fn coordinates(self, metric: RotationError) -> SVector<f64, D>;
@@ -66,25 +54,9 @@ pub trait PoseGroup<const D: usize>: Copy + Debug + PartialEq + Default + Mul<Ou
     /// The pose with the rotation nearest to a matrix; none where no rotation is nearest.
     #[must_use]
     fn from_parts(rotation: &Matrix3<f64>, translation: Vector3<f64>) -> Option<Self>;
-
-    /// Whether every component is finite.
-    #[must_use]
-    fn is_finite(self) -> bool;
 }
 
 impl PoseGroup<3> for Pose2 {
-    fn inverse(self) -> Self {
-        self.inverse()
-    }
-
-    fn retract(self, tangent: &SVector<f64, 3>) -> Self {
-        self * Self::exp((*tangent).into())
-    }
-
-    fn adjoint(self) -> SMatrix<f64, 3, 3> {
-        self.adjoint()
-    }
-
     fn coordinates(self, _: RotationError) -> SVector<f64, 3> {
         SVector::<f64, 3>::new(self.x, self.y, wrap_angle(self.theta))
     }
@@ -130,25 +102,9 @@ impl PoseGroup<3> for Pose2 {
         let pose = Self::new(translation.x, translation.y, sine.atan2(cosine));
         (cosine.hypot(sine) > 1e-9 && pose.is_finite()).then_some(pose)
     }
-
-    fn is_finite(self) -> bool {
-        self.is_finite()
-    }
 }
 
 impl PoseGroup<6> for Pose3 {
-    fn inverse(self) -> Self {
-        self.inverse()
-    }
-
-    fn retract(self, tangent: &SVector<f64, 6>) -> Self {
-        self * Self::exp(*tangent)
-    }
-
-    fn adjoint(self) -> SMatrix<f64, 6, 6> {
-        self.adjoint()
-    }
-
     fn coordinates(self, metric: RotationError) -> SVector<f64, 6> {
         let t = self.translation;
         let turn = match metric {
@@ -187,10 +143,6 @@ impl PoseGroup<6> for Pose3 {
         let nearest = polar_rotation(rotation).or_else(|| nearest_rotation(rotation))?;
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(nearest));
         Some(Self { translation, rotation }).filter(|pose| pose.is_finite())
-    }
-
-    fn is_finite(self) -> bool {
-        self.is_finite()
     }
 }
 
@@ -310,7 +262,7 @@ mod tests {
             let space = Pose3::exp(t.into());
             let (rotation, translation) = space.parts();
             let again = Pose3::from_parts(&(rotation * scale), translation).unwrap();
-            prop_assert!(space.inverse().mul(again).coordinates(RotationError::default()).norm() < 1e-9);
+            prop_assert!(space.between(again).coordinates(RotationError::default()).norm() < 1e-9);
             let plane = Pose2::new(t[0], t[1], t[2]);
             let (rotation, translation) = plane.parts();
             let again = Pose2::from_parts(&(rotation * scale), translation).unwrap();

@@ -11,8 +11,8 @@ const LEAST_WEIGHT: f64 = 1e-9;
 
 /// Rotations and then translations by linear least squares; none where either system cannot be solved.
 pub(crate) fn chordal_poses<P: PoseGroup<D>, const D: usize>(problem: &Problem<P, D>, poses: &[P]) -> Option<Vec<P>> {
-    let planar = D == 3;
-    let rotations = if planar { rotations::<P, D, 2>(problem, poses)? } else { rotations::<P, D, 3>(problem, poses)? };
+    let rotations =
+        if P::TRANSLATION == 2 { rotations::<P, D, 2>(problem, poses)? } else { rotations::<P, D, 3>(problem, poses)? };
     let translations = translations(problem, poses, &rotations)?;
     let pose = |v: usize| match problem.places[v] {
         Some(_) => P::from_parts(&rotations[v], translations[v]),
@@ -26,7 +26,7 @@ fn rotations<P: PoseGroup<D>, const D: usize, const B: usize>(
     problem: &Problem<P, D>,
     poses: &[P],
 ) -> Option<Vec<Matrix3<f64>>> {
-    let weights = mean_information(problem, if D == 3 { 2..3 } else { 3..6 });
+    let weights = mean_information(problem, P::TRANSLATION..D);
     let mut system = BlockSystem::<B>::new(&problem.pattern);
     let n = problem.variables * B;
     let mut right = vec![0.0; n * B];
@@ -72,7 +72,7 @@ fn translations<P: PoseGroup<D>, const D: usize>(
     poses: &[P],
     rotations: &[Matrix3<f64>],
 ) -> Option<Vec<Vector3<f64>>> {
-    let weights = mean_information(problem, 0..if D == 3 { 2 } else { 3 });
+    let weights = mean_information(problem, 0..P::TRANSLATION);
     let mut system = BlockSystem::<1>::new(&problem.pattern);
     let n = problem.variables;
     let mut right = vec![0.0; 3 * n];

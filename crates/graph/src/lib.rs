@@ -41,8 +41,6 @@ pub use consensus::{Consensus, Refusal};
 pub use consistency::{Closure, ConsistencySettings, Consistent, Relative, largest_consistent_set};
 pub use error::GraphError;
 pub use gnc::Gnc;
-pub use group::{PoseGroup, RotationError};
+pub use group::RotationError;
 pub use optimize::{Solution, SolverSettings, Start, optimize};
-pub use pose_graph::{
-    Edge, LARGEST_INFORMATION, LARGEST_M, PoseGraph, PoseGraph2, PoseGraph3, Vertex, nearest_information,
-};
+pub use pose_graph::{Edge, LARGEST_INFORMATION, PoseGraph, PoseGraph2, PoseGraph3, Vertex, nearest_information};

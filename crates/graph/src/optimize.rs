@@ -7,6 +7,7 @@ use crate::group::PoseGroup;
 use crate::initial::chordal_poses;
 use crate::pose_graph::PoseGraph;
 use crate::problem::{Normal, Problem};
+use mapwright_geom::{Apart, Pose, Pose2, Pose3};
 use nalgebra::SVector;
 
 /// Where the search starts.
@@ -69,8 +70,28 @@ pub struct Solution {
 ///
 /// # Errors
 /// See [`PoseGraph::check`]; or the factor does not fit into memory.
-pub fn optimize<P: PoseGroup<D>, const D: usize>(
-    graph: &mut PoseGraph<P, D>,
+pub fn optimize<P: Pose>(graph: &mut PoseGraph<P>, settings: &SolverSettings) -> Result<Solution, GraphError> {
+    P::apart::<Optimising>((graph, settings))
+}
+
+/// The solver knows the number of components when it is compiled.
+struct Optimising;
+
+impl Apart for Optimising {
+    type Of<'a, P: Pose> = (&'a mut PoseGraph<P>, &'a SolverSettings);
+    type Output<P: Pose> = Result<Solution, GraphError>;
+
+    fn plane((graph, settings): Self::Of<'_, Pose2>) -> Self::Output<Pose2> {
+        optimized(graph, settings)
+    }
+
+    fn space((graph, settings): Self::Of<'_, Pose3>) -> Self::Output<Pose3> {
+        optimized(graph, settings)
+    }
+}
+
+fn optimized<P: PoseGroup<D>, const D: usize>(
+    graph: &mut PoseGraph<P>,
     settings: &SolverSettings,
 ) -> Result<Solution, GraphError> {
     if settings.start == Start::Odometry {
@@ -116,7 +137,7 @@ pub fn optimize<P: PoseGroup<D>, const D: usize>(
 
 /// With the closures that find believers, or none of them.
 fn optimize_believed<P: PoseGroup<D>, const D: usize>(
-    graph: &mut PoseGraph<P, D>,
+    graph: &mut PoseGraph<P>,
     settings: &SolverSettings,
     consensus: &Consensus,
 ) -> Result<Solution, GraphError> {
@@ -131,7 +152,7 @@ fn optimize_believed<P: PoseGroup<D>, const D: usize>(
         graph.vertices.iter_mut().zip(&belief.poses).for_each(|(vertex, pose)| vertex.world_from_vertex = *pose);
     }
     let solution =
-        solved.and_then(|()| optimize(graph, &SolverSettings { start: Start::Given, robust: None, ..*settings }));
+        solved.and_then(|()| optimized(graph, &SolverSettings { start: Start::Given, robust: None, ..*settings }));
     graph.edges = edges;
     let weights = kept.iter().map(|kept| f64::from(u8::from(*kept))).collect();
     Ok(Solution { chi2_before, refused, weights, ..solution? })

@@ -2,12 +2,10 @@
 
 use crate::error::GraphError;
 use crate::group::{PoseGroup, RotationError};
-use mapwright_geom::{Pose2, Pose3};
+use mapwright_geom::{Apart, Pose, Pose2, Pose3, TangentMatrix};
 use nalgebra::{DMatrix, SMatrix};
 use std::collections::VecDeque;
 
-/// Poses beyond this are refused, metres.
-pub const LARGEST_M: f64 = 1e6;
 /// Entries of an information matrix beyond this are refused.
 pub const LARGEST_INFORMATION: f64 = 1e15;
 
@@ -24,7 +22,7 @@ pub struct Vertex<P> {
 
 /// A measured relative pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Edge<P, const D: usize> {
+pub struct Edge<P: Pose> {
     /// Place of the first vertex in [`PoseGraph::vertices`].
     pub from: usize,
     /// Place of the second.
@@ -32,46 +30,39 @@ pub struct Edge<P, const D: usize> {
     /// The second vertex, seen from the first.
     pub from_from_to: P,
     /// Inverse covariance of its right perturbation, translation first.
-    pub information: SMatrix<f64, D, D>,
+    pub information: P::Matrix,
 }
 
 /// Vertices and edges.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PoseGraph<P, const D: usize> {
+pub struct PoseGraph<P: Pose> {
     /// The poses.
     pub vertices: Vec<Vertex<P>>,
     /// The measurements.
-    pub edges: Vec<Edge<P, D>>,
+    pub edges: Vec<Edge<P>>,
     /// How rotations of errors are measured.
     pub metric: RotationError,
 }
 
 /// A pose graph of the plane.
-pub type PoseGraph2 = PoseGraph<Pose2, 3>;
+pub type PoseGraph2 = PoseGraph<Pose2>;
 /// A pose graph of space.
-pub type PoseGraph3 = PoseGraph<Pose3, 6>;
+pub type PoseGraph3 = PoseGraph<Pose3>;
 
-impl<P, const D: usize> Default for PoseGraph<P, D> {
+impl<P: Pose> Default for PoseGraph<P> {
     fn default() -> Self {
         Self { vertices: Vec::new(), edges: Vec::new(), metric: RotationError::default() }
     }
 }
 
-impl<P: PoseGroup<D>, const D: usize> PoseGraph<P, D> {
+impl<P: Pose> PoseGraph<P> {
     /// Weighted squared errors of all edges as [`PoseGraph::metric`] says.
     ///
     /// # Errors
     /// See [`PoseGraph::check`].
     pub fn chi2(&self) -> Result<f64, GraphError> {
         self.check()?;
-        Ok(self.edges.iter().map(|edge| self.edge_chi2(edge)).sum())
-    }
-
-    /// Weighted squared error of one edge of this graph.
-    fn edge_chi2(&self, edge: &Edge<P, D>) -> f64 {
-        let [first, second] = [edge.from, edge.to].map(|v| self.vertices[v].world_from_vertex);
-        let error = (edge.from_from_to.inverse() * (first.inverse() * second)).coordinates(self.metric);
-        error.dot(&(nearest_information(&edge.information).0 * error))
+        Ok(P::apart::<Chi2>(self))
     }
 
     /// Refuses what cannot be solved.
@@ -82,16 +73,16 @@ impl<P: PoseGroup<D>, const D: usize> PoseGraph<P, D> {
     pub fn check(&self) -> Result<(), GraphError> {
         let vertices = self.vertices.len();
         for vertex in &self.vertices {
-            if !is_usable(vertex.world_from_vertex) {
+            if !vertex.world_from_vertex.is_within_bounds() {
                 return Err(GraphError::Pose { id: vertex.id, found: format!("{:?}", vertex.world_from_vertex) });
             }
         }
-        for (at, &Edge { from, to, from_from_to, ref information }) in self.edges.iter().enumerate() {
+        for (at, &Edge { from, to, from_from_to, information }) in self.edges.iter().enumerate() {
             if from >= vertices || to >= vertices || from == to {
                 return Err(GraphError::Vertices { edge: at, from, to, vertices });
             }
             // not `>`: NaN must fail
-            if !is_usable(from_from_to) || !information.iter().all(|v| v.abs() <= LARGEST_INFORMATION) {
+            if !from_from_to.is_within_bounds() || !entries(&information).all(|v| v.abs() <= LARGEST_INFORMATION) {
                 return Err(GraphError::Measurement { edge: at });
             }
         }
@@ -102,7 +93,7 @@ impl<P: PoseGroup<D>, const D: usize> PoseGraph<P, D> {
     #[must_use]
     pub fn odometry(&self) -> Vec<bool> {
         let (rank, _) = self.ranks();
-        let is_next = |edge: &Edge<P, D>| rank.get(edge.from).zip(rank.get(edge.to)).is_some_and(|(a, b)| a + 1 == *b);
+        let is_next = |edge: &Edge<P>| rank.get(edge.from).zip(rank.get(edge.to)).is_some_and(|(a, b)| a + 1 == *b);
         self.edges.iter().map(is_next).collect()
     }
 
@@ -223,12 +214,35 @@ impl<P: PoseGroup<D>, const D: usize> PoseGraph<P, D> {
 }
 
 /// Whether an edge says anything.
-fn binds<P, const D: usize>(edge: &Edge<P, D>) -> bool {
-    edge.information.iter().any(|&v| v != 0.0)
+fn binds<P: Pose>(edge: &Edge<P>) -> bool {
+    entries(&edge.information).any(|v| v != 0.0)
 }
 
-fn is_usable<P: PoseGroup<D>, const D: usize>(pose: P) -> bool {
-    pose.is_finite() && pose.parts().1.iter().all(|v| v.abs() <= LARGEST_M)
+fn entries<M: TangentMatrix>(matrix: &M) -> impl Iterator<Item = f64> {
+    (0..M::SIZE).flat_map(move |row| (0..M::SIZE).map(move |column| matrix[(row, column)]))
+}
+
+/// Chi-square of a graph that has been checked.
+struct Chi2;
+
+impl Apart for Chi2 {
+    type Of<'a, P: Pose> = &'a PoseGraph<P>;
+    type Output<P: Pose> = f64;
+
+    fn plane(graph: &PoseGraph2) -> f64 {
+        graph.edges.iter().map(|edge| edge_chi2(graph, edge)).sum()
+    }
+
+    fn space(graph: &PoseGraph3) -> f64 {
+        graph.edges.iter().map(|edge| edge_chi2(graph, edge)).sum()
+    }
+}
+
+/// Weighted squared error of one edge of a graph.
+fn edge_chi2<P: PoseGroup<D>, const D: usize>(graph: &PoseGraph<P>, edge: &Edge<P>) -> f64 {
+    let [first, second] = [edge.from, edge.to].map(|v| graph.vertices[v].world_from_vertex);
+    let error = (edge.from_from_to.inverse() * (first.inverse() * second)).coordinates(graph.metric);
+    error.dot(&(nearest_information(&edge.information).0 * error))
 }
 
 /// The nearest positive semidefinite matrix in the Frobenius norm (Higham 1988), and whether that is another one.

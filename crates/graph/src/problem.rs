@@ -28,7 +28,7 @@ pub(crate) struct Term<P, const D: usize> {
 }
 
 impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
-    pub(crate) fn new(graph: &PoseGraph<P, D>) -> Result<Self, GraphError> {
+    pub(crate) fn new(graph: &PoseGraph<P>) -> Result<Self, GraphError> {
         graph.check()?;
         let mut projected = 0;
         let terms = graph.edges.iter().map(|edge| {
@@ -65,7 +65,7 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
     pub(crate) fn largest_turn(&self, poses: &[P]) -> f64 {
         let turn = |term: &Term<P, D>| {
             let error = term.to_from_from.error_between(poses[term.from], poses[term.to], self.metric);
-            error.iter().skip(if D == 3 { 2 } else { 3 }).map(|v| v * v).sum::<f64>()
+            error.iter().skip(P::TRANSLATION).map(|v| v * v).sum::<f64>()
         };
         self.terms.iter().map(turn).fold(0.0, f64::max).sqrt()
     }

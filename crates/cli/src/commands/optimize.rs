@@ -4,8 +4,9 @@ use crate::args::{Information, OptimizeArgs, StartFrom};
 use crate::failure::{Failure, Outcome};
 use crate::report::remarks;
 use crate::terminal::{count, grouped, say, say_json};
+use mapwright_geom::Pose;
 use mapwright_graph::g2o::{AnyPoseGraph, G2oReport, read_g2o, write_g2o};
-use mapwright_graph::{Gnc, PoseGraph, PoseGroup, Refusal, RotationError, Solution, SolverSettings, Start, optimize};
+use mapwright_graph::{Gnc, PoseGraph, Refusal, RotationError, Solution, SolverSettings, Start, optimize};
 use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -61,13 +62,13 @@ fn read(path: &Path, information: Information) -> Result<(AnyPoseGraph, G2oRepor
     Ok((read.graph, read.report))
 }
 
-fn solve<P: PoseGroup<D>, const D: usize>(
-    graph: &mut PoseGraph<P, D>,
+fn solve<P: Pose>(
+    graph: &mut PoseGraph<P>,
     settings: &SolverSettings,
 ) -> Result<(Size, Solution), mapwright_graph::GraphError> {
     let odometry = graph.odometry().into_iter().filter(|is| *is).count();
     let (vertices, edges) = (graph.vertices.len(), graph.edges.len());
-    let size = Size { dimensions: if D == 3 { 2 } else { 3 }, vertices, edges, odometry };
+    let size = Size { dimensions: P::TRANSLATION, vertices, edges, odometry };
     Ok((size, optimize(graph, settings)?))
 }
 

@@ -16,6 +16,7 @@ use crate::group::PoseGroup;
 use crate::optimize::Descent;
 use crate::pose_graph::{Edge, Parts, PoseGraph, nearest_information};
 use crate::problem::{Normal, Problem};
+use mapwright_geom::Pose;
 use nalgebra::SMatrix;
 
 /// How closures find believers.
@@ -95,7 +96,7 @@ const STRAINED: f64 = 2.0;
 
 /// See the module.
 pub(crate) fn believe<P: PoseGroup<D>, const D: usize>(
-    graph: &PoseGraph<P, D>,
+    graph: &PoseGraph<P>,
     settings: &Consensus,
 ) -> Result<Belief<P>, GraphError> {
     let odometry = Odometry::new(graph);
@@ -156,12 +157,12 @@ impl Test {
     }
 }
 
-struct Search<'a, P, const D: usize> {
-    graph: &'a PoseGraph<P, D>,
+struct Search<'a, P: Pose, const D: usize> {
+    graph: &'a PoseGraph<P>,
     settings: &'a Consensus,
     /// Edges that are no odometry, and what they measure, forwards along odometry.
     edges: &'a [usize],
-    closures: &'a [Closure<P, D>],
+    closures: &'a [Closure<P>],
     odometry: &'a [bool],
     chain: Chain<P, D>,
     hypotheses: Vec<Hypothesis>,
@@ -179,7 +180,7 @@ struct Search<'a, P, const D: usize> {
 
 impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     fn new(
-        graph: &'a PoseGraph<P, D>,
+        graph: &'a PoseGraph<P>,
         settings: &'a Consensus,
         odometry: &'a Odometry<'a, P, D>,
         Neighbours { chain, pairs, mixture }: Neighbours<P, D>,
@@ -289,7 +290,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     }
 
     /// Odometry and what is believed.
-    fn subgraph(&self) -> PoseGraph<P, D> {
+    fn subgraph(&self) -> PoseGraph<P> {
         let mut graph =
             PoseGraph { vertices: self.graph.vertices.clone(), edges: Vec::new(), metric: self.graph.metric };
         let kept = (0..self.believed.len()).filter(|&at| self.believed[at]);

@@ -5,6 +5,7 @@ use crate::consistency::{Closure, Relative, cycle_of};
 use crate::error::GraphError;
 use crate::group::PoseGroup;
 use crate::pose_graph::{PoseGraph, nearest_information};
+use mapwright_geom::Pose;
 use nalgebra::SMatrix;
 
 /// Pairs of neighbours that agree up to which they say nothing of covariances.
@@ -13,33 +14,33 @@ pub(super) const FEW: f64 = 10.0;
 const MORE_AGREE: f64 = 1.05;
 
 /// Odometry as a chain.
-pub(super) struct Chain<P, const D: usize> {
+pub(super) struct Chain<P: Pose, const D: usize> {
     /// By how much its covariances are larger than stated.
     pub(super) inflation: f64,
     /// Vertex of each place.
     pub(super) vertices: Vec<usize>,
     /// From each place to the next.
-    steps: Vec<Option<Relative<P, D>>>,
+    steps: Vec<Option<Relative<P>>>,
 }
 
 /// What neighbouring closures say of each other.
-pub(super) struct Neighbours<P, const D: usize> {
+pub(super) struct Neighbours<P: Pose, const D: usize> {
     pub(super) chain: Chain<P, D>,
     pub(super) pairs: Vec<Pair>,
     pub(super) mixture: Mixture,
 }
 
 /// A graph as odometry and closures.
-pub(super) struct Odometry<'a, P, const D: usize> {
-    graph: &'a PoseGraph<P, D>,
+pub(super) struct Odometry<'a, P: Pose, const D: usize> {
+    graph: &'a PoseGraph<P>,
     pub(super) is_odometry: Vec<bool>,
     /// Edges that are no odometry, and what they measure, forwards along odometry.
     pub(super) closure_edges: Vec<usize>,
-    pub(super) closures: Vec<Closure<P, D>>,
+    pub(super) closures: Vec<Closure<P>>,
 }
 
 impl<'a, P: PoseGroup<D>, const D: usize> Odometry<'a, P, D> {
-    pub(super) fn new(graph: &'a PoseGraph<P, D>) -> Self {
+    pub(super) fn new(graph: &'a PoseGraph<P>) -> Self {
         let is_odometry = graph.odometry();
         let closure_edges: Vec<usize> = (0..is_odometry.len()).filter(|&at| !is_odometry[at]).collect();
         let (rank, _) = graph.ranks();
@@ -80,16 +81,14 @@ pub(super) fn inflations() -> impl Iterator<Item = f64> {
     (0..6).map(|step| 4.0_f64.powi(step))
 }
 
-pub(super) fn poses_by_odometry<P: PoseGroup<D>, const D: usize>(
-    graph: &PoseGraph<P, D>,
-) -> Result<Vec<P>, GraphError> {
+pub(super) fn poses_by_odometry<P: PoseGroup<D>, const D: usize>(graph: &PoseGraph<P>) -> Result<Vec<P>, GraphError> {
     let mut started = graph.clone();
     started.start_from_odometry()?;
     Ok(started.vertices.iter().map(|vertex| vertex.world_from_vertex).collect())
 }
 
 impl<P: PoseGroup<D>, const D: usize> Chain<P, D> {
-    pub(super) fn new(graph: &PoseGraph<P, D>, odometry: &[bool], inflation: f64) -> Self {
+    pub(super) fn new(graph: &PoseGraph<P>, odometry: &[bool], inflation: f64) -> Self {
         let (rank, vertices) = graph.ranks();
         let mut steps = vec![None; rank.len()];
         for edge in graph.edges.iter().zip(odometry).filter(|(_, is)| **is).map(|(edge, _)| edge) {
@@ -101,7 +100,7 @@ impl<P: PoseGroup<D>, const D: usize> Chain<P, D> {
     }
 
     /// Place `b` from place `a`, not after it.
-    pub(super) fn leg(&self, a: usize, b: usize) -> Option<Relative<P, D>> {
+    pub(super) fn leg(&self, a: usize, b: usize) -> Option<Relative<P>> {
         self.steps[a..b].iter().try_fold(Relative::identity(), |so_far, step| Some(so_far.then(step.as_ref()?)))
     }
 }
@@ -124,7 +123,7 @@ pub(super) struct Pair {
 
 /// All pairs of closures both ends of which are near.
 fn neighbouring_pairs<P: PoseGroup<D>, const D: usize>(
-    closures: &[Closure<P, D>],
+    closures: &[Closure<P>],
     chain: &Chain<P, D>,
     neighbourhood: usize,
 ) -> Vec<Pair> {

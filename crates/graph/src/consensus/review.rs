@@ -167,7 +167,7 @@ mod tests {
     use nalgebra::Matrix3;
 
     /// A circle driven three times, closed in six places.
-    fn rounds() -> PoseGraph<Pose2, 3> {
+    fn rounds() -> PoseGraph<Pose2> {
         let mut graph = PoseGraph::default();
         let step = Pose2::exp([1.0, 0.0, std::f64::consts::TAU / 20.0]);
         let mut world_from_vertex = Pose2::IDENTITY;

@@ -2,8 +2,8 @@
 
 use super::{AnyPoseGraph, G2oError};
 use crate::group::{PoseGroup, RotationError};
-use crate::pose_graph::{Edge, LARGEST_INFORMATION, LARGEST_M, PoseGraph, Vertex, nearest_information};
-use mapwright_geom::{Pose2, Pose3};
+use crate::pose_graph::{Edge, LARGEST_INFORMATION, PoseGraph, Vertex, nearest_information};
+use mapwright_geom::{FARTHEST_M, Pose, Pose2, Pose3};
 use nalgebra::SMatrix;
 use rustc_hash::FxHashMap;
 use std::io::Read;
@@ -55,8 +55,8 @@ pub struct G2oReport {
 pub fn read_g2o(mut stream: impl Read, metric: RotationError) -> Result<G2oFile, G2oError> {
     let mut bytes = Vec::new();
     stream.read_to_end(&mut bytes)?;
-    let mut planar = Collector::<Pose2, 3>::default();
-    let mut spatial = Collector::<Pose3, 6>::default();
+    let mut planar = Collector::<Pose2>::default();
+    let mut spatial = Collector::<Pose3>::default();
     (planar.graph.metric, spatial.graph.metric) = (metric, metric);
     let information = match metric {
         RotationError::QuaternionVector => quaternion_information,
@@ -103,13 +103,13 @@ pub fn read_g2o(mut stream: impl Read, metric: RotationError) -> Result<G2oFile,
 }
 
 /// What has been read so far.
-struct Collector<P, const D: usize> {
-    graph: PoseGraph<P, D>,
+struct Collector<P: Pose> {
+    graph: PoseGraph<P>,
     known: Vec<bool>,
     places: FxHashMap<u64, usize>,
 }
 
-impl<P, const D: usize> Default for Collector<P, D> {
+impl<P: Pose> Default for Collector<P> {
     fn default() -> Self {
         Self { graph: PoseGraph::default(), known: Vec::new(), places: FxHashMap::default() }
     }
@@ -118,7 +118,7 @@ impl<P, const D: usize> Default for Collector<P, D> {
 type ReadPose<P> = fn(&mut Line<'_>, &mut G2oReport) -> Result<P, G2oError>;
 type ReadInformation<const D: usize> = fn(&mut Line<'_>) -> Result<SMatrix<f64, D, D>, G2oError>;
 
-impl<P: PoseGroup<D>, const D: usize> Collector<P, D> {
+impl<P: Pose> Collector<P> {
     fn is_empty(&self) -> bool {
         self.graph.vertices.is_empty()
     }
@@ -146,13 +146,16 @@ impl<P: PoseGroup<D>, const D: usize> Collector<P, D> {
         Ok(())
     }
 
-    fn edge(
+    fn edge<const D: usize>(
         &mut self,
         line: &mut Line<'_>,
         report: &mut G2oReport,
         pose: ReadPose<P>,
         information: ReadInformation<D>,
-    ) -> Result<(), G2oError> {
+    ) -> Result<(), G2oError>
+    where
+        P: PoseGroup<D>,
+    {
         let (from, to) = (line.id()?, line.id()?);
         let from_from_to = pose(line, report)?;
         let (information, repaired) = nearest_information(&information(line)?);
@@ -168,7 +171,7 @@ impl<P: PoseGroup<D>, const D: usize> Collector<P, D> {
         Ok(())
     }
 
-    fn finish(mut self, fixes: &[u64], report: &mut G2oReport) -> PoseGraph<P, D> {
+    fn finish(mut self, fixes: &[u64], report: &mut G2oReport) -> PoseGraph<P> {
         for id in fixes {
             match self.places.get(id) {
                 Some(&place) => self.graph.vertices[place].fixed = true,
@@ -289,7 +292,7 @@ impl<'a> Line<'a> {
     }
 
     fn metres(&mut self) -> Result<f64, G2oError> {
-        self.number("a number within 10^6", LARGEST_M)
+        self.number("a number within 10^6", FARTHEST_M)
     }
 
     fn three(&mut self) -> Result<[f64; 3], G2oError> {

@@ -2,7 +2,7 @@
 
 use super::AnyPoseGraph;
 use super::read::scaled_rotations;
-use crate::group::RotationError;
+use crate::group::{PoseGroup, RotationError};
 use crate::pose_graph::PoseGraph;
 use nalgebra::SMatrix;
 use std::fmt::Write as _;
@@ -31,8 +31,8 @@ pub fn write_g2o(graph: &AnyPoseGraph, stream: &mut impl Write) -> io::Result<()
     }
 }
 
-fn write_parts<P, const D: usize>(
-    graph: &PoseGraph<P, D>,
+fn write_parts<P: PoseGroup<D>, const D: usize>(
+    graph: &PoseGraph<P>,
     stream: &mut impl Write,
     tag: &str,
     numbers: impl Fn(&P) -> Vec<f64>,

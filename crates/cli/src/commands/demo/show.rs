@@ -174,7 +174,7 @@ impl Loop {
         Ok((graph, poses))
     }
 
-    fn closure_edge(&self, pair: [usize; 2]) -> Edge<Pose2, 3> {
+    fn closure_edge(&self, pair: [usize; 2]) -> Edge<Pose2> {
         true_edge(&self.world, pair, information(SIGMA_M, SIGMA_RAD))
     }
 
