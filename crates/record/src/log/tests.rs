@@ -1,8 +1,10 @@
 use super::*;
-use crate::entry::{Entry, Run, Snapshot};
-use crate::keyframe::KeyframeId;
+use crate::entry::{Entry, RecordedEdge, Run, Snapshot};
+use crate::keyframe::{Edge, EdgeKind, Keyframe, KeyframeId, RunId};
+use crate::left_out::Beams;
 use crate::samples::{Step, Story, pose, steps};
-use mapwright_geom::Stamp;
+use crate::session::EntryError;
+use mapwright_geom::{Cov6, Pose, Pose3, Stamp};
 use proptest::prelude::*;
 
 fn written(entries: &[Entry]) -> Vec<u8> {
@@ -172,6 +174,24 @@ fn a_cut_takes_the_torn_entry_only() {
     }
     for cut in 0..HEADER_BYTES {
         assert!(Session::read(&bytes[..cut]).is_err(), "{cut}");
+    }
+}
+
+#[test]
+fn a_torn_log_goes_on() {
+    let bytes = written(&Story::small().entries);
+    for cut in (HEADER_BYTES..bytes.len()).step_by(3) {
+        let (session, report) = read(&bytes[..cut]);
+        let mut log = bytes[..report.good_bytes.unwrap()].to_vec();
+        let mut writer = LogWriter::resume(&session);
+        let mut story = Story::after(session);
+        for kind in [0, 1, 3, 1, 3, 5, 9, 10, 13] {
+            // either laser is new to some of the cuts, and torn off in others
+            story.step(Step { kind, a: cut as u32, b: 1, x: 0.5 });
+        }
+        story.entries.iter().for_each(|entry| writer.append(&mut log, entry).unwrap());
+        writer.finish(&mut log);
+        assert_eq!(whole(&log), story.session, "{cut}");
     }
 }
 
@@ -371,6 +391,71 @@ fn another_kind_of_measurement_is_told() {
     );
 }
 
+/// Points in space, as another sensor sees them.
+#[derive(Debug, Clone, PartialEq)]
+struct Cloud {
+    sensor: Arc<String>,
+    heights_m: Vec<u8>,
+}
+
+impl Measurement for Cloud {
+    type Pose = Pose3;
+    type Sensor = String;
+
+    const CODE: u8 = 200;
+
+    fn without(&self, _: &Beams) -> Self {
+        self.clone()
+    }
+
+    fn check(&self) -> Result<(), EntryError> {
+        Ok(())
+    }
+
+    fn sensor(&self) -> &Arc<String> {
+        &self.sensor
+    }
+
+    fn put_sensor(sensor: &String, out: &mut Vec<u8>) {
+        out.extend_from_slice(sensor.as_bytes());
+    }
+
+    fn take_sensor(bytes: &[u8]) -> Result<String, EntryError> {
+        super::bytes::text(bytes, "a name")
+    }
+
+    fn put(&self, out: &mut Vec<u8>) {
+        out.extend_from_slice(&self.heights_m);
+    }
+
+    fn take(sensor: &Arc<String>, bytes: &[u8]) -> Result<Self, EntryError> {
+        Ok(Self { sensor: Arc::clone(sensor), heights_m: bytes.to_vec() })
+    }
+}
+
+#[test]
+fn measurements_in_space_read_back_too() {
+    let run = RunId::of_robot("drone");
+    let pose = |k: u8| Pose3::identity().turned([0.1, 0.02 * f64::from(k), -0.3]).moved([1.0, f64::from(k), 0.1]);
+    let mut session = Session::default();
+    session.add(Entry::Run(Run { id: run, settings: String::new() })).unwrap();
+    for k in 0..4 {
+        let sweep = Arc::new(Cloud { sensor: Arc::new("spinning".to_owned()), heights_m: vec![k; 3] });
+        let id = run.keyframe(u32::from(k));
+        let keyframe = Arc::new(Keyframe { id, stamp: Stamp(0), scan: 0, sweep, hardly_fits: false });
+        session.add(Entry::Keyframe { keyframe, map_from_keyframe: pose(k) }).unwrap();
+    }
+    let information = Cov6::from_fn(|row, column| (row + column) as f64);
+    let [from, to] = [0, 3].map(|k| run.keyframe(k));
+    let edge = Edge { from, to, kind: EdgeKind::Match, from_from_to: pose(9), information };
+    session.add(Entry::Edge(RecordedEdge { edge, candidate: None })).unwrap();
+    let bytes = session.encode();
+    let (again, report) = read_log::<Cloud>(&bytes).unwrap();
+    assert_eq!((again, report.lost), (session, 0));
+    let (plane, report) = read(&bytes);
+    assert_eq!((plane, report.lost, report.good_bytes), (Session::default(), 7, None));
+}
+
 #[test]
 fn a_verdict_on_the_keyframe_that_comes_next_survives() {
     let mut story = chain();
@@ -427,7 +512,7 @@ fn snapshots_at_most_double_the_file() {
 fn what_refers_to_nothing_is_not_written() {
     let story = chain();
     let mut other = Story::of(&[]);
-    other.add(Entry::Run(Run { id: crate::RunId::of_robot("two"), settings: String::new() }));
+    other.add(Entry::Run(Run { id: RunId::of_robot("two"), settings: String::new() }));
     other.step(Step { kind: 3, a: 0, b: 0, x: 0.0 });
     let (mut bytes, mut writer) = (Vec::new(), LogWriter::new());
     story.entries.iter().for_each(|entry| writer.append(&mut bytes, entry).unwrap());

@@ -20,8 +20,8 @@ use std::sync::Arc;
 ///
 /// Snapshots are large and frequent, so they are kept back: the latest pose of each keyframe that has moved is written once
 /// as many bytes have been written since the last snapshot as this one will take, so that snapshots at most double the file.
-/// What is still kept back is written by [`LogWriter::finish`], and not read from a log that ends without it: its edges are
-/// whole then, but its poses those before the last corrections.
+/// What is still kept back is written by [`LogWriter::finish`], as often as one likes. A log that ends without it has all its
+/// edges, but older keyframes stand where they did before the last corrections: solve its graph before a map is made of it.
 #[derive(Debug)]
 pub struct LogWriter<M: Measurement = Sweep> {
     begun: bool,
