@@ -1,8 +1,10 @@
 //! Keyframes and the edges between them.
 
 use crate::left_out::Beams;
+use crate::log::sweep;
+use crate::session::EntryError;
 use mapwright_geom::{Pose, Pose2, Stamp};
-use mapwright_sensor::{BEAM_DROPPED, Sweep};
+use mapwright_sensor::{BEAM_DROPPED, LaserModel, Sweep};
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -52,17 +54,55 @@ impl KeyframeId {
 }
 
 /// What a keyframe keeps of a sensor's reading: a laser's sweep in the plane, later a cloud in space.
+///
+/// It knows its own bytes, little endian: what [`Measurement::put`] writes [`Measurement::take`] gives back to the bit. How
+/// many there are the log knows, and keeps the sensors that measurements share.
 pub trait Measurement: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// The poses of what takes it.
     type Pose: Pose;
+    /// What many measurements have in common, and a log holds once: the geometry of their sensor.
+    type Sensor: Debug + PartialEq + Send + Sync + 'static;
+
+    /// What a log calls this kind of measurement; each kind has its own.
+    const CODE: u8;
 
     /// The same without some of its beams, as a map is to draw it.
     #[must_use]
     fn without(&self, beams: &Beams) -> Self;
+
+    /// Whether it can be mapped with; a session takes no other.
+    ///
+    /// # Errors
+    /// What it should be and is not.
+    fn check(&self) -> Result<(), EntryError>;
+
+    /// The sensor that took it.
+    fn sensor(&self) -> &Arc<Self::Sensor>;
+
+    /// Appends a sensor's bytes.
+    fn put_sensor(sensor: &Self::Sensor, out: &mut Vec<u8>);
+
+    /// The sensor that has exactly these bytes.
+    ///
+    /// # Errors
+    /// What should have stood there.
+    fn take_sensor(bytes: &[u8]) -> Result<Self::Sensor, EntryError>;
+
+    /// Appends its bytes, without the sensor's.
+    fn put(&self, out: &mut Vec<u8>);
+
+    /// The measurement of this sensor that has exactly these bytes; whether it can be mapped with is asked apart.
+    ///
+    /// # Errors
+    /// What should have stood there.
+    fn take(sensor: &Arc<Self::Sensor>, bytes: &[u8]) -> Result<Self, EntryError>;
 }
 
 impl Measurement for Sweep {
     type Pose = Pose2;
+    type Sensor = LaserModel;
+
+    const CODE: u8 = 1;
 
     fn without(&self, beams: &Beams) -> Self {
         let Beams::These(beams) = beams else { return self.blanked() };
@@ -73,6 +113,30 @@ impl Measurement for Sweep {
             }
         }
         sweep
+    }
+
+    fn check(&self) -> Result<(), EntryError> {
+        sweep::check(self)
+    }
+
+    fn sensor(&self) -> &Arc<LaserModel> {
+        &self.laser
+    }
+
+    fn put_sensor(laser: &LaserModel, out: &mut Vec<u8>) {
+        sweep::put_laser(laser, out);
+    }
+
+    fn take_sensor(bytes: &[u8]) -> Result<LaserModel, EntryError> {
+        sweep::take_laser(bytes)
+    }
+
+    fn put(&self, out: &mut Vec<u8>) {
+        sweep::put_sweep(self, out);
+    }
+
+    fn take(laser: &Arc<LaserModel>, bytes: &[u8]) -> Result<Self, EntryError> {
+        sweep::take_sweep(laser, bytes)
     }
 }
 

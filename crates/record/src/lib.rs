@@ -8,6 +8,12 @@ mod closure;
 mod entry;
 mod keyframe;
 mod left_out;
+mod log;
+mod names;
+mod numbers;
+mod pose;
+#[cfg(test)]
+mod samples;
 mod session;
 mod update;
 
@@ -15,5 +21,6 @@ pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
 pub use entry::{Entry, Fragment, FragmentStart, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId, Measurement, RunId};
 pub use left_out::{Beams, LeftOut, LeftOutReason};
+pub use log::{LogError, LogLoss, LogReport, LogWriter, read_log};
 pub use session::{EntryError, Session, SessionEdge, TrajectoryPose};
 pub use update::{LocalMapReport, Localisation, MatchReport, Status, Update};

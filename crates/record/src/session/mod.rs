@@ -4,16 +4,23 @@ use crate::closure::{Candidate, Verdict};
 use crate::entry::{Entry, Fragment, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement};
 use crate::left_out::{Beams, LeftOut};
-use mapwright_geom::{Pose, Stamp};
+use crate::names::Names;
+use crate::numbers::Numbers;
+use crate::pose::{is_sound, mirrored};
+use mapwright_geom::{Pose, Stamp, TangentMatrix};
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
 /// Everything that maps, trajectories and graphs of a run are functions of: what all entries of its log amount to.
 ///
 /// It grows by [`Session::add`] alone, from the updates of a mapper or from a file. Everything in it refers to what is in it.
+/// Of symmetric matrices the upper triangle counts. Where a damaged log has lost scans or keyframes, the numbers of scans
+/// and the `seq` of keyframes have gaps; [`Session::scan_place`] and [`Session::place`] know them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session<M: Measurement = Sweep> {
-    runs: Vec<(Run, u32)>,
+    runs: Vec<Run>,
+    names: Names,
+    scan_numbers: Numbers,
     scans: Vec<ScanPose<M::Pose>>,
     keyframes: Vec<Arc<Keyframe<M>>>,
     map_from_keyframe: Vec<M::Pose>,
@@ -58,14 +65,26 @@ pub struct EntryError {
     pub found: String,
 }
 
-fn unless(expected: &'static str, holds: bool, found: impl FnOnce() -> String) -> Result<(), EntryError> {
+pub(crate) fn unless(expected: &'static str, holds: bool, found: impl FnOnce() -> String) -> Result<(), EntryError> {
     if holds { Ok(()) } else { Err(EntryError { expected, found: found() }) }
+}
+
+fn sound<P: Pose>(pose: P) -> Result<(), EntryError> {
+    unless("a sound pose within 10^6 m", is_sound(pose), || format!("{pose:?}"))
+}
+
+/// What an edge says.
+fn measured<P: Pose>(from_from_to: P, information: &P::Matrix) -> Result<(), EntryError> {
+    sound(from_from_to)?;
+    unless("a finite information", information.is_finite(), || format!("{information:?}"))
 }
 
 impl<M: Measurement> Default for Session<M> {
     fn default() -> Self {
         Self {
             runs: Vec::new(),
+            names: Names::default(),
+            scan_numbers: Numbers::default(),
             scans: Vec::new(),
             keyframes: Vec::new(),
             map_from_keyframe: Vec::new(),
@@ -84,17 +103,21 @@ impl<M: Measurement> Session<M> {
     /// Takes an entry in; one that does not fit changes nothing.
     ///
     /// # Errors
-    /// It names what is not there, or what is there already.
+    /// It names what is not there or is there already, or a pose or measurement that is not sound.
     pub fn add(&mut self, entry: Entry<M>) -> Result<(), EntryError> {
         match entry {
             Entry::Run(run) => self.begin(run),
-            Entry::Scan(scan) => self.add_scan(scan),
-            Entry::Keyframe { keyframe, map_from_keyframe } => self.add_keyframe(keyframe, map_from_keyframe),
+            Entry::Scan(scan) => self.add_scan(self.scan_numbers.next(), scan),
+            Entry::Keyframe { keyframe, map_from_keyframe } => {
+                self.is_next(&keyframe)?;
+                self.add_keyframe(keyframe, map_from_keyframe)
+            }
             Entry::Fragment(fragment) => self.add_fragment(fragment),
             Entry::Edge(edge) => self.add_edge(edge),
             Entry::Remeasured { number, from_from_to, information } => {
+                measured::<M::Pose>(from_from_to, &information)?;
                 let edge = &mut self.edge_mut(number)?.recorded.edge;
-                (edge.from_from_to, edge.information) = (from_from_to, information);
+                (edge.from_from_to, edge.information) = (from_from_to, mirrored(&information));
                 Ok(())
             }
             Entry::Withdrawn { number } => {
@@ -104,10 +127,7 @@ impl<M: Measurement> Session<M> {
             Entry::Candidate(candidate) => self.add_candidate(candidate),
             Entry::Verdict { number, verdict, agreeing } => self.change_verdict(number, verdict, agreeing),
             Entry::LeftOut(left_out) => self.leave_out(left_out),
-            Entry::WheelSlip(slip) => {
-                self.slips.push(slip);
-                Ok(())
-            }
+            Entry::WheelSlip(slip) => self.add_slip(slip),
             Entry::Snapshot(snapshot) => self.correct(&snapshot),
         }
     }
@@ -121,31 +141,45 @@ impl<M: Measurement> Session<M> {
     }
 
     fn begin(&mut self, run: Run) -> Result<(), EntryError> {
-        let known = self.runs.iter().any(|(known, _)| known.id == run.id);
-        unless("a run that has not begun yet", !known, || format!("{:?} again", run.id))?;
-        self.runs.push((run, self.keyframes.len() as u32));
+        unless("a run that has not begun yet", self.names.begin(run.id), || format!("{:?} again", run.id))?;
+        self.runs.push(run);
         Ok(())
     }
 
-    fn add_scan(&mut self, scan: ScanPose<M::Pose>) -> Result<(), EntryError> {
+    /// Adds a scan with the next number, or with a later one where a log has lost some.
+    pub(crate) fn add_scan(&mut self, number: u64, scan: ScanPose<M::Pose>) -> Result<(), EntryError> {
+        let next = self.scan_numbers.next();
+        unless("the number of the next scan", number >= next, || format!("{number}, not {next}"))?;
         scan.keyframe.map_or(Ok(0), |id| self.place_or_error(id))?;
+        [scan.keyframe_from_robot, scan.odom_from_robot].into_iter().try_for_each(sound)?;
+        self.scan_numbers.leap_to(number);
+        self.scan_numbers.push();
         self.scans.push(scan);
         Ok(())
     }
 
-    fn add_keyframe(
+    fn is_next(&self, keyframe: &Keyframe<M>) -> Result<(), EntryError> {
+        let (next, id) = (self.next_id(), keyframe.id);
+        unless("the next keyframe of a run that has begun", next == Some(id), || format!("{id:?}, not {next:?}"))?;
+        let scans = self.scan_numbers.next();
+        unless("the number of a scan, at most the next one's", keyframe.scan <= scans, || keyframe.scan.to_string())
+    }
+
+    /// Adds the next keyframe, or a later one of the present run where a log has lost some.
+    pub(crate) fn add_keyframe(
         &mut self,
         keyframe: Arc<Keyframe<M>>,
         map_from_keyframe: M::Pose,
     ) -> Result<(), EntryError> {
-        let next = self.next_id().ok_or_else(|| EntryError {
-            expected: "a run before the first keyframe",
-            found: format!("{:?}", keyframe.id),
-        })?;
-        unless("the next keyframe of the run", keyframe.id == next, || format!("{:?}, not {next:?}", keyframe.id))?;
-        let scans = self.scans.len() as u64;
-        unless("the number of a scan, at most the next one's", keyframe.scan <= scans, || keyframe.scan.to_string())?;
-        unless("a pose within 10^6 m", map_from_keyframe.is_within_bounds(), || format!("{map_from_keyframe:?}"))?;
+        let (next, id) = (self.next_id(), keyframe.id);
+        let follows = next.is_some_and(|next| next.run() == id.run() && next.seq <= id.seq);
+        unless("a keyframe that follows in the present run", follows, || format!("{id:?}, not {next:?}"))?;
+        let scan = keyframe.scan;
+        unless("the number of a scan, 32 bits", scan <= u64::from(u32::MAX), || scan.to_string())?;
+        sound(map_from_keyframe)?;
+        keyframe.sweep.check()?;
+        self.scan_numbers.leap_to(scan);
+        self.names.push(id.seq);
         self.drawn.push(Some(Arc::clone(&keyframe.sweep)));
         self.keyframes.push(keyframe);
         self.map_from_keyframe.push(map_from_keyframe);
@@ -158,11 +192,13 @@ impl<M: Measurement> Session<M> {
         Ok(())
     }
 
-    fn add_edge(&mut self, recorded: RecordedEdge<M::Pose>) -> Result<(), EntryError> {
-        let Edge { from, to, .. } = recorded.edge;
+    fn add_edge(&mut self, mut recorded: RecordedEdge<M::Pose>) -> Result<(), EntryError> {
+        let Edge { from, to, from_from_to, information, .. } = recorded.edge;
         let ends = [self.place_or_error(from)?, self.place_or_error(to)?];
         unless("two different keyframes", ends[0] != ends[1], || format!("{from:?} twice"))?;
         recorded.candidate.map_or(Ok(()), |number| self.candidate_exists(number))?;
+        measured::<M::Pose>(from_from_to, &information)?;
+        recorded.edge.information = mirrored(&information);
         self.edges.push(SessionEdge { recorded, ends: ends.map(|end| end as u32), withdrawn: false });
         Ok(())
     }
@@ -174,13 +210,23 @@ impl<M: Measurement> Session<M> {
     }
 
     /// A candidate may lead to the keyframe that comes next: there the robot was looked for and is about to be.
-    fn add_candidate(&mut self, candidate: Candidate<M::Pose>) -> Result<(), EntryError> {
+    fn add_candidate(&mut self, mut candidate: Candidate<M::Pose>) -> Result<(), EntryError> {
         self.place_or_error(candidate.from)?;
-        if self.next_id() != Some(candidate.to) {
-            self.place_or_error(candidate.to)?;
-        }
+        self.is_or_was_next(candidate.to)?;
+        candidate.from_from_to.map_or(Ok(()), sound)?;
+        candidate.covariance = mirrored(&candidate.covariance);
         self.candidates.push(candidate);
         Ok(())
+    }
+
+    fn add_slip(&mut self, slip: WheelSlip) -> Result<(), EntryError> {
+        self.is_or_was_next(slip.from)?;
+        self.slips.push(slip);
+        Ok(())
+    }
+
+    fn is_or_was_next(&self, id: KeyframeId) -> Result<(), EntryError> {
+        unless("a keyframe of the session or the next", self.names.is_or_was_next(id), || format!("{id:?}"))
     }
 
     fn candidate_exists(&self, number: u32) -> Result<(), EntryError> {
@@ -191,8 +237,9 @@ impl<M: Measurement> Session<M> {
 
     fn change_verdict(&mut self, number: u32, verdict: Verdict, agreeing: u32) -> Result<(), EntryError> {
         self.candidate_exists(number)?;
-        let candidate = &mut self.candidates[number as usize];
-        (candidate.verdict, candidate.evidence.agreeing) = (verdict, agreeing);
+        if let Some(candidate) = self.candidates.get_mut(number as usize) {
+            (candidate.verdict, candidate.evidence.agreeing) = (verdict, agreeing);
+        }
         Ok(())
     }
 
@@ -209,7 +256,7 @@ impl<M: Measurement> Session<M> {
     fn correct(&mut self, snapshot: &Snapshot<M::Pose>) -> Result<(), EntryError> {
         for &(id, pose) in &snapshot.map_from_keyframe {
             self.place_or_error(id)?;
-            unless("a pose within 10^6 m", pose.is_within_bounds(), || format!("{pose:?}"))?;
+            sound(pose)?;
         }
         for &(id, pose) in &snapshot.map_from_keyframe {
             if let Some(place) = self.place(id) {
@@ -223,16 +270,27 @@ impl<M: Measurement> Session<M> {
     /// The name of the keyframe that comes next; none before the first run.
     #[must_use]
     pub fn next_id(&self) -> Option<KeyframeId> {
-        let (run, first) = self.runs.last()?;
-        Some(run.id.keyframe(self.keyframes.len() as u32 - first))
+        self.names.next()
     }
 
     /// The place of a keyframe among [`Session::keyframes`].
     #[must_use]
     pub fn place(&self, id: KeyframeId) -> Option<usize> {
-        let (_, first) = self.runs.iter().rev().find(|(run, _)| run.id == id.run())?;
-        let place = *first as usize + id.seq as usize;
-        self.keyframes.get(place).filter(|keyframe| keyframe.id == id).map(|_| place)
+        self.names.place(id)
+    }
+
+    /// The place among [`Session::scans`] of the scan with this number, as [`Keyframe::scan`] gives it.
+    #[must_use]
+    pub fn scan_place(&self, number: u64) -> Option<usize> {
+        self.scan_numbers.place(number)
+    }
+
+    pub(crate) fn names(&self) -> &Names {
+        &self.names
+    }
+
+    pub(crate) fn scan_numbers(&self) -> &Numbers {
+        &self.scan_numbers
     }
 
     fn place_or_error(&self, id: KeyframeId) -> Result<usize, EntryError> {
@@ -241,7 +299,7 @@ impl<M: Measurement> Session<M> {
 
     /// The runs that it consists of.
     pub fn runs(&self) -> impl ExactSizeIterator<Item = &Run> {
-        self.runs.iter().map(|(run, _)| run)
+        self.runs.iter()
     }
 
     /// Every scan in arrival order.
@@ -319,3 +377,6 @@ impl<M: Measurement> Session<M> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;
