@@ -1,12 +1,12 @@
 //! How certain the map is and where to drive next, in words and for `report.json`.
 
-use mapwright::{Advice, Mapper, Place};
+use mapwright::{Advice, Place, Session};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
 /// What the picture's tint is made of: where each keyframe is and its standard deviation.
-pub(crate) fn seen_from(mapper: &Mapper, advice: &Advice) -> Vec<([f64; 2], f64)> {
-    let places = mapper.keyframe_poses().iter().map(|pose| [pose.x, pose.y]);
+pub(crate) fn seen_from(session: &Session, advice: &Advice) -> Vec<([f64; 2], f64)> {
+    let places = session.map_from_keyframe().iter().map(|pose| [pose.x, pose.y]);
     places.zip(advice.keyframe_sigmas_m.iter().copied()).collect()
 }
 

@@ -259,7 +259,7 @@ pub(crate) struct PerturbArgs {
 pub(crate) struct ExplainArgs {
     /// Folder of results of `mapwright map`, or its closures.json.
     pub(crate) results: PathBuf,
-    /// Only those that were refused or taken back.
+    /// Only those that were refused or withdrawn.
     #[arg(long, conflicts_with = "accepted")]
     pub(crate) refused: bool,
     /// Only those that became closures.

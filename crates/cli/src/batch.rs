@@ -1,6 +1,6 @@
 //! What can be had at best: a run's own keyframes and steps, and every true closure, solved in one go.
 
-use crate::pose_graph::{pose_graph, poses_of};
+use crate::pose_graph::{pose_graph, poses_of, standing};
 use crate::simulated::{PoseError, Simulated};
 use mapwright::{Cov3, EdgeKind, Pose2};
 use mapwright_graph::{Edge, GraphError, PoseGraph2, SolverSettings, optimize};
@@ -67,28 +67,25 @@ pub(crate) fn batch_poses(world: &Simulated, true_pairs: &[[usize; 2]]) -> Resul
 /// Where old parts of the map came into view the pose may have jumped. A step that is wrong, or ends at a keyframe that
 /// was matched there, counts with what the wheels say where they are nearer to the truth; matches across it are left out.
 pub(crate) fn open_graph(world: &Simulated) -> PoseGraph2 {
+    let session = world.session();
     let mut suspect = vec![false; world.keyframe_count()];
-    for edge in world.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Match && world.closes(edge)) {
-        suspect[edge.to.seq as usize] = true;
+    for (ends, _) in standing(session).filter(|(ends, edge)| edge.kind == EdgeKind::Match && world.closes(*ends, edge)) {
+        suspect[ends[1]] = true;
     }
     let mut by_wheels = vec![None; world.keyframe_count()];
-    for edge in world.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Odometry) {
-        let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
+    for ([from, to], edge) in standing(session).filter(|(_, edge)| edge.kind == EdgeKind::Odometry) {
         let error = |step| PoseError::of(step, world.true_between(from, to));
         let found = error(edge.from_from_to);
         let wheels = world.wheels_between(from, to).filter(|&step| error(step).size() < found.size());
         by_wheels[to] = wheels.filter(|_| suspect[to] || !found.is_right());
     }
-    let smooth = |edge: &mapwright::Edge| {
-        let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
-        by_wheels[from.min(to) + 1..=from.max(to)].iter().all(Option::is_none)
-    };
-    let wanted = |edge: &mapwright::Edge| match edge.kind {
+    let smooth = |[from, to]: [usize; 2]| by_wheels[from.min(to) + 1..=from.max(to)].iter().all(Option::is_none);
+    let wanted = |ends: [usize; 2], edge: &mapwright::Edge| match edge.kind {
         EdgeKind::Odometry => true,
-        EdgeKind::Match => !world.closes(edge) && smooth(edge),
+        EdgeKind::Match => !world.closes(ends, edge) && smooth(ends),
         EdgeKind::Closure => false,
     };
-    let mut graph = pose_graph(&world.mapper, world.mapper.keyframe_poses(), wanted);
+    let mut graph = pose_graph(session, session.map_from_keyframe(), wanted);
     for edge in &mut graph.edges {
         edge.from_from_to = by_wheels[edge.to].unwrap_or(edge.from_from_to);
     }

@@ -1,23 +1,13 @@
 //! `closures.json`: every place the robot may have come back to, what speaks for it and what was decided.
 
 use crate::failure::Failure;
-use mapwright::{Candidate, Keyframe, KeyframeId, Mapper, Mended, Verdict};
+use mapwright::{Candidate, KeyframeId, Session, Verdict, WheelSlip};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
 /// Its name in the folder of results.
 pub(crate) const CLOSURES: &str = "closures.json";
-
-/// Between which keyframes closures were taken back and none stands: the edges they once were say nothing any more.
-pub(crate) fn taken_back(candidates: &[Candidate]) -> BTreeSet<[KeyframeId; 2]> {
-    let between = |is: fn(Verdict) -> bool| {
-        candidates.iter().filter(move |candidate| is(candidate.verdict)).map(|candidate| [candidate.from, candidate.to])
-    };
-    let standing: BTreeSet<_> = between(|verdict| verdict == Verdict::Accepted).collect();
-    between(|verdict| matches!(verdict, Verdict::TakenBack(_))).filter(|pair| !standing.contains(pair)).collect()
-}
 
 /// The file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,8 +57,9 @@ pub(crate) enum VerdictName {
     Accepted,
     #[serde(rename = "waiting")]
     Waiting,
-    #[serde(rename = "taken back")]
-    TakenBack,
+    /// Older files call it "taken back".
+    #[serde(rename = "withdrawn", alias = "taken back")]
+    Withdrawn,
     #[serde(rename = "refused")]
     Refused,
 }
@@ -78,7 +69,7 @@ impl VerdictName {
         match self {
             Self::Accepted => "accepted",
             Self::Waiting => "waiting",
-            Self::TakenBack => "taken back",
+            Self::Withdrawn => "withdrawn",
             Self::Refused => "refused",
         }
     }
@@ -89,7 +80,7 @@ impl From<Verdict> for VerdictName {
         match verdict {
             Verdict::Accepted => Self::Accepted,
             Verdict::Waiting(_) => Self::Waiting,
-            Verdict::TakenBack(_) => Self::TakenBack,
+            Verdict::Withdrawn(_) => Self::Withdrawn,
             Verdict::Refused(_) => Self::Refused,
         }
     }
@@ -109,17 +100,19 @@ pub(crate) struct EvidenceRecord {
 }
 
 impl ClosureFile {
-    /// All candidates of a run in the order they were looked at.
-    pub(crate) fn of(mapper: &Mapper) -> Self {
-        let keyframes = mapper.keyframes();
-        let candidates = mapper.candidates().iter().map(|candidate| record(candidate, keyframes)).collect();
-        let slips = mapper.slips().iter().map(|&Mended { scan, from, metres }| SlipRecord {
-            from,
-            from_stamp_s: keyframes.get(from as usize).map(|keyframe| keyframe.stamp.as_secs_f64()),
+    /// All candidates of a session in the order they were looked at.
+    pub(crate) fn of(session: &Session) -> Self {
+        let slips = session.slips().iter().map(|&WheelSlip { scan, from, metres }| SlipRecord {
+            from: place(session, from),
+            from_stamp_s: stamp_s(session, from),
             scan,
             metres,
         });
-        Self { keyframes: keyframes.len(), candidates, slips: slips.collect() }
+        Self {
+            keyframes: session.keyframes().len(),
+            candidates: session.candidates().iter().map(|candidate| record(candidate, session)).collect(),
+            slips: slips.collect(),
+        }
     }
 
     /// Reads the file, or that of a folder of results.
@@ -139,17 +132,25 @@ impl ClosureFile {
     }
 }
 
-fn record(candidate: &Candidate, keyframes: &[Keyframe]) -> CandidateRecord {
-    let stamp_s = |id: KeyframeId| keyframes.get(id.seq as usize).map(|keyframe| keyframe.stamp.as_secs_f64());
+/// A keyframe's place in the session; the next one's where it is not there.
+fn place(session: &Session, id: KeyframeId) -> u32 {
+    session.place(id).unwrap_or(session.keyframes().len()) as u32
+}
+
+fn stamp_s(session: &Session, id: KeyframeId) -> Option<f64> {
+    Some(session.keyframes()[session.place(id)?].stamp.as_secs_f64())
+}
+
+fn record(candidate: &Candidate, session: &Session) -> CandidateRecord {
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
     let evidence = &candidate.evidence;
     let found = candidate.from_from_to.filter(|pose| pose.is_finite());
     let sigmas = [0, 1, 2].map(|k: usize| candidate.covariance[(k, k)].max(0.0).sqrt());
     CandidateRecord {
-        from: candidate.from.seq,
-        to: candidate.to.seq,
-        from_stamp_s: stamp_s(candidate.from),
-        to_stamp_s: stamp_s(candidate.to),
+        from: place(session, candidate.from),
+        to: place(session, candidate.to),
+        from_stamp_s: stamp_s(session, candidate.from),
+        to_stamp_s: stamp_s(session, candidate.to),
         detection: candidate.detection.name().to_owned(),
         verdict: candidate.verdict.into(),
         reason: candidate.verdict.objection().map(|objection| objection.in_words().to_owned()),
@@ -172,45 +173,53 @@ fn record(candidate: &Candidate, keyframes: &[Keyframe]) -> CandidateRecord {
 #[allow(clippy::unwrap_used, reason = "tests may")]
 mod tests {
     use super::*;
-    use mapwright::{Cov3, Detection, Evidence, Objection, Pose2};
+    use mapwright::{
+        Cov3, Detection, Entry, Evidence, Keyframe, LaserModel, Objection, Pose2, Run, RunId, Stamp, Sweep,
+    };
+    use std::sync::Arc;
 
-    fn candidate(from: u32, to: u32, verdict: Verdict) -> Candidate {
-        let id = |seq| KeyframeId { robot: 0, session: 0, seq };
-        Candidate {
-            from: id(from),
-            to: id(to),
+    /// Forty keyframes, and a candidate between the third and the last.
+    fn session(verdict: Verdict) -> Session {
+        let run = RunId::of_robot("a");
+        let mut session = Session::default();
+        session.add(Entry::Run(Run { id: run, settings: String::new() })).unwrap();
+        let sweep = Arc::new(Sweep::empty(&Arc::new(LaserModel::half_circle("front", 9))));
+        for seq in 0..40 {
+            let (id, sweep) = (run.keyframe(seq), Arc::clone(&sweep));
+            let keyframe = Keyframe { id, stamp: Stamp(0), scan: 0, sweep, hardly_fits: false };
+            session.add(Entry::Keyframe { keyframe: keyframe.into(), map_from_keyframe: Pose2::IDENTITY }).unwrap();
+        }
+        let candidate = Candidate {
+            from: run.keyframe(3),
+            to: run.keyframe(39),
             detection: Detection::Place,
             evidence: Evidence { points: 90, score: Some(0.5), overlap: Some(f64::NAN), ..Evidence::default() },
             verdict,
             from_from_to: Some(Pose2::new(1.0, 2.0, 0.5)),
             covariance: Cov3::from_diagonal_element(0.04),
-        }
-    }
-
-    #[test]
-    fn what_was_taken_back_is_gone_unless_it_was_found_again() {
-        let gone = Verdict::TakenBack(Objection::Outvoted);
-        let refused = Verdict::Refused(Objection::Improbable);
-        let candidates = [
-            candidate(1, 9, gone),
-            candidate(1, 9, refused),
-            candidate(2, 9, gone),
-            candidate(2, 9, Verdict::Accepted),
-            candidate(3, 9, refused),
-        ];
-        let gone: Vec<_> = taken_back(&candidates).into_iter().map(|[from, to]| [from.seq, to.seq]).collect();
-        assert_eq!(gone, [[1, 9]]);
+        };
+        session.add(Entry::Candidate(candidate)).unwrap();
+        session
     }
 
     #[test]
     fn a_candidate_keeps_its_numbers_and_nothing_infinite() {
-        let record = record(&candidate(3, 40, Verdict::Refused(Objection::Ambiguous)), &[]);
-        assert_eq!((record.from, record.to, record.verdict), (3, 40, VerdictName::Refused));
-        assert_eq!(record.from_stamp_s, None);
+        let file = ClosureFile::of(&session(Verdict::Refused(Objection::Ambiguous)));
+        let record = &file.candidates[0];
+        assert_eq!((record.from, record.to, record.verdict), (3, 39, VerdictName::Refused));
+        assert_eq!(record.from_stamp_s, Some(0.0));
         assert_eq!(record.reason.as_deref(), Some("another pose fits nearly as well"));
         assert_eq!((record.evidence.score, record.evidence.overlap), (Some(0.5), None));
         assert!((record.sigmas.unwrap()[2] - 0.2).abs() < 1e-12);
-        let text = serde_json::to_string(&record).unwrap();
-        assert_eq!(serde_json::from_str::<CandidateRecord>(&text).unwrap(), record);
+        let text = serde_json::to_string(record).unwrap();
+        assert_eq!(&serde_json::from_str::<CandidateRecord>(&text).unwrap(), record);
+    }
+
+    #[test]
+    fn older_files_call_what_was_withdrawn_taken_back() {
+        let file = ClosureFile::of(&session(Verdict::Withdrawn(Objection::Outvoted)));
+        let text = serde_json::to_string(&file).unwrap();
+        let older = text.replace("withdrawn", "taken back");
+        assert!(text != older && serde_json::from_str::<ClosureFile>(&older).unwrap() == file);
     }
 }

@@ -3,37 +3,32 @@
 use crate::failure::Failure;
 use crate::image::{map_image, without_outliers};
 use crate::output::OutputFolder;
-use mapwright::{CountGrid, GlobalMap, Keyframe, Mapper, Pose2, Settings};
+use mapwright::{CountGrid, GlobalMap, KeyframeId, Pose2, Session, Settings, Sweep};
 use mapwright_formats::{GridImage, Picture, dominant_wall_angle, write_png};
+use std::sync::Arc;
 
-/// What a picture shows of keyframes at these poses; those without one are left out.
-pub(crate) fn draw(settings: &Settings, keyframes: &[Keyframe], world_from_keyframe: &[Option<Pose2>]) -> CountGrid {
+/// What a picture shows of sweeps at these poses; those that are none are left out.
+pub(crate) fn draw(settings: &Settings, drawn: &[Option<Arc<Sweep>>], map_from_keyframe: &[Pose2]) -> CountGrid {
     let mut map = GlobalMap::without_normals(settings);
-    map.export(keyframes, world_from_keyframe, 2);
+    map.export_at(drawn, map_from_keyframe, 2);
     map.into_counts()
 }
 
-/// What a picture shows of a run, and the numbers of the keyframes that it leaves out because they contradict the others.
-pub(crate) fn draw_believed(mapper: &Mapper) -> (CountGrid, Vec<u32>) {
-    let mut map = GlobalMap::without_normals(mapper.settings());
-    let left_out = map.export_believed(mapper.keyframes(), &mapper.render_poses(), mapper.doubted(), 2);
+/// What a picture shows of a run, and the keyframes that it leaves out because they contradict the others.
+pub(crate) fn draw_believed(settings: &Settings, session: &Session) -> (CountGrid, Vec<KeyframeId>) {
+    let mut map = GlobalMap::without_normals(settings);
+    let left_out = map.export_believed(session, 2);
     (map.into_counts(), left_out)
-}
-
-/// Counts of every keyframe at these poses, whatever the mapper itself makes of them.
-pub(crate) fn draw_keyframes(mapper: &Mapper, world_from_keyframe: &[Pose2]) -> CountGrid {
-    let poses: Vec<_> = world_from_keyframe.iter().copied().map(Some).collect();
-    draw(mapper.settings(), mapper.keyframes(), &poses)
 }
 
 /// The same map before and after, both turned so that the walls of the latter are upright.
 pub(crate) fn write_before_and_after(
     output: &mut OutputFolder,
-    mapper: &Mapper,
+    (settings, session): (&Settings, &Session),
     [before, after]: [&[Pose2]; 2],
     side_px: Option<u16>,
 ) -> Result<(), Failure> {
-    let image = |poses| map_image(&draw_keyframes(mapper, poses), mapper.settings().map.passes_per_hit).image;
+    let image = |poses| map_image(&draw(settings, session.drawn(), poses), settings.map.passes_per_hit).image;
     let (image_before, image_after): (GridImage, GridImage) = (image(before), image(after));
     let level_rad = dominant_wall_angle(&image_after.wall_points_map(), image_after.resolution_m);
     for (name, image, way) in [("before.png", image_before, before), ("after.png", image_after, after)] {

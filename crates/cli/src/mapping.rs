@@ -2,19 +2,22 @@
 
 use crate::advice::{numbered, seen_from};
 use crate::args::{Align, MappingArgs, StampPolicy};
-use crate::closures::{CLOSURES, ClosureFile, taken_back};
+use crate::closures::{CLOSURES, ClosureFile};
 use crate::drawing::draw_believed;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
-use crate::session::{SESSION, session_of};
+use crate::session::SessionLog;
 use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
-use mapwright::{Advice, Edge, EdgeKind, LaserScan, LivePolicy, Mapper, Odometry, Pose2, Settings, Update};
+use mapwright::{
+    Advice, Beams, Entry, KeyframeId, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry, Pose2,
+    Session, Settings, TurnRate,
+};
 use mapwright_formats::{Confidence, GridImage, Picture, TumWriter, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
@@ -25,9 +28,12 @@ const ONLINE: &str = "trajectory_online.tum";
 /// The way's length is summed over steps of at least so much, so that standing still adds nothing, metres.
 const PATH_STEP_M: f64 = 0.05;
 
-/// A mapper with everything that is written beside it.
+/// A mapper, and everything that is made of its updates.
 pub(crate) struct Mapping {
-    pub(crate) mapper: Mapper,
+    mapper: Mapper,
+    pub(crate) settings: Settings,
+    log: SessionLog,
+    pub(crate) local_map: LocalMapReport,
     pub(crate) tally: Tally,
     pub(crate) clock: StageClock,
     pub(crate) output: OutputFolder,
@@ -38,15 +44,6 @@ pub(crate) struct Mapping {
     align: Align,
     picture_side: Option<u16>,
     has_odometry: bool,
-    wheels: WheelPoses,
-}
-
-/// Odometry's pose at every scan, in the frame of the log's own odometry.
-#[derive(Default)]
-struct WheelPoses {
-    odom_from_robot: Vec<Pose2>,
-    /// The mapper's odometry starts at the origin, the log's does not.
-    odom_from_start: Option<Pose2>,
 }
 
 /// What a run has made, for report and people.
@@ -76,10 +73,15 @@ impl Mapping {
     pub(crate) fn begin(args: &MappingArgs, mut output: OutputFolder, length: Option<u64>) -> Result<Self, Failure> {
         let clock = StageClock::start();
         let start = args.start.unwrap_or(Pose2::IDENTITY);
-        let mapper = Mapper::starting_at(settings_of(args)?, start)?;
+        let settings = settings_of(args)?;
+        let mapper = Mapper::starting_at(settings, start)?;
+        let log = SessionLog::begin(&mut output)?;
         let online = Some(TumWriter::new(output.begin(ONLINE)?));
         Ok(Self {
             mapper,
+            settings,
+            log,
+            local_map: LocalMapReport::default(),
             tally: Tally::default(),
             clock,
             output,
@@ -90,22 +92,31 @@ impl Mapping {
             align: args.align,
             picture_side: args.picture_side,
             has_odometry: false,
-            wheels: WheelPoses::default(),
         })
     }
 
     /// One scan through the mapper; `position` is how far along the bar it lies.
-    pub(crate) fn add_scan(&mut self, scan: &LaserScan, position: u64) -> Result<Update, Failure> {
+    pub(crate) fn add_scan(&mut self, scan: &LaserScan, position: u64) -> Result<(), Failure> {
         let update = self.mapper.add_scan_probed(scan, &mut self.clock);
         self.has_odometry |= scan.odom_from_robot.is_some();
-        self.tally.add(&update, self.has_odometry && self.mapper.settings().motion.use_odometry);
+        self.tally.add(&update, self.has_odometry && self.settings.motion.use_odometry);
         if let Some(online) = &mut self.online {
             let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
             written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
-        self.wheels.add(scan, &update);
+        self.local_map = update.local_map;
         self.progress.scan(update.stamp, position);
-        Ok(update)
+        self.log.add(update.entries)
+    }
+
+    /// Everything that was recorded.
+    pub(crate) fn session(&self) -> &Session {
+        self.log.session()
+    }
+
+    /// A reading of a gyroscope.
+    pub(crate) fn add_turn_rate(&mut self, rate: &TurnRate) {
+        self.mapper.add_turn_rate(rate);
     }
 
     /// A reading of the wheels.
@@ -128,13 +139,17 @@ impl Mapping {
         let way = self.write_trajectory()?;
         self.write_graph()?;
         let (MapImage { image, cells_left_out }, keyframes_left_out) = self.render();
-        let session = session_of(&self.mapper, &self.wheels.in_the_logs_frame(), &keyframes_left_out);
-        self.output.write(SESSION, |writer| Ok(writer.write_all(&session.encode())?))?;
+        let left_out = keyframes_left_out.iter().map(|&keyframe| {
+            let (beams, reason) = (Beams::All, LeftOutReason::ContradictsTheMap);
+            Entry::LeftOut(LeftOut { keyframe, beams, reason })
+        });
+        self.log.add(left_out.collect())?;
+        self.log.finish()?;
         self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
         self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
         let wall_angle_rad = self.wall_angle(&image);
-        let advice = Advice::of(&self.mapper);
-        let (seen_from, places) = (seen_from(&self.mapper, &advice), numbered(&advice));
+        let advice = Advice::of(self.session());
+        let (seen_from, places) = (seen_from(self.session(), &advice), numbered(&advice));
         let confidence = Confidence { seen_from: &seen_from, places: &places };
         let picture = Picture { confidence: Some(confidence), ..self.picture(&way, wall_angle_rad) };
         let shown = without_outliers(&image, &way);
@@ -153,7 +168,7 @@ impl Mapping {
     /// The final trajectory, every scan in arrival order; returns the way.
     fn write_trajectory(&mut self) -> Result<Vec<Pose2>, Failure> {
         let mut stamper = Stamper::new(self.policy);
-        let poses = self.mapper.trajectory();
+        let poses = self.log.session().trajectory();
         let mut way = Vec::with_capacity(poses.len());
         self.output.write("trajectory.tum", |writer| {
             let mut trajectory = TumWriter::new(writer);
@@ -168,11 +183,10 @@ impl Mapping {
 
     /// Keyframes with the edges that stand, and all candidates.
     fn write_graph(&mut self) -> Result<(), Failure> {
-        let gone = taken_back(self.mapper.candidates());
-        let stands = |edge: &Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
-        let graph = AnyPoseGraph::Planar(pose_graph(&self.mapper, self.mapper.keyframe_poses(), stands));
+        let session = self.log.session();
+        let graph = AnyPoseGraph::Planar(pose_graph(session, session.map_from_keyframe(), |_, _| true));
         self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
-        let closures = ClosureFile::of(&self.mapper);
+        let closures = ClosureFile::of(session);
         self.output.write(CLOSURES, |mut writer| {
             serde_json::to_writer_pretty(&mut writer, &closures).map_err(std::io::Error::from)?;
             Ok(writer.write_all(b"\n")?)
@@ -181,12 +195,12 @@ impl Mapping {
 
     /// Every keyframe at its present pose, and the numbers of those that are left out. A live map of everything is that map
     /// already.
-    fn render(&self) -> (MapImage, Vec<u32>) {
-        let Settings { live, map, .. } = self.mapper.settings();
+    fn render(&self) -> (MapImage, Vec<KeyframeId>) {
+        let Settings { live, map, .. } = self.settings;
         if live.policy == LivePolicy::Everything {
             (map_image(self.mapper.live_map().counts(), map.passes_per_hit), Vec::new())
         } else {
-            let (counts, left_out) = draw_believed(&self.mapper);
+            let (counts, left_out) = draw_believed(&self.settings, self.session());
             (map_image(&counts, map.passes_per_hit), left_out)
         }
     }
@@ -201,21 +215,6 @@ impl Mapping {
 
     fn wall_angle(&self, image: &GridImage) -> Option<f64> {
         (self.align == Align::Walls).then(|| dominant_wall_angle(&image.wall_points_map(), image.resolution_m))
-    }
-}
-
-impl WheelPoses {
-    fn add(&mut self, scan: &LaserScan, update: &Update) {
-        let own = scan.odom_from_robot.filter(|pose| pose.is_finite());
-        if let (None, Some(odom_from_robot)) = (self.odom_from_start, own) {
-            self.odom_from_start = Some(odom_from_robot * update.odom_from_robot.inverse());
-        }
-        self.odom_from_robot.push(update.odom_from_robot);
-    }
-
-    fn in_the_logs_frame(&self) -> Vec<Pose2> {
-        let odom_from_start = self.odom_from_start.unwrap_or(Pose2::IDENTITY);
-        self.odom_from_robot.iter().map(|&start_from_robot| odom_from_start * start_from_robot).collect()
     }
 }
 

@@ -65,8 +65,13 @@ impl OutputFolder {
     }
 
     fn part(&self, name: &str) -> PathBuf {
-        self.folder.join(format!(".{name}.part"))
+        part_of(&self.folder, name)
     }
+}
+
+/// Where a file of a folder lies until all are complete.
+pub(crate) fn part_of(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.part"))
 }
 
 /// Writes a file that appears under its name only when it is complete.

@@ -1,22 +1,30 @@
-//! A run's keyframes and edges as a pose graph that can be written, or solved in another way.
+//! A session's keyframes and edges as a pose graph that can be written, or solved in another way.
 
-use mapwright::{Edge, Mapper, Pose2};
+use mapwright::{Edge, Pose2, Session};
 use mapwright_graph::{PoseGraph2, Vertex};
 
-/// Keyframes at these poses, named by their place in the run's order, and those edges that are wanted; the first stays.
-pub(crate) fn pose_graph(mapper: &Mapper, world_from_keyframe: &[Pose2], wanted: impl Fn(&Edge) -> bool) -> PoseGraph2 {
+/// Keyframes at these poses, named by their place in the session, and those edges that stand and are wanted; the first stays.
+pub(crate) fn pose_graph(
+    session: &Session,
+    world_from_keyframe: &[Pose2],
+    wanted: impl Fn([usize; 2], &Edge) -> bool,
+) -> PoseGraph2 {
     let vertex = |(k, &world_from_vertex): (usize, &Pose2)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
-    let edge = |edge: &Edge| mapwright_graph::Edge {
-        from: edge.from.seq as usize,
-        to: edge.to.seq as usize,
-        from_from_to: edge.from_from_to,
-        information: edge.information,
-    };
+    let edges = standing(session).filter(|(ends, edge)| wanted(*ends, edge)).map(|([from, to], edge)| {
+        let Edge { from_from_to, information, .. } = *edge;
+        mapwright_graph::Edge { from, to, from_from_to, information }
+    });
     PoseGraph2 {
         vertices: world_from_keyframe.iter().enumerate().map(vertex).collect(),
-        edges: mapper.edges().iter().filter(|edge| wanted(edge)).map(edge).collect(),
+        edges: edges.collect(),
         ..PoseGraph2::default()
     }
+}
+
+/// The edges that stand, with the places of their ends.
+pub(crate) fn standing(session: &Session) -> impl Iterator<Item = ([usize; 2], &Edge)> {
+    let standing = session.recorded_edges().iter().filter(|known| !known.withdrawn);
+    standing.map(|known| (known.ends.map(|end| end as usize), &known.recorded.edge))
 }
 
 /// The poses of a graph in the order of its vertices.

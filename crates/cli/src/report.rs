@@ -3,7 +3,7 @@
 use crate::advice;
 use crate::mapping::{Made, Mapping};
 use crate::terminal::{count, duration, grouped};
-use mapwright::{Mapper, Status};
+use mapwright::{LocalMapReport, Status};
 use mapwright_formats::{Noted, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
@@ -118,20 +118,20 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
 /// The whole of `report.json`; `read` is [`read_report`]'s or what stands for it.
 pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: &Made, losses: &[String]) -> Value {
     let status = mapping.tally.status_report();
-    let mapper = &mapping.mapper;
+    let session = mapping.session();
     json!({
         "mapwright": env!("CARGO_PKG_VERSION"),
         "log": name,
         "log_seconds": mapping.tally.log_s(),
-        "settings": mapper.settings(),
+        "settings": mapping.settings,
         "read": read,
         "beams": mapping.tally.beam_report(),
-        "keyframes": mapper.keyframes().len(),
-        "edges": mapper.edges().len(),
+        "keyframes": session.keyframes().len(),
+        "edges": session.edges().count(),
         "path_m": made.path_m,
         "status": status,
         "matches": mapping.tally.match_report(),
-        "live_map": live_report(mapper),
+        "live_map": live_report(mapping.local_map),
         "map": {
             "cells": made.map_cells,
             "cells_left_out": made.cells_left_out,
@@ -143,8 +143,7 @@ pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: 
     })
 }
 
-fn live_report(mapper: &Mapper) -> Value {
-    let report = mapper.live_report();
+fn live_report(report: LocalMapReport) -> Value {
     json!({
         "keyframes": report.keyframes,
         "gated_out": report.gated_out,
@@ -163,12 +162,12 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
         count(tally.scans, "scan"),
         duration(tally.log_s()),
         made.path_m,
-        count(mapping.mapper.keyframes().len() as u64, "keyframe"),
+        count(mapping.session().keyframes().len() as u64, "keyframe"),
     );
     let _ = writeln!(
         text,
         "map      {width_m:.0} x {height_m:.0} m, {} m a cell",
-        mapping.mapper.settings().map.resolution_m
+        mapping.settings.map.resolution_m
     );
     let _ = write!(
         text,

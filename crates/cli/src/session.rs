@@ -1,53 +1,107 @@
-//! `session.mapwright`: what the maps, trajectories and graphs of a run are functions of, for `mapwright export`.
+//! `session.mapwright`: the log of a run, written while it maps, and what `mapwright export` makes of it.
 
-use crate::closures::taken_back;
 use crate::drawing::draw;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
-use mapwright::{Edge, EdgeKind, Mapper, Pose2, Settings};
-use mapwright_record::{Session, SessionScan};
-use std::fs;
-use std::path::Path;
+use crate::output::{OutputFolder, part_of};
+use mapwright::{Entry, Session, Settings};
+use mapwright_record::LogWriter;
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Its name in the folder of results.
 pub(crate) const SESSION: &str = "session.mapwright";
+/// What is not in the file yet is written after so much time, or once there is so much of it, bytes.
+const WRITE_AFTER: Duration = Duration::from_millis(250);
+const WRITE_FROM_BYTES: usize = 1 << 18;
 
-/// The run so far; `odom_from_robot` has odometry's pose at every scan. Keyframes that the map leaves out have no beams.
-pub(crate) fn session_of(mapper: &Mapper, odom_from_robot: &[Pose2], left_out: &[u32]) -> Session {
-    let gone = taken_back(mapper.candidates());
-    let stands = |edge: &&Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
-    let scan = |(pose, &odom_from_robot): (mapwright::TrajectoryPose, &Pose2)| SessionScan {
-        stamp: pose.stamp,
-        map_from_robot: pose.map_from_robot,
-        odom_from_robot,
-    };
-    let mut keyframes = mapper.keyframes().to_vec();
-    for &k in left_out {
-        if let Some(keyframe) = keyframes.get_mut(k as usize) {
-            keyframe.sweep = keyframe.sweep.blanked();
-        }
+/// A run's log, as it grows: the session so far, and its file.
+pub(crate) struct SessionLog {
+    session: Session,
+    writer: LogWriter,
+    file: File,
+    path: PathBuf,
+    unwritten: Vec<u8>,
+    written: Instant,
+}
+
+impl SessionLog {
+    pub(crate) fn begin(output: &mut OutputFolder) -> Result<Self, Failure> {
+        Ok(Self {
+            session: Session::default(),
+            writer: LogWriter::new(),
+            file: output.begin(SESSION)?,
+            path: output.path(SESSION),
+            unwritten: Vec::new(),
+            written: Instant::now(),
+        })
     }
-    Session {
-        settings: serde_json::to_string(mapper.settings()).unwrap_or_default(),
-        scans: mapper.trajectory().zip(odom_from_robot).map(scan).collect(),
-        keyframes,
-        map_from_keyframe: mapper.keyframe_poses().to_vec(),
-        edges: mapper.edges().iter().filter(stands).copied().collect(),
+
+    /// All that was recorded.
+    pub(crate) fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Takes entries down, and writes them before long.
+    pub(crate) fn add(&mut self, entries: Vec<Entry>) -> Result<(), Failure> {
+        for entry in entries {
+            let appended = self.writer.append(&mut self.unwritten, &entry).and_then(|()| self.session.add(entry));
+            appended.map_err(|cause| Failure::write(&self.path, std::io::Error::other(cause)))?;
+        }
+        if self.unwritten.len() >= WRITE_FROM_BYTES || self.written.elapsed() >= WRITE_AFTER {
+            self.write()?;
+        }
+        Ok(())
+    }
+
+    /// Nothing more comes: writes all that is left.
+    pub(crate) fn finish(&mut self) -> Result<(), Failure> {
+        self.writer.finish(&mut self.unwritten);
+        self.write()
+    }
+
+    fn write(&mut self) -> Result<(), Failure> {
+        self.file.write_all(&self.unwritten).map_err(|error| Failure::write(&self.path, error))?;
+        self.unwritten.clear();
+        self.written = Instant::now();
+        Ok(())
     }
 }
 
-/// The session of a folder of results, or that file itself.
-pub(crate) fn read_session(path: &Path) -> Result<Session, Failure> {
-    let path = if path.is_dir() { path.join(SESSION) } else { path.to_owned() };
+/// The session of a folder of results, that of a run that was cut short in it, or that file itself, and what was lost of it in
+/// words.
+pub(crate) fn read_session(path: &Path) -> Result<(Session, Vec<String>), Failure> {
+    let path = if path.is_dir() { in_folder(path) } else { path.to_owned() };
     let bytes = fs::read(&path).map_err(|error| Failure::open(&path, format!("{error}; `mapwright map` writes it")))?;
-    Session::decode(&bytes).map_err(|cause| Failure::Session { path, cause: cause.to_string() })
+    let read = Session::read(&bytes);
+    let (session, report) =
+        read.map_err(|cause| Failure::Session { path: path.clone(), cause: cause.to_string() })?;
+    let losses = report.losses.iter().map(|loss| format!("{}: {loss}", path.display())).collect();
+    Ok((session, losses))
+}
+
+fn in_folder(folder: &Path) -> PathBuf {
+    let (whole, part) = (folder.join(SESSION), part_of(folder, SESSION));
+    if !whole.exists() && part.exists() { part } else { whole }
 }
 
 /// The map of a session, drawn anew.
 pub(crate) fn map_of(session: &Session, path: &Path) -> Result<MapImage, Failure> {
-    let settings: Settings = serde_json::from_str(&session.settings)
-        .map_err(|error| Failure::Session { path: path.to_owned(), cause: format!("its settings: {error}") })?;
+    let settings = settings_of(session, path)?;
+    let counts = draw(&settings, session.drawn(), session.map_from_keyframe());
+    Ok(map_image(&counts, settings.map.passes_per_hit))
+}
+
+/// The settings of the last run; files of version 1 have them as JSON.
+fn settings_of(session: &Session, path: &Path) -> Result<Settings, Failure> {
+    let failed = |cause: String| Failure::Session { path: path.to_owned(), cause: format!("its settings: {cause}") };
+    let text = session.runs().last().map_or("", |run| run.settings.as_str());
+    if !text.starts_with('{') {
+        return Settings::from_text(text).map_err(|error| failed(error.to_string()));
+    }
+    let settings: Settings = serde_json::from_str(text).map_err(|error| failed(error.to_string()))?;
     settings.validate()?;
-    let poses: Vec<Option<Pose2>> = session.map_from_keyframe.iter().copied().map(Some).collect();
-    Ok(map_image(&draw(&settings, &session.keyframes, &poses), settings.map.passes_per_hit))
+    Ok(settings)
 }

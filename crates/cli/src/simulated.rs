@@ -1,8 +1,8 @@
 //! A simulated drive that was mapped, with the truth beside it, and what the map joins.
 
-use crate::closures::taken_back;
 use crate::failure::Failure;
-use mapwright::{Edge, EdgeKind, Mapper, Pose2, Settings, Stamp, Update};
+use crate::pose_graph::standing;
+use mapwright::{Edge, EdgeKind, Mapper, Pose2, Session, Settings, Stamp, Update};
 use mapwright_eval::{Alignment, EvalError, PosePair, ate_of_pairs};
 use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
 use serde::Serialize;
@@ -133,12 +133,16 @@ impl Simulated {
         self.scans.len()
     }
 
+    pub(crate) fn session(&self) -> &Session {
+        self.mapper.session()
+    }
+
     pub(crate) fn keyframe_count(&self) -> usize {
-        self.mapper.keyframes().len()
+        self.session().keyframes().len()
     }
 
     fn scan_of(&self, keyframe: usize) -> Taken {
-        self.scans[self.mapper.keyframes()[keyframe].scan as usize]
+        self.scans[self.session().keyframes()[keyframe].scan as usize]
     }
 
     /// True pose of the robot at a keyframe.
@@ -179,38 +183,34 @@ impl Simulated {
 
     /// The keyframe nearest to a stamp in time; none where there is no keyframe.
     pub(crate) fn keyframe_at(&self, stamp: Stamp) -> Option<usize> {
-        let keyframes = self.mapper.keyframes();
+        let keyframes = self.session().keyframes();
         let after = keyframes.partition_point(|keyframe| keyframe.stamp < stamp);
         let near = after.saturating_sub(1)..(after + 1).min(keyframes.len());
         near.min_by_key(|&k| keyframes[k].stamp.0.abs_diff(stamp.0))
     }
 
     /// Length of the way between two keyframes, metres.
-    pub(crate) fn apart_m(&self, edge: &Edge) -> f64 {
-        (self.along_m(edge.to.seq as usize) - self.along_m(edge.from.seq as usize)).abs()
+    pub(crate) fn apart_m(&self, [from, to]: [usize; 2]) -> f64 {
+        (self.along_m(to) - self.along_m(from)).abs()
     }
 
     /// Whether an edge joins the map to itself, be it right or wrong, believed or not.
-    pub(crate) fn closes(&self, edge: &Edge) -> bool {
+    pub(crate) fn closes(&self, ends: [usize; 2], edge: &Edge) -> bool {
         match edge.kind {
             EdgeKind::Odometry => false,
-            EdgeKind::Match => self.apart_m(edge) > CLOSING_FROM_M,
+            EdgeKind::Match => self.apart_m(ends) > CLOSING_FROM_M,
             EdgeKind::Closure => true,
         }
     }
 
-    /// Every edge that closes, but those that were taken back.
+    /// Every edge that closes, but those that were withdrawn.
     pub(crate) fn closings(&self) -> Vec<Closing> {
-        let gone = taken_back(self.mapper.candidates());
-        let stands = |edge: &&Edge| edge.kind != EdgeKind::Closure || !gone.contains(&[edge.from, edge.to]);
-        let standing = self.mapper.edges().iter().filter(|edge| self.closes(edge)).filter(stands);
-        let closing = |edge: &Edge| {
-            let (from, to) = (edge.from.seq as usize, edge.to.seq as usize);
+        let closing = |([from, to], edge): ([usize; 2], &Edge)| {
             let measured = PoseError::of(edge.from_from_to, self.true_between(from, to));
             let in_map = self.error_between(self.mapper.keyframe_poses(), from, to);
             Closing { kind: edge.kind, from: from.min(to), to: from.max(to), measured, in_map }
         };
-        standing.map(closing).collect()
+        standing(self.session()).filter(|(ends, edge)| self.closes(*ends, edge)).map(closing).collect()
     }
 
     /// ATE of the keyframes at these poses, aligned, rmse in metres.

@@ -6,7 +6,9 @@ use mapwright_bags::McapReader;
 use mapwright_exports::{SessionCounts, write_session_mcap};
 use mapwright_formats::{GridImage, UNKNOWN};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_record::{Edge, EdgeKind, Keyframe, KeyframeId, Session, SessionScan};
+use mapwright_record::{
+    Edge, EdgeKind, Entry, Keyframe, OdometryOrigin, RecordedEdge, Run, RunId, ScanPose, Session, TrajectoryPose,
+};
 use mapwright_ros::messages::{LaserScan, OccupancyGrid, TfMessage};
 use mapwright_ros::{Channel, Decoder, Encoding, planar};
 use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep};
@@ -29,36 +31,33 @@ fn session() -> Session {
         ..LaserModel::half_circle("front_laser", 5)
     };
     let laser = Arc::new(laser);
-    let id = |seq| KeyframeId { robot: 0, session: 0, seq };
+    let run = RunId::of_robot("a");
     let along = |k: u32| Pose2::new(0.1 * f64::from(k), (0.2 * f64::from(k)).sin(), 0.15 * f64::from(k));
-    let scan = |k: u32| SessionScan {
-        stamp: Stamp(1_600_000_000_000_000_000 + 100_000_000 * i64::from(if k == 7 { 4 } else { k })),
-        map_from_robot: along(k),
-        odom_from_robot: Pose2::new(0.3, -2.0, 1.0) * along(k) * Pose2::new(0.001 * f64::from(k), 0.0, 0.002),
-    };
-    let scans: Vec<_> = (0..SCANS).map(scan).collect();
     let codes = vec![1000, BEAM_DROPPED, BEAM_NO_RETURN, 2000, 3000];
-    let sweep = Sweep { laser, codes, step_m: 0.001, twist_per_s: [0.0; 3], scatters: false };
-    let keyframe = |k: u32| Keyframe {
-        id: id(k),
-        stamp: scans[2 * k as usize].stamp,
-        scan: u64::from(2 * k),
-        sweep: sweep.clone(),
-    };
-    let edge = |from, to, kind| Edge {
-        from: id(from),
-        to: id(to),
-        kind,
-        from_from_to: Pose2::IDENTITY,
-        information: mapwright_geom::Cov3::identity(),
-    };
-    Session {
-        settings: String::new(),
-        keyframes: (0..SCANS / 2).map(keyframe).collect(),
-        map_from_keyframe: (0..SCANS / 2).map(|k| along(2 * k)).collect(),
-        edges: vec![edge(0, 1, EdgeKind::Odometry), edge(1, 19, EdgeKind::Closure), edge(2, 18, EdgeKind::Closure)],
-        scans,
+    let sweep = Arc::new(Sweep { laser, codes, step_m: 0.001, twist_per_s: [0.0; 3], scatters: false });
+    let mut session = Session::default();
+    session.add(Entry::Run(Run { id: run, settings: String::new() })).unwrap();
+    let odom_from_start = Pose2::new(0.3, -2.0, 1.0);
+    session.add(Entry::OdometryOrigin(OdometryOrigin { from_scan: 0, odom_from_start })).unwrap();
+    for k in 0..SCANS {
+        let stamp = Stamp(1_600_000_000_000_000_000 + 100_000_000 * i64::from(if k == 7 { 4 } else { k }));
+        if k.is_multiple_of(2) {
+            let (id, sweep) = (run.keyframe(k / 2), Arc::clone(&sweep));
+            let keyframe = Arc::new(Keyframe { id, stamp, scan: u64::from(k), sweep, hardly_fits: false });
+            session.add(Entry::Keyframe { keyframe, map_from_keyframe: along(k) }).unwrap();
+        }
+        let keyframe_from_robot = along(k - k % 2).between(along(k));
+        let odom_from_robot = along(k) * Pose2::new(0.001 * f64::from(k), 0.0, 0.002);
+        let scan = ScanPose { stamp, keyframe: Some(run.keyframe(k / 2)), keyframe_from_robot, odom_from_robot };
+        session.add(Entry::Scan(scan)).unwrap();
     }
+    for (from, to, kind) in [(0, 1, EdgeKind::Odometry), (1, 19, EdgeKind::Closure), (2, 18, EdgeKind::Closure)] {
+        let (from, to) = (run.keyframe(from), run.keyframe(to));
+        let information = mapwright_geom::Cov3::identity();
+        let edge = Edge { from, to, kind, from_from_to: Pose2::IDENTITY, information };
+        session.add(Entry::Edge(RecordedEdge { edge, candidate: None })).unwrap();
+    }
+    session
 }
 
 fn map() -> GridImage {
@@ -99,8 +98,8 @@ fn what_is_written_reads_back() {
                 let [map_from_odom, odom_from_robot] =
                     [0, 1].map(|k: usize| planar(&message.transforms[k].transform.to_pose3().unwrap()));
                 let stamp = message.transforms[0].header.stamp;
-                let at_stamp = session.scans.iter().filter(|scan| scan.stamp == stamp);
-                let off_m = |scan: &SessionScan| (map_from_odom * odom_from_robot).distance(scan.map_from_robot);
+                let at_stamp = session.trajectory().filter(|scan| scan.stamp == stamp);
+                let off_m = |scan: TrajectoryPose| (map_from_odom * odom_from_robot).distance(scan.map_from_robot);
                 assert!(at_stamp.map(off_m).fold(f64::INFINITY, f64::min) < 1e-9);
                 transforms += 1;
             }

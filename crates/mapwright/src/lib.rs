@@ -43,7 +43,7 @@ pub use mapwright_geom::{Cov3, Pose2, Stamp};
 pub use mapwright_grid::{CountGrid, LiveMap};
 pub use mapwright_record::{
     Beams, Candidate, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart, Keyframe,
-    KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, RecordedEdge, Run, RunId, ScanPose,
+    KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, OdometryOrigin, RecordedEdge, Run, RunId, ScanPose,
     Session, SessionEdge, Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};

@@ -180,6 +180,9 @@ impl Mapper {
 
     fn add_pose_of_scan(&mut self, scan: &LaserScan) {
         let pose = self.front.pose();
+        if let Some(own_from_robot) = scan.odom_from_robot.filter(|pose| pose.is_finite()) {
+            self.store.see_odometry(own_from_robot, pose.odom_from_robot());
+        }
         self.store.add_scan(scan.stamp, pose.local_from_robot(), pose.odom_from_robot());
     }
 

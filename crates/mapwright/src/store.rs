@@ -7,7 +7,7 @@ use mapwright_geom::{Cov3, Pose, Pose2, Stamp};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
 use mapwright_record::{
     Beams, Candidate, Edge, EdgeKind, Entry, Fragment, FragmentStart, Keyframe, KeyframeId, LeftOut, LeftOutReason,
-    RecordedEdge, Run, RunId, ScanPose, Session, Snapshot, Verdict, WheelSlip,
+    OdometryOrigin, RecordedEdge, Run, RunId, ScanPose, Session, Snapshot, Verdict, WheelSlip,
 };
 use mapwright_sensor::Sweep;
 use nalgebra::Matrix3;
@@ -73,6 +73,9 @@ pub(crate) struct Store {
     /// Moves when the past is corrected.
     map_from_local: Pose2,
     way_m: Vec<f64>,
+    /// The first scan of the run, and whether its odometry has told where it has its origin.
+    first_scan: u64,
+    has_origin: bool,
     /// Entries that nobody was told of yet.
     fresh: Vec<Entry>,
 }
@@ -84,6 +87,8 @@ impl Store {
             local_from_keyframe: Vec::new(),
             map_from_local: Pose2::IDENTITY,
             way_m: Vec::new(),
+            first_scan: 0,
+            has_origin: false,
             fresh: Vec::new(),
         };
         store.write(Entry::Run(Run { id: run, settings }));
@@ -138,6 +143,18 @@ impl Store {
     /// Number of the scan that comes next.
     pub(crate) fn next_scan(&self) -> u64 {
         self.session.scans().len() as u64
+    }
+
+    /// The robot's own odometry is this far on while that of the run is there: where it has its origin is taken down once.
+    pub(crate) fn see_odometry(&mut self, own_from_robot: Pose2, odom_from_robot: Pose2) {
+        if self.has_origin {
+            return;
+        }
+        self.has_origin = true;
+        let odom_from_start = own_from_robot * odom_from_robot.inverse();
+        if odom_from_start.is_within_bounds() {
+            self.write(Entry::OdometryOrigin(OdometryOrigin { from_scan: self.first_scan, odom_from_start }));
+        }
     }
 
     /// A scan, where it hangs on the newest keyframe.

@@ -55,6 +55,8 @@ pub enum Entry<M: Measurement = Sweep> {
     LeftOut(LeftOut),
     /// The wheels have slipped, and what was mapped since was moved.
     WheelSlip(WheelSlip),
+    /// Where the odometry of the scans from one on has its own origin.
+    OdometryOrigin(OdometryOrigin<M::Pose>),
     /// Keyframes were moved by a correction.
     Snapshot(Snapshot<M::Pose>),
 }
@@ -119,6 +121,15 @@ pub struct WheelSlip {
     pub from: KeyframeId,
     /// By how far, metres.
     pub metres: f64,
+}
+
+/// Where odometry that a robot brought along has its origin: poses by odometry begin at the identity with each run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OdometryOrigin<P: Pose = Pose2> {
+    /// The first scan that this holds for.
+    pub from_scan: u64,
+    /// Where the run began, in the frame of the robot's own odometry.
+    pub odom_from_start: P,
 }
 
 /// Poses of keyframes in the map as a correction has left them.

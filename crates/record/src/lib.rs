@@ -18,7 +18,7 @@ mod session;
 mod update;
 
 pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
-pub use entry::{Entry, Fragment, FragmentStart, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+pub use entry::{Entry, Fragment, FragmentStart, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId, Measurement, RunId};
 pub use left_out::{Beams, LeftOut, LeftOutReason};
 pub use log::{LogError, LogLoss, LogReport, LogWriter, read_log};

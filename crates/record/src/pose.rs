@@ -36,7 +36,7 @@ struct FromNumbers;
 struct IsTurn;
 
 impl Apart for ToNumbers {
-    type Of<P: Pose> = P;
+    type Of<'a, P: Pose> = P;
     type Output<P: Pose> = [f64; MOST_NUMBERS];
 
     fn plane(Pose2 { x, y, theta }: Pose2) -> [f64; MOST_NUMBERS] {
@@ -50,7 +50,7 @@ impl Apart for ToNumbers {
 }
 
 impl Apart for FromNumbers {
-    type Of<P: Pose> = [f64; MOST_NUMBERS];
+    type Of<'a, P: Pose> = [f64; MOST_NUMBERS];
     type Output<P: Pose> = P;
 
     // not `new`, which wraps and may change the last digit
@@ -64,7 +64,7 @@ impl Apart for FromNumbers {
 }
 
 impl Apart for IsTurn {
-    type Of<P: Pose> = P;
+    type Of<'a, P: Pose> = P;
     type Output<P: Pose> = bool;
 
     fn plane(pose: Pose2) -> bool {

@@ -178,6 +178,10 @@ impl Story {
                 let from = if b.is_multiple_of(2) { self.session.next_id() } else { self.any_keyframe(b) };
                 from.map(|from| Entry::WheelSlip(WheelSlip { scan: u64::from(a), from, metres: x }))
             }
+            13 if self.session.odometry_origins().last().is_none_or(|last| last.from_scan < u64::from(a)) => {
+                let (from_scan, odom_from_start) = (u64::from(a), pose(x));
+                Some(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))
+            }
             _ => self.snapshot(step),
         };
         entry.into_iter().for_each(|entry| self.add(entry));

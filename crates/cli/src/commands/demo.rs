@@ -98,7 +98,7 @@ struct Score {
 impl Score {
     fn of(mapping: &Mapping, truth: &[StampedPose], args: &DemoArgs) -> Result<Self, Failure> {
         let estimate: Vec<_> = mapping
-            .mapper
+            .session()
             .trajectory()
             .map(|pose| StampedPose { stamp: pose.stamp, world_from_robot: pose.map_from_robot })
             .collect();

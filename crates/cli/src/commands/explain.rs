@@ -15,7 +15,7 @@ pub(super) fn run(args: &ExplainArgs) -> Result<Outcome, Failure> {
 }
 
 fn is_wanted(args: &ExplainArgs, candidate: &CandidateRecord) -> bool {
-    let refused = matches!(candidate.verdict, VerdictName::Refused | VerdictName::TakenBack);
+    let refused = matches!(candidate.verdict, VerdictName::Refused | VerdictName::Withdrawn);
     let verdict = match (args.accepted, args.refused) {
         (true, _) => candidate.verdict == VerdictName::Accepted,
         (false, true) => refused,

@@ -11,19 +11,20 @@ use mapwright_formats::{
     CsvPose, FormatError, TumWriter, write_csv, write_kitti, write_map_yaml, write_pgm, write_plain_png,
     write_world_file,
 };
-use mapwright_record::{Session, SessionScan};
+use mapwright::{Session, TrajectoryPose};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &ExportArgs) -> Result<Outcome, Failure> {
-    let session = read_session(&args.results)?;
+    let (session, lost) = read_session(&args.results)?;
     let path = args.output.clone().unwrap_or_else(|| beside(&args.results, default_name(args.to)));
-    let losses = match args.to {
+    let made = match args.to {
         ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args.to, &session, &path)?,
         ExportTo::Mcap => mcap(args, &session, &path)?,
         ExportTo::Pgm | ExportTo::Worldfile => map(args, &session, &path)?,
     };
+    let losses = [lost, made].concat();
     say(&losses.iter().map(|loss| format!("lost     {loss}\n")).collect::<String>())?;
     Ok(Outcome::of_losses(&losses))
 }
@@ -45,7 +46,7 @@ fn beside(results: &Path, name: &str) -> PathBuf {
 }
 
 fn trajectory(to: ExportTo, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
-    let scans = session.scans.iter();
+    let scans = session.trajectory();
     write_whole(path, |file| {
         let written = match to {
             ExportTo::Kitti => write_kitti(scans.map(|scan| scan.map_from_robot), file),
@@ -54,17 +55,17 @@ fn trajectory(to: ExportTo, session: &Session, path: &Path) -> Result<Vec<String
         };
         written.map_err(|cause| Failure::write(path, cause))
     })?;
-    say(&format!("{}: {}\n", path.display(), count(session.scans.len() as u64, "pose")))?;
+    say(&format!("{}: {}\n", path.display(), count(session.scans().len() as u64, "pose")))?;
     Ok(Vec::new())
 }
 
-fn csv_pose(scan: &SessionScan) -> CsvPose {
+fn csv_pose(scan: TrajectoryPose) -> CsvPose {
     CsvPose { stamp: scan.stamp, map_from_robot: scan.map_from_robot, odom_from_robot: scan.odom_from_robot }
 }
 
 fn write_tum(session: &Session, file: impl Write) -> Result<(), FormatError> {
     let mut writer = TumWriter::new(file);
-    session.scans.iter().try_for_each(|scan| writer.write_planar(scan.stamp, scan.map_from_robot))?;
+    session.trajectory().try_for_each(|scan| writer.write_planar(scan.stamp, scan.map_from_robot))?;
     writer.finish().map(|_| ())
 }
 

@@ -25,13 +25,13 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes())?;
     mapping.clock = clock;
     let ending = log.for_each(&interrupt, |event, position| match event {
-        LogEvent::Scan(scan) => mapping.add_scan(scan, position).map(|_| ()),
+        LogEvent::Scan(scan) => mapping.add_scan(scan, position),
         LogEvent::Odometry(odometry) => {
             mapping.add_odometry(odometry);
             Ok(())
         }
         LogEvent::TurnRate(rate) => {
-            mapping.mapper.add_turn_rate(rate);
+            mapping.add_turn_rate(rate);
             Ok(())
         }
         _ => Ok(()),

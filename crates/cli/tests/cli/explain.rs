@@ -35,7 +35,7 @@ fn candidates_are_told_with_verdict_reason_and_numbers() {
     };
     let all = said(&[]);
     let expected = [
-        "3 candidates among 50 keyframes: 1 accepted, 1 taken back, 1 refused",
+        "3 candidates among 50 keyframes: 1 accepted, 1 withdrawn, 1 refused",
         "2 (1.500 s) -> 40 (90.250 s), found by pose, at 0.100 m -0.200 m 2.86 deg",
         "score 0.81",
         "cycle chi-square 2.5",
@@ -65,7 +65,7 @@ fn damaged_files_are_refused_in_words() {
     let refused = |closures: &str, says: &[&str]| assert_refused(&explain("explain_damaged", closures, &[]), 1, says);
     refused("", &["closures.json", "line 1"]);
     refused(&CLOSURES[..300], &["closures.json", "EOF", "line"]);
-    refused(&CLOSURES.replace("\"accepted\"", "\"perhaps\""), &["perhaps", "expected one of", "`taken back`"]);
+    refused(&CLOSURES.replace("\"accepted\"", "\"perhaps\""), &["perhaps", "expected one of", "`withdrawn`"]);
     refused(&CLOSURES.replace("\"to\": 44,", ""), &["missing field `to`", "line"]);
     refused(&CLOSURES.replace("\"to\": 44,", "\"to\": -4,"), &["-4", "expected u32"]);
     refused(&CLOSURES.replace("\"to\": 44,", "\"to\": 50,"), &["candidate 2", "keyframes below 50", "found 50"]);

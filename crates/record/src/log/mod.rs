@@ -33,6 +33,7 @@
 //! | 10 verdict | candidate u32, verdict u8 and u8, agreeing u32 |
 //! | 11 beams left out | keyframe u32, reason u8, all of them u8, else their places to the end, u32 each |
 //! | 12 wheel slip | scan u64, from as run u32 and seq u32, metres f64 |
+//! | 14 odometry origin | the first scan it holds for u64, pose |
 //! | 13 snapshot | number u32, and to the end: keyframe u32, map from keyframe |
 //!
 //! A pose is x, y, heading (f64), in space x, y, z and a unit quaternion i, j, k, w; a symmetric matrix its upper triangle,

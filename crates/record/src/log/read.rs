@@ -7,7 +7,7 @@ use super::{
     Sensors, VERSION, v1,
 };
 use crate::closure::{Candidate, Evidence};
-use crate::entry::{Entry, Fragment, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement, RunId};
 use crate::left_out::{Beams, LeftOut};
 use crate::numbers::Numbers;
@@ -198,6 +198,7 @@ impl<M: Measurement> LogReader<M> {
             Kind::Verdict => self.verdict(cursor)?,
             Kind::LeftOut => self.left_out(cursor)?,
             Kind::WheelSlip => self.wheel_slip(cursor)?,
+            Kind::OdometryOrigin => self.odometry_origin(cursor)?,
         }
         Ok(None)
     }
@@ -321,6 +322,12 @@ impl<M: Measurement> LogReader<M> {
             Beams::These(beams(cursor.rest())?)
         };
         self.session.add(Entry::LeftOut(LeftOut { keyframe, beams, reason }))
+    }
+
+    fn odometry_origin(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
+        let (from_scan, odom_from_start) = (cursor.u64("the first scan of an origin")?, cursor.pose()?);
+        cursor.end()?;
+        self.session.add(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))
     }
 
     fn wheel_slip(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {

@@ -4,7 +4,7 @@ use super::bytes::{Coded, put_f64, put_matrix, put_pose, put_u32};
 use super::codes::put_verdict;
 use super::{CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, Kind, MAGIC, NONE, Sensors, VERSION};
 use crate::closure::{Candidate, Evidence, Verdict};
-use crate::entry::{Entry, Fragment, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::keyframe::{Keyframe, KeyframeId, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
@@ -125,6 +125,12 @@ impl<M: Measurement> LogWriter<M> {
             Entry::Verdict { number, verdict, agreeing } => self.verdict(out, *number, *verdict, *agreeing),
             Entry::LeftOut(left_out) => self.left_out(out, left_out),
             Entry::WheelSlip(slip) => self.wheel_slip(out, slip),
+            Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }) => {
+                put_entry(out, Kind::OdometryOrigin, |out| {
+                    out.extend_from_slice(&from_scan.to_le_bytes());
+                    put_pose(out, *odom_from_start);
+                })
+            }
             Entry::Snapshot(snapshot) => self.keep_back(snapshot),
         }
     }
@@ -397,6 +403,7 @@ impl<M: Measurement> Whole<'_, M> {
         edges.filter(|(edge, _)| edge.withdrawn).for_each(|(_, number)| self.put(&Entry::Withdrawn { number }));
         session.left_out().iter().for_each(|left_out| self.put(&Entry::LeftOut(left_out.clone())));
         session.slips().iter().for_each(|slip| self.put(&Entry::WheelSlip(*slip)));
+        session.odometry_origins().iter().for_each(|origin| self.put(&Entry::OdometryOrigin(*origin)));
         let snapshot = Snapshot { number: session.corrections(), map_from_keyframe: Vec::new() };
         self.put(&Entry::Snapshot(snapshot));
     }

@@ -1,7 +1,7 @@
 //! All entries of a log, taken together.
 
 use crate::closure::{Candidate, Verdict};
-use crate::entry::{Entry, Fragment, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
@@ -30,6 +30,7 @@ pub struct Session<M: Measurement = Sweep> {
     candidates: Vec<Candidate<M::Pose>>,
     left_out: Vec<LeftOut>,
     slips: Vec<WheelSlip>,
+    odometry_origins: Vec<OdometryOrigin<M::Pose>>,
     corrections: u32,
 }
 
@@ -51,7 +52,7 @@ pub struct TrajectoryPose<P: Pose = mapwright_geom::Pose2> {
     pub stamp: Stamp,
     /// Pose of the robot in the map, with every correction.
     pub map_from_robot: P,
-    /// Pose of the robot by odometry alone; never jumps.
+    /// Pose of the robot by odometry alone, in the frame of the robot's own odometry where it has one; never jumps.
     pub odom_from_robot: P,
 }
 
@@ -94,6 +95,7 @@ impl<M: Measurement> Default for Session<M> {
             candidates: Vec::new(),
             left_out: Vec::new(),
             slips: Vec::new(),
+            odometry_origins: Vec::new(),
             corrections: 0,
         }
     }
@@ -128,6 +130,7 @@ impl<M: Measurement> Session<M> {
             Entry::Verdict { number, verdict, agreeing } => self.change_verdict(number, verdict, agreeing),
             Entry::LeftOut(left_out) => self.leave_out(left_out),
             Entry::WheelSlip(slip) => self.add_slip(slip),
+            Entry::OdometryOrigin(origin) => self.add_origin(origin),
             Entry::Snapshot(snapshot) => self.correct(&snapshot),
         }
     }
@@ -222,6 +225,14 @@ impl<M: Measurement> Session<M> {
     fn add_slip(&mut self, slip: WheelSlip) -> Result<(), EntryError> {
         self.is_or_was_next(slip.from)?;
         self.slips.push(slip);
+        Ok(())
+    }
+
+    fn add_origin(&mut self, origin: OdometryOrigin<M::Pose>) -> Result<(), EntryError> {
+        sound(origin.odom_from_start)?;
+        let last = self.odometry_origins.last().map(|last| last.from_scan);
+        unless("a scan after that of the last origin", last < Some(origin.from_scan), || origin.from_scan.to_string())?;
+        self.odometry_origins.push(origin);
         Ok(())
     }
 
@@ -361,6 +372,12 @@ impl<M: Measurement> Session<M> {
         &self.slips
     }
 
+    /// Where odometry has its origin, in the order of the scans that each holds for.
+    #[must_use]
+    pub fn odometry_origins(&self) -> &[OdometryOrigin<M::Pose>] {
+        &self.odometry_origins
+    }
+
     /// How often the poses were corrected.
     #[must_use]
     pub fn corrections(&self) -> u32 {
@@ -369,9 +386,16 @@ impl<M: Measurement> Session<M> {
 
     /// Where the robot was at every scan, in arrival order, with every correction made since.
     pub fn trajectory(&self) -> impl ExactSizeIterator<Item = TrajectoryPose<M::Pose>> + '_ {
-        self.scans.iter().map(|scan| {
+        let mut origins = self.odometry_origins.iter().peekable();
+        let mut odom_from_start = M::Pose::identity();
+        self.scans.iter().enumerate().map(move |(place, scan)| {
+            let number = self.scan_numbers.number(place);
+            while let Some(origin) = origins.next_if(|origin| origin.from_scan <= number) {
+                odom_from_start = origin.odom_from_start;
+            }
             let map_from_keyframe = scan.keyframe.and_then(|id| self.place(id)).map(|k| self.map_from_keyframe[k]);
             let ScanPose { stamp, keyframe_from_robot, odom_from_robot, .. } = *scan;
+            let odom_from_robot = odom_from_start * odom_from_robot;
             let map_from_robot = map_from_keyframe.map_or(keyframe_from_robot, |pose| pose * keyframe_from_robot);
             TrajectoryPose { stamp, map_from_robot, odom_from_robot }
         })

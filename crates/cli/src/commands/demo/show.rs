@@ -58,7 +58,8 @@ pub(super) fn run(args: &DemoArgs, show: Show) -> Result<Outcome, Failure> {
     };
     let shown = shown.map_err(|reason| Failure::World { name: name.clone(), reason })?;
     let poses = [shown.before.as_slice(), &shown.after];
-    write_before_and_after(&mut output, &drawn.world.mapper, poses, args.mapping.picture_side)?;
+    let world = (&settings, drawn.world.session());
+    write_before_and_after(&mut output, world, poses, args.mapping.picture_side)?;
     let files = output.commit()?;
     if args.mapping.voice.json {
         say_json(&json!({ "files": files, "world": name, "errors": shown.errors }))?;

@@ -88,7 +88,7 @@ impl Measure for Nested {
             closings: closings.len(),
             wrong: wrong_closings.len(),
             wrong_closings,
-            slips: world.mapper.slips().len(),
+            slips: world.session().slips().len(),
             ate_m,
             batch_ate_m,
             ratio: ate_m / batch_ate_m,
