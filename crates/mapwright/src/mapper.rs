@@ -15,10 +15,11 @@ use mapwright_graph::spread;
 use mapwright_grid::{CountGrid, LiveMap};
 use mapwright_loops::Finding;
 use mapwright_record::{
-    Beams, Candidate, Edge, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, Objection, RunId, Session, Status, TrajectoryPose,
+    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, Objection, RunId, Session, Status, TrajectoryPose,
     Update, Verdict,
 };
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
+use std::sync::Arc;
 
 /// Builds a map one scan at a time.
 #[derive(Debug, Clone)]
@@ -395,6 +396,17 @@ impl Mapper {
     #[must_use]
     pub fn session(&self) -> &Session {
         self.store.session()
+    }
+
+    /// Keyframes in the order they were made.
+    #[must_use]
+    pub fn keyframes(&self) -> &[Arc<Keyframe>] {
+        self.session().keyframes()
+    }
+
+    /// The edges that stand, in the order they were made.
+    pub fn edges(&self) -> impl DoubleEndedIterator<Item = &Edge> {
+        self.session().edges()
     }
 
     /// Every place the robot may have come back to, in the order they were looked at, taken or not.
