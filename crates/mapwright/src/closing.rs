@@ -6,7 +6,7 @@ use crate::store::{Judged, NodeId, Past};
 use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::MatcherSettings;
 use mapwright_loops::{Finding, PlaceIndex, VerifySettings};
-use mapwright_record::{Candidate, Detection, Edge, Objection, Verdict};
+use mapwright_record::{Candidate, Detection, Edge, Evidence, Objection, Verdict};
 use std::f64::consts::PI;
 
 mod look_back;
@@ -117,6 +117,29 @@ impl Closing {
             strained: 0,
             urgent: false,
         }
+    }
+
+    /// Goes on with a session: what has waited waits, and closures of late hold.
+    pub(crate) fn resume(&mut self, past: Past<'_>) {
+        let candidates = past.session.candidates().iter().zip(0..);
+        let waits = |candidate: &Candidate| match candidate.verdict {
+            Verdict::Waiting(Objection::Alone) => true,
+            Verdict::Waiting(Objection::Ambiguous) => {
+                let Evidence { ambiguity, cycle_chi2, .. } = candidate.evidence;
+                ambiguity.is_some_and(|share| share <= UNCLEAR_AMBIGUITY)
+                    && cycle_chi2.is_some_and(|chi2| chi2 <= IMPROBABLE_CHI2)
+            }
+            _ => false,
+        };
+        self.waiting = candidates.filter(|(candidate, _)| waits(candidate)).map(|(_, number)| number).collect();
+        self.waiting.drain(..self.waiting.len().saturating_sub(WAITING_AT_MOST));
+        for known in past.session.recorded_edges().iter().filter(|known| known.recorded.candidate.is_some()) {
+            let found = if known.withdrawn { supports::Found::Not } else { supports::Found::Here };
+            self.supports.learn(known.ends[0], known.ends[1], found);
+        }
+        self.supports.forget(past.way_m);
+        let way_m = past.way_m.last().copied().unwrap_or(0.0);
+        (self.checked_m, self.asked_m) = (way_m, way_m);
     }
 
     pub(crate) fn is_due(&self, past: Past<'_>) -> bool {
@@ -404,97 +427,4 @@ fn around(from: u32, heading_rad: Option<f64>, sigma_m: f64, sigma_rad: f64) -> 
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use mapwright_record::Evidence;
-
-    /// A metre from keyframe to keyframe, out and back.
-    fn way(count: u32) -> (Closing, Vec<Pose2>) {
-        let pose = |k: u32| {
-            if k < count / 2 { Pose2::new(f64::from(k), 0.0, 0.0) } else { Pose2::new(f64::from(count - k), 0.0, PI) }
-        };
-        let poses: Vec<Pose2> = (0..count).map(pose).collect();
-        let mut closing = Closing::new(&Settings::default());
-        poses.iter().for_each(|&pose| closing.add(pose, 1.0, &[]));
-        (closing, poses)
-    }
-
-    fn finding(target_from_query: Pose2, objection: Option<Objection>) -> Finding {
-        let covariance = Cov3::from_diagonal(&[1e-4, 1e-4, 1e-5].into());
-        Finding { target_from_query: Some(target_from_query), covariance, evidence: Evidence::default(), objection }
-    }
-
-    /// A match of the newest keyframe with an old one, off by so much.
-    fn match_with(poses: &[Pose2], from: u32, off_m: f64) -> Edge {
-        let to = poses.len() as u32 - 1;
-        let between = poses[from as usize].between(poses[to as usize]);
-        let from_from_to = Pose2 { x: between.x + off_m, ..between };
-        Edge { from: id(from), to: id(to), kind: EdgeKind::Match, from_from_to, information: Cov3::identity() }
-    }
-
-    #[test]
-    fn a_match_that_an_old_place_supports_links_it_only_if_it_is_found_there() {
-        for objection in [None, Some(Objection::Contradiction), Some(Objection::LittleOverlap)] {
-            let (mut closing, poses) = way(60);
-            let past = Past { keyframes: &[], local_from_keyframe: &poses };
-            let known = [Known { first: 0, live: true, uncertainty: Default::default() }];
-            assert!(closing.supporting(past, 59, 45, &known).is_none() && closing.links(45), "passed just now");
-            assert!(closing.is_unjudged(10) && !closing.links(10), "nobody has looked");
-            let (good, bad) = (match_with(&poses, 11, 0.05), match_with(&poses, 12, 0.3));
-            closing.wait(good);
-            let target = closing.supporting(past, 59, 10, &known).expect("it is old and was not looked at");
-            assert_eq!((target.from, target.detection), (10, Detection::Match));
-            assert!(!closing.is_unjudged(10) && !closing.links(10) && closing.links(45), "nobody knows yet");
-            closing.wait(bad);
-            assert!(closing.supporting(past, 59, 12, &known).is_none(), "it was looked at just now");
-            assert!(closing.settle_matches(past, &[]).is_empty(), "the verdict is not there");
-            let edges = closing.judge(past, 59, &target, &finding(target.middle, objection));
-            let is_closure = objection.is_none();
-            // What has waited links if the place was found where the match says.
-            let settled = closing.settle_matches(past, &edges);
-            assert_eq!(settled, if is_closure { vec![good] } else { Vec::new() });
-            assert_eq!(closing.graph.edges.len(), 2 * usize::from(is_closure));
-            assert!(closing.settle_matches(past, &edges).is_empty(), "once");
-            if is_closure {
-                let mut doubted = closing.clone();
-                assert_eq!(doubted.take_back(&[0]), [(id(10), id(59))]);
-                assert!(!doubted.links(10), "later evidence speaks against it");
-            }
-            assert_eq!(
-                (edges.len(), closing.links(10), closing.links(12)),
-                (usize::from(is_closure), is_closure, is_closure)
-            );
-            // Farther on it has to show again, and soon if it was not found: then what was seen before links too.
-            for (further, asked) in [(5, !is_closure), (40, true)] {
-                let mut later = closing.clone();
-                (0..further).for_each(|_| later.add(poses[59], 1.0, &[]));
-                let poses: Vec<Pose2> = poses.iter().copied().chain(vec![poses[59]; further]).collect();
-                let past = Past { keyframes: &[], local_from_keyframe: &poses };
-                later.supports.forget(&later.path_m);
-                let to = poses.len() as u32 - 1;
-                let target = later.supporting(past, to, 10, &known);
-                assert_eq!(target.is_some(), asked, "{further} m on");
-                if let Some(target) = target {
-                    let edges = later.judge(past, to, &target, &finding(target.middle, None));
-                    let settled = later.settle_matches(past, &edges);
-                    assert_eq!(settled, if further == 5 { vec![good] } else { Vec::new() });
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn matches_link_unseen_where_nobody_looks() {
-        let mut blind = Settings::default();
-        blind.loops.by_pose = false;
-        let mut everything = Settings::default();
-        everything.live.policy = LivePolicy::Everything;
-        for settings in [blind, everything] {
-            let (mut closing, poses) = way(60);
-            closing.looks_at_supports = Closing::new(&settings).looks_at_supports;
-            assert!(!closing.is_unjudged(10) && closing.links(10));
-            let past = Past { keyframes: &[], local_from_keyframe: &poses };
-            assert!(closing.supporting(past, 59, 10, &[]).is_none());
-        }
-    }
-}
+mod tests;

@@ -22,6 +22,7 @@ mod insert;
 mod pose;
 mod predict;
 mod prepare;
+mod resume;
 mod slip;
 mod sweep_motion;
 mod track;

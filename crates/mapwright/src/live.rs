@@ -10,7 +10,10 @@ use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+mod resume;
 mod waiting;
+
+pub(crate) use resume::Earlier;
 
 /// Side of the areas in which views are found, metres.
 const AREA_M: f64 = 1.0;

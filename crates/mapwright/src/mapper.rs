@@ -79,6 +79,32 @@ impl Mapper {
         })
     }
 
+    /// A mapper that goes on where a session ends, as a new run of the robot that ended it: with the next number, its scans and
+    /// keyframes after those of the session, the robot where it was.
+    ///
+    /// It maps as one that was never stopped would: from its keyframes and edges the local map is made again, and from the last
+    /// scans how the robot moves. The first update holds the beginning of the run.
+    ///
+    /// # Errors
+    /// A setting outside its range.
+    pub fn resume(settings: Settings, session: Session) -> Result<Self, SettingsError> {
+        settings.validate()?;
+        let last = session.runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
+        let sessions = session.runs().filter(|run| run.id.robot == last.robot).map(|run| run.id.session + 1);
+        let run = RunId { session: sessions.max().unwrap_or(0), ..last };
+        let stamp = session.scans().last().map_or(Stamp(0), |scan| scan.stamp);
+        let store = Store::resume(session, run, settings.to_text());
+        let mut back = BackEnd::new(&settings);
+        back.closing.resume(store.past());
+        Ok(Self {
+            front: FrontEnd::resume(settings, store.past()),
+            store,
+            localisation: Localisation::default(),
+            back,
+            newest: Newest { stamp, status: Status::Tracking },
+        })
+    }
+
     /// Remembers a reading of the wheels: for scans within 2 s of it that carry none of their own, and for the robot's motion
     /// during a sweep.
     ///
@@ -473,3 +499,6 @@ impl Mapper {
         map.into_counts()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -387,6 +387,11 @@ impl Patches {
         self.patches.iter_mut().for_each(|patch| patch.unsettled = patch.live);
     }
 
+    /// All that is live is drawn as it should be.
+    pub(crate) fn settle_all(&mut self) {
+        self.patches.iter_mut().for_each(|patch| patch.unsettled = false);
+    }
+
     /// A patch is about to be drawn as it should be: its views, if there is something to be done.
     pub(crate) fn settle(&mut self, patch: u32) -> &[u32] {
         let Patch { unsettled, views, .. } = &mut self.patches[patch as usize];

@@ -58,6 +58,12 @@ impl<'a> Past<'a> {
         (self.way_m[a as usize] - self.way_m[b as usize]).abs()
     }
 
+    /// Only the first keyframes.
+    pub(crate) fn until(self, count: usize) -> Self {
+        let (drawn, local_from_keyframe) = (&self.drawn[..count], &self.local_from_keyframe[..count]);
+        Self { drawn, local_from_keyframe, way_m: &self.way_m[..count], ..self }
+    }
+
     /// What the local map needs of it.
     pub(crate) fn frames(self) -> Frames<'a> {
         Frames { drawn: self.drawn, world_from_robot: self.local_from_keyframe }
@@ -76,20 +82,28 @@ pub(crate) struct Store {
     /// The first scan of the run, and whether its odometry has told where it has its origin.
     first_scan: u64,
     has_origin: bool,
+    /// Why the next keyframe begins a fragment, if it does.
+    start: Option<FragmentStart>,
     /// Entries that nobody was told of yet.
     fresh: Vec<Entry>,
 }
 
 impl Store {
     pub(crate) fn new(run: RunId, settings: String) -> Self {
+        Self::resume(Session::default(), run, settings)
+    }
+
+    /// A store that goes on with a session as a new run.
+    pub(crate) fn resume(session: Session, run: RunId, settings: String) -> Self {
         let mut store = Self {
-            session: Session::default(),
-            local_from_keyframe: Vec::new(),
+            local_from_keyframe: session.map_from_keyframe().to_vec(),
             map_from_local: Pose2::IDENTITY,
-            way_m: Vec::new(),
-            first_scan: 0,
+            way_m: way_m(&session),
+            first_scan: session.next_scan(),
             has_origin: false,
+            start: Some(if session.keyframes().is_empty() { FragmentStart::SwitchedOn } else { FragmentStart::Resumed }),
             fresh: Vec::new(),
+            session,
         };
         store.write(Entry::Run(Run { id: run, settings }));
         store
@@ -142,7 +156,7 @@ impl Store {
 
     /// Number of the scan that comes next.
     pub(crate) fn next_scan(&self) -> u64 {
-        self.session.scans().len() as u64
+        self.session.next_scan()
     }
 
     /// The robot's own odometry is this far on while that of the run is there: where it has its origin is taken down once.
@@ -175,12 +189,8 @@ impl Store {
         links: impl Fn(Past<'_>, NodeId) -> bool,
     ) -> Written {
         let node = self.add_alone(new);
-        let fragment = match (node, link) {
-            (0, _) => Some(FragmentStart::SwitchedOn),
-            (_, Link::Relocalised { .. }) => Some(FragmentStart::Relocalised),
-            _ => None,
-        };
-        if let Some(start) = fragment {
+        let relocalised = matches!(link, Link::Relocalised { .. }).then_some(FragmentStart::Relocalised);
+        if let Some(start) = self.start.take().or(relocalised) {
             self.write(Entry::Fragment(Fragment { first: self.id(node), start }));
         }
         let Some(last) = node.checked_sub(1) else {
@@ -379,6 +389,18 @@ impl Store {
             self.write(Entry::Remeasured { number, from_from_to: a.between(b), information });
         }
     }
+}
+
+/// Length of the way up to each keyframe, as the edges along it say.
+fn way_m(session: &Session) -> Vec<f64> {
+    let mut steps_m = vec![FARTHEST_WAY_M; session.keyframes().len()];
+    for known in session.recorded_edges().iter().filter(|known| known.recorded.edge.kind == EdgeKind::Odometry) {
+        let Pose2 { x, y, .. } = known.recorded.edge.from_from_to;
+        steps_m[known.ends[1] as usize] = x.hypot(y);
+    }
+    steps_m.first_mut().into_iter().for_each(|first| *first = 0.0);
+    let mut sum_m = 0.0;
+    steps_m.iter().map(|step_m| { sum_m += step_m; sum_m }).collect()
 }
 
 fn information_of(covariance: &Cov3) -> Cov3 {

@@ -1,6 +1,6 @@
 //! Poses as numbers, and which of them are sound.
 
-use mapwright_geom::{Apart, Pose, Pose2, Pose3, TangentMatrix};
+use mapwright_geom::{Apart, Pose, Pose2, Pose3};
 use nalgebra::{Quaternion, Unit};
 
 /// Numbers of a pose: x, y, heading in the plane; in space x, y, z and the quaternion's i, j, k, w.
@@ -24,11 +24,6 @@ pub(crate) fn from_numbers<P: Pose>(numbers: [f64; MOST_NUMBERS]) -> P {
 /// Whether a pose is finite, within 10^6 m, and its rotation one: a heading within half a turn, a quaternion of length one.
 pub(crate) fn is_sound<P: Pose>(pose: P) -> bool {
     pose.is_within_bounds() && P::apart::<IsTurn>(pose)
-}
-
-/// The symmetric matrix with the same upper triangle.
-pub(crate) fn mirrored<M: TangentMatrix>(matrix: &M) -> M {
-    M::from_fn(|row, column| matrix[(row.min(column), row.max(column))])
 }
 
 struct ToNumbers;

@@ -65,7 +65,7 @@ impl Story {
 
     /// One of each kind and more, with two lasers and two runs.
     pub(crate) fn small() -> Self {
-        let kinds = [1, 3, 4, 1, 3, 5, 1, 3, 9, 3, 6, 5, 13, 1, 7, 10, 11, 12, 2, 8, 0, 1, 3, 4, 5, 11, 14, 12];
+        let kinds = [1, 3, 4, 1, 3, 5, 1, 3, 9, 3, 6, 5, 13, 1, 7, 10, 11, 12, 2, 8, 0, 1, 3, 4, 5, 11, 14, 12, 15];
         let step = |(k, kind)| Step { kind, a: k as u32, b: 3 * k as u32 + 1, x: 0.25 * k as f64 };
         Self::of(&kinds.into_iter().enumerate().map(step).collect::<Vec<_>>())
     }
@@ -178,7 +178,7 @@ impl Story {
                 let from = if b.is_multiple_of(2) { self.session.next_id() } else { self.any_keyframe(b) };
                 from.map(|from| Entry::WheelSlip(WheelSlip { scan: u64::from(a), from, metres: x }))
             }
-            13 if self.session.odometry_origins().last().is_none_or(|last| last.from_scan < u64::from(a)) => {
+            15 if self.session.odometry_origins().last().is_none_or(|last| last.from_scan < u64::from(a)) => {
                 let (from_scan, odom_from_start) = (u64::from(a), pose(x));
                 Some(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))
             }

@@ -44,6 +44,12 @@ impl RobotPose {
         }
     }
 
+    /// A robot that goes on where it was: the fused covariances of all keyframes relative to the ones before, and the motion model's
+    /// since the newest.
+    pub(super) fn resume(local_from_robot: Pose2, links: Vec<Cov3>, odometry_since_keyframe: Cov3) -> Self {
+        Self { links, odometry_since_keyframe, ..Self::new(local_from_robot) }
+    }
+
     pub(crate) fn local_from_robot(&self) -> Pose2 {
         self.local_from_robot
     }

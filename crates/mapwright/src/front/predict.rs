@@ -71,6 +71,21 @@ pub(crate) struct Predictor {
 }
 
 impl Predictor {
+    /// Goes through an earlier scan again: where odometry had the robot, if there was any, and how it has moved since the scan before.
+    /// The motion's variances as they were predicted.
+    pub(super) fn go_through(
+        &mut self,
+        settings: &MotionSettings,
+        stamp: Stamp,
+        odom_from_robot: Option<Pose2>,
+        last_from_robot: Pose2,
+    ) -> [f64; 3] {
+        let step = self.step(settings, stamp, odom_from_robot);
+        let moved = if step.from_odometry { Moved::By(last_from_robot) } else { Moved::Matched(last_from_robot) };
+        self.settle(stamp, odom_from_robot, moved);
+        step.variances
+    }
+
     /// Usual time between two scans, seconds.
     pub(crate) fn period_s(&self) -> f64 {
         self.period_s

@@ -1,25 +1,22 @@
 use super::waiting::REDRAWN_AT_MOST;
 use super::*;
-use crate::Stamp;
 use mapwright_grid::CountGrid;
-use mapwright_record::KeyframeId;
 use mapwright_sensor::Sweep;
 use mapwright_sim::{Drive, DriveSettings, worlds};
 
-/// Keyframes along a corridor, 0.5 m apart, at their true poses.
-fn corridor(count: usize) -> (Vec<Keyframe>, Vec<Pose2>) {
+/// What is drawn of keyframes along a corridor, 0.5 m apart, at their true poses.
+fn corridor(count: usize) -> (Vec<Option<Arc<Sweep>>>, Vec<Pose2>) {
     let site = worlds::corridor(1, worlds::CorridorWalls::Features);
-    let (mut keyframes, mut poses) = (Vec::new(), Vec::<Pose2>::new());
+    let (mut sweeps, mut poses) = (Vec::new(), Vec::<Pose2>::new());
     for recorded in Drive::new(site.into(), DriveSettings::default()).scans() {
         let far = poses.last().is_none_or(|last| last.distance(recorded.world_from_robot) > 0.5);
         if far && poses.len() < count {
-            let id = KeyframeId { robot: 0, session: 0, seq: poses.len() as u32 };
             let (sweep, _) = Sweep::from_scan(&recorded.scan, [0.0; 3]);
-            keyframes.push(Keyframe { id, stamp: Stamp(0), scan: 0, sweep });
+            sweeps.push(Some(Arc::new(sweep)));
             poses.push(recorded.world_from_robot);
         }
     }
-    (keyframes, poses)
+    (sweeps, poses)
 }
 
 fn gated() -> Settings {
@@ -36,11 +33,11 @@ fn step(sigma_m: f64) -> Cov3 {
 }
 
 /// Inserts keyframes each `sigma_m` uncertain relative to the one before, with three scans between them.
-fn drive(keyframes: &[Keyframe], poses: &[Pose2], sigma_m: f64, closure: Option<(u32, u32)>) -> Live {
+fn drive(sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], sigma_m: f64, closure: Option<(u32, u32)>) -> Live {
     let settings = gated();
     let mut live = Live::new(&settings);
     for node in 0..poses.len() {
-        let frames = Frames { keyframes: &keyframes[..=node], world_from_robot: &poses[..=node] };
+        let frames = Frames { drawn: &sweeps[..=node], world_from_robot: &poses[..=node] };
         let node = node as u32;
         if node > 0 {
             live.connect(node - 1, &step(sigma_m), Spacing::default());
@@ -57,34 +54,37 @@ fn drive(keyframes: &[Keyframe], poses: &[Pose2], sigma_m: f64, closure: Option<
 }
 
 /// Counts of the keyframes that are drawn, drawn anew.
-fn redrawn(live: &Live, keyframes: &[Keyframe], poses: &[Pose2]) -> CountGrid {
+fn redrawn(live: &Live, sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2]) -> CountGrid {
     let mut map = CountGrid::new(0.05);
     let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
     for node in (0..poses.len()).filter(|&node| live.views[node].drawn_at.is_some()) {
-        points.fill(&keyframes[node].sweep, &mut table, Settings::default().scan.free_range_m);
+        let sweep = sweeps[node].as_ref().expect("it is drawn");
+        points.fill(sweep, &mut table, Settings::default().scan.free_range_m);
         points.fill_normals();
         map.draw(&points, poses[node], Change::Add, &mut Vec::new());
     }
     map
 }
 
-fn finish(live: &mut Live, keyframes: &[Keyframe], world_from_robot: &[Pose2]) {
-    live.settle_due(&gated(), Frames { keyframes, world_from_robot }, usize::MAX);
+fn finish(live: &mut Live, sweeps: &[Option<Arc<Sweep>>], world_from_robot: &[Pose2]) {
+    live.settle_due(&gated(), Frames { drawn: sweeps, world_from_robot }, usize::MAX);
 }
 
 /// A scan like that of a keyframe meets what is there.
-fn scan(live: &mut Live, keyframes: &[Keyframe], poses: &[Pose2], node: usize) {
+fn scan(live: &mut Live, sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], node: usize) {
     let (settings, mut points) = (gated(), SweepPoints::default());
-    points.fill(&keyframes[node].sweep, &mut BeamTable::default(), settings.scan.free_range_m);
-    live.meet(&settings, Frames { keyframes, world_from_robot: poses }, &points.hits, poses[node]);
+    if let Some(sweep) = &sweeps[node] {
+        points.fill(sweep, &mut BeamTable::default(), settings.scan.free_range_m);
+    }
+    live.meet(&settings, Frames { drawn: sweeps, world_from_robot: poses }, &points.hits, poses[node]);
 }
 
 #[test]
 fn certain_keyframes_stay_and_uncertain_ones_leave_behind_the_robot() {
-    let (keyframes, poses) = corridor(60);
-    assert_eq!(drive(&keyframes, &poses, 0.01, None).report.keyframes, 60);
-    let mut live = drive(&keyframes, &poses, 0.12, None);
-    finish(&mut live, &keyframes, &poses);
+    let (sweeps, poses) = corridor(60);
+    assert_eq!(drive(&sweeps, &poses, 0.01, None).report.keyframes, 60);
+    let mut live = drive(&sweeps, &poses, 0.12, None);
+    finish(&mut live, &sweeps, &poses);
     // 17 steps of 0.12 m make 0.5 m; patches and a search a metre ago blur that, and beyond 20 m nobody asks.
     let drawn: Vec<bool> = live.views.iter().map(|view| view.drawn_at.is_some()).collect();
     assert!(drawn[52..].iter().all(|&drawn| drawn), "{drawn:?}");
@@ -94,28 +94,28 @@ fn certain_keyframes_stay_and_uncertain_ones_leave_behind_the_robot() {
 
 #[test]
 fn what_remains_is_drawn_exactly_once() {
-    let (keyframes, poses) = corridor(60);
+    let (sweeps, poses) = corridor(60);
     for closure in [None, Some((50, 33))] {
-        let mut live = drive(&keyframes, &poses, 0.12, closure);
-        finish(&mut live, &keyframes, &poses);
+        let mut live = drive(&sweeps, &poses, 0.12, closure);
+        finish(&mut live, &sweeps, &poses);
         assert!(live.report.gated_out > 5, "{:?}", live.report);
-        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &poses).to_bytes());
     }
 }
 
 #[test]
 fn a_link_to_a_place_that_was_out_lets_it_in_again_when_a_scan_meets_it() {
-    let (keyframes, poses) = corridor(60);
-    let mut live = drive(&keyframes, &poses, 0.12, Some((55, 34)));
-    finish(&mut live, &keyframes, &poses);
+    let (sweeps, poses) = corridor(60);
+    let mut live = drive(&sweeps, &poses, 0.12, Some((55, 34)));
+    finish(&mut live, &sweeps, &poses);
     let drawn = |live: &Live, node: usize| live.views[node].drawn_at.is_some();
     assert!(live.is_live(33) && live.is_live(34) && live.report.let_in == 0, "{:?}", live.report);
     assert!(!drawn(&live, 33) && !drawn(&live, 34));
-    scan(&mut live, &keyframes, &poses, 33);
-    finish(&mut live, &keyframes, &poses);
+    scan(&mut live, &sweeps, &poses, 33);
+    finish(&mut live, &sweeps, &poses);
     assert!(drawn(&live, 33) && drawn(&live, 34) && live.report.let_in > 0, "{:?}", live.report);
     live.map.refresh();
-    assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &poses).to_bytes());
 }
 
 /// The keyframes from `first` on stay, those before are carried along the corridor.
@@ -126,121 +126,121 @@ fn corrected(poses: &[Pose2], first: usize) -> Vec<Pose2> {
 
 #[test]
 fn what_a_correction_moves_is_drawn_where_it_belongs_when_a_scan_meets_it() {
-    let (keyframes, poses) = corridor(60);
+    let (sweeps, poses) = corridor(60);
     for first in [10, 50] {
-        let mut live = drive(&keyframes, &poses, 0.001, None);
+        let mut live = drive(&sweeps, &poses, 0.001, None);
         let moved = corrected(&poses, first);
-        let frames = Frames { keyframes: &keyframes, world_from_robot: &moved };
+        let frames = Frames { drawn: &sweeps, world_from_robot: &moved };
         live.carry(&gated(), &poses, frames);
-        finish(&mut live, &keyframes, &moved);
+        finish(&mut live, &sweeps, &moved);
         let at = |live: &Live, node: usize| live.views[node].drawn_at;
         // Where most has moved all begins anew, with the newest; where little has it stays until it is met.
         let newest = (0..60).filter(|&node| at(&live, node).is_some()).count();
         assert_eq!(newest, if first == 10 { 60 } else { MET_AT_ONCE }, "{:?}", live.report);
         assert_eq!(at(&live, 5), if first == 10 { Some(poses[5]) } else { None });
         for node in 0..60 {
-            scan(&mut live, &keyframes, &moved, node);
+            scan(&mut live, &sweeps, &moved, node);
         }
-        finish(&mut live, &keyframes, &moved);
+        finish(&mut live, &sweeps, &moved);
         live.map.refresh();
         assert!((0..60).all(|node| at(&live, node) == Some(moved[node])), "{:?}", live.report);
-        assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &moved).to_bytes());
+        assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &moved).to_bytes());
     }
 }
 
 /// Out, and back beside it: the start is 30 steps old when the robot is beside it again.
-fn out_and_back() -> (Vec<Keyframe>, Vec<Pose2>) {
-    let (keyframes, mut poses) = corridor(60);
+fn out_and_back() -> (Vec<Option<Arc<Sweep>>>, Vec<Pose2>) {
+    let (sweeps, mut poses) = corridor(60);
     for back in 30..60 {
         let there = poses[59 - back];
         poses[back] = Pose2 { y: there.y + 10.0, ..there };
     }
-    (keyframes, poses)
+    (sweeps, poses)
 }
 
 #[test]
 fn what_is_too_uncertain_to_be_matched_against_leaves_before_a_scan_would_be() {
-    let (keyframes, poses) = out_and_back();
-    let mut live = drive(&keyframes, &poses, 0.05, None);
-    finish(&mut live, &keyframes, &poses);
+    let (sweeps, poses) = out_and_back();
+    let mut live = drive(&sweeps, &poses, 0.05, None);
+    finish(&mut live, &sweeps, &poses);
     let drawn = |live: &Live, node: usize| live.views[node].drawn_at.is_some();
-    scan(&mut live, &keyframes, &poses, 59);
+    scan(&mut live, &sweeps, &poses, 59);
     assert!(live.report.gated_out == 0 && drawn(&live, 0), "no scan has met it: {:?}", live.report);
-    scan(&mut live, &keyframes, &poses, 0);
+    scan(&mut live, &sweeps, &poses, 0);
     assert!(live.report.gated_out > 0 && !drawn(&live, 0) && drawn(&live, 59), "{:?}", live.report);
-    finish(&mut live, &keyframes, &poses);
+    finish(&mut live, &sweeps, &poses);
     live.map.refresh();
-    assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &poses).to_bytes());
 }
 
 #[test]
 fn of_a_place_that_is_drawn_again_some_views_stay() {
-    let (keyframes, poses) = corridor(2);
+    let (sweeps, poses) = corridor(2);
     let most = gated().live.views_per_area as usize;
-    let (keyframes, poses) = (vec![keyframes[1].clone(); most], vec![poses[1]; most]);
-    let mut live = drive(&keyframes, &poses, 0.001, None);
-    let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
+    let (sweeps, poses) = (vec![sweeps[1].clone(); most], vec![poses[1]; most]);
+    let mut live = drive(&sweeps, &poses, 0.001, None);
+    let frames = Frames { drawn: &sweeps, world_from_robot: &poses };
     for is_live in [false, true] {
         live.flip(&gated(), frames, Flip { patch: 0, live: is_live, distance2: 0.0 });
-        finish(&mut live, &keyframes, &poses);
+        finish(&mut live, &sweeps, &poses);
         assert_eq!(live.report.keyframes, 0, "out, and not met yet");
     }
     live.note_waiting(frames);
-    scan(&mut live, &keyframes, &poses, 0);
-    finish(&mut live, &keyframes, &poses);
+    scan(&mut live, &sweeps, &poses, 0);
+    finish(&mut live, &sweeps, &poses);
     live.map.refresh();
     assert_eq!((live.report.keyframes, live.report.superseded), (REDRAWN_AT_MOST, (most - REDRAWN_AT_MOST) as u64));
-    assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &poses).to_bytes());
 }
 
 #[test]
 fn a_keyframe_that_is_to_leave_can_be_dropped() {
-    let (keyframes, poses) = corridor(60);
-    let mut live = drive(&keyframes, &poses, 0.001, None);
-    let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
+    let (sweeps, poses) = corridor(60);
+    let mut live = drive(&sweeps, &poses, 0.001, None);
+    let frames = Frames { drawn: &sweeps, world_from_robot: &poses };
     live.flip(&gated(), frames, Flip { patch: 0, live: false, distance2: 0.0 });
     let drawn = |live: &Live, node: u32| live.views[node as usize].drawn_at.is_some();
     let leaving = live.due.iter().copied().find(|&node| drawn(&live, node));
     let leaving = leaving.expect("what leaves is taken out a few at a time");
     live.drop(&gated(), frames, leaving);
     assert!(!drawn(&live, leaving));
-    finish(&mut live, &keyframes, &poses);
+    finish(&mut live, &sweeps, &poses);
     live.map.refresh();
-    assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &poses).to_bytes());
 }
 
 #[test]
-fn a_keyframe_without_beams_is_a_place_and_nothing_drawn() {
-    let (mut keyframes, poses) = corridor(40);
-    keyframes[20].sweep = keyframes[20].sweep.blanked();
-    let mut live = drive(&keyframes, &poses, 0.001, None);
-    let frames = Frames { keyframes: &keyframes, world_from_robot: &poses };
+fn a_keyframe_that_is_left_out_is_a_place_and_nothing_drawn() {
+    let (mut sweeps, poses) = corridor(40);
+    sweeps[20] = None;
+    let mut live = drive(&sweeps, &poses, 0.001, None);
+    let frames = Frames { drawn: &sweeps, world_from_robot: &poses };
     let is_out = |live: &Live| live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|&k| k == 20);
     assert!(is_out(&live) && live.is_live(20) && live.is_live(39), "it is known where it is, and what follows");
     for is_live in [false, true] {
         for patch in 0..5 {
             live.flip(&gated(), frames, Flip { patch, live: is_live, distance2: 0.0 });
         }
-        finish(&mut live, &keyframes, &poses);
+        finish(&mut live, &sweeps, &poses);
     }
     live.note_waiting(frames);
-    scan(&mut live, &keyframes, &poses, 20);
-    finish(&mut live, &keyframes, &poses);
+    scan(&mut live, &sweeps, &poses, 20);
+    finish(&mut live, &sweeps, &poses);
     live.map.refresh();
     assert!(is_out(&live));
-    assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &poses).to_bytes());
 }
 
 #[test]
 fn a_place_seen_again_and_again_keeps_the_newest_views() {
-    let (keyframes, poses) = corridor(2);
-    let (keyframe, pose) = (&keyframes[1], poses[1]);
+    let (sweeps, poses) = corridor(2);
+    let (sweep, pose) = (&sweeps[1], poses[1]);
     let settings = gated();
-    let (keyframes, poses) = (vec![keyframe.clone(); 200], vec![pose; 200]);
-    let mut live = drive(&keyframes, &poses, 0.001, None);
-    finish(&mut live, &keyframes, &poses);
+    let (sweeps, poses) = (vec![sweep.clone(); 200], vec![pose; 200]);
+    let mut live = drive(&sweeps, &poses, 0.001, None);
+    finish(&mut live, &sweeps, &poses);
     let most = settings.live.views_per_area as usize;
     assert_eq!(live.report.keyframes, most);
     assert!(live.views[200 - most..].iter().all(|view| view.drawn_at.is_some()));
-    assert!(live.map.counts().to_bytes() == redrawn(&live, &keyframes, &poses).to_bytes());
+    assert!(live.map.counts().to_bytes() == redrawn(&live, &sweeps, &poses).to_bytes());
 }

@@ -40,10 +40,10 @@ pub(super) fn put_pose<P: Pose>(out: &mut Vec<u8>, pose: P) {
     to_numbers(pose).into_iter().take(number_count::<P>()).for_each(|number| put_f64(out, number));
 }
 
-/// The upper triangle, row by row.
+/// Row by row, all of it: computed matrices are symmetric but for their last digits, and are to come back to the bit.
 pub(super) fn put_matrix<P: Pose>(out: &mut Vec<u8>, matrix: &P::Matrix) {
     for row in 0..P::DIMENSION {
-        (row..P::DIMENSION).for_each(|column| put_f64(out, matrix[(row, column)]));
+        (0..P::DIMENSION).for_each(|column| put_f64(out, matrix[(row, column)]));
     }
 }
 
@@ -120,6 +120,17 @@ impl<'a> Cursor<'a> {
     }
 
     pub(super) fn matrix<P: Pose>(&mut self) -> Result<P::Matrix, EntryError> {
+        let mut matrix = P::Matrix::zero();
+        for row in 0..P::DIMENSION {
+            for column in 0..P::DIMENSION {
+                matrix[(row, column)] = self.f64("a matrix")?;
+            }
+        }
+        Ok(matrix)
+    }
+
+    /// A symmetric matrix of which the upper triangle stands here.
+    pub(super) fn upper_triangle<P: Pose>(&mut self) -> Result<P::Matrix, EntryError> {
         let mut matrix = P::Matrix::zero();
         for row in 0..P::DIMENSION {
             for column in row..P::DIMENSION {

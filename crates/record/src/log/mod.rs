@@ -36,8 +36,8 @@
 //! | 14 odometry origin | the first scan it holds for u64, pose |
 //! | 13 snapshot | number u32, and to the end: keyframe u32, map from keyframe |
 //!
-//! A pose is x, y, heading (f64), in space x, y, z and a unit quaternion i, j, k, w; a symmetric matrix its upper triangle,
-//! row by row. The bytes of a laser: first bearing, step, least and largest range, time from beam to beam (f64), robot from
+//! A pose is x, y, heading (f64), in space x, y, z and a unit quaternion i, j, k, w; a matrix all of its rows.
+//! The bytes of a laser: first bearing, step, least and largest range, time from beam to beam (f64), robot from
 //! laser, upside down u8, name as UTF-8; those of a sweep: metres a code f64, twist a second 3 f64, scatters u8, and a code of
 //! two bytes a beam.
 //!

@@ -118,7 +118,7 @@ impl Old<'_, '_> {
     fn edge(&mut self) -> Result<(), EntryError> {
         let [from, to] = [self.end_of_edge()?, self.end_of_edge()?];
         let kind = self.cursor.coded("an edge's kind, 0 to 2")?;
-        let (from_from_to, information) = (self.cursor.pose()?, self.cursor.matrix::<Pose2>()?);
+        let (from_from_to, information) = (self.cursor.pose()?, self.cursor.upper_triangle::<Pose2>()?);
         let edge = Edge { from, to, kind, from_from_to, information };
         self.session.add(Entry::Edge(RecordedEdge { edge, candidate: None }))
     }

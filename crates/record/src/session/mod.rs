@@ -6,7 +6,7 @@ use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
 use crate::numbers::Numbers;
-use crate::pose::{is_sound, mirrored};
+use crate::pose::is_sound;
 use mapwright_geom::{Pose, Stamp, TangentMatrix};
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Everything that maps, trajectories and graphs of a run are functions of: what all entries of its log amount to.
 ///
 /// It grows by [`Session::add`] alone, from the updates of a mapper or from a file. Everything in it refers to what is in it.
-/// Of symmetric matrices the upper triangle counts. Where a damaged log has lost scans or keyframes, the numbers of scans
+/// Where a damaged log has lost scans or keyframes, the numbers of scans
 /// and the `seq` of keyframes have gaps; [`Session::scan_place`] and [`Session::place`] know them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session<M: Measurement = Sweep> {
@@ -119,7 +119,7 @@ impl<M: Measurement> Session<M> {
             Entry::Remeasured { number, from_from_to, information } => {
                 measured::<M::Pose>(from_from_to, &information)?;
                 let edge = &mut self.edge_mut(number)?.recorded.edge;
-                (edge.from_from_to, edge.information) = (from_from_to, mirrored(&information));
+                (edge.from_from_to, edge.information) = (from_from_to, information);
                 Ok(())
             }
             Entry::Withdrawn { number } => {
@@ -195,13 +195,12 @@ impl<M: Measurement> Session<M> {
         Ok(())
     }
 
-    fn add_edge(&mut self, mut recorded: RecordedEdge<M::Pose>) -> Result<(), EntryError> {
+    fn add_edge(&mut self, recorded: RecordedEdge<M::Pose>) -> Result<(), EntryError> {
         let Edge { from, to, from_from_to, information, .. } = recorded.edge;
         let ends = [self.place_or_error(from)?, self.place_or_error(to)?];
         unless("two different keyframes", ends[0] != ends[1], || format!("{from:?} twice"))?;
         recorded.candidate.map_or(Ok(()), |number| self.candidate_exists(number))?;
         measured::<M::Pose>(from_from_to, &information)?;
-        recorded.edge.information = mirrored(&information);
         self.edges.push(SessionEdge { recorded, ends: ends.map(|end| end as u32), withdrawn: false });
         Ok(())
     }
@@ -213,11 +212,10 @@ impl<M: Measurement> Session<M> {
     }
 
     /// A candidate may lead to the keyframe that comes next: there the robot was looked for and is about to be.
-    fn add_candidate(&mut self, mut candidate: Candidate<M::Pose>) -> Result<(), EntryError> {
+    fn add_candidate(&mut self, candidate: Candidate<M::Pose>) -> Result<(), EntryError> {
         self.place_or_error(candidate.from)?;
         self.is_or_was_next(candidate.to)?;
         candidate.from_from_to.map_or(Ok(()), sound)?;
-        candidate.covariance = mirrored(&candidate.covariance);
         self.candidates.push(candidate);
         Ok(())
     }
@@ -294,6 +292,12 @@ impl<M: Measurement> Session<M> {
     #[must_use]
     pub fn scan_place(&self, number: u64) -> Option<usize> {
         self.scan_numbers.place(number)
+    }
+
+    /// The number of the scan that comes next.
+    #[must_use]
+    pub fn next_scan(&self) -> u64 {
+        self.scan_numbers.next()
     }
 
     pub(crate) fn names(&self) -> &Names {

@@ -1,0 +1,120 @@
+//! A front end that goes on with an earlier run: the local map from its keyframes and edges, the prediction from its last scans.
+//!
+//! What no log keeps begins anew: how scans have fitted and how far odometry was wrong of late, and what moves. It is learnt within
+//! seconds.
+
+use super::FrontEnd;
+use super::pose::{RobotPose, map_floor};
+use crate::live::Earlier;
+use crate::settings::Settings;
+use crate::store::{NodeId, Past, spacing};
+use mapwright_geom::{Cov3, Pose2, compose_covariance};
+use mapwright_record::{Edge, EdgeKind};
+use nalgebra::{Matrix3, Vector3};
+
+/// The last scans tell how the robot moves: so many.
+const SCANS: usize = 256;
+/// Of a covariance that nobody knows, m^2 and rad^2.
+const UNKNOWN: f64 = 100.0;
+
+/// The edges that lead to one keyframe.
+#[derive(Debug, Clone, Default)]
+struct Links {
+    odometry: Option<Edge>,
+    matched: Option<(NodeId, Edge)>,
+    closures: Vec<(NodeId, Cov3)>,
+}
+
+impl FrontEnd {
+    /// Goes on where the session ends; `past` is all of it.
+    pub(crate) fn resume(settings: Settings, past: Past<'_>) -> Self {
+        let mut front = Self::new(settings, Pose2::IDENTITY);
+        let links = links(past);
+        front.take_in_keyframes(past, &links);
+        let covariances = links.iter().map(|links| fused(links)).collect();
+        let (local_from_robot, since_keyframe) = front.go_through_scans(past);
+        front.pose = RobotPose::resume(local_from_robot, covariances, since_keyframe);
+        front
+    }
+
+    fn take_in_keyframes(&mut self, past: Past<'_>, links: &[Links]) {
+        let Self { settings, local_map, .. } = self;
+        let keyframes = past.session.keyframes();
+        for (node, links) in links.iter().enumerate() {
+            let step_m = if node == 0 { 0.0 } else { past.way_m[node] - past.way_m[node - 1] };
+            let before = node.checked_sub(1).map_or(0, |before| keyframes[before].scan);
+            let earlier = Earlier {
+                node: node as NodeId,
+                links: links_of(past, node as NodeId, links),
+                spacing: spacing(keyframes, node, step_m),
+                closures: links.closures.clone(),
+                scans: keyframes[node].scan.saturating_sub(before),
+            };
+            local_map.take_in(settings, past.until(node + 1).frames(), &earlier);
+        }
+        local_map.draw_wanted(settings, past.frames());
+    }
+
+    /// Goes through the last scans again; where the robot is, and how uncertain since the newest keyframe by odometry alone.
+    fn go_through_scans(&mut self, past: Past<'_>) -> (Pose2, Cov3) {
+        let session = past.session;
+        let has_odometry = !session.odometry_origins().is_empty();
+        let newest = session.keyframes().last().map(|keyframe| keyframe.id);
+        let first = session.scans().len().saturating_sub(SCANS);
+        let (mut last, mut since_keyframe) = (None::<Pose2>, Cov3::zeros());
+        for (pose, scan) in session.trajectory().zip(session.scans()).skip(first) {
+            let last_from_robot = last.map_or(Pose2::IDENTITY, |last| last.between(pose.map_from_robot));
+            let odom_from_robot = has_odometry.then_some(pose.odom_from_robot);
+            let motion = &self.settings.motion;
+            let variances = self.predictor.go_through(motion, pose.stamp, odom_from_robot, last_from_robot);
+            let is_later = scan.keyframe == newest && scan.keyframe_from_robot != Pose2::IDENTITY;
+            since_keyframe = match is_later {
+                true => {
+                    let noise = Matrix3::from_diagonal(&Vector3::from(variances));
+                    compose_covariance(&since_keyframe, last_from_robot, &noise)
+                }
+                false => Cov3::zeros(),
+            };
+            last = Some(pose.map_from_robot);
+        }
+        (last.unwrap_or_default(), since_keyframe)
+    }
+}
+
+/// The edges that stand, by the keyframe that they lead to.
+fn links(past: Past<'_>) -> Vec<Links> {
+    let mut links = vec![Links::default(); past.way_m.len()];
+    for known in past.session.recorded_edges().iter().filter(|known| !known.withdrawn) {
+        let (edge, [from, to]) = (known.recorded.edge, known.ends);
+        let to = &mut links[from.max(to) as usize];
+        match edge.kind {
+            EdgeKind::Odometry => to.odometry = Some(edge),
+            EdgeKind::Match => to.matched = Some((from, edge)),
+            EdgeKind::Closure => to.closures.push((from.min(known.ends[1]), covariance(&edge.information))),
+        }
+    }
+    links
+}
+
+/// What a keyframe is linked with: the one before by wheels and scan together, and the one it was matched with.
+fn links_of(past: Past<'_>, node: NodeId, links: &Links) -> Vec<(NodeId, Cov3)> {
+    let mut all = Vec::new();
+    if let Some(before) = node.checked_sub(1).filter(|_| links.odometry.is_some()) {
+        all.push((before, fused(links)));
+    }
+    if let Some((anchor, edge)) = links.matched.filter(|(anchor, _)| anchor + 1 != node) {
+        let away_m = past.pose(anchor).distance(past.pose(node));
+        all.push((anchor, covariance(&edge.information) + map_floor(away_m)));
+    }
+    all
+}
+
+/// Covariance relative to the keyframe before, by wheels and scan together.
+fn fused(links: &Links) -> Cov3 {
+    let matched = links.matched.map_or_else(Cov3::zeros, |(_, edge)| edge.information);
+    links.odometry.map_or_else(Cov3::zeros, |edge| covariance(&(edge.information + matched)))
+}
+
+fn covariance(information: &Cov3) -> Cov3 {
+    information.try_inverse().unwrap_or_else(|| Cov3::identity() * UNKNOWN)
+}
