@@ -14,6 +14,7 @@
 mod carmen;
 mod error;
 mod export;
+mod jump;
 mod lines;
 mod map;
 mod number;
@@ -26,6 +27,7 @@ mod trajectory;
 pub use carmen::{CarmenReader, CarmenWriter, DEFAULT_RANGE_MAX_M, LogEvent};
 pub use error::FormatError;
 pub use export::{CsvPose, write_csv, write_kitti};
+pub use jump::is_odometry_jump;
 pub use lines::Excerpt;
 pub use map::{Confidence, GridImage, Picture, UNKNOWN, dominant_wall_angle};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_world_file};

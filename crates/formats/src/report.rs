@@ -106,7 +106,7 @@ pub struct TopicReport {
     pub events: u64,
     /// Stamps that did not run forward.
     pub stamps: StampWatch,
-    /// Odometry poses more than 10 m from the one before.
+    /// Odometry poses that the robot cannot have driven to since the one before ([`is_odometry_jump`](crate::is_odometry_jump)).
     pub odometry_jumps: Noted,
     /// Scans with another number of beams than the one before.
     pub beam_count_changes: Noted,
