@@ -5,7 +5,7 @@ use mapwright_sensor::Odometry;
 /// Nearer than this a step is believed, however short the time, metres.
 const JUMP_M: f64 = 10.0;
 /// Slower than this a step is believed, however far, metres per second: a log may pause while the robot drives on.
-const JUMP_M_PER_S: f64 = 3.0;
+const JUMP_MPS: f64 = 3.0;
 
 /// Whether a reading of odometry is farther from the one before than a robot drives in the time between them: more than
 /// 10 m, and faster than 3 m/s. Stamps that stand still or run backwards count as no time.
@@ -13,7 +13,7 @@ const JUMP_M_PER_S: f64 = 3.0;
 pub fn is_odometry_jump(before: &Odometry, now: &Odometry) -> bool {
     let elapsed_s = now.stamp.secs_since(before.stamp).max(0.0);
     let step_m = before.odom_from_robot.distance(now.odom_from_robot);
-    step_m > JUMP_M.max(JUMP_M_PER_S * elapsed_s)
+    step_m > JUMP_M.max(JUMP_MPS * elapsed_s)
 }
 
 #[cfg(test)]

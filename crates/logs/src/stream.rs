@@ -3,7 +3,8 @@
 use crate::channel::{Decoders, Messages};
 use crate::links::{bare, stamp_or};
 use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
-use crate::plan::{OdometrySource, Plan};
+use crate::odometry::OdometrySource;
+use crate::plan::Plan;
 use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
