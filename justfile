@@ -22,7 +22,7 @@ test:
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 
-# arrows between crates, effects, licences
+# arrows between crates, circles within them, effects, licences
 arrows:
     cargo xtask arrows
 

@@ -1,15 +1,16 @@
 //! Crates that compute must not read a clock, open a file or socket, print, or draw randomness without a seed.
 
 use crate::metadata::Metadata;
-use proc_macro2::{Delimiter, Group, TokenStream, TokenTree};
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use crate::source::{code, is_path_separator, is_punct, rust_files};
+use proc_macro2::{Group, TokenStream, TokenTree};
+use std::path::Path;
 
 /// Crates that may do everything: they talk to the world.
 const OUTERMOST: [&str; 4] = ["net", "viewer", "py", "cli"];
-/// The one file elsewhere that may open files: a recording can be a folder, and SQLite opens its database itself.
-const OPENS_FILES: &str = "crates/bags/src/folder.rs";
-/// What it may use for that.
+/// Files elsewhere that may open files: a recording can be a folder, and SQLite opens its database itself, whose head is
+/// read beside it.
+const OPEN_FILES: [&str; 2] = ["crates/bags/src/folder.rs", "crates/bags/src/sqlite/head.rs"];
+/// What they may use for that.
 const TO_OPEN_FILES: [&str; 2] = ["std::fs", "std::env"];
 /// Names of clocks and of randomness without a seed.
 const NAMES: [&str; 6] = ["Instant", "SystemTime", "thread_rng", "from_entropy", "from_os_rng", "OsRng"];
@@ -34,47 +35,20 @@ pub(crate) fn check(metadata: &Metadata) -> Result<Vec<String>, String> {
 }
 
 fn is_excepted(file: &str, word: &str) -> bool {
-    Path::new(file) == Path::new(OPENS_FILES) && TO_OPEN_FILES.contains(&word)
-}
-
-fn rust_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
-    let error = |e| format!("{}: {e}", folder.display());
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(error)? {
-        let path = entry.map_err(error)?.path();
-        if path.is_dir() {
-            files.extend(rust_files(&path)?);
-        } else if path.extension().is_some_and(|e| e == "rs") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
+    OPEN_FILES.iter().any(|open| Path::new(file) == Path::new(open)) && TO_OPEN_FILES.contains(&word)
 }
 
 /// Lines and words of the effects in a source text.
 fn effects_of(source: &str) -> Result<Vec<(usize, String)>, String> {
-    let tokens = TokenStream::from_str(source).map_err(|e| format!("expected Rust: {e}"))?;
     let mut found = Vec::new();
-    search(tokens, &mut found);
+    search(code(source)?, &mut found);
     Ok(found)
 }
 
 fn search(tokens: TokenStream, found: &mut Vec<(usize, String)>) {
     let tokens: Vec<_> = tokens.into_iter().collect();
-    let mut place = 0;
-    while place < tokens.len() {
-        if is_punct(&tokens[place], '#') {
-            // an attribute holds no code, but one for tests hides the item behind it
-            let (after, what) = attribute(&tokens, place);
-            match what {
-                Attribute::OfTestFile => return,
-                Attribute::OfTestItem => place = after_item(&tokens, after),
-                Attribute::Other => place = after,
-            }
-            continue;
-        }
-        match &tokens[place] {
+    for (place, token) in tokens.iter().enumerate() {
+        match token {
             TokenTree::Group(group) => search(group.stream(), found),
             TokenTree::Ident(ident) => {
                 let word = ident.to_string();
@@ -89,15 +63,14 @@ fn search(tokens: TokenStream, found: &mut Vec<(usize, String)>) {
             }
             _ => {}
         }
-        place += 1;
     }
 }
 
 /// The forbidden modules that `::fs` or `::{fs, io}` names.
 fn std_modules(after_std: &[TokenTree]) -> impl Iterator<Item = String> {
-    let names = match after_std {
-        [a, b, TokenTree::Ident(module), ..] if is_punct(a, ':') && is_punct(b, ':') => vec![module.to_string()],
-        [a, b, TokenTree::Group(group), ..] if is_punct(a, ':') && is_punct(b, ':') => heads(group),
+    let names = match after_std.get(2) {
+        Some(TokenTree::Ident(module)) if is_path_separator(after_std, 0) => vec![module.to_string()],
+        Some(TokenTree::Group(group)) if is_path_separator(after_std, 0) => heads(group),
         _ => Vec::new(),
     };
     names.into_iter().filter(|name| STD_MODULES.contains(&name.as_str()))
@@ -108,51 +81,6 @@ fn heads(group: &Group) -> Vec<String> {
     let tokens: Vec<_> = group.stream().into_iter().collect();
     let paths = tokens.split(|token| is_punct(token, ','));
     paths.filter_map(|path| path.first().map(ToString::to_string)).collect()
-}
-
-enum Attribute {
-    OfTestFile,
-    OfTestItem,
-    Other,
-}
-
-/// What the attribute at `place` is, and the place behind it.
-fn attribute(tokens: &[TokenTree], place: usize) -> (usize, Attribute) {
-    let inner = tokens.get(place + 1).is_some_and(|t| is_punct(t, '!'));
-    let at_group = place + 1 + usize::from(inner);
-    match tokens.get(at_group) {
-        Some(TokenTree::Group(group)) if group.delimiter() == Delimiter::Bracket => {
-            let what = match (is_for_tests(group), inner) {
-                (false, _) => Attribute::Other,
-                (true, false) => Attribute::OfTestItem,
-                (true, true) => Attribute::OfTestFile,
-            };
-            (at_group + 1, what)
-        }
-        _ => (place + 1, Attribute::Other),
-    }
-}
-
-/// Whether `[cfg(test)]` or `[cfg(all(test, ..))]`.
-fn is_for_tests(attribute: &Group) -> bool {
-    let text: String = attribute.stream().to_string().split_whitespace().collect();
-    text == "cfg(test)" || text.starts_with("cfg(all(test,")
-}
-
-/// The place behind the item that begins at `place`, its further attributes included.
-fn after_item(tokens: &[TokenTree], mut place: usize) -> usize {
-    while place < tokens.len() && is_punct(&tokens[place], '#') {
-        place = attribute(tokens, place).0;
-    }
-    let ends = |token: &TokenTree| match token {
-        TokenTree::Group(group) => group.delimiter() == Delimiter::Brace,
-        other => is_punct(other, ';'),
-    };
-    tokens[place..].iter().position(ends).map_or(tokens.len(), |length| place + length + 1)
-}
-
-fn is_punct(token: &TokenTree, wanted: char) -> bool {
-    matches!(token, TokenTree::Punct(punct) if punct.as_char() == wanted)
 }
 
 #[cfg(test)]
@@ -190,9 +118,10 @@ mod tests {
     }
 
     #[test]
-    fn one_file_may_open_files_and_do_nothing_else() {
-        assert!(is_excepted(OPENS_FILES, "std::fs") && is_excepted(OPENS_FILES, "std::env"));
-        assert!(!is_excepted(OPENS_FILES, "println!") && !is_excepted("crates/bags/src/lib.rs", "std::fs"));
+    fn some_files_may_open_files_and_do_nothing_else() {
+        let file = OPEN_FILES[0];
+        assert!(is_excepted(file, "std::fs") && is_excepted(file, "std::env"));
+        assert!(!is_excepted(file, "println!") && !is_excepted("crates/bags/src/lib.rs", "std::fs"));
     }
 
     #[test]

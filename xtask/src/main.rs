@@ -1,11 +1,14 @@
-//! Checks of the house. `cargo xtask arrows` checks the arrows between crates, their effects and all licences.
+//! Checks of the house. `cargo xtask arrows` checks the arrows between crates, circles within them, their effects and all
+//! licences.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // a command for developers, not part of the library
 
 mod arrows;
+mod circles;
 mod effects;
 mod licences;
 mod metadata;
+mod source;
 
 use metadata::Metadata;
 use std::path::Path;
@@ -39,11 +42,12 @@ fn check_house() -> Result<String, Vec<String>> {
     let table =
         arrows::Table::parse(&architecture).map_err(|e| vec![format!("{}: {e}", architecture_file.display())])?;
     let mut complaints = arrows::check(&table, &metadata);
+    complaints.extend(circles::check(&metadata).map_err(|e| vec![e])?);
     complaints.extend(effects::check(&metadata).map_err(|e| vec![e])?);
     complaints.extend(licences::check(&metadata));
     if complaints.is_empty() {
         Ok(format!(
-            "arrows, effects and licences: {} crates and {} packages in order",
+            "arrows, circles, effects and licences: {} crates and {} packages in order",
             metadata.crates().count(),
             metadata.packages.len()
         ))

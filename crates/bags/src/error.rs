@@ -1,6 +1,7 @@
 //! What makes a recording unusable as a whole.
 
 use std::io;
+use std::path::Path;
 
 /// A failure that ends opening, reading or writing. Damage within a recording is not among them: it is described in the
 /// [`ReadReport`](crate::ReadReport), and reading goes on where that is safe.
@@ -79,4 +80,11 @@ pub enum BagError {
     /// The MCAP encoder failed.
     #[error("the MCAP encoder failed: {0}")]
     Mcap(String),
+}
+
+impl BagError {
+    /// Why a file or folder could not be opened or read.
+    pub(crate) fn at(path: &Path, cause: io::Error) -> Self {
+        Self::Path { path: path.display().to_string(), cause }
+    }
 }

@@ -11,7 +11,7 @@ use crate::report::{DamageKind, ReadReport};
 use crate::sqlite::SqliteReader;
 use std::collections::VecDeque;
 use std::fs::{self, File};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// No `metadata.yaml` is larger.
@@ -134,7 +134,7 @@ impl Recording {
 
 /// The files of a folder in their order.
 fn parts_of(folder: &Path, catalog: &mut Catalog) -> Result<Vec<PathBuf>, BagError> {
-    let names = names_in(folder).map_err(|cause| path_error(folder, cause))?;
+    let names = names_in(folder).map_err(|cause| BagError::at(folder, cause))?;
     let mut contents = FolderContents::of(&names);
     if contents.has_metadata {
         match read_metadata(&folder.join(METADATA)) {
@@ -170,7 +170,9 @@ fn read_metadata(path: &Path) -> Result<Metadata, String> {
 }
 
 fn open_file(path: &Path, mut catalog: Catalog) -> Result<Part, (BagError, Box<Catalog>)> {
-    match File::open(path).map_err(|cause| path_error(path, cause)).and_then(|file| unpacked(path, file, &mut catalog))
+    match File::open(path)
+        .map_err(|cause| BagError::at(path, cause))
+        .and_then(|file| unpacked(path, file, &mut catalog))
     {
         Ok((file, scratch)) => {
             let path = scratch.as_ref().map_or(path, |scratch| &scratch.path);
@@ -198,10 +200,6 @@ fn open_database(_: &Path, catalog: Catalog) -> Result<BagReader<File>, (BagErro
     Err((BagError::WithoutSqlite, Box::new(catalog)))
 }
 
-fn path_error(path: &Path, cause: io::Error) -> BagError {
-    BagError::Path { path: path.display().to_string(), cause }
-}
-
 /// A temporary file that is gone when it is no longer used.
 #[derive(Debug)]
 struct Scratch {
@@ -217,7 +215,7 @@ impl Scratch {
             match File::options().read(true).write(true).create_new(true).open(&path) {
                 Ok(file) => return Ok((Self { path }, file)),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < 1 << 20 => number += 1,
-                Err(cause) => return Err(path_error(&path, cause)),
+                Err(cause) => return Err(BagError::at(&path, cause)),
             }
         }
     }
@@ -234,7 +232,7 @@ fn unpacked(path: &Path, mut file: File, catalog: &mut Catalog) -> Result<(File,
     if !first_bytes(&mut file)?.starts_with(ZSTD_MAGIC) {
         return Ok((file, None));
     }
-    let packed_bytes = file.metadata().map_err(|cause| path_error(path, cause))?.len();
+    let packed_bytes = file.metadata().map_err(|cause| BagError::at(path, cause))?.len();
     let limit_bytes = limit_bytes(packed_bytes);
     let (scratch, mut out) = Scratch::create()?;
     let mut decoder = zstd::stream::read::Decoder::new(file)?;
@@ -257,53 +255,4 @@ fn unpacked(path: &Path, mut file: File, catalog: &mut Catalog) -> Result<(File,
         }
     }
     Ok((out, Some(scratch)))
-}
-
-/// What the beginning and the end of a database and its folder say.
-#[derive(Debug, Clone)]
-#[cfg_attr(not(feature = "sqlite"), allow(dead_code))]
-pub(crate) struct DatabaseHead {
-    pub(crate) file_bytes: u64,
-    /// Pages times their size, where the header says so.
-    pub(crate) expected_bytes: u64,
-    /// Whether changes are kept beside the database that are not yet in it.
-    pub(crate) has_log: bool,
-    /// Where the first bytes are not those of a database.
-    pub(crate) strange_byte: Option<usize>,
-    /// The last bytes before the tear, without zeros at their end, where the file ends within a page.
-    pub(crate) torn_tail: Option<Vec<u8>>,
-}
-
-#[cfg_attr(not(feature = "sqlite"), allow(dead_code))]
-pub(crate) fn database_head(path: &Path) -> Result<DatabaseHead, BagError> {
-    let read = || -> io::Result<DatabaseHead> {
-        let mut file = File::open(path)?;
-        let file_bytes = file.metadata()?.len();
-        let mut head = Vec::new();
-        Read::by_ref(&mut file).take(100).read_to_end(&mut head)?;
-        let number = |at: usize, n: usize| {
-            head.get(at..at + n).map_or(0, |bytes| bytes.iter().fold(0_u64, |sum, byte| sum << 8 | u64::from(*byte)))
-        };
-        // the number of pages counts where the change counter agrees; 1 stands for pages of 64 KiB
-        let page_bytes = if number(16, 2) == 1 { 1 << 16 } else { number(16, 2) };
-        let expected_bytes = if number(24, 4) == number(92, 4) { number(28, 4) * page_bytes } else { 0 };
-        let is_torn = page_bytes > 0 && file_bytes % page_bytes > 0;
-        let strange_byte = head.iter().zip(b"SQLite format 3\0").position(|(found, expected)| found != expected);
-        let torn_tail = if is_torn { Some(tail(&mut file, file_bytes, page_bytes)?) } else { None };
-        let mut log = path.as_os_str().to_owned();
-        log.push("-wal");
-        let has_log = fs::metadata(log).is_ok_and(|log| log.len() > 0);
-        Ok(DatabaseHead { file_bytes, expected_bytes, has_log, strange_byte, torn_tail })
-    };
-    read().map_err(|cause| path_error(path, cause))
-}
-
-/// The last bytes of a torn page that are not zero.
-#[cfg_attr(not(feature = "sqlite"), allow(dead_code))]
-fn tail(file: &mut File, file_bytes: u64, page_bytes: u64) -> io::Result<Vec<u8>> {
-    let mut page = Vec::new();
-    file.seek(SeekFrom::Start(file_bytes / page_bytes * page_bytes))?;
-    file.take(page_bytes).read_to_end(&mut page)?;
-    let end = page.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
-    Ok(page[end.saturating_sub(16)..end].to_vec())
 }

@@ -2,6 +2,7 @@
 
 mod export;
 mod suite;
+mod values;
 
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
@@ -11,6 +12,7 @@ use mapwright::Pose2;
 use mapwright_eval::Delta;
 use mapwright_logs::{Choice, SliceBounds};
 use std::path::PathBuf;
+use values::{parse_assignment, parse_delta, parse_factor, parse_length, parse_pose, parse_share, parse_slice};
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
 #[derive(Debug, Parser)]
@@ -212,7 +214,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_enum)]
     pub(crate) show: Option<Show>,
     /// Length of that loop, metres.
-    #[arg(long, value_name = "M", default_value_t = 150.0, value_parser = suite::parse_length, requires = "show")]
+    #[arg(long, value_name = "M", default_value_t = 150.0, value_parser = parse_length, requires = "show")]
     pub(crate) length: f64,
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER", default_value = "mapwright-demo")]
@@ -304,48 +306,4 @@ pub(crate) enum StartFrom {
 pub(crate) enum Information {
     Quaternions,
     Angles,
-}
-
-fn parse_assignment(text: &str) -> Result<(String, String), String> {
-    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, such as map.resolution_m=0.1")?;
-    Ok((key.trim().to_owned(), value.trim().to_owned()))
-}
-
-fn parse_pose(text: &str) -> Result<Pose2, String> {
-    let numbers: Vec<f64> = text.split(',').map_while(|field| field.trim().parse().ok()).collect();
-    match numbers[..] {
-        [x, y, yaw] if [x, y, yaw].iter().all(|v| v.abs() <= 1e5) => Ok(Pose2::new(x, y, yaw)),
-        _ => Err("expected three numbers within 100 km, such as 1.5,-2,0.1".to_owned()),
-    }
-}
-
-fn parse_slice(text: &str) -> Result<SliceBounds, String> {
-    let bounds = text.split_once(':').and_then(|(low, high)| {
-        Some(SliceBounds { z_min_m: low.trim().parse().ok()?, z_max_m: high.trim().parse().ok()? })
-    });
-    let is_usable = |bounds: &SliceBounds| bounds.z_min_m < bounds.z_max_m && bounds.z_max_m - bounds.z_min_m <= 1e4;
-    bounds
-        .filter(is_usable)
-        .ok_or_else(|| "expected two heights in metres, the lower first, such as 0.1:1.0".to_owned())
-}
-
-fn parse_delta(text: &str) -> Result<Delta, String> {
-    let wrong = || "expected frames or metres, such as 1f or 5m".to_owned();
-    if let Some(frames) = text.strip_suffix('f') {
-        return frames.parse().map(Delta::Frames).map_err(|_| wrong());
-    }
-    let metres = text.strip_suffix('m').ok_or_else(wrong)?;
-    metres.parse().map(Delta::Metres).map_err(|_| wrong())
-}
-
-fn parse_share(text: &str) -> Result<f64, String> {
-    within(text, 0.0..=1.0, "a share from 0 to 1")
-}
-
-fn parse_factor(text: &str) -> Result<f64, String> {
-    within(text, 0.01..=100.0, "a factor from 0.01 to 100")
-}
-
-fn within(text: &str, range: std::ops::RangeInclusive<f64>, expected: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|v| range.contains(v)).ok_or_else(|| format!("expected {expected}"))
 }

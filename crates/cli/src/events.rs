@@ -1,19 +1,13 @@
 //! Logs as they are read: from files or the standard input, until they or the user end.
 
 use crate::failure::Failure;
+pub(crate) use crate::interrupt::Interrupt;
 use crate::reading::{Reading, found_instead};
 use mapwright_formats::LogEvent;
 use mapwright_logs::{Choice, Drive, Input};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Exit code of a process that a second Ctrl-C ends at once.
-const KILLED_BY_INTERRUPT: i32 = 130;
 
 /// Logs that are being read.
 pub(crate) struct Log {
@@ -152,23 +146,4 @@ fn holds_recording(folder: &Path) -> bool {
     let names = fs::read_dir(folder).into_iter().flatten();
     let names: Vec<_> = names.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
     !mapwright_bags::FolderContents::of(&names).parts.is_empty()
-}
-
-/// Ctrl-C (or a request to terminate): the first asks to stop, the second ends the process at once.
-pub(crate) struct Interrupt(Arc<AtomicBool>);
-
-impl Interrupt {
-    pub(crate) fn watch() -> Result<Self, Failure> {
-        let asked = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            flag::register_conditional_shutdown(signal, KILLED_BY_INTERRUPT, Arc::clone(&asked))
-                .and_then(|_| flag::register(signal, Arc::clone(&asked)))
-                .map_err(Failure::Signals)?;
-        }
-        Ok(Self(asked))
-    }
-
-    pub(crate) fn came(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
 }

@@ -11,6 +11,7 @@ mod drawing;
 mod events;
 mod failure;
 mod image;
+mod interrupt;
 mod mapping;
 mod output;
 mod pose_graph;

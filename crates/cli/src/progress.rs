@@ -1,6 +1,6 @@
 //! The bar on a terminal.
 
-use crate::events::Interrupt;
+use crate::interrupt::Interrupt;
 use crate::terminal::{duration, grouped};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use mapwright::Stamp;

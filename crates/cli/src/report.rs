@@ -79,7 +79,7 @@ pub(crate) fn topic_oddities(topic: &TopicReport, place: &str) -> Vec<String> {
     let noted = [
         (&topic.stamps.backward, format!("{name} stamps that step backwards (kept in the order of the file)")),
         (&topic.stamps.repeated, format!("{name} stamps that repeat")),
-        (&topic.odometry_jumps, format!("{name} odometry jumps of more than 10 m")),
+        (&topic.odometry_jumps, format!("{name} odometry jumps of more than 10 m and 3 m/s")),
         (&topic.beam_count_changes, format!("{name} changes of the number of beams")),
     ];
     noted.iter().filter_map(|(noted, what)| note(noted, what, place)).collect()

@@ -31,6 +31,7 @@
 mod associate;
 mod ate;
 mod error;
+mod gamma;
 mod map_score;
 mod nees;
 mod relations;

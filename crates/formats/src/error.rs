@@ -1,7 +1,7 @@
 //! What can go wrong while reading or writing a file.
 
-use crate::lines::Excerpt;
-use crate::open::Compression;
+use crate::compression::Compression;
+use crate::excerpt::Excerpt;
 use std::io;
 
 /// A failure that ends reading or writing. Bad lines of a sensor log are not among them: those are counted in the

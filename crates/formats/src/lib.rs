@@ -12,10 +12,14 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod carmen;
+mod compression;
 mod error;
+mod excerpt;
 mod export;
+mod jump;
 mod lines;
 mod map;
+mod noted;
 mod number;
 mod open;
 mod report;
@@ -24,13 +28,16 @@ mod text_rows;
 mod trajectory;
 
 pub use carmen::{CarmenReader, CarmenWriter, DEFAULT_RANGE_MAX_M, LogEvent};
+pub use compression::Compression;
 pub use error::FormatError;
+pub use excerpt::Excerpt;
 pub use export::{CsvPose, write_csv, write_kitti};
-pub use lines::Excerpt;
+pub use jump::is_odometry_jump;
 pub use map::{Confidence, GridImage, Picture, UNKNOWN, dominant_wall_angle};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_world_file};
-pub use open::{Compression, LogStream, open_log};
-pub use report::{DropReason, DroppedLine, Drops, Noted, ReadReport, TopicReport};
+pub use noted::Noted;
+pub use open::{LogStream, open_log};
+pub use report::{DropReason, DroppedLine, Drops, ReadReport, TopicReport};
 pub use stamp_watch::{StampStep, StampWatch};
 pub use trajectory::{
     Relation, StampedPose2, StampedPose3, TrajectoryReader, TumWriter, read_relations, read_trajectory,

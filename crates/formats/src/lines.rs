@@ -1,7 +1,6 @@
 //! Lines out of a stream, with bounded memory.
 
 use crate::error::FormatError;
-use std::fmt;
 use std::io::{self, Read};
 
 /// First size of the buffer; large reads keep system calls rare.
@@ -9,39 +8,6 @@ const BUFFER_BYTES: usize = 256 * 1024;
 
 /// Longest line that is read; longer ones are skipped and reported.
 pub(crate) const MAX_LINE_BYTES: usize = 16 * 1024 * 1024;
-
-/// A short, printable piece of what was found in a file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Excerpt(String);
-
-impl Excerpt {
-    /// Characters kept.
-    const MAX_CHARS: usize = 48;
-
-    /// The beginning of `bytes`, with control characters and broken text made visible; `nothing` where it is empty.
-    #[must_use]
-    pub fn new(bytes: &[u8]) -> Self {
-        if bytes.is_empty() {
-            return Self("nothing".to_owned());
-        }
-        let shown = String::from_utf8_lossy(&bytes[..bytes.len().min(4 * Self::MAX_CHARS)]);
-        let mut text = String::from("`");
-        text.extend(shown.chars().take(Self::MAX_CHARS).flat_map(char::escape_debug));
-        text.push_str(if bytes.len() > Self::MAX_CHARS { "...`" } else { "`" });
-        Self(text)
-    }
-
-    /// A count or remark instead of the bytes themselves.
-    pub(crate) fn remark(text: impl Into<String>) -> Self {
-        Self(text.into())
-    }
-}
-
-impl fmt::Display for Excerpt {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
 
 /// One line without its ending.
 #[derive(Debug, Clone, Copy)]
@@ -245,12 +211,5 @@ mod tests {
             assert_eq!(lines[2].1, b"b");
             assert_eq!((lines[3].3, lines[3].2), (Some(1000), false));
         }
-    }
-
-    #[test]
-    fn excerpts_are_short_and_printable() {
-        assert_eq!(Excerpt::new(b"").to_string(), "nothing");
-        assert_eq!(Excerpt::new(b"a\x00b").to_string(), "`a\\0b`");
-        assert!(Excerpt::new(&[b'z'; 1_000_000]).to_string().len() < 60);
     }
 }

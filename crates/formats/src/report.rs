@@ -1,35 +1,14 @@
 //! What a reader has seen, and what was lost on the way.
 
 use crate::error::FormatError;
-use crate::lines::Excerpt;
+use crate::excerpt::Excerpt;
+use crate::noted::{Noted, PLACES_KEPT};
 use crate::stamp_watch::StampWatch;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Places kept of each kind of remark; further ones are only counted.
-const PLACES_KEPT: usize = 20;
-
 /// Unknown tags counted by name; further ones are counted together.
 const TAGS_KEPT: usize = 64;
-
-/// A count, and the first places (line or message numbers) where it happened.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Noted {
-    /// How often.
-    pub count: u64,
-    /// Where first, at most 20 of them.
-    pub first_places: Vec<u64>,
-}
-
-impl Noted {
-    /// Counts one more, at `place`.
-    pub fn note(&mut self, place: u64) {
-        self.count += 1;
-        if self.first_places.len() < PLACES_KEPT {
-            self.first_places.push(place);
-        }
-    }
-}
 
 /// Why a line was dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -106,7 +85,7 @@ pub struct TopicReport {
     pub events: u64,
     /// Stamps that did not run forward.
     pub stamps: StampWatch,
-    /// Odometry poses more than 10 m from the one before.
+    /// Odometry poses that the robot cannot have driven to since the one before ([`is_odometry_jump`](crate::is_odometry_jump)).
     pub odometry_jumps: Noted,
     /// Scans with another number of beams than the one before.
     pub beam_count_changes: Noted,

@@ -1,6 +1,6 @@
 //! The rule for stamps that do not run forward.
 
-use crate::report::Noted;
+use crate::noted::Noted;
 use mapwright_geom::Stamp;
 
 /// How a stamp relates to the one before it in the same topic.

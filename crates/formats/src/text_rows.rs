@@ -1,7 +1,8 @@
 //! Rows of numbers in text files that must be right: any bad row is an error.
 
 use crate::error::FormatError;
-use crate::lines::{Excerpt, LineReader};
+use crate::excerpt::Excerpt;
+use crate::lines::LineReader;
 use crate::number::{parse_f64, parse_stamp};
 use mapwright_geom::Stamp;
 use std::io::Read;

@@ -220,6 +220,13 @@ fn stamps_jumps_and_changing_beams_are_reported_and_nothing_is_reordered() {
 }
 
 #[test]
+fn a_robot_that_drove_on_while_the_log_paused_has_not_jumped() {
+    let log = "ODOM 0 0 0 0 0 0 1 h 1\nODOM 50 0 0 0 0 0 61 h 1\nODOM 90 0 0 0 0 0 62 h 1\n";
+    let (_, report) = read(log.as_bytes());
+    assert_eq!(report.topic("ODOM").unwrap().odometry_jumps.first_places, [3]);
+}
+
+#[test]
 fn foreign_files_are_told_by_their_report() {
     let binary: Vec<u8> = (0..100_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     for log in [&b""[..], b"\n\n\n", b"<html></html>\n", &binary, &[0; 100_000]] {

@@ -3,6 +3,8 @@
 use mapwright_geom::{Pose2, Stamp};
 
 /// Odometry goes on where the next log begins at most so long after, and no farther away: seconds, metres, metres per second.
+/// Not farther than 10 m even after a minute: odometry that began anew is to be told from one that went on, and the origin of
+/// the new one may lie within what a robot can have driven.
 const PAUSE_MOST_S: f64 = 60.0;
 const STEP_MOST_M: f64 = 10.0;
 const SLACK_M: f64 = 1.0;

@@ -1,8 +1,8 @@
 //! Two topics in the order of their stamps, over a bounded window.
 
-use crate::scans::Taken;
+use crate::scans::{Taken, end_of};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry};
+use mapwright_sensor::Odometry;
 use std::collections::VecDeque;
 
 /// How long a message waits for those of another topic, seconds between the times of recording; and how far readings of
@@ -160,15 +160,6 @@ impl Merger {
     }
 }
 
-/// When a scan is there: at the end of its sweep, so that what the wheels did during it is known; at its stamp where the
-/// beams' times are not known.
-pub(crate) fn end_of(scan: &LaserScan) -> Stamp {
-    let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
-    // at most what a scan may take at all; a NaN is none
-    let sweep_s = if sweep_s > 0.0 { sweep_s.min(10.0) } else { 0.0 };
-    Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0))
-}
-
 fn between(before: &Odometry, after: Option<&Odometry>, stamp: Stamp) -> Option<Pose2> {
     let since_s = stamp.secs_since(before.stamp);
     if let Some(after) = after {
@@ -185,6 +176,7 @@ fn between(before: &Odometry, after: Option<&Odometry>, stamp: Stamp) -> Option<
 mod tests {
     use super::*;
     use crate::scans::no_scan;
+    use mapwright_sensor::LaserScan;
 
     fn odometry(ms: i64, x: f64) -> Odometry {
         Odometry { stamp: Stamp(ms * 1_000_000), odom_from_robot: Pose2::new(x, 0.0, 0.0) }

@@ -4,10 +4,32 @@ use crate::channel::TopicKind;
 use crate::choice::Choice;
 use crate::frames::{Place, SWING_MOST_RAD};
 use crate::links::{Link, Links, is_map, is_world};
-use crate::plan::OdometrySource;
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::words::grouped;
 use mapwright_geom::Pose3;
+
+/// Where the robot's own idea of its motion comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OdometrySource {
+    /// There is none.
+    None,
+    /// A topic of `nav_msgs/Odometry`.
+    Topic {
+        /// Its name.
+        name: String,
+        /// The robot's frame in the frame that it moves.
+        child_from_robot: Pose3,
+    },
+    /// The transforms from one frame to another.
+    Transforms {
+        /// The frame that odometry started in.
+        parent: String,
+        /// The frame that moves in it.
+        child: String,
+        /// The robot's frame in the frame that moves.
+        child_from_robot: Pose3,
+    },
+}
 
 /// What was decided.
 #[derive(Debug, Clone, PartialEq)]

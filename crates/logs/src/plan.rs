@@ -3,7 +3,7 @@
 use crate::channel::TopicKind;
 use crate::choice::{Choice, SliceBounds};
 use crate::frames::{Place, list, place};
-use crate::odometry;
+use crate::odometry::{self, OdometrySource};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::turning::{self, TurningSource};
 use crate::words::grouped;
@@ -13,29 +13,6 @@ use std::collections::BTreeMap;
 
 /// The most by which a scan plane may be tilted against the robot's, degrees.
 pub(crate) const TILT_MOST_DEG: f64 = 5.0;
-
-/// Where the robot's own idea of its motion comes from.
-#[derive(Debug, Clone, PartialEq)]
-pub enum OdometrySource {
-    /// There is none.
-    None,
-    /// A topic of `nav_msgs/Odometry`.
-    Topic {
-        /// Its name.
-        name: String,
-        /// The robot's frame in the frame that it moves.
-        child_from_robot: Pose3,
-    },
-    /// The transforms from one frame to another.
-    Transforms {
-        /// The frame that odometry started in.
-        parent: String,
-        /// The frame that moves in it.
-        child: String,
-        /// The robot's frame in the frame that moves.
-        child_from_robot: Pose3,
-    },
-}
 
 /// Where a sensor's scans go.
 #[derive(Debug, Clone, Copy, PartialEq)]

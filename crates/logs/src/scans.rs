@@ -1,7 +1,6 @@
 //! Scans out of messages.
 
 use crate::channel::Messages;
-use crate::merge::end_of;
 use crate::plan::{Mount, Plan};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{LaserScan, PointCloud2};
@@ -57,6 +56,15 @@ impl Taken {
     pub(crate) fn held_bytes(&self) -> usize {
         self.scan.ranges_m.capacity() * size_of::<f32>() + self.points.capacity() * size_of::<TimedPoint>()
     }
+}
+
+/// When a scan is there: at the end of its sweep, so that what the wheels did during it is known; at its stamp where the
+/// beams' times are not known.
+pub(crate) fn end_of(scan: &SensorScan) -> Stamp {
+    let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
+    // at most what a scan may take at all; a NaN is none
+    let sweep_s = if sweep_s > 0.0 { sweep_s.min(10.0) } else { 0.0 };
+    Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0))
 }
 
 /// Makes scans of messages; lasers are shared by the scans they took.

@@ -3,13 +3,14 @@
 use crate::channel::{Decoders, Messages};
 use crate::links::{bare, stamp_or};
 use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
-use crate::plan::{OdometrySource, Plan};
+use crate::odometry::OdometrySource;
+use crate::plan::Plan;
 use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
-use mapwright_formats::TopicReport;
-use mapwright_geom::{Pose2, Pose3, Stamp};
+use mapwright_formats::{TopicReport, is_odometry_jump};
+use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
 use mapwright_sensor::{LaserScan, Odometry, TurnRate, TurnRates};
@@ -17,8 +18,6 @@ use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::path::Path;
 
-/// Successive odometry poses farther apart are a jump, metres.
-const JUMP_M: f64 = 10.0;
 /// Poses beyond are no odometry, metres.
 const FARTHEST_M: f64 = 1e6;
 
@@ -52,7 +51,7 @@ pub(crate) struct Stream {
     turning: Turning,
     report: StreamReport,
     last_beams: Option<usize>,
-    last_pose: Option<Pose2>,
+    last_odometry: Option<Odometry>,
     is_end: bool,
 }
 
@@ -76,7 +75,7 @@ impl Stream {
             uses: Vec::new(),
             report: StreamReport { topics, ..StreamReport::default() },
             last_beams: None,
-            last_pose: None,
+            last_odometry: None,
             is_end: false,
         })
     }
@@ -188,11 +187,11 @@ impl Stream {
         if let Some(topic) = self.report.topics.get_mut(1) {
             topic.events += 1;
             topic.stamps.observe(place, item.stamp);
-            if self.last_pose.is_some_and(|last| last.distance(item.odom_from_robot) > JUMP_M) {
+            if self.last_odometry.is_some_and(|last| is_odometry_jump(&last, &item)) {
                 topic.odometry_jumps.note(place);
             }
         }
-        self.last_pose = Some(item.odom_from_robot);
+        self.last_odometry = Some(item);
         item
     }
 }

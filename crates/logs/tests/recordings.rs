@@ -118,6 +118,17 @@ fn read(path: PathBuf) -> (Vec<(i64, Option<f64>)>, RecordingReport) {
 }
 
 #[test]
+fn odometry_jumps_where_no_robot_can_have_driven_in_the_time() {
+    let mut recorder = Recorder::new("jumps.mcap");
+    for (at_ms, x_m) in [(0, 0.0), (60_000, 50.0), (60_100, 90.0)] {
+        recorder.scan(ms(at_ms), ms(at_ms), &[1.0; 4]);
+        recorder.odometry("/odom", ms(at_ms), ms(at_ms), x_m);
+    }
+    let (_, report) = read(recorder.finish());
+    assert_eq!(report.stream.topics[1].odometry_jumps.first_places, [6]);
+}
+
+#[test]
 fn who_watches_a_recording_being_looked_through_can_stop_it() {
     let mut recorder = Recorder::new("watched.mcap");
     (0..300).for_each(|k| recorder.scan(ms(k), ms(k), &[1.0; 4]));

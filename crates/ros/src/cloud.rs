@@ -1,10 +1,15 @@
 //! Points of a point cloud, whatever its layout.
 
-use crate::cloud_time::PointTime;
+mod access;
+mod time;
+
+pub use time::{PointTime, TimeUnit};
+
 use crate::error::RosError;
 use crate::messages::{PointCloud2, PointField};
 use crate::schema::Primitive;
 use crate::wire::Scalar;
+use access::Access;
 
 /// One point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,34 +22,6 @@ pub struct CloudPoint {
     pub ring: u32,
     /// Seconds after the header's stamp; zero where the cloud does not say.
     pub time_s: f64,
-}
-
-/// Where in a point a number is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Access {
-    offset: usize,
-    pub(crate) primitive: Primitive,
-    big_endian: bool,
-}
-
-impl Access {
-    /// The number; zero where the point is too short, which [`Cloud::new`] has checked.
-    #[inline]
-    pub(crate) fn read(self, point: &[u8]) -> f64 {
-        let bytes = point.get(self.offset..).unwrap_or_default();
-        let big = self.big_endian;
-        match self.primitive {
-            Primitive::F32 => f64::from(f32::decode(bytes, big)),
-            Primitive::F64 => f64::decode(bytes, big),
-            Primitive::U8 | Primitive::Bool => f64::from(u8::decode(bytes, big)),
-            Primitive::I8 => f64::from(i8::decode(bytes, big)),
-            Primitive::U16 => f64::from(u16::decode(bytes, big)),
-            Primitive::I16 => f64::from(i16::decode(bytes, big)),
-            Primitive::U32 => f64::from(u32::decode(bytes, big)),
-            Primitive::I32 => f64::from(i32::decode(bytes, big)),
-            Primitive::U64 | Primitive::I64 => 0.0, // no datatype of a cloud
-        }
-    }
 }
 
 /// Access to the points of a [`PointCloud2`], which are not copied.
@@ -77,7 +54,7 @@ impl<'a> Cloud<'a> {
         let point_step = message.point_step as usize;
         let row_step = check_size(message)?;
         let find = |names: &[&str]| names.iter().find_map(|name| message.fields.iter().find(|f| f.name == *name));
-        let access = |field: &PointField<'_>| access(field, point_step, message.is_bigendian);
+        let access = |field: &PointField<'_>| Access::of(field, point_step, message.is_bigendian);
         let position = |name: &str| match find(&[name]) {
             Some(field) => access(field),
             None => Err(missing(name, &message.fields)),
@@ -190,28 +167,6 @@ fn check_size(message: &PointCloud2<'_>) -> Result<usize, RosError> {
         });
     }
     Ok(row_step)
-}
-
-/// Datatypes of `sensor_msgs/PointField`.
-fn access(field: &PointField<'_>, point_step: usize, big_endian: bool) -> Result<Access, RosError> {
-    use Primitive::{F32, F64, I8, I16, I32, U8, U16, U32};
-    let refuse = |expected: &str, found: String| RosError::Cloud {
-        what: format!("field `{}`", field.name),
-        expected: expected.to_owned(),
-        found,
-    };
-    let types = [I8, U8, I16, U16, I32, U32, F32, F64];
-    let primitive = usize::from(field.datatype).checked_sub(1).and_then(|index| types.get(index).copied());
-    let primitive = primitive.ok_or_else(|| refuse("a datatype from 1 to 8", field.datatype.to_string()))?;
-    let offset = field.offset as usize;
-    let end = offset.saturating_add(primitive.size());
-    if end > point_step {
-        return Err(refuse(
-            &format!("a place within the {point_step} bytes of a point"),
-            format!("bytes {offset} to {end}"),
-        ));
-    }
-    Ok(Access { offset, primitive, big_endian })
 }
 
 fn missing(name: &str, fields: &[PointField<'_>]) -> RosError {

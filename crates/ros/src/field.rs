@@ -1,8 +1,11 @@
 //! What typed messages are put together from: how a field fits a definition, is read and is written.
 
+mod fit;
+
+pub use fit::{Fit, FitCheck};
+
 use crate::encoder::Encoder;
 use crate::error::RosError;
-use crate::fit::FitCheck;
 use crate::schema::{Arity, Base, FieldDef, FieldType, Primitive};
 use crate::slice::Slice;
 use crate::value::Value;

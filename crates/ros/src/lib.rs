@@ -21,12 +21,10 @@
 pub mod builtin;
 mod channel;
 mod cloud;
-mod cloud_time;
 mod definition;
 mod encoder;
 mod error;
 mod field;
-mod fit;
 mod laser;
 pub mod messages;
 mod mounting;
@@ -39,13 +37,11 @@ mod value;
 mod wire;
 
 pub use channel::{Channel, Decoder, DefinitionSource, encode, is_built_in};
-pub use cloud::{Cloud, CloudPoint};
-pub use cloud_time::{PointTime, TimeUnit};
+pub use cloud::{Cloud, CloudPoint, PointTime, TimeUnit};
 pub use definition::{Definition, DefinitionFormat, long_name, short_name};
 pub use encoder::Encoder;
 pub use error::RosError;
-pub use field::{Field, Fixed};
-pub use fit::{Fit, FitCheck};
+pub use field::{Field, Fit, FitCheck, Fixed};
 pub use mounting::{Mounting, planar};
 pub use planar::{PlanarSlice, SliceCounts};
 pub use slice::{Slice, SliceIter};

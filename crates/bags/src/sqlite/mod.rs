@@ -5,6 +5,7 @@
 //! by one, so that memory does not grow with the database and a damaged page costs the rows it held. Where the index
 //! itself is damaged, the rest follows in the order of rows.
 
+mod head;
 mod reader;
 mod schema;
 

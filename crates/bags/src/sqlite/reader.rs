@@ -1,9 +1,9 @@
 //! Messages out of a ROS 2 sqlite bag.
 
+use super::head::{DatabaseHead, database_head};
 use super::{HEADER_BYTES, schema};
 use crate::catalog::Catalog;
 use crate::error::BagError;
-use crate::folder::{self, DatabaseHead};
 use crate::message::{Connection, RawMessage};
 use crate::report::{Container, DamageKind, Place, ReadReport};
 use mapwright_geom::Stamp;
@@ -73,7 +73,7 @@ impl SqliteReader {
     }
 
     pub(crate) fn open_part(path: &Path, mut catalog: Catalog) -> Result<Self, (BagError, Box<Catalog>)> {
-        let opened = folder::database_head(path).and_then(|head| {
+        let opened = database_head(path).and_then(|head| {
             let database =
                 open_database(path, &head).map_err(|error| format!("{error}, reading the header from byte 0 on"));
             let checked = database.and_then(|database| schema::check(&database).map(|()| database));

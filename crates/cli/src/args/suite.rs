@@ -1,6 +1,7 @@
 //! What can be asked of `mapwright suite`.
 
-use super::{SettingsArgs, parse_share};
+use super::SettingsArgs;
+use super::values::{parse_drive, parse_factor, parse_length, parse_share};
 use clap::{Args as ClapArgs, Subcommand};
 use std::path::PathBuf;
 
@@ -106,7 +107,7 @@ pub(crate) struct NestedArgs {
     #[arg(long, value_name = "M", default_value_t = 1900.0, value_parser = parse_drive)]
     pub(crate) length: f64,
     /// Wheels so many times as bad as the default ones.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = super::parse_factor)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_factor)]
     pub(crate) wheels: f64,
     #[command(flatten)]
     pub(crate) worlds: WorldsArgs,
@@ -137,12 +138,4 @@ pub(crate) struct NoiseArgs {
     pub(crate) seeds: u32,
     #[command(flatten)]
     pub(crate) run: RunArgs,
-}
-
-fn parse_drive(text: &str) -> Result<f64, String> {
-    super::within(text, 100.0..=5000.0, "a length from 100 to 5000 m")
-}
-
-pub(super) fn parse_length(text: &str) -> Result<f64, String> {
-    super::within(text, 50.0..=2000.0, "a length from 50 to 2000 m")
 }

@@ -2,8 +2,9 @@
 
 use crate::args::CalibrateArgs;
 use crate::calibration::{Calibration, Estimate, Sample, calibrate};
-use crate::events::{Interrupt, Log};
+use crate::events::Log;
 use crate::failure::{Failure, Outcome};
+use crate::interrupt::Interrupt;
 use crate::progress::{FirstPass, Progress};
 use crate::settings;
 use crate::terminal::{say, say_json};

@@ -5,8 +5,9 @@ mod differences;
 mod recorded;
 
 use crate::args::InfoArgs;
-use crate::events::{Ending, Interrupt, Log, input, name_of};
+use crate::events::{Ending, Log, input, name_of};
 use crate::failure::{Failure, Outcome};
+use crate::interrupt::Interrupt;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;

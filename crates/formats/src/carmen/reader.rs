@@ -5,15 +5,14 @@ use super::fields::{BadLine, Cursor, PoseField, Tail};
 use super::models::{DEFAULT_RANGE_MAX_M, Geometry, ModelCache, same_mount};
 use super::params::{LaserParams, Params};
 use crate::error::FormatError;
-use crate::lines::{Excerpt, Line, LineReader};
+use crate::excerpt::Excerpt;
+use crate::jump::is_odometry_jump;
+use crate::lines::{Line, LineReader};
 use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::io::Read;
 use std::sync::Arc;
-
-/// Successive odometry poses farther apart are a jump, metres.
-const JUMP_M: f64 = 10.0;
 
 /// One event, lent until the next is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -135,7 +134,7 @@ struct Parser {
 struct Topic {
     report_index: usize,
     beams: Option<usize>,
-    odom_from_robot: Option<Pose2>,
+    odometry: Option<Odometry>,
 }
 
 impl Parser {
@@ -277,17 +276,16 @@ impl Parser {
     fn note_event(&mut self, tag: Tag, line: u64, stamp: Stamp, odom_from_robot: Option<Pose2>) {
         let topic = self.topics[tag.index()].get_or_insert_with(|| {
             self.report.topics.push(TopicReport { name: tag.name().to_owned(), ..TopicReport::default() });
-            Topic { report_index: self.report.topics.len() - 1, beams: None, odom_from_robot: None }
+            Topic { report_index: self.report.topics.len() - 1, beams: None, odometry: None }
         });
         let report = &mut self.report.topics[topic.report_index];
         report.events += 1;
         report.stamps.observe(line, stamp);
-        if let (Some(before), Some(now)) = (topic.odom_from_robot, odom_from_robot)
-            && before.distance(now) > JUMP_M
-        {
+        let Some(odom_from_robot) = odom_from_robot else { return };
+        let now = Odometry { stamp, odom_from_robot };
+        if topic.odometry.replace(now).is_some_and(|before| is_odometry_jump(&before, &now)) {
             report.odometry_jumps.note(line);
         }
-        topic.odom_from_robot = odom_from_robot.or(topic.odom_from_robot);
     }
 
     fn note_beams(&mut self, tag: Tag, line: u64, beams: usize) {

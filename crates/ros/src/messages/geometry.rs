@@ -3,8 +3,7 @@
 use super::message;
 use crate::encoder::Encoder;
 use crate::error::RosError;
-use crate::field::{Field, Fixed, mismatch};
-use crate::fit::FitCheck;
+use crate::field::{Field, FitCheck, Fixed, mismatch};
 use crate::schema::FieldType;
 use crate::value::Value;
 use crate::wire::{Cursor, Encoding};

@@ -55,7 +55,7 @@ macro_rules! message {
 
             fn fit(
                 ty: &$crate::schema::FieldType,
-                check: &mut $crate::fit::FitCheck<'_>,
+                check: &mut $crate::field::FitCheck<'_>,
             ) -> Result<(), $crate::RosError> {
                 let types: &[&str] = &$types;
                 let kind = check.structure(ty, types[0])?;

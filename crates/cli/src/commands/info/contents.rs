@@ -1,8 +1,8 @@
 //! Scans and odometry of one log, counted and measured.
 
 use crate::terminal::{count, duration, grouped};
-use mapwright::{BeamCounts, LaserModel, LaserScan, Pose2, Stamp, Sweep};
-use mapwright_formats::LogEvent;
+use mapwright::{BeamCounts, LaserModel, LaserScan, Odometry, Pose2, Stamp, Sweep};
+use mapwright_formats::{LogEvent, is_odometry_jump};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -11,8 +11,6 @@ use std::sync::Arc;
 const GAP_PERIODS: f64 = 10.0;
 /// The shortest pause that is called a gap, seconds.
 const GAP_AT_LEAST_S: f64 = 1.0;
-/// Odometry steps beyond this are jumps, not path, metres.
-const JUMP_M: f64 = 10.0;
 /// Gaps that are listed.
 const GAPS_SHOWN: usize = 5;
 
@@ -28,7 +26,7 @@ pub(super) struct Contents {
 pub(super) struct Topic {
     /// In the order of the file. Twelve bytes an event are all that is kept of it.
     pub(super) stamps: Vec<Stamp>,
-    last: Option<Pose2>,
+    last: Option<Odometry>,
     path_m: f64,
     turned_rad: f64,
     poses: u64,
@@ -158,15 +156,15 @@ impl Laser {
 impl Topic {
     fn add(&mut self, stamp: Stamp, odom_from_robot: Option<Pose2>) {
         self.stamps.push(stamp);
-        let Some(pose) = odom_from_robot else { return };
+        let Some(odom_from_robot) = odom_from_robot else { return };
         self.poses += 1;
-        if let Some(step) = self.last.map(|last| last.between(pose))
-            && step.x.hypot(step.y) <= JUMP_M
-        {
+        let now = Odometry { stamp, odom_from_robot };
+        // a jump is no path
+        if let Some(last) = self.last.replace(now).filter(|last| !is_odometry_jump(last, &now)) {
+            let step = last.odom_from_robot.between(odom_from_robot);
             self.path_m += step.x.hypot(step.y);
             self.turned_rad += step.theta.abs();
         }
-        self.last = Some(pose);
     }
 
     /// Time from the earliest to the latest stamp, seconds.

@@ -1,6 +1,6 @@
 //! When each point of a cloud was taken.
 
-use crate::cloud::Access;
+use super::access::Access;
 use crate::schema::Primitive;
 use mapwright_geom::Stamp;
 
@@ -54,7 +54,7 @@ pub struct PointTime {
 const SWEEP_S: f64 = 1.5;
 
 impl PointTime {
-    pub(crate) fn of(field: &str, access: Access, points: &[&[u8]], stamp: Stamp) -> Option<Self> {
+    pub(super) fn of(field: &str, access: Access, points: &[&[u8]], stamp: Stamp) -> Option<Self> {
         let times = points.iter().map(|point| access.read(point)).filter(|time| time.is_finite());
         let (first, last) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
         if first > last {
@@ -67,7 +67,7 @@ impl PointTime {
 
     /// Seconds after the stamp.
     #[inline]
-    pub(crate) fn seconds(&self, time: f64) -> f64 {
+    pub(super) fn seconds(&self, time: f64) -> f64 {
         time * self.unit.seconds() - if self.absolute { self.stamp_s } else { 0.0 }
     }
 }

@@ -1,7 +1,7 @@
 //! Whether the definition in a file has what a typed message needs.
 
+use super::Field;
 use crate::error::RosError;
-use crate::field::Field;
 use crate::schema::{Arity, Base, FieldType, StructType};
 use crate::wire::Encoding;
 use std::sync::Arc;

@@ -1,0 +1,29 @@
+//! Ctrl-C.
+
+use crate::failure::Failure;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Exit code of a process that a second Ctrl-C ends at once.
+const KILLED_BY_INTERRUPT: i32 = 130;
+
+/// Ctrl-C (or a request to terminate): the first asks to stop, the second ends the process at once.
+pub(crate) struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    pub(crate) fn watch() -> Result<Self, Failure> {
+        let asked = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            flag::register_conditional_shutdown(signal, KILLED_BY_INTERRUPT, Arc::clone(&asked))
+                .and_then(|_| flag::register(signal, Arc::clone(&asked)))
+                .map_err(Failure::Signals)?;
+        }
+        Ok(Self(asked))
+    }
+
+    pub(crate) fn came(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
