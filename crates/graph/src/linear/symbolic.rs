@@ -3,9 +3,6 @@
 
 use super::CHUNK;
 use crate::error::GraphError;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::amd;
 
 /// Blocks of a factor at most: 2 GB of the largest.
 const LARGEST_FACTOR: usize = 7_000_000;
@@ -100,15 +97,10 @@ impl Pattern {
 
 /// Approximate minimum degree (Amestoy, Davis, Duff 1996) over the graph of blocks: place of each variable.
 pub(crate) fn elimination_order(variables: usize, pairs: &[(usize, usize)]) -> Result<Vec<usize>, GraphError> {
-    let too_large = || GraphError::TooLarge { vertices: variables };
-    let (starts, rows) = lower_pattern(variables, pairs, false);
-    let pattern = SymbolicSparseColMatRef::new_checked(variables, variables, &starts, None, &rows);
-    let (mut order, mut places) = (vec![0_usize; variables], vec![0_usize; variables]);
-    let needed = amd::order_scratch::<usize>(variables, rows.len());
-    let mut memory = MemBuffer::try_new(needed).map_err(|_| too_large())?;
-    amd::order(&mut order, &mut places, pattern, amd::Control::default(), MemStack::new(&mut memory))
-        .map_err(|_| too_large())?;
-    Ok(places)
+    // with the diagonal, for `amd` counts on at least as many blocks as variables
+    let (starts, rows) = lower_pattern(variables, pairs, true);
+    let ordered = amd::order(variables, &starts, &rows, &amd::Control::default());
+    ordered.map(|(_, places, _)| places).map_err(|_| GraphError::TooLarge { vertices: variables })
 }
 
 /// Columns of the lower triangle, each sorted and without repetition.
