@@ -31,7 +31,6 @@
 mod associate;
 mod ate;
 mod error;
-mod gamma;
 mod map_score;
 mod nees;
 mod relations;

@@ -1,7 +1,7 @@
 //! Whether covariances are honest: the normalised estimation error squared.
 
-use crate::gamma::regularised_lower_gamma;
 use mapwright_geom::{Cov3, Pose2};
+use statrs::function::gamma::checked_gamma_lr;
 
 /// Degrees of freedom of a pose in the plane.
 const DOF: f64 = 3.0;
@@ -82,13 +82,13 @@ fn positive_root(pivot: f64) -> Option<f64> {
 /// The value that a chi-square variable with `dof` degrees of freedom stays below with `probability`. None for a
 /// probability outside of (0, 1) or for degrees of freedom that are not positive and finite.
 ///
-/// Bisects the regularised incomplete gamma function.
+/// Bisects the regularised incomplete gamma function: statrs 0.18 stops its own `inverse_cdf` 0.4 short at 300 degrees.
 #[must_use]
 pub fn chi_square_quantile(probability: f64, dof: f64) -> Option<f64> {
     let in_range = probability > 0.0 && probability < 1.0 && dof > 0.0 && dof.is_finite();
-    let below = |value: f64| regularised_lower_gamma(0.5 * dof, 0.5 * value);
+    let below = |value: f64| checked_gamma_lr(0.5 * dof, 0.5 * value).ok();
     let (mut low, mut high) = (0.0, in_range.then_some(dof)?);
-    while below(high) < probability {
+    while below(high)? < probability {
         (low, high) = (high, 2.0 * high);
     }
     loop {
@@ -96,7 +96,7 @@ pub fn chi_square_quantile(probability: f64, dof: f64) -> Option<f64> {
         if middle <= low || middle >= high {
             return Some(middle);
         }
-        if below(middle) < probability {
+        if below(middle)? < probability {
             low = middle;
         } else {
             high = middle;
