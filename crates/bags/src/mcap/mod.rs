@@ -5,8 +5,7 @@
 //! delivers either a chunk's messages before its checksum was compared or none of a chunk that is cut short, and with
 //! checksums compared first allocates what the chunk's header declares. Here a chunk whose checksum disagrees is dropped
 //! whole and reading goes on behind it, one that is cut short by the end of the file is used up to there, and no length
-//! is believed beyond what the file holds. The writer is our own too, for the crate is waited for in every build
-//! ([0020](../../../../docs/decisions/0020-waiting-for-a-build.md)). Tests read with the crate what it writes.
+//! is believed beyond what the file holds. The writer is the `mcap` crate's.
 
 mod channels;
 mod reader;

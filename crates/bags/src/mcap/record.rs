@@ -5,17 +5,13 @@ use mapwright_geom::Stamp;
 use std::collections::BTreeMap;
 use std::io;
 
-pub(crate) const OP_HEADER: u8 = 1;
 pub(crate) const OP_FOOTER: u8 = 2;
 pub(crate) const OP_SCHEMA: u8 = 3;
 pub(crate) const OP_CHANNEL: u8 = 4;
 pub(crate) const OP_MESSAGE: u8 = 5;
 pub(crate) const OP_CHUNK: u8 = 6;
-pub(crate) const OP_MESSAGE_INDEX: u8 = 7;
 pub(crate) const OP_CHUNK_INDEX: u8 = 8;
 pub(crate) const OP_ATTACHMENT: u8 = 9;
-pub(crate) const OP_STATISTICS: u8 = 11;
-pub(crate) const OP_SUMMARY_OFFSET: u8 = 14;
 pub(crate) const OP_DATA_END: u8 = 15;
 /// Records of kinds beyond are private.
 const OP_PRIVATE: u8 = 0x80;
