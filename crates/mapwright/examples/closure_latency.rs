@@ -17,7 +17,7 @@ fn main() {
     let (mut waits, mut at_closures, mut work) = (Vec::new(), Vec::new(), Duration::ZERO);
     for scan in drive.scans() {
         let mut wait = Duration::ZERO;
-        let closures = mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure).count();
+        let closures = mapper.edges().filter(|edge| edge.kind == EdgeKind::Closure).count();
         while let Some(job) = mapper.next_job() {
             let before = Instant::now();
             let result = job.run();
@@ -26,7 +26,7 @@ fn main() {
             mapper.apply(result);
             wait += before.elapsed();
         }
-        let closed = mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure).count() > closures;
+        let closed = mapper.edges().filter(|edge| edge.kind == EdgeKind::Closure).count() > closures;
         let before = Instant::now();
         mapper.add_scan(&scan.scan);
         wait += before.elapsed();

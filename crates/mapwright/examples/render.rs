@@ -5,7 +5,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example's result")]
 
-use mapwright::{GlobalMap, Mapper, Pose2, Settings};
+use mapwright::{Entry, EntryError, GlobalMap, Mapper, Pose2, Session, Settings, Snapshot};
 use mapwright_formats::{CarmenReader, LogEvent, open_log};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let all_ms = best_ms(|| mapper.render_with(threads));
         println!("{threads} threads: {all_ms:.1} ms from scratch");
         for share in [0.02, 0.1, 0.5] {
-            follow(&mapper, threads, share);
+            follow(&mapper, threads, share)?;
         }
     }
     let same = (1..=4).all(|threads| mapper.render_with(threads).to_bytes() == scratch.to_bytes());
@@ -31,21 +31,29 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// The newest `share` of the keyframes is moved by 3 cm, the rest by 3 mm, which does not show; then it is undone.
-fn follow(mapper: &Mapper, threads: usize, share: f64) {
-    let before = mapper.render_poses();
-    let first = (before.len() as f64 * (1.0 - share)) as usize;
-    let moved = |(k, pose): (usize, &Option<Pose2>)| {
-        let by_m = if k < first { 0.003 } else { 0.03 };
-        pose.map(|pose| Pose2::new(pose.x + by_m, pose.y, pose.theta))
-    };
-    let after: Vec<_> = before.iter().enumerate().map(moved).collect();
+fn follow(mapper: &Mapper, threads: usize, share: f64) -> Result<(), EntryError> {
+    let before = mapper.session();
+    let after = corrected(before, share)?;
     let mut map = GlobalMap::new(mapper.settings());
-    map.follow(mapper.keyframes(), &before, threads);
-    let (mut ways, mut redrawn) = ([&after, &before].into_iter().cycle(), 0);
+    map.follow(before, threads);
+    let (mut ways, mut redrawn) = ([&after, before].into_iter().cycle(), 0);
     let ms = best_ms(|| {
-        redrawn = ways.next().map_or(0, |poses| map.follow(mapper.keyframes(), poses, threads));
+        redrawn = ways.next().map_or(0, |session| map.follow(session, threads));
     });
     println!("{threads} threads: {ms:.1} ms to follow a correction that moves {redrawn} keyframes visibly");
+    Ok(())
+}
+
+fn corrected(session: &Session, share: f64) -> Result<Session, EntryError> {
+    let first = (session.keyframes().len() as f64 * (1.0 - share)) as usize;
+    let moved = session.keyframes().iter().zip(session.map_from_keyframe()).enumerate().map(|(k, (keyframe, pose))| {
+        let by_m = if k < first { 0.003 } else { 0.03 };
+        (keyframe.id, Pose2 { x: pose.x + by_m, ..*pose })
+    });
+    let snapshot = Snapshot { number: session.corrections() + 1, map_from_keyframe: moved.collect() };
+    let mut corrected = session.clone();
+    corrected.add(Entry::Snapshot(snapshot))?;
+    Ok(corrected)
 }
 
 fn best_ms<T>(mut run: impl FnMut() -> T) -> f64 {

@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn show(mapper: &Mapper, file: &Path) -> Result<(), Box<dyn Error>> {
     let start = Instant::now();
-    let advice = Advice::of(mapper);
+    let advice = Advice::of(mapper.session());
     let took_ms = 1e3 * start.elapsed().as_secs_f64();
     println!(
         "{}: {} keyframes, mean {:.3} m, worst {:.3} m, {took_ms:.0} ms",

@@ -35,14 +35,14 @@ fn mapped(scans: &[TrueScan]) -> Mapper {
 fn an_open_loop_wants_to_be_closed_near_its_start_and_is_more_certain_once_it_is() {
     let (scans, until) = lap();
     let open = mapped(&scans[..until]);
-    let advice = Advice::of(&open);
-    assert_eq!(advice, Advice::of(&open), "the same again");
+    let advice = Advice::of(open.session());
+    assert_eq!(advice, Advice::of(open.session()), "the same again");
     let best = advice.places.first().expect("there is something to be gained");
     let along = best.keyframe.seq as f64 / open.keyframes().len() as f64;
     assert!(along < 0.35, "{best:?} after {along} of the way");
     assert!(best.mean_sigma_after_m < advice.mean_sigma_m && best.way_m().is_some());
     let closed = mapped(&scans);
-    let after = Advice::of(&closed);
+    let after = Advice::of(closed.session());
     assert!(
         after.mean_sigma_m < advice.mean_sigma_m && after.worst_sigma_m < advice.worst_sigma_m,
         "mean {} to {}, worst {} to {}",
@@ -56,11 +56,11 @@ fn an_open_loop_wants_to_be_closed_near_its_start_and_is_more_certain_once_it_is
 #[test]
 fn a_map_of_nothing_and_of_one_keyframe_have_no_advice() {
     let mut mapper = mapper();
-    assert_eq!(Advice::of(&mapper), Advice::default());
+    assert_eq!(Advice::of(mapper.session()), Advice::default());
     let laser = LaserModel { range_max_m: 30.0, ..LaserModel::half_circle("front", 181) };
     let ranges_m = vec![2.0; 181];
     let scan = LaserScan { stamp: Stamp(0), laser: laser.into(), ranges_m, odom_from_robot: Some(Pose2::IDENTITY) };
     mapper.add_scan(&scan);
-    let advice = Advice::of(&mapper);
+    let advice = Advice::of(mapper.session());
     assert_eq!((advice.keyframe_sigmas_m.as_slice(), advice.places.len()), ([0.0].as_slice(), 0));
 }

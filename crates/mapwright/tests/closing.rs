@@ -29,7 +29,7 @@ fn map_with(settings: Settings, scans: &[TrueScan]) -> Mapped {
 
 impl Mapped {
     fn closures(&self) -> usize {
-        self.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure).count()
+        self.mapper.edges().filter(|edge| edge.kind == EdgeKind::Closure).count()
     }
 
     /// Length of way up to each keyframe.
@@ -44,7 +44,7 @@ impl Mapped {
 
     /// Closures whose ends lie, in the final map, otherwise than in the world.
     fn wrong_closures(&self) -> usize {
-        let closures = self.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure);
+        let closures = self.mapper.edges().filter(|edge| edge.kind == EdgeKind::Closure);
         let wrong = closures.filter(|edge| {
             let [from, to] = [edge.from.seq, edge.to.seq].map(|seq| seq as usize);
             let poses = self.mapper.keyframe_poses();
@@ -93,16 +93,16 @@ fn matches_that_old_places_support_are_closures_and_are_judged_as_such() {
         let accepted: Vec<_> = candidates.filter(|c| c.verdict == Verdict::Accepted).collect();
         let is_edge = |c: &&&Candidate| {
             let is = |edge: &&Edge| (edge.kind, edge.from, edge.to) == (EdgeKind::Closure, c.from, c.to);
-            mapped.mapper.edges().iter().any(|edge| is(&edge))
+            mapped.mapper.edges().any(|edge| is(&edge))
         };
         let way_m = mapped.way_m();
         let apart_m = |a: KeyframeId, b: KeyframeId| (way_m[a.seq as usize] - way_m[b.seq as usize]).abs();
         let old = |edge: &&Edge| edge.kind == EdgeKind::Match && apart_m(edge.from, edge.to) > 21.0;
         let found = |edge: &&Edge| {
-            let mut closures = mapped.mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure);
+            let mut closures = mapped.mapper.edges().filter(|edge| edge.kind == EdgeKind::Closure);
             closures.any(|other| apart_m(edge.from, other.from) < 31.0 && apart_m(edge.to, other.to) < 31.0)
         };
-        let old: Vec<&Edge> = mapped.mapper.edges().iter().filter(old).collect();
+        let old: Vec<&Edge> = mapped.mapper.edges().filter(old).collect();
         let unfound = old.iter().filter(|edge| !found(edge)).count();
         (accepted.len(), accepted.iter().filter(is_edge).count(), mapped.wrong_closures(), old.len(), unfound)
     });

@@ -3,14 +3,14 @@
 
 mod support;
 
-use mapwright::{CountGrid, LivePolicy, LiveReport, Mapper, Settings};
+use mapwright::{CountGrid, LivePolicy, LocalMapReport, Mapper, Settings};
 use mapwright_grid::Change;
 use mapwright_sensor::{BeamTable, SweepPoints};
 use mapwright_sim::{DriveSettings, Site, worlds};
 use support::{ate_m, in_parallel, recording};
 
 /// Maps a drive with the gate; the live map's account and the trajectory's error.
-fn mapped(site: Site, seed: u64, duration_s: f64, gate_m: f64) -> (LiveReport, f64) {
+fn mapped(site: Site, seed: u64, duration_s: f64, gate_m: f64) -> (LocalMapReport, f64) {
     let mut settings = Settings::default();
     settings.live.policy = LivePolicy::Gated;
     settings.live.gate_m = gate_m;
@@ -52,12 +52,13 @@ fn the_start_of_a_short_loop_stays_and_that_of_a_long_one_leaves() {
     }
 }
 
-/// All keyframes of a mapper, drawn one after the other.
+/// What is drawn of all keyframes of a mapper, one after the other.
 fn drawn_anew(mapper: &Mapper) -> CountGrid {
     let mut map = CountGrid::new(mapper.settings().map.resolution_m);
     let mut points = SweepPoints::default();
-    for (keyframe, &pose) in mapper.keyframes().iter().zip(mapper.keyframe_poses()) {
-        points.fill(&keyframe.sweep, &mut BeamTable::default(), mapper.settings().scan.free_range_m);
+    for (sweep, &pose) in mapper.session().drawn().iter().zip(mapper.keyframe_poses()) {
+        let sweep = sweep.as_ref().expect("none is left out altogether");
+        points.fill(sweep, &mut BeamTable::default(), mapper.settings().scan.free_range_m);
         points.fill_normals();
         map.draw(&points, pose, Change::Add, &mut Vec::new());
     }

@@ -25,7 +25,7 @@ fn bytes(mapper: &Mapper) -> Vec<u8> {
         let pose = pose.map_from_robot;
         [pose.x, pose.y, pose.theta]
     });
-    let edges = mapper.edges().iter().flat_map(|edge: &Edge| {
+    let edges = mapper.edges().flat_map(|edge: &Edge| {
         let pose = edge.from_from_to;
         [f64::from(edge.from.seq), f64::from(edge.to.seq), pose.x, pose.y, pose.theta]
     });
@@ -35,7 +35,7 @@ fn bytes(mapper: &Mapper) -> Vec<u8> {
 }
 
 fn closures(mapper: &Mapper) -> usize {
-    mapper.edges().iter().filter(|edge| edge.kind == EdgeKind::Closure).count()
+    mapper.edges().filter(|edge| edge.kind == EdgeKind::Closure).count()
 }
 
 /// A live run: results come `late` scans after their job went out; when each came is written down.
@@ -122,11 +122,15 @@ fn results_of_another_run_are_left_out() {
     }
     assert!(!results.is_empty());
     let mut young = mapper(Jobs::HandedOut);
-    results.iter().for_each(|result| young.apply(result.clone()));
+    for result in &results {
+        young.apply(result.clone());
+    }
     scans[..50].iter().for_each(|scan| {
         young.add_scan(&scan.scan);
     });
-    results.into_iter().for_each(|result| young.apply(result));
+    for result in results {
+        young.apply(result);
+    }
     let mut alone = mapper(Jobs::HandedOut);
     scans[..50].iter().for_each(|scan| {
         alone.add_scan(&scan.scan);

@@ -14,11 +14,11 @@ fn a_slip_in_a_corridor_of_equal_doors_is_put_right_where_it_began() {
     let (mut truths, mut errors_m): (Vec<Pose2>, Vec<[f64; 2]>) = (Vec::new(), Vec::new());
     let mut last = None;
     for scan in Drive::new(site.into(), DriveSettings::long_drive(103)).scans().take(2200) {
-        let (mended, truth) = (mapper.slips().len(), scan.world_from_robot);
+        let (mended, truth) = (mapper.session().slips().len(), scan.world_from_robot);
         let old_poses = mapper.keyframe_poses().to_vec();
         let update = mapper.add_scan(&scan.scan);
-        if let Some(slip) = mapper.slips().get(mended) {
-            let from = slip.from as usize - BEFORE;
+        if let Some(slip) = mapper.session().slips().get(mended) {
+            let from = slip.from.seq as usize - BEFORE;
             let error_m = |keyframe: Pose2, robot: Pose2, truth: Pose2| {
                 let error = truths[from].between(truth).between(keyframe.between(robot));
                 error.x.hypot(error.y)

@@ -213,7 +213,7 @@ impl Witness {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mapwright::{BeamCounts, Cov3, KeyframeId};
+    use mapwright::{BeamCounts, Cov3, LocalMapReport, Localisation, RunId};
 
     const MAP_FROM_WORLD: Pose2 = Pose2 { x: 3.0, y: -1.0, theta: 0.4 };
 
@@ -225,12 +225,15 @@ mod tests {
             covariance: Cov3::zeros(),
             anchor: None,
             status,
+            localisation: Localisation::default(),
             map_from_odom: Pose2::IDENTITY,
             odom_from_robot: Pose2::IDENTITY,
-            keyframe: keyframe.map(|seq| KeyframeId { robot: 0, session: 0, seq }),
+            keyframe: keyframe.map(|seq| RunId::default().keyframe(seq)),
             beams: BeamCounts::default(),
             matched: None,
             refused: None,
+            local_map: LocalMapReport::default(),
+            entries: Vec::new(),
         }
     }
 
