@@ -14,17 +14,20 @@
 //! ```
 
 mod angle;
+mod covariance;
 mod point;
 mod pose;
 mod pose2;
 mod pose3;
+mod sealed;
 mod stamp;
 mod tangent;
 
 pub use angle::{sin_cos, wrap_angle};
+pub use covariance::{compose_covariance, inverse_covariance};
 pub use point::Point;
 pub use pose::{Apart, FARTHEST_M, Pose};
 pub use pose2::Pose2;
 pub use pose3::{Pose3, skew};
 pub use stamp::Stamp;
-pub use tangent::{Cov3, Cov6, Tangent, TangentMatrix, compose_covariance, inverse_covariance};
+pub use tangent::{Cov3, Cov6, Tangent, TangentMatrix};

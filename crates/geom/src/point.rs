@@ -1,6 +1,6 @@
 //! Positions in the plane and in space.
 
-use crate::pose::sealed::Sealed;
+use crate::sealed::Sealed;
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut};
 

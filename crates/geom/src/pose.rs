@@ -22,6 +22,7 @@ use crate::angle::wrap_angle;
 use crate::point::Point;
 use crate::pose2::Pose2;
 use crate::pose3::Pose3;
+use crate::sealed::Sealed;
 use crate::tangent::{Tangent, TangentMatrix};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use std::fmt::Debug;
@@ -30,20 +31,10 @@ use std::ops::Mul;
 /// Poses beyond this are refused, metres along any axis.
 pub const FARTHEST_M: f64 = 1e6;
 
-/// Nobody else implements what is sealed by it.
-pub(crate) mod sealed {
-    /// See the module.
-    pub trait Sealed {}
-    impl Sealed for crate::Pose2 {}
-    impl Sealed for crate::Pose3 {}
-}
-
 /// A rigid motion; as `a_from_b` it is the pose of frame `b` seen from frame `a`.
 ///
 /// Tangents are right perturbations, translation (metres) first, then rotation (radians). `a * b` composes.
-pub trait Pose:
-    Copy + Debug + PartialEq + Default + Send + Sync + Mul<Output = Self> + sealed::Sealed + 'static
-{
+pub trait Pose: Copy + Debug + PartialEq + Default + Send + Sync + Mul<Output = Self> + Sealed + 'static {
     /// Components of a tangent: 3 in the plane, 6 in space.
     const DIMENSION: usize;
     /// How many of them are translation: 2 in the plane, 3 in space.

@@ -10,16 +10,13 @@ use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
 use mapwright_formats::{TopicReport, is_odometry_jump};
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::{Pose, Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
 use mapwright_sensor::{LaserScan, Odometry, TurnRate, TurnRates};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::path::Path;
-
-/// Poses beyond are no odometry, metres.
-const FARTHEST_M: f64 = 1e6;
 
 /// An event of a recording.
 #[derive(Debug)]
@@ -317,7 +314,7 @@ fn take_odometry(
 
 fn reading(stamp: Stamp, odom_from_child: Option<Pose3>, child_from_robot: Pose3) -> Result<Odometry, Problem> {
     let odom_from_robot = odom_from_child.map(|pose| planar(&(pose * child_from_robot)));
-    let usable = odom_from_robot.filter(|pose| pose.is_finite() && pose.x.abs().max(pose.y.abs()) <= FARTHEST_M);
+    let usable = odom_from_robot.filter(|pose| pose.is_within_bounds());
     let Some(odom_from_robot) = usable else {
         return Err(Problem::Unusable("expected a finite pose within 10^6 m with a direction".to_owned()));
     };

@@ -5,6 +5,7 @@
 mod support;
 
 use mapwright_formats::{CarmenReader, CarmenWriter, LogEvent, ReadReport, open_log};
+use mapwright_geom::FARTHEST_M;
 use mapwright_sim::{Drive, DriveSettings, Event, Rng, worlds};
 use std::fs::File;
 use std::io::Read;
@@ -15,8 +16,6 @@ use support::{in_parallel, mapper};
 const CORRUPTIONS: usize = 1000;
 /// Lines of a stretch that is corrupted and mapped, about 60 scans.
 const LINES: usize = 180;
-/// Poses beyond are refused, metres.
-const FARTHEST_M: f64 = 1e6;
 /// What may stand where a number is expected.
 const STRANGE: [&str; 14] =
     ["", "nan", "-inf", "1e300", "-1e300", "1e-320", "-1", "0", "999999", "1e6", "0x10", "--3", "12.3.4", "180 180"];

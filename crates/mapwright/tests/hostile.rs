@@ -4,14 +4,12 @@
 mod support;
 
 use mapwright::{LaserModel, LaserScan, LivePolicy, Mapper, Pose2, Settings, Stamp};
+use mapwright_geom::FARTHEST_M;
 use mapwright_sim::{DriveSettings, Rng, worlds};
 use proptest::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 use support::{mapper, recording};
-
-/// Poses beyond are refused, metres.
-const FARTHEST_M: f64 = 1e6;
 
 fn check(mapper: &mut Mapper, scan: &LaserScan) {
     let keyframes = mapper.keyframes().len();

@@ -1,6 +1,6 @@
 //! Cycles: where the robot may have come back to, what speaks for it, and what was decided.
 
-use crate::keyframe::KeyframeId;
+use crate::id::KeyframeId;
 use mapwright_geom::{Pose, Pose2};
 
 /// How a candidate was found.

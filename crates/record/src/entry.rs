@@ -1,7 +1,8 @@
 //! What a run consists of, entry by entry: the log, the stream of updates and a mapper's store are the same entries.
 
 use crate::closure::{Candidate, Verdict};
-use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement, RunId};
+use crate::id::{KeyframeId, RunId};
+use crate::keyframe::{Edge, Keyframe, Measurement};
 use crate::left_out::LeftOut;
 use mapwright_geom::{Pose, Pose2, Stamp};
 use mapwright_sensor::Sweep;

@@ -1,57 +1,12 @@
 //! Keyframes and the edges between them.
 
+use crate::error::EntryError;
+use crate::id::KeyframeId;
 use crate::left_out::Beams;
-use crate::log::sweep;
-use crate::session::EntryError;
 use mapwright_geom::{Pose, Pose2, Stamp};
-use mapwright_sensor::{BEAM_DROPPED, LaserModel, Sweep};
+use mapwright_sensor::Sweep;
 use std::fmt::Debug;
 use std::sync::Arc;
-
-/// Which run of which robot: what the names of keyframes begin with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub struct RunId {
-    /// The robot.
-    pub robot: u128,
-    /// Which of its runs, from zero.
-    pub session: u32,
-}
-
-impl RunId {
-    /// The robot of this name: the same on every machine (128-bit FNV-1a of the name's bytes).
-    #[must_use]
-    pub fn of_robot(name: &str) -> Self {
-        const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
-        const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
-        let robot = name.bytes().fold(OFFSET, |hash, byte| (hash ^ u128::from(byte)).wrapping_mul(PRIME));
-        Self { robot, session: 0 }
-    }
-
-    /// The keyframe that is the `seq`th of this run, from zero.
-    #[must_use]
-    pub fn keyframe(self, seq: u32) -> KeyframeId {
-        KeyframeId { robot: self.robot, session: self.session, seq }
-    }
-}
-
-/// Name of a keyframe for ever and across robots. Order within a session is `seq`; stamps are neither unique nor ordered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct KeyframeId {
-    /// Who took it.
-    pub robot: u128,
-    /// Which run of that robot.
-    pub session: u32,
-    /// Place in that run's order.
-    pub seq: u32,
-}
-
-impl KeyframeId {
-    /// The run it belongs to.
-    #[must_use]
-    pub fn run(self) -> RunId {
-        RunId { robot: self.robot, session: self.session }
-    }
-}
 
 /// What a keyframe keeps of a sensor's reading: a laser's sweep in the plane, later a cloud in space.
 ///
@@ -96,48 +51,6 @@ pub trait Measurement: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// # Errors
     /// What should have stood there.
     fn take(sensor: &Arc<Self::Sensor>, bytes: &[u8]) -> Result<Self, EntryError>;
-}
-
-impl Measurement for Sweep {
-    type Pose = Pose2;
-    type Sensor = LaserModel;
-
-    const CODE: u8 = 1;
-
-    fn without(&self, beams: &Beams) -> Self {
-        let Beams::These(beams) = beams else { return self.blanked() };
-        let mut sweep = self.clone();
-        for &beam in beams {
-            if let Some(code) = sweep.codes.get_mut(beam as usize) {
-                *code = BEAM_DROPPED;
-            }
-        }
-        sweep
-    }
-
-    fn check(&self) -> Result<(), EntryError> {
-        sweep::check(self)
-    }
-
-    fn sensor(&self) -> &Arc<LaserModel> {
-        &self.laser
-    }
-
-    fn put_sensor(laser: &LaserModel, out: &mut Vec<u8>) {
-        sweep::put_laser(laser, out);
-    }
-
-    fn take_sensor(bytes: &[u8]) -> Result<LaserModel, EntryError> {
-        sweep::take_laser(bytes)
-    }
-
-    fn put(&self, out: &mut Vec<u8>) {
-        sweep::put_sweep(self, out);
-    }
-
-    fn take(laser: &Arc<LaserModel>, bytes: &[u8]) -> Result<Self, EntryError> {
-        sweep::take_sweep(laser, bytes)
-    }
 }
 
 /// A prepared measurement that the map is made of. It never changes; what a map leaves out of it is a record of its own

@@ -1,6 +1,6 @@
 //! What maps leave out, and why: keyframes themselves never change.
 
-use crate::keyframe::KeyframeId;
+use crate::id::KeyframeId;
 
 /// Beams of a keyframe.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,6 +6,8 @@
 
 mod closure;
 mod entry;
+mod error;
+mod id;
 mod keyframe;
 mod left_out;
 mod log;
@@ -19,8 +21,10 @@ mod update;
 
 pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
 pub use entry::{Entry, Fragment, FragmentStart, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
-pub use keyframe::{Edge, EdgeKind, Keyframe, KeyframeId, Measurement, RunId};
+pub use error::EntryError;
+pub use id::{KeyframeId, RunId};
+pub use keyframe::{Edge, EdgeKind, Keyframe, Measurement};
 pub use left_out::{Beams, LeftOut, LeftOutReason};
 pub use log::{LogError, LogLoss, LogReport, LogWriter, read_log};
-pub use session::{EntryError, Session, SessionEdge, TrajectoryPose};
+pub use session::{Session, SessionEdge, TrajectoryPose};
 pub use update::{LocalMapReport, Localisation, MatchReport, Status, Update};

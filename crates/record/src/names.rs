@@ -1,6 +1,6 @@
 //! Which keyframe stands where.
 
-use crate::keyframe::{KeyframeId, RunId};
+use crate::id::{KeyframeId, RunId};
 use crate::numbers::Numbers;
 
 /// Runs and the names of their keyframes, one run after the other, as they stand in a session or in a log.

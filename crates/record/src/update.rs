@@ -1,7 +1,8 @@
 //! What one scan or one job led to.
 
 use crate::entry::Entry;
-use crate::keyframe::{KeyframeId, Measurement};
+use crate::id::KeyframeId;
+use crate::keyframe::Measurement;
 use mapwright_geom::{Pose, Stamp};
 use mapwright_sensor::{BeamCounts, Sweep};
 

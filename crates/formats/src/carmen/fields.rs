@@ -2,14 +2,11 @@
 
 use crate::number::{parse_f32, parse_f64, parse_stamp, short_range};
 use crate::report::DropReason;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{FARTHEST_M, Pose2, Stamp};
 use std::borrow::Cow;
 
 /// Beams that no planar laser exceeds.
 const MAX_BEAMS: usize = 65_536;
-
-/// Poses beyond this are refused, metres (and radians before wrapping).
-const POSE_LIMIT: f64 = 1e6;
 
 /// Why a line is no event.
 #[derive(Debug)]
@@ -233,7 +230,8 @@ pub(super) enum PoseField {
 
 impl PoseField {
     fn new(x: f64, y: f64, theta: f64) -> Self {
-        let within = |v: f64| v.abs() <= POSE_LIMIT;
+        // Headings, before they are wrapped, as far as positions.
+        let within = |v: f64| v.abs() <= FARTHEST_M;
         if within(x) && within(y) && within(theta) {
             Self::Usable(Pose2::new(x, y, theta))
         } else if x.is_nan() && y.is_nan() && theta.is_nan() {

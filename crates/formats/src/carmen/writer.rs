@@ -5,7 +5,7 @@ use super::models::Geometry;
 use super::params::{BEAM_PERIOD, INVERTED, LaserParams, Params, RANGE_MIN};
 use crate::error::FormatError;
 use crate::number::write_stamp;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{FARTHEST_M, Pose2, Stamp};
 use mapwright_sensor::{LaserModel, LaserScan, Odometry};
 use std::io::Write;
 use std::sync::Arc;
@@ -206,9 +206,9 @@ fn tag_of(laser: &LaserModel, beams: usize) -> Tag {
 }
 
 fn check_pose(pose: Pose2) -> Result<(), FormatError> {
-    check("a pose's x", pose.x, 1e6)?;
-    check("a pose's y", pose.y, 1e6)?;
-    check("a pose's heading", pose.theta, 1e6)
+    check("a pose's x", pose.x, FARTHEST_M)?;
+    check("a pose's y", pose.y, FARTHEST_M)?;
+    check("a pose's heading", pose.theta, FARTHEST_M)
 }
 
 fn check_laser(laser: &LaserModel) -> Result<(), FormatError> {

@@ -2,14 +2,12 @@
 
 use super::{MAX_DOUBLINGS, MAX_SEARCH_BLOCKS, MAX_SEARCH_CELLS, Peak, SearchWindow, Separation};
 use crate::tiles::floor_cell;
-use mapwright_geom::{Pose2, sin_cos, wrap_angle};
+use mapwright_geom::{FARTHEST_M, Pose2, sin_cos, wrap_angle};
 use std::cmp::Reverse;
 use std::f64::consts::PI;
 
 /// Blocks have sides of at most `2^6` translations.
 const MAX_LEVEL: u32 = 6;
-/// Poses beyond are refused, metres.
-const FARTHEST_POSE_M: f64 = 1e6;
 /// The box around the points is taken from every so many headings.
 const BOX_STRIDE: u32 = 8;
 
@@ -58,7 +56,7 @@ impl Lattice {
         let middle = window.world_from_robot;
         let off_m = middle.x.abs().max(middle.y.abs());
         let sizes = [off_m, window.half_width_m, window.half_width_rad, farthest_m];
-        let sane = middle.is_finite() && sizes.iter().all(|size| (0.0..=FARTHEST_POSE_M).contains(size));
+        let sane = middle.is_finite() && sizes.iter().all(|size| (0.0..=FARTHEST_M).contains(size));
         // Cells are counted in 32 bits, with room to spare.
         let fits = (off_m + window.half_width_m + farthest_m) / resolution_m < f64::from(1 << 30);
         if !(sane && fits && resolution_m > 0.0) {

@@ -15,8 +15,8 @@ const LEAST_AGE_S: f64 = 0.45;
 /// and not older than this,
 const MOST_AGE_S: f64 = 1.5;
 /// nor farther from it than this, metres and radians.
-const FARTHEST_M: f64 = 1.0;
-const FARTHEST_RAD: f64 = 1.0;
+const APART_M: f64 = 1.0;
+const APART_RAD: f64 = 1.0;
 /// Scans are remembered so far apart, seconds, and so many of them.
 const EVERY_S: f64 = 0.05;
 const REMEMBERED: usize = 32;
@@ -88,7 +88,7 @@ impl DynamicObjects {
         let fits = |seen: &&Seen| (LEAST_AGE_S..=MOST_AGE_S).contains(&stamp.secs_since(seen.stamp));
         let Some(before) = self.seen.iter().rev().find(fits) else { return 0 };
         let before_from_now = place.since(before.place);
-        let far = before_from_now.x.hypot(before_from_now.y) > FARTHEST_M || before_from_now.theta.abs() > FARTHEST_RAD;
+        let far = before_from_now.x.hypot(before_from_now.y) > APART_M || before_from_now.theta.abs() > APART_RAD;
         if far || !Arc::ptr_eq(&before.laser, &sweep.laser) || before.ranges.len() != self.ranges.len() {
             return 0;
         }
@@ -280,7 +280,8 @@ mod tests {
     /// Drives along a corridor; after each scan: beams dropped, and of them those that end on the first thing.
     fn drive(scans: usize, truth: impl Fn(f64) -> (Place, f64), things: impl Fn(f64) -> Vec<Round>) -> Vec<[usize; 2]> {
         let laser = Arc::new(LaserModel { range_max_m: 20.0, ..LaserModel::half_circle("laser", 181) });
-        let (mut movers, mut table, mut points) = (DynamicObjects::default(), BeamTable::default(), SweepPoints::default());
+        let (mut dynamic, mut table, mut points) =
+            (DynamicObjects::default(), BeamTable::default(), SweepPoints::default());
         let scan = |number: usize| {
             let time_s = number as f64 * PERIOD_S;
             let (stamp, (place, x)) = (Stamp::from_secs_f64(time_s), truth(time_s));
@@ -293,8 +294,8 @@ mod tests {
             let scan = LaserScan { stamp, laser: Arc::clone(&laser), ranges_m, odom_from_robot: None };
             let (mut sweep, _) = Sweep::from_scan(&scan, [0.0; 3]);
             points.fill(&sweep, &mut table, 6.0);
-            let dropped = movers.drop_from(&mut sweep, &points, stamp, place) as usize;
-            movers.remember(&laser, stamp, place);
+            let dropped = dynamic.drop_from(&mut sweep, &points, stamp, place) as usize;
+            dynamic.remember(&laser, stamp, place);
             let gone: Vec<usize> = (0..181).filter(|&beam| sweep.codes[beam] == BEAM_DROPPED).collect();
             assert_eq!(gone.len(), dropped);
             let first = ranges(&things(time_s)[..1]);
@@ -347,23 +348,23 @@ mod tests {
     /// What the last scan but one saw must not be taken for what this one saw.
     #[test]
     fn scans_that_were_not_measured_are_not_remembered() {
-        let mut movers = DynamicObjects::default();
+        let mut dynamic = DynamicObjects::default();
         let laser = Arc::new(LaserModel::half_circle("laser", 3));
         let ranges_m = vec![1.0; 3];
         let scan = LaserScan { stamp: Stamp(0), laser: Arc::clone(&laser), ranges_m, odom_from_robot: None };
         let (mut sweep, _) = Sweep::from_scan(&scan, [0.0; 3]);
         let place = steady(0.0).0;
-        movers.drop_from(&mut sweep, &SweepPoints::default(), scan.stamp, place);
+        dynamic.drop_from(&mut sweep, &SweepPoints::default(), scan.stamp, place);
         for (second, remembered) in [(0.0, 1), (0.1, 1), (0.2, 1)] {
-            movers.remember(&laser, Stamp::from_secs_f64(second), place);
-            assert_eq!(movers.seen.len(), remembered, "{second} s");
+            dynamic.remember(&laser, Stamp::from_secs_f64(second), place);
+            assert_eq!(dynamic.seen.len(), remembered, "{second} s");
         }
-        assert_eq!(movers.seen[0].stamp, Stamp(0));
+        assert_eq!(dynamic.seen[0].stamp, Stamp(0));
     }
 
     #[test]
     fn stamps_that_step_back_and_other_lasers_are_borne() {
-        let mut movers = DynamicObjects::default();
+        let mut dynamic = DynamicObjects::default();
         let place = steady(0.0).0;
         for (second, beams) in [(5.0, 181), (1.0, 90), (1.6, 90), (2.2, 3), (2.8, 0)] {
             let laser = Arc::new(LaserModel::half_circle("laser", beams));
@@ -376,8 +377,8 @@ mod tests {
             let (mut sweep, _) = Sweep::from_scan(&scan, [0.0; 3]);
             let mut points = SweepPoints::default();
             points.fill(&sweep, &mut BeamTable::default(), 6.0);
-            assert_eq!(movers.drop_from(&mut sweep, &points, scan.stamp, place), 0);
-            movers.remember(&laser, scan.stamp, place);
+            assert_eq!(dynamic.drop_from(&mut sweep, &points, scan.stamp, place), 0);
+            dynamic.remember(&laser, scan.stamp, place);
         }
     }
 }

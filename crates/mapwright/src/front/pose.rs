@@ -1,9 +1,9 @@
 //! Where the robot is in the front end's frame, and how certain that is relative to the anchor: the keyframe that supplied
 //! most of what the last scan was matched with.
 
+use super::predict::Step;
 use super::track::Matched;
 use crate::store::{NodeId, Past};
-use super::predict::Step;
 use mapwright_geom::{Cov3, Pose, Pose2, compose_covariance};
 use nalgebra::{Matrix3, Vector3};
 

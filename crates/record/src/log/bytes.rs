@@ -1,7 +1,7 @@
 //! Values as bytes, least significant first, and back.
 
+use crate::error::EntryError;
 use crate::pose::{MOST_NUMBERS, from_numbers, number_count, to_numbers};
-use crate::session::EntryError;
 use mapwright_geom::{Pose, TangentMatrix};
 
 /// A value that one byte names.

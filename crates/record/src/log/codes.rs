@@ -3,9 +3,9 @@
 use super::bytes::{Coded, Cursor, coded};
 use crate::closure::{Detection, Objection, Verdict};
 use crate::entry::FragmentStart;
+use crate::error::EntryError;
 use crate::keyframe::EdgeKind;
 use crate::left_out::LeftOutReason;
-use crate::session::EntryError;
 
 /// Kinds of entries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

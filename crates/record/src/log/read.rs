@@ -8,10 +8,12 @@ use super::{
 };
 use crate::closure::{Candidate, Evidence};
 use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
-use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement, RunId};
+use crate::error::{EntryError, unless};
+use crate::id::{KeyframeId, RunId};
+use crate::keyframe::{Edge, Keyframe, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::numbers::Numbers;
-use crate::session::{EntryError, Session, unless};
+use crate::session::Session;
 use mapwright_geom::Stamp;
 use std::sync::Arc;
 

@@ -1,14 +1,59 @@
-//! Lasers and their sweeps as bytes.
+//! Sweeps as measurements of keyframes, and lasers and sweeps as bytes.
 
 use super::bytes::{Cursor, put_f64, put_pose, text};
-use crate::session::EntryError;
-use mapwright_sensor::{LaserModel, Sweep};
+use crate::error::EntryError;
+use crate::keyframe::Measurement;
+use crate::left_out::Beams;
+use mapwright_geom::Pose2;
+use mapwright_sensor::{BEAM_DROPPED, LaserModel, Sweep};
 use std::sync::Arc;
 
 /// A code's step is at most this, metres: it reaches 32 km.
 const STEP_AT_MOST_M: f64 = 0.5;
 /// Motion during a sweep, metres and radians.
 const SWEEP_MOTION_AT_MOST: f64 = 10.0;
+
+impl Measurement for Sweep {
+    type Pose = Pose2;
+    type Sensor = LaserModel;
+
+    const CODE: u8 = 1;
+
+    fn without(&self, beams: &Beams) -> Self {
+        let Beams::These(beams) = beams else { return self.blanked() };
+        let mut sweep = self.clone();
+        for &beam in beams {
+            if let Some(code) = sweep.codes.get_mut(beam as usize) {
+                *code = BEAM_DROPPED;
+            }
+        }
+        sweep
+    }
+
+    fn check(&self) -> Result<(), EntryError> {
+        check(self)
+    }
+
+    fn sensor(&self) -> &Arc<LaserModel> {
+        &self.laser
+    }
+
+    fn put_sensor(laser: &LaserModel, out: &mut Vec<u8>) {
+        put_laser(laser, out);
+    }
+
+    fn take_sensor(bytes: &[u8]) -> Result<LaserModel, EntryError> {
+        take_laser(bytes)
+    }
+
+    fn put(&self, out: &mut Vec<u8>) {
+        put_sweep(self, out);
+    }
+
+    fn take(laser: &Arc<LaserModel>, bytes: &[u8]) -> Result<Self, EntryError> {
+        take_sweep(laser, bytes)
+    }
+}
 
 /// Whether a sweep can be mapped with.
 pub(crate) fn check(sweep: &Sweep) -> Result<(), EntryError> {

@@ -1,9 +1,10 @@
 use super::*;
 use crate::entry::{Entry, RecordedEdge, Run, Snapshot};
-use crate::keyframe::{Edge, EdgeKind, Keyframe, KeyframeId, RunId};
+use crate::error::EntryError;
+use crate::id::{KeyframeId, RunId};
+use crate::keyframe::{Edge, EdgeKind, Keyframe};
 use crate::left_out::Beams;
 use crate::samples::{Step, Story, pose, steps};
-use crate::session::EntryError;
 use mapwright_geom::{Cov6, Pose, Pose3, Stamp};
 use proptest::prelude::*;
 

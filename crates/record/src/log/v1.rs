@@ -3,8 +3,10 @@
 use super::bytes::{Cursor, text};
 use super::{CHECKSUM_BYTES, HEADER_BYTES, LogError, sweep};
 use crate::entry::{Entry, RecordedEdge, Run, ScanPose};
-use crate::keyframe::{Edge, Keyframe, KeyframeId, RunId};
-use crate::session::{EntryError, Session};
+use crate::error::EntryError;
+use crate::id::{KeyframeId, RunId};
+use crate::keyframe::{Edge, Keyframe};
+use crate::session::Session;
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_sensor::{LaserModel, Sweep};
 use std::sync::Arc;

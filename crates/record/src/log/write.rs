@@ -5,11 +5,13 @@ use super::codes::put_verdict;
 use super::{CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, Kind, MAGIC, NONE, Sensors, VERSION};
 use crate::closure::{Candidate, Evidence, Verdict};
 use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
-use crate::keyframe::{Keyframe, KeyframeId, Measurement};
+use crate::error::{EntryError, unless};
+use crate::id::KeyframeId;
+use crate::keyframe::{Keyframe, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
 use crate::pose::number_count;
-use crate::session::{EntryError, Session, unless};
+use crate::session::Session;
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 

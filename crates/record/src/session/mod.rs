@@ -2,7 +2,9 @@
 
 use crate::closure::{Candidate, Verdict};
 use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
-use crate::keyframe::{Edge, Keyframe, KeyframeId, Measurement};
+use crate::error::{EntryError, unless};
+use crate::id::KeyframeId;
+use crate::keyframe::{Edge, Keyframe, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
 use crate::numbers::Numbers;
@@ -54,20 +56,6 @@ pub struct TrajectoryPose<P: Pose = mapwright_geom::Pose2> {
     pub map_from_robot: P,
     /// Pose of the robot by odometry alone, in the frame of the robot's own odometry where it has one; never jumps.
     pub odom_from_robot: P,
-}
-
-/// Why an entry cannot be added.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("expected {expected}, found {found}")]
-pub struct EntryError {
-    /// What the entry should say.
-    pub expected: &'static str,
-    /// What it says.
-    pub found: String,
-}
-
-pub(crate) fn unless(expected: &'static str, holds: bool, found: impl FnOnce() -> String) -> Result<(), EntryError> {
-    if holds { Ok(()) } else { Err(EntryError { expected, found: found() }) }
 }
 
 fn sound<P: Pose>(pose: P) -> Result<(), EntryError> {

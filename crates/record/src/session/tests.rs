@@ -173,7 +173,7 @@ fn edges_are_remeasured_and_withdrawn() {
     story.add(Entry::Edge(crooked));
     story.add(Entry::Edge(edge(id("one", 0), id("one", 2))));
     assert_eq!(story.session.recorded_edges()[0].ends, [4, 0]);
-    assert_eq!(story.session.recorded_edges()[0].recorded.edge, crooked, "to the last digit of either triangle");
+    assert_eq!(story.session.recorded_edges()[0].recorded, crooked, "to the last digit of either triangle");
     story.add(Entry::Remeasured { number: 1, from_from_to: pose(5.0), information: 2.0 * Cov3::identity() });
     story.add(Entry::Withdrawn { number: 0 });
     let standing: Vec<_> = story.session.edges().map(|edge| (edge.from_from_to, edge.information[(0, 0)])).collect();
