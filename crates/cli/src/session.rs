@@ -29,14 +29,17 @@ pub(crate) struct SessionLog {
 
 impl SessionLog {
     pub(crate) fn begin(output: &mut OutputFolder) -> Result<Self, Failure> {
-        Ok(Self {
+        let mut log = Self {
             session: Session::default(),
             writer: LogWriter::new(),
             file: output.begin(SESSION)?,
             path: output.path(SESSION),
             unwritten: Vec::new(),
             written: Instant::now(),
-        })
+        };
+        // From now on it is a log, be it empty.
+        log.finish()?;
+        Ok(log)
     }
 
     /// All that was recorded.
@@ -76,8 +79,7 @@ pub(crate) fn read_session(path: &Path) -> Result<(Session, Vec<String>), Failur
     let path = if path.is_dir() { in_folder(path) } else { path.to_owned() };
     let bytes = fs::read(&path).map_err(|error| Failure::open(&path, format!("{error}; `mapwright map` writes it")))?;
     let read = Session::read(&bytes);
-    let (session, report) =
-        read.map_err(|cause| Failure::Session { path: path.clone(), cause: cause.to_string() })?;
+    let (session, report) = read.map_err(|cause| Failure::Session { path: path.clone(), cause: cause.to_string() })?;
     let losses = report.losses.iter().map(|loss| format!("{}: {loss}", path.display())).collect();
     Ok((session, losses))
 }

@@ -2,6 +2,7 @@
 //! where a run that was never stopped has it.
 //!
 //! `cargo run --release -p mapwright --example stop_and_resume -- LOG [PLACES]`
+#![allow(clippy::print_stdout, reason = "an example's result")]
 
 use mapwright::{LaserScan, Mapper, Pose2, Session, Settings};
 use mapwright_formats::{CarmenReader, LogEvent, open_log};
@@ -22,7 +23,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("stopped after {stop} scans: {:.1} mm, {:.3} deg apart at the end", 1e3 * m, rad.to_degrees());
         (worst_m, worst_rad, same) = (worst_m.max(m), worst_rad.max(rad), same + usize::from(m == 0.0));
     }
-    println!("worst of {places}: {:.1} mm, {:.3} deg; the same to the bit: {same}", 1e3 * worst_m, worst_rad.to_degrees());
+    println!(
+        "worst of {places}: {:.1} mm, {:.3} deg; the same to the bit: {same}",
+        1e3 * worst_m,
+        worst_rad.to_degrees()
+    );
     Ok(())
 }
 
