@@ -69,7 +69,8 @@ pub(crate) fn batch_poses(world: &Simulated, true_pairs: &[[usize; 2]]) -> Resul
 pub(crate) fn open_graph(world: &Simulated) -> PoseGraph2 {
     let session = world.session();
     let mut suspect = vec![false; world.keyframe_count()];
-    for (ends, _) in standing(session).filter(|(ends, edge)| edge.kind == EdgeKind::Match && world.closes(*ends, edge)) {
+    for (ends, _) in standing(session).filter(|(ends, edge)| edge.kind == EdgeKind::Match && world.closes(*ends, edge))
+    {
         suspect[ends[1]] = true;
     }
     let mut by_wheels = vec![None; world.keyframe_count()];

@@ -15,8 +15,8 @@ use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
 use mapwright::{
-    Advice, Beams, Entry, KeyframeId, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry, Pose2,
-    Session, Settings, TurnRate,
+    Advice, Beams, Entry, KeyframeId, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry,
+    Pose2, Session, Settings, TurnRate,
 };
 use mapwright_formats::{Confidence, GridImage, Picture, TumWriter, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};

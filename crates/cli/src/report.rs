@@ -164,11 +164,7 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
         made.path_m,
         count(mapping.session().keyframes().len() as u64, "keyframe"),
     );
-    let _ = writeln!(
-        text,
-        "map      {width_m:.0} x {height_m:.0} m, {} m a cell",
-        mapping.settings.map.resolution_m
-    );
+    let _ = writeln!(text, "map      {width_m:.0} x {height_m:.0} m, {} m a cell", mapping.settings.map.resolution_m);
     let _ = write!(
         text,
         "quality  tracking {:.2} %, degraded {:.2} %, lost {:.2} %",

@@ -315,11 +315,10 @@ mod tests {
         let views = drive();
         let mut twice = views.clone();
         let away = Pose2::new(60.0, 10.0, 1.0);
-        twice.extend(
-            views
-                .iter()
-                .map(|view| View { sweep: Arc::clone(&view.sweep), submap_from_keyframe: away * view.submap_from_keyframe }),
-        );
+        twice.extend(views.iter().map(|view| View {
+            sweep: Arc::clone(&view.sweep),
+            submap_from_keyframe: away * view.submap_from_keyframe,
+        }));
         let [once, twice] = [views.clone(), twice].map(|views| Atlas::new(views, &SUBMAPS));
         let seen = query(&views, 60);
         let rivals = |atlas: &Atlas, least: f64| {

@@ -213,8 +213,7 @@ impl Closing {
     /// that the cascade has not found.
     pub(crate) fn links(&self, past: Past<'_>, from: NodeId) -> bool {
         let verdict = || self.supports.verdict(past.way_m, from);
-        !is_left(past.way_m, from)
-            || verdict().map_or(!self.looks_at_supports, |found| found == supports::Found::Here)
+        !is_left(past.way_m, from) || verdict().map_or(!self.looks_at_supports, |found| found == supports::Found::Here)
     }
 
     /// A match that may link when its place has been looked at.

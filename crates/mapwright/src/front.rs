@@ -121,10 +121,8 @@ impl FrontEnd {
         let odom_from_robot = self.preparation.odometry_of(scan);
         let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot);
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
-        let place = Place {
-            local_from_robot: predicted,
-            odom_from_robot: self.pose.odom_from_robot() * step.last_from_robot,
-        };
+        let place =
+            Place { local_from_robot: predicted, odom_from_robot: self.pose.odom_from_robot() * step.last_from_robot };
         let sound = self.settings.scan.drop_moving && step.from_odometry && !self.predictor.doubts_odometry();
         let beams = if refused.is_some() {
             self.preparation.refuse(scan)
@@ -157,13 +155,7 @@ impl FrontEnd {
     }
 
     /// Takes over the new pose and its covariance, now that it is known whether the match is believed.
-    pub(crate) fn settle(
-        &mut self,
-        past: Past<'_>,
-        scan: &LaserScan,
-        prepared: &Prepared,
-        matched: Option<&Matched>,
-    ) {
+    pub(crate) fn settle(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared, matched: Option<&Matched>) {
         let Prepared { step, predicted, odom_from_robot, .. } = *prepared;
         let believed = matched.filter(|matched| matched.is_believed());
         let supplier = believed.and_then(|matched| matched.agreement.supplier);
@@ -180,10 +172,8 @@ impl FrontEnd {
         if self.tracker.misfits() > 0 {
             self.preparation.forget_scans();
         } else {
-            let place = Place {
-                local_from_robot: self.pose.local_from_robot(),
-                odom_from_robot: self.pose.odom_from_robot(),
-            };
+            let place =
+                Place { local_from_robot: self.pose.local_from_robot(), odom_from_robot: self.pose.odom_from_robot() };
             self.preparation.remember(&scan.laser, scan.stamp, place);
         }
     }

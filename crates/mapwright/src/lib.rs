@@ -36,15 +36,16 @@ mod store;
 struct ReadmeExamples;
 
 pub use advice::{Advice, Place};
-pub use jobs::{Job, JobResult};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
+pub use jobs::{Job, JobResult};
 pub use mapper::Mapper;
 pub use mapwright_geom::{Cov3, Pose2, Stamp};
 pub use mapwright_grid::{CountGrid, LiveMap};
 pub use mapwright_record::{
     Beams, Candidate, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart, Keyframe,
-    KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, OdometryOrigin, RecordedEdge, Run, RunId, ScanPose,
-    Session, SessionEdge, Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip,
+    KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, OdometryOrigin,
+    RecordedEdge, Run, RunId, ScanPose, Session, SessionEdge, Snapshot, Status, TrajectoryPose, Update, Verdict,
+    WheelSlip,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use probe::{NoProbe, Probe, Stage};

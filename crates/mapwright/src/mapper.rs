@@ -15,8 +15,8 @@ use mapwright_graph::spread;
 use mapwright_grid::{CountGrid, LiveMap};
 use mapwright_loops::Finding;
 use mapwright_record::{
-    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, Objection, RunId, Session, Status, TrajectoryPose,
-    Update, Verdict,
+    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, Objection, RunId,
+    Session, Status, TrajectoryPose, Update, Verdict,
 };
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
 use std::sync::Arc;

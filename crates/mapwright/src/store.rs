@@ -101,7 +101,11 @@ impl Store {
             way_m: way_m(&session),
             first_scan: session.next_scan(),
             has_origin: false,
-            start: Some(if session.keyframes().is_empty() { FragmentStart::SwitchedOn } else { FragmentStart::Resumed }),
+            start: Some(if session.keyframes().is_empty() {
+                FragmentStart::SwitchedOn
+            } else {
+                FragmentStart::Resumed
+            }),
             fresh: Vec::new(),
             session,
         };
@@ -213,7 +217,11 @@ impl Store {
         }
         if let Some((anchor, information)) = new.matched.filter(|&(anchor, _)| anchor < node) {
             let edge = self.edge(anchor, node, EdgeKind::Match, information);
-            if links(self.past(), anchor) { edges.push(edge) } else { unjudged = Some(edge) }
+            if links(self.past(), anchor) {
+                edges.push(edge)
+            } else {
+                unjudged = Some(edge)
+            }
             if known.iter().all(|&(from, _)| from != anchor) {
                 known.push((anchor, new.covariance));
             }
@@ -318,7 +326,12 @@ impl Store {
         let edges = self.session.recorded_edges().iter().map(|known| {
             let [from, to] = known.ends.map(|end| end as usize);
             let Edge { from_from_to, information, .. } = known.recorded.edge;
-            GraphEdge { from, to, from_from_to, information: if known.withdrawn { Matrix3::zeros() } else { information } }
+            GraphEdge {
+                from,
+                to,
+                from_from_to,
+                information: if known.withdrawn { Matrix3::zeros() } else { information },
+            }
         });
         PoseGraph2 { vertices: poses.map(vertex).collect(), edges: edges.collect(), ..PoseGraph2::default() }
     }
@@ -360,7 +373,11 @@ impl Store {
 
     /// The wheels have slipped: keyframes from one on are moved, edges across say what they say now, the wheels' not much, and
     /// matches of the last keyframes before with old places nothing, for they may have been led astray by it. The poses before.
-    pub(crate) fn shift(&mut self, slipped: &Slipped, doubted: impl Fn(Past<'_>, NodeId, NodeId) -> bool) -> Vec<Pose2> {
+    pub(crate) fn shift(
+        &mut self,
+        slipped: &Slipped,
+        doubted: impl Fn(Past<'_>, NodeId, NodeId) -> bool,
+    ) -> Vec<Pose2> {
         let Slipped { from, metres, .. } = *slipped;
         let before = self.local_from_keyframe.clone();
         for pose in &mut self.local_from_keyframe[from as usize..] {
@@ -400,7 +417,13 @@ fn way_m(session: &Session) -> Vec<f64> {
     }
     steps_m.first_mut().into_iter().for_each(|first| *first = 0.0);
     let mut sum_m = 0.0;
-    steps_m.iter().map(|step_m| { sum_m += step_m; sum_m }).collect()
+    steps_m
+        .iter()
+        .map(|step_m| {
+            sum_m += step_m;
+            sum_m
+        })
+        .collect()
 }
 
 fn information_of(covariance: &Cov3) -> Cov3 {

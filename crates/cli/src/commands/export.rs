@@ -6,12 +6,12 @@ use crate::image::MapImage;
 use crate::output::write_whole;
 use crate::session::{map_of, read_session};
 use crate::terminal::{count, say};
+use mapwright::{Session, TrajectoryPose};
 use mapwright_exports::write_session_mcap;
 use mapwright_formats::{
     CsvPose, FormatError, TumWriter, write_csv, write_kitti, write_map_yaml, write_pgm, write_plain_png,
     write_world_file,
 };
-use mapwright::{Session, TrajectoryPose};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};

@@ -45,7 +45,13 @@ pub(super) fn views_along(past: Past<'_>, at: NodeId, both_sides: bool, reach_m:
 
 /// Keyframes along the way around `at`, before it and, if so wished, after it; `step_m` is the way to a keyframe from the
 /// one before.
-pub(super) fn views(past: Past<'_>, at: NodeId, both_sides: bool, reach_m: f64, step_m: impl Fn(usize) -> f64) -> Vec<View> {
+pub(super) fn views(
+    past: Past<'_>,
+    at: NodeId,
+    both_sides: bool,
+    reach_m: f64,
+    step_m: impl Fn(usize) -> f64,
+) -> Vec<View> {
     let at = at as usize;
     let submap_from_local = past.local_from_keyframe[at].inverse();
     let mut views = Vec::new();

@@ -127,8 +127,7 @@ impl Trial {
         let newest = provisional.newest();
         let keyframe_from_robot = newest.map_or(Pose2::IDENTITY, |k| self.lost.provisional().keyframe_from_robot(k));
         let near_from_newest = past.pose(self.near).between(local_from_robot * keyframe_from_robot.inverse());
-        let finding =
-            look_around(front.settings(), past, front.matcher(), self.near, provisional, near_from_newest);
+        let finding = look_around(front.settings(), past, front.matcher(), self.near, provisional, near_from_newest);
         finding.is_some_and(|finding| {
             finding.evidence.inlier_share.is_some_and(|share| share < LEAST_SHARE)
                 || finding.evidence.contradiction.is_some_and(|share| share > MOST_CONTRADICTION)
