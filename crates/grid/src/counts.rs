@@ -56,11 +56,6 @@ impl HitCell {
         self.hits > 0 && self.hits.saturating_mul(passes_per_hit) >= passes
     }
 
-    /// Sum of the normals, in 1/1024.
-    pub(crate) fn facing(&self) -> [i64; 2] {
-        [self.sum_nx, self.sum_ny].map(|sum| i64::from(sum as i32))
-    }
-
     fn add(&mut self, other: &Self) {
         let pairs = [
             (&mut self.hits, other.hits),
