@@ -8,9 +8,9 @@ use mapwright_sensor::SweepPoints;
 /// Steps of the fixed-point end points within a cell.
 pub(crate) const FRACTION_STEPS: f64 = 1024.0;
 /// Set in a cell's passes while the cell has hits, so that a ray sees it without a second look-up.
-const HAS_HITS: u32 = 1 << 31;
-/// Set in a cell's passes while the cell is an obstacle of a live map.
-const OBSTACLE: u32 = 1 << 30;
+const HAS_HITS: u32 = 1 << 30;
+/// Set in a cell's passes while the cell is an obstacle of a live map: the sign, which costs a ray no comparison.
+const OBSTACLE: u32 = 1 << 31;
 const FLAGS: u32 = HAS_HITS | OBSTACLE;
 /// Set in an entry of the touched cells where a beam ended.
 pub(crate) const BEAM_END: u32 = 1 << 31;
@@ -54,11 +54,6 @@ impl HitCell {
     #[must_use]
     pub fn is_obstacle(&self, passes: u32, passes_per_hit: u32) -> bool {
         self.hits > 0 && self.hits.saturating_mul(passes_per_hit) >= passes
-    }
-
-    /// Sum of the normals, in 1/1024.
-    pub(crate) fn facing(&self) -> [i64; 2] {
-        [self.sum_nx, self.sum_ny].map(|sum| i64::from(sum as i32))
     }
 
     fn add(&mut self, other: &Self) {
@@ -461,26 +456,23 @@ impl CountGrid {
 
     fn pass_by<const LISTEN: bool>(&mut self, start: [f64; 2], end: [f64; 2], change: Change, touched: &mut Vec<u32>) {
         let steep = (end[1] - start[1]).abs() > (end[0] - start[0]).abs();
-        if steep {
-            self.walk::<true, LISTEN>([start[1], start[0]], [end[1], end[0]], change, touched);
-        } else {
-            self.walk::<false, LISTEN>(start, end, change, touched);
+        let [start, end] = if steep { [[start[1], start[0]], [end[1], end[0]]] } else { [start, end] };
+        match (steep, change) {
+            (true, Change::Add) => self.walk::<true, true, LISTEN>(start, end, touched),
+            (true, Change::Remove) => self.walk::<true, false, LISTEN>(start, end, touched),
+            (false, Change::Add) => self.walk::<false, true, LISTEN>(start, end, touched),
+            (false, Change::Remove) => self.walk::<false, false, LISTEN>(start, end, touched),
         }
     }
 
     /// Tile by tile, so that within one a step is a look at a cell and nothing else.
-    fn walk<const STEEP: bool, const LISTEN: bool>(
+    fn walk<const STEEP: bool, const ADD: bool, const LISTEN: bool>(
         &mut self,
         start: [f64; 2],
         end: [f64; 2],
-        change: Change,
         touched: &mut Vec<u32>,
     ) {
         let Some(mut ray) = Ray::new(start, end) else { return };
-        let delta = if change == Change::Add { 1 } else { u32::MAX };
-        // A pass can end an obstacle, and one pass less can make one of a cell with hits: from here on, and so many.
-        let (may_flip, kinds) =
-            if change == Change::Add { (FLAGS, u32::MAX - FLAGS) } else { (HAS_HITS, OBSTACLE - 1) };
         while ray.left > 0 {
             let minor = (ray.minor >> 32) as i32;
             let tile = self.tile_number(if STEEP { tile_of(minor, ray.major) } else { tile_of(ray.major, minor) });
@@ -489,9 +481,11 @@ impl CountGrid {
             let mut cursor = ray.cursor::<STEEP>();
             for _ in 0..steps {
                 let in_tile = cursor.cell();
-                let count = passes[in_tile].wrapping_add(delta);
+                let count = passes[in_tile].wrapping_add(if ADD { 1 } else { u32::MAX });
                 passes[in_tile] = count;
-                if LISTEN && count.wrapping_sub(may_flip) <= kinds {
+                // A pass can end an obstacle, and one pass less can make one of a cell with hits.
+                let may_flip = if ADD { (count as i32) < 0 } else { count as i32 >= HAS_HITS as i32 };
+                if LISTEN && may_flip {
                     touched.push(slots[in_tile]);
                 }
                 cursor.step();

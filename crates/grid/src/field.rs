@@ -11,7 +11,10 @@ use crate::tiles::{NO_TILE, TILE_BITS, TILE_CELLS, TILE_SIDE, TileIndex, cell_in
 
 /// No obstacle within the radius.
 pub(crate) const NO_OBSTACLE: u32 = u32::MAX;
-const FAR: u8 = u8::MAX;
+/// Rank of an obstacle beyond the radius, to a cell that knows none,
+const FAR: i16 = i16::MAX - 1;
+/// and to a cell that is none of its disc's.
+const OUTSIDE: i16 = i16::MAX;
 const MAX_RADIUS_CELLS: i32 = 15;
 
 #[derive(Debug, Clone)]
@@ -19,7 +22,8 @@ pub(crate) struct FieldTile {
     key: (i32, i32),
     /// Obstacle handle per cell.
     pub(crate) nearest: Box<[u32; TILE_CELLS]>,
-    distance2: Box<[u8; TILE_CELLS]>,
+    /// The obstacle's rank among those that may be nearest to the cell.
+    rank: Box<[i16; TILE_CELLS]>,
     occupied: [u64; TILE_SIDE as usize],
 }
 
@@ -29,12 +33,12 @@ pub struct DistanceField {
     radius: i32,
     index: TileIndex,
     pub(crate) tiles: Vec<FieldTile>,
-    /// Half width of the disc in each of its rows.
-    half_widths: Vec<i32>,
+    /// The disc of cells within the radius, row by row.
+    disc: Vec<DiscRow>,
     /// Cell of each obstacle handle.
     cells: Vec<(i32, i32)>,
     orphans: Vec<(i32, i32)>,
-    gone: Vec<((i32, i32), u32)>,
+    gone: Vec<(i32, i32)>,
     survivors: Survivors,
     /// Corner of the survivors' box.
     corner: (i32, i32),
@@ -45,6 +49,72 @@ pub(crate) struct LookUps<'a> {
     field: &'a DistanceField,
     tile: (i32, i32),
     number: u32,
+}
+
+/// Cells that are looked at together: a disc's row fits in.
+const WINDOW: usize = 32;
+/// So many entries before and after a disc's middle column are enough for a window anywhere in a tile.
+const DISC_SIDE: usize = WINDOW + MAX_RADIUS_CELLS as usize + 1;
+
+/// Obstacles so many columns and rows from a cell in the order in which they are nearest to it: by distance, then by row, then by
+/// column. No two have the same rank.
+fn rank(dx: i32, dy: i32) -> i16 {
+    // Below 2^14: the squared distance is at most 15^2.
+    ((dx * dx + dy * dy) << 6 | (dy + MAX_RADIUS_CELLS) << 1 | i32::from(dx > 0)) as i16
+}
+
+/// Ranks of a disc's middle for the cells along one of its rows: in the middle that for its own column.
+#[derive(Debug, Clone)]
+struct DiscRow([i16; 2 * DISC_SIDE]);
+
+impl DiscRow {
+    fn new(dy: i32, radius: i32) -> Self {
+        Self(std::array::from_fn(|k| {
+            let dx = k as i32 - DISC_SIDE as i32;
+            if dx * dx + dy * dy <= radius * radius { rank(-dx, -dy) } else { OUTSIDE }
+        }))
+    }
+
+    /// From a column of a tile's row on: the ranks of a middle that is in column `x`.
+    #[inline]
+    fn window(&self, start: usize, x: i32) -> &[i16; WINDOW] {
+        let from = (start as i32 - x + DISC_SIDE as i32) as usize;
+        self.0.get(from..).and_then(|ranks| ranks.first_chunk()).unwrap_or(&[OUTSIDE; WINDOW])
+    }
+}
+
+/// First column of the window over a tile's row in which is all of a disc whose middle is in column `x`.
+fn window_start(x: i32) -> usize {
+    (x - MAX_RADIUS_CELLS).clamp(0, TILE_SIDE - WINDOW as i32) as usize
+}
+
+/// What is nearer than what was known takes its place. No branches: where a disc wins is hard to foresee. Inlined, the compiler
+/// no longer knows that the arrays are apart, and takes one cell at a time.
+#[inline(never)]
+fn claim(known: &mut [i16; WINDOW], nearest: &mut [u32; WINDOW], ranks: &[i16; WINDOW], handle: u32) {
+    for k in 0..WINDOW {
+        nearest[k] = if ranks[k] < known[k] { handle } else { nearest[k] };
+        known[k] = known[k].min(ranks[k]);
+    }
+}
+
+fn any_same(a: &[i16; WINDOW], b: &[i16; WINDOW]) -> bool {
+    a.iter().zip(b).fold(false, |any, (a, b)| any | (a == b))
+}
+
+/// The rows that a disc around a cell has in a tile, with the row's number and the cell's column within the tile.
+#[inline]
+fn for_each_row_in_tile(
+    disc: &[DiscRow],
+    tile: (i32, i32),
+    cell: (i32, i32),
+    mut call: impl FnMut(&DiscRow, i32, i32),
+) {
+    let (x, y) = (cell.0 - (tile.0 << TILE_BITS), cell.1 - (tile.1 << TILE_BITS));
+    let first = y - disc.len() as i32 / 2;
+    for (row, y) in disc.iter().zip(first..).filter(|(_, y)| (0..TILE_SIDE).contains(y)) {
+        call(row, y, x);
+    }
 }
 
 impl LookUps<'_> {
@@ -67,14 +137,11 @@ impl DistanceField {
     #[must_use]
     pub fn new(radius_cells: u32) -> Self {
         let radius = (radius_cells as i32).clamp(1, MAX_RADIUS_CELLS);
-        let half_widths = (-radius..=radius)
-            .map(|dy| (0..=radius).rev().find(|dx| dx * dx + dy * dy <= radius * radius).unwrap_or(0))
-            .collect();
         Self {
             radius,
             index: TileIndex::new(),
             tiles: Vec::new(),
-            half_widths,
+            disc: (-radius..=radius).map(|dy| DiscRow::new(dy, radius)).collect(),
             cells: Vec::new(),
             orphans: Vec::new(),
             gone: Vec::new(),
@@ -139,7 +206,7 @@ impl DistanceField {
             self.tiles.push(FieldTile {
                 key: tile,
                 nearest: Box::new([NO_OBSTACLE; TILE_CELLS]),
-                distance2: Box::new([FAR; TILE_CELLS]),
+                rank: Box::new([FAR; TILE_CELLS]),
                 occupied: [0; TILE_SIDE as usize],
             });
         }
@@ -166,36 +233,17 @@ impl DistanceField {
     }
 
     /// Cells of one tile that are nearer to the new obstacle than to what they knew now point at it.
-    fn claim_in_tile(&mut self, tile: (i32, i32), (cell_x, cell_y): (i32, i32), handle: u32) {
-        let r = self.radius;
-        let half_widths = std::mem::take(&mut self.half_widths);
-        let cells = std::mem::take(&mut self.cells);
-        let base = (tile.0 << TILE_BITS, tile.1 << TILE_BITS);
-        let field_tile = self.tile_mut(tile);
-        for y in (cell_y - r).max(base.1)..=(cell_y + r).min(base.1 + TILE_SIDE - 1) {
-            let dy = y - cell_y;
-            let half = half_widths[(dy + r) as usize];
-            let first = (cell_x - half).max(base.0);
-            let last = (cell_x + half).min(base.0 + TILE_SIDE - 1);
-            if first > last {
-                continue;
+    fn claim_in_tile(&mut self, tile: (i32, i32), cell: (i32, i32), handle: u32) {
+        let disc = std::mem::take(&mut self.disc);
+        let FieldTile { nearest, rank, .. } = self.tile_mut(tile);
+        for_each_row_in_tile(&disc, tile, cell, |row, y, x| {
+            let start = window_start(x);
+            let from = cell_in_tile(start as i32, y);
+            if let (Some(known), Some(nearest)) = (rank[from..].first_chunk_mut(), nearest[from..].first_chunk_mut()) {
+                claim(known, nearest, row.window(start, x), handle);
             }
-            let from = cell_in_tile(first, y);
-            let count = (last - first + 1) as usize;
-            let distances = &mut field_tile.distance2[from..from + count];
-            let handles = &mut field_tile.nearest[from..from + count];
-            for (k, (known, nearest)) in distances.iter_mut().zip(handles).enumerate() {
-                let dx = first + k as i32 - cell_x;
-                let new = (dx * dx + dy * dy) as u8;
-                let wins = new < *known || (new == *known && (cell_y, cell_x) < flip(cells[*nearest as usize]));
-                if wins {
-                    *known = new;
-                    *nearest = handle;
-                }
-            }
-        }
-        self.half_widths = half_widths;
-        self.cells = cells;
+        });
+        self.disc = disc;
     }
 
     /// The obstacle of a cell disappears. Does nothing where there is none.
@@ -208,44 +256,40 @@ impl DistanceField {
         let mut gone = std::mem::take(&mut self.gone);
         for &(x, y) in cells {
             if self.is_occupied(x, y) {
-                gone.push(((x, y), self.nearest(x, y)));
+                gone.push((x, y));
                 self.tile_mut(tile_of(x, y)).occupied[(y & (TILE_SIDE - 1)) as usize] &= !(1 << (x & (TILE_SIDE - 1)));
             }
         }
         let mut orphans = std::mem::take(&mut self.orphans);
-        for (cell, handle) in gone.drain(..) {
-            self.collect_orphans(cell, handle, &mut orphans);
+        for cell in gone.drain(..) {
+            self.collect_orphans(cell, &mut orphans);
             self.collect_survivors(&orphans);
             for (x, y) in orphans.drain(..) {
                 let found = self.nearest_survivor((x, y));
                 let tile = self.tile_mut(tile_of(x, y));
-                let cell = cell_in_tile(x, y);
-                (tile.distance2[cell], tile.nearest[cell]) = found;
+                let in_tile = cell_in_tile(x, y);
+                (tile.rank[in_tile], tile.nearest[in_tile]) = found;
             }
         }
         (self.gone, self.orphans) = (gone, orphans);
     }
 
-    fn collect_orphans(&self, (cell_x, cell_y): (i32, i32), handle: u32, orphans: &mut Vec<(i32, i32)>) {
+    /// Cells that point at an obstacle: no other has its rank there.
+    fn collect_orphans(&self, (cell_x, cell_y): (i32, i32), orphans: &mut Vec<(i32, i32)>) {
         let r = self.radius;
         for tile_y in (cell_y - r) >> TILE_BITS..=(cell_y + r) >> TILE_BITS {
             for tile_x in (cell_x - r) >> TILE_BITS..=(cell_x + r) >> TILE_BITS {
-                let tile = self.index.find((tile_x, tile_y));
-                if tile == NO_TILE {
-                    continue;
-                }
-                let nearest = &self.tiles[tile as usize].nearest;
+                let Some(tile) = self.tiles.get(self.index.find((tile_x, tile_y)) as usize) else { continue };
                 let base = (tile_x << TILE_BITS, tile_y << TILE_BITS);
-                for y in (cell_y - r).max(base.1)..=(cell_y + r).min(base.1 + TILE_SIDE - 1) {
-                    let half = self.half_widths[(y - cell_y + r) as usize];
-                    let (first, last) = ((cell_x - half).max(base.0), (cell_x + half).min(base.0 + TILE_SIDE - 1));
-                    if first > last {
-                        continue;
+                for_each_row_in_tile(&self.disc, (tile_x, tile_y), (cell_x, cell_y), |row, y, x| {
+                    let start = window_start(x);
+                    let (known, ranks) = (&tile.rank[cell_in_tile(start as i32, y)..], row.window(start, x));
+                    if known.first_chunk().is_some_and(|known| any_same(known, ranks)) {
+                        let own =
+                            (start as i32..).zip(known.iter().zip(ranks)).filter(|(_, (known, rank))| known == rank);
+                        orphans.extend(own.map(|(x, _)| (base.0 + x, base.1 + y)));
                     }
-                    let from = cell_in_tile(first, y);
-                    let row = &nearest[from..=from + (last - first) as usize];
-                    orphans.extend((first..).zip(row).filter(|&(_, &known)| known == handle).map(|(x, _)| (x, y)));
-                }
+                });
             }
         }
     }
@@ -273,12 +317,15 @@ impl DistanceField {
         self.survivors = survivors;
     }
 
-    fn nearest_survivor(&self, (cell_x, cell_y): (i32, i32)) -> (u8, u32) {
+    fn nearest_survivor(&self, (cell_x, cell_y): (i32, i32)) -> (i16, u32) {
         let (left, low) = self.corner;
         let (d2, (x, y)) = self.survivors.nearest((cell_x - left) as i16, (cell_y - low) as i16);
+        if i32::from(d2) > self.radius * self.radius {
+            return (FAR, NO_OBSTACLE);
+        }
         // An occupied cell is its own nearest obstacle.
-        let far = i32::from(d2) > self.radius * self.radius;
-        if far { (FAR, NO_OBSTACLE) } else { (d2 as u8, self.nearest(left + i32::from(x), low + i32::from(y))) }
+        let (x, y) = (left + i32::from(x), low + i32::from(y));
+        (rank(x - cell_x, y - cell_y), self.nearest(x, y))
     }
 
     /// Occupancy of 64 cells of a row from `first_x` on, lowest bit first.
@@ -304,10 +351,6 @@ impl DistanceField {
             })
         })
     }
-}
-
-fn flip((x, y): (i32, i32)) -> (i32, i32) {
-    (y, x)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The map a scan is matched against: counts, the obstacles they make, their distance field and local lines.
 
-use crate::counts::{BEAM_END, Change, CountGrid, FRACTION_STEPS, NO_SLOT};
+use crate::counts::{BEAM_END, Change, CountGrid, FRACTION_STEPS, HitCell, NO_SLOT};
 use crate::field::{DistanceField, NO_OBSTACLE};
 use crate::tiles::floor_cell;
 use mapwright_geom::Pose2;
@@ -153,8 +153,8 @@ pub struct LiveMap {
     field: DistanceField,
     surfels: Vec<Surfel>,
     flags: Vec<u8>,
-    /// Mean end point of each slot's cell, metres.
-    means: Vec<[f64; 2]>,
+    /// What each slot's cell is to the surfaces around it.
+    pieces: Vec<Piece>,
     /// The keyframe that doubled a cell's hits last: where a place was mapped twice, it tells which copy this is.
     /// [`NO_SUPPLIER`] where that keyframe was taken out and none took its place since.
     suppliers: Vec<u32>,
@@ -162,6 +162,24 @@ pub struct LiveMap {
     changed: Vec<u32>,
     dirty: Vec<u32>,
     vanished: Vec<(i32, i32)>,
+}
+
+/// What an obstacle adds to the surface of its neighbours.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    /// Mean of the end points, metres.
+    mean: [f64; 2],
+    hits: f64,
+    /// As in [`HitCell`]; zero where the cell is no obstacle.
+    normals: u32,
+    sum_nxx: u32,
+    sum_nxy: i32,
+    facing: [i32; 2],
+}
+
+impl Piece {
+    /// No obstacle.
+    const NONE: Self = Self { mean: [0.0; 2], hits: 0.0, normals: 0, sum_nxx: 0, sum_nxy: 0, facing: [0; 2] };
 }
 
 const NO_SUPPLIER: u32 = u32::MAX;
@@ -184,7 +202,7 @@ impl LiveMap {
             field: DistanceField::new(settings.radius_cells),
             surfels: Vec::new(),
             flags: Vec::new(),
-            means: Vec::new(),
+            pieces: Vec::new(),
             suppliers: Vec::new(),
             touched: Vec::new(),
             changed: Vec::new(),
@@ -344,7 +362,7 @@ impl LiveMap {
         let slots = self.counts.slot_count();
         self.flags.resize(slots, 0);
         self.surfels.resize(slots, Surfel::default());
-        self.means.resize(slots, [0.0; 2]);
+        self.pieces.resize(slots, Piece::NONE);
         self.collect_changed();
         let mut changed = std::mem::take(&mut self.changed);
         for &slot in &changed {
@@ -383,9 +401,6 @@ impl LiveMap {
         let cell = *self.counts.cell(slot);
         let flag = self.flags[slot as usize];
         let moved = flag & MOVED != 0;
-        if moved {
-            self.means[slot as usize] = self.mean(slot);
-        }
         let passes = self.counts.passes(cell.x, cell.y);
         let occupied = cell.is_obstacle(passes, self.settings.passes_per_hit);
         let was = flag & OCCUPIED != 0;
@@ -399,6 +414,7 @@ impl LiveMap {
             self.counts.mark_obstacle(slot, false);
         }
         if occupied != was || (occupied && moved) {
+            self.pieces[slot as usize] = if occupied { self.piece(&cell) } else { Piece::NONE };
             for near in self.counts.neighbours(cell.x, cell.y) {
                 if near != NO_SLOT && self.flags[near as usize] & DIRTY == 0 {
                     self.flags[near as usize] |= DIRTY;
@@ -408,46 +424,47 @@ impl LiveMap {
         }
     }
 
-    /// Mean of a cell's end points, metres.
-    fn mean(&self, slot: u32) -> [f64; 2] {
-        let cell = self.counts.cell(slot);
+    fn piece(&self, cell: &HitCell) -> Piece {
         let scale = 1.0 / (f64::from(cell.hits) * FRACTION_STEPS);
         // Fractions were rounded down: half a step makes up for it.
         let half = 0.5 / FRACTION_STEPS;
-        [
-            (f64::from(cell.x) + half + f64::from(cell.sum_x) * scale) * self.settings.resolution_m,
-            (f64::from(cell.y) + half + f64::from(cell.sum_y) * scale) * self.settings.resolution_m,
-        ]
+        Piece {
+            mean: [
+                (f64::from(cell.x) + half + f64::from(cell.sum_x) * scale) * self.settings.resolution_m,
+                (f64::from(cell.y) + half + f64::from(cell.sum_y) * scale) * self.settings.resolution_m,
+            ],
+            hits: f64::from(cell.hits),
+            normals: cell.normals,
+            sum_nxx: cell.sum_nxx,
+            sum_nxy: cell.sum_nxy as i32,
+            facing: [cell.sum_nx as i32, cell.sum_ny as i32],
+        }
     }
 
-    /// Surface of a cell and its eight neighbours: normals averaged, and the mean moved along the normal to theirs, so
+    /// Surface of an obstacle and its eight neighbours: normals averaged, and the mean moved along the normal to theirs, so
     /// that a wall that straddles two rows of cells is one line.
     fn surfel(&self, slot: u32) -> Surfel {
-        let [x, y] = self.means[slot as usize];
-        let cell = self.counts.cell(slot);
-        if cell.normals == 0 {
+        let own = self.pieces[slot as usize];
+        let ([x, y], cell) = (own.mean, self.counts.cell(slot));
+        if own.normals == 0 {
             let w = (self.settings.point_weight * f64::from(cell.points) / f64::from(cell.hits)) as f32;
             return Surfel { x, y, axx: w, axy: 0.0, ayy: w, facing: [0.0; 2] };
         }
         let (mut sum_dx, mut sum_dy, mut hits) = (0.0, 0.0, 0.0);
-        let (mut n, mut sum_nxx, mut sum_nxy, mut sum_n) = (0_u64, 0_i64, 0_i64, [0_i64; 2]);
-        let own = cell.facing();
+        let (mut n, mut sum_nxx, mut sum_nxy, mut sum_n) = (0_i64, 0_i64, 0_i64, [0_i64; 2]);
+        let [own_x, own_y] = own.facing.map(i64::from);
         for near in self.counts.neighbours(cell.x, cell.y) {
-            if near == NO_SLOT || self.flags[near as usize] & OCCUPIED == 0 {
-                continue;
-            }
-            let cell = self.counts.cell(near);
-            let facing = cell.facing();
+            let Some(piece) = self.pieces.get(near as usize) else { continue };
+            let facing = piece.facing.map(i64::from);
             // The other side of a thin wall is another surface.
-            if cell.normals > 0 && own[0] * facing[0] + own[1] * facing[1] >= 0 {
+            if piece.normals > 0 && own_x * facing[0] + own_y * facing[1] >= 0 {
                 sum_n = [sum_n[0] + facing[0], sum_n[1] + facing[1]];
-                let (w, mean) = (f64::from(cell.hits), self.means[near as usize]);
-                sum_dx += w * (mean[0] - x);
-                sum_dy += w * (mean[1] - y);
-                hits += w;
-                n += u64::from(cell.normals);
-                sum_nxx += i64::from(cell.sum_nxx);
-                sum_nxy += i64::from(cell.sum_nxy as i32);
+                sum_dx += piece.hits * (piece.mean[0] - x);
+                sum_dy += piece.hits * (piece.mean[1] - y);
+                hits += piece.hits;
+                n += i64::from(piece.normals);
+                sum_nxx += i64::from(piece.sum_nxx);
+                sum_nxy += i64::from(piece.sum_nxy);
             }
         }
         let scale = 1.0 / (n as f64 * FRACTION_STEPS);

@@ -112,17 +112,18 @@ impl Sweep {
     #[must_use]
     pub fn isolated_share(&self) -> f64 {
         let returns = self.codes.iter().filter(|&&code| is_return(code)).count();
-        let isolated = (0..self.codes.len()).filter(|&beam| self.is_isolated(&self.codes, beam)).count();
+        let reach = self.isolated_reach();
+        let isolated = (0..self.codes.len()).filter(|&beam| is_isolated(&self.codes, beam, reach)).count();
         if returns == 0 { 0.0 } else { isolated as f64 / returns as f64 }
     }
 
     /// Drops those returns and says how many there were.
     pub fn drop_isolated(&mut self) -> u32 {
         self.scatters = true;
-        let before = self.codes.clone();
+        let (before, reach) = (self.codes.clone(), self.isolated_reach());
         let mut dropped = 0;
         for beam in 0..before.len() {
-            if self.is_isolated(&before, beam) {
+            if is_isolated(&before, beam, reach) {
                 self.codes[beam] = BEAM_DROPPED;
                 dropped += 1;
             }
@@ -130,15 +131,9 @@ impl Sweep {
         dropped
     }
 
-    fn is_isolated(&self, codes: &[u16], beam: usize) -> bool {
-        let code = codes[beam];
-        if !is_return(code) {
-            return false;
-        }
-        let reach = (ISOLATED_M / self.step_m).max(ISOLATED_SHARE * f64::from(code)) as i32;
-        let near = |other: &u16| is_return(*other) && (i32::from(*other) - i32::from(code)).abs() <= reach;
-        let (before, after) = (&codes[beam.saturating_sub(2)..beam], &codes[beam + 1..codes.len().min(beam + 3)]);
-        !before.iter().chain(after).any(near)
+    /// A neighbour is at about the same range within so many steps at least.
+    fn isolated_reach(&self) -> i32 {
+        (ISOLATED_M / self.step_m) as i32
     }
 
     /// The same sweep with every beam dropped: it says where the laser was and nothing of what it saw.
@@ -171,6 +166,15 @@ const ISOLATED_SHARE: f64 = 0.1;
 
 fn is_return(code: u16) -> bool {
     code != BEAM_DROPPED && code != BEAM_NO_RETURN
+}
+
+fn is_isolated(codes: &[u16], beam: usize, least_reach: i32) -> bool {
+    let code = i32::from(codes[beam]);
+    let reach = least_reach.max((ISOLATED_SHARE * f64::from(code)) as i32);
+    let near = |&other: &u16| is_return(other) && (i32::from(other) - code).abs() <= reach;
+    // Most have a near neighbour at once.
+    let around = [beam + 1, beam.wrapping_sub(1), beam + 2, beam.wrapping_sub(2)];
+    is_return(codes[beam]) && !around.into_iter().any(|other| codes.get(other).is_some_and(near))
 }
 
 /// The finest step of the ladder 1, 2, 5 mm, 1, 2, 5 cm... with which a code reaches `range_max_m`.
