@@ -19,7 +19,7 @@ const COARSER: f64 = 2.0;
 const MARGIN_M: f64 = 3.0;
 /// Points that are looked for at most, and how far they may lie, metres.
 const POINTS: usize = 100;
-const REACH_M: f64 = 10.0;
+const SEARCHED_M: f64 = 10.0;
 /// What the search gives for a point on an obstacle.
 const FULL_SCORE: u32 = 255;
 /// No place fits worse than this share of the full score: who is on known ground knows most of what it sees.
@@ -174,12 +174,12 @@ impl Atlas {
         if effort.is_spent() {
             return None;
         }
-        let within = |p: &&[f64; 2]| p[0] * p[0] + p[1] * p[1] <= REACH_M * REACH_M;
+        let within = |p: &&[f64; 2]| p[0] * p[0] + p[1] * p[1] <= SEARCHED_M * SEARCHED_M;
         let every = query.hits.iter().filter(within).count().div_ceil(POINTS).max(1);
         let points: Vec<[f64; 2]> = query.hits.iter().filter(within).step_by(every).copied().collect();
         let sigma_m = SearchSettings::default().sigma_m.max(self.map.settings.resolution_m);
         let settings =
-            SearchSettings { sigma_m, reach_m: REACH_M, least_share, least_rival_share, most_scored: effort.left() };
+            SearchSettings { sigma_m, reach_m: SEARCHED_M, least_share, least_rival_share, most_scored: effort.left() };
         let Self { middle: world_from_robot, half_width_m, .. } = *self;
         let window = SearchWindow { world_from_robot, half_width_m, half_width_rad: PI };
         let full = f64::from(FULL_SCORE) * points.len() as f64;

@@ -3,6 +3,7 @@
 //! Certainty is that of the best path over the graph ([`CertaintyGraph`]). A place is judged by what a visit would add: a
 //! link from the robot to it, as uncertain as the drive there, and links to what lies beside it and is not linked yet.
 
+use crate::closing::LEFT_M;
 use crate::front::map_floor;
 use crate::patches::{Spacing, accumulating};
 use crate::store::spacing;
@@ -11,27 +12,25 @@ use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
 use mapwright_record::{EdgeKind, KeyframeId, Session};
 
 /// A link of which nothing is known, m^2 and rad^2.
-const UNKNOWN: f64 = 100.0;
+const UNKNOWN_VARIANCE: f64 = 100.0;
 /// What a closure usually knows: 0.02 m and 0.003 rad.
 const CLOSURE: Uncertainty = Uncertainty { displacement_m2: 4e-4, rotation_rad2: 9e-6 };
 /// Places are so far apart along the way at least, metres,
-const STEP_M: f64 = 2.0;
+const PLACE_EVERY_M: f64 = 2.0;
 /// and so many at most.
-const PLACES: usize = 2048;
+const PLACES_AT_MOST: usize = 2048;
 /// Places tried at most.
 const TRIED: usize = 64;
-/// From a place everything up to here is seen, metres,
-const NEAR_M: f64 = 4.0;
-/// and is news where so much way lies between, metres.
-const LEFT_M: f64 = 20.0;
+/// From a place everything up to here is seen, metres, and is news where it was left (`LEFT_M`).
+const SEEN_FROM_M: f64 = 4.0;
 /// Places recommended at most.
 const RECOMMENDED: usize = 4;
 /// They are so far apart at least: metres, and share of the map's extent.
 const APART_M: f64 = 5.0;
 const APART_SHARE: f64 = 0.08;
 /// A visit pays where it takes away so much of the mean: share, and metres.
-const LEAST_SHARE: f64 = 0.05;
-const LEAST_M: f64 = 0.01;
+const PAYS_SHARE: f64 = 0.05;
+const PAYS_M: f64 = 0.01;
 /// A heading's error counts as if it were made so far away at least, metres.
 const LEVER_M: f64 = 5.0;
 
@@ -96,7 +95,7 @@ impl Advice {
                     sigmas_m.iter().zip(after_m).map(|(&before, after)| before.min(after)).collect();
                 (mean(&least_m), visit.place)
             })
-            .filter(|(after_m, _)| mean_sigma_m - after_m >= LEAST_M.max(LEAST_SHARE * mean_sigma_m))
+            .filter(|(after_m, _)| mean_sigma_m - after_m >= PAYS_M.max(PAYS_SHARE * mean_sigma_m))
             .collect();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let apart_m = APART_M.max(APART_SHARE * extent_m(at));
@@ -160,8 +159,11 @@ fn links(session: &Session) -> Vec<Link> {
 fn uncertainty(covariance: Option<Cov3>, spacing: Spacing) -> Uncertainty {
     let known = covariance.filter(|c| c.iter().all(|v| v.is_finite()) && (0..3).all(|k| c[(k, k)] >= 0.0));
     let Uncertainty { displacement_m2, rotation_rad2 } =
-        accumulating(&known.unwrap_or_else(|| Cov3::identity() * UNKNOWN), spacing);
-    Uncertainty { displacement_m2: displacement_m2.min(UNKNOWN), rotation_rad2: rotation_rad2.min(UNKNOWN) }
+        accumulating(&known.unwrap_or_else(|| Cov3::identity() * UNKNOWN_VARIANCE), spacing);
+    Uncertainty {
+        displacement_m2: displacement_m2.min(UNKNOWN_VARIANCE),
+        rotation_rad2: rotation_rad2.min(UNKNOWN_VARIANCE),
+    }
 }
 
 /// The graph that is searched from the first keyframe.
@@ -250,7 +252,7 @@ impl Route {
             travelled_m[k] = travelled_m[k - 1] + distance(at[k - 1], at[k]);
         }
         let newest = at.len() - 1;
-        let step_m = STEP_M.max(travelled_m[newest] / (PLACES - 2) as f64);
+        let step_m = PLACE_EVERY_M.max(travelled_m[newest] / (PLACES_AT_MOST - 2) as f64);
         let mut keyframes = Vec::new();
         for k in 0..at.len() {
             let far = keyframes.last().is_none_or(|&last: &usize| travelled_m[k] - travelled_m[last] >= step_m);
@@ -341,7 +343,7 @@ fn promising(route: &Route, sigmas_m: &[f64], drift: &Drift) -> Vec<Visit> {
     let visits = (0..last).map(|place| {
         let by_way = drift.link([place, last], [route.at[place], route.at[last]]).uncertainty.displacement_m2;
         let unlinked = |&other: &usize| {
-            distance(route.at[place], route.at[other]) <= NEAR_M
+            distance(route.at[place], route.at[other]) <= SEEN_FROM_M
                 && (route.way_m[place] - route.way_m[other]).abs() >= LEFT_M
         };
         let beside = (0..last).filter(unlinked).max_by(|&a, &b| gap_m2(place, a).total_cmp(&gap_m2(place, b)));

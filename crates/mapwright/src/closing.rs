@@ -29,7 +29,7 @@ const CHECK_EVERY_M: f64 = 1.0;
 const NARROW_SUBMAP_M: f64 = 2.0;
 const NARROW_M: f64 = 0.5;
 /// Places this near to the robot may be seen from there, metres.
-const NEAR_M: f64 = 4.0;
+const SEEN_WITHIN_M: f64 = 4.0;
 /// The search's window in standard deviations, and what is added for the model's sake.
 const WINDOW_SIGMAS: f64 = 3.0;
 const WINDOW_M: f64 = 0.3;
@@ -38,14 +38,14 @@ const WIDEST_M: f64 = 8.0;
 /// Places looked for at a time.
 const TARGETS: usize = 2;
 /// What was passed so recently is no old place, metres of way.
-const LEFT_M: f64 = 20.0;
+pub(crate) const LEFT_M: f64 = 20.0;
 /// Where the pose is of no use, places are asked for after so much travel, metres,
-const ASK_EVERY_M: f64 = 3.0;
+const ASK_BY_PLACE_EVERY_M: f64 = 3.0;
 /// so many,
 const ALIKE: usize = 5;
 /// within this of where they were seen from, metres and radians to either side.
-const ALIKE_M: f64 = 3.0;
-const ALIKE_RAD: f64 = 0.3;
+const LIKENESS_WINDOW_M: f64 = 3.0;
+const LIKENESS_WINDOW_RAD: f64 = 0.3;
 /// A place is described after so much way, by so much of it, metres.
 const DESCRIBE_EVERY_M: f64 = 0.5;
 const DESCRIBED_M: f64 = 7.0;
@@ -168,7 +168,7 @@ impl Closing {
             // Before they are needed, and a few at a time, for this is done within a scan.
             self.remember_places(past, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !settings.loops.by_pose;
-            if needed && self.checked_m - self.asked_m >= ASK_EVERY_M {
+            if needed && self.checked_m - self.asked_m >= ASK_BY_PLACE_EVERY_M {
                 self.asked_m = self.checked_m;
                 let hits = end_points(&views_along(past, to, false, DESCRIBED_M));
                 targets.extend(self.alike(past, to, known, &hits));
@@ -234,7 +234,7 @@ impl Closing {
             let there = past.local_from_keyframe[place.first as usize];
             let away_m = there.distance(here);
             let target = target(past, place, place.first, to, Detection::Pose);
-            if away_m <= NEAR_M + WINDOW_SIGMAS * target.sigma_m {
+            if away_m <= SEEN_WITHIN_M + WINDOW_SIGMAS * target.sigma_m {
                 near.push((away_m, target));
             }
         }
@@ -259,7 +259,7 @@ impl Closing {
             let (sigma_m, sigma_rad) =
                 (patch.uncertainty.displacement_m2.sqrt(), patch.uncertainty.rotation_rad2.sqrt());
             let [there, here] = [hit.node, to].map(|node| past.local_from_keyframe[node as usize]);
-            if there.distance(here) <= NEAR_M + 2.0 * WINDOW_SIGMAS * sigma_m {
+            if there.distance(here) <= SEEN_WITHIN_M + 2.0 * WINDOW_SIGMAS * sigma_m {
                 targets.extend(around(hit.node, hit.heading_rad, sigma_m, sigma_rad));
             }
         }
@@ -413,14 +413,14 @@ fn target(past: Past<'_>, place: &Known, from: u32, to: u32, detection: Detectio
 /// Both ways around in which a place may look alike.
 fn around(from: u32, heading_rad: Option<f64>, sigma_m: f64, sigma_rad: f64) -> impl Iterator<Item = Target> {
     let turns = if heading_rad.is_some() { 2 } else { 1 };
-    let half_width_rad = if heading_rad.is_some() { ALIKE_RAD } else { PI };
+    let half_width_rad = if heading_rad.is_some() { LIKENESS_WINDOW_RAD } else { PI };
     (0..turns).map(move |half| Target {
         from,
         detection: Detection::Place,
         middle: Pose2::new(0.0, 0.0, wrap_angle(heading_rad.unwrap_or(0.0) + f64::from(half) * PI)),
         sigma_m,
         sigma_rad,
-        half_width_m: ALIKE_M,
+        half_width_m: LIKENESS_WINDOW_M,
         half_width_rad,
     })
 }

@@ -18,8 +18,8 @@ pub(crate) use resume::Earlier;
 /// Side of the areas in which views are found, metres.
 const AREA_M: f64 = 1.0;
 /// A square metre around a view and a quarter turn, over which views are bounded, metres and radians.
-const ALIKE_M: f64 = 0.564;
-const ALIKE_RAD: f64 = std::f64::consts::FRAC_PI_4;
+const SAME_VIEW_M: f64 = 0.564;
+const SAME_VIEW_RAD: f64 = std::f64::consts::FRAC_PI_4;
 /// A live keyframe stays live up to this multiple of the gate.
 const HYSTERESIS: f64 = 2.5;
 
@@ -30,7 +30,7 @@ const ARRIVAL_KEYFRAMES: usize = 200;
 /// A keyframe is drawn anew when what it shows has moved by more than this, cells.
 const DISPLACED_CELLS: f64 = 0.25;
 /// So many keyframes that are due are drawn at a time, for what they have in common is settled once,
-const BATCH: u32 = 8;
+const DRAWN_AT_ONCE: u32 = 8;
 /// one every two scans; one more every two scans for so many that are due,
 const BACKLOG: usize = 64;
 /// and so many more at most.
@@ -163,7 +163,7 @@ impl Live {
         for key in (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y))) {
             for &other in self.areas.get(&key).into_iter().flatten() {
                 let pose = frames.world_from_robot[other as usize];
-                if at.distance(pose) <= ALIKE_M && at.between(pose).theta.abs() <= ALIKE_RAD {
+                if at.distance(pose) <= SAME_VIEW_M && at.between(pose).theta.abs() <= SAME_VIEW_RAD {
                     (alike, oldest) = (alike + 1, oldest.min(other));
                 }
             }
@@ -243,7 +243,7 @@ impl Live {
         // A scan that has inserted is the dearest already; where every scan inserts it cannot be helped.
         if !inserted || self.inserted_last {
             self.halves += 1 + (self.due.len() / BACKLOG).min(BACKLOG_AT_MOST) as u32;
-            if self.halves >= 2 * BATCH {
+            if self.halves >= 2 * DRAWN_AT_ONCE {
                 self.settle_due(settings, frames, self.halves as usize / 2);
                 self.halves %= 2;
             }

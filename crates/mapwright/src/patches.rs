@@ -27,7 +27,7 @@ const ROTATION_SHARE: f64 = 0.1;
 const ROTATION_STEP_M: f64 = 0.05;
 const ROTATION_POWER: f64 = 0.75;
 /// Patches up to this distance from the robot are judged, metres: what is seen 20 m away may have been drawn from 20 m beyond.
-const REACH_M: f64 = 40.0;
+const JUDGED_M: f64 = 40.0;
 /// A patch that was matched against on so much way is held, metres; until so much it may be so many times as uncertain as one
 /// that is let in.
 const HELD_M: f64 = 20.0;
@@ -284,7 +284,7 @@ impl Patches {
         let at = position(poses[self.members.len() - 1]);
         if !self.searching && distance2(at, self.searched_from) > SEARCH_EVERY_M * SEARCH_EVERY_M {
             self.round += 1;
-            let gate = Gate { sigma_m: out_m, lever_m: self.lever_m, reach_m: REACH_M };
+            let gate = Gate { sigma_m: out_m, lever_m: self.lever_m, reach_m: JUDGED_M };
             self.graph.begin(newest.patch, newest.uncertainty, gate);
             (self.searching, self.searched_from, self.since_started) = (true, at, Uncertainty::default());
         }
@@ -301,13 +301,13 @@ impl Patches {
             let patch = &mut self.patches[reached.node as usize];
             (patch.searched, patch.round) = (Some(reached.uncertainty), self.round);
             let distance2 = distance2(patch.at, at);
-            let near = distance2 <= REACH_M * REACH_M;
+            let near = distance2 <= JUDGED_M * JUDGED_M;
             if near && !patch.live && !patch.views.is_empty() && reached.uncertainty.sigma_m(self.lever_m) <= in_m {
                 flips.push(Flip { patch: reached.node, live: true, distance2 });
             }
         }
         let mut near = Vec::new();
-        self.each_live_within(at, REACH_M, |patch, distance2| near.push((patch, distance2)));
+        self.each_live_within(at, JUDGED_M, |patch, distance2| near.push((patch, distance2)));
         for (number, distance2) in near {
             let patch = &mut self.patches[number as usize];
             // What has not been matched against for a while has to be as certain as to be let in.
@@ -343,7 +343,7 @@ impl Patches {
     /// The flips that make all patches leave that have to when a scan meets them, nearest first.
     pub(crate) fn stale_around(&self, at: Pose2) -> Vec<Flip> {
         let mut flips = Vec::new();
-        self.each_live_within(position(at), REACH_M, |patch, distance2| {
+        self.each_live_within(position(at), JUDGED_M, |patch, distance2| {
             if self.patches[patch as usize].stale {
                 flips.push(Flip { patch, live: false, distance2 });
             }
@@ -366,7 +366,7 @@ impl Patches {
 
     /// Calls with every live patch around that is not settled, and its number.
     pub(crate) fn each_waiting(&self, at: Pose2, mut call: impl FnMut(u32, &Patch)) {
-        self.each_live_within(position(at), REACH_M, |number, _| {
+        self.each_live_within(position(at), JUDGED_M, |number, _| {
             let patch = &self.patches[number as usize];
             if patch.unsettled {
                 call(number, patch);

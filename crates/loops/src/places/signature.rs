@@ -16,7 +16,7 @@ const MOST_POINTS: usize = 512;
 /// With fewer there is no signature.
 const LEAST_POINTS: usize = 8;
 /// Pairs farther apart are not counted, metres.
-const REACH_M: f32 = 5.0;
+const SIGNATURE_REACH_M: f32 = 5.0;
 const RINGS: usize = 8;
 const DIRECTIONS: usize = 64;
 /// Harmonics of half a turn, the constant included.
@@ -189,16 +189,16 @@ impl Describer {
     }
 
     fn count_pairs(&mut self, cell_m: f64) {
-        const RINGS_PER_M: f32 = RINGS as f32 / REACH_M;
+        const RINGS_PER_M: f32 = RINGS as f32 / SIGNATURE_REACH_M;
         self.counts.clear();
         self.counts.resize(RINGS, [0.0; DIRECTIONS]);
         // Points come row by row, so that no later one is lower by more than a row.
-        let beyond_m = REACH_M + cell_m as f32;
+        let beyond_m = SIGNATURE_REACH_M + cell_m as f32;
         for (k, a) in self.points.iter().enumerate() {
             for b in &self.points[k + 1..] {
                 let (x, y) = (b[0] - a[0], b[1] - a[1]);
                 let length2_m = x * x + y * y;
-                if length2_m >= REACH_M * REACH_M {
+                if length2_m >= SIGNATURE_REACH_M * SIGNATURE_REACH_M {
                     if y > beyond_m { break } else { continue }
                 }
                 // Shared between the two nearest rings.

@@ -15,17 +15,17 @@ const LEAST_AGE_S: f64 = 0.45;
 /// and not older than this,
 const MOST_AGE_S: f64 = 1.5;
 /// nor farther from it than this, metres and radians.
-const APART_M: f64 = 1.0;
-const APART_RAD: f64 = 1.0;
+const COMPARED_M: f64 = 1.0;
+const COMPARED_RAD: f64 = 1.0;
 /// Scans are remembered so far apart, seconds, and so many of them.
 const EVERY_S: f64 = 0.05;
 const REMEMBERED: usize = 32;
 /// Only what is so near covers enough of the view to do harm, metres.
-const NEAR_M: f64 = 6.0;
+const COVERING_M: f64 = 6.0;
 /// So far in front of what was seen there before, or behind it, something has moved, metres.
 const MARGIN_M: f64 = 0.1;
 /// Nobody draws back farther than this meanwhile, metres.
-const STEP_M: f64 = 1.5;
+const DRAWN_BACK_M: f64 = 1.5;
 /// Bearings are uncertain by so much, radians, but at least by so many beams.
 const BEARING_RAD: f64 = 0.03;
 const BEARING_BEAMS: usize = 2;
@@ -36,7 +36,7 @@ const GAP_M: f64 = 0.25;
 const LARGEST_M: f64 = 1.2;
 /// It moves if so many of its beams say so, and such a share of them.
 const LEAST_BEAMS: usize = 3;
-const LEAST_SHARE: f64 = 0.4;
+const MOVING_SHARE: f64 = 0.4;
 /// Of the beams on a large one about so many are asked.
 const ASKED: usize = 8;
 /// Where a larger share of all returns would be gone, it is the robot that is elsewhere than thought.
@@ -88,7 +88,7 @@ impl DynamicObjects {
         let fits = |seen: &&Seen| (LEAST_AGE_S..=MOST_AGE_S).contains(&stamp.secs_since(seen.stamp));
         let Some(before) = self.seen.iter().rev().find(fits) else { return 0 };
         let before_from_now = place.since(before.place);
-        let far = before_from_now.x.hypot(before_from_now.y) > APART_M || before_from_now.theta.abs() > APART_RAD;
+        let far = before_from_now.x.hypot(before_from_now.y) > COMPARED_M || before_from_now.theta.abs() > COMPARED_RAD;
         if far || !Arc::ptr_eq(&before.laser, &sweep.laser) || before.ranges.len() != self.ranges.len() {
             return 0;
         }
@@ -98,7 +98,7 @@ impl DynamicObjects {
         for thing in things(&points.hits, points.origin) {
             let asked = thing.clone().step_by((thing.len() / ASKED).max(1));
             let (count, moved) = (asked.len(), asked.filter(|&hit| pair.has_moved(points.hits[hit])).count());
-            if moved >= LEAST_BEAMS && moved as f64 >= LEAST_SHARE * count as f64 {
+            if moved >= LEAST_BEAMS && moved as f64 >= MOVING_SHARE * count as f64 {
                 self.moving.extend(thing);
             }
         }
@@ -166,7 +166,7 @@ fn things(hits: &[[f64; 2]], origin: [f64; 2]) -> impl Iterator<Item = Range<usi
     let small = move |row: &Range<usize>| {
         row.len() >= LEAST_BEAMS
             && distance2(hits[row.start], hits[row.end - 1]) <= LARGEST_M * LARGEST_M
-            && distance2(hits[row.start], origin) <= NEAR_M * NEAR_M
+            && distance2(hits[row.start], origin) <= COVERING_M * COVERING_M
             && !(is_behind(row.start, row.start.wrapping_sub(1)) && is_behind(row.end - 1, row.end))
     };
     rows.filter(small)
@@ -225,7 +225,9 @@ impl Pair<'_> {
         let Some((away_m, around)) = self.bearings.look(self.before_from_now.transform(hit)) else { return false };
         let (nearest, farthest) = extremes(&self.before[around]);
         nearest > away_m + MARGIN_M
-            || (farthest + MARGIN_M < away_m && away_m < farthest + STEP_M && self.is_gone(hit, farthest / away_m))
+            || (farthest + MARGIN_M < away_m
+                && away_m < farthest + DRAWN_BACK_M
+                && self.is_gone(hit, farthest / away_m))
     }
 
     /// Whether what stood before the hit, on such a share of the way to it from where the earlier scan was taken, is there no

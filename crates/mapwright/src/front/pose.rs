@@ -13,7 +13,7 @@ const CHAIN: usize = 64;
 /// for positions (m) and headings (rad); calibrated with the scale of the information (`tests/consistency.rs`).
 const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0007, 0.0006]];
 /// Variances of what nobody knows, m^2 and rad^2.
-const UNKNOWN: [f64; 3] = [1e4, 1e4, 10.0];
+const PUT_DOWN_VARIANCES: [f64; 3] = [1e4, 1e4, 10.0];
 
 /// The robot's pose and covariances.
 #[derive(Debug, Clone)]
@@ -123,7 +123,7 @@ impl RobotPose {
     pub(super) fn put_down(&mut self, local_from_robot: Pose2, near: NodeId) {
         self.local_from_robot = local_from_robot;
         self.anchor = Some(near);
-        self.keyframe_from_anchor = Cov3::from_diagonal(&Vector3::from(UNKNOWN));
+        self.keyframe_from_anchor = Cov3::from_diagonal(&Vector3::from(PUT_DOWN_VARIANCES));
         self.odometry_since_keyframe = Cov3::zeros();
     }
 

@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 /// The last scans tell how the robot moves: so many.
 const SCANS: usize = 256;
 /// Of a covariance that nobody knows, m^2 and rad^2.
-const UNKNOWN: f64 = 100.0;
+const UNKNOWN_VARIANCE: f64 = 100.0;
 
 /// The edges that lead to one keyframe.
 #[derive(Debug, Clone, Default)]
@@ -116,5 +116,5 @@ fn fused(links: &Links) -> Cov3 {
 }
 
 fn covariance(information: &Cov3) -> Cov3 {
-    information.try_inverse().unwrap_or_else(|| Cov3::identity() * UNKNOWN)
+    information.try_inverse().unwrap_or_else(|| Cov3::identity() * UNKNOWN_VARIANCE)
 }

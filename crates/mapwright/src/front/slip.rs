@@ -12,25 +12,25 @@ use mapwright_record::Status;
 use nalgebra::Vector3;
 
 /// A fit that falls so far behind the usual one is watched.
-const FALL_SHARE: f64 = 0.02;
+const BEHIND_SHARE: f64 = 0.02;
 /// Weight of the newest scan in the usual fit, a slow mean.
-const USUAL_WEIGHT: f64 = 0.02;
+const USUAL_FIT_WEIGHT: f64 = 0.02;
 /// Scans that are looked at lie so far apart, metres.
 const LOOK_EVERY_M: f64 = 0.1;
 /// Places ahead and behind: so many to either side, so far apart, metres.
-const PLACES: usize = 16;
-const PLACE_M: f64 = 0.05;
+const PLACES_A_SIDE: usize = 16;
+const PLACE_STEP_M: f64 = 0.05;
 /// A direction is weak where it has less than this share of the other one's information.
-const WEAK_SHARE: f64 = 0.3;
+const OPEN_SHARE: f64 = 0.3;
 /// What one scan may say at most, nats.
 const LOOK_AT_MOST: f64 = 5.0;
 /// Scans that are needed, how much better they fit there, and than at every other place so far away, nats and metres.
-const LOOKS: u32 = 4;
+const LOOKS_NEEDED: u32 = 4;
 const BETTER: f64 = 8.0;
 const BETTER_THAN_OTHERS: f64 = 4.0;
 const OTHER_M: f64 = 0.25;
 /// Less is not put right, metres.
-const LEAST_M: f64 = 0.1;
+const CORRECTED_FROM_M: f64 = 0.1;
 /// After so much way without a scan that falls behind, and after so much in all, nothing is left to be said, metres.
 const LAPSE_M: f64 = 1.5;
 const WATCH_M: f64 = 6.0;
@@ -55,7 +55,7 @@ struct Watch {
     /// The direction that they say little about, in the front end's frame.
     along: [f64; 2],
     /// Negative log likelihood of each place, less that of where the robot is thought to be.
-    sums: [f64; 2 * PLACES + 1],
+    sums: [f64; 2 * PLACES_A_SIDE + 1],
     looks: u32,
     /// Way since it began, since the last look and since the last scan that fell behind, metres.
     way_m: f64,
@@ -67,14 +67,14 @@ impl Watch {
     /// How far along the place lies that explains all, if one does.
     fn verdict_m(&self) -> Option<f64> {
         let best = (0..self.sums.len()).min_by(|&a, &b| self.sums[a].total_cmp(&self.sums[b]))?;
-        let away_m = |place: usize| (place as f64 - best as f64).abs() * PLACE_M;
-        let by_m = (best as f64 - PLACES as f64) * PLACE_M;
+        let away_m = |place: usize| (place as f64 - best as f64).abs() * PLACE_STEP_M;
+        let by_m = (best as f64 - PLACES_A_SIDE as f64) * PLACE_STEP_M;
         let others = (0..self.sums.len()).filter(|&place| away_m(place) >= OTHER_M - 1e-9);
         let alone = others.map(|place| self.sums[place] - self.sums[best]).fold(f64::INFINITY, f64::min);
-        let found = self.looks >= LOOKS
+        let found = self.looks >= LOOKS_NEEDED
             && self.sums[best] <= -BETTER
             && alone >= BETTER_THAN_OTHERS
-            && by_m.abs() >= LEAST_M
+            && by_m.abs() >= CORRECTED_FROM_M
             // The place may lie beyond those that were looked at.
             && best > 0
             && best + 1 < self.sums.len();
@@ -101,17 +101,17 @@ impl SlipWatch {
         is_closed_since: impl Fn(NodeId) -> bool,
     ) -> Option<Slipped> {
         let share = matched.agreement.inlier_share();
-        let falls = self.usual_share - share > FALL_SHARE;
+        let falls = self.usual_share - share > BEHIND_SHARE;
         let moved_m = scene.step.last_from_robot.x.hypot(scene.step.last_from_robot.y);
         let Some(watch) = &mut self.watch else {
             if falls {
-                let sums = [0.0; 2 * PLACES + 1];
+                let sums = [0.0; 2 * PLACES_A_SIDE + 1];
                 let (along, way_m, unseen_m, fitting_m) = ([0.0; 2], 0.0, LOOK_EVERY_M, 0.0);
                 let mut watch = Watch { from: scene.next, along, sums, looks: 0, way_m, unseen_m, fitting_m };
                 watch.look_along(scene, tracker, local_from_robot);
                 self.watch = Some(watch);
             } else if matched.agreement.known_share() > 0.5 {
-                self.usual_share += USUAL_WEIGHT * (share - self.usual_share);
+                self.usual_share += USUAL_FIT_WEIGHT * (share - self.usual_share);
             }
             return None;
         };
@@ -148,7 +148,7 @@ impl SlipWatch {
         let prior = Prior { world_from_robot: there, variances, tail: scene.settings.motion.tail };
         let (found, agreement) = tracker.refine(scene, &prior, there);
         let found = found.world_from_robot;
-        if found.distance(there) > 2.0 * FOUND_M || agreement.inlier_share() < self.usual_share - FALL_SHARE {
+        if found.distance(there) > 2.0 * FOUND_M || agreement.inlier_share() < self.usual_share - BEHIND_SHARE {
             return None;
         }
         let slip = at.between(found);
@@ -176,7 +176,7 @@ impl Watch {
         let here = tracker.matcher.evaluate(map, points, at, sigma_m);
         let ([weak, strong], [[x, y], _]) = translation_axes(&here.hessian);
         self.unseen_m = 0.0;
-        if weak > WEAK_SHARE * strong {
+        if weak > OPEN_SHARE * strong {
             return;
         }
         let (s, c) = at.theta.sin_cos();
@@ -187,12 +187,12 @@ impl Watch {
         }
         if cosine.abs() < 0.98 {
             // Around a corner it is another corridor.
-            (self.along, self.sums, self.looks) = (along, [0.0; 2 * PLACES + 1], 0);
+            (self.along, self.sums, self.looks) = (along, [0.0; 2 * PLACES_A_SIDE + 1], 0);
         }
         self.looks += 1;
         let share = (INDEPENDENT_BEAMS / points.len() as f64).min(1.0);
         for (place, sum) in self.sums.iter_mut().enumerate() {
-            let by_m = (place as f64 - PLACES as f64) * PLACE_M;
+            let by_m = (place as f64 - PLACES_A_SIDE as f64) * PLACE_STEP_M;
             let there = Pose2::new(at.x + by_m * along[0], at.y + by_m * along[1], at.theta);
             let cost = tracker.matcher.evaluate(map, points, there, sigma_m).cost;
             *sum += ((cost - here.cost) * share).clamp(-LOOK_AT_MOST, LOOK_AT_MOST);
@@ -205,9 +205,9 @@ mod tests {
     use super::*;
 
     fn watch(sums: impl Fn(f64) -> f64, looks: u32) -> Watch {
-        let mut all = [0.0; 2 * PLACES + 1];
+        let mut all = [0.0; 2 * PLACES_A_SIDE + 1];
         for (place, sum) in all.iter_mut().enumerate() {
-            *sum = sums((place as f64 - PLACES as f64) * PLACE_M);
+            *sum = sums((place as f64 - PLACES_A_SIDE as f64) * PLACE_STEP_M);
         }
         Watch { from: 0, along: [1.0, 0.0], sums: all, looks, way_m: 0.0, unseen_m: 0.0, fitting_m: 0.0 }
     }

@@ -9,13 +9,13 @@ use std::collections::VecDeque;
 const SWEEP_MOTION_M: f64 = 5.0;
 const SWEEP_TURN_RAD: f64 = 3.0;
 /// Readings of the wheels that are kept: more than the longest usual sweep has.
-const READINGS: usize = 128;
+const ODOMETRY_READINGS: usize = 128;
 /// The last reading counts for a scan that has none of its own up to so many seconds before or after it.
 const FRESH_S: f64 = 2.0;
 /// Wheels that were read for less of the sweep than this say too little of it.
 const COVERED_SHARE: f64 = 0.4;
 /// Readings farther apart are not joined, seconds.
-const JOINED_S: f64 = 1.0;
+const ODOMETRY_JOINED_S: f64 = 1.0;
 
 /// What wheels and a gyroscope have said of late.
 #[derive(Debug, Clone, Default)]
@@ -30,7 +30,7 @@ struct RecentOdometry(VecDeque<Odometry>);
 
 impl RecentOdometry {
     fn add(&mut self, odometry: Odometry) {
-        if self.0.len() == READINGS {
+        if self.0.len() == ODOMETRY_READINGS {
             self.0.pop_front();
         }
         self.0.push_back(odometry);
@@ -88,7 +88,7 @@ impl SweepMotion {
         let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
         let later = self.odometry.at_or_after(end)?;
         let elapsed_s = later.stamp.secs_since(scan.stamp);
-        let says = elapsed_s >= COVERED_SHARE * sweep_s && elapsed_s <= sweep_s + JOINED_S;
+        let says = elapsed_s >= COVERED_SHARE * sweep_s && elapsed_s <= sweep_s + ODOMETRY_JOINED_S;
         says.then(|| odom_from_robot.between(later.odom_from_robot).log().map(|d| d / elapsed_s))
     }
 }
@@ -112,7 +112,7 @@ mod tests {
         for stamp in 0..1000 {
             recent.add(Odometry { stamp: Stamp(stamp), odom_from_robot: Pose2::IDENTITY });
         }
-        assert_eq!(recent.0.len(), READINGS);
+        assert_eq!(recent.0.len(), ODOMETRY_READINGS);
         assert_eq!(recent.at_or_after(Stamp(950)).map(|odometry| odometry.stamp), Some(Stamp(950)));
         assert_eq!(recent.at_or_after(Stamp(5000)).map(|odometry| odometry.stamp), Some(Stamp(999)));
     }

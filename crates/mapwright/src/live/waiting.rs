@@ -5,7 +5,7 @@ use mapwright_geom::Pose2;
 use mapwright_grid::floor_cell;
 
 /// Side of the squares by which it is told whether a scan meets a patch that is not drawn where it belongs, metres.
-const SQUARE_M: f64 = 2.0;
+const MEETING_SQUARE_M: f64 = 2.0;
 /// Of a patch that is drawn again so many views stay, evenly spread.
 pub(super) const REDRAWN_AT_MOST: usize = 16;
 
@@ -71,5 +71,5 @@ impl Live {
 }
 
 fn square([x, y]: [f64; 2]) -> (i32, i32) {
-    (floor_cell(x / SQUARE_M), floor_cell(y / SQUARE_M))
+    (floor_cell(x / MEETING_SQUARE_M), floor_cell(y / MEETING_SQUARE_M))
 }

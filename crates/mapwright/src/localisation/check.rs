@@ -15,9 +15,9 @@ pub(super) const CHECKED_SHARE: f64 = 0.8;
 /// So many misfits are no accident.
 pub(super) const MISFITS: u32 = 5;
 /// A robot that has moved less than this, metres and radians, sees the same again, to this share of known and fitting beams.
-const SAME_M: f64 = 0.2;
-const SAME_RAD: f64 = 0.1;
-const SAME_SHARE: f64 = 0.9;
+const STOOD_M: f64 = 0.2;
+const STOOD_RAD: f64 = 0.1;
+const STOOD_SHARE: f64 = 0.9;
 /// What it sees must not differ from odometry by more standard deviations than this.
 const CHECKED_SIGMAS: f64 = 6.0;
 /// So many views are kept for a look, however long it turns on the spot.
@@ -62,10 +62,10 @@ impl Check {
     fn is_against(&mut self, step: Pose2, matched: &Matched) -> bool {
         self.turned_rad += step.theta;
         // Without motion it is the same that is seen again.
-        let again = CHECKED_WAY_M - self.left_m < SAME_M && self.turned_rad.abs() < SAME_RAD;
+        let again = CHECKED_WAY_M - self.left_m < STOOD_M && self.turned_rad.abs() < STOOD_RAD;
         self.left_m -= step.x.hypot(step.y);
         let [known, fitting] = [matched.agreement.known_share(), matched.agreement.inlier_share()];
-        let same = known >= SAME_SHARE && fitting >= SAME_SHARE;
+        let same = known >= STOOD_SHARE && fitting >= STOOD_SHARE;
         let fits = (same || !again)
             && fitting >= CHECKED_SHARE
             && matched.report.odometry_sigmas <= CHECKED_SIGMAS

@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// Places are asked at every keyframe for so much way, metres, where a robot that never left known ground is found, and after
 /// so much way from there on,
 const ASK_OFTEN_M: f64 = 8.0;
-const ASK_EVERY_M: f64 = 0.4;
+const ASK_LATER_EVERY_M: f64 = 0.4;
 /// once it has seen so much of it, metres: one room is like another.
 const ASK_FROM_M: f64 = 1.6;
 /// Below this share of fitting beams even the provisional map is wrong.
@@ -99,7 +99,7 @@ impl Lost {
     pub(crate) fn is_to_ask(&self) -> bool {
         // Where it may be home, it asks at every keyframe as well.
         let nowhere = self.chances.is_empty() && self.heard.last().is_none_or(Heard::is_nowhere);
-        let every_m = if nowhere && self.way_m > ASK_OFTEN_M { ASK_EVERY_M } else { 0.0 };
+        let every_m = if nowhere && self.way_m > ASK_OFTEN_M { ASK_LATER_EVERY_M } else { 0.0 };
         self.asking.is_none() && self.way_m >= ASK_FROM_M && self.way_m - self.asked_m >= every_m
     }
 

@@ -16,10 +16,10 @@ const FRONTIER_SHARE: f64 = 0.5;
 const FRONTIER_WAY_M: f64 = 1.5;
 /// What was seen lately speaks against the place where less than this share of what is known fits, or more than this share of
 /// all is contradicted: a right place keeps 0.83 and 0.11 (docs/decisions/0012).
-const LEAST_SHARE: f64 = 0.78;
-const MOST_CONTRADICTION: f64 = 0.15;
+const TRIAL_LEAST_SHARE: f64 = 0.78;
+const TRIAL_MOST_CONTRADICTION: f64 = 0.15;
 /// So many looks in a row are no accident.
-const AGAINST: u32 = 2;
+const LOOKS_AGAINST: u32 = 2;
 
 /// Where a robot was found, and what it would be otherwise.
 #[derive(Debug, Clone)]
@@ -119,7 +119,7 @@ impl Trial {
             let is_against = self.is_against(front, past, matched.local_from_robot);
             self.against = if is_against { self.against + 1 } else { 0 };
         }
-        self.against >= AGAINST
+        self.against >= LOOKS_AGAINST
     }
 
     fn is_against(&self, front: &FrontEnd, past: Past<'_>, local_from_robot: Pose2) -> bool {
@@ -129,8 +129,8 @@ impl Trial {
         let near_from_newest = past.pose(self.near).between(local_from_robot * keyframe_from_robot.inverse());
         let finding = look_around(front.settings(), past, front.matcher(), self.near, provisional, near_from_newest);
         finding.is_some_and(|finding| {
-            finding.evidence.inlier_share.is_some_and(|share| share < LEAST_SHARE)
-                || finding.evidence.contradiction.is_some_and(|share| share > MOST_CONTRADICTION)
+            finding.evidence.inlier_share.is_some_and(|share| share < TRIAL_LEAST_SHARE)
+                || finding.evidence.contradiction.is_some_and(|share| share > TRIAL_MOST_CONTRADICTION)
         })
     }
 

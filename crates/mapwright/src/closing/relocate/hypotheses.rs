@@ -20,13 +20,13 @@ const LEAST_SCORE: f64 = 0.65;
 const LEAST_OF_BEST: f64 = 0.75;
 /// the best so many, and so many of them closely.
 const SIGHTINGS: usize = 48;
-const LOOKS: usize = 10;
+const LOOKS_AT_MOST: usize = 10;
 /// A point that speaks against a place outweighs so many that fit.
-const AGAINST: f64 = 3.0;
+const CONTRADICTION_WEIGHT: f64 = 3.0;
 /// What fits this badly on the coarse map is not looked at closely.
 const COARSE: Bounds = Bounds { overlap: 0.0, share: 0.75, contradiction: 0.2 };
 /// From here on surfaces lie where they should, not near.
-const EXACT: f64 = 0.86;
+const EXACT_CLOSENESS: f64 = 0.86;
 /// So many hypotheses are followed.
 const HOPES: usize = 4;
 /// A place that fits so is not given up: what was seen lately, and all that was seen on the way that is kept in mind; where
@@ -51,7 +51,7 @@ const CLOSE: [Fitting; 2] = [
         since: Bounds { overlap: 0.0, share: 0.84, contradiction: 0.11 },
     },
     Fitting {
-        closeness: EXACT,
+        closeness: EXACT_CLOSENESS,
         lately: Bounds { overlap: 0.6, share: 0.78, contradiction: 0.15 },
         since: Bounds { overlap: 0.0, share: 0.78, contradiction: 0.15 },
     },
@@ -73,8 +73,8 @@ const LONGER_M: f64 = 3.0;
 /// Another place is its rival where it explains such a share of what the place does.
 const RIVAL_SHARE: f64 = 0.9;
 /// Whatever the robot has seen before, it is not chance for so much way, metres, and so often.
-const WHATEVER_M: f64 = 8.0;
-const WHATEVER: usize = 10;
+const NO_CHANCE_AFTER_M: f64 = 8.0;
+const NO_CHANCE_AFTER_ANSWERS: usize = 10;
 
 /// What has to fit, and how well.
 struct Bounds {
@@ -127,7 +127,7 @@ impl Fit {
             overlap,
             explains: overlap * fitting * self.closeness,
             is_close: self.is_close,
-            is_exact: self.closeness >= EXACT,
+            is_exact: self.closeness >= EXACT_CLOSENESS,
             is_unlikely,
         }
     }
@@ -159,8 +159,9 @@ impl Look<'_> {
         let sightings = self.ground.atlas.sightings(self.query, self.effort, (LEAST_SCORE, LEAST_OF_BEST), SIGHTINGS);
         let mut others: Vec<(Pose2, Agreement)> =
             sightings.iter().map(|sighting| refine(sighting.map_from_query)).collect();
-        let speaks_for =
-            |(_, there): &(Pose2, Agreement)| f64::from(there.fitting) - AGAINST * f64::from(there.contradicting);
+        let speaks_for = |(_, there): &(Pose2, Agreement)| {
+            f64::from(there.fitting) - CONTRADICTION_WEIGHT * f64::from(there.contradicting)
+        };
         others.sort_by(|a, b| speaks_for(b).total_cmp(&speaks_for(a)));
         places.append(&mut others);
         let (mut looked_at, mut fits): (Vec<Pose2>, Vec<Fit>) = (Vec::new(), Vec::new());
@@ -177,7 +178,7 @@ impl Look<'_> {
             if let Some(fit) = fit.filter(is_new) {
                 fits.push(fit);
             }
-            if looked_at.len() >= LOOKS {
+            if looked_at.len() >= LOOKS_AT_MOST {
                 break;
             }
         }
@@ -386,7 +387,7 @@ fn lasts(run: &[(&Heard, Standing)], span_m: f64) -> bool {
         (true, false) => LASTED_LITTLE_KNOWN_M,
     };
     (likely >= CLOSELY && 3 * likely >= 2 * closely && span_m >= lasted_m && often)
-        || (closely >= WHATEVER && span_m >= WHATEVER_M && mostly)
+        || (closely >= NO_CHANCE_AFTER_ANSWERS && span_m >= NO_CHANCE_AFTER_M && mostly)
 }
 
 /// Whether no other place explains as much now, and every one that did meanwhile is missing from enough of the answers.

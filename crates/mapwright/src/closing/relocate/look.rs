@@ -8,7 +8,7 @@ use mapwright_record::{Evidence, Objection};
 use std::cell::OnceCell;
 
 /// The old place is what was seen on so much way before and after, metres.
-const PLACE_M: f64 = 8.0;
+const PLACE_WAY_M: f64 = 8.0;
 /// Half widths of the window in which a sighting is looked at closely.
 const CLOSELY_M: f64 = 0.3;
 const CLOSELY_RAD: f64 = 0.06;
@@ -32,8 +32,8 @@ const SAME_PLACE_M: f64 = 0.15;
 const PLAIN_OVERLAP: f64 = 0.9;
 pub(super) const WHOLE_OVERLAP: f64 = 0.95;
 /// What a place must show at least, and how much may speak against it.
-const LEAST_SHARE: f64 = 0.8;
-const MOST_CONTRADICTION: f64 = 0.14;
+const PLACE_LEAST_SHARE: f64 = 0.8;
+const PLACE_MOST_CONTRADICTION: f64 = 0.14;
 /// What was seen before, on the way here, and fits there to such a share of how it fits at a place, makes it common here,
 const COMMON_SHARE: f64 = 0.93;
 /// unless it is where the robot is, metres.
@@ -168,7 +168,7 @@ impl Look<'_> {
             .filter(|sighting| sighting.map_from_query.distance(self.seeking.aside_from_query) > RETURNED_M);
         let look = |sighting: &Sighting| {
             let view = before.nearest(sighting.map_from_query)?;
-            let target = Submap::new(&before.around(view, PLACE_M), &self.seeking.submaps);
+            let target = Submap::new(&before.around(view, PLACE_WAY_M), &self.seeking.submaps);
             let near = before.map_from_view(view).between(sighting.map_from_query);
             let finding = self.look_near(near, &target, self.query, self.anything());
             Some((sighting.score, fit_of_known(&finding, self.query, &target)))
@@ -208,12 +208,12 @@ impl Look<'_> {
         if !self.whole {
             return strict;
         }
-        VerifySettings { least_inlier_share: LEAST_SHARE, most_contradiction: MOST_CONTRADICTION, ..strict }
+        VerifySettings { least_inlier_share: PLACE_LEAST_SHARE, most_contradiction: PLACE_MOST_CONTRADICTION, ..strict }
     }
 
     /// What was seen around a view.
     pub(super) fn place(&self, view: usize) -> Submap {
-        Submap::new(&self.ground.atlas.around(view, PLACE_M), &self.seeking.submaps)
+        Submap::new(&self.ground.atlas.around(view, PLACE_WAY_M), &self.seeking.submaps)
     }
 
     pub(super) fn look(
