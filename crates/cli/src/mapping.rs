@@ -193,12 +193,12 @@ impl Mapping {
         })
     }
 
-    /// Every keyframe at its present pose, and the numbers of those that are left out. A live map of everything is that map
+    /// Every keyframe at its present pose, and the numbers of those that are left out. A local map of everything is that map
     /// already.
     fn render(&self) -> (MapImage, Vec<KeyframeId>) {
         let Settings { live, map, .. } = self.settings;
         if live.policy == LivePolicy::Everything {
-            (map_image(self.mapper.live_map().counts(), map.passes_per_hit), Vec::new())
+            (map_image(self.mapper.local_map().counts(), map.passes_per_hit), Vec::new())
         } else {
             let (counts, left_out) = draw_believed(&self.settings, self.session());
             (map_image(&counts, map.passes_per_hit), left_out)

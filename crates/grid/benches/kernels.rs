@@ -7,14 +7,14 @@ mod common;
 use common::{View, map_of, views};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use mapwright_geom::Pose2;
-use mapwright_grid::{Change, CorrelativeSearch, DistanceField, LiveMap, Matcher, Prior, SearchWindow, Separation};
+use mapwright_grid::{Change, CorrelativeSearch, DistanceField, LocalMap, Matcher, Prior, SearchWindow, Separation};
 use mapwright_sim::worlds;
 use std::f64::consts::PI;
 use std::hint::black_box;
 use std::sync::Arc;
 
 /// A map of 100 scans of 180 beams over 50 s of driving, and what to match: five others of the same stretch.
-fn office() -> (LiveMap, Vec<View>) {
+fn office() -> (LocalMap, Vec<View>) {
     let site = Arc::new(worlds::office_floor(1));
     let queries = views(&site, 2, 5, 100);
     (map_of(&views(&site, 1, 5, 100)), queries.into_iter().skip(15).step_by(17).collect())
@@ -46,7 +46,7 @@ fn insert(criterion: &mut Criterion) {
         });
     });
     criterion.bench_function("insert: 4 scans into a map of 100", |b| {
-        let add = |mut map: LiveMap| {
+        let add = |mut map: LocalMap| {
             for view in rest {
                 map.change(&view.points, view.world_from_robot, Change::Add, 1_000);
             }

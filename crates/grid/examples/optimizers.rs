@@ -9,7 +9,7 @@ mod common;
 
 use common::{View, map_of, views};
 use mapwright_geom::Pose2;
-use mapwright_grid::{LiveMap, Matcher, Prior};
+use mapwright_grid::{LocalMap, Matcher, Prior};
 use mapwright_sim::{Rng, worlds};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,25 +21,25 @@ const STARTS: [(f64, f64); 8] =
     [(0.05, 2.0), (0.1, 5.0), (0.2, 10.0), (0.3, 15.0), (0.4, 20.0), (0.5, 30.0), (0.5, 2.0), (0.05, 30.0)];
 
 /// Pose and evaluations of a match.
-type Method = fn(&LiveMap, &[[f64; 2]], &Prior) -> (Pose2, u32);
+type Method = fn(&LocalMap, &[[f64; 2]], &Prior) -> (Pose2, u32);
 
-fn newton(map: &LiveMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2, u32) {
+fn newton(map: &LocalMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2, u32) {
     let result = Matcher::default().gauss_newton(map, points, prior, prior.world_from_robot);
     (result.world_from_robot, result.evaluations)
 }
 
-fn gradient_ascent(map: &LiveMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2, u32) {
+fn gradient_ascent(map: &LocalMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2, u32) {
     let result = Matcher::default().gradient_ascent(map, points, prior, prior.world_from_robot);
     (result.world_from_robot, result.evaluations)
 }
 
-fn unscaled_ascent(map: &LiveMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2, u32) {
+fn unscaled_ascent(map: &LocalMap, points: &[[f64; 2]], prior: &Prior) -> (Pose2, u32) {
     let result = Matcher::default().unscaled_gradient_ascent(map, points, prior, prior.world_from_robot);
     (result.world_from_robot, result.evaluations)
 }
 
 /// Ten suites of rooms: a map of 40 scans each, and 15 scans of another drive.
-fn rooms() -> Vec<(LiveMap, Vec<View>)> {
+fn rooms() -> Vec<(LocalMap, Vec<View>)> {
     let suite = |seed| {
         let site = Arc::new(worlds::rooms(seed));
         (map_of(&views(&site, seed, 6, 40)), views(&site, seed + 1_000, 16, 15))
@@ -60,7 +60,7 @@ struct Outcome {
     squared_rad: f64,
 }
 
-fn run(method: Method, rooms: &[(LiveMap, Vec<View>)], (error_m, error_deg): (f64, f64)) -> Outcome {
+fn run(method: Method, rooms: &[(LocalMap, Vec<View>)], (error_m, error_deg): (f64, f64)) -> Outcome {
     let mut outcome = Outcome::default();
     let mut rng = Rng::new(1);
     for (map, queries) in rooms {

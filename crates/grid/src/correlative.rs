@@ -11,7 +11,7 @@
 mod lattice;
 mod pyramid;
 
-use crate::live::LiveMap;
+use crate::local_map::LocalMap;
 use lattice::{Block, Lattice, Zone};
 use mapwright_geom::Pose2;
 use pyramid::{HeadingCells, Pyramid};
@@ -120,14 +120,14 @@ impl SearchResult {
 ///
 /// ```
 /// use mapwright_geom::Pose2;
-/// use mapwright_grid::{Change, CorrelativeSearch, LiveMap, LiveMapSettings, SearchWindow};
+/// use mapwright_grid::{Change, CorrelativeSearch, LocalMap, LocalMapSettings, SearchWindow};
 /// use mapwright_sensor::SweepPoints;
 ///
 /// // An L-shaped wall, seen once from the origin.
 /// let wall = (0..40).map(|k| 0.05 * f64::from(k));
 /// let hits: Vec<_> = wall.clone().map(|m| [2.0, m]).chain(wall.map(|m| [m, 2.0])).collect();
 /// let points = SweepPoints { normals: vec![[0.0; 2]; hits.len()], hits, ..SweepPoints::default() };
-/// let mut map = LiveMap::new(LiveMapSettings::default());
+/// let mut map = LocalMap::new(LocalMapSettings::default());
 /// map.change(&points, Pose2::IDENTITY, Change::Add, 0);
 ///
 /// let lost = Pose2::new(0.4, -0.3, 0.2);
@@ -165,7 +165,7 @@ impl CorrelativeSearch {
     #[must_use]
     pub fn search(
         &mut self,
-        map: &LiveMap,
+        map: &LocalMap,
         points: &[[f64; 2]],
         window: &SearchWindow,
         separation: Option<Separation>,
@@ -178,7 +178,7 @@ impl CorrelativeSearch {
     #[must_use]
     pub fn search_rivals(
         &mut self,
-        map: &LiveMap,
+        map: &LocalMap,
         points: &[[f64; 2]],
         window: &SearchWindow,
         separation: Option<Separation>,
@@ -212,7 +212,7 @@ impl CorrelativeSearch {
     /// The best pose and its first rival.
     fn search_lattice(
         &mut self,
-        map: &LiveMap,
+        map: &LocalMap,
         lattice: &Lattice,
         separation: Option<Separation>,
         mut go_on: impl FnMut(&Block) -> bool,
@@ -347,7 +347,7 @@ impl CorrelativeSearch {
 mod tests {
     use super::pyramid::{scores_by_distance2, shift};
     use super::*;
-    use crate::{Change, LiveMapSettings};
+    use crate::{Change, LocalMapSettings};
     use mapwright_sensor::SweepPoints;
     use mapwright_sim::Rng;
 
@@ -358,8 +358,8 @@ mod tests {
         (0..count).map(|_| [rng.uniform(-range_m, range_m), rng.uniform(-range_m, range_m)]).collect()
     }
 
-    fn random_map(rng: &mut Rng) -> LiveMap {
-        let mut map = LiveMap::new(LiveMapSettings { resolution_m: CELL_M, ..LiveMapSettings::default() });
+    fn random_map(rng: &mut Rng) -> LocalMap {
+        let mut map = LocalMap::new(LocalMapSettings { resolution_m: CELL_M, ..LocalMapSettings::default() });
         for hit in random_points(rng, 60, 4.0) {
             let (hits, normals) = (vec![hit], vec![[0.0; 2]]);
             let points = SweepPoints { origin: hit, hits, normals, ..SweepPoints::default() };
@@ -373,7 +373,7 @@ mod tests {
     }
 
     /// Best score of the cells in a step's square.
-    fn score_by_definition(map: &LiveMap, doublings: u32, [x, y]: [i32; 2]) -> u8 {
+    fn score_by_definition(map: &LocalMap, doublings: u32, [x, y]: [i32; 2]) -> u8 {
         let scores = scores_by_distance2(CELL_M / SIGMA_M);
         let side = 1 << doublings;
         let cells = (0..side * side).map(|k| (x * side + k % side, y * side + k / side));

@@ -9,7 +9,7 @@ use mapwright_sensor::SweepPoints;
 pub(crate) const FRACTION_STEPS: f64 = 1024.0;
 /// Set in a cell's passes while the cell has hits, so that a ray sees it without a second look-up.
 const HAS_HITS: u32 = 1 << 30;
-/// Set in a cell's passes while the cell is an obstacle of a live map: the sign, which costs a ray no comparison.
+/// Set in a cell's passes while the cell is an obstacle of a local map: the sign, which costs a ray no comparison.
 const OBSTACLE: u32 = 1 << 31;
 const FLAGS: u32 = HAS_HITS | OBSTACLE;
 /// Set in an entry of the touched cells where a beam ended.

@@ -3,7 +3,7 @@
 mod correlative;
 mod counts;
 mod field;
-mod live;
+mod local_map;
 mod matcher;
 mod survivors;
 mod tiles;
@@ -14,6 +14,6 @@ pub use correlative::{
 };
 pub use counts::{Change, Changes, CountGrid, HitCell};
 pub use field::DistanceField;
-pub use live::{Agreement, LiveMap, LiveMapSettings, Surfel};
+pub use local_map::{Agreement, LocalMap, LocalMapSettings, Surfel};
 pub use matcher::{Evaluation, MatchResult, Matcher, MatcherSettings, Prior};
 pub use tiles::floor_cell;

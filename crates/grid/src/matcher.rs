@@ -1,4 +1,4 @@
-//! Maximum-likelihood matching of a scan against a live map.
+//! Maximum-likelihood matching of a scan against a local map.
 //!
 //! The objective is `log p(scan | pose, map) + log p(pose | prediction)` with the likelihood field of *Probabilistic
 //! Robotics* (2005, section 6.4): each beam is a hit with density `exp(-q / (2 sigma^2))`, `q` its squared distance to
@@ -10,7 +10,7 @@
 //! counts only if the objective improves with every beam's obstacle assigned anew.
 
 use crate::field::{LookUps, NO_OBSTACLE};
-use crate::live::LiveMap;
+use crate::local_map::LocalMap;
 use crate::tiles::floor_cell;
 use mapwright_geom::Pose2;
 use nalgebra::{Matrix3, Vector3};
@@ -128,12 +128,12 @@ struct Objective {
 impl Matcher {
     /// The scan's term at a pose; `points` are end points in the robot's frame, metres.
     #[must_use]
-    pub fn evaluate(&self, map: &LiveMap, points: &[[f64; 2]], world_from_robot: Pose2, sigma_m: f64) -> Evaluation {
+    pub fn evaluate(&self, map: &LocalMap, points: &[[f64; 2]], world_from_robot: Pose2, sigma_m: f64) -> Evaluation {
         let random = self.settings.random_ratio;
         pulp::Arch::new().dispatch(Term { map, points, world_from_robot, sigma_m, random })
     }
 
-    fn objective(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, pose: Pose2, sigma_m: f64) -> Objective {
+    fn objective(&self, map: &LocalMap, points: &[[f64; 2]], prior: &Prior, pose: Pose2, sigma_m: f64) -> Objective {
         let scan = self.evaluate(map, points, pose, sigma_m);
         let share = self.settings.beam_share;
         let (cost, gradient, curvature) = prior.evaluate(pose);
@@ -155,7 +155,7 @@ impl Matcher {
 
     /// Damped Gauss-Newton (Levenberg 1944, Marquardt 1963), stage by stage.
     #[must_use]
-    pub fn gauss_newton(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, start: Pose2) -> MatchResult {
+    pub fn gauss_newton(&self, map: &LocalMap, points: &[[f64; 2]], prior: &Prior, start: Pose2) -> MatchResult {
         self.climb(map, points, prior, start, Self::gauss_newton_stage)
     }
 
@@ -164,7 +164,7 @@ impl Matcher {
     /// Steps are `kappa diag(1, 1, 1/L^2) grad / sum of weights` with `L` the rms range: the scaling makes a metre and a
     /// radian count alike, so that one `kappa` serves both.
     #[must_use]
-    pub fn gradient_ascent(&self, map: &LiveMap, points: &[[f64; 2]], prior: &Prior, start: Pose2) -> MatchResult {
+    pub fn gradient_ascent(&self, map: &LocalMap, points: &[[f64; 2]], prior: &Prior, start: Pose2) -> MatchResult {
         let squares: f64 = points.iter().map(|p| p[0] * p[0] + p[1] * p[1]).sum();
         let lever2 = (squares / points.len().max(1) as f64).max(1e-6);
         self.climb(map, points, prior, start, |matcher, problem, pose| matcher.gradient_stage(problem, pose, lever2))
@@ -174,7 +174,7 @@ impl Matcher {
     #[must_use]
     pub fn unscaled_gradient_ascent(
         &self,
-        map: &LiveMap,
+        map: &LocalMap,
         points: &[[f64; 2]],
         prior: &Prior,
         start: Pose2,
@@ -184,7 +184,7 @@ impl Matcher {
 
     fn climb(
         &self,
-        map: &LiveMap,
+        map: &LocalMap,
         points: &[[f64; 2]],
         prior: &Prior,
         start: Pose2,
@@ -281,7 +281,7 @@ impl Matcher {
 
 /// The scan's term at a pose, for the widest registers there are: without fused operations the sums are the same in all.
 struct Term<'a> {
-    map: &'a LiveMap,
+    map: &'a LocalMap,
     points: &'a [[f64; 2]],
     world_from_robot: Pose2,
     sigma_m: f64,
@@ -358,7 +358,7 @@ impl Block {
 
 /// One field look-up a beam, two where the first finds a wall's far side.
 struct Lookup<'a> {
-    map: &'a LiveMap,
+    map: &'a LocalMap,
     field: LookUps<'a>,
     world_from_robot: Pose2,
     sin_cos: (f64, f64),
@@ -366,7 +366,7 @@ struct Lookup<'a> {
 }
 
 impl<'a> Lookup<'a> {
-    fn new(map: &'a LiveMap, world_from_robot: Pose2, sin_cos: (f64, f64)) -> Self {
+    fn new(map: &'a LocalMap, world_from_robot: Pose2, sin_cos: (f64, f64)) -> Self {
         let cells_per_m = 1.0 / map.settings.resolution_m;
         Self { map, field: map.field().look_ups(), world_from_robot, sin_cos, cells_per_m }
     }
@@ -467,7 +467,7 @@ fn exp_of_negative(u: f32) -> f32 {
 
 /// One stage's problem.
 struct Problem<'a> {
-    map: &'a LiveMap,
+    map: &'a LocalMap,
     points: &'a [[f64; 2]],
     prior: &'a Prior,
     sigma_m: f64,
@@ -479,7 +479,7 @@ struct Problem<'a> {
 mod tests {
     use super::*;
     use crate::counts::Change;
-    use crate::live::LiveMapSettings;
+    use crate::local_map::LocalMapSettings;
     use mapwright_sensor::SweepPoints;
     use std::cell::Cell;
 
@@ -500,15 +500,15 @@ mod tests {
     #[test]
     fn a_match_looks_up_one_obstacle_a_beam_and_evaluation() {
         let points = corner();
-        let mut map = LiveMap::new(LiveMapSettings::default());
+        let mut map = LocalMap::new(LocalMapSettings::default());
         map.change(&points, Pose2::IDENTITY, Change::Add, 0);
         let matcher = Matcher::default();
         let prior = Prior { world_from_robot: Pose2::IDENTITY, variances: [0.01; 3], tail: 1e8 };
         let start = Pose2::new(0.06, -0.04, 0.02);
         for result in [
-            |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| m.gauss_newton(map, &p.hits, prior, start),
-            |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| m.gradient_ascent(map, &p.hits, prior, start),
-            |m: &Matcher, map: &LiveMap, p: &SweepPoints, prior, start| {
+            |m: &Matcher, map: &LocalMap, p: &SweepPoints, prior, start| m.gauss_newton(map, &p.hits, prior, start),
+            |m: &Matcher, map: &LocalMap, p: &SweepPoints, prior, start| m.gradient_ascent(map, &p.hits, prior, start),
+            |m: &Matcher, map: &LocalMap, p: &SweepPoints, prior, start| {
                 m.unscaled_gradient_ascent(map, &p.hits, prior, start)
             },
         ] {
@@ -524,7 +524,7 @@ mod tests {
     fn wide_registers_give_the_same_bits() {
         use pulp::WithSimd;
         let points = corner();
-        let mut map = LiveMap::new(LiveMapSettings::default());
+        let mut map = LocalMap::new(LocalMapSettings::default());
         map.change(&points, Pose2::IDENTITY, Change::Add, 0);
         for k in 0..20 {
             let pose = Pose2::new(0.01 * f64::from(k), -0.007 * f64::from(k), 0.003 * f64::from(k));
@@ -547,7 +547,7 @@ mod tests {
     #[test]
     fn a_wall_is_not_matched_against_its_other_side() {
         // The corridor's side of a wall is known, and the room's other walls; the robot, in the room, sees the room's side.
-        let mut map = LiveMap::new(LiveMapSettings::default());
+        let mut map = LocalMap::new(LocalMapSettings::default());
         map.change(&wall(0.0, -1.0), Pose2::IDENTITY, Change::Add, 0);
         let mut sides = SweepPoints::default();
         for y in [-2.0, 2.0] {
@@ -572,7 +572,7 @@ mod tests {
 
     #[test]
     fn the_sides_of_a_thin_wall_are_two_lines() {
-        let mut map = LiveMap::new(LiveMapSettings::default());
+        let mut map = LocalMap::new(LocalMapSettings::default());
         let sides = [(0.02, -1.0), (0.08, 1.0)];
         for (node, &(x, from_x)) in (0..).zip(&sides) {
             map.change(&wall(x, from_x), Pose2::IDENTITY, Change::Add, node);

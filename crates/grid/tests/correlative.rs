@@ -6,7 +6,7 @@ mod common;
 use common::{View, map_of, map_of_obstacles, views};
 use mapwright_geom::{Pose2, sin_cos, wrap_angle};
 use mapwright_grid::{
-    CorrelativeSearch, LiveMap, LiveMapSettings, Peak, SearchResult, SearchSettings, SearchWindow, Separation,
+    CorrelativeSearch, LocalMap, LocalMapSettings, Peak, SearchResult, SearchSettings, SearchWindow, Separation,
 };
 use mapwright_sim::{Rng, worlds};
 use proptest::prelude::*;
@@ -24,7 +24,7 @@ struct Exhaustive {
 
 impl Exhaustive {
     /// The lattice is worked out here again from the documentation, but for the number of headings.
-    fn new(map: &LiveMap, points: &[[f64; 2]], window: &SearchWindow, sigma_m: f64, found: &SearchResult) -> Self {
+    fn new(map: &LocalMap, points: &[[f64; 2]], window: &SearchWindow, sigma_m: f64, found: &SearchResult) -> Self {
         let middle = window.world_from_robot;
         let (step_m, step_rad) = (found.step_m, found.step_rad);
         let half = (window.half_width_m / step_m - 1e-9).ceil() as i32;
@@ -88,7 +88,7 @@ impl Exhaustive {
 const RIVALS: usize = 6;
 
 fn check_against_exhaustive(
-    map: &LiveMap,
+    map: &LocalMap,
     points: &[[f64; 2]],
     window: &SearchWindow,
     searcher: &mut CorrelativeSearch,
@@ -122,7 +122,7 @@ proptest! {
         half_width_rad in prop_oneof![Just(0.0), 0.0..0.6, Just(PI)],
         sigma_m in 0.03..0.3,
     ) {
-        let map = map_of_obstacles(obstacles, LiveMapSettings { resolution_m: 0.1, ..LiveMapSettings::default() });
+        let map = map_of_obstacles(obstacles, LocalMapSettings { resolution_m: 0.1, ..LocalMapSettings::default() });
         let world_from_robot = Pose2::new(middle.0, middle.1, middle.2);
         let window = SearchWindow { world_from_robot, half_width_m, half_width_rad };
         let mut searcher = CorrelativeSearch::new(SearchSettings { sigma_m, ..SearchSettings::default() });
@@ -145,7 +145,7 @@ fn rooms_are_searched_exactly_with_warm_buffers() {
 
 #[test]
 fn an_empty_map_says_stay_where_you_are() {
-    let map = LiveMap::new(LiveMapSettings::default());
+    let map = LocalMap::new(LocalMapSettings::default());
     let window = SearchWindow { world_from_robot: Pose2::new(3.0, 4.0, 1.0), half_width_m: 2.0, half_width_rad: PI };
     let found = CorrelativeSearch::default().search(&map, &[[5.0, 1.0]], &window, Some(Separation::default())).unwrap();
     assert_eq!((found.best.world_from_robot, found.best.score), (window.world_from_robot, 0));
@@ -156,7 +156,7 @@ fn an_empty_map_says_stay_where_you_are() {
 
 #[test]
 fn odd_input_is_survived() {
-    let map = map_of_obstacles(vec![[1.0, 1.0]], LiveMapSettings::default());
+    let map = map_of_obstacles(vec![[1.0, 1.0]], LocalMapSettings::default());
     let mut searcher = CorrelativeSearch::default();
     let window = SearchWindow { world_from_robot: Pose2::IDENTITY, half_width_m: 0.5, half_width_rad: 0.1 };
     assert_eq!(searcher.search(&map, &[], &window, None), None);
@@ -202,7 +202,7 @@ fn huge_windows_are_searched_in_wider_steps_or_refused() {
 }
 
 struct Case {
-    map: LiveMap,
+    map: LocalMap,
     view: View,
     off: Pose2,
 }

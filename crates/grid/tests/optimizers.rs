@@ -5,14 +5,14 @@ mod common;
 
 use common::{View, map_of, views};
 use mapwright_geom::{Pose2, wrap_angle};
-use mapwright_grid::{Change, DistanceField, LiveMap, LiveMapSettings, Matcher, MatcherSettings, Prior, Surfel};
+use mapwright_grid::{Change, DistanceField, LocalMap, LocalMapSettings, Matcher, MatcherSettings, Prior, Surfel};
 use mapwright_sim::{Rng, worlds};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
 /// A map of 40 scans of a suite of rooms and 10 scans from another drive through them.
-fn rooms(seed: u64) -> (LiveMap, Vec<View>) {
+fn rooms(seed: u64) -> (LocalMap, Vec<View>) {
     let site = Arc::new(worlds::rooms(seed));
     let queries = views(&site, seed + 1_000, 20, 12);
     (map_of(&views(&site, seed, 6, 40)), queries.into_iter().skip(2).collect())
@@ -23,7 +23,7 @@ fn near(world_from_robot: Pose2, rng: &mut Rng, sigma_m: f64, sigma_rad: f64) ->
 }
 
 /// The obstacle each point is assigned to at a pose.
-fn assignment(map: &LiveMap, points: &[[f64; 2]], world_from_robot: Pose2) -> Vec<Option<Surfel>> {
+fn assignment(map: &LocalMap, points: &[[f64; 2]], world_from_robot: Pose2) -> Vec<Option<Surfel>> {
     let from = [world_from_robot.x, world_from_robot.y];
     points.iter().map(|&point| map.obstacle_seen(from, world_from_robot.transform(point)).copied()).collect()
 }
@@ -105,7 +105,7 @@ fn all_views() -> &'static [View] {
     VIEWS.get_or_init(|| views(&Arc::new(worlds::rooms(2)), 2, 15, 24))
 }
 
-fn lines(map: &LiveMap) -> Vec<(i32, i32, Surfel)> {
+fn lines(map: &LocalMap) -> Vec<(i32, i32, Surfel)> {
     let obstacles: BTreeSet<_> = map.field().obstacles().collect();
     obstacles.into_iter().map(|(x, y)| (x, y, map.surfels()[map.field().nearest(x, y) as usize])).collect()
 }
@@ -143,7 +143,7 @@ proptest! {
             (&view.points, Pose2::new(view.world_from_robot.x + x, view.world_from_robot.y + y,
                 wrap_angle(view.world_from_robot.theta + theta)))
         };
-        let mut lived = LiveMap::new(LiveMapSettings::default());
+        let mut lived = LocalMap::new(LocalMapSettings::default());
         for (k, keyframe) in keyframes.iter().enumerate() {
             let (points, pose) = placed(keyframe);
             lived.change(points, pose, Change::Add, k as u32);
@@ -159,7 +159,7 @@ proptest! {
                 lived.change(points, pose, Change::Remove, k as u32);
             }
         }
-        let mut scratch = LiveMap::new(LiveMapSettings::default());
+        let mut scratch = LocalMap::new(LocalMapSettings::default());
         for k in (0..keyframes.len()).rev().filter(|k| !leaving.contains(k)) {
             let (points, pose) = placed(&keyframes[k]);
             scratch.change(points, pose, Change::Add, k as u32);

@@ -6,7 +6,7 @@
 use crate::submap::{Submap, SubmapSettings, View, draw};
 use mapwright_geom::Pose2;
 use mapwright_grid::{
-    Agreement, CorrelativeSearch, LiveMap, Matcher, Peak, Prior, SearchSettings, SearchWindow, Separation,
+    Agreement, CorrelativeSearch, LocalMap, Matcher, Peak, Prior, SearchSettings, SearchWindow, Separation,
 };
 use mapwright_sensor::{BeamTable, SweepPoints};
 use std::cell::Cell;
@@ -73,7 +73,7 @@ impl Effort {
 pub struct Atlas {
     /// In the order of the way.
     views: Vec<View>,
-    map: LiveMap,
+    map: LocalMap,
     middle: Pose2,
     half_width_m: f64,
 }

@@ -1,7 +1,7 @@
 //! Submaps: what was seen along a few metres of the way, as one small map.
 
 use mapwright_geom::Pose2;
-use mapwright_grid::{Change, LiveMap, LiveMapSettings};
+use mapwright_grid::{Change, LocalMap, LocalMapSettings};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use std::sync::Arc;
 
@@ -39,7 +39,7 @@ pub struct SubmapSettings {
 #[derive(Debug, Clone)]
 pub struct Submap {
     /// The map, in the submap's frame.
-    pub map: LiveMap,
+    pub map: LocalMap,
     /// End points that the other views do not contradict, thinned, in the submap's frame, metres.
     pub hits: Vec<[f64; 2]>,
     /// Standard deviation of the end points across surfaces, metres, as neighbours tell it: the laser's noise.
@@ -71,7 +71,7 @@ impl Submap {
 }
 
 /// The map of some views, and all their end points in its frame.
-pub(crate) fn draw(views: &[View], settings: &SubmapSettings) -> (LiveMap, Vec<[f64; 2]>) {
+pub(crate) fn draw(views: &[View], settings: &SubmapSettings) -> (LocalMap, Vec<[f64; 2]>) {
     draw_each(views, settings, |_| {})
 }
 
@@ -80,11 +80,11 @@ fn draw_each(
     views: &[View],
     settings: &SubmapSettings,
     mut call: impl FnMut(&SweepPoints),
-) -> (LiveMap, Vec<[f64; 2]>) {
-    let mut map = LiveMap::new(LiveMapSettings {
+) -> (LocalMap, Vec<[f64; 2]>) {
+    let mut map = LocalMap::new(LocalMapSettings {
         resolution_m: settings.resolution_m,
         passes_per_hit: settings.passes_per_hit,
-        ..LiveMapSettings::default()
+        ..LocalMapSettings::default()
     });
     let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
     let mut ends = Vec::new();
@@ -100,7 +100,7 @@ fn draw_each(
 }
 
 /// Of the end points in reach that stand on obstacles, one for each of the larger cells, in the order of these.
-fn thinned(map: &LiveMap, mut ends: Vec<[f64; 2]>, settings: &SubmapSettings) -> Vec<[f64; 2]> {
+fn thinned(map: &LocalMap, mut ends: Vec<[f64; 2]>, settings: &SubmapSettings) -> Vec<[f64; 2]> {
     let reach2 = settings.reach_m * settings.reach_m;
     ends.retain(|[x, y]| x * x + y * y <= reach2);
     let mut gone = vec![false; ends.len()];

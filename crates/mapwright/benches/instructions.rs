@@ -12,7 +12,7 @@ mod common;
 use common::{View, map_of, views};
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
-use mapwright::{LaserScan, LiveMap, Mapper, Pose2, Settings};
+use mapwright::{LaserScan, LocalMap, Mapper, Pose2, Settings};
 use mapwright_grid::{Change, CorrelativeSearch, DistanceField, Matcher, Prior, SearchWindow};
 use mapwright_sim::{Drive, DriveSettings, worlds};
 use std::hint::black_box;
@@ -35,7 +35,7 @@ fn at_most(thousands: u64) -> LibraryBenchmarkConfig {
 }
 
 /// A map of 40 scans over 20 s of driving, and three others of the same stretch to match.
-fn office() -> (LiveMap, Vec<View>) {
+fn office() -> (LocalMap, Vec<View>) {
     let site = Arc::new(worlds::office_floor(1));
     let queries = views(&site, 2, 5, 40);
     (map_of(&views(&site, 1, 5, 40)), queries.into_iter().skip(5).step_by(12).collect())
@@ -43,7 +43,7 @@ fn office() -> (LiveMap, Vec<View>) {
 
 #[library_benchmark(config = at_most(MATCH))]
 #[bench::office(office())]
-fn match_scans((map, queries): (LiveMap, Vec<View>)) {
+fn match_scans((map, queries): (LocalMap, Vec<View>)) {
     let matcher = Matcher::default();
     for view in &queries {
         let start = view.world_from_robot * Pose2::new(0.06, -0.04, 0.03);
@@ -54,7 +54,7 @@ fn match_scans((map, queries): (LiveMap, Vec<View>)) {
 
 #[library_benchmark(config = at_most(INSERT))]
 #[bench::office(office())]
-fn insert((mut map, queries): (LiveMap, Vec<View>)) -> LiveMap {
+fn insert((mut map, queries): (LocalMap, Vec<View>)) -> LocalMap {
     for (number, view) in queries.iter().enumerate() {
         map.change(&view.points, view.world_from_robot, Change::Add, 1_000 + number as u32);
     }
@@ -82,7 +82,7 @@ fn update_field((mut field, some): (DistanceField, Vec<(i32, i32)>)) -> Distance
 
 #[library_benchmark(config = at_most(SEARCH))]
 #[bench::office(office())]
-fn search((map, queries): (LiveMap, Vec<View>)) {
+fn search((map, queries): (LocalMap, Vec<View>)) {
     let mut searcher = CorrelativeSearch::default();
     for view in &queries {
         let world_from_robot = view.world_from_robot * Pose2::new(0.3, -0.2, 0.2);

@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         odom_from_robot: Some(Pose2::IDENTITY),
     };
     let robot = mapper.add_scan(&scan).map_from_robot;
-    let field = mapper.live_map().field();
+    let field = mapper.local_map().field();
     let cell_m = mapper.settings().map.resolution_m;
     let reach_m = f64::from(field.radius_cells()) * cell_m;
     for ahead_m in [0.0, 0.5, 0.8, 0.9, 1.0, 1.1, 1.2] {

@@ -1,4 +1,4 @@
-//! What the gate does where a corridor comes back to its start: small loops must stay in the live map, long ones leave.
+//! What the gate does where a corridor comes back to its start: small loops must stay in the local map, long ones leave.
 //!
 //! `cargo run --release -p mapwright --example gate_over_loops [KEY=VALUE ...]`
 
@@ -43,7 +43,7 @@ fn lap(settings: Settings, length_m: f64, seed: u64) -> Result<(), Box<dyn std::
             drift_m = error_m;
         }
     }
-    let report = mapper.live_report();
+    let report = mapper.local_map_report();
     println!(
         "{length_m:4.0} m  {seed:4}  {drift_m:13.3} m  {error_m:7.3} m  {:9}  {:6}",
         report.gated_out, report.let_in

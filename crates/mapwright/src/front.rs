@@ -1,14 +1,14 @@
 //! The front end: where the robot is from scan to scan, and the keyframes it makes. It owns the local map and the robot's pose, in a
 //! frame of its own in which the newest keyframe never jumps, and can be run without a mapper: what it finds it returns.
 
-use crate::live::Live;
+use crate::local_map::LocalMapping;
 use crate::patches::Known;
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, NodeId, Past, Slipped, Written};
 use dynamic::Place;
 use insert::Intruders;
 use mapwright_geom::{Cov3, Pose2};
-use mapwright_grid::{LiveMap, MatcherSettings};
+use mapwright_grid::{LocalMap, MatcherSettings};
 use mapwright_record::{Beams, LeftOutReason, LocalMapReport};
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
 use predict::{Moved, Predictor, Step};
@@ -40,7 +40,7 @@ pub(crate) struct FrontEnd {
     predictor: Predictor,
     tracker: Tracker,
     pose: RobotPose,
-    local_map: Live,
+    local_map: LocalMapping,
     intruders: Intruders,
     slips: SlipWatch,
 }
@@ -64,7 +64,7 @@ impl FrontEnd {
             predictor: Predictor::default(),
             tracker: Tracker::new(&settings),
             pose: RobotPose::new(local_from_robot),
-            local_map: Live::new(&settings),
+            local_map: LocalMapping::new(&settings),
             intruders: Intruders::default(),
             slips: SlipWatch::default(),
             settings,
@@ -312,7 +312,7 @@ impl FrontEnd {
         self.local_map.is_live(node)
     }
 
-    pub(crate) fn local_map(&self) -> &LiveMap {
+    pub(crate) fn local_map(&self) -> &LocalMap {
         &self.local_map.map
     }
 

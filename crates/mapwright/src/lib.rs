@@ -22,7 +22,7 @@ mod back;
 mod closing;
 mod front;
 mod jobs;
-mod live;
+mod local_map;
 mod localisation;
 mod mapper;
 mod patches;
@@ -40,7 +40,7 @@ pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use jobs::{Job, JobResult};
 pub use mapper::Mapper;
 pub use mapwright_geom::{Cov3, Pose2, Stamp};
-pub use mapwright_grid::{CountGrid, LiveMap};
+pub use mapwright_grid::{CountGrid, LocalMap};
 pub use mapwright_record::{
     Beams, Candidate, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart, Keyframe,
     KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, OdometryOrigin,

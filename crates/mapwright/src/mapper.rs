@@ -12,7 +12,7 @@ use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Link, NewKeyframe, NodeId, Past, Store};
 use mapwright_geom::{Cov3, Pose2, Stamp};
 use mapwright_graph::spread;
-use mapwright_grid::{CountGrid, LiveMap};
+use mapwright_grid::{CountGrid, LocalMap};
 use mapwright_loops::Finding;
 use mapwright_record::{
     Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, Objection, RunId,
@@ -454,13 +454,13 @@ impl Mapper {
 
     /// The map that scans are matched against.
     #[must_use]
-    pub fn live_map(&self) -> &LiveMap {
+    pub fn local_map(&self) -> &LocalMap {
         self.front.local_map()
     }
 
     /// What the local map consists of.
     #[must_use]
-    pub fn live_report(&self) -> LocalMapReport {
+    pub fn local_map_report(&self) -> LocalMapReport {
         self.front.local_map_report()
     }
 

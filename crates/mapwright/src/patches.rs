@@ -45,7 +45,7 @@ const SEARCH_AT_MOST: usize = 1024;
 pub(crate) struct Known {
     /// The keyframe it began with.
     pub(crate) first: u32,
-    /// Whether it is in the live map.
+    /// Whether it is in the local map.
     pub(crate) live: bool,
     /// Of that relative to the robot.
     pub(crate) uncertainty: Uncertainty,
@@ -62,9 +62,9 @@ pub(crate) struct Patch {
     round: u32,
     /// How long the robot's way was when it was last there or matched against it, metres.
     used_m: f64,
-    /// Live, but too uncertain to be matched against: it leaves before the next scan would be.
+    /// LocalMapping, but too uncertain to be matched against: it leaves before the next scan would be.
     stale: bool,
-    /// Live, but not drawn where it belongs, for it was let in or moved: that is mended when a scan meets it.
+    /// LocalMapping, but not drawn where it belongs, for it was let in or moved: that is mended when a scan meets it.
     unsettled: bool,
     /// Its keyframes that may be drawn.
     pub(crate) views: Vec<u32>,
@@ -103,7 +103,7 @@ pub(crate) struct Patches {
     whole: CertaintyGraph,
     patches: Vec<Patch>,
     members: Vec<Member>,
-    /// Live patches by place.
+    /// LocalMapping patches by place.
     buckets: FxHashMap<(i32, i32), Vec<u32>>,
     /// Links of the next keyframe.
     links: Vec<(u32, Uncertainty)>,

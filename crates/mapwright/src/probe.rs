@@ -7,9 +7,9 @@ pub enum Stage {
     Prepare,
     /// Predicting the pose.
     Predict,
-    /// Matching against the live map.
+    /// Matching against the local map.
     Match,
-    /// Inserting a keyframe, with the live map's changes.
+    /// Inserting a keyframe, with the local map's changes.
     Insert,
     /// Looking for old places and correcting the past, where that is done inline.
     Close,

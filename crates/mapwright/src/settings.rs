@@ -248,7 +248,7 @@ section! {
     }
 }
 section! {
-    /// The live map.
+    /// The local map.
     LiveSettings, "live" {
         policy: LivePolicy = LivePolicy::Gated, 0..=1, "", "\"everything\" ever seen, or \"gated\" by certainty";
         gate_m: f64 = 0.08, 0.001..=10.0, "m", "gated: so certain keyframes are matched against; those that the robot stays near until 2.5 times as uncertain";
@@ -304,7 +304,7 @@ pub struct Settings {
     pub matching: MatchingSettings,
     /// Keyframes.
     pub keyframes: KeyframeSettings,
-    /// The live map.
+    /// The local map.
     pub live: LiveSettings,
     /// Coming back to places.
     pub loops: LoopSettings,

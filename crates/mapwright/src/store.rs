@@ -1,7 +1,7 @@
 //! What lasts: the session, and beside it what the stages need of it: dense numbers, poses in the front end's frame and the
 //! length of the way. Only the mapper writes to it, entry by entry.
 
-use crate::live::Frames;
+use crate::local_map::Frames;
 use crate::patches::Spacing;
 use mapwright_geom::{Cov3, Pose, Pose2, Stamp};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};

@@ -1,4 +1,4 @@
-//! The gated live map keeps what is certain relative to the robot, and only that.
+//! The gated local map keeps what is certain relative to the robot, and only that.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
 mod support;
@@ -9,7 +9,7 @@ use mapwright_sensor::{BeamTable, SweepPoints};
 use mapwright_sim::{DriveSettings, Site, worlds};
 use support::{ate_m, in_parallel, recording};
 
-/// Maps a drive with the gate; the live map's account and the trajectory's error.
+/// Maps a drive with the gate; the local map's account and the trajectory's error.
 fn mapped(site: Site, seed: u64, duration_s: f64, gate_m: f64) -> (LocalMapReport, f64) {
     let mut settings = Settings::default();
     settings.live.policy = LivePolicy::Gated;
@@ -21,7 +21,7 @@ fn mapped(site: Site, seed: u64, duration_s: f64, gate_m: f64) -> (LocalMapRepor
         mapper.add_scan(&scan.scan);
     }
     let truth: Vec<_> = recorded.iter().map(|scan| scan.world_from_robot).collect();
-    (mapper.live_report(), ate_m(&mapper, &truth))
+    (mapper.local_map_report(), ate_m(&mapper, &truth))
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn the_exported_map_holds_every_keyframe_whatever_is_live_or_on_its_way_out() {
             assert!(mapper.render().to_bytes() == drawn_anew(&mapper).to_bytes(), "after scan {k}");
         }
     }
-    assert!(mapper.live_report().superseded > 20, "{:?}", mapper.live_report());
+    assert!(mapper.local_map_report().superseded > 20, "{:?}", mapper.local_map_report());
 }
 
 #[test]

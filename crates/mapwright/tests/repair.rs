@@ -3,8 +3,8 @@
 
 mod support;
 
-use mapwright::{CountGrid, KeyframeId, LaserModel, LaserScan, LiveMap, Mapper, Pose2, Settings, Stamp, Sweep};
-use mapwright_grid::{Change, LiveMapSettings};
+use mapwright::{CountGrid, KeyframeId, LaserModel, LaserScan, LocalMap, Mapper, Pose2, Settings, Stamp, Sweep};
+use mapwright_grid::{Change, LocalMapSettings};
 use mapwright_sensor::{BeamTable, SweepPoints};
 use mapwright_sim::{Door, DriveSettings, Route, Schedule, Segment, Site, TrueScan, World, worlds};
 use std::sync::Arc;
@@ -61,7 +61,7 @@ fn points_of(sweep: &Sweep) -> SweepPoints {
     points
 }
 
-fn obstacles(map: &LiveMap) -> Vec<(i32, i32)> {
+fn obstacles(map: &LocalMap) -> Vec<(i32, i32)> {
     let mut cells: Vec<_> = map.field().obstacles().collect();
     cells.sort_unstable();
     cells
@@ -75,26 +75,26 @@ fn a_scan_inserted_1_m_off_is_taken_out_without_a_trace() {
     for scan in before {
         mapper.add_scan(scan);
     }
-    let bytes_before = mapper.live_map().counts().to_bytes();
-    let obstacles_before = obstacles(mapper.live_map());
+    let bytes_before = mapper.local_map().counts().to_bytes();
+    let obstacles_before = obstacles(mapper.local_map());
     let right = mapper.trajectory().last().expect("scans").map_from_robot;
     // 1 m further on than it was taken: the corridor's walls fit, its end does not.
     let wrong = mapper.add_scan(&moved(&before[before.len() - 1], Pose2::new(1.0, 0.0, 0.0)));
     let dropped = wrong.keyframe.expect("a keyframe");
     assert!((wrong.map_from_robot.distance(right) - 1.0).abs() < 0.1, "{:?} {:?}", wrong.map_from_robot, right);
-    assert!(mapper.live_map().counts().to_bytes() != bytes_before);
+    assert!(mapper.local_map().counts().to_bytes() != bytes_before);
 
     let mut at_once = mapper.clone();
     assert!(at_once.drop_keyframe(dropped));
-    assert!(at_once.live_map().counts().to_bytes() == bytes_before);
-    assert_eq!(obstacles(at_once.live_map()), obstacles_before);
+    assert!(at_once.local_map().counts().to_bytes() == bytes_before);
+    assert_eq!(obstacles(at_once.local_map()), obstacles_before);
 
     for scan in after {
         mapper.add_scan(scan);
     }
     assert!(mapper.keyframes().len() > dropped.seq as usize + 10);
     assert!(mapper.drop_keyframe(dropped));
-    assert!(mapper.live_map().counts().to_bytes() == drawn_without(&mapper, dropped).to_bytes());
+    assert!(mapper.local_map().counts().to_bytes() == drawn_without(&mapper, dropped).to_bytes());
 }
 
 /// A fan of beams that end on a wall across the robot's way.
@@ -113,11 +113,11 @@ fn fan(wall_m: f32) -> SweepPoints {
 #[test]
 fn a_wall_seen_often_outlives_a_beam_through_it_and_goes_when_it_is_gone() {
     const SEEN: usize = 20;
-    let mut map = LiveMap::new(LiveMapSettings::default());
+    let mut map = LocalMap::new(LocalMapSettings::default());
     (0..SEEN).for_each(|_| map.change(&fan(2.02), Pose2::IDENTITY, Change::Add, 0));
     let wall = obstacles(&map);
     assert!(wall.len() > 10);
-    let stands = |map: &LiveMap| wall.iter().filter(|&&(x, y)| map.field().is_occupied(x, y)).count();
+    let stands = |map: &LocalMap| wall.iter().filter(|&&(x, y)| map.field().is_occupied(x, y)).count();
     map.change(&fan(4.02), Pose2::IDENTITY, Change::Add, 1);
     assert_eq!(stands(&map), wall.len());
     // Fewer beams pass the cells at the edges than had hit them.
@@ -147,7 +147,7 @@ fn door_cells(mapper: &Mapper, map_from_world: Pose2) -> usize {
         let cell = map_from_world.inverse() * in_map;
         (cell.x - 5.0).abs() < 0.15 && (cell.y - 2.5).abs() < 0.3
     };
-    mapper.live_map().field().obstacles().filter(in_the_way).count()
+    mapper.local_map().field().obstacles().filter(in_the_way).count()
 }
 
 #[test]

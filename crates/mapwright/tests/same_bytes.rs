@@ -22,7 +22,7 @@ fn the_same_log_gives_the_same_bits_twice_and_on_another_thread() {
     let first = mapped();
     for again in [mapped(), std::thread::spawn(mapped).join().expect("no panic")] {
         assert_eq!(trajectory_bits(&first), trajectory_bits(&again));
-        assert!(first.live_map().counts().to_bytes() == again.live_map().counts().to_bytes());
+        assert!(first.local_map().counts().to_bytes() == again.local_map().counts().to_bytes());
         assert!(first.edges().eq(again.edges()));
         assert!(first.session() == again.session());
     }
@@ -32,5 +32,5 @@ fn the_same_log_gives_the_same_bits_twice_and_on_another_thread() {
 fn a_live_map_of_everything_is_the_exported_map() {
     let mapper = mapped();
     assert!(mapper.keyframes().len() > 20);
-    assert!(mapper.live_map().counts().to_bytes() == mapper.render().to_bytes());
+    assert!(mapper.local_map().counts().to_bytes() == mapper.render().to_bytes());
 }

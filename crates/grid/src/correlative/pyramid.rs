@@ -2,7 +2,7 @@
 
 use super::lattice::Lattice;
 use crate::field::NO_OBSTACLE;
-use crate::live::LiveMap;
+use crate::local_map::LocalMap;
 use crate::tiles::{NO_TILE, TILE_BITS, TILE_SIDE, cell_in_tile};
 
 /// Scores or maxima of scores, row by row.
@@ -67,7 +67,7 @@ pub(super) fn shift(level: u32) -> u32 {
 }
 
 impl Pyramid {
-    pub(super) fn build(&mut self, map: &LiveMap, lattice: &Lattice, points: &[[f64; 2]], sigma_m: f64) {
+    pub(super) fn build(&mut self, map: &LocalMap, lattice: &Lattice, points: &[[f64; 2]], sigma_m: f64) {
         let levels = lattice.top_level as usize + 1;
         if self.levels.len() < levels {
             self.levels.resize_with(levels, Grid::default);
@@ -89,7 +89,7 @@ impl Pyramid {
     }
 
     /// Draws the likelihood of the distances into level 0; steps of several cells get the best of theirs.
-    pub(super) fn rasterise(&mut self, map: &LiveMap, doublings: u32, sigma_m: f64) {
+    pub(super) fn rasterise(&mut self, map: &LocalMap, doublings: u32, sigma_m: f64) {
         let scores = scores_by_distance2(map.settings.resolution_m / sigma_m.max(1e-6));
         let grid = &mut self.levels[0];
         let first = self.low.map(|edge| edge << doublings);

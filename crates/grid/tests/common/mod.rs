@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "every test file uses some of it")]
 
 use mapwright_geom::Pose2;
-use mapwright_grid::{Change, LiveMap, LiveMapSettings};
+use mapwright_grid::{Change, LocalMap, LocalMapSettings};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use mapwright_sim::{Drive, DriveSettings, Site};
 use std::sync::Arc;
@@ -31,8 +31,8 @@ pub(crate) fn views(site: &Arc<Site>, seed: u64, every: usize, count: usize) -> 
 }
 
 /// A map of views at their true poses.
-pub(crate) fn map_of(views: &[View]) -> LiveMap {
-    let mut map = LiveMap::new(LiveMapSettings::default());
+pub(crate) fn map_of(views: &[View]) -> LocalMap {
+    let mut map = LocalMap::new(LocalMapSettings::default());
     for (number, view) in views.iter().enumerate() {
         map.change(&view.points, view.world_from_robot, Change::Add, number as u32);
     }
@@ -40,8 +40,8 @@ pub(crate) fn map_of(views: &[View]) -> LiveMap {
 }
 
 /// A map in which every one of the points in the world is an obstacle.
-pub(crate) fn map_of_obstacles(hits: Vec<[f64; 2]>, settings: LiveMapSettings) -> LiveMap {
-    let mut map = LiveMap::new(settings);
+pub(crate) fn map_of_obstacles(hits: Vec<[f64; 2]>, settings: LocalMapSettings) -> LocalMap {
+    let mut map = LocalMap::new(settings);
     // Each is seen from where it is, so that no beam passes another.
     for hit in hits {
         let points = SweepPoints { origin: hit, hits: vec![hit], normals: vec![[0.0; 2]], ..SweepPoints::default() };

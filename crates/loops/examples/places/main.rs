@@ -8,7 +8,7 @@ mod recordings;
 mod rivals;
 
 use mapwright_geom::{Pose2, wrap_angle};
-use mapwright_grid::{Change, CorrelativeSearch, LiveMap, LiveMapSettings, SearchWindow};
+use mapwright_grid::{Change, CorrelativeSearch, LocalMap, LocalMapSettings, SearchWindow};
 use mapwright_loops::PlaceIndex;
 use mapwright_sensor::SweepPoints;
 use mapwright_sim::{DriveSettings, kidnapping, worlds};
@@ -221,7 +221,7 @@ fn costs(worlds: &[(String, Vec<Recording>)]) {
 /// Seconds it takes to search 3 m and these headings of a submap.
 fn verify(recording: &Recording, e: usize, k: usize, resolution_m: f64, windows: &[(f64, f64)]) -> f64 {
     let hits = recording.submap(e, SUBMAP_M);
-    let mut map = LiveMap::new(LiveMapSettings { resolution_m, ..LiveMapSettings::default() });
+    let mut map = LocalMap::new(LocalMapSettings { resolution_m, ..LocalMapSettings::default() });
     let points = SweepPoints { normals: vec![[0.0; 2]; hits.len()], hits, ..SweepPoints::default() };
     map.change(&points, Pose2::IDENTITY, Change::Add, 0);
     let all = recording.submap(k, SUBMAP_M);

@@ -2,7 +2,7 @@
 
 use super::prepare::Preparation;
 use mapwright_geom::Pose2;
-use mapwright_grid::LiveMap;
+use mapwright_grid::LocalMap;
 use mapwright_record::Beams;
 
 /// From this share of end points in space that beams have passed on, they are taken for somebody in the way and left
@@ -21,7 +21,7 @@ pub(super) struct Intruders {
 impl Intruders {
     /// The beams of the present scan that end in space known to be free, where they are many: people in the way, or a match
     /// that is wrong. Few of them are news, a door or a chair, and stay.
-    pub(super) fn find(&mut self, map: &LiveMap, scan: &Preparation, local_from_robot: Pose2) -> Option<Beams> {
+    pub(super) fn find(&mut self, map: &LocalMap, scan: &Preparation, local_from_robot: Pose2) -> Option<Beams> {
         let (sweep, hits) = (scan.sweep()?, &scan.points().hits);
         let mut intruders = Vec::new();
         let _ = map.agreement_of_each(hits, local_from_robot, |hit| intruders.push(hit));

@@ -5,7 +5,7 @@
 
 use super::FrontEnd;
 use super::pose::{RobotPose, map_floor};
-use crate::live::Earlier;
+use crate::local_map::Earlier;
 use crate::settings::Settings;
 use crate::store::{NodeId, Past, spacing};
 use mapwright_geom::{Cov3, Pose2, compose_covariance};

@@ -5,7 +5,7 @@ use crate::settings::{Optimizer, Settings};
 use crate::store::NodeId;
 use mapwright_geom::{Cov3, Pose2, Stamp};
 use mapwright_grid::{
-    Agreement, CorrelativeSearch, LiveMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
+    Agreement, CorrelativeSearch, LocalMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
 };
 use mapwright_record::{MatchReport, Status};
 use nalgebra::Matrix3;
@@ -100,7 +100,7 @@ impl Matched {
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) settings: &'a Settings,
-    pub(super) map: &'a LiveMap,
+    pub(super) map: &'a LocalMap,
     /// End points in the robot's frame.
     pub(super) points: &'a [[f64; 2]],
     pub(super) predictor: &'a Predictor,

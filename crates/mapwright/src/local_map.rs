@@ -1,9 +1,9 @@
-//! Which keyframes the live map is made of.
+//! Which keyframes the local map is made of.
 
 use crate::patches::{Flip, Known, Patches, Spacing};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
-use mapwright_grid::{Change, LiveMap, LiveMapSettings};
+use mapwright_grid::{Change, LocalMap, LocalMapSettings};
 use mapwright_record::LocalMapReport;
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use rustc_hash::FxHashMap;
@@ -23,7 +23,7 @@ const SAME_VIEW_RAD: f64 = std::f64::consts::FRAC_PI_4;
 /// A live keyframe stays live up to this multiple of the gate.
 const HYSTERESIS: f64 = 2.5;
 
-/// Rounds of following that bring the surroundings of a robot into the live map that was found elsewhere.
+/// Rounds of following that bring the surroundings of a robot into the local map that was found elsewhere.
 const ARRIVAL_STEPS: usize = 400;
 /// and keyframes that are drawn there at once.
 const ARRIVAL_KEYFRAMES: usize = 200;
@@ -41,10 +41,10 @@ const MET_SHARE: f64 = 0.02;
 /// So many keyframes leave before the scan is matched, the others in the next scans.
 const MET_AT_ONCE: usize = 32;
 
-/// The live map and the rule that keeps it.
+/// The local map and the rule that keeps it.
 #[derive(Debug, Clone)]
-pub(crate) struct Live {
-    pub(crate) map: LiveMap,
+pub(crate) struct LocalMapping {
+    pub(crate) map: LocalMap,
     gated: bool,
     views: Vec<View>,
     patches: Patches,
@@ -75,7 +75,7 @@ struct View {
     gone: bool,
 }
 
-/// The keyframes as the live map needs them.
+/// The keyframes as the local map needs them.
 #[derive(Clone, Copy)]
 pub(crate) struct Frames<'a> {
     /// What is drawn of each, if anything is.
@@ -83,15 +83,15 @@ pub(crate) struct Frames<'a> {
     pub(crate) world_from_robot: &'a [Pose2],
 }
 
-impl Live {
+impl LocalMapping {
     pub(crate) fn new(settings: &Settings) -> Self {
-        let map = LiveMapSettings {
+        let map = LocalMapSettings {
             resolution_m: settings.map.resolution_m,
             passes_per_hit: settings.map.passes_per_hit,
-            ..LiveMapSettings::default()
+            ..LocalMapSettings::default()
         };
         Self {
-            map: LiveMap::new(map),
+            map: LocalMap::new(map),
             gated: settings.live.policy == LivePolicy::Gated,
             views: Vec::new(),
             patches: Patches::default(),
@@ -204,7 +204,7 @@ impl Live {
     }
 
     /// Before a scan is matched: if it would be matched against what is too uncertain for that, all that is so uncertain around
-    /// the robot leaves the live map, the nearest at once.
+    /// the robot leaves the local map, the nearest at once.
     pub(crate) fn meet(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], predicted: Pose2) {
         self.meet_waiting(hits, predicted);
         if !self.patches.any_stale() || !self.meets_stale(hits, predicted) {
@@ -293,7 +293,7 @@ impl Live {
         self.note_waiting(frames);
     }
 
-    /// Whether a keyframe is to be in the live map.
+    /// Whether a keyframe is to be in the local map.
     fn is_wanted(&self, node: u32) -> bool {
         !self.views[node as usize].gone && self.is_live(node)
     }
@@ -307,9 +307,9 @@ impl Live {
         })
     }
 
-    /// Where more would have to be taken out of the live map than stays, it begins anew, with the newest views. The others wait.
+    /// Where more would have to be taken out of the local map than stays, it begins anew, with the newest views. The others wait.
     fn begin_anew(&mut self, settings: &Settings, frames: Frames<'_>) {
-        self.map = LiveMap::new(self.map.settings);
+        self.map = LocalMap::new(self.map.settings);
         self.views.iter_mut().for_each(|view| view.drawn_at = None);
         self.report.keyframes = 0;
         self.due.clear();
@@ -338,12 +338,12 @@ impl Live {
         }
     }
 
-    /// Old places that are not in the live map.
+    /// Old places that are not in the local map.
     pub(crate) fn survey(&mut self) -> Vec<Known> {
         if self.gated { self.patches.survey() } else { Vec::new() }
     }
 
-    /// The robot was found elsewhere: the live map follows at once, as far as a scan from there sees.
+    /// The robot was found elsewhere: the local map follows at once, as far as a scan from there sees.
     pub(crate) fn arrive(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], at: Pose2) {
         for _ in 0..ARRIVAL_STEPS {
             self.follow(settings, frames, false);
@@ -353,7 +353,7 @@ impl Live {
         self.map.refresh();
     }
 
-    /// Whether a keyframe is in the live map or is to be.
+    /// Whether a keyframe is in the local map or is to be.
     pub(crate) fn is_live(&self, node: u32) -> bool {
         !self.gated || self.patches.is_live(node)
     }

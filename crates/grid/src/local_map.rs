@@ -56,7 +56,7 @@ const BEHIND: f32 = 0.1;
 
 /// What counts as an obstacle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LiveMapSettings {
+pub struct LocalMapSettings {
     /// Side of a cell, metres.
     pub resolution_m: f64,
     /// Radius of the distance field, cells.
@@ -67,7 +67,7 @@ pub struct LiveMapSettings {
     pub point_weight: f64,
 }
 
-impl Default for LiveMapSettings {
+impl Default for LocalMapSettings {
     fn default() -> Self {
         Self { resolution_m: 0.05, radius_cells: 10, passes_per_hit: 5, point_weight: 0.1 }
     }
@@ -146,9 +146,9 @@ impl Tally {
 
 /// See the module's text.
 #[derive(Debug, Clone)]
-pub struct LiveMap {
+pub struct LocalMap {
     /// Settings it was made with.
-    pub settings: LiveMapSettings,
+    pub settings: LocalMapSettings,
     counts: CountGrid,
     field: DistanceField,
     surfels: Vec<Surfel>,
@@ -192,10 +192,10 @@ const MOVED: u8 = 4;
 /// The surfel must be computed anew.
 const DIRTY: u8 = 8;
 
-impl LiveMap {
+impl LocalMap {
     /// An empty map.
     #[must_use]
-    pub fn new(settings: LiveMapSettings) -> Self {
+    pub fn new(settings: LocalMapSettings) -> Self {
         Self {
             settings,
             counts: CountGrid::new(settings.resolution_m),
@@ -254,7 +254,7 @@ impl LiveMap {
         self.refresh();
     }
 
-    /// As [`LiveMap::change`], the obstacles left for [`LiveMap::refresh`]: cheaper where many sweeps change.
+    /// As [`LocalMap::change`], the obstacles left for [`LocalMap::refresh`]: cheaper where many sweeps change.
     pub fn draw(&mut self, points: &SweepPoints, world_from_robot: Pose2, change: Change, supplier: u32) {
         let known = self.touched.len();
         self.counts.draw(points, world_from_robot, change, &mut self.touched);
@@ -277,7 +277,7 @@ impl LiveMap {
         self.agreement_of_each(points, world_from_robot, |_| {})
     }
 
-    /// As [`LiveMap::agreement`]; `contradicts` hears the index of every end point in space that beams have passed.
+    /// As [`LocalMap::agreement`]; `contradicts` hears the index of every end point in space that beams have passed.
     #[must_use]
     pub fn agreement_of_each(
         &self,
@@ -496,8 +496,8 @@ mod tests {
     fn a_keyframe_that_was_taken_out_is_nobodys_anchor() {
         let hits: Vec<_> = (0..40).map(|k| [2.0, 0.05 * f64::from(k)]).collect();
         let points = SweepPoints { normals: vec![[1.0, 0.0]; hits.len()], hits, ..SweepPoints::default() };
-        let mut map = LiveMap::new(LiveMapSettings::default());
-        let supplier = |map: &LiveMap| map.agreement(&points.hits, Pose2::IDENTITY).supplier;
+        let mut map = LocalMap::new(LocalMapSettings::default());
+        let supplier = |map: &LocalMap| map.agreement(&points.hits, Pose2::IDENTITY).supplier;
         for keyframe in 3..=5 {
             map.change(&points, Pose2::IDENTITY, Change::Add, keyframe);
         }
@@ -518,7 +518,7 @@ mod tests {
         const SIGMA_M: f64 = 0.025;
         let hits: Vec<_> = (0..80).map(|k| [2.0, 0.025 * f64::from(k) - 1.0]).collect();
         let points = SweepPoints { normals: vec![[-1.0, 0.0]; hits.len()], hits, ..SweepPoints::default() };
-        let mut map = LiveMap::new(LiveMapSettings::default());
+        let mut map = LocalMap::new(LocalMapSettings::default());
         map.change(&points, Pose2::IDENTITY, Change::Add, 0);
         let inner = &points.hits[10..70];
         for (off_m, along_m) in [(0.0, 0.0), (0.0, 0.1), (0.02, 0.0), (-0.04, 0.1), (0.09, 0.0)] {

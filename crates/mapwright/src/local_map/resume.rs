@@ -1,6 +1,6 @@
 //! The local map of a run that is continued: what it was made of is made again from the keyframes and their links.
 
-use super::{Frames, Live, View};
+use super::{Frames, LocalMapping, View};
 use crate::patches::Spacing;
 use crate::settings::Settings;
 use mapwright_geom::Cov3;
@@ -21,7 +21,7 @@ pub(crate) struct Earlier {
 /// The gate needs no more scans than these to follow a step.
 const FOLLOWED_SCANS: u64 = 16;
 
-impl Live {
+impl LocalMapping {
     /// Takes a keyframe in without drawing it; they come in their order.
     pub(crate) fn take_in(&mut self, settings: &Settings, frames: Frames<'_>, earlier: &Earlier) {
         let Earlier { node, ref links, spacing, ref closures, scans } = *earlier;

@@ -33,9 +33,9 @@ fn step(sigma_m: f64) -> Cov3 {
 }
 
 /// Inserts keyframes each `sigma_m` uncertain relative to the one before, with three scans between them.
-fn drive(sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], sigma_m: f64, closure: Option<(u32, u32)>) -> Live {
+fn drive(sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], sigma_m: f64, closure: Option<(u32, u32)>) -> LocalMapping {
     let settings = gated();
-    let mut live = Live::new(&settings);
+    let mut live = LocalMapping::new(&settings);
     for node in 0..poses.len() {
         let frames = Frames { drawn: &sweeps[..=node], world_from_robot: &poses[..=node] };
         let node = node as u32;
@@ -54,7 +54,7 @@ fn drive(sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], sigma_m: f64, closure: 
 }
 
 /// Counts of the keyframes that are drawn, drawn anew.
-fn redrawn(live: &Live, sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2]) -> CountGrid {
+fn redrawn(live: &LocalMapping, sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2]) -> CountGrid {
     let mut map = CountGrid::new(0.05);
     let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
     for node in (0..poses.len()).filter(|&node| live.views[node].drawn_at.is_some()) {
@@ -66,12 +66,12 @@ fn redrawn(live: &Live, sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2]) -> Count
     map
 }
 
-fn finish(live: &mut Live, sweeps: &[Option<Arc<Sweep>>], world_from_robot: &[Pose2]) {
+fn finish(live: &mut LocalMapping, sweeps: &[Option<Arc<Sweep>>], world_from_robot: &[Pose2]) {
     live.settle_due(&gated(), Frames { drawn: sweeps, world_from_robot }, usize::MAX);
 }
 
 /// A scan like that of a keyframe meets what is there.
-fn scan(live: &mut Live, sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], node: usize) {
+fn scan(live: &mut LocalMapping, sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], node: usize) {
     let (settings, mut points) = (gated(), SweepPoints::default());
     if let Some(sweep) = &sweeps[node] {
         points.fill(sweep, &mut BeamTable::default(), settings.scan.free_range_m);
@@ -108,7 +108,7 @@ fn a_link_to_a_place_that_was_out_lets_it_in_again_when_a_scan_meets_it() {
     let (sweeps, poses) = corridor(60);
     let mut live = drive(&sweeps, &poses, 0.12, Some((55, 34)));
     finish(&mut live, &sweeps, &poses);
-    let drawn = |live: &Live, node: usize| live.views[node].drawn_at.is_some();
+    let drawn = |live: &LocalMapping, node: usize| live.views[node].drawn_at.is_some();
     assert!(live.is_live(33) && live.is_live(34) && live.report.let_in == 0, "{:?}", live.report);
     assert!(!drawn(&live, 33) && !drawn(&live, 34));
     scan(&mut live, &sweeps, &poses, 33);
@@ -133,7 +133,7 @@ fn what_a_correction_moves_is_drawn_where_it_belongs_when_a_scan_meets_it() {
         let frames = Frames { drawn: &sweeps, world_from_robot: &moved };
         live.carry(&gated(), &poses, frames);
         finish(&mut live, &sweeps, &moved);
-        let at = |live: &Live, node: usize| live.views[node].drawn_at;
+        let at = |live: &LocalMapping, node: usize| live.views[node].drawn_at;
         // Where most has moved all begins anew, with the newest; where little has it stays until it is met.
         let newest = (0..60).filter(|&node| at(&live, node).is_some()).count();
         assert_eq!(newest, if first == 10 { 60 } else { MET_AT_ONCE }, "{:?}", live.report);
@@ -163,7 +163,7 @@ fn what_is_too_uncertain_to_be_matched_against_leaves_before_a_scan_would_be() {
     let (sweeps, poses) = out_and_back();
     let mut live = drive(&sweeps, &poses, 0.05, None);
     finish(&mut live, &sweeps, &poses);
-    let drawn = |live: &Live, node: usize| live.views[node].drawn_at.is_some();
+    let drawn = |live: &LocalMapping, node: usize| live.views[node].drawn_at.is_some();
     scan(&mut live, &sweeps, &poses, 59);
     assert!(live.report.gated_out == 0 && drawn(&live, 0), "no scan has met it: {:?}", live.report);
     scan(&mut live, &sweeps, &poses, 0);
@@ -199,7 +199,7 @@ fn a_keyframe_that_is_to_leave_can_be_dropped() {
     let mut live = drive(&sweeps, &poses, 0.001, None);
     let frames = Frames { drawn: &sweeps, world_from_robot: &poses };
     live.flip(&gated(), frames, Flip { patch: 0, live: false, distance2: 0.0 });
-    let drawn = |live: &Live, node: u32| live.views[node as usize].drawn_at.is_some();
+    let drawn = |live: &LocalMapping, node: u32| live.views[node as usize].drawn_at.is_some();
     let leaving = live.due.iter().copied().find(|&node| drawn(&live, node));
     let leaving = leaving.expect("what leaves is taken out a few at a time");
     live.drop(&gated(), frames, leaving);
@@ -215,7 +215,8 @@ fn a_keyframe_that_is_left_out_is_a_place_and_nothing_drawn() {
     sweeps[20] = None;
     let mut live = drive(&sweeps, &poses, 0.001, None);
     let frames = Frames { drawn: &sweeps, world_from_robot: &poses };
-    let is_out = |live: &Live| live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|&k| k == 20);
+    let is_out =
+        |live: &LocalMapping| live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|&k| k == 20);
     assert!(is_out(&live) && live.is_live(20) && live.is_live(39), "it is known where it is, and what follows");
     for is_live in [false, true] {
         for patch in 0..5 {

@@ -1,6 +1,6 @@
 //! Patches that wait to be drawn where they belong until a scan meets them.
 
-use super::{Frames, Live, MET_SHARE, count};
+use super::{Frames, LocalMapping, MET_SHARE, count};
 use mapwright_geom::Pose2;
 use mapwright_grid::floor_cell;
 
@@ -9,7 +9,7 @@ const MEETING_SQUARE_M: f64 = 2.0;
 /// Of a patch that is drawn again so many views stay, evenly spread.
 pub(super) const REDRAWN_AT_MOST: usize = 16;
 
-impl Live {
+impl LocalMapping {
     /// What is certain and was not drawn yet is due as soon as a scan ends on it.
     pub(super) fn meet_waiting(&mut self, hits: &[[f64; 2]], predicted: Pose2) {
         if self.waiting.is_empty() {
