@@ -240,7 +240,7 @@ impl Mapper {
     /// Asks where in all that is known the robot is.
     fn ask_everywhere(&mut self) {
         let Localisation::Lost(lost) = &mut self.localisation else { return };
-        if !lost.is_to_ask() {
+        if !lost.is_to_ask(self.back.budget.every_m()) {
             return;
         }
         lost.asked();

@@ -11,6 +11,7 @@ use mapwright_record::{
 };
 use mapwright_sensor::Sweep;
 use nalgebra::Matrix3;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 mod new;
@@ -170,7 +171,8 @@ impl Store {
         }
         self.has_origin = true;
         let odom_from_start = own_from_robot * odom_from_robot.inverse();
-        if odom_from_start.is_within_bounds() {
+        // A heading beyond all reason cannot be brought to within half a turn.
+        if odom_from_start.is_within_bounds() && odom_from_start.theta.abs() <= PI {
             self.write(Entry::OdometryOrigin(OdometryOrigin { from_scan: self.first_scan, odom_from_start }));
         }
     }

@@ -117,12 +117,16 @@ pub(crate) struct Budget {
     spent: u64,
     /// What a question has to have at least, for one with less was cut short.
     needed: u64,
+    /// What the last one has cost.
+    last: u64,
 }
 
 /// Of what all else has cost.
 const TIMES_THE_USUAL: u64 = 2;
-/// A tenth of a second's work, for logs that have only begun.
-const AT_FIRST: u64 = 1_000_000;
+/// Some four seconds of work, for logs that have only begun (table in docs/decisions/0012-carried-robots.md).
+const AT_FIRST: u64 = 45_000_000;
+/// While the robot is nowhere, so much way uses up what is left, metres: it may come to known ground late.
+const LASTS_M: f64 = 40.0;
 /// What else costs about as much as so many scored poses (of the instructions of a whole log): an evaluation of so many beams as
 /// one, a keyframe drawn in and out, a view drawn into a submap.
 const BEAMS_A_POSE: u64 = 25;
@@ -144,13 +148,23 @@ impl Budget {
 
     /// What a question may cost, where that is enough.
     pub(crate) fn for_question(&self) -> Option<u64> {
-        let left = (AT_FIRST + TIMES_THE_USUAL * self.usual).saturating_sub(self.spent);
+        let left = self.left();
         (left > self.needed).then_some(left)
+    }
+
+    fn left(&self) -> u64 {
+        (AT_FIRST + TIMES_THE_USUAL * self.usual).saturating_sub(self.spent)
+    }
+
+    /// Way between two questions while the robot is nowhere, metres.
+    pub(crate) fn every_m(&self) -> f64 {
+        LASTS_M * self.last as f64 / self.left().max(1) as f64
     }
 
     /// What a question was given and has cost; where all of it was spent, the next one has to have twice as much.
     pub(crate) fn spend(&mut self, given: u64, spent: u64) {
         self.spent += spent;
+        self.last = spent;
         self.needed = if spent == given { 2 * given } else { 0 };
     }
 }

@@ -92,10 +92,15 @@ impl RobotPose {
             self.information = matched.information;
             self.anchor_at(past, anchor);
         }
-        if !self.local_from_robot.is_within_bounds() {
+        let newest = past.local_from_keyframe.last();
+        let is_near = newest.is_none_or(|newest| newest.between(self.local_from_robot).is_within_bounds());
+        if !self.local_from_robot.is_within_bounds() || !is_near {
             self.local_from_robot = before;
         }
-        self.odom_from_robot = self.odom_from_robot * step.last_from_robot;
+        let odom_from_robot = self.odom_from_robot * step.last_from_robot;
+        if odom_from_robot.is_within_bounds() {
+            self.odom_from_robot = odom_from_robot;
+        }
         before.between(self.local_from_robot)
     }
 

@@ -19,6 +19,11 @@ fn find_at(mapper: &mut Mapper, local_from_robot: Pose2) {
     lost.is_found(Found { from, to, from_from_to, covariance });
 }
 
+/// As after a drive without end: nothing keeps it from asking at every keyframe.
+fn let_ask(mapper: &mut Mapper) {
+    mapper.back.budget.earn_verification(0, 1_000_000_000_000);
+}
+
 #[test]
 fn who_is_found_where_less_and_less_fits_is_lost_again_and_has_left_nothing() {
     let case = kidnapping(28_017);
@@ -56,8 +61,7 @@ fn who_is_found_where_less_and_less_fits_is_lost_again_and_has_left_nothing() {
 fn who_drives_along_a_corridor_like_a_known_one_is_not_found_there() {
     let case = kidnapping(41_031);
     let mut mapper = Mapper::new(Settings::default()).expect("valid");
-    // As after a long drive: what it may spend on questions would not do for many so soon.
-    mapper.back.budget.earn_verification(0, 100_000_000);
+    let_ask(&mut mapper);
     let since_s = |scan: &LaserScan| scan.stamp.secs_since(case.put_down);
     let mut asked = 0;
     for scan in case.drive().scans().map(|scan| scan.scan).take_while(|scan| since_s(scan) < 16.0) {
@@ -68,4 +72,22 @@ fn who_drives_along_a_corridor_like_a_known_one_is_not_found_there() {
         }
     }
     assert!(asked > 20, "it has asked {asked} times");
+}
+
+#[test]
+fn what_is_told_of_a_robot_that_was_lost_and_found_is_its_session() {
+    let case = kidnapping(902);
+    let mut mapper = Mapper::new(Settings::default()).expect("valid");
+    let_ask(&mut mapper);
+    let (mut told, mut on_trial) = (Session::default(), 0);
+    let since_s = |scan: &LaserScan| scan.stamp.secs_since(case.put_down);
+    for scan in case.drive().scans().map(|scan| scan.scan).take_while(|scan| since_s(scan) < 15.0) {
+        let update = mapper.add_scan(&scan);
+        on_trial += usize::from(update.localisation == mapwright_record::Localisation::OnTrial);
+        told.add_all(update.entries).expect("entries fit to those before");
+    }
+    assert!(on_trial > 0, "it was found");
+    let arrival = |candidate: &&Candidate| candidate.verdict == Verdict::Accepted && candidate.from < candidate.to;
+    assert!(mapper.candidates().iter().any(|candidate| arrival(&candidate)));
+    assert!(told == *mapper.session() && told.encode() == mapper.session().encode());
 }
