@@ -110,6 +110,24 @@ proptest! {
     }
 }
 
+/// Each leap is farther than a session has room for between two keyframes, or all of them together farther than odometry may get.
+#[test]
+fn leaps_across_all_that_is_allowed_are_survived() {
+    let laser = Arc::new(LaserModel::half_circle("leaping", 80));
+    for [first, second] in [[-9e5, 9e5], [0.0, 9e5], [-9e5, -9e5]] {
+        let mut mapper = mapper();
+        for k in 0..12_u32 {
+            let x = if k.is_multiple_of(2) { first } else { second };
+            // An hour from scan to scan: no speed speaks against it. Every third sees nothing.
+            let stamp = Stamp(i64::from(k) * 3_600_000_000_000);
+            let ranges_m = vec![if k % 3 == 2 { f32::INFINITY } else { 2.0 + 0.1 * k as f32 }; 80];
+            let odom_from_robot = Some(Pose2::new(x, x, 0.1 * f64::from(k)));
+            check(&mut mapper, &LaserScan { stamp, laser: Arc::clone(&laser), ranges_m, odom_from_robot });
+        }
+        assert_eq!(mapper.session().scans().len(), 12, "every scan is taken down");
+    }
+}
+
 #[test]
 fn a_scan_of_200_000_beams_is_survived() {
     let mut mapper = mapper();

@@ -122,12 +122,12 @@ fn a_full_disk_is_told_with_the_file_and_leaves_old_results_alone() {
         eprintln!("a full disk: skipped: no /dev/full");
         return;
     }
-    for name in ["trajectory_online.tum", "trajectory.tum", "map.pgm", "map.png", "report.json"] {
+    for name in ["session.mapwright", "trajectory_online.tum", "trajectory.tum", "map.pgm", "map.png", "report.json"] {
         let folder = folder(&format!("full_{name}"));
         let (log, out) = (small_log_in(&folder), folder.join("out"));
         fs::create_dir(&out).unwrap();
         fs::write(out.join("map.yaml"), "old").unwrap();
-        std::os::unix::fs::symlink("/dev/full", out.join(format!(".{name}.part"))).unwrap();
+        std::os::unix::fs::symlink("/dev/full", out.join(format!("{name}.part"))).unwrap();
         let output = run(&["map", &log, "-o", out.to_str().unwrap()]);
         assert_refused(&output, 1, &["cannot write", name, "No space left"]);
         assert_eq!(fs::read_dir(&out).unwrap().count(), 1, "parts are left behind");

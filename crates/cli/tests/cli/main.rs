@@ -11,6 +11,7 @@ mod optimize;
 mod real_logs;
 mod recordings;
 mod robot;
+mod session;
 mod show;
 mod suite;
 mod support;

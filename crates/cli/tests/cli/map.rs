@@ -136,7 +136,7 @@ fn ctrl_c_leaves_the_complete_map_so_far() {
     let half = small_log().len() / 2;
     let half = half + small_log()[half..].iter().position(|&b| b == b'\n').unwrap() + 1;
     stdin.write_all(&small_log()[..half]).unwrap();
-    while !out.join(".trajectory_online.tum.part").exists() {
+    while !out.join("trajectory_online.tum.part").exists() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();

@@ -11,7 +11,8 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, OnceLock};
 
 /// All files of a run that must not differ from run to run.
-pub(crate) const SAME_BYTES: [&str; 8] = [
+pub(crate) const SAME_BYTES: [&str; 9] = [
+    "session.mapwright",
     "trajectory.tum",
     "trajectory_online.tum",
     "graph.g2o",
@@ -90,14 +91,22 @@ pub(crate) fn three_rooms(duration_s: f64, robot_from_laser: Pose2, said: Pose2)
     laser.model = Arc::new(LaserModel { robot_from_laser, ..(*laser.model).clone() });
     let told = Arc::new(LaserModel { robot_from_laser: said, ..(*laser.model).clone() });
     let settings = DriveSettings { laser, duration_s, seed: 5, ..DriveSettings::default() };
+    log_of(Drive::new(worlds::three_rooms(5).into(), settings).map(|event| match event {
+        Event::Scan(mut scan) => {
+            scan.scan.laser = Arc::clone(&told);
+            Event::Scan(scan)
+        }
+        odometry => odometry,
+    }))
+}
+
+/// A drive as a CARMEN log.
+pub(crate) fn log_of(drive: impl Iterator<Item = Event>) -> Vec<u8> {
     let mut writer = CarmenWriter::new(Vec::new());
-    for event in Drive::new(worlds::three_rooms(5).into(), settings) {
+    for event in drive {
         match event {
             Event::Odometry(odometry) => writer.odometry(&odometry).unwrap(),
-            Event::Scan(mut scan) => {
-                scan.scan.laser = Arc::clone(&told);
-                writer.scan(&scan.scan).unwrap();
-            }
+            Event::Scan(scan) => writer.scan(&scan.scan).unwrap(),
         }
     }
     writer.finish().unwrap()
