@@ -55,6 +55,9 @@ const DESCRIBED_AT_ONCE: usize = 32;
 /// too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
 /// true closures by the dozen (docs/decisions/0011-closing-loops.md).
 const IMPROBABLE_CHI2: f64 = 150.0;
+/// What a match is supported by is in the local map, and certain relative to the robot as the gate has it: there the 99.9 % quantile
+/// holds.
+const IMPROBABLE_MATCH_CHI2: f64 = 16.3;
 /// Within such an uncertainty nothing else can be meant, metres.
 const SURE_M: f64 = 0.15;
 /// Two findings agree up to here: metres and radians.
@@ -291,6 +294,7 @@ impl Closing {
         let mut judged = target.judged(to, finding);
         let found = finding.target_from_query.unwrap_or(target.middle);
         let chi2 = cycle_chi2(past, to, target, finding, found);
+        let most_chi2 = if target.detection == Detection::Match { IMPROBABLE_MATCH_CHI2 } else { IMPROBABLE_CHI2 };
         judged.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
         let unclear = finding.objection == Some(Objection::Ambiguous)
             && judged.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);
@@ -299,14 +303,14 @@ impl Closing {
                 Verdict::Waiting(why)
             }
             Some(why) => Verdict::Refused(why),
-            None if chi2 > IMPROBABLE_CHI2 => Verdict::Refused(Objection::Improbable),
+            None if chi2 > most_chi2 => Verdict::Refused(Objection::Improbable),
             None => Verdict::Waiting(Objection::Alone),
         };
         if target.detection == Detection::Match {
             self.supports.learn(target.from, to, supports::Found::Not);
         }
         let may_count = finding.objection.is_none() || unclear;
-        if !may_count || chi2 > IMPROBABLE_CHI2 {
+        if !may_count || chi2 > most_chi2 {
             return Judgement { judged, agreeing: Vec::new() };
         }
         let number = candidates.len() as u32;

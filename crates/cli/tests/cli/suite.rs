@@ -36,7 +36,7 @@ fn loops_are_compared_with_the_batch_solve_whatever_the_threads() {
     assert_eq!(worlds.iter().map(|world| world["seed"].as_u64().unwrap()).collect::<Vec<_>>(), [4, 5, 6]);
     for world in &worlds {
         let number = |key: &str| world[key].as_f64().unwrap();
-        // Loops this short come back into the live map by themselves.
+        // Loops this short come back into the local map by themselves.
         assert!(world["closed"] == true && world["wrong"] == 0, "{world}");
         assert!(number("true_closures") > 20.0 && number("batch_ate_m") < 0.1, "{world}");
         assert!((number("ratio") - number("ate_m") / number("batch_ate_m")).abs() < 1e-9, "{world}");

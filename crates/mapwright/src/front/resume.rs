@@ -31,7 +31,7 @@ impl FrontEnd {
         let mut front = Self::new(settings, Pose2::IDENTITY);
         let links = links(past);
         front.take_in_keyframes(past, &links);
-        let covariances = links.iter().map(|links| fused(links)).collect();
+        let covariances = links.iter().map(fused).collect();
         let (local_from_robot, since_keyframe) = front.go_through_scans(past);
         front.pose = RobotPose::resume(local_from_robot, covariances, since_keyframe);
         front
