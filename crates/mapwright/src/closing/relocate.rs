@@ -123,8 +123,8 @@ pub(crate) struct Budget {
 
 /// Of what all else has cost.
 const TIMES_THE_USUAL: u64 = 2;
-/// Some ten seconds of work, for logs that have only begun (table in docs/decisions/0012-carried-robots.md).
-const AT_FIRST: u64 = 100_000_000;
+/// Some fifteen seconds of work, for logs that have only begun (table in docs/decisions/0012-carried-robots.md).
+const AT_FIRST: u64 = 150_000_000;
 /// While the robot is nowhere, so much way uses up what is left, metres: it may come to known ground late.
 const LASTS_M: f64 = 40.0;
 /// What else costs about as much as so many scored poses (of the instructions of a whole log): an evaluation of so many beams as

@@ -95,15 +95,12 @@ impl Lost {
         self.provisional.front.add_turn_rate(rate);
     }
 
-    /// Whether it is time to ask where the robot is; while it is nowhere that may be asked after so much way, metres.
+    /// Whether it is time to ask where the robot is; while it is nowhere for long that may be asked after so much way, metres.
     pub(crate) fn is_to_ask(&self, affordable_every_m: f64) -> bool {
         // Where it may be known, it asks at every keyframe.
         let nowhere = self.chances.is_empty() && self.heard.last().is_none_or(Heard::is_nowhere);
-        let every_m = match nowhere {
-            true if self.way_m > ASK_OFTEN_M => affordable_every_m.max(ASK_LATER_EVERY_M),
-            true => affordable_every_m,
-            false => 0.0,
-        };
+        let is_late = nowhere && self.way_m > ASK_OFTEN_M;
+        let every_m = if is_late { affordable_every_m.max(ASK_LATER_EVERY_M) } else { 0.0 };
         self.asking.is_none() && self.way_m >= ASK_FROM_M && self.way_m - self.asked_m >= every_m
     }
 
