@@ -16,7 +16,7 @@ pub(crate) enum Suite {
     /// Long loops: whether they close, and the trajectory's error beside that of a batch solve given all true closures.
     ///
     /// A world is `worlds::loop_of(seed, length)`, driven by `DriveSettings::long_drive(seed)`. An edge closes when it is
-    /// a closure, or a match between keyframes more than 20 m of way apart; those taken back do not count. It is right
+    /// a closure, or a match between keyframes more than 20 m of way apart; those withdrawn do not count. It is right
     /// when what it measured and what the final map says of its keyframes both lie within 0.3 m and 3 degrees of the
     /// truth, else wrong. The loop is closed when a right one joins the first and the last 30 m of the way.
     ///

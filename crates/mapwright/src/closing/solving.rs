@@ -3,7 +3,7 @@
 use mapwright_geom::Pose2;
 use mapwright_graph::{PoseGraph2, SolverSettings, optimize};
 
-/// A closure that the optimum strains more than this, chi-square with three degrees of freedom, is taken back. It is more than
+/// A closure that the optimum strains more than this, chi-square with three degrees of freedom, is withdrawn. It is more than
 /// the 99.99 % quantile (21.1), for a chain states too little (docs/decisions/0011-closing-loops.md).
 const STRAINED_CHI2: f64 = 25.0;
 /// Closures that one solution may take back.
