@@ -65,6 +65,12 @@ impl<P: Pose> PoseGraph<P> {
         Ok(P::apart::<Chi2>(self))
     }
 
+    /// Weighted squared error of one of the edges, of a graph that [`PoseGraph::check`] accepts.
+    #[must_use]
+    pub fn edge_chi2(&self, at: usize) -> f64 {
+        P::apart::<EdgeChi2>((self, at))
+    }
+
     /// Refuses what cannot be solved.
     ///
     /// # Errors
@@ -235,6 +241,22 @@ impl Apart for Chi2 {
 
     fn space(graph: &PoseGraph3) -> f64 {
         graph.edges.iter().map(|edge| edge_chi2(graph, edge)).sum()
+    }
+}
+
+/// That of one edge.
+struct EdgeChi2;
+
+impl Apart for EdgeChi2 {
+    type Of<'a, P: Pose> = (&'a PoseGraph<P>, usize);
+    type Output<P: Pose> = f64;
+
+    fn plane((graph, at): Self::Of<'_, Pose2>) -> f64 {
+        edge_chi2(graph, &graph.edges[at])
+    }
+
+    fn space((graph, at): Self::Of<'_, Pose3>) -> f64 {
+        edge_chi2(graph, &graph.edges[at])
     }
 }
 

@@ -3,7 +3,8 @@
 //! The search is exact (branch and bound over every position within the map's bounds and every heading), so a place that
 //! explains what was seen nearly as well as the best one does not go unnoticed: it is the rival.
 
-use crate::submap::{Submap, SubmapSettings, View, draw};
+use crate::submap::{Submap, SubmapSettings, draw};
+use crate::views::View;
 use mapwright_geom::Pose2;
 use mapwright_grid::{
     Agreement, CorrelativeSearch, LocalMap, Matcher, Peak, Prior, SearchSettings, SearchWindow, Separation,

@@ -1,11 +1,28 @@
 //! Recognising places seen before, and refusing what only looks like them.
+//!
+//! Which old places to look for, what was found there and whether to believe it ([`Closing`], [`Verification`], [`Solving`]) is
+//! written once for the plane and for space, over [`Pose`](mapwright_geom::Pose) and the trait [`Submaps`].
 
 mod atlas;
+mod cascade;
+mod closing;
 mod places;
+mod plane;
+mod solving;
 mod submap;
+mod submaps;
+mod verification;
 mod verify;
+mod views;
 
 pub use atlas::{Atlas, Effort, Sighting};
+pub use cascade::{Finding, VerifySettings};
+pub use closing::{Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, is_old};
 pub use places::{PlaceHit, PlaceIndex};
-pub use submap::{Submap, SubmapSettings, View};
-pub use verify::{Finding, Verifier, VerifySettings};
+pub use plane::PlaneSubmaps;
+pub use solving::{Solved, Solving};
+pub use submap::{Submap, SubmapSettings};
+pub use submaps::{PoseOf, Submaps, Window};
+pub use verification::{Judged, Target, Verification, Verified};
+pub use verify::Verifier;
+pub use views::{View, views, views_along};

@@ -1,24 +1,15 @@
 //! Submaps: what was seen along a few metres of the way, as one small map.
 
+use crate::views::View;
 use mapwright_geom::Pose2;
 use mapwright_grid::{Change, LocalMap, LocalMapSettings};
-use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
-use std::sync::Arc;
+use mapwright_sensor::{BeamTable, SweepPoints};
 
 /// Standard deviation by which closeness is judged: so many times that of the laser, no less and no more than so many cells.
 const CLOSENESS_SIGMAS: f64 = 1.25;
 const CLOSENESS_CELLS: [f64; 2] = [0.5, 1.0];
 /// Median of the offset of a hit from the line through its neighbours with a standard deviation of 1: `0.6745 sqrt(1.5)`.
 const MEDIAN_OFFSET: f64 = 0.826;
-
-/// What a submap is made of: a keyframe's measurement at its place.
-#[derive(Debug, Clone)]
-pub struct View {
-    /// What the laser saw.
-    pub sweep: Arc<Sweep>,
-    /// Where from.
-    pub submap_from_keyframe: Pose2,
-}
 
 /// How submaps are drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,7 +110,9 @@ fn thinned(map: &LocalMap, mut ends: Vec<[f64; 2]>, settings: &SubmapSettings) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mapwright_sensor::Sweep;
     use mapwright_sim::{Drive, DriveSettings, TrueScan, worlds};
+    use std::sync::Arc;
 
     const SETTINGS: SubmapSettings =
         SubmapSettings { resolution_m: 0.05, passes_per_hit: 5, free_range_m: 8.0, reach_m: 15.0, thin_cells: 2 };

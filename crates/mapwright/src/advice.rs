@@ -3,12 +3,12 @@
 //! Certainty is that of the best path over the graph ([`CertaintyGraph`]). A place is judged by what a visit would add: a
 //! link from the robot to it, as uncertain as the drive there, and links to what lies beside it and is not linked yet.
 
-use crate::closing::LEFT_M;
 use crate::front::map_floor;
 use crate::patches::{Spacing, accumulating};
 use crate::store::spacing;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
+use mapwright_loops::LEFT_M;
 use mapwright_record::{EdgeKind, KeyframeId, Session};
 
 /// A link of which nothing is known, m^2 and rad^2.

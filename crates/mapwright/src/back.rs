@@ -1,14 +1,15 @@
 //! The back end: what may take longer than a scan, as jobs, and what is known of cycles.
 
-use crate::closing::{Budget, Closing};
 use crate::jobs::{Job, Task};
-use crate::settings::{Jobs, Settings};
+use crate::relocation::Budget;
+use crate::settings::{Jobs, LivePolicy, Settings};
+use mapwright_loops::{Closing, ClosingSettings, PlaneSubmaps};
 use std::collections::VecDeque;
 
 /// Jobs and cycles.
 #[derive(Debug, Clone)]
 pub(crate) struct BackEnd {
-    pub(crate) closing: Closing,
+    pub(crate) closing: Closing<PlaneSubmaps>,
     jobs: VecDeque<Job>,
     /// Jobs that were handed out and have not come back.
     out: usize,
@@ -20,8 +21,13 @@ pub(crate) struct BackEnd {
 
 impl BackEnd {
     pub(crate) fn new(settings: &Settings) -> Self {
+        let closing = ClosingSettings {
+            by_pose: settings.loops.by_pose,
+            by_place: settings.loops.by_place,
+            keeps_everything_live: settings.live.policy != LivePolicy::Gated,
+        };
         Self {
-            closing: Closing::new(settings),
+            closing: Closing::new(closing),
             jobs: VecDeque::new(),
             out: 0,
             is_inline: settings.loops.jobs == Jobs::Inline,

@@ -1,15 +1,15 @@
 //! The front end: where the robot is from scan to scan, and the keyframes it makes. It owns the local map and the robot's pose, in a
 //! frame of its own in which the newest keyframe never jumps, and can be run without a mapper: what it finds it returns.
 
-use crate::local_map::LocalMapping;
-use crate::patches::Known;
+use crate::local_map::{Frames, LocalMapping};
 use crate::settings::Settings;
-use crate::store::{NewKeyframe, NodeId, Past, Slipped, Written};
+use crate::store::{NewKeyframe, Slipped, Written};
 use dynamic::Place;
 use insert::Intruders;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{LocalMap, MatcherSettings};
-use mapwright_record::{Beams, LeftOutReason, LocalMapReport};
+use mapwright_loops::KnownPlace;
+use mapwright_record::{Beams, LeftOutReason, LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
 use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
@@ -136,7 +136,7 @@ impl FrontEnd {
     /// Step 3: the scan against the local map; what is not certain enough for that leaves before.
     pub(crate) fn track(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared) -> Option<Matched> {
         let Prepared { step, predicted, .. } = *prepared;
-        self.local_map.meet(&self.settings, past.frames(), self.preparation.match_points(), predicted);
+        self.local_map.meet(&self.settings, Frames::of(past), self.preparation.match_points(), predicted);
         let Self { settings, preparation, predictor, tracker, pose, local_map, .. } = self;
         let scene = Scene {
             settings,
@@ -256,17 +256,17 @@ impl FrontEnd {
         }
         self.pose.made_keyframe(new.covariance);
         let (lever_m, _) = self.preparation.points().lever_and_reach_m();
-        self.local_map.insert(&self.settings, past.frames(), written.node, lever_m);
+        self.local_map.insert(&self.settings, Frames::of(past), written.node, lever_m);
     }
 
     /// Step 5, once a scan: the local map follows what is certain relative to the robot.
     pub(crate) fn follow(&mut self, past: Past<'_>, inserted: bool) {
-        self.local_map.follow(&self.settings, past.frames(), inserted);
+        self.local_map.follow(&self.settings, Frames::of(past), inserted);
     }
 
     /// The past was moved from where it was `before`.
     pub(crate) fn carry(&mut self, past: Past<'_>, before: &[Pose2]) {
-        self.local_map.carry(&self.settings, before, past.frames());
+        self.local_map.carry(&self.settings, before, Frames::of(past));
     }
 
     /// A slip was corrected in the past, which was `before`; the robot follows.
@@ -285,12 +285,12 @@ impl FrontEnd {
     /// The local map follows there at once, as far as a scan sees.
     pub(crate) fn look_around(&mut self, past: Past<'_>) {
         let hits = &self.preparation.points().hits;
-        self.local_map.arrive(&self.settings, past.frames(), hits, self.pose.local_from_robot());
+        self.local_map.arrive(&self.settings, Frames::of(past), hits, self.pose.local_from_robot());
     }
 
     /// A closure links two keyframes, this surely.
     pub(crate) fn close(&mut self, past: Past<'_>, from: NodeId, to: NodeId, covariance: &Cov3) {
-        self.local_map.close(past.frames(), from, to, covariance);
+        self.local_map.close(Frames::of(past), from, to, covariance);
     }
 
     /// A closure was none.
@@ -300,11 +300,11 @@ impl FrontEnd {
 
     /// A keyframe is taken out for good; before it is left out of what is drawn.
     pub(crate) fn drop_keyframe(&mut self, past: Past<'_>, node: NodeId) {
-        self.local_map.drop(&self.settings, past.frames(), node);
+        self.local_map.drop(&self.settings, Frames::of(past), node);
     }
 
     /// How certain old places are relative to the newest keyframe.
-    pub(crate) fn survey(&mut self) -> Vec<Known> {
+    pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
         self.local_map.survey()
     }
 

@@ -3,7 +3,8 @@
 //! A job holds all it needs and says the same wherever and whenever it runs. When a log is processed it is done at once;
 //! a robot that drives hands it to a worker and takes the result in when it is there.
 
-use crate::closing::{Seeking, Solved, Solving, Sought, Verification, Verified};
+use crate::relocation::{Seeking, Sought};
+use mapwright_loops::{PlaneSubmaps, Solved, Solving, Verification, Verified};
 
 /// A piece of work.
 #[derive(Debug, Clone)]
@@ -15,7 +16,7 @@ pub struct JobResult(pub(crate) Outcome);
 
 #[derive(Debug, Clone)]
 pub(crate) enum Task {
-    Verify(Verification),
+    Verify(Box<Verification<PlaneSubmaps>>),
     Solve(Solving),
     Seek(Seeking),
 }

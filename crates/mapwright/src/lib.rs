@@ -19,7 +19,6 @@
 
 mod advice;
 mod back;
-mod closing;
 mod front;
 mod jobs;
 mod local_map;
@@ -27,6 +26,7 @@ mod localisation;
 mod mapper;
 mod patches;
 mod probe;
+mod relocation;
 mod render;
 mod settings;
 mod store;

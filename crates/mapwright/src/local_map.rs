@@ -1,10 +1,11 @@
 //! Which keyframes the local map is made of.
 
-use crate::patches::{Flip, Known, Patches, Spacing};
+use crate::patches::{Flip, Patches, Spacing};
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LocalMap, LocalMapSettings};
-use mapwright_record::LocalMapReport;
+use mapwright_loops::KnownPlace;
+use mapwright_record::{LocalMapReport, Past};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
@@ -81,6 +82,12 @@ pub(crate) struct Frames<'a> {
     /// What is drawn of each, if anything is.
     pub(crate) drawn: &'a [Option<Arc<Sweep>>],
     pub(crate) world_from_robot: &'a [Pose2],
+}
+
+impl<'a> Frames<'a> {
+    pub(crate) fn of(past: Past<'a>) -> Self {
+        Self { drawn: past.drawn, world_from_robot: past.local_from_keyframe }
+    }
 }
 
 impl LocalMapping {
@@ -339,7 +346,7 @@ impl LocalMapping {
     }
 
     /// Old places that are not in the local map.
-    pub(crate) fn survey(&mut self) -> Vec<Known> {
+    pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
         if self.gated { self.patches.survey() } else { Vec::new() }
     }
 

@@ -1,15 +1,15 @@
 //! Whether the robot knows where it is. Nothing else remembers that.
 
 use crate::front::{FrontEnd, Matched};
-use crate::store::{NodeId, Past};
 use check::Check;
 use lost::Lost;
 use mapwright_geom::Pose2;
-use mapwright_record::Status;
+use mapwright_record::{NodeId, Past, Status};
 use mapwright_sensor::LaserScan;
 use trial::{Outcome, Trial};
 
 mod check;
+mod look;
 mod lost;
 mod provisional;
 mod trial;

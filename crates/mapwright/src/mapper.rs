@@ -1,22 +1,21 @@
 //! The pipeline: scan in, update out.
 
 use crate::back::BackEnd;
-use crate::closing::{Found, Solved, Solving, Sought, Target, Verified, is_old};
 use crate::front::{BEFORE, FrontEnd, Matched, Prepared};
 use crate::jobs::{Job, JobResult, Outcome, Task};
 use crate::localisation::Localisation;
-use crate::patches::Known;
 use crate::probe::{NoProbe, Probe, Stage};
+use crate::relocation::{Found, Sought};
 use crate::render::GlobalMap;
 use crate::settings::{Correction, Settings, SettingsError};
-use crate::store::{Link, NewKeyframe, NodeId, Past, Store};
+use crate::store::{Link, NewKeyframe, Store};
 use mapwright_geom::{Cov3, Pose2, Stamp};
 use mapwright_graph::spread;
 use mapwright_grid::{CountGrid, LocalMap};
-use mapwright_loops::Finding;
+use mapwright_loops::{Finding, KnownPlace, PlaneSubmaps, Solved, Solving, Target, Verified, VerifySettings, is_old};
 use mapwright_record::{
-    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, Objection, RunId,
-    Session, Status, TrajectoryPose, Update, Verdict,
+    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, NodeId, Objection, Past,
+    RunId, Session, Status, TrajectoryPose, Update, Verdict,
 };
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
@@ -282,8 +281,9 @@ impl Mapper {
             return;
         }
         let known = front.survey();
-        let verification = back.closing.propose(front.settings(), past, &known, anchor, front.matcher());
-        verification.into_iter().for_each(|verification| back.push(Task::Verify(verification)));
+        let submaps = PlaneSubmaps::new(front.settings().submaps(), VerifySettings::default(), front.matcher());
+        let verification = back.closing.propose(past, &known, anchor, submaps);
+        verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));
         self.work_inline();
     }
 
@@ -467,7 +467,7 @@ impl Mapper {
     /// How certain the first keyframe of each patch of the map is relative to the newest one: larger standard deviation
     /// of the position, metres, and that of the heading, radians.
     pub fn certainty(&mut self) -> Vec<(KeyframeId, f64, f64)> {
-        let sigmas = |known: Known| {
+        let sigmas = |known: KnownPlace| {
             let (m2, rad2) = (known.uncertainty.displacement_m2, known.uncertainty.rotation_rad2);
             (self.store.id(known.first), m2.sqrt(), rad2.sqrt())
         };

@@ -6,6 +6,7 @@
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
 use mapwright_grid::floor_cell;
+use mapwright_loops::KnownPlace;
 use rustc_hash::FxHashMap;
 
 /// A keyframe joins a patch that began up to here, metres,
@@ -39,17 +40,6 @@ const SEARCH_EVERY_M: f64 = 1.0;
 const SEARCH_LINKS: usize = 64;
 /// and up to so many patches in all.
 const SEARCH_AT_MOST: usize = 1024;
-
-/// What is known of a patch.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Known {
-    /// The keyframe it began with.
-    pub(crate) first: u32,
-    /// Whether it is in the local map.
-    pub(crate) live: bool,
-    /// Of that relative to the robot.
-    pub(crate) uncertainty: Uncertainty,
-}
 
 #[derive(Debug, Clone)]
 pub(crate) struct Patch {
@@ -214,14 +204,14 @@ impl Patches {
     }
 
     /// Every patch that still has a view, and how certain it is relative to the newest keyframe.
-    pub(crate) fn survey(&mut self) -> Vec<Known> {
+    pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
         let Some(newest) = self.members.last() else { return Vec::new() };
         let gate = Gate { sigma_m: f64::INFINITY, lever_m: self.lever_m, reach_m: f64::INFINITY };
         self.whole.begin(newest.patch, newest.uncertainty, gate);
         while !self.whole.advance(usize::MAX, usize::MAX) {}
         let known = self.whole.reached().iter().map(|r| (&self.patches[r.node as usize], r.uncertainty));
         let seen = known.filter(|(patch, _)| !patch.views.is_empty());
-        seen.map(|(&Patch { first, live, .. }, uncertainty)| Known { first, live, uncertainty }).collect()
+        seen.map(|(&Patch { first, live, .. }, uncertainty)| KnownPlace { first, live, uncertainty }).collect()
     }
 
     fn joined(&self, at: [f64; 2], links: &[(u32, Uncertainty)]) -> Option<Member> {

@@ -4,6 +4,7 @@
 //! list that `mapwright config` prints come from that declaration.
 
 use mapwright_geom::Pose2;
+use mapwright_loops::SubmapSettings;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -317,7 +318,21 @@ impl KeyframeSettings {
     }
 }
 
+/// End points of a submap that lie farther from its origin are not compared, cells.
+const REACH_CELLS: f64 = 300.0;
+
 impl Settings {
+    /// How what was seen along the way is drawn to be compared.
+    pub(crate) fn submaps(&self) -> SubmapSettings {
+        SubmapSettings {
+            resolution_m: self.map.resolution_m,
+            passes_per_hit: self.map.passes_per_hit,
+            free_range_m: self.scan.free_range_m,
+            reach_m: REACH_CELLS * self.map.resolution_m,
+            thin_cells: 2,
+        }
+    }
+
     /// Every setting with its present value, unit and meaning, in order.
     #[must_use]
     pub fn lines(&self) -> Vec<SettingLine> {

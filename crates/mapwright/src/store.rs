@@ -1,84 +1,33 @@
 //! What lasts: the session, and beside it what the stages need of it: dense numbers, poses in the front end's frame and the
 //! length of the way. Only the mapper writes to it, entry by entry.
 
-use crate::local_map::Frames;
 use crate::patches::Spacing;
-use mapwright_geom::{Cov3, Pose, Pose2, Stamp};
-use mapwright_graph::{Edge as GraphEdge, PoseGraph2, Vertex};
+use mapwright_geom::{Pose, Stamp, TangentMatrix};
+use mapwright_graph::{Edge as GraphEdge, PoseGraph, Vertex};
+use mapwright_loops::Judged;
 use mapwright_record::{
     Beams, Candidate, Edge, EdgeKind, Entry, Fragment, FragmentStart, Keyframe, KeyframeId, LeftOut, LeftOutReason,
-    OdometryOrigin, RecordedEdge, Run, RunId, ScanPose, Session, Snapshot, Verdict, WheelSlip,
+    Measurement, NodeId, OdometryOrigin, Past, RecordedEdge, Run, RunId, ScanPose, Session, Snapshot, Verdict,
+    WheelSlip, is_sound,
 };
 use mapwright_sensor::Sweep;
-use nalgebra::Matrix3;
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 mod new;
 
-pub(crate) use new::{Judged, Link, NewKeyframe, Slipped, Written};
+pub(crate) use new::{Link, NewKeyframe, Slipped, Written};
 
 /// What lies between two keyframes that no measurement joins counts as so much way, metres.
 const FARTHEST_WAY_M: f64 = 1000.0;
 
-/// Place of a keyframe among those of the session; it never leaves memory.
-pub(crate) type NodeId = u32;
-
-/// The poses and measurements of all keyframes, by node.
-#[derive(Clone, Copy)]
-pub(crate) struct Past<'a> {
-    pub(crate) session: &'a Session,
-    /// What is drawn of each keyframe, if anything is.
-    pub(crate) drawn: &'a [Option<Arc<Sweep>>],
-    pub(crate) local_from_keyframe: &'a [Pose2],
-    /// Length of the way up to each keyframe, metres.
-    pub(crate) way_m: &'a [f64],
-}
-
-impl<'a> Past<'a> {
-    pub(crate) fn newest(self) -> Option<NodeId> {
-        self.local_from_keyframe.len().checked_sub(1).map(|newest| newest as NodeId)
-    }
-
-    pub(crate) fn pose(self, node: NodeId) -> Pose2 {
-        self.local_from_keyframe[node as usize]
-    }
-
-    /// The nodes of two keyframes, if they are there.
-    pub(crate) fn nodes(self, [a, b]: [KeyframeId; 2]) -> Option<[NodeId; 2]> {
-        Some([self.session.place(a)? as NodeId, self.session.place(b)? as NodeId])
-    }
-
-    /// Straight from the keyframe before to this one, metres.
-    pub(crate) fn step_m(self, node: usize) -> f64 {
-        self.local_from_keyframe[node - 1].distance(self.local_from_keyframe[node])
-    }
-
-    /// Length of the way between two keyframes, metres.
-    pub(crate) fn way_between_m(self, a: NodeId, b: NodeId) -> f64 {
-        (self.way_m[a as usize] - self.way_m[b as usize]).abs()
-    }
-
-    /// Only the first keyframes.
-    pub(crate) fn until(self, count: usize) -> Self {
-        let (drawn, local_from_keyframe) = (&self.drawn[..count], &self.local_from_keyframe[..count]);
-        Self { drawn, local_from_keyframe, way_m: &self.way_m[..count], ..self }
-    }
-
-    /// What the local map needs of it.
-    pub(crate) fn frames(self) -> Frames<'a> {
-        Frames { drawn: self.drawn, world_from_robot: self.local_from_keyframe }
-    }
-}
-
 /// A session as it grows.
 #[derive(Debug, Clone)]
-pub(crate) struct Store {
-    session: Session,
+pub(crate) struct Store<M: Measurement = Sweep> {
+    session: Session<M>,
     /// Poses in the front end's frame, in which the newest keyframe never jumps.
-    local_from_keyframe: Vec<Pose2>,
+    local_from_keyframe: Vec<M::Pose>,
     /// Moves when the past is corrected.
-    map_from_local: Pose2,
+    map_from_local: M::Pose,
     way_m: Vec<f64>,
     /// The first scan of the run, and whether its odometry has told where it has its origin.
     first_scan: u64,
@@ -86,19 +35,19 @@ pub(crate) struct Store {
     /// Why the next keyframe begins a fragment, if it does.
     start: Option<FragmentStart>,
     /// Entries that nobody was told of yet.
-    fresh: Vec<Entry>,
+    fresh: Vec<Entry<M>>,
 }
 
-impl Store {
+impl<M: Measurement> Store<M> {
     pub(crate) fn new(run: RunId, settings: String) -> Self {
         Self::resume(Session::default(), run, settings)
     }
 
     /// A store that goes on with a session as a new run.
-    pub(crate) fn resume(session: Session, run: RunId, settings: String) -> Self {
+    pub(crate) fn resume(session: Session<M>, run: RunId, settings: String) -> Self {
         let mut store = Self {
             local_from_keyframe: session.map_from_keyframe().to_vec(),
-            map_from_local: Pose2::IDENTITY,
+            map_from_local: M::Pose::identity(),
             way_m: way_m(&session),
             first_scan: session.next_scan(),
             has_origin: false,
@@ -115,7 +64,7 @@ impl Store {
     }
 
     /// The one place where a session grows.
-    fn write(&mut self, entry: Entry) {
+    fn write(&mut self, entry: Entry<M>) {
         let added = self.session.add(entry.clone());
         debug_assert!(added.is_ok(), "{added:?}: {entry:?}");
         if added.is_ok() {
@@ -124,15 +73,15 @@ impl Store {
     }
 
     /// What was written since the last time.
-    pub(crate) fn take_fresh(&mut self) -> Vec<Entry> {
+    pub(crate) fn take_fresh(&mut self) -> Vec<Entry<M>> {
         std::mem::take(&mut self.fresh)
     }
 
-    pub(crate) fn session(&self) -> &Session {
+    pub(crate) fn session(&self) -> &Session<M> {
         &self.session
     }
 
-    pub(crate) fn past(&self) -> Past<'_> {
+    pub(crate) fn past(&self) -> Past<'_, M> {
         Past {
             session: &self.session,
             drawn: self.session.drawn(),
@@ -145,7 +94,7 @@ impl Store {
         self.local_from_keyframe.len() as NodeId
     }
 
-    pub(crate) fn map_from_local(&self) -> Pose2 {
+    pub(crate) fn map_from_local(&self) -> M::Pose {
         self.map_from_local
     }
 
@@ -165,20 +114,20 @@ impl Store {
     }
 
     /// The robot's own odometry is this far on while that of the run is there: where it has its origin is taken down once.
-    pub(crate) fn see_odometry(&mut self, own_from_robot: Pose2, odom_from_robot: Pose2) {
+    pub(crate) fn see_odometry(&mut self, own_from_robot: M::Pose, odom_from_robot: M::Pose) {
         if self.has_origin {
             return;
         }
         self.has_origin = true;
         let odom_from_start = own_from_robot * odom_from_robot.inverse();
         // A heading beyond all reason cannot be brought to within half a turn.
-        if odom_from_start.is_within_bounds() && odom_from_start.theta.abs() <= PI {
+        if is_sound(odom_from_start) {
             self.write(Entry::OdometryOrigin(OdometryOrigin { from_scan: self.first_scan, odom_from_start }));
         }
     }
 
     /// A scan, where it hangs on the newest keyframe.
-    pub(crate) fn add_scan(&mut self, stamp: Stamp, local_from_robot: Pose2, odom_from_robot: Pose2) {
+    pub(crate) fn add_scan(&mut self, stamp: Stamp, local_from_robot: M::Pose, odom_from_robot: M::Pose) {
         let newest = self.past().newest();
         let keyframe_from_robot =
             newest.map_or(local_from_robot, |k| self.local_from_keyframe[k as usize].between(local_from_robot));
@@ -190,10 +139,10 @@ impl Store {
     /// in one. `links` says whether a match with a keyframe is an edge already.
     pub(crate) fn add_keyframe(
         &mut self,
-        new: &NewKeyframe,
-        link: Link,
-        links: impl Fn(Past<'_>, NodeId) -> bool,
-    ) -> Written {
+        new: &NewKeyframe<M>,
+        link: Link<M::Pose>,
+        links: impl Fn(Past<'_, M>, NodeId) -> bool,
+    ) -> Written<M::Pose> {
         let node = self.add_alone(new);
         let relocalised = matches!(link, Link::Relocalised { .. }).then_some(FragmentStart::Relocalised);
         if let Some(start) = self.start.take().or(relocalised) {
@@ -205,7 +154,7 @@ impl Store {
         };
         let (mut edges, mut known, mut unjudged) = (Vec::new(), Vec::new(), None);
         let step = self.local_from_keyframe[last as usize].between(new.local_from_keyframe);
-        let mut step_m = step.x.hypot(step.y);
+        let mut step_m = step.length();
         match link {
             Link::Relocalised { from, covariance } => {
                 edges.push(self.edge(from, node, EdgeKind::Closure, information_of(&covariance)));
@@ -234,7 +183,7 @@ impl Store {
         Written { node, links: known, spacing, unjudged }
     }
 
-    fn add_alone(&mut self, new: &NewKeyframe) -> NodeId {
+    fn add_alone(&mut self, new: &NewKeyframe<M>) -> NodeId {
         let node = self.len();
         let keyframe = Arc::new(Keyframe {
             id: self.id(node),
@@ -257,17 +206,17 @@ impl Store {
         self.write(Entry::LeftOut(LeftOut { keyframe: self.id(node), beams, reason }));
     }
 
-    fn edge(&self, from: NodeId, to: NodeId, kind: EdgeKind, information: Cov3) -> Edge {
+    fn edge(&self, from: NodeId, to: NodeId, kind: EdgeKind, information: <M::Pose as Pose>::Matrix) -> Edge<M::Pose> {
         let from_from_to = self.local_from_keyframe[from as usize].between(self.local_from_keyframe[to as usize]);
         Edge { from: self.id(from), to: self.id(to), kind, from_from_to, information }
     }
 
-    pub(crate) fn add_edge(&mut self, edge: Edge, candidate: Option<u32>) {
+    pub(crate) fn add_edge(&mut self, edge: Edge<M::Pose>, candidate: Option<u32>) {
         self.write(Entry::Edge(RecordedEdge { edge, candidate }));
     }
 
     /// Takes a candidate down and returns its number.
-    pub(crate) fn add_candidate(&mut self, judged: &Judged) -> u32 {
+    pub(crate) fn add_candidate(&mut self, judged: &Judged<M::Pose>) -> u32 {
         let Judged { from, to, detection, evidence, verdict, from_from_to, covariance } = *judged;
         let (from, to) = (self.id(from), self.id(to));
         self.write(Entry::Candidate(Candidate { from, to, detection, evidence, verdict, from_from_to, covariance }));
@@ -275,14 +224,14 @@ impl Store {
     }
 
     /// A candidate is a closure: the edge that it makes, if it says where it leads and how surely.
-    pub(crate) fn accept(&mut self, number: u32) -> Option<Edge> {
+    pub(crate) fn accept(&mut self, number: u32) -> Option<Edge<M::Pose>> {
         let candidate = *self.session.candidates().get(number as usize)?;
         if candidate.verdict != Verdict::Accepted {
             let agreeing = candidate.evidence.agreeing;
             self.write(Entry::Verdict { number, verdict: Verdict::Accepted, agreeing });
         }
         let Candidate { from, to, from_from_to, covariance, .. } = candidate;
-        let (from_from_to, information) = from_from_to.zip(covariance.try_inverse())?;
+        let (from_from_to, information) = from_from_to.zip(covariance.inverted())?;
         let edge = Edge { from, to, kind: EdgeKind::Closure, from_from_to, information };
         self.add_edge(edge, Some(number));
         Some(edge)
@@ -316,15 +265,16 @@ impl Store {
 
     /// Whether a verified closure leads to one of the keyframes from `node` on.
     pub(crate) fn is_closed_since(&self, node: NodeId) -> bool {
-        let closes = |edge: &&Edge| edge.kind == EdgeKind::Closure && self.node(edge.to).is_some_and(|to| to >= node);
+        let closes =
+            |edge: &&Edge<M::Pose>| edge.kind == EdgeKind::Closure && self.node(edge.to).is_some_and(|to| to >= node);
         self.session.edges().rev().any(|edge| closes(&edge))
     }
 
     /// The graph to be solved: every edge once, in the order they were found. Those that were withdrawn say nothing.
-    pub(crate) fn graph(&self) -> PoseGraph2 {
+    pub(crate) fn graph(&self) -> PoseGraph<M::Pose> {
         let poses = self.session.map_from_keyframe().iter().enumerate();
         let vertex =
-            |(k, &world_from_vertex): (usize, &Pose2)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
+            |(k, &world_from_vertex): (usize, &M::Pose)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
         let edges = self.session.recorded_edges().iter().map(|known| {
             let [from, to] = known.ends.map(|end| end as usize);
             let Edge { from_from_to, information, .. } = known.recorded.edge;
@@ -332,10 +282,10 @@ impl Store {
                 from,
                 to,
                 from_from_to,
-                information: if known.withdrawn { Matrix3::zeros() } else { information },
+                information: if known.withdrawn { TangentMatrix::zero() } else { information },
             }
         });
-        PoseGraph2 { vertices: poses.map(vertex).collect(), edges: edges.collect(), ..PoseGraph2::default() }
+        PoseGraph { vertices: poses.map(vertex).collect(), edges: edges.collect(), ..PoseGraph::default() }
     }
 
     /// Numbers of the edges that were made of candidates and stand.
@@ -346,7 +296,7 @@ impl Store {
 
     /// Moves the past to where a solution has it, which may be older than the newest keyframes: they are carried along, and its
     /// newest stays where it is in the front end's frame. The poses before, in that frame; none where the solution is of no use.
-    pub(crate) fn correct(&mut self, map_from_keyframe: &[Pose2]) -> Option<Vec<Pose2>> {
+    pub(crate) fn correct(&mut self, map_from_keyframe: &[M::Pose]) -> Option<Vec<M::Pose>> {
         let last = map_from_keyframe.len().checked_sub(1)?;
         if !map_from_keyframe.iter().all(|pose| pose.is_within_bounds()) {
             return None;
@@ -377,9 +327,9 @@ impl Store {
     /// matches of the last keyframes before with old places nothing, for they may have been led astray by it. The poses before.
     pub(crate) fn shift(
         &mut self,
-        slipped: &Slipped,
-        doubted: impl Fn(Past<'_>, NodeId, NodeId) -> bool,
-    ) -> Vec<Pose2> {
+        slipped: &Slipped<M::Pose>,
+        doubted: impl Fn(Past<'_, M>, NodeId, NodeId) -> bool,
+    ) -> Vec<M::Pose> {
         let Slipped { from, metres, .. } = *slipped;
         let before = self.local_from_keyframe.clone();
         for pose in &mut self.local_from_keyframe[from as usize..] {
@@ -393,7 +343,12 @@ impl Store {
         before
     }
 
-    fn remeasure(&mut self, number: usize, slipped: &Slipped, doubted: impl Fn(Past<'_>, NodeId, NodeId) -> bool) {
+    fn remeasure(
+        &mut self,
+        number: usize,
+        slipped: &Slipped<M::Pose>,
+        doubted: impl Fn(Past<'_, M>, NodeId, NodeId) -> bool,
+    ) {
         let known = self.session.recorded_edges()[number];
         let ([from, to], Edge { kind, information, .. }) = (known.ends, known.recorded.edge);
         if known.withdrawn || kind == EdgeKind::Closure {
@@ -411,11 +366,10 @@ impl Store {
 }
 
 /// Length of the way up to each keyframe, as the edges along it say.
-fn way_m(session: &Session) -> Vec<f64> {
+fn way_m<M: Measurement>(session: &Session<M>) -> Vec<f64> {
     let mut steps_m = vec![FARTHEST_WAY_M; session.keyframes().len()];
     for known in session.recorded_edges().iter().filter(|known| known.recorded.edge.kind == EdgeKind::Odometry) {
-        let Pose2 { x, y, .. } = known.recorded.edge.from_from_to;
-        steps_m[known.ends[1] as usize] = x.hypot(y);
+        steps_m[known.ends[1] as usize] = known.recorded.edge.from_from_to.length();
     }
     steps_m.first_mut().into_iter().for_each(|first| *first = 0.0);
     let mut sum_m = 0.0;
@@ -428,12 +382,12 @@ fn way_m(session: &Session) -> Vec<f64> {
         .collect()
 }
 
-fn information_of(covariance: &Cov3) -> Cov3 {
-    covariance.try_inverse().unwrap_or_else(Cov3::zeros)
+fn information_of<C: TangentMatrix>(covariance: &C) -> C {
+    covariance.inverted().unwrap_or_else(C::zero)
 }
 
 /// How far apart keyframes and scans are before a keyframe that is a step on from the last one.
-pub(crate) fn spacing(keyframes: &[Arc<Keyframe>], node: usize, step_m: f64) -> Spacing {
+pub(crate) fn spacing<M>(keyframes: &[Arc<Keyframe<M>>], node: usize, step_m: f64) -> Spacing {
     let scan = |node: usize| keyframes.get(node).map_or(0, |keyframe| keyframe.scan);
     let scans = scan(node).saturating_sub(scan(node.saturating_sub(1))).max(1);
     Spacing { keyframe_m: step_m, scan_m: step_m / scans as f64 }

@@ -13,6 +13,7 @@ mod left_out;
 mod log;
 mod names;
 mod numbers;
+mod past;
 mod pose;
 #[cfg(test)]
 mod samples;
@@ -26,5 +27,7 @@ pub use id::{KeyframeId, RunId};
 pub use keyframe::{Edge, EdgeKind, Keyframe, Measurement};
 pub use left_out::{Beams, LeftOut, LeftOutReason};
 pub use log::{LogError, LogLoss, LogReport, LogWriter, read_log};
+pub use past::{NodeId, Past};
+pub use pose::is_sound;
 pub use session::{Session, SessionEdge, TrajectoryPose};
 pub use update::{LocalMapReport, Localisation, MatchReport, Status, Update};

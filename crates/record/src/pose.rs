@@ -22,7 +22,8 @@ pub(crate) fn from_numbers<P: Pose>(numbers: [f64; MOST_NUMBERS]) -> P {
 }
 
 /// Whether a pose is finite, within 10^6 m, and its rotation one: a heading within half a turn, a quaternion of length one.
-pub(crate) fn is_sound<P: Pose>(pose: P) -> bool {
+#[must_use]
+pub fn is_sound<P: Pose>(pose: P) -> bool {
     pose.is_within_bounds() && P::apart::<IsTurn>(pose)
 }
 

@@ -3,8 +3,8 @@
 
 use super::predict::Step;
 use super::track::Matched;
-use crate::store::{NodeId, Past};
 use mapwright_geom::{Cov3, Pose, Pose2, compose_covariance};
+use mapwright_record::{NodeId, Past};
 use nalgebra::{Matrix3, Vector3};
 
 /// Keyframes back from the newest over which the chain of covariances is kept in mind.

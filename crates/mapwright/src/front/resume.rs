@@ -5,11 +5,11 @@
 
 use super::FrontEnd;
 use super::pose::{RobotPose, map_floor};
-use crate::local_map::Earlier;
+use crate::local_map::{Earlier, Frames};
 use crate::settings::Settings;
-use crate::store::{NodeId, Past, spacing};
+use crate::store::spacing;
 use mapwright_geom::{Cov3, Pose2, compose_covariance};
-use mapwright_record::{Edge, EdgeKind};
+use mapwright_record::{Edge, EdgeKind, NodeId, Past};
 use nalgebra::{Matrix3, Vector3};
 
 /// The last scans tell how the robot moves: so many.
@@ -50,9 +50,9 @@ impl FrontEnd {
                 closures: links.closures.clone(),
                 scans: keyframes[node].scan.saturating_sub(before),
             };
-            local_map.take_in(settings, past.until(node + 1).frames(), &earlier);
+            local_map.take_in(settings, Frames::of(past.until(node + 1)), &earlier);
         }
-        local_map.draw_wanted(settings, past.frames());
+        local_map.draw_wanted(settings, Frames::of(past));
     }
 
     /// Goes through the last scans again; where the robot is, and how uncertain since the newest keyframe by odometry alone.

@@ -5,10 +5,10 @@
 //! usual, and each such scan fits better in one and the same place ahead or behind. Their likelihood ratios add up.
 
 use super::track::{INDEPENDENT_BEAMS, Matched, Scene, Tracker, translation_axes};
-use crate::store::{NodeId, Slipped};
+use crate::store::Slipped;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::Prior;
-use mapwright_record::Status;
+use mapwright_record::{NodeId, Status};
 use nalgebra::Vector3;
 
 /// A fit that falls so far behind the usual one is watched.

@@ -2,12 +2,11 @@
 
 use super::predict::{Predictor, Step};
 use crate::settings::{Optimizer, Settings};
-use crate::store::NodeId;
 use mapwright_geom::{Cov3, Pose2, Stamp};
 use mapwright_grid::{
     Agreement, CorrelativeSearch, LocalMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
 };
-use mapwright_record::{MatchReport, Status};
+use mapwright_record::{MatchReport, NodeId, Status};
 use nalgebra::Matrix3;
 
 /// Below this share of fitting beams, among those in known territory, a match is doubtful.

@@ -1,11 +1,10 @@
 //! Whether a robot is still where it was, after a time without a look at the world.
 
-use crate::closing::look_back;
+use super::look::look_back;
 use crate::front::{FrontEnd, Matched};
-use crate::store::Past;
 use mapwright_geom::Pose2;
 use mapwright_loops::View;
-use mapwright_record::{Objection, Status};
+use mapwright_record::{Objection, Past, Status};
 use std::sync::Arc;
 
 /// So much way has to fit before the robot is believed where it was, metres.

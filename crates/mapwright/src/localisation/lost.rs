@@ -1,10 +1,10 @@
 //! A robot that does not know where it is: it maps provisionally, writes nothing, and asks every place it knows.
 
 use super::provisional::{Provisional, Seen};
-use crate::closing::{Chance, Found, Ground, Heard, Seeking, Sought, follow, hopes, seek, weigh};
 use crate::front::{FrontEnd, KNOWN_SHARE};
-use crate::store::{Judged, NodeId, Past};
-use mapwright_record::MatchReport;
+use crate::relocation::{Chance, Found, Ground, Heard, Seeking, Sought, follow, hopes, seek, weigh};
+use mapwright_loops::Judged;
+use mapwright_record::{MatchReport, NodeId, Past};
 use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
 

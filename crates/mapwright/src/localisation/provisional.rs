@@ -2,9 +2,9 @@
 
 use crate::front::FrontEnd;
 use crate::settings::{LivePolicy, Settings};
-use crate::store::{Link, NodeId, Past, Store};
+use crate::store::{Link, Store};
 use mapwright_geom::Pose2;
-use mapwright_record::{MatchReport, RunId};
+use mapwright_record::{MatchReport, NodeId, Past, RunId};
 use mapwright_sensor::LaserScan;
 
 /// A provisional map.

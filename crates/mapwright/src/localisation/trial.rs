@@ -1,12 +1,11 @@
 //! A robot that was found: it writes nothing and goes on mapping provisionally until what it sees has borne that out for metres.
 
 use super::check::{CHECKED_SHARE, MISFITS};
+use super::look::look_around;
 use super::lost::Lost;
-use crate::closing::look_around;
 use crate::front::{FrontEnd, Matched};
-use crate::store::{NodeId, Past};
 use mapwright_geom::Pose2;
-use mapwright_record::Status;
+use mapwright_record::{NodeId, Past, Status};
 use mapwright_sensor::LaserScan;
 
 /// So much way has to fit before the robot is believed, metres,

@@ -1,20 +1,25 @@
 //! Old places that matches are supported by: what was found out of each, and the matches that wait for it.
 
 use super::{AGREE_M, AGREE_RAD, LEFT_M, TOGETHER_M};
-use crate::store::{NodeId, Past};
-use mapwright_geom::Pose2;
-use mapwright_record::Edge;
+use mapwright_geom::Pose;
+use mapwright_record::{Edge, Measurement, NodeId, Past};
 
 /// A place that was not found is looked at again after so much way, metres.
 const ASK_AGAIN_M: f64 = 4.0;
 
 /// What is known of the old places that matches are supported by or that closures led to.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Supports {
+#[derive(Debug, Clone)]
+pub(super) struct Supports<P: Pose> {
     /// The latest last. Each holds on so much way to either side of both ends: [`TOGETHER_M`].
     known: Vec<Support>,
     /// Matches with old places that are not found yet, and their ends.
-    waiting: Vec<([NodeId; 2], Edge)>,
+    waiting: Vec<([NodeId; 2], Edge<P>)>,
+}
+
+impl<P: Pose> Default for Supports<P> {
+    fn default() -> Self {
+        Self { known: Vec::new(), waiting: Vec::new() }
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -31,7 +36,7 @@ pub(super) enum Found {
     Not,
 }
 
-impl Supports {
+impl<P: Pose> Supports<P> {
     /// A place is being looked at.
     pub(super) fn ask(&mut self, from: u32, to: u32) {
         self.known.push(Support { from, to, verdict: None });
@@ -90,18 +95,18 @@ impl Supports {
     }
 
     /// A match of the keyframe that comes next, no edge until its place is found.
-    pub(super) fn wait(&mut self, past: Past<'_>, edge: Edge) {
+    pub(super) fn wait<M: Measurement<Pose = P>>(&mut self, past: Past<'_, M>, edge: Edge<P>) {
         self.forget(past.way_m);
         self.waiting.extend(past.nodes([edge.from, edge.to]).map(|ends| (ends, edge)));
     }
 
     /// The matches that have waited for `closures`: those that say the same. Others with that place are none; what waits for other
     /// places stays.
-    pub(super) fn settle(&mut self, past: Past<'_>, closures: &[Edge]) -> Vec<Edge> {
+    pub(super) fn settle<M: Measurement<Pose = P>>(&mut self, past: Past<'_, M>, closures: &[Edge<P>]) -> Vec<Edge<P>> {
         let mut settled = Vec::new();
         for (ends, edge) in std::mem::take(&mut self.waiting) {
             let [from, to] = ends;
-            let says_the_same = |closure: &Edge| {
+            let says_the_same = |closure: &Edge<P>| {
                 past.nodes([closure.from, closure.to]).is_some_and(|[a, b]| {
                     past.way_between_m(a, from) < TOGETHER_M
                         && past.way_between_m(b, to) < TOGETHER_M
@@ -119,10 +124,14 @@ impl Supports {
 }
 
 /// Whether two relative poses of keyframes, from and to, say the same by the short ways between their ends.
-pub(super) fn agree(past: Past<'_>, a: (NodeId, NodeId, Pose2), b: (NodeId, NodeId, Pose2)) -> bool {
+pub(super) fn agree<M: Measurement>(
+    past: Past<'_, M>,
+    a: (NodeId, NodeId, M::Pose),
+    b: (NodeId, NodeId, M::Pose),
+) -> bool {
     let via_a = past.pose(b.0).between(past.pose(a.0)) * a.2 * past.pose(a.1).between(past.pose(b.1));
     let error = via_a.between(b.2);
-    error.x.hypot(error.y) <= AGREE_M && error.theta.abs() <= AGREE_RAD
+    error.length() <= AGREE_M && error.angle() <= AGREE_RAD
 }
 
 /// Whether a keyframe lies so far back along the way that the newest one has left it.

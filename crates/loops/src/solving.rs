@@ -1,35 +1,41 @@
 //! The whole graph brought to its optimum.
 
-use mapwright_geom::Pose2;
-use mapwright_graph::{PoseGraph2, SolverSettings, optimize};
+use mapwright_geom::{Pose, Pose2, TangentMatrix};
+use mapwright_graph::{PoseGraph, SolverSettings, optimize};
 
-/// A closure that the optimum strains more than this, chi-square with three degrees of freedom, is withdrawn. It is more than
-/// the 99.99 % quantile (21.1), for a chain states too little (docs/decisions/0011-closing-loops.md).
-const STRAINED_CHI2: f64 = 25.0;
+/// A closure that the optimum strains more than this, a chi-square with three degrees of freedom, in space with six, is withdrawn. It
+/// is 1.18 times the 99.99 % quantile (21.1 and 27.9), for a chain states too little (docs/decisions/0011-closing-loops.md).
+const fn strained_chi2<P: Pose>() -> f64 {
+    if P::DIMENSION == 3 { 25.0 } else { 33.0 }
+}
+
 /// Closures that one solution may take back.
 const TAKEN_BACK_AT_MOST: usize = 16;
 const ITERATIONS_AT_MOST: usize = 25;
 
 /// A graph to be brought to its optimum.
 #[derive(Debug, Clone)]
-pub(crate) struct Solving {
-    pub(crate) graph: PoseGraph2,
-    /// Places of the closures among the edges.
-    pub(crate) closures: Vec<usize>,
+pub struct Solving<P: Pose = Pose2> {
+    /// The graph.
+    pub graph: PoseGraph<P>,
+    /// Places of the closures among its edges.
+    pub closures: Vec<usize>,
 }
 
 /// A solved graph.
 #[derive(Debug, Clone)]
-pub(crate) struct Solved {
-    pub(crate) map_from_keyframe: Vec<Pose2>,
+pub struct Solved<P: Pose = Pose2> {
+    /// The poses.
+    pub map_from_keyframe: Vec<P>,
     /// Places of the closures, among the edges, that the others contradict.
-    pub(crate) taken_back: Vec<usize>,
+    pub taken_back: Vec<usize>,
 }
 
-impl Solving {
+impl<P: Pose> Solving<P> {
     /// The optimum; none where there is none to be found.
-    pub(crate) fn run(mut self) -> Option<Solved> {
-        let before: Vec<Pose2> = self.graph.vertices.iter().map(|v| v.world_from_vertex).collect();
+    #[must_use]
+    pub fn run(mut self) -> Option<Solved<P>> {
+        let before: Vec<P> = self.graph.vertices.iter().map(|v| v.world_from_vertex).collect();
         let settings =
             SolverSettings { chordal: false, max_iterations: ITERATIONS_AT_MOST, ..SolverSettings::default() };
         let mut taken_back = Vec::new();
@@ -37,7 +43,7 @@ impl Solving {
             optimize(&mut self.graph, &settings).ok()?;
             let Some(worst) = self.most_strained().filter(|_| taken_back.len() < TAKEN_BACK_AT_MOST) else { break };
             taken_back.push(worst);
-            self.graph.edges[worst].information.fill(0.0);
+            self.graph.edges[worst].information = P::Matrix::zero();
             self.graph.vertices.iter_mut().zip(&before).for_each(|(vertex, &pose)| vertex.world_from_vertex = pose);
         }
         let map_from_keyframe = self.graph.vertices.iter().map(|v| v.world_from_vertex).collect();
@@ -46,13 +52,8 @@ impl Solving {
 
     /// The closure with the largest chi-square, where that is too large.
     fn most_strained(&self) -> Option<usize> {
-        let chi2 = |&at: &usize| {
-            let edge = &self.graph.edges[at];
-            let [from, to] = [edge.from, edge.to].map(|v| self.graph.vertices[v].world_from_vertex);
-            let error = edge.from_from_to.between(from.between(to)).to_vector();
-            (at, error.dot(&(edge.information * error)))
-        };
+        let chi2 = |&at: &usize| (at, self.graph.edge_chi2(at));
         let worst = self.closures.iter().map(chi2).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        worst.filter(|(_, chi2)| *chi2 > STRAINED_CHI2).map(|(at, _)| at)
+        worst.filter(|(_, chi2)| *chi2 > strained_chi2::<P>()).map(|(at, _)| at)
     }
 }

@@ -1,18 +1,18 @@
 //! A look at the place where a robot thinks it is.
 
-use super::submaps::{SUBMAP_M, submaps, views, views_along};
-use super::{WINDOW_M, WINDOW_RAD};
 use crate::settings::Settings;
-use crate::store::{NodeId, Past};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
-use mapwright_loops::{Finding, Submap, Verifier, VerifySettings, View};
+use mapwright_loops::{
+    Finding, SUBMAP_M, Submap, Verifier, VerifySettings, View, WINDOW_M, WINDOW_RAD, views, views_along,
+};
+use mapwright_record::{NodeId, Past};
 
 /// What is looked for where a robot was put down was seen on so much way, metres.
 const LATELY_M: f64 = 2.5;
 
 /// What was seen since the newest keyframe, in its frame, beside what was seen on the way there, as for a closure.
-pub(crate) fn look_back(
+pub(super) fn look_back(
     settings: &Settings,
     past: Past<'_>,
     matcher: MatcherSettings,
@@ -29,7 +29,7 @@ pub(crate) fn look_back(
 
 /// What was seen lately by a robot that maps provisionally, beside what was seen around an old keyframe; `at_from_newest` is where
 /// its newest keyframe is thought to be.
-pub(crate) fn look_around(
+pub(super) fn look_around(
     settings: &Settings,
     past: Past<'_>,
     matcher: MatcherSettings,
@@ -50,7 +50,7 @@ fn look(
     seen: &[View],
     target_from_seen: Pose2,
 ) -> Finding {
-    let submaps = submaps(settings);
+    let submaps = settings.submaps();
     let [target, query] = [target, seen].map(|views| Submap::new(views, &submaps));
     let window =
         SearchWindow { world_from_robot: target_from_seen, half_width_m: WINDOW_M, half_width_rad: WINDOW_RAD };

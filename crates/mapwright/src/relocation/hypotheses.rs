@@ -8,11 +8,10 @@
 use super::look::{Look, WHOLE_OVERLAP, closeness_both_ways, fit_of_known, is_contradicted, say_the_same};
 use super::weigh::{WITHOUT, same, target};
 use super::{Found, LATELY_M, Seeking, Sought};
-use crate::store::{Judged, NodeId, Past};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Agreement, Matcher};
-use mapwright_loops::{Finding, Sighting, Submap, VerifySettings};
-use mapwright_record::{Evidence, Verdict};
+use mapwright_loops::{Finding, Judged, Sighting, Submap, VerifySettings};
+use mapwright_record::{Evidence, NodeId, Past, Verdict};
 use std::cell::LazyCell;
 
 /// Places are looked at from such a share of the full score on, and of the best,

@@ -1,11 +1,9 @@
 //! Answers to where a lost robot is, weighed against each other.
 
 use super::Sought;
-use crate::closing::verification::Target;
-use crate::store::{Judged, NodeId, Past};
 use mapwright_geom::{Cov3, Pose2};
-use mapwright_loops::Finding;
-use mapwright_record::{Detection, Evidence, Objection, Verdict};
+use mapwright_loops::{Finding, Judged, Target, Window};
+use mapwright_record::{Detection, Evidence, NodeId, Objection, Past, Verdict};
 
 /// So many findings that agree make it home,
 const FINDINGS: usize = 3;
@@ -116,10 +114,8 @@ pub(super) fn target(from: u32) -> Target {
     Target {
         from,
         detection: Detection::Place,
-        middle: Pose2::IDENTITY,
+        window: Window { target_from_query: Pose2::IDENTITY, half_width_m: 0.0, half_width_rad: 0.0 },
         sigma_m: 1e3,
         sigma_rad: 1e3,
-        half_width_m: 0.0,
-        half_width_rad: 0.0,
     }
 }

@@ -1,11 +1,10 @@
 //! Where a lost robot is: what it has seen since, looked for in all that is known.
 
-use super::submaps::{submaps, views};
 use crate::settings::Settings;
-use crate::store::{NodeId, Past};
 use mapwright_geom::Pose2;
 use mapwright_grid::MatcherSettings;
-use mapwright_loops::{Atlas, Effort, Submap, SubmapSettings, View};
+use mapwright_loops::{Atlas, Effort, Submap, SubmapSettings, View, views};
+use mapwright_record::{NodeId, Past};
 use rustc_hash::FxHashSet;
 use std::cell::OnceCell;
 use std::f64::consts::FRAC_PI_4;
@@ -221,7 +220,7 @@ pub(crate) fn seek(
     let step_m = |node: usize| sought.step_m(node);
     let seen_on = |at: u32, way_m: f64| views(sought, at, false, way_m, step_m);
     let known = ground.map_or_else(|| Known::Views(everything(past)), |g| Known::Drawn(Arc::clone(g)));
-    let submaps = submaps(settings);
+    let submaps = settings.submaps();
     let mut left_m = SINCE_M;
     let whole = (1..=to as usize).rev().all(|node| {
         left_m -= step_m(node);

@@ -1,0 +1,310 @@
+use super::*;
+use crate::solving::Solving;
+use crate::submaps::Window;
+use crate::views::View;
+use mapwright_geom::{Pose2, Pose3, Stamp, TangentMatrix};
+use mapwright_graph::{Edge as GraphEdge, PoseGraph, Vertex};
+use mapwright_record::{Beams, EdgeKind, Entry, EntryError, Keyframe, RecordedEdge, Run, RunId, Session};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// A reading that knows where it was taken.
+#[derive(Debug, Clone, PartialEq)]
+struct Reading<P: Pose> {
+    world_from_robot: P,
+    sensor: Arc<()>,
+}
+
+impl<P: Pose> Measurement for Reading<P> {
+    type Pose = P;
+    type Sensor = ();
+    const CODE: u8 = 200;
+
+    fn without(&self, _: &Beams) -> Self {
+        self.clone()
+    }
+
+    fn check(&self) -> Result<(), EntryError> {
+        Ok(())
+    }
+
+    fn sensor(&self) -> &Arc<()> {
+        &self.sensor
+    }
+
+    fn put_sensor((): &(), _: &mut Vec<u8>) {}
+
+    fn take_sensor(_: &[u8]) -> Result<(), EntryError> {
+        Ok(())
+    }
+
+    fn put(&self, _: &mut Vec<u8>) {}
+
+    fn take(sensor: &Arc<()>, _: &[u8]) -> Result<Self, EntryError> {
+        Ok(Self { world_from_robot: P::identity(), sensor: Arc::clone(sensor) })
+    }
+}
+
+/// Submaps that are found wherever they are in the window.
+#[derive(Debug, Clone, Default)]
+struct Signposts<P: Pose>(std::marker::PhantomData<P>);
+
+impl<P: Pose> Submaps for Signposts<P> {
+    type Measurement = Reading<P>;
+    type Submap = P;
+    type Places = ();
+
+    fn draw(&self, views: &[View<Reading<P>>]) -> P {
+        views[0].sweep.world_from_robot * views[0].submap_from_keyframe.inverse()
+    }
+
+    fn look_for(&mut self, query: &P, target: &P, window: &Window<P>) -> Finding<P> {
+        let found = target.between(*query);
+        let off = window.target_from_query.between(found);
+        if off.length() > window.half_width_m || off.angle() > window.half_width_rad {
+            return Finding::none(Evidence::default(), Objection::NoMatch);
+        }
+        finding(found, None)
+    }
+
+    fn scored(&self) -> u64 {
+        1
+    }
+
+    fn remember((): &mut (), _: NodeId, _: &[View<Reading<P>>]) {}
+
+    fn alike((): &mut (), _: &[View<Reading<P>>], _: usize, _: impl Fn(NodeId) -> bool) -> Vec<(NodeId, Window<P>)> {
+        Vec::new()
+    }
+}
+
+const BY_POSE: ClosingSettings = ClosingSettings { by_pose: true, by_place: true, keeps_everything_live: false };
+
+/// Keyframes as they are written.
+#[derive(Debug, Clone)]
+struct Way<P: Pose> {
+    session: Session<Reading<P>>,
+    local_from_keyframe: Vec<P>,
+    way_m: Vec<f64>,
+}
+
+impl<P: Pose> Way<P> {
+    fn new() -> Self {
+        let mut session = Session::default();
+        session.add(Entry::Run(Run { id: RunId::of_robot("walker"), settings: String::new() })).unwrap();
+        Self { session, local_from_keyframe: Vec::new(), way_m: Vec::new() }
+    }
+
+    /// A metre from each other, thirty out and the others back.
+    fn there_and_back(count: NodeId) -> Self {
+        let mut way = Self::new();
+        way.go_on(count);
+        way
+    }
+
+    /// So many keyframes farther.
+    fn go_on(&mut self, further: NodeId) {
+        for node in self.len()..self.len() + further {
+            let (x, turn_rad) = if node < 30 { (f64::from(node), 0.0) } else { (60.0 - f64::from(node), PI) };
+            let pose = P::identity().turned([0.0, 0.0, turn_rad]).moved([x, 0.0, 0.0]);
+            self.add(pose, pose);
+        }
+    }
+
+    fn add(&mut self, world_from_robot: P, local_from_keyframe: P) {
+        let id = self.session.next_id().unwrap();
+        let sweep = Arc::new(Reading { world_from_robot, sensor: Arc::new(()) });
+        let keyframe = Arc::new(Keyframe { id, stamp: Stamp(0), scan: 0, sweep, hardly_fits: false });
+        self.session.add(Entry::Keyframe { keyframe, map_from_keyframe: local_from_keyframe }).unwrap();
+        let step_m = self.local_from_keyframe.last().map_or(0.0, |last| last.distance(local_from_keyframe));
+        self.way_m.push(self.way_m.last().copied().unwrap_or(0.0) + step_m);
+        self.local_from_keyframe.push(local_from_keyframe);
+        if self.len() > 1 {
+            let edge = self.edge(self.len() - 2, self.len() - 1, EdgeKind::Odometry);
+            self.add_edge(edge, None);
+        }
+    }
+
+    fn len(&self) -> NodeId {
+        self.way_m.len() as NodeId
+    }
+
+    fn past(&self) -> Past<'_, Reading<P>> {
+        let Self { session, local_from_keyframe, way_m } = self;
+        Past { session, drawn: session.drawn(), local_from_keyframe, way_m }
+    }
+
+    fn edge(&self, from: NodeId, to: NodeId, kind: EdgeKind) -> Edge<P> {
+        let from_from_to = self.past().pose(from).between(self.past().pose(to));
+        let [from, to] = [from, to].map(|node| self.session.keyframes()[node as usize].id);
+        Edge { from, to, kind, from_from_to, information: P::Matrix::from_variances(100.0, 100.0) }
+    }
+
+    fn add_edge(&mut self, edge: Edge<P>, candidate: Option<u32>) {
+        self.session.add(Entry::Edge(RecordedEdge { edge, candidate })).unwrap();
+    }
+
+    /// A match of the newest keyframe with an old one, off by so much.
+    fn match_with(&self, from: NodeId, off_m: f64) -> Edge<P> {
+        let edge = self.edge(from, self.len() - 1, EdgeKind::Match);
+        Edge { from_from_to: edge.from_from_to.moved([off_m, 0.0, 0.0]), ..edge }
+    }
+
+    /// Judges a finding at the newest keyframe and writes down what comes of it: the closures.
+    fn judge(&mut self, closing: &mut Closing<Signposts<P>>, target: &Target<P>, finding: &Finding<P>) -> Vec<Edge<P>> {
+        let to = self.len() - 1;
+        let judgement = closing.judge(self.past(), self.session.candidates(), to, (target, finding));
+        let number = self.session.candidates().len() as u32;
+        let Judged { from, to, detection, evidence, verdict, from_from_to, covariance } = judgement.judged;
+        let [from, to] = [from, to].map(|node| self.session.keyframes()[node as usize].id);
+        let candidate = Candidate { from, to, detection, evidence, verdict, from_from_to, covariance };
+        self.session.add(Entry::Candidate(candidate)).unwrap();
+        if verdict != Verdict::Accepted {
+            return Vec::new();
+        }
+        let mut closures = Vec::new();
+        for number in judgement.agreeing.into_iter().chain([number]) {
+            let Candidate { from, to, from_from_to, covariance, .. } = self.session.candidates()[number as usize];
+            let (from_from_to, information) = (from_from_to.unwrap(), covariance.inverted().unwrap());
+            let edge = Edge { from, to, kind: EdgeKind::Closure, from_from_to, information };
+            self.add_edge(edge, Some(number));
+            closing.accepted(self.past(), self.past().nodes([from, to]).unwrap(), &edge);
+            closures.push(edge);
+        }
+        closures
+    }
+
+    fn graph(&self) -> Solving<P> {
+        let vertex = |(k, &world_from_vertex)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
+        let edges = self.session.recorded_edges();
+        let edge = |known: &mapwright_record::SessionEdge<P>| {
+            let ([from, to], Edge { from_from_to, information, .. }) = (known.ends, known.recorded.edge);
+            GraphEdge { from: from as usize, to: to as usize, from_from_to, information }
+        };
+        let closures = (0..edges.len()).filter(|&at| edges[at].recorded.candidate.is_some()).collect();
+        let vertices = self.local_from_keyframe.iter().enumerate().map(vertex).collect();
+        let edges = edges.iter().map(edge).collect();
+        Solving { graph: PoseGraph { vertices, edges, ..PoseGraph::default() }, closures }
+    }
+}
+
+fn finding<P: Pose>(target_from_query: P, objection: Option<Objection>) -> Finding<P> {
+    let covariance = P::Matrix::from_variances(1e-4, 1e-5);
+    Finding { target_from_query: Some(target_from_query), covariance, evidence: Evidence::default(), objection }
+}
+
+/// A robot that climbs two rounds of a ramp (in the plane it goes round in circles) and drifts comes back, and is set right by
+/// closures that closing asks for, judges and solves by itself.
+fn comes_back<P: Pose>() {
+    let (mut way, mut closing) = (Way::<P>::new(), Closing::<Signposts<P>>::new(BY_POSE));
+    let drift = P::identity().turned([0.0, 0.0005, 0.001]).moved([0.002, 0.002, 0.001]);
+    let truth = |k: u32| {
+        let along_rad = f64::from(k) * 0.1;
+        let [sine, cosine] = [along_rad.sin(), along_rad.cos()];
+        let tilt = P::identity().turned([0.1 * sine, 0.0, 0.0]);
+        tilt.turned([0.0, 0.0, along_rad]).moved([10.0 * cosine, 10.0 * sine, sine])
+    };
+    let (mut local, mut closed) = (truth(0), 0);
+    for k in 0..126 {
+        if k > 0 {
+            local = local * truth(k - 1).between(truth(k)) * drift;
+        }
+        way.add(truth(k), local);
+        if !closing.is_due(way.past()) {
+            continue;
+        }
+        let sigma_m = 0.01 * f64::from(k);
+        let uncertainty = Uncertainty { displacement_m2: sigma_m * sigma_m, rotation_rad2: 1e-4 * sigma_m };
+        let known: Vec<KnownPlace> =
+            (0..k.saturating_sub(30)).map(|first| KnownPlace { first, live: false, uncertainty }).collect();
+        let Some(verification) = closing.propose(way.past(), &known, None, Signposts::default()) else { continue };
+        for (target, finding) in verification.run().findings {
+            closed += way.judge(&mut closing, &target, &finding).len();
+        }
+    }
+    assert!(closed > 20 && closing.take_solving_due(), "{closed} closures");
+    let error_m = |poses: &[P]| {
+        let aligned = truth(0) * poses[0].inverse();
+        let off_m = poses.iter().zip(0..).map(|(&pose, k)| (aligned * pose).distance(truth(k)));
+        off_m.fold(0.0, f64::max)
+    };
+    let before_m = error_m(&way.local_from_keyframe);
+    let solved = way.graph().run().expect("it can be solved");
+    let after_m = error_m(&solved.map_from_keyframe);
+    assert!(
+        solved.taken_back.is_empty() && before_m > 0.5 && after_m < 0.3 * before_m,
+        "{before_m} m, then {after_m} m"
+    );
+}
+
+#[test]
+fn a_robot_that_comes_back_is_set_right_in_the_plane_and_in_space() {
+    comes_back::<Pose2>();
+    comes_back::<Pose3>();
+}
+
+fn match_with_an_old_place<P: Pose>() {
+    for objection in [None, Some(Objection::Contradiction), Some(Objection::LittleOverlap)] {
+        let (mut closing, mut way) = (Closing::<Signposts<P>>::new(BY_POSE), Way::<P>::there_and_back(60));
+        let known = [KnownPlace { first: 0, live: true, uncertainty: Uncertainty::default() }];
+        let past = way.past();
+        assert!(closing.supporting(past, 59, 45, &known).is_none() && closing.links(past, 45), "passed just now");
+        assert!(closing.is_unjudged(past, 10) && !closing.links(past, 10), "nobody has looked");
+        let (good, bad) = (way.match_with(11, 0.05), way.match_with(12, 0.3));
+        closing.wait(past, good);
+        let target = closing.supporting(past, 59, 10, &known).expect("it is old and was not looked at");
+        assert_eq!((target.from, target.detection), (10, Detection::Match));
+        assert!(!closing.is_unjudged(past, 10) && !closing.links(past, 10), "nobody knows yet");
+        assert!(closing.links(past, 45));
+        closing.wait(past, bad);
+        assert!(closing.supporting(past, 59, 12, &known).is_none(), "it was looked at just now");
+        assert!(closing.settle_matches(past, &[]).is_empty(), "the verdict is not there");
+        let closures = way.judge(&mut closing, &target, &finding(target.window.target_from_query, objection));
+        let is_closure = objection.is_none();
+        // What has waited links if the place was found where the match says.
+        let settled = closing.settle_matches(way.past(), &closures);
+        assert_eq!(settled, if is_closure { vec![good] } else { Vec::new() });
+        settled.into_iter().for_each(|edge| way.add_edge(edge, None));
+        let beside_odometry = way.session.edges().filter(|edge| edge.kind != EdgeKind::Odometry);
+        assert_eq!(beside_odometry.count(), 2 * usize::from(is_closure));
+        assert!(closing.settle_matches(way.past(), &closures).is_empty(), "once");
+        if is_closure {
+            let mut doubted = closing.clone();
+            doubted.withdrawn([10, 59]);
+            assert!(!doubted.links(way.past(), 10), "later evidence speaks against it");
+        }
+        let links = [10, 12].map(|from| closing.links(way.past(), from));
+        assert_eq!((closures.len(), links), (usize::from(is_closure), [is_closure; 2]));
+        // Farther on it has to show again, and soon if it was not found: then what was seen before links too.
+        for (further, asked) in [(5, !is_closure), (40, true)] {
+            let (mut later, mut way) = (closing.clone(), way.clone());
+            way.go_on(further);
+            later.supports.forget(way.past().way_m);
+            let target = later.supporting(way.past(), way.len() - 1, 10, &known);
+            assert_eq!(target.is_some(), asked, "{further} m on");
+            if let Some(target) = target {
+                let closures = way.judge(&mut later, &target, &finding(target.window.target_from_query, None));
+                let settled = later.settle_matches(way.past(), &closures);
+                assert_eq!(settled, if further == 5 { vec![good] } else { Vec::new() });
+            }
+        }
+    }
+}
+
+#[test]
+fn a_match_that_an_old_place_supports_links_it_only_if_it_is_found_there() {
+    match_with_an_old_place::<Pose2>();
+    match_with_an_old_place::<Pose3>();
+}
+
+#[test]
+fn matches_link_unseen_where_nobody_looks() {
+    for blind in
+        [ClosingSettings { by_pose: false, ..BY_POSE }, ClosingSettings { keeps_everything_live: true, ..BY_POSE }]
+    {
+        let (mut closing, way) = (Closing::<Signposts<Pose2>>::new(blind), Way::there_and_back(60));
+        let past = way.past();
+        assert!(!closing.is_unjudged(past, 10) && closing.links(past, 10));
+        assert!(closing.supporting(past, 59, 10, &[]).is_none());
+    }
+}

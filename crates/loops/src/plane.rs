@@ -1,0 +1,87 @@
+//! Submaps of lasers in the plane, as closing asks for them.
+
+use crate::cascade::{Finding, VerifySettings};
+use crate::places::PlaceIndex;
+use crate::submap::{Submap, SubmapSettings};
+use crate::submaps::{Submaps, Window};
+use crate::verify::Verifier;
+use crate::views::View;
+use mapwright_geom::{Pose2, wrap_angle};
+use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
+use mapwright_record::NodeId;
+use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
+use std::f64::consts::PI;
+
+/// A robot at a place that looks like this one is within so much of where that was seen from, metres and radians to either side.
+const LIKENESS_WINDOW_M: f64 = 3.0;
+const LIKENESS_WINDOW_RAD: f64 = 0.3;
+
+/// Submaps of what lasers have seen in the plane.
+#[derive(Debug, Clone)]
+pub struct PlaneSubmaps {
+    /// How they are drawn.
+    pub settings: SubmapSettings,
+    verifier: Verifier,
+}
+
+impl PlaneSubmaps {
+    /// Submaps drawn so, looked for so, and refined by such a matcher.
+    #[must_use]
+    pub fn new(settings: SubmapSettings, verify: VerifySettings, matcher: MatcherSettings) -> Self {
+        Self { settings, verifier: Verifier::new(verify, Matcher { settings: matcher }) }
+    }
+}
+
+impl Submaps for PlaneSubmaps {
+    type Measurement = Sweep;
+    type Submap = Submap;
+    type Places = PlaceIndex;
+
+    fn draw(&self, views: &[View]) -> Submap {
+        Submap::new(views, &self.settings)
+    }
+
+    fn look_for(&mut self, query: &Submap, target: &Submap, window: &Window<Pose2>) -> Finding {
+        let Window { target_from_query: world_from_robot, half_width_m, half_width_rad } = *window;
+        self.verifier.look_for(query, target, &SearchWindow { world_from_robot, half_width_m, half_width_rad })
+    }
+
+    fn scored(&self) -> u64 {
+        self.verifier.scored()
+    }
+
+    fn remember(places: &mut PlaceIndex, node: NodeId, views: &[View]) {
+        places.add(node, &end_points(views));
+    }
+
+    fn alike(
+        places: &mut PlaceIndex,
+        views: &[View],
+        at_most: usize,
+        allow: impl Fn(NodeId) -> bool,
+    ) -> Vec<(NodeId, Window<Pose2>)> {
+        let hits = places.query(&end_points(views), at_most, allow);
+        hits.iter().flat_map(|hit| around(hit.heading_rad).map(|window| (hit.node, window))).collect()
+    }
+}
+
+/// Both ways around in which a place may look alike.
+fn around(heading_rad: Option<f64>) -> impl Iterator<Item = Window<Pose2>> {
+    let turns = if heading_rad.is_some() { 2 } else { 1 };
+    let half_width_rad = if heading_rad.is_some() { LIKENESS_WINDOW_RAD } else { PI };
+    (0..turns).map(move |half| Window {
+        target_from_query: Pose2::new(0.0, 0.0, wrap_angle(heading_rad.unwrap_or(0.0) + f64::from(half) * PI)),
+        half_width_m: LIKENESS_WINDOW_M,
+        half_width_rad,
+    })
+}
+
+/// End points of views, in their submap's frame.
+fn end_points(views: &[View]) -> Vec<[f64; 2]> {
+    let (mut points, mut table, mut ends) = (SweepPoints::default(), BeamTable::default(), Vec::new());
+    for view in views {
+        points.fill(&view.sweep, &mut table, 0.0);
+        ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
+    }
+    ends
+}

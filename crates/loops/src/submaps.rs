@@ -1,0 +1,63 @@
+//! What closing asks of a kind of map, and nothing else: the one place where the plane and space differ.
+
+use crate::cascade::Finding;
+use crate::views::View;
+use mapwright_geom::Pose;
+use mapwright_record::{Measurement, NodeId};
+use std::fmt::Debug;
+
+/// Poses of a kind of submaps.
+pub type PoseOf<S> = <<S as Submaps>::Measurement as Measurement>::Pose;
+
+/// Poses among which a submap is looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window<P: Pose> {
+    /// The middle.
+    pub target_from_query: P,
+    /// To either side along each axis, metres.
+    pub half_width_m: f64,
+    /// To either side, radians.
+    pub half_width_rad: f64,
+}
+
+/// A kind of submaps: how they are drawn, looked for in each other, and recognised. [`PlaneSubmaps`](crate::PlaneSubmaps) are
+/// those of lasers in the plane.
+pub trait Submaps: Clone + Debug + Send {
+    /// What they are drawn from.
+    type Measurement: Measurement;
+    /// One of them.
+    type Submap;
+    /// What places look like.
+    type Places: Clone + Debug + Default + Send;
+
+    /// Draws views.
+    #[must_use]
+    fn draw(&self, views: &[View<Self::Measurement>]) -> Self::Submap;
+
+    /// Looks for one in another: where it fits best, and what speaks for that and against it. A search is exact within the
+    /// window, so a rival that it does not find is not there.
+    #[must_use]
+    fn look_for(
+        &mut self,
+        query: &Self::Submap,
+        target: &Self::Submap,
+        window: &Window<PoseOf<Self>>,
+    ) -> Finding<PoseOf<Self>>;
+
+    /// Poses and blocks of poses that the last search scored: most of its work.
+    #[must_use]
+    fn scored(&self) -> u64;
+
+    /// Remembers what it looks like around a keyframe, in whose frame the views are.
+    fn remember(places: &mut Self::Places, node: NodeId, views: &[View<Self::Measurement>]);
+
+    /// The places that look most like these views among those allowed, the most alike first, each with the windows in which the
+    /// views' frame may be, seen from its keyframe.
+    #[must_use]
+    fn alike(
+        places: &mut Self::Places,
+        views: &[View<Self::Measurement>],
+        at_most: usize,
+        allow: impl Fn(NodeId) -> bool,
+    ) -> Vec<(NodeId, Window<PoseOf<Self>>)>;
+}

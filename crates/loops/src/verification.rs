@@ -1,0 +1,96 @@
+//! Old places looked at: what goes out, and what comes of it.
+
+use crate::cascade::Finding;
+use crate::submaps::{PoseOf, Submaps, Window};
+use crate::views::View;
+use mapwright_geom::{Pose, Pose2};
+use mapwright_record::{Detection, Evidence, NodeId, Verdict};
+
+/// An old place and where the robot may be, seen from there.
+#[derive(Debug, Clone, Copy)]
+pub struct Target<P: Pose = Pose2> {
+    /// The keyframe there.
+    pub from: NodeId,
+    /// How it was found.
+    pub detection: Detection,
+    /// Where the robot may be.
+    pub window: Window<P>,
+    /// Standard deviations of that, metres and radians.
+    pub sigma_m: f64,
+    /// See above.
+    pub sigma_rad: f64,
+}
+
+/// A finding as a candidate that has no number yet.
+#[derive(Debug, Clone, Copy)]
+pub struct Judged<P: Pose = Pose2> {
+    /// The old keyframe.
+    pub from: NodeId,
+    /// The present one.
+    pub to: NodeId,
+    /// How it was found.
+    pub detection: Detection,
+    /// What was measured.
+    pub evidence: Evidence,
+    /// What was decided.
+    pub verdict: Verdict,
+    /// The best pose of `to` in the frame of `from`, if one was found.
+    pub from_from_to: Option<P>,
+    /// Covariance of its right perturbation.
+    pub covariance: P::Matrix,
+}
+
+impl<P: Pose> Target<P> {
+    /// What was found there, and nothing speaks against yet, as a candidate.
+    #[must_use]
+    pub fn judged(&self, to: NodeId, finding: &Finding<P>) -> Judged<P> {
+        Judged {
+            from: self.from,
+            to,
+            detection: self.detection,
+            evidence: finding.evidence,
+            verdict: Verdict::Accepted,
+            from_from_to: finding.target_from_query,
+            covariance: finding.covariance,
+        }
+    }
+}
+
+/// An old place and what was seen there.
+pub(crate) type Place<S> = (Target<PoseOf<S>>, Vec<View<<S as Submaps>::Measurement>>);
+
+/// The present submap is looked for in old ones.
+#[derive(Debug, Clone)]
+pub struct Verification<S: Submaps> {
+    /// The newest keyframe, whose frame is that of the query.
+    pub(crate) to: NodeId,
+    pub(crate) query: Vec<View<S::Measurement>>,
+    pub(crate) targets: Vec<Place<S>>,
+    pub(crate) submaps: S,
+}
+
+/// What was found.
+#[derive(Debug, Clone)]
+pub struct Verified<P: Pose = Pose2> {
+    /// The keyframe that was the newest.
+    pub to: NodeId,
+    /// Every target with what was found there.
+    pub findings: Vec<(Target<P>, Finding<P>)>,
+    /// The work done: views drawn, and poses and blocks of poses scored.
+    pub work: (usize, u64),
+}
+
+impl<S: Submaps> Verification<S> {
+    /// Does the work.
+    #[must_use]
+    pub fn run(mut self) -> Verified<PoseOf<S>> {
+        let query = self.submaps.draw(&self.query);
+        let (mut work, mut findings) = ((self.query.len(), 0), Vec::new());
+        for (target, views) in &self.targets {
+            let submap = self.submaps.draw(views);
+            findings.push((*target, self.submaps.look_for(&query, &submap, &target.window)));
+            work = (work.0 + views.len(), work.1 + self.submaps.scored());
+        }
+        Verified { to: self.to, findings, work }
+    }
+}
