@@ -10,8 +10,6 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Circles that still stand: the folder and its modules. The list may only shrink.
-const STANDING: [(&str, &[&str]); 1] = [("crates/graph/src", &["consensus", "gnc", "optimize"])];
 /// Names that are followed from one `use` to the next at most.
 const HOPS: usize = 8;
 
@@ -33,24 +31,11 @@ pub(crate) fn check(metadata: &Metadata) -> Result<Vec<String>, String> {
         let sources = read_sources(&package.folder.join("src"))?;
         found.extend(circles(&format!("crates/{folder}/src"), &Modules::of(&sources)?));
     }
-    Ok(complaints(&found, &STANDING))
+    Ok(found.iter().map(complaint).collect())
 }
 
-fn complaints(found: &[Circle], standing: &[(&str, &[&str])]) -> Vec<String> {
-    let is =
-        |circle: &Circle, (folder, modules): &(&str, &[&str])| circle.folder == *folder && circle.modules == *modules;
-    let new = found.iter().filter(|circle| !standing.iter().any(|known| is(circle, known)));
-    let gone = standing.iter().filter(|known| !found.iter().any(|circle| is(circle, known)));
-    let new = new.map(|circle| {
-        format!("{}: {} in a circle: {}", circle.folder, circle.modules.join(", "), circle.uses.join(", "))
-    });
-    let gone = gone.map(|(folder, modules)| {
-        format!(
-            "{folder}: {} are no circle any more; strike them from the list in xtask/src/circles.rs",
-            modules.join(", ")
-        )
-    });
-    new.chain(gone).collect()
+fn complaint(circle: &Circle) -> String {
+    format!("{}: {} in a circle: {}", circle.folder, circle.modules.join(", "), circle.uses.join(", "))
 }
 
 /// Each file's place as a module, and its text.
@@ -296,20 +281,12 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_on_the_list_may_stand_and_only_while_it_does() {
-        let circle = |folder: &str| Circle {
-            folder: folder.to_owned(),
+    fn a_complaint_says_who_uses_whom() {
+        let circle = Circle {
+            folder: "src".to_owned(),
             modules: vec!["a".to_owned(), "b".to_owned()],
             uses: vec!["a uses b::B".to_owned(), "b uses a::A".to_owned()],
         };
-        let standing: [(&str, &[&str]); 1] = [("src", &["a", "b"])];
-        assert!(complaints(&[circle("src")], &standing).is_empty());
-        assert_eq!(
-            complaints(&[circle("other")], &standing),
-            [
-                "other: a, b in a circle: a uses b::B, b uses a::A",
-                "src: a, b are no circle any more; strike them from the list in xtask/src/circles.rs"
-            ]
-        );
+        assert_eq!(complaint(&circle), "src: a, b in a circle: a uses b::B, b uses a::A");
     }
 }

@@ -39,6 +39,9 @@ pub(crate) struct Tally {
     span: Option<(Stamp, Stamp)>,
 }
 
+/// Of scans that led to poses or measurements beyond what a session can hold.
+const UNWRITTEN: &str = "it led to a pose or an edge that no session can hold";
+
 impl Default for Tally {
     fn default() -> Self {
         Self {
@@ -70,6 +73,9 @@ impl Tally {
         self.span = Some((first.min(update.stamp), last.max(update.stamp)));
         if let Some(reason) = update.refused {
             *self.refused.entry(reason).or_default() += 1;
+        }
+        if !update.unwritten.is_empty() {
+            *self.refused.entry(UNWRITTEN).or_default() += update.unwritten.len() as u64;
         }
         if let Some(report) = &update.matched {
             self.matched += 1;

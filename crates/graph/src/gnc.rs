@@ -3,8 +3,8 @@
 
 use crate::consensus::Consensus;
 use crate::consistency::quantile_99;
+use crate::descent::Descent;
 use crate::group::PoseGroup;
-use crate::optimize::Descent;
 use crate::problem::{Normal, Problem};
 
 /// How false closures are outvoted.

@@ -25,6 +25,7 @@ mod certainty;
 mod clique;
 mod consensus;
 mod consistency;
+mod descent;
 mod error;
 pub mod g2o;
 mod gnc;

@@ -188,20 +188,20 @@ impl Mapper {
             return None;
         }
         let new = self.front.new_keyframe(self.store.past(), scan, matched)?;
-        Some(self.insert(&new, Link::Odometry))
+        self.insert(&new, Link::Odometry)
     }
 
-    fn insert(&mut self, new: &NewKeyframe, link: Link) -> NodeId {
+    fn insert(&mut self, new: &NewKeyframe, link: Link) -> Option<NodeId> {
         self.back.budget.earn_keyframe();
         let Self { store, front, back, .. } = self;
         let closing = &back.closing;
         let links = |past: Past<'_>, anchor: NodeId| closing.links(past, anchor);
-        let written = store.add_keyframe(new, link, links);
+        let written = store.add_keyframe(new, link, links)?;
         if let Some(edge) = written.unjudged {
             back.closing.wait(store.past(), edge);
         }
         front.wrote(store.past(), new, &written);
-        written.node
+        Some(written.node)
     }
 
     fn add_pose_of_scan(&mut self, scan: &LaserScan) {
@@ -267,7 +267,7 @@ impl Mapper {
         let local_from_robot = self.store.past().pose(from) * from_from_to * keyframe_from_robot;
         self.front.put_down(scan, local_from_robot, from);
         let Some(new) = self.front.blank_keyframe(self.store.past(), scan) else { return };
-        let node = self.insert(&new, Link::Relocalised { from, covariance });
+        let Some(node) = self.insert(&new, Link::Relocalised { from, covariance }) else { return };
         self.localisation.try_out(node, from);
         self.front.look_around(self.store.past());
     }
@@ -343,9 +343,7 @@ impl Mapper {
         let Self { store, front, back, .. } = self;
         let judgement = back.closing.judge(store.past(), store.session().candidates(), to, (target, finding));
         let number = store.add_candidate(&judgement.judged);
-        if judgement.judged.verdict != Verdict::Accepted {
-            return Vec::new();
-        }
+        let Some(number) = number.filter(|_| judgement.judged.verdict == Verdict::Accepted) else { return Vec::new() };
         let mut edges = Vec::new();
         for number in judgement.agreeing.into_iter().chain([number]) {
             let Some(edge) = store.accept(number) else { continue };
@@ -390,6 +388,7 @@ impl Mapper {
     }
 
     fn report(&mut self, told: Told) -> Update {
+        let (entries, unwritten) = self.store.take_fresh();
         let (pose, past) = (self.front.pose(), self.store.past());
         let map_from_robot = self.store.map_from_local() * pose.local_from_robot();
         let odom_from_robot = pose.odom_from_robot();
@@ -408,7 +407,8 @@ impl Mapper {
             matched: told.matched,
             refused: told.refused,
             local_map: self.front.local_map_report(),
-            entries: self.store.take_fresh(),
+            entries,
+            unwritten,
         }
     }
 

@@ -6,9 +6,9 @@ use mapwright_geom::{Pose, Stamp, TangentMatrix};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph, Vertex};
 use mapwright_loops::Judged;
 use mapwright_record::{
-    Beams, Candidate, Edge, EdgeKind, Entry, Fragment, FragmentStart, Keyframe, KeyframeId, LeftOut, LeftOutReason,
-    Measurement, NodeId, OdometryOrigin, Past, RecordedEdge, Run, RunId, ScanPose, Session, Snapshot, Verdict,
-    WheelSlip, is_sound,
+    Beams, Candidate, Edge, EdgeKind, Entry, EntryError, Fragment, FragmentStart, Keyframe, KeyframeId, LeftOut,
+    LeftOutReason, Measurement, NodeId, OdometryOrigin, Past, RecordedEdge, Run, RunId, ScanPose, Session, Snapshot,
+    Verdict, WheelSlip, is_sound,
 };
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
@@ -36,6 +36,8 @@ pub(crate) struct Store<M: Measurement = Sweep> {
     start: Option<FragmentStart>,
     /// Entries that nobody was told of yet.
     fresh: Vec<Entry<M>>,
+    /// Why others could not be written.
+    unwritten: Vec<EntryError>,
 }
 
 impl<M: Measurement> Store<M> {
@@ -57,6 +59,7 @@ impl<M: Measurement> Store<M> {
                 FragmentStart::Resumed
             }),
             fresh: Vec::new(),
+            unwritten: Vec::new(),
             session,
         };
         store.write(Entry::Run(Run { id: run, settings }));
@@ -64,17 +67,20 @@ impl<M: Measurement> Store<M> {
     }
 
     /// The one place where a session grows.
-    fn write(&mut self, entry: Entry<M>) {
-        let added = self.session.add(entry.clone());
-        debug_assert!(added.is_ok(), "{added:?}: {entry:?}");
-        if added.is_ok() {
-            self.fresh.push(entry);
+    fn write(&mut self, entry: Entry<M>) -> bool {
+        match self.session.add(entry.clone()) {
+            Ok(()) => self.fresh.push(entry),
+            Err(why) => {
+                self.unwritten.push(why);
+                return false;
+            }
         }
+        true
     }
 
-    /// What was written since the last time.
-    pub(crate) fn take_fresh(&mut self) -> Vec<Entry<M>> {
-        std::mem::take(&mut self.fresh)
+    /// What was written since the last time, and why what could not be was not.
+    pub(crate) fn take_fresh(&mut self) -> (Vec<Entry<M>>, Vec<EntryError>) {
+        (std::mem::take(&mut self.fresh), std::mem::take(&mut self.unwritten))
     }
 
     pub(crate) fn session(&self) -> &Session<M> {
@@ -136,21 +142,21 @@ impl<M: Measurement> Store<M> {
     }
 
     /// A keyframe with its edges: of odometry with the motion model's information, of the match with the scan's; never both
-    /// in one. `links` says whether a match with a keyframe is an edge already.
+    /// in one. `links` says whether a match with a keyframe is an edge already. None where no session can hold it.
     pub(crate) fn add_keyframe(
         &mut self,
         new: &NewKeyframe<M>,
         link: Link<M::Pose>,
         links: impl Fn(Past<'_, M>, NodeId) -> bool,
-    ) -> Written<M::Pose> {
-        let node = self.add_alone(new);
+    ) -> Option<Written<M::Pose>> {
+        let node = self.add_alone(new)?;
         let relocalised = matches!(link, Link::Relocalised { .. }).then_some(FragmentStart::Relocalised);
         if let Some(start) = self.start.take().or(relocalised) {
             self.write(Entry::Fragment(Fragment { first: self.id(node), start }));
         }
         let Some(last) = node.checked_sub(1) else {
             self.way_m.push(0.0);
-            return Written { node, links: Vec::new(), spacing: Spacing::default(), unjudged: None };
+            return Some(Written { node, links: Vec::new(), spacing: Spacing::default(), unjudged: None });
         };
         let (mut edges, mut known, mut unjudged) = (Vec::new(), Vec::new(), None);
         let step = self.local_from_keyframe[last as usize].between(new.local_from_keyframe);
@@ -180,10 +186,10 @@ impl<M: Measurement> Store<M> {
         self.way_m.push(self.way_m[last as usize] + step_m);
         edges.into_iter().for_each(|edge| self.add_edge(edge, None));
         let spacing = spacing(self.session.keyframes(), node as usize, step_m);
-        Written { node, links: known, spacing, unjudged }
+        Some(Written { node, links: known, spacing, unjudged })
     }
 
-    fn add_alone(&mut self, new: &NewKeyframe<M>) -> NodeId {
+    fn add_alone(&mut self, new: &NewKeyframe<M>) -> Option<NodeId> {
         let node = self.len();
         let keyframe = Arc::new(Keyframe {
             id: self.id(node),
@@ -193,12 +199,14 @@ impl<M: Measurement> Store<M> {
             hardly_fits: new.hardly_fits,
         });
         let map_from_keyframe = self.map_from_local * new.local_from_keyframe;
+        if !self.write(Entry::Keyframe { keyframe, map_from_keyframe }) {
+            return None;
+        }
         self.local_from_keyframe.push(new.local_from_keyframe);
-        self.write(Entry::Keyframe { keyframe, map_from_keyframe });
         if let Some((beams, reason)) = &new.left_out {
             self.leave_out(node, beams.clone(), *reason);
         }
-        node
+        Some(node)
     }
 
     /// Beams of a keyframe are not drawn from now on.
@@ -215,12 +223,13 @@ impl<M: Measurement> Store<M> {
         self.write(Entry::Edge(RecordedEdge { edge, candidate }));
     }
 
-    /// Takes a candidate down and returns its number.
-    pub(crate) fn add_candidate(&mut self, judged: &Judged<M::Pose>) -> u32 {
+    /// Takes a candidate down and returns its number; none where no session can hold it.
+    pub(crate) fn add_candidate(&mut self, judged: &Judged<M::Pose>) -> Option<u32> {
         let Judged { from, to, detection, evidence, verdict, from_from_to, covariance } = *judged;
         let (from, to) = (self.id(from), self.id(to));
-        self.write(Entry::Candidate(Candidate { from, to, detection, evidence, verdict, from_from_to, covariance }));
-        self.session.candidates().len() as u32 - 1
+        let number = self.session.candidates().len() as u32;
+        let candidate = Candidate { from, to, detection, evidence, verdict, from_from_to, covariance };
+        self.write(Entry::Candidate(candidate)).then_some(number)
     }
 
     /// A candidate is a closure: the edge that it makes, if it says where it leads and how surely.
@@ -253,7 +262,9 @@ impl<M: Measurement> Store<M> {
         let id = self.id(node);
         let leads_there = |&at: &usize| self.session.recorded_edges()[at].ends[1] == node;
         let edges: Vec<usize> = (0..self.session.recorded_edges().len()).filter(leads_there).collect();
-        edges.into_iter().for_each(|at| self.write(Entry::Withdrawn { number: at as u32 }));
+        for at in edges {
+            self.write(Entry::Withdrawn { number: at as u32 });
+        }
         let accepted = self.session.candidates().iter().enumerate();
         let accepted = accepted.filter(|(_, c)| c.to == id && c.verdict == Verdict::Accepted);
         let accepted: Vec<(u32, u32)> = accepted.map(|(at, c)| (at as u32, c.evidence.agreeing)).collect();

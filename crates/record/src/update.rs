@@ -1,6 +1,7 @@
 //! What one scan or one job led to.
 
 use crate::entry::Entry;
+use crate::error::EntryError;
 use crate::id::KeyframeId;
 use crate::keyframe::Measurement;
 use mapwright_geom::{Pose, Stamp};
@@ -126,4 +127,6 @@ pub struct Update<M: Measurement = Sweep> {
     /// What changed, in order: the scan itself, keyframes, edges, candidates and verdicts, what was withdrawn or left out, and
     /// who moved. All entries of all updates, in order, are the log; [`crate::Session`] is what they amount to.
     pub entries: Vec<Entry<M>>,
+    /// Why something that happened is no entry: no session can hold it. Empty unless numbers are beyond all reason.
+    pub unwritten: Vec<EntryError>,
 }

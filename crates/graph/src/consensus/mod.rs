@@ -11,9 +11,9 @@ mod review;
 
 use self::neighbours::{Chain, FEW, Neighbours, Odometry, Pair, inflations, poses_by_odometry};
 use crate::consistency::{Closure, Relative, quantile_99};
+use crate::descent::Descent;
 use crate::error::GraphError;
 use crate::group::PoseGroup;
-use crate::optimize::Descent;
 use crate::pose_graph::{Edge, Parts, PoseGraph, nearest_information};
 use crate::problem::{Normal, Problem};
 use mapwright_geom::Pose;

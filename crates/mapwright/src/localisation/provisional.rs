@@ -49,14 +49,14 @@ impl Provisional {
             front.slip(store.past(), &before, &slipped);
         }
         let new = front.new_keyframe(store.past(), scan, matched.as_ref());
-        if let Some(new) = &new {
-            let written = store.add_keyframe(new, Link::Odometry, |_, _| true);
-            front.wrote(store.past(), new, &written);
+        let written = new.as_ref().and_then(|new| store.add_keyframe(new, Link::Odometry, |_, _| true));
+        if let (Some(new), Some(written)) = (&new, &written) {
+            front.wrote(store.past(), new, written);
         }
-        front.follow(store.past(), new.is_some());
+        front.follow(store.past(), written.is_some());
         store.add_scan(scan.stamp, front.pose().local_from_robot(), front.pose().odom_from_robot());
         // Nobody is told.
         drop(store.take_fresh());
-        Seen { matched: matched.map(|matched| matched.report), is_keyframe: new.is_some() }
+        Seen { matched: matched.map(|matched| matched.report), is_keyframe: written.is_some() }
     }
 }

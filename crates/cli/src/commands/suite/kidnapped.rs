@@ -234,6 +234,7 @@ mod tests {
             refused: None,
             local_map: LocalMapReport::default(),
             entries: Vec::new(),
+            unwritten: Vec::new(),
         }
     }
 
