@@ -1,0 +1,242 @@
+//! Readings of sensors in space, as they arrive: clouds of points and images of depth.
+
+use mapwright_geom::{Pose3, Stamp};
+use std::sync::Arc;
+
+/// How a sensor in space looks at the world. Shared by all that it takes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpaceSensor {
+    /// Name for reports, such as a topic or a folder.
+    pub name: String,
+    /// Points nearer than this are no returns, metres.
+    pub range_min_m: f64,
+    /// Points at or beyond this are no returns, metres.
+    pub range_max_m: f64,
+    /// Pose of the sensor on the robot.
+    pub robot_from_sensor: Pose3,
+    /// Standard deviation of a range of `r` metres: `range_sigma_m + range_sigma_per_m * r^2`, metres
+    pub range_sigma_m: f64,
+    /// and 1/m. Depth from disparity grows worse with the square of the distance; a lidar does not.
+    pub range_sigma_per_m: f64,
+}
+
+impl SpaceSensor {
+    /// A spinning lidar in the robot's origin: 0.5 to 120 m, 2 cm.
+    #[must_use]
+    pub fn lidar(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            range_min_m: 0.5,
+            range_max_m: 120.0,
+            robot_from_sensor: Pose3::default(),
+            range_sigma_m: 0.02,
+            range_sigma_per_m: 0.0,
+        }
+    }
+
+    /// A depth camera in the robot's origin, its optical axis along z: 0.2 to 6 m; noise after Khoshelham and Elberink 2012,
+    /// "Accuracy and resolution of Kinect depth data", eq. 10: 1.43 mm at 1 m.
+    #[must_use]
+    pub fn depth_camera(name: &str) -> Self {
+        Self {
+            range_min_m: 0.2,
+            range_max_m: 6.0,
+            range_sigma_m: 0.001,
+            range_sigma_per_m: 0.00143,
+            ..Self::lidar(name)
+        }
+    }
+
+    /// Standard deviation of a range, metres.
+    #[must_use]
+    pub fn sigma_m(&self, range_m: f64) -> f64 {
+        self.range_sigma_m + self.range_sigma_per_m * range_m * range_m
+    }
+
+    /// Whether it can be mapped with.
+    ///
+    /// # Errors
+    /// What is wrong, in words: numbers that are not finite or below zero, a place farther than 1 km from the robot.
+    pub fn check(&self) -> Result<(), &'static str> {
+        let sizes = [self.range_min_m, self.range_sigma_m, self.range_sigma_per_m];
+        if !sizes.iter().all(|size| size.is_finite() && *size >= 0.0) || self.range_max_m.is_nan() {
+            return Err("the sensor's ranges or their noise are not numbers or below zero");
+        }
+        if !(self.robot_from_sensor.is_finite() && self.robot_from_sensor.translation.norm() <= 1000.0) {
+            return Err("the sensor's place on the robot is not finite or farther than 1 km");
+        }
+        Ok(())
+    }
+}
+
+/// One sweep of a lidar, or one image of a depth camera, as points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cloud {
+    /// When its first point was taken, or the image.
+    pub stamp: Stamp,
+    /// What took it.
+    pub sensor: Arc<SpaceSensor>,
+    /// Points in the sensor's frame, metres; any component not finite where there was no return.
+    pub points_m: Vec<[f32; 3]>,
+    /// When each was taken after the stamp, seconds; empty where that is not known.
+    pub times_s: Vec<f32>,
+    /// Red, green and blue of each; empty where there are none.
+    pub colours: Vec<[u8; 3]>,
+    /// The wheels' pose of the robot at the stamp, if it came with the cloud.
+    pub odom_from_robot: Option<Pose3>,
+}
+
+/// A pinhole camera with the distortion of Brown and Conrady ("plumb bob").
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PinholeCamera {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Focal lengths, pixels.
+    pub focal_px: [f64; 2],
+    /// The optical axis in the image, pixels.
+    pub centre_px: [f64; 2],
+    /// `k1 k2 p1 p2 k3`; zeros where the image is rectified.
+    pub distortion: [f64; 5],
+}
+
+/// An image of depth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DepthImage {
+    /// When it was taken.
+    pub stamp: Stamp,
+    /// By what.
+    pub camera: Arc<PinholeCamera>,
+    /// Depth along the optical axis, row by row from the top left, metres; not finite or not above zero where there is none.
+    pub depth_m: Vec<f32>,
+    /// Red, green and blue of each pixel; empty where there are none.
+    pub colours: Vec<[u8; 3]>,
+}
+
+/// Undistorting takes so many rounds of the fixed-point iteration.
+const UNDISTORT_ROUNDS: usize = 8;
+
+impl PinholeCamera {
+    /// Whether images can be made into points with it.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), &'static str> {
+        let finite = self.centre_px.iter().chain(&self.distortion).all(|v| v.is_finite());
+        if !self.focal_px.iter().all(|focal| focal.is_finite() && *focal > 0.0) || !finite {
+            return Err("the camera's focal lengths are not above zero or its other numbers are not finite");
+        }
+        Ok(())
+    }
+
+    /// The directions of all pixels at a depth of one, `(x, y)` of `(x, y, 1)`, row by row.
+    #[must_use]
+    pub fn directions(&self) -> Vec<[f32; 2]> {
+        let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| [f64::from(u), f64::from(v)]));
+        pixels.map(|pixel| self.direction(pixel).map(|v| v as f32)).collect()
+    }
+
+    fn direction(&self, pixel: [f64; 2]) -> [f64; 2] {
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let [x0, y0] = [0, 1].map(|k| (pixel[k] - self.centre_px[k]) / self.focal_px[k]);
+        let [mut x, mut y] = [x0, y0];
+        if self.distortion != [0.0; 5] {
+            for _ in 0..UNDISTORT_ROUNDS {
+                let r2 = x * x + y * y;
+                let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+                let [dx, dy] = [2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y];
+                [x, y] = [(x0 - dx) / radial, (y0 - dy) / radial];
+            }
+        }
+        [x, y]
+    }
+}
+
+/// Beside a step in depth of more than this share per pixel a pixel shows neither side: an edge of an object, or a surface seen
+/// at less than some six degrees.
+const EDGE_SHARE: f32 = 0.03;
+
+impl DepthImage {
+    /// Its pixels as points of a cloud; what lies on edges of objects is no point, for there a pixel sees both sides.
+    ///
+    /// # Errors
+    /// An image of another size than the camera's.
+    pub fn to_cloud(&self, sensor: &Arc<SpaceSensor>, directions: &[[f32; 2]]) -> Result<Cloud, &'static str> {
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let pixels = width * height;
+        let colours = self.colours.len();
+        if self.depth_m.len() != pixels || directions.len() != pixels || (colours != 0 && colours != pixels) {
+            return Err("the image has another size than its camera");
+        }
+        let is_edge = |at: usize| {
+            let (u, depth) = (at % width, self.depth_m[at]);
+            let beside = [(u > 0, at.wrapping_sub(1)), (u + 1 < width, at + 1)];
+            let above = [(at >= width, at.wrapping_sub(width)), (at + width < pixels, at + width)];
+            let steps = beside.into_iter().chain(above).filter(|(is_there, _)| *is_there);
+            let mut steps = steps.map(|(_, other)| self.depth_m[other]).filter(|other| *other > 0.0);
+            steps.any(|other| (other - depth).abs() > EDGE_SHARE * depth)
+        };
+        let point = |at: usize| {
+            let depth = self.depth_m[at];
+            if !(depth > 0.0 && depth.is_finite()) || is_edge(at) {
+                return [f32::NAN; 3];
+            }
+            [directions[at][0] * depth, directions[at][1] * depth, depth]
+        };
+        Ok(Cloud {
+            stamp: self.stamp,
+            sensor: Arc::clone(sensor),
+            points_m: (0..pixels).map(point).collect(),
+            times_s: Vec::new(),
+            colours: self.colours.clone(),
+            odom_from_robot: None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> PinholeCamera {
+        PinholeCamera {
+            width: 8,
+            height: 6,
+            focal_px: [10.0, 10.0],
+            centre_px: [4.0, 3.0],
+            distortion: [0.1, -0.02, 0.001, 0.002, 0.0],
+        }
+    }
+
+    #[test]
+    fn a_distorted_pixel_is_traced_back() {
+        let [k1, k2, p1, p2, _] = camera().distortion;
+        for [x, y] in [[0.3, -0.2], [-0.35, 0.1], [0.0, 0.0]] {
+            let r2: f64 = x * x + y * y;
+            let radial = 1.0 + r2 * (k1 + r2 * k2);
+            let seen_x = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x);
+            let seen_y = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y;
+            let found = camera().direction([10.0 * seen_x + 4.0, 10.0 * seen_y + 3.0]);
+            assert!((found[0] - x).abs() < 1e-6 && (found[1] - y).abs() < 1e-6, "{found:?}, not {x} {y}");
+        }
+    }
+
+    #[test]
+    fn edges_and_what_is_no_depth_are_no_points() {
+        let camera = Arc::new(PinholeCamera { distortion: [0.0; 5], ..camera() });
+        let mut depth_m = vec![2.0_f32; 48];
+        depth_m[9] = 0.0;
+        depth_m[10] = f32::NAN;
+        (0..6).for_each(|row| depth_m[8 * row + 6] = 3.0);
+        let image = DepthImage { stamp: Stamp(0), camera: Arc::clone(&camera), depth_m, colours: Vec::new() };
+        let sensor = Arc::new(SpaceSensor::depth_camera("depth"));
+        let cloud = image.to_cloud(&sensor, &camera.directions()).unwrap();
+        let is_point = |at: usize| cloud.points_m[at][2].is_finite();
+        assert!(is_point(0) && is_point(11) && !is_point(9) && !is_point(10));
+        assert!(!is_point(5) && !is_point(6) && !is_point(7), "both sides of an edge");
+        assert_eq!(cloud.points_m[0], [-0.8, -0.6, 2.0]);
+        let small = DepthImage { depth_m: vec![1.0; 3], ..image };
+        assert!(small.to_cloud(&sensor, &camera.directions()).is_err());
+    }
+}
