@@ -1,0 +1,80 @@
+//! What a voxel knows of the points in it.
+
+use crate::eigen::axes;
+use nalgebra::Matrix3;
+
+/// A coordinate within a voxel is counted in so many parts of its side.
+const PARTS: f64 = 4096.0;
+/// A voxel with fewer points says nothing of a surface.
+const LEAST_POINTS: u32 = 5;
+/// A surface is as thick as this share of the voxel's side at least: what is curved or rough within it, and the laser's noise.
+const LEAST_THICKNESS: f64 = 0.02;
+
+/// Sums over the points of a voxel, in integers: what was added can be taken away to the bit, in any order.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Sums {
+    pub(crate) count: u32,
+    sum: [i64; 3],
+    /// xx, xy, xz, yy, yz, zz.
+    squares: [i64; 6],
+}
+
+/// The points of a voxel as a normal distribution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surfel {
+    /// How many points.
+    pub count: u32,
+    /// Their mean, metres.
+    pub mean_m: [f32; 3],
+    /// The direction in which they spread least.
+    pub normal: [f32; 3],
+    /// Inverse covariance of a point on it, 1/m^2: xx, xy, xz, yy, yz, zz.
+    pub(crate) information: [f32; 6],
+}
+
+impl Sums {
+    /// Adds a point or takes it away (`sign` -1), which lies at so many voxels from the voxel's least corner.
+    #[inline]
+    pub(crate) fn add(&mut self, within: [f64; 3], sign: i64) {
+        let [x, y, z] = within.map(|v| (v * PARTS) as i64);
+        self.count = self.count.wrapping_add(sign as u32);
+        for (sum, value) in self.sum.iter_mut().zip([x, y, z]) {
+            *sum += sign * value;
+        }
+        for (sum, value) in self.squares.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
+            *sum += sign * value;
+        }
+    }
+
+    /// The surfel of a voxel of side `size_m` with its least corner there; none where there are too few points.
+    pub(crate) fn surfel(&self, corner: [f64; 3], size_m: f64) -> Option<Surfel> {
+        if self.count < LEAST_POINTS {
+            return None;
+        }
+        let share = 1.0 / f64::from(self.count);
+        let mean = self.sum.map(|sum| sum as f64 * share);
+        let [xx, xy, xz, yy, yz, zz] = self.squares.map(|sum| sum as f64 * share);
+        let [mx, my, mz] = mean;
+        let covariance = Matrix3::new(
+            xx - mx * mx,
+            xy - mx * my,
+            xz - mx * mz,
+            xy - mx * my,
+            yy - my * my,
+            yz - my * mz,
+            xz - mx * mz,
+            yz - my * mz,
+            zz - mz * mz,
+        );
+        let unit_m = size_m / PARTS;
+        let (variances, vectors) = axes(covariance * (unit_m * unit_m));
+        let least = LEAST_THICKNESS * size_m;
+        let weights = variances.map(|variance| 1.0 / variance.max(least * least));
+        let information = vectors * Matrix3::from_diagonal(&weights) * vectors.transpose();
+        let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);
+        let normal = [0, 1, 2].map(|k| vectors[(k, 0)] as f32);
+        let entry = |row, column| information[(row, column)] as f32;
+        let information = [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)];
+        Some(Surfel { count: self.count, mean_m, normal, information })
+    }
+}

@@ -1,0 +1,164 @@
+//! Surfels at several resolutions at once.
+
+use crate::key::{Key, corner, key_of};
+use crate::surfel::{Sums, Surfel};
+use mapwright_geom::Pose3;
+use rustc_hash::FxHashMap;
+
+/// How a map is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfelMapSettings {
+    /// Side of the smallest voxels, metres.
+    pub resolution_m: f64,
+    /// How many resolutions; each has voxels twice as large as the one before.
+    pub levels: usize,
+}
+
+/// Whether points come or go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// They are added.
+    Add,
+    /// They are taken away again, exactly.
+    Remove,
+}
+
+/// A map to match clouds against.
+#[derive(Debug, Clone)]
+pub struct SurfelMap {
+    settings: SurfelMapSettings,
+    levels: Vec<Level>,
+}
+
+/// One resolution.
+#[derive(Debug, Clone)]
+pub(crate) struct Level {
+    pub(crate) size_m: f64,
+    per_m: f64,
+    places: FxHashMap<Key, u32>,
+    voxels: Vec<Voxel>,
+    /// Beside each voxel, for matching reads nothing else.
+    surfels: Vec<Option<Surfel>>,
+    touched: Vec<u32>,
+    /// Voxels that are empty and may be used again.
+    empty: Vec<u32>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Voxel {
+    key: Key,
+    sums: Sums,
+    is_touched: bool,
+}
+
+impl SurfelMap {
+    /// An empty map.
+    #[must_use]
+    pub fn new(settings: SurfelMapSettings) -> Self {
+        let level = |k: usize| Level::new(settings.resolution_m * f64::from(1_u32 << k.min(16)));
+        Self { settings, levels: (0..settings.levels.max(1)).map(level).collect() }
+    }
+
+    /// How it was made.
+    #[must_use]
+    pub fn settings(&self) -> &SurfelMapSettings {
+        &self.settings
+    }
+
+    /// The finest first.
+    pub(crate) fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+
+    /// Whether nothing is in it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.levels[0].places.is_empty()
+    }
+
+    /// Adds the points of a cloud, seen from `map_from_cloud`, or takes them away again. Those that are not finite or beyond 2^20
+    /// voxels from the origin are left out.
+    pub fn draw(&mut self, points_m: &[[f32; 3]], map_from_cloud: Pose3, change: Change) {
+        let rotation = map_from_cloud.rotation.to_rotation_matrix();
+        for &[x, y, z] in points_m {
+            let point = nalgebra::Vector3::new(f64::from(x), f64::from(y), f64::from(z));
+            let at: [f64; 3] = (rotation * point + map_from_cloud.translation).into();
+            self.levels.iter_mut().for_each(|level| level.draw(at, change));
+        }
+    }
+
+    /// Brings the surfels in line with the points; to be called before matching.
+    pub fn refresh(&mut self) {
+        self.levels.iter_mut().for_each(Level::refresh);
+    }
+
+    /// The surfels of the finest resolution.
+    pub fn surfels(&self) -> impl Iterator<Item = &Surfel> {
+        self.levels[0].surfels.iter().flatten()
+    }
+}
+
+impl Level {
+    fn new(size_m: f64) -> Self {
+        Self {
+            size_m,
+            per_m: 1.0 / size_m,
+            places: FxHashMap::default(),
+            voxels: Vec::new(),
+            surfels: Vec::new(),
+            touched: Vec::new(),
+            empty: Vec::new(),
+        }
+    }
+
+    fn draw(&mut self, at: [f64; 3], change: Change) {
+        let scaled = at.map(|v| v * self.per_m);
+        let Some(key) = key_of(scaled) else { return };
+        let place = match change {
+            Change::Add => *self.places.entry(key).or_insert_with(|| {
+                let voxel = Voxel { key, sums: Sums::default(), is_touched: false };
+                let new = self.empty.pop().unwrap_or(self.voxels.len() as u32);
+                if new as usize == self.voxels.len() {
+                    self.voxels.push(voxel);
+                    self.surfels.push(None);
+                } else {
+                    let is_touched = self.voxels[new as usize].is_touched;
+                    self.voxels[new as usize] = Voxel { is_touched, ..voxel };
+                }
+                new
+            }),
+            Change::Remove => match self.places.get(&key) {
+                Some(&place) => place,
+                None => return,
+            },
+        };
+        let corner = corner(key);
+        let voxel = &mut self.voxels[place as usize];
+        let within = [0, 1, 2].map(|k| scaled[k] - corner[k]);
+        voxel.sums.add(within, if change == Change::Add { 1 } else { -1 });
+        if !voxel.is_touched {
+            voxel.is_touched = true;
+            self.touched.push(place);
+        }
+    }
+
+    fn refresh(&mut self) {
+        for place in std::mem::take(&mut self.touched) {
+            let voxel = &mut self.voxels[place as usize];
+            voxel.is_touched = false;
+            self.surfels[place as usize] = voxel.sums.surfel(corner(voxel.key), self.size_m);
+            if voxel.sums.count == 0 && self.places.get(&voxel.key) == Some(&place) {
+                self.places.remove(&voxel.key);
+                self.empty.push(place);
+            }
+        }
+    }
+
+    /// The surfel of the voxel that a point lies in; whether there is any point in that voxel.
+    #[inline]
+    pub(crate) fn surfel_at(&self, at: [f64; 3]) -> Option<&Surfel> {
+        let key = key_of(at.map(|v| v * self.per_m))?;
+        let place = *self.places.get(&key)?;
+        self.surfels[place as usize].as_ref()
+    }
+}
