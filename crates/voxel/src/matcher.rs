@@ -1,5 +1,11 @@
 //! Clouds matched against surfels: the pose of greatest likelihood, coarse resolutions first.
+//!
+//! A point is explained by the normal distribution of the voxel that it ends in (Biber and Strasser 2003, "The normal
+//! distributions transform"; in space Magnusson 2009), by Cauchy's kernel where it is not. The kernel's width follows the residuals
+//! at each resolution: a tight one at a coarse resolution has no basin. Points of one surface are right or wrong together, so that
+//! they count with a share of what they would say were they independent.
 
+use crate::surfel::Surfel;
 use crate::surfel_map::{Level, SurfelMap};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
@@ -9,17 +15,19 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 pub struct MatcherSettings {
     /// Steps at most, at each resolution.
     pub steps: usize,
-    /// Points at most, at the finest resolution; others are passed over evenly.
+    /// Points at most; others are passed over evenly.
     pub points: usize,
     /// The kernel's width: so many times the median residual of points on surfels.
     pub kernel_medians: f64,
     /// A point fits whose residual is below so many standard deviations of its surfel.
     pub fit_sigmas: f64,
+    /// What a point counts beside the prior: points are correlated.
+    pub point_share: f64,
 }
 
 impl Default for MatcherSettings {
     fn default() -> Self {
-        Self { steps: 15, points: 4000, kernel_medians: 3.0, fit_sigmas: 3.0 }
+        Self { steps: 15, points: 4000, kernel_medians: 3.0, fit_sigmas: 3.0, point_share: 0.05 }
     }
 }
 
@@ -37,17 +45,35 @@ pub struct Prior {
 pub struct Fit {
     /// The pose.
     pub map_from_cloud: Pose3,
-    /// Information of its right perturbation by the points alone, each taken for independent.
+    /// Information of its right perturbation by the points alone.
     pub information: Cov6,
+    /// Points that took part.
+    pub points: u32,
     /// Share of the points that lie in voxels with a surfel, at the finest resolution.
     pub known_share: f64,
     /// Share of those that fit it.
     pub inlier_share: f64,
-    /// Mean robust cost of a known point.
-    pub cost: f64,
     /// Evaluations of the objective.
     pub evaluations: u32,
 }
+
+/// Rough matches are made with so many points, and so many steps a resolution.
+const ROUGH_POINTS: usize = 1000;
+const ROUGH_STEPS: usize = 8;
+/// Squared width of the kernel in which rough matches are compared, in standard deviations.
+const ROUGH_WIDTH2: f64 = 9.0;
+/// The kernel's width is found anew after so many steps.
+const WIDTH_EVERY: usize = 3;
+/// A step so small ends the search, of the voxel's side, and radians.
+const STEP_SHARE: f64 = 1e-3;
+const STEP_RAD: f64 = 1e-4;
+/// Damping after the first step that fails, by how much it grows and shrinks, and where nothing moves any more.
+const FIRST_DAMPING: f64 = 1e-3;
+const GROWTH: f64 = 10.0;
+const SHRINKING: f64 = 0.3;
+const LAST_DAMPING: f64 = 1e6;
+/// A point where nothing is known costs as much as one so many squared kernel widths off its surfel.
+const UNKNOWN_WIDTHS2: f64 = 9.0;
 
 /// Matches clouds; keeps its buffers.
 #[derive(Debug, Clone, Default)]
@@ -77,40 +103,50 @@ impl Matcher {
 
     /// Climbs from `start` through the resolutions, the coarsest first.
     pub fn climb(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], prior: &Prior, start: Pose3) -> Fit {
-        self.climb_from(map, points_m, prior, start, map.levels().len())
-    }
-
-    /// The same, from one of the resolutions on: that many are used.
-    pub fn climb_from(
-        &mut self,
-        map: &SurfelMap,
-        points_m: &[[f32; 3]],
-        prior: &Prior,
-        start: Pose3,
-        levels: usize,
-    ) -> Fit {
-        let mut pose = start;
-        let mut evaluations = 0;
-        for level in map.levels()[..levels].iter().rev() {
-            self.take_points(points_m, self.settings.points);
-            pose = self.climb_level(level, prior, pose, &mut evaluations);
+        self.take_points(points_m, self.settings.points);
+        let (mut pose, mut evaluations) = (start, 0);
+        for level in map.levels().iter().rev() {
+            pose = self.climb_level(level, prior, pose, self.settings.steps, &mut evaluations);
         }
         let level = &map.levels()[0];
         let width2 = self.width2(level, pose);
         let at = self.evaluate(level, pose, width2);
-        let rotation = pose.rotation.to_rotation_matrix().into_inner();
-        let mut body = Matrix6::zeros();
-        body.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
-        body.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
+        let body = along_body(pose);
         let share = |part: u32, all: u32| if all == 0 { 0.0 } else { f64::from(part) / f64::from(all) };
+        let points = self.points.len() as u32;
         Fit {
             map_from_cloud: pose,
             information: body.transpose() * at.hessian * body,
-            known_share: share(at.known, self.points.len() as u32),
+            points,
+            known_share: share(at.known, points),
             inlier_share: share(at.fitting, at.known),
-            cost: at.cost / f64::from(at.known.max(1)),
             evaluations: evaluations + 1,
         }
+    }
+
+    /// The most promising poses to climb from, of those that `starts` lead to at the coarser resolutions, the best first. All are
+    /// compared by one objective.
+    pub fn rough(
+        &mut self,
+        map: &SurfelMap,
+        points_m: &[[f32; 3]],
+        prior: &Prior,
+        starts: impl Iterator<Item = Pose3>,
+        at_most: usize,
+    ) -> Vec<Pose3> {
+        self.take_points(points_m, ROUGH_POINTS);
+        let coarse = &map.levels()[map.levels().len() / 2..];
+        let mut found: Vec<(f64, Pose3)> = Vec::new();
+        for start in starts {
+            let pose = coarse.iter().rev().fold(start, |pose, level| {
+                self.climb_level(level, prior, pose, ROUGH_STEPS, &mut 0)
+            });
+            let cost = self.with_prior(prior, pose, self.evaluate(&coarse[0], pose, ROUGH_WIDTH2)).cost;
+            found.push((cost, pose));
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.truncate(at_most);
+        found.into_iter().map(|(_, pose)| pose).collect()
     }
 
     fn take_points(&mut self, points_m: &[[f32; 3]], most: usize) {
@@ -119,51 +155,48 @@ impl Matcher {
         self.points.extend(points_m.iter().step_by(every).map(|point| point.map(f64::from)));
     }
 
-    fn climb_level(&mut self, level: &Level, prior: &Prior, start: Pose3, evaluations: &mut u32) -> Pose3 {
-        let mut pose = start;
-        let mut damping = 0.0;
-        let width2 = self.width2(level, pose);
-        let mut width2 = width2;
+    fn climb_level(&mut self, level: &Level, prior: &Prior, start: Pose3, steps: usize, evaluations: &mut u32) -> Pose3 {
+        let (mut pose, mut damping) = (start, 0.0);
+        let mut width2 = self.width2(level, pose);
         let mut at = self.with_prior(prior, pose, self.evaluate(level, pose, width2));
-        *evaluations += 2;
-        for step_number in 0..self.settings.steps {
-            let diagonal = Matrix6::from_diagonal(&at.hessian.diagonal().map(|v| damping * v + 1e-9));
-            let Some(step) = (at.hessian + diagonal).cholesky().map(|factor| factor.solve(&-at.gradient)) else { break };
+        *evaluations += 1;
+        for taken in 1..=steps {
+            let damped = at.hessian + Matrix6::from_diagonal(&at.hessian.diagonal().map(|v| damping * v + 1e-9));
+            let Some(factor) = damped.cholesky() else { break };
+            let step = factor.solve(&-at.gradient);
             let next = moved(pose, &step);
             let tried = self.with_prior(prior, next, self.evaluate(level, next, width2));
             *evaluations += 1;
-            if tried.cost <= at.cost {
-                pose = next;
-                at = tried;
-                damping *= 0.3;
-                let small = step.fixed_rows::<3>(0).norm() < 1e-3 * level.size_m && step.fixed_rows::<3>(3).norm() < 1e-4;
-                if small {
+            // not `>`: NaN must not be taken
+            if !(tried.cost <= at.cost) {
+                damping = if damping == 0.0 { FIRST_DAMPING } else { damping * GROWTH };
+                if damping > LAST_DAMPING {
                     break;
                 }
-                if step_number % 3 == 2 {
-                    width2 = self.width2(level, pose);
-                    at = self.with_prior(prior, pose, self.evaluate(level, pose, width2));
-                    *evaluations += 1;
-                }
-            } else {
-                damping = if damping == 0.0 { 1e-3 } else { damping * 10.0 };
-                if damping > 1e6 {
-                    break;
-                }
+                continue;
+            }
+            (pose, at, damping) = (next, tried, damping * SHRINKING);
+            let (move_m, turn_rad) = (step.fixed_rows::<3>(0).norm(), step.fixed_rows::<3>(3).norm());
+            if move_m < STEP_SHARE * level.size_m && turn_rad < STEP_RAD {
+                break;
+            }
+            if taken % WIDTH_EVERY == 0 && taken < steps {
+                width2 = self.width2(level, pose);
+                at = self.with_prior(prior, pose, self.evaluate(level, pose, width2));
+                *evaluations += 1;
             }
         }
         pose
     }
 
-    /// Squared width of the kernel: what residuals are like there.
+    /// Squared width of the kernel: what residuals are like there, in standard deviations.
     fn width2(&mut self, level: &Level, pose: Pose3) -> f64 {
         let rotation = pose.rotation.to_rotation_matrix();
         self.residuals.clear();
         for point in &self.points {
             let at = rotation * Vector3::from(*point) + pose.translation;
             if let Some(surfel) = level.surfel_at(at.into()) {
-                let (_, d2) = pulled(surfel, at);
-                self.residuals.push(d2 as f32);
+                self.residuals.push(pulled(surfel, at).1 as f32);
             }
         }
         if self.residuals.is_empty() {
@@ -176,68 +209,59 @@ impl Matcher {
 
     fn with_prior(&self, prior: &Prior, pose: Pose3, mut at: Evaluation) -> Evaluation {
         let error = prior.map_from_cloud.between(pose).log();
-        let rotation = pose.rotation.to_rotation_matrix().into_inner();
-        let mut body = Matrix6::zeros();
-        body.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
-        body.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
-        at.cost += 0.5 * error.dot(&(prior.information * error));
-        at.gradient += body * (prior.information * error);
+        let body = along_body(pose);
+        let pull = prior.information * error;
+        at.cost += 0.5 * error.dot(&pull);
+        at.gradient += body * pull;
         at.hessian += body * prior.information * body.transpose();
         at
     }
 
-    /// Cauchy's kernel over squared residuals in standard deviations.
     fn evaluate(&self, level: &Level, pose: Pose3, width2: f64) -> Evaluation {
         let rotation = pose.rotation.to_rotation_matrix();
-        let mut gradient = Vector6::zeros();
-        let mut hessian = Matrix6::zeros();
+        let (mut force, mut torque) = (Vector3::zeros(), Vector3::zeros());
+        let (mut linear, mut mixed, mut angular) = (Matrix3::zeros(), Matrix3::zeros(), Matrix3::zeros());
         let (mut cost, mut known, mut fitting) = (0.0, 0, 0);
         let fit2 = self.settings.fit_sigmas.powi(2);
-        let unknown_cost = 0.5 * width2 * (1.0_f64 + 9.0).ln();
+        let unknown = 0.5 * width2 * (1.0 + UNKNOWN_WIDTHS2).ln();
         for point in &self.points {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
             let Some(surfel) = level.surfel_at(at.into()) else {
-                cost += unknown_cost;
+                cost += unknown;
                 continue;
             };
             let (pull, d2) = pulled(surfel, at);
             known += 1;
             fitting += u32::from(d2 < fit2);
-            cost += (0.5 * width2 * (1.0 + d2 / width2).ln()).min(unknown_cost);
+            cost += (0.5 * width2 * (1.0 + d2 / width2).ln()).min(unknown);
             let weight = 1.0 / (1.0 + d2 / width2);
-            let [xx, xy, xz, yy, yz, zz] = surfel.information.map(f64::from);
-            let omega = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) * weight;
-            let pull = pull * weight;
-            // of `at` by a turn: -[arm]x
+            let [xx, xy, xz, yy, yz, zz] = surfel.information.map(|v| weight * f64::from(v));
+            let omega = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            // A turn moves `at` by `-[arm]x` of it.
             let cross = arm.cross_matrix();
             let omega_cross = omega * cross;
-            let turn = cross.transpose() * omega_cross;
-            for row in 0..3 {
-                for column in 0..3 {
-                    hessian[(row, column)] += omega[(row, column)];
-                    hessian[(row, column + 3)] -= omega_cross[(row, column)];
-                    hessian[(row + 3, column + 3)] += turn[(row, column)];
-                }
-                gradient[row] += pull[row];
-            }
-            let torque = arm.cross(&pull);
-            for row in 0..3 {
-                gradient[row + 3] += torque[row];
-            }
+            linear += omega;
+            mixed -= omega_cross;
+            angular -= cross * omega_cross;
+            force += pull * weight;
+            torque += arm.cross(&pull) * weight;
         }
-        for row in 0..3 {
-            for column in 0..3 {
-                hessian[(row + 3, column)] = hessian[(column, row + 3)];
-            }
-        }
-        Evaluation { cost, gradient, hessian, known, fitting }
+        let share = self.settings.point_share;
+        let (mut gradient, mut hessian) = (Vector6::zeros(), Matrix6::zeros());
+        gradient.fixed_rows_mut::<3>(0).copy_from(&(force * share));
+        gradient.fixed_rows_mut::<3>(3).copy_from(&(torque * share));
+        hessian.fixed_view_mut::<3, 3>(0, 0).copy_from(&(linear * share));
+        hessian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(mixed * share));
+        hessian.fixed_view_mut::<3, 3>(3, 0).copy_from(&(mixed.transpose() * share));
+        hessian.fixed_view_mut::<3, 3>(3, 3).copy_from(&(angular * share));
+        Evaluation { cost: cost * share, gradient, hessian, known, fitting }
     }
 }
 
 /// `information * (at - mean)`, and the squared residual in standard deviations.
 #[inline]
-fn pulled(surfel: &crate::surfel::Surfel, at: Vector3<f64>) -> (Vector3<f64>, f64) {
+fn pulled(surfel: &Surfel, at: Vector3<f64>) -> (Vector3<f64>, f64) {
     let error = at - Vector3::from(surfel.mean_m.map(f64::from));
     let [xx, xy, xz, yy, yz, zz] = surfel.information.map(f64::from);
     let pull = Vector3::new(
@@ -246,6 +270,15 @@ fn pulled(surfel: &crate::surfel::Surfel, at: Vector3<f64>) -> (Vector3<f64>, f6
         xz * error.x + yz * error.y + zz * error.z,
     );
     (pull, error.dot(&pull))
+}
+
+/// From perturbations along the axes of the cloud to those along the map's.
+fn along_body(pose: Pose3) -> Matrix6<f64> {
+    let rotation = pose.rotation.to_rotation_matrix().into_inner();
+    let mut body = Matrix6::zeros();
+    body.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+    body.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
+    body
 }
 
 fn moved(pose: Pose3, step: &Vector6<f64>) -> Pose3 {

@@ -48,6 +48,8 @@ pub(crate) struct Level {
 struct Voxel {
     key: Key,
     sums: Sums,
+    /// Who added to it last.
+    supplier: u32,
     is_touched: bool,
 }
 
@@ -77,19 +79,32 @@ impl SurfelMap {
     }
 
     /// Adds the points of a cloud, seen from `map_from_cloud`, or takes them away again. Those that are not finite or beyond 2^20
-    /// voxels from the origin are left out.
-    pub fn draw(&mut self, points_m: &[[f32; 3]], map_from_cloud: Pose3, change: Change) {
+    /// voxels from the origin are left out. `supplier` is the number of who saw them.
+    pub fn draw(&mut self, points_m: &[[f32; 3]], map_from_cloud: Pose3, change: Change, supplier: u32) {
         let rotation = map_from_cloud.rotation.to_rotation_matrix();
         for &[x, y, z] in points_m {
             let point = nalgebra::Vector3::new(f64::from(x), f64::from(y), f64::from(z));
             let at: [f64; 3] = (rotation * point + map_from_cloud.translation).into();
-            self.levels.iter_mut().for_each(|level| level.draw(at, change));
+            self.levels.iter_mut().for_each(|level| level.draw(at, change, supplier));
         }
     }
 
     /// Brings the surfels in line with the points; to be called before matching.
     pub fn refresh(&mut self) {
         self.levels.iter_mut().for_each(Level::refresh);
+    }
+
+    /// Calls with the supplier of each point's voxel at the finest resolution, where it has a surfel.
+    pub fn each_supplier(&self, points_m: &[[f32; 3]], map_from_cloud: Pose3, mut call: impl FnMut(u32)) {
+        let rotation = map_from_cloud.rotation.to_rotation_matrix();
+        let level = &self.levels[0];
+        for point in points_m {
+            let point = nalgebra::Vector3::from(point.map(f64::from));
+            let at: [f64; 3] = (rotation * point + map_from_cloud.translation).into();
+            if let Some(place) = level.place_at(at).filter(|&place| level.surfels[place].is_some()) {
+                call(level.voxels[place].supplier);
+            }
+        }
     }
 
     /// The surfels of the finest resolution.
@@ -111,12 +126,12 @@ impl Level {
         }
     }
 
-    fn draw(&mut self, at: [f64; 3], change: Change) {
+    fn draw(&mut self, at: [f64; 3], change: Change, supplier: u32) {
         let scaled = at.map(|v| v * self.per_m);
         let Some(key) = key_of(scaled) else { return };
         let place = match change {
             Change::Add => *self.places.entry(key).or_insert_with(|| {
-                let voxel = Voxel { key, sums: Sums::default(), is_touched: false };
+                let voxel = Voxel { key, sums: Sums::default(), supplier, is_touched: false };
                 let new = self.empty.pop().unwrap_or(self.voxels.len() as u32);
                 if new as usize == self.voxels.len() {
                     self.voxels.push(voxel);
@@ -136,6 +151,9 @@ impl Level {
         let voxel = &mut self.voxels[place as usize];
         let within = [0, 1, 2].map(|k| scaled[k] - corner[k]);
         voxel.sums.add(within, if change == Change::Add { 1 } else { -1 });
+        if change == Change::Add {
+            voxel.supplier = supplier;
+        }
         if !voxel.is_touched {
             voxel.is_touched = true;
             self.touched.push(place);
@@ -154,11 +172,15 @@ impl Level {
         }
     }
 
-    /// The surfel of the voxel that a point lies in; whether there is any point in that voxel.
+    /// The surfel of the voxel that a point lies in.
     #[inline]
     pub(crate) fn surfel_at(&self, at: [f64; 3]) -> Option<&Surfel> {
+        self.surfels[self.place_at(at)?].as_ref()
+    }
+
+    #[inline]
+    fn place_at(&self, at: [f64; 3]) -> Option<usize> {
         let key = key_of(at.map(|v| v * self.per_m))?;
-        let place = *self.places.get(&key)?;
-        self.surfels[place as usize].as_ref()
+        self.places.get(&key).map(|&place| place as usize)
     }
 }

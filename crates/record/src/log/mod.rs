@@ -21,7 +21,7 @@
 //!
 //! | kind | payload |
 //! |---|---|
-//! | 1 run | number u32, code of the measurements u8 (1: sweeps), robot u128, session u32, settings as UTF-8 to the end |
+//! | 1 run | number u32, code of the measurements u8 (1: sweeps, 2: clouds), robot u128, session u32, settings as UTF-8 to the end |
 //! | 2 sensor | number u32, its bytes to the end |
 //! | 3 scan | number u32, stamp i64 (ns), keyframe u32 (all ones: none), keyframe from robot, odom from robot |
 //! | 4 keyframe | number u32, run u32, seq u32, stamp i64 (ns), scan u64, hardly fits u8, map from keyframe, sensor u32, measurement to the end |
@@ -39,7 +39,9 @@
 //! A pose is x, y, heading (f64), in space x, y, z and a unit quaternion i, j, k, w; a matrix all of its rows.
 //! The bytes of a laser: first bearing, step, least and largest range, time from beam to beam (f64), robot from
 //! laser, upside down u8, name as UTF-8; those of a sweep: metres a code f64, twist a second 3 f64, scatters u8, and a code of
-//! two bytes a beam.
+//! two bytes a beam. Those of a sensor of space: least and largest range, noise and its growth with the squared range (f64), robot from
+//! sensor, name as UTF-8; those of a cloud: metres a step f64, points u32, three coordinates a point i16 each, and three bytes a point
+//! if it has colours.
 //!
 //! Runs, sensors, scans, keyframes, edges and candidates carry their numbers, each counted from zero through the whole log, and
 //! other entries refer to them by these. So it is known what a damaged entry has taken with it: what refers to it no longer
@@ -68,6 +70,7 @@
 mod bytes;
 mod codes;
 mod read;
+mod space_sweep;
 pub(crate) mod sweep;
 mod v1;
 mod write;
