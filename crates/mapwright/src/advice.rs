@@ -147,7 +147,7 @@ fn links(session: &Session) -> Vec<Link> {
                 // To the keyframe before, wheels and scan together are all that is known.
                 if from + 1 != to {
                     let away_m = poses[from].distance(poses[to]);
-                    links.push(link(covariance.map(|covariance| covariance + map_floor(away_m))));
+                    links.push(link(covariance.map(|covariance| covariance + map_floor::<Cov3>(away_m))));
                 }
             }
             EdgeKind::Closure => links.push(link(covariance)),

@@ -27,7 +27,7 @@ mod slip;
 mod sweep_motion;
 mod track;
 
-pub(crate) use pose::{RobotPose, map_floor};
+pub(crate) use pose::{Motion, RobotPose, map_floor};
 pub(crate) use slip::BEFORE;
 pub use track::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub(crate) use track::{MISFIT_KNOWN_SHARE, Matched};
@@ -160,7 +160,10 @@ impl FrontEnd {
         let believed = matched.filter(|matched| matched.is_believed());
         let supplier = believed.and_then(|matched| matched.agreement.supplier);
         let anchor = supplier.filter(|&node| self.local_map.is_live(node));
-        let last_from_robot = self.pose.settle(past, step, predicted, believed, anchor);
+        let noise = Cov3::from_diagonal(&step.variances.into());
+        let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
+        let at = believed.map(|matched| (matched.local_from_robot, matched.information));
+        let last_from_robot = self.pose.settle(past, motion, at, anchor);
         self.tracker.note(matched);
         let moved = match believed {
             None => Moved::Unknown,

@@ -29,6 +29,7 @@ mod probe;
 mod relocation;
 mod render;
 mod settings;
+mod space;
 mod store;
 
 #[cfg(doctest)]
@@ -39,7 +40,7 @@ pub use advice::{Advice, Place};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use jobs::{Job, JobResult};
 pub use mapper::Mapper;
-pub use mapwright_geom::{Cov3, Pose2, Stamp};
+pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{CountGrid, LocalMap};
 pub use mapwright_record::{
     Beams, Candidate, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart, Keyframe,
@@ -48,9 +49,11 @@ pub use mapwright_record::{
     WheelSlip,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
+pub use mapwright_sensor::{Cloud, DepthImage, PinholeCamera, SpaceSensor, SpaceSweep};
 pub use probe::{NoProbe, Probe, Stage};
 pub use render::GlobalMap;
 pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
+pub use space::SpaceMapper;

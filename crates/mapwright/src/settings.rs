@@ -291,6 +291,14 @@ section! {
     }
 }
 
+section! {
+    /// Maps of space.
+    SpaceSettings, "space" {
+        resolution_m: f64 = 0.0, 0.0..=10.0, "m", "side of the smallest voxels; 0 derives it from how far the first cloud sees";
+        max_range_m: f64 = 120.0, 0.1..=10_000.0, "m", "points from here on are no returns, beside the sensor's own maximum";
+    }
+}
+
 /// All settings.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -309,6 +317,8 @@ pub struct Settings {
     pub live: LiveSettings,
     /// Coming back to places.
     pub loops: LoopSettings,
+    /// Maps of space.
+    pub space: SpaceSettings,
 }
 
 impl KeyframeSettings {
@@ -344,6 +354,7 @@ impl Settings {
         self.keyframes.lines(&mut lines);
         self.live.lines(&mut lines);
         self.loops.lines(&mut lines);
+        self.space.lines(&mut lines);
         lines
     }
 
@@ -384,6 +395,7 @@ impl Settings {
             "keyframes" => self.keyframes.set(name, text),
             "live" => self.live.set(name, text),
             "loops" => self.loops.set(name, text),
+            "space" => self.space.set(name, text),
             _ => Err(unknown()),
         }
     }
@@ -399,7 +411,8 @@ impl Settings {
         self.matching.validate()?;
         self.keyframes.validate()?;
         self.live.validate()?;
-        self.loops.validate()
+        self.loops.validate()?;
+        self.space.validate()
     }
 }
 

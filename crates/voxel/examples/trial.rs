@@ -60,10 +60,15 @@ fn main() {
                 }
             }
             if score(&best) < get("guard", 0.0) {
-                let starts = (-11..=12).map(|k| pose * Pose3::exp(nalgebra::Vector6::new(0., 0., 0., 0., 0., 15f64.to_radians() * f64::from(k))));
+                let starts = (-11..=12).map(|k| {
+                    pose * Pose3::exp(nalgebra::Vector6::new(0., 0., 0., 0., 0., 15f64.to_radians() * f64::from(k)))
+                });
                 for start in matcher.rough(&map, &sparse, &prior, starts, 2) {
                     let other = matcher.climb(&map, &sparse, &prior, start);
-                    if score(&other) > score(&best) { best = other; from = "yaw"; }
+                    if score(&other) > score(&best) {
+                        best = other;
+                        from = "yaw";
+                    }
                 }
             }
             before = pose;

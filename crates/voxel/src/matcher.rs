@@ -138,9 +138,10 @@ impl Matcher {
         let coarse = &map.levels()[map.levels().len() / 2..];
         let mut found: Vec<(f64, Pose3)> = Vec::new();
         for start in starts {
-            let pose = coarse.iter().rev().fold(start, |pose, level| {
-                self.climb_level(level, prior, pose, ROUGH_STEPS, &mut 0)
-            });
+            let pose = coarse
+                .iter()
+                .rev()
+                .fold(start, |pose, level| self.climb_level(level, prior, pose, ROUGH_STEPS, &mut 0));
             let cost = self.with_prior(prior, pose, self.evaluate(&coarse[0], pose, ROUGH_WIDTH2)).cost;
             found.push((cost, pose));
         }
@@ -155,7 +156,14 @@ impl Matcher {
         self.points.extend(points_m.iter().step_by(every).map(|point| point.map(f64::from)));
     }
 
-    fn climb_level(&mut self, level: &Level, prior: &Prior, start: Pose3, steps: usize, evaluations: &mut u32) -> Pose3 {
+    fn climb_level(
+        &mut self,
+        level: &Level,
+        prior: &Prior,
+        start: Pose3,
+        steps: usize,
+        evaluations: &mut u32,
+    ) -> Pose3 {
         let (mut pose, mut damping) = (start, 0.0);
         let mut width2 = self.width2(level, pose);
         let mut at = self.with_prior(prior, pose, self.evaluate(level, pose, width2));

@@ -1,11 +1,8 @@
 //! Where the robot is in the front end's frame, and how certain that is relative to the anchor: the keyframe that supplied
 //! most of what the last scan was matched with.
 
-use super::predict::Step;
-use super::track::Matched;
-use mapwright_geom::{Cov3, Pose, Pose2, compose_covariance};
-use mapwright_record::{NodeId, Past};
-use nalgebra::{Matrix3, Vector3};
+use mapwright_geom::{Pose, Pose2, TangentMatrix, compose_covariance};
+use mapwright_record::{Measurement, NodeId, Past};
 
 /// Keyframes back from the newest over which the chain of covariances is kept in mind.
 const CHAIN: usize = 64;
@@ -13,48 +10,58 @@ const CHAIN: usize = 64;
 /// for positions (m) and headings (rad); calibrated with the scale of the information (`tests/consistency.rs`).
 const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0007, 0.0006]];
 /// Variances of what nobody knows, m^2 and rad^2.
-const PUT_DOWN_VARIANCES: [f64; 3] = [1e4, 1e4, 10.0];
+const PUT_DOWN_VARIANCES: [f64; 2] = [1e4, 10.0];
 
 /// The robot's pose and covariances.
 #[derive(Debug, Clone)]
-pub(crate) struct RobotPose {
-    local_from_robot: Pose2,
-    odom_from_robot: Pose2,
+pub(crate) struct RobotPose<P: Pose = Pose2> {
+    local_from_robot: P,
+    odom_from_robot: P,
     /// Information of the last match, zero where there was none.
-    information: Cov3,
+    information: P::Matrix,
     /// Motion-model covariance alone, relative to the newest keyframe.
-    odometry_since_keyframe: Cov3,
+    odometry_since_keyframe: P::Matrix,
     /// Fused covariance of each keyframe relative to the one before.
-    links: Vec<Cov3>,
+    links: Vec<P::Matrix>,
     anchor: Option<NodeId>,
     /// Covariance of the newest keyframe relative to the anchor.
-    keyframe_from_anchor: Cov3,
+    keyframe_from_anchor: P::Matrix,
 }
 
-impl RobotPose {
-    pub(super) fn new(local_from_robot: Pose2) -> Self {
+/// The motion of a scan since the one before.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Motion<P: Pose> {
+    pub(crate) last_from_robot: P,
+    /// Its covariance by the motion model.
+    pub(crate) noise: P::Matrix,
+    /// Where the robot is after it.
+    pub(crate) predicted: P,
+}
+
+impl<P: Pose> RobotPose<P> {
+    pub(crate) fn new(local_from_robot: P) -> Self {
         Self {
             local_from_robot,
-            odom_from_robot: Pose2::IDENTITY,
-            information: Cov3::zeros(),
-            odometry_since_keyframe: Cov3::zeros(),
+            odom_from_robot: P::identity(),
+            information: P::Matrix::zero(),
+            odometry_since_keyframe: P::Matrix::zero(),
             links: Vec::new(),
             anchor: None,
-            keyframe_from_anchor: Cov3::zeros(),
+            keyframe_from_anchor: P::Matrix::zero(),
         }
     }
 
     /// A robot that goes on where it was: the fused covariances of all keyframes relative to the ones before, and the motion model's
     /// since the newest.
-    pub(super) fn resume(local_from_robot: Pose2, links: Vec<Cov3>, odometry_since_keyframe: Cov3) -> Self {
+    pub(super) fn resume(local_from_robot: P, links: Vec<P::Matrix>, odometry_since_keyframe: P::Matrix) -> Self {
         Self { links, odometry_since_keyframe, ..Self::new(local_from_robot) }
     }
 
-    pub(crate) fn local_from_robot(&self) -> Pose2 {
+    pub(crate) fn local_from_robot(&self) -> P {
         self.local_from_robot
     }
 
-    pub(crate) fn odom_from_robot(&self) -> Pose2 {
+    pub(crate) fn odom_from_robot(&self) -> P {
         self.odom_from_robot
     }
 
@@ -63,33 +70,31 @@ impl RobotPose {
     }
 
     /// Motion-model covariance alone, relative to the newest keyframe.
-    pub(super) fn odometry_since_keyframe(&self) -> Cov3 {
+    pub(crate) fn odometry_since_keyframe(&self) -> P::Matrix {
         self.odometry_since_keyframe
     }
 
     /// Of the newest keyframe-to-be relative to the one before, by wheels and scan together.
-    pub(super) fn fused(&self) -> Cov3 {
+    pub(crate) fn fused(&self) -> P::Matrix {
         fuse(&self.odometry_since_keyframe, &self.information)
     }
 
-    /// Takes the motion of a scan over, and its match where that is believed; `anchor` supplied it. The motion since the scan
-    /// before.
-    pub(super) fn settle(
+    /// Takes the motion of a scan over, and where it was matched and the information of that, if that is believed; `anchor` supplied
+    /// it. The motion since the scan before.
+    pub(crate) fn settle<M: Measurement<Pose = P>>(
         &mut self,
-        past: Past<'_>,
-        step: Step,
-        predicted: Pose2,
-        matched: Option<&Matched>,
+        past: Past<'_, M>,
+        motion: Motion<P>,
+        matched: Option<(P, P::Matrix)>,
         anchor: Option<NodeId>,
-    ) -> Pose2 {
+    ) -> P {
         let before = self.local_from_robot;
-        let noise = Matrix3::from_diagonal(&Vector3::from(step.variances));
-        self.information = Cov3::zeros();
-        self.odometry_since_keyframe = compose_covariance(&self.odometry_since_keyframe, step.last_from_robot, &noise);
+        let Motion { last_from_robot, noise, predicted } = motion;
+        self.information = P::Matrix::zero();
+        self.odometry_since_keyframe = compose_covariance(&self.odometry_since_keyframe, last_from_robot, &noise);
         self.local_from_robot = predicted;
-        if let Some(matched) = matched {
-            self.local_from_robot = matched.local_from_robot;
-            self.information = matched.information;
+        if let Some((local_from_robot, information)) = matched {
+            (self.local_from_robot, self.information) = (local_from_robot, information);
             self.anchor_at(past, anchor);
         }
         let newest = past.local_from_keyframe.last();
@@ -97,7 +102,7 @@ impl RobotPose {
         if !self.local_from_robot.is_within_bounds() || !is_near {
             self.local_from_robot = before;
         }
-        let odom_from_robot = self.odom_from_robot * step.last_from_robot;
+        let odom_from_robot = self.odom_from_robot * last_from_robot;
         if odom_from_robot.is_within_bounds() {
             self.odom_from_robot = odom_from_robot;
         }
@@ -105,12 +110,12 @@ impl RobotPose {
     }
 
     /// Makes `anchor` the keyframe that covariances are relative to.
-    fn anchor_at(&mut self, past: Past<'_>, anchor: Option<NodeId>) {
+    fn anchor_at<M: Measurement<Pose = P>>(&mut self, past: Past<'_, M>, anchor: Option<NodeId>) {
         let Some(anchor) = anchor.filter(|_| anchor != self.anchor) else { return };
         let newest = past.local_from_keyframe.len().saturating_sub(1);
         self.anchor = Some(anchor);
         if newest - (anchor as usize).min(newest) <= CHAIN {
-            self.keyframe_from_anchor = (anchor as usize + 1..=newest).fold(Cov3::zeros(), |sum, k| {
+            self.keyframe_from_anchor = (anchor as usize + 1..=newest).fold(P::Matrix::zero(), |sum, k| {
                 let step = past.local_from_keyframe[k - 1].between(past.local_from_keyframe[k]);
                 compose_covariance(&sum, step, &self.links[k])
             });
@@ -118,31 +123,31 @@ impl RobotPose {
     }
 
     /// A keyframe was made here, this certain relative to the anchor.
-    pub(super) fn made_keyframe(&mut self, covariance: Cov3) {
+    pub(crate) fn made_keyframe(&mut self, covariance: P::Matrix) {
         self.links.push(self.fused());
         self.keyframe_from_anchor = covariance;
-        self.odometry_since_keyframe = Cov3::zeros();
+        self.odometry_since_keyframe = P::Matrix::zero();
     }
 
     /// The robot is somewhere else than was thought: near a keyframe, however certain.
-    pub(super) fn put_down(&mut self, local_from_robot: Pose2, near: NodeId) {
+    pub(super) fn put_down(&mut self, local_from_robot: P, near: NodeId) {
         self.local_from_robot = local_from_robot;
         self.anchor = Some(near);
-        self.keyframe_from_anchor = Cov3::from_diagonal(&Vector3::from(PUT_DOWN_VARIANCES));
-        self.odometry_since_keyframe = Cov3::zeros();
+        self.keyframe_from_anchor = P::Matrix::from_variances(PUT_DOWN_VARIANCES[0], PUT_DOWN_VARIANCES[1]);
+        self.odometry_since_keyframe = P::Matrix::zero();
     }
 
     /// The wheels had slipped before keyframe `from`: the robot is elsewhere, and so much less certain.
-    pub(super) fn slip(&mut self, from: NodeId, local_from_robot: Pose2, slip: &Cov3) {
+    pub(super) fn slip(&mut self, from: NodeId, local_from_robot: P, slip: &P::Matrix) {
         self.local_from_robot = local_from_robot;
         match self.links.get_mut(from as usize) {
-            Some(link) => *link += slip,
-            None => self.odometry_since_keyframe += slip,
+            Some(link) => *link += *slip,
+            None => self.odometry_since_keyframe += *slip,
         }
     }
 
     /// Covariance of the robot relative to the anchor.
-    pub(crate) fn covariance(&self, past: Past<'_>) -> Cov3 {
+    pub(crate) fn covariance<M: Measurement<Pose = P>>(&self, past: Past<'_, M>) -> P::Matrix {
         let predicted = match past.local_from_keyframe.last() {
             Some(newest) => {
                 let step = newest.between(self.local_from_robot);
@@ -151,17 +156,17 @@ impl RobotPose {
             None => self.odometry_since_keyframe,
         };
         let away_m = self.anchor.map_or(0.0, |anchor| past.pose(anchor).distance(self.local_from_robot));
-        fuse(&predicted, &self.information) + map_floor(away_m)
+        fuse(&predicted, &self.information) + map_floor::<P::Matrix>(away_m)
     }
 }
 
 /// Error of the map between two keyframes so far apart that no single match shows.
-pub(crate) fn map_floor(away_m: f64) -> Cov3 {
+pub(crate) fn map_floor<C: TangentMatrix>(away_m: f64) -> C {
     let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
-    Cov3::from_diagonal(&Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad))
+    C::from_variances(floor_m * floor_m, floor_rad * floor_rad)
 }
 
 /// Posterior covariance of a prior covariance and a measurement's information.
-fn fuse(covariance: &Cov3, information: &Cov3) -> Cov3 {
-    covariance.try_inverse().and_then(|prior| (prior + information).try_inverse()).unwrap_or(*covariance)
+fn fuse<C: TangentMatrix>(covariance: &C, information: &C) -> C {
+    covariance.inverted().and_then(|prior| (prior + *information).inverted()).unwrap_or(*covariance)
 }

@@ -104,7 +104,7 @@ fn links_of(past: Past<'_>, node: NodeId, links: &Links) -> Vec<(NodeId, Cov3)> 
     }
     if let Some((anchor, edge)) = links.matched.filter(|(anchor, _)| anchor + 1 != node) {
         let away_m = past.pose(anchor).distance(past.pose(node));
-        all.push((anchor, covariance(&edge.information) + map_floor(away_m)));
+        all.push((anchor, covariance(&edge.information) + map_floor::<Cov3>(away_m)));
     }
     all
 }

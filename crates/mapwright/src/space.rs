@@ -1,0 +1,8 @@
+//! The same pipeline in space: six degrees of freedom, clouds instead of scans, surfels instead of cells. Files bear the names of
+//! their likes in the plane; the store, the log, the graph and closing are the same code.
+
+mod front;
+mod local_map;
+mod mapper;
+
+pub use mapper::SpaceMapper;

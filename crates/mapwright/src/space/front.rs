@@ -1,0 +1,180 @@
+//! The front end in space: prepare, predict, match, insert, and the local map.
+
+use super::local_map::LocalMapping;
+use crate::front::{Motion, RobotPose};
+use crate::settings::Settings;
+use crate::store::{NewKeyframe, Written};
+use mapwright_geom::{Cov6, Pose3};
+use mapwright_record::{LocalMapReport, NodeId, Past};
+use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
+use std::sync::Arc;
+
+mod predict;
+mod prepare;
+mod track;
+
+use predict::{Predictor, Step};
+use prepare::Preparation;
+pub(crate) use prepare::Scale;
+pub(crate) use track::Matched;
+use track::Tracker;
+
+/// A keyframe is made after so much way, of the sensor's rms range, or so much turning, radians,
+const KEYFRAME_SHARE: f64 = 0.06;
+const KEYFRAME_RAD: f64 = 0.2;
+/// or where less than this share of a cloud lies where something is known.
+const KNOWN_SHARE: f64 = 0.8;
+
+/// The front end.
+#[derive(Debug, Clone)]
+pub(crate) struct FrontEnd {
+    settings: Settings,
+    preparation: Preparation,
+    predictor: Predictor,
+    tracker: Tracker,
+    pose: RobotPose<Pose3>,
+    local_map: Option<LocalMapping>,
+}
+
+/// A cloud that is prepared, and where the robot should be.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Prepared {
+    step: Step,
+    predicted: Pose3,
+    pub(crate) beams: BeamCounts,
+    pub(crate) refused: Option<&'static str>,
+}
+
+impl FrontEnd {
+    pub(crate) fn new(settings: Settings, local_from_robot: Pose3) -> Self {
+        Self {
+            settings,
+            preparation: Preparation::default(),
+            predictor: Predictor::default(),
+            tracker: Tracker::default(),
+            pose: RobotPose::new(local_from_robot),
+            local_map: None,
+        }
+    }
+
+    pub(crate) fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    pub(crate) fn pose(&self) -> &RobotPose<Pose3> {
+        &self.pose
+    }
+
+    /// What was derived from the first clouds, once there was one with enough points.
+    pub(crate) fn scale(&self) -> Option<Scale> {
+        self.preparation.scale()
+    }
+
+    /// Steps 1 and 2: points in the robot's frame, undistorted and thinned, what was dropped counted; the pose by odometry or constant
+    /// velocity.
+    pub(crate) fn prepare(&mut self, cloud: &Cloud) -> Prepared {
+        let step = self.predictor.step(&self.settings.motion, cloud.stamp, cloud.odom_from_robot);
+        let refused = self.preparation.check(cloud).err();
+        let twist_per_s = self.predictor.twist_per_s(step);
+        let beams = self.preparation.prepare(&self.settings, cloud, twist_per_s, refused.is_none());
+        Prepared { step, predicted: self.pose.local_from_robot() * step.last_from_robot, beams, refused }
+    }
+
+    /// Step 3: the cloud against the local map.
+    pub(crate) fn track(&mut self, prepared: &Prepared) -> Option<Matched> {
+        let (points, local_map) = (self.preparation.match_points(), self.local_map.as_ref()?);
+        let last = self.pose.local_from_robot();
+        self.tracker.track(local_map, points, (last, prepared.predicted), &prepared.step)
+    }
+
+    /// Takes over the new pose and its covariance.
+    pub(crate) fn settle(
+        &mut self,
+        past: Past<'_, SpaceSweep>,
+        cloud: &Cloud,
+        prepared: &Prepared,
+        matched: Option<&Matched>,
+    ) {
+        let Prepared { step, predicted, .. } = *prepared;
+        let believed = matched.filter(|matched| matched.is_believed());
+        let anchor = believed.and_then(|matched| matched.supplier);
+        let noise = step.information.try_inverse().unwrap_or_else(Cov6::identity);
+        let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
+        let at = believed.map(|matched| (matched.local_from_robot, matched.information));
+        let last_from_robot = self.pose.settle(past, motion, at, anchor);
+        self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
+    }
+
+    /// Step 4: a keyframe, once the robot has moved enough and sees something.
+    pub(crate) fn new_keyframe(
+        &self,
+        past: Past<'_, SpaceSweep>,
+        cloud: &Cloud,
+        matched: Option<&Matched>,
+    ) -> Option<NewKeyframe<SpaceSweep>> {
+        let local_from_robot = self.pose.local_from_robot();
+        let scale = self.preparation.scale()?;
+        let is_far = past.newest().is_none_or(|newest| {
+            let step = past.pose(newest).between(local_from_robot);
+            step.translation.norm() > KEYFRAME_SHARE * scale.range_m || step.rotation.angle() > KEYFRAME_RAD
+        });
+        let is_new = matched.is_some_and(|matched| matched.report.known_share < KNOWN_SHARE);
+        let lost = matched.is_some_and(|matched| !matched.is_believed());
+        if !(is_far || is_new) || lost || self.preparation.points().is_empty() {
+            return None;
+        }
+        Some(NewKeyframe {
+            stamp: cloud.stamp,
+            sweep: Arc::new(self.preparation.sweep(cloud)),
+            left_out: None,
+            hardly_fits: matched.is_some_and(Matched::hardly_fits),
+            local_from_keyframe: local_from_robot,
+            covariance: self.pose.covariance(past),
+            odometry: self.pose.odometry_since_keyframe(),
+            fused: self.pose.fused(),
+            matched: matched.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
+        })
+    }
+
+    /// The keyframe was written: it joins the local map.
+    pub(crate) fn wrote(
+        &mut self,
+        past: Past<'_, SpaceSweep>,
+        new: &NewKeyframe<SpaceSweep>,
+        written: &Written<Pose3>,
+    ) {
+        self.pose.made_keyframe(new.covariance);
+        let Some(scale) = self.preparation.scale() else { return };
+        let local_map = self.local_map.get_or_insert_with(|| LocalMapping::new(&self.settings, scale));
+        local_map.insert(past, written.node, &written.links);
+    }
+
+    /// Step 5, once a cloud: the local map follows what is certain relative to the robot.
+    pub(crate) fn follow(&mut self, past: Past<'_, SpaceSweep>) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.follow(past));
+    }
+
+    /// The past was moved from where it was `before`.
+    pub(crate) fn carry(&mut self, past: Past<'_, SpaceSweep>, before: &[Pose3]) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.carry(past, before));
+    }
+
+    /// A closure links two keyframes, this surely.
+    pub(crate) fn close(&mut self, past: Past<'_, SpaceSweep>, from: NodeId, to: NodeId, covariance: &Cov6) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.close(past, from, to, covariance));
+    }
+
+    /// A closure was none.
+    pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.open(from, to));
+    }
+
+    /// How certain old places are relative to the newest keyframe.
+    pub(crate) fn survey(&mut self) -> Vec<mapwright_loops::KnownPlace> {
+        self.local_map.as_mut().map_or_else(Vec::new, LocalMapping::survey)
+    }
+
+    pub(crate) fn local_map_report(&self) -> LocalMapReport {
+        self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
+    }
+}

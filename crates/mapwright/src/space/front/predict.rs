@@ -1,0 +1,99 @@
+//! Step 2: where the robot should be before its cloud is looked at.
+
+use crate::settings::MotionSettings;
+use mapwright_geom::{Cov6, Pose3, Stamp};
+use nalgebra::Vector6;
+
+/// How fast a robot, or a hand that holds a sensor, changes its speed: metres and radians per second squared.
+const ACCELERATION_MPS2: f64 = 10.0;
+const ACCELERATION_RADPS2: f64 = 20.0;
+/// What a prediction is wrong by at least, metres and radians.
+const LEAST_M: f64 = 0.005;
+const LEAST_RAD: f64 = 0.005;
+/// Between two clouds pass so many seconds at least and at most, as far as the prediction is concerned; stamps may be bad.
+const PERIOD_S: [f64; 2] = [0.005, 5.0];
+/// Where nothing is known of the time between two clouds, seconds.
+const USUAL_PERIOD_S: f64 = 0.1;
+/// The motion before is carried on if the time is not more than so many times longer.
+const CARRIED_PERIODS: f64 = 4.0;
+/// What wheels do not see, a share of the way: height, and the robot's roll and pitch, radians per metre.
+const UNSEEN_SHARE: f64 = 0.05;
+/// Odometry that claims more than this between two clouds has jumped: metres, and metres per second.
+const JUMP_M: f64 = 10.0;
+const JUMP_MPS: f64 = 3.0;
+
+/// The motion since the last cloud, and the information of its right perturbation.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step {
+    pub(super) last_from_robot: Pose3,
+    pub(super) information: Cov6,
+    pub(super) elapsed_s: f64,
+    pub(super) from_odometry: bool,
+}
+
+/// What the predictor remembers.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Predictor {
+    stamp: Option<Stamp>,
+    odom_from_robot: Option<Pose3>,
+    /// The last motion and the seconds that it took.
+    last: Option<(Pose3, f64)>,
+}
+
+impl Predictor {
+    pub(super) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose3>) -> Step {
+        let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
+        let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
+        let elapsed_s = if elapsed_s > 0.0 { elapsed_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
+        let by_odometry = self.odom_from_robot.zip(odom_from_robot).filter(|_| settings.use_odometry);
+        let by_odometry = by_odometry
+            .map(|(last, now)| last.between(now))
+            .filter(|step| step.is_finite() && step.translation.norm() <= JUMP_M.max(JUMP_MPS * elapsed_s));
+        if let Some(last_from_robot) = by_odometry {
+            let information = odometry_information(settings, last_from_robot, elapsed_s);
+            return Step { last_from_robot, information, elapsed_s, from_odometry: true };
+        }
+        let carried = self.last.filter(|(_, last_s)| elapsed_s <= CARRIED_PERIODS * last_s);
+        let last_from_robot =
+            carried.map_or(Pose3::identity(), |(step, last_s)| Pose3::exp(step.log() * (elapsed_s / last_s)));
+        let sigma_m = LEAST_M + 0.5 * ACCELERATION_MPS2 * elapsed_s * elapsed_s;
+        let sigma_rad = LEAST_RAD + 0.5 * ACCELERATION_RADPS2 * elapsed_s * elapsed_s;
+        let information = information_of([sigma_m; 3], [sigma_rad; 3]);
+        Step { last_from_robot, information, elapsed_s, from_odometry: false }
+    }
+
+    /// The robot's twist while a cloud is taken.
+    pub(super) fn twist_per_s(&self, step: Step) -> Option<Vector6<f64>> {
+        if step.from_odometry {
+            return Some(step.last_from_robot.log() / step.elapsed_s);
+        }
+        self.last.map(|(motion, elapsed_s)| motion.log() / elapsed_s)
+    }
+
+    /// How the robot has moved, if that is known.
+    pub(super) fn settle(&mut self, stamp: Stamp, odom_from_robot: Option<Pose3>, moved: Option<Pose3>) {
+        let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
+        let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
+        let elapsed_s = if elapsed_s > 0.0 { elapsed_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
+        self.last = moved.filter(|_| self.stamp.is_some()).map(|moved| (moved, elapsed_s));
+        self.stamp = Some(stamp);
+        self.odom_from_robot = odom_from_robot.filter(|pose| pose.is_finite());
+    }
+}
+
+/// By the motion model of the plane, with what wheels do not see.
+fn odometry_information(settings: &MotionSettings, step: Pose3, elapsed_s: f64) -> Cov6 {
+    let (way2, turn2) = (step.translation.norm_squared(), step.rotation.angle().powi(2));
+    let floor_m = settings.translation_floor_m + settings.translation_per_second_m * elapsed_s;
+    let floor_rad = settings.rotation_floor_rad + settings.rotation_per_second_rad * elapsed_s;
+    let along = (floor_m * floor_m + settings.alpha3 * way2 + settings.alpha4 * turn2).sqrt();
+    let heading = (floor_rad * floor_rad + settings.alpha1 * turn2 + settings.alpha2 * way2).sqrt();
+    let unseen = UNSEEN_SHARE * way2.sqrt();
+    information_of([along, along, floor_m + unseen], [floor_rad + unseen, floor_rad + unseen, heading])
+}
+
+fn information_of(sigmas_m: [f64; 3], sigmas_rad: [f64; 3]) -> Cov6 {
+    let [a, b, c] = sigmas_m.map(|sigma| 1.0 / (sigma * sigma));
+    let [d, e, f] = sigmas_rad.map(|sigma| 1.0 / (sigma * sigma));
+    Cov6::from_diagonal(&Vector6::new(a, b, c, d, e, f))
+}

@@ -1,0 +1,149 @@
+//! Step 1: points in the robot's frame, undistorted and thinned, and what was dropped.
+
+use crate::settings::Settings;
+use mapwright_geom::Pose3;
+use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
+use mapwright_voxel::Thinner;
+use nalgebra::{Vector3, Vector6};
+
+/// What depends on how far a sensor sees, derived from the first cloud with enough points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Scale {
+    /// Root mean square of the ranges, metres.
+    pub(crate) range_m: f64,
+    /// Side of the smallest voxels, metres.
+    pub(crate) resolution_m: f64,
+    /// How many resolutions, each twice as coarse: up to what the robot may move between two clouds.
+    pub(crate) levels: usize,
+}
+
+/// Points of the first cloud at least.
+const LEAST_POINTS: usize = 100;
+/// Side of the smallest voxels and at least of the largest, of the rms range: 0.5 to 4 m in a hall, 0.1 to 1 m in a room.
+const FINEST_SHARE: f64 = 1.0 / 16.0;
+const COARSEST_SHARE: f64 = 0.48;
+const LEVELS_AT_MOST: usize = 8;
+/// Of the points within so many of the smallest voxels along each axis, one is drawn, and one is matched.
+const DRAWN_SHARE: f64 = 0.2;
+const MATCHED_SHARE: f64 = 0.8;
+/// A cloud may hold so many points.
+const POINTS_AT_MOST: usize = 1 << 24;
+/// Times beyond this after the stamp are none, seconds.
+const LONGEST_SWEEP_S: f32 = 2.0;
+
+/// The present cloud.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Preparation {
+    scale: Option<Scale>,
+    all: Vec<[f32; 3]>,
+    colours: Vec<[u8; 3]>,
+    drawn: Vec<[f32; 3]>,
+    drawn_colours: Vec<[u8; 3]>,
+    matched: Vec<[f32; 3]>,
+    thinner: Thinner,
+}
+
+impl Preparation {
+    pub(super) fn scale(&self) -> Option<Scale> {
+        self.scale
+    }
+
+    /// Points that are drawn.
+    pub(super) fn points(&self) -> &[[f32; 3]] {
+        &self.drawn
+    }
+
+    /// Points that are matched.
+    pub(super) fn match_points(&self) -> &[[f32; 3]] {
+        &self.matched
+    }
+
+    pub(super) fn sweep(&self, cloud: &Cloud) -> SpaceSweep {
+        SpaceSweep::new(&cloud.sensor, &self.drawn, self.drawn_colours.clone())
+    }
+
+    /// Whether a cloud can be used at all.
+    pub(super) fn check(&self, cloud: &Cloud) -> Result<(), &'static str> {
+        cloud.sensor.check()?;
+        let count = cloud.points_m.len();
+        if count > POINTS_AT_MOST {
+            return Err("the cloud has more than 16 million points");
+        }
+        if !(cloud.times_s.is_empty() || cloud.times_s.len() == count)
+            || !(cloud.colours.is_empty() || cloud.colours.len() == count)
+        {
+            return Err("the cloud has not as many times or colours as points");
+        }
+        Ok(())
+    }
+
+    pub(super) fn prepare(
+        &mut self,
+        settings: &Settings,
+        cloud: &Cloud,
+        twist_per_s: Option<Vector6<f64>>,
+        is_sound: bool,
+    ) -> BeamCounts {
+        self.all.clear();
+        self.colours.clear();
+        let mut counts = BeamCounts::default();
+        if is_sound {
+            self.take(settings, cloud, twist_per_s, &mut counts);
+        } else {
+            counts.refused = cloud.points_m.len().min(u32::MAX as usize) as u32;
+        }
+        if self.scale.is_none() && self.all.len() >= LEAST_POINTS {
+            self.scale = Some(scale_of(settings, &self.all));
+        }
+        let resolution_m = self.scale.map_or(1.0, |scale| scale.resolution_m);
+        let coloured = (self.all.as_slice(), self.colours.as_slice());
+        let drawn = (&mut self.drawn, &mut self.drawn_colours);
+        self.thinner.thin_coloured(coloured, DRAWN_SHARE * resolution_m, drawn);
+        self.thinner.thin(&self.drawn, MATCHED_SHARE * resolution_m, &mut self.matched);
+        counts
+    }
+
+    /// Takes the returns, in the robot's frame at the cloud's stamp.
+    fn take(&mut self, settings: &Settings, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>, counts: &mut BeamCounts) {
+        let sensor = &cloud.sensor;
+        let least_m = sensor.range_min_m.max(settings.scan.min_range_m);
+        let most_m = sensor.range_max_m.min(settings.space.max_range_m);
+        let rotation = sensor.robot_from_sensor.rotation.to_rotation_matrix();
+        let twist_per_s = twist_per_s.filter(|_| !cloud.times_s.is_empty());
+        for (number, point) in cloud.points_m.iter().enumerate() {
+            let point = Vector3::from(point.map(f64::from));
+            let range_m = point.norm();
+            if !range_m.is_finite() {
+                counts.not_a_number += 1;
+            } else if range_m < least_m {
+                counts.too_near += 1;
+            } else if range_m >= most_m {
+                counts.no_return += 1;
+            } else {
+                counts.returns += 1;
+                let mut at = rotation * point + sensor.robot_from_sensor.translation;
+                let time_s = cloud.times_s.get(number).filter(|s| s.is_finite() && s.abs() <= LONGEST_SWEEP_S);
+                if let Some((twist_per_s, &time_s)) = twist_per_s.zip(time_s) {
+                    at = Pose3::exp(twist_per_s * f64::from(time_s)).transform(at);
+                }
+                self.all.push([at.x as f32, at.y as f32, at.z as f32]);
+                self.colours.extend(cloud.colours.get(number));
+            }
+        }
+    }
+}
+
+fn scale_of(settings: &Settings, points_m: &[[f32; 3]]) -> Scale {
+    let square = |point: &[f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
+    let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
+    let asked_m = settings.space.resolution_m;
+    let resolution_m = if asked_m > 0.0 { asked_m } else { two_digits(FINEST_SHARE * range_m) };
+    let levels = (1..LEVELS_AT_MOST).find(|&k| resolution_m * f64::from(1_u32 << (k - 1)) >= COARSEST_SHARE * range_m);
+    Scale { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST) }
+}
+
+/// Rounded to two digits, that it may be told and asked for again.
+fn two_digits(value: f64) -> f64 {
+    let unit = 10_f64.powf(value.max(1e-3).log10().floor() - 1.0);
+    (value / unit).round().max(1.0) * unit
+}

@@ -1,0 +1,144 @@
+//! Step 3: the match, and the guard that starts it again where it is in doubt.
+//!
+//! On hard data the basin decides, not the precision: a sensor that turns by half a right angle from cloud to cloud is found
+//! again from the coarse resolutions, and where less than [`DOUBT_SHARE`] of what is known fits, from other headings as well.
+
+use super::predict::Step;
+use crate::space::local_map::LocalMapping;
+use mapwright_geom::{Cov6, Pose3};
+use mapwright_record::{MatchReport, NodeId, Status};
+use mapwright_voxel::{Fit, Matcher, Prior};
+use nalgebra::Vector6;
+
+/// Below this share of fitting points, among those in known territory, other starts are tried.
+const DOUBT_SHARE: f64 = 0.85;
+/// Below this share a match is doubtful, and below the next it is not believed.
+const DEGRADED_SHARE: f64 = 0.55;
+const LOST_SHARE: f64 = 0.35;
+/// Where a smaller share of a cloud lies where something is known, the map says nothing of the pose.
+const LEAST_KNOWN: f64 = 0.15;
+/// Headings tried on doubt, beside the predicted one: so many steps to either side, radians.
+const HEADINGS: i32 = 11;
+const HEADING_RAD: f64 = 0.262;
+/// The most promising of them are followed to the finest resolution.
+const FOLLOWED: usize = 2;
+/// Another start has to fit so much better, share of the points.
+const BETTER_SHARE: f64 = 0.01;
+/// A cloud that was matched in doubt says less, to this share of its information.
+const DOUBTED_TRUST: f64 = 0.25;
+
+/// What the match stage hands on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Matched {
+    pub(crate) local_from_robot: Pose3,
+    pub(crate) information: Cov6,
+    pub(crate) status: Status,
+    pub(crate) report: MatchReport,
+    /// Who supplied most of what it was matched against.
+    pub(super) supplier: Option<NodeId>,
+}
+
+impl Matched {
+    pub(crate) fn is_believed(&self) -> bool {
+        self.status != Status::Lost
+    }
+
+    pub(super) fn hardly_fits(&self) -> bool {
+        self.report.inlier_share < DEGRADED_SHARE
+    }
+}
+
+/// Matches, and remembers nothing but its buffers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tracker {
+    matcher: Matcher,
+    suppliers: Vec<NodeId>,
+}
+
+impl Tracker {
+    /// The cloud against the local map; `last` is where the robot was.
+    pub(super) fn track(
+        &mut self,
+        local_map: &LocalMapping,
+        points: &[[f32; 3]],
+        (last, predicted): (Pose3, Pose3),
+        step: &Step,
+    ) -> Option<Matched> {
+        if points.is_empty() {
+            return None;
+        }
+        let map = local_map.map();
+        let prior = Prior { map_from_cloud: predicted, information: step.information };
+        // Constant velocity as the only start is worse than standing still.
+        let starts = [predicted, last];
+        let first = if step.from_odometry {
+            predicted
+        } else {
+            self.matcher.rough(map, points, &prior, starts.into_iter(), 1).first().copied().unwrap_or(predicted)
+        };
+        let mut best = self.matcher.climb(map, points, &prior, first);
+        let mut restarts = 0;
+        if best.inlier_share < DOUBT_SHARE {
+            let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
+            let headings = (-HEADINGS..=HEADINGS + 1).map(about);
+            for start in self.matcher.rough(map, points, &prior, headings, FOLLOWED) {
+                let other = self.matcher.climb(map, points, &prior, start);
+                restarts += 1;
+                if score(&other) > score(&best) + BETTER_SHARE {
+                    best = Fit { evaluations: best.evaluations + other.evaluations, ..other };
+                }
+            }
+        }
+        Some(self.judge(local_map, points, &prior, &best, restarts))
+    }
+
+    fn judge(
+        &mut self,
+        local_map: &LocalMapping,
+        points: &[[f32; 3]],
+        prior: &Prior,
+        fit: &Fit,
+        restarts: u32,
+    ) -> Matched {
+        let Fit { known_share, inlier_share, .. } = *fit;
+        let status = if known_share < LEAST_KNOWN || inlier_share < LOST_SHARE {
+            Status::Lost
+        } else if inlier_share < DEGRADED_SHARE {
+            Status::Degraded
+        } else {
+            Status::Tracking
+        };
+        let error = prior.map_from_cloud.between(fit.map_from_cloud).log();
+        let trust = if status == Status::Tracking { 1.0 } else { DOUBTED_TRUST };
+        let report = MatchReport {
+            beams: fit.points,
+            inlier_share,
+            known_share,
+            odometry_sigmas: error.dot(&(prior.information * error)).sqrt(),
+            evaluations: fit.evaluations,
+            restarts,
+            searched: false,
+            unconfirmed: false,
+        };
+        Matched {
+            local_from_robot: fit.map_from_cloud,
+            information: fit.information * trust,
+            status,
+            report,
+            supplier: self.supplier(local_map, points, fit.map_from_cloud),
+        }
+    }
+
+    /// The keyframe that supplied most of what the points lie on, the newest of equals.
+    fn supplier(&mut self, local_map: &LocalMapping, points: &[[f32; 3]], pose: Pose3) -> Option<NodeId> {
+        self.suppliers.clear();
+        local_map.map().each_supplier(points, pose, |node| self.suppliers.push(node));
+        self.suppliers.sort_unstable();
+        let runs = self.suppliers.chunk_by(|a, b| a == b).filter(|run| local_map.is_drawn(run[0]));
+        runs.max_by_key(|run| (run.len(), run[0])).map(|run| run[0])
+    }
+}
+
+fn score(fit: &Fit) -> f64 {
+    fit.known_share * fit.inlier_share
+}

@@ -1,0 +1,217 @@
+//! Which keyframes the local map in space is made of: those that are certain relative to the robot.
+
+use crate::settings::{LivePolicy, Settings};
+use crate::space::front::Scale;
+use mapwright_geom::{Cov6, Pose, Pose3};
+use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
+use mapwright_loops::KnownPlace;
+use mapwright_record::{LocalMapReport, NodeId, Past};
+use mapwright_sensor::SpaceSweep;
+use mapwright_voxel::{Change, SurfelMap, SurfelMapSettings};
+use std::collections::VecDeque;
+
+/// So certain keyframes are matched against, of a voxel's side; those that the robot stays near until they are so many times as
+/// uncertain.
+const GATE_SHARE: f64 = 0.3;
+const HYSTERESIS: f64 = 2.5;
+/// Keyframes are in the local map up to this far from the robot, of the rms range.
+const REACH_RANGES: f64 = 8.0;
+/// So many keyframes see the same, within such a share of the rms range, and radians; older ones give way.
+const VIEWS_ALIKE: usize = 4;
+const ALIKE_SHARE: f64 = 0.12;
+const ALIKE_RAD: f64 = 0.8;
+/// So many keyframes that are due are drawn or taken out after a cloud.
+const DRAWN_AT_ONCE: usize = 2;
+/// A keyframe is drawn anew when what it shows has moved by more than this share of a voxel.
+const DISPLACED_SHARE: f64 = 0.1;
+
+/// The local map and the rule that keeps it.
+#[derive(Debug, Clone)]
+pub(crate) struct LocalMapping {
+    map: SurfelMap,
+    gated: bool,
+    scale: Scale,
+    views: Vec<View>,
+    graph: CertaintyGraph<Pose3>,
+    due: VecDeque<NodeId>,
+    report: LocalMapReport,
+    points: Vec<[f32; 3]>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct View {
+    /// Where it is drawn, if it is.
+    drawn_at: Option<Pose3>,
+    /// Certain relative to the robot.
+    live: bool,
+    /// Gave way to newer views; never comes back.
+    gone: bool,
+}
+
+impl LocalMapping {
+    pub(crate) fn new(settings: &Settings, scale: Scale) -> Self {
+        let map = SurfelMapSettings { resolution_m: scale.resolution_m, levels: scale.levels };
+        Self {
+            map: SurfelMap::new(map),
+            gated: settings.live.policy == LivePolicy::Gated,
+            scale,
+            views: Vec::new(),
+            graph: CertaintyGraph::default(),
+            due: VecDeque::new(),
+            report: LocalMapReport::default(),
+            points: Vec::new(),
+        }
+    }
+
+    pub(crate) fn map(&self) -> &SurfelMap {
+        &self.map
+    }
+
+    pub(crate) fn report(&self) -> LocalMapReport {
+        self.report
+    }
+
+    pub(crate) fn is_drawn(&self, node: NodeId) -> bool {
+        self.views.get(node as usize).is_some_and(|view| view.drawn_at.is_some())
+    }
+
+    /// A new keyframe joins, this certain relative to others; what it makes uncertain is due to leave.
+    pub(crate) fn insert(&mut self, past: Past<'_, SpaceSweep>, node: NodeId, links: &[(NodeId, Cov6)]) {
+        while self.views.len() <= node as usize {
+            self.views.push(View::default());
+            self.graph.add_node(past.pose(self.views.len() as NodeId - 1).position());
+        }
+        let pivot = past.pose(node).position();
+        for (from, covariance) in links {
+            self.graph.add_link(*from, node, Uncertainty::of(covariance), pivot, self.scale.range_m);
+        }
+        self.views[node as usize].live = true;
+        self.draw(past, node, Change::Add);
+        if self.gated {
+            self.give_way(past, node);
+            self.judge(past, node);
+        }
+    }
+
+    /// Of the views alike the newest stay.
+    fn give_way(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
+        let here = past.pose(node);
+        let alike = |&other: &NodeId| {
+            let (view, there) = (self.views[other as usize], past.pose(other));
+            view.live
+                && !view.gone
+                && here.distance(there) <= ALIKE_SHARE * self.scale.range_m
+                && here.between(there).angle() <= ALIKE_RAD
+        };
+        let alike: Vec<NodeId> = (0..=node).filter(alike).collect();
+        if alike.len() > VIEWS_ALIKE {
+            self.views[alike[0] as usize].gone = true;
+            self.report.superseded += 1;
+            self.due.push_back(alike[0]);
+        }
+    }
+
+    /// Who is certain enough relative to the newest keyframe.
+    fn judge(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
+        let gate_m = GATE_SHARE * self.scale.resolution_m;
+        let reach_m = REACH_RANGES * self.scale.range_m;
+        let gate = Gate { sigma_m: HYSTERESIS * gate_m, lever_m: self.scale.range_m, reach_m };
+        self.graph.begin(node, Uncertainty::default(), gate);
+        while !self.graph.advance(usize::MAX, usize::MAX) {}
+        let mut certain = vec![false; self.views.len()];
+        for reached in self.graph.reached() {
+            let was_live = self.views[reached.node as usize].live;
+            certain[reached.node as usize] = was_live || reached.uncertainty.sigma_m(self.scale.range_m) <= gate_m;
+        }
+        for (node, is_live) in (0..).zip(certain) {
+            let view = &mut self.views[node as usize];
+            if view.live != is_live {
+                view.live = is_live;
+                self.due.push_back(node);
+            }
+        }
+        let _ = past;
+    }
+
+    /// Once a cloud: draws or takes out a few of those that are due.
+    pub(crate) fn follow(&mut self, past: Past<'_, SpaceSweep>) {
+        let mut left = DRAWN_AT_ONCE;
+        while left > 0
+            && let Some(node) = self.due.pop_front()
+        {
+            left -= usize::from(self.settle(past, node));
+        }
+        self.map.refresh();
+    }
+
+    /// Brings a keyframe in line with what it should be; whether there was anything to do.
+    fn settle(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) -> bool {
+        let view = self.views[node as usize];
+        let wanted = view.live && !view.gone;
+        let moved = view.drawn_at.is_some_and(|at| self.is_displaced(at, past.pose(node)));
+        if view.drawn_at.is_some() == wanted && !moved {
+            return false;
+        }
+        if view.drawn_at.is_some() {
+            self.draw(past, node, Change::Remove);
+            self.report.gated_out += u64::from(!wanted && !view.gone);
+        }
+        if wanted {
+            self.draw(past, node, Change::Add);
+            self.report.let_in += 1;
+        }
+        true
+    }
+
+    fn is_displaced(&self, drawn_at: Pose3, at: Pose3) -> bool {
+        let moved_m = drawn_at.distance(at) + self.scale.range_m * drawn_at.between(at).angle();
+        moved_m > DISPLACED_SHARE * self.scale.resolution_m
+    }
+
+    fn draw(&mut self, past: Past<'_, SpaceSweep>, node: NodeId, change: Change) {
+        let Some(sweep) = &past.drawn[node as usize] else { return };
+        let view = &mut self.views[node as usize];
+        let drawn_at = view.drawn_at.filter(|_| change == Change::Remove);
+        let at = drawn_at.unwrap_or(past.pose(node));
+        self.points.clear();
+        self.points.extend(sweep.points_m());
+        self.map.draw(&self.points, at, change, node);
+        let is_drawn = change == Change::Add;
+        view.drawn_at = is_drawn.then_some(at);
+        self.report.keyframes =
+            if is_drawn { self.report.keyframes + 1 } else { self.report.keyframes.saturating_sub(1) };
+    }
+
+    /// The keyframes were moved by a correction; what is drawn elsewhere is due.
+    pub(crate) fn carry(&mut self, past: Past<'_, SpaceSweep>, before: &[Pose3]) {
+        self.graph.carry(|node| past.pose(node) * before[node as usize].inverse());
+        for node in 0..self.views.len() as NodeId {
+            let View { drawn_at, live, gone } = self.views[node as usize];
+            if live && !gone && drawn_at.is_some_and(|at| self.is_displaced(at, past.pose(node))) {
+                self.due.push_back(node);
+            }
+        }
+    }
+
+    /// A closure links two keyframes.
+    pub(crate) fn close(&mut self, past: Past<'_, SpaceSweep>, from: NodeId, to: NodeId, covariance: &Cov6) {
+        let pivot = past.pose(to).position();
+        self.graph.add_link(from, to, Uncertainty::of(covariance), pivot, self.scale.range_m);
+    }
+
+    /// A closure was none.
+    pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
+        self.graph.remove_link(from, to);
+    }
+
+    /// Every keyframe, and how certain it is relative to the newest.
+    pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
+        let Some(newest) = self.views.len().checked_sub(1) else { return Vec::new() };
+        let gate = Gate { sigma_m: f64::INFINITY, lever_m: self.scale.range_m, reach_m: f64::INFINITY };
+        self.graph.begin(newest as NodeId, Uncertainty::default(), gate);
+        while !self.graph.advance(usize::MAX, usize::MAX) {}
+        let live = |node: NodeId| self.views[node as usize].live;
+        let reached = self.graph.reached().iter();
+        reached.map(|r| KnownPlace { first: r.node, live: live(r.node), uncertainty: r.uncertainty }).collect()
+    }
+}

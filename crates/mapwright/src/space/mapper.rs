@@ -1,0 +1,116 @@
+//! The pipeline in space: cloud in, update out.
+
+use super::front::{FrontEnd, Matched, Prepared};
+use crate::settings::{Settings, SettingsError};
+use crate::store::{Link, Store};
+use mapwright_geom::{Pose3, Stamp};
+use mapwright_record::{Localisation, RunId, Session, Status, Update};
+use mapwright_sensor::{Cloud, SpaceSweep};
+
+/// Builds a map of space one cloud at a time.
+#[derive(Debug, Clone)]
+pub struct SpaceMapper {
+    store: Store<SpaceSweep>,
+    front: FrontEnd,
+    stamp: Stamp,
+    status: Status,
+}
+
+impl SpaceMapper {
+    /// A mapper that starts at the map's origin, of a robot called "robot".
+    ///
+    /// # Errors
+    /// A setting outside its range.
+    pub fn new(settings: Settings) -> Result<Self, SettingsError> {
+        Self::of_run(settings, RunId::of_robot("robot"), Pose3::identity())
+    }
+
+    /// A mapper whose keyframes are named after this run, and whose robot starts at `map_from_robot`.
+    ///
+    /// # Errors
+    /// A setting outside its range.
+    pub fn of_run(settings: Settings, run: RunId, map_from_robot: Pose3) -> Result<Self, SettingsError> {
+        settings.validate()?;
+        Ok(Self {
+            store: Store::new(run, settings.to_text()),
+            front: FrontEnd::new(settings, map_from_robot),
+            stamp: Stamp(0),
+            status: Status::Tracking,
+        })
+    }
+
+    /// One cloud through the pipeline.
+    pub fn add_cloud(&mut self, cloud: &Cloud) -> Update<SpaceSweep> {
+        // 1. Prepare: points in the robot's frame, undistorted and thinned, what was dropped counted.
+        // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
+        let prepared = self.front.prepare(cloud);
+        // 3. Match against the local map, with a guard.
+        let matched = self.front.track(&prepared);
+        self.front.settle(self.store.past(), cloud, &prepared, matched.as_ref());
+        // 4. Insert a keyframe when the robot has moved enough.
+        let keyframe = self.insert_if_moved(cloud, matched.as_ref());
+        // 5. The local map follows what is certain relative to the robot.
+        self.front.follow(self.store.past());
+        let pose = self.front.pose();
+        self.store.add_scan(cloud.stamp, pose.local_from_robot(), pose.odom_from_robot());
+        // 8. Report.
+        self.stamp = cloud.stamp;
+        self.status = matched.as_ref().map_or(self.status_unmatched(), |matched| matched.status);
+        self.report(keyframe, &prepared, matched)
+    }
+
+    fn status_unmatched(&self) -> Status {
+        if self.store.len() <= 1 { Status::Tracking } else { Status::Degraded }
+    }
+
+    fn insert_if_moved(&mut self, cloud: &Cloud, matched: Option<&Matched>) -> Option<u32> {
+        let Self { store, front, .. } = self;
+        let new = front.new_keyframe(store.past(), cloud, matched)?;
+        let written = store.add_keyframe(&new, Link::Odometry, |_, _| true)?;
+        front.wrote(store.past(), &new, &written);
+        Some(written.node)
+    }
+
+    fn report(&mut self, keyframe: Option<u32>, prepared: &Prepared, matched: Option<Matched>) -> Update<SpaceSweep> {
+        let (entries, unwritten) = self.store.take_fresh();
+        let (pose, past) = (self.front.pose(), self.store.past());
+        let map_from_robot = self.store.map_from_local() * pose.local_from_robot();
+        let odom_from_robot = pose.odom_from_robot();
+        Update {
+            scan: self.store.next_scan().saturating_sub(1),
+            stamp: self.stamp,
+            map_from_robot,
+            covariance: pose.covariance(past),
+            anchor: pose.anchor().map(|node| self.store.id(node)),
+            status: self.status,
+            localisation: Localisation::default(),
+            map_from_odom: map_from_robot * odom_from_robot.inverse(),
+            odom_from_robot,
+            keyframe: keyframe.map(|node| self.store.id(node)),
+            beams: prepared.beams,
+            matched: matched.map(|matched| matched.report),
+            refused: prepared.refused,
+            local_map: self.front.local_map_report(),
+            entries,
+            unwritten,
+        }
+    }
+
+    /// Everything that lasts of the run so far: what the entries of all updates amount to.
+    #[must_use]
+    pub fn session(&self) -> &Session<SpaceSweep> {
+        self.store.session()
+    }
+
+    /// The settings in force.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        self.front.settings()
+    }
+
+    /// Side of the smallest voxels, metres, once there was a cloud with enough points to derive it from.
+    #[must_use]
+    pub fn resolution_m(&self) -> Option<f64> {
+        self.front.scale().map(|scale| scale.resolution_m)
+    }
+}
