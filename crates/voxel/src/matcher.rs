@@ -60,6 +60,11 @@ pub struct Fit {
 /// Rough matches are made with so many points, and so many steps a resolution.
 const ROUGH_POINTS: usize = 1000;
 const ROUGH_STEPS: usize = 8;
+/// So many of those that the coarser resolutions lead to are climbed on.
+const ROUGH_KEPT: usize = 6;
+/// Poses so near to each other are one, of the voxel's side, and radians.
+const SAME_SHARE: f64 = 0.5;
+const SAME_RAD: f64 = 0.1;
 /// Squared width of the kernel in which rough matches are compared, in standard deviations.
 const ROUGH_WIDTH2: f64 = 9.0;
 /// The kernel's width is found anew after so many steps.
@@ -124,8 +129,8 @@ impl Matcher {
         }
     }
 
-    /// The most promising poses to climb from, of those that `starts` lead to at the coarser resolutions, the best first. All are
-    /// compared by one objective.
+    /// The most promising poses to climb from, of those that `starts` lead to, the best first, each once. They climb the coarser
+    /// resolutions with a few points, the most likely of them the finer ones too, and are compared by how much of the cloud fits.
     pub fn rough(
         &mut self,
         map: &SurfelMap,
@@ -135,19 +140,27 @@ impl Matcher {
         at_most: usize,
     ) -> Vec<Pose3> {
         self.take_points(points_m, ROUGH_POINTS);
-        let coarse = &map.levels()[map.levels().len() / 2..];
+        let (fine, coarse) = map.levels().split_at(map.levels().len() / 2);
         let mut found: Vec<(f64, Pose3)> = Vec::new();
         for start in starts {
-            let pose = coarse
-                .iter()
-                .rev()
-                .fold(start, |pose, level| self.climb_level(level, prior, pose, ROUGH_STEPS, &mut 0));
+            let pose = self.descend(coarse, prior, start);
             let cost = self.with_prior(prior, pose, self.evaluate(&coarse[0], pose, ROUGH_WIDTH2)).cost;
             found.push((cost, pose));
         }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found.truncate(at_most);
+        sort_out(&mut found, coarse[0].size_m, ROUGH_KEPT);
+        if found.len() > 1 {
+            for (misfit, pose) in &mut found {
+                *pose = self.descend(fine, prior, *pose);
+                *misfit = -f64::from(self.evaluate(&map.levels()[0], *pose, ROUGH_WIDTH2).fitting);
+            }
+            sort_out(&mut found, map.levels()[0].size_m, at_most);
+        }
         found.into_iter().map(|(_, pose)| pose).collect()
+    }
+
+    /// From a pose through some resolutions, the coarsest first, roughly.
+    fn descend(&mut self, levels: &[Level], prior: &Prior, start: Pose3) -> Pose3 {
+        levels.iter().rev().fold(start, |pose, level| self.climb_level(level, prior, pose, ROUGH_STEPS, &mut 0))
     }
 
     fn take_points(&mut self, points_m: &[[f32; 3]], most: usize) {
@@ -265,6 +278,21 @@ impl Matcher {
         hessian.fixed_view_mut::<3, 3>(3, 3).copy_from(&(angular * share));
         Evaluation { cost: cost * share, gradient, hessian, known, fitting }
     }
+}
+
+/// Best first, of poses near to each other the best, so many at most.
+fn sort_out(found: &mut Vec<(f64, Pose3)>, size_m: f64, at_most: usize) {
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut kept: Vec<(f64, Pose3)> = Vec::new();
+    for (cost, pose) in found.drain(..) {
+        let same = |other: &(f64, Pose3)| {
+            other.1.distance(pose) < SAME_SHARE * size_m && other.1.rotation.angle_to(&pose.rotation) < SAME_RAD
+        };
+        if kept.len() < at_most && !kept.iter().any(same) {
+            kept.push((cost, pose));
+        }
+    }
+    *found = kept;
 }
 
 /// `information * (at - mean)`, and the squared residual in standard deviations.

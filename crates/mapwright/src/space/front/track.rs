@@ -21,7 +21,7 @@ const LEAST_KNOWN: f64 = 0.15;
 const HEADINGS: i32 = 11;
 const HEADING_RAD: f64 = 0.262;
 /// The most promising of them are followed to the finest resolution.
-const FOLLOWED: usize = 2;
+const FOLLOWED: usize = 1;
 /// Another start has to fit so much better, share of the points.
 const BETTER_SHARE: f64 = 0.01;
 /// A cloud that was matched in doubt says less, to this share of its information.
