@@ -5,8 +5,14 @@ use std::sync::Arc;
 use std::time::Instant;
 fn main() {
     let a: Vec<String> = std::env::args().collect();
-    let get = |name: &str, d: f64| a.iter().find_map(|v| v.strip_prefix(&format!("{name}="))).map_or(d, |v| v.parse().unwrap());
-    let mut names: Vec<_> = std::fs::read_dir(&a[1]).unwrap().map(|e| e.unwrap().path()).filter(|p| p.extension().is_some_and(|e| e == "bin")).collect();
+    let get = |name: &str, d: f64| {
+        a.iter().find_map(|v| v.strip_prefix(&format!("{name}="))).map_or(d, |v| v.parse().unwrap())
+    };
+    let mut names: Vec<_> = std::fs::read_dir(&a[1])
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .filter(|p| p.extension().is_some_and(|e| e == "bin"))
+        .collect();
     names.sort();
     let sensor = Arc::new(SpaceSensor::lidar("lidar"));
     let mut settings = Settings::default();
@@ -18,7 +24,14 @@ fn main() {
         let bytes = std::fs::read(name).unwrap();
         let f = |c: &[u8]| f32::from_le_bytes(c.try_into().unwrap());
         let points_m: Vec<[f32; 3]> = bytes.chunks_exact(16).map(|c| [f(&c[..4]), f(&c[4..8]), f(&c[8..12])]).collect();
-        let cloud = Cloud { stamp: Stamp((k as f64 * dt * 1e9) as i64), sensor: Arc::clone(&sensor), points_m, times_s: vec![], colours: vec![], odom_from_robot: None };
+        let cloud = Cloud {
+            stamp: Stamp((k as f64 * dt * 1e9) as i64),
+            sensor: Arc::clone(&sensor),
+            points_m,
+            times_s: vec![],
+            colours: vec![],
+            odom_from_robot: None,
+        };
         let t = Instant::now();
         let u = mapper.add_cloud(&cloud);
         total += t.elapsed().as_secs_f64();
@@ -27,9 +40,26 @@ fn main() {
         text += &format!("{} {} {} {} {} {} {} {}\n", k, p.x, p.y, p.z, q.x, q.y, q.z, q.w);
         if get("v", 0.0) > 0.5 {
             let m = u.matched;
-            println!("{k} {:?} kf {} live {} known {:.3} in {:.3} ev {} restarts {} sigmas {:.1} sd {:.4} {:.1} ms", u.status, u.keyframe.is_some(), u.local_map.keyframes, m.map_or(0.0, |m| m.known_share), m.map_or(0.0, |m| m.inlier_share), m.map_or(0, |m| m.evaluations), m.map_or(0, |m| m.restarts), m.map_or(0.0, |m| m.odometry_sigmas), u.covariance[(0, 0)].sqrt(), 1e3 * t.elapsed().as_secs_f64());
+            println!(
+                "{k} {:?} kf {} live {} known {:.3} in {:.3} ev {} restarts {} sigmas {:.1} sd {:.4} {:.1} ms",
+                u.status,
+                u.keyframe.is_some(),
+                u.local_map.keyframes,
+                m.map_or(0.0, |m| m.known_share),
+                m.map_or(0.0, |m| m.inlier_share),
+                m.map_or(0, |m| m.evaluations),
+                m.map_or(0, |m| m.restarts),
+                m.map_or(0.0, |m| m.odometry_sigmas),
+                u.covariance[(0, 0)].sqrt(),
+                1e3 * t.elapsed().as_secs_f64()
+            );
         }
     }
     std::fs::write(&a[2], text).unwrap();
-    println!("{:.1} ms a cloud, resolution {:?}, keyframes {}", 1e3 * total / n as f64, mapper.resolution_m(), mapper.session().keyframes().len());
+    println!(
+        "{:.1} ms a cloud, resolution {:?}, keyframes {}",
+        1e3 * total / n as f64,
+        mapper.resolution_m(),
+        mapper.session().keyframes().len()
+    );
 }

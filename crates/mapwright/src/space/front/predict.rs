@@ -7,6 +7,9 @@ use nalgebra::Vector6;
 /// How fast a robot, or a hand that holds a sensor, changes its speed: metres and radians per second squared.
 const ACCELERATION_MPS2: f64 = 10.0;
 const ACCELERATION_RADPS2: f64 = 20.0;
+/// How fast it may be where nothing is known of that: metres and radians per second.
+const SPEED_MPS: f64 = 20.0;
+const SPEED_RADPS: f64 = 2.0;
 /// What a prediction is wrong by at least, metres and radians.
 const LEAST_M: f64 = 0.005;
 const LEAST_RAD: f64 = 0.005;
@@ -56,8 +59,9 @@ impl Predictor {
         let carried = self.last.filter(|(_, last_s)| elapsed_s <= CARRIED_PERIODS * last_s);
         let last_from_robot =
             carried.map_or(Pose3::identity(), |(step, last_s)| Pose3::exp(step.log() * (elapsed_s / last_s)));
-        let sigma_m = LEAST_M + 0.5 * ACCELERATION_MPS2 * elapsed_s * elapsed_s;
-        let sigma_rad = LEAST_RAD + 0.5 * ACCELERATION_RADPS2 * elapsed_s * elapsed_s;
+        let (speed_mps, speed_radps) = if carried.is_some() { (0.0, 0.0) } else { (SPEED_MPS, SPEED_RADPS) };
+        let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * elapsed_s) * elapsed_s;
+        let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * elapsed_s) * elapsed_s;
         let information = information_of([sigma_m; 3], [sigma_rad; 3]);
         Step { last_from_robot, information, elapsed_s, from_odometry: false }
     }
