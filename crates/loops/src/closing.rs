@@ -186,11 +186,11 @@ impl<S: Submaps> Closing<S> {
         let widest_m = known.iter().filter(|place| !place.live).map(window_m).fold(0.0, f64::max);
         if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose) {
             // Before they are needed, and a few at a time, for this is done within a scan.
-            self.remember_places(past, DESCRIBED_AT_ONCE);
+            self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !by_pose;
             if needed && self.checked_m - self.asked_m >= ASK_BY_PLACE_EVERY_M {
                 self.asked_m = self.checked_m;
-                targets.extend(self.alike(past, to, known));
+                targets.extend(self.alike(past, to, known, &submaps));
             }
         }
         if targets.is_empty() {
@@ -277,9 +277,15 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// Places that look like this one, where the uncertainty of the pose allows for them.
-    fn alike(&mut self, past: Past<'_, S::Measurement>, to: NodeId, known: &[KnownPlace]) -> Vec<Target<PoseOf<S>>> {
+    fn alike(
+        &mut self,
+        past: Past<'_, S::Measurement>,
+        to: NodeId,
+        known: &[KnownPlace],
+        submaps: &S,
+    ) -> Vec<Target<PoseOf<S>>> {
         let left = |node: NodeId| past.way_between_m(to, node) >= LEFT_M;
-        let found = S::alike(&mut self.places, &views_along(past, to, false, DESCRIBED_M), ALIKE, left);
+        let found = submaps.alike(&mut self.places, &views_along(past, to, false, DESCRIBED_M), ALIKE, left);
         let target = |(from, window)| {
             let place = patch_of(known, from).filter(|place| !place.live)?;
             let (sigma_m, sigma_rad) = sigmas(place);
@@ -290,13 +296,13 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// Describes places since the last time, of so many keyframes at most, each by what was seen on the last metres of the way.
-    fn remember_places(&mut self, past: Past<'_, S::Measurement>, at_most: usize) {
+    fn remember_places(&mut self, past: Past<'_, S::Measurement>, submaps: &S, at_most: usize) {
         let end = past.way_m.len().min(self.described as usize + at_most) as NodeId;
         for node in self.described..end {
             let way_m = past.way_m[node as usize];
             if self.described_m.is_none_or(|last_m| way_m - last_m >= DESCRIBE_EVERY_M) {
                 self.described_m = Some(way_m);
-                S::remember(&mut self.places, node, &views_along(past, node, false, DESCRIBED_M));
+                submaps.remember(&mut self.places, node, &views_along(past, node, false, DESCRIBED_M));
             }
         }
         self.described = end;

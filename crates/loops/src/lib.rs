@@ -9,6 +9,7 @@ mod closing;
 mod places;
 mod plane;
 mod solving;
+mod space;
 mod submap;
 mod submaps;
 mod verification;
@@ -21,6 +22,7 @@ pub use closing::{Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, SUBMA
 pub use places::{PlaceHit, PlaceIndex};
 pub use plane::PlaneSubmaps;
 pub use solving::{Solved, Solving};
+pub use space::{SpaceSubmap, SpaceSubmaps};
 pub use submap::{Submap, SubmapSettings};
 pub use submaps::{PoseOf, Submaps, Window};
 pub use verification::{Judged, Target, Verification, Verified};

@@ -50,11 +50,12 @@ impl Submaps for PlaneSubmaps {
         self.verifier.scored()
     }
 
-    fn remember(places: &mut PlaceIndex, node: NodeId, views: &[View]) {
+    fn remember(&self, places: &mut PlaceIndex, node: NodeId, views: &[View]) {
         places.add(node, &end_points(views));
     }
 
     fn alike(
+        &self,
         places: &mut PlaceIndex,
         views: &[View],
         at_most: usize,

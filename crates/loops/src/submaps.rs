@@ -21,7 +21,7 @@ pub struct Window<P: Pose> {
 }
 
 /// A kind of submaps: how they are drawn, looked for in each other, and recognised. [`PlaneSubmaps`](crate::PlaneSubmaps) are
-/// those of lasers in the plane.
+/// those of lasers in the plane, [`SpaceSubmaps`](crate::SpaceSubmaps) those of clouds.
 pub trait Submaps: Clone + Debug + Send {
     /// What they are drawn from.
     type Measurement: Measurement;
@@ -49,12 +49,13 @@ pub trait Submaps: Clone + Debug + Send {
     fn scored(&self) -> u64;
 
     /// Remembers what it looks like around a keyframe, in whose frame the views are.
-    fn remember(places: &mut Self::Places, node: NodeId, views: &[View<Self::Measurement>]);
+    fn remember(&self, places: &mut Self::Places, node: NodeId, views: &[View<Self::Measurement>]);
 
     /// The places that look most like these views among those allowed, the most alike first, each with the windows in which the
     /// views' frame may be, seen from its keyframe.
     #[must_use]
     fn alike(
+        &self,
         places: &mut Self::Places,
         views: &[View<Self::Measurement>],
         at_most: usize,

@@ -55,6 +55,24 @@ fn main() {
             );
         }
     }
+    for c in mapper.session().candidates() {
+        if get("c", 0.0) > 0.5 {
+            println!("{} -> {} {} {:?} {:?}", c.to.seq, c.from.seq, c.detection.name(), c.verdict, c.evidence);
+        }
+    }
+    let closures = mapper.session().edges().filter(|e| e.kind == EdgeKind::Closure).count();
+    println!(
+        "{} candidates, {closures} closures, {} corrections",
+        mapper.session().candidates().len(),
+        mapper.session().corrections()
+    );
+    let mut last = String::new();
+    for (k, p) in mapper.session().trajectory().enumerate() {
+        let k = k * get("every", 1.0) as usize;
+        let (p, q) = (p.map_from_robot.translation, p.map_from_robot.rotation.coords);
+        last += &format!("{} {} {} {} {} {} {} {}\n", k, p.x, p.y, p.z, q.x, q.y, q.z, q.w);
+    }
+    std::fs::write(format!("{}.final", a[2]), last).unwrap();
     std::fs::write(&a[2], text).unwrap();
     println!(
         "{:.1} ms a cloud, resolution {:?}, keyframes {}",

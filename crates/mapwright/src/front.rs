@@ -1,6 +1,7 @@
 //! The front end: where the robot is from scan to scan, and the keyframes it makes. It owns the local map and the robot's pose, in a
 //! frame of its own in which the newest keyframe never jumps, and can be run without a mapper: what it finds it returns.
 
+use crate::cycles::Follows;
 use crate::local_map::{Frames, LocalMapping};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Slipped, Written};
@@ -10,7 +11,7 @@ use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{LocalMap, MatcherSettings};
 use mapwright_loops::KnownPlace;
 use mapwright_record::{Beams, LeftOutReason, LocalMapReport, NodeId, Past};
-use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{BeamCounts, LaserScan, Odometry, Sweep, TurnRate};
 use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
 use slip::SlipWatch;
@@ -267,11 +268,6 @@ impl FrontEnd {
         self.local_map.follow(&self.settings, Frames::of(past), inserted);
     }
 
-    /// The past was moved from where it was `before`.
-    pub(crate) fn carry(&mut self, past: Past<'_>, before: &[Pose2]) {
-        self.local_map.carry(&self.settings, before, Frames::of(past));
-    }
-
     /// A slip was corrected in the past, which was `before`; the robot follows.
     pub(crate) fn slip(&mut self, past: Past<'_>, before: &[Pose2], slipped: &Slipped) {
         self.pose.slip(slipped.from, slipped.local_from_robot, &slipped.slip);
@@ -289,16 +285,6 @@ impl FrontEnd {
     pub(crate) fn look_around(&mut self, past: Past<'_>) {
         let hits = &self.preparation.points().hits;
         self.local_map.arrive(&self.settings, Frames::of(past), hits, self.pose.local_from_robot());
-    }
-
-    /// A closure links two keyframes, this surely.
-    pub(crate) fn close(&mut self, past: Past<'_>, from: NodeId, to: NodeId, covariance: &Cov3) {
-        self.local_map.close(Frames::of(past), from, to, covariance);
-    }
-
-    /// A closure was none.
-    pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
-        self.local_map.open(from, to);
     }
 
     /// A keyframe is taken out for good; before it is left out of what is drawn.
@@ -321,5 +307,19 @@ impl FrontEnd {
 
     pub(crate) fn local_map_report(&self) -> LocalMapReport {
         self.local_map.report()
+    }
+}
+
+impl Follows<Sweep> for FrontEnd {
+    fn close(&mut self, past: Past<'_>, from: NodeId, to: NodeId, covariance: &Cov3) {
+        self.local_map.close(Frames::of(past), from, to, covariance);
+    }
+
+    fn open(&mut self, from: NodeId, to: NodeId) {
+        self.local_map.open(from, to);
+    }
+
+    fn carry(&mut self, past: Past<'_>, before: &[Pose2]) {
+        self.local_map.carry(&self.settings, before, Frames::of(past));
     }
 }

@@ -19,6 +19,7 @@
 
 mod advice;
 mod back;
+mod cycles;
 mod front;
 mod jobs;
 mod local_map;

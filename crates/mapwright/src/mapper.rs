@@ -1,18 +1,18 @@
 //! The pipeline: scan in, update out.
 
 use crate::back::BackEnd;
+use crate::cycles;
 use crate::front::{BEFORE, FrontEnd, Matched, Prepared};
 use crate::jobs::{Job, JobResult, Outcome, Task};
 use crate::localisation::Localisation;
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::relocation::{Found, Sought};
 use crate::render::GlobalMap;
-use crate::settings::{Correction, Settings, SettingsError};
+use crate::settings::{Settings, SettingsError};
 use crate::store::{Link, NewKeyframe, Store};
-use mapwright_geom::{Cov3, Pose2, Stamp};
-use mapwright_graph::spread;
+use mapwright_geom::{Pose2, Stamp};
 use mapwright_grid::{CountGrid, LocalMap};
-use mapwright_loops::{Finding, KnownPlace, PlaneSubmaps, Solved, Solving, Target, Verified, VerifySettings, is_old};
+use mapwright_loops::{KnownPlace, PlaneSubmaps, Solved, Verified, VerifySettings, is_old};
 use mapwright_record::{
     Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, NodeId, Objection, Past,
     RunId, Session, Status, TrajectoryPose, Update, Verdict,
@@ -322,62 +322,18 @@ impl Mapper {
     /// Judges what was found at old places.
     fn judge(&mut self, verified: &Verified) {
         self.back.budget.earn_verification(verified.work.0, verified.work.1);
-        let mut closures = Vec::new();
-        for (target, finding) in verified.findings.iter().filter(|(target, _)| target.from < verified.to) {
-            for edge in self.judge_finding(verified.to, target, finding) {
-                closures.push(edge);
-                if self.front.settings().loops.correction == Correction::Spread {
-                    self.spread(&edge);
-                }
-            }
-        }
-        let settled = self.back.closing.settle_matches(self.store.past(), &closures);
-        settled.into_iter().for_each(|edge| self.store.add_edge(edge, None));
-        if self.front.settings().loops.correction == Correction::Graph && self.back.closing.take_solving_due() {
-            self.back.push(Task::Solve(Solving { graph: self.store.graph(), closures: self.store.closures() }));
-        }
-    }
-
-    /// The closures that a finding makes.
-    fn judge_finding(&mut self, to: NodeId, target: &Target, finding: &Finding) -> Vec<Edge> {
+        let correction = self.front.settings().loops.correction;
         let Self { store, front, back, .. } = self;
-        let judgement = back.closing.judge(store.past(), store.session().candidates(), to, (target, finding));
-        let number = store.add_candidate(&judgement.judged);
-        let Some(number) = number.filter(|_| judgement.judged.verdict == Verdict::Accepted) else { return Vec::new() };
-        let mut edges = Vec::new();
-        for number in judgement.agreeing.into_iter().chain([number]) {
-            let Some(edge) = store.accept(number) else { continue };
-            let Some(ends) = store.past().nodes([edge.from, edge.to]) else { continue };
-            back.closing.accepted(store.past(), ends, &edge);
-            let covariance = edge.information.try_inverse().unwrap_or_else(|| Cov3::identity() * 100.0);
-            front.close(store.past(), ends[0], ends[1], &covariance);
-            edges.push(edge);
-        }
-        edges
-    }
-
-    /// The chapter's backwards correction: the closure's error is shared among the steps of the loop.
-    fn spread(&mut self, closure: &Edge) {
-        let Some([first, last]) = self.store.past().nodes([closure.from, closure.to]) else { return };
-        let (first, last) = (first as usize, last as usize);
-        let mut map_from_keyframe = self.store.session().map_from_keyframe().to_vec();
-        let Some(steps) = map_from_keyframe.get(first..=last) else { return };
-        let shares = spread::shares_by_motion(steps);
-        if spread::spread(&mut map_from_keyframe, first, last, closure.from_from_to, &shares).is_ok() {
-            self.correct(&Solved { map_from_keyframe, taken_back: Vec::new() });
+        let judged = cycles::judge(&mut back.closing, store, front, verified, correction);
+        judged.solving.into_iter().for_each(|solving| back.push(Task::Solve(solving)));
+        if judged.is_moved {
+            self.localisation.lost().into_iter().for_each(|lost| lost.redraw_ground());
         }
     }
 
     /// Moves the past; the newest keyframe of the solution stays where it is in the front end's frame.
     fn correct(&mut self, solved: &Solved) {
-        let taken_back = self.store.closures().into_iter().filter(|edge| solved.taken_back.contains(edge));
-        for edge in taken_back {
-            let Some(ends) = self.store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted)) else { continue };
-            self.front.open(ends[0], ends[1]);
-            self.back.closing.withdrawn(ends);
-        }
-        if let Some(before) = self.store.correct(&solved.map_from_keyframe) {
-            self.front.carry(self.store.past(), &before);
+        if cycles::correct(&mut self.back.closing, &mut self.store, &mut self.front, solved) {
             self.localisation.lost().into_iter().for_each(|lost| lost.redraw_ground());
         }
     }

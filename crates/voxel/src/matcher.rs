@@ -113,7 +113,16 @@ impl Matcher {
         for level in map.levels().iter().rev() {
             pose = self.climb_level(level, prior, pose, self.settings.steps, &mut evaluations);
         }
-        let level = &map.levels()[0];
+        self.fit(&map.levels()[0], pose, evaluations)
+    }
+
+    /// How a cloud fits where it is.
+    pub fn judge(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], pose: Pose3) -> Fit {
+        self.take_points(points_m, self.settings.points);
+        self.fit(&map.levels()[0], pose, 0)
+    }
+
+    fn fit(&mut self, level: &Level, pose: Pose3, evaluations: u32) -> Fit {
         let width2 = self.width2(level, pose);
         let at = self.evaluate(level, pose, width2);
         let body = along_body(pose);

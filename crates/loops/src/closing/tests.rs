@@ -71,9 +71,15 @@ impl<P: Pose> Submaps for Signposts<P> {
         1
     }
 
-    fn remember((): &mut (), _: NodeId, _: &[View<Reading<P>>]) {}
+    fn remember(&self, (): &mut (), _: NodeId, _: &[View<Reading<P>>]) {}
 
-    fn alike((): &mut (), _: &[View<Reading<P>>], _: usize, _: impl Fn(NodeId) -> bool) -> Vec<(NodeId, Window<P>)> {
+    fn alike(
+        &self,
+        (): &mut (),
+        _: &[View<Reading<P>>],
+        _: usize,
+        _: impl Fn(NodeId) -> bool,
+    ) -> Vec<(NodeId, Window<P>)> {
         Vec::new()
     }
 }

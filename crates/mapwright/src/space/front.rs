@@ -1,12 +1,15 @@
 //! The front end in space: prepare, predict, match, insert, and the local map.
 
 use super::local_map::LocalMapping;
+use crate::cycles::Follows;
 use crate::front::{Motion, RobotPose};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov6, Pose3};
+use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
 use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
+use mapwright_voxel::SurfelMapSettings;
 use std::sync::Arc;
 
 mod predict;
@@ -154,27 +157,32 @@ impl FrontEnd {
         self.local_map.iter_mut().for_each(|local_map| local_map.follow(past));
     }
 
-    /// The past was moved from where it was `before`.
-    pub(crate) fn carry(&mut self, past: Past<'_, SpaceSweep>, before: &[Pose3]) {
-        self.local_map.iter_mut().for_each(|local_map| local_map.carry(past, before));
-    }
-
-    /// A closure links two keyframes, this surely.
-    pub(crate) fn close(&mut self, past: Past<'_, SpaceSweep>, from: NodeId, to: NodeId, covariance: &Cov6) {
-        self.local_map.iter_mut().for_each(|local_map| local_map.close(past, from, to, covariance));
-    }
-
-    /// A closure was none.
-    pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
-        self.local_map.iter_mut().for_each(|local_map| local_map.open(from, to));
+    /// How what was seen along the way is drawn to be compared.
+    pub(crate) fn submaps(&self, verify: VerifySettings) -> Option<SpaceSubmaps> {
+        let Scale { range_m, resolution_m, levels } = self.preparation.scale()?;
+        Some(SpaceSubmaps::new(SurfelMapSettings { resolution_m, levels }, range_m, verify))
     }
 
     /// How certain old places are relative to the newest keyframe.
-    pub(crate) fn survey(&mut self) -> Vec<mapwright_loops::KnownPlace> {
+    pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
         self.local_map.as_mut().map_or_else(Vec::new, LocalMapping::survey)
     }
 
     pub(crate) fn local_map_report(&self) -> LocalMapReport {
         self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
+    }
+}
+
+impl Follows<SpaceSweep> for FrontEnd {
+    fn close(&mut self, past: Past<'_, SpaceSweep>, from: NodeId, to: NodeId, covariance: &Cov6) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.close(past, from, to, covariance));
+    }
+
+    fn open(&mut self, from: NodeId, to: NodeId) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.open(from, to));
+    }
+
+    fn carry(&mut self, past: Past<'_, SpaceSweep>, before: &[Pose3]) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.carry(past, before));
     }
 }

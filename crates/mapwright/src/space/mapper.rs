@@ -1,10 +1,12 @@
 //! The pipeline in space: cloud in, update out.
 
 use super::front::{FrontEnd, Matched, Prepared};
-use crate::settings::{Settings, SettingsError};
+use crate::cycles;
+use crate::settings::{LivePolicy, Settings, SettingsError};
 use crate::store::{Link, Store};
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_record::{Localisation, RunId, Session, Status, Update};
+use mapwright_loops::{Closing, ClosingSettings, Solving, SpaceSubmaps, VerifySettings};
+use mapwright_record::{Localisation, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, SpaceSweep};
 
 /// Builds a map of space one cloud at a time.
@@ -12,6 +14,7 @@ use mapwright_sensor::{Cloud, SpaceSweep};
 pub struct SpaceMapper {
     store: Store<SpaceSweep>,
     front: FrontEnd,
+    closing: Closing<SpaceSubmaps>,
     stamp: Stamp,
     status: Status,
 }
@@ -31,9 +34,15 @@ impl SpaceMapper {
     /// A setting outside its range.
     pub fn of_run(settings: Settings, run: RunId, map_from_robot: Pose3) -> Result<Self, SettingsError> {
         settings.validate()?;
+        let closing = ClosingSettings {
+            by_pose: settings.loops.by_pose,
+            by_place: settings.loops.by_place,
+            keeps_everything_live: settings.live.policy != LivePolicy::Gated,
+        };
         Ok(Self {
             store: Store::new(run, settings.to_text()),
             front: FrontEnd::new(settings, map_from_robot),
+            closing: Closing::new(closing),
             stamp: Stamp(0),
             status: Status::Tracking,
         })
@@ -53,6 +62,10 @@ impl SpaceMapper {
         self.front.follow(self.store.past());
         let pose = self.front.pose();
         self.store.add_scan(cloud.stamp, pose.local_from_robot(), pose.odom_from_robot());
+        // 6. and 7. Detect and correct.
+        if keyframe.is_some() {
+            self.detect();
+        }
         // 8. Report.
         self.stamp = cloud.stamp;
         self.status = matched.as_ref().map_or(self.status_unmatched(), |matched| matched.status);
@@ -63,15 +76,38 @@ impl SpaceMapper {
         if self.store.len() <= 1 { Status::Tracking } else { Status::Degraded }
     }
 
-    fn insert_if_moved(&mut self, cloud: &Cloud, matched: Option<&Matched>) -> Option<u32> {
-        let Self { store, front, .. } = self;
+    fn insert_if_moved(&mut self, cloud: &Cloud, matched: Option<&Matched>) -> Option<NodeId> {
+        let Self { store, front, closing, .. } = self;
         let new = front.new_keyframe(store.past(), cloud, matched)?;
-        let written = store.add_keyframe(&new, Link::Odometry, |_, _| true)?;
+        let written = store.add_keyframe(&new, Link::Odometry, |past, anchor| closing.links(past, anchor))?;
+        if let Some(edge) = written.unjudged {
+            closing.wait(store.past(), edge);
+        }
         front.wrote(store.past(), &new, &written);
         Some(written.node)
     }
 
-    fn report(&mut self, keyframe: Option<u32>, prepared: &Prepared, matched: Option<Matched>) -> Update<SpaceSweep> {
+    /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at.
+    fn detect(&mut self) {
+        let Self { store, front, closing, .. } = self;
+        let (past, anchor) = (store.past(), front.pose().anchor());
+        let due = closing.is_due(past) || anchor.is_some_and(|anchor| closing.is_unjudged(past, anchor));
+        let Some(submaps) = front.submaps(VerifySettings::default()).filter(|_| due) else { return };
+        let known = front.survey();
+        let Some(verification) = closing.propose(past, &known, anchor, submaps) else { return };
+        let correction = front.settings().loops.correction;
+        let judged = cycles::judge(closing, store, front, &verification.run(), correction);
+        if let Some(solved) = judged.solving.and_then(Solving::run) {
+            cycles::correct(closing, store, front, &solved);
+        }
+    }
+
+    fn report(
+        &mut self,
+        keyframe: Option<NodeId>,
+        prepared: &Prepared,
+        matched: Option<Matched>,
+    ) -> Update<SpaceSweep> {
         let (entries, unwritten) = self.store.take_fresh();
         let (pose, past) = (self.front.pose(), self.store.past());
         let map_from_robot = self.store.map_from_local() * pose.local_from_robot();

@@ -1,0 +1,274 @@
+//! Submaps of clouds in space, as closing asks for them.
+//!
+//! A submap is a map of surfels and what its sensors have seen through, as an image of ranges for each view. It is looked for in
+//! another from many headings and places at once, coarse resolutions first ([`Matcher::rough`]), so that a rival shows as well.
+//! Places are recognised by what they look like from above, drawn to the scale at which those of the plane are compared.
+
+use crate::cascade::{Finding, VerifySettings};
+use crate::places::PlaceIndex;
+use crate::submaps::{Submaps, Window};
+use crate::views::View;
+use mapwright_geom::{Pose, Pose3};
+use mapwright_record::{Evidence, NodeId, Objection};
+use mapwright_sensor::SpaceSweep;
+use mapwright_voxel::{Change, Fit, Matcher, Prior, SurfelMap, SurfelMapSettings, Thinner};
+use nalgebra::{Matrix6, Vector6};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Points of a submap lie so far apart, of the smallest voxel's side.
+const POINT_SHARE: f64 = 0.8;
+/// Starts of a search lie so far apart: of the largest voxel's side, and radians.
+const START_SHARE: f64 = 0.75;
+const START_RAD: f64 = 0.35;
+/// and are so many at most.
+const STARTS_AT_MOST: usize = 400;
+/// Poses that are compared in the end; one elsewhere is farther than so many smallest voxels, or radians.
+const COMPARED: usize = 3;
+const ELSEWHERE_VOXELS: f64 = 4.0;
+const ELSEWHERE_RAD: f64 = 0.3;
+/// An image of ranges has so many columns around and rows from pole to pole.
+const COLUMNS: usize = 180;
+const ROWS: usize = 90;
+/// A point is seen through where all that was seen in its direction lies beyond it by so many smallest voxels, and this share of
+/// the range.
+const THROUGH_VOXELS: f64 = 1.5;
+const THROUGH_SHARE: f64 = 0.05;
+/// What places look like is compared up to 8 m ([`PlaceIndex`]); that stands for so many rms ranges here.
+const DESCRIBED_RANGES: f64 = 1.5;
+const DESCRIBED_M: f64 = 8.0;
+/// What lies this far below and above the sensor is no wall, metres: floor and ceiling.
+const FLOOR_M: f32 = -0.4;
+const CEILING_M: f32 = 2.5;
+/// A robot at a place that looks like this one is within so many rms ranges of where that was seen from, and radians.
+const LIKENESS_RANGES: f64 = 0.5;
+const LIKENESS_RAD: f64 = 0.3;
+
+/// Submaps of clouds.
+#[derive(Debug, Clone)]
+pub struct SpaceSubmaps {
+    map: SurfelMapSettings,
+    /// Root mean square of the sensor's ranges, metres.
+    range_m: f64,
+    verify: VerifySettings,
+    matcher: Matcher,
+    scored: u64,
+}
+
+/// A submap of clouds.
+#[derive(Debug, Clone)]
+pub struct SpaceSubmap {
+    map: SurfelMap,
+    points_m: Vec<[f32; 3]>,
+    views: Vec<RangeImage>,
+}
+
+/// The least range in each direction from a view.
+#[derive(Debug, Clone)]
+struct RangeImage {
+    view_from_submap: Pose3,
+    ranges_m: Vec<f32>,
+}
+
+impl SpaceSubmaps {
+    /// Submaps of such maps, of a sensor that sees so far, root mean square, metres.
+    #[must_use]
+    pub fn new(map: SurfelMapSettings, range_m: f64, verify: VerifySettings) -> Self {
+        Self { map, range_m, verify, matcher: Matcher::default(), scored: 0 }
+    }
+
+    /// Poses over the window, the middle first.
+    fn starts(&self, window: &Window<Pose3>) -> Vec<Pose3> {
+        let coarsest_m = self.map.resolution_m * f64::from(1_u32 << self.map.levels.clamp(1, 16).saturating_sub(1));
+        let (step_m, mut step_rad) = (START_SHARE * coarsest_m, START_RAD);
+        let half_rad = window.half_width_rad.min(PI);
+        let reach = |half: f64, step: f64| (half / step).floor() as i32;
+        let mut along = reach(window.half_width_m, step_m);
+        let mut around = reach(half_rad, step_rad);
+        while (2 * along + 1).pow(2) * (2 * around + 1) > STARTS_AT_MOST as i32 && (along > 0 || around > 0) {
+            // A window too wide for all is searched more coarsely, the way first.
+            if along > 2 || around == 0 { along -= 1 } else { around -= 1 }
+        }
+        if around > 0 {
+            step_rad = half_rad / f64::from(around);
+        }
+        let step_m = if along > 0 { window.half_width_m / f64::from(along) } else { 0.0 };
+        let mut starts = vec![window.target_from_query];
+        for (x, y) in (-along..=along).flat_map(|x| (-along..=along).map(move |y| (x, y))) {
+            for k in (-around..=around).filter(|k| (x, y, *k) != (0, 0, 0)) {
+                let turn = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, step_rad * f64::from(k));
+                let aside = [step_m * f64::from(x), step_m * f64::from(y), 0.0];
+                starts.push(window.target_from_query.moved(aside) * Pose3::exp(turn));
+            }
+        }
+        starts
+    }
+
+    fn is_elsewhere(&self, a: Pose3, b: Pose3) -> bool {
+        a.distance(b) > ELSEWHERE_VOXELS * self.map.resolution_m || a.between(b).angle() > ELSEWHERE_RAD
+    }
+
+    /// Points around a keyframe as seen from above, at the scale of places in the plane.
+    fn from_above(&self, views: &[View<SpaceSweep>]) -> Vec<[f64; 2]> {
+        let scale = DESCRIBED_M / (DESCRIBED_RANGES * self.range_m);
+        let mut ends = Vec::new();
+        for view in views {
+            let rotation = view.submap_from_keyframe.rotation.to_rotation_matrix();
+            for point in view.sweep.points_m().filter(|[_, _, z]| (FLOOR_M..CEILING_M).contains(z)) {
+                let at =
+                    rotation * nalgebra::Vector3::from(point.map(f64::from)) + view.submap_from_keyframe.translation;
+                ends.push([scale * at.x, scale * at.y]);
+            }
+        }
+        ends
+    }
+}
+
+impl Submaps for SpaceSubmaps {
+    type Measurement = SpaceSweep;
+    type Submap = SpaceSubmap;
+    type Places = PlaceIndex;
+
+    fn draw(&self, views: &[View<SpaceSweep>]) -> SpaceSubmap {
+        let mut map = SurfelMap::new(self.map);
+        let (mut all, mut points) = (Vec::new(), Vec::<[f32; 3]>::new());
+        for view in views {
+            points.clear();
+            points.extend(view.sweep.points_m());
+            map.draw(&points, view.submap_from_keyframe, Change::Add, 0);
+            let rotation = view.submap_from_keyframe.rotation.to_rotation_matrix();
+            all.extend(points.iter().map(|point| {
+                let at =
+                    rotation * nalgebra::Vector3::from(point.map(f64::from)) + view.submap_from_keyframe.translation;
+                [at.x as f32, at.y as f32, at.z as f32]
+            }));
+        }
+        map.refresh();
+        let mut points_m = Vec::new();
+        Thinner::default().thin(&all, POINT_SHARE * self.map.resolution_m, &mut points_m);
+        SpaceSubmap { map, points_m, views: views.iter().map(RangeImage::of).collect() }
+    }
+
+    fn look_for(&mut self, query: &SpaceSubmap, target: &SpaceSubmap, window: &Window<Pose3>) -> Finding<Pose3> {
+        let mut evidence = Evidence { points: query.points_m.len() as u32, ..Evidence::default() };
+        let starts = self.starts(window);
+        self.scored = starts.len() as u64;
+        // The window is no measurement; it only must not be left by far.
+        let (wide_m, wide_rad) = (window.half_width_m.max(self.map.resolution_m), window.half_width_rad.max(0.05));
+        let [linear, angular] = [1.0 / (4.0 * wide_m * wide_m), 1.0 / (4.0 * wide_rad * wide_rad)];
+        let diagonal = Vector6::new(linear, linear, linear, angular, angular, angular);
+        let information = Matrix6::from_diagonal(&diagonal);
+        let prior = Prior { map_from_cloud: window.target_from_query, information };
+        let rough = self.matcher.rough(&target.map, &query.points_m, &prior, starts.into_iter(), COMPARED);
+        let mut fits: Vec<Fit> =
+            rough.into_iter().map(|start| self.matcher.climb(&target.map, &query.points_m, &prior, start)).collect();
+        fits.sort_by(|a, b| share(b).total_cmp(&share(a)));
+        let Some(&best) = fits.first().filter(|best| share(best) >= self.verify.least_score) else {
+            return Finding::none(evidence, Objection::NoMatch);
+        };
+        evidence.score = Some(share(&best));
+        let rivals = fits.iter().filter(|fit| self.is_elsewhere(fit.map_from_cloud, best.map_from_cloud));
+        let rival = rivals.map(share).fold(0.0, f64::max);
+        evidence.ambiguity = Some((rival / share(&best)).max(0.75));
+        let target_from_query = best.map_from_cloud;
+        let back = self.matcher.judge(&query.map, &target.points_m, target_from_query.inverse());
+        evidence.overlap = Some(best.known_share.max(back.known_share));
+        evidence.inlier_share = Some(best.inlier_share.min(back.inlier_share));
+        let there = target.seen_through(&query.points_m, target_from_query, self.map.resolution_m);
+        let here = query.seen_through(&target.points_m, target_from_query.inverse(), self.map.resolution_m);
+        evidence.contradiction = Some(there.max(here));
+        let covariance = self.verify.covariance(&best.information);
+        let objection = self.verify.objection(&evidence, &covariance);
+        Finding { target_from_query: Some(target_from_query), covariance, evidence, objection }
+    }
+
+    fn scored(&self) -> u64 {
+        self.scored
+    }
+
+    fn remember(&self, places: &mut PlaceIndex, node: NodeId, views: &[View<SpaceSweep>]) {
+        places.add(node, &self.from_above(views));
+    }
+
+    fn alike(
+        &self,
+        places: &mut PlaceIndex,
+        views: &[View<SpaceSweep>],
+        at_most: usize,
+        allow: impl Fn(NodeId) -> bool,
+    ) -> Vec<(NodeId, Window<Pose3>)> {
+        let half_width_m = LIKENESS_RANGES * self.range_m;
+        let hits = places.query(&self.from_above(views), at_most, allow);
+        let windows = |heading_rad: Option<f64>| {
+            let turns = if heading_rad.is_some() { 2 } else { 1 };
+            let half_width_rad = if heading_rad.is_some() { LIKENESS_RAD } else { PI };
+            (0..turns).map(move |half| {
+                let turn_rad = heading_rad.unwrap_or(0.0) + f64::from(half) * PI;
+                let turn = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, turn_rad);
+                Window { target_from_query: Pose3::exp(turn), half_width_m, half_width_rad }
+            })
+        };
+        hits.iter().flat_map(|hit| windows(hit.heading_rad).map(|window| (hit.node, window))).collect()
+    }
+}
+
+/// Of all points those that are known and fit.
+fn share(fit: &Fit) -> f64 {
+    fit.known_share * fit.inlier_share
+}
+
+impl RangeImage {
+    fn of(view: &View<SpaceSweep>) -> Self {
+        let mut ranges_m = vec![f32::INFINITY; COLUMNS * ROWS];
+        for point in view.sweep.points_m() {
+            if let Some((pixel, range_m)) = pixel(point) {
+                ranges_m[pixel] = ranges_m[pixel].min(range_m);
+            }
+        }
+        Self { view_from_submap: view.submap_from_keyframe.inverse(), ranges_m }
+    }
+
+    /// Whether all that was seen around a pixel, and something was, lies beyond so much.
+    fn is_beyond(&self, pixel: usize, range_m: f32) -> bool {
+        let (row, column) = (pixel / COLUMNS, pixel % COLUMNS);
+        if !self.ranges_m[pixel].is_finite() {
+            return false;
+        }
+        let rows = row.saturating_sub(1)..=(row + 1).min(ROWS - 1);
+        rows.flat_map(|row| [COLUMNS - 1, 0, 1].map(|step| row * COLUMNS + (column + step) % COLUMNS))
+            .all(|pixel| self.ranges_m[pixel] > range_m)
+    }
+}
+
+/// The pixel in whose direction a point lies, and its range; none at the origin.
+fn pixel([x, y, z]: [f32; 3]) -> Option<(usize, f32)> {
+    let range_m = x.hypot(y).hypot(z);
+    if !(range_m > 1e-3 && range_m.is_finite()) {
+        return None;
+    }
+    let (around, up) = (f64::from(y).atan2(f64::from(x)), f64::from(z / range_m).clamp(-1.0, 1.0).asin());
+    let column = ((around + PI) / TAU * COLUMNS as f64) as usize % COLUMNS;
+    let row = (((up + FRAC_PI_2) / PI * ROWS as f64) as usize).min(ROWS - 1);
+    Some((row * COLUMNS + column, range_m))
+}
+
+impl SpaceSubmap {
+    /// Share of points, of those in directions in which a view has seen something, that a view has seen through.
+    fn seen_through(&self, points_m: &[[f32; 3]], submap_from_points: Pose3, resolution_m: f64) -> f64 {
+        let (mut judged, mut through) = (vec![false; points_m.len()], vec![false; points_m.len()]);
+        for view in &self.views {
+            let view_from_points = view.view_from_submap * submap_from_points;
+            let rotation = view_from_points.rotation.to_rotation_matrix();
+            for (number, point) in points_m.iter().enumerate() {
+                let at = rotation * nalgebra::Vector3::from(point.map(f64::from)) + view_from_points.translation;
+                let Some((pixel, range_m)) = pixel([at.x as f32, at.y as f32, at.z as f32]) else { continue };
+                if view.ranges_m[pixel].is_finite() {
+                    judged[number] = true;
+                    let margin_m = THROUGH_VOXELS * resolution_m + THROUGH_SHARE * f64::from(range_m);
+                    through[number] |= view.is_beyond(pixel, range_m + margin_m as f32);
+                }
+            }
+        }
+        let count = |flags: &[bool]| flags.iter().filter(|flag| **flag).count() as f64;
+        count(&through) / count(&judged).max(1.0)
+    }
+}
