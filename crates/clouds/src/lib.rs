@@ -1,0 +1,15 @@
+//! x
+mod error;
+mod folder;
+mod notes;
+mod pcd;
+mod ply;
+mod points;
+mod scalar;
+mod text;
+pub use error::CloudError;
+pub use folder::Folder;
+pub use notes::{Note, NoteKind, Noted, Notes};
+pub use pcd::read_pcd;
+pub use ply::read_ply;
+pub use points::Points;
