@@ -1,10 +1,13 @@
 //! x
 mod error;
 mod folder;
+mod image;
 mod notes;
+mod packets;
 mod pcd;
 mod ply;
 mod points;
+mod poses;
 mod scalar;
 mod text;
 pub use error::CloudError;

@@ -41,6 +41,8 @@ pub enum NoteKind {
     ForeignPacket,
     /// A packet or block that is damaged, left out.
     BadPacket,
+    /// Packets that were lost, by the sensor's clock.
+    MissingPackets,
     /// The sensor's clock jumped; stamps go on by that of the capture.
     ClockJump,
     /// A cloud that is less than a revolution, delivered.
@@ -76,6 +78,7 @@ impl fmt::Display for NoteKind {
             Self::FileNotUsed => "file not used",
             Self::ForeignPacket => "packet of something else",
             Self::BadPacket => "bad packet",
+            Self::MissingPackets => "packets missing",
             Self::ClockJump => "the sensor's clock jumps",
             Self::PartialRevolution => "less than a revolution",
         })
