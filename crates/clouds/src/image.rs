@@ -15,6 +15,9 @@ pub(crate) const SIDE_MAX: u32 = 16_384;
 /// Depth of a pixel that saw nothing, besides 0: the largest number of 16 bits.
 const NOTHING: u16 = u16::MAX;
 
+/// A PNG whose header was read.
+type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
+
 /// Pixels across and down.
 pub(crate) type Size = [u32; 2];
 
@@ -38,7 +41,7 @@ pub(crate) fn read_depth(file: &str, bytes: &[u8], size: Size, depth_per_m: f64)
     Ok(pixels.chunks_exact(2).map(metres).collect())
 }
 
-fn open_depth<'a>(file: &str, bytes: &'a [u8]) -> Result<(Reader<Cursor<&'a [u8]>>, Size), CloudError> {
+fn open_depth<'a>(file: &str, bytes: &'a [u8]) -> Result<(PngReader<'a>, Size), CloudError> {
     let reader = open(file, bytes, Transformations::IDENTITY)?;
     let info = reader.info();
     let is_depth = info.color_type == ColorType::Grayscale && info.bit_depth == BitDepth::Sixteen;
@@ -51,11 +54,7 @@ fn open_depth<'a>(file: &str, bytes: &'a [u8]) -> Result<(Reader<Cursor<&'a [u8]
 }
 
 /// Opens a PNG whose size its bytes may really have.
-fn open<'a>(
-    file: &str,
-    bytes: &'a [u8],
-    transformations: Transformations,
-) -> Result<Reader<Cursor<&'a [u8]>>, CloudError> {
+fn open<'a>(file: &str, bytes: &'a [u8], transformations: Transformations) -> Result<PngReader<'a>, CloudError> {
     let most = bytes.len().saturating_mul(DEFLATE_RATIO_MAX);
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: most.max(1 << 16) });
     decoder.set_transformations(transformations);
@@ -70,7 +69,7 @@ fn open<'a>(
     Ok(reader)
 }
 
-fn decode(file: &str, reader: &mut Reader<Cursor<&[u8]>>) -> Result<Vec<u8>, CloudError> {
+fn decode(file: &str, reader: &mut PngReader<'_>) -> Result<Vec<u8>, CloudError> {
     let size = reader.output_buffer_size().unwrap_or(0);
     let mut pixels = vec![0; size];
     match reader.next_frame(&mut pixels) {

@@ -89,10 +89,12 @@ impl Header {
             .then(|| sizes.iter().zip(&types).map(|(size, kind)| scalar(kind, size)).collect::<Option<Vec<_>>>())
             .flatten()
             .ok_or_else(|| fail("SIZE and TYPE of each field", &[&sizes[..], &types[..]].concat()))?;
-        let fields = names.iter().zip(scalars).map(|(name, scalar)| Field { name: (*name).to_owned(), scalar }).collect();
+        let fields =
+            names.iter().zip(scalars).map(|(name, scalar)| Field { name: (*name).to_owned(), scalar }).collect();
         let columns = if counts.is_empty() { Some(vec![1; names.len()]) } else { numbers(&counts) };
         let is_sensible = |all: &Vec<usize>| {
-            all.len() == names.len() && all.iter().try_fold(0, |sum: usize, n| sum.checked_add(*n)).is_some_and(|n| n <= COLUMNS_MAX)
+            all.len() == names.len()
+                && all.iter().try_fold(0, |sum: usize, n| sum.checked_add(*n)).is_some_and(|n| n <= COLUMNS_MAX)
         };
         let columns = columns.filter(is_sensible).ok_or_else(|| fail("COUNT of each field", &counts))?;
         let area = || numbers(&[&width[..], &height[..]].concat())?.into_iter().try_fold(1, usize::checked_mul);
@@ -102,7 +104,14 @@ impl Header {
             "ascii" => Data::Ascii,
             "binary" => Data::Binary,
             "binary_compressed" => Data::Compressed,
-            _ => return Err(CloudError::content(file, row.offset_bytes, "DATA ascii, binary or binary_compressed", row.excerpt())),
+            _ => {
+                return Err(CloudError::content(
+                    file,
+                    row.offset_bytes,
+                    "DATA ascii, binary or binary_compressed",
+                    row.excerpt(),
+                ));
+            }
         };
         let line_end = bytes[row.offset_bytes..].iter().position(|byte| *byte == b'\n'); // the row is one of these bytes
         let viewpoint = viewpoint.join(" ");
@@ -176,7 +185,11 @@ impl Header {
         };
         let wanted = self.points.checked_mul(self.point_bytes());
         if wanted != Some(unpacked) {
-            return fail(4, format!("{} points of {} bytes", self.points, self.point_bytes()), format!("{unpacked} bytes"));
+            return fail(
+                4,
+                format!("{} points of {} bytes", self.points, self.point_bytes()),
+                format!("{unpacked} bytes"),
+            );
         }
         let Some(packed) = data[8..].get(..packed) else {
             return fail(0, format!("{packed} compressed bytes"), format!("{} bytes", data.len() - 8));
@@ -189,9 +202,8 @@ impl Header {
         // the sums are at most `unpacked`
         let starts = firsts(&self.counts, |field| fields[field].scalar.size() * self.points);
         let strides: Vec<usize> = fields.iter().zip(&self.counts).map(|(f, count)| f.scalar.size() * count).collect();
-        let value = |at: usize, field: usize| {
-            fields[field].scalar.read(&columns, starts[field] + at * strides[field], false)
-        };
+        let value =
+            |at: usize, field: usize| fields[field].scalar.read(&columns, starts[field] + at * strides[field], false);
         Ok(assemble(&fields, if unpacked == 0 { 0 } else { self.points }, value))
     }
 

@@ -65,7 +65,8 @@ pub fn read_ply(file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Points, C
     } else {
         cursor.records(&fields, vertex.count)
     };
-    let points = points.map_err(|axis| CloudError::content(file, 0, "vertices with x, y and z", format!("no {axis}")))?;
+    let points =
+        points.map_err(|axis| CloudError::content(file, 0, "vertices with x, y and z", format!("no {axis}")))?;
     let found = points.points_m.len() as u64 + notes.count(NoteKind::BadRow);
     if found < vertex.count as u64 {
         let words = || (format!("{} vertices", vertex.count), format!("{}", points.points_m.len()));
@@ -95,7 +96,8 @@ impl Header {
                     elements.push(Element { name: (*name).to_owned(), count, properties: Vec::new() });
                 }),
                 ["property", words @ ..] => property(words)
-                    .and_then(|property| Some(elements.last_mut()?.properties.push(property))),
+                    .zip(elements.last_mut())
+                    .map(|(property, element)| element.properties.push(property)),
                 ["end_header"] => {
                     let order = order.ok_or_else(|| CloudError::content(file, 4, "`format`", "none"))?;
                     return Ok(Self { order, elements, data_at: cursor.at });

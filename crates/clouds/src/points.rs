@@ -130,7 +130,8 @@ pub(crate) enum First {
 pub(crate) fn times_of(points: &Points) -> Option<PointTimes> {
     let (name, is_integer) = points.time_field.as_ref()?;
     let is_there = |point: &[f32; 3]| point.iter().all(|v| v.is_finite());
-    let there = || points.times.iter().zip(&points.points_m).filter(|(_, point)| is_there(point)).map(|(time, _)| *time);
+    let there =
+        || points.times.iter().zip(&points.points_m).filter(|(_, point)| is_there(point)).map(|(time, _)| *time);
     if !there().all(f64::is_finite) {
         return None;
     }
@@ -154,7 +155,8 @@ fn unit_of(name: &str, is_integer: bool, ends: [f64; 2]) -> Option<(f64, bool)> 
     if is_integer && matches!(name, "t" | "offset_time") && spans_s(1e-9) <= SWEEP_S && ends[1] * 1e-9 < UNIX_S.start {
         return Some((1e-9, false));
     }
-    let is_unix = |unit_s: &f64| ends.iter().all(|time| UNIX_S.contains(&(time * unit_s))) && spans_s(*unit_s) <= SWEEP_S;
+    let is_unix =
+        |unit_s: &f64| ends.iter().all(|time| UNIX_S.contains(&(time * unit_s))) && spans_s(*unit_s) <= SWEEP_S;
     if let Some(unit_s) = UNITS_S.into_iter().find(is_unix) {
         return Some((unit_s, true));
     }

@@ -67,7 +67,8 @@ pub(crate) enum PoseRows {
 pub(crate) fn pose_rows(file: &str, bytes: &[u8], notes: &mut Notes) -> Option<PoseRows> {
     let columns = rows(bytes).next()?.numbers()?.len();
     let mut bad = |row: Row<'_>| {
-        notes.note(NoteKind::BadRow, file, row.offset_bytes, || (format!("a pose of {columns} numbers"), row.excerpt()));
+        notes
+            .note(NoteKind::BadRow, file, row.offset_bytes, || (format!("a pose of {columns} numbers"), row.excerpt()));
     };
     match columns {
         8 => {
@@ -120,7 +121,8 @@ pub(crate) fn stamp_of_text(text: &str) -> Option<Stamp> {
 
 /// A pose as a matrix of four rows, as 7-Scenes has one a file.
 pub(crate) fn pose_of_matrix(file: &str, bytes: &[u8]) -> Result<Pose3, CloudError> {
-    let numbers: Option<Vec<f64>> = rows(bytes).take(5).map(Row::numbers).collect::<Option<Vec<_>>>().map(|all| all.concat());
+    let numbers: Option<Vec<f64>> =
+        rows(bytes).take(5).map(Row::numbers).collect::<Option<Vec<_>>>().map(|all| all.concat());
     let pose = numbers.filter(|numbers| numbers.len() == 16).and_then(|numbers| pose_of_rows(&numbers));
     pose.ok_or_else(|| CloudError::content(file, 0, "a rigid motion as a matrix of 4 x 4", crate::text::excerpt(bytes)))
 }

@@ -14,7 +14,10 @@ impl<'a> Row<'a> {
     /// Its fields, separated by blanks or commas.
     pub(crate) fn fields(self) -> impl Iterator<Item = &'a str> {
         let is_blank = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
-        self.text.split(is_blank).filter(|field| !field.is_empty()).map(|field| std::str::from_utf8(field).unwrap_or("?"))
+        self.text
+            .split(is_blank)
+            .filter(|field| !field.is_empty())
+            .map(|field| std::str::from_utf8(field).unwrap_or("?"))
     }
 
     /// Its fields as numbers, of which none may be anything else.

@@ -1,8 +1,8 @@
 //! Packets of Velodyne's VLP-16 and HDL-32E, after their manuals (63-9243 Rev. E, 63-9113 Rev. N).
 
+use crate::notes::{NoteKind, Notes};
 use crate::packets::capture::{Capture, Packet};
 use crate::packets::udp::datagram;
-use crate::notes::{NoteKind, Notes};
 use crate::scalar::array;
 use mapwright_geom::{Stamp, sin_cos};
 use std::collections::{BTreeMap, VecDeque};

@@ -14,7 +14,8 @@ pub(super) fn decompress(packed: &[u8], length: usize) -> Result<Vec<u8>, (usize
     let mut out = Vec::with_capacity(length);
     let mut at = 0;
     while let Some(control) = packed.get(at).map(|byte| usize::from(*byte)) {
-        let step = if control < 32 { literal(packed, at, control, &mut out) } else { copy(packed, at, control, &mut out) };
+        let step =
+            if control < 32 { literal(packed, at, control, &mut out) } else { copy(packed, at, control, &mut out) };
         at += step.ok_or_else(|| (at, format!("a broken step after {} bytes", out.len())))?;
         if out.len() > length {
             return Err((at, format!("more than {length} bytes")));

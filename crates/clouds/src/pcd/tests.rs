@@ -26,7 +26,8 @@ fn compressed(points: &[[f32; 3]]) -> Vec<u8> {
         .flat_map(|part| records.iter().flat_map(move |record| record[part.clone()].to_vec()))
         .collect();
     let packed: Vec<u8> = columns.chunks(32).flat_map(|c| [&[c.len() as u8 - 1], c].concat()).collect();
-    let mut file = format!("{HEADER}WIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA binary_compressed\n", points.len()).into_bytes();
+    let mut file =
+        format!("{HEADER}WIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA binary_compressed\n", points.len()).into_bytes();
     file.extend((packed.len() as u32).to_le_bytes());
     file.extend((columns.len() as u32).to_le_bytes());
     file.extend(packed);

@@ -11,7 +11,8 @@ fn header(order: &str, count: usize, has_list: bool) -> String {
 }
 
 fn binary(points: &[[f32; 3]], claimed: usize, is_big: bool, has_list: bool) -> Vec<u8> {
-    let mut file = header(if is_big { "binary_big_endian" } else { "binary_little_endian" }, claimed, has_list).into_bytes();
+    let mut file =
+        header(if is_big { "binary_big_endian" } else { "binary_little_endian" }, claimed, has_list).into_bytes();
     let mut put = |bytes: &[u8]| {
         if is_big {
             file.extend(bytes.iter().rev());
