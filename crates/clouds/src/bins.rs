@@ -44,6 +44,9 @@ fn unpacked<'a>(file: &str, bytes: &'a [u8], notes: &mut Notes) -> Result<Cow<'a
     }
     let fail = |found: String| CloudError::content(file, 0, "a stream of zstd", found);
     let most = ALWAYS_ALLOWED_BYTES.max(bytes.len() as u64 * RATIO_MAX);
+    if let Some(out) = unpacked_at_once(bytes, most) {
+        return Ok(Cow::Owned(out));
+    }
     let decoder = zstd::stream::read::Decoder::with_buffer(bytes).map_err(|cause| fail(cause.to_string()))?;
     let mut out = Vec::with_capacity(2 * bytes.len());
     if let Err(cause) = decoder.take(most + 1).read_to_end(&mut out) {
@@ -57,6 +60,13 @@ fn unpacked<'a>(file: &str, bytes: &'a [u8], notes: &mut Notes) -> Result<Cow<'a
         return Err(fail(format!("{} bytes that become more than {most}", bytes.len())));
     }
     Ok(Cow::Owned(out))
+}
+
+/// A whole stream that says how long it is becomes so long in one go, which takes half as long; none where it is anything else.
+fn unpacked_at_once(bytes: &[u8], most: u64) -> Option<Vec<u8>> {
+    let length = zstd::zstd_safe::get_frame_content_size(bytes).ok()??;
+    let length = usize::try_from(length).ok().filter(|length| *length as u64 <= most)?;
+    zstd::bulk::decompress(bytes, length).ok()
 }
 
 /// Whether bytes may be such points: most are near and none of the rest is a number that no lidar gives.

@@ -37,6 +37,8 @@ pub enum NoteKind {
     BadRow,
     /// A file of times, poses or a calibration that is not used.
     FileNotUsed,
+    /// A PCD file whose points have a place of their own (VIEWPOINT), which is not applied: points are delivered in the sensor's frame.
+    Viewpoint,
     /// A packet that is none of the sensor's, left out.
     ForeignPacket,
     /// A packet or block that is damaged, left out.
@@ -53,10 +55,8 @@ impl NoteKind {
     /// Whether something of the recording may be missing or wrong in what was delivered.
     #[must_use]
     pub fn loses_data(self) -> bool {
-        !matches!(
-            self,
-            Self::NotFinite | Self::BackwardStamp | Self::EmptyCloud | Self::ForeignPacket | Self::PartialRevolution
-        )
+        let is_said_only = matches!(self, Self::NotFinite | Self::BackwardStamp | Self::EmptyCloud | Self::Viewpoint);
+        !(is_said_only || matches!(self, Self::ForeignPacket | Self::PartialRevolution))
     }
 }
 
@@ -76,6 +76,7 @@ impl fmt::Display for NoteKind {
             Self::UnreadableColour => "unreadable colour image",
             Self::BadRow => "bad row",
             Self::FileNotUsed => "file not used",
+            Self::Viewpoint => "viewpoint not applied",
             Self::ForeignPacket => "packet of something else",
             Self::BadPacket => "bad packet",
             Self::MissingPackets => "packets missing",

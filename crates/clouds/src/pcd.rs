@@ -48,7 +48,7 @@ pub fn read_pcd(file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Points, C
     let header = Header::parse(file, bytes)?;
     let data = bytes.get(header.data_at..).unwrap_or_default();
     if let Some(viewpoint) = &header.viewpoint {
-        notes.note(NoteKind::FileNotUsed, file, 0, || ("VIEWPOINT 0 0 0 1 0 0 0", format!("{viewpoint}, not applied")));
+        notes.note(NoteKind::Viewpoint, file, 0, || ("VIEWPOINT 0 0 0 1 0 0 0", viewpoint.clone()));
     }
     let points = match header.data {
         Data::Ascii => header.ascii(file, data, notes),

@@ -81,7 +81,7 @@ fn bad_rows_and_organised_clouds() {
     let mut notes = Notes::default();
     let points = read_pcd("a.pcd", text.as_bytes(), &mut notes).unwrap();
     assert!(same(&points.points_m, &[[1.0, 2.0, 3.0], [f32::NAN; 3]]), "{points:?}");
-    assert_eq!((notes.count(NoteKind::BadRow), notes.count(NoteKind::FileNotUsed)), (2, 1));
+    assert_eq!((notes.count(NoteKind::BadRow), notes.count(NoteKind::Viewpoint)), (2, 1));
 }
 
 proptest! {
