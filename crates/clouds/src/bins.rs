@@ -1,0 +1,143 @@
+//! KITTI's clouds: four floats a point, perhaps compressed by zstd.
+
+use crate::error::CloudError;
+use crate::notes::{NoteKind, Notes};
+use crate::text::excerpt;
+use std::borrow::Cow;
+use std::io::Read;
+
+/// `x y z intensity`, little endian.
+pub(crate) const POINT_BYTES: usize = 16;
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+/// A frame may always become so many bytes: two million points; or so many times those in the file.
+const ALWAYS_ALLOWED_BYTES: u64 = 32 << 20;
+const RATIO_MAX: u64 = 64;
+/// So many points tell whether they are such.
+const LOOKED_AT: usize = 2000;
+/// No lidar sees farther, metres.
+const FARTHEST_M: f32 = 2000.0;
+
+/// Reads `x y z intensity` as float32, little endian, compressed by zstd or not.
+///
+/// # Errors
+/// [`CloudError::Content`] where zstd's bytes break before the first point.
+pub fn read_bin(file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<[f32; 3]>, CloudError> {
+    let bytes = unpacked(file, bytes, notes)?;
+    let (points, rest) = bytes.as_chunks::<POINT_BYTES>();
+    if !rest.is_empty() {
+        let at = bytes.len() - rest.len();
+        notes.note(NoteKind::Truncated, file, at, || ("points of 16 bytes", format!("{} bytes more", rest.len())));
+    }
+    Ok(points.iter().map(point).collect())
+}
+
+fn point(bytes: &[u8; POINT_BYTES]) -> [f32; 3] {
+    std::array::from_fn(|axis| {
+        let at = 4 * axis;
+        f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+    })
+}
+
+fn unpacked<'a>(file: &str, bytes: &'a [u8], notes: &mut Notes) -> Result<Cow<'a, [u8]>, CloudError> {
+    if !bytes.starts_with(&ZSTD_MAGIC) {
+        return Ok(Cow::Borrowed(bytes));
+    }
+    let fail = |found: String| CloudError::content(file, 0, "a stream of zstd", found);
+    let most = ALWAYS_ALLOWED_BYTES.max(bytes.len() as u64 * RATIO_MAX);
+    if let Some(out) = unpacked_at_once(bytes, most) {
+        return Ok(Cow::Owned(out));
+    }
+    let decoder = zstd::stream::read::Decoder::with_buffer(bytes).map_err(|cause| fail(cause.to_string()))?;
+    let mut out = Vec::with_capacity(2 * bytes.len());
+    if let Err(cause) = decoder.take(most + 1).read_to_end(&mut out) {
+        if out.len() < POINT_BYTES {
+            return Err(fail(cause.to_string()));
+        }
+        notes.note(NoteKind::Truncated, file, out.len(), || ("zstd to the end", cause.to_string()));
+        out.truncate(out.len() - out.len() % POINT_BYTES);
+    }
+    if out.len() as u64 > most {
+        return Err(fail(format!("{} bytes that become more than {most}", bytes.len())));
+    }
+    Ok(Cow::Owned(out))
+}
+
+/// A whole stream that says how long it is becomes so long in one go, which takes half as long; none where it is anything else.
+fn unpacked_at_once(bytes: &[u8], most: u64) -> Option<Vec<u8>> {
+    let length = zstd::zstd_safe::get_frame_content_size(bytes).ok()??;
+    let length = usize::try_from(length).ok().filter(|length| *length as u64 <= most)?;
+    zstd::bulk::decompress(bytes, length).ok()
+}
+
+/// Whether bytes may be such points: most are near and none of the rest is a number that no lidar gives.
+///
+/// # Errors
+/// What they are instead.
+pub(crate) fn check(file: &str, bytes: &[u8]) -> Result<(), CloudError> {
+    let points = read_bin(file, bytes, &mut Notes::default())?;
+    let looked_at = points.get(..LOOKED_AT).unwrap_or(&points);
+    let is_no_number = |v: f32| v.is_finite() && (v.abs() > FARTHEST_M || (v != 0.0 && v.abs() < 1e-20));
+    let strange = looked_at.iter().filter(|point| point.iter().any(|v| is_no_number(*v))).count();
+    let none = looked_at.iter().filter(|point| point.iter().any(|v| !v.is_finite())).count();
+    if strange * 100 > looked_at.len()
+        || (none == looked_at.len() && none > 0)
+        || (points.is_empty() && !bytes.is_empty())
+    {
+        return Err(CloudError::content(file, 0, "points as float32 x y z intensity", excerpt(bytes)));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn bytes(points: &[[f32; 3]]) -> Vec<u8> {
+        points.iter().flat_map(|[x, y, z]| [*x, *y, *z, 0.5].into_iter().flat_map(f32::to_le_bytes)).collect()
+    }
+
+    #[test]
+    fn what_is_torn_gives_what_came_before() {
+        let points = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]];
+        let plain = bytes(&points);
+        let mut notes = Notes::default();
+        assert_eq!(read_bin("a", &plain[..31], &mut notes).unwrap(), points[..1]);
+        assert_eq!(notes.kinds[&NoteKind::Truncated].first[0].offset_bytes, 16);
+        let many: Vec<[f32; 3]> = (0..100_000_u32).map(|k| [k as f32, (k as f32).sin(), 1.0]).collect();
+        let packed = zstd::encode_all(bytes(&many).as_slice(), 3).unwrap();
+        let torn = read_bin("a", &packed[..packed.len() / 2], &mut notes).unwrap();
+        assert!(!torn.is_empty() && torn == many[..torn.len()]);
+        assert_eq!(notes.count(NoteKind::Truncated), 2);
+    }
+
+    #[test]
+    fn bombs_and_foreign_files_are_refused() {
+        let bomb = zstd::encode_all(std::io::repeat(0).take(64 << 20), 3).unwrap();
+        let error = read_bin("a", &bomb, &mut Notes::default()).unwrap_err().to_string();
+        assert!(error.contains("become more than"), "{error}");
+        assert!(check("a", b"version https://git-lfs.github.com/spec/v1 oid sha256:4d7a2146 size 12").is_err());
+        assert!(check("a", b"short").is_err());
+        assert!(check("a", &bytes(&[[1.0, -2.0, 0.0], [f32::NAN; 3]])).is_ok());
+        assert!(check("a", b"").is_ok());
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read(points in prop::collection::vec(prop::array::uniform3(-100.0..100.0_f32), 0..50)) {
+            let plain = bytes(&points);
+            let packed = zstd::encode_all(plain.as_slice(), 1).unwrap();
+            for file in [plain, packed] {
+                let mut notes = Notes::default();
+                prop_assert_eq!(read_bin("a", &file, &mut notes).unwrap(), points.clone());
+                prop_assert_eq!(notes, Notes::default());
+            }
+        }
+
+        #[test]
+        fn any_bytes(bytes: Vec<u8>) {
+            let _ = check("a", &bytes);
+            let _ = read_bin("a", &[&ZSTD_MAGIC[..], &bytes].concat(), &mut Notes::default());
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! What is known of a depth camera.
+
+use crate::error::CloudError;
+use crate::notes::{NoteKind, Notes};
+use crate::plan::DepthPlan;
+use crate::text::{excerpt, rows};
+use mapwright_sensor::PinholeCamera;
+use std::sync::Arc;
+
+/// Of the command line.
+const INTRINSICS_KEY: &str = "--intrinsics FX,FY,CX,CY";
+const DEPTH_SCALE_KEY: &str = "--depth-scale S";
+
+/// What the caller knows of a depth camera; it counts more than what the folder says.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CameraOptions {
+    /// Focal lengths and the optical axis, `fx fy cx cy`, pixels.
+    pub intrinsics: Option<[f64; 4]>,
+    /// The number that stands for a metre in images of depth.
+    pub depth_scale: Option<f64>,
+}
+
+/// The camera, and what a metre is in its images.
+pub(crate) fn camera(plan: &DepthPlan, options: &CameraOptions) -> Result<(Arc<PinholeCamera>, f64), CloudError> {
+    let Some([fx, fy, cx, cy]) = options.intrinsics.or(plan.intrinsics) else {
+        return Err(CloudError::Missing { what: "the camera's focal lengths and centre".into(), key: INTRINSICS_KEY });
+    };
+    let [width, height] = plan.size;
+    let camera = PinholeCamera { width, height, focal_px: [fx, fy], centre_px: [cx, cy], distortion: [0.0; 5] };
+    camera.check().map_err(|reason| CloudError::Options { key: INTRINSICS_KEY, reason: reason.into() })?;
+    let depth_per_m = options.depth_scale.unwrap_or(plan.depth_per_m);
+    if !(depth_per_m.is_finite() && depth_per_m > 0.0) {
+        let reason = format!("expected a finite number above zero, found {depth_per_m}");
+        return Err(CloudError::Options { key: DEPTH_SCALE_KEY, reason });
+    }
+    Ok((Arc::new(camera), depth_per_m))
+}
+
+/// Intrinsics as a matrix of 3 x 3, as 7-Scenes' users write them.
+pub(crate) fn of_matrix(file: &str, bytes: &[u8], notes: &mut Notes) -> Option<[f64; 4]> {
+    let matrix: Option<Vec<f64>> =
+        rows(bytes).take(4).map(|row| row.numbers()).collect::<Option<Vec<_>>>().map(|m| m.concat());
+    let found = match matrix.as_deref() {
+        Some(&[fx, _, cx, _, fy, cy, _, _, 1.0]) => sensible([fx, fy, cx, cy]),
+        _ => None,
+    };
+    note_none(found, file, "a camera's matrix of 3 x 3", bytes, notes)
+}
+
+/// Open3D's JSON: the matrix column by column. Beside it a scale of depth, if there is one.
+pub(crate) fn of_json(file: &str, bytes: &[u8], size: [u32; 2], notes: &mut Notes) -> Option<([f64; 4], Option<f64>)> {
+    let json: Option<serde_json::Value> = serde_json::from_slice(bytes).ok();
+    let found = json.as_ref().and_then(|json| {
+        let matrix: Option<Vec<f64>> =
+            json.get("intrinsic_matrix")?.as_array()?.iter().map(serde_json::Value::as_f64).collect();
+        let &[fx, _, _, _, fy, _, cx, cy, _] = matrix?.as_slice() else { return None };
+        let side = |key: &str, size: u32| json.get(key).is_none_or(|side| side.as_u64() == Some(u64::from(size)));
+        let fits = side("width", size[0]) && side("height", size[1]);
+        sensible([fx, fy, cx, cy]).filter(|_| fits)
+    });
+    let scale = json.as_ref().and_then(|json| json.get("depth_scale")?.as_f64());
+    let expected = format!("an intrinsic_matrix of a camera of {} x {}", size[0], size[1]);
+    note_none(found, file, &expected, bytes, notes).map(|found| (found, scale.filter(|s| s.is_finite() && *s > 0.0)))
+}
+
+fn sensible(all: [f64; 4]) -> Option<[f64; 4]> {
+    (all.iter().all(|v| v.is_finite()) && all[0] > 0.0 && all[1] > 0.0).then_some(all)
+}
+
+fn note_none<T>(found: Option<T>, file: &str, expected: &str, bytes: &[u8], notes: &mut Notes) -> Option<T> {
+    if found.is_none() {
+        notes.note(NoteKind::FileNotUsed, file, 0, || (expected, excerpt(bytes)));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let plan = DepthPlan { size: [4, 3], intrinsics: None, depth_per_m: 1000.0 };
+        let error = camera(&plan, &CameraOptions::default()).unwrap_err().to_string();
+        assert!(error.contains("--intrinsics FX,FY,CX,CY"), "{error}");
+        let options = CameraOptions { intrinsics: Some([2.0, 2.0, 1.5, 1.0]), depth_scale: Some(0.0) };
+        let error = camera(&plan, &options).unwrap_err().to_string();
+        assert!(error.contains("--depth-scale"), "{error}");
+        let options = CameraOptions { depth_scale: Some(5000.0), ..options };
+        let (camera, depth_per_m) = camera(&plan, &options).unwrap();
+        assert_eq!((camera.width, camera.centre_px, depth_per_m), (4, [1.5, 1.0], 5000.0));
+    }
+
+    #[test]
+    fn calibrations_that_are_none_are_noted() {
+        let mut notes = Notes::default();
+        assert_eq!(of_matrix("c", b"5 0 2\n0 6 3\n0 0 1\n", &mut notes), Some([5.0, 6.0, 2.0, 3.0]));
+        assert_eq!(of_matrix("c", b"5 0 2\n0 6 3\n", &mut notes), None);
+        let json = br#"{"width":4,"height":3,"intrinsic_matrix":[5,0,0,0,6,0,2,3,1]}"#;
+        assert_eq!(of_json("c", json, [4, 3], &mut notes), Some(([5.0, 6.0, 2.0, 3.0], None)));
+        assert_eq!(of_json("c", json, [8, 3], &mut notes), None);
+        assert_eq!(notes.count(NoteKind::FileNotUsed), 2);
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes(bytes: Vec<u8>) {
+            let _ = of_matrix("c", &bytes, &mut Notes::default());
+            let _ = of_json("c", &bytes, [4, 3], &mut Notes::default());
+        }
+    }
+}

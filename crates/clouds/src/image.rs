@@ -1,0 +1,199 @@
+//! Images of depth and colour.
+
+use crate::error::CloudError;
+use png::{BitDepth, ColorType, Decoder, Limits, Reader, Transformations};
+use std::io::Cursor;
+use zune_core::bytestream::ZCursor;
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
+use zune_jpeg::JpegDecoder;
+
+/// Deflate makes at most so many bytes of one.
+const DEFLATE_RATIO_MAX: usize = 1032;
+/// No camera has more pixels across or down.
+pub(crate) const SIDE_MAX: u32 = 16_384;
+/// Depth of a pixel that saw nothing, besides 0: the largest number of 16 bits.
+const NOTHING: u16 = u16::MAX;
+
+/// A PNG whose header was read.
+type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
+
+/// Pixels across and down.
+pub(crate) type Size = [u32; 2];
+
+/// The size of an image of depth.
+pub(crate) fn depth_size(file: &str, bytes: &[u8]) -> Result<Size, CloudError> {
+    open_depth(file, bytes).map(|(_, size)| size)
+}
+
+/// Depth of all pixels, metres, row by row; 0 where there is none.
+pub(crate) fn read_depth(file: &str, bytes: &[u8], size: Size, depth_per_m: f64) -> Result<Vec<f32>, CloudError> {
+    let (mut reader, found) = open_depth(file, bytes)?;
+    if found != size {
+        return Err(wrong_size(file, size, found));
+    }
+    let pixels = decode(file, &mut reader)?;
+    let scale = (1.0 / depth_per_m) as f32;
+    let metres = |pixel: &[u8]| match u16::from_be_bytes([pixel[0], pixel[1]]) {
+        NOTHING => 0.0,
+        depth => f32::from(depth) * scale,
+    };
+    Ok(pixels.chunks_exact(2).map(metres).collect())
+}
+
+fn open_depth<'a>(file: &str, bytes: &'a [u8]) -> Result<(PngReader<'a>, Size), CloudError> {
+    let reader = open(file, bytes, Transformations::IDENTITY)?;
+    let info = reader.info();
+    let is_depth = info.color_type == ColorType::Grayscale && info.bit_depth == BitDepth::Sixteen;
+    let size = [info.width, info.height];
+    if !is_depth {
+        let found = format!("{:?} of {} bits", info.color_type, info.bit_depth as u8);
+        return Err(CloudError::content(file, 24, "depth as greyscale of 16 bits", found));
+    }
+    Ok((reader, size))
+}
+
+/// Opens a PNG whose size its bytes may really have.
+fn open<'a>(file: &str, bytes: &'a [u8], transformations: Transformations) -> Result<PngReader<'a>, CloudError> {
+    let most = bytes.len().saturating_mul(DEFLATE_RATIO_MAX);
+    let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: most.max(1 << 16) });
+    decoder.set_transformations(transformations);
+    let reader = decoder.read_info().map_err(|cause| CloudError::content(file, 0, "a PNG image", cause.to_string()))?;
+    let info = reader.info();
+    let sides_fit = info.width <= SIDE_MAX && info.height <= SIDE_MAX;
+    // what transformations make of it is bounded by the camera's size, which is looked at before room is made
+    if !sides_fit || info.raw_bytes() > most {
+        let found = format!("{} x {} in a file of {} bytes", info.width, info.height, bytes.len());
+        return Err(CloudError::content(file, 16, "a size that the file can hold", found));
+    }
+    Ok(reader)
+}
+
+fn decode(file: &str, reader: &mut PngReader<'_>) -> Result<Vec<u8>, CloudError> {
+    let size = reader.output_buffer_size().unwrap_or(0);
+    let mut pixels = vec![0; size];
+    match reader.next_frame(&mut pixels) {
+        Ok(_) => Ok(pixels),
+        Err(cause) => Err(CloudError::content(file, 33, format!("an image of {size} bytes"), cause.to_string())),
+    }
+}
+
+fn wrong_size(file: &str, size: Size, found: Size) -> CloudError {
+    let [expected, found] = [size, found].map(|[width, height]| format!("{width} x {height} pixels"));
+    CloudError::content(file, 16, expected, found)
+}
+
+/// Red, green and blue of all pixels of a PNG or JPEG image of the given size.
+pub(crate) fn read_colours(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, CloudError> {
+    if bytes.starts_with(&[0xff, 0xd8]) { read_jpeg(file, bytes, size) } else { read_png(file, bytes, size) }
+}
+
+fn read_png(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, CloudError> {
+    let mut reader = open(file, bytes, Transformations::normalize_to_color8())?;
+    let found = [reader.info().width, reader.info().height];
+    if found != size {
+        return Err(wrong_size(file, size, found));
+    }
+    let (kind, _) = reader.output_color_type();
+    let pixels = decode(file, &mut reader)?;
+    Ok(match kind {
+        ColorType::Rgb => pixels.as_chunks::<3>().0.to_vec(),
+        ColorType::Rgba => pixels.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect(),
+        ColorType::GrayscaleAlpha => pixels.chunks_exact(2).map(|p| [p[0]; 3]).collect(),
+        _ => pixels.iter().map(|grey| [*grey; 3]).collect(),
+    })
+}
+
+fn read_jpeg(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, CloudError> {
+    let fail = |cause: String| CloudError::content(file, 0, "a JPEG image", cause);
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB).set_strict_mode(false);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(|cause| fail(cause.to_string()))?;
+    // the size is looked at before room is made for the pixels
+    let found = decoder.info().map_or([0, 0], |info| [u32::from(info.width), u32::from(info.height)]);
+    if found != size {
+        return Err(wrong_size(file, size, found));
+    }
+    let pixels = decoder.decode().map_err(|cause| fail(cause.to_string()))?;
+    let colours = pixels.as_chunks::<3>().0.to_vec();
+    if colours.len() != size[0] as usize * size[1] as usize {
+        return Err(fail(format!("{} bytes of pixels", pixels.len())));
+    }
+    Ok(colours)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn png(size: Size, kind: ColorType, depth: BitDepth, data: &[u8]) -> Vec<u8> {
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, size[0], size[1]);
+        encoder.set_color(kind);
+        encoder.set_depth(depth);
+        let mut writer = encoder.write_header().unwrap();
+        writer.write_image_data(data).unwrap();
+        writer.finish().unwrap();
+        file
+    }
+
+    #[test]
+    fn depth_is_read_and_what_is_none_refused() {
+        let data: Vec<u8> = [0_u16, 1000, u16::MAX, 2500].iter().flat_map(|d| d.to_be_bytes()).collect();
+        let file = png([2, 2], ColorType::Grayscale, BitDepth::Sixteen, &data);
+        assert_eq!(read_depth("d.png", &file, [2, 2], 1000.0).unwrap(), [0.0, 1.0, 0.0, 2.5]);
+        let error = read_depth("d.png", &file, [3, 2], 1000.0).unwrap_err().to_string();
+        assert_eq!(error, "d.png, byte 16: expected 3 x 2 pixels, found 2 x 2 pixels");
+        let grey = png([2, 2], ColorType::Grayscale, BitDepth::Eight, &[1, 2, 3, 4]);
+        let error = depth_size("d.png", &grey).unwrap_err().to_string();
+        assert_eq!(error, "d.png, byte 24: expected depth as greyscale of 16 bits, found Grayscale of 8 bits");
+        assert!(read_depth("d.png", &file[..file.len() - 20], [2, 2], 1000.0).is_err());
+    }
+
+    #[test]
+    fn sizes_that_no_file_holds_are_refused() {
+        let data: Vec<u8> = vec![0; 8];
+        let mut file = png([2, 2], ColorType::Grayscale, BitDepth::Sixteen, &data);
+        file[16..24].copy_from_slice(&[0, 0, 0x3f, 0xff, 0, 0, 0x3f, 0xff]);
+        let crc = crc32(&file[12..29]);
+        file[29..33].copy_from_slice(&crc.to_be_bytes());
+        let error = depth_size("d.png", &file).unwrap_err().to_string();
+        assert!(error.contains("a size that the file can hold"), "{error}");
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 })
+        })
+    }
+
+    #[test]
+    fn colours_of_any_kind() {
+        for (kind, data, expected) in [
+            (ColorType::Rgb, &[1, 2, 3, 4, 5, 6][..], [[1, 2, 3], [4, 5, 6]]),
+            (ColorType::Rgba, &[1, 2, 3, 9, 4, 5, 6, 9], [[1, 2, 3], [4, 5, 6]]),
+            (ColorType::Grayscale, &[7, 8], [[7; 3], [8; 3]]),
+            (ColorType::GrayscaleAlpha, &[7, 0, 8, 0], [[7; 3], [8; 3]]),
+        ] {
+            let file = png([2, 1], kind, BitDepth::Eight, data);
+            assert_eq!(read_colours("c.png", &file, [2, 1]).unwrap(), expected);
+        }
+        assert!(read_colours("c.jpg", &[0xff, 0xd8, 0xff], [2, 1]).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes(mut bytes: Vec<u8>, cut in 0..90_usize, at in 0..90_usize, byte: u8) {
+            let _ = read_colours("c", &bytes, [4, 4]);
+            bytes.splice(0..0, [0xff, 0xd8, 0xff]);
+            let _ = read_colours("c", &bytes, [4, 4]);
+            let mut file = png([4, 4], ColorType::Grayscale, BitDepth::Sixteen, &[5; 32]);
+            let at = at.min(file.len() - 1);
+            file[at] = byte;
+            file.truncate(file.len() - cut.min(file.len()));
+            let _ = read_depth("d", &file, [4, 4], 1000.0);
+            let _ = read_colours("d", &file, [4, 4]);
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Recordings of packets, and the sensors that send them.
+
+pub(crate) mod capture;
+mod udp;
+pub(crate) mod velodyne;
