@@ -21,6 +21,7 @@ mod pose2;
 mod pose3;
 mod sealed;
 mod stamp;
+mod stored;
 mod tangent;
 
 pub use angle::{sin_cos, wrap_angle};
@@ -30,4 +31,5 @@ pub use pose::{Apart, FARTHEST_M, Pose};
 pub use pose2::Pose2;
 pub use pose3::{Pose3, skew};
 pub use stamp::Stamp;
+pub use stored::Stored;
 pub use tangent::{Cov3, Cov6, Tangent, TangentMatrix};

@@ -6,7 +6,8 @@
 
 mod signature;
 
-use signature::{Describer, Likeness, Query, Signature};
+use mapwright_geom::Stored;
+use signature::{Describer, Likeness, Query, Signature, is_signature};
 
 /// A hit stands for so many places added right before and after it.
 const NEIGHBOURS: usize = 4;
@@ -62,6 +63,12 @@ impl PlaceIndex {
         self.nodes.is_empty()
     }
 
+    /// The nodes that they were added with.
+    #[must_use]
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
     /// Adds a place: end points in its frame, metres. Those farther than 8 m and those that are not numbers do not count;
     /// a place with hardly any is never found.
     pub fn add(&mut self, node: u32, points: &[[f64; 2]]) {
@@ -91,6 +98,19 @@ impl PlaceIndex {
             self.shares[best.saturating_sub(NEIGHBOURS)..beyond].fill(OUT);
         }
         hits
+    }
+}
+
+impl Stored for PlaceIndex {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.nodes.put(out);
+        self.signatures.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let (nodes, signatures): (Vec<u32>, Vec<Signature>) = Stored::take(from)?;
+        let are_sound = nodes.len() == signatures.len() && signatures.iter().all(is_signature);
+        are_sound.then(|| Self { nodes, signatures, ..Self::default() })
     }
 }
 
