@@ -3,6 +3,8 @@
 use crate::closing::{Budget, Closing};
 use crate::jobs::{Job, Task};
 use crate::settings::{Jobs, Settings};
+use crate::store::Past;
+use mapwright_geom::Stored;
 use std::collections::VecDeque;
 
 /// Jobs and cycles.
@@ -28,6 +30,19 @@ impl BackEnd {
             questions: 0,
             budget: Budget::default(),
         }
+    }
+
+    pub(crate) fn put(&self, out: &mut Vec<u8>) {
+        self.closing.put(out);
+        self.questions.put(out);
+        self.budget.put(out);
+    }
+
+    /// Goes on as it was, with nothing under way; `past` is all of the session.
+    pub(crate) fn restore(settings: &Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+        let closing = Closing::restore(settings, past, from)?;
+        let (questions, budget) = Stored::take(from)?;
+        Some(Self { closing, questions, budget, ..Self::new(settings) })
     }
 
     /// Whether something is under way, which was asked of the past as it is.

@@ -9,6 +9,7 @@ use mapwright_loops::{Finding, PlaceIndex, VerifySettings};
 use mapwright_record::{Candidate, Detection, Edge, Evidence, Objection, Verdict};
 use std::f64::consts::PI;
 
+mod checkpoint;
 mod look_back;
 mod relocate;
 mod solving;

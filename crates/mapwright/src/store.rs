@@ -14,6 +14,7 @@ use nalgebra::Matrix3;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+mod checkpoint;
 mod new;
 
 pub(crate) use new::{Judged, Link, NewKeyframe, Slipped, Written};

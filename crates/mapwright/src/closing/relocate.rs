@@ -3,7 +3,7 @@
 use super::submaps::{submaps, views};
 use crate::settings::Settings;
 use crate::store::{NodeId, Past};
-use mapwright_geom::Pose2;
+use mapwright_geom::{Pose2, stored};
 use mapwright_grid::MatcherSettings;
 use mapwright_loops::{Atlas, Effort, Submap, SubmapSettings, View};
 use rustc_hash::FxHashSet;
@@ -132,6 +132,8 @@ const LASTS_M: f64 = 40.0;
 const BEAMS_A_POSE: u64 = 25;
 const KEYFRAME: u64 = 1300;
 const VIEW: u64 = 400;
+
+stored!(Budget { usual, spent, needed, last });
 
 impl Budget {
     pub(crate) fn earn_match(&mut self, evaluations: u32, beams: u32) {

@@ -4,7 +4,7 @@
 use super::predict::Step;
 use super::track::Matched;
 use crate::store::{NodeId, Past};
-use mapwright_geom::{Cov3, Pose, Pose2, compose_covariance};
+use mapwright_geom::{Cov3, Pose, Pose2, Stored, compose_covariance};
 use nalgebra::{Matrix3, Vector3};
 
 /// Keyframes back from the newest over which the chain of covariances is kept in mind.
@@ -48,6 +48,37 @@ impl RobotPose {
     /// since the newest.
     pub(super) fn resume(local_from_robot: Pose2, links: Vec<Cov3>, odometry_since_keyframe: Cov3) -> Self {
         Self { links, odometry_since_keyframe, ..Self::new(local_from_robot) }
+    }
+
+    pub(super) fn put(&self, out: &mut Vec<u8>) {
+        (self.local_from_robot, self.odom_from_robot).put(out);
+        [self.information, self.odometry_since_keyframe, self.keyframe_from_anchor].put(out);
+        self.anchor.put(out);
+        // Of those before only their number will ever be asked for.
+        self.links[self.links.len().saturating_sub(CHAIN)..].to_vec().put(out);
+    }
+
+    /// Goes on as it was.
+    pub(super) fn restore(past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+        let keyframes = past.local_from_keyframe.len();
+        let (local_from_robot, odom_from_robot): (Pose2, Pose2) = Stored::take(from)?;
+        let [information, odometry_since_keyframe, keyframe_from_anchor] = Stored::take(from)?;
+        let anchor: Option<NodeId> = Stored::take(from)?;
+        let newest: Vec<Cov3> = Stored::take(from)?;
+        let mut links = vec![Cov3::zeros(); keyframes.checked_sub(newest.len())?];
+        links.extend(newest);
+        let near = past.local_from_keyframe.last().map_or(local_from_robot, |newest| newest.between(local_from_robot));
+        let is_sound = [local_from_robot, odom_from_robot, near].iter().all(|pose| is_in_place(*pose))
+            && anchor.is_none_or(|anchor| (anchor as usize) < keyframes);
+        is_sound.then_some(Self {
+            local_from_robot,
+            odom_from_robot,
+            information,
+            odometry_since_keyframe,
+            links,
+            anchor,
+            keyframe_from_anchor,
+        })
     }
 
     pub(crate) fn local_from_robot(&self) -> Pose2 {
@@ -159,6 +190,11 @@ impl RobotPose {
 pub(crate) fn map_floor(away_m: f64) -> Cov3 {
     let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
     Cov3::from_diagonal(&Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad))
+}
+
+/// Whether a session takes such a pose.
+pub(crate) fn is_in_place(pose: Pose2) -> bool {
+    pose.is_within_bounds() && pose.theta.abs() <= std::f64::consts::PI
 }
 
 /// Posterior covariance of a prior covariance and a measurement's information.

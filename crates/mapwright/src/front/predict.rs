@@ -1,7 +1,7 @@
 //! Prediction: where the robot should be before its scan is looked at.
 
 use crate::settings::MotionSettings;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Stamp, Stored, stored};
 use mapwright_sensor::MotionModel;
 
 /// The motion since the last scan, with standard deviations of its right-perturbation tangent.
@@ -55,6 +55,9 @@ const DOUBTED: f64 = 1.2;
 /// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
 const FAILING_STEP_AT_MOST_M: f64 = 0.5;
 
+/// No motion, period or variance is larger, metres, radians and seconds.
+const LARGEST_STORED: f64 = 1e6;
+
 /// What the predictor remembers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Predictor {
@@ -70,7 +73,18 @@ pub(crate) struct Predictor {
     wrong: [[f64; 2]; 2],
 }
 
+stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong });
+
 impl Predictor {
+    /// Goes on as it was.
+    pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
+        let predictor = Self::take(from)?;
+        let bounded = |number: &f64| number.abs() <= LARGEST_STORED;
+        let numbers = predictor.twist.iter().flatten().chain(predictor.wrong.iter().flatten());
+        let is_sound = numbers.chain([&predictor.period_s]).all(bounded);
+        is_sound.then_some(predictor)
+    }
+
     /// Goes through an earlier scan again: where odometry had the robot, if there was any, and how it has moved since the scan before.
     /// The motion's variances as they were predicted.
     pub(super) fn go_through(
