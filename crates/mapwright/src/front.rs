@@ -28,7 +28,7 @@ mod slip;
 mod sweep_motion;
 mod track;
 
-pub(crate) use pose::{RobotPose, is_in_place, map_floor};
+pub(crate) use pose::{RobotPose, map_floor};
 pub(crate) use slip::BEFORE;
 pub use track::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub(crate) use track::{MISFIT_KNOWN_SHARE, Matched};

@@ -29,6 +29,7 @@ mod patches;
 mod probe;
 mod render;
 mod settings;
+mod sound;
 mod store;
 
 #[cfg(doctest)]

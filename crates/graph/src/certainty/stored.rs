@@ -5,12 +5,25 @@ use super::{CertaintyGraph, Gate, Label, Link, Node, Reached, Uncertainty, Visit
 use mapwright_geom::{Pose, Stored, stored};
 use std::collections::BinaryHeap;
 
-stored!(Uncertainty { displacement_m2, rotation_rad2 });
 stored!(Reached { node, uncertainty });
 stored!(Gate { sigma_m, lever_m, reach_m });
 stored!(Link<X> { to, uncertainty, pivot });
 stored!(Node<X> { at, links });
 stored!(Label<X> { cost, node, p, q, qx, qxx });
+
+/// Finite and not negative.
+impl Stored for Uncertainty {
+    fn put(&self, out: &mut Vec<u8>) {
+        [self.displacement_m2, self.rotation_rad2].put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let variances: [f64; 2] = Stored::take(from)?;
+        let [displacement_m2, rotation_rad2] = variances;
+        let is_sound = variances.iter().all(|variance| *variance >= 0.0 && variance.is_finite());
+        is_sound.then_some(Self { displacement_m2, rotation_rad2 })
+    }
+}
 
 /// A search under way.
 struct Search<X> {
@@ -34,11 +47,7 @@ impl<P: Pose<Point: Stored>> Stored for CertaintyGraph<P> {
     fn take(from: &mut &[u8]) -> Option<Self> {
         let nodes: Vec<Node<P::Point>> = Stored::take(from)?;
         let count = nodes.len();
-        let is_sound = |link: &Link<P::Point>| {
-            let Uncertainty { displacement_m2, rotation_rad2 } = link.uncertainty;
-            (link.to as usize) < count && displacement_m2 >= 0.0 && rotation_rad2 >= 0.0
-        };
-        if !nodes.iter().flat_map(|node| &node.links).all(is_sound) {
+        if nodes.iter().flat_map(|node| &node.links).any(|link| link.to as usize >= count) {
             return None;
         }
         let graph = Self { visits: vec![Visit::default(); count], nodes, ..Self::default() };

@@ -1,7 +1,7 @@
 //! Old places that matches are supported by: what was found out of each, and the matches that wait for it.
 
 use super::{AGREE_M, AGREE_RAD, LEFT_M, TOGETHER_M};
-use crate::front::is_in_place;
+use crate::sound::is_in_place;
 use crate::store::{NodeId, Past};
 use mapwright_geom::{Cov3, Pose2, Stored};
 use mapwright_record::{Edge, EdgeKind};

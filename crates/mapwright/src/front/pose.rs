@@ -3,6 +3,7 @@
 
 use super::predict::Step;
 use super::track::Matched;
+use crate::sound::{is_covariance, is_in_place};
 use crate::store::{NodeId, Past};
 use mapwright_geom::{Cov3, Pose, Pose2, Stored, compose_covariance};
 use nalgebra::{Matrix3, Vector3};
@@ -69,6 +70,7 @@ impl RobotPose {
         links.extend(newest);
         let near = past.local_from_keyframe.last().map_or(local_from_robot, |newest| newest.between(local_from_robot));
         let is_sound = [local_from_robot, odom_from_robot, near].iter().all(|pose| is_in_place(*pose))
+            && [odometry_since_keyframe, keyframe_from_anchor].iter().chain(&links).all(is_covariance)
             && anchor.is_none_or(|anchor| (anchor as usize) < keyframes);
         is_sound.then_some(Self {
             local_from_robot,
@@ -190,11 +192,6 @@ impl RobotPose {
 pub(crate) fn map_floor(away_m: f64) -> Cov3 {
     let [floor_m, floor_rad] = MAP_FLOOR.map(|[at_anchor, per_metre]| at_anchor + per_metre * away_m);
     Cov3::from_diagonal(&Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad))
-}
-
-/// Whether a session takes such a pose.
-pub(crate) fn is_in_place(pose: Pose2) -> bool {
-    pose.is_within_bounds() && pose.theta.abs() <= std::f64::consts::PI
 }
 
 /// Posterior covariance of a prior covariance and a measurement's information.

@@ -55,8 +55,8 @@ const DOUBTED: f64 = 1.2;
 /// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
 const FAILING_STEP_AT_MOST_M: f64 = 0.5;
 
-/// No motion, period or variance is larger, metres, radians and seconds.
-const LARGEST_STORED: f64 = 1e6;
+/// No motion from scan to scan, period or variance that is gone on with is larger, metres, radians and seconds.
+const LARGEST: f64 = 1e3;
 
 /// What the predictor remembers.
 #[derive(Debug, Clone, Default)]
@@ -79,9 +79,8 @@ impl Predictor {
     /// Goes on as it was.
     pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
         let predictor = Self::take(from)?;
-        let bounded = |number: &f64| number.abs() <= LARGEST_STORED;
-        let numbers = predictor.twist.iter().flatten().chain(predictor.wrong.iter().flatten());
-        let is_sound = numbers.chain([&predictor.period_s]).all(bounded);
+        let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
+        let is_sound = twist.iter().chain(&wrong).chain([&predictor.period_s]).all(|number| number.abs() <= LARGEST);
         is_sound.then_some(predictor)
     }
 

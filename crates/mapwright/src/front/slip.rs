@@ -88,7 +88,11 @@ impl Watch {
 impl SlipWatch {
     /// Goes on as it was, after so many keyframes.
     pub(super) fn restore(from: &mut &[u8], keyframes: NodeId) -> Option<Self> {
-        Self::take(from).filter(|slips| slips.watch.as_ref().is_none_or(|watch| watch.from <= keyframes))
+        let is_sound = |watch: &Watch| {
+            let all = watch.sums.iter().chain([&watch.way_m, &watch.unseen_m, &watch.fitting_m]);
+            watch.from <= keyframes && watch.along[0].hypot(watch.along[1]) < 1.001 && all.copied().all(f64::is_finite)
+        };
+        Self::take(from).filter(|slips| slips.watch.as_ref().is_none_or(is_sound))
     }
 
     /// Nothing is watched for while the robot may be elsewhere.

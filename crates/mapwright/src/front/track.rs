@@ -171,7 +171,9 @@ impl Tracker {
     /// Goes on as it was, after so many keyframes.
     pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: NodeId) -> Option<Self> {
         let (usual_share, misfits, doubted_from, seen): (f64, u32, Option<NodeId>, _) = Stored::take(from)?;
-        let is_sound = misfits <= MISFITS_AT_MOST && doubted_from.is_none_or(|from| from <= keyframes);
+        let is_sound = (0.0..=1.0).contains(&usual_share)
+            && misfits <= MISFITS_AT_MOST
+            && doubted_from.is_none_or(|from| from <= keyframes);
         is_sound.then(|| Self { usual_share, misfits, doubted_from, seen, ..Self::new(settings) })
     }
 

@@ -3,7 +3,8 @@
 use super::{Frames, LocalMapping, View, area};
 use crate::patches::Patches;
 use crate::settings::Settings;
-use mapwright_geom::{Pose, Pose2, Stored};
+use crate::sound::is_in_place;
+use mapwright_geom::{Pose2, Stored};
 use mapwright_grid::Change;
 
 impl LocalMapping {
@@ -50,7 +51,7 @@ impl LocalMapping {
     fn redraw(&mut self, settings: &Settings, frames: Frames<'_>, views: &[(Option<Pose2>, bool)]) -> Option<()> {
         for (node, (drawn_at, _)) in (0..).zip(views) {
             let Some(at) = drawn_at else { continue };
-            self.fill_points(settings, frames, node).filter(|()| at.is_within_bounds())?;
+            self.fill_points(settings, frames, node).filter(|()| is_in_place(*at))?;
             self.map.draw(&self.points, *at, Change::Add, node);
             self.views[node as usize].drawn_at = Some(*at);
             self.report.keyframes += 1;

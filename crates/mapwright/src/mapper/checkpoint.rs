@@ -1,10 +1,10 @@
 //! What a mapper knows beside its session, so that another one goes on as if the run had never stopped.
 
-use super::Mapper;
+use super::{Mapper, Told};
 use crate::back::BackEnd;
 use crate::front::FrontEnd;
-use crate::mapper::Told;
 use crate::settings::Settings;
+use crate::sound::is_in_place;
 use crate::store::{Past, Store};
 use mapwright_geom::Stored;
 use mapwright_record::Update;
@@ -46,5 +46,6 @@ pub(super) fn restore(settings: Settings, store: &Store, mut state: &[u8]) -> Op
     for node in (0..store.len()).filter(|&node| store.past().drawn[node as usize].is_none()) {
         front.drop_keyframe(past, node);
     }
-    from.is_empty().then_some((store, back, front))
+    let map_from_robot = store.map_from_local() * front.pose().local_from_robot();
+    (from.is_empty() && is_in_place(map_from_robot)).then_some((store, back, front))
 }

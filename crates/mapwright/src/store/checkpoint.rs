@@ -1,7 +1,7 @@
 //! What stands beside the session, as bytes.
 
 use super::Store;
-use crate::front::is_in_place;
+use crate::sound::is_in_place;
 use mapwright_geom::{Pose2, Stored};
 use mapwright_record::{Checkpoint, Entry, LeftOutReason, Measurement};
 use mapwright_sensor::Sweep;
