@@ -86,7 +86,8 @@ impl Mapper {
     ///
     /// Where the session ends with a [checkpoint](Mapper::checkpoint) that was made with the same settings, every pose is the same to
     /// the bit as if the run had never stopped. Else, as after a run that was killed, the local map is made again from keyframes and
-    /// edges, and from the last scans how the robot moves. The first update holds the beginning of the run.
+    /// edges, and from the last scans how the robot moves. Either way stamps and odometry are taken to go on: a pause is a gap
+    /// between two scans. The first update holds the beginning of the run.
     ///
     /// # Errors
     /// A setting outside its range.

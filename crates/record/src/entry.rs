@@ -126,7 +126,8 @@ pub struct WheelSlip {
     pub metres: f64,
 }
 
-/// Where odometry that a robot brought along has its origin: poses by odometry begin at the identity with each run.
+/// Where odometry that a robot brought along has its origin: poses by odometry begin at the identity with each
+/// run that does not go on from a checkpoint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OdometryOrigin<P: Pose = Pose2> {
     /// The first scan that this holds for.
