@@ -191,6 +191,21 @@ mod tests {
     }
 
     #[test]
+    fn places_that_were_written_down_are_found_as_before() {
+        let views = views(30);
+        let (mut places, mut bytes) = (index(&views), Vec::new());
+        places.put(&mut bytes);
+        let mut read = PlaceIndex::take(&mut &bytes[..]).unwrap();
+        assert_eq!(read.nodes(), places.nodes());
+        assert_eq!(read.query(&views[20], 8, |_| true), places.query(&views[20], 8, |_| true));
+        // A signature longer than any would make sums overflow.
+        let long = (vec![1_u32], vec![[[[i16::MAX; 2]; 12]; 8]]);
+        bytes.clear();
+        long.put(&mut bytes);
+        assert!(PlaceIndex::take(&mut &bytes[..]).is_none());
+    }
+
+    #[test]
     fn nothing_is_found_where_nothing_is_seen() {
         let views = views(3);
         let mut places = index(&views);

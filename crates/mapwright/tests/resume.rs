@@ -4,7 +4,8 @@
 mod support;
 
 use mapwright::{
-    Checkpoint, EdgeKind, Entry, Jobs, LivePolicy, Localisation, Mapper, Pose2, Session, Settings, TurnRate, Update,
+    Beams, Checkpoint, EdgeKind, Entry, Jobs, LeftOut, LeftOutReason, LivePolicy, Localisation, Mapper, Pose2, Session,
+    Settings, TurnRate, Update,
 };
 use mapwright_record::LogWriter;
 use mapwright_sim::{Drive, DriveSettings, Event, Rng, Site, kidnapping, worlds};
@@ -201,6 +202,26 @@ fn with_other_settings_it_learns_again() {
         run.alone(&events[120..])
     });
     assert!(same == goes_on && other != goes_on);
+}
+
+/// What the map that is made in the end leaves out is taken out of what scans are matched against.
+#[test]
+fn what_was_left_out_since_is_dropped() {
+    let events = scans(worlds::rooms(3), DriveSettings::default(), 200);
+    let mut run = Run::new(Settings::default());
+    events[..160].iter().for_each(|event| drop(run.give(event)));
+    run.mapper.checkpoint();
+    let mut session = run.mapper.session().clone();
+    for keyframe in [3, 20].map(|k| session.keyframes()[k].id) {
+        let (beams, reason) = (Beams::All, LeftOutReason::ContradictsTheMap);
+        session.add(Entry::LeftOut(LeftOut { keyframe, beams, reason })).expect("there is such a keyframe");
+        assert!(run.mapper.drop_keyframe(keyframe));
+    }
+    let mut resumed = Run::new(Settings::default());
+    resumed.mapper = Mapper::resume(Settings::default(), session).expect("valid");
+    assert_eq!(resumed.alone(&events[160..]), run.alone(&events[160..]));
+    let [a, b] = [&run, &resumed].map(|run| run.mapper.local_map().counts().to_bytes());
+    assert!(a == b);
 }
 
 /// Flips, replaces and cuts bytes of a checkpoint.
