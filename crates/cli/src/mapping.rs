@@ -136,6 +136,7 @@ impl Mapping {
         if let Some(online) = self.online.take() {
             online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
+        self.log.add(self.mapper.checkpoint().entries)?;
         let way = self.write_trajectory()?;
         self.write_graph()?;
         let (MapImage { image, cells_left_out }, keyframes_left_out) = self.render();

@@ -20,7 +20,9 @@ mod pose;
 mod pose2;
 mod pose3;
 mod sealed;
+mod sound;
 mod stamp;
+mod stored;
 mod tangent;
 
 pub use angle::{sin_cos, wrap_angle};
@@ -29,5 +31,7 @@ pub use point::Point;
 pub use pose::{Apart, FARTHEST_M, Pose};
 pub use pose2::Pose2;
 pub use pose3::{Pose3, skew};
+pub use sound::{is_covariance, is_in_place};
 pub use stamp::Stamp;
+pub use stored::Stored;
 pub use tangent::{Cov3, Cov6, Tangent, TangentMatrix};

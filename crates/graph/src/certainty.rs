@@ -19,6 +19,8 @@ use mapwright_geom::{Point, Pose, Pose2, TangentMatrix};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+mod stored;
+
 /// How uncertain a pose is relative to another, directions left aside.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Uncertainty {

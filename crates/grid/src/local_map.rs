@@ -6,6 +6,8 @@ use crate::tiles::floor_cell;
 use mapwright_geom::Pose2;
 use mapwright_sensor::SweepPoints;
 
+mod suppliers;
+
 /// Where an occupied cell's obstacle is, and how distance to it is measured.
 ///
 /// The squared distance of a point is `d^T A d` with `d` from the mean to the point: `A = n n^T + k t t^T` with normal

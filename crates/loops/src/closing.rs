@@ -8,6 +8,7 @@ use mapwright_geom::Pose;
 use mapwright_graph::Uncertainty;
 use mapwright_record::{Candidate, Detection, Edge, Evidence, Measurement, NodeId, Objection, Past, Verdict};
 
+mod checkpoint;
 mod supports;
 
 use supports::{Supports, agree, is_left};

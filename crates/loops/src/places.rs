@@ -6,7 +6,8 @@
 
 mod signature;
 
-use signature::{Describer, Likeness, Query, Signature};
+use mapwright_geom::Stored;
+use signature::{Describer, Likeness, Query, Signature, is_signature};
 
 /// A hit stands for so many places added right before and after it.
 const NEIGHBOURS: usize = 4;
@@ -62,6 +63,12 @@ impl PlaceIndex {
         self.nodes.is_empty()
     }
 
+    /// The nodes that they were added with.
+    #[must_use]
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
     /// Adds a place: end points in its frame, metres. Those farther than 8 m and those that are not numbers do not count;
     /// a place with hardly any is never found.
     pub fn add(&mut self, node: u32, points: &[[f64; 2]]) {
@@ -91,6 +98,19 @@ impl PlaceIndex {
             self.shares[best.saturating_sub(NEIGHBOURS)..beyond].fill(OUT);
         }
         hits
+    }
+}
+
+impl Stored for PlaceIndex {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.nodes.put(out);
+        self.signatures.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let (nodes, signatures): (Vec<u32>, Vec<Signature>) = Stored::take(from)?;
+        let are_sound = nodes.len() == signatures.len() && signatures.iter().all(is_signature);
+        are_sound.then(|| Self { nodes, signatures, ..Self::default() })
     }
 }
 
@@ -168,6 +188,21 @@ mod tests {
         assert_eq!(hits, places.query(&views[50], 8, |node| node < 400));
         assert_eq!(hits, index(&views).query(&views[50], 8, |node| node < 400));
         assert!(places.query(&views[50], 0, |_| true).is_empty());
+    }
+
+    #[test]
+    fn places_that_were_written_down_are_found_as_before() {
+        let views = views(30);
+        let (mut places, mut bytes) = (index(&views), Vec::new());
+        places.put(&mut bytes);
+        let mut read = PlaceIndex::take(&mut &bytes[..]).unwrap();
+        assert_eq!(read.nodes(), places.nodes());
+        assert_eq!(read.query(&views[20], 8, |_| true), places.query(&views[20], 8, |_| true));
+        // A signature longer than any would make sums overflow.
+        let long = (vec![1_u32], vec![[[[i16::MAX; 2]; 12]; 8]]);
+        bytes.clear();
+        long.put(&mut bytes);
+        assert!(PlaceIndex::take(&mut &bytes[..]).is_none());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! A run is written to a log as it goes; another mapper goes on with what is in it.
+//! A run is written to a log as it goes; another mapper goes on with what is in it, to the same poses.
 //! `cargo run --release -p mapwright --example save_and_resume`
 #![allow(clippy::print_stdout, reason = "an example's result")]
 
@@ -17,18 +17,24 @@ fn main() -> Result<(), Box<dyn Error>> {
             writer.append(&mut log, &entry)?;
         }
     }
+    // With it the other one goes on as if this one had; a run that is killed has none.
+    for entry in mapper.checkpoint().entries {
+        writer.append(&mut log, &entry)?;
+    }
     writer.finish(&mut log);
     println!("{} keyframes in {} bytes", mapper.keyframes().len(), log.len());
 
     let (session, report) = Session::read(&log)?;
     assert!(report.is_whole());
-    let mut mapper = Mapper::resume(Settings::default(), session)?;
+    let mut resumed = Mapper::resume(Settings::default(), session)?;
     for scan in scans.take(600) {
+        resumed.add_scan(&scan.scan);
         mapper.add_scan(&scan.scan);
     }
-    for run in mapper.session().runs() {
+    assert_eq!(mapper.keyframe_poses(), resumed.keyframe_poses(), "the same to the bit");
+    for run in resumed.session().runs() {
         println!("session {}", run.id.session);
     }
-    println!("{} keyframes", mapper.keyframes().len());
+    println!("{} keyframes", resumed.keyframes().len());
     Ok(())
 }

@@ -3,7 +3,9 @@
 use crate::jobs::{Job, Task};
 use crate::relocation::Budget;
 use crate::settings::{Jobs, LivePolicy, Settings};
+use mapwright_geom::Stored;
 use mapwright_loops::{Closing, ClosingSettings, PlaneSubmaps};
+use mapwright_record::Past;
 use std::collections::VecDeque;
 
 /// Jobs and cycles.
@@ -21,19 +23,27 @@ pub(crate) struct BackEnd {
 
 impl BackEnd {
     pub(crate) fn new(settings: &Settings) -> Self {
-        let closing = ClosingSettings {
-            by_pose: settings.loops.by_pose,
-            by_place: settings.loops.by_place,
-            keeps_everything_live: settings.live.policy != LivePolicy::Gated,
-        };
         Self {
-            closing: Closing::new(closing),
+            closing: Closing::new(closing_settings(settings)),
             jobs: VecDeque::new(),
             out: 0,
             is_inline: settings.loops.jobs == Jobs::Inline,
             questions: 0,
             budget: Budget::default(),
         }
+    }
+
+    pub(crate) fn put(&self, out: &mut Vec<u8>) {
+        self.closing.put(out);
+        self.questions.put(out);
+        self.budget.put(out);
+    }
+
+    /// Goes on as it was, with nothing under way; `past` is all of the session.
+    pub(crate) fn restore(settings: &Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+        let closing = Closing::restore(closing_settings(settings), past, from)?;
+        let (questions, budget) = Stored::take(from)?;
+        Some(Self { closing, questions, budget, ..Self::new(settings) })
     }
 
     /// Whether something is under way, which was asked of the past as it is.
@@ -71,5 +81,14 @@ impl BackEnd {
     #[cfg(test)]
     pub(crate) fn questions(&self) -> u64 {
         self.questions
+    }
+}
+
+/// How cycles are looked for, in the plane and in space.
+pub(crate) fn closing_settings(settings: &Settings) -> ClosingSettings {
+    ClosingSettings {
+        by_pose: settings.loops.by_pose,
+        by_place: settings.loops.by_place,
+        keeps_everything_live: settings.live.policy != LivePolicy::Gated,
     }
 }

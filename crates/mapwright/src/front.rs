@@ -18,6 +18,7 @@ use slip::SlipWatch;
 use std::sync::Arc;
 use track::{Scene, Tracker};
 
+mod checkpoint;
 mod dynamic;
 mod insert;
 mod pose;

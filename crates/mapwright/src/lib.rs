@@ -44,8 +44,8 @@ pub use mapper::Mapper;
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{CountGrid, LocalMap};
 pub use mapwright_record::{
-    Beams, Candidate, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart, Keyframe,
-    KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, OdometryOrigin,
+    Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart,
+    Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, OdometryOrigin,
     RecordedEdge, Run, RunId, ScanPose, Session, SessionEdge, Snapshot, Status, TrajectoryPose, Update, Verdict,
     WheelSlip,
 };

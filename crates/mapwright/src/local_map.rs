@@ -11,6 +11,7 @@ use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+mod checkpoint;
 mod resume;
 mod waiting;
 
@@ -121,9 +122,7 @@ impl LocalMapping {
 
     /// Draws a keyframe's beams into the map or takes them out again.
     fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, change: Change) {
-        let Some(sweep) = &frames.drawn[node as usize] else { return };
-        self.points.fill(sweep, &mut self.table, settings.scan.free_range_m);
-        self.points.fill_normals();
+        let Some(()) = self.fill_points(settings, frames, node) else { return };
         let view = &mut self.views[node as usize];
         let drawn_at = view.drawn_at.filter(|_| change == Change::Remove);
         let at = drawn_at.unwrap_or(frames.world_from_robot[node as usize]);
@@ -131,6 +130,14 @@ impl LocalMapping {
         let (drawn, was) = (change == Change::Add, view.drawn_at.is_some());
         view.drawn_at = drawn.then_some(at);
         self.report.keyframes = self.report.keyframes + usize::from(drawn && !was) - usize::from(was && !drawn);
+    }
+
+    /// What a keyframe shows, if it does.
+    fn fill_points(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) -> Option<()> {
+        let sweep = frames.drawn[node as usize].as_ref()?;
+        self.points.fill(sweep, &mut self.table, settings.scan.free_range_m);
+        self.points.fill_normals();
+        Some(())
     }
 
     /// The next keyframe, so far from the last one, is as uncertain relative to `from`.
@@ -273,14 +280,7 @@ impl LocalMapping {
         if self.gated {
             self.waiting.clear();
             self.patches.carry(before, frames.world_from_robot);
-            self.areas.clear();
-            for node in 0..frames.world_from_robot.len() as u32 {
-                if !self.views[node as usize].gone && self.patches.is_live(node) {
-                    let key = area(frames.world_from_robot[node as usize]);
-                    self.views[node as usize].area = key;
-                    self.areas.entry(key).or_default().push(node);
-                }
-            }
+            self.enter_areas(frames);
         }
         let nodes = 0..frames.world_from_robot.len() as u32;
         let displaced = nodes.clone().filter(|&node| self.is_displaced(frames, node) && self.is_wanted(node));

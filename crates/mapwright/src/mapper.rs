@@ -20,6 +20,8 @@ use mapwright_record::{
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
 
+mod checkpoint;
+
 /// Builds a map one scan at a time.
 #[derive(Debug, Clone)]
 pub struct Mapper {
@@ -81,8 +83,10 @@ impl Mapper {
     /// A mapper that goes on where a session ends, as a new run of the robot that ended it: with the next number, its scans and
     /// keyframes after those of the session, the robot where it was.
     ///
-    /// It maps as one that was never stopped would: from its keyframes and edges the local map is made again, and from the last
-    /// scans how the robot moves. The first update holds the beginning of the run.
+    /// Where the session ends with a [checkpoint](Mapper::checkpoint) that was made with the same settings, every pose is the same to
+    /// the bit as if the run had never stopped. Else, as after a run that was killed, the local map is made again from keyframes and
+    /// edges, and from the last scans how the robot moves. Either way stamps and odometry are taken to go on: a pause is a gap
+    /// between two scans. The first update holds the beginning of the run.
     ///
     /// # Errors
     /// A setting outside its range.
@@ -92,16 +96,21 @@ impl Mapper {
         let sessions = session.runs().filter(|run| run.id.robot == last.robot).map(|run| run.id.session + 1);
         let run = RunId { session: sessions.max().unwrap_or(0), ..last };
         let stamp = session.scans().last().map_or(Stamp(0), |scan| scan.stamp);
+        let is_alike = session.runs().last().is_some_and(|run| run.settings == settings.to_text());
+        let checkpoint = session.checkpoint().filter(|_| is_alike).cloned();
         let store = Store::resume(session, run, settings.to_text());
+        let restored = checkpoint.and_then(|checkpoint| checkpoint::restore(settings, &store, &checkpoint.state));
+        let (store, back, front) = restored.unwrap_or_else(|| Self::made_again(settings, store));
+        let newest = Newest { stamp, status: Status::Tracking };
+        Ok(Self { store, front, localisation: Localisation::default(), back, newest })
+    }
+
+    /// What keyframes, edges and the last scans say.
+    fn made_again(settings: Settings, store: Store) -> (Store, BackEnd, FrontEnd) {
         let mut back = BackEnd::new(&settings);
         back.closing.resume(store.past());
-        Ok(Self {
-            front: FrontEnd::resume(settings, store.past()),
-            store,
-            localisation: Localisation::default(),
-            back,
-            newest: Newest { stamp, status: Status::Tracking },
-        })
+        let front = FrontEnd::resume(settings, store.past());
+        (store, back, front)
     }
 
     /// Remembers a reading of the wheels: for scans within 2 s of it that carry none of their own, and for the robot's motion

@@ -9,6 +9,8 @@ use mapwright_grid::floor_cell;
 use mapwright_loops::KnownPlace;
 use rustc_hash::FxHashMap;
 
+mod checkpoint;
+
 /// A keyframe joins a patch that began up to here, metres,
 const PATCH_M: f64 = 2.0;
 /// if it is as certain relative to its first keyframe, metres.

@@ -1,7 +1,7 @@
 //! Where a lost robot is: what it has seen since, looked for in all that is known.
 
 use crate::settings::Settings;
-use mapwright_geom::Pose2;
+use mapwright_geom::{Pose2, stored};
 use mapwright_grid::MatcherSettings;
 use mapwright_loops::{Atlas, Effort, Submap, SubmapSettings, View, views};
 use mapwright_record::{NodeId, Past};
@@ -131,6 +131,8 @@ const LASTS_M: f64 = 40.0;
 const BEAMS_A_POSE: u64 = 25;
 const KEYFRAME: u64 = 1300;
 const VIEW: u64 = 400;
+
+stored!(Budget { usual, spent, needed, last });
 
 impl Budget {
     pub(crate) fn earn_match(&mut self, evaluations: u32, beams: u32) {

@@ -13,6 +13,7 @@ use mapwright_record::{
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
+mod checkpoint;
 mod new;
 
 pub(crate) use new::{Link, NewKeyframe, Slipped, Written};

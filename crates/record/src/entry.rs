@@ -60,6 +60,8 @@ pub enum Entry<M: Measurement = Sweep> {
     OdometryOrigin(OdometryOrigin<M::Pose>),
     /// Keyframes were moved by a correction.
     Snapshot(Snapshot<M::Pose>),
+    /// What its mapper knows here beside all this.
+    Checkpoint(Checkpoint),
 }
 
 /// The beginning of a run.
@@ -124,13 +126,22 @@ pub struct WheelSlip {
     pub metres: f64,
 }
 
-/// Where odometry that a robot brought along has its origin: poses by odometry begin at the identity with each run.
+/// Where odometry that a robot brought along has its origin: poses by odometry begin at the identity with each
+/// run that does not go on from a checkpoint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OdometryOrigin<P: Pose = Pose2> {
     /// The first scan that this holds for.
     pub from_scan: u64,
     /// Where the run began, in the frame of the robot's own odometry.
     pub odom_from_start: P,
+}
+
+/// What a mapper knows that keyframes and edges do not say: how it moves, what scans are matched against. With it a run goes on as
+/// if it had never stopped. It holds for the session as it is then, and for nothing that comes after.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Checkpoint {
+    /// In whatever bytes its program has for it.
+    pub state: Arc<[u8]>,
 }
 
 /// Poses of keyframes in the map as a correction has left them.

@@ -21,7 +21,9 @@ mod session;
 mod update;
 
 pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
-pub use entry::{Entry, Fragment, FragmentStart, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+pub use entry::{
+    Checkpoint, Entry, Fragment, FragmentStart, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip,
+};
 pub use error::EntryError;
 pub use id::{KeyframeId, RunId};
 pub use keyframe::{Edge, EdgeKind, Keyframe, Measurement};

@@ -1,6 +1,6 @@
 //! Readings as they arrive from a log or a driver.
 
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Stamp, stored};
 use std::sync::Arc;
 
 /// How a planar laser looks at the world. Shared by all scans it takes.
@@ -87,6 +87,17 @@ pub struct LaserScan {
     pub odom_from_robot: Option<Pose2>,
 }
 
+stored!(LaserModel {
+    name,
+    angle_min_rad,
+    angle_step_rad,
+    range_min_m,
+    range_max_m,
+    robot_from_laser,
+    inverted,
+    beam_period_s
+});
+
 /// A reading of the wheels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Odometry {
@@ -95,3 +106,5 @@ pub struct Odometry {
     /// Pose of the robot in the frame odometry started in; drifts without bound.
     pub odom_from_robot: Pose2,
 }
+
+stored!(Odometry { stamp, odom_from_robot });

@@ -1,6 +1,6 @@
 //! How fast the robot turns, as a gyroscope says it.
 
-use mapwright_geom::Stamp;
+use mapwright_geom::{Stamp, Stored, stored};
 use std::collections::VecDeque;
 
 /// Readings that are kept: two seconds at a thousand a second.
@@ -68,6 +68,20 @@ impl TurnRates {
         }
         let says = covered_s > 0.0 && covered_s >= COVERED_SHARE * end.secs_since(start);
         says.then(|| turned_rad / covered_s)
+    }
+}
+
+stored!(TurnRate { stamp, rad_per_s });
+
+impl Stored for TurnRates {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.0.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let rates: VecDeque<TurnRate> = Stored::take(from)?;
+        let are_sound = rates.iter().all(|rate| rate.rad_per_s.abs() <= FASTEST_RAD_PER_S) && rates.len() <= READINGS;
+        are_sound.then_some(Self(rates))
     }
 }
 

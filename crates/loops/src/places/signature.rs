@@ -36,6 +36,12 @@ const LEAST_CONTRAST: f32 = 0.02;
 /// Rings of harmonics, real and imaginary part; together a vector of length [`UNIT`], or zero.
 pub(super) type Signature = [[[i16; 2]; HARMONICS]; RINGS];
 
+/// Whether it is as long at most as signatures are, up to rounding: sums of products fit into 32 bits then.
+pub(super) fn is_signature(signature: &Signature) -> bool {
+    let squares = signature.iter().flatten().flatten().map(|&value| f64::from(value).powi(2));
+    squares.sum::<f64>() <= 1.1 * f64::from(UNIT * UNIT)
+}
+
 /// A signature to compare others with.
 pub(super) struct Query {
     signature: Signature,

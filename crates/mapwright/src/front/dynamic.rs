@@ -3,7 +3,7 @@
 //! A scan is compared with one half a second older: a small thing that stands where space was free then, or that has drawn
 //! back from where it stood, moves.
 
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Stamp, Stored, stored};
 use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep, SweepPoints};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -81,6 +81,39 @@ pub(super) struct DynamicObjects {
     moving: Vec<usize>,
 }
 
+stored!(Place { local_from_robot, odom_from_robot });
+
+/// A scan that was measured and not remembered yet is forgotten.
+impl Stored for DynamicObjects {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.seen.len().put(out);
+        let mut last: Option<&Arc<LaserModel>> = None;
+        for seen in &self.seen {
+            let is_new = !last.is_some_and(|last| is_same(last, &seen.laser));
+            is_new.then(|| LaserModel::clone(&seen.laser)).put(out);
+            (seen.stamp, seen.place).put(out);
+            seen.ranges.put(out);
+            last = Some(&seen.laser);
+        }
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let count = usize::take(from).filter(|count| *count <= REMEMBERED)?;
+        let (mut seen, mut last) = (VecDeque::new(), None);
+        for _ in 0..count {
+            let laser = <Option<LaserModel> as Stored>::take(from)?.map(Arc::new).or(last)?;
+            let ((stamp, place), ranges) = (Stored::take(from)?, Stored::take(from)?);
+            last = Some(Arc::clone(&laser));
+            seen.push_back(Seen { stamp, place, laser, ranges });
+        }
+        Some(Self { seen, ..Self::default() })
+    }
+}
+
+fn is_same(a: &Arc<LaserModel>, b: &Arc<LaserModel>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
+}
+
 impl DynamicObjects {
     /// Drops the beams that end on what moves; how many they are.
     pub(super) fn drop_from(&mut self, sweep: &mut Sweep, points: &SweepPoints, stamp: Stamp, place: Place) -> u32 {
@@ -89,7 +122,7 @@ impl DynamicObjects {
         let Some(before) = self.seen.iter().rev().find(fits) else { return 0 };
         let before_from_now = place.since(before.place);
         let far = before_from_now.x.hypot(before_from_now.y) > COMPARED_M || before_from_now.theta.abs() > COMPARED_RAD;
-        if far || !Arc::ptr_eq(&before.laser, &sweep.laser) || before.ranges.len() != self.ranges.len() {
+        if far || !is_same(&before.laser, &sweep.laser) || before.ranges.len() != self.ranges.len() {
             return 0;
         }
         let Some(bearings) = Bearings::of(&sweep.laser, sweep.codes.len()) else { return 0 };

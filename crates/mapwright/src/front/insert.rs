@@ -1,7 +1,7 @@
 //! Step 4: what of a scan a keyframe shows.
 
 use super::prepare::Preparation;
-use mapwright_geom::Pose2;
+use mapwright_geom::{Pose2, stored};
 use mapwright_grid::LocalMap;
 use mapwright_record::Beams;
 
@@ -17,6 +17,8 @@ pub(super) struct Intruders {
     /// Keyframes in a row with somebody in the way.
     in_a_row: u32,
 }
+
+stored!(Intruders { in_a_row });
 
 impl Intruders {
     /// The beams of the present scan that end in space known to be free, where they are many: people in the way, or a match

@@ -1,7 +1,7 @@
 //! Prediction: where the robot should be before its scan is looked at.
 
 use crate::settings::MotionSettings;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Stamp, Stored, stored};
 use mapwright_sensor::MotionModel;
 
 /// The motion since the last scan, with standard deviations of its right-perturbation tangent.
@@ -55,6 +55,9 @@ const DOUBTED: f64 = 1.2;
 /// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
 const FAILING_STEP_AT_MOST_M: f64 = 0.5;
 
+/// No motion from scan to scan, period or variance that is gone on with is larger, metres, radians and seconds.
+const LARGEST: f64 = 1e3;
+
 /// What the predictor remembers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Predictor {
@@ -70,7 +73,17 @@ pub(crate) struct Predictor {
     wrong: [[f64; 2]; 2],
 }
 
+stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong });
+
 impl Predictor {
+    /// Goes on as it was.
+    pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
+        let predictor = Self::take(from)?;
+        let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
+        let is_sound = twist.iter().chain(&wrong).chain([&predictor.period_s]).all(|number| number.abs() <= LARGEST);
+        is_sound.then_some(predictor)
+    }
+
     /// Goes through an earlier scan again: where odometry had the robot, if there was any, and how it has moved since the scan before.
     /// The motion's variances as they were predicted.
     pub(super) fn go_through(

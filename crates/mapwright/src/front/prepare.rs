@@ -4,7 +4,7 @@ use super::dynamic::{DynamicObjects, Place};
 use super::predict::Step;
 use super::sweep_motion::SweepMotion;
 use crate::settings::ScanSettings;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Stamp, stored};
 use mapwright_sensor::{BeamCounts, BeamTable, LaserModel, LaserScan, Odometry, Sweep, SweepPoints, TurnRate};
 use std::sync::Arc;
 
@@ -27,6 +27,8 @@ pub(crate) struct Preparation {
     /// End points for matching where there are more than [`MATCH_BEAMS`], else empty.
     thinned: Vec<[f64; 2]>,
 }
+
+stored!(Preparation { motion, dynamic, scatter; sweep, table, points, thinned });
 
 impl Preparation {
     /// One that goes on as another one, with a scan of its own.
@@ -120,6 +122,8 @@ struct Scatter {
     mean: f64,
     scans: f64,
 }
+
+stored!(Scatter { mean, scans });
 
 impl Scatter {
     fn observe(&mut self, share: f64) {

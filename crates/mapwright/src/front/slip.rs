@@ -6,7 +6,7 @@
 
 use super::track::{INDEPENDENT_BEAMS, Matched, Scene, Tracker, translation_axes};
 use crate::store::Slipped;
-use mapwright_geom::{Cov3, Pose2};
+use mapwright_geom::{Cov3, Pose2, Stored, stored};
 use mapwright_grid::Prior;
 use mapwright_record::{NodeId, Status};
 use nalgebra::Vector3;
@@ -63,6 +63,9 @@ struct Watch {
     fitting_m: f64,
 }
 
+stored!(SlipWatch { usual_share, watch });
+stored!(Watch { from, along, sums, looks, way_m, unseen_m, fitting_m });
+
 impl Watch {
     /// How far along the place lies that explains all, if one does.
     fn verdict_m(&self) -> Option<f64> {
@@ -83,6 +86,15 @@ impl Watch {
 }
 
 impl SlipWatch {
+    /// Goes on as it was, after so many keyframes.
+    pub(super) fn restore(from: &mut &[u8], keyframes: NodeId) -> Option<Self> {
+        let is_sound = |watch: &Watch| {
+            let all = watch.sums.iter().chain([&watch.way_m, &watch.unseen_m, &watch.fitting_m]);
+            watch.from <= keyframes && watch.along[0].hypot(watch.along[1]) < 1.001 && all.copied().all(f64::is_finite)
+        };
+        Self::take(from).filter(|slips| slips.watch.as_ref().is_none_or(is_sound))
+    }
+
     /// Nothing is watched for while the robot may be elsewhere.
     pub(super) fn stop(&mut self) {
         self.watch = None;

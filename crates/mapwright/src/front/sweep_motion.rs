@@ -1,7 +1,7 @@
 //! How the robot moved while a scan was taken.
 
 use super::predict::Step;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Stamp, Stored, stored};
 use mapwright_sensor::{LaserScan, Odometry, TurnRate, TurnRates};
 use std::collections::VecDeque;
 
@@ -27,6 +27,18 @@ pub(super) struct SweepMotion {
 /// The last readings of the wheels.
 #[derive(Debug, Clone, Default)]
 struct RecentOdometry(VecDeque<Odometry>);
+
+impl Stored for RecentOdometry {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.0.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        VecDeque::take(from).filter(|readings| readings.len() <= ODOMETRY_READINGS).map(Self)
+    }
+}
+
+stored!(SweepMotion { odometry, turn_rates });
 
 impl RecentOdometry {
     fn add(&mut self, odometry: Odometry) {

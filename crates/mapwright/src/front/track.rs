@@ -2,7 +2,7 @@
 
 use super::predict::{Predictor, Step};
 use crate::settings::{Optimizer, Settings};
-use mapwright_geom::{Cov3, Pose2, Stamp};
+use mapwright_geom::{Cov3, Pose2, Stamp, Stored};
 use mapwright_grid::{
     Agreement, CorrelativeSearch, LocalMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
 };
@@ -161,6 +161,19 @@ impl Tracker {
             doubted_from: None,
             seen: None,
         }
+    }
+
+    pub(super) fn put(&self, out: &mut Vec<u8>) {
+        (self.usual_share, self.misfits, self.doubted_from, self.seen).put(out);
+    }
+
+    /// Goes on as it was, after so many keyframes.
+    pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: NodeId) -> Option<Self> {
+        let (usual_share, misfits, doubted_from, seen): (f64, u32, Option<NodeId>, _) = Stored::take(from)?;
+        let is_sound = (0.0..=1.0).contains(&usual_share)
+            && misfits <= MISFITS_AT_MOST
+            && doubted_from.is_none_or(|from| from <= keyframes);
+        is_sound.then(|| Self { usual_share, misfits, doubted_from, seen, ..Self::new(settings) })
     }
 
     /// Scans in a row that were not believed.

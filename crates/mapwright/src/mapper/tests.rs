@@ -1,4 +1,5 @@
 use super::*;
+use mapwright_geom::Cov3;
 use mapwright_record::SessionEdge;
 use mapwright_sim::kidnapping;
 

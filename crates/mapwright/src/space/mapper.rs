@@ -1,11 +1,12 @@
 //! The pipeline in space: cloud in, update out.
 
 use super::front::{FrontEnd, Matched, Prepared};
+use crate::back::closing_settings;
 use crate::cycles;
-use crate::settings::{LivePolicy, Settings, SettingsError};
+use crate::settings::{Settings, SettingsError};
 use crate::store::{Link, Store};
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_loops::{Closing, ClosingSettings, Solving, SpaceSubmaps, VerifySettings};
+use mapwright_loops::{Closing, Solving, SpaceSubmaps, VerifySettings};
 use mapwright_record::{Localisation, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, SpaceSweep};
 
@@ -34,15 +35,10 @@ impl SpaceMapper {
     /// A setting outside its range.
     pub fn of_run(settings: Settings, run: RunId, map_from_robot: Pose3) -> Result<Self, SettingsError> {
         settings.validate()?;
-        let closing = ClosingSettings {
-            by_pose: settings.loops.by_pose,
-            by_place: settings.loops.by_place,
-            keeps_everything_live: settings.live.policy != LivePolicy::Gated,
-        };
         Ok(Self {
             store: Store::new(run, settings.to_text()),
             front: FrontEnd::new(settings, map_from_robot),
-            closing: Closing::new(closing),
+            closing: Closing::new(closing_settings(&settings)),
             stamp: Stamp(0),
             status: Status::Tracking,
         })

@@ -24,10 +24,12 @@ pub(super) enum Kind {
     WheelSlip,
     OdometryOrigin,
     Snapshot,
+    Checkpoint,
 }
 
 coded!(Kind: Run = 1, Sensor = 2, Scan = 3, Keyframe = 4, Fragment = 5, Edge = 6, Remeasured = 7, Withdrawn = 8,
-    Candidate = 9, Verdict = 10, LeftOut = 11, WheelSlip = 12, Snapshot = 13, OdometryOrigin = 14);
+    Candidate = 9, Verdict = 10, LeftOut = 11, WheelSlip = 12, Snapshot = 13, OdometryOrigin = 14,
+    Checkpoint = 15);
 coded!(FragmentStart: SwitchedOn = 0, Relocalised = 1, Resumed = 2);
 coded!(EdgeKind: Odometry = 0, Match = 1, Closure = 2);
 coded!(Detection: Pose = 0, Place = 1, Match = 2);
@@ -53,6 +55,7 @@ impl Kind {
             Self::WheelSlip => "wheel slip",
             Self::OdometryOrigin => "odometry origin",
             Self::Snapshot => "snapshot",
+            Self::Checkpoint => "checkpoint",
         }
     }
 }

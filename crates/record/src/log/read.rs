@@ -7,7 +7,7 @@ use super::{
     Sensors, VERSION, v1,
 };
 use crate::closure::{Candidate, Evidence};
-use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{Checkpoint, Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::error::{EntryError, unless};
 use crate::id::{KeyframeId, RunId};
 use crate::keyframe::{Edge, Keyframe, Measurement};
@@ -170,6 +170,11 @@ impl<M: Measurement> LogReader<M> {
             self.open_sensors = 0;
             return;
         };
+        if kind == Kind::Checkpoint && report.lost + report.unknown > 0 {
+            // It was made of all that came before.
+            report.entries += 1;
+            return;
+        }
         let lose = |report: &mut LogReport, bytes, EntryError { expected, found }| {
             report.lose(LogLoss { offset_bytes, bytes, entry: Some(kind.name()), expected, found });
         };
@@ -201,6 +206,7 @@ impl<M: Measurement> LogReader<M> {
             Kind::LeftOut => self.left_out(cursor)?,
             Kind::WheelSlip => self.wheel_slip(cursor)?,
             Kind::OdometryOrigin => self.odometry_origin(cursor)?,
+            Kind::Checkpoint => self.session.add(Entry::Checkpoint(Checkpoint { state: cursor.rest().into() }))?,
         }
         Ok(None)
     }

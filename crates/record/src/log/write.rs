@@ -134,6 +134,9 @@ impl<M: Measurement> LogWriter<M> {
                 })
             }
             Entry::Snapshot(snapshot) => self.keep_back(snapshot),
+            Entry::Checkpoint(checkpoint) => {
+                put_entry(out, Kind::Checkpoint, |out| out.extend_from_slice(&checkpoint.state))
+            }
         }
     }
 
@@ -408,6 +411,8 @@ impl<M: Measurement> Whole<'_, M> {
         session.odometry_origins().iter().for_each(|origin| self.put(&Entry::OdometryOrigin(*origin)));
         let snapshot = Snapshot { number: session.corrections(), map_from_keyframe: Vec::new() };
         self.put(&Entry::Snapshot(snapshot));
+        let checkpoint = session.checkpoint().cloned();
+        checkpoint.into_iter().for_each(|checkpoint| self.put(&Entry::Checkpoint(checkpoint)));
     }
 
     /// What is in a session fits, and only what takes 4 GiB alone cannot be written.

@@ -1,7 +1,7 @@
 //! All entries of a log, taken together.
 
 use crate::closure::{Candidate, Verdict};
-use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{Checkpoint, Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::error::{EntryError, unless};
 use crate::id::KeyframeId;
 use crate::keyframe::{Edge, Keyframe, Measurement};
@@ -34,6 +34,7 @@ pub struct Session<M: Measurement = Sweep> {
     slips: Vec<WheelSlip>,
     odometry_origins: Vec<OdometryOrigin<M::Pose>>,
     corrections: u32,
+    checkpoint: Option<Checkpoint>,
 }
 
 /// An edge of a session.
@@ -85,6 +86,7 @@ impl<M: Measurement> Default for Session<M> {
             slips: Vec::new(),
             odometry_origins: Vec::new(),
             corrections: 0,
+            checkpoint: None,
         }
     }
 }
@@ -120,6 +122,10 @@ impl<M: Measurement> Session<M> {
             Entry::WheelSlip(slip) => self.add_slip(slip),
             Entry::OdometryOrigin(origin) => self.add_origin(origin),
             Entry::Snapshot(snapshot) => self.correct(&snapshot),
+            Entry::Checkpoint(checkpoint) => {
+                self.checkpoint = Some(checkpoint);
+                Ok(())
+            }
         }
     }
 
@@ -134,6 +140,7 @@ impl<M: Measurement> Session<M> {
     fn begin(&mut self, run: Run) -> Result<(), EntryError> {
         unless("a run that has not begun yet", self.names.begin(run.id), || format!("{:?} again", run.id))?;
         self.runs.push(run);
+        self.checkpoint = None;
         Ok(())
     }
 
@@ -146,6 +153,7 @@ impl<M: Measurement> Session<M> {
         self.scan_numbers.leap_to(number);
         self.scan_numbers.push();
         self.scans.push(scan);
+        self.checkpoint = None;
         Ok(())
     }
 
@@ -174,6 +182,7 @@ impl<M: Measurement> Session<M> {
         self.drawn.push(Some(Arc::clone(&keyframe.sweep)));
         self.keyframes.push(keyframe);
         self.map_from_keyframe.push(map_from_keyframe);
+        self.checkpoint = None;
         Ok(())
     }
 
@@ -374,6 +383,12 @@ impl<M: Measurement> Session<M> {
     #[must_use]
     pub fn corrections(&self) -> u32 {
         self.corrections
+    }
+
+    /// What the mapper knew that has made it; none once it goes on, or where some of the log before was lost.
+    #[must_use]
+    pub fn checkpoint(&self) -> Option<&Checkpoint> {
+        self.checkpoint.as_ref()
     }
 
     /// Where the robot was at every scan, in arrival order, with every correction made since.

@@ -1,0 +1,33 @@
+//! What is known of cycles, as bytes.
+
+use super::supports::Supports;
+use super::{Closing, ClosingSettings};
+use crate::places::PlaceIndex;
+use crate::plane::PlaneSubmaps;
+use mapwright_geom::Stored;
+use mapwright_record::Past;
+
+impl Closing<PlaneSubmaps> {
+    /// Appends all that it knows.
+    pub fn put(&self, out: &mut Vec<u8>) {
+        self.waiting.put(out);
+        (self.checked_m, self.asked_m, self.described, self.described_m).put(out);
+        (self.strained, self.urgent).put(out);
+        self.supports.put(out);
+        self.places.put(out);
+    }
+
+    /// Goes on as it was; `past` is all of the session.
+    #[must_use]
+    pub fn restore(settings: ClosingSettings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+        let waiting: Vec<u32> = Stored::take(from)?;
+        let (checked_m, asked_m, described, described_m) = Stored::take(from)?;
+        let (strained, urgent) = Stored::take(from)?;
+        let supports = Supports::restore(past, from)?;
+        let places = PlaceIndex::take(from)?;
+        let is_sound = waiting.iter().all(|&number| (number as usize) < past.session.candidates().len())
+            && places.nodes().iter().all(|&node| (node as usize) < past.way_m.len());
+        let known = Self { waiting, checked_m, asked_m, described, described_m, ..Self::new(settings) };
+        is_sound.then_some(Self { strained, urgent, supports, places, ..known })
+    }
+}
