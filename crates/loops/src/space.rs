@@ -108,7 +108,7 @@ impl SpaceSubmaps {
     }
 
     /// Points around a keyframe as seen from above, at the scale of places in the plane.
-    fn from_above(&self, views: &[View<SpaceSweep>]) -> Vec<[f64; 2]> {
+    fn seen_from_above(&self, views: &[View<SpaceSweep>]) -> Vec<[f64; 2]> {
         let scale = DESCRIBED_M / (DESCRIBED_RANGES * self.range_m);
         let mut ends = Vec::new();
         for view in views {
@@ -186,7 +186,7 @@ impl Submaps for SpaceSubmaps {
     }
 
     fn remember(&self, places: &mut PlaceIndex, node: NodeId, views: &[View<SpaceSweep>]) {
-        places.add(node, &self.from_above(views));
+        places.add(node, &self.seen_from_above(views));
     }
 
     fn alike(
@@ -197,7 +197,7 @@ impl Submaps for SpaceSubmaps {
         allow: impl Fn(NodeId) -> bool,
     ) -> Vec<(NodeId, Window<Pose3>)> {
         let half_width_m = LIKENESS_RANGES * self.range_m;
-        let hits = places.query(&self.from_above(views), at_most, allow);
+        let hits = places.query(&self.seen_from_above(views), at_most, allow);
         let windows = |heading_rad: Option<f64>| {
             let turns = if heading_rad.is_some() { 2 } else { 1 };
             let half_width_rad = if heading_rad.is_some() { LIKENESS_RAD } else { PI };

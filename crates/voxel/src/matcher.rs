@@ -197,8 +197,7 @@ impl Matcher {
             let next = moved(pose, &step);
             let tried = self.with_prior(prior, next, self.evaluate(level, next, width2));
             *evaluations += 1;
-            // not `>`: NaN must not be taken
-            if !(tried.cost <= at.cost) {
+            if tried.cost.is_nan() || tried.cost > at.cost {
                 damping = if damping == 0.0 { FIRST_DAMPING } else { damping * GROWTH };
                 if damping > LAST_DAMPING {
                     break;
