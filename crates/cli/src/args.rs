@@ -108,6 +108,9 @@ pub(crate) struct MappingArgs {
     /// Pose of the robot at the first scan: metres, metres, radians.
     #[arg(long, value_name = "X,Y,YAW", value_parser = parse_pose, allow_hyphen_values = true)]
     pub(crate) start: Option<Pose2>,
+    /// Go on with an earlier run: its folder of results or its `session.mapwright`. The results hold both.
+    #[arg(long, value_name = "SESSION", conflicts_with = "start")]
+    pub(crate) resume: Option<PathBuf>,
     /// Stamps of the trajectories: the log's own, or made to increase.
     #[arg(long, value_enum, default_value_t = StampPolicy::Log)]
     pub(crate) stamps: StampPolicy,

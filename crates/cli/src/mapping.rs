@@ -9,7 +9,7 @@ use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
-use crate::session::SessionLog;
+use crate::session::{SessionLog, read_session};
 use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
@@ -33,6 +33,8 @@ pub(crate) struct Mapping {
     mapper: Mapper,
     pub(crate) settings: Settings,
     log: SessionLog,
+    /// What was lost of the session that is gone on with.
+    pub(crate) earlier_losses: Vec<String>,
     pub(crate) local_map: LocalMapReport,
     pub(crate) tally: Tally,
     pub(crate) clock: StageClock,
@@ -74,13 +76,19 @@ impl Mapping {
         let clock = StageClock::start();
         let start = args.start.unwrap_or(Pose2::IDENTITY);
         let settings = settings_of(args)?;
-        let mapper = Mapper::starting_at(settings, start)?;
-        let log = SessionLog::begin(&mut output)?;
+        let earlier = args.resume.as_ref().map(|path| read_session(path)).transpose()?;
+        let (earlier, earlier_losses) = earlier.map_or((None, Vec::new()), |(session, losses)| (Some(session), losses));
+        let log = SessionLog::begin(&mut output, earlier.as_ref())?;
+        let mapper = match earlier {
+            Some(session) => Mapper::resume(settings, session)?,
+            None => Mapper::starting_at(settings, start)?,
+        };
         let online = Some(TumWriter::new(output.begin(ONLINE)?));
         Ok(Self {
             mapper,
             settings,
             log,
+            earlier_losses,
             local_map: LocalMapReport::default(),
             tally: Tally::default(),
             clock,

@@ -28,13 +28,14 @@ pub(crate) struct SessionLog {
 }
 
 impl SessionLog {
-    pub(crate) fn begin(output: &mut OutputFolder) -> Result<Self, Failure> {
+    /// A new log, or one that begins with all of an earlier session.
+    pub(crate) fn begin(output: &mut OutputFolder, earlier: Option<&Session>) -> Result<Self, Failure> {
         let mut log = Self {
-            session: Session::default(),
-            writer: LogWriter::new(),
+            session: earlier.cloned().unwrap_or_default(),
+            writer: earlier.map_or_else(LogWriter::new, LogWriter::resume),
             file: output.begin(SESSION)?,
             path: output.path(SESSION),
-            unwritten: Vec::new(),
+            unwritten: earlier.map_or_else(Vec::new, Session::encode),
             written: Instant::now(),
         };
         // From now on it is a log, be it empty.

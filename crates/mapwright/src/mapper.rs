@@ -8,11 +8,11 @@ use crate::localisation::Localisation;
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::relocation::{Found, Sought};
 use crate::render::GlobalMap;
-use crate::settings::{Settings, SettingsError};
+use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Link, NewKeyframe, Store};
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_grid::{CountGrid, LocalMap};
-use mapwright_loops::{KnownPlace, PlaneSubmaps, Solved, Verified, VerifySettings, is_old};
+use mapwright_loops::{KnownPlace, PlaneSubmaps, Solved, Solving, Verified, VerifySettings, is_old};
 use mapwright_record::{
     Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, NodeId, Objection, Past,
     RunId, Session, Status, TrajectoryPose, Update, Verdict,
@@ -105,8 +105,14 @@ impl Mapper {
         Ok(Self { store, front, localisation: Localisation::default(), back, newest })
     }
 
-    /// What keyframes, edges and the last scans say.
-    fn made_again(settings: Settings, store: Store) -> (Store, BackEnd, FrontEnd) {
+    /// What keyframes, edges and the last scans say. A killed run's log has all edges, but poses may be older than the newest.
+    fn made_again(settings: Settings, mut store: Store) -> (Store, BackEnd, FrontEnd) {
+        let closures = store.closures();
+        let is_to_solve = !closures.is_empty() && settings.loops.correction == Correction::Graph;
+        let solving = is_to_solve.then(|| Solving { graph: store.graph(), closures });
+        if let Some(solved) = solving.and_then(Solving::run) {
+            store.correct(&solved.map_from_keyframe);
+        }
         let mut back = BackEnd::new(&settings);
         back.closing.resume(store.past());
         let front = FrontEnd::resume(settings, store.past());

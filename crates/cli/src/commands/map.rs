@@ -41,6 +41,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let read = log.finish()?;
     let made = mapping.write_results()?;
     let mut losses = read.losses();
+    losses.append(&mut mapping.earlier_losses);
     losses.extend(report::mapping_losses(&mapping, &made));
     if ending == Ending::Interrupted {
         losses.push(format!("interrupted after {}; the results are complete up to there", read.place()));
