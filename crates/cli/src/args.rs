@@ -9,10 +9,13 @@ pub(crate) use suite::{NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
+use mapwright_clouds::CameraOptions;
 use mapwright_eval::Delta;
 use mapwright_logs::{Choice, SliceBounds};
 use std::path::PathBuf;
-use values::{parse_assignment, parse_delta, parse_factor, parse_length, parse_pose, parse_share, parse_slice};
+use values::{
+    parse_assignment, parse_delta, parse_factor, parse_intrinsics, parse_length, parse_pose, parse_share, parse_slice,
+};
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
 #[derive(Debug, Parser)]
@@ -65,7 +68,8 @@ pub(crate) struct SettingsArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct MapArgs {
     /// Logs of one drive in a row: ROS 1 bags, MCAP files, ROS 2 bags (folder or file), CARMEN logs (plain, .gz or .bz2; `-`
-    /// is the standard input).
+    /// is the standard input). Or one recording of space: a folder of KITTI, PCD or PLY clouds or of depth images (TUM, 7-Scenes,
+    /// Open3D), or packets of a Velodyne (.pcap).
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     #[command(flatten)]
@@ -89,9 +93,19 @@ pub(crate) struct SourceArgs {
     /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     slice: Option<SliceBounds>,
+    /// Of a depth camera: focal lengths and the optical axis, pixels.
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse_intrinsics)]
+    intrinsics: Option<[f64; 4]>,
+    /// Of a depth camera: the number that stands for a metre in its images.
+    #[arg(long, value_name = "S")]
+    depth_scale: Option<f64>,
 }
 
 impl SourceArgs {
+    pub(crate) fn camera(&self) -> CameraOptions {
+        CameraOptions { intrinsics: self.intrinsics, depth_scale: self.depth_scale }
+    }
+
     pub(crate) fn choice(&self) -> Choice {
         Choice { topics: self.topic.clone(), frame: self.frame.clone(), slice: self.slice }
     }

@@ -21,6 +21,7 @@ mod report;
 mod session;
 mod settings;
 mod simulated;
+mod space;
 mod stamps;
 mod tally;
 mod terminal;

@@ -1,28 +1,29 @@
 //! A session's keyframes and edges as a pose graph that can be written, or solved in another way.
 
 use mapwright::{Edge, Pose2, Session};
-use mapwright_graph::{PoseGraph2, Vertex};
+use mapwright_graph::{PoseGraph, PoseGraph2, Vertex};
+use mapwright_record::Measurement;
 
 /// Keyframes at these poses, named by their place in the session, and those edges that stand and are wanted; the first stays.
-pub(crate) fn pose_graph(
-    session: &Session,
-    world_from_keyframe: &[Pose2],
-    wanted: impl Fn([usize; 2], &Edge) -> bool,
-) -> PoseGraph2 {
-    let vertex = |(k, &world_from_vertex): (usize, &Pose2)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
+pub(crate) fn pose_graph<M: Measurement>(
+    session: &Session<M>,
+    world_from_keyframe: &[M::Pose],
+    wanted: impl Fn([usize; 2], &Edge<M::Pose>) -> bool,
+) -> PoseGraph<M::Pose> {
+    let vertex = |(k, &world_from_vertex): (usize, &M::Pose)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
     let edges = standing(session).filter(|(ends, edge)| wanted(*ends, edge)).map(|([from, to], edge)| {
         let Edge { from_from_to, information, .. } = *edge;
         mapwright_graph::Edge { from, to, from_from_to, information }
     });
-    PoseGraph2 {
+    PoseGraph {
         vertices: world_from_keyframe.iter().enumerate().map(vertex).collect(),
         edges: edges.collect(),
-        ..PoseGraph2::default()
+        ..PoseGraph::default()
     }
 }
 
 /// The edges that stand, with the places of their ends.
-pub(crate) fn standing(session: &Session) -> impl Iterator<Item = ([usize; 2], &Edge)> {
+pub(crate) fn standing<M: Measurement>(session: &Session<M>) -> impl Iterator<Item = ([usize; 2], &Edge<M::Pose>)> {
     let standing = session.recorded_edges().iter().filter(|known| !known.withdrawn);
     standing.map(|known| (known.ends.map(|end| end as usize), &known.recorded.edge))
 }

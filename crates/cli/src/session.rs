@@ -4,8 +4,8 @@ use crate::drawing::draw;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::{OutputFolder, part_of};
-use mapwright::{Entry, Session, Settings};
-use mapwright_record::LogWriter;
+use mapwright::{Entry, Session, Settings, Sweep};
+use mapwright_record::{LogWriter, Measurement};
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -18,18 +18,18 @@ const WRITE_AFTER: Duration = Duration::from_millis(250);
 const WRITE_FROM_BYTES: usize = 1 << 18;
 
 /// A run's log, as it grows: the session so far, and its file.
-pub(crate) struct SessionLog {
-    session: Session,
-    writer: LogWriter,
+pub(crate) struct SessionLog<M: Measurement = Sweep> {
+    session: Session<M>,
+    writer: LogWriter<M>,
     file: File,
     path: PathBuf,
     unwritten: Vec<u8>,
     written: Instant,
 }
 
-impl SessionLog {
+impl<M: Measurement> SessionLog<M> {
     /// A new log, or one that begins with all of an earlier session.
-    pub(crate) fn begin(output: &mut OutputFolder, earlier: Option<&Session>) -> Result<Self, Failure> {
+    pub(crate) fn begin(output: &mut OutputFolder, earlier: Option<&Session<M>>) -> Result<Self, Failure> {
         let mut log = Self {
             session: earlier.cloned().unwrap_or_default(),
             writer: earlier.map_or_else(LogWriter::new, LogWriter::resume),
@@ -44,12 +44,12 @@ impl SessionLog {
     }
 
     /// All that was recorded.
-    pub(crate) fn session(&self) -> &Session {
+    pub(crate) fn session(&self) -> &Session<M> {
         &self.session
     }
 
     /// Takes entries down, and writes them before long.
-    pub(crate) fn add(&mut self, entries: Vec<Entry>) -> Result<(), Failure> {
+    pub(crate) fn add(&mut self, entries: Vec<Entry<M>>) -> Result<(), Failure> {
         for entry in entries {
             let appended = self.writer.append(&mut self.unwritten, &entry).and_then(|()| self.session.add(entry));
             appended.map_err(|cause| Failure::write(&self.path, std::io::Error::other(cause)))?;

@@ -35,6 +35,7 @@ mod map_score;
 mod nees;
 mod relations;
 mod rpe;
+mod space;
 mod stats;
 
 pub use associate::{MAX_STAMP_DIFFERENCE_S, PosePair, StampedPose, associate};
@@ -44,4 +45,5 @@ pub use map_score::{CellImage, CellState, MapScore, score_map};
 pub use nees::{Nees, chi_square_quantile};
 pub use relations::{MissingRelation, MissingSide, Relation, RelationError, RelationReport, relation_errors};
 pub use rpe::{Delta, Rpe, RpeSettings, rpe, rpe_of_pairs};
+pub use space::{SpaceErrors, space_errors};
 pub use stats::{ErrorStats, PoseErrors};

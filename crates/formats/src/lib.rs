@@ -22,6 +22,7 @@ mod map;
 mod noted;
 mod number;
 mod open;
+mod ply;
 mod report;
 mod stamp_watch;
 mod text_rows;
@@ -37,6 +38,7 @@ pub use map::{Confidence, GridImage, Picture, UNKNOWN, dominant_wall_angle};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_world_file};
 pub use noted::Noted;
 pub use open::{LogStream, open_log};
+pub use ply::write_ply;
 pub use report::{DropReason, DroppedLine, Drops, ReadReport, TopicReport};
 pub use stamp_watch::{StampStep, StampWatch};
 pub use trajectory::{

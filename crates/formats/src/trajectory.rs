@@ -9,7 +9,7 @@
 use crate::error::FormatError;
 use crate::number::{FIXED_LIMIT, write_fixed, write_stamp};
 use crate::text_rows::{Row, RowReader};
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Pose3, Stamp};
 use std::io::{Read, Write};
 
 /// Decimals written: nanometres.
@@ -48,6 +48,13 @@ impl StampedPose3 {
             position_m: [pose.world_from_robot.x, pose.world_from_robot.y, 0.0],
             quaternion_xyzw: [0.0, 0.0, qz, qw],
         }
+    }
+
+    /// The pose at a time.
+    #[must_use]
+    pub fn of_pose(stamp: Stamp, pose: Pose3) -> Self {
+        let quaternion_xyzw = pose.rotation.coords.into();
+        Self { stamp, position_m: pose.translation.into(), quaternion_xyzw }
     }
 
     /// Seen from above: position without height, and yaw.

@@ -57,4 +57,4 @@ pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
-pub use space::SpaceMapper;
+pub use space::{MapPoints, SpaceMapper, points_of};

@@ -4,5 +4,7 @@
 mod front;
 mod local_map;
 mod mapper;
+mod render;
 
 pub use mapper::SpaceMapper;
+pub use render::{MapPoints, points_of};

@@ -17,6 +17,11 @@ pub(super) fn parse_pose(text: &str) -> Result<Pose2, String> {
     }
 }
 
+pub(super) fn parse_intrinsics(text: &str) -> Result<[f64; 4], String> {
+    let numbers: Vec<f64> = text.split(',').map_while(|field| field.trim().parse().ok()).collect();
+    <[f64; 4]>::try_from(numbers).map_err(|_| "expected four numbers, pixels, such as 525,525,319.5,239.5".to_owned())
+}
+
 pub(super) fn parse_slice(text: &str) -> Result<SliceBounds, String> {
     let bounds = text.split_once(':').and_then(|(low, high)| {
         Some(SliceBounds { z_min_m: low.trim().parse().ok()?, z_max_m: high.trim().parse().ok()? })

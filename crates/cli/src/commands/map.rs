@@ -7,6 +7,7 @@ use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::report;
+use crate::space::{self, Disk};
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
 use mapwright_formats::LogEvent;
@@ -15,6 +16,12 @@ use serde_json::json;
 pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?; // wrong usage is told before anything is touched
     let interrupt = Interrupt::watch()?;
+    if let [path] = &args.logs[..]
+        && let Some(disk) = Disk::open(path)?
+        && let Some(recording) = disk.recording()?
+    {
+        return space::map(args, &recording, &interrupt);
+    }
     let clock = StageClock::start(); // a recording's first pass counts as well
     let voice = args.mapping.voice;
     let mut first_pass = FirstPass::new(&interrupt, voice.quiet || voice.json);

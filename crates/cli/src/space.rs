@@ -1,0 +1,153 @@
+//! Recordings of sensors in space: clouds in, files out.
+
+mod disk;
+mod report;
+
+pub(crate) use disk::Disk;
+
+use crate::args::{MapArgs, MappingArgs};
+use crate::failure::{Failure, Outcome};
+use crate::interrupt::Interrupt;
+use crate::mapping::settings_of;
+use crate::output::OutputFolder;
+use crate::pose_graph::pose_graph;
+use crate::progress::Progress;
+use crate::session::SessionLog;
+use crate::stamps::Stamper;
+use crate::terminal::{say, say_json};
+use crate::timing::StageClock;
+use mapwright::{Cloud, Pose3, SpaceMapper, SpaceSweep, Stamp, Update};
+use mapwright_clouds::{Notes, Recording};
+use mapwright_eval::{SpaceErrors, space_errors};
+use mapwright_formats::{StampedPose3, TumWriter, write_ply};
+use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
+use report::{Results, Tally, notes_in_words};
+use serde_json::json;
+use std::fs::File;
+
+const ONLINE: &str = "trajectory_online.tum";
+/// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
+const MAP_SHARE: f64 = 0.1;
+
+/// `mapwright map` of such a recording.
+pub(crate) fn map(args: &MapArgs, recording: &Recording<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+    let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
+    let failed = |cause| Failure::Log(format!("{name}: {cause}"));
+    let mut clouds = recording.clouds(&args.source.camera()).map_err(failed)?;
+    let output = OutputFolder::create(&args.output)?;
+    let mut mapping = Mapping::begin(&args.mapping, output, recording.frames() as u64)?;
+    let mut is_cut = false;
+    while let Some(cloud) = clouds.next_cloud().map_err(failed)? {
+        mapping.add_cloud(&cloud)?;
+        is_cut = interrupt.came();
+        if is_cut {
+            break;
+        }
+    }
+    mapping.end_of_clouds();
+    let mut notes: Notes = recording.notes().clone();
+    notes.extend(clouds.notes());
+    let (mut losses, odd) = notes_in_words(&notes);
+    if is_cut {
+        losses.push(format!("interrupted after {} clouds; the results are complete up to there", mapping.tally.clouds));
+    }
+    if mapping.mapper.session().keyframes().is_empty() {
+        return Err(Failure::Log(format!(
+            "{name}: expected clouds with at least 100 returns, found none in {} clouds: there is nothing to map",
+            mapping.tally.clouds
+        )));
+    }
+    let results = mapping.write_results(recording)?;
+    let report = report::to_json(&name, recording, &notes, &mapping.tally, &results, &losses);
+    mapping.output.write_json("report.json", &report)?;
+    let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
+    mapping.output.write_json("timing.json", &timing)?;
+    let words = report::to_words(recording, &mapping.tally, &results, &timing, &losses, &odd);
+    let files = mapping.output.commit()?;
+    if args.mapping.voice.json {
+        say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
+    } else if !args.mapping.voice.quiet {
+        say(&format!("{name}: {words}written  {}: {}\n", args.output.display(), files.join(" ")))?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
+/// A mapper in space, and everything that is made of its updates.
+struct Mapping {
+    mapper: SpaceMapper,
+    log: SessionLog<SpaceSweep>,
+    tally: Tally,
+    clock: StageClock,
+    output: OutputFolder,
+    online: Option<TumWriter<File>>,
+    stamper: Stamper,
+    policy: crate::args::StampPolicy,
+    progress: Progress,
+}
+
+impl Mapping {
+    fn begin(args: &MappingArgs, mut output: OutputFolder, length: u64) -> Result<Self, Failure> {
+        let clock = StageClock::start();
+        let mapper = SpaceMapper::new(settings_of(args)?)?;
+        let log = SessionLog::begin(&mut output, None)?;
+        let online = Some(TumWriter::new(output.begin(ONLINE)?));
+        Ok(Self {
+            mapper,
+            log,
+            tally: Tally::default(),
+            clock,
+            output,
+            online,
+            stamper: Stamper::new(args.stamps),
+            policy: args.stamps,
+            progress: Progress::new(Some(length), args.voice.quiet || args.voice.json),
+        })
+    }
+
+    fn add_cloud(&mut self, cloud: &Cloud) -> Result<(), Failure> {
+        let update: Update<SpaceSweep> = self.mapper.add_cloud(cloud);
+        self.tally.add(&update);
+        if let Some(online) = &mut self.online {
+            let pose = stamped(self.stamper.next(update.stamp), update.map_from_robot);
+            online.write(&pose).map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+        }
+        self.progress.scan(update.stamp, self.tally.clouds);
+        self.log.add(update.entries)
+    }
+
+    fn end_of_clouds(&mut self) {
+        self.clock.end_of_scans();
+        self.progress.finish();
+    }
+
+    fn write_results(&mut self, recording: &Recording<'_>) -> Result<Results, Failure> {
+        if let Some(online) = self.online.take() {
+            online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+        }
+        self.log.finish()?;
+        let session = self.log.session();
+        let mut stamper = Stamper::new(self.policy);
+        let way: Vec<(Stamp, Pose3)> = session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
+        self.output.write("trajectory.tum", |writer| {
+            let mut trajectory = TumWriter::new(writer);
+            way.iter().try_for_each(|&(stamp, pose)| trajectory.write(&stamped(stamper.next(stamp), pose)))?;
+            trajectory.finish().map(|_| ())
+        })?;
+        let graph = AnyPoseGraph::Spatial(pose_graph(session, session.map_from_keyframe(), |_, _| true));
+        self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
+        let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
+        let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
+        self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
+        let robot_from_sensor = recording.sensor().robot_from_sensor;
+        let errors: Option<(String, SpaceErrors)> = recording.references().iter().find_map(|reference| {
+            let sensor: Vec<(Stamp, Pose3)> =
+                way.iter().map(|&(stamp, pose)| (stamp, pose * robot_from_sensor)).collect();
+            Some((reference.file.clone(), space_errors(&reference.poses, &sensor).ok()?))
+        });
+        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), errors))
+    }
+}
+
+fn stamped(stamp: Stamp, pose: Pose3) -> StampedPose3 {
+    StampedPose3::of_pose(stamp, pose)
+}

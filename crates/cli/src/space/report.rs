@@ -1,0 +1,218 @@
+//! What a run in space has made, for `report.json` and for people.
+
+use crate::report::remarks;
+use crate::terminal::{count, duration, grouped};
+use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
+use mapwright_clouds::{Notes, Recording};
+use mapwright_eval::SpaceErrors;
+use serde_json::{Map, Value, json};
+
+/// Counts over all clouds.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tally {
+    pub(super) clouds: u64,
+    by_status: [u64; 3],
+    points: BeamCounts,
+    inlier_shares: Vec<f32>,
+    restarted: u64,
+    evaluations: u64,
+    refused: std::collections::BTreeMap<String, u64>,
+}
+
+impl Tally {
+    pub(super) fn add(&mut self, update: &Update<SpaceSweep>) {
+        self.clouds += 1;
+        self.by_status[update.status as usize] += 1;
+        self.points.add(&update.beams);
+        if let Some(matched) = &update.matched {
+            self.inlier_shares.push(matched.inlier_share as f32);
+            self.restarted += u64::from(matched.restarts > 0);
+            self.evaluations += u64::from(matched.evaluations);
+        }
+        let unwritten = update.unwritten.iter().map(ToString::to_string);
+        for reason in update.refused.map(str::to_owned).into_iter().chain(unwritten) {
+            *self.refused.entry(reason).or_default() += 1;
+        }
+    }
+
+    fn status(&self, status: Status) -> u64 {
+        self.by_status[status as usize]
+    }
+
+    fn median_inlier_share(&self) -> Option<f32> {
+        let mut shares = self.inlier_shares.clone();
+        let middle = shares.len() / 2;
+        (!shares.is_empty()).then(|| *shares.select_nth_unstable_by(middle, f32::total_cmp).1)
+    }
+}
+
+/// What was made.
+#[derive(Debug, Clone)]
+pub(super) struct Results {
+    pub(super) log_s: f64,
+    path_m: f64,
+    climbed_m: f64,
+    keyframes: usize,
+    closures: usize,
+    candidates: usize,
+    withdrawn: usize,
+    corrections: u32,
+    resolution_m: f64,
+    map_points: usize,
+    errors: Option<(String, SpaceErrors)>,
+}
+
+impl Results {
+    pub(super) fn of(
+        session: &Session<SpaceSweep>,
+        way: &[(Stamp, Pose3)],
+        resolution_m: f64,
+        map_points: usize,
+        errors: Option<(String, SpaceErrors)>,
+    ) -> Self {
+        let steps = way.windows(2).map(|w| w[0].1.distance(w[1].1));
+        let heights = || way.iter().map(|(_, pose)| pose.translation.z);
+        let climbed_m = heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
+        let stamps = || way.iter().map(|(stamp, _)| *stamp);
+        let log_s = stamps().max().zip(stamps().min()).map_or(0.0, |(last, first)| last.secs_since(first));
+        let withdrawn = session.candidates().iter().filter(|c| matches!(c.verdict, Verdict::Withdrawn(_))).count();
+        Self {
+            log_s,
+            path_m: steps.sum(),
+            climbed_m: climbed_m.max(0.0),
+            keyframes: session.keyframes().len(),
+            closures: session.edges().filter(|edge| edge.kind == EdgeKind::Closure).count(),
+            candidates: session.candidates().len(),
+            withdrawn,
+            corrections: session.corrections(),
+            resolution_m,
+            map_points,
+            errors,
+        }
+    }
+}
+
+/// What was noted, in words: what was lost, and what is only odd.
+pub(super) fn notes_in_words(notes: &Notes) -> (Vec<String>, Vec<String>) {
+    let words = notes.kinds.iter().map(|(kind, noted)| {
+        let first = noted.first.first().map_or_else(String::new, |first| format!(", first {first}"));
+        (kind.loses_data(), format!("{kind}: {}{first}", grouped(noted.count)))
+    });
+    let (losses, odd): (Vec<_>, Vec<_>) = words.partition(|(is_loss, _)| *is_loss);
+    let plain = |words: Vec<(bool, String)>| words.into_iter().map(|(_, words)| words).collect();
+    (plain(losses), plain(odd))
+}
+
+pub(super) fn to_json(
+    name: &str,
+    recording: &Recording<'_>,
+    notes: &Notes,
+    tally: &Tally,
+    results: &Results,
+    losses: &[String],
+) -> Value {
+    let noted: Map<String, Value> = notes
+        .kinds
+        .iter()
+        .map(|(kind, noted)| {
+            let first: Vec<String> = noted.first.iter().map(ToString::to_string).collect();
+            (kind.to_string(), json!({ "count": noted.count, "first": first }))
+        })
+        .collect();
+    let BeamCounts { returns, no_return, too_near, not_a_number, refused, .. } = tally.points;
+    json!({
+        "log": name,
+        "recording": {
+            "kind": recording.kind().to_string(),
+            "frames": recording.frames(),
+            "sensor": recording.sensor().name,
+            "decisions": recording.decisions(),
+            "notes": noted,
+        },
+        "clouds": tally.clouds,
+        "log_s": results.log_s,
+        "points": {
+            "returns": returns, "no_return": no_return, "too_near": too_near, "not_a_number": not_a_number, "refused": refused,
+        },
+        "status": {
+            "tracking": tally.status(Status::Tracking),
+            "degraded": tally.status(Status::Degraded),
+            "lost": tally.status(Status::Lost),
+        },
+        "matches": {
+            "median_inlier_share": tally.median_inlier_share(),
+            "restarted": tally.restarted,
+            "evaluations": tally.evaluations,
+        },
+        "refused": tally.refused,
+        "path_m": results.path_m,
+        "climbed_m": results.climbed_m,
+        "keyframes": results.keyframes,
+        "loops": {
+            "candidates": results.candidates,
+            "closures": results.closures,
+            "withdrawn": results.withdrawn,
+            "corrections": results.corrections,
+        },
+        "resolution_m": results.resolution_m,
+        "map_points": results.map_points,
+        "reference": results.errors.as_ref().map(|(file, errors)| json!({
+            "file": file,
+            "pairs": errors.pairs,
+            "ate_rmse_m": errors.absolute_m.rmse,
+            "ate_max_m": errors.absolute_m.max,
+            "rpe_median_m": errors.relative_m.median,
+            "rpe_rmse_m": errors.relative_m.rmse,
+            "rpe_median_deg": errors.relative_deg.median,
+            "rpe_rmse_deg": errors.relative_deg.rmse,
+        })),
+        "losses": losses,
+    })
+}
+
+pub(super) fn to_words(
+    recording: &Recording<'_>,
+    tally: &Tally,
+    results: &Results,
+    timing: &Value,
+    losses: &[String],
+    odd: &[String],
+) -> String {
+    let ms = timing["total_s"].as_f64().unwrap_or(0.0) * 1e3 / tally.clouds.max(1) as f64;
+    let mut words = format!(
+        "{}, {} over {}; {:.1} m of way, {:.1} m of height\n",
+        recording.kind(),
+        count(tally.clouds, "cloud"),
+        duration(results.log_s),
+        results.path_m,
+        results.climbed_m
+    );
+    words += &format!(
+        "tracked  {} of {}, {} doubtful, {} lost; {:.0} % of the known points fit (median)\n",
+        grouped(tally.status(Status::Tracking)),
+        grouped(tally.clouds),
+        grouped(tally.status(Status::Degraded)),
+        grouped(tally.status(Status::Lost)),
+        100.0 * tally.median_inlier_share().unwrap_or(0.0)
+    );
+    words += &format!(
+        "map      {} in voxels from {:.2} m, {} keyframes, {} of {} candidates are closures; {ms:.1} ms a cloud\n",
+        count(results.map_points as u64, "point"),
+        results.resolution_m,
+        grouped(results.keyframes as u64),
+        results.closures,
+        results.candidates
+    );
+    if let Some((file, errors)) = &results.errors {
+        words += &format!(
+            "beside   {file}: {} poses, ATE {:.4} m (worst {:.3}), from cloud to cloud {:.4} m, {:.3} deg (median)\n",
+            errors.pairs,
+            errors.absolute_m.rmse,
+            errors.absolute_m.max,
+            errors.relative_m.median,
+            errors.relative_deg.median
+        );
+    }
+    let decisions: Vec<String> = recording.decisions().iter().chain(odd).cloned().collect();
+    words + &remarks(losses, &decisions)
+}
