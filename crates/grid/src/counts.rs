@@ -471,7 +471,7 @@ impl CountGrid {
             let CountTile { passes, slots, .. } = &mut self.tiles[tile];
             let steps = ray.steps_in_tile();
             let mut cursor = ray.cursor::<STEEP>();
-            for _ in 0..steps {
+            let mut look = || {
                 let in_tile = cursor.cell();
                 let count = passes[in_tile].wrapping_add(if ADD { 1 } else { u32::MAX });
                 passes[in_tile] = count;
@@ -481,6 +481,14 @@ impl CountGrid {
                     touched.push(slots[in_tile]);
                 }
                 cursor.step();
+            };
+            // Two at a time: counting the steps would be a fifth of the work.
+            for _ in 0..steps / 2 {
+                look();
+                look();
+            }
+            if steps % 2 == 1 {
+                look();
             }
             ray.step_by(steps);
         }

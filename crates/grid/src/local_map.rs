@@ -119,8 +119,7 @@ struct Tally {
 const HINTS: usize = 32;
 
 impl Tally {
-    const EMPTY: Self =
-        Self { candidates: [NO_SUPPLIER; TALLIED], votes: [0; TALLIED], used: 0, hints: [0; HINTS] };
+    const EMPTY: Self = Self { candidates: [NO_SUPPLIER; TALLIED], votes: [0; TALLIED], used: 0, hints: [0; HINTS] };
 
     #[inline]
     fn count(&mut self, candidate: u32) {
