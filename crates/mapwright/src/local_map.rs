@@ -188,46 +188,31 @@ impl LocalMapping {
         }
     }
 
-    /// A patch's keyframes join or leave: those that join wait until a scan meets them, unless they are drawn still.
+    /// A patch's keyframes join or leave: they are due to be taken out, or wait until a scan meets them to be drawn.
     fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
-        let mut drawn = true;
         for node in self.patches.flip(flip) {
-            let view = self.views[node as usize];
-            if view.gone {
+            if self.views[node as usize].gone {
                 continue;
             }
-            drawn &= view.drawn_at.is_some() && !self.is_displaced(frames, node);
             if flip.live {
                 self.enter_area(settings, frames, node);
             } else {
+                self.due.push_back(node);
                 self.leave_area(node);
             }
         }
-        if drawn {
-            self.patches.settle(flip.patch);
-        }
     }
 
-    /// The keyframes of a patch that is not live any more are due to be taken out.
-    fn take_out(&mut self, patch: u32) {
-        self.due.extend(self.patches.leave(patch));
-    }
-
-    /// Before a scan is matched: if it would be matched against what is too uncertain for that, this leaves the local map at once,
-    /// and all that is so uncertain around the robot is not live any more. It stays drawn until a scan meets it: it may be live
-    /// again before.
+    /// Before a scan is matched: if it would be matched against what is too uncertain for that, all that is so uncertain around
+    /// the robot leaves the local map, the nearest at once.
     pub(crate) fn meet(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], predicted: Pose2) {
         self.meet_waiting(hits, predicted);
-        let met = self.met_stale(hits, predicted);
-        if met.is_empty() {
+        if !self.patches.any_stale() || !self.meets_stale(hits, predicted) {
             return;
         }
         let waiting = self.due.len();
         for flip in self.patches.stale_around(predicted) {
             self.flip(settings, frames, flip);
-            if met.contains(&flip.patch) {
-                self.take_out(flip.patch);
-            }
         }
         let leaving = self.due.len() - waiting;
         self.due.rotate_right(leaving);
@@ -235,12 +220,9 @@ impl LocalMapping {
         self.map.refresh();
     }
 
-    /// The patches that are too uncertain and supply what end points of a scan would be matched against, if these are more than a
-    /// few for one that is live yet.
-    fn met_stale(&mut self, hits: &[[f64; 2]], predicted: Pose2) -> Vec<u32> {
-        if !self.patches.any_stale() {
-            return Vec::new();
-        }
+    /// Whether one of the patches that are too uncertain supplies what more than a few of a scan's end points would be matched
+    /// against.
+    fn meets_stale(&mut self, hits: &[[f64; 2]], predicted: Pose2) -> bool {
         let mut met = std::mem::take(&mut self.met);
         self.map.each_supplier(hits, predicted, |supplier| {
             if let Some(patch) = self.patches.stale(supplier) {
@@ -248,10 +230,9 @@ impl LocalMapping {
             }
         });
         let least = MET_SHARE * hits.len() as f64;
-        let is_met = met.iter().any(|&(patch, points)| f64::from(points) > least || self.patches.lingers(patch));
-        let patches = met.drain(..).filter(|_| is_met).map(|(patch, _)| patch).collect();
+        let is_met = met.drain(..).any(|(_, points)| f64::from(points) > least);
         self.met = met;
-        patches
+        is_met
     }
 
     /// Once a scan: brings the live keyframes around the robot in line with the gate, a little at a time.
@@ -276,9 +257,6 @@ impl LocalMapping {
         let Some(flips) = self.patches.search(frames.world_from_robot, gate_m, gate_m * HYSTERESIS) else { return };
         for flip in flips {
             self.flip(settings, frames, flip);
-            if !flip.live {
-                self.take_out(flip.patch);
-            }
         }
         self.note_waiting(frames);
     }

@@ -62,7 +62,7 @@ pub(crate) struct Patch {
     round: u32,
     /// How long the robot's way was when it was last there or matched against it, metres.
     used_m: f64,
-    /// Drawn, but too uncertain to be matched against: it leaves before a scan would be.
+    /// LocalMapping, but too uncertain to be matched against: it leaves before the next scan would be.
     stale: bool,
     /// LocalMapping, but not drawn where it belongs, for it was let in or moved: that is mended when a scan meets it.
     unsettled: bool,
@@ -340,38 +340,28 @@ impl Patches {
         self.patches[patch as usize].stale.then_some(patch)
     }
 
-    /// The flips of all patches that have to leave when a scan meets them, nearest first.
+    /// The flips that make all patches leave that have to when a scan meets them, nearest first.
     pub(crate) fn stale_around(&self, at: Pose2) -> Vec<Flip> {
-        let flip =
-            |(patch, known): (u32, &Patch)| Flip { patch, live: false, distance2: distance2(known.at, position(at)) };
-        let stale = (0..).zip(&self.patches).filter(|(_, patch)| patch.stale).map(flip);
-        nearest_first(stale.filter(|flip| flip.distance2 <= JUDGED_M * JUDGED_M).collect())
+        let mut flips = Vec::new();
+        self.each_live_within(position(at), JUDGED_M, |patch, distance2| {
+            if self.patches[patch as usize].stale {
+                flips.push(Flip { patch, live: false, distance2 });
+            }
+        });
+        nearest_first(flips)
     }
 
     /// Carries a flip out and returns the keyframes concerned.
     pub(crate) fn flip(&mut self, flip: Flip) -> Vec<u32> {
         let Patch { at, live, stale, unsettled, views, .. } = &mut self.patches[flip.patch as usize];
-        self.stale -= usize::from(flip.live && std::mem::take(stale));
-        (*live, *unsettled) = (flip.live, flip.live);
+        self.stale -= usize::from(*stale);
+        (*live, *stale, *unsettled) = (flip.live, false, flip.live);
         let nodes = self.buckets.entry(bucket(*at)).or_default();
         nodes.retain(|&patch| patch != flip.patch);
         if flip.live {
             nodes.push(flip.patch);
         }
         views.clone()
-    }
-
-    /// Whether a patch that is drawn still is not live any more.
-    pub(crate) fn lingers(&self, patch: u32) -> bool {
-        let Patch { live, stale, .. } = self.patches[patch as usize];
-        stale && !live
-    }
-
-    /// A patch that is not live any more is about to be taken out; returns the keyframes concerned.
-    pub(crate) fn leave(&mut self, patch: u32) -> &[u32] {
-        let Patch { stale, views, .. } = &mut self.patches[patch as usize];
-        self.stale -= usize::from(std::mem::take(stale));
-        views
     }
 
     /// Calls with every live patch around that is not settled, and its number.
@@ -394,10 +384,7 @@ impl Patches {
 
     /// Nothing is drawn any more: that is as it should be where a patch is not live.
     pub(crate) fn unsettle_all(&mut self) {
-        for patch in &mut self.patches {
-            patch.unsettled = patch.live;
-            self.stale -= usize::from(!patch.live && std::mem::take(&mut patch.stale));
-        }
+        self.patches.iter_mut().for_each(|patch| patch.unsettled = patch.live);
     }
 
     /// All that is live is drawn as it should be.
