@@ -88,13 +88,28 @@ fn window_start(x: i32) -> usize {
     (x - MAX_RADIUS_CELLS).clamp(0, TILE_SIDE - WINDOW as i32) as usize
 }
 
-/// What is nearer than what was known takes its place. No branches: where a disc wins is hard to foresee. Inlined, the compiler
-/// no longer knows that the arrays are apart, and takes one cell at a time.
-#[inline(never)]
-fn claim(known: &mut [i16; WINDOW], nearest: &mut [u32; WINDOW], ranks: &[i16; WINDOW], handle: u32) {
-    for k in 0..WINDOW {
-        nearest[k] = if ranks[k] < known[k] { handle } else { nearest[k] };
-        known[k] = known[k].min(ranks[k]);
+/// What is nearer than what was known takes its place, in the widest registers there are. No branches: where a disc wins is hard to
+/// foresee.
+struct Claim<'a> {
+    known: &'a mut [i16; WINDOW],
+    nearest: &'a mut [u32; WINDOW],
+    ranks: &'a [i16; WINDOW],
+    handle: u32,
+}
+
+impl pulp::WithSimd for Claim<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { ranks, handle, .. } = self;
+        // Copies, for the compiler has to know that the arrays are apart.
+        let (mut known, mut nearest) = (*self.known, *self.nearest);
+        for k in 0..WINDOW {
+            nearest[k] = if ranks[k] < known[k] { handle } else { nearest[k] };
+            known[k] = known[k].min(ranks[k]);
+        }
+        (*self.known, *self.nearest) = (known, nearest);
     }
 }
 
@@ -234,13 +249,13 @@ impl DistanceField {
 
     /// Cells of one tile that are nearer to the new obstacle than to what they knew now point at it.
     fn claim_in_tile(&mut self, tile: (i32, i32), cell: (i32, i32), handle: u32) {
-        let disc = std::mem::take(&mut self.disc);
+        let (disc, arch) = (std::mem::take(&mut self.disc), pulp::Arch::new());
         let FieldTile { nearest, rank, .. } = self.tile_mut(tile);
         for_each_row_in_tile(&disc, tile, cell, |row, y, x| {
             let start = window_start(x);
             let from = cell_in_tile(start as i32, y);
             if let (Some(known), Some(nearest)) = (rank[from..].first_chunk_mut(), nearest[from..].first_chunk_mut()) {
-                claim(known, nearest, row.window(start, x), handle);
+                arch.dispatch(Claim { known, nearest, ranks: row.window(start, x), handle });
             }
         });
         self.disc = disc;

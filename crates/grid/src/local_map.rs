@@ -113,31 +113,36 @@ struct Tally {
     candidates: [u32; TALLIED],
     votes: [u32; TALLIED],
     used: usize,
-    /// Neighbouring end points vote alike.
-    last: usize,
+    /// Where a candidate with such lowest bits was found last.
+    hints: [u8; HINTS],
 }
 
+/// Keyframes that are drawn together have numbers close together.
+const HINTS: usize = 32;
+
 impl Tally {
-    const EMPTY: Self = Self { candidates: [NO_SUPPLIER; TALLIED], votes: [0; TALLIED], used: 0, last: 0 };
+    const EMPTY: Self = Self { candidates: [NO_SUPPLIER; TALLIED], votes: [0; TALLIED], used: 0, hints: [0; HINTS] };
 
     #[inline]
     fn count(&mut self, candidate: u32) {
         if candidate == NO_SUPPLIER {
             return;
         }
-        if self.candidates[self.last] != candidate {
+        let hint = &mut self.hints[candidate as usize % HINTS];
+        let mut at = usize::from(*hint) % TALLIED;
+        if self.candidates[at] != candidate {
             // All at once: that is quicker than one after the other.
             let same = |k: usize| u32::from(self.candidates[k] == candidate) << k;
             let known = (0..TALLIED).map(same).sum::<u32>().trailing_zeros() as usize;
-            let at = known.min(self.used);
+            at = known.min(self.used);
             if at == TALLIED {
                 return;
             }
             self.candidates[at] = candidate;
             self.used = self.used.max(at + 1);
-            self.last = at;
+            *hint = at as u8;
         }
-        self.votes[self.last] += 1;
+        self.votes[at] += 1;
     }
 
     fn most(&self) -> Option<u32> {

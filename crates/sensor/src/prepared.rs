@@ -168,13 +168,21 @@ fn is_return(code: u16) -> bool {
     code != BEAM_DROPPED && code != BEAM_NO_RETURN
 }
 
+#[inline]
 fn is_isolated(codes: &[u16], beam: usize, least_reach: i32) -> bool {
+    // Most have a near neighbour at once.
+    let next = codes.get(beam + 1).filter(|&&next| is_return(next));
+    let is_near = next.is_some_and(|&next| i32::from(next.abs_diff(codes[beam])) <= least_reach);
+    is_return(codes[beam]) && !is_near && is_alone(codes, beam, least_reach)
+}
+
+#[inline(never)]
+fn is_alone(codes: &[u16], beam: usize, least_reach: i32) -> bool {
     let code = i32::from(codes[beam]);
     let reach = least_reach.max((ISOLATED_SHARE * f64::from(code)) as i32);
     let near = |&other: &u16| is_return(other) && (i32::from(other) - code).abs() <= reach;
-    // Most have a near neighbour at once.
     let around = [beam + 1, beam.wrapping_sub(1), beam + 2, beam.wrapping_sub(2)];
-    is_return(codes[beam]) && !around.into_iter().any(|other| codes.get(other).is_some_and(near))
+    !around.into_iter().any(|other| codes.get(other).is_some_and(near))
 }
 
 /// The finest step of the ladder 1, 2, 5 mm, 1, 2, 5 cm... with which a code reaches `range_max_m`.
