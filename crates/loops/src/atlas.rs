@@ -3,7 +3,7 @@
 //! The search is exact (branch and bound over every position within the map's bounds and every heading), so a place that
 //! explains what was seen nearly as well as the best one does not go unnoticed: it is the rival.
 
-use crate::submap::{Submap, SubmapSettings, draw};
+use crate::plane_submap::{PlaneSubmap, PlaneSubmapSettings, draw};
 use crate::views::View;
 use mapwright_geom::Pose2;
 use mapwright_grid::{
@@ -82,8 +82,8 @@ pub struct Atlas {
 impl Atlas {
     /// Draws views, given along the way, whose `submap_from_keyframe` are poses in the map.
     #[must_use]
-    pub fn new(views: Vec<View>, submaps: &SubmapSettings) -> Self {
-        let coarser = SubmapSettings { resolution_m: COARSER * submaps.resolution_m, ..*submaps };
+    pub fn new(views: Vec<View>, submaps: &PlaneSubmapSettings) -> Self {
+        let coarser = PlaneSubmapSettings { resolution_m: COARSER * submaps.resolution_m, ..*submaps };
         let (map, _) = draw(&views, &coarser);
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for Pose2 { x, y, .. } in views.iter().map(|view| view.submap_from_keyframe) {
@@ -97,7 +97,7 @@ impl Atlas {
 
     /// Where in all that is known a submap fits best; `None` where nothing fits, or where the effort is spent before that is known.
     #[must_use]
-    pub fn find(&self, query: &Submap, effort: &Effort) -> Option<Sighting> {
+    pub fn find(&self, query: &PlaneSubmap, effort: &Effort) -> Option<Sighting> {
         self.search(query, effort, (LEAST_SCORE, 1.0), None, |_| false)
     }
 
@@ -105,7 +105,7 @@ impl Atlas {
     /// stop or the effort is spent.
     pub fn rivals(
         &self,
-        query: &Submap,
+        query: &PlaneSubmap,
         effort: &Effort,
         best: &Sighting,
         least_share: f64,
@@ -122,7 +122,7 @@ impl Atlas {
     #[must_use]
     pub fn sightings(
         &self,
-        query: &Submap,
+        query: &PlaneSubmap,
         effort: &Effort,
         (least_score, least_share): (f64, f64),
         at_most: usize,
@@ -138,7 +138,7 @@ impl Atlas {
 
     /// The pose of a submap near one where it was sighted that fits best by all its points, and how it fits there.
     #[must_use]
-    pub fn refine(&self, query: &Submap, map_from_query: Pose2, matcher: &mut Matcher) -> (Pose2, Agreement) {
+    pub fn refine(&self, query: &PlaneSubmap, map_from_query: Pose2, matcher: &mut Matcher) -> (Pose2, Agreement) {
         let prior = Prior { world_from_robot: map_from_query, variances: [1.0, 1.0, 0.1], tail: 1e8 };
         let refined = matcher.gauss_newton(&self.map, &query.hits, &prior, map_from_query).world_from_robot;
         (refined, self.map.agreement(&query.hits, refined))
@@ -166,7 +166,7 @@ impl Atlas {
 
     fn search(
         &self,
-        query: &Submap,
+        query: &PlaneSubmap,
         effort: &Effort,
         (least_share, least_rival_share): (f64, f64),
         separation: Option<Separation>,
@@ -252,8 +252,8 @@ mod tests {
     use mapwright_sensor::Sweep;
     use mapwright_sim::{Drive, DriveSettings, worlds};
 
-    const SUBMAPS: SubmapSettings =
-        SubmapSettings { resolution_m: 0.05, passes_per_hit: 5, free_range_m: 8.0, reach_m: 15.0, thin_cells: 2 };
+    const SUBMAPS: PlaneSubmapSettings =
+        PlaneSubmapSettings { resolution_m: 0.05, passes_per_hit: 5, free_range_m: 8.0, reach_m: 15.0, thin_cells: 2 };
 
     fn all() -> Effort {
         Effort::new(u64::MAX)
@@ -285,13 +285,13 @@ mod tests {
     }
 
     /// The last few views before one, in its frame.
-    fn query(views: &[View], at: usize) -> Submap {
+    fn query(views: &[View], at: usize) -> PlaneSubmap {
         let here = views[at].submap_from_keyframe;
         let seen = views[at - 4..=at].iter().map(|view| View {
             sweep: Arc::clone(&view.sweep),
             submap_from_keyframe: here.between(view.submap_from_keyframe),
         });
-        Submap::new(&seen.collect::<Vec<_>>(), &SUBMAPS)
+        PlaneSubmap::new(&seen.collect::<Vec<_>>(), &SUBMAPS)
     }
 
     #[test]
@@ -378,7 +378,7 @@ mod tests {
         let error = here.between(refined);
         assert!(error.x.hypot(error.y) < 0.02 && error.theta.abs() < 0.005, "{error:?}");
         assert!(agreement.inlier_share() > 0.95 && agreement.known_share() > 0.95, "{agreement:?}");
-        assert!(atlas.sightings(&Submap::new(&[], &SUBMAPS), &all(), (0.4, 0.5), 6).is_empty());
+        assert!(atlas.sightings(&PlaneSubmap::new(&[], &SUBMAPS), &all(), (0.4, 0.5), 6).is_empty());
         assert!(atlas.sightings(&seen, &all(), (0.4, 0.5), 0).is_empty());
     }
 
@@ -399,6 +399,6 @@ mod tests {
         let empty = Atlas::new(Vec::new(), &SUBMAPS);
         assert!(empty.find(&query(&views, 20), &all()).is_none() && empty.nearest(Pose2::IDENTITY).is_none());
         let atlas = Atlas::new(views, &SUBMAPS);
-        assert!(atlas.find(&Submap::new(&[], &SUBMAPS), &all()).is_none());
+        assert!(atlas.find(&PlaneSubmap::new(&[], &SUBMAPS), &all()).is_none());
     }
 }

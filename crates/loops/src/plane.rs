@@ -2,9 +2,9 @@
 
 use crate::cascade::{Finding, VerifySettings};
 use crate::places::PlaceIndex;
-use crate::submap::{Submap, SubmapSettings};
+use crate::plane_submap::{PlaneSubmap, PlaneSubmapSettings};
+use crate::plane_verify::PlaneVerifier;
 use crate::submaps::{Submaps, Window};
-use crate::verify::Verifier;
 use crate::views::View;
 use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
@@ -20,28 +20,28 @@ const LIKENESS_WINDOW_RAD: f64 = 0.3;
 #[derive(Debug, Clone)]
 pub struct PlaneSubmaps {
     /// How they are drawn.
-    pub settings: SubmapSettings,
-    verifier: Verifier,
+    pub settings: PlaneSubmapSettings,
+    verifier: PlaneVerifier,
 }
 
 impl PlaneSubmaps {
     /// Submaps drawn so, looked for so, and refined by such a matcher.
     #[must_use]
-    pub fn new(settings: SubmapSettings, verify: VerifySettings, matcher: MatcherSettings) -> Self {
-        Self { settings, verifier: Verifier::new(verify, Matcher { settings: matcher }) }
+    pub fn new(settings: PlaneSubmapSettings, verify: VerifySettings, matcher: MatcherSettings) -> Self {
+        Self { settings, verifier: PlaneVerifier::new(verify, Matcher { settings: matcher }) }
     }
 }
 
 impl Submaps for PlaneSubmaps {
     type Measurement = Sweep;
-    type Submap = Submap;
+    type Submap = PlaneSubmap;
     type Places = PlaceIndex;
 
-    fn draw(&self, views: &[View]) -> Submap {
-        Submap::new(views, &self.settings)
+    fn draw(&self, views: &[View]) -> PlaneSubmap {
+        PlaneSubmap::new(views, &self.settings)
     }
 
-    fn look_for(&mut self, query: &Submap, target: &Submap, window: &Window<Pose2>) -> Finding {
+    fn look_for(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, window: &Window<Pose2>) -> Finding {
         let Window { target_from_query: world_from_robot, half_width_m, half_width_rad } = *window;
         self.verifier.look_for(query, target, &SearchWindow { world_from_robot, half_width_m, half_width_rad })
     }

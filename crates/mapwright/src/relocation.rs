@@ -3,7 +3,7 @@
 use crate::settings::Settings;
 use mapwright_geom::{Pose2, stored};
 use mapwright_grid::MatcherSettings;
-use mapwright_loops::{Atlas, Effort, Submap, SubmapSettings, View, views};
+use mapwright_loops::{Atlas, Effort, PlaneSubmap, PlaneSubmapSettings, View, views};
 use mapwright_record::{NodeId, Past};
 use rustc_hash::FxHashSet;
 use std::cell::OnceCell;
@@ -40,7 +40,7 @@ pub(crate) struct Ground {
 }
 
 impl Ground {
-    fn new(views: Vec<(u32, View)>, submaps: &SubmapSettings) -> Self {
+    fn new(views: Vec<(u32, View)>, submaps: &PlaneSubmapSettings) -> Self {
         let (nodes, views) = views.into_iter().unzip();
         Self { atlas: Atlas::new(views, submaps), nodes }
     }
@@ -73,7 +73,7 @@ pub(crate) struct Seeking {
     earlier: Vec<Earlier>,
     /// Where the robot may be by earlier answers.
     hopes: Vec<Hope>,
-    submaps: SubmapSettings,
+    submaps: PlaneSubmapSettings,
     matcher: MatcherSettings,
     /// What may be spent on it: see [`Budget`].
     effort: u64,
@@ -176,7 +176,7 @@ impl Seeking {
             Known::Drawn(ref ground) => Arc::clone(ground),
             Known::Views(ref views) => Arc::new(Ground::new(views.clone(), &self.submaps)),
         };
-        let [since, lately] = [&self.since, &self.lately].map(|views| Submap::new(views, &self.submaps));
+        let [since, lately] = [&self.since, &self.lately].map(|views| PlaneSubmap::new(views, &self.submaps));
         let (before, effort) = (OnceCell::new(), Effort::new(self.effort));
         let less = self.lately.len() < self.since.len();
         let look = |query, all, other| Look {

@@ -4,7 +4,7 @@
 //! list that `mapwright config` prints come from that declaration.
 
 use mapwright_geom::Pose2;
-use mapwright_loops::SubmapSettings;
+use mapwright_loops::PlaneSubmapSettings;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -333,8 +333,8 @@ const REACH_CELLS: f64 = 300.0;
 
 impl Settings {
     /// How what was seen along the way is drawn to be compared.
-    pub(crate) fn submaps(&self) -> SubmapSettings {
-        SubmapSettings {
+    pub(crate) fn submaps(&self) -> PlaneSubmapSettings {
+        PlaneSubmapSettings {
             resolution_m: self.map.resolution_m,
             passes_per_hit: self.map.passes_per_hit,
             free_range_m: self.scan.free_range_m,

@@ -4,7 +4,7 @@ use crate::settings::Settings;
 use mapwright_geom::Pose2;
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
 use mapwright_loops::{
-    Finding, SUBMAP_M, Submap, Verifier, VerifySettings, View, WINDOW_M, WINDOW_RAD, views, views_along,
+    Finding, PlaneSubmap, PlaneVerifier, SUBMAP_M, VerifySettings, View, WINDOW_M, WINDOW_RAD, views, views_along,
 };
 use mapwright_record::{NodeId, Past};
 
@@ -51,9 +51,9 @@ fn look(
     target_from_seen: Pose2,
 ) -> Finding {
     let submaps = settings.submaps();
-    let [target, query] = [target, seen].map(|views| Submap::new(views, &submaps));
+    let [target, query] = [target, seen].map(|views| PlaneSubmap::new(views, &submaps));
     let window =
         SearchWindow { world_from_robot: target_from_seen, half_width_m: WINDOW_M, half_width_rad: WINDOW_RAD };
     let settings = VerifySettings { least_score: 0.0, ..VerifySettings::default() };
-    Verifier::new(settings, Matcher { settings: matcher }).look_for(&query, &target, &window)
+    PlaneVerifier::new(settings, Matcher { settings: matcher }).look_for(&query, &target, &window)
 }

@@ -10,7 +10,7 @@ use super::weigh::{WITHOUT, same, target};
 use super::{Found, LATELY_M, Seeking, Sought};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Agreement, Matcher};
-use mapwright_loops::{Finding, Judged, Sighting, Submap, VerifySettings};
+use mapwright_loops::{Finding, Judged, PlaneSubmap, Sighting, VerifySettings};
 use mapwright_record::{Evidence, NodeId, Past, Verdict};
 use std::cell::LazyCell;
 
@@ -185,7 +185,7 @@ impl Look<'_> {
     }
 
     /// How what was seen fits near a pose in the map, where that bears it out.
-    fn fit(&self, query: &Submap, since: &Submap, map_from_query: Pose2) -> Option<Fit> {
+    fn fit(&self, query: &PlaneSubmap, since: &PlaneSubmap, map_from_query: Pose2) -> Option<Fit> {
         let view = self.ground.atlas.nearest(map_from_query)?;
         let target = self.place(view);
         let near = Sighting { map_from_query, score: 0.0 };
@@ -220,7 +220,8 @@ impl Look<'_> {
         let mut heard: Vec<Heard> = Vec::new();
         let mut earlier = vec![Vec::new(); fits.len()];
         for before in self.seeking.earlier.iter().filter(|_| !fits.is_empty()) {
-            let queries = LazyCell::new(|| [&before.lately, &before.since].map(|views| Submap::new(views, submaps)));
+            let queries =
+                LazyCell::new(|| [&before.lately, &before.since].map(|views| PlaneSubmap::new(views, submaps)));
             for (fit, earlier) in fits.iter().zip(&mut earlier) {
                 let near = fit.map_from_query * aside_from_query.between(before.aside_from_query);
                 let is_known = before.answered && self.hope(fit).is_some();

@@ -3,7 +3,7 @@
 use super::{Ground, LATELY_M, Seeking};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Matcher, SearchWindow};
-use mapwright_loops::{Atlas, Effort, Finding, Sighting, Submap, Verifier, VerifySettings};
+use mapwright_loops::{Atlas, Effort, Finding, PlaneSubmap, PlaneVerifier, Sighting, VerifySettings};
 use mapwright_record::{Evidence, Objection};
 use std::cell::OnceCell;
 
@@ -77,13 +77,13 @@ pub(super) struct Look<'a> {
     pub(super) ground: &'a Ground,
     pub(super) effort: &'a Effort,
     /// What is looked for,
-    pub(super) query: &'a Submap,
+    pub(super) query: &'a PlaneSubmap,
     /// all that was seen on the way that is kept in mind,
-    pub(super) since: &'a Submap,
+    pub(super) since: &'a PlaneSubmap,
     /// whether the one is the other,
     pub(super) all: bool,
     /// what was seen lately where all is looked for, and the other way round, where that is not the same,
-    pub(super) other: Option<&'a Submap>,
+    pub(super) other: Option<&'a PlaneSubmap>,
     /// and whether that is the whole way since the robot is lost.
     pub(super) whole: bool,
     /// What was seen before that, once it was drawn,
@@ -129,7 +129,7 @@ impl Look<'_> {
 
     /// How closely what is looked for, what else was seen lately or on the way, and, seen from the map, all of that lies where
     /// it should.
-    fn closeness(&self, target: &Submap, finding: &Finding, other: Option<&Finding>) -> f64 {
+    fn closeness(&self, target: &PlaneSubmap, finding: &Finding, other: Option<&Finding>) -> f64 {
         let Some(pose) = finding.target_from_query else { return 0.0 };
         let there = other.and_then(|other| other.target_from_query);
         let since = if self.all { (self.query, pose) } else { (self.since, there.unwrap_or(pose)) };
@@ -168,7 +168,7 @@ impl Look<'_> {
             .filter(|sighting| sighting.map_from_query.distance(self.seeking.aside_from_query) > RETURNED_M);
         let look = |sighting: &Sighting| {
             let view = before.nearest(sighting.map_from_query)?;
-            let target = Submap::new(&before.around(view, PLACE_WAY_M), &self.seeking.submaps);
+            let target = PlaneSubmap::new(&before.around(view, PLACE_WAY_M), &self.seeking.submaps);
             let near = before.map_from_view(view).between(sighting.map_from_query);
             let finding = self.look_near(near, &target, self.query, self.anything());
             Some((sighting.score, fit_of_known(&finding, self.query, &target)))
@@ -212,15 +212,15 @@ impl Look<'_> {
     }
 
     /// What was seen around a view.
-    pub(super) fn place(&self, view: usize) -> Submap {
-        Submap::new(&self.ground.atlas.around(view, PLACE_WAY_M), &self.seeking.submaps)
+    pub(super) fn place(&self, view: usize) -> PlaneSubmap {
+        PlaneSubmap::new(&self.ground.atlas.around(view, PLACE_WAY_M), &self.seeking.submaps)
     }
 
     pub(super) fn look(
         &self,
         view: usize,
-        target: &Submap,
-        query: &Submap,
+        target: &PlaneSubmap,
+        query: &PlaneSubmap,
         sighting: &Sighting,
         settings: VerifySettings,
     ) -> Finding {
@@ -228,9 +228,9 @@ impl Look<'_> {
         self.look_near(near, target, query, settings)
     }
 
-    fn look_near(&self, near: Pose2, target: &Submap, query: &Submap, settings: VerifySettings) -> Finding {
+    fn look_near(&self, near: Pose2, target: &PlaneSubmap, query: &PlaneSubmap, settings: VerifySettings) -> Finding {
         let window = SearchWindow { world_from_robot: near, half_width_m: CLOSELY_M, half_width_rad: CLOSELY_RAD };
-        Verifier::new(settings, Matcher { settings: self.seeking.matcher }).look_for(query, target, &window)
+        PlaneVerifier::new(settings, Matcher { settings: self.seeking.matcher }).look_for(query, target, &window)
     }
 
     /// For looks at what need not fit.
@@ -270,16 +270,16 @@ pub(super) fn say_the_same(one: &Finding, other: &Finding) -> bool {
 /// How closely what was seen lies on the surfaces of a place, and these on all that was seen on the way: the least of these, for
 /// a wrong place may fit to the width of a cell, but hardly all the way, and seen from either side, to that of a wall.
 pub(super) fn closeness_both_ways(
-    target: &Submap,
-    seen: [Option<(&Submap, Pose2)>; 2],
-    (since, target_from_since): (&Submap, Pose2),
+    target: &PlaneSubmap,
+    seen: [Option<(&PlaneSubmap, Pose2)>; 2],
+    (since, target_from_since): (&PlaneSubmap, Pose2),
 ) -> f64 {
     let back = target.closeness(since, target_from_since.inverse());
     seen.into_iter().flatten().map(|(submap, pose)| submap.closeness(target, pose)).fold(back, f64::min)
 }
 
 /// How well what is known of a submap fits in another: the share of it that does, by how closely; nothing where little is known.
-pub(super) fn fit_of_known(finding: &Finding, query: &Submap, target: &Submap) -> f64 {
+pub(super) fn fit_of_known(finding: &Finding, query: &PlaneSubmap, target: &PlaneSubmap) -> f64 {
     let Finding { target_from_query, evidence: Evidence { overlap, inlier_share, .. }, .. } = finding;
     let fitting = inlier_share.filter(|_| overlap.is_some_and(|overlap| overlap >= AGAIN_OVERLAP)).unwrap_or(0.0);
     target_from_query.map_or(0.0, |pose| fitting * query.closeness(target, pose))

@@ -13,7 +13,7 @@ const MEDIAN_OFFSET: f64 = 0.826;
 
 /// How submaps are drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SubmapSettings {
+pub struct PlaneSubmapSettings {
     /// Side of a cell, metres.
     pub resolution_m: f64,
     /// A cell is an obstacle while `hits * passes_per_hit >= passes`.
@@ -28,7 +28,7 @@ pub struct SubmapSettings {
 
 /// A small map of what was seen along a few metres of the way.
 #[derive(Debug, Clone)]
-pub struct Submap {
+pub struct PlaneSubmap {
     /// The map, in the submap's frame.
     pub map: LocalMap,
     /// End points that the other views do not contradict, thinned, in the submap's frame, metres.
@@ -37,10 +37,10 @@ pub struct Submap {
     pub sigma_m: f64,
 }
 
-impl Submap {
+impl PlaneSubmap {
     /// Draws the views.
     #[must_use]
-    pub fn new(views: &[View], settings: &SubmapSettings) -> Self {
+    pub fn new(views: &[View], settings: &PlaneSubmapSettings) -> Self {
         let mut offsets_m = Vec::new();
         let (map, ends) = draw_each(views, settings, |points| offsets_m.extend(points.offsets_m()));
         let hits = thinned(&map, ends, settings);
@@ -53,7 +53,7 @@ impl Submap {
     /// How closely the end points that are known in another submap lie on the surfaces there, as a share of how closely they
     /// lie on their own: about 0.8 to 1 where they belong.
     #[must_use]
-    pub fn closeness(&self, target: &Submap, target_from_self: Pose2) -> f64 {
+    pub fn closeness(&self, target: &PlaneSubmap, target_from_self: Pose2) -> f64 {
         let [least_m, most_m] = CLOSENESS_CELLS.map(|cells| cells * self.map.settings.resolution_m);
         let sigma_m = (CLOSENESS_SIGMAS * self.sigma_m).clamp(least_m, most_m);
         let own = self.map.closeness(&self.hits, Pose2::IDENTITY, sigma_m);
@@ -62,14 +62,14 @@ impl Submap {
 }
 
 /// The map of some views, and all their end points in its frame.
-pub(crate) fn draw(views: &[View], settings: &SubmapSettings) -> (LocalMap, Vec<[f64; 2]>) {
+pub(crate) fn draw(views: &[View], settings: &PlaneSubmapSettings) -> (LocalMap, Vec<[f64; 2]>) {
     draw_each(views, settings, |_| {})
 }
 
 /// The same, and calls with the points of each view.
 fn draw_each(
     views: &[View],
-    settings: &SubmapSettings,
+    settings: &PlaneSubmapSettings,
     mut call: impl FnMut(&SweepPoints),
 ) -> (LocalMap, Vec<[f64; 2]>) {
     let mut map = LocalMap::new(LocalMapSettings {
@@ -91,7 +91,7 @@ fn draw_each(
 }
 
 /// Of the end points in reach that stand on obstacles, one for each of the larger cells, in the order of these.
-fn thinned(map: &LocalMap, mut ends: Vec<[f64; 2]>, settings: &SubmapSettings) -> Vec<[f64; 2]> {
+fn thinned(map: &LocalMap, mut ends: Vec<[f64; 2]>, settings: &PlaneSubmapSettings) -> Vec<[f64; 2]> {
     let reach2 = settings.reach_m * settings.reach_m;
     ends.retain(|[x, y]| x * x + y * y <= reach2);
     let mut gone = vec![false; ends.len()];
@@ -114,11 +114,11 @@ mod tests {
     use mapwright_sim::{Drive, DriveSettings, TrueScan, worlds};
     use std::sync::Arc;
 
-    const SETTINGS: SubmapSettings =
-        SubmapSettings { resolution_m: 0.05, passes_per_hit: 5, free_range_m: 8.0, reach_m: 15.0, thin_cells: 2 };
+    const SETTINGS: PlaneSubmapSettings =
+        PlaneSubmapSettings { resolution_m: 0.05, passes_per_hit: 5, free_range_m: 8.0, reach_m: 15.0, thin_cells: 2 };
 
     /// What a laser of such noise has seen of the same rooms, and where it stood at the end.
-    fn seen(sigma_m: f64, seed: u64, seconds: std::ops::Range<usize>) -> (Submap, Pose2) {
+    fn seen(sigma_m: f64, seed: u64, seconds: std::ops::Range<usize>) -> (PlaneSubmap, Pose2) {
         let mut drive = DriveSettings { scan_rate_hz: 1.0, seed, ..DriveSettings::default() };
         drive.laser.range_sigma_m = sigma_m;
         let scans = Drive::new(worlds::rooms(3).into(), drive).scans().take(seconds.end).skip(seconds.start);
@@ -129,7 +129,7 @@ mod tests {
             let _ = sweep.fill(&scan.scan, [0.0; 3], (0.1, 30.0));
             View { sweep: Arc::new(sweep), submap_from_keyframe: here.between(scan.world_from_robot) }
         };
-        (Submap::new(&scans.iter().map(view).collect::<Vec<_>>(), &SETTINGS), here)
+        (PlaneSubmap::new(&scans.iter().map(view).collect::<Vec<_>>(), &SETTINGS), here)
     }
 
     #[test]
@@ -142,7 +142,9 @@ mod tests {
             assert!((0.85..1.1).contains(&right), "{right} with a noise of {sigma_m} m");
             assert!(beside < right - if sigma_m > 0.03 { 0.05 } else { 0.2 }, "{beside} with a noise of {sigma_m} m");
             assert!(away < 0.3, "{away} with a noise of {sigma_m} m");
-            assert!(at(500.0, 0.0).abs() < f64::EPSILON && Submap::new(&[], &SETTINGS).closeness(&old, truth) == 0.0);
+            assert!(
+                at(500.0, 0.0).abs() < f64::EPSILON && PlaneSubmap::new(&[], &SETTINGS).closeness(&old, truth) == 0.0
+            );
         }
     }
 
@@ -152,6 +154,6 @@ mod tests {
             let estimate_m = seen(sigma_m, 3, 20..45).0.sigma_m;
             assert!((estimate_m - sigma_m).abs() < 0.001 + 0.1 * sigma_m, "{estimate_m}, expected {sigma_m}");
         }
-        assert!(Submap::new(&[], &SETTINGS).sigma_m == 0.0);
+        assert!(PlaneSubmap::new(&[], &SETTINGS).sigma_m == 0.0);
     }
 }

@@ -2,7 +2,7 @@
 //! that it does not find is not there.
 
 use crate::cascade::{Finding, VerifySettings};
-use crate::submap::Submap;
+use crate::plane_submap::PlaneSubmap;
 use mapwright_grid::{CorrelativeSearch, Matcher, Prior, SearchWindow};
 use mapwright_record::{Evidence, Objection};
 
@@ -11,7 +11,7 @@ const LEAST_AMBIGUITY: f64 = 0.75;
 
 /// Looks for submaps in others; keeps its buffers.
 #[derive(Debug, Clone, Default)]
-pub struct Verifier {
+pub struct PlaneVerifier {
     /// Its settings.
     pub settings: VerifySettings,
     /// Refines what the search has found.
@@ -20,7 +20,7 @@ pub struct Verifier {
     points: Vec<[f64; 2]>,
 }
 
-impl Verifier {
+impl PlaneVerifier {
     /// A verifier.
     #[must_use]
     pub fn new(settings: VerifySettings, matcher: Matcher) -> Self {
@@ -35,7 +35,7 @@ impl Verifier {
 
     /// Looks for `query` in `target` at the poses of a window.
     #[must_use]
-    pub fn look_for(&mut self, query: &Submap, target: &Submap, window: &SearchWindow) -> Finding {
+    pub fn look_for(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, window: &SearchWindow) -> Finding {
         let VerifySettings { search_points, least_score, separation, .. } = self.settings;
         let mut evidence = Evidence { points: query.hits.len() as u32, ..Evidence::default() };
         self.points.clear();
