@@ -9,9 +9,15 @@ pub(crate) type Key = u64;
 /// The voxel that a point lies in, in voxels of side one; none beyond 2^20 voxels from the origin or where it is no point.
 #[inline]
 pub(crate) fn key_of(scaled: [f64; 3]) -> Option<Key> {
-    let [x, y, z] = scaled.map(|v| v.floor());
     let inside = |v: f64| v >= -(HALF as f64) && v < HALF as f64;
-    (inside(x) && inside(y) && inside(z)).then(|| pack([x as i64, y as i64, z as i64]))
+    (inside(scaled[0]) && inside(scaled[1]) && inside(scaled[2])).then(|| pack(scaled.map(floor)))
+}
+
+/// Of a number that a voxel's place can be.
+#[inline]
+fn floor(v: f64) -> i64 {
+    let whole = v as i64;
+    whole - i64::from(v < whole as f64)
 }
 
 #[inline]

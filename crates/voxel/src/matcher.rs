@@ -6,7 +6,7 @@
 //! they count with a share of what they would say were they independent.
 
 use crate::surfel::Surfel;
-use crate::surfel_map::{Level, SurfelMap};
+use crate::surfel_map::{Level, Looked, SurfelMap};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
@@ -86,6 +86,8 @@ pub struct Matcher {
     /// Its settings.
     pub settings: MatcherSettings,
     points: Vec<[f64; 3]>,
+    /// The voxel where each was looked for last, at the present resolution.
+    looked: Vec<Looked>,
     residuals: Vec<f32>,
 }
 
@@ -123,6 +125,7 @@ impl Matcher {
     }
 
     fn fit(&mut self, level: &Level, pose: Pose3, evaluations: u32) -> Fit {
+        self.forget_voxels();
         let width2 = self.width2(level, pose);
         let at = self.evaluate(level, pose, width2);
         let body = along_body(pose);
@@ -153,13 +156,15 @@ impl Matcher {
         let mut found: Vec<(f64, Pose3)> = Vec::new();
         for start in starts {
             let pose = self.descend(coarse, prior, start);
-            let cost = self.with_prior(prior, pose, self.evaluate(&coarse[0], pose, ROUGH_WIDTH2)).cost;
+            self.forget_voxels();
+            let cost = self.evaluated(prior, &coarse[0], pose, ROUGH_WIDTH2).cost;
             found.push((cost, pose));
         }
         sort_out(&mut found, coarse[0].size_m, ROUGH_KEPT);
         if found.len() > 1 {
             for (misfit, pose) in &mut found {
                 *pose = self.descend(fine, prior, *pose);
+                self.forget_voxels();
                 *misfit = -f64::from(self.evaluate(&map.levels()[0], *pose, ROUGH_WIDTH2).fitting);
             }
             sort_out(&mut found, map.levels()[0].size_m, at_most);
@@ -176,6 +181,7 @@ impl Matcher {
         let every = points_m.len().div_ceil(most.max(1)).max(1);
         self.points.clear();
         self.points.extend(points_m.iter().step_by(every).map(|point| point.map(f64::from)));
+        self.forget_voxels();
     }
 
     fn climb_level(
@@ -186,16 +192,17 @@ impl Matcher {
         steps: usize,
         evaluations: &mut u32,
     ) -> Pose3 {
+        self.forget_voxels();
         let (mut pose, mut damping) = (start, 0.0);
         let mut width2 = self.width2(level, pose);
-        let mut at = self.with_prior(prior, pose, self.evaluate(level, pose, width2));
+        let mut at = self.evaluated(prior, level, pose, width2);
         *evaluations += 1;
         for taken in 1..=steps {
             let damped = at.hessian + Matrix6::from_diagonal(&at.hessian.diagonal().map(|v| damping * v + 1e-9));
             let Some(factor) = damped.cholesky() else { break };
             let step = factor.solve(&-at.gradient);
             let next = moved(pose, &step);
-            let tried = self.with_prior(prior, next, self.evaluate(level, next, width2));
+            let tried = self.evaluated(prior, level, next, width2);
             *evaluations += 1;
             if tried.cost.is_nan() || tried.cost > at.cost {
                 damping = if damping == 0.0 { FIRST_DAMPING } else { damping * GROWTH };
@@ -211,20 +218,26 @@ impl Matcher {
             }
             if taken % WIDTH_EVERY == 0 && taken < steps {
                 width2 = self.width2(level, pose);
-                at = self.with_prior(prior, pose, self.evaluate(level, pose, width2));
+                at = self.evaluated(prior, level, pose, width2);
                 *evaluations += 1;
             }
         }
         pose
     }
 
+    /// To be called where another resolution is looked at.
+    fn forget_voxels(&mut self) {
+        self.looked.clear();
+        self.looked.resize(self.points.len(), Looked::NOTHING);
+    }
+
     /// Squared width of the kernel: what residuals are like there, in standard deviations.
     fn width2(&mut self, level: &Level, pose: Pose3) -> f64 {
         let rotation = pose.rotation.to_rotation_matrix();
         self.residuals.clear();
-        for point in &self.points {
+        for (point, looked) in self.points.iter().zip(&mut self.looked) {
             let at = rotation * Vector3::from(*point) + pose.translation;
-            if let Some(surfel) = level.surfel_at(at.into()) {
+            if let Some(surfel) = level.surfel_at(at.into(), looked) {
                 self.residuals.push(pulled(surfel, at).1 as f32);
             }
         }
@@ -236,7 +249,9 @@ impl Matcher {
         (self.settings.kernel_medians.powi(2) * median).max(1.0)
     }
 
-    fn with_prior(&self, prior: &Prior, pose: Pose3, mut at: Evaluation) -> Evaluation {
+    /// The objective by points and prior.
+    fn evaluated(&mut self, prior: &Prior, level: &Level, pose: Pose3, width2: f64) -> Evaluation {
+        let mut at = self.evaluate(level, pose, width2);
         let error = prior.map_from_cloud.between(pose).log();
         let body = along_body(pose);
         let pull = prior.information * error;
@@ -246,45 +261,88 @@ impl Matcher {
         at
     }
 
-    fn evaluate(&self, level: &Level, pose: Pose3, width2: f64) -> Evaluation {
+    /// The objective by the points alone. Logarithms are taken of products.
+    fn evaluate(&mut self, level: &Level, pose: Pose3, width2: f64) -> Evaluation {
         let rotation = pose.rotation.to_rotation_matrix();
-        let (mut force, mut torque) = (Vector3::zeros(), Vector3::zeros());
-        let (mut linear, mut mixed, mut angular) = (Matrix3::zeros(), Matrix3::zeros(), Matrix3::zeros());
-        let (mut cost, mut known, mut fitting) = (0.0, 0, 0);
-        let fit2 = self.settings.fit_sigmas.powi(2);
-        let unknown = 0.5 * width2 * (1.0 + UNKNOWN_WIDTHS2).ln();
-        for point in &self.points {
+        let mut sums = Sums::default();
+        let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
+        let (mut known, mut fitting) = (0, 0);
+        let (fit2, per_width2) = (self.settings.fit_sigmas.powi(2), 1.0 / width2);
+        for (point, looked) in self.points.iter().zip(&mut self.looked) {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
-            let Some(surfel) = level.surfel_at(at.into()) else {
-                cost += unknown;
+            if product > 1e200 {
+                (log_sum, product) = (log_sum + product.ln(), 1.0);
+            }
+            let Some(surfel) = level.surfel_at(at.into(), looked) else {
+                product *= 1.0 + UNKNOWN_WIDTHS2;
                 continue;
             };
             let (pull, d2) = pulled(surfel, at);
             known += 1;
             fitting += u32::from(d2 < fit2);
-            cost += (0.5 * width2 * (1.0 + d2 / width2).ln()).min(unknown);
-            let weight = 1.0 / (1.0 + d2 / width2);
-            let [xx, xy, xz, yy, yz, zz] = surfel.information.map(|v| weight * f64::from(v));
-            let omega = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-            // A turn moves `at` by `-[arm]x` of it.
-            let cross = arm.cross_matrix();
-            let omega_cross = omega * cross;
-            linear += omega;
-            mixed -= omega_cross;
-            angular -= cross * omega_cross;
-            force += pull * weight;
-            torque += arm.cross(&pull) * weight;
+            let widths2 = d2 * per_width2;
+            product *= 1.0 + widths2.min(UNKNOWN_WIDTHS2);
+            sums.add(1.0 / (1.0 + widths2), surfel, &pull, &arm);
         }
         let share = self.settings.point_share;
+        let (gradient, hessian) = sums.derivatives(share);
+        let cost = share * 0.5 * width2 * (log_sum + f64::ln(product));
+        Evaluation { cost, gradient, hessian, known, fitting }
+    }
+}
+
+/// Sums of the derivatives over points.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    force: [f64; 3],
+    torque: [f64; 3],
+    /// xx, xy, xz, yy, yz, zz.
+    linear: [f64; 6],
+    /// Row by row.
+    mixed: [[f64; 3]; 3],
+    angular: [f64; 6],
+}
+
+impl Sums {
+    /// A point at the end of `arm`, of this weight. A turn moves it by `-[arm]x` of that.
+    #[inline]
+    fn add(&mut self, weight: f64, surfel: &Surfel, pull: &Vector3<f64>, arm: &Vector3<f64>) {
+        let cross = |[x, y, z]: [f64; 3]| [y * arm.z - z * arm.y, z * arm.x - x * arm.z, x * arm.y - y * arm.x];
+        let information = surfel.information.map(|v| weight * f64::from(v));
+        let [xx, xy, xz, yy, yz, zz] = information;
+        // Each row of the information times [arm]x.
+        let rows = [cross([xx, xy, xz]), cross([xy, yy, yz]), cross([xz, yz, zz])];
+        let column = |k: usize| cross([rows[0][k], rows[1][k], rows[2][k]]);
+        let (x, y, z) = (column(0), column(1), column(2));
+        let angular = [x[0], x[1], x[2], y[1], y[2], z[2]];
+        let force = [weight * pull.x, weight * pull.y, weight * pull.z];
+        let torque = cross(force);
+        for k in 0..6 {
+            self.linear[k] += information[k];
+            self.angular[k] += angular[k];
+        }
+        for row in 0..3 {
+            self.force[row] += force[row];
+            self.torque[row] -= torque[row];
+            for k in 0..3 {
+                self.mixed[row][k] -= rows[row][k];
+            }
+        }
+    }
+
+    fn derivatives(&self, share: f64) -> (Vector6<f64>, Matrix6<f64>) {
+        let [force, torque] = [self.force, self.torque].map(|sum| Vector3::from(sum) * share);
+        let symmetric = |[xx, xy, xz, yy, yz, zz]: [f64; 6]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) * share;
+        let mixed = Matrix3::from_fn(|row, column| self.mixed[row][column]) * share;
         let (mut gradient, mut hessian) = (Vector6::zeros(), Matrix6::zeros());
-        gradient.fixed_rows_mut::<3>(0).copy_from(&(force * share));
-        gradient.fixed_rows_mut::<3>(3).copy_from(&(torque * share));
-        hessian.fixed_view_mut::<3, 3>(0, 0).copy_from(&(linear * share));
-        hessian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(mixed * share));
-        hessian.fixed_view_mut::<3, 3>(3, 0).copy_from(&(mixed.transpose() * share));
-        hessian.fixed_view_mut::<3, 3>(3, 3).copy_from(&(angular * share));
-        Evaluation { cost: cost * share, gradient, hessian, known, fitting }
+        gradient.fixed_rows_mut::<3>(0).copy_from(&force);
+        gradient.fixed_rows_mut::<3>(3).copy_from(&torque);
+        hessian.fixed_view_mut::<3, 3>(0, 0).copy_from(&symmetric(self.linear));
+        hessian.fixed_view_mut::<3, 3>(0, 3).copy_from(&mixed);
+        hessian.fixed_view_mut::<3, 3>(3, 0).copy_from(&mixed.transpose());
+        hessian.fixed_view_mut::<3, 3>(3, 3).copy_from(&symmetric(self.angular));
+        (gradient, hessian)
     }
 }
 

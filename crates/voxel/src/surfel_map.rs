@@ -44,6 +44,21 @@ pub(crate) struct Level {
     empty: Vec<u32>,
 }
 
+/// A voxel that was looked for, and its place.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Looked {
+    key: Key,
+    place: u32,
+}
+
+/// The place of a voxel that is not there.
+const NOWHERE: u32 = u32::MAX;
+
+impl Looked {
+    /// None yet.
+    pub(crate) const NOTHING: Self = Self { key: Key::MAX, place: NOWHERE };
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Voxel {
     key: Key,
@@ -172,10 +187,14 @@ impl Level {
         }
     }
 
-    /// The surfel of the voxel that a point lies in.
+    /// The surfel of the voxel that a point lies in; `last` is the voxel where it was looked for before.
     #[inline]
-    pub(crate) fn surfel_at(&self, at: [f64; 3]) -> Option<&Surfel> {
-        self.surfels[self.place_at(at)?].as_ref()
+    pub(crate) fn surfel_at(&self, at: [f64; 3], last: &mut Looked) -> Option<&Surfel> {
+        let key = key_of(at.map(|v| v * self.per_m))?;
+        if key != last.key {
+            *last = Looked { key, place: self.places.get(&key).copied().unwrap_or(NOWHERE) };
+        }
+        self.surfels.get(last.place as usize)?.as_ref()
     }
 
     #[inline]
