@@ -14,7 +14,23 @@ pub trait Folder: Sync {
     /// # Errors
     /// Whatever keeps the file from being read.
     fn read(&self, name: &str) -> io::Result<Vec<u8>>;
+
+    /// The first bytes of one of them, `count` if there are as many. Worth writing where files are large: this one reads all.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    fn read_head(&self, name: &str, count: usize) -> io::Result<Vec<u8>> {
+        self.read(name).map(|mut bytes| {
+            bytes.truncate(count);
+            bytes
+        })
+    }
 }
+
+/// So many files tell what the others are: the first may be damaged.
+const LOOKED_AT: usize = 3;
+/// So many bytes tell what a file is.
+const HEAD_BYTES: usize = 4096;
 
 /// A folder and what it holds, sorted.
 pub(crate) struct Listing<'a> {
@@ -42,6 +58,31 @@ impl<'a> Listing<'a> {
 
     pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, CloudError> {
         read(self.folder, name)
+    }
+
+    /// Enough of a file to know it by.
+    pub(crate) fn head(&self, name: &str) -> Result<Vec<u8>, CloudError> {
+        let head = self.folder.read_head(name, HEAD_BYTES);
+        head.map_err(|cause| CloudError::Io { file: name.to_owned(), cause })
+    }
+
+    /// Whether one of the first files at least is what it should be.
+    ///
+    /// # Errors
+    /// What is wrong with the first of them.
+    pub(crate) fn check_first(
+        &self,
+        names: &[String],
+        check: impl Fn(&str) -> Result<(), CloudError>,
+    ) -> Result<(), CloudError> {
+        let mut first = None;
+        for name in names.iter().take(LOOKED_AT) {
+            match check(name) {
+                Ok(()) => return Ok(()),
+                Err(error) => first = first.or(Some(error)),
+            }
+        }
+        first.map_or(Ok(()), Err)
     }
 
     /// The files that `is_wanted` takes, of one folder: the topmost if there are any in it, else the only one.

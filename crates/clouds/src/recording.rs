@@ -37,6 +37,12 @@ pub struct Recording<'a> {
     plan: Plan,
 }
 
+impl std::fmt::Debug for Recording<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Recording").field("plan", &self.plan).finish_non_exhaustive()
+    }
+}
+
 impl<'a> Recording<'a> {
     /// Its kind, which can be shown in words.
     #[must_use]
@@ -147,6 +153,12 @@ pub struct Clouds<'a> {
     last_stamp: Option<Stamp>,
     notes: Notes,
     source: Source,
+}
+
+impl std::fmt::Debug for Clouds<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Clouds").field("place", &self.place).field("notes", &self.notes).finish_non_exhaustive()
+    }
 }
 
 impl Clouds<'_> {

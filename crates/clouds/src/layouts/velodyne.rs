@@ -22,10 +22,10 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         [name] => name,
         _ => return Err(CloudError::Several { folders: names.into_iter().take(10).collect() }),
     };
-    let bytes = listing.read(name)?;
-    if Capture::begin(&bytes).is_none() && !is_capture(name) {
+    if !is_capture(name) && Capture::begin(&listing.head(name)?).is_none() {
         return Ok(None);
     }
+    let bytes = listing.read(name)?;
     let Some(survey) = survey(name, &bytes) else {
         let expected = "a capture with packets of a Velodyne (1206 bytes by UDP)";
         return Err(CloudError::content(name, 0, expected, crate::text::excerpt(&bytes)));

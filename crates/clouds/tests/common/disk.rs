@@ -1,7 +1,8 @@
 //! A folder or file on disk.
 
 use mapwright_clouds::Folder;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// The files below a path.
@@ -43,5 +44,11 @@ impl Folder for Disk {
 
     fn read(&self, name: &str) -> io::Result<Vec<u8>> {
         std::fs::read(self.root.join(name))
+    }
+
+    fn read_head(&self, name: &str, count: usize) -> io::Result<Vec<u8>> {
+        let mut head = Vec::new();
+        File::open(self.root.join(name))?.take(count as u64).read_to_end(&mut head)?;
+        Ok(head)
     }
 }
