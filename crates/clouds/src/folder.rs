@@ -15,15 +15,16 @@ pub trait Folder: Sync {
     /// Whatever keeps the file from being read.
     fn read(&self, name: &str) -> io::Result<Vec<u8>>;
 
-    /// The first bytes of one of them, `count` if there are as many. Worth writing where files are large: this one reads all.
+    /// A part of one of them: `count` bytes from a place on, fewer only where it ends before. Worth writing where files are large:
+    /// this one reads all.
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    fn read_head(&self, name: &str, count: usize) -> io::Result<Vec<u8>> {
-        self.read(name).map(|mut bytes| {
-            bytes.truncate(count);
-            bytes
-        })
+    fn read_part(&self, name: &str, offset_bytes: u64, count: usize) -> io::Result<Vec<u8>> {
+        let bytes = self.read(name)?;
+        let begin = usize::try_from(offset_bytes).unwrap_or(usize::MAX).min(bytes.len());
+        let end = begin.saturating_add(count).min(bytes.len());
+        Ok(bytes[begin..end].to_vec())
     }
 }
 
@@ -62,7 +63,7 @@ impl<'a> Listing<'a> {
 
     /// Enough of a file to know it by.
     pub(crate) fn head(&self, name: &str) -> Result<Vec<u8>, CloudError> {
-        let head = self.folder.read_head(name, HEAD_BYTES);
+        let head = self.folder.read_part(name, 0, HEAD_BYTES);
         head.map_err(|cause| CloudError::Io { file: name.to_owned(), cause })
     }
 

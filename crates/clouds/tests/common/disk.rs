@@ -2,7 +2,7 @@
 
 use mapwright_clouds::Folder;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// The files below a path.
@@ -46,9 +46,11 @@ impl Folder for Disk {
         std::fs::read(self.root.join(name))
     }
 
-    fn read_head(&self, name: &str, count: usize) -> io::Result<Vec<u8>> {
-        let mut head = Vec::new();
-        File::open(self.root.join(name))?.take(count as u64).read_to_end(&mut head)?;
-        Ok(head)
+    fn read_part(&self, name: &str, offset_bytes: u64, count: usize) -> io::Result<Vec<u8>> {
+        let mut part = Vec::new();
+        let mut file = File::open(self.root.join(name))?;
+        file.seek(SeekFrom::Start(offset_bytes))?;
+        file.take(count as u64).read_to_end(&mut part)?;
+        Ok(part)
     }
 }
