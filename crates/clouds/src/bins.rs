@@ -3,7 +3,6 @@
 use crate::error::CloudError;
 use crate::notes::{NoteKind, Notes};
 use crate::text::excerpt;
-use std::borrow::Cow;
 use std::io::Read;
 
 /// `x y z intensity`, little endian.
@@ -22,16 +21,70 @@ const FARTHEST_M: f32 = 2000.0;
 /// # Errors
 /// [`CloudError::Content`] where zstd's bytes break before the first point, or the numbers are none that a lidar gives.
 pub fn read_bin(file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<[f32; 3]>, CloudError> {
-    let unpacked = unpacked(file, bytes, notes)?;
-    let (points, rest) = unpacked.as_chunks::<POINT_BYTES>();
-    if is_foreign(points) || (points.is_empty() && !rest.is_empty()) {
-        return Err(CloudError::content(file, 0, "points as float32 x y z intensity", excerpt(&unpacked)));
+    BinReader::default().read(file, bytes, notes)
+}
+
+/// Reads one file after the other; keeps the room for what is decompressed, and zstd's state.
+#[derive(Default)]
+pub(crate) struct BinReader {
+    unpacked: Vec<u8>,
+    zstd: Option<zstd::bulk::Decompressor<'static>>,
+}
+
+impl BinReader {
+    pub(crate) fn read(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<[f32; 3]>, CloudError> {
+        let bytes = if bytes.starts_with(&ZSTD_MAGIC) { self.unpacked(file, bytes, notes)? } else { bytes };
+        let (points, rest) = bytes.as_chunks::<POINT_BYTES>();
+        if is_foreign(points) || (points.is_empty() && !rest.is_empty()) {
+            return Err(CloudError::content(file, 0, "points as float32 x y z intensity", excerpt(bytes)));
+        }
+        if !rest.is_empty() {
+            let at = bytes.len() - rest.len();
+            notes.note(NoteKind::Truncated, file, at, || ("points of 16 bytes", format!("{} bytes more", rest.len())));
+        }
+        Ok(points.iter().map(|point| [0, 4, 8].map(|at| number(point, at))).collect())
     }
-    if !rest.is_empty() {
-        let at = unpacked.len() - rest.len();
-        notes.note(NoteKind::Truncated, file, at, || ("points of 16 bytes", format!("{} bytes more", rest.len())));
+
+    fn unpacked(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<&[u8], CloudError> {
+        if self.unpack_at_once(bytes).is_none() {
+            self.unpack_stream(file, bytes, notes)?;
+        }
+        Ok(&self.unpacked)
     }
-    Ok(points.iter().map(|point| [0, 4, 8].map(|at| number(point, at))).collect())
+
+    /// A whole stream that says how long it is becomes so long in one go; none where it is anything else.
+    fn unpack_at_once(&mut self, bytes: &[u8]) -> Option<usize> {
+        let length = zstd::zstd_safe::get_frame_content_size(bytes).ok()??;
+        if length > bytes.len() as u64 * RATIO_MAX {
+            return None;
+        }
+        if self.zstd.is_none() {
+            self.zstd = zstd::bulk::Decompressor::new().ok();
+        }
+        self.unpacked.clear();
+        self.unpacked.reserve(length as usize);
+        self.zstd.as_mut()?.decompress_to_buffer(bytes, &mut self.unpacked).ok()
+    }
+
+    /// Piece by piece, so that what comes before damage is not lost.
+    fn unpack_stream(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<(), CloudError> {
+        let fail = |found: String| CloudError::content(file, 0, "a stream of zstd", found);
+        let most = ALWAYS_ALLOWED_BYTES.max(bytes.len() as u64 * RATIO_MAX);
+        let decoder = zstd::stream::read::Decoder::with_buffer(bytes).map_err(|cause| fail(cause.to_string()))?;
+        let out = &mut self.unpacked;
+        out.clear();
+        if let Err(cause) = decoder.take(most + 1).read_to_end(out) {
+            if out.len() < POINT_BYTES {
+                return Err(fail(cause.to_string()));
+            }
+            notes.note(NoteKind::Truncated, file, out.len(), || ("zstd to the end", cause.to_string()));
+            out.truncate(out.len() - out.len() % POINT_BYTES);
+        }
+        if out.len() as u64 > most {
+            return Err(fail(format!("{} bytes that become more than {most}", bytes.len())));
+        }
+        Ok(())
+    }
 }
 
 fn number(bytes: &[u8; POINT_BYTES], at: usize) -> f32 {
@@ -47,37 +100,6 @@ fn is_foreign(points: &[[u8; POINT_BYTES]]) -> bool {
     let far = count(&|point| [0, 4, 8].iter().any(|at| is_no_place(number(point, *at))));
     let below_zero = count(&|point| number(point, 12) < 0.0);
     far * 100 > looked_at.len() || below_zero * 20 > looked_at.len()
-}
-
-fn unpacked<'a>(file: &str, bytes: &'a [u8], notes: &mut Notes) -> Result<Cow<'a, [u8]>, CloudError> {
-    if !bytes.starts_with(&ZSTD_MAGIC) {
-        return Ok(Cow::Borrowed(bytes));
-    }
-    let fail = |found: String| CloudError::content(file, 0, "a stream of zstd", found);
-    let most = ALWAYS_ALLOWED_BYTES.max(bytes.len() as u64 * RATIO_MAX);
-    if let Some(out) = unpacked_at_once(bytes, most) {
-        return Ok(Cow::Owned(out));
-    }
-    let decoder = zstd::stream::read::Decoder::with_buffer(bytes).map_err(|cause| fail(cause.to_string()))?;
-    let mut out = Vec::with_capacity(2 * bytes.len());
-    if let Err(cause) = decoder.take(most + 1).read_to_end(&mut out) {
-        if out.len() < POINT_BYTES {
-            return Err(fail(cause.to_string()));
-        }
-        notes.note(NoteKind::Truncated, file, out.len(), || ("zstd to the end", cause.to_string()));
-        out.truncate(out.len() - out.len() % POINT_BYTES);
-    }
-    if out.len() as u64 > most {
-        return Err(fail(format!("{} bytes that become more than {most}", bytes.len())));
-    }
-    Ok(Cow::Owned(out))
-}
-
-/// A whole stream that says how long it is becomes so long in one go, which takes half as long; none where it is anything else.
-fn unpacked_at_once(bytes: &[u8], most: u64) -> Option<Vec<u8>> {
-    let length = zstd::zstd_safe::get_frame_content_size(bytes).ok()??;
-    let length = usize::try_from(length).ok().filter(|length| *length as u64 <= most)?;
-    zstd::bulk::decompress(bytes, length).ok()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! A recording, and its clouds one by one.
 
-use crate::bins::read_bin;
+use crate::bins::BinReader;
 use crate::camera::{CameraOptions, camera};
 use crate::error::CloudError;
 use crate::folder::{Folder, Listing, read};
@@ -103,7 +103,7 @@ impl<'a> Recording<'a> {
     /// say what cannot be.
     pub fn clouds(&self, options: &CameraOptions) -> Result<Clouds<'a>, CloudError> {
         let source = match &self.plan.decode {
-            Decode::Bins => Source::Bins,
+            Decode::Bins => Source::Bins(Box::default()),
             Decode::Files => Source::Files,
             Decode::Depth(plan) => {
                 let (camera, depth_per_m) = camera(plan, options)?;
@@ -136,7 +136,7 @@ impl<'a> Recording<'a> {
 
 /// What clouds are made of.
 enum Source<'a> {
-    Bins,
+    Bins(Box<BinReader>),
     Files,
     Depth { camera: Arc<PinholeCamera>, directions: Vec<[f32; 2]>, depth_per_m: f64 },
     Packets(Box<Sweeps<'a>>),
@@ -245,8 +245,8 @@ impl Clouds<'_> {
             return cloud.map_err(|reason| CloudError::content(&frame.file, 0, "the camera's size", reason));
         }
         let bytes = read(self.folder, &frame.file)?;
-        if matches!(self.source, Source::Bins) {
-            let points_m = read_bin(&frame.file, &bytes, &mut self.notes)?;
+        if let Source::Bins(reader) = &mut self.source {
+            let points_m = reader.read(&frame.file, &bytes, &mut self.notes)?;
             return Ok(Cloud { points_m, ..self.empty(frame) });
         }
         let points = read_points(&frame.file, &bytes, &mut self.notes)?;
