@@ -21,7 +21,7 @@ fn main() {
         .filter(|p| p.extension().is_some_and(|e| e == "bin"))
         .collect();
     names.sort();
-    let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: res, levels });
+    let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: res, levels, noise_m: get("noise", 0.01) });
     let mut matcher = Matcher::new(MatcherSettings {
         points: get("points", 4000.0) as usize,
         steps: get("steps", 15.0) as usize,

@@ -61,7 +61,7 @@ pub struct Fit {
 const ROUGH_POINTS: usize = 1000;
 const ROUGH_STEPS: usize = 8;
 /// So many of those that the coarser resolutions lead to are climbed on.
-const ROUGH_KEPT: usize = 6;
+const ROUGH_KEPT: usize = 8;
 /// Poses so near to each other are one, of the voxel's side, and radians.
 const SAME_SHARE: f64 = 0.5;
 const SAME_RAD: f64 = 0.1;
@@ -282,7 +282,11 @@ impl Matcher {
             known += 1;
             fitting += u32::from(d2 < fit2);
             let widths2 = d2 * per_width2;
-            product *= 1.0 + widths2.min(UNKNOWN_WIDTHS2);
+            if widths2 >= UNKNOWN_WIDTHS2 {
+                product *= 1.0 + UNKNOWN_WIDTHS2;
+                continue;
+            }
+            product *= 1.0 + widths2;
             sums.add(1.0 / (1.0 + widths2), surfel, &pull, &arm);
         }
         let share = self.settings.point_share;
@@ -389,3 +393,6 @@ fn moved(pose: Pose3, step: &Vector6<f64>) -> Pose3 {
     rotation.renormalize();
     Pose3 { translation: pose.translation + step.fixed_rows::<3>(0), rotation }
 }
+
+#[cfg(test)]
+mod tests;

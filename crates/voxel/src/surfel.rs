@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 const PARTS: f64 = 4096.0;
 /// A voxel with fewer points says nothing of a surface.
 const LEAST_POINTS: u32 = 5;
-/// A surface is as thick as this share of the voxel's side at least: what is curved or rough within it, and the laser's noise.
+/// A surface is as thick as this share of the voxel's side at least: what is curved or rough within it.
 const LEAST_THICKNESS: f64 = 0.02;
 
 /// Sums over the points of a voxel, in integers: what was added can be taken away to the bit, in any order.
@@ -46,8 +46,8 @@ impl Sums {
         }
     }
 
-    /// The surfel of a voxel of side `size_m` with its least corner there; none where there are too few points.
-    pub(crate) fn surfel(&self, corner: [f64; 3], size_m: f64) -> Option<Surfel> {
+    /// The surfel of a voxel of side `size_m` with its least corner there, of points with such noise; none where there are too few points.
+    pub(crate) fn surfel(&self, corner: [f64; 3], size_m: f64, noise_m: f64) -> Option<Surfel> {
         if self.count < LEAST_POINTS {
             return None;
         }
@@ -68,7 +68,7 @@ impl Sums {
         );
         let unit_m = size_m / PARTS;
         let (variances, vectors) = axes(covariance * (unit_m * unit_m));
-        let least = LEAST_THICKNESS * size_m;
+        let least = (LEAST_THICKNESS * size_m).max(noise_m);
         let weights = variances.map(|variance| 1.0 / variance.max(least * least));
         let information = vectors * Matrix3::from_diagonal(&weights) * vectors.transpose();
         let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);

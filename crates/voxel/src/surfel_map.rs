@@ -12,6 +12,8 @@ pub struct SurfelMapSettings {
     pub resolution_m: f64,
     /// How many resolutions; each has voxels twice as large as the one before.
     pub levels: usize,
+    /// Standard deviation of points across a surface at least, metres.
+    pub noise_m: f64,
 }
 
 /// Whether points come or go.
@@ -35,6 +37,7 @@ pub struct SurfelMap {
 pub(crate) struct Level {
     pub(crate) size_m: f64,
     per_m: f64,
+    noise_m: f64,
     places: FxHashMap<Key, u32>,
     voxels: Vec<Voxel>,
     /// Beside each voxel, for matching reads nothing else.
@@ -72,7 +75,7 @@ impl SurfelMap {
     /// An empty map.
     #[must_use]
     pub fn new(settings: SurfelMapSettings) -> Self {
-        let level = |k: usize| Level::new(settings.resolution_m * f64::from(1_u32 << k.min(16)));
+        let level = |k: usize| Level::new(settings.resolution_m * f64::from(1_u32 << k.min(16)), settings.noise_m);
         Self { settings, levels: (0..settings.levels.max(1)).map(level).collect() }
     }
 
@@ -129,9 +132,10 @@ impl SurfelMap {
 }
 
 impl Level {
-    fn new(size_m: f64) -> Self {
+    fn new(size_m: f64, noise_m: f64) -> Self {
         Self {
             size_m,
+            noise_m,
             per_m: 1.0 / size_m,
             places: FxHashMap::default(),
             voxels: Vec::new(),
@@ -179,7 +183,7 @@ impl Level {
         for place in std::mem::take(&mut self.touched) {
             let voxel = &mut self.voxels[place as usize];
             voxel.is_touched = false;
-            self.surfels[place as usize] = voxel.sums.surfel(corner(voxel.key), self.size_m);
+            self.surfels[place as usize] = voxel.sums.surfel(corner(voxel.key), self.size_m, self.noise_m);
             if voxel.sums.count == 0 && self.places.get(&voxel.key) == Some(&place) {
                 self.places.remove(&voxel.key);
                 self.empty.push(place);
@@ -201,5 +205,70 @@ impl Level {
     fn place_at(&self, at: [f64; 3]) -> Option<usize> {
         let key = key_of(at.map(|v| v * self.per_m))?;
         self.places.get(&key).map(|&place| place as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector6;
+    use proptest::prelude::*;
+
+    fn any_cloud() -> impl Strategy<Value = (Vec<[f32; 3]>, [f64; 6])> {
+        let number = prop_oneof![20 => -20.0..20.0_f32, 1 => proptest::num::f32::ANY];
+        let points = prop::collection::vec([number.clone(), number.clone(), number], 0..200);
+        (points, [-3.0..3.0, -3.0..3.0, -3.0..3.0, -1.0..1.0, -1.0..1.0, -1.0..1.0_f64])
+    }
+
+    /// All surfels by their voxels.
+    fn surfels(map: &SurfelMap) -> Vec<Vec<(Key, Surfel)>> {
+        let of_level = |level: &Level| {
+            let mut all: Vec<(Key, Surfel)> =
+                level.places.iter().filter_map(|(key, place)| Some((*key, level.surfels[*place as usize]?))).collect();
+            all.sort_by_key(|(key, _)| *key);
+            all
+        };
+        map.levels.iter().map(of_level).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn clouds_come_and_go_to_the_bit_in_any_order(clouds in prop::collection::vec(any_cloud(), 1..5), gone in 0..5_usize) {
+            let settings = SurfelMapSettings { resolution_m: 0.5, levels: 3, noise_m: 0.01 };
+            let pose = |numbers: &[f64; 6]| Pose3::exp(Vector6::from(*numbers));
+            let (mut a, mut b) = (SurfelMap::new(settings), SurfelMap::new(settings));
+            for (k, (points, numbers)) in clouds.iter().enumerate() {
+                a.draw(points, pose(numbers), Change::Add, k as u32);
+                a.refresh();
+            }
+            let gone = gone % clouds.len();
+            a.draw(&clouds[gone].0, pose(&clouds[gone].1), Change::Remove, gone as u32);
+            a.refresh();
+            for (k, (points, numbers)) in clouds.iter().enumerate().rev().filter(|(k, _)| *k != gone) {
+                b.draw(points, pose(numbers), Change::Add, k as u32);
+            }
+            b.refresh();
+            prop_assert_eq!(surfels(&a), surfels(&b));
+            prop_assert_eq!(a.levels[0].places.len(), b.levels[0].places.len());
+        }
+    }
+
+    #[test]
+    fn a_surfel_has_the_normal_of_its_plane() {
+        let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: 1.0, levels: 1, noise_m: 0.01 });
+        let points: Vec<[f32; 3]> =
+            (0..100).map(|k| [0.05 + 0.09 * (k % 10) as f32, 0.05 + 0.09 * (k / 10) as f32, 0.5]).collect();
+        map.draw(&points, Pose3::identity(), Change::Add, 7);
+        map.refresh();
+        let surfel = *map.surfels().next().unwrap();
+        assert!(
+            surfel.count == 100 && surfel.normal[2].abs() > 0.999 && (surfel.mean_m[2] - 0.5).abs() < 1e-3,
+            "{surfel:?}"
+        );
+        let mut suppliers = Vec::new();
+        map.each_supplier(&points[..3], Pose3::identity(), |supplier| suppliers.push(supplier));
+        assert_eq!(suppliers, [7, 7, 7]);
     }
 }

@@ -9,7 +9,6 @@ use mapwright_geom::{Cov6, Pose3};
 use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
 use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
-use mapwright_voxel::SurfelMapSettings;
 use std::sync::Arc;
 
 mod predict;
@@ -159,8 +158,8 @@ impl FrontEnd {
 
     /// How what was seen along the way is drawn to be compared.
     pub(crate) fn submaps(&self, verify: VerifySettings) -> Option<SpaceSubmaps> {
-        let Scale { range_m, resolution_m, levels } = self.preparation.scale()?;
-        Some(SpaceSubmaps::new(SurfelMapSettings { resolution_m, levels }, range_m, verify))
+        let scale = self.preparation.scale()?;
+        Some(SpaceSubmaps::new(scale.maps(), scale.range_m, verify))
     }
 
     /// How certain old places are relative to the newest keyframe.

@@ -7,7 +7,7 @@ use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
 use mapwright_loops::KnownPlace;
 use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::{Change, SurfelMap, SurfelMapSettings};
+use mapwright_voxel::{Change, SurfelMap};
 use std::collections::VecDeque;
 
 /// So certain keyframes are matched against, of a voxel's side; those that the robot stays near until they are so many times as
@@ -50,9 +50,8 @@ struct View {
 
 impl LocalMapping {
     pub(crate) fn new(settings: &Settings, scale: Scale) -> Self {
-        let map = SurfelMapSettings { resolution_m: scale.resolution_m, levels: scale.levels };
         Self {
-            map: SurfelMap::new(map),
+            map: SurfelMap::new(scale.maps()),
             gated: settings.live.policy == LivePolicy::Gated,
             scale,
             views: Vec::new(),

@@ -2,8 +2,8 @@
 
 use crate::settings::Settings;
 use mapwright_geom::Pose3;
-use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
-use mapwright_voxel::Thinner;
+use mapwright_sensor::{BeamCounts, Cloud, SpaceSensor, SpaceSweep};
+use mapwright_voxel::{SurfelMapSettings, Thinner};
 use nalgebra::{Vector3, Vector6};
 
 /// What depends on how far a sensor sees, derived from the first cloud with enough points.
@@ -15,6 +15,15 @@ pub(crate) struct Scale {
     pub(crate) resolution_m: f64,
     /// How many resolutions, each twice as coarse: up to what the robot may move between two clouds.
     pub(crate) levels: usize,
+    /// Noise of a point, metres.
+    pub(crate) noise_m: f64,
+}
+
+impl Scale {
+    /// The maps that are made so.
+    pub(crate) fn maps(self) -> SurfelMapSettings {
+        SurfelMapSettings { resolution_m: self.resolution_m, levels: self.levels, noise_m: self.noise_m }
+    }
 }
 
 /// Points of the first cloud at least.
@@ -93,7 +102,7 @@ impl Preparation {
             counts.refused = cloud.points_m.len().min(u32::MAX as usize) as u32;
         }
         if self.scale.is_none() && self.all.len() >= LEAST_POINTS {
-            self.scale = Some(scale_of(settings, &self.all));
+            self.scale = Some(scale_of(settings, &cloud.sensor, &self.all));
         }
         let resolution_m = self.scale.map_or(1.0, |scale| scale.resolution_m);
         let coloured = (self.all.as_slice(), self.colours.as_slice());
@@ -133,13 +142,13 @@ impl Preparation {
     }
 }
 
-fn scale_of(settings: &Settings, points_m: &[[f32; 3]]) -> Scale {
+fn scale_of(settings: &Settings, sensor: &SpaceSensor, points_m: &[[f32; 3]]) -> Scale {
     let square = |point: &[f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
     let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
     let asked_m = settings.space.resolution_m;
     let resolution_m = if asked_m > 0.0 { asked_m } else { two_digits(FINEST_SHARE * range_m) };
     let levels = (1..LEVELS_AT_MOST).find(|&k| resolution_m * f64::from(1_u32 << (k - 1)) >= COARSEST_SHARE * range_m);
-    Scale { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST) }
+    Scale { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST), noise_m: sensor.sigma_m(range_m) }
 }
 
 /// Rounded to two digits, that it may be told and asked for again.

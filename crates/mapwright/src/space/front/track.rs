@@ -10,8 +10,10 @@ use mapwright_record::{MatchReport, NodeId, Status};
 use mapwright_voxel::{Fit, Matcher, Prior};
 use nalgebra::Vector6;
 
-/// Below this share of fitting points, among those in known territory, other starts are tried.
+/// Below this share of fitting points, among those in known territory, other starts are tried,
 const DOUBT_SHARE: f64 = 0.85;
+/// or where less than this share of a cloud is known: in a wrong place little is.
+const DOUBT_KNOWN: f64 = 0.75;
 /// Below this share a match is doubtful, and below the next it is not believed.
 const DEGRADED_SHARE: f64 = 0.55;
 const LOST_SHARE: f64 = 0.35;
@@ -78,7 +80,7 @@ impl Tracker {
         };
         let mut best = self.matcher.climb(map, points, &prior, first);
         let mut restarts = 0;
-        if best.inlier_share < DOUBT_SHARE {
+        if best.inlier_share < DOUBT_SHARE || best.known_share < DOUBT_KNOWN {
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
             for start in self.matcher.rough(map, points, &prior, headings, FOLLOWED) {

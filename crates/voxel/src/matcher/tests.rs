@@ -1,0 +1,139 @@
+use super::*;
+use crate::surfel_map::{Change, SurfelMapSettings};
+
+/// A room of 6 by 8 by 3 m with a box in it, as points 5 cm apart.
+fn room() -> Vec<[f32; 3]> {
+    let grid = |size: [f32; 2]| {
+        let [a, b] = size.map(|metres| (metres / 0.05) as usize);
+        (0..a).flat_map(move |i| (0..b).map(move |k| [0.05 * i as f32, 0.05 * k as f32]))
+    };
+    let mut points = Vec::new();
+    points.extend(grid([6.0, 8.0]).map(|[x, y]| [x - 2.0, y - 3.0, -1.0]));
+    for x in [-2.0, 4.0] {
+        points.extend(grid([8.0, 3.0]).map(|[y, z]| [x, y - 3.0, z - 1.0]));
+    }
+    for y in [-3.0, 5.0] {
+        points.extend(grid([6.0, 3.0]).map(|[x, z]| [x - 2.0, y, z - 1.0]));
+    }
+    points.extend(grid([1.0, 1.0]).map(|[x, z]| [x + 1.0, 2.5, z - 1.0]));
+    points
+}
+
+fn map_of(points: &[[f32; 3]]) -> SurfelMap {
+    let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: 0.25, levels: 4, noise_m: 0.01 });
+    map.draw(points, Pose3::identity(), Change::Add, 0);
+    map.refresh();
+    map
+}
+
+fn moved_by(points: &[[f32; 3]], pose: Pose3) -> Vec<[f32; 3]> {
+    let back = pose.inverse();
+    let moved = |point: &[f32; 3]| {
+        let at = back.transform(Vector3::from(point.map(f64::from)));
+        [at.x as f32, at.y as f32, at.z as f32]
+    };
+    points.iter().map(moved).collect()
+}
+
+fn weak_prior() -> Prior {
+    Prior { map_from_cloud: Pose3::identity(), information: Cov6::identity() * 1e-3 }
+}
+
+fn pose(numbers: [f64; 6]) -> Pose3 {
+    Pose3::exp(Vector6::from(numbers))
+}
+
+#[test]
+fn the_gradient_is_that_of_the_objective() {
+    let (points, prior) = (
+        room(),
+        Prior { map_from_cloud: pose([0.1, 0.0, -0.1, 0.02, 0.0, 0.1]), information: Cov6::identity() * 40.0 },
+    );
+    let map = map_of(&points);
+    let mut matcher = Matcher::default();
+    matcher.take_points(&points, 1500);
+    let at = pose([0.03, -0.02, 0.04, 0.01, -0.02, 0.03]);
+    for level in map.levels() {
+        let mut cost = |pose: Pose3| {
+            matcher.forget_voxels();
+            matcher.evaluated(&prior, level, pose, 50.0)
+        };
+        let gradient = cost(at).gradient;
+        for axis in 0..6 {
+            // So small that hardly a point changes its voxel.
+            let step = 1e-7;
+            let aside = |sign: f64| {
+                let mut tangent = Vector6::zeros();
+                tangent[axis] = sign * step;
+                moved(at, &tangent)
+            };
+            let difference = (cost(aside(1.0)).cost - cost(aside(-1.0)).cost) / (2.0 * step);
+            let scale = gradient.amax().max(1.0);
+            assert!(
+                (difference - gradient[axis]).abs() < 2e-3 * scale,
+                "axis {axis}: {difference}, not {}",
+                gradient[axis]
+            );
+        }
+    }
+}
+
+#[test]
+fn a_cloud_is_found_where_it_was_taken() {
+    let points = room();
+    let map = map_of(&points);
+    let mut matcher = Matcher::default();
+    for truth in [pose([0.3, -0.2, 0.1, 0.05, -0.05, 0.2]), pose([-0.1, 0.4, 0.0, 0.0, 0.0, -0.35])] {
+        let seen = moved_by(&points, truth);
+        let fit = matcher.climb(&map, &seen, &weak_prior(), Pose3::identity());
+        let error = truth.between(fit.map_from_cloud);
+        assert!(error.translation.norm() < 0.01 && error.rotation.angle() < 0.003, "{error:?}");
+        assert!(fit.inlier_share > 0.9 && fit.known_share > 0.95);
+        assert!(fit.information.symmetric_eigenvalues().min() > 0.0);
+    }
+}
+
+#[test]
+fn a_robot_turned_by_more_than_a_right_angle_is_found_from_many_headings() {
+    let points = room();
+    let (map, truth) = (map_of(&points), pose([0.2, 0.1, 0.0, 0.0, 0.0, 1.9]));
+    let (seen, mut matcher) = (moved_by(&points, truth), Matcher::default());
+    let headings = (-11..=12).map(|k| pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.262 * f64::from(k)]));
+    let found = matcher.rough(&map, &seen, &weak_prior(), headings, 2);
+    let fit = matcher.climb(&map, &seen, &weak_prior(), found[0]);
+    assert!(truth.distance(fit.map_from_cloud) < 0.02, "{:?}", fit.map_from_cloud);
+    assert!(
+        found.len() == 2 && found[0].distance(found[1]) + found[0].between(found[1]).rotation.angle() > 0.1,
+        "each once"
+    );
+}
+
+#[test]
+fn what_a_corridor_leaves_open_falls_back_to_the_prior() {
+    let walls: Vec<[f32; 3]> = room().into_iter().filter(|[x, _, z]| *x < -1.9 || *x > 3.9 || *z < -0.95).collect();
+    // Endless along y: both ends are cut off from what is seen.
+    let seen: Vec<[f32; 3]> = walls.iter().copied().filter(|[_, y, _]| (-1.0..3.0).contains(y)).collect();
+    let information = Cov6::from_diagonal(&Vector6::new(1.0, 2500.0, 1.0, 1.0, 1.0, 1.0));
+    let prior = Prior { map_from_cloud: pose([0.0, 0.1, 0.0, 0.0, 0.0, 0.0]), information };
+    let fit = Matcher::default().climb(&map_of(&walls), &seen, &prior, pose([0.1, 0.3, 0.05, 0.0, 0.0, 0.05]));
+    let error = prior.map_from_cloud.between(fit.map_from_cloud).translation;
+    assert!(error.x.abs() < 0.12 && error.z.abs() < 0.02 && error.y.abs() < 0.03, "{error:?}");
+    let [across, along] = [fit.information[(0, 0)], fit.information[(1, 1)]];
+    assert!(along < 0.2 * across, "{along} along the corridor, {across} across");
+}
+
+#[test]
+fn nothing_bad_comes_of_bad_clouds() {
+    let (map, mut matcher) = (map_of(&room()), Matcher::default());
+    let far = [[1e9, 0.0, 0.0]; 50];
+    let nan = [[f32::NAN; 3]; 50];
+    let plane: Vec<[f32; 3]> = (0..500).map(|k| [0.01 * k as f32, 0.0, 0.0]).collect();
+    for cloud in [&[][..], &far, &nan, &plane, &[[0.0; 3]]] {
+        let fit = matcher.climb(&map, cloud, &weak_prior(), Pose3::identity());
+        assert!(fit.map_from_cloud.is_finite() && (0.0..=1.0).contains(&fit.inlier_share));
+        let _ = matcher.rough(&map, cloud, &weak_prior(), std::iter::once(Pose3::identity()), 3);
+    }
+    let empty = SurfelMap::new(*map.settings());
+    let fit = matcher.climb(&empty, &plane, &weak_prior(), Pose3::identity());
+    assert!(fit.known_share == 0.0 && fit.map_from_cloud.is_finite());
+}
