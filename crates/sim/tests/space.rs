@@ -143,27 +143,61 @@ fn undistorting_by_the_true_motion_puts_every_point_on_a_surface() {
     assert!(worst_without_m > 0.03, "motion during a turn shows: {worst_without_m} m");
 }
 
+/// Ranges from the same place of three storeys.
+fn from_each_storey(site: &SpaceSite, [x, y, z]: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+    let range_m = |floor_m: f64| site.world.cast([x, y, z + floor_m], direction, 30.0).map_or(30.0, |hit| hit.at);
+    [0.0, 3.2, 6.4].map(range_m)
+}
+
 #[test]
 fn storeys_look_alike() {
-    let site = worlds::look_alike_storeys(3);
-    let drive = SpaceDrive::new(site.into(), exact(3));
-    let floors_m = [0.0, 3.2, 6.4];
-    // the same stations on each storey: where the robot passes on the lowest
-    let stations = (0..60).filter_map(|k| drive.world_from_robot(Stamp::from_secs_f64(f64::from(k))));
-    for station in stations.filter(|at| at.translation.z == 0.0) {
-        let eye = above(station, 0.9);
-        for ray in 0..500 {
-            let (sin, cos) = f64::sin_cos(f64::from(ray) * 0.37);
-            let direction = [cos, sin, -0.4 + 0.0016 * f64::from(ray)];
-            let ranges = floors_m.map(|floor_m| {
-                let hit = drive.site().world.cast([eye[0], eye[1], eye[2] + floor_m], direction, 30.0);
-                hit.map_or(30.0, |hit| hit.at)
-            });
-            assert!(
-                (ranges[0] - ranges[1]).abs() < 1e-4 && (ranges[0] - ranges[2]).abs() < 1e-4,
-                "{ranges:?} from {eye:?}"
-            );
+    for seed in 0..4 {
+        let drive = SpaceDrive::new(worlds::look_alike_storeys(seed).into(), exact(seed));
+        // the same stations on each storey: where the robot passes on the lowest
+        let stations = (0..300).filter_map(|k| drive.world_from_robot(Stamp::from_secs_f64(f64::from(k))));
+        let stations: Vec<Pose3> = stations.filter(|at| at.translation.z == 0.0).collect();
+        assert!(stations.len() > 60, "{}", stations.len());
+        for station in stations {
+            let eye = above(station, 0.9);
+            for ray in 0..500 {
+                let (sin, cos) = f64::sin_cos(f64::from(ray) * 0.37);
+                let direction = [cos, sin, -0.4 + 0.0016 * f64::from(ray)];
+                let [low, middle, high] = from_each_storey(drive.site(), eye, direction);
+                let is_same = (low - middle).abs() < 1e-4 && (low - high).abs() < 1e-4;
+                assert!(is_same, "seed {seed}: {low} {middle} {high} m from {eye:?} along {direction:?}");
+            }
         }
+    }
+}
+
+#[test]
+fn other_storeys_do_not() {
+    let site = worlds::two_storey(3);
+    let [x, y, _] = site.waypoints[0];
+    let differs = |ray: &u32| {
+        let (sin, cos) = f64::sin_cos(f64::from(*ray) * 0.37);
+        let [low, high, _] = from_each_storey(&site, [x, y, 0.9], [cos, sin, 0.1]);
+        (low - high).abs() > 0.05
+    };
+    let differing = (0..500).filter(differs).count();
+    assert!(differing > 50, "{differing}");
+}
+
+#[test]
+fn depth_images_as_points_lie_on_surfaces() {
+    let mut settings = exact(6);
+    let sensor = Arc::make_mut(&mut settings.depth.sensor);
+    (sensor.range_sigma_m, sensor.range_sigma_per_m) = (0.0, 0.0);
+    let (sensor, camera) = (Arc::clone(&settings.depth.sensor), Arc::clone(&settings.depth.camera));
+    let drive = SpaceDrive::new(worlds::two_storey(6).into(), settings);
+    let taken = drive.depth_image(900).unwrap();
+    let cloud = taken.image.to_cloud(&sensor, &camera.directions()).unwrap();
+    let seen: Vec<_> = cloud.points_m.iter().filter(|point| point[0].is_finite()).collect();
+    assert!(seen.len() > 20_000, "{}", seen.len());
+    for point in seen.into_iter().step_by(31) {
+        let at = taken.world_from_robot * sensor.robot_from_sensor;
+        let off_m = drive.site().world.distance_m(at.transform(point.map(f64::from).into()).into());
+        assert!(off_m < 1e-4, "{off_m} m off the surface");
     }
 }
 
