@@ -2,6 +2,7 @@
 #![allow(missing_docs, reason = "criterion's macros make public functions without docs")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use mapwright_sim::space::{self, SpaceDrive, SpaceDriveSettings, SpaceSite};
 use mapwright_sim::{Drive, DriveSettings, Site, worlds};
 use std::hint::black_box;
 use std::sync::Arc;
@@ -30,5 +31,26 @@ fn raycast(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, raycast);
+/// About a thousand rays in space, all around from each of some waypoints.
+fn space_rays(site: &SpaceSite) -> f64 {
+    let mut sum_m = 0.0;
+    for [x, y, z] in site.waypoints.iter().take(20) {
+        for ray in 0..50u32 {
+            let (sin, cos) = (f64::from(ray) * 0.1257).sin_cos();
+            let direction = [cos, sin, 0.02 * f64::from(ray % 32) - 0.3];
+            sum_m += site.world.cast([*x, *y, z + 0.9], direction, 100.0).map_or(0.0, |hit| hit.at);
+        }
+    }
+    sum_m
+}
+
+fn raycast_in_space(criterion: &mut Criterion) {
+    for (name, site) in [("two storeys", space::worlds::two_storey(1)), ("loops 1 km", space::worlds::loops_1km(1))] {
+        criterion.bench_function(&format!("{name}: 1000 rays"), |b| b.iter(|| black_box(space_rays(&site))));
+        let drive = SpaceDrive::new(Arc::new(site), SpaceDriveSettings::default());
+        criterion.bench_function(&format!("{name}: a cloud of 32 x 1024"), |b| b.iter(|| black_box(drive.cloud(100))));
+    }
+}
+
+criterion_group!(benches, raycast, raycast_in_space);
 criterion_main!(benches);

@@ -19,6 +19,7 @@
 //! - [`PerturbScans`]: harder versions of any recording, real ones included.
 //! - [`Revisits`]: which times of a drive truly see the same place.
 //! - [`worlds::look_alike`]: buildings made to deceive. [`kidnapping`]: robots carried away.
+//! - [`space`]: worlds with storeys, lidars, depth cameras and drives in space.
 //! - [`failed_match_cases`]: 200 recordings in which a match must fail.
 
 mod band;
@@ -36,6 +37,7 @@ mod rng;
 mod robot;
 mod route;
 mod shape;
+pub mod space;
 mod views;
 mod world;
 pub mod worlds;

@@ -181,6 +181,11 @@ impl Robot {
         Some(step)
     }
 
+    /// Number of the waypoint at which the current leg begins.
+    pub(crate) fn leg(&self) -> usize {
+        self.leg
+    }
+
     fn position(&self) -> Point {
         [self.world_from_robot.x, self.world_from_robot.y]
     }
