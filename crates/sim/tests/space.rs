@@ -84,7 +84,7 @@ fn the_robot_keeps_clear_of_everything() {
 
 #[test]
 fn the_robot_stands_on_a_floor() {
-    // seeds 1 and 2 of two storeys: stairs and a ramp
+    // seeds 1 and 2 of two storeys: a ramp and stairs
     for ((name, world), seed) in WORLDS.into_iter().flat_map(|world| [(world, 1), (world, 2)]) {
         let drive = SpaceDrive::new(world(seed).into(), exact(seed));
         for second in 0..drive.duration_s() as u32 {
