@@ -52,7 +52,8 @@ fn drives_end_where_their_way_ends_and_are_as_long_as_they_say() {
             let bounds_m = match name {
                 "loops_1km" => 999.9..1000.1,
                 "two_storey" => 180.0..500.0,
-                _ => 200.0..700.0,
+                "courtyard" => 550.0..800.0,
+                _ => 250.0..500.0,
             };
             assert!(bounds_m.contains(&length_m), "{name} {seed}: {length_m} m");
             let drive = SpaceDrive::new(Arc::clone(&site), settings(seed));
@@ -83,14 +84,18 @@ fn the_robot_keeps_clear_of_everything() {
 
 #[test]
 fn the_robot_stands_on_a_floor() {
-    for (name, world) in WORLDS {
-        let drive = SpaceDrive::new(world(5).into(), exact(5));
+    // seeds 1 and 2 of two storeys: a ramp and stairs
+    for ((name, world), seed) in WORLDS.into_iter().flat_map(|world| [(world, 1), (world, 2)]) {
+        let drive = SpaceDrive::new(world(seed).into(), exact(seed));
         for second in 0..drive.duration_s() as u32 {
             let world_from_robot = drive.world_from_robot(Stamp::from_secs_f64(f64::from(second))).unwrap();
             let from = above(world_from_robot, 0.5);
             let floor = drive.site().world.cast(from, [0.0, 0.0, -1.0], 5.0).map(|hit| hit.at);
-            // stairs lie up to a step below the line over their edges
-            assert!(floor.is_some_and(|at| (0.49..0.68).contains(&at)), "{name} {second} s: {floor:?} below {from:?}");
+            // stairs lie up to a step below the line over their edges; on an edge and in a dip wheels ahead and behind carry the robot
+            assert!(
+                floor.is_some_and(|at| (0.46..0.70).contains(&at)),
+                "{name} {seed}: {floor:?} below {from:?}, {second} s"
+            );
         }
     }
 }

@@ -13,7 +13,7 @@ const WALL_M: f64 = 0.15;
 pub(crate) const SLAB_M: f64 = 0.3;
 /// Thickness of ramps, metres.
 const RAMP_M: f64 = 0.15;
-/// Height of a stair's step, metres.
+/// Height of a stair's step, roughly, metres.
 const STEP_M: f64 = 0.16;
 
 /// An upright wall along an axis of the world.
@@ -120,7 +120,7 @@ impl SpaceBuilder {
         if !is_stairs {
             return self.solid(Solid::ramp(from, to, width_m, RAMP_M));
         }
-        let steps = ((to[2] - from[2]) / STEP_M).ceil().max(1.0);
+        let steps = ((to[2] - from[2]) / STEP_M).round().max(1.0);
         for step in 0..steps as usize {
             let at = |share: f64, k: usize| from[k] + share * (to[k] - from[k]);
             let (near, far) = (step as f64 / steps, (step + 1) as f64 / steps);

@@ -18,7 +18,7 @@ const ACROSS_M: f64 = 8.0;
 
 /// A block of houses between streets, with facades of bays, sills and balconies, parked cars, trees, alleys, and a courtyard
 /// 0.6 m below the street behind two passages. The drive leads around the block, through the courtyard, and around half the block
-/// again: some 450 to 600 m.
+/// again: some 600 to 750 m.
 #[must_use]
 pub fn courtyard(seed: u64) -> SpaceSite {
     let mut rng = Rng::keyed(seed, 0x0063_6f75_7274);
