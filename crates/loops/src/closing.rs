@@ -44,8 +44,12 @@ const DESCRIBED_M: f64 = 7.0;
 const DESCRIBED_AT_ONCE: usize = 32;
 /// A finding that contradicts the chain of edges by more than this chi-square is refused. A chain states
 /// too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
-/// true closures by the dozen (docs/decisions/0011-closing-loops.md).
-const IMPROBABLE_CHI2: f64 = 150.0;
+/// true closures by the dozen (docs/decisions/0011-closing-loops.md). In space that quantile holds: storeys that look alike lie above each
+/// other, some ten standard deviations apart.
+const fn improbable_chi2<P: Pose>() -> f64 {
+    if P::DIMENSION == 3 { 150.0 } else { improbable_match_chi2::<P>() }
+}
+
 /// What a match is supported by is in the local map, and certain relative to the robot as the gate has it: there the 99.9 % quantile
 /// holds, of three degrees of freedom, in space of six.
 const fn improbable_match_chi2<P: Pose>() -> f64 {
@@ -147,7 +151,7 @@ impl<S: Submaps> Closing<S> {
             Verdict::Waiting(Objection::Ambiguous) => {
                 let Evidence { ambiguity, cycle_chi2, .. } = candidate.evidence;
                 ambiguity.is_some_and(|share| share <= UNCLEAR_AMBIGUITY)
-                    && cycle_chi2.is_some_and(|chi2| chi2 <= IMPROBABLE_CHI2)
+                    && cycle_chi2.is_some_and(|chi2| chi2 <= improbable_chi2::<PoseOf<S>>())
             }
             _ => false,
         };
@@ -320,8 +324,11 @@ impl<S: Submaps> Closing<S> {
         let mut judged = target.judged(to, finding);
         let found = finding.target_from_query.unwrap_or(target.window.target_from_query);
         let chi2 = cycle_chi2(past, to, target, finding, found);
-        let most_chi2 =
-            if target.detection == Detection::Match { improbable_match_chi2::<PoseOf<S>>() } else { IMPROBABLE_CHI2 };
+        let most_chi2 = if target.detection == Detection::Match {
+            improbable_match_chi2::<PoseOf<S>>()
+        } else {
+            improbable_chi2::<PoseOf<S>>()
+        };
         judged.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
         let unclear = finding.objection == Some(Objection::Ambiguous)
             && judged.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);

@@ -1,0 +1,104 @@
+//! A trial on simulated drives.
+#![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
+use mapwright::*;
+use mapwright_eval::space_errors;
+use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, worlds};
+use std::sync::Arc;
+use std::time::Instant;
+fn main() {
+    let a: Vec<String> = std::env::args().collect();
+    let get = |name: &str, d: f64| {
+        a.iter().find_map(|v| v.strip_prefix(&format!("{name}="))).map_or(d, |v| v.parse().unwrap())
+    };
+    let seed = get("seed", 1.0) as u64;
+    let site = match a[1].as_str() {
+        "two" => worlds::two_storey(seed),
+        "loops" => worlds::loops_1km(seed),
+        "alike" => worlds::look_alike_storeys(seed),
+        _ => worlds::courtyard(seed),
+    };
+    let mut lidar = LidarSettings::spinning(get("beams", 32.0) as usize);
+    lidar.columns = get("columns", 512.0) as usize;
+    let settings =
+        SpaceDriveSettings { lidar, seed, duration_s: get("duration", 1e9), ..SpaceDriveSettings::default() };
+    println!("way {:.0} m", site.length_m());
+    let drive = SpaceDrive::new(Arc::new(site), settings);
+    let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
+    let (mut total, mut n, mut truth, mut online) = (0.0, 0, Vec::new(), Vec::new());
+    let every = get("every", 2.0) as u64;
+    let mut worst = 0.0_f64;
+    let mut k = 0;
+    while let Some(t) = drive.cloud(k) {
+        let mut cloud = t.cloud;
+        if get("odom", 1.0) < 0.5 {
+            cloud.odom_from_robot = None;
+        }
+        let s = Instant::now();
+        let u = mapper.add_cloud(&cloud);
+        let ms = 1e3 * s.elapsed().as_secs_f64();
+        worst = worst.max(ms);
+        total += ms;
+        n += 1;
+        truth.push((cloud.stamp, t.world_from_robot));
+        online.push((cloud.stamp, u.map_from_robot));
+        if get("v", 0.0) > 0.5 && n % get("v", 1.0) as usize == 0 {
+            let m = u.matched;
+            let e = truth[0].1.between(t.world_from_robot).between(online[0].1.between(u.map_from_robot));
+            println!(
+                "{k} {:?} kf {} live {} known {:.3} in {:.3} restarts {} sigmas {:.1} err {:.3} z {:.3} {:.2} deg {ms:.1} ms",
+                u.status,
+                mapper.session().keyframes().len(),
+                u.local_map.keyframes,
+                m.map_or(0.0, |m| m.known_share),
+                m.map_or(0.0, |m| m.inlier_share),
+                m.map_or(0, |m| m.restarts),
+                m.map_or(0.0, |m| m.odometry_sigmas),
+                e.translation.norm(),
+                e.translation.z,
+                e.rotation.angle().to_degrees()
+            );
+        }
+        k += every;
+    }
+    let s = mapper.session();
+    let last: Vec<_> = s.trajectory().map(|p| (p.stamp, p.map_from_robot)).collect();
+    for c in s.candidates() {
+        if get("c", 0.0) > 0.5 {
+            let at = |id: KeyframeId| truth[s.keyframes()[s.place(id).unwrap()].scan as usize].1;
+            let e = c.from_from_to.map(|p| at(c.from).between(at(c.to)).between(p));
+            println!(
+                "{} -> {} {} {:?} error {:?} {:?}",
+                c.to.seq,
+                c.from.seq,
+                c.detection.name(),
+                c.verdict,
+                e.map(|e| (e.translation.norm(), e.rotation.angle().to_degrees())),
+                c.evidence
+            );
+        }
+    }
+    let (mut wrong, mut closures) = (0, 0);
+    for e in s.edges().filter(|e| e.kind == EdgeKind::Closure) {
+        let at = |id: KeyframeId| truth[s.keyframes()[s.place(id).unwrap()].scan as usize].1;
+        let off = at(e.from).between(at(e.to)).between(e.from_from_to);
+        closures += 1;
+        wrong += u32::from(off.translation.norm() > 0.3 || off.rotation.angle() > 0.1);
+    }
+    let show = |name: &str, est: &[(Stamp, Pose3)]| {
+        let e = space_errors(&truth, est).unwrap();
+        println!(
+            "{name} ATE {:.3} worst {:.3} m, RPE {:.4} m {:.3} deg",
+            e.absolute_m.rmse, e.absolute_m.max, e.relative_m.median, e.relative_deg.median
+        );
+    };
+    show("online", &online);
+    show("final ", &last);
+    println!(
+        "{n} clouds, {:.1} ms a cloud, worst {worst:.0}; {} keyframes, {} candidates, {closures} closures, {wrong} wrong, {} corrections, resolution {:?}",
+        total / n as f64,
+        s.keyframes().len(),
+        s.candidates().len(),
+        s.corrections(),
+        mapper.resolution_m()
+    );
+}
