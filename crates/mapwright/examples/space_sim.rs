@@ -23,13 +23,22 @@ fn main() {
         SpaceDriveSettings { lidar, seed, duration_s: get("duration", 1e9), ..SpaceDriveSettings::default() };
     println!("way {:.0} m", site.length_m());
     let drive = SpaceDrive::new(Arc::new(site), settings);
-    let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
+    let mut set = Settings::default();
+    set.loops.by_pose = get("close", 1.0) > 0.5;
+    set.loops.by_place = get("close", 1.0) > 0.5;
+    let mut mapper = SpaceMapper::new(set).unwrap();
     let (mut total, mut n, mut truth, mut online) = (0.0, 0, Vec::new(), Vec::new());
     let every = get("every", 2.0) as u64;
     let mut worst = 0.0_f64;
+    let (mut nees, mut errors, mut stated) = (Vec::<f64>::new(), [0.0; 2], [0.0; 2]);
+    let mut far = [0.0_f64; 7];
+    let mut middles: Vec<Pose3> = Vec::new();
     let mut k = 0;
     while let Some(t) = drive.cloud(k) {
         let mut cloud = t.cloud;
+        if get("times", 1.0) < 0.5 {
+            cloud.times_s.clear();
+        }
         if get("odom", 1.0) < 0.5 {
             cloud.odom_from_robot = None;
         }
@@ -39,7 +48,51 @@ fn main() {
         worst = worst.max(ms);
         total += ms;
         n += 1;
+        let half = drive
+            .world_from_robot(Stamp(cloud.stamp.0 + if cloud.times_s.is_empty() { 0 } else { 50_000_000 }))
+            .unwrap_or(t.world_from_robot);
+        middles.push(half);
+        if let Some(anchor) = u.anchor.filter(|_| u.status == Status::Tracking) {
+            let s = mapper.session();
+            let place = s.place(anchor).unwrap();
+            let scan = s.keyframes()[place].scan as usize;
+            if let Some(world_from_anchor) = middles.get(scan) {
+                let (estimate, real) = (
+                    s.map_from_keyframe()[place].between(u.map_from_robot),
+                    Pose3::between(*world_from_anchor, t.world_from_robot),
+                );
+                let e = real.between(estimate).log();
+                if let Some(inv) = u.covariance.try_inverse() {
+                    nees.push(e.dot(&(inv * e)));
+                }
+                errors[0] += e.fixed_rows::<3>(0).norm_squared();
+                errors[1] += e.fixed_rows::<3>(3).norm_squared();
+                stated[0] += u.covariance.fixed_view::<3, 3>(0, 0).trace();
+                stated[1] += u.covariance.fixed_view::<3, 3>(3, 3).trace();
+            }
+        }
         truth.push((cloud.stamp, t.world_from_robot));
+        if n % 100 == 0 {
+            let known = mapper.certainty();
+            let s = mapper.session();
+            let (Some(newest), poses) = (s.keyframes().last(), s.map_from_keyframe()) else { continue };
+            let at = |k: usize| middles[s.keyframes()[k].scan as usize];
+            let last = s.place(newest.id).unwrap();
+            for (id, m, rad) in known {
+                let k = s.place(id).unwrap();
+                if last - k < 60 {
+                    continue;
+                }
+                let e = at(k).between(at(last)).between(poses[k].between(poses[last]));
+                far[0] += 1.0;
+                far[1] += e.translation.norm_squared();
+                far[2] += m * m;
+                far[3] += e.rotation.angle().powi(2);
+                far[4] += rad * rad;
+                far[5] += e.translation.norm_squared() / (m * m);
+                far[6] += e.rotation.angle().powi(2) / (rad * rad);
+            }
+        }
         online.push((cloud.stamp, u.map_from_robot));
         if get("v", 0.0) > 0.5 && n % get("v", 1.0) as usize == 0 {
             let m = u.matched;
@@ -64,7 +117,7 @@ fn main() {
     let last: Vec<_> = s.trajectory().map(|p| (p.stamp, p.map_from_robot)).collect();
     for c in s.candidates() {
         if get("c", 0.0) > 0.5 {
-            let at = |id: KeyframeId| truth[s.keyframes()[s.place(id).unwrap()].scan as usize].1;
+            let at = |id: KeyframeId| middles[s.keyframes()[s.place(id).unwrap()].scan as usize];
             let e = c.from_from_to.map(|p| at(c.from).between(at(c.to)).between(p));
             println!(
                 "{} -> {} {} {:?} error {:?} {:?}",
@@ -79,7 +132,7 @@ fn main() {
     }
     let (mut wrong, mut closures) = (0, 0);
     for e in s.edges().filter(|e| e.kind == EdgeKind::Closure) {
-        let at = |id: KeyframeId| truth[s.keyframes()[s.place(id).unwrap()].scan as usize].1;
+        let at = |id: KeyframeId| middles[s.keyframes()[s.place(id).unwrap()].scan as usize];
         let off = at(e.from).between(at(e.to)).between(e.from_from_to);
         closures += 1;
         wrong += u32::from(off.translation.norm() > 0.3 || off.rotation.angle() > 0.1);
@@ -91,6 +144,27 @@ fn main() {
             e.absolute_m.rmse, e.absolute_m.max, e.relative_m.median, e.relative_deg.median
         );
     };
+    let c = nees.len() as f64;
+    nees.sort_by(f64::total_cmp);
+    println!(
+        "NEES mean {:.2} median {:.2} of {}; rms error {:.4} m {:.4} rad, stated {:.4} m {:.4} rad",
+        nees.iter().sum::<f64>() / c,
+        nees[nees.len() / 2],
+        nees.len(),
+        (errors[0] / c as f64).sqrt(),
+        (errors[1] / c as f64).sqrt(),
+        (stated[0] / c as f64).sqrt(),
+        (stated[1] / c as f64).sqrt()
+    );
+    println!(
+        "far: rms {:.3} m stated {:.3} (one axis), {:.4} rad stated {:.4}; mean squared ratios {:.3} {:.3}",
+        (far[1] / far[0]).sqrt(),
+        (far[2] / far[0]).sqrt(),
+        (far[3] / far[0]).sqrt(),
+        (far[4] / far[0]).sqrt(),
+        far[5] / far[0],
+        far[6] / far[0]
+    );
     show("online", &online);
     show("final ", &last);
     println!(

@@ -34,7 +34,10 @@ pub(crate) struct FrontEnd {
     preparation: Preparation,
     predictor: Predictor,
     tracker: Tracker,
+    /// Of the robot in the middle of its sweep.
     pose: RobotPose<Pose3>,
+    /// From there to where it was at the cloud's stamp.
+    middle_from_stamp: Pose3,
     local_map: Option<LocalMapping>,
 }
 
@@ -55,6 +58,7 @@ impl FrontEnd {
             predictor: Predictor::default(),
             tracker: Tracker::default(),
             pose: RobotPose::new(local_from_robot),
+            middle_from_stamp: Pose3::identity(),
             local_map: None,
         }
     }
@@ -65,6 +69,11 @@ impl FrontEnd {
 
     pub(crate) fn pose(&self) -> &RobotPose<Pose3> {
         &self.pose
+    }
+
+    /// Where the robot was at the cloud's stamp.
+    pub(crate) fn local_from_robot(&self) -> Pose3 {
+        self.pose.local_from_robot() * self.middle_from_stamp
     }
 
     /// What was derived from the first clouds, once there was one with enough points.
@@ -105,6 +114,9 @@ impl FrontEnd {
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
         self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
+        let middle_s = self.preparation.middle_s();
+        let twist_per_s = self.predictor.twist_per_s(step);
+        self.middle_from_stamp = twist_per_s.map_or(Pose3::identity(), |twist| Pose3::exp(twist * -middle_s));
     }
 
     /// Step 4: a keyframe, once the robot has moved enough and sees something.

@@ -14,6 +14,9 @@ use std::collections::VecDeque;
 /// uncertain.
 const GATE_SHARE: f64 = 0.3;
 const HYSTERESIS: f64 = 2.5;
+/// Of a link's variances such a share adds up along the way; the rest is shared by keyframes that are matched with the same older ones.
+/// Calibrated on simulated buildings of several storeys (docs/decisions/0023-space.md).
+const ACCUMULATING_SHARE: f64 = 0.25;
 /// Keyframes are in the local map up to this far from the robot, of the rms range.
 const REACH_RANGES: f64 = 8.0;
 /// So many keyframes see the same, within such a share of the rms range, and radians; older ones give way.
@@ -82,7 +85,10 @@ impl LocalMapping {
         }
         let pivot = past.pose(node).position();
         for (from, covariance) in links {
-            self.graph.add_link(*from, node, Uncertainty::of(covariance), pivot, self.scale.range_m);
+            let Uncertainty { displacement_m2, rotation_rad2 } = Uncertainty::of(covariance);
+            let [displacement_m2, rotation_rad2] = [displacement_m2, rotation_rad2].map(|v| ACCUMULATING_SHARE * v);
+            let adds_up = Uncertainty { displacement_m2, rotation_rad2 };
+            self.graph.add_link(*from, node, adds_up, pivot, self.scale.range_m);
         }
         self.views[node as usize].live = true;
         self.draw(past, node, Change::Add);

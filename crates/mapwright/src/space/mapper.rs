@@ -6,8 +6,8 @@ use crate::cycles;
 use crate::settings::{Settings, SettingsError};
 use crate::store::{Link, Store};
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_loops::{Closing, Solving, SpaceSubmaps, VerifySettings};
-use mapwright_record::{Localisation, NodeId, RunId, Session, Status, Update};
+use mapwright_loops::{Closing, KnownPlace, Solving, SpaceSubmaps, VerifySettings};
+use mapwright_record::{KeyframeId, Localisation, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, SpaceSweep};
 
 /// Builds a map of space one cloud at a time.
@@ -56,8 +56,8 @@ impl SpaceMapper {
         let keyframe = self.insert_if_moved(cloud, matched.as_ref());
         // 5. The local map follows what is certain relative to the robot.
         self.front.follow(self.store.past());
-        let pose = self.front.pose();
-        self.store.add_scan(cloud.stamp, pose.local_from_robot(), pose.odom_from_robot());
+        let odom_from_robot = self.front.pose().odom_from_robot();
+        self.store.add_scan(cloud.stamp, self.front.local_from_robot(), odom_from_robot);
         // 6. and 7. Detect and correct.
         if keyframe.is_some() {
             self.detect();
@@ -106,7 +106,7 @@ impl SpaceMapper {
     ) -> Update<SpaceSweep> {
         let (entries, unwritten) = self.store.take_fresh();
         let (pose, past) = (self.front.pose(), self.store.past());
-        let map_from_robot = self.store.map_from_local() * pose.local_from_robot();
+        let map_from_robot = self.store.map_from_local() * self.front.local_from_robot();
         let odom_from_robot = pose.odom_from_robot();
         Update {
             scan: self.store.next_scan().saturating_sub(1),
@@ -126,6 +126,16 @@ impl SpaceMapper {
             entries,
             unwritten,
         }
+    }
+
+    /// How certain each keyframe is relative to the newest one: standard deviation of the position in the direction in which it is
+    /// largest, metres, and that of the rotation about the axis about which it is, radians.
+    pub fn certainty(&mut self) -> Vec<(KeyframeId, f64, f64)> {
+        let sigmas = |known: KnownPlace| {
+            let (m2, rad2) = (known.uncertainty.displacement_m2, known.uncertainty.rotation_rad2);
+            (self.store.id(known.first), m2.sqrt(), rad2.sqrt())
+        };
+        self.front.survey().into_iter().map(sigmas).collect()
     }
 
     /// Everything that lasts of the run so far: what the entries of all updates amount to.

@@ -66,12 +66,11 @@ impl Predictor {
         Step { last_from_robot, information, elapsed_s, from_odometry: false }
     }
 
-    /// The robot's twist while a cloud is taken.
+    /// The robot's twist while a cloud is taken: as it has moved by the last matches, which know its tilting as well; by odometry while
+    /// there is none.
     pub(super) fn twist_per_s(&self, step: Step) -> Option<Vector6<f64>> {
-        if step.from_odometry {
-            return Some(step.last_from_robot.log() / step.elapsed_s);
-        }
-        self.last.map(|(motion, elapsed_s)| motion.log() / elapsed_s)
+        let by_odometry = step.from_odometry.then_some((step.last_from_robot, step.elapsed_s));
+        self.last.or(by_odometry).map(|(motion, elapsed_s)| motion.log() / elapsed_s)
     }
 
     /// How the robot has moved, if that is known.

@@ -1,4 +1,7 @@
 //! Step 1: points in the robot's frame, undistorted and thinned, and what was dropped.
+//!
+//! A sweep is undistorted to its middle. A velocity that is wrong then bends the cloud to either side and does not move it; undistorted
+//! to its beginning it would move it ahead, the velocity would follow, and grow.
 
 use crate::settings::Settings;
 use mapwright_geom::Pose3;
@@ -49,12 +52,19 @@ pub(super) struct Preparation {
     drawn: Vec<[f32; 3]>,
     drawn_colours: Vec<[u8; 3]>,
     matched: Vec<[f32; 3]>,
+    /// The middle of the sweep after the stamp, seconds.
+    middle_s: f64,
     thinner: Thinner,
 }
 
 impl Preparation {
     pub(super) fn scale(&self) -> Option<Scale> {
         self.scale
+    }
+
+    /// The middle of the sweep after the cloud's stamp, seconds.
+    pub(super) fn middle_s(&self) -> f64 {
+        self.middle_s
     }
 
     /// Points that are drawn.
@@ -95,6 +105,7 @@ impl Preparation {
     ) -> BeamCounts {
         self.all.clear();
         self.colours.clear();
+        self.middle_s = 0.0;
         let mut counts = BeamCounts::default();
         if is_sound {
             self.take(settings, cloud, twist_per_s, &mut counts);
@@ -112,13 +123,16 @@ impl Preparation {
         counts
     }
 
-    /// Takes the returns, in the robot's frame at the cloud's stamp.
+    /// Takes the returns, in the robot's frame in the middle of the sweep.
     fn take(&mut self, settings: &Settings, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>, counts: &mut BeamCounts) {
         let sensor = &cloud.sensor;
         let least_m = sensor.range_min_m.max(settings.scan.min_range_m);
         let most_m = sensor.range_max_m.min(settings.space.max_range_m);
         let rotation = sensor.robot_from_sensor.rotation.to_rotation_matrix();
-        let twist_per_s = twist_per_s.filter(|_| !cloud.times_s.is_empty());
+        let is_time = |s: &f32| s.is_finite() && s.abs() <= LONGEST_SWEEP_S;
+        let times = cloud.times_s.iter().copied().filter(is_time);
+        let (first_s, last_s) = times.fold((f32::MAX, f32::MIN), |(least, most), s| (least.min(s), most.max(s)));
+        self.middle_s = if first_s <= last_s { 0.5 * f64::from(first_s + last_s) } else { 0.0 };
         for (number, point) in cloud.points_m.iter().enumerate() {
             let point = Vector3::from(point.map(f64::from));
             let range_m = point.norm();
@@ -131,9 +145,9 @@ impl Preparation {
             } else {
                 counts.returns += 1;
                 let mut at = rotation * point + sensor.robot_from_sensor.translation;
-                let time_s = cloud.times_s.get(number).filter(|s| s.is_finite() && s.abs() <= LONGEST_SWEEP_S);
+                let time_s = cloud.times_s.get(number).filter(|s| is_time(s));
                 if let Some((twist_per_s, &time_s)) = twist_per_s.zip(time_s) {
-                    at = Pose3::exp(twist_per_s * f64::from(time_s)).transform(at);
+                    at = Pose3::exp(twist_per_s * (f64::from(time_s) - self.middle_s)).transform(at);
                 }
                 self.all.push([at.x as f32, at.y as f32, at.z as f32]);
                 self.colours.extend(cloud.colours.get(number));
