@@ -3,7 +3,6 @@
 use crate::error::CloudError;
 use crate::notes::{NoteKind, Notes};
 use crate::text::excerpt;
-use std::borrow::Cow;
 use std::io::Read;
 
 /// `x y z intensity`, little endian.
@@ -20,72 +19,87 @@ const FARTHEST_M: f32 = 2000.0;
 /// Reads `x y z intensity` as float32, little endian, compressed by zstd or not.
 ///
 /// # Errors
-/// [`CloudError::Content`] where zstd's bytes break before the first point.
+/// [`CloudError::Content`] where zstd's bytes break before the first point, or the numbers are none that a lidar gives.
 pub fn read_bin(file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<[f32; 3]>, CloudError> {
-    let bytes = unpacked(file, bytes, notes)?;
-    let (points, rest) = bytes.as_chunks::<POINT_BYTES>();
-    if !rest.is_empty() {
-        let at = bytes.len() - rest.len();
-        notes.note(NoteKind::Truncated, file, at, || ("points of 16 bytes", format!("{} bytes more", rest.len())));
-    }
-    Ok(points.iter().map(point).collect())
+    BinReader::default().read(file, bytes, notes)
 }
 
-fn point(bytes: &[u8; POINT_BYTES]) -> [f32; 3] {
-    std::array::from_fn(|axis| {
-        let at = 4 * axis;
-        f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
-    })
+/// Reads one file after the other; keeps the room for what is decompressed, and zstd's state.
+#[derive(Default)]
+pub(crate) struct BinReader {
+    unpacked: Vec<u8>,
+    zstd: Option<zstd::bulk::Decompressor<'static>>,
 }
 
-fn unpacked<'a>(file: &str, bytes: &'a [u8], notes: &mut Notes) -> Result<Cow<'a, [u8]>, CloudError> {
-    if !bytes.starts_with(&ZSTD_MAGIC) {
-        return Ok(Cow::Borrowed(bytes));
-    }
-    let fail = |found: String| CloudError::content(file, 0, "a stream of zstd", found);
-    let most = ALWAYS_ALLOWED_BYTES.max(bytes.len() as u64 * RATIO_MAX);
-    if let Some(out) = unpacked_at_once(bytes, most) {
-        return Ok(Cow::Owned(out));
-    }
-    let decoder = zstd::stream::read::Decoder::with_buffer(bytes).map_err(|cause| fail(cause.to_string()))?;
-    let mut out = Vec::with_capacity(2 * bytes.len());
-    if let Err(cause) = decoder.take(most + 1).read_to_end(&mut out) {
-        if out.len() < POINT_BYTES {
-            return Err(fail(cause.to_string()));
+impl BinReader {
+    pub(crate) fn read(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<[f32; 3]>, CloudError> {
+        let bytes = if bytes.starts_with(&ZSTD_MAGIC) { self.unpacked(file, bytes, notes)? } else { bytes };
+        let (points, rest) = bytes.as_chunks::<POINT_BYTES>();
+        if is_foreign(points) || (points.is_empty() && !rest.is_empty()) {
+            return Err(CloudError::content(file, 0, "points as float32 x y z intensity", excerpt(bytes)));
         }
-        notes.note(NoteKind::Truncated, file, out.len(), || ("zstd to the end", cause.to_string()));
-        out.truncate(out.len() - out.len() % POINT_BYTES);
+        if !rest.is_empty() {
+            let at = bytes.len() - rest.len();
+            notes.note(NoteKind::Truncated, file, at, || ("points of 16 bytes", format!("{} bytes more", rest.len())));
+        }
+        Ok(points.iter().map(|point| [0, 4, 8].map(|at| number(point, at))).collect())
     }
-    if out.len() as u64 > most {
-        return Err(fail(format!("{} bytes that become more than {most}", bytes.len())));
+
+    fn unpacked(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<&[u8], CloudError> {
+        if self.unpack_at_once(bytes).is_none() {
+            self.unpack_stream(file, bytes, notes)?;
+        }
+        Ok(&self.unpacked)
     }
-    Ok(Cow::Owned(out))
+
+    /// A whole stream that says how long it is becomes so long in one go; none where it is anything else.
+    fn unpack_at_once(&mut self, bytes: &[u8]) -> Option<usize> {
+        let length = zstd::zstd_safe::get_frame_content_size(bytes).ok()??;
+        if length > bytes.len() as u64 * RATIO_MAX {
+            return None;
+        }
+        if self.zstd.is_none() {
+            self.zstd = zstd::bulk::Decompressor::new().ok();
+        }
+        self.unpacked.clear();
+        self.unpacked.reserve(length as usize);
+        self.zstd.as_mut()?.decompress_to_buffer(bytes, &mut self.unpacked).ok()
+    }
+
+    /// Piece by piece, so that what comes before damage is not lost.
+    fn unpack_stream(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<(), CloudError> {
+        let fail = |found: String| CloudError::content(file, 0, "a stream of zstd", found);
+        let most = ALWAYS_ALLOWED_BYTES.max(bytes.len() as u64 * RATIO_MAX);
+        let decoder = zstd::stream::read::Decoder::with_buffer(bytes).map_err(|cause| fail(cause.to_string()))?;
+        let out = &mut self.unpacked;
+        out.clear();
+        if let Err(cause) = decoder.take(most + 1).read_to_end(out) {
+            if out.len() < POINT_BYTES {
+                return Err(fail(cause.to_string()));
+            }
+            notes.note(NoteKind::Truncated, file, out.len(), || ("zstd to the end", cause.to_string()));
+            out.truncate(out.len() - out.len() % POINT_BYTES);
+        }
+        if out.len() as u64 > most {
+            return Err(fail(format!("{} bytes that become more than {most}", bytes.len())));
+        }
+        Ok(())
+    }
 }
 
-/// A whole stream that says how long it is becomes so long in one go, which takes half as long; none where it is anything else.
-fn unpacked_at_once(bytes: &[u8], most: u64) -> Option<Vec<u8>> {
-    let length = zstd::zstd_safe::get_frame_content_size(bytes).ok()??;
-    let length = usize::try_from(length).ok().filter(|length| *length as u64 <= most)?;
-    zstd::bulk::decompress(bytes, length).ok()
+fn number(bytes: &[u8; POINT_BYTES], at: usize) -> f32 {
+    f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
 
-/// Whether bytes may be such points: most are near and none of the rest is a number that no lidar gives.
-///
-/// # Errors
-/// What they are instead.
-pub(crate) fn check(file: &str, bytes: &[u8]) -> Result<(), CloudError> {
-    let points = read_bin(file, bytes, &mut Notes::default())?;
-    let looked_at = points.get(..LOOKED_AT).unwrap_or(&points);
-    let is_no_number = |v: f32| v.is_finite() && (v.abs() > FARTHEST_M || (v != 0.0 && v.abs() < 1e-20));
-    let strange = looked_at.iter().filter(|point| point.iter().any(|v| is_no_number(*v))).count();
-    let none = looked_at.iter().filter(|point| point.iter().any(|v| !v.is_finite())).count();
-    if strange * 100 > looked_at.len()
-        || (none == looked_at.len() && none > 0)
-        || (points.is_empty() && !bytes.is_empty())
-    {
-        return Err(CloudError::content(file, 0, "points as float32 x y z intensity", excerpt(bytes)));
-    }
-    Ok(())
+/// Whether the first points are something else: places that are too far or of tiny numbers, or intensities below zero, as where
+/// points have three or five numbers.
+fn is_foreign(points: &[[u8; POINT_BYTES]]) -> bool {
+    let looked_at = points.get(..LOOKED_AT).unwrap_or(points);
+    let is_no_place = |v: f32| v.is_finite() && (v.abs() > FARTHEST_M || (v != 0.0 && v.abs() < 1e-20));
+    let count = |is_strange: &dyn Fn(&[u8; POINT_BYTES]) -> bool| looked_at.iter().filter(|p| is_strange(p)).count();
+    let far = count(&|point| [0, 4, 8].iter().any(|at| is_no_place(number(point, *at))));
+    let below_zero = count(&|point| number(point, 12) < 0.0);
+    far * 100 > looked_at.len() || below_zero * 20 > looked_at.len()
 }
 
 #[cfg(test)]
@@ -104,7 +118,7 @@ mod tests {
         let mut notes = Notes::default();
         assert_eq!(read_bin("a", &plain[..31], &mut notes).unwrap(), points[..1]);
         assert_eq!(notes.kinds[&NoteKind::Truncated].first[0].offset_bytes, 16);
-        let many: Vec<[f32; 3]> = (0..100_000_u32).map(|k| [k as f32, (k as f32).sin(), 1.0]).collect();
+        let many: Vec<[f32; 3]> = (0..100_000_u32).map(|k| [0.01 * k as f32, (k as f32).sin(), 1.0]).collect();
         let packed = zstd::encode_all(bytes(&many).as_slice(), 3).unwrap();
         let torn = read_bin("a", &packed[..packed.len() / 2], &mut notes).unwrap();
         assert!(!torn.is_empty() && torn == many[..torn.len()]);
@@ -116,10 +130,14 @@ mod tests {
         let bomb = zstd::encode_all(std::io::repeat(0).take(64 << 20), 3).unwrap();
         let error = read_bin("a", &bomb, &mut Notes::default()).unwrap_err().to_string();
         assert!(error.contains("become more than"), "{error}");
-        assert!(check("a", b"version https://git-lfs.github.com/spec/v1 oid sha256:4d7a2146 size 12").is_err());
-        assert!(check("a", b"short").is_err());
-        assert!(check("a", &bytes(&[[1.0, -2.0, 0.0], [f32::NAN; 3]])).is_ok());
-        assert!(check("a", b"").is_ok());
+        let read = |bytes: &[u8]| read_bin("a", bytes, &mut Notes::default());
+        assert!(read(b"version https://git-lfs.github.com/spec/v1 oid sha256:4d7a2146 size 12").is_err());
+        assert!(read(b"short").is_err());
+        assert!(read(&bytes(&[[1.0, -2.0, 0.0], [f32::NAN; 3]])).is_ok());
+        assert!(read(b"").is_ok());
+        let three: Vec<u8> =
+            (0..400).flat_map(|k| [k as f32, -3.0, -1.0].into_iter().flat_map(f32::to_le_bytes)).collect();
+        assert!(read(&three).is_err());
     }
 
     proptest! {
@@ -136,7 +154,7 @@ mod tests {
 
         #[test]
         fn any_bytes(bytes: Vec<u8>) {
-            let _ = check("a", &bytes);
+            let _ = read_bin("a", &bytes, &mut Notes::default());
             let _ = read_bin("a", &[&ZSTD_MAGIC[..], &bytes].concat(), &mut Notes::default());
         }
     }

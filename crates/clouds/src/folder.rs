@@ -14,7 +14,24 @@ pub trait Folder: Sync {
     /// # Errors
     /// Whatever keeps the file from being read.
     fn read(&self, name: &str) -> io::Result<Vec<u8>>;
+
+    /// A part of one of them: `count` bytes from a place on, fewer only where it ends before. Worth writing where files are large:
+    /// this one reads all.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    fn read_part(&self, name: &str, offset_bytes: u64, count: usize) -> io::Result<Vec<u8>> {
+        let bytes = self.read(name)?;
+        let begin = usize::try_from(offset_bytes).unwrap_or(usize::MAX).min(bytes.len());
+        let end = begin.saturating_add(count).min(bytes.len());
+        Ok(bytes[begin..end].to_vec())
+    }
 }
+
+/// So many files tell what the others are: the first may be damaged.
+const LOOKED_AT: usize = 3;
+/// So many bytes tell what a file is.
+const HEAD_BYTES: usize = 4096;
 
 /// A folder and what it holds, sorted.
 pub(crate) struct Listing<'a> {
@@ -42,6 +59,31 @@ impl<'a> Listing<'a> {
 
     pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, CloudError> {
         read(self.folder, name)
+    }
+
+    /// Enough of a file to know it by.
+    pub(crate) fn head(&self, name: &str) -> Result<Vec<u8>, CloudError> {
+        let head = self.folder.read_part(name, 0, HEAD_BYTES);
+        head.map_err(|cause| CloudError::Io { file: name.to_owned(), cause })
+    }
+
+    /// Whether one of the first files at least is what it should be.
+    ///
+    /// # Errors
+    /// What is wrong with the first of them.
+    pub(crate) fn check_first(
+        &self,
+        names: &[String],
+        check: impl Fn(&str) -> Result<(), CloudError>,
+    ) -> Result<(), CloudError> {
+        let mut first = None;
+        for name in names.iter().take(LOOKED_AT) {
+            match check(name) {
+                Ok(()) => return Ok(()),
+                Err(error) => first = first.or(Some(error)),
+            }
+        }
+        first.map_or(Ok(()), Err)
     }
 
     /// The files that `is_wanted` takes, of one folder: the topmost if there are any in it, else the only one.

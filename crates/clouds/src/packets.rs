@@ -3,3 +3,4 @@
 pub(crate) mod capture;
 mod udp;
 pub(crate) mod velodyne;
+pub(crate) mod window;

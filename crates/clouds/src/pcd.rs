@@ -161,7 +161,10 @@ impl Header {
         self.note_missing(file, found, self.data_at + data.len(), notes);
         let first_columns = firsts(&self.counts, |_| 1);
         let count = table.len().checked_div(columns).unwrap_or(0);
-        assemble(&self.fields, count, |at, field| table[at * columns + first_columns[field]])
+        // a field of no numbers, the last of a row, has none behind the table's end
+        let value =
+            |at: usize, field: usize| table.get(at * columns + first_columns[field]).copied().unwrap_or(f64::NAN);
+        assemble(&self.fields, count, value)
     }
 
     fn binary(&self, file: &str, data: &[u8], notes: &mut Notes) -> Result<Points, &'static str> {

@@ -1,14 +1,15 @@
 //! A recording, and its clouds one by one.
 
-use crate::bins::read_bin;
+use crate::bins::BinReader;
 use crate::camera::{CameraOptions, camera};
 use crate::error::CloudError;
 use crate::folder::{Folder, Listing, read};
 use crate::image::{read_colours, read_depth};
 use crate::layouts;
 use crate::notes::{NoteKind, Notes};
-use crate::packets::capture::Capture;
-use crate::packets::velodyne::Decoder;
+use crate::packets::capture::{Capture, HEADER_BYTES};
+use crate::packets::velodyne::Sweeps;
+use crate::packets::window::Window;
 use crate::pcd::{is_pcd, read_pcd};
 use crate::plan::{Decode, FRAME_NS, Frame, Kind, Plan};
 use crate::ply::{is_ply, read_ply};
@@ -35,6 +36,12 @@ pub struct Recording<'a> {
     folder: &'a dyn Folder,
     sensor: Arc<SpaceSensor>,
     plan: Plan,
+}
+
+impl std::fmt::Debug for Recording<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Recording").field("plan", &self.plan).finish_non_exhaustive()
+    }
 }
 
 impl<'a> Recording<'a> {
@@ -96,7 +103,7 @@ impl<'a> Recording<'a> {
     /// say what cannot be.
     pub fn clouds(&self, options: &CameraOptions) -> Result<Clouds<'a>, CloudError> {
         let source = match &self.plan.decode {
-            Decode::Bins => Source::Bins,
+            Decode::Bins => Source::Bins(Box::default()),
             Decode::Files => Source::Files,
             Decode::Depth(plan) => {
                 let (camera, depth_per_m) = camera(plan, options)?;
@@ -104,12 +111,13 @@ impl<'a> Recording<'a> {
             }
             Decode::Packets(survey) => {
                 let file = self.plan.frames.first().map_or("", |frame| &frame.file);
-                let bytes = read(self.folder, file)?;
-                let (Ok(model), Some(capture)) = (survey.model, Capture::begin(&bytes)) else {
-                    return Err(CloudError::content(file, 0, "the capture that was there before", excerpt(&bytes)));
+                let mut window = Window::open(self.folder, file);
+                let begin = window.get(0, HEADER_BYTES).and_then(Capture::begin);
+                let (Ok(model), Some(capture)) = (survey.model, begin) else {
+                    let found = window.take_failure();
+                    return Err(found.unwrap_or_else(|| CloudError::content(file, 0, "the capture", "something else")));
                 };
-                let decoder = Decoder::new(model, survey.sender, capture, false);
-                Source::Packets { file: file.to_owned(), bytes, decoder: Box::new(decoder) }
+                Source::Packets(Box::new(Sweeps::new(window, capture, survey.sender, model)))
             }
         };
         Ok(Clouds {
@@ -127,11 +135,11 @@ impl<'a> Recording<'a> {
 }
 
 /// What clouds are made of.
-enum Source {
-    Bins,
+enum Source<'a> {
+    Bins(Box<BinReader>),
     Files,
     Depth { camera: Arc<PinholeCamera>, directions: Vec<[f32; 2]>, depth_per_m: f64 },
-    Packets { file: String, bytes: Vec<u8>, decoder: Box<Decoder> },
+    Packets(Box<Sweeps<'a>>),
 }
 
 /// The clouds of a recording, one by one in its order. A frame is read when it is asked for; one that cannot be is noted and left
@@ -146,7 +154,13 @@ pub struct Clouds<'a> {
     first_failure: Option<String>,
     last_stamp: Option<Stamp>,
     notes: Notes,
-    source: Source,
+    source: Source<'a>,
+}
+
+impl std::fmt::Debug for Clouds<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Clouds").field("place", &self.place).field("notes", &self.notes).finish_non_exhaustive()
+    }
 }
 
 impl Clouds<'_> {
@@ -155,7 +169,7 @@ impl Clouds<'_> {
     /// # Errors
     /// [`CloudError::NoFrames`] at the end, if not one could be read.
     pub fn next_cloud(&mut self) -> Result<Option<Cloud>, CloudError> {
-        if matches!(self.source, Source::Packets { .. }) {
+        if matches!(self.source, Source::Packets(_)) {
             return Ok(self.next_sweep());
         }
         while let Some((place, frame)) = self.next_frame() {
@@ -231,8 +245,8 @@ impl Clouds<'_> {
             return cloud.map_err(|reason| CloudError::content(&frame.file, 0, "the camera's size", reason));
         }
         let bytes = read(self.folder, &frame.file)?;
-        if matches!(self.source, Source::Bins) {
-            let points_m = read_bin(&frame.file, &bytes, &mut self.notes)?;
+        if let Source::Bins(reader) = &mut self.source {
+            let points_m = reader.read(&frame.file, &bytes, &mut self.notes)?;
             return Ok(Cloud { points_m, ..self.empty(frame) });
         }
         let points = read_points(&frame.file, &bytes, &mut self.notes)?;
@@ -286,9 +300,9 @@ impl Clouds<'_> {
     }
 
     fn next_sweep(&mut self) -> Option<Cloud> {
-        let Source::Packets { file, bytes, decoder } = &mut self.source else { return None };
-        let sweep = decoder.next(file, bytes, &mut self.notes)?;
-        let file = file.clone();
+        let Source::Packets(sweeps) = &mut self.source else { return None };
+        let sweep = sweeps.next(&mut self.notes)?;
+        let file = sweeps.file().to_owned();
         let cloud = Cloud {
             stamp: sweep.stamp,
             sensor: Arc::clone(&self.sensor),

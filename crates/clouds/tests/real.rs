@@ -1,5 +1,7 @@
 //! Real recordings: what is read fits together by the poses that came with them.
 
+#![allow(clippy::unwrap_used, reason = "tests say what they expect by unwrapping it")]
+
 mod common;
 
 use common::disk::Disk;
@@ -35,13 +37,13 @@ fn apart_m(a: &Cloud, b: &Cloud, a_from_b: Pose3) -> f64 {
     let place = |p: &Vector3<f64>| [0, 1, 2].map(|k| (p[k] * 2.0).floor() as i64);
     let good = |cloud: &Cloud| -> Vec<Vector3<f64>> {
         let points = cloud.points_m.iter().map(|p| Vector3::from(p.map(f64::from)));
-        points.filter(|p| p.iter().all(|v| v.is_finite()) && (2.0..40.0).contains(&p.norm())).collect()
+        points.filter(|p| p.iter().all(|v| v.is_finite()) && (1.0..40.0).contains(&p.norm())).collect()
     };
     let mut cells: HashMap<[i64; 3], Vec<Vector3<f64>>> = HashMap::new();
     good(a).into_iter().for_each(|p| cells.entry(place(&p)).or_default().push(p));
     let mut distances: Vec<f64> = good(b)
         .into_iter()
-        .step_by(23)
+        .step_by(11)
         .map(|p| a_from_b.transform(p))
         .filter_map(|p| {
             let [x, y, z] = place(&p);
@@ -93,53 +95,121 @@ fn fit_of_images(disk: &Disk, options: &CameraOptions, [first, second]: [usize; 
     [a_from_b, Pose3::identity()].map(|a_from_b| depth_apart_m(&camera, a, b, a_from_b))
 }
 
+/// How far two clouds are apart by a reference, and by standing still.
+fn fit_of_clouds(recording: &Recording<'_>, reference: usize, [a, b]: [&Cloud; 2]) -> [f64; 2] {
+    let a_from_b = pose_at(recording, reference, a.stamp).between(pose_at(recording, reference, b.stamp));
+    [a_from_b, Pose3::identity()].map(|a_from_b| apart_m(a, b, a_from_b))
+}
+
 #[test]
-fn combos() {
-    let Some(disk) = given("rgbd_open3d5") else { return };
-    for f in ["trajectory.log", "odometry.log"] {
-        for c in ["camera.json", "camera_primesense.json"] {
-            let (log, cam) = (disk.read(f).unwrap(), disk.read(c).unwrap());
-            let memory = Memory { behind: Some(&disk), ..Memory::default() }
-                .with("trajectory.log", log)
-                .with("camera.json", cam);
-            let recording = opened(&memory);
-            let o = CameraOptions::default();
-            let im = images(&recording, &o, 5);
-            let camera = recording.camera(&o).unwrap().unwrap();
-            for k in 1..5 {
-                let a_from_b = pose_at(&recording, 0, im[0].stamp).between(pose_at(&recording, 0, im[k].stamp));
-                println!(
-                    "{f} {c} {k} {:.4} {:.4} inv {:.4} moved {:.3} {:.3}",
-                    depth_apart_m(&camera, &im[0], &im[k], a_from_b),
-                    depth_apart_m(&camera, &im[0], &im[k], Pose3::identity()),
-                    depth_apart_m(&camera, &im[0], &im[k], a_from_b.inverse()),
-                    a_from_b.translation.norm(),
-                    a_from_b.rotation.angle()
-                );
-            }
-        }
+fn os0_hall_fits_together_by_both_its_references() {
+    let Some(disk) = given("3d_os0_hall") else { return };
+    let recording = opened(&disk);
+    assert_eq!((recording.kind(), recording.frames()), (Kind::Kitti, 85));
+    assert_eq!(recording.notes().kinds.len(), 0, "{:?}", recording.notes());
+    let clouds = all(&recording);
+    assert_eq!(clouds.len(), 85);
+    assert!(clouds.iter().all(|cloud| (60_000..95_000).contains(&cloud.points_m.len())));
+    assert_eq!(clouds[0].stamp, Stamp(1_630_577_758_569_490_000));
+    assert_eq!(recording.references().len(), 2);
+    for (place, reference) in recording.references().iter().enumerate() {
+        assert_eq!((reference.frame, reference.poses.len()), (ReferenceFrame::Sensor, 85));
+        let [moved, still] = fit_of_clouds(&recording, place, [&clouds[37], &clouds[38]]);
+        assert!(moved < 0.08 && still > 0.3, "{}: {moved} {still}", reference.file);
     }
-    let disk = given("rgbd_tum_fr1desk9").unwrap();
-    for i in [[517.3, 516.5, 318.6, 255.3], [525.0, 525.0, 319.5, 239.5]] {
-        let o = CameraOptions { intrinsics: Some(i), depth_scale: None };
-        let all: Vec<f64> =
-            [[0, 4], [0, 8], [1, 5], [2, 7], [3, 8], [4, 8]].iter().map(|p| fit_of_images(&disk, &o, *p)[0]).collect();
-        println!("tum {i:?} {all:.4?}");
-    }
-    let disk = given("3d_os0_hall").unwrap();
+}
+
+/// Tr of the sequence's calib.txt, of the benchmark's page.
+const KITTI00_CALIB: &str = "P0: 7.188560000000e+02 0 0 0 0 0 0 0 0 0 0 0\nTr: 4.276802385584e-04 -9.999672484946e-01 \
+    -8.084491683471e-03 -1.198459927713e-02 -7.210626507497e-03 8.081198471645e-03 -9.999413164504e-01 -5.403984729748e-02 \
+    9.999738645903e-01 4.859485810390e-04 -7.206933692422e-03 -2.921968648686e-01\n";
+
+#[test]
+fn kitti_poses_of_the_camera_become_those_of_the_lidar() {
+    let Some(disk) = given("3d_kitti00_pair") else { return };
+    assert_eq!(opened(&disk).references()[0].frame, ReferenceFrame::Camera);
+    let calibrated = Memory { behind: Some(&disk), ..Memory::default() }.with("calib.txt", KITTI00_CALIB);
+    let recording = opened(&calibrated);
+    let clouds = all(&recording);
+    assert_eq!(recording.references()[0].frame, ReferenceFrame::FromCamera);
+    assert_eq!(clouds[1].stamp, Stamp(9_500_000_000));
+    let [moved, still] = fit_of_clouds(&recording, 0, [&clouds[0], &clouds[1]]);
+    assert!(moved < 0.05 && still > 0.07, "{moved} {still}");
+}
+
+#[test]
+fn kitti_first_sixteen_have_no_times() {
+    let Some(disk) = given("3d_kitti00_first16") else { return };
     let recording = opened(&disk);
     let clouds = all(&recording);
-    for k in (10..84).step_by(9) {
-        for r in 0..2 {
-            let [a, b] = [k, k + 1].map(|k| pose_at(&recording, r, clouds[k].stamp));
-            println!(
-                "os0 {r} {k} turned {:.3} {:.4} still {:.4} inv {:.4}",
-                a.between(b).rotation.angle(),
-                apart_m(&clouds[k], &clouds[k + 1], a.between(b)),
-                apart_m(&clouds[k], &clouds[k + 1], Pose3::identity()),
-                apart_m(&clouds[k], &clouds[k + 1], b.between(a))
-            );
-        }
+    assert_eq!((clouds.len(), clouds[15].stamp), (16, Stamp(1_500_000_000)));
+    assert!(recording.decisions().iter().any(|decision| decision.contains("0.1 s apart")));
+}
+
+#[test]
+fn ply_pair_fits_together_by_its_true_transform() {
+    let Some(disk) = given("3d_pairs/small_gicp") else { return };
+    let recording = opened(&disk);
+    assert_eq!((recording.kind(), recording.frames()), (Kind::Files, 2));
+    let clouds = all(&recording);
+    assert_eq!([clouds[0].points_m.len(), clouds[1].points_m.len()], [69_792, 69_088]);
+    let text = String::from_utf8(disk.read("T_target_source.txt").unwrap()).unwrap();
+    let m: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap()).collect();
+    let rotation = nalgebra::Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
+    let target_from_source = Pose3 {
+        translation: Vector3::new(m[3], m[7], m[11]),
+        rotation: nalgebra::UnitQuaternion::from_matrix(&rotation),
+    };
+    let moved = apart_m(&clouds[1], &clouds[0], target_from_source);
+    let still = apart_m(&clouds[1], &clouds[0], Pose3::identity());
+    assert!(moved < 0.05 && still > 0.06, "{moved} {still}");
+}
+
+#[test]
+fn depth_images_fit_together_by_their_references() {
+    let options = CameraOptions::default();
+    for (name, kind, frames, pair, most_m, still_m) in [
+        ("rgbd_tum_fr1desk9", Kind::Tum, 9, [0, 8], 0.012, 0.1),
+        ("rgbd_7scenes", Kind::SevenScenes, 300, [0, 30], 0.009, 0.04),
+        ("rgbd_open3d5", Kind::Open3d, 5, [0, 4], 0.007, 0.035),
+    ] {
+        let Some(disk) = given(name) else { continue };
+        let recording = opened(&disk);
+        assert_eq!((recording.kind(), recording.frames()), (kind, frames));
+        let [moved, still] = fit_of_images(&disk, &options, pair);
+        assert!(moved < most_m && still > still_m, "{name}: {moved} {still}");
+        let cloud = recording.clouds(&options).unwrap().next_cloud().unwrap().unwrap();
+        assert_eq!((cloud.points_m.len(), cloud.colours.len()), (640 * 480, 640 * 480));
     }
-    let _ = (Kind::Tum, NoteKind::Truncated, ReferenceFrame::Sensor);
+}
+
+#[test]
+fn tum_lists_more_images_than_are_there() {
+    let Some(disk) = given("rgbd_tum_fr1desk9") else { return };
+    let recording = opened(&disk);
+    assert_eq!(recording.notes().count(NoteKind::MissingFrame), 586);
+    assert_eq!(recording.notes().count(NoteKind::MissingColour), 0);
+    assert_eq!(recording.references()[0].poses.len(), 2335);
+}
+
+#[test]
+fn velodyne_captures_turn_ten_times_a_second() {
+    for (name, model, sizes) in [
+        ("sample_velodyne_hdl32.pcap", "HDL-32E", &[57_674, 57_669, 31_362][..]),
+        ("sample_velodyne_vlp16_gps.pcap", "VLP-16", &[18_566, 18_562, 18_530, 17_828]),
+    ] {
+        let Some(disk) = given(&format!("lidar_mrpt/{name}")) else { continue };
+        let recording = opened(&disk);
+        assert_eq!((recording.kind(), recording.frames()), (Kind::Velodyne, sizes.len()));
+        assert_eq!(recording.sensor().name, model);
+        let clouds = all(&recording);
+        assert_eq!(clouds.iter().map(|cloud| cloud.points_m.len()).collect::<Vec<_>>(), sizes);
+        let turn_s = clouds[1].stamp.secs_since(clouds[0].stamp);
+        assert!((0.095..0.115).contains(&turn_s), "{turn_s}");
+        let last_s = clouds[0].times_s.iter().copied().fold(0.0, f32::max);
+        assert!((turn_s - f64::from(last_s)).abs() < 0.002 && clouds[0].times_s[0] < 1e-4);
+        // one revolution and the next show the same
+        let apart = apart_m(&clouds[0], &clouds[1], Pose3::identity());
+        assert!(apart < 0.15, "{name}: {apart}");
+    }
 }

@@ -9,14 +9,11 @@ use crate::ply::is_ply;
 use crate::text::excerpt;
 use mapwright_sensor::SpaceSensor;
 
-/// So many files are looked at for what they hold: the first may be empty.
-const LOOKED_AT: usize = 3;
-
 pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let is_cloud = |name: &str| ends_with(name, ".pcd") || ends_with(name, ".ply");
     let names = match listing.only() {
         Some(name) if !is_cloud(name) => {
-            let bytes = listing.read(name)?;
+            let bytes = listing.head(name)?;
             if is_pcd(&bytes) || is_ply(&bytes) { vec![name.to_owned()] } else { Vec::new() }
         }
         _ => listing.in_one_folder(is_cloud)?,
@@ -24,7 +21,11 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     if names.is_empty() {
         return Ok(None);
     }
-    check(listing, &names)?;
+    listing.check_first(&names, |name| {
+        let head = listing.head(name)?;
+        let is_one = is_pcd(&head) || is_ply(&head);
+        is_one.then_some(()).ok_or_else(|| CloudError::content(name, 0, "a PCD or PLY file", excerpt(&head)))
+    })?;
     let stems: Vec<&str> = names.iter().map(|name| stem(name)).collect();
     let by_name = stamps_of_names(&stems);
     let mut decisions = vec!["the robot's frame is that of the files".to_owned()];
@@ -48,21 +49,4 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         decisions,
         notes: Notes::default(),
     }))
-}
-
-/// At least one of the first files must be what its name says.
-fn check(listing: &Listing<'_>, names: &[String]) -> Result<(), CloudError> {
-    let mut error = None;
-    for name in names.iter().take(LOOKED_AT) {
-        match listing.read(name) {
-            Ok(bytes) if is_pcd(&bytes) || is_ply(&bytes) => return Ok(()),
-            Ok(bytes) => {
-                error.get_or_insert(CloudError::content(name, 0, "a PCD or PLY file", excerpt(&bytes)));
-            }
-            Err(cause) => {
-                error.get_or_insert(cause);
-            }
-        }
-    }
-    error.map_or(Ok(()), Err)
 }

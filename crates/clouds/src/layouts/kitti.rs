@@ -10,8 +10,6 @@ use crate::text::{excerpt, rows};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_sensor::SpaceSensor;
 
-/// So many files are looked at for what they hold: the first may be empty.
-const LOOKED_AT: usize = 3;
 /// Names of the transform from the lidar to camera 0.
 const TR: [&str; 3] = ["Tr:", "Tr_velo_to_cam:", "Tr_velo_cam:"];
 
@@ -23,9 +21,10 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         }
     };
     let Some(first) = names.first() else { return Ok(None) };
-    for name in names.iter().take(LOOKED_AT) {
-        bins::check(name, &listing.read(name)?)?;
-    }
+    listing.check_first(&names, |name| {
+        let bytes = listing.read(name)?;
+        bins::read_bin(name, &bytes, &mut Notes::default()).map(drop)
+    })?;
     let folder = parts(first).0.to_owned();
     let mut notes = Notes::default();
     let mut decisions = vec!["the robot's frame is the lidar's".to_owned()];

@@ -5,7 +5,9 @@ use crate::folder::{Listing, ends_with};
 use crate::notes::Notes;
 use crate::packets::capture::Capture;
 use crate::packets::velodyne::survey;
+use crate::packets::window::Window;
 use crate::plan::{Decode, Frame, Kind, Plan};
+use crate::text::excerpt;
 use mapwright_sensor::SpaceSensor;
 
 /// Both models' range, metres.
@@ -22,13 +24,17 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         [name] => name,
         _ => return Err(CloudError::Several { folders: names.into_iter().take(10).collect() }),
     };
-    let bytes = listing.read(name)?;
-    if Capture::begin(&bytes).is_none() && !is_capture(name) {
+    let begin = Capture::begin(&listing.head(name)?);
+    if begin.is_none() && !is_capture(name) {
         return Ok(None);
     }
-    let Some(survey) = survey(name, &bytes) else {
+    let survey = match begin {
+        Some(capture) => survey(&mut Window::open(listing.folder, name), capture)?,
+        None => None,
+    };
+    let Some(survey) = survey else {
         let expected = "a capture with packets of a Velodyne (1206 bytes by UDP)";
-        return Err(CloudError::content(name, 0, expected, crate::text::excerpt(&bytes)));
+        return Err(CloudError::content(name, 0, expected, excerpt(&listing.head(name)?)));
     };
     let model = survey.model.map_err(|product| {
         let expected = "packets of a VLP-16 (0x22) or HDL-32E (0x21)";

@@ -1,6 +1,7 @@
 //! Captures of a network: pcap of either byte order and resolution, and pcapng.
 
 use crate::notes::{NoteKind, Notes};
+use crate::packets::window::Window;
 use crate::scalar::array;
 use mapwright_geom::Stamp;
 
@@ -8,7 +9,7 @@ use mapwright_geom::Stamp;
 const PACKET_BYTES_MAX: usize = 262_144;
 const SECTION: u32 = 0x0a0d_0d0a;
 /// Bytes of pcap's header, and of the one before each packet.
-const HEADER_BYTES: usize = 24;
+pub(crate) const HEADER_BYTES: usize = 24;
 const RECORD_BYTES: usize = 16;
 
 /// A packet as it was captured.
@@ -28,6 +29,8 @@ pub(crate) struct Capture {
     at: usize,
     is_big: bool,
     kind: Kind,
+    /// Of the last packet.
+    seconds: Option<u32>,
 }
 
 #[derive(Debug, Clone)]
@@ -40,84 +43,128 @@ enum Kind {
 
 /// No section has more interfaces.
 const INTERFACES_MAX: usize = 256;
+/// No block of pcapng that is looked into is larger.
+const BLOCK_BYTES_MAX: usize = 1 << 20;
+/// Behind damage a packet is believed to begin where it was captured within so many seconds of the last.
+const RESUMED_S: u32 = 60;
+
+/// What stands at a place.
+enum Step {
+    /// A packet: where its bytes begin, how many they are, when it was captured and how it begins.
+    Packet(usize, usize, Stamp, u32),
+    Other,
+}
 
 impl Capture {
-    /// The beginning of a capture, if the bytes are one.
-    pub(crate) fn begin(bytes: &[u8]) -> Option<Self> {
-        let magic = u32::from_le_bytes(array(bytes, 0)?);
+    /// The beginning of a capture, if the first bytes are those of one.
+    pub(crate) fn begin(head: &[u8]) -> Option<Self> {
+        let magic = u32::from_le_bytes(array(head, 0)?);
+        let capture = |at, is_big, kind| Self { at, is_big, kind, seconds: None };
         let (is_big, fraction_ns) = match magic {
             0xa1b2_c3d4 => (false, 1000),
             0xa1b2_3c4d => (false, 1),
             0xd4c3_b2a1 => (true, 1000),
             0x4d3c_b2a1 => (true, 1),
-            SECTION => return Some(Self { at: 0, is_big: false, kind: Kind::PcapNg { interfaces: Vec::new() } }),
+            SECTION => return Some(capture(0, false, Kind::PcapNg { interfaces: Vec::new() })),
             _ => return None,
         };
-        let mut capture = Self { at: HEADER_BYTES, is_big, kind: Kind::Pcap { fraction_ns, link: 0 } };
-        let network = capture.u32(bytes, 20)? & 0x0fff_ffff; // above it are flags of the checksum
-        capture.kind = Kind::Pcap { fraction_ns, link: network };
-        Some(capture)
+        let link = u32_of(is_big, array(head, 20)?) & 0x0fff_ffff; // above it are flags of the checksum
+        Some(capture(HEADER_BYTES, is_big, Kind::Pcap { fraction_ns, link }))
     }
 
-    /// The next packet; none at the end, or where the capture breaks off, which is noted.
-    pub(crate) fn next<'a>(&mut self, file: &str, bytes: &'a [u8], notes: &mut Notes) -> Option<Packet<'a>> {
-        while self.at < bytes.len() {
-            let at = self.at;
+    /// The next packet; none at the end. Damage is noted; a pcap goes on behind it where a packet begins again.
+    pub(crate) fn next<'w>(&mut self, window: &'w mut Window<'_>, notes: &mut Notes) -> Option<Packet<'w>> {
+        while window.goes_on(self.at) {
+            let before = self.at;
             let step = match self.kind {
-                Kind::Pcap { fraction_ns, link } => self.pcap(bytes, fraction_ns, link).map(Some),
-                Kind::PcapNg { .. } => self.pcapng(bytes),
+                Kind::Pcap { fraction_ns, link } => self.pcap(window, fraction_ns, link),
+                Kind::PcapNg { .. } => self.pcapng(window),
             };
             match step {
-                Some(Some(packet)) => return Some(packet),
-                Some(None) => {}
-                None => {
-                    let found = || ("a whole packet", format!("{} bytes that are none", bytes.len() - at));
-                    notes.note(NoteKind::Truncated, file, at, found);
-                    self.at = bytes.len();
+                Some(Step::Packet(at, length, stamp, link)) => {
+                    return window.get(at, length).map(|bytes| Packet { at, stamp, link, bytes });
                 }
+                Some(Step::Other) => {}
+                None => self.resume(before, window, notes),
             }
         }
         None
     }
 
-    fn u32(&self, bytes: &[u8], at: usize) -> Option<u32> {
-        array(bytes, at).map(if self.is_big { u32::from_be_bytes } else { u32::from_le_bytes })
+    /// Goes to the next place that may be a packet, or to the end.
+    fn resume(&mut self, broken: usize, window: &mut Window<'_>, notes: &mut Notes) {
+        let file = window.file.clone();
+        let mut at = broken + 1;
+        while let (Kind::Pcap { .. }, true) = (&self.kind, window.goes_on(at + RECORD_BYTES)) {
+            let next = self.plausible(at, window);
+            if next.is_some_and(|next| !window.goes_on(next) || self.plausible(next, window).is_some()) {
+                let words = || ("a whole packet", format!("the next one {} bytes on", at - broken));
+                notes.note(NoteKind::BadPacket, &file, broken, words);
+                self.at = at;
+                return;
+            }
+            at += 1;
+        }
+        let reason = window.failure().map_or_else(|| "none to the end".to_owned(), ToString::to_string);
+        notes.note(NoteKind::Truncated, &file, broken, || ("a whole packet", reason));
+        self.at = usize::MAX;
     }
 
-    fn pcap<'a>(&mut self, bytes: &'a [u8], fraction_ns: i64, link: u32) -> Option<Packet<'a>> {
-        let [seconds, fraction, length] =
-            [self.u32(bytes, self.at)?, self.u32(bytes, self.at + 4)?, self.u32(bytes, self.at + 8)?];
+    /// The end of what may be a packet of pcap: it is whole, and was captured soon before or after the last one.
+    fn plausible(&self, at: usize, window: &mut Window<'_>) -> Option<usize> {
+        let [seconds, _, length, sent] = self.record(at, window)?;
+        let is_near = self.seconds.is_some_and(|last| last.abs_diff(seconds) <= RESUMED_S);
+        let is_one = is_near && length > 0 && length <= sent && sent as usize <= PACKET_BYTES_MAX;
+        let end = at + RECORD_BYTES + length as usize;
+        (is_one && window.goes_on(end - 1)).then_some(end)
+    }
+
+    /// What stands before a packet of pcap: seconds, their fraction, bytes captured, bytes sent.
+    fn record(&self, at: usize, window: &mut Window<'_>) -> Option<[u32; 4]> {
+        let head = window.get(at, RECORD_BYTES)?;
+        Some([0, 4, 8, 12].map(|at| array(head, at).map_or(0, |bytes| u32_of(self.is_big, bytes))))
+    }
+
+    fn pcap(&mut self, window: &mut Window<'_>, fraction_ns: i64, link: u32) -> Option<Step> {
+        let [seconds, fraction, length, _] = self.record(self.at, window)?;
         let at = self.at + RECORD_BYTES;
         let length = Some(length as usize).filter(|length| *length <= PACKET_BYTES_MAX)?;
-        let packet = bytes.get(at..at + length)?;
-        self.at = at + length;
+        window.get(at, length)?;
+        (self.at, self.seconds) = (at + length, Some(seconds));
         let stamp = Stamp(i64::from(seconds) * 1_000_000_000 + i64::from(fraction) * fraction_ns);
-        Some(Packet { at, stamp, link, bytes: packet })
+        Some(Step::Packet(at, length, stamp, link))
     }
 
     /// A block, which may hold a packet; none where it is no block.
-    fn pcapng<'a>(&mut self, bytes: &'a [u8]) -> Option<Option<Packet<'a>>> {
+    fn pcapng(&mut self, window: &mut Window<'_>) -> Option<Step> {
         let begin = self.at;
-        if self.u32(bytes, begin)? == SECTION {
-            self.is_big = match self.u32(bytes, begin + 8)? {
+        let head: [u8; 12] = array(window.get(begin, 12)?, 0)?;
+        if self.u32(&head, 0)? == SECTION {
+            self.is_big = match self.u32(&head, 8)? {
                 0x1a2b_3c4d => self.is_big,
                 0x4d3c_2b1a => !self.is_big,
                 _ => return None,
             };
             self.kind = Kind::PcapNg { interfaces: Vec::new() };
         }
-        let (kind, length) = (self.u32(bytes, begin)?, self.u32(bytes, begin + 4)? as usize);
-        let end = begin.checked_add(length).filter(|_| length >= 12 && length.is_multiple_of(4))?;
-        let body = bytes.get(begin + 8..end - 4)?;
-        self.at = end;
-        Some(match kind {
-            1 => {
-                self.add_interface(body);
-                None
-            }
-            6 => self.enhanced_packet(begin + 8, body),
-            _ => None,
-        })
+        let (kind, length) = (self.u32(&head, 0)?, self.u32(&head, 4)? as usize);
+        if length < 12 || !length.is_multiple_of(4) || !window.goes_on(begin + length - 1) {
+            return None;
+        }
+        self.at = begin + length;
+        if !matches!(kind, 1 | 6) || length > BLOCK_BYTES_MAX {
+            return Some(Step::Other);
+        }
+        let body = window.get(begin + 8, length - 12)?;
+        if kind == 1 {
+            self.add_interface(body);
+            return Some(Step::Other);
+        }
+        Some(self.enhanced_packet(begin + 8, body).unwrap_or(Step::Other))
+    }
+
+    fn u32(&self, bytes: &[u8], at: usize) -> Option<u32> {
+        array(bytes, at).map(|bytes| u32_of(self.is_big, bytes))
     }
 
     fn add_interface(&mut self, body: &[u8]) {
@@ -142,15 +189,20 @@ impl Capture {
         }
     }
 
-    fn enhanced_packet<'a>(&self, at: usize, body: &'a [u8]) -> Option<Packet<'a>> {
+    fn enhanced_packet(&self, at: usize, body: &[u8]) -> Option<Step> {
         let [interface, high, low, length] = [0, 4, 8, 12].map(|at| self.u32(body, at));
         let Kind::PcapNg { interfaces } = &self.kind else { return None };
         let (link, units) = *interfaces.get(interface? as usize)?;
         let time = u128::from(high?) << 32 | u128::from(low?);
         let stamp = Stamp(i64::try_from(time * 1_000_000_000 / u128::from(units)).ok()?);
-        let bytes = body.get(20..)?.get(..length? as usize)?;
-        Some(Packet { at: at + 20, stamp, link, bytes })
+        let length = length? as usize;
+        body.get(20..)?.get(..length)?;
+        Some(Step::Packet(at + 20, length, stamp, link))
     }
+}
+
+fn u32_of(is_big: bool, bytes: [u8; 4]) -> u32 {
+    if is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
 }
 
 /// Units of time in a second: a power of ten, or of two where the highest bit is set.
@@ -162,13 +214,16 @@ fn units_of(resolution: u8) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::packets::window::in_memory::File;
     use proptest::prelude::*;
 
     fn all(bytes: &[u8]) -> (Vec<(i64, Vec<u8>)>, Notes) {
         let mut notes = Notes::default();
         let mut found = Vec::new();
+        let file = File(bytes);
+        let mut window = Window::open(&file, "a.pcap");
         if let Some(mut capture) = Capture::begin(bytes) {
-            while let Some(packet) = capture.next("a.pcap", bytes, &mut notes) {
+            while let Some(packet) = capture.next(&mut window, &mut notes) {
                 assert_eq!(&bytes[packet.at..packet.at + packet.bytes.len()], packet.bytes);
                 found.push((packet.stamp.0, packet.bytes.to_vec()));
             }
@@ -236,5 +291,17 @@ mod tests {
         let (found, notes) = all(&file[..file.len() - 1]);
         assert_eq!((found.len(), notes.kinds[&NoteKind::Truncated].first[0].offset_bytes), (1, 41));
         assert_eq!(all(&pcapng(&[vec![1]])).0[0].0, 1000);
+    }
+
+    #[test]
+    fn a_pcap_goes_on_behind_damage() {
+        let packets: Vec<Vec<u8>> = (0..5).map(|k| vec![k; 60]).collect();
+        let mut file = pcap(u32::to_le_bytes, 0xa1b2_c3d4, &packets);
+        let second = HEADER_BYTES + RECORD_BYTES + 60;
+        file[second + 8..second + 12].copy_from_slice(&[0xff; 4]);
+        let (found, notes) = all(&file);
+        assert_eq!(found.iter().map(|(_, bytes)| bytes[0]).collect::<Vec<_>>(), [0, 2, 3, 4]);
+        let note = &notes.kinds[&NoteKind::BadPacket].first[0];
+        assert_eq!((note.offset_bytes, note.found.as_str()), (second as u64, "the next one 76 bytes on"));
     }
 }

@@ -1,8 +1,10 @@
 //! Packets of Velodyne's VLP-16 and HDL-32E, after their manuals (63-9243 Rev. E, 63-9113 Rev. N).
 
+use crate::error::CloudError;
 use crate::notes::{NoteKind, Notes};
 use crate::packets::capture::{Capture, Packet};
 use crate::packets::udp::datagram;
+use crate::packets::window::Window;
 use crate::scalar::array;
 use mapwright_geom::{Stamp, sin_cos};
 use std::collections::{BTreeMap, VecDeque};
@@ -123,29 +125,52 @@ pub(crate) struct Survey {
     pub(crate) is_dual: bool,
 }
 
+/// So many sensors are told apart; what further ones send is not read.
+const SENDERS_MAX: usize = 64;
+
+/// What one sensor sends.
+struct Sent {
+    packets: usize,
+    sweeps: usize,
+    is_dual: bool,
+    decoder: Option<Decoder>,
+}
+
 /// Looks through a capture; none where it has no Velodyne packets.
-pub(crate) fn survey(file: &str, bytes: &[u8]) -> Option<Survey> {
-    let mut capture = Capture::begin(bytes)?;
-    let mut senders: BTreeMap<Sender, (usize, u8)> = BTreeMap::new();
-    while let Some(packet) = capture.next(file, bytes, &mut Notes::default()) {
-        if let Some((sender, payload)) = data_of(&packet) {
-            let (count, mode) = senders.entry(sender).or_default();
-            (*count, *mode) = (*count + 1, payload[PAYLOAD_BYTES - 2]);
+///
+/// # Errors
+/// What keeps it from being read before the first of them.
+pub(crate) fn survey(window: &mut Window<'_>, mut capture: Capture) -> Result<Option<Survey>, CloudError> {
+    let mut all: BTreeMap<Sender, Sent> = BTreeMap::new();
+    let (file, mut notes) = (window.file.clone(), Notes::default());
+    while let Some(packet) = capture.next(window, &mut notes) {
+        let Some((sender, payload)) = data_of(&packet) else { continue };
+        if all.len() >= SENDERS_MAX && !all.contains_key(&sender) {
+            continue;
+        }
+        let sent = all.entry(sender).or_insert_with(|| Sent {
+            packets: 0,
+            sweeps: 0,
+            is_dual: payload[PAYLOAD_BYTES - 2] == DUAL,
+            decoder: Model::of_product(sender.2).map(|model| Decoder::new(model, true)),
+        });
+        sent.packets += 1;
+        if let Some(decoder) = &mut sent.decoder {
+            decoder.add(&file, &packet, payload, &mut notes);
+            sent.sweeps += decoder.ready.drain(..).count();
         }
     }
-    let (sender, (_, mode)) = senders.iter().max_by_key(|(_, (count, _))| *count)?;
-    let mut survey = Survey {
-        model: Model::of_product(sender.2).ok_or(sender.2),
-        sweeps: 0,
-        sender: *sender,
-        senders: senders.len(),
-        is_dual: *mode == DUAL,
+    let senders = all.len();
+    let Some((sender, sent)) = all.into_iter().max_by_key(|(_, sent)| sent.packets) else {
+        return window.take_failure().map_or(Ok(None), Err);
     };
-    if let Ok(model) = survey.model {
-        let mut decoder = Decoder::new(model, *sender, Capture::begin(bytes)?, true);
-        survey.sweeps = std::iter::from_fn(|| decoder.next(file, bytes, &mut Notes::default())).count();
+    let mut sweeps = sent.sweeps;
+    if let Some(mut decoder) = sent.decoder {
+        decoder.cut(&file, &mut notes);
+        sweeps += decoder.ready.len();
     }
-    Some(survey)
+    let model = Model::of_product(sender.2).ok_or(sender.2);
+    Ok(Some(Survey { model, sweeps, sender, senders, is_dual: sent.is_dual }))
 }
 
 /// Who sent a packet of points, and its 1206 bytes.
@@ -155,11 +180,44 @@ fn data_of<'a>(packet: &Packet<'a>) -> Option<(Sender, &'a [u8; PAYLOAD_BYTES])>
     payload.starts_with(&FLAG).then(|| ((datagram.source, datagram.port, payload[PAYLOAD_BYTES - 1]), payload))
 }
 
-/// Makes revolutions of the packets of one sensor.
-pub(crate) struct Decoder {
-    lasers: Lasers,
-    sender: Sender,
+/// The revolutions of one sensor in a capture.
+pub(crate) struct Sweeps<'a> {
+    window: Window<'a>,
     capture: Capture,
+    sender: Sender,
+    decoder: Decoder,
+}
+
+impl<'a> Sweeps<'a> {
+    pub(crate) fn new(window: Window<'a>, capture: Capture, sender: Sender, model: Model) -> Self {
+        Self { window, capture, sender, decoder: Decoder::new(model, false) }
+    }
+
+    /// The file's name.
+    pub(crate) fn file(&self) -> &str {
+        &self.window.file
+    }
+
+    /// The next revolution; none at the end of the capture.
+    pub(crate) fn next(&mut self, notes: &mut Notes) -> Option<Sweep> {
+        let file = self.window.file.clone();
+        while self.decoder.ready.is_empty() {
+            let Some(packet) = self.capture.next(&mut self.window, notes) else {
+                self.decoder.cut(&file, notes);
+                break;
+            };
+            match data_of(&packet) {
+                Some((sender, payload)) if sender == self.sender => self.decoder.add(&file, &packet, payload, notes),
+                _ => note_other(&file, &packet, notes),
+            }
+        }
+        self.decoder.ready.pop_front()
+    }
+}
+
+/// Makes revolutions of the packets of one sensor.
+struct Decoder {
+    lasers: Lasers,
     /// Whether only revolutions are counted.
     is_counting: bool,
     clock: Option<Clock>,
@@ -179,11 +237,9 @@ struct Clock {
 }
 
 impl Decoder {
-    pub(crate) fn new(model: Model, sender: Sender, capture: Capture, is_counting: bool) -> Self {
+    fn new(model: Model, is_counting: bool) -> Self {
         Self {
             lasers: model.lasers(),
-            sender,
-            capture,
             is_counting,
             clock: None,
             azimuth: None,
@@ -191,21 +247,6 @@ impl Decoder {
             sweep: Sweep::default(),
             ready: VecDeque::new(),
         }
-    }
-
-    /// The next revolution; none at the end of the capture.
-    pub(crate) fn next(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Option<Sweep> {
-        while self.ready.is_empty() {
-            let Some(packet) = self.capture.next(file, bytes, notes) else {
-                self.cut(file, notes);
-                break;
-            };
-            match data_of(&packet) {
-                Some((sender, payload)) if sender == self.sender => self.add(file, &packet, payload, notes),
-                _ => note_other(file, &packet, notes),
-            }
-        }
-        self.ready.pop_front()
     }
 
     fn add(&mut self, file: &str, packet: &Packet<'_>, payload: &[u8; PAYLOAD_BYTES], notes: &mut Notes) {

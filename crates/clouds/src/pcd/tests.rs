@@ -84,6 +84,14 @@ fn bad_rows_and_organised_clouds() {
     assert_eq!((notes.count(NoteKind::BadRow), notes.count(NoteKind::Viewpoint)), (2, 1));
 }
 
+#[test]
+fn a_field_of_no_numbers_is_nothing() {
+    for data in ["ascii\n1 2 3\n".to_owned(), "binary\n".to_owned() + &"\0".repeat(12)] {
+        let text = format!("FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 0\nPOINTS 1\nDATA {data}");
+        assert_eq!(read_pcd("a.pcd", text.as_bytes(), &mut Notes::default()).unwrap().points_m.len(), 1);
+    }
+}
+
 proptest! {
     #[test]
     fn what_is_written_is_read(points in prop::collection::vec(prop::array::uniform3(prop::num::f32::ANY), 0..40)) {

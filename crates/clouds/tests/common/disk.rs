@@ -1,7 +1,8 @@
 //! A folder or file on disk.
 
 use mapwright_clouds::Folder;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// The files below a path.
@@ -43,5 +44,13 @@ impl Folder for Disk {
 
     fn read(&self, name: &str) -> io::Result<Vec<u8>> {
         std::fs::read(self.root.join(name))
+    }
+
+    fn read_part(&self, name: &str, offset_bytes: u64, count: usize) -> io::Result<Vec<u8>> {
+        let mut part = Vec::new();
+        let mut file = File::open(self.root.join(name))?;
+        file.seek(SeekFrom::Start(offset_bytes))?;
+        file.take(count as u64).read_to_end(&mut part)?;
+        Ok(part)
     }
 }

@@ -1,5 +1,7 @@
 //! What tests of recordings have in common.
 
+#![allow(dead_code, reason = "each test uses a part")]
+
 pub(crate) mod disk;
 pub(crate) mod memory;
 

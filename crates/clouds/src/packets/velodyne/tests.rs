@@ -1,4 +1,5 @@
 use super::*;
+use crate::packets::window::in_memory::File;
 use proptest::prelude::*;
 
 /// A packet whose blocks turn by 0.4 degrees each; every laser sees the given distances in turn.
@@ -34,15 +35,22 @@ fn capture(payloads: &[Vec<u8>], us_apart: u32) -> Vec<u8> {
     file
 }
 
+fn surveyed(bytes: &[u8]) -> Option<Survey> {
+    let file = File(bytes);
+    survey(&mut Window::open(&file, "a.pcap"), Capture::begin(bytes)?).unwrap()
+}
+
 fn sweeps(bytes: &[u8]) -> (Vec<Sweep>, Notes) {
     let mut notes = Notes::default();
-    let Some(survey) = survey("a.pcap", bytes) else { return (Vec::new(), notes) };
+    let Some(survey) = surveyed(bytes) else { return (Vec::new(), notes) };
     let Ok(model) = survey.model else { return (Vec::new(), notes) };
-    let mut decoder = Decoder::new(model, survey.sender, Capture::begin(bytes).unwrap(), false);
-    let sweeps: Vec<Sweep> = std::iter::from_fn(|| decoder.next("a.pcap", bytes, &mut notes)).collect();
-    assert_eq!(sweeps.len(), survey.sweeps);
-    assert!(sweeps.iter().all(|sweep| sweep.points_m.len() == sweep.times_s.len()));
-    (sweeps, notes)
+    let file = File(bytes);
+    let window = Window::open(&file, "a.pcap");
+    let mut sweeps = Sweeps::new(window, Capture::begin(bytes).unwrap(), survey.sender, model);
+    let all: Vec<Sweep> = std::iter::from_fn(|| sweeps.next(&mut notes)).collect();
+    assert_eq!(all.len(), survey.sweeps);
+    assert!(all.iter().all(|sweep| sweep.points_m.len() == sweep.times_s.len()));
+    (all, notes)
 }
 
 /// A VLP-16 of 4.8 degrees a packet: 75 of them are a turn.
@@ -99,7 +107,7 @@ fn both_returns_are_points_unless_they_are_the_same() {
 #[test]
 fn other_models_are_named_and_a_bad_block_is_left_out() {
     let file = capture(&[payload(0, [500; 2], 0, 0x37, 0x28)], 0);
-    assert_eq!(survey("a.pcap", &file).unwrap().model, Err(0x28));
+    assert_eq!(surveyed(&file).unwrap().model, Err(0x28));
     let mut bad = payload(0, [500; 2], 0, 0x37, 0x22);
     bad[100] = 0;
     bad[202..204].copy_from_slice(&40_000_u16.to_le_bytes());
