@@ -56,7 +56,7 @@ pub struct SegmentError {
 
 /// Compares an estimate with a reference: absolutely as `evo_ape tum reference estimate -a` does (without `-a` or with `-s` as the
 /// alignment says; Umeyama 1991), and step by step as `evo_rpe` does. Poses are paired like those of the plane, see
-/// [`associate`](crate::associate).
+/// [`associate`](fn@crate::associate).
 ///
 /// # Errors
 /// When no stamps match, no pose is finite, the poses all but lie on a line and so cannot be aligned, or there is no such step.
