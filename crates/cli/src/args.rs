@@ -182,15 +182,19 @@ pub(crate) struct InfoArgs {
 #[derive(Debug, ClapArgs)]
 #[command(group = clap::ArgGroup::new("truth").required(true))]
 pub(crate) struct EvalArgs {
-    /// Trajectories (TUM, or stamp x y theta); of several, mean and worst are printed as well.
+    /// Trajectories (TUM, stamp x y theta, or KITTI's 12 numbers); of several, mean and worst are printed as well.
     #[arg(required = true)]
     pub(crate) trajectories: Vec<PathBuf>,
     /// Surveyed relations (Kümmerle et al. 2009): t1 t2 x y z roll pitch yaw.
     #[arg(long, value_name = "FILE", group = "truth")]
     pub(crate) relations: Option<PathBuf>,
-    /// Reference trajectory for ATE and RPE, as evo computes them.
+    /// Reference trajectory for ATE and RPE, as evo computes them: TUM, stamp x y theta, or KITTI's 12 numbers. Where one of both has
+    /// height or tilt they are compared in space, and with KITTI's errors over 100 to 800 m where the way is so long.
     #[arg(long, value_name = "FILE", group = "truth")]
     pub(crate) reference: Option<PathBuf>,
+    /// Stamps of KITTI's poses, one a row; without them rows are paired by their numbers.
+    #[arg(long, value_name = "FILE", requires = "reference")]
+    pub(crate) times: Option<PathBuf>,
     /// How the trajectory is brought to the reference for ATE.
     #[arg(long, value_enum, default_value_t = AlignTo::Rigid, requires = "reference")]
     pub(crate) alignment: AlignTo,

@@ -1,9 +1,11 @@
 //! Recordings of sensors in space: clouds in, files out.
 
 mod disk;
+mod picture;
 mod report;
 
 pub(crate) use disk::Disk;
+pub(crate) use report::{notes_in_words, notes_json};
 
 use crate::args::{MapArgs, MappingArgs};
 use crate::failure::{Failure, Outcome};
@@ -18,10 +20,9 @@ use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
 use mapwright::{Cloud, Pose3, SpaceMapper, SpaceSweep, Stamp, Update};
 use mapwright_clouds::{Notes, Recording};
-use mapwright_eval::{SpaceErrors, space_errors};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
-use report::{Results, Tally, notes_in_words};
+use report::{Beside, Results, Tally};
 use serde_json::json;
 use std::fs::File;
 
@@ -138,13 +139,9 @@ impl Mapping {
         let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
         let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
-        let robot_from_sensor = recording.sensor().robot_from_sensor;
-        let errors: Option<(String, SpaceErrors)> = recording.references().iter().find_map(|reference| {
-            let sensor: Vec<(Stamp, Pose3)> =
-                way.iter().map(|&(stamp, pose)| (stamp, pose * robot_from_sensor)).collect();
-            Some((reference.file.clone(), space_errors(&reference.poses, &sensor).ok()?))
-        });
-        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), errors))
+        picture::write(&mut self.output, recording, session, (&map, MAP_SHARE * resolution_m))?;
+        let beside = Beside::of(recording, &way);
+        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), beside))
     }
 }
 

@@ -60,6 +60,17 @@ impl<'a> Recording<'a> {
         }
     }
 
+    /// The stamps of the first frame and of the last, in the order of the recording; none where only the clouds themselves say when
+    /// they were taken.
+    #[must_use]
+    pub fn stamps(&self) -> Option<[Stamp; 2]> {
+        let frames = &self.plan.frames;
+        match &self.plan.decode {
+            Decode::Packets(_) => None,
+            _ => Some([frames.first()?.stamp?, frames.last()?.stamp?]),
+        }
+    }
+
     /// What took the clouds.
     #[must_use]
     pub fn sensor(&self) -> &Arc<SpaceSensor> {

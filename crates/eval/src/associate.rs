@@ -40,23 +40,32 @@ pub fn associate(
     estimate: &[StampedPose],
     max_difference_s: f64,
 ) -> Result<Vec<PosePair>, EvalError> {
+    let stamps = |poses: &[StampedPose]| poses.iter().map(|pose| pose.stamp).collect::<Vec<_>>();
+    let paired = paired_stamps(&stamps(reference), &stamps(estimate), max_difference_s)?;
+    let pair = |[of_reference, of_estimate]: [usize; 2]| PosePair {
+        stamp: reference[of_reference].stamp,
+        world_from_robot: reference[of_reference].world_from_robot,
+        map_from_robot: estimate[of_estimate].world_from_robot,
+    };
+    Ok(paired.into_iter().map(pair).collect())
+}
+
+/// [`associate`] of stamps alone: the places in the reference and in the estimate that belong together.
+pub(crate) fn paired_stamps(
+    reference: &[Stamp],
+    estimate: &[Stamp],
+    max_difference_s: f64,
+) -> Result<Vec<[usize; 2]>, EvalError> {
     let reference_is_shorter = estimate.len() > reference.len();
     let (shorter, longer) = if reference_is_shorter { (reference, estimate) } else { (estimate, reference) };
     let nearest = NearestStamp::new(longer);
     let max_difference_ns = (max_difference_s * 1e9).round() as u64;
-    let pairs: Vec<_> = shorter
-        .iter()
-        .filter_map(|pose| {
-            let other = &longer[nearest.index(pose.stamp)?];
-            let near = pose.stamp.0.abs_diff(other.stamp.0) <= max_difference_ns;
-            let (of_reference, of_estimate) = if reference_is_shorter { (pose, other) } else { (other, pose) };
-            near.then_some(PosePair {
-                stamp: of_reference.stamp,
-                world_from_robot: of_reference.world_from_robot,
-                map_from_robot: of_estimate.world_from_robot,
-            })
-        })
-        .collect();
+    let pair = |(index, stamp): (usize, &Stamp)| {
+        let other = nearest.index(*stamp)?;
+        let near = stamp.0.abs_diff(longer[other].0) <= max_difference_ns;
+        near.then_some(if reference_is_shorter { [index, other] } else { [other, index] })
+    };
+    let pairs: Vec<_> = shorter.iter().enumerate().filter_map(pair).collect();
     if pairs.is_empty() {
         return Err(EvalError::NoMatchingStamps {
             reference: reference.len(),
@@ -85,8 +94,8 @@ struct NearestStamp {
 }
 
 impl NearestStamp {
-    fn new(trajectory: &[StampedPose]) -> Self {
-        let mut sorted: Vec<_> = trajectory.iter().enumerate().map(|(index, pose)| (pose.stamp, index)).collect();
+    fn new(stamps: &[Stamp]) -> Self {
+        let mut sorted: Vec<_> = stamps.iter().enumerate().map(|(index, stamp)| (*stamp, index)).collect();
         let was_sorted = sorted.is_sorted();
         sorted.sort_unstable();
         Self { sorted, was_sorted }

@@ -3,6 +3,7 @@
 //! - [`relation_errors`]: the error of relative poses against surveyed ones (Kümmerle et al. 2009). It punishes what is
 //!   wrong locally and never depends on where the map's origin lies.
 //! - [`ate`] and [`rpe`]: absolute trajectory error after alignment and relative pose error, as evo defines them.
+//! - [`space_errors`]: the same in space, and the errors of KITTI's benchmark.
 //! - [`Nees`]: whether covariances are honest.
 //! - [`score_map`]: occupied cells found and invented.
 //!
@@ -45,5 +46,5 @@ pub use map_score::{CellImage, CellState, MapScore, score_map};
 pub use nees::{Nees, chi_square_quantile};
 pub use relations::{MissingRelation, MissingSide, Relation, RelationError, RelationReport, relation_errors};
 pub use rpe::{Delta, Rpe, RpeSettings, rpe, rpe_of_pairs};
-pub use space::{SpaceErrors, space_errors};
+pub use space::{SegmentError, SegmentErrors, SpaceErrors, space_errors};
 pub use stats::{ErrorStats, PoseErrors};

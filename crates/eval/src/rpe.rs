@@ -3,7 +3,7 @@
 use crate::associate::{MAX_STAMP_DIFFERENCE_S, PosePair, StampedPose, associate, finite_pairs};
 use crate::error::EvalError;
 use crate::stats::{ErrorStats, PoseErrors};
-use mapwright_geom::Pose2;
+use mapwright_geom::Pose;
 
 /// How far apart the two poses of a pair are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,19 +60,30 @@ pub fn rpe(reference: &[StampedPose], estimate: &[StampedPose], settings: &RpeSe
 /// When no pose is finite, the step is not positive or the trajectory has no such pair.
 pub fn rpe_of_pairs(pairs: &[PosePair], settings: &RpeSettings) -> Result<Rpe, EvalError> {
     let (poses, not_finite) = finite_pairs(pairs)?;
-    let steps = match settings.delta {
-        Delta::Frames(frames) => steps_by_frames(poses.len(), frames, settings.all_pairs)?,
-        Delta::Metres(metres) => steps_by_metres(&poses, metres, settings)?,
+    let measured = |p: &PosePair| {
+        if settings.pairs_from_reference { p.world_from_robot } else { p.map_from_robot }
     };
+    let steps = steps_along(&poses.iter().map(measured).collect::<Vec<_>>(), settings)?;
     let errors: Vec<_> = steps.iter().map(|&(i, j)| step_error(&poses[i], &poses[j])).collect();
-    let PoseErrors { translation_m, rotation_deg } = PoseErrors::of(&errors).ok_or_else(|| EvalError::NoPairs {
-        delta: match settings.delta {
-            Delta::Frames(frames) => format!("{frames} frames"),
-            Delta::Metres(metres) => format!("{metres} m"),
-        },
-        poses: poses.len(),
-    })?;
+    let errors = PoseErrors::of(&errors).ok_or_else(|| no_pairs(settings, poses.len()))?;
+    let PoseErrors { translation_m, rotation_deg } = errors;
     Ok(Rpe { translation_m, rotation_deg, not_finite })
+}
+
+/// The first and last pose of each step that is compared, along a path in the plane or in space.
+pub(crate) fn steps_along<P: Pose>(path: &[P], settings: &RpeSettings) -> Result<Vec<(usize, usize)>, EvalError> {
+    match settings.delta {
+        Delta::Frames(frames) => steps_by_frames(path.len(), frames, settings.all_pairs),
+        Delta::Metres(metres) => steps_by_metres(path, metres, settings),
+    }
+}
+
+pub(crate) fn no_pairs(settings: &RpeSettings, poses: usize) -> EvalError {
+    let delta = match settings.delta {
+        Delta::Frames(frames) => format!("{frames} frames"),
+        Delta::Metres(metres) => format!("{metres} m"),
+    };
+    EvalError::NoPairs { delta, poses }
 }
 
 fn step_error(i: &PosePair, j: &PosePair) -> (f64, f64) {
@@ -90,23 +101,19 @@ fn steps_by_frames(poses: usize, frames: usize, all_pairs: bool) -> Result<Vec<(
     Ok((0..poses.saturating_sub(frames)).step_by(stride).map(|i| (i, i + frames)).collect())
 }
 
-fn steps_by_metres(poses: &[PosePair], metres: f64, settings: &RpeSettings) -> Result<Vec<(usize, usize)>, EvalError> {
+fn steps_by_metres<P: Pose>(path: &[P], metres: f64, settings: &RpeSettings) -> Result<Vec<(usize, usize)>, EvalError> {
     if !(metres > 0.0 && metres.is_finite()) {
         return Err(EvalError::BadDelta { delta: metres });
     }
-    let measured = |p: &PosePair| {
-        if settings.pairs_from_reference { p.world_from_robot } else { p.map_from_robot }
-    };
-    let path: Vec<_> = poses.iter().map(measured).collect();
     Ok(if settings.all_pairs {
-        steps_from_every_pose(&path, metres, settings.relative_tolerance * metres)
+        steps_from_every_pose(path, metres, settings.relative_tolerance * metres)
     } else {
-        steps_end_to_end(&path, metres)
+        steps_end_to_end(path, metres)
     })
 }
 
 /// Each step begins where the last one ended, and ends at the first pose `metres` or more along the path.
-fn steps_end_to_end(path: &[Pose2], metres: f64) -> Vec<(usize, usize)> {
+fn steps_end_to_end<P: Pose>(path: &[P], metres: f64) -> Vec<(usize, usize)> {
     let mut steps = Vec::new();
     let (mut start, mut travelled_m) = (0, 0.0);
     for k in 1..path.len() {
@@ -120,7 +127,7 @@ fn steps_end_to_end(path: &[Pose2], metres: f64) -> Vec<(usize, usize)> {
 }
 
 /// From every pose to the first of those whose distance along the path is nearest to `metres`, if within `tolerance_m`.
-fn steps_from_every_pose(path: &[Pose2], metres: f64, tolerance_m: f64) -> Vec<(usize, usize)> {
+fn steps_from_every_pose<P: Pose>(path: &[P], metres: f64, tolerance_m: f64) -> Vec<(usize, usize)> {
     let mut travelled_m = vec![0.0; path.len()];
     for k in 1..path.len() {
         travelled_m[k] = travelled_m[k - 1] + path[k].distance(path[k - 1]);
@@ -143,6 +150,7 @@ fn steps_from_every_pose(path: &[Pose2], metres: f64, tolerance_m: f64) -> Vec<(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mapwright_geom::Pose2;
     use proptest::prelude::*;
 
     fn along(steps_m: &[f64]) -> Vec<Pose2> {

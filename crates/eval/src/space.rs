@@ -1,87 +1,186 @@
-//! Errors of trajectories in space: absolute, after the best rigid alignment (Umeyama 1991), and relative, from each pose to the next.
+//! Errors of trajectories in space, as evo computes them, and those of KITTI's benchmark.
 
+use crate::associate::{MAX_STAMP_DIFFERENCE_S, paired_stamps};
+use crate::ate::Alignment;
 use crate::error::EvalError;
-use crate::stats::ErrorStats;
+use crate::rpe::{RpeSettings, no_pairs, steps_along};
+use crate::stats::PoseErrors;
 use mapwright_geom::{Pose3, Stamp};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// Stamps of pairs differ by no more than this, seconds.
-const MAX_STAMP_DIFFERENCE_S: f64 = 0.01;
+/// Lengths of KITTI's segments, metres, and from every which pose on they are measured (Geiger et al. 2012, the benchmark's
+/// `evaluate_odometry.cpp`).
+const SEGMENTS_M: [f64; 8] = [100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0];
+const SEGMENT_STEP: usize = 10;
 
 /// Errors of an estimate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpaceErrors {
-    /// Pairs that were compared.
+    /// Pairs that were compared,
     pub pairs: usize,
-    /// Distance of each aligned position from the reference's, metres.
-    pub absolute_m: ErrorStats,
-    /// Of each step between paired poses that follow each other: how far it ends from the reference's, metres,
-    pub relative_m: ErrorStats,
-    /// and by how much it turns differently, degrees.
-    pub relative_deg: ErrorStats,
-    /// The motion that aligns the estimate.
+    /// and those left out because of NaN or infinity.
+    pub not_finite: usize,
+    /// What the estimate's positions are multiplied with before they are moved,
+    pub scale: f64,
+    /// and the motion that aligns it.
     pub world_from_map: Pose3,
+    /// Of each aligned pose: distance from the reference's and the angle between both.
+    pub absolute: PoseErrors,
+    /// Of each step between paired poses: how far it ends from the reference's, and by how much it turns differently.
+    pub relative: PoseErrors,
+    /// Errors over long segments, where the way is long enough for one.
+    pub segments: Option<SegmentErrors>,
 }
 
-/// Compares an estimate with a reference; both are in order of their stamps.
+/// KITTI's errors: over segments of 100, 200 to 800 m of the reference's way, each error divided by the segment's length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SegmentErrors {
+    /// Over all segments.
+    pub all: SegmentError,
+    /// Over those of one length each.
+    pub by_length: Vec<SegmentError>,
+}
+
+/// Means over segments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SegmentError {
+    /// How long they are, metres; the mean where they differ.
+    pub length_m: f64,
+    /// How many.
+    pub count: usize,
+    /// Where they end beside the reference's, percent of their length.
+    pub translation_percent: f64,
+    /// How much they turn otherwise, degrees in 100 m.
+    pub rotation_deg_per_100_m: f64,
+}
+
+/// Compares an estimate with a reference: absolutely as `evo_ape tum reference estimate -a` does (without `-a` or with `-s` as the
+/// alignment says; Umeyama 1991), and step by step as `evo_rpe` does. Poses are paired like those of the plane, see
+/// [`associate`](fn@crate::associate).
 ///
 /// # Errors
-/// Where fewer than two pairs of stamps match.
-pub fn space_errors(reference: &[(Stamp, Pose3)], estimate: &[(Stamp, Pose3)]) -> Result<SpaceErrors, EvalError> {
-    let pairs = paired(reference, estimate);
-    if pairs.len() < 2 {
-        return Err(no_match(reference, estimate));
-    }
-    let world_from_map = alignment(&pairs);
-    let absolute: Vec<f64> = pairs.iter().map(|(truth, pose)| truth.distance(world_from_map * *pose)).collect();
-    let step = |w: &[(Pose3, Pose3)]| w[0].0.between(w[1].0).between(w[0].1.between(w[1].1));
-    let steps: Vec<Pose3> = pairs.windows(2).map(step).collect();
-    let metres: Vec<f64> = steps.iter().map(|error| error.translation.norm()).collect();
-    let degrees: Vec<f64> = steps.iter().map(|error| error.rotation.angle().to_degrees()).collect();
-    let stats = |errors: &[f64]| ErrorStats::of(errors).ok_or_else(|| no_match(reference, estimate));
+/// When no stamps match, no pose is finite, the poses all but lie on a line and so cannot be aligned, or there is no such step.
+pub fn space_errors(
+    reference: &[(Stamp, Pose3)],
+    estimate: &[(Stamp, Pose3)],
+    alignment: Alignment,
+    steps: &RpeSettings,
+) -> Result<SpaceErrors, EvalError> {
+    let paired = Paired::of(reference, estimate)?;
+    let (scale, world_from_map) = aligned(&paired.poses, alignment)?;
+    let error = |[truth, pose]: &[Pose3; 2]| {
+        let scaled = Pose3 { translation: scale * pose.translation, rotation: pose.rotation };
+        size(truth.between(world_from_map * scaled))
+    };
+    let absolute: Vec<_> = paired.poses.iter().map(error).collect();
+    let way = |k: usize| paired.poses.iter().map(|pair| pair[k]).collect::<Vec<_>>();
+    let measured = way(usize::from(!steps.pairs_from_reference));
+    let between = |(i, j): (usize, usize)| size(step_error(&paired.poses[i], &paired.poses[j]));
+    let relative: Vec<_> = steps_along(&measured, steps)?.into_iter().map(between).collect();
+    let pairs = paired.poses.len();
     Ok(SpaceErrors {
-        pairs: pairs.len(),
-        absolute_m: stats(&absolute)?,
-        relative_m: stats(&metres)?,
-        relative_deg: stats(&degrees)?,
+        pairs,
+        not_finite: paired.not_finite,
+        scale,
         world_from_map,
+        absolute: PoseErrors::of(&absolute).ok_or(EvalError::NothingFinite { pairs })?,
+        relative: PoseErrors::of(&relative).ok_or_else(|| no_pairs(steps, pairs))?,
+        segments: segment_errors(&paired.poses),
     })
 }
 
-fn no_match(reference: &[(Stamp, Pose3)], estimate: &[(Stamp, Pose3)]) -> EvalError {
-    let (reference, estimate) = (reference.len(), estimate.len());
-    EvalError::NoMatchingStamps { reference, estimate, max_difference_s: MAX_STAMP_DIFFERENCE_S }
+/// Poses of the reference and of the estimate that belong together.
+struct Paired {
+    poses: Vec<[Pose3; 2]>,
+    not_finite: usize,
 }
 
-/// Poses of both at the nearest stamps, each once.
-fn paired(reference: &[(Stamp, Pose3)], estimate: &[(Stamp, Pose3)]) -> Vec<(Pose3, Pose3)> {
-    let (mut pairs, mut at) = (Vec::new(), 0);
-    for (stamp, pose) in estimate.iter().filter(|(_, pose)| pose.is_finite()) {
-        let away_s = |k: usize| reference.get(k).map_or(f64::INFINITY, |(other, _)| other.secs_since(*stamp).abs());
-        while away_s(at + 1) < away_s(at) {
-            at += 1;
+impl Paired {
+    fn of(reference: &[(Stamp, Pose3)], estimate: &[(Stamp, Pose3)]) -> Result<Self, EvalError> {
+        let stamps = |poses: &[(Stamp, Pose3)]| poses.iter().map(|(stamp, _)| *stamp).collect::<Vec<_>>();
+        let paired = paired_stamps(&stamps(reference), &stamps(estimate), MAX_STAMP_DIFFERENCE_S)?;
+        let pair = |&[i, j]: &[usize; 2]| [reference[i].1, estimate[j].1];
+        let is_finite = |pair: &[Pose3; 2]| pair.iter().all(|pose| pose.is_finite());
+        let poses: Vec<_> = paired.iter().map(pair).filter(is_finite).collect();
+        if poses.is_empty() {
+            return Err(EvalError::NothingFinite { pairs: paired.len() });
         }
-        if away_s(at) <= MAX_STAMP_DIFFERENCE_S && reference[at].1.is_finite() {
-            pairs.push((reference[at].1, *pose));
-            at += 1;
-        }
+        Ok(Self { not_finite: paired.len() - poses.len(), poses })
     }
-    pairs
 }
 
-fn alignment(pairs: &[(Pose3, Pose3)]) -> Pose3 {
+/// The error of the step from one pair of poses to another.
+fn step_error(from: &[Pose3; 2], to: &[Pose3; 2]) -> Pose3 {
+    from[0].between(to[0]).between(from[1].between(to[1]))
+}
+
+/// Metres and degrees.
+fn size(error: Pose3) -> (f64, f64) {
+    (error.translation.norm(), error.rotation.angle().to_degrees())
+}
+
+/// Scale and motion that minimise the summed squared distances of the positions (Umeyama 1991, eqs. 34 to 43).
+fn aligned(pairs: &[[Pose3; 2]], alignment: Alignment) -> Result<(f64, Pose3), EvalError> {
+    if alignment == Alignment::None {
+        return Ok((1.0, Pose3::identity()));
+    }
     let share = 1.0 / pairs.len() as f64;
-    let mean = |of: fn(&(Pose3, Pose3)) -> Vector3<f64>| pairs.iter().map(of).sum::<Vector3<f64>>() * share;
-    let (truth, map) = (mean(|pair| pair.0.translation), mean(|pair| pair.1.translation));
-    let product = |(a, b): &(Pose3, Pose3)| (a.translation - truth) * (b.translation - map).transpose();
+    let mean = |k: usize| pairs.iter().map(|pair| pair[k].translation).sum::<Vector3<f64>>() * share;
+    let (truth, map) = (mean(0), mean(1));
+    let product = |[a, b]: &[Pose3; 2]| (a.translation - truth) * (b.translation - map).transpose();
     let covariance: Matrix3<f64> = pairs.iter().map(product).sum::<Matrix3<f64>>() * share;
-    let svd = covariance.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Pose3::identity() };
+    let not_alignable = || EvalError::NotAlignable { pairs: pairs.len() };
+    let svd = covariance.try_svd(true, true, f64::EPSILON, 1000).ok_or_else(not_alignable)?;
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(not_alignable()) };
+    // As evo has it: poses on a line, or on one spot, can be turned about it at will.
+    if svd.singular_values.iter().filter(|&&d| d > f64::EPSILON).count() < 2 {
+        return Err(not_alignable());
+    }
     let sign = if (u * v_t).determinant() < 0.0 { -1.0 } else { 1.0 };
     // The singular values fall, so that the last axis is the one to be mirrored.
-    let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+    let mirror = Vector3::new(1.0, 1.0, sign);
+    let rotation = u * Matrix3::from_diagonal(&mirror) * v_t;
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-    Pose3 { translation: truth - rotation * map, rotation }
+    let spread = pairs.iter().map(|pair| (pair[1].translation - map).norm_squared()).sum::<f64>() * share;
+    let scale = if alignment == Alignment::Similarity { svd.singular_values.dot(&mirror) / spread } else { 1.0 };
+    Ok((scale, Pose3 { translation: truth - scale * (rotation * map), rotation }))
+}
+
+/// Errors over segments of the reference's way; none where it is shorter than the shortest.
+fn segment_errors(pairs: &[[Pose3; 2]]) -> Option<SegmentErrors> {
+    let mut travelled_m = vec![0.0; pairs.len()];
+    for k in 1..pairs.len() {
+        travelled_m[k] = travelled_m[k - 1] + pairs[k][0].distance(pairs[k - 1][0]);
+    }
+    let mut all = Vec::new();
+    let mut by_length = Vec::new();
+    for length_m in SEGMENTS_M {
+        let of_length: Vec<_> = (0..pairs.len())
+            .step_by(SEGMENT_STEP)
+            .filter_map(|first| {
+                let last = travelled_m.partition_point(|m| *m <= travelled_m[first] + length_m);
+                let (metres, degrees) = size(step_error(&pairs[first], pairs.get(last)?));
+                Some([length_m, metres / length_m, degrees / length_m])
+            })
+            .collect();
+        by_length.extend(SegmentError::mean(&of_length));
+        all.extend(of_length);
+    }
+    Some(SegmentErrors { all: SegmentError::mean(&all)?, by_length })
+}
+
+impl SegmentError {
+    /// Of lengths, and of metres and degrees a metre.
+    fn mean(errors: &[[f64; 3]]) -> Option<Self> {
+        let count = errors.len();
+        let mean = |k: usize| errors.iter().map(|error| error[k]).sum::<f64>() / count as f64;
+        (count > 0).then(|| Self {
+            length_m: mean(0),
+            count,
+            translation_percent: 100.0 * mean(1),
+            rotation_deg_per_100_m: 100.0 * mean(2),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -89,25 +188,41 @@ mod tests {
     use super::*;
     use nalgebra::Vector6;
 
+    fn curve(k: i64) -> (Stamp, Pose3) {
+        let t = 0.1 * k as f64;
+        (Stamp(k * 100_000_000), Pose3::exp(Vector6::new(t, t.sin(), 0.3 * t.cos(), 0.0, 0.1 * t, 0.2 * t)))
+    }
+
+    fn errors(truth: &[(Stamp, Pose3)], estimate: &[(Stamp, Pose3)]) -> Result<SpaceErrors, EvalError> {
+        space_errors(truth, estimate, Alignment::Rigid, &RpeSettings::default())
+    }
+
     #[test]
     fn a_moved_trajectory_is_aligned_and_an_error_is_found() {
-        let truth: Vec<(Stamp, Pose3)> = (0..50)
-            .map(|k| {
-                let t = 0.1 * f64::from(k);
-                (
-                    Stamp(i64::from(k) * 100_000_000),
-                    Pose3::exp(Vector6::new(t, t.sin(), 0.3 * t.cos(), 0.0, 0.1 * t, 0.2 * t)),
-                )
-            })
-            .collect();
+        let truth: Vec<_> = (0..50).map(curve).collect();
         let moved = Pose3::exp(Vector6::new(3.0, -2.0, 1.0, 0.4, -0.2, 1.5));
-        let mut estimate: Vec<(Stamp, Pose3)> =
-            truth.iter().map(|&(stamp, pose)| (Stamp(stamp.0 + 1000), moved * pose)).collect();
-        let errors = space_errors(&truth, &estimate).unwrap();
-        assert!(errors.pairs == 50 && errors.absolute_m.max < 1e-9 && errors.relative_deg.max < 1e-6, "{errors:?}");
+        let mut estimate: Vec<_> = truth.iter().map(|&(stamp, pose)| (Stamp(stamp.0 + 1000), moved * pose)).collect();
+        let found = errors(&truth, &estimate).unwrap();
+        let (metres, degrees) = (found.absolute.translation_m.max, found.relative.rotation_deg.max);
+        assert!(found.pairs == 50 && metres < 1e-9 && degrees < 1e-6, "{found:?}");
+        assert_eq!(found.segments, None);
         estimate[20].1.translation.z += 0.1;
-        let errors = space_errors(&truth, &estimate).unwrap();
-        assert!((errors.absolute_m.max - 0.1).abs() < 0.01 && (errors.relative_m.max - 0.1).abs() < 0.01, "{errors:?}");
-        assert!(space_errors(&truth[..1], &estimate).is_err());
+        estimate[30].1.translation.x = f64::NAN;
+        let found = errors(&truth, &estimate).unwrap();
+        let (absolute, relative) = (found.absolute.translation_m, found.relative.translation_m);
+        assert!((absolute.max - 0.1).abs() < 0.01 && (relative.max - 0.1).abs() < 0.01, "{found:?}");
+        assert_eq!((found.pairs, found.not_finite), (49, 1));
+    }
+
+    #[test]
+    fn what_cannot_be_aligned_is_refused() {
+        let truth: Vec<_> = (0..50).map(curve).collect();
+        let line: Vec<_> = (0..50)
+            .map(|k| (curve(k).0, Pose3 { translation: Vector3::x() * k as f64, ..Pose3::identity() }))
+            .collect();
+        assert_eq!(errors(&line, &line).unwrap_err(), EvalError::NotAlignable { pairs: 50 });
+        assert!(errors(&truth[..1], &truth).is_err());
+        assert!(errors(&truth, &[]).is_err());
+        assert!(space_errors(&line, &line, Alignment::None, &RpeSettings::default()).is_ok());
     }
 }

@@ -59,7 +59,7 @@ impl ErrorStats {
 pub struct PoseErrors {
     /// Length of the translation error, metres.
     pub translation_m: ErrorStats,
-    /// Absolute heading error, degrees.
+    /// Absolute heading error, in space the angle of the rotation error, degrees.
     pub rotation_deg: ErrorStats,
 }
 

@@ -9,6 +9,7 @@
 //! - [`write_kitti`], [`write_csv`]: trajectories for other tools.
 //! - [`GridImage`]: maps as PGM with YAML for Nav2 ([`write_pgm`], [`write_map_yaml`]) and as a picture to look at
 //!   ([`write_png`]), or with a world file ([`write_plain_png`], [`write_world_file`]).
+//! - [`SpacePicture`]: maps of space from above and from the side ([`write_space_png`]).
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod carmen;
@@ -34,13 +35,14 @@ pub use error::FormatError;
 pub use excerpt::Excerpt;
 pub use export::{CsvPose, write_csv, write_kitti};
 pub use jump::is_odometry_jump;
-pub use map::{Confidence, GridImage, Picture, UNKNOWN, dominant_wall_angle};
-pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_world_file};
+pub use map::{Confidence, GridImage, Picture, SpacePicture, UNKNOWN, dominant_wall_angle, upward};
+pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};
 pub use noted::Noted;
 pub use open::{LogStream, open_log};
 pub use ply::write_ply;
 pub use report::{DropReason, DroppedLine, Drops, ReadReport, TopicReport};
 pub use stamp_watch::{StampStep, StampWatch};
 pub use trajectory::{
-    Relation, StampedPose2, StampedPose3, TrajectoryReader, TumWriter, read_relations, read_trajectory,
+    Relation, SpaceTrajectory, StampedPose2, StampedPose3, TrajectoryReader, TumWriter, read_relations,
+    read_space_trajectory, read_stamps, read_trajectory,
 };

@@ -8,7 +8,7 @@ use mapwright_geom::Stamp;
 use std::io::Read;
 
 /// Columns that a row can have.
-const MAX_COLUMNS: usize = 8;
+const MAX_COLUMNS: usize = 12;
 
 /// Reads rows of blank-separated columns; blank lines and those beginning with `#` are passed over.
 #[derive(Debug)]

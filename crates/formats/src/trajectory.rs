@@ -4,12 +4,14 @@
 //! |---|---|
 //! | TUM (Sturm et al. 2012) | stamp x y z qx qy qz qw |
 //! | planar | stamp x y theta |
+//! | KITTI (Geiger et al. 2012) | the first three rows of the pose's matrix, 12 numbers; stamps elsewhere |
 //! | relations (Kümmerle et al. 2009) | stamp1 stamp2 x y z roll pitch yaw |
 
 use crate::error::FormatError;
 use crate::number::{FIXED_LIMIT, write_fixed, write_stamp};
 use crate::text_rows::{Row, RowReader};
 use mapwright_geom::{Pose2, Pose3, Stamp};
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use std::io::{Read, Write};
 
 /// Decimals written: nanometres.
@@ -215,6 +217,80 @@ pub fn read_trajectory(reader: impl Read) -> Result<Vec<StampedPose2>, FormatErr
     Ok(poses)
 }
 
+/// A trajectory in space, read whole.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SpaceTrajectory {
+    /// Stamps and `world_from_robot`, in the file's order.
+    pub poses: Vec<(Stamp, Pose3)>,
+    /// Whether the file has no stamps, as KITTI's have none: the poses bear their numbers as seconds, from 0.
+    pub is_numbered: bool,
+}
+
+impl SpaceTrajectory {
+    /// Whether it lies in the plane z = 0 and only yaw turns.
+    #[must_use]
+    pub fn is_planar(&self) -> bool {
+        let is_flat = |pose: &Pose3| pose.translation.z == 0.0 && pose.rotation.i == 0.0 && pose.rotation.j == 0.0;
+        self.poses.iter().all(|(_, pose)| is_flat(pose))
+    }
+}
+
+/// Reads a whole trajectory in space: TUM, planar or KITTI rows.
+///
+/// # Errors
+///
+/// [`FormatError::Line`] for a row that is none of these, or is no motion; [`FormatError::Torn`], [`FormatError::Io`].
+pub fn read_space_trajectory(reader: impl Read) -> Result<SpaceTrajectory, FormatError> {
+    let mut rows = RowReader::new(reader);
+    let mut read = SpaceTrajectory::default();
+    let expected = "stamp x y z qx qy qz qw, stamp x y theta, or the 12 numbers of a KITTI pose";
+    while let Some(row) = rows.next_row(&[8, 4, 12], expected)? {
+        let pose = match row.width {
+            12 => {
+                read.is_numbered = true;
+                (Stamp((read.poses.len() as i64).saturating_mul(1_000_000_000)), of_matrix(&row)?)
+            }
+            4 => of_stamped(&StampedPose3::from_planar(planar(&row)?)),
+            _ => of_stamped(&spatial(&row)?),
+        };
+        read.poses.push(pose);
+    }
+    Ok(read)
+}
+
+fn of_stamped(pose: &StampedPose3) -> (Stamp, Pose3) {
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::from(pose.quaternion_xyzw));
+    (pose.stamp, Pose3 { translation: pose.position_m.into(), rotation })
+}
+
+/// Rows and columns of a rotation may be so far from orthonormal; what is written with six digits stays well below.
+const ORTHONORMAL_TOLERANCE: f64 = 0.01;
+
+fn of_matrix(row: &Row<'_>) -> Result<Pose3, FormatError> {
+    let numbers: [f64; 12] = row.numbers(0)?;
+    let rotation = Matrix3::from_fn(|i, j| numbers[4 * i + j]);
+    let error = (rotation * rotation.transpose() - Matrix3::identity()).amax();
+    if error > ORTHONORMAL_TOLERANCE || rotation.determinant() < 0.0 {
+        return Err(row.bad(0, &format!("three rows of a rotation and a place (off by {error:.3}), from")));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    Ok(Pose3 { translation: [numbers[3], numbers[7], numbers[11]].into(), rotation })
+}
+
+/// Reads stamps, one a row, as KITTI's `times.txt` has them.
+///
+/// # Errors
+///
+/// [`FormatError::Line`] for a row that is none, [`FormatError::Torn`], [`FormatError::Io`].
+pub fn read_stamps(reader: impl Read) -> Result<Vec<Stamp>, FormatError> {
+    let mut rows = RowReader::new(reader);
+    let mut stamps = Vec::new();
+    while let Some(row) = rows.next_row(&[1], "a stamp in seconds")? {
+        stamps.push(row.stamp(0)?);
+    }
+    Ok(stamps)
+}
+
 /// Where the robot was at one stamp, seen from where it was at another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relation {
@@ -285,6 +361,21 @@ mod tests {
     }
 
     #[test]
+    fn trajectories_in_space_are_read_from_either_kind_of_row() {
+        let read = |text: &str| read_space_trajectory(text.as_bytes());
+        let tum = read("1.5 1 2 3 0 0 0.6 0.8\n2 1 2 0.5\n").unwrap();
+        assert!(!tum.is_numbered && !tum.is_planar() && tum.poses[0].0 == Stamp(1_500_000_000));
+        let kitti = read("0 -1 0 4  1 0 0 5  0 0 1 6\n1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
+        assert!(kitti.is_numbered && kitti.poses[1].0 == Stamp(1_000_000_000));
+        assert!((kitti.poses[0].1.rotation * nalgebra::Vector3::x() - nalgebra::Vector3::y()).norm() < 1e-12);
+        assert!(read("0 1 2 0.5\n1 1 2 0 0 0 1 0\n").unwrap().is_planar());
+        let mirrored = read("1 0 0 4  0 1 0 5  0 0 -1 6").unwrap_err().to_string();
+        assert!(mirrored.starts_with("line 1: expected three rows of a rotation and a place"), "{mirrored}");
+        assert!(read("1 2 3").unwrap_err().to_string().contains("12 numbers"));
+        assert_eq!(read_stamps(&b"0.5\n# x\n0.75\n"[..]).unwrap(), [Stamp(500_000_000), Stamp(750_000_000)]);
+    }
+
+    #[test]
     fn what_is_not_finite_is_refused_and_leaves_no_trace() {
         let mut writer = TumWriter::new(Vec::new());
         for bad in [f64::NAN, f64::INFINITY, -1e300] {
@@ -317,6 +408,7 @@ mod tests {
         #[test]
         fn garbage_is_an_error_and_no_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             let _ = read_trajectory(bytes.as_slice());
+            let _ = read_space_trajectory(bytes.as_slice());
             let _ = read_relations(bytes.as_slice());
         }
     }

@@ -5,6 +5,7 @@ mod front;
 mod local_map;
 mod mapper;
 mod render;
+mod scale;
 
 pub use mapper::SpaceMapper;
 pub use render::{MapPoints, points_of};

@@ -1,5 +1,7 @@
 //! `mapwright eval`
 
+mod space;
+
 use crate::args::{AlignTo, EvalArgs};
 use crate::failure::{Failure, Outcome};
 use crate::terminal::{count, say, say_json};
@@ -16,7 +18,10 @@ use std::path::Path;
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
     match (&args.relations, &args.reference) {
         (Some(relations), _) => by_relations(args, &read_relation_file(relations)?),
-        (None, Some(reference)) => by_reference(args, &read_poses(reference)?),
+        (None, Some(reference)) => match space::trajectories(args, reference)? {
+            Some(trajectories) => space::compare(args, &trajectories),
+            None => by_reference(args, &read_poses(reference)?),
+        },
         (None, None) => Ok(Outcome::Done), // the command line demands one of them
     }
 }

@@ -3,14 +3,16 @@
 mod contents;
 mod differences;
 mod recorded;
+mod space;
 
-use crate::args::InfoArgs;
+use crate::args::{InfoArgs, SourceArgs};
 use crate::events::{Ending, Log, input, name_of};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;
+use crate::space::Disk;
 use crate::terminal::{count, grouped, say, say_json};
 use contents::Contents;
 use differences::{Differences, Steps};
@@ -23,14 +25,19 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome, Failure> {
     let choice = args.source.choice();
     let (mut found, mut links) = (Vec::new(), Links::default());
     for path in &args.logs {
-        let log = Found::at(path, &choice, &mut links, &interrupt)?;
+        let log = match Found::in_space(path, &args.source)? {
+            Some(found) => found,
+            None => Found::at(path, &choice, &mut links, &interrupt)?,
+        };
         if !args.json {
             say(&log.words)?;
         }
         found.push(log);
     }
     let differences = match &found[..] {
-        [first, second] => Some(Differences::of(&first.log(), &second.log())),
+        [first, second] if !first.is_of_space && !second.is_of_space => {
+            Some(Differences::of(&first.log(), &second.log()))
+        }
         _ => None,
     };
     let losses: Vec<_> = found.iter().flat_map(|log| log.losses.clone()).collect();
@@ -54,9 +61,21 @@ struct Found {
     words: String,
     value: Value,
     losses: Vec<String>,
+    /// Of such the input is not compared.
+    is_of_space: bool,
 }
 
 impl Found {
+    /// A recording of a sensor in space; none where it is something else.
+    fn in_space(path: &Path, source: &SourceArgs) -> Result<Option<Self>, Failure> {
+        let Some(disk) = Disk::open(path)? else { return Ok(None) };
+        let Some(recording) = disk.recording()? else { return Ok(None) };
+        let name = name_of(path);
+        let (words, value, losses) = space::look(&name, &recording, source)?;
+        let (contents, steps) = (Contents::default(), Steps::default());
+        Ok(Some(Self { name, contents, steps, words, value, losses, is_of_space: true }))
+    }
+
     fn at(path: &Path, choice: &Choice, links: &mut Links, interrupt: &Interrupt) -> Result<Self, Failure> {
         let name = name_of(path);
         match input(path)? {
@@ -108,7 +127,7 @@ impl Found {
             "odd": odd,
             "losses": losses,
         });
-        Self { name, contents: Contents::default(), steps: Steps::default(), words, value, losses }
+        Self { name, contents: Contents::default(), steps: Steps::default(), words, value, losses, is_of_space: false }
     }
 
     /// Reads a log from end to end.
@@ -138,7 +157,7 @@ impl Found {
         value["read"] = read.to_json();
         value["odd"] = json!(odd);
         value["losses"] = json!(losses);
-        Ok(Self { name, contents, steps, words, value, losses })
+        Ok(Self { name, contents, steps, words, value, losses, is_of_space: false })
     }
 
     fn log(&self) -> differences::Log<'_> {

@@ -3,8 +3,8 @@
 use crate::report::remarks;
 use crate::terminal::{count, duration, grouped};
 use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
-use mapwright_clouds::{Notes, Recording};
-use mapwright_eval::SpaceErrors;
+use mapwright_clouds::{Notes, Recording, ReferenceFrame};
+use mapwright_eval::{Alignment, RpeSettings, SegmentError, SpaceErrors, space_errors};
 use serde_json::{Map, Value, json};
 
 /// Counts over all clouds.
@@ -59,7 +59,40 @@ pub(super) struct Results {
     corrections: u32,
     resolution_m: f64,
     map_points: usize,
-    errors: Option<(String, SpaceErrors)>,
+    beside: Beside,
+}
+
+/// What a run says beside the poses that came with its recording.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Beside {
+    /// The file that it was compared with, and the errors.
+    pub(super) errors: Option<(String, SpaceErrors)>,
+    /// Why others were not compared.
+    pub(super) refused: Vec<String>,
+}
+
+impl Beside {
+    /// Compares with the first of the references that it can be compared with.
+    pub(super) fn of(recording: &Recording<'_>, way: &[(Stamp, Pose3)]) -> Self {
+        let robot_from_sensor = recording.sensor().robot_from_sensor;
+        let sensor: Vec<_> = way.iter().map(|&(stamp, pose)| (stamp, pose * robot_from_sensor)).collect();
+        let mut beside = Self::default();
+        for reference in recording.references() {
+            if reference.frame == ReferenceFrame::Camera {
+                let reason = format!("{} not compared: its poses are those of {}", reference.file, reference.frame);
+                beside.refused.push(reason);
+                continue;
+            }
+            match space_errors(&reference.poses, &sensor, Alignment::Rigid, &RpeSettings::default()) {
+                Ok(errors) => {
+                    beside.errors = Some((reference.file.clone(), errors));
+                    break;
+                }
+                Err(cause) => beside.refused.push(format!("{} not compared: {cause}", reference.file)),
+            }
+        }
+        beside
+    }
 }
 
 impl Results {
@@ -68,7 +101,7 @@ impl Results {
         way: &[(Stamp, Pose3)],
         resolution_m: f64,
         map_points: usize,
-        errors: Option<(String, SpaceErrors)>,
+        beside: Beside,
     ) -> Self {
         let steps = way.windows(2).map(|w| w[0].1.distance(w[1].1));
         let heights = || way.iter().map(|(_, pose)| pose.translation.z);
@@ -87,13 +120,13 @@ impl Results {
             corrections: session.corrections(),
             resolution_m,
             map_points,
-            errors,
+            beside,
         }
     }
 }
 
 /// What was noted, in words: what was lost, and what is only odd.
-pub(super) fn notes_in_words(notes: &Notes) -> (Vec<String>, Vec<String>) {
+pub(crate) fn notes_in_words(notes: &Notes) -> (Vec<String>, Vec<String>) {
     let words = notes.kinds.iter().map(|(kind, noted)| {
         let first = noted.first.first().map_or_else(String::new, |first| format!(", first {first}"));
         (kind.loses_data(), format!("{kind}: {}{first}", grouped(noted.count)))
@@ -101,6 +134,15 @@ pub(super) fn notes_in_words(notes: &Notes) -> (Vec<String>, Vec<String>) {
     let (losses, odd): (Vec<_>, Vec<_>) = words.partition(|(is_loss, _)| *is_loss);
     let plain = |words: Vec<(bool, String)>| words.into_iter().map(|(_, words)| words).collect();
     (plain(losses), plain(odd))
+}
+
+/// The same with all places that are known.
+pub(crate) fn notes_json(notes: &Notes) -> Value {
+    let noted = notes.kinds.iter().map(|(kind, noted)| {
+        let first: Vec<String> = noted.first.iter().map(ToString::to_string).collect();
+        (kind.to_string(), json!({ "count": noted.count, "first": first }))
+    });
+    Value::Object(noted.collect::<Map<String, Value>>())
 }
 
 pub(super) fn to_json(
@@ -111,14 +153,6 @@ pub(super) fn to_json(
     results: &Results,
     losses: &[String],
 ) -> Value {
-    let noted: Map<String, Value> = notes
-        .kinds
-        .iter()
-        .map(|(kind, noted)| {
-            let first: Vec<String> = noted.first.iter().map(ToString::to_string).collect();
-            (kind.to_string(), json!({ "count": noted.count, "first": first }))
-        })
-        .collect();
     let BeamCounts { returns, no_return, too_near, not_a_number, refused, .. } = tally.points;
     json!({
         "log": name,
@@ -127,7 +161,7 @@ pub(super) fn to_json(
             "frames": recording.frames(),
             "sensor": recording.sensor().name,
             "decisions": recording.decisions(),
-            "notes": noted,
+            "notes": notes_json(notes),
         },
         "clouds": tally.clouds,
         "log_s": results.log_s,
@@ -156,16 +190,19 @@ pub(super) fn to_json(
         },
         "resolution_m": results.resolution_m,
         "map_points": results.map_points,
-        "reference": results.errors.as_ref().map(|(file, errors)| json!({
+        "reference": results.beside.errors.as_ref().map(|(file, errors)| json!({
             "file": file,
             "pairs": errors.pairs,
-            "ate_rmse_m": errors.absolute_m.rmse,
-            "ate_max_m": errors.absolute_m.max,
-            "rpe_median_m": errors.relative_m.median,
-            "rpe_rmse_m": errors.relative_m.rmse,
-            "rpe_median_deg": errors.relative_deg.median,
-            "rpe_rmse_deg": errors.relative_deg.rmse,
+            "ate_rmse_m": errors.absolute.translation_m.rmse,
+            "ate_max_m": errors.absolute.translation_m.max,
+            "rpe_median_m": errors.relative.translation_m.median,
+            "rpe_rmse_m": errors.relative.translation_m.rmse,
+            "rpe_median_deg": errors.relative.rotation_deg.median,
+            "rpe_rmse_deg": errors.relative.rotation_deg.rmse,
+            "kitti_percent": errors.segments.as_ref().map(|segments| segments.all.translation_percent),
+            "kitti_deg_per_100_m": errors.segments.as_ref().map(|segments| segments.all.rotation_deg_per_100_m),
         })),
+        "not_compared": results.beside.refused,
         "losses": losses,
     })
 }
@@ -203,15 +240,24 @@ pub(super) fn to_words(
         results.closures,
         results.candidates
     );
-    if let Some((file, errors)) = &results.errors {
+    if let Some((file, errors)) = &results.beside.errors {
         words += &format!(
             "beside   {file}: {} poses, ATE {:.4} m (worst {:.3}), from cloud to cloud {:.4} m, {:.3} deg (median)\n",
             errors.pairs,
-            errors.absolute_m.rmse,
-            errors.absolute_m.max,
-            errors.relative_m.median,
-            errors.relative_deg.median
+            errors.absolute.translation_m.rmse,
+            errors.absolute.translation_m.max,
+            errors.relative.translation_m.median,
+            errors.relative.rotation_deg.median
         );
+        if let Some(segments) = &errors.segments {
+            let SegmentError { translation_percent, rotation_deg_per_100_m, .. } = segments.all;
+            words += &format!(
+                "         over 100 to 800 m {translation_percent:.3} %, {rotation_deg_per_100_m:.4} deg in 100 m\n"
+            );
+        }
+    }
+    for refused in &results.beside.refused {
+        words += &format!("beside   {refused}\n");
     }
     let decisions: Vec<String> = recording.decisions().iter().chain(odd).cloned().collect();
     words + &remarks(losses, &decisions)

@@ -13,5 +13,6 @@ mod recordings;
 mod robot;
 mod session;
 mod show;
+mod space;
 mod suite;
 mod support;

@@ -5,11 +5,13 @@ mod confidence;
 mod font;
 mod picture;
 mod plain;
+mod space;
 mod walls;
 
 pub use confidence::Confidence;
 pub use picture::{Picture, write_png};
 pub use plain::{write_plain_png, write_world_file};
+pub use space::{SpacePicture, upward, write_space_png};
 pub use walls::dominant_wall_angle;
 
 use crate::error::FormatError;

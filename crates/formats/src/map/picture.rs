@@ -9,17 +9,17 @@ use std::io::Write;
 
 const FREE: Colour = [253, 253, 250];
 const WALL: Colour = [24, 30, 42];
-const UNSEEN: Colour = [196, 207, 220];
-const INK: Colour = [52, 62, 78];
-const START: Colour = [34, 150, 84];
-const END: Colour = [212, 48, 40];
+pub(super) const UNSEEN: Colour = [196, 207, 220];
+pub(super) const INK: Colour = [52, 62, 78];
+pub(super) const START: Colour = [34, 150, 84];
+pub(super) const END: Colour = [212, 48, 40];
 
 /// The way's colours from first to last pose, all of them dark enough for a white ground.
 const WAY: [Colour; 5] = [[36, 20, 150], [126, 10, 168], [196, 54, 122], [232, 108, 72], [244, 156, 36]];
 
 /// Blank rim around the map, pixels; the strip for the scale bar below.
-const MARGIN_PX: usize = 24;
-const STRIP_PX: usize = 28;
+pub(super) const MARGIN_PX: usize = 24;
+pub(super) const STRIP_PX: usize = 28;
 
 /// Largest factor by which small maps are enlarged.
 const MAX_ENLARGEMENT: usize = 16;
@@ -81,7 +81,8 @@ pub fn write_png(map: &GridImage, picture: &Picture<'_>, writer: impl Write) -> 
     encode(&canvas, writer)
 }
 
-fn encode(canvas: &Canvas, writer: impl Write) -> Result<(), FormatError> {
+/// Writes what was drawn as a PNG.
+pub(super) fn encode(canvas: &Canvas, writer: impl Write) -> Result<(), FormatError> {
     let mut encoder = png::Encoder::new(writer, canvas.width as u32, canvas.height as u32);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
@@ -382,7 +383,7 @@ impl Block {
 }
 
 /// The way's colour at a share of its time.
-fn way_colour(share: f32) -> Colour {
+pub(super) fn way_colour(share: f32) -> Colour {
     let at = share.clamp(0.0, 1.0) * (WAY.len() - 1) as f32;
     let below = (at as usize).min(WAY.len() - 2);
     blend(WAY[below], WAY[below + 1], at - below as f32)
@@ -416,12 +417,12 @@ fn draw_places(canvas: &mut Canvas, view: &View, map: &GridImage, places: &[[f64
 }
 
 /// How much larger lines and letters are drawn in large pictures.
-fn pen_scale(canvas: &Canvas) -> usize {
+pub(super) fn pen_scale(canvas: &Canvas) -> usize {
     (canvas.width.max(canvas.height) / 1200).max(1)
 }
 
 /// A bar of a round length, about a fifth of the picture wide, and its length beside it.
-fn draw_scale_bar(canvas: &mut Canvas, px_per_metre: f64) {
+pub(super) fn draw_scale_bar(canvas: &mut Canvas, px_per_metre: f64) {
     let pen = pen_scale(canvas).min(2);
     let length_m = round_length(0.2 * canvas.width as f64 / px_per_metre);
     let length_px = ((length_m * px_per_metre).round() as usize).max(1);

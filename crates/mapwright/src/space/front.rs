@@ -1,6 +1,7 @@
 //! The front end in space: prepare, predict, match, insert, and the local map.
 
 use super::local_map::LocalMapping;
+use super::scale::Scale;
 use crate::cycles::Follows;
 use crate::front::{Motion, RobotPose};
 use crate::settings::Settings;
@@ -17,7 +18,6 @@ mod track;
 
 use predict::{Predictor, Step};
 use prepare::Preparation;
-pub(crate) use prepare::Scale;
 pub(crate) use track::Matched;
 use track::Tracker;
 

@@ -1,7 +1,7 @@
 //! Which keyframes the local map in space is made of: those that are certain relative to the robot.
 
+use super::scale::Scale;
 use crate::settings::{LivePolicy, Settings};
-use crate::space::front::Scale;
 use mapwright_geom::{Cov6, Pose, Pose3};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
 use mapwright_loops::KnownPlace;

@@ -1,0 +1,136 @@
+//! Trajectories in space against a reference.
+
+use super::{alignment, errors_json, open};
+use crate::args::EvalArgs;
+use crate::failure::{Failure, Outcome};
+use crate::terminal::{count, say, say_json};
+use mapwright_eval::{PoseErrors, RpeSettings, SegmentError, SpaceErrors, space_errors};
+use mapwright_formats::{SpaceTrajectory, read_space_trajectory, read_stamps};
+use mapwright_geom::Stamp;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// The reference and what is compared with it.
+pub(super) struct Trajectories {
+    reference: SpaceTrajectory,
+    estimates: Vec<SpaceTrajectory>,
+}
+
+/// Reads all; none where everything lies in the plane, and is compared there.
+pub(super) fn trajectories(args: &EvalArgs, reference: &Path) -> Result<Option<Trajectories>, Failure> {
+    let times = args.times.as_ref().map(|path| open(path, read_stamps).map(|stamps| (path, stamps))).transpose()?;
+    let read = |path: &Path| {
+        let mut read = open(path, read_space_trajectory)?;
+        if let Some((file, stamps)) = times.as_ref().filter(|_| read.is_numbered) {
+            stamp(&mut read, stamps).map_err(|cause| refused(path, &format!("{cause} in {}", file.display())))?;
+        }
+        Ok(read)
+    };
+    let (reference, name) = (read(reference)?, reference);
+    let estimates = args.trajectories.iter().map(|path| read(path)).collect::<Result<Vec<_>, Failure>>()?;
+    let is_planar = |read: &SpaceTrajectory| !read.is_numbered && times.is_none() && read.is_planar();
+    if is_planar(&reference) && estimates.iter().all(is_planar) {
+        return Ok(None);
+    }
+    for (path, estimate) in args.trajectories.iter().zip(&estimates) {
+        if estimate.is_numbered != reference.is_numbered {
+            let numbered = if estimate.is_numbered { path.as_path() } else { name };
+            return Err(refused(
+                numbered,
+                "expected stamps as the other trajectory has them, found KITTI's rows without; give them by --times FILE",
+            ));
+        }
+    }
+    Ok(Some(Trajectories { reference, estimates }))
+}
+
+fn refused(path: &Path, cause: &str) -> Failure {
+    Failure::Log(format!("{}: {cause}", path.display()))
+}
+
+fn stamp(read: &mut SpaceTrajectory, stamps: &[Stamp]) -> Result<(), String> {
+    if read.poses.len() != stamps.len() {
+        return Err(format!(
+            "expected {} for its poses, found {}",
+            count(read.poses.len() as u64, "stamp"),
+            stamps.len()
+        ));
+    }
+    read.poses.iter_mut().zip(stamps).for_each(|(pose, stamp)| pose.0 = *stamp);
+    read.is_numbered = false;
+    Ok(())
+}
+
+pub(super) fn compare(args: &EvalArgs, trajectories: &Trajectories) -> Result<Outcome, Failure> {
+    let settings = RpeSettings { delta: args.delta, all_pairs: args.all_pairs, ..RpeSettings::default() };
+    let mut values = Vec::new();
+    for (path, estimate) in args.trajectories.iter().zip(&trajectories.estimates) {
+        let reference = &trajectories.reference.poses;
+        let errors = space_errors(reference, &estimate.poses, alignment(args.alignment), &settings)
+            .map_err(|cause| Failure::Score { path: path.clone(), cause })?;
+        if !args.json {
+            say(&words(path, &errors))?;
+        }
+        values.push(to_json(path, &errors));
+    }
+    if args.json {
+        say_json(&Value::Array(values))?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn words(path: &Path, errors: &SpaceErrors) -> String {
+    let row = |name: &str, PoseErrors { translation_m, rotation_deg }: &PoseErrors| {
+        format!(
+            "  {name} {:>6}  rmse {:.4} m, mean {:.4}, median {:.4}, max {:.4}  |  rmse {:.3} deg, max {:.3}\n",
+            translation_m.count,
+            translation_m.rmse,
+            translation_m.mean,
+            translation_m.median,
+            translation_m.max,
+            rotation_deg.rmse,
+            rotation_deg.max
+        )
+    };
+    let mut text = format!("{}: in space\n", path.display());
+    text += &row("ATE", &errors.absolute);
+    text += &row("RPE", &errors.relative);
+    if let Some(segments) = &errors.segments {
+        text += &segment_words("KITTI", &segments.all);
+        segments.by_length.iter().for_each(|error| text += &segment_words(&format!("{:>4} m", error.length_m), error));
+    }
+    if errors.scale != 1.0 {
+        text += &format!("  scale {:.6}\n", errors.scale);
+    }
+    text
+}
+
+fn segment_words(name: &str, error: &SegmentError) -> String {
+    format!(
+        "  {name} {:>4}  {:.4} %  |  {:.4} deg in 100 m\n",
+        error.count, error.translation_percent, error.rotation_deg_per_100_m
+    )
+}
+
+fn to_json(path: &Path, errors: &SpaceErrors) -> Value {
+    let segment = |error: &SegmentError| {
+        json!({
+            "length_m": error.length_m,
+            "count": error.count,
+            "translation_percent": error.translation_percent,
+            "rotation_deg_per_100_m": error.rotation_deg_per_100_m,
+        })
+    };
+    json!({
+        "trajectory": path.display().to_string(),
+        "space": true,
+        "scale": errors.scale,
+        "not_finite": errors.not_finite,
+        "ate": errors_json(&errors.absolute),
+        "rpe": errors_json(&errors.relative),
+        "kitti": errors.segments.as_ref().map(|segments| json!({
+            "all": segment(&segments.all),
+            "by_length": segments.by_length.iter().map(segment).collect::<Vec<_>>(),
+        })),
+    })
+}

@@ -1,0 +1,119 @@
+//! Recordings of sensors in space, and trajectories there.
+
+use crate::support::{assert_code, assert_refused, folder, json, run, text};
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+const FRAMES: usize = 8;
+
+/// A room of 8 by 6 by 2.6 m in the layout of KITTI, seen on a way along x; with poses of a camera, and with times.
+fn room(folder: &Path) -> String {
+    fs::create_dir_all(folder.join("velodyne")).unwrap();
+    let (mut poses, mut times) = (String::new(), String::new());
+    for frame in 0..FRAMES {
+        let at = [2.0 + 0.2 * frame as f64, 3.0, 1.2];
+        let mut bytes = Vec::new();
+        for ray in 0..12_000 {
+            let (azimuth, height) = (f64::from(ray % 600) * 0.010_472, f64::from(ray / 600) * 0.1 - 0.95);
+            let (s, c) = (azimuth.sin(), azimuth.cos());
+            let along = [c, s, height];
+            let wall = |k: usize| ((if along[k] > 0.0 { [8.0, 6.0, 2.6][k] } else { 0.0 }) - at[k]) / along[k];
+            let range = (0..3).filter(|&k| along[k].abs() > 1e-6).map(wall).fold(f64::INFINITY, f64::min);
+            let point = along.map(|v| (v * range) as f32);
+            point.iter().chain(&[0.5]).for_each(|value| bytes.extend(value.to_le_bytes()));
+        }
+        fs::write(folder.join(format!("velodyne/{frame:06}.bin")), bytes).unwrap();
+        writeln!(poses, "1 0 0 0 0 1 0 0 0 0 1 {}", 0.2 * frame as f64).unwrap();
+        writeln!(times, "{:e}", 0.1 * frame as f64).unwrap();
+    }
+    fs::write(folder.join("poses_cam0.txt"), poses).unwrap();
+    fs::write(folder.join("times.txt"), times).unwrap();
+    folder.display().to_string()
+}
+
+#[test]
+fn a_room_is_mapped_with_a_picture_and_poses_of_an_unknown_camera_are_not_compared() {
+    let folder = folder("space_map");
+    let recording = room(&folder.join("room"));
+    let map = |out: &str| {
+        let out = folder.join(out);
+        let output = run(&["map", &recording, "-o", out.to_str().unwrap()]);
+        assert_code(&output, 0);
+        (out, text(&output.stdout))
+    };
+    let (out, said) = map("out");
+    let why = "poses_cam0.txt not compared: its poses are those of camera 0";
+    assert!(said.contains(why) && said.contains("map.png"), "{said}");
+    let report = json(&out.join("report.json"));
+    assert!(report["reference"].is_null(), "{report}");
+    assert!(report["not_compared"][0].as_str().unwrap().starts_with(why), "{report}");
+    let picture = fs::read(out.join("map.png")).unwrap();
+    let side = |at: usize| u32::from_be_bytes(picture[at..at + 4].try_into().unwrap());
+    assert_eq!(side(16).max(side(20)), 1600);
+    assert!(picture == fs::read(map("again").0.join("map.png")).unwrap());
+}
+
+#[test]
+fn info_says_what_is_in_a_recording_of_space_by_its_first_clouds() {
+    let folder = folder("space_info");
+    let recording = room(&folder.join("room"));
+    fs::write(folder.join("room/velodyne/000006.bin"), b"").unwrap(); // it is not read
+    let output = run(&["info", &recording]);
+    assert_code(&output, 0);
+    let said = text(&output.stdout);
+    let expected = [
+        "clouds in the layout of KITTI's odometry benchmark, 8 frames, 0.7 s by their stamps",
+        "0.5 to 120 m",
+        "12,000 points, 12,000 in range",
+        "the other 5 were not read",
+        "poses_cam0.txt: 8 poses, of camera 0",
+        "1.4 m of way",
+        "decided  the robot's frame is the lidar's",
+    ];
+    expected.iter().for_each(|what| assert!(said.contains(what), "expected {what:?}, found {said}"));
+    let output = run(&["info", &recording, "--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((value["frames"].as_u64(), value["first_clouds"].as_array().unwrap().len()), (Some(8), 3));
+    assert!((value["span_s"].as_f64().unwrap() - 0.7).abs() < 1e-9 && value["camera"].is_null(), "{value}");
+    let output = run(&["info", &recording, &recording, "--json"]);
+    let both: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(both["differences"].is_null() && both["logs"][1] == value);
+}
+
+#[test]
+fn trajectories_in_space_are_compared_there() {
+    let folder = folder("space_eval");
+    let path = |name: &str, rows: &dyn Fn(f64) -> String| {
+        let text: String = (0..300).map(|k| rows(f64::from(k)) + "\n").collect();
+        fs::write(folder.join(name), text).unwrap();
+        folder.join(name).display().to_string()
+    };
+    let at = |k: f64| [k, 10.0 * (0.05 * k).sin(), 3.0 * (0.1 * k).cos()];
+    let matrix = |[x, y, z]: [f64; 3]| format!("1 0 0 {x} 0 1 0 {y} 0 0 1 {z}");
+    let truth = path("truth.tum", &|k| at(k).iter().fold(k.to_string(), |row, v| format!("{row} {v}")) + " 0 0 0 1");
+    // the same, lifted by a metre, and 2 % too long
+    let lifted = path("lifted.txt", &|k| matrix([at(k)[0], at(k)[1], at(k)[2] + 1.0]));
+    let longer = path("longer.txt", &|k| matrix(at(k).map(|v| 1.02 * v)));
+    let times = path("times.txt", &|k| format!("{k}"));
+    let eval = |args: &[&str]| run(&[&["eval"], args].concat());
+    let found = |args: &[&str]| {
+        let output = eval(args);
+        assert_code(&output, 0);
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let value = found(&[&lifted, &longer, "--reference", &truth, "--times", &times, "--json"]);
+    let of = |at: usize, what: &str| value[at][what]["translation_m"]["rmse"].as_f64().unwrap();
+    assert!(of(0, "ate") < 1e-9 && of(0, "rpe") < 1e-9 && of(1, "ate") > 0.1, "{value}");
+    let percent = value[1]["kitti"]["all"]["translation_percent"].as_f64().unwrap();
+    assert!((1.5..=2.1).contains(&percent) && value[1]["kitti"]["by_length"].as_array().unwrap().len() == 3, "{value}");
+    let value = found(&[&longer, "--reference", &lifted, "--alignment", "similarity", "--json"]);
+    assert!((value[0]["scale"].as_f64().unwrap() - 1.0 / 1.02).abs() < 1e-9, "{value}");
+    let said = text(&eval(&[&longer, "--reference", &truth, "--times", &times]).stdout);
+    assert!(said.contains("in space") && said.contains("deg in 100 m"), "{said}");
+    let mixed = eval(&[&longer, "--reference", &truth]);
+    assert_refused(&mixed, 1, &["longer.txt", "expected stamps", "--times FILE"]);
+    fs::write(folder.join("few.txt"), "0\n1\n").unwrap();
+    let few = folder.join("few.txt").display().to_string();
+    assert_refused(&eval(&[&longer, "--reference", &truth, "--times", &few]), 1, &["300 stamps", "found 2 in"]);
+}

@@ -1,0 +1,46 @@
+//! What is derived from how far a sensor sees.
+
+use crate::settings::Settings;
+use mapwright_sensor::SpaceSensor;
+use mapwright_voxel::SurfelMapSettings;
+
+/// Side of the smallest voxels and at least of the largest, of the rms range: 0.5 to 4 m in a hall, 0.1 to 1 m in a room.
+const FINEST_SHARE: f64 = 1.0 / 16.0;
+const COARSEST_SHARE: f64 = 0.48;
+const LEVELS_AT_MOST: usize = 8;
+/// What depends on how far a sensor sees, derived from the first cloud with enough points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Scale {
+    /// Root mean square of the ranges, metres.
+    pub(crate) range_m: f64,
+    /// Side of the smallest voxels, metres.
+    pub(crate) resolution_m: f64,
+    /// How many resolutions, each twice as coarse: up to what the robot may move between two clouds.
+    pub(crate) levels: usize,
+    /// Noise of a point, metres.
+    pub(crate) noise_m: f64,
+}
+
+impl Scale {
+    /// The maps that are made so.
+    pub(crate) fn maps(self) -> SurfelMapSettings {
+        SurfelMapSettings { resolution_m: self.resolution_m, levels: self.levels, noise_m: self.noise_m }
+    }
+
+    /// By the points of a cloud.
+    pub(super) fn of(settings: &Settings, sensor: &SpaceSensor, points_m: &[[f32; 3]]) -> Self {
+        let square = |point: &[f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
+        let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
+        let asked_m = settings.space.resolution_m;
+        let resolution_m = if asked_m > 0.0 { asked_m } else { two_digits(FINEST_SHARE * range_m) };
+        let levels =
+            (1..LEVELS_AT_MOST).find(|&k| resolution_m * f64::from(1_u32 << (k - 1)) >= COARSEST_SHARE * range_m);
+        Self { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST), noise_m: sensor.sigma_m(range_m) }
+    }
+}
+
+/// Rounded to two digits, that it may be told and asked for again.
+fn two_digits(value: f64) -> f64 {
+    let unit = 10_f64.powf(value.max(1e-3).log10().floor() - 1.0);
+    (value / unit).round().max(1.0) * unit
+}
