@@ -1,9 +1,10 @@
 //! What a run in space has made, for `report.json` and for people.
 
+use super::source::Source;
 use crate::report::remarks;
 use crate::terminal::{count, duration, grouped};
 use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
-use mapwright_clouds::{Notes, Recording};
+use mapwright_clouds::Notes;
 use mapwright_eval::SpaceErrors;
 use serde_json::{Map, Value, json};
 
@@ -105,7 +106,7 @@ pub(super) fn notes_in_words(notes: &Notes) -> (Vec<String>, Vec<String>) {
 
 pub(super) fn to_json(
     name: &str,
-    recording: &Recording<'_>,
+    source: &Source<'_>,
     notes: &Notes,
     tally: &Tally,
     results: &Results,
@@ -123,10 +124,11 @@ pub(super) fn to_json(
     json!({
         "log": name,
         "recording": {
-            "kind": recording.kind().to_string(),
-            "frames": recording.frames(),
-            "sensor": recording.sensor().name,
-            "decisions": recording.decisions(),
+            "kind": source.kind(),
+            "frames": source.frames(),
+            "sensor": source.sensor_name(),
+            "decisions": source.decisions(),
+            "read": source.read_json(),
             "notes": noted,
         },
         "clouds": tally.clouds,
@@ -171,7 +173,7 @@ pub(super) fn to_json(
 }
 
 pub(super) fn to_words(
-    recording: &Recording<'_>,
+    source: &Source<'_>,
     tally: &Tally,
     results: &Results,
     timing: &Value,
@@ -181,7 +183,7 @@ pub(super) fn to_words(
     let ms = timing["total_s"].as_f64().unwrap_or(0.0) * 1e3 / tally.clouds.max(1) as f64;
     let mut words = format!(
         "{}, {} over {}; {:.1} m of way, {:.1} m of height\n",
-        recording.kind(),
+        source.kind(),
         count(tally.clouds, "cloud"),
         duration(results.log_s),
         results.path_m,
@@ -213,6 +215,7 @@ pub(super) fn to_words(
             errors.relative_deg.median
         );
     }
-    let decisions: Vec<String> = recording.decisions().iter().chain(odd).cloned().collect();
-    words + &remarks(losses, &decisions)
+    let (lines, mut said) = source.decisions_in_words();
+    said.extend_from_slice(odd);
+    words + &lines + &remarks(losses, &said)
 }

@@ -114,14 +114,12 @@ mod tests {
 
     #[test]
     fn times_of_another_clock_count_from_the_first() {
-        let spun = [5_000_000.0, 5_099_900.0];
-        assert_eq!(decide("timestamp", F64, spun, 1.7e9), None);
-        assert_eq!(other_clock(U32, spun), Some(Microseconds));
-        assert_eq!(other_clock(F64, [3e12, 3.0001e12]), Some(Nanoseconds));
-        assert_eq!(
-            (other_clock(F32, spun), other_clock(U32, [7.0, 7.0]), other_clock(F64, [0.0, 1e30])),
-            (None, None, None)
-        );
+        let [spun, spun_ns] = [[3_000_000_000.0, 3_000_099_900.0], [3e12, 3.0001e12]];
+        assert_eq!((decide("timestamp", U32, spun, 1.7e9), decide("timestamp", F64, spun_ns, 1.7e9)), (None, None));
+        assert_eq!((other_clock(U32, spun), other_clock(F64, spun_ns)), (Some(Microseconds), Some(Nanoseconds)));
+        for (primitive, ends) in [(F32, spun), (U32, [7.0, 7.0]), (F64, [0.0, 1e30])] {
+            assert_eq!(other_clock(primitive, ends), None);
+        }
     }
 
     #[test]

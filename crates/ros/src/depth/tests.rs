@@ -34,7 +34,7 @@ fn an_image_that_contradicts_itself_is_refused() {
 fn compressed_floats_are_inverse_depths() {
     let packed = DepthCompression { quant_a: 100.0, quant_b: -10.0, file: &[] };
     assert_eq!(packed.depth_m(DepthNumbers::Metres, &[0, 40], None), [0.0, 2.0]);
-    assert_eq!(packed.depth_m(DepthNumbers::Millimetres, &[0, 1500, u16::MAX], None), [0.0, 1.5, 0.0]);
+    assert_eq!(packed.depth_m(DepthNumbers::Millimetres, &[0, 2000, u16::MAX], None), [0.0, 2.0, 0.0]);
     assert_eq!(DepthNumbers::of_format("32FC1; compressedDepth png"), Some(DepthNumbers::Metres));
     assert_eq!(DepthNumbers::of_format("jpeg"), None);
 }
