@@ -157,7 +157,7 @@ fn mounting_words(sensor: &str, place: &Place) -> String {
     }
     let at = place.robot_from_sensor.translation;
     let (roll, pitch, yaw) = place.robot_from_sensor.rotation.euler_angles();
-    let [roll, pitch, yaw] = [roll, pitch, yaw].map(f64::to_degrees);
+    let [roll, pitch, yaw] = [roll, pitch, yaw].map(|rad| (10.0 * rad.to_degrees()).round() / 10.0 + 0.0);
     format!(
         "'{sensor}' at x {:.3} m, y {:.3} m, z {:.3} m, roll {roll:.1}, pitch {pitch:.1}, yaw {yaw:.1} deg",
         at.x, at.y, at.z
