@@ -3,10 +3,12 @@
 mod disk;
 mod messages;
 mod report;
+mod seek;
 mod source;
 
 pub(crate) use disk::Disk;
-pub(crate) use messages::{Sought, plan_in_words, seek};
+pub(crate) use messages::plan_in_words;
+pub(crate) use seek::{Sought, seek};
 pub(crate) use source::Source;
 
 use crate::args::{MapArgs, MappingArgs};

@@ -28,13 +28,15 @@ struct Recorder {
     writer: McapWriter<File>,
     topics: Vec<(String, u32)>,
     path: PathBuf,
+    /// Where not zero, bits of messages are flipped by it.
+    flips: u64,
 }
 
 impl Recorder {
     fn new(name: &str) -> Self {
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
         let writer = McapWriter::new(File::create(&path).unwrap(), McapCompression::None).unwrap();
-        Self { writer, topics: Vec::new(), path }
+        Self { writer, topics: Vec::new(), path, flips: 0 }
     }
 
     fn raw(&mut self, topic: &str, kind: &str, recorded: Stamp, data: &[u8]) {
@@ -44,7 +46,13 @@ impl Recorder {
             self.topics.push((topic.to_owned(), id));
             id
         });
-        self.writer.write(id, recorded, recorded, data).unwrap();
+        let mut data = data.to_vec();
+        for _ in 0..if self.flips == 0 { 0 } else { 2 } {
+            self.flips = self.flips.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let at = (self.flips >> 20) as usize % data.len();
+            data[at] ^= 1 << (self.flips >> 61);
+        }
+        self.writer.write(id, recorded, recorded, &data).unwrap();
     }
 
     fn write<'a>(&mut self, topic: &str, kind: &str, recorded: Stamp, message: &impl Field<'a>) {
@@ -375,4 +383,48 @@ fn bags_of_ros_1_are_read_alike() {
     assert!(SpacePlan::is_default(&survey, &Choice::default()));
     let (clouds, notes, _) = read(&path);
     assert_eq!((clouds.len(), clouds[0].points_m[0], notes), (1, [1.0, 2.0, 3.0], Notes::default()));
+}
+
+#[test]
+fn more_points_than_any_sensor_has_are_refused_before_there_is_room_for_them() {
+    let mut recorder = Recorder::new("many.mcap");
+    let bytes = vec![0; (1 << 24) + 1];
+    let fields = vec![field("x", 0, 2), field("y", 0, 2), field("z", 0, 2)];
+    let many = PointCloud2 { width: bytes.len() as u32, point_step: 1, fields, ..cloud(ms(0), &bytes) };
+    recorder.write("/points", CLOUD, ms(0), &many);
+    recorder.cloud(100, &floats(&[1.0, 2.0, 3.0]));
+    let (clouds, notes, _) = read(&recorder.finish());
+    assert_eq!((clouds.len(), notes.count(NoteKind::UnreadableFrame)), (1, 1));
+}
+
+#[test]
+fn flipped_bits_cost_messages_and_nothing_else() {
+    let points = floats(&[1.0; 60]);
+    let (mut flips, mut delivered) = (7_u64, 0);
+    for round in 0..150 {
+        let mut recorder = Recorder::new("flipped.mcap");
+        recorder.link("/tf_static", 0, "base_link", "lidar", shifted(0.1, 0.2));
+        recorder.camera("/cam/camera_info", [4, 3]);
+        recorder.flips = flips;
+        for k in 0..8 {
+            recorder.odometry(100 * k, shifted(0.1 * k as f64, 0.0));
+            recorder.cloud(100 * k, &points);
+            recorder.depth("/cam/depth", 100 * k, [4, 3], &two_metres());
+            let data = [floats(&[0.0; 3]), png(1000)].concat();
+            let header = Header::new(ms(100 * k), "optical");
+            let image = CompressedImage { header, format: "16UC1; compressedDepth".into(), data: &data };
+            recorder.write("/cam/depth/compressedDepth", "sensor_msgs/msg/CompressedImage", ms(100 * k), &image);
+        }
+        flips = recorder.flips;
+        let path = recorder.finish();
+        let survey = Survey::of(&path).unwrap();
+        let topics = ["/points", "/cam/depth", "/cam/depth/compressedDepth"];
+        let choice = Choice { topics: vec![topics[round % 3].to_owned()], ..Choice::default() };
+        let Ok(plan) = SpacePlan::of(&survey, &choice, &CameraOptions::default()) else { continue };
+        let mut stream = SpaceStream::open("flipped", &path, survey, plan).unwrap();
+        while let Ok(Some(_)) = stream.next_cloud() {
+            delivered += 1;
+        }
+    }
+    assert!(delivered > 100, "{delivered}");
 }

@@ -12,6 +12,9 @@ use mapwright_sensor::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// No sweep or image has more points or pixels; bounds the memory that one message may take.
+const POINTS_AT_MOST: u64 = 1 << 24;
+
 /// A cloud and what is odd about it.
 #[derive(Debug)]
 pub(super) struct Made {
@@ -54,6 +57,7 @@ impl CloudMaker {
             Messages::Cloud(decoder) => self.cloud(&decoder.decode(data).map_err(words)?, recorded),
             Messages::Image(decoder) => {
                 let image = decoder.decode(data).map_err(words)?;
+                few_enough(u64::from(image.width) * u64::from(image.height))?;
                 let depth_m = image.depth_m(self.depth_per_m()).map_err(words)?;
                 self.image(&image.header, [image.width, image.height], depth_m, recorded)
             }
@@ -78,7 +82,9 @@ impl CloudMaker {
 
     fn cloud(&self, message: &PointCloud2<'_>, recorded: Stamp) -> Result<Made, String> {
         let sensor = Arc::clone(self.sensor(&message.header)?);
-        let points = RosCloud::new(message).map_err(words)?.to_points();
+        let points = RosCloud::new(message).map_err(words)?;
+        few_enough(points.len() as u64)?;
+        let points = points.to_points();
         let (header, is_unstamped) = stamp_or(message.header.stamp, recorded);
         let cloud = Cloud {
             stamp: Stamp(header.0.saturating_add(Stamp::from_secs_f64(points.start_s).0)),
@@ -99,7 +105,7 @@ impl CloudMaker {
             Some(packed) => (packed, numbers),
             None => (plain, DepthNumbers::Millimetres),
         };
-        let (size, stored) = read_png16("the image", packed.file).map_err(words)?;
+        let (size, stored) = read_png16("the image", packed.file, POINTS_AT_MOST).map_err(words)?;
         Ok((size, packed.depth_m(numbers, &stored, self.depth_per_m())))
     }
 
@@ -134,6 +140,13 @@ impl CloudMaker {
             View { directions: camera.directions(), camera: Arc::new(camera) }
         }))
     }
+}
+
+fn few_enough(points: u64) -> Result<(), String> {
+    if points > POINTS_AT_MOST {
+        return Err(format!("expected at most {POINTS_AT_MOST} points, found {points}"));
+    }
+    Ok(())
 }
 
 fn words(error: impl ToString) -> String {
