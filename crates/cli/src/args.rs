@@ -69,11 +69,14 @@ pub(crate) struct SettingsArgs {
 pub(crate) struct MapArgs {
     /// Logs of one drive in a row: ROS 1 bags, MCAP files, ROS 2 bags (folder or file), CARMEN logs (plain, .gz or .bz2; `-`
     /// is the standard input). Or one recording of space: a folder of KITTI, PCD or PLY clouds or of depth images (TUM, 7-Scenes,
-    /// Open3D), or packets of a Velodyne (.pcap).
+    /// Open3D), packets of a Velodyne (.pcap), or a ROS bag or MCAP file of PointCloud2 or images of depth.
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+    /// Map the point clouds or images of depth of a recording in space, even where it has scans of a planar laser.
+    #[arg(long, conflicts_with = "slice")]
+    pub(crate) space: bool,
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,

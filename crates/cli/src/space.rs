@@ -1,11 +1,17 @@
 //! Recordings of sensors in space: clouds in, files out.
 
 mod disk;
+mod messages;
 mod picture;
 mod report;
+mod seek;
+mod source;
 
 pub(crate) use disk::Disk;
+pub(crate) use messages::plan_in_words;
 pub(crate) use report::{notes_in_words, notes_json};
+pub(crate) use seek::{Sought, seek};
+pub(crate) use source::Source;
 
 use crate::args::{MapArgs, MappingArgs};
 use crate::failure::{Failure, Outcome};
@@ -19,7 +25,6 @@ use crate::stamps::Stamper;
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
 use mapwright::{Cloud, Pose3, SpaceMapper, SpaceSweep, Stamp, Update};
-use mapwright_clouds::{Notes, Recording};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use report::{Beside, Results, Tally};
@@ -31,14 +36,18 @@ const ONLINE: &str = "trajectory_online.tum";
 const MAP_SHARE: f64 = 0.1;
 
 /// `mapwright map` of such a recording.
-pub(crate) fn map(args: &MapArgs, recording: &Recording<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+pub(crate) fn map(args: &MapArgs, mut source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+    if args.mapping.resume.is_some() || args.mapping.start.is_some() {
+        let option = if args.mapping.resume.is_some() { "--resume" } else { "--start" };
+        return Err(Failure::Log(format!(
+            "{option} is for logs of planar lasers: maps of space always begin anew, at their origin"
+        )));
+    }
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
-    let failed = |cause| Failure::Log(format!("{name}: {cause}"));
-    let mut clouds = recording.clouds(&args.source.camera()).map_err(failed)?;
     let output = OutputFolder::create(&args.output)?;
-    let mut mapping = Mapping::begin(&args.mapping, output, recording.frames() as u64)?;
+    let mut mapping = Mapping::begin(&args.mapping, output, source.frames())?;
     let mut is_cut = false;
-    while let Some(cloud) = clouds.next_cloud().map_err(failed)? {
+    while let Some(cloud) = source.next_cloud()? {
         mapping.add_cloud(&cloud)?;
         is_cut = interrupt.came();
         if is_cut {
@@ -46,9 +55,11 @@ pub(crate) fn map(args: &MapArgs, recording: &Recording<'_>, interrupt: &Interru
         }
     }
     mapping.end_of_clouds();
-    let mut notes: Notes = recording.notes().clone();
-    notes.extend(clouds.notes());
-    let (mut losses, odd) = notes_in_words(&notes);
+    let notes = source.notes();
+    let (mut losses, mut odd) = source.damages();
+    let (lost, noted) = notes_in_words(&notes);
+    losses.extend(lost);
+    odd.extend(noted);
     if is_cut {
         losses.push(format!("interrupted after {} clouds; the results are complete up to there", mapping.tally.clouds));
     }
@@ -58,12 +69,12 @@ pub(crate) fn map(args: &MapArgs, recording: &Recording<'_>, interrupt: &Interru
             mapping.tally.clouds
         )));
     }
-    let results = mapping.write_results(recording)?;
-    let report = report::to_json(&name, recording, &notes, &mapping.tally, &results, &losses);
+    let results = mapping.write_results(&source)?;
+    let report = report::to_json(&name, &source, &notes, &mapping.tally, &results, &losses);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
-    let words = report::to_words(recording, &mapping.tally, &results, &timing, &losses, &odd);
+    let words = report::to_words(&source, &mapping.tally, &results, &timing, &losses, &odd);
     let files = mapping.output.commit()?;
     if args.mapping.voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
@@ -121,7 +132,7 @@ impl Mapping {
         self.progress.finish();
     }
 
-    fn write_results(&mut self, recording: &Recording<'_>) -> Result<Results, Failure> {
+    fn write_results(&mut self, source: &Source<'_>) -> Result<Results, Failure> {
         if let Some(online) = self.online.take() {
             online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
@@ -139,8 +150,8 @@ impl Mapping {
         let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
         let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
-        picture::write(&mut self.output, recording, session, (&map, MAP_SHARE * resolution_m))?;
-        let beside = Beside::of(recording, &way);
+        picture::write(&mut self.output, source, session, (&map, MAP_SHARE * resolution_m))?;
+        let beside = Beside::of(source, &way);
         Ok(Results::of(session, &way, resolution_m, map.points_m.len(), beside))
     }
 }

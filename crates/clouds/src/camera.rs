@@ -7,9 +7,10 @@ use crate::text::{excerpt, rows};
 use mapwright_sensor::PinholeCamera;
 use std::sync::Arc;
 
-/// Of the command line.
-const INTRINSICS_KEY: &str = "--intrinsics FX,FY,CX,CY";
-const DEPTH_SCALE_KEY: &str = "--depth-scale S";
+/// What the command line calls [`CameraOptions::intrinsics`].
+pub const INTRINSICS_KEY: &str = "--intrinsics FX,FY,CX,CY";
+/// What the command line calls [`CameraOptions::depth_scale`].
+pub const DEPTH_SCALE_KEY: &str = "--depth-scale S";
 
 /// What the caller knows of a depth camera; it counts more than what the folder says.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -20,6 +21,22 @@ pub struct CameraOptions {
     pub depth_scale: Option<f64>,
 }
 
+impl CameraOptions {
+    /// Whether the number that stands for a metre can be one.
+    ///
+    /// # Errors
+    /// [`CloudError::Options`].
+    pub fn check_scale(&self) -> Result<(), CloudError> {
+        match self.depth_scale {
+            Some(scale) if !(scale.is_finite() && scale > 0.0) => {
+                let reason = format!("expected a finite number above zero, found {scale}");
+                Err(CloudError::Options { key: DEPTH_SCALE_KEY, reason })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// The camera, and what a metre is in its images.
 pub(crate) fn camera(plan: &DepthPlan, options: &CameraOptions) -> Result<(Arc<PinholeCamera>, f64), CloudError> {
     let Some([fx, fy, cx, cy]) = options.intrinsics.or(plan.intrinsics) else {
@@ -28,12 +45,8 @@ pub(crate) fn camera(plan: &DepthPlan, options: &CameraOptions) -> Result<(Arc<P
     let [width, height] = plan.size;
     let camera = PinholeCamera { width, height, focal_px: [fx, fy], centre_px: [cx, cy], distortion: [0.0; 5] };
     camera.check().map_err(|reason| CloudError::Options { key: INTRINSICS_KEY, reason: reason.into() })?;
-    let depth_per_m = options.depth_scale.unwrap_or(plan.depth_per_m);
-    if !(depth_per_m.is_finite() && depth_per_m > 0.0) {
-        let reason = format!("expected a finite number above zero, found {depth_per_m}");
-        return Err(CloudError::Options { key: DEPTH_SCALE_KEY, reason });
-    }
-    Ok((Arc::new(camera), depth_per_m))
+    options.check_scale()?;
+    Ok((Arc::new(camera), options.depth_scale.unwrap_or(plan.depth_per_m)))
 }
 
 /// Intrinsics as a matrix of 3 x 3, as 7-Scenes' users write them.

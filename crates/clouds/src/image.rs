@@ -41,6 +41,20 @@ pub(crate) fn read_depth(file: &str, bytes: &[u8], size: Size, depth_per_m: f64)
     Ok(pixels.chunks_exact(2).map(metres).collect())
 }
 
+/// The numbers of a greyscale PNG of 16 bits, row by row, and its pixels across and down; `file` is its name in errors.
+///
+/// # Errors
+/// [`CloudError::Content`] where it is anything else, damaged, of more pixels than `pixels_most` or than its bytes can hold.
+pub fn read_png16(file: &str, bytes: &[u8], pixels_most: u64) -> Result<([u32; 2], Vec<u16>), CloudError> {
+    let (mut reader, size) = open_depth(file, bytes)?;
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    if pixels > pixels_most {
+        return Err(CloudError::content(file, 16, format!("at most {pixels_most} pixels"), pixels.to_string()));
+    }
+    let pixels = decode(file, &mut reader)?;
+    Ok((size, pixels.chunks_exact(2).map(|pixel| u16::from_be_bytes([pixel[0], pixel[1]])).collect()))
+}
+
 fn open_depth<'a>(file: &str, bytes: &'a [u8]) -> Result<(PngReader<'a>, Size), CloudError> {
     let reader = open(file, bytes, Transformations::IDENTITY)?;
     let info = reader.info();
@@ -193,6 +207,7 @@ mod tests {
             file[at] = byte;
             file.truncate(file.len() - cut.min(file.len()));
             let _ = read_depth("d", &file, [4, 4], 1000.0);
+            let _ = read_png16("d", &file, 1 << 20);
             let _ = read_colours("d", &file, [4, 4]);
         }
     }

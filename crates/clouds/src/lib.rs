@@ -59,9 +59,10 @@ mod scalar;
 mod text;
 
 pub use bins::read_bin;
-pub use camera::CameraOptions;
+pub use camera::{CameraOptions, DEPTH_SCALE_KEY, INTRINSICS_KEY};
 pub use error::CloudError;
 pub use folder::Folder;
+pub use image::read_png16;
 pub use notes::{Note, NoteKind, Noted, Notes};
 pub use pcd::read_pcd;
 pub use plan::Kind;

@@ -27,6 +27,12 @@ pub enum NoteKind {
     BackwardStamp,
     /// A frame without a stamp of its own: it is 0.1 s after the one before.
     Unstamped,
+    /// A message without a stamp of its own: it has that of its recording.
+    RecordedStamp,
+    /// A reading of odometry that could not be read and is left out.
+    UnreadableOdometry,
+    /// A cloud without odometry near its stamp, in a recording that has odometry.
+    WithoutOdometry,
     /// Times of points that are no times of one sweep, left out.
     BadPointTimes,
     /// A colour image that is not there, or none within 20 ms.
@@ -56,7 +62,8 @@ impl NoteKind {
     #[must_use]
     pub fn loses_data(self) -> bool {
         let is_said_only = matches!(self, Self::NotFinite | Self::BackwardStamp | Self::EmptyCloud | Self::Viewpoint);
-        !(is_said_only || matches!(self, Self::ForeignPacket | Self::PartialRevolution))
+        let is_of_messages = matches!(self, Self::RecordedStamp | Self::WithoutOdometry);
+        !(is_said_only || is_of_messages || matches!(self, Self::ForeignPacket | Self::PartialRevolution))
     }
 }
 
@@ -71,6 +78,9 @@ impl fmt::Display for NoteKind {
             Self::NotFinite => "points not finite",
             Self::BackwardStamp => "stamp runs backwards",
             Self::Unstamped => "no stamp",
+            Self::RecordedStamp => "no stamp but that of the recording",
+            Self::UnreadableOdometry => "unreadable odometry",
+            Self::WithoutOdometry => "no odometry near a cloud",
             Self::BadPointTimes => "times of points refused",
             Self::MissingColour => "missing colour image",
             Self::UnreadableColour => "unreadable colour image",
@@ -145,7 +155,7 @@ impl Notes {
     }
 
     /// Counts one more; its words are only made up while there is room for them.
-    pub(crate) fn note<E: Into<String>, F: Into<String>>(
+    pub fn note<E: Into<String>, F: Into<String>>(
         &mut self,
         kind: NoteKind,
         file: &str,
@@ -166,7 +176,7 @@ impl Notes {
     }
 
     /// Counts what would have been an error, had it not been about a part only.
-    pub(crate) fn note_error(&mut self, kind: NoteKind, file: &str, error: CloudError) {
+    pub fn note_error(&mut self, kind: NoteKind, file: &str, error: CloudError) {
         match error {
             CloudError::Content { file, offset_bytes, expected, found } => {
                 self.note(kind, &file, offset_bytes as usize, || (expected, found));

@@ -20,6 +20,17 @@ pub struct Reference {
     pub poses: Vec<(Stamp, Pose3)>,
 }
 
+impl Reference {
+    /// Poses of the sensor as `stamp x y z qx qy qz qw`, one a row; none where the first row is not that. Bad rows are noted.
+    #[must_use]
+    pub fn of_tum(file: &str, bytes: &[u8], notes: &mut Notes) -> Option<Self> {
+        match pose_rows(file, bytes, notes)? {
+            PoseRows::Tum(poses) => Some(Self { file: file.to_owned(), frame: ReferenceFrame::Sensor, poses }),
+            PoseRows::Kitti(_) => None,
+        }
+    }
+}
+
 /// What poses are poses of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]

@@ -1,7 +1,9 @@
 //! From a recording's connections to decoders of its messages.
 
 use mapwright_bags::{Connection, DefinitionFormat, Encoding};
-use mapwright_ros::messages::{Imu, Kind, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, TfMessage};
+use mapwright_ros::messages::{
+    CameraInfo, CompressedImage, Image, Imu, Kind, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, TfMessage,
+};
 use mapwright_ros::{Channel, Decoder};
 
 /// What a topic's messages are good for.
@@ -20,6 +22,12 @@ pub enum TopicKind {
     Transforms,
     /// `sensor_msgs/Imu`.
     Imu,
+    /// `sensor_msgs/Image`.
+    Image,
+    /// `sensor_msgs/CompressedImage`.
+    CompressedImage,
+    /// `sensor_msgs/CameraInfo`.
+    CameraInfo,
     /// Anything else.
     Other,
 }
@@ -35,6 +43,9 @@ impl TopicKind {
             name if Odometry::is(name) => Self::Odometry,
             name if TfMessage::is(name) => Self::Transforms,
             name if Imu::is(name) => Self::Imu,
+            name if Image::is(name) => Self::Image,
+            name if CompressedImage::is(name) => Self::CompressedImage,
+            name if CameraInfo::is(name) => Self::CameraInfo,
             _ => Self::Other,
         }
     }
@@ -43,6 +54,23 @@ impl TopicKind {
     #[must_use]
     pub fn is_scans(self) -> bool {
         matches!(self, Self::Scan | Self::MultiEcho | Self::Cloud)
+    }
+
+    /// Whether its messages are of planar lasers.
+    #[must_use]
+    pub fn is_planar(self) -> bool {
+        matches!(self, Self::Scan | Self::MultiEcho)
+    }
+
+    /// Whether its messages are images, of depth or of anything else.
+    #[must_use]
+    pub fn is_images(self) -> bool {
+        matches!(self, Self::Image | Self::CompressedImage)
+    }
+
+    /// Whether its messages can say how a robot moves or turns.
+    pub(crate) fn is_motion(self) -> bool {
+        matches!(self, Self::Odometry | Self::Transforms | Self::Imu)
     }
 }
 
@@ -55,6 +83,9 @@ pub(crate) enum Messages {
     Odometry(Decoder<Odometry<'static>>),
     Transforms(Decoder<TfMessage<'static>>),
     Imu(Decoder<Imu<'static>>),
+    Image(Decoder<Image<'static>>),
+    CompressedImage(Decoder<CompressedImage<'static>>),
+    CameraInfo(Decoder<CameraInfo<'static>>),
     /// Nothing to decode, or nothing that can be: why, where it should have been.
     None(Option<String>),
 }
@@ -77,6 +108,9 @@ impl Messages {
             TopicKind::Odometry => Decoder::new(&channel).map(Self::Odometry),
             TopicKind::Transforms => Decoder::new(&channel).map(Self::Transforms),
             TopicKind::Imu => Decoder::new(&channel).map(Self::Imu),
+            TopicKind::Image => Decoder::new(&channel).map(Self::Image),
+            TopicKind::CompressedImage => Decoder::new(&channel).map(Self::CompressedImage),
+            TopicKind::CameraInfo => Decoder::new(&channel).map(Self::CameraInfo),
             TopicKind::Other => return Ok(Self::None(None)),
         };
         made.map_err(|error| error.to_string())

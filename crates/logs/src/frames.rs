@@ -20,15 +20,30 @@ pub(crate) struct Place {
 
 /// Finds the robot that carries a sensor. `moved` are the frames that odometry says it moves.
 pub(crate) fn place(links: &Links, sensor: &str, moved: &[&str], choice: &Choice) -> Result<Place, String> {
+    place_within(links, sensor, moved, choice, SWING_MOST_RAD)
+}
+
+/// The same of a robot that may swing as it likes.
+pub(crate) fn place_in_space(links: &Links, sensor: &str, moved: &[&str], choice: &Choice) -> Result<Place, String> {
+    place_within(links, sensor, moved, choice, f64::INFINITY)
+}
+
+fn place_within(
+    links: &Links,
+    sensor: &str,
+    moved: &[&str],
+    choice: &Choice,
+    swing_most_rad: f64,
+) -> Result<Place, String> {
     if let Some(robot_frame) = &choice.frame {
         if !links.knows(sensor) && robot_frame.trim_start_matches('/') != sensor {
             return Ok(assumed_on(robot_frame.trim_start_matches('/'), sensor, "as asked for"));
         }
-        return on(links, robot_frame.trim_start_matches('/'), sensor, "as asked for".to_owned());
+        return on(links, robot_frame.trim_start_matches('/'), sensor, "as asked for".to_owned(), swing_most_rad);
     }
     let above = links.above(sensor);
     if above.is_empty() {
-        return Ok(unplaced(links, sensor, moved));
+        return Ok(unplaced(links, sensor, moved, swing_most_rad));
     }
     let is_moved = |link: &&Link| is_world(&link.parent) || moved.contains(&link.child.as_str());
     let robot = above.iter().position(is_moved).or_else(|| above.iter().position(|link| !link.is_constant()));
@@ -40,11 +55,11 @@ pub(crate) fn place(links: &Links, sensor: &str, moved: &[&str], choice: &Choice
             Some((_, frame)) => (frame, "a robot's frame by its name"),
             None => (root, "the root of the tree that the sensor is in"),
         };
-        return on(links, robot_frame, sensor, reason.to_owned());
+        return on(links, robot_frame, sensor, reason.to_owned(), swing_most_rad);
     };
     let link = above[at];
     let is_named = is_moved(&link);
-    if !is_named && link.swung_rad > SWING_MOST_RAD {
+    if !is_named && link.swung_rad > swing_most_rad {
         return Err(swinging(link, sensor));
     }
     let reason = if moved.contains(&link.child.as_str()) {
@@ -52,16 +67,16 @@ pub(crate) fn place(links: &Links, sensor: &str, moved: &[&str], choice: &Choice
     } else {
         format!("the frame that moves in '{}' and carries '{sensor}'", link.parent)
     };
-    on(links, &link.child, sensor, reason)
+    on(links, &link.child, sensor, reason, swing_most_rad)
 }
 
 /// With the sensor rigidly on a frame that is known.
-fn on(links: &Links, robot_frame: &str, sensor: &str, reason: String) -> Result<Place, String> {
+fn on(links: &Links, robot_frame: &str, sensor: &str, reason: String, swing_most_rad: f64) -> Result<Place, String> {
     match links.constant(robot_frame, sensor) {
         Ok(robot_from_sensor) => {
             Ok(Place { robot_frame: robot_frame.to_owned(), robot_from_sensor, reason, assumed: None })
         }
-        Err(Some(link)) if link.swung_rad > SWING_MOST_RAD => Err(swinging(link, sensor)),
+        Err(Some(link)) if link.swung_rad > swing_most_rad => Err(swinging(link, sensor)),
         Err(Some(link)) => Err(format!(
             "'{sensor}' moves on the robot: '{}' moves in '{}' by up to {:.3} m and {:.1} deg; expected a sensor that is \
              fixed to '{robot_frame}'",
@@ -88,7 +103,7 @@ fn swinging(link: &Link, sensor: &str) -> String {
 }
 
 /// A sensor of which no transform says where it is: in the robot's origin.
-fn unplaced(links: &Links, sensor: &str, moved: &[&str]) -> Place {
+fn unplaced(links: &Links, sensor: &str, moved: &[&str], swing_most_rad: f64) -> Place {
     let named = links.iter().flat_map(|link| [link.child.as_str(), link.parent.as_str()]);
     let named = named.filter_map(|frame| Some((base_rank(frame)?, frame))).min().map(|(_, frame)| frame);
     let by_odometry = moved.iter().copied().find(|frame| !frame.is_empty());
@@ -97,7 +112,7 @@ fn unplaced(links: &Links, sensor: &str, moved: &[&str]) -> Place {
         (None, Some(frame)) => (frame, "a robot's frame by its name"),
         (None, None) => (sensor, "the sensor's own, for there is no other"),
     };
-    if let Ok(place) = on(links, robot_frame, sensor, reason.to_owned()) {
+    if let Ok(place) = on(links, robot_frame, sensor, reason.to_owned(), swing_most_rad) {
         return place; // the sensor is the tree's root, or the robot itself
     }
     assumed_on(robot_frame, sensor, reason)

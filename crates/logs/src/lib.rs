@@ -38,6 +38,7 @@
 //! ```
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+mod camera;
 mod chain;
 mod channel;
 mod choice;
@@ -50,11 +51,13 @@ mod odometry;
 mod plan;
 mod report;
 mod scans;
+mod space;
 mod stream;
 mod survey;
 mod turning;
 mod words;
 
+pub use camera::CameraSurvey;
 pub use channel::TopicKind;
 pub use choice::{Choice, SliceBounds};
 pub use drive::{Drive, Input};
@@ -64,5 +67,6 @@ pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use odometry::OdometrySource;
 pub use plan::Plan;
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
+pub use space::{SpacePlan, SpaceStream};
 pub use survey::{Survey, TopicSurvey};
 pub use turning::TurningSource;

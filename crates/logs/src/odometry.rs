@@ -56,7 +56,16 @@ fn is_chosen(topic: &TopicSurvey, choice: &Choice) -> bool {
 
 /// Odometry of the robot that a place is on.
 pub(crate) fn find(survey: &Survey, place: &Place, choice: &Choice) -> Found {
-    let by_link = moving_link(&survey.links, &place.robot_frame);
+    find_within(survey, place, choice, SWING_MOST_RAD)
+}
+
+/// The same of a robot that may swing as it likes.
+pub(crate) fn find_in_space(survey: &Survey, place: &Place, choice: &Choice) -> Found {
+    find_within(survey, place, choice, f64::INFINITY)
+}
+
+fn find_within(survey: &Survey, place: &Place, choice: &Choice, swing_most_rad: f64) -> Found {
+    let by_link = moving_link(&survey.links, &place.robot_frame, swing_most_rad);
     let candidates = topics(survey, choice);
     if let Some(topic) = candidates.first() {
         return by_topic(survey, topic, &candidates[1..], by_link, place, choice);
@@ -94,10 +103,10 @@ pub(crate) fn find(survey: &Survey, place: &Place, choice: &Choice) -> Found {
 }
 
 /// The link by which a robot moves: the first above its frame that is not constant, or whose parent is `odom`; none that
-/// swings out of the plane within the robot.
-fn moving_link<'a>(links: &'a Links, robot_frame: &str) -> Option<&'a Link> {
+/// swings farther out of the plane within the robot.
+fn moving_link<'a>(links: &'a Links, robot_frame: &str, swing_most_rad: f64) -> Option<&'a Link> {
     let moving = links.above(robot_frame).into_iter().find(|link| is_world(&link.parent) || !link.is_constant());
-    moving.filter(|link| is_world(&link.parent) || link.swung_rad <= SWING_MOST_RAD)
+    moving.filter(|link| is_world(&link.parent) || link.swung_rad <= swing_most_rad)
 }
 
 fn by_topic(

@@ -118,6 +118,11 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
     ];
     reasons.extend(why_turning.map(|why| ("turning", why)));
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
+    let depth = survey.topics.iter().filter(|topic| topic.is_depth && topic.usable() > 0);
+    reasons.extend(depth.map(|topic| {
+        let count = grouped(topic.usable());
+        ("refused", format!("{}: {count} images of depth; `--space` maps these instead", topic.name))
+    }));
     let mut mounts = BTreeMap::from([(topic.frame().to_owned(), mount)]);
     for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
         let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
@@ -183,7 +188,7 @@ fn candidates<'a>(survey: &'a Survey, choice: &Choice) -> Result<(Vec<Candidate<
     for name in &choice.topics {
         let mut named = survey.topics.iter().filter(|topic| same_name(&topic.name, name)).peekable();
         let first = named.peek().map_or("", |topic| topic.type_name.as_str());
-        if named.all(|topic| topic.kind == TopicKind::Other) {
+        if !named.any(|topic| topic.kind.is_scans() || topic.kind.is_motion()) {
             return Err(format!("{name} is {first}, expected scans or odometry"));
         }
     }
@@ -218,7 +223,8 @@ fn candidate<'a>(
     }
     if topic.kind == TopicKind::Cloud && choice.slice.is_none() {
         return Err(format!(
-            "{} point clouds ({}); a slice of them can be mapped: mapwright map LOG --topic {} --slice 0.1:1.0 -o OUT",
+            "{} point clouds ({}); `--space` maps the clouds instead, or a slice of them can be mapped: mapwright map LOG \
+             --topic {} --slice 0.1:1.0 -o OUT",
             grouped(topic.usable()),
             topic.shape,
             topic.name
@@ -230,7 +236,7 @@ fn candidate<'a>(
 }
 
 /// The topics with types and counts.
-fn contents(survey: &Survey) -> String {
+pub(crate) fn contents(survey: &Survey) -> String {
     let with_messages = survey.topics.iter().filter(|topic| topic.messages > 0);
     let words: Vec<_> = with_messages
         .map(|topic| format!("{} ({}, {})", topic.name, topic.type_name, grouped(topic.messages)))

@@ -1,11 +1,12 @@
 //! The first pass over a recording: what is there.
 
+use crate::camera::CameraSurvey;
 use crate::channel::{Decoders, Messages, TopicKind};
 use crate::links::{Links, bare};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_geom::Stamp;
-use mapwright_ros::messages::{Header, Imu, Odometry};
-use mapwright_ros::{Cloud, RosError};
+use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, Odometry};
+use mapwright_ros::{Cloud, DepthNumbers, RosError};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -41,8 +42,14 @@ pub struct TopicSurvey {
     pub first_error: Option<String>,
     /// Whether the messages say when each beam or point was taken.
     pub has_times: bool,
-    /// The fields of a cloud's points, or the beams of the first scan, in words.
+    /// The fields of a cloud's points, the beams of the first scan, or the first image's size and encoding, in words.
     pub shape: String,
+    /// Whether its messages are images of depth, by the first of them.
+    pub is_depth: bool,
+    /// What the first of its messages says of a camera.
+    pub camera: Option<CameraSurvey>,
+    /// Points of a cloud or pixels of an image, of the first; and rows of it.
+    pub(crate) points: [u64; 2],
 }
 
 impl TopicSurvey {
@@ -60,6 +67,9 @@ impl TopicSurvey {
             first_error: None,
             has_times: false,
             shape: String::new(),
+            is_depth: false,
+            camera: None,
+            points: [0, 0],
         }
     }
 
@@ -106,6 +116,13 @@ impl TopicSurvey {
         note_frame(&mut self.child_frames, bare(&odometry.child_frame_id));
     }
 
+    fn image(&mut self, image: &Image<'_>) {
+        let encoding: String = image.encoding.chars().take(40).collect();
+        self.is_depth = DepthNumbers::of(&image.encoding).is_some();
+        self.shape = format!("images of {} x {} as `{encoding}`", image.width, image.height);
+        self.points = [u64::from(image.width) * u64::from(image.height), u64::from(image.height)];
+    }
+
     /// Looks into a message; what is wrong with it, if anything.
     fn look(&mut self, messages: &mut Messages, data: &[u8], links: &mut Links) -> Result<(), String> {
         let words = |error: RosError| error.to_string();
@@ -135,6 +152,7 @@ impl TopicSurvey {
                     let fields: Vec<_> = message.fields.iter().take(12).map(|field| &*field.name).collect();
                     self.has_times = cloud.time().is_some();
                     self.shape = format!("{} points of {}", cloud.len(), fields.join(" "));
+                    self.points = [cloud.len() as u64, u64::from(message.height)];
                 }
             }
             Messages::Odometry(decoder) => self.odometry(&decoder.decode(data).map_err(words)?),
@@ -148,11 +166,42 @@ impl TopicSurvey {
                     return Err(NO_TURN_RATE.to_owned());
                 }
             }
+            Messages::Image(decoder) => {
+                let image = decoder.decode(data).map_err(words)?;
+                self.header(&image.header);
+                if is_first {
+                    self.image(&image);
+                }
+            }
+            Messages::CompressedImage(decoder) => {
+                let image = decoder.decode(data).map_err(words)?;
+                self.header(&image.header);
+                if is_first {
+                    self.is_depth = is_depth_file(&image);
+                    self.shape = format!("images as `{}`", image.format.chars().take(40).collect::<String>());
+                }
+            }
+            Messages::CameraInfo(decoder) => {
+                let info = decoder.decode(data).map_err(words)?;
+                self.header(&info.header);
+                if self.camera.is_none() {
+                    let camera = CameraSurvey::of(&info).map_err(words)?;
+                    self.shape = format!("{} x {} pixels", info.width, info.height);
+                    self.camera = Some(camera);
+                }
+            }
             Messages::None(None) => {}
             Messages::None(Some(reason)) => return Err(reason.clone()),
         }
         Ok(())
     }
+}
+
+/// Whether a compressed image is one of depth: sent as such, or a greyscale PNG of 16 bits.
+fn is_depth_file(image: &CompressedImage<'_>) -> bool {
+    const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+    // a PNG's header has bits and kind of its pixels here
+    image.depth().is_some() || (image.data.starts_with(PNG) && image.data.get(24..26) == Some(&[16, 0]))
 }
 
 pub(crate) const NO_TURN_RATE: &str = "no turn rate: its covariance begins with -1";

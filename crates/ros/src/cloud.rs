@@ -1,8 +1,11 @@
 //! Points of a point cloud, whatever its layout.
 
 mod access;
+mod colour;
+mod space;
 mod time;
 
+pub use space::CloudPoints;
 pub use time::{PointTime, TimeUnit};
 
 use crate::error::RosError;
@@ -10,6 +13,7 @@ use crate::messages::{PointCloud2, PointField};
 use crate::schema::Primitive;
 use crate::wire::Scalar;
 use access::Access;
+use colour::Colour;
 
 /// One point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +39,10 @@ pub struct Cloud<'a> {
     position: [Access; 3],
     intensity: Option<Access>,
     ring: Option<Access>,
+    colour: Option<Colour>,
     time: Option<(Access, PointTime)>,
+    /// The field of times, where these are none.
+    refused_time: Option<String>,
 }
 
 const INTENSITY: [&str; 3] = ["intensity", "intensities", "reflectivity"];
@@ -68,11 +75,14 @@ impl<'a> Cloud<'a> {
             position: [position("x")?, position("y")?, position("z")?],
             intensity: find(&INTENSITY).map(access).transpose()?,
             ring: find(&RING).map(access).transpose()?,
+            colour: Colour::of(&message.fields, point_step, message.is_bigendian),
             time: None,
+            refused_time: None,
         };
         if let Some(field) = find(&TIME) {
             let access = access(field)?;
             let time = PointTime::of(&field.name, access, &cloud.sampled(), message.header.stamp);
+            cloud.refused_time = time.is_none().then(|| field.name.clone().into_owned());
             cloud.time = time.map(|time| (access, time));
         }
         Ok(cloud)
@@ -100,6 +110,12 @@ impl<'a> Cloud<'a> {
     #[must_use]
     pub fn has_intensity_and_ring(&self) -> (bool, bool) {
         (self.intensity.is_some(), self.ring.is_some())
+    }
+
+    /// Whether points say what colour they are.
+    #[must_use]
+    pub fn has_colours(&self) -> bool {
+        self.colour.is_some()
     }
 
     /// The points, row by row.

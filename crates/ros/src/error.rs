@@ -136,6 +136,16 @@ pub enum RosError {
         /// What it is.
         found: String,
     },
+    /// An image of depth, or its camera, that contradicts itself.
+    #[error("the image's {what}: expected {expected}, found {found}")]
+    Image {
+        /// Which part.
+        what: &'static str,
+        /// What it should be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
     /// A laser scan that cannot be mapped with.
     #[error("the scan of `{frame}`: {reason}")]
     Scan {

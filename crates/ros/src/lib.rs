@@ -22,6 +22,7 @@ pub mod builtin;
 mod channel;
 mod cloud;
 mod definition;
+mod depth;
 mod encoder;
 mod error;
 mod field;
@@ -37,8 +38,9 @@ mod value;
 mod wire;
 
 pub use channel::{Channel, Decoder, DefinitionSource, encode, is_built_in};
-pub use cloud::{Cloud, CloudPoint, PointTime, TimeUnit};
+pub use cloud::{Cloud, CloudPoint, CloudPoints, PointTime, TimeUnit};
 pub use definition::{Definition, DefinitionFormat, long_name, short_name};
+pub use depth::{DepthNumbers, DistortionLeftOut};
 pub use encoder::Encoder;
 pub use error::RosError;
 pub use field::{Field, Fit, FitCheck, Fixed};

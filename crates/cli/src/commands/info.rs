@@ -12,22 +12,22 @@ use crate::interrupt::Interrupt;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;
-use crate::space::Disk;
+use crate::space::{Disk, plan_in_words};
 use crate::terminal::{count, grouped, say, say_json};
 use contents::Contents;
 use differences::{Differences, Steps};
-use mapwright_logs::{Choice, Input, Links, LogError, LogReport, Plan, Survey};
+use mapwright_clouds::CameraOptions;
+use mapwright_logs::{Choice, Input, Links, LogError, LogReport, Plan, SpacePlan, Survey};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &InfoArgs) -> Result<Outcome, Failure> {
     let interrupt = Interrupt::watch()?;
-    let choice = args.source.choice();
     let (mut found, mut links) = (Vec::new(), Links::default());
     for path in &args.logs {
         let log = match Found::in_space(path, &args.source)? {
             Some(found) => found,
-            None => Found::at(path, &choice, &mut links, &interrupt)?,
+            None => Found::at(path, &args.source, &mut links, &interrupt)?,
         };
         if !args.json {
             say(&log.words)?;
@@ -76,10 +76,11 @@ impl Found {
         Ok(Some(Self { name, contents, steps, words, value, losses, is_of_space: true }))
     }
 
-    fn at(path: &Path, choice: &Choice, links: &mut Links, interrupt: &Interrupt) -> Result<Self, Failure> {
+    fn at(path: &Path, source: &SourceArgs, links: &mut Links, interrupt: &Interrupt) -> Result<Self, Failure> {
+        let choice = &source.choice();
         let name = name_of(path);
         match input(path)? {
-            Input::Recording(path) => Self::in_recording(name, &path, choice, links, interrupt),
+            Input::Recording(path) => Self::in_recording(name, &path, choice, &source.camera(), links, interrupt),
             other => {
                 let mut found = Self::by_reading(name, other, path, choice, interrupt)?;
                 found.words = format!("{}: {}", found.name, found.words);
@@ -92,6 +93,7 @@ impl Found {
         name: String,
         path: &Path,
         choice: &Choice,
+        options: &CameraOptions,
         links: &mut Links,
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
@@ -104,6 +106,13 @@ impl Found {
         survey.links.inherit(links);
         links.clone_from(&survey.links);
         let (words, plan) = (recorded::words(&name, &survey), Plan::of(&survey, choice));
+        if SpacePlan::is_default(&survey, choice) {
+            let plan = SpacePlan::of(&survey, choice, options);
+            return Ok(match plan {
+                Ok(plan) => Self::messages_in_space(name, &survey, words, &plan),
+                Err(reason) => Self::refused(name, &survey, words, &reason),
+            });
+        }
         if let Err(reason) = plan {
             return Ok(Self::refused(name, &survey, words, &reason));
         }
@@ -115,15 +124,30 @@ impl Found {
 
     /// A recording in which there is nothing to map.
     fn refused(name: String, survey: &Survey, words: String, reason: &str) -> Self {
+        let reason = LogError::refused(&name, reason).to_string();
+        let words = format!("{words}no map   {reason}\n");
+        Self::looked_through(name, survey, words, ("refused", json!(reason)))
+    }
+
+    /// A recording that is mapped in space.
+    fn messages_in_space(name: String, survey: &Survey, words: String, plan: &SpacePlan) -> Self {
+        let said = format!("{} can be mapped: mapwright map {name} --space -o OUT", plan.topic);
+        let words = format!("{words}space    {said}\n{}", plan_in_words(plan));
+        let reasons: Vec<_> = plan.reasons.iter().map(|(what, why)| json!({ "what": what, "why": why })).collect();
+        let value = json!({ "topic": plan.topic, "reasons": reasons, "assumed": plan.assumed });
+        Self::looked_through(name, survey, words, ("space", value))
+    }
+
+    /// A recording of which nothing but its first pass is told.
+    fn looked_through(name: String, survey: &Survey, words: String, (key, found): (&str, Value)) -> Self {
         let losses: Vec<_> = crate::reading::damage_words(&survey.container, true).collect();
         let odd: Vec<_> = crate::reading::damage_words(&survey.container, false).collect();
-        let reason = LogError::refused(&name, reason).to_string();
-        let words = format!("{words}no map   {reason}\n{}", remarks(&losses, &odd));
+        let words = words + &remarks(&losses, &odd);
         let value = json!({
             "log": name,
             "lasers": [],
             "read": crate::reading::survey_json(survey),
-            "refused": reason,
+            key: found,
             "odd": odd,
             "losses": losses,
         });

@@ -7,7 +7,7 @@ use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::report;
-use crate::space::{self, Disk};
+use crate::space::{self, Disk, Sought, Source};
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
 use mapwright_formats::LogEvent;
@@ -20,13 +20,21 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         && let Some(disk) = Disk::open(path)?
         && let Some(recording) = disk.recording()?
     {
-        return space::map(args, &recording, &interrupt);
+        let source = Source::files(path.display().to_string(), &recording, &args.source)?;
+        return space::map(args, source, &interrupt);
     }
     let clock = StageClock::start(); // a recording's first pass counts as well
     let voice = args.mapping.voice;
     let mut first_pass = FirstPass::new(&interrupt, voice.quiet || voice.json);
-    let mut log =
-        Log::open_all(&args.logs, &args.source.choice(), &mut |name, messages| first_pass.look(name, messages))?;
+    let mut watch = |name: &str, messages| first_pass.look(name, messages);
+    let inputs = match space::seek(args, &mut watch)? {
+        Sought::Space(source) => {
+            drop(first_pass);
+            return space::map(args, source, &interrupt);
+        }
+        Sought::Plane(inputs) => inputs,
+    };
+    let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?;
     drop(first_pass);
     let output = OutputFolder::create(&args.output)?;
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes())?;

@@ -1,9 +1,10 @@
 //! What a run in space has made, for `report.json` and for people.
 
+use super::source::Source;
 use crate::report::remarks;
 use crate::terminal::{count, duration, grouped};
 use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
-use mapwright_clouds::{Notes, Recording, ReferenceFrame};
+use mapwright_clouds::{Notes, ReferenceFrame};
 use mapwright_eval::{Alignment, RpeSettings, SegmentError, SpaceErrors, space_errors};
 use serde_json::{Map, Value, json};
 
@@ -73,11 +74,11 @@ pub(super) struct Beside {
 
 impl Beside {
     /// Compares with the first of the references that it can be compared with.
-    pub(super) fn of(recording: &Recording<'_>, way: &[(Stamp, Pose3)]) -> Self {
-        let robot_from_sensor = recording.sensor().robot_from_sensor;
+    pub(super) fn of(source: &Source<'_>, way: &[(Stamp, Pose3)]) -> Self {
+        let robot_from_sensor = source.robot_from_sensor();
         let sensor: Vec<_> = way.iter().map(|&(stamp, pose)| (stamp, pose * robot_from_sensor)).collect();
         let mut beside = Self::default();
-        for reference in recording.references() {
+        for reference in source.references() {
             if reference.frame == ReferenceFrame::Camera {
                 let reason = format!("{} not compared: its poses are those of {}", reference.file, reference.frame);
                 beside.refused.push(reason);
@@ -147,7 +148,7 @@ pub(crate) fn notes_json(notes: &Notes) -> Value {
 
 pub(super) fn to_json(
     name: &str,
-    recording: &Recording<'_>,
+    source: &Source<'_>,
     notes: &Notes,
     tally: &Tally,
     results: &Results,
@@ -157,10 +158,11 @@ pub(super) fn to_json(
     json!({
         "log": name,
         "recording": {
-            "kind": recording.kind().to_string(),
-            "frames": recording.frames(),
-            "sensor": recording.sensor().name,
-            "decisions": recording.decisions(),
+            "kind": source.kind(),
+            "frames": source.frames(),
+            "sensor": source.sensor_name(),
+            "decisions": source.decisions(),
+            "read": source.read_json(),
             "notes": notes_json(notes),
         },
         "clouds": tally.clouds,
@@ -208,7 +210,7 @@ pub(super) fn to_json(
 }
 
 pub(super) fn to_words(
-    recording: &Recording<'_>,
+    source: &Source<'_>,
     tally: &Tally,
     results: &Results,
     timing: &Value,
@@ -218,7 +220,7 @@ pub(super) fn to_words(
     let ms = timing["total_s"].as_f64().unwrap_or(0.0) * 1e3 / tally.clouds.max(1) as f64;
     let mut words = format!(
         "{}, {} over {}; {:.1} m of way, {:.1} m of height\n",
-        recording.kind(),
+        source.kind(),
         count(tally.clouds, "cloud"),
         duration(results.log_s),
         results.path_m,
@@ -259,6 +261,7 @@ pub(super) fn to_words(
     for refused in &results.beside.refused {
         words += &format!("beside   {refused}\n");
     }
-    let decisions: Vec<String> = recording.decisions().iter().chain(odd).cloned().collect();
-    words + &remarks(losses, &decisions)
+    let (lines, mut said) = source.decisions_in_words();
+    said.extend_from_slice(odd);
+    words + &lines + &remarks(losses, &said)
 }

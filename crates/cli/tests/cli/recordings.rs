@@ -172,16 +172,39 @@ fn a_laser_that_is_mounted_tilted_is_refused_in_degrees() {
 }
 
 #[test]
-fn clouds_are_mapped_as_a_slice_and_refused_with_the_command_that_does_it() {
+fn clouds_are_mapped_as_a_slice_where_that_is_asked_for() {
     let folder = folder("clouds");
     let log = Robot { clouds: true, says_times: false, ..Robot::default() }.record(&folder.join("clouds.mcap"));
-    let command = format!("mapwright map {log} --topic /points --slice 0.1:1.0");
-    assert_refused(&map(&log, &folder.join("out"), &[]), 1, &["point clouds", &command]);
     let output = map(&log, &folder.join("out"), &["--slice", "0.1:1.0"]);
     assert_code(&output, 0);
     assert_says(&output, &["/points", "tracking", "motion   not undone"]);
     assert_eq!(json(&folder.join("out/report.json"))["status"]["lost"], 0);
     assert_code(&map(&log, &folder.join("wrong"), &["--slice", "2:1"]), 2);
+}
+
+#[test]
+fn clouds_are_mapped_in_space_where_there_are_no_scans() {
+    let folder = folder("in_space");
+    let robot = Robot { clouds: true, says_times: false, to_s: 15.0, ..Robot::default() };
+    let log = robot.record(&folder.join("clouds.mcap"));
+    let info = run(&["info", &log]);
+    assert_code(&info, 0);
+    assert_says(&info, &["space    /points can be mapped", &format!("mapwright map {log} --space -o OUT")]);
+    let output = map(&log, &folder.join("out"), &[]);
+    assert_says(&output, &["clouds of /points in MCAP", "clouds   /points", "odometry /odom", "tracked ", "map.ply"]);
+    let report = json(&folder.join("out/report.json"));
+    assert_eq!(report["clouds"], report["recording"]["frames"]);
+    let asked = map(&log, &folder.join("asked"), &["--space", "--quiet"]);
+    assert_eq!(asked.status.code(), output.status.code());
+    assert_code(&map(&log, &folder.join("both"), &["--space", "--slice", "0.1:1"]), 2);
+    let scans = Robot { to_s: 2.0, ..Robot::default() }.record(&folder.join("scans.mcap"));
+    assert_refused(
+        &map(&scans, &folder.join("none"), &["--space"]),
+        1,
+        &["expected clouds or images of depth", "/scan"],
+    );
+    assert_refused(&run(&["map", &log, &scans, "--space", "-o", &log]), 1, &["expected one recording"]);
+    assert!(!folder.join("none").exists());
 }
 
 #[test]

@@ -116,3 +116,49 @@ fn plain_floats_are_read_like_any_others() {
     assert_eq!(places.len(), 6);
     assert!(places.into_iter().eq(cloud.positions()));
 }
+
+#[test]
+fn points_come_with_times_after_the_first_and_colours() {
+    let mut data = Vec::new();
+    for (x, time, colour) in [(1.0_f32, -0.1_f32, 0xff10_2030_u32), (f32::NAN, f32::NAN, 0), (2.0, 0.0, 0x0001_0203)] {
+        for number in [x, 2.0, 3.0, time] {
+            data.extend_from_slice(&number.to_le_bytes());
+        }
+        data.extend_from_slice(&colour.to_le_bytes());
+    }
+    let fields = vec![field("x", 0, 7), field("y", 4, 7), field("z", 8, 7), field("time", 12, 7), field("rgb", 16, 7)];
+    let message = PointCloud2 { height: 1, width: 3, fields, point_step: 20, row_step: 0, ..cloud(&data, false) };
+    let points = Cloud::new(&message).unwrap().to_points();
+    assert_eq!((points.points_m[2], points.not_finite), ([2.0, 2.0, 3.0], 1));
+    assert!((points.start_s + 0.1).abs() < 1e-6 && (points.times_s[2] - 0.1).abs() < 1e-6);
+    assert_eq!(points.colours, [[0x10, 0x20, 0x30], [0; 3], [1, 2, 3]]);
+    assert_eq!(points.refused_time, None);
+
+    let mut broken = data.clone();
+    broken[12..16].copy_from_slice(&1e20_f32.to_le_bytes());
+    let message = PointCloud2 { data: &broken, ..message };
+    let points = Cloud::new(&message).unwrap().to_points();
+    assert_eq!((points.times_s.len(), points.refused_time.as_deref()), (0, Some("time")));
+}
+
+#[test]
+fn absolute_times_say_when_a_cloud_begins() {
+    let stamp = Stamp::from_secs_f64(1_700_000_000.0);
+    let mut data = Vec::new();
+    for k in 0..4 {
+        (0..3).for_each(|_| data.extend_from_slice(&1.0_f32.to_le_bytes()));
+        data.extend_from_slice(&(1_700_000_000.5_f64 + 0.03 * f64::from(k)).to_le_bytes());
+    }
+    let fields = vec![field("x", 0, 7), field("y", 4, 7), field("z", 8, 7), field("timestamp", 12, 8)];
+    let message = PointCloud2 {
+        header: Header::new(stamp, "lidar"),
+        height: 1,
+        width: 4,
+        fields,
+        point_step: 20,
+        row_step: 80,
+        ..cloud(&data, false)
+    };
+    let points = Cloud::new(&message).unwrap().to_points();
+    assert!((points.start_s - 0.5).abs() < 1e-6 && (points.times_s[3] - 0.09).abs() < 1e-6, "{points:?}");
+}

@@ -33,8 +33,9 @@ impl TimeUnit {
 ///
 /// 1. Integers named `t` or `offset_time` are nanoseconds after the stamp, as Ouster and Livox have it.
 /// 2. Doubles that, in some unit, lie within 2 s of the stamp and are not small themselves are times of the same clock.
-/// 3. All else is after (or before) the stamp, in the largest unit in which no point is farther than 1.5 s from it;
+/// 3. Numbers that are all within 1.5 s of the stamp in some unit are after (or before) it, in the largest such unit;
 ///    integers cannot be seconds.
+/// 4. Doubles and integers that span 1 ms to 1.5 s in some unit are times of another clock: after the first of them.
 ///
 /// Where no unit fits, the points have no times.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,15 +44,18 @@ pub struct PointTime {
     pub field: String,
     /// Its unit.
     pub unit: TimeUnit,
-    /// Whether times are of the stamp's clock; otherwise they are relative to the stamp.
+    /// Whether times are of the stamp's clock; otherwise they are relative to the stamp, or to the first of the cloud.
     pub absolute: bool,
     /// From the first to the last of the points that were looked at, seconds.
     pub span_s: f64,
-    stamp_s: f64,
+    /// What the times count from, by their own clock.
+    origin_s: f64,
 }
 
 /// A sweep is not longer, seconds.
-const SWEEP_S: f64 = 1.5;
+pub(super) const SWEEP_S: f64 = 1.5;
+/// Times of another clock that span less say nothing, seconds.
+const SPAN_LEAST_S: f64 = 1e-3;
 
 impl PointTime {
     pub(super) fn of(field: &str, access: Access, points: &[&[u8]], stamp: Stamp) -> Option<Self> {
@@ -60,16 +64,27 @@ impl PointTime {
         if first > last {
             return None;
         }
-        let (unit, absolute) = decide(field, access.primitive, [first, last], stamp.as_secs_f64())?;
+        let ends = [first, last];
+        let by_stamp = decide(field, access.primitive, ends, stamp.as_secs_f64());
+        let (unit, absolute, origin_s) = match by_stamp {
+            Some((unit, absolute)) => (unit, absolute, if absolute { stamp.as_secs_f64() } else { 0.0 }),
+            None => other_clock(access.primitive, ends).map(|unit| (unit, false, first * unit.seconds()))?,
+        };
         let span_s = (last - first) * unit.seconds();
-        Some(Self { field: field.to_owned(), unit, absolute, span_s, stamp_s: stamp.as_secs_f64() })
+        Some(Self { field: field.to_owned(), unit, absolute, span_s, origin_s })
     }
 
     /// Seconds after the stamp.
     #[inline]
     pub(super) fn seconds(&self, time: f64) -> f64 {
-        time * self.unit.seconds() - if self.absolute { self.stamp_s } else { 0.0 }
+        time * self.unit.seconds() - self.origin_s
     }
+}
+
+fn other_clock(primitive: Primitive, ends: [f64; 2]) -> Option<TimeUnit> {
+    let spans = |unit: &TimeUnit| (SPAN_LEAST_S..=SWEEP_S).contains(&((ends[1] - ends[0]) * unit.seconds()));
+    let is_fine_enough = primitive != Primitive::F32;
+    TimeUnit::ALL.into_iter().find(spans).filter(|_| is_fine_enough)
 }
 
 fn decide(field: &str, primitive: Primitive, ends: [f64; 2], stamp_s: f64) -> Option<(TimeUnit, bool)> {
@@ -96,6 +111,16 @@ mod tests {
     use super::*;
     use Primitive::{F32, F64, U32};
     use TimeUnit::{Microseconds, Milliseconds, Nanoseconds, Seconds};
+
+    #[test]
+    fn times_of_another_clock_count_from_the_first() {
+        let [spun, spun_ns] = [[3_000_000_000.0, 3_000_099_900.0], [3e12, 3.0001e12]];
+        assert_eq!((decide("timestamp", U32, spun, 1.7e9), decide("timestamp", F64, spun_ns, 1.7e9)), (None, None));
+        assert_eq!((other_clock(U32, spun), other_clock(F64, spun_ns)), (Some(Microseconds), Some(Nanoseconds)));
+        for (primitive, ends) in [(F32, spun), (U32, [7.0, 7.0]), (F64, [0.0, 1e30])] {
+            assert_eq!(other_clock(primitive, ends), None);
+        }
+    }
 
     #[test]
     fn units_are_those_of_the_usual_drivers() {

@@ -1,0 +1,65 @@
+//! Whether logs are mapped in the plane or in space.
+
+use super::messages::Messages;
+use super::source::Source;
+use crate::args::MapArgs;
+use crate::events::{input, name_of};
+use crate::failure::Failure;
+use mapwright_logs::{Input, LogError, SpacePlan, Survey};
+use std::path::Path;
+
+/// What logs are mapped as.
+pub(crate) enum Sought<'a> {
+    Space(Source<'a>),
+    Plane(Vec<(String, Input)>),
+}
+
+/// Looks into what is to be mapped: in space where that is asked for, or where there is nothing else to map in a recording.
+pub(crate) fn seek<'a>(args: &MapArgs, watch: &mut dyn FnMut(&str, u64) -> bool) -> Result<Sought<'a>, Failure> {
+    let mut inputs = Vec::new();
+    for path in &args.logs {
+        inputs.push((name_of(path), input(path)?));
+    }
+    if inputs.len() == 1 && args.source.choice().slice.is_none() {
+        return one(args, inputs, watch);
+    }
+    if args.space {
+        return Err(not_one(&format!("{} logs", inputs.len())));
+    }
+    Ok(Sought::Plane(inputs))
+}
+
+fn one<'a>(
+    args: &MapArgs,
+    inputs: Vec<(String, Input)>,
+    watch: &mut dyn FnMut(&str, u64) -> bool,
+) -> Result<Sought<'a>, Failure> {
+    let (choice, options) = (args.source.choice(), args.source.camera());
+    let mut sought = Vec::new();
+    for (name, input) in inputs {
+        let Input::Recording(path) = input else {
+            if args.space {
+                return Err(not_one(&format!("{name}, a CARMEN log")));
+            }
+            sought.push((name, input));
+            continue;
+        };
+        let survey = surveyed(&name, &path, watch)?;
+        if args.space || SpacePlan::is_default(&survey, &choice) {
+            let messages = Messages::open(&name, &path, survey, &choice, &options)?;
+            return Ok(Sought::Space(Source::Messages(Box::new(messages))));
+        }
+        sought.push((name, Input::Surveyed(path, Box::new(survey))));
+    }
+    Ok(Sought::Plane(sought))
+}
+
+fn surveyed(name: &str, path: &Path, watch: &mut dyn FnMut(&str, u64) -> bool) -> Result<Survey, Failure> {
+    let survey = Survey::watched(path, &mut |messages| watch(name, messages));
+    let survey = survey.map_err(|cause| Failure::log(LogError::Recording { name: name.to_owned(), cause }))?;
+    survey.ok_or_else(|| Failure::log(LogError::Stopped { name: name.to_owned() }))
+}
+
+fn not_one(found: &str) -> Failure {
+    Failure::Log(format!("--space: expected one recording of clouds or images of depth, found {found}"))
+}

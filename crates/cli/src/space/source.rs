@@ -1,0 +1,122 @@
+//! Where clouds come from: files of a folder, or messages of a recording.
+
+use super::messages::Messages;
+use crate::args::SourceArgs;
+use crate::failure::Failure;
+use mapwright::{Cloud, Pose3};
+use mapwright_clouds::{Clouds, Notes, Recording, Reference};
+use serde_json::Value;
+
+/// A source of clouds, and all that is known of it.
+pub(crate) enum Source<'a> {
+    Files { recording: &'a Recording<'a>, clouds: Clouds<'a>, name: String },
+    Messages(Box<Messages>),
+}
+
+impl<'a> Source<'a> {
+    pub(crate) fn files(name: String, recording: &'a Recording<'a>, args: &SourceArgs) -> Result<Self, Failure> {
+        let clouds = recording.clouds(&args.camera());
+        let clouds = clouds.map_err(|cause| Failure::Log(format!("{name}: {cause}")))?;
+        Ok(Self::Files { recording, clouds, name })
+    }
+
+    /// The next cloud; none at the end.
+    pub(super) fn next_cloud(&mut self) -> Result<Option<Cloud>, Failure> {
+        match self {
+            Self::Files { clouds, name, .. } => {
+                clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))
+            }
+            Self::Messages(messages) => messages.stream.next_cloud().map_err(Failure::log),
+        }
+    }
+
+    /// Its kind, in words.
+    pub(super) fn kind(&self) -> String {
+        match self {
+            Self::Files { recording, .. } => recording.kind().to_string(),
+            Self::Messages(messages) => messages.kind(),
+        }
+    }
+
+    /// How many clouds it has, unless some cannot be read.
+    pub(super) fn frames(&self) -> u64 {
+        match self {
+            Self::Files { recording, .. } => recording.frames() as u64,
+            Self::Messages(messages) => messages.stream.plan().messages,
+        }
+    }
+
+    pub(super) fn sensor_name(&self) -> &str {
+        match self {
+            Self::Files { recording, .. } => &recording.sensor().name,
+            Self::Messages(messages) => &messages.stream.plan().sensor.name,
+        }
+    }
+
+    /// Whether the robot's frame is that of a depth camera: z ahead, x to the right.
+    pub(super) fn looks_along_z(&self) -> bool {
+        let sensor = match self {
+            Self::Files { recording, .. } => recording.sensor(),
+            Self::Messages(messages) => &messages.stream.plan().sensor,
+        };
+        // Only depth from disparity grows worse with the square of the distance.
+        sensor.range_sigma_per_m > 0.0 && sensor.robot_from_sensor.rotation.angle() < 1e-6
+    }
+
+    pub(super) fn robot_from_sensor(&self) -> Pose3 {
+        match self {
+            Self::Files { recording, .. } => recording.sensor().robot_from_sensor,
+            Self::Messages(messages) => messages.stream.plan().sensor.robot_from_sensor,
+        }
+    }
+
+    /// What was decided and taken for granted, in words.
+    pub(super) fn decisions(&self) -> Vec<String> {
+        match self {
+            Self::Files { recording, .. } => recording.decisions().to_vec(),
+            Self::Messages(messages) => messages.decisions(),
+        }
+    }
+
+    /// The same for people: lines, and what is to be said among what is odd.
+    pub(super) fn decisions_in_words(&self) -> (String, Vec<String>) {
+        match self {
+            Self::Files { recording, .. } => (String::new(), recording.decisions().to_vec()),
+            Self::Messages(messages) => (messages.plan_in_words(), Vec::new()),
+        }
+    }
+
+    /// Poses that came with it.
+    pub(super) fn references(&self) -> &[Reference] {
+        match self {
+            Self::Files { recording, .. } => recording.references(),
+            Self::Messages(messages) => &messages.references,
+        }
+    }
+
+    /// What was found to be wrong so far.
+    pub(super) fn notes(&self) -> Notes {
+        let (mut notes, more) = match self {
+            Self::Files { recording, clouds, .. } => (recording.notes().clone(), clouds.notes()),
+            Self::Messages(messages) => (messages.notes.clone(), messages.stream.notes()),
+        };
+        notes.extend(more);
+        notes
+    }
+
+    /// Damage of the container, in words: what may have cost clouds, and what has not.
+    pub(super) fn damages(&self) -> (Vec<String>, Vec<String>) {
+        match self {
+            Self::Files { .. } => (Vec::new(), Vec::new()),
+            Self::Messages(messages) => messages.damages(),
+        }
+    }
+
+    /// What else a report says of how it was read.
+    pub(super) fn read_json(&self) -> Value {
+        match self {
+            Self::Files { .. } => Value::Null,
+            Self::Messages(messages) => crate::reading::survey_json(messages.stream.survey()),
+        }
+    }
+}

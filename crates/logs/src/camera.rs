@@ -1,0 +1,23 @@
+//! What a recording says of a camera.
+
+use mapwright_ros::RosError;
+use mapwright_ros::messages::CameraInfo;
+use mapwright_sensor::PinholeCamera;
+
+/// What a `CameraInfo` says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraSurvey {
+    /// Of the pictures as they are taken.
+    pub raw: PinholeCamera,
+    /// Of pictures that were rectified.
+    pub rectified: PinholeCamera,
+    /// The model of a distortion that is not undone.
+    pub left_out: Option<String>,
+}
+
+impl CameraSurvey {
+    pub(crate) fn of(info: &CameraInfo<'_>) -> Result<Self, RosError> {
+        let (raw, left_out) = info.pinhole()?;
+        Ok(Self { raw, rectified: info.rectified()?, left_out: left_out.map(|model| model.0) })
+    }
+}

@@ -1,0 +1,240 @@
+//! What to map of a recording of space, and why.
+
+use super::camera::{self, CameraPlan};
+use crate::channel::TopicKind;
+use crate::choice::Choice;
+use crate::frames::{Place, list, place_in_space};
+use crate::links::{bare, is_world};
+use crate::odometry::{self, OdometrySource};
+use crate::plan::contents;
+use crate::survey::{Survey, TopicSurvey, same_name};
+use crate::words::grouped;
+use mapwright_clouds::CameraOptions;
+use mapwright_geom::Pose3;
+use mapwright_sensor::SpaceSensor;
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
+/// What is mapped in space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpacePlan {
+    /// The topic of the clouds or images of depth.
+    pub topic: String,
+    /// What kind of messages.
+    pub kind: TopicKind,
+    /// How many of them.
+    pub messages: u64,
+    /// What took most of them.
+    pub sensor: SpaceSensor,
+    /// The robot's frame.
+    pub robot_frame: String,
+    /// Where odometry comes from.
+    pub odometry: OdometrySource,
+    /// Each decision and why: the name of what was decided, and the words.
+    pub reasons: Vec<(&'static str, String)>,
+    /// What had to be assumed, in words.
+    pub assumed: Vec<String>,
+    /// Sensors by the messages' frames.
+    pub(super) sensors: BTreeMap<String, SpaceSensor>,
+    /// Of images of depth.
+    pub(super) camera: Option<CameraPlan>,
+}
+
+/// A topic that can be mapped.
+struct Candidate<'a> {
+    topic: &'a TopicSurvey,
+    place: Place,
+    is_camera: bool,
+    camera: Option<camera::Found>,
+}
+
+impl SpacePlan {
+    /// Decides what to map.
+    ///
+    /// # Errors
+    /// Why nothing can be mapped in space, what is there instead and what to type, in words.
+    pub fn of(survey: &Survey, choice: &Choice, options: &CameraOptions) -> Result<Self, String> {
+        let (mut candidates, refused) = candidates(survey, choice, options)?;
+        candidates.sort_by_key(|candidate| {
+            let topic = candidate.topic;
+            let is_of_depth = topic.name.contains("depth");
+            let points = topic.points[0].max(1).saturating_mul(topic.usable());
+            (
+                candidate.place.assumed.is_some(),
+                candidate.is_camera,
+                candidate.is_camera && !is_of_depth,
+                Reverse(points),
+            )
+        });
+        let others: Vec<_> = candidates.iter().skip(1).map(|candidate| candidate.topic.name.clone()).collect();
+        match candidates.into_iter().next() {
+            Some(chosen) => Ok(decide(survey, choice, chosen, &others, &refused)),
+            None => Err(refused.join("; ")),
+        }
+    }
+
+    /// Whether this is what a recording is mapped as where nobody asks for it: it has something to map in space, and no scans of
+    /// a planar laser, or what is asked for by name is none of these.
+    #[must_use]
+    pub fn is_default(survey: &Survey, choice: &Choice) -> bool {
+        let is_asked = |topic: &&TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
+        let is_planar = |topic: &TopicSurvey| topic.kind.is_planar() && topic.usable() > 0;
+        let spatial = || survey.topics.iter().filter(|topic| is_spatial(topic));
+        let any_planar = survey.topics.iter().any(is_planar);
+        choice.slice.is_none()
+            && (spatial().any(|topic| is_asked(&topic)) || (spatial().next().is_some() && !any_planar))
+    }
+}
+
+/// Whether a topic's messages are clouds or images of depth.
+fn is_spatial(topic: &TopicSurvey) -> bool {
+    topic.messages > 0 && (topic.kind == TopicKind::Cloud || topic.is_depth)
+}
+
+fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[String], refused: &[String]) -> SpacePlan {
+    let Candidate { topic, place, is_camera, camera } = chosen;
+    let (place, assumed_mount) = looking_ahead(place, topic, is_camera);
+    let odometry = odometry::find_in_space(survey, &place, choice);
+    let is_asked = choice.topics.iter().any(|name| same_name(name, &topic.name));
+    let why = match (is_asked, others) {
+        (true, _) => "as asked for".to_owned(),
+        (_, []) => "the only topic that can be mapped in space".to_owned(),
+        (_, others) => format!("not used: {}", list(others.iter().map(String::as_str))),
+    };
+    let what = if topic.kind == TopicKind::Cloud { "clouds" } else { "depth" };
+    let count = grouped(topic.usable());
+    let mut reasons =
+        vec![(what, format!("{} ({}, {count} messages, {}): {why}", topic.name, topic.type_name, topic.shape))];
+    reasons.extend(camera.as_ref().map(|camera| ("camera", camera.reason.clone())));
+    reasons.push(("robot", format!("'{}', {}", place.robot_frame, place.reason)));
+    reasons.push(("mounting", mounting_words(topic.frame(), &place)));
+    reasons.push(("odometry", odometry.reason.clone()));
+    if topic.kind == TopicKind::Cloud {
+        reasons.push(("motion", motion_words(topic, is_camera)));
+    }
+    reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
+    let sensor = sensor_of(topic, is_camera, place.robot_from_sensor);
+    let mut sensors = BTreeMap::from([(topic.frame().to_owned(), sensor.clone())]);
+    for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
+        let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
+        if let Ok(other) = place_in_space(&survey.links, frame, &[], &robot)
+            && other.assumed.is_none()
+        {
+            sensors.insert(frame.clone(), sensor_of(topic, is_camera, other.robot_from_sensor));
+        }
+    }
+    let of_camera = camera.as_ref().and_then(|camera| camera.assumed.clone());
+    SpacePlan {
+        topic: topic.name.clone(),
+        kind: topic.kind,
+        messages: topic.usable(),
+        sensor,
+        robot_frame: place.robot_frame,
+        odometry: odometry.source,
+        reasons,
+        assumed: assumed_mount.into_iter().chain(odometry.assumed).chain(of_camera).collect(),
+        sensors,
+        camera: camera.map(|camera| camera.plan),
+    }
+}
+
+fn sensor_of(topic: &TopicSurvey, is_camera: bool, robot_from_sensor: Pose3) -> SpaceSensor {
+    let made = if is_camera { SpaceSensor::depth_camera(&topic.name) } else { SpaceSensor::lidar(&topic.name) };
+    SpaceSensor { robot_from_sensor, ..made }
+}
+
+/// Where nothing says where a camera sits, its optical axis (z, with x to the right) is taken for the robot's way ahead.
+fn looking_ahead(place: Place, topic: &TopicSurvey, is_camera: bool) -> (Place, Option<String>) {
+    let Some(assumed) = place.assumed.clone() else { return (place, None) };
+    let is_optical = topic.is_depth || (is_camera && topic.frame().contains("optical"));
+    let ahead = Pose3::from_quaternion([0.0; 3], [-0.5, 0.5, -0.5, 0.5]).filter(|_| is_optical);
+    (Place { robot_from_sensor: ahead.unwrap_or(place.robot_from_sensor), ..place }, Some(assumed))
+}
+
+fn mounting_words(sensor: &str, place: &Place) -> String {
+    if place.assumed.is_some() {
+        return format!("'{sensor}' in the robot's origin, assumed");
+    }
+    let at = place.robot_from_sensor.translation;
+    let (roll, pitch, yaw) = place.robot_from_sensor.rotation.euler_angles();
+    let [roll, pitch, yaw] = [roll, pitch, yaw].map(|rad| (10.0 * rad.to_degrees()).round() / 10.0 + 0.0);
+    format!(
+        "'{sensor}' at x {:.3} m, y {:.3} m, z {:.3} m, roll {roll:.1}, pitch {pitch:.1}, yaw {yaw:.1} deg",
+        at.x, at.y, at.z
+    )
+}
+
+fn motion_words(topic: &TopicSurvey, is_camera: bool) -> String {
+    match (topic.has_times, is_camera) {
+        (true, _) => "undone: the points have times".to_owned(),
+        (false, true) => "a depth camera's clouds: all points of one are taken at once".to_owned(),
+        (false, false) => "points have no times: all of a cloud count as taken at once".to_owned(),
+    }
+}
+
+/// Topics that can be mapped, and why others cannot.
+fn candidates<'a>(
+    survey: &'a Survey,
+    choice: &Choice,
+    options: &CameraOptions,
+) -> Result<(Vec<Candidate<'a>>, Vec<String>), String> {
+    for name in &choice.topics {
+        let Some(first) = survey.topic(name) else {
+            return Err(format!("there is no topic {name}; there are {}", contents(survey)));
+        };
+        let mut named = survey.topics.iter().filter(|topic| same_name(&topic.name, name));
+        if !named.any(|topic| is_spatial(topic) || topic.kind == TopicKind::Cloud || topic.kind.is_motion()) {
+            let what = if first.shape.is_empty() { String::new() } else { format!(" ({})", first.shape) };
+            return Err(format!("{name} is {}{what}, expected clouds, images of depth or odometry", first.type_name));
+        }
+    }
+    let is_asked = |topic: &&TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
+    let mut all: Vec<_> = survey.topics.iter().filter(|topic| is_spatial(topic)).collect();
+    let by_name = all.iter().any(is_asked);
+    if by_name {
+        all.retain(is_asked);
+    }
+    if all.is_empty() {
+        return Err(format!(
+            "expected clouds or images of depth, found no topic of PointCloud2, or of Image or CompressedImage with depth; \
+             there are {}",
+            contents(survey)
+        ));
+    }
+    let moved = odometry::topics(survey, choice).first().map(|topic| topic.child_frame()).filter(|f| !f.is_empty());
+    let moved: Vec<_> = moved.into_iter().collect();
+    let (mut found, mut refused) = (Vec::new(), Vec::new());
+    for topic in all {
+        match candidate(survey, choice, options, topic, &moved, by_name) {
+            Ok(candidate) => found.push(candidate),
+            Err(reason) => refused.push(format!("{}: {reason}", topic.name)),
+        }
+    }
+    Ok((found, refused))
+}
+
+fn candidate<'a>(
+    survey: &Survey,
+    choice: &Choice,
+    options: &CameraOptions,
+    topic: &'a TopicSurvey,
+    moved: &[&str],
+    is_asked: bool,
+) -> Result<Candidate<'a>, String> {
+    if topic.usable() == 0 {
+        let why = topic.first_error.as_ref().map_or_else(|| "no messages".to_owned(), |e| format!("unreadable: {e}"));
+        return Err(why);
+    }
+    if is_world(bare(topic.frame())) && !is_asked {
+        return Err(format!("in '{}', so that somebody has put these points together: no sensor's", topic.frame()));
+    }
+    let camera = if topic.is_depth { Some(camera::find(survey, topic, options)?) } else { None };
+    let place = place_in_space(&survey.links, topic.frame(), moved, choice)?;
+    Ok(Candidate { topic, place, is_camera: is_camera(topic), camera })
+}
+
+/// Whether a depth camera took a topic's messages: images, or clouds in an optical frame or in rows and named so.
+fn is_camera(topic: &TopicSurvey) -> bool {
+    let is_in_rows = topic.points[1] > 1 && topic.name.contains("depth");
+    topic.is_depth || topic.frame().ends_with("optical_frame") || is_in_rows
+}

@@ -1,0 +1,285 @@
+//! The second pass over a recording of space: its clouds.
+
+use super::maker::{CloudMaker, Made};
+use super::plan::SpacePlan;
+use super::wheels::Wheels;
+use crate::channel::{Decoders, Messages, TopicKind};
+use crate::error::LogError;
+use crate::links::{bare, stamp_or};
+use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
+use crate::odometry::OdometrySource;
+use crate::survey::{Survey, same_name};
+use mapwright_bags::{Connection, RawMessage, Recording};
+use mapwright_clouds::{NoteKind, Notes};
+use mapwright_geom::{Pose3, Stamp};
+use mapwright_sensor::Cloud;
+use std::collections::VecDeque;
+use std::path::Path;
+
+/// Odometry farther from its origin than this is none, metres.
+const FARTHEST_M: f64 = 1e6;
+
+/// What a connection is used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Use {
+    Clouds,
+    Odometry,
+    Nothing,
+}
+
+/// A cloud that waits for odometry.
+#[derive(Debug)]
+struct Waiting {
+    cloud: Cloud,
+    recorded: Stamp,
+    offset_bytes: u64,
+}
+
+/// The clouds of a recording according to a plan, in order of their arrival. One waits for odometry as recent as itself, over at
+/// most [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] clouds and [`WINDOW_BYTES`] bytes of them.
+#[derive(Debug)]
+pub struct SpaceStream {
+    name: String,
+    recording: Recording,
+    survey: Survey,
+    plan: SpacePlan,
+    maker: CloudMaker,
+    decoders: Decoders,
+    uses: Vec<Option<Use>>,
+    waiting: VecDeque<Waiting>,
+    waiting_bytes: usize,
+    wheels: Wheels,
+    notes: Notes,
+    /// When the newest message was recorded.
+    now: Stamp,
+    read: u64,
+    delivered: u64,
+    first_failure: Option<String>,
+    last_stamp: Option<Stamp>,
+    is_end: bool,
+}
+
+impl SpaceStream {
+    /// Opens a recording for its second pass; `name` is that for errors.
+    ///
+    /// # Errors
+    /// [`LogError`] where it cannot be opened any more.
+    pub fn open(name: &str, path: &Path, survey: Survey, plan: SpacePlan) -> Result<Self, LogError> {
+        let recording = Recording::open(path).map_err(|cause| LogError::Recording { name: name.to_owned(), cause })?;
+        Ok(Self {
+            name: name.to_owned(),
+            recording,
+            survey,
+            maker: CloudMaker::new(&plan),
+            plan,
+            decoders: Decoders::default(),
+            uses: Vec::new(),
+            waiting: VecDeque::new(),
+            waiting_bytes: 0,
+            wheels: Wheels::default(),
+            notes: Notes::default(),
+            now: Stamp(0),
+            read: 0,
+            delivered: 0,
+            first_failure: None,
+            last_stamp: None,
+            is_end: false,
+        })
+    }
+
+    /// What the first pass has found.
+    #[must_use]
+    pub fn survey(&self) -> &Survey {
+        &self.survey
+    }
+
+    /// What is mapped, and why.
+    #[must_use]
+    pub fn plan(&self) -> &SpacePlan {
+        &self.plan
+    }
+
+    /// What was found to be wrong with messages so far; the places are topics and bytes of the recording.
+    #[must_use]
+    pub fn notes(&self) -> &Notes {
+        &self.notes
+    }
+
+    /// The next cloud; none at the end.
+    ///
+    /// # Errors
+    /// [`LogError::Recording`] where the file fails, [`LogError::Refused`] at the end, if not one message was a cloud.
+    pub fn next_cloud(&mut self) -> Result<Option<Cloud>, LogError> {
+        loop {
+            if let Some(cloud) = self.pop() {
+                self.delivered += 1;
+                return Ok(Some(cloud));
+            }
+            if self.is_end {
+                return self.end();
+            }
+            self.read()?;
+        }
+    }
+
+    fn end(&self) -> Result<Option<Cloud>, LogError> {
+        match &self.first_failure {
+            Some(first) if self.delivered == 0 => {
+                let reason = format!("none of the messages of {} can be mapped; the first: {first}", self.plan.topic);
+                Err(LogError::Refused { name: self.name.clone(), reason })
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Takes in one more message.
+    fn read(&mut self) -> Result<(), LogError> {
+        let next = self.recording.next_message();
+        let next = next.map_err(|cause| LogError::Recording { name: self.name.clone(), cause })?;
+        let Some(message) = next else {
+            self.is_end = true;
+            return Ok(());
+        };
+        self.read += 1;
+        self.now = message.log_stamp;
+        let at = message.offset_bytes;
+        let place = usize::try_from(at).unwrap_or(usize::MAX);
+        match used(&mut self.uses, message.connection, &self.plan) {
+            Use::Nothing => {}
+            Use::Clouds => {
+                let messages = self.decoders.of(message.connection);
+                match self.maker.make(messages, message.data, message.log_stamp) {
+                    Ok(made) => self.take(made, at),
+                    Err(reason) => {
+                        self.first_failure.get_or_insert_with(|| reason.clone());
+                        let words = || ("a message that can be mapped", reason);
+                        self.notes.note(NoteKind::UnreadableFrame, &self.plan.topic, place, words);
+                    }
+                }
+            }
+            Use::Odometry => {
+                let messages = self.decoders.of(message.connection);
+                let taken = take_odometry(&self.plan.odometry, messages, &message, &mut self.wheels);
+                if let Err(reason) = taken {
+                    let topic = &message.connection.topic;
+                    self.notes.note(NoteKind::UnreadableOdometry, topic, place, || ("a pose", reason));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, made: Made, offset_bytes: u64) {
+        let Made { cloud, is_unstamped, not_finite, refused_time } = made;
+        let (topic, place) = (self.plan.topic.as_str(), usize::try_from(offset_bytes).unwrap_or(usize::MAX));
+        let notes = &mut self.notes;
+        if is_unstamped {
+            notes.note(NoteKind::RecordedStamp, topic, place, || ("a stamp in the header", "zero"));
+        }
+        if let Some(field) = refused_time {
+            let words = || (format!("`{field}` within a sweep of 1.5 s"), "other numbers");
+            notes.note(NoteKind::BadPointTimes, topic, place, words);
+        }
+        let points = cloud.points_m.len();
+        if points == 0 {
+            notes.note(NoteKind::EmptyCloud, topic, place, || ("points", "none"));
+        }
+        if not_finite > 0 {
+            let words = || ("finite points", format!("{not_finite} of {points} that are not"));
+            notes.note(NoteKind::NotFinite, topic, place, words);
+        }
+        self.waiting_bytes += held_bytes(&cloud);
+        self.waiting.push_back(Waiting { cloud, recorded: self.now, offset_bytes });
+    }
+
+    /// The next cloud, where the wheels' reading is there or has been waited for long enough.
+    fn pop(&mut self) -> Option<Cloud> {
+        let has_odometry = self.plan.odometry != OdometrySource::None;
+        let is_due = |first: &Waiting| {
+            self.is_end
+                || !has_odometry
+                || self.wheels.newest().is_some_and(|newest| newest >= first.cloud.stamp)
+                || self.now.secs_since(first.recorded) > WINDOW_S
+                || self.waiting.len() > WINDOW_MESSAGES
+                || self.waiting_bytes > WINDOW_BYTES
+        };
+        if !self.waiting.front().is_some_and(is_due) {
+            return None;
+        }
+        let Waiting { mut cloud, offset_bytes, .. } = self.waiting.pop_front()?;
+        self.waiting_bytes = self.waiting_bytes.saturating_sub(held_bytes(&cloud));
+        cloud.odom_from_robot = self.wheels.at(cloud.stamp);
+        let (topic, place) = (self.plan.topic.as_str(), usize::try_from(offset_bytes).unwrap_or(usize::MAX));
+        let seconds = |stamp: Stamp| format!("{:.6} s", stamp.as_secs_f64());
+        if has_odometry && cloud.odom_from_robot.is_none() {
+            let words = || ("odometry within 2 s before the cloud", format!("none at {}", seconds(cloud.stamp)));
+            self.notes.note(NoteKind::WithoutOdometry, topic, place, words);
+        }
+        if let Some(last) = self.last_stamp.filter(|last| cloud.stamp < *last) {
+            let words = || (format!("a stamp after {}", seconds(last)), seconds(cloud.stamp));
+            self.notes.note(NoteKind::BackwardStamp, topic, place, words);
+        }
+        self.last_stamp = Some(cloud.stamp);
+        Some(cloud)
+    }
+}
+
+fn held_bytes(cloud: &Cloud) -> usize {
+    let of_points = cloud.points_m.capacity() * size_of::<[f32; 3]>() + cloud.times_s.capacity() * size_of::<f32>();
+    of_points + cloud.colours.capacity() * size_of::<[u8; 3]>()
+}
+
+fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &SpacePlan) -> Use {
+    let at = connection.id as usize;
+    if uses.len() <= at {
+        uses.resize(at + 1, None);
+    }
+    *uses[at].get_or_insert_with(|| {
+        let kind = TopicKind::of(&connection.type_name);
+        let is_odometry = match &plan.odometry {
+            OdometrySource::None => false,
+            OdometrySource::Topic { name, .. } => kind == TopicKind::Odometry && same_name(name, &connection.topic),
+            OdometrySource::Transforms { .. } => kind == TopicKind::Transforms,
+        };
+        if kind == plan.kind && same_name(&plan.topic, &connection.topic) {
+            Use::Clouds
+        } else if is_odometry {
+            Use::Odometry
+        } else {
+            Use::Nothing
+        }
+    })
+}
+
+fn take_odometry(
+    source: &OdometrySource,
+    messages: &mut Messages,
+    message: &RawMessage<'_>,
+    wheels: &mut Wheels,
+) -> Result<(), String> {
+    let mut add = |header: Stamp, odom_from_child: Option<Pose3>, child_from_robot: Pose3| {
+        let odom_from_robot = odom_from_child.map(|pose| pose * child_from_robot);
+        let is_usable = |pose: &Pose3| pose.is_finite() && pose.translation.norm() <= FARTHEST_M;
+        let usable =
+            odom_from_robot.filter(is_usable).ok_or("none that is finite, within 10^6 m and has a rotation")?;
+        wheels.add(stamp_or(header, message.log_stamp).0, usable);
+        Ok::<(), String>(())
+    };
+    match (source, messages) {
+        (OdometrySource::Topic { child_from_robot, .. }, Messages::Odometry(decoder)) => {
+            let odometry = decoder.decode(message.data).map_err(|error| error.to_string())?;
+            add(odometry.header.stamp, odometry.pose.pose.to_pose3(), *child_from_robot)
+        }
+        (OdometrySource::Transforms { parent, child, child_from_robot }, Messages::Transforms(decoder)) => {
+            let transforms = decoder.decode(message.data).map_err(|error| error.to_string())?;
+            let is_its = |header: &str, of: &str| header == parent && bare(of) == child;
+            let links = transforms.transforms.iter();
+            for link in links.filter(|link| is_its(link.header.frame(), &link.child_frame_id)) {
+                add(link.header.stamp, link.transform.to_pose3(), *child_from_robot)?;
+            }
+            Ok(())
+        }
+        (_, Messages::None(Some(reason))) => Err(reason.clone()),
+        _ => Ok(()),
+    }
+}

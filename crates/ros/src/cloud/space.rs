@@ -1,0 +1,66 @@
+//! The points of a cloud as mapping in space wants them.
+
+use super::Cloud;
+use super::time::SWEEP_S;
+
+/// All points of a cloud, row by row.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CloudPoints {
+    /// Metres in the sensor's frame; not finite for beams that brought nothing back.
+    pub points_m: Vec<[f32; 3]>,
+    /// How many of them are not finite.
+    pub not_finite: usize,
+    /// From the header's stamp to the first point, seconds.
+    pub start_s: f64,
+    /// When each was taken after the first, seconds; empty where that is not known.
+    pub times_s: Vec<f32>,
+    /// The field of times, where its numbers are no times of one sweep.
+    pub refused_time: Option<String>,
+    /// Red, green and blue of each; empty where there are none.
+    pub colours: Vec<[u8; 3]>,
+}
+
+impl Cloud<'_> {
+    /// The points with their times and colours.
+    #[must_use]
+    pub fn to_points(&self) -> CloudPoints {
+        let mut points_m = Vec::with_capacity(self.len());
+        self.for_each_position(|place| points_m.push(place.map(|v| v as f32)));
+        let is_there = |point: &[f32; 3]| point.iter().all(|v| v.is_finite());
+        let not_finite = points_m.iter().filter(|point| !is_there(point)).count();
+        let colours = self.colour.as_ref().map(|colour| self.rows().map(|point| colour.read(point)).collect());
+        let mut refused_time = self.refused_time.clone();
+        let mut timed = None;
+        if let Some((access, time)) = &self.time {
+            let seconds: Vec<f64> = self.rows().map(|point| time.seconds(access.read(point))).collect();
+            timed = after_first(&seconds, points_m.iter().map(is_there), time.absolute);
+            refused_time = timed.is_none().then(|| time.field.clone());
+        }
+        let (start_s, times_s) = timed.unwrap_or_default();
+        CloudPoints { points_m, not_finite, start_s, times_s, refused_time, colours: colours.unwrap_or_default() }
+    }
+}
+
+/// The first time and all of them after it; none where a point that is there has none, or they are not of one sweep. What is
+/// relative to the stamp and not before it stays so.
+fn after_first(
+    seconds: &[f64],
+    is_there: impl Iterator<Item = bool> + Clone,
+    absolute: bool,
+) -> Option<(f64, Vec<f32>)> {
+    let there = || seconds.iter().zip(is_there.clone()).filter(|(_, is_there)| *is_there).map(|(time, _)| *time);
+    if !there().all(f64::is_finite) {
+        return None;
+    }
+    let (first, last) = there().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
+    if first >= last {
+        let alone_s = if absolute && first == last { first } else { 0.0 };
+        return Some((alone_s, Vec::new()));
+    }
+    let start_s = if absolute { first } else { first.min(0.0) };
+    if last - start_s > SWEEP_S {
+        return None;
+    }
+    let after = |time: &f64| if time.is_finite() { (time - start_s) as f32 } else { 0.0 };
+    Some((start_s, seconds.iter().map(after).collect()))
+}
