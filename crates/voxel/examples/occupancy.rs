@@ -2,7 +2,7 @@
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 use mapwright_geom::Pose3;
-use mapwright_voxel::{Change, Occupancy, OccupancySettings};
+use mapwright_voxel::{Change, Leaves, Occupancy, OccupancySettings, Octree};
 use std::path::{Path, PathBuf};
 
 fn main() {
@@ -22,9 +22,25 @@ fn main() {
         cpu_s += cpu_now_s() - before_s;
     }
     println!("{} clouds, {points} points: {cpu_s:.2} s of CPU drawing, {:.1} MB so far at most", files.len(), peak_mb());
-    let voxels = occupancy.voxels();
-    let (free, occupied): (Vec<_>, Vec<_>) = voxels.map(|v| v.log_odds()).partition(|v| *v <= 0.0);
-    println!("{} voxels occupied, {} free", occupied.len(), free.len());
+    let (mut occupied, mut known) = (0, 0);
+    occupancy.voxels().for_each(|voxel| {
+        known += 1;
+        occupied += u32::from(voxel.log_odds() > 0.0);
+    });
+    println!("{occupied} voxels occupied, {} free", known - occupied);
+    let before_s = cpu_now_s();
+    let tree = Octree::of(&occupancy, Leaves::MostLikely);
+    let mut bt = Vec::new();
+    tree.write_bt(&mut bt).unwrap();
+    let (nodes, leaves) = (tree.node_count(), tree.leaves().filter(|leaf| leaf.is_occupied()).count());
+    println!(
+        ".bt: {} bytes, {nodes} nodes, {leaves} occupied leaves, {:.2} s of CPU",
+        bt.len(),
+        cpu_now_s() - before_s
+    );
+    if let Some(file) = arguments.get(5) {
+        std::fs::write(file, &bt).unwrap();
+    }
     println!("in all {:.2} s of CPU, {:.1} MB at most", cpu_now_s(), peak_mb());
 }
 

@@ -7,12 +7,14 @@ mod eigen;
 mod key;
 mod matcher;
 mod occupancy;
+mod octree;
 mod surfel;
 mod surfel_map;
 mod thin;
 
 pub use matcher::{Fit, Matcher, MatcherSettings, Prior};
 pub use occupancy::{Occupancy, OccupancySettings, VoxelCounts, log_odds};
+pub use octree::{Leaf, Leaves, Octree, OctreeError, State};
 pub use surfel::Surfel;
 pub use surfel_map::{Change, SurfelMap, SurfelMapSettings};
 pub use thin::Thinner;
