@@ -12,7 +12,7 @@ const TOLD_BYTES: usize = 40;
 const NODES_AT_MOST: usize = u32::MAX as usize - 9;
 
 impl Octree {
-    /// Reads a `.bt` file of OctoMap's `OcTree`; leaves are as surely occupied or free as may be, probability 0.97 and 0.12.
+    /// Reads a `.bt` file of OctoMap's `OcTree`; leaves are as surely occupied or free as may be, probability 0.971 and 0.1192.
     ///
     /// # Errors
     /// What the stream says; bytes that are no such file, with where and what was expected.
