@@ -7,4 +7,4 @@ mod mapper;
 mod render;
 
 pub use mapper::SpaceMapper;
-pub use render::{MapPoints, points_of};
+pub use render::{MapPoints, occupancy_of, points_of};
