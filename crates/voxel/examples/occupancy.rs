@@ -21,7 +21,11 @@ fn main() {
         occupancy.draw(cloud, [0.0; 3], pose, Change::Add);
         cpu_s += cpu_now_s() - before_s;
     }
-    println!("{} clouds, {points} points: {cpu_s:.2} s of CPU drawing, {:.1} MB so far at most", files.len(), peak_mb());
+    println!(
+        "{} clouds, {points} points: {cpu_s:.2} s of CPU drawing, {:.1} MB so far at most",
+        files.len(),
+        peak_mb()
+    );
     let (mut occupied, mut known) = (0, 0);
     occupancy.voxels().for_each(|voxel| {
         known += 1;

@@ -35,7 +35,10 @@ pub fn floor_cells(occupancy: &Occupancy, way_m: &[[f64; 3]], band_m: [f64; 2]) 
         let Some(height_m) = height_of_way(way_m, middle_m) else { continue };
         // A voxel belongs to where its middle is.
         let layer = |z_m: f64| ((height_m + z_m) / resolution_m - 0.5).ceil() as i32;
-        let layers = Layers { floor: layer(band_m[0] - FLOOR_BELOW_M)..layer(band_m[0]), band: layer(band_m[0])..layer(band_m[1]) };
+        let layers = Layers {
+            floor: layer(band_m[0] - FLOOR_BELOW_M)..layer(band_m[0]),
+            band: layer(band_m[0])..layer(band_m[1]),
+        };
         cells_of(column.iter().map(|(_, block)| *block), [x, y], &layers, &mut cells);
     }
     cells

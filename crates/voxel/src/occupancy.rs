@@ -75,8 +75,8 @@ impl Occupancy {
         let asked_m = settings.resolution_m;
         let is_usable = asked_m.is_finite() && asked_m > 0.0;
         let resolution_m = if is_usable { asked_m } else { OccupancySettings::default().resolution_m };
-        // A range that is no number is none.
-        let range_voxels = (settings.max_range_m / resolution_m).max(0.0).min(RANGE_AT_MOST);
+        let range_voxels = settings.max_range_m / resolution_m;
+        let range_voxels = if range_voxels > 0.0 { range_voxels.min(RANGE_AT_MOST) } else { 0.0 };
         Self { resolution_m, range_voxels, blocks: Blocks::default(), scan: Scan::default() }
     }
 

@@ -6,7 +6,7 @@ const HIT: f64 = 0.847_297_860_387_203_6;
 const PASS: f64 = -0.405_465_108_108_164_4;
 /// A voxel is never surer than this: 3.5 and -2 in that paper, probability 0.97 and 0.12; OctoMap's `OcTree` has 0.971 and 0.1192.
 pub(crate) const OCCUPIED_MOST: f32 = 3.511_030_7;
-pub(crate) const FREE_LEAST: f32 = -2.000_027_8;
+pub(crate) const FREE_LEAST: f32 = -2.000_028;
 
 /// The logarithm of the odds that a voxel is occupied, with OctoMap's probabilities: 0.7 a hit, 0.4 a pass, clamped to 0.1192 and
 /// 0.971.

@@ -99,7 +99,7 @@ impl Scan {
     fn look_beside(&mut self, block: u32, side: usize) -> u32 {
         let step = [1_u64 << 42, 1 << 21, 1][side / 2];
         let key = self.blocks[block as usize].key;
-        let beside = self.number_of(if side % 2 == 0 { key + step } else { key - step });
+        let beside = self.number_of(if side & 1 == 0 { key + step } else { key - step });
         self.blocks[block as usize].beside[side] = beside;
         self.blocks[beside as usize].beside[side ^ 1] = block;
         beside

@@ -24,7 +24,8 @@ fn all(occupancy: &Occupancy) -> Vec<VoxelCounts> {
 
 #[test]
 fn a_ray_passes_what_is_before_its_point_and_no_more() {
-    let occupancy = drawn(&[(vec![[2.2, 0.0, 0.0]], Pose3::from_quaternion([0.1, 0.1, 0.1], [0.0, 0.0, 0.0, 1.0]).unwrap())]);
+    let occupancy =
+        drawn(&[(vec![[2.2, 0.0, 0.0]], Pose3::from_quaternion([0.1, 0.1, 0.1], [0.0, 0.0, 0.0, 1.0]).unwrap())]);
     let known: Vec<_> = all(&occupancy).iter().map(|v| (v.index, v.hits, v.passes)).collect();
     let expected: Vec<_> = (0..5).map(|x| ([x, 0, 0], u32::from(x == 4), u32::from(x < 4))).collect();
     assert_eq!(known, expected);
@@ -45,7 +46,8 @@ fn a_cloud_counts_once_and_what_it_hits_it_does_not_pass() {
 
 #[test]
 fn beyond_the_greatest_range_the_way_counts_but_not_the_point() {
-    let occupancy = drawn(&[(vec![[100.0, 0.0, 0.0], [f32::NAN, 0.0, 0.0], [f32::INFINITY, 1.0, 0.0]], Pose3::identity())]);
+    let occupancy =
+        drawn(&[(vec![[100.0, 0.0, 0.0], [f32::NAN, 0.0, 0.0], [f32::INFINITY, 1.0, 0.0]], Pose3::identity())]);
     assert_eq!(all(&occupancy).len(), 40);
     assert!(all(&occupancy).iter().all(|v| v.hits == 0 && v.passes == 1));
 }

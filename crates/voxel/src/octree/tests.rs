@@ -72,7 +72,8 @@ fn nothing_known_is_a_file_as_well() {
 
 #[test]
 fn a_world_that_is_all_the_same_survives_the_binary_file() {
-    let ot = [b"# Octomap OcTree file\nid OcTree\nsize 1\nres 1\ndata\n".as_slice(), &(-1.0_f32).to_le_bytes(), &[0]].concat();
+    let ot = [b"# Octomap OcTree file\nid OcTree\nsize 1\nres 1\ndata\n".as_slice(), &(-1.0_f32).to_le_bytes(), &[0]]
+        .concat();
     let tree = read_ot(&ot).unwrap();
     let [bt, _] = written(&tree);
     let back = read_bt(&bt).unwrap();
@@ -90,7 +91,10 @@ fn errors_say_where_and_what() {
     assert_eq!(told(b"# Octomap OcTree file\n"), "byte 0: expected the line \"# Octomap OcTree binary file\"");
     assert_eq!(told(&head.as_bytes()[..60]), "byte 60: expected the line \"data\", found the end of the file");
     assert_eq!(with("id OcTree", "id Colour", b""), "byte 41: expected a tree of kind OcTree, found \"id Colour\"");
-    assert_eq!(with("res 0.1", "res -1", b""), "byte 58: expected a voxel's side in metres, above zero, found \"res -1\"");
+    assert_eq!(
+        with("res 0.1", "res -1", b""),
+        "byte 58: expected a voxel's side in metres, above zero, found \"res -1\""
+    );
     assert_eq!(with("size 9", "size x", b""), "byte 51: expected the number of nodes, found \"size x\"");
     assert_eq!(with("id OcTree\n", "", b""), "byte 65: expected a line \"id\" before, found \"data\"");
     assert_eq!(with("", "", &[3]), format!("byte {}: expected two bytes of a node, found the end of the file", at + 1));
@@ -99,8 +103,12 @@ fn errors_say_where_and_what() {
     assert_eq!(with("", "", &[1, 0, 7]), format!("byte {}: expected the end of the file, found 1 bytes more", at + 2));
     let deep = [3, 0].repeat(20);
     assert_eq!(with("", "", &deep), format!("byte {}: expected 16 levels at most, found more", at + 30));
-    let ot = [b"# Octomap OcTree file\nid OcTree\nsize 1\nres 1\ndata\n".as_slice(), &f32::NAN.to_le_bytes(), &[0]].concat();
-    assert_eq!(read_ot(&ot).unwrap_err().to_string(), "byte 50: expected the logarithm of odds, found no finite number");
+    let ot =
+        [b"# Octomap OcTree file\nid OcTree\nsize 1\nres 1\ndata\n".as_slice(), &f32::NAN.to_le_bytes(), &[0]].concat();
+    assert_eq!(
+        read_ot(&ot).unwrap_err().to_string(),
+        "byte 50: expected the logarithm of odds, found no finite number"
+    );
     let deep = [0, 0, 0, 0, 1].repeat(20);
     let ot = [b"# Octomap OcTree file\nid OcTree\nsize 17\nres 1\ndata\n".as_slice(), &deep].concat();
     assert_eq!(read_ot(&ot).unwrap_err().to_string(), "byte 131: expected 16 levels at most, found more");

@@ -70,14 +70,37 @@ fn octree(occupancy: &Occupancy, path: &Path) -> Result<Vec<String>, Failure> {
 }
 
 fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    if !is_upright(session) {
+        return Err(refused(
+            args,
+            "a floor plan needs a map whose z axis points upwards, found one that points where a camera looks",
+        ));
+    }
     let way_m: Vec<[f64; 3]> = session.map_from_keyframe().iter().map(|pose| pose.translation.into()).collect();
     let band = args.band.unwrap_or(BAND);
     let cells = floor_cells(&occupancy(args, session), &way_m, [band.z_min_m, band.z_max_m]);
     let image = image_of(&cells, resolution_m(args)).map_err(|cells| {
-        refused(args, &format!("expected {CELLS_AT_MOST} cells of a map's file at most, found {cells}: ask for a coarser --resolution"))
+        refused(
+            args,
+            &format!(
+                "expected {CELLS_AT_MOST} cells of a map's file at most, found {cells}: ask for a coarser --resolution"
+            ),
+        )
     })?;
     write_map(args.to, &image, path)?;
     Ok(Vec::new())
+}
+
+/// Whether the map's z axis may point upwards. Of a camera whose mounting is not known it is the optical axis: all that it sees
+/// first lies on that side, and farther along it than across.
+fn is_upright(session: &Session<SpaceSweep>) -> bool {
+    let first = session.drawn().iter().flatten().find(|sweep| !sweep.points.is_empty());
+    first.is_none_or(|sweep| {
+        let farther_across = |point: &[i16; 3]| {
+            point[2] <= 0 || point[0].unsigned_abs().max(point[1].unsigned_abs()) > point[2].unsigned_abs()
+        };
+        sweep.points.iter().any(farther_across)
+    })
 }
 
 /// The known cells as an image; how many it would have where those are too many.
