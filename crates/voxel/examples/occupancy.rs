@@ -2,7 +2,7 @@
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 use mapwright_geom::Pose3;
-use mapwright_voxel::{Change, Leaves, Occupancy, OccupancySettings, Octree};
+use mapwright_voxel::{Change, Occupancy, OccupancySettings, write_bt};
 use std::path::{Path, PathBuf};
 
 fn main() {
@@ -33,10 +33,9 @@ fn main() {
     });
     println!("{occupied} voxels occupied, {} free", known - occupied);
     let before_s = cpu_now_s();
-    let tree = Octree::of(&occupancy, Leaves::MostLikely);
     let mut bt = Vec::new();
-    tree.write_bt(&mut bt).unwrap();
-    let (nodes, leaves) = (tree.node_count(), tree.leaves().filter(|leaf| leaf.is_occupied()).count());
+    let counts = write_bt(&occupancy, &mut bt).unwrap();
+    let (nodes, leaves) = (counts.nodes, counts.occupied);
     println!(
         ".bt: {} bytes, {nodes} nodes, {leaves} occupied leaves, {:.2} s of CPU",
         bt.len(),

@@ -16,7 +16,7 @@ mod thin;
 pub use floor_plan::{FloorCell, floor_cells};
 pub use matcher::{Fit, Matcher, MatcherSettings, Prior};
 pub use occupancy::{Occupancy, OccupancySettings, VoxelCounts, log_odds};
-pub use octree::{Leaf, Leaves, Octree, OctreeError, State};
+pub use octree::{BtCounts, Leaf, Leaves, Octree, OctreeError, State, write_bt};
 pub use surfel::Surfel;
 pub use surfel_map::{Change, SurfelMap, SurfelMapSettings};
 pub use thin::Thinner;

@@ -8,6 +8,7 @@ mod write;
 use crate::key::{key_of, unpack};
 pub use build::Leaves;
 pub use error::OctreeError;
+pub use write::{BtCounts, write_bt};
 
 /// Levels below the root; the voxels of the last have the side of the map's resolution.
 const DEPTH: u32 = 16;

@@ -38,11 +38,8 @@ impl Octree {
     /// The octree of what is known within 2^15 voxels from the origin, 3.2 km at 10 cm; leaves that are the same are one.
     #[must_use]
     pub fn of(occupancy: &Occupancy, leaves: Leaves) -> Self {
-        let blocks = occupancy.sorted_blocks();
-        let mut blocks: Vec<_> = blocks.into_iter().filter_map(|(key, block)| Some((morton(key)?, block))).collect();
-        blocks.sort_unstable_by_key(|(number, _)| *number);
         let mut nodes = Nodes::default();
-        let root = of_blocks(&mut nodes, &blocks, DEPTH - BLOCK_BITS, leaves);
+        let root = build(&mut nodes, occupancy, leaves);
         nodes.into_octree(occupancy.resolution_m(), root)
     }
 
@@ -58,67 +55,94 @@ impl Octree {
     #[must_use]
     pub fn most_likely(&self) -> Self {
         let mut nodes = Nodes::default();
-        let root = self.nodes.last().map(|root| self.simplified(*root, &mut nodes, DEPTH));
+        let root = self.nodes.last().and_then(|root| self.simplified(*root, &mut nodes, DEPTH));
         nodes.into_octree(self.resolution_m, root)
     }
 
-    fn simplified(&self, node: Node, nodes: &mut Nodes, level: u32) -> Node {
+    fn simplified(&self, node: Node, nodes: &mut Nodes, level: u32) -> Option<Node> {
         if node.is_leaf() || level == 0 {
-            return Node::leaf(Leaves::MostLikely.value(node.log_odds));
+            return Some(Node::leaf(Leaves::MostLikely.value(node.log_odds)));
         }
         let mut children = [None; 8];
         for (number, at) in node.places() {
-            let child = self.nodes.get(at).map(|child| self.simplified(*child, nodes, level - 1));
-            children[number] = child;
+            children[number] = self.nodes.get(at).and_then(|child| self.simplified(*child, nodes, level - 1));
         }
-        nodes.pruned(&children)
+        nodes.close(0, &children)
     }
 }
 
+/// What nodes are made into, from below: [`Nodes`], or the bytes of a file.
+pub(super) trait Sink {
+    /// Before the children of a node are made: what [`close`](Self::close) is told.
+    fn open(&mut self) -> usize;
+
+    /// A node over children that were made since; a leaf where all are leaves and the same, none where there are none.
+    fn close(&mut self, opened: usize, children: &[Option<Node>; 8]) -> Option<Node>;
+}
+
+/// Makes all nodes; the root.
+pub(super) fn build(sink: &mut impl Sink, occupancy: &Occupancy, leaves: Leaves) -> Option<Node> {
+    let blocks = occupancy.sorted_blocks();
+    let mut blocks: Vec<_> = blocks.into_iter().filter_map(|(key, block)| Some((morton(key)?, block))).collect();
+    blocks.sort_unstable_by_key(|(number, _)| *number);
+    of_blocks(sink, &blocks, DEPTH - BLOCK_BITS, leaves)
+}
+
 /// The node of blocks that all lie in it, `level` levels above blocks.
-fn of_blocks(nodes: &mut Nodes, blocks: &[(u64, &Block)], level: u32, leaves: Leaves) -> Option<Node> {
+fn of_blocks(sink: &mut impl Sink, blocks: &[(u64, &Block)], level: u32, leaves: Leaves) -> Option<Node> {
     let (_, block) = blocks.first()?;
     if level == 0 {
-        return of_voxels(nodes, block, 0, BLOCK_BITS, leaves);
+        return of_voxels(sink, block, 0, BLOCK_BITS, leaves);
     }
+    let opened = sink.open();
     let mut children = [None; 8];
     let mut rest = blocks;
     for (number, child) in children.iter_mut().enumerate() {
         let end = rest.partition_point(|(block, _)| (block >> (3 * (level - 1)) & 7) as usize <= number);
         let (inside, after) = rest.split_at(end);
-        *child = of_blocks(nodes, inside, level - 1, leaves);
+        *child = of_blocks(sink, inside, level - 1, leaves);
         rest = after;
     }
-    Some(nodes.pruned(&children))
+    sink.close(opened, &children)
 }
 
 /// The node of a cube of 2^level voxels a side within a block, by its least voxel.
-fn of_voxels(nodes: &mut Nodes, block: &Block, voxel: usize, level: u32, leaves: Leaves) -> Option<Node> {
+fn of_voxels(sink: &mut impl Sink, block: &Block, voxel: usize, level: u32, leaves: Leaves) -> Option<Node> {
     if level == 0 {
         let (hits, passes) = block.counts(voxel);
         return (hits > 0 || passes > 0).then(|| Node::leaf(leaves.value(log_odds(hits, passes))));
     }
-    let below = level - 1;
+    let (opened, below) = (sink.open(), level - 1);
     let children = [0, 1, 2, 3, 4, 5, 6, 7].map(|number: usize| {
         let step = |k: u32| (number >> k & 1) << (below + k * BLOCK_BITS);
-        of_voxels(nodes, block, voxel + step(0) + step(1) + step(2), below, leaves)
+        of_voxels(sink, block, voxel + step(0) + step(1) + step(2), below, leaves)
     });
-    let is_known = children.iter().any(Option::is_some);
-    is_known.then(|| nodes.pruned(&children))
+    sink.close(opened, &children)
+}
+
+/// The leaf that eight leaves are, where they are the same.
+pub(super) fn same_leaf(children: &[Option<Node>; 8]) -> Option<Node> {
+    let first = children[0].filter(Node::is_leaf)?;
+    let is_same = |child: &Option<Node>| child.is_some_and(|node| node.is_leaf() && node.log_odds == first.log_odds);
+    children.iter().all(is_same).then_some(first)
 }
 
 /// Nodes as they are made: children before their parents.
 #[derive(Debug, Default)]
 pub(super) struct Nodes(Vec<Node>);
 
-impl Nodes {
-    /// A node over children, of which there are some; a leaf where all are leaves and the same.
-    fn pruned(&mut self, children: &[Option<Node>; 8]) -> Node {
-        let most = greatest(children);
-        let is_same = |child: &Option<Node>| child.is_some_and(|node| node.is_leaf() && node.log_odds == most);
-        if children.iter().all(is_same) { Node::leaf(most) } else { self.inner(children, most) }
+impl Sink for Nodes {
+    fn open(&mut self) -> usize {
+        0
     }
 
+    fn close(&mut self, _: usize, children: &[Option<Node>; 8]) -> Option<Node> {
+        let is_known = children.iter().any(Option::is_some);
+        is_known.then(|| same_leaf(children).unwrap_or_else(|| self.inner(children, greatest(children))))
+    }
+}
+
+impl Nodes {
     /// A node over children, of which there are some.
     pub(super) fn inner(&mut self, children: &[Option<Node>; 8], log_odds: f32) -> Node {
         // Beyond 2^32 nodes, 50 GB, nothing is found, but nothing wrong either.

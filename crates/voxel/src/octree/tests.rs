@@ -128,6 +128,12 @@ proptest! {
             let [bt, ot] = written(&tree);
             prop_assert_eq!(&read_ot(&ot).unwrap(), &tree);
             prop_assert_eq!(read_bt(&bt).unwrap(), tree.most_likely());
+            let mut direct = Vec::new();
+            let counts = write_bt(&occupancy, &mut direct).unwrap();
+            let simple = tree.most_likely();
+            prop_assert!(direct == bt, "written without a tree");
+            let occupied = simple.leaves().filter(Leaf::is_occupied).count();
+            prop_assert_eq!((counts.nodes, counts.occupied), (simple.node_count(), occupied));
         }
     }
 }

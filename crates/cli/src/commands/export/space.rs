@@ -8,7 +8,7 @@ use crate::terminal::{count, grouped, say};
 use mapwright::{Pose2, Session, SpaceSweep, occupancy_of, points_of};
 use mapwright_formats::{GridImage, UNKNOWN, write_pcd, write_ply};
 use mapwright_logs::SliceBounds;
-use mapwright_voxel::{FloorCell, Leaves, Occupancy, OccupancySettings, Octree, floor_cells};
+use mapwright_voxel::{FloorCell, Occupancy, OccupancySettings, Octree, floor_cells, write_bt};
 use std::ops::Range;
 use std::path::Path;
 
@@ -59,10 +59,9 @@ fn cloud(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Resul
 }
 
 fn octree(occupancy: &Occupancy, path: &Path) -> Result<Vec<String>, Failure> {
-    let tree = Octree::of(occupancy, Leaves::MostLikely);
-    write_whole(path, |file| tree.write_bt(file).map_err(|cause| Failure::write_in_words(path, &cause)))?;
-    let occupied = tree.leaves().filter(|leaf| leaf.is_occupied()).count() as u64;
-    let (side_m, occupied) = (tree.resolution_m(), grouped(occupied));
+    let written =
+        write_whole(path, |file| write_bt(occupancy, file).map_err(|cause| Failure::write_in_words(path, &cause)))?;
+    let (side_m, occupied) = (occupancy.resolution_m(), grouped(written.occupied as u64));
     say(&format!("{}: voxels of {side_m} m, {occupied} of the leaves occupied\n", path.display()))?;
     let left_out = Some(Octree::left_out(occupancy)).filter(|&voxels| voxels > 0);
     let lost = left_out.map(|voxels| format!("{} lie too far out for an octree", count(voxels, "known voxel")));
