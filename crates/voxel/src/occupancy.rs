@@ -5,6 +5,7 @@ mod counts;
 mod ray;
 mod reading;
 mod scan;
+mod sets;
 
 use crate::key::{Key, key_of, unpack};
 use crate::surfel_map::Change;
@@ -12,9 +13,10 @@ use block::Blocks;
 use mapwright_geom::Pose3;
 use scan::Scan;
 
-pub(crate) use block::{BLOCK_BITS, BLOCK_SIDE, Block};
+pub(crate) use block::Block;
 pub use reading::log_odds;
 pub(crate) use reading::{FREE_LEAST, OCCUPIED_MOST};
+pub(crate) use sets::{BLOCK_BITS, BLOCK_SIDE};
 
 /// How counts are made.
 #[derive(Debug, Clone, Copy, PartialEq)]

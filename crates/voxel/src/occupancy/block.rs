@@ -1,19 +1,10 @@
 //! Blocks of 8 x 8 x 8 voxels, found by their places.
 
 use super::counts::Counts;
-use super::scan::BlockSets;
+use super::sets::{BLOCK_BITS, BLOCK_SIDE, BLOCK_VOXELS, BlockSets, Mask};
 use super::{Change, VoxelCounts};
 use crate::key::{Key, pack, unpack};
 use rustc_hash::FxHashMap;
-
-/// Bits of a coordinate within a block.
-pub(crate) const BLOCK_BITS: u32 = 3;
-/// Voxels along the side of a block.
-pub(crate) const BLOCK_SIDE: i32 = 1 << BLOCK_BITS;
-/// Voxels of a block.
-pub(super) const BLOCK_VOXELS: usize = 1 << (3 * BLOCK_BITS);
-/// A set of voxels of a block: a word a layer, lowest z first, in it a byte a row, lowest y first, in it a bit a voxel.
-pub(super) type Mask = [u64; BLOCK_VOXELS / 64];
 
 /// What is known of the voxels of one block.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! Counts of the voxels of a block.
 
-use super::block::{BLOCK_VOXELS, Mask};
+use super::sets::{BLOCK_VOXELS, Mask};
 
 /// One count a voxel: its lowest eight bits, and the rest beside them where any voxel has more. A count below zero, of what
 /// was taken out before it came in, has a rest of -1.

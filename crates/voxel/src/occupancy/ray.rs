@@ -1,6 +1,6 @@
 //! Rays through voxels, block by block.
 
-use super::block::{BLOCK_SIDE, Mask};
+use super::sets::{BLOCK_SIDE, Mask};
 
 /// Parts of the way along a ray, in which it is told when it leaves voxels; the lowest two bits of such a time are the axis.
 const WHOLE: f64 = (1_u64 << 44) as f64;

@@ -1,28 +1,9 @@
 //! What one cloud says: the set of voxels that it hits, and the set that its rays pass.
 
-use super::block::{BLOCK_BITS, BLOCK_SIDE, Mask};
 use super::ray::Ray;
+use super::sets::{BLOCK_BITS, BLOCK_SIDE, BlockSets, UNKNOWN};
 use crate::key::{Key, key_of, pack, unpack};
 use rustc_hash::FxHashMap;
-
-/// Not looked up yet.
-const UNKNOWN: u32 = u32::MAX;
-
-/// The sets within a block.
-#[derive(Debug, Clone)]
-pub(super) struct BlockSets {
-    pub(super) passes: Mask,
-    pub(super) hits: Mask,
-    pub(super) key: Key,
-    /// The blocks beside it, by [`Ray`]'s sides, where known: a ray goes on without hashing.
-    beside: [u32; 6],
-}
-
-impl BlockSets {
-    pub(super) fn is_empty(&self) -> bool {
-        self.passes.iter().chain(&self.hits).all(|&word| word == 0)
-    }
-}
 
 /// Collects one cloud after the other; keeps its buffers.
 #[derive(Debug, Clone, Default)]
@@ -120,7 +101,7 @@ impl Scan {
 
     fn number_of(&mut self, key: Key) -> u32 {
         *self.places.entry(key).or_insert_with(|| {
-            self.blocks.push(BlockSets { passes: [0; 8], hits: [0; 8], key, beside: [UNKNOWN; 6] });
+            self.blocks.push(BlockSets::new(key));
             self.blocks.len() as u32 - 1
         })
     }
