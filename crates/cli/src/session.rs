@@ -4,8 +4,8 @@ use crate::drawing::draw;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::{OutputFolder, part_of};
-use mapwright::{Entry, Session, Settings, Sweep};
-use mapwright_record::{LogWriter, Measurement};
+use mapwright::{Entry, Session, Settings, SpaceSweep, Sweep};
+use mapwright_record::{LogError, LogReport, LogWriter, Measurement, read_log};
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -77,10 +77,41 @@ impl<M: Measurement> SessionLog<M> {
 /// The session of a folder of results, that of a run that was cut short in it, or that file itself, and what was lost of it in
 /// words.
 pub(crate) fn read_session(path: &Path) -> Result<(Session, Vec<String>), Failure> {
+    let (path, bytes) = read_bytes(path)?;
+    in_words(&path, Session::read(&bytes))
+}
+
+/// A session of either kind.
+pub(crate) enum AnySession {
+    Plane(Session),
+    Space(Session<SpaceSweep>),
+}
+
+/// As [`read_session`], of either kind: a log's entries belong to runs, and runs have a kind.
+pub(crate) fn read_any_session(path: &Path) -> Result<(AnySession, Vec<String>), Failure> {
+    let (path, bytes) = read_bytes(path)?;
+    let (plane, losses) = in_words(&path, Session::read(&bytes))?;
+    if plane.runs().len() == 0 {
+        let (space, losses) = in_words(&path, read_log::<SpaceSweep>(&bytes))?;
+        if space.runs().len() > 0 {
+            return Ok((AnySession::Space(space), losses));
+        }
+    }
+    Ok((AnySession::Plane(plane), losses))
+}
+
+fn read_bytes(path: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
     let path = if path.is_dir() { in_folder(path) } else { path.to_owned() };
     let bytes = fs::read(&path).map_err(|error| Failure::open(&path, format!("{error}; `mapwright map` writes it")))?;
-    let read = Session::read(&bytes);
-    let (session, report) = read.map_err(|cause| Failure::Session { path: path.clone(), cause: cause.to_string() })?;
+    Ok((path, bytes))
+}
+
+fn in_words<M: Measurement>(
+    path: &Path,
+    read: Result<(Session<M>, LogReport), LogError>,
+) -> Result<(Session<M>, Vec<String>), Failure> {
+    let (session, report) =
+        read.map_err(|cause| Failure::Session { path: path.to_owned(), cause: cause.to_string() })?;
     let losses = report.losses.iter().map(|loss| format!("{}: {loss}", path.display())).collect();
     Ok((session, losses))
 }

@@ -23,6 +23,7 @@ mod map;
 mod noted;
 mod number;
 mod open;
+mod pcd;
 mod ply;
 mod report;
 mod stamp_watch;
@@ -39,6 +40,7 @@ pub use map::{Confidence, GridImage, Picture, SpacePicture, UNKNOWN, dominant_wa
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};
 pub use noted::Noted;
 pub use open::{LogStream, open_log};
+pub use pcd::write_pcd;
 pub use ply::write_ply;
 pub use report::{DropReason, DroppedLine, Drops, ReadReport, TopicReport};
 pub use stamp_watch::{StampStep, StampWatch};

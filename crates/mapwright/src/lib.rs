@@ -57,4 +57,4 @@ pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
-pub use space::{MapPoints, SpaceMapper, points_of};
+pub use space::{MapPoints, SpaceMapper, occupancy_of, points_of};

@@ -8,4 +8,4 @@ mod render;
 mod scale;
 
 pub use mapper::SpaceMapper;
-pub use render::{MapPoints, points_of};
+pub use render::{MapPoints, occupancy_of, points_of};

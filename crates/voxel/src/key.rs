@@ -32,3 +32,10 @@ pub(crate) fn corner(key: Key) -> [f64; 3] {
     let part = |shift: u32| ((key >> shift & 0x1f_ffff) as i64 - HALF) as f64;
     [part(42), part(21), part(0)]
 }
+
+/// A voxel's place, in voxels.
+#[inline]
+pub(crate) fn unpack(key: Key) -> [i32; 3] {
+    let part = |shift: u32| ((key >> shift & 0x1f_ffff) as i64 - HALF) as i32;
+    [part(42), part(21), part(0)]
+}

@@ -1,7 +1,9 @@
 //! What results and logs can become.
 
 use super::SourceArgs;
+use super::values::{parse_side, parse_slice};
 use clap::{Args as ClapArgs, ValueEnum};
+use mapwright_logs::SliceBounds;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, ClapArgs)]
@@ -14,6 +16,13 @@ pub(crate) struct ExportArgs {
     /// The file; otherwise export.tum, export.mcap and so on in the folder of results.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+    /// Of a session of space: side of the map's voxels, metres; of a cloud one point in each is kept. Otherwise 0.1.
+    #[arg(long, value_name = "METRES", value_parser = parse_side)]
+    pub(crate) resolution: Option<f64>,
+    /// Of a session of space, for --to pgm: what stands between these heights above the robot's way is an obstacle, metres. The
+    /// way is that of the robot's origin, which is the sensor where nothing else is said. Otherwise -0.3:0.3.
+    #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
+    pub(crate) band: Option<SliceBounds>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -26,10 +35,16 @@ pub(crate) enum ExportTo {
     Csv,
     /// Map, path, transforms, scans and closures for Foxglove and ROS 2.
     Mcap,
-    /// Map for Nav2, with its .yaml.
+    /// Map for Nav2, with its .yaml; of a session of space a plan of its floor.
     Pgm,
     /// Map as a plain PNG with a world file (.pgw), for QGIS and others.
     Worldfile,
+    /// Of space: points with their colours, binary PLY.
+    Ply,
+    /// Of space: points with their colours, binary PCD.
+    Pcd,
+    /// Of space: what is occupied, free and unknown, as OctoMap's .bt.
+    Octomap,
 }
 
 #[derive(Debug, ClapArgs)]

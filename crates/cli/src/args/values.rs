@@ -53,6 +53,10 @@ fn within(text: &str, range: std::ops::RangeInclusive<f64>, expected: &str) -> R
     text.parse().ok().filter(|v| range.contains(v)).ok_or_else(|| format!("expected {expected}"))
 }
 
+pub(super) fn parse_side(text: &str) -> Result<f64, String> {
+    within(text, 0.005..=10.0, "a length from 0.005 to 10 m")
+}
+
 pub(super) fn parse_drive(text: &str) -> Result<f64, String> {
     within(text, 100.0..=5000.0, "a length from 100 to 5000 m")
 }

@@ -1,15 +1,18 @@
 //! `mapwright export`
 
+mod space;
+
 use crate::args::{ExportArgs, ExportTo};
 use crate::failure::{Failure, Outcome};
 use crate::image::MapImage;
 use crate::output::write_whole;
-use crate::session::{map_of, read_session};
+use crate::session::{AnySession, map_of, read_any_session};
 use crate::terminal::{count, say};
+use clap::ValueEnum;
 use mapwright::{Session, TrajectoryPose};
 use mapwright_exports::write_session_mcap;
 use mapwright_formats::{
-    CsvPose, FormatError, TumWriter, write_csv, write_kitti, write_map_yaml, write_pgm, write_plain_png,
+    CsvPose, FormatError, GridImage, TumWriter, write_csv, write_kitti, write_map_yaml, write_pgm, write_plain_png,
     write_world_file,
 };
 use std::fs::File;
@@ -17,16 +20,36 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &ExportArgs) -> Result<Outcome, Failure> {
-    let (session, lost) = read_session(&args.results)?;
+    let (session, lost) = read_any_session(&args.results)?;
     let path = args.output.clone().unwrap_or_else(|| beside(&args.results, default_name(args.to)));
-    let made = match args.to {
-        ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args.to, &session, &path)?,
-        ExportTo::Mcap => mcap(args, &session, &path)?,
-        ExportTo::Pgm | ExportTo::Worldfile => map(args, &session, &path)?,
+    let made = match session {
+        AnySession::Plane(session) => of_plane(args, &session, &path)?,
+        AnySession::Space(session) => space::export(args, &session, &path)?,
     };
     let losses = [lost, made].concat();
     say(&losses.iter().map(|loss| format!("lost     {loss}\n")).collect::<String>())?;
     Ok(Outcome::of_losses(&losses))
+}
+
+fn of_plane(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
+    let refused = |what: &str| Failure::Session {
+        path: args.results.clone(),
+        cause: format!("{what} needs a session of space, found one of the plane"),
+    };
+    if args.resolution.is_some() || args.band.is_some() {
+        return Err(refused(if args.band.is_some() { "--band" } else { "--resolution" }));
+    }
+    match args.to {
+        ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args.to, session, path),
+        ExportTo::Mcap => mcap(args, session, path),
+        ExportTo::Pgm | ExportTo::Worldfile => map(args, session, path),
+        ExportTo::Ply | ExportTo::Pcd | ExportTo::Octomap => Err(refused(&format!("--to {}", word(args.to)))),
+    }
+}
+
+/// As it is typed.
+fn word(to: ExportTo) -> String {
+    to.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
 fn default_name(to: ExportTo) -> &'static str {
@@ -37,6 +60,9 @@ fn default_name(to: ExportTo) -> &'static str {
         ExportTo::Mcap => "export.mcap",
         ExportTo::Pgm => "export.pgm",
         ExportTo::Worldfile => "map_plain.png",
+        ExportTo::Ply => "export.ply",
+        ExportTo::Pcd => "export.pcd",
+        ExportTo::Octomap => "export.bt",
     }
 }
 
@@ -90,8 +116,12 @@ fn mcap(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>
 /// The map and what says where it lies, beside it.
 fn map(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
     let made = map_of(session, &args.results)?;
-    let image = &made.image;
-    let is_pgm = args.to == ExportTo::Pgm;
+    write_map(args.to, &made.image, path)?;
+    Ok(losses(&made))
+}
+
+fn write_map(to: ExportTo, image: &GridImage, path: &Path) -> Result<(), Failure> {
+    let is_pgm = to == ExportTo::Pgm;
     let second = path.with_extension(if is_pgm { "yaml" } else { "pgw" });
     if second == path {
         return Err(Failure::write(path, std::io::Error::other("expected an image's name, such as map.png")));
@@ -103,8 +133,7 @@ fn map(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>,
         |file| if is_pgm { write_map_yaml(image, &name, file) } else { write_world_file(image, file) },
     )?;
     let (width, height) = (image.width, image.height);
-    say(&format!("{} and {}: {width} x {height} cells\n", path.display(), second.display()))?;
-    Ok(losses(&made))
+    say(&format!("{} and {}: {width} x {height} cells\n", path.display(), second.display()))
 }
 
 fn write_part(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), FormatError>) -> Result<(), Failure> {

@@ -6,6 +6,7 @@ mod commands;
 mod doubt;
 mod explain;
 mod export;
+mod export_space;
 mod map;
 mod optimize;
 mod real_logs;

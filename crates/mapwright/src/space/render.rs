@@ -1,8 +1,8 @@
-//! The finished map as points: every keyframe's at its present pose.
+//! The finished map as points and as occupancy: every keyframe's at its present pose.
 
 use mapwright_record::Session;
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::Thinner;
+use mapwright_voxel::{Change, Occupancy, OccupancySettings, Thinner};
 
 /// Points of a map, metres, and a colour each where the sensor has any.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -33,4 +33,16 @@ pub fn points_of(session: &Session<SpaceSweep>, size_m: f64) -> MapPoints {
     let out = (&mut thinned.points_m, &mut thinned.colours);
     Thinner::default().thin_coloured((&all.points_m, &all.colours), size_m.max(1e-3), out);
     thinned
+}
+
+/// What a session's keyframes hit and looked through.
+#[must_use]
+pub fn occupancy_of(session: &Session<SpaceSweep>, settings: OccupancySettings) -> Occupancy {
+    let mut occupancy = Occupancy::new(settings);
+    for (sweep, &map_from_keyframe) in session.drawn().iter().zip(session.map_from_keyframe()) {
+        let Some(sweep) = sweep else { continue };
+        let sensor_m = sweep.sensor.robot_from_sensor.translation.into();
+        occupancy.draw(sweep.points_m(), sensor_m, map_from_keyframe, Change::Add);
+    }
+    occupancy
 }

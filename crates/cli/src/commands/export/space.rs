@@ -1,0 +1,127 @@
+//! Sessions of space: clouds, octrees and floor plans.
+
+use super::{word, write_map, write_part};
+use crate::args::{ExportArgs, ExportTo};
+use crate::failure::Failure;
+use crate::output::write_whole;
+use crate::terminal::{count, grouped, say};
+use mapwright::{Pose2, Session, SpaceSweep, occupancy_of, points_of};
+use mapwright_formats::{GridImage, UNKNOWN, write_pcd, write_ply};
+use mapwright_logs::SliceBounds;
+use mapwright_voxel::{FloorCell, Occupancy, OccupancySettings, Octree, floor_cells, write_bt};
+use std::ops::Range;
+use std::path::Path;
+
+/// Side of voxels unless said, metres: OctoMap's own.
+const RESOLUTION_M: f64 = 0.1;
+/// Heights of obstacles above the robot's origin unless said, metres: those that a sensor sees without looking up or down far.
+const BAND: SliceBounds = SliceBounds { z_min_m: -0.3, z_max_m: 0.3 };
+/// Cells that an image may have.
+const CELLS_AT_MOST: u64 = 100_000_000;
+
+/// Writes it; what was lost.
+pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    if args.band.is_some() && args.to != ExportTo::Pgm {
+        return Err(refused(args, "--band is for --to pgm alone"));
+    }
+    match args.to {
+        ExportTo::Ply | ExportTo::Pcd => cloud(args, session, path),
+        ExportTo::Octomap => octree(&occupancy(args, session), path),
+        ExportTo::Pgm => floor_plan(args, session, path),
+        other => Err(refused(
+            args,
+            &format!("--to {} needs a session of the plane, found one of space: ply, pcd, octomap or pgm", word(other)),
+        )),
+    }
+}
+
+fn refused(args: &ExportArgs, cause: &str) -> Failure {
+    Failure::Session { path: args.results.clone(), cause: cause.to_owned() }
+}
+
+fn resolution_m(args: &ExportArgs) -> f64 {
+    args.resolution.unwrap_or(RESOLUTION_M)
+}
+
+fn occupancy(args: &ExportArgs, session: &Session<SpaceSweep>) -> Occupancy {
+    occupancy_of(session, OccupancySettings { resolution_m: resolution_m(args), ..OccupancySettings::default() })
+}
+
+fn cloud(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    let map = points_of(session, resolution_m(args));
+    write_part(path, |file| match args.to {
+        ExportTo::Pcd => write_pcd(&map.points_m, &map.colours, file),
+        _ => write_ply(&map.points_m, &map.colours, file),
+    })?;
+    let colours = if map.colours.is_empty() { "" } else { " with colours" };
+    say(&format!("{}: {}{colours}\n", path.display(), count(map.points_m.len() as u64, "point")))?;
+    Ok(Vec::new())
+}
+
+fn octree(occupancy: &Occupancy, path: &Path) -> Result<Vec<String>, Failure> {
+    let written =
+        write_whole(path, |file| write_bt(occupancy, file).map_err(|cause| Failure::write_in_words(path, &cause)))?;
+    let (side_m, occupied) = (occupancy.resolution_m(), grouped(written.occupied as u64));
+    say(&format!("{}: voxels of {side_m} m, {occupied} of the leaves occupied\n", path.display()))?;
+    let left_out = Some(Octree::left_out(occupancy)).filter(|&voxels| voxels > 0);
+    let lost = left_out.map(|voxels| format!("{} lie too far out for an octree", count(voxels, "known voxel")));
+    Ok(lost.into_iter().collect())
+}
+
+fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    if !is_upright(session) {
+        return Err(refused(
+            args,
+            "a floor plan needs a map whose z axis points upwards, found one that points where a camera looks",
+        ));
+    }
+    let way_m: Vec<[f64; 3]> = session.map_from_keyframe().iter().map(|pose| pose.translation.into()).collect();
+    let band = args.band.unwrap_or(BAND);
+    let cells = floor_cells(&occupancy(args, session), &way_m, [band.z_min_m, band.z_max_m]);
+    let image = image_of(&cells, resolution_m(args)).map_err(|cells| {
+        refused(
+            args,
+            &format!(
+                "expected {CELLS_AT_MOST} cells of a map's file at most, found {cells}: ask for a coarser --resolution"
+            ),
+        )
+    })?;
+    write_map(args.to, &image, path)?;
+    Ok(Vec::new())
+}
+
+/// Whether the map's z axis may point upwards. Of a camera whose mounting is not known it is the optical axis: all that it sees
+/// first lies on that side, and farther along it than across.
+fn is_upright(session: &Session<SpaceSweep>) -> bool {
+    let first = session.drawn().iter().flatten().find(|sweep| !sweep.points.is_empty());
+    first.is_none_or(|sweep| {
+        let farther_across = |point: &[i16; 3]| {
+            point[2] <= 0 || point[0].unsigned_abs().max(point[1].unsigned_abs()) > point[2].unsigned_abs()
+        };
+        sweep.points.iter().any(farther_across)
+    })
+}
+
+/// The known cells as an image; how many it would have where those are too many.
+fn image_of(cells: &[FloorCell], resolution_m: f64) -> Result<GridImage, u64> {
+    let [columns, rows] = [range(cells.iter().map(|cell| cell.x)), range(cells.iter().map(|cell| cell.y))];
+    let size = columns.len() as u64 * rows.len() as u64;
+    if size > CELLS_AT_MOST {
+        return Err(size);
+    }
+    let (width, height) = (columns.len(), rows.len());
+    let mut image = vec![UNKNOWN; width * height];
+    for cell in cells {
+        let at = (cell.y - rows.start) as usize * width + (cell.x - columns.start) as usize;
+        image[at] = if cell.is_occupied { 100 } else { 0 };
+    }
+    let corner_m = [columns.start, rows.start].map(|v| f64::from(v) * resolution_m);
+    let world_from_map = Pose2::new(corner_m[0], corner_m[1], 0.0);
+    Ok(GridImage { width, height, resolution_m, world_from_map, cells: image })
+}
+
+/// From the least to the greatest; one cell where there is none, for no image is empty.
+fn range(values: impl Iterator<Item = i32> + Clone) -> Range<i32> {
+    let ends = values.clone().min().zip(values.max());
+    ends.map_or(0..1, |(least, most)| least..most + 1)
+}

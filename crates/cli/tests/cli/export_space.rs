@@ -1,0 +1,113 @@
+//! `mapwright export` of sessions of space.
+
+use crate::support::{assert_code, assert_refused, folder, run, small_log_in, text};
+use mapwright::{Cloud, Pose3, Settings, SpaceMapper, Stamp};
+use mapwright_clouds::{Notes, read_pcd, read_ply};
+use mapwright_sensor::SpaceSensor;
+use mapwright_voxel::{Octree, State};
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The way to the walls of a room 12 m long, 8 m wide and 3 m high, from 1 m above the floor near its middle.
+fn range_m(direction: nalgebra::Vector3<f64>, forward_m: f64) -> f64 {
+    let from = [forward_m, 0.0, 0.0];
+    let walls = [[-6.0, 6.0], [-4.0, 4.0], [-1.0, 2.0]];
+    let to_wall = |k: usize| (walls[k][usize::from(direction[k] > 0.0)] + 0.03 - from[k]) / direction[k];
+    (0..3).filter(|&k| direction[k].abs() > 1e-9).map(to_wall).fold(f64::INFINITY, f64::min)
+}
+
+/// What a sensor sees from there that looks all around, or ahead along its z axis.
+fn cloud(number: i64, is_camera: bool) -> Cloud {
+    let forward_m = 0.3 * number as f64;
+    let rays =
+        (0..360).flat_map(|a| (-30..30).map(move |e| (f64::from(a) * 0.0175 + 0.001, f64::from(e) * 0.025 + 0.002)));
+    let directions = rays.map(|(a, e)| nalgebra::Vector3::new(a.cos() * e.cos(), a.sin() * e.cos(), e.sin()));
+    let seen: Vec<_> = directions
+        .map(|direction| (direction * range_m(direction, forward_m)).map(|v| v as f32))
+        .filter(|p| !is_camera || p.x > 1.5 * p.y.abs().max(p.z.abs()))
+        .map(|p| if is_camera { [-p.y, -p.z, p.x] } else { [p.x, p.y, p.z] })
+        .collect();
+    Cloud {
+        stamp: Stamp(number * 100_000_000),
+        sensor: Arc::new(SpaceSensor::lidar("top")),
+        colours: vec![[200, 100, 50]; seen.len()],
+        points_m: seen,
+        times_s: Vec::new(),
+        odom_from_robot: Some(Pose3::identity()),
+    }
+}
+
+/// Results of three clouds, as far as an export needs them.
+fn mapped(out: &Path, is_camera: bool) {
+    let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
+    (0..3).for_each(|number| drop(mapper.add_cloud(&cloud(number, is_camera))));
+    fs::create_dir_all(out).unwrap();
+    fs::write(out.join("session.mapwright"), mapper.session().encode()).unwrap();
+}
+
+#[test]
+fn a_session_of_space_becomes_clouds_an_octree_and_a_floor_plan() {
+    let out = folder("export_space").join("out");
+    mapped(&out, false);
+    for to in ["ply", "pcd", "octomap", "pgm"] {
+        assert_code(&run(&["export", out.to_str().unwrap(), "--to", to]), 0);
+    }
+    let read = |name: &str| fs::read(out.join(name)).unwrap();
+    let ply = read_ply("export.ply", &read("export.ply"), &mut Notes::default()).unwrap();
+    let pcd = read_pcd("export.pcd", &read("export.pcd"), &mut Notes::default()).unwrap();
+    assert!(ply.points_m.len() > 1000 && ply.points_m == pcd.points_m);
+    assert!(ply.colours == pcd.colours && ply.colours[0] == [200, 100, 50]);
+
+    let tree = Octree::read_bt(&mut read("export.bt").as_slice()).unwrap();
+    let states = [[1.0, 1.0, 0.0], [0.3, 4.05, 0.1], [0.0, 0.0, 9.0]].map(|at_m| tree.state_at(at_m, 16));
+    assert_eq!(states[0], State::Free);
+    assert_eq!(states[2], State::Unknown);
+    assert!(tree.leaves().any(|leaf| leaf.is_occupied()), "{states:?}");
+
+    let pgm = read("export.pgm");
+    assert!(pgm.starts_with(b"P5") && pgm.contains(&0) && pgm.contains(&254), "walls and floor");
+    assert!(text(&read("export.yaml")).contains("resolution: 0.1"));
+}
+
+#[test]
+fn resolution_and_band_are_what_was_asked_for() {
+    let out = folder("export_space_asked").join("out");
+    mapped(&out, false);
+    let export = |more: &[&str]| run(&[&["export", out.to_str().unwrap(), "--to"], more].concat());
+    assert_code(&export(&["octomap", "--resolution", "0.5"]), 0);
+    let tree = Octree::read_bt(&mut fs::read(out.join("export.bt")).unwrap().as_slice()).unwrap();
+    assert!((tree.resolution_m() - 0.5).abs() < 1e-12);
+    assert_code(&export(&["pgm", "--band", "-0.8:1.5", "--resolution", "0.25"]), 0);
+    assert!(text(&fs::read(out.join("export.yaml")).unwrap()).contains("resolution: 0.25"));
+    assert_refused(&export(&["pgm", "--band", "1:0"]), 2, &["two heights"]);
+    assert_refused(&export(&["pgm", "--resolution", "0"]), 2, &["0.005 to 10 m"]);
+    assert_refused(&export(&["ply", "--band", "0:1"]), 1, &["--band is for --to pgm alone"]);
+}
+
+#[test]
+fn what_the_other_kind_of_session_cannot_become_is_told() {
+    let folder = folder("export_space_refused");
+    let (plane, space, camera) = (folder.join("plane"), folder.join("space"), folder.join("camera"));
+    assert_code(&run(&["map", &small_log_in(&folder), "-o", plane.to_str().unwrap(), "--quiet"]), 0);
+    mapped(&space, false);
+    mapped(&camera, true);
+    let export = |of: &Path, more: &[&str]| run(&[&["export", of.to_str().unwrap(), "--to"], more].concat());
+    for to in ["ply", "pcd", "octomap"] {
+        assert_refused(
+            &export(&plane, &[to]),
+            1,
+            &[&format!("--to {to} needs a session of space, found one of the plane")],
+        );
+    }
+    for to in ["tum", "kitti", "csv", "mcap", "worldfile"] {
+        assert_refused(
+            &export(&space, &[to]),
+            1,
+            &[&format!("--to {to} needs a session of the plane, found one of space")],
+        );
+    }
+    assert_refused(&export(&plane, &["pgm", "--band", "0:1"]), 1, &["--band needs a session of space"]);
+    assert_refused(&export(&camera, &["pgm"]), 1, &["z axis points upwards"]);
+    assert_code(&export(&camera, &["octomap"]), 0);
+}
