@@ -1,5 +1,7 @@
 //! The pipeline in space on simulated buildings.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use mapwright::{Cloud, EdgeKind, Pose3, Settings, SpaceMapper, SpaceSensor, SpaceSweep, Stamp, Status};
 use mapwright_eval::{Alignment, RpeSettings, SpaceErrors, space_errors};
 use mapwright_record::{LogWriter, read_log};
