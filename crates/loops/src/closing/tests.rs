@@ -219,8 +219,8 @@ fn comes_back<P: Pose>() {
         if !closing.is_due(way.past()) {
             continue;
         }
-        let sigma_m = 0.01 * f64::from(k);
-        let uncertainty = Uncertainty { displacement_m2: sigma_m * sigma_m, rotation_rad2: 1e-4 * sigma_m };
+        let [sigma_m, sigma_rad] = [0.01, 0.001].map(|a_step| a_step * f64::from(k));
+        let uncertainty = Uncertainty { displacement_m2: sigma_m * sigma_m, rotation_rad2: sigma_rad * sigma_rad };
         let known: Vec<KnownPlace> =
             (0..k.saturating_sub(30)).map(|first| KnownPlace { first, live: false, uncertainty }).collect();
         let Some(verification) = closing.propose(way.past(), &known, None, Signposts::default()) else { continue };
