@@ -218,8 +218,12 @@ impl Layout {
         let room = |used: usize| side_px.saturating_sub(used).max(50) as f32;
         let (across, down) = (2 * MARGIN_PX, 2 * MARGIN_PX + GAP_PX + STRIP_PX);
         let by_width = room(across) / scene.extent(0);
-        let px_per_metre = by_width.min(room(down) / (scene.extent(1) + scene.extent(2)));
-        let side = |axis: usize| ((scene.extent(axis) * px_per_metre) as usize).max(1);
+        let by_height = room(down) / (scene.extent(1) + scene.extent(2));
+        let px_per_metre = by_width.min(by_height);
+        let side = |axis: usize| ((scene.extent(axis) * px_per_metre).round() as usize).max(1);
+        // What the longest side leaves, lest two roundings lose or win a pixel.
+        let beside_px =
+            if by_height <= by_width { (room(down) as usize).saturating_sub(side(1)).max(1) } else { side(2) };
         let (low, high) = (scene.low, scene.high);
         let above = View {
             vertical: 1,
@@ -233,13 +237,13 @@ impl Layout {
             vertical: 2,
             origin: [low[0], high[2]],
             corner: [MARGIN_PX, MARGIN_PX + side(1) + GAP_PX],
-            size: [side(0), side(2)],
+            size: [side(0), beside_px],
             px_per_metre,
             section: Section::from_side(&scene.way, low, high),
         };
         // Room for scale bar and legend, however narrow the map.
         let width = (side(0) + across).max(320.min(side_px));
-        Self { width, height: side(1) + side(2) + down, px_per_metre, views: [above, beside] }
+        Self { width, height: side(1) + beside_px + down, px_per_metre, views: [above, beside] }
     }
 }
 
