@@ -110,9 +110,25 @@ impl Matcher {
 
     /// Climbs from `start` through the resolutions, the coarsest first.
     pub fn climb(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], prior: &Prior, start: Pose3) -> Fit {
+        self.climb_levels(map, map.levels().len(), points_m, (prior, start))
+    }
+
+    /// Climbs from `start` through the finer half of the resolutions: for a start that is trusted, which coarse voxels, where floor
+    /// and slope are one, would lead astray.
+    pub fn climb_near(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], prior: &Prior, start: Pose3) -> Fit {
+        self.climb_levels(map, map.levels().len().div_ceil(2), points_m, (prior, start))
+    }
+
+    fn climb_levels(
+        &mut self,
+        map: &SurfelMap,
+        levels: usize,
+        points_m: &[[f32; 3]],
+        (prior, start): (&Prior, Pose3),
+    ) -> Fit {
         self.take_points(points_m, self.settings.points);
         let (mut pose, mut evaluations) = (start, 0);
-        for level in map.levels().iter().rev() {
+        for level in map.levels()[..levels].iter().rev() {
             pose = self.climb_level(level, prior, pose, self.settings.steps, &mut evaluations);
         }
         self.fit(&map.levels()[0], pose, evaluations)

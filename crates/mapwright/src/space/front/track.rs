@@ -81,6 +81,11 @@ impl Tracker {
         let mut best = self.matcher.climb(map, points, &prior, first);
         let mut restarts = 0;
         if best.inlier_share < DOUBT_SHARE || best.known_share < DOUBT_KNOWN {
+            let near = self.matcher.climb_near(map, points, &prior, predicted);
+            restarts += 1;
+            if score(&near) > score(&best) {
+                best = Fit { evaluations: best.evaluations + near.evaluations, ..near };
+            }
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
             for start in self.matcher.rough(map, points, &prior, headings, FOLLOWED) {
