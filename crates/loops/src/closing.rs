@@ -109,7 +109,7 @@ pub struct Closing<S: Submaps> {
     supports: Supports<PoseOf<S>>,
     places: S::Places,
     /// Keyframes that were described, or are too near to one that was, and the way up to the last one that was, metres.
-    described: NodeId,
+    described: usize,
     described_m: Option<f64>,
     /// Closures the poses do not follow yet.
     strained: usize,
@@ -159,7 +159,8 @@ impl<S: Submaps> Closing<S> {
         self.waiting.drain(..self.waiting.len().saturating_sub(WAITING_AT_MOST));
         for known in past.session.recorded_edges().iter().filter(|known| known.recorded.candidate.is_some()) {
             let found = if known.withdrawn { supports::Found::Not } else { supports::Found::Here };
-            self.supports.learn(known.ends[0], known.ends[1], found);
+            let [from, to] = known.ends.map(NodeId::new);
+            self.supports.learn(from, to, found);
         }
         self.supports.forget(past.way_m);
         (self.checked_m, self.asked_m) = (past.length_m(), past.length_m());
@@ -181,7 +182,7 @@ impl<S: Submaps> Closing<S> {
         submaps: S,
     ) -> Option<Verification<S>> {
         let to = past.newest()?;
-        self.checked_m = past.way_m[to as usize];
+        self.checked_m = past.way_m[to.index()];
         self.supports.forget(past.way_m);
         let ClosingSettings { by_pose, by_place, .. } = self.settings;
         let mut targets = if by_pose { self.near(past, to, known) } else { Vec::new() };
@@ -212,8 +213,8 @@ impl<S: Submaps> Closing<S> {
     fn supporting(
         &mut self,
         past: Past<'_, S::Measurement>,
-        to: u32,
-        from: u32,
+        to: NodeId,
+        from: NodeId,
         known: &[KnownPlace],
     ) -> Option<Target<PoseOf<S>>> {
         if from >= to || !self.is_unjudged(past, from) {
@@ -259,11 +260,11 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// Places within the uncertainty of the pose, nearest first.
-    fn near(&self, past: Past<'_, S::Measurement>, to: u32, known: &[KnownPlace]) -> Vec<Target<PoseOf<S>>> {
-        let here = past.local_from_keyframe[to as usize];
+    fn near(&self, past: Past<'_, S::Measurement>, to: NodeId, known: &[KnownPlace]) -> Vec<Target<PoseOf<S>>> {
+        let here = past.pose(to);
         let mut near: Vec<(f64, Target<PoseOf<S>>)> = Vec::new();
         for place in known.iter().filter(|place| !place.live && past.way_between_m(to, place.first) >= LEFT_M) {
-            let there = past.local_from_keyframe[place.first as usize];
+            let there = past.pose(place.first);
             let away_m = there.distance(here);
             let target = target(past, place, place.first, to, Detection::Pose);
             if away_m <= SEEN_WITHIN_M + WINDOW_SIGMAS * target.sigma_m {
@@ -302,9 +303,8 @@ impl<S: Submaps> Closing<S> {
 
     /// Describes places since the last time, of so many keyframes at most, each by what was seen on the last metres of the way.
     fn remember_places(&mut self, past: Past<'_, S::Measurement>, submaps: &S, at_most: usize) {
-        let end = past.way_m.len().min(self.described as usize + at_most) as NodeId;
-        for node in self.described..end {
-            let way_m = past.way_m[node as usize];
+        let end = past.way_m.len().min(self.described + at_most);
+        for (node, &way_m) in NodeId::first(end).zip(past.way_m).skip(self.described) {
             if self.described_m.is_none_or(|last_m| way_m - last_m >= DESCRIBE_EVERY_M) {
                 self.described_m = Some(way_m);
                 submaps.remember(&mut self.places, node, &views_along(past, node, false, DESCRIBED_M));
@@ -442,7 +442,7 @@ fn window_m(place: &KnownPlace) -> f64 {
 }
 
 /// The patch that tells how certain a place is: the one that began last before it.
-fn patch_of(known: &[KnownPlace], node: u32) -> Option<&KnownPlace> {
+fn patch_of(known: &[KnownPlace], node: NodeId) -> Option<&KnownPlace> {
     known.iter().filter(|patch| patch.first <= node).max_by_key(|patch| patch.first)
 }
 

@@ -7,6 +7,7 @@
 mod signature;
 
 use mapwright_geom::Stored;
+use mapwright_record::NodeId;
 use signature::{Describer, Likeness, Query, Signature, is_signature};
 
 /// A hit stands for so many places added right before and after it.
@@ -18,7 +19,7 @@ const OUT: f32 = 0.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaceHit {
     /// The node it was added with.
-    pub node: u32,
+    pub node: NodeId,
     /// 0 for the same place, 1 for nothing in common.
     pub distance: f64,
     /// Heading of the query's frame in the node's, between `-pi/2` and `pi/2`; **half a turn more is as likely**. `None` where the
@@ -30,6 +31,7 @@ pub struct PlaceHit {
 ///
 /// ```
 /// use mapwright_loops::PlaceIndex;
+/// use mapwright_record::NodeId;
 /// // An L-shaped wall and a post, and the same seen from elsewhere.
 /// let wall = (0..40).map(|k| 0.1 * f64::from(k));
 /// let mut here: Vec<_> = wall.clone().map(|m| [2.0, m]).chain(wall.map(|m| [0.7 * m, 3.0])).collect();
@@ -37,13 +39,13 @@ pub struct PlaceHit {
 /// let moved: Vec<_> = here.iter().map(|[x, y]| [0.5 - y, x - 1.0]).collect();
 ///
 /// let mut places = PlaceIndex::default();
-/// places.add(7, &here);
+/// places.add(NodeId::new(7), &here);
 /// let hit = places.query(&moved, 1, |_| true)[0];
-/// assert!(hit.node == 7 && hit.distance < 0.1);
+/// assert!(hit.node == NodeId::new(7) && hit.distance < 0.1);
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct PlaceIndex {
-    nodes: Vec<u32>,
+    nodes: Vec<NodeId>,
     signatures: Vec<Signature>,
     describer: Describer,
     /// How alike each is to what is asked for.
@@ -65,13 +67,13 @@ impl PlaceIndex {
 
     /// The nodes that they were added with.
     #[must_use]
-    pub fn nodes(&self) -> &[u32] {
+    pub fn nodes(&self) -> &[NodeId] {
         &self.nodes
     }
 
     /// Adds a place: end points in its frame, metres. Those farther than 8 m and those that are not numbers do not count;
     /// a place with hardly any is never found.
-    pub fn add(&mut self, node: u32, points: &[[f64; 2]]) {
+    pub fn add(&mut self, node: NodeId, points: &[[f64; 2]]) {
         let signature = self.describer.describe(points);
         self.nodes.push(node);
         self.signatures.push(signature);
@@ -81,7 +83,7 @@ impl PlaceIndex {
     ///
     /// All are compared, at every turn. A hit stands for four places added before and after it too, which are left out.
     #[must_use]
-    pub fn query(&mut self, points: &[[f64; 2]], at_most: usize, allow: impl Fn(u32) -> bool) -> Vec<PlaceHit> {
+    pub fn query(&mut self, points: &[[f64; 2]], at_most: usize, allow: impl Fn(NodeId) -> bool) -> Vec<PlaceHit> {
         let mut hits = Vec::new();
         let Some(query) = Query::new(self.describer.describe(points)) else { return hits };
         let table = &self.describer.table;
@@ -108,7 +110,7 @@ impl Stored for PlaceIndex {
     }
 
     fn take(from: &mut &[u8]) -> Option<Self> {
-        let (nodes, signatures): (Vec<u32>, Vec<Signature>) = Stored::take(from)?;
+        let (nodes, signatures): (Vec<NodeId>, Vec<Signature>) = Stored::take(from)?;
         let are_sound = nodes.len() == signatures.len() && signatures.iter().all(is_signature);
         are_sound.then(|| Self { nodes, signatures, ..Self::default() })
     }
@@ -146,7 +148,7 @@ mod tests {
 
     fn index(views: &[Vec<[f64; 2]>]) -> PlaceIndex {
         let mut places = PlaceIndex::default();
-        views.iter().enumerate().for_each(|(k, view)| places.add(10 * k as u32, view));
+        views.iter().enumerate().for_each(|(k, view)| places.add(NodeId::at(10 * k), view));
         places
     }
 
@@ -162,10 +164,10 @@ mod tests {
             let query_from_node = node_from_query.inverse();
             let seen: Vec<_> = view.iter().map(|&p| query_from_node.transform(p)).collect();
             let hit = places.query(&seen, 1, |_| true)[0];
-            let right = (hit.node / 10).abs_diff(k as u32) <= 1;
+            let right = (hit.node.index() / 10).abs_diff(k) <= 1;
             asked += 1;
             found += u32::from(right);
-            if hit.node as usize == 10 * k {
+            if hit.node.index() == 10 * k {
                 let off_rad = 0.5 * wrap_angle(2.0 * (hit.heading_rad.unwrap() - turn_rad));
                 assert!(off_rad.abs() < 0.1, "{off_rad} at {k}");
             }
@@ -178,15 +180,15 @@ mod tests {
         let views = views(60);
         let mut places = index(&views);
         assert!(places.len() == 60 && !places.is_empty());
-        let hits = places.query(&views[50], 8, |node| node < 400);
+        let hits = places.query(&views[50], 8, |node| node.index() < 400);
         assert!(!hits.is_empty() && hits.len() <= 8);
-        assert!(hits.iter().all(|hit| hit.node < 400));
+        assert!(hits.iter().all(|hit| hit.node.index() < 400));
         assert!(hits.windows(2).all(|w| w[0].distance <= w[1].distance));
         for (k, a) in hits.iter().enumerate() {
-            assert!(hits[..k].iter().all(|b| a.node.abs_diff(b.node) > 10 * NEIGHBOURS as u32));
+            assert!(hits[..k].iter().all(|b| a.node.index().abs_diff(b.node.index()) > 10 * NEIGHBOURS));
         }
-        assert_eq!(hits, places.query(&views[50], 8, |node| node < 400));
-        assert_eq!(hits, index(&views).query(&views[50], 8, |node| node < 400));
+        assert_eq!(hits, places.query(&views[50], 8, |node| node.index() < 400));
+        assert_eq!(hits, index(&views).query(&views[50], 8, |node| node.index() < 400));
         assert!(places.query(&views[50], 0, |_| true).is_empty());
     }
 
@@ -211,10 +213,10 @@ mod tests {
         let mut places = index(&views);
         for nothing in [&[][..], &[[f64::NAN, 1.0]; 50], &[[1e300, -1e300]; 50], &[[1.0, 1.0]; 50]] {
             assert!(places.query(nothing, 5, |_| true).is_empty());
-            places.add(99, nothing);
+            places.add(NodeId::new(99), nothing);
         }
-        assert!(places.query(&views[0], 10, |node| node == 99).is_empty());
-        assert_eq!(places.query(&views[0], 10, |_| true)[0].node, 0);
+        assert!(places.query(&views[0], 10, |node| node.index() == 99).is_empty());
+        assert_eq!(places.query(&views[0], 10, |_| true)[0].node.index(), 0);
     }
 
     fn any_points() -> impl Strategy<Value = Vec<[f64; 2]>> {
@@ -228,8 +230,8 @@ mod tests {
         #[test]
         fn any_points_may_come(a in any_points(), b in any_points()) {
             let mut places = PlaceIndex::default();
-            places.add(1, &a);
-            places.add(2, &b);
+            places.add(NodeId::new(1), &a);
+            places.add(NodeId::new(2), &b);
             let hits = places.query(&a, 3, |_| true);
             for hit in &hits {
                 prop_assert!((0.0..=1.0).contains(&hit.distance));
@@ -241,7 +243,7 @@ mod tests {
         #[test]
         fn order_of_points_does_not_matter(points in any_points()) {
             let mut places = PlaceIndex::default();
-            places.add(1, &points);
+            places.add(NodeId::new(1), &points);
             let reversed: Vec<_> = points.iter().rev().copied().collect();
             for hit in places.query(&reversed, 1, |_| true) {
                 prop_assert!(hit.distance < 1e-3, "{}", hit.distance);
@@ -254,7 +256,7 @@ mod tests {
         let mut rng = Rng::new(1);
         let crowd: Vec<_> = (0..50_000).map(|_| [rng.uniform(-8.0, 8.0), rng.uniform(-8.0, 8.0)]).collect();
         let mut places = PlaceIndex::default();
-        places.add(1, &crowd);
+        places.add(NodeId::new(1), &crowd);
         assert!(places.query(&crowd, 1, |_| true)[0].distance < 1e-3);
     }
 }

@@ -36,7 +36,7 @@ pub fn views<M: Measurement>(
     reach_m: f64,
     step_m: impl Fn(usize) -> f64,
 ) -> Vec<View<M>> {
-    let at = at as usize;
+    let at = at.index();
     let submap_from_local = past.local_from_keyframe[at].inverse();
     let mut views = Vec::new();
     let mut side = |nodes: &mut dyn Iterator<Item = (usize, f64)>| {

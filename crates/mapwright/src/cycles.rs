@@ -88,7 +88,7 @@ fn spread_error<S: Submaps>(
     closure: &Edge<PoseOf<S>>,
 ) -> bool {
     let Some([first, last]) = store.past().nodes([closure.from, closure.to]) else { return false };
-    let (first, last) = (first as usize, last as usize);
+    let (first, last) = (first.index(), last.index());
     let mut map_from_keyframe = store.session().map_from_keyframe().to_vec();
     let Some(steps) = map_from_keyframe.get(first..=last) else { return false };
     let shares = spread::shares_by_motion(steps);

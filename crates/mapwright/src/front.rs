@@ -147,7 +147,7 @@ impl FrontEnd {
             predictor,
             local_from_last: pose.local_from_robot(),
             step,
-            next: past.local_from_keyframe.len() as NodeId,
+            next: NodeId::at(past.local_from_keyframe.len()),
         };
         let matched = tracker.track(&scene, scan.stamp, predicted)?;
         if let Some((correction, variances)) = matched.on_odometry {
@@ -160,7 +160,7 @@ impl FrontEnd {
     pub(crate) fn settle(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared, matched: Option<&Matched>) {
         let Prepared { step, predicted, odom_from_robot, .. } = *prepared;
         let believed = matched.filter(|matched| matched.is_believed());
-        let supplier = believed.and_then(|matched| matched.agreement.supplier);
+        let supplier = believed.and_then(Matched::supplier);
         let anchor = supplier.filter(|&node| self.local_map.is_live(node));
         let noise = Cov3::from_diagonal(&step.variances.into());
         let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
@@ -204,7 +204,7 @@ impl FrontEnd {
             predictor: &self.predictor,
             local_from_last: local_from_robot,
             step,
-            next: past.local_from_keyframe.len() as NodeId,
+            next: NodeId::at(past.local_from_keyframe.len()),
         };
         self.slips.watch(&scene, &self.tracker, matched, local_from_robot, busy, is_closed_since)
     }

@@ -5,7 +5,7 @@ use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LocalMap, LocalMapSettings};
 use mapwright_loops::KnownPlace;
-use mapwright_record::{LocalMapReport, Past};
+use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
@@ -51,9 +51,9 @@ pub(crate) struct LocalMapping {
     views: Vec<View>,
     patches: Patches,
     /// Keyframes of live patches by area.
-    areas: FxHashMap<(i32, i32), Vec<u32>>,
+    areas: FxHashMap<(i32, i32), Vec<NodeId>>,
     /// Keyframes to be drawn or taken out.
-    due: VecDeque<u32>,
+    due: VecDeque<NodeId>,
     /// How many halves of them may be drawn by now.
     halves: u32,
     lever_m: f64,
@@ -121,41 +121,41 @@ impl LocalMapping {
     }
 
     /// Draws a keyframe's beams into the map or takes them out again.
-    fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, change: Change) {
+    fn draw(&mut self, settings: &Settings, frames: Frames<'_>, node: NodeId, change: Change) {
         let Some(()) = self.fill_points(settings, frames, node) else { return };
-        let view = &mut self.views[node as usize];
+        let view = &mut self.views[node.index()];
         let drawn_at = view.drawn_at.filter(|_| change == Change::Remove);
-        let at = drawn_at.unwrap_or(frames.world_from_robot[node as usize]);
-        self.map.draw(&self.points, at, change, node);
+        let at = drawn_at.unwrap_or(frames.world_from_robot[node.index()]);
+        self.map.draw(&self.points, at, change, node.number());
         let (drawn, was) = (change == Change::Add, view.drawn_at.is_some());
         view.drawn_at = drawn.then_some(at);
         self.report.keyframes = self.report.keyframes + usize::from(drawn && !was) - usize::from(was && !drawn);
     }
 
     /// What a keyframe shows, if it does.
-    fn fill_points(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) -> Option<()> {
-        let sweep = frames.drawn[node as usize].as_ref()?;
+    fn fill_points(&mut self, settings: &Settings, frames: Frames<'_>, node: NodeId) -> Option<()> {
+        let sweep = frames.drawn[node.index()].as_ref()?;
         self.points.fill(sweep, &mut self.table, settings.scan.free_range_m);
         self.points.fill_normals();
         Some(())
     }
 
     /// The next keyframe, so far from the last one, is as uncertain relative to `from`.
-    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3, spacing: Spacing) {
+    pub(crate) fn connect(&mut self, from: NodeId, covariance: &Cov3, spacing: Spacing) {
         if self.gated {
             self.patches.connect(from, covariance, spacing);
         }
     }
 
     /// A new keyframe joins; older views of its area give way.
-    pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: u32, lever_m: f64) {
+    pub(crate) fn insert(&mut self, settings: &Settings, frames: Frames<'_>, node: NodeId, lever_m: f64) {
         self.views.push(View::default());
         self.lever_m = lever_m;
-        let blank = frames.drawn[node as usize].is_none();
+        let blank = frames.drawn[node.index()].is_none();
         if blank {
             // It is where the robot is, and there is nothing to draw.
             self.points.clear();
-            self.views[node as usize].gone = true;
+            self.views[node.index()].gone = true;
         } else {
             self.draw(settings, frames, node, Change::Add);
         }
@@ -168,15 +168,15 @@ impl LocalMapping {
     }
 
     /// Of the views around one the newest stay.
-    fn enter_area(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
-        let at = frames.world_from_robot[node as usize];
+    fn enter_area(&mut self, settings: &Settings, frames: Frames<'_>, node: NodeId) {
+        let at = frames.world_from_robot[node.index()];
         let (x, y) = area(at);
-        self.views[node as usize].area = (x, y);
+        self.views[node.index()].area = (x, y);
         self.areas.entry((x, y)).or_default().push(node);
         let (mut alike, mut oldest) = (0, node);
         for key in (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y))) {
             for &other in self.areas.get(&key).into_iter().flatten() {
-                let pose = frames.world_from_robot[other as usize];
+                let pose = frames.world_from_robot[other.index()];
                 if at.distance(pose) <= SAME_VIEW_M && at.between(pose).theta.abs() <= SAME_VIEW_RAD {
                     (alike, oldest) = (alike + 1, oldest.min(other));
                 }
@@ -189,15 +189,15 @@ impl LocalMapping {
     }
 
     /// A view gives way to others for good.
-    fn supersede(&mut self, node: u32) {
-        self.views[node as usize].gone = true;
+    fn supersede(&mut self, node: NodeId) {
+        self.views[node.index()].gone = true;
         self.patches.forget(node);
         self.due.push_back(node);
         self.report.superseded += 1;
     }
 
-    fn leave_area(&mut self, node: u32) {
-        if let Some(views) = self.areas.get_mut(&self.views[node as usize].area) {
+    fn leave_area(&mut self, node: NodeId) {
+        if let Some(views) = self.areas.get_mut(&self.views[node.index()].area) {
             views.retain(|&view| view != node);
         }
     }
@@ -205,7 +205,7 @@ impl LocalMapping {
     /// A patch's keyframes join or leave: they are due to be taken out, or wait until a scan meets them to be drawn.
     fn flip(&mut self, settings: &Settings, frames: Frames<'_>, flip: Flip) {
         for node in self.patches.flip(flip) {
-            if self.views[node as usize].gone {
+            if self.views[node.index()].gone {
                 continue;
             }
             if flip.live {
@@ -239,7 +239,7 @@ impl LocalMapping {
     fn meets_stale(&mut self, hits: &[[f64; 2]], predicted: Pose2) -> bool {
         let mut met = std::mem::take(&mut self.met);
         self.map.each_supplier(hits, predicted, |supplier| {
-            if let Some(patch) = self.patches.stale(supplier) {
+            if let Some(patch) = self.patches.stale(NodeId::new(supplier)) {
                 count(&mut met, patch, 1);
             }
         });
@@ -282,14 +282,15 @@ impl LocalMapping {
             self.patches.carry(before, frames.world_from_robot);
             self.enter_areas(frames);
         }
-        let nodes = 0..frames.world_from_robot.len() as u32;
-        let displaced = nodes.clone().filter(|&node| self.is_displaced(frames, node) && self.is_wanted(node));
-        let displaced: Vec<u32> = displaced.collect();
+        let nodes = || NodeId::first(frames.world_from_robot.len());
+        let displaced = nodes().filter(|&node| self.is_displaced(frames, node) && self.is_wanted(node));
+        let displaced: Vec<NodeId> = displaced.collect();
         if !self.gated {
             self.due = displaced.into();
             return;
         }
-        let wanted = nodes.filter(|&node| self.views[node as usize].drawn_at.is_some() && self.is_wanted(node)).count();
+        let wanted =
+            nodes().filter(|&node| self.views[node.index()].drawn_at.is_some() && self.is_wanted(node)).count();
         let stay = wanted - displaced.len();
         for node in displaced {
             self.patches.unsettle(node);
@@ -301,14 +302,14 @@ impl LocalMapping {
     }
 
     /// Whether a keyframe is to be in the local map.
-    fn is_wanted(&self, node: u32) -> bool {
-        !self.views[node as usize].gone && self.is_live(node)
+    fn is_wanted(&self, node: NodeId) -> bool {
+        !self.views[node.index()].gone && self.is_live(node)
     }
 
     /// Whether a keyframe is drawn elsewhere than where it belongs.
-    fn is_displaced(&self, frames: Frames<'_>, node: u32) -> bool {
-        let at = frames.world_from_robot[node as usize];
-        self.views[node as usize].drawn_at.is_some_and(|drawn_at| {
+    fn is_displaced(&self, frames: Frames<'_>, node: NodeId) -> bool {
+        let at = frames.world_from_robot[node.index()];
+        self.views[node.index()].drawn_at.is_some_and(|drawn_at| {
             let moved_m = drawn_at.distance(at) + self.lever_m * drawn_at.between(at).theta.abs();
             moved_m > DISPLACED_CELLS * self.map.settings.resolution_m
         })
@@ -322,7 +323,7 @@ impl LocalMapping {
         self.due.clear();
         self.patches.unsettle_all();
         let mut left = MET_AT_ONCE;
-        for node in (0..self.views.len() as u32).rev() {
+        for node in NodeId::first(self.views.len()).rev() {
             if left > 0 && self.is_wanted(node) {
                 self.draw(settings, frames, node, Change::Add);
                 left -= 1;
@@ -332,14 +333,14 @@ impl LocalMapping {
     }
 
     /// A closure links two keyframes.
-    pub(crate) fn close(&mut self, frames: Frames<'_>, from: u32, to: u32, covariance: &Cov3) {
+    pub(crate) fn close(&mut self, frames: Frames<'_>, from: NodeId, to: NodeId, covariance: &Cov3) {
         if self.gated {
             self.patches.close(frames.world_from_robot, from, to, covariance);
         }
     }
 
     /// A closure was none.
-    pub(crate) fn open(&mut self, from: u32, to: u32) {
+    pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
         if self.gated {
             self.patches.open(from, to);
         }
@@ -361,7 +362,7 @@ impl LocalMapping {
     }
 
     /// Whether a keyframe is in the local map or is to be.
-    pub(crate) fn is_live(&self, node: u32) -> bool {
+    pub(crate) fn is_live(&self, node: NodeId) -> bool {
         !self.gated || self.patches.is_live(node)
     }
 
@@ -370,7 +371,7 @@ impl LocalMapping {
         let mut left = most;
         while left > 0 {
             let Some(node) = self.due.pop_front() else { return };
-            let drawn = self.views[node as usize].drawn_at.is_some();
+            let drawn = self.views[node.index()].drawn_at.is_some();
             let wanted = self.is_wanted(node);
             if wanted == drawn && !(wanted && self.is_displaced(frames, node)) {
                 continue;
@@ -382,14 +383,14 @@ impl LocalMapping {
                 self.draw(settings, frames, node, Change::Add);
             }
             self.report.let_in += u64::from(wanted && !drawn);
-            self.report.gated_out += u64::from(!wanted && !self.views[node as usize].gone);
+            self.report.gated_out += u64::from(!wanted && !self.views[node.index()].gone);
             left -= 1;
         }
     }
 
     /// Takes a keyframe out for good.
-    pub(crate) fn drop(&mut self, settings: &Settings, frames: Frames<'_>, node: u32) {
-        let Some(view) = self.views.get_mut(node as usize) else { return };
+    pub(crate) fn drop(&mut self, settings: &Settings, frames: Frames<'_>, node: NodeId) {
+        let Some(view) = self.views.get_mut(node.index()) else { return };
         view.gone = true;
         if view.drawn_at.is_some() {
             self.draw(settings, frames, node, Change::Remove);

@@ -192,8 +192,8 @@ impl Mapper {
         let slipped = front.watch_slips(store.past(), prepared.step, matched, back.is_busy(), is_closed_since);
         let Some(slipped) = slipped else { return };
         // What the last keyframes before were matched with far back may have been led astray by it.
-        let doubted = slipped.from.saturating_sub(BEFORE)..slipped.from;
-        let before = store.shift(&slipped, |past, from, to| doubted.contains(&to) && is_old(past, from, to));
+        let doubted = slipped.from.index().saturating_sub(BEFORE)..slipped.from.index();
+        let before = store.shift(&slipped, |past, from, to| doubted.contains(&to.index()) && is_old(past, from, to));
         back.closing.forget_since(slipped.from);
         front.slip(store.past(), &before, &slipped);
     }
@@ -327,8 +327,8 @@ impl Mapper {
     fn take_in(&mut self, result: JobResult) {
         let known = self.store.len();
         match result.0 {
-            Outcome::Verified(verified) if verified.to < known => self.judge(&verified),
-            Outcome::Solved(Some(solved)) if solved.map_from_keyframe.len() <= known as usize => self.correct(&solved),
+            Outcome::Verified(verified) if verified.to.index() < known => self.judge(&verified),
+            Outcome::Solved(Some(solved)) if solved.map_from_keyframe.len() <= known => self.correct(&solved),
             Outcome::Sought(answer) => self.hear(&answer),
             _ => {}
         }

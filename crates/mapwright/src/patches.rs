@@ -7,6 +7,7 @@ use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
 use mapwright_grid::floor_cell;
 use mapwright_loops::KnownPlace;
+use mapwright_record::NodeId;
 use rustc_hash::FxHashMap;
 
 mod checkpoint;
@@ -46,7 +47,7 @@ const SEARCH_AT_MOST: usize = 1024;
 #[derive(Debug, Clone)]
 pub(crate) struct Patch {
     /// The keyframe it began with.
-    pub(crate) first: u32,
+    pub(crate) first: NodeId,
     at: [f64; 2],
     live: bool,
     /// Relative to where the search `round` started; none before the first one.
@@ -59,7 +60,7 @@ pub(crate) struct Patch {
     /// LocalMapping, but not drawn where it belongs, for it was let in or moved: that is mended when a scan meets it.
     unsettled: bool,
     /// Its keyframes that may be drawn.
-    pub(crate) views: Vec<u32>,
+    pub(crate) views: Vec<NodeId>,
     /// Squares in which its keyframes have seen obstacles, relative to the first one.
     outline: Vec<[i16; 2]>,
 }
@@ -98,7 +99,7 @@ pub(crate) struct Patches {
     /// LocalMapping patches by place.
     buckets: FxHashMap<(i32, i32), Vec<u32>>,
     /// Links of the next keyframe.
-    links: Vec<(u32, Uncertainty)>,
+    links: Vec<(NodeId, Uncertainty)>,
     lever_m: f64,
     /// Length of the robot's way, metres.
     way_m: f64,
@@ -117,29 +118,29 @@ pub(crate) struct Patches {
 
 impl Patches {
     /// The next keyframe, so far from the last one, is as uncertain relative to `from`.
-    pub(crate) fn connect(&mut self, from: u32, covariance: &Cov3, spacing: Spacing) {
+    pub(crate) fn connect(&mut self, from: NodeId, covariance: &Cov3, spacing: Spacing) {
         self.links.push((from, accumulating(covariance, spacing)));
     }
 
     /// Puts the next keyframe into the nearest live patch it is certain in, or begins one.
     pub(crate) fn add(&mut self, poses: &[Pose2], lever_m: f64, hits: &[[f64; 2]]) {
         self.lever_m = lever_m;
-        let node = self.members.len() as u32;
-        let at = position(poses[node as usize]);
+        let node = NodeId::at(self.members.len());
+        let at = position(poses[node.index()]);
         let (mut links, mut chained) = (Vec::new(), false);
         for (from, link) in std::mem::take(&mut self.links) {
-            let Member { patch, uncertainty } = self.members[from as usize];
-            let step_m = distance2(position(poses[from as usize]), at).sqrt();
+            let Member { patch, uncertainty } = self.members[from.index()];
+            let step_m = distance2(position(poses[from.index()]), at).sqrt();
             links.push((patch, uncertainty.then(link, step_m)));
             self.patches[patch as usize].used_m = self.way_m;
-            if from + 1 == node {
+            if from.next() == node {
                 chained = true;
                 self.way_m += step_m;
                 self.since_searched = self.since_searched.then(link, step_m);
                 self.since_started = self.since_started.then(link, step_m);
             }
         }
-        if node > 0 && !chained {
+        if node.index() > 0 && !chained {
             // The way is broken: what was known relative to the robot no longer is.
             (self.searching, self.judged, self.searched_from) = (false, self.round + 1, [f64::INFINITY; 2]);
             self.way_m += LEAVING_M;
@@ -149,7 +150,7 @@ impl Patches {
         let Patch { first, views, used_m, outline, .. } = &mut self.patches[member.patch as usize];
         views.push(node);
         *used_m = self.way_m;
-        let Pose2 { x, y, theta } = poses[*first as usize].between(poses[node as usize]);
+        let Pose2 { x, y, theta } = poses[first.index()].between(poses[node.index()]);
         let (s, c) = theta.sin_cos();
         let square = |&[hx, hy]: &[f64; 2]| {
             [x + c * hx - s * hy, y + s * hx + c * hy].map(|metres| floor_cell(metres / OUTLINE_M) as i16)
@@ -174,15 +175,15 @@ impl Patches {
     }
 
     /// Links two keyframes that are there already: a closure.
-    pub(crate) fn close(&mut self, poses: &[Pose2], from: u32, to: u32, covariance: &Cov3) {
-        let [from, to] = [from, to].map(|node| (self.members[node as usize], position(poses[node as usize])));
+    pub(crate) fn close(&mut self, poses: &[Pose2], from: NodeId, to: NodeId, covariance: &Cov3) {
+        let [from, to] = [from, to].map(|node| (self.members[node.index()], position(poses[node.index()])));
         let (Member { patch, uncertainty }, step_m) = (from.0, distance2(from.1, to.1).sqrt());
         self.link(patch, to.0, uncertainty.then(accumulating(covariance, Spacing::default()), step_m), to.1);
     }
 
     /// A closure was none: what it linked is apart again.
-    pub(crate) fn open(&mut self, from: u32, to: u32) {
-        let [from, to] = [from, to].map(|node| self.members[node as usize].patch);
+    pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
+        let [from, to] = [from, to].map(|node| self.members[node.index()].patch);
         for graph in [&mut self.graph, &mut self.whole] {
             graph.remove_link(from, to);
         }
@@ -190,14 +191,14 @@ impl Patches {
 
     /// The keyframes have moved.
     pub(crate) fn carry(&mut self, before: &[Pose2], poses: &[Pose2]) {
-        let moved = |patch: &Patch| poses[patch.first as usize] * before[patch.first as usize].inverse();
+        let moved = |patch: &Patch| poses[patch.first.index()] * before[patch.first.index()].inverse();
         let motions: Vec<Pose2> = self.patches.iter().map(moved).collect();
         for graph in [&mut self.graph, &mut self.whole] {
             graph.carry(|patch| motions[patch as usize]);
         }
         self.buckets.clear();
         for (number, patch) in (0..).zip(&mut self.patches) {
-            patch.at = position(poses[patch.first as usize]);
+            patch.at = position(poses[patch.first.index()]);
             if patch.live && !patch.views.is_empty() {
                 self.buckets.entry(bucket(patch.at)).or_default().push(number);
             }
@@ -232,7 +233,7 @@ impl Patches {
         best.map(|(_, member)| member)
     }
 
-    fn begin(&mut self, first: u32, at: [f64; 2]) -> u32 {
+    fn begin(&mut self, first: NodeId, at: [f64; 2]) -> u32 {
         let (round, used_m) = (self.round, self.way_m);
         let (views, outline) = (Vec::new(), Vec::new());
         let fresh = Patch {
@@ -327,8 +328,8 @@ impl Patches {
     }
 
     /// A keyframe's patch, if it is one of those.
-    pub(crate) fn stale(&self, node: u32) -> Option<u32> {
-        let patch = self.members.get(node as usize)?.patch;
+    pub(crate) fn stale(&self, node: NodeId) -> Option<u32> {
+        let patch = self.members.get(node.index())?.patch;
         self.patches[patch as usize].stale.then_some(patch)
     }
 
@@ -344,7 +345,7 @@ impl Patches {
     }
 
     /// Carries a flip out and returns the keyframes concerned.
-    pub(crate) fn flip(&mut self, flip: Flip) -> Vec<u32> {
+    pub(crate) fn flip(&mut self, flip: Flip) -> Vec<NodeId> {
         let Patch { at, live, stale, unsettled, views, .. } = &mut self.patches[flip.patch as usize];
         self.stale -= usize::from(*stale);
         (*live, *stale, *unsettled) = (flip.live, false, flip.live);
@@ -367,8 +368,8 @@ impl Patches {
     }
 
     /// A keyframe is not drawn as it should be, and with it its patch.
-    pub(crate) fn unsettle(&mut self, node: u32) {
-        if let Some(member) = self.members.get(node as usize) {
+    pub(crate) fn unsettle(&mut self, node: NodeId) {
+        if let Some(member) = self.members.get(node.index()) {
             let patch = &mut self.patches[member.patch as usize];
             patch.unsettled = patch.live;
         }
@@ -385,19 +386,19 @@ impl Patches {
     }
 
     /// A patch is about to be drawn as it should be: its views, if there is something to be done.
-    pub(crate) fn settle(&mut self, patch: u32) -> &[u32] {
+    pub(crate) fn settle(&mut self, patch: u32) -> &[NodeId] {
         let Patch { unsettled, views, .. } = &mut self.patches[patch as usize];
         if std::mem::take(unsettled) { views } else { &[] }
     }
 
     /// Whether a keyframe's patch is live.
-    pub(crate) fn is_live(&self, node: u32) -> bool {
-        self.members.get(node as usize).is_some_and(|member| self.patches[member.patch as usize].live)
+    pub(crate) fn is_live(&self, node: NodeId) -> bool {
+        self.members.get(node.index()).is_some_and(|member| self.patches[member.patch as usize].live)
     }
 
     /// A keyframe will not be drawn again; a patch without any is left out of searches.
-    pub(crate) fn forget(&mut self, node: u32) {
-        let Some(&Member { patch, .. }) = self.members.get(node as usize) else { return };
+    pub(crate) fn forget(&mut self, node: NodeId) {
+        let Some(&Member { patch, .. }) = self.members.get(node.index()) else { return };
         let Patch { at, views, stale, .. } = &mut self.patches[patch as usize];
         views.retain(|&view| view != node);
         if views.is_empty() {

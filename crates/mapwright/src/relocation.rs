@@ -36,11 +36,11 @@ const VIEW_EVERY_M: f64 = 0.5;
 pub(crate) struct Ground {
     atlas: Atlas,
     /// The keyframe of each of its views.
-    nodes: Vec<u32>,
+    nodes: Vec<NodeId>,
 }
 
 impl Ground {
-    fn new(views: Vec<(u32, View)>, submaps: &PlaneSubmapSettings) -> Self {
+    fn new(views: Vec<(NodeId, View)>, submaps: &PlaneSubmapSettings) -> Self {
         let (nodes, views) = views.into_iter().unzip();
         Self { atlas: Atlas::new(views, submaps), nodes }
     }
@@ -50,7 +50,7 @@ impl Ground {
 #[derive(Debug, Clone)]
 pub(crate) enum Known {
     Drawn(Arc<Ground>),
-    Views(Vec<(u32, View)>),
+    Views(Vec<(NodeId, View)>),
 }
 
 /// What a lost robot has seen is looked for in all that is known.
@@ -59,7 +59,7 @@ pub(crate) struct Seeking {
     /// Number of the question.
     pub(crate) question: u64,
     /// The newest keyframe that was made aside, whose frame is that of the queries.
-    to: u32,
+    to: NodeId,
     known: Known,
     /// What was seen lately, and all that was seen since the robot is lost, up to a bound.
     lately: Vec<View>,
@@ -82,7 +82,7 @@ pub(crate) struct Seeking {
 /// What was seen lately and on the way, up to an earlier keyframe.
 #[derive(Debug, Clone)]
 struct Earlier {
-    to: u32,
+    to: NodeId,
     /// Whether there was an answer since.
     answered: bool,
     lately: Vec<View>,
@@ -94,7 +94,7 @@ struct Earlier {
 #[derive(Debug, Clone)]
 pub(crate) struct Sought {
     pub(crate) question: u64,
-    pub(crate) to: u32,
+    pub(crate) to: NodeId,
     pub(crate) ground: Arc<Ground>,
     /// The best place of all.
     pub(crate) best: Option<Place>,
@@ -215,25 +215,25 @@ pub(crate) fn seek(
     settings: &Settings,
     past: Past<'_>,
     sought: Past<'_>,
-    (ground, hopes, answered): (Option<&Arc<Ground>>, Vec<Hope>, Option<u32>),
+    (ground, hopes, answered): (Option<&Arc<Ground>>, Vec<Hope>, Option<NodeId>),
     (question, effort, matcher): (u64, u64, MatcherSettings),
 ) -> Option<Seeking> {
     let to = sought.newest()?;
     let step_m = |node: usize| sought.step_m(node);
-    let seen_on = |at: u32, way_m: f64| views(sought, at, false, way_m, step_m);
+    let seen_on = |at: NodeId, way_m: f64| views(sought, at, false, way_m, step_m);
     let known = ground.map_or_else(|| Known::Views(everything(past)), |g| Known::Drawn(Arc::clone(g)));
     let submaps = settings.submaps();
     let mut left_m = SINCE_M;
-    let whole = (1..=to as usize).rev().all(|node| {
+    let whole = (1..=to.index()).rev().all(|node| {
         left_m -= step_m(node);
         left_m >= 0.0
     });
-    let seen_at = |at: u32| (seen_on(at, LATELY_M), seen_on(at, SINCE_M), sought.local_from_keyframe[at as usize]);
+    let seen_at = |at: NodeId| (seen_on(at, LATELY_M), seen_on(at, SINCE_M), sought.pose(at));
     let (lately, since, aside_from_query) = seen_at(to);
     let before = if whole { Vec::new() } else { seen_before(sought, step_m) };
     let mut back_m = 0.0;
-    let before_to = (0..to).rev().take_while(|&at| {
-        back_m += step_m(at as usize + 1);
+    let before_to = NodeId::first(to.index()).rev().take_while(|&at| {
+        back_m += step_m(at.index() + 1);
         back_m <= BACK_M
     });
     let before_to = before_to.take(BACK_AT_MOST);
@@ -269,7 +269,7 @@ fn everything(past: Past<'_>) -> Vec<(NodeId, View)> {
         let (Some(sweep), pose) = (sweep, past.local_from_keyframe[node]) else { continue };
         let [x, y] = [pose.x, pose.y].map(|m| (m / VIEW_EVERY_M).floor() as i32);
         if seen.insert((x, y, (pose.theta / FRAC_PI_4).floor() as i32)) {
-            views.push((node as NodeId, View { sweep: Arc::clone(sweep), submap_from_keyframe: pose }));
+            views.push((NodeId::at(node), View { sweep: Arc::clone(sweep), submap_from_keyframe: pose }));
         }
     }
     views.reverse();

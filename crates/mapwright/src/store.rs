@@ -97,8 +97,8 @@ impl<M: Measurement> Store<M> {
         }
     }
 
-    pub(crate) fn len(&self) -> NodeId {
-        self.local_from_keyframe.len() as NodeId
+    pub(crate) fn len(&self) -> usize {
+        self.local_from_keyframe.len()
     }
 
     pub(crate) fn map_from_local(&self) -> M::Pose {
@@ -106,13 +106,13 @@ impl<M: Measurement> Store<M> {
     }
 
     pub(crate) fn id(&self, node: NodeId) -> KeyframeId {
-        let known = self.session.keyframes().get(node as usize).map(|keyframe| keyframe.id);
+        let known = self.session.keyframes().get(node.index()).map(|keyframe| keyframe.id);
         // Of those that are not there only the next one is ever named.
-        known.or_else(|| self.session.next_id()).unwrap_or(RunId::default().keyframe(node))
+        known.or_else(|| self.session.next_id()).unwrap_or(RunId::default().keyframe(node.number()))
     }
 
     pub(crate) fn node(&self, id: KeyframeId) -> Option<NodeId> {
-        self.session.place(id).map(|place| place as NodeId)
+        self.session.place(id).map(NodeId::at)
     }
 
     /// Number of the scan that comes next.
@@ -135,10 +135,9 @@ impl<M: Measurement> Store<M> {
 
     /// A scan, where it hangs on the newest keyframe.
     pub(crate) fn add_scan(&mut self, stamp: Stamp, local_from_robot: M::Pose, odom_from_robot: M::Pose) {
-        let newest = self.past().newest();
         let keyframe_from_robot =
-            newest.map_or(local_from_robot, |k| self.local_from_keyframe[k as usize].between(local_from_robot));
-        let keyframe = newest.map(|node| self.id(node));
+            self.local_from_keyframe.last().map_or(local_from_robot, |newest| newest.between(local_from_robot));
+        let keyframe = self.past().newest().map(|node| self.id(node));
         self.write(Entry::Scan(ScanPose { stamp, keyframe, keyframe_from_robot, odom_from_robot }));
     }
 
@@ -155,12 +154,12 @@ impl<M: Measurement> Store<M> {
         if let Some(start) = self.start.take().or(relocalised) {
             self.write(Entry::Fragment(Fragment { first: self.id(node), start }));
         }
-        let Some(last) = node.checked_sub(1) else {
+        let Some(last) = node.before() else {
             self.way_m.push(0.0);
             return Some(Written { node, links: Vec::new(), spacing: Spacing::default(), unjudged: None });
         };
         let (mut edges, mut known, mut unjudged) = (Vec::new(), Vec::new(), None);
-        let step = self.local_from_keyframe[last as usize].between(new.local_from_keyframe);
+        let step = self.local_from_keyframe[last.index()].between(new.local_from_keyframe);
         let mut step_m = step.length();
         match link {
             Link::Relocalised { from, covariance } => {
@@ -184,14 +183,14 @@ impl<M: Measurement> Store<M> {
                 known.push((anchor, new.covariance));
             }
         }
-        self.way_m.push(self.way_m[last as usize] + step_m);
+        self.way_m.push(self.way_m[last.index()] + step_m);
         edges.into_iter().for_each(|edge| self.add_edge(edge, None));
-        let spacing = spacing(self.session.keyframes(), node as usize, step_m);
+        let spacing = spacing(self.session.keyframes(), node.index(), step_m);
         Some(Written { node, links: known, spacing, unjudged })
     }
 
     fn add_alone(&mut self, new: &NewKeyframe<M>) -> Option<NodeId> {
-        let node = self.len();
+        let node = NodeId::at(self.len());
         let keyframe = Arc::new(Keyframe {
             id: self.id(node),
             stamp: new.stamp,
@@ -216,7 +215,7 @@ impl<M: Measurement> Store<M> {
     }
 
     fn edge(&self, from: NodeId, to: NodeId, kind: EdgeKind, information: <M::Pose as Pose>::Matrix) -> Edge<M::Pose> {
-        let from_from_to = self.local_from_keyframe[from as usize].between(self.local_from_keyframe[to as usize]);
+        let from_from_to = self.local_from_keyframe[from.index()].between(self.local_from_keyframe[to.index()]);
         Edge { from: self.id(from), to: self.id(to), kind, from_from_to, information }
     }
 
@@ -255,13 +254,13 @@ impl<M: Measurement> Store<M> {
             let agreeing = self.session.candidates()[number as usize].evidence.agreeing;
             self.write(Entry::Verdict { number, verdict, agreeing });
         }
-        Some(edge.ends)
+        Some(edge.ends.map(NodeId::new))
     }
 
     /// A keyframe is not where it was thought to be: nothing leads there any more, and nothing of it is drawn.
     pub(crate) fn disown(&mut self, node: NodeId, verdict: Verdict) {
         let id = self.id(node);
-        let leads_there = |&at: &usize| self.session.recorded_edges()[at].ends[1] == node;
+        let leads_there = |&at: &usize| self.session.recorded_edges()[at].ends[1] == node.number();
         let edges: Vec<usize> = (0..self.session.recorded_edges().len()).filter(leads_there).collect();
         for at in edges {
             self.write(Entry::Withdrawn { number: at as u32 });
@@ -344,7 +343,7 @@ impl<M: Measurement> Store<M> {
     ) -> Vec<M::Pose> {
         let Slipped { from, metres, .. } = *slipped;
         let before = self.local_from_keyframe.clone();
-        for pose in &mut self.local_from_keyframe[from as usize..] {
+        for pose in &mut self.local_from_keyframe[from.index()..] {
             *pose = slipped.new_from_old * *pose;
         }
         self.write(Entry::WheelSlip(WheelSlip { scan: self.next_scan(), from: self.id(from), metres }));
@@ -362,7 +361,7 @@ impl<M: Measurement> Store<M> {
         doubted: impl Fn(Past<'_, M>, NodeId, NodeId) -> bool,
     ) {
         let known = self.session.recorded_edges()[number];
-        let ([from, to], Edge { kind, information, .. }) = (known.ends, known.recorded.edge);
+        let ([from, to], Edge { kind, information, .. }) = (known.ends.map(NodeId::new), known.recorded.edge);
         if known.withdrawn || kind == EdgeKind::Closure {
             return;
         }
@@ -370,8 +369,8 @@ impl<M: Measurement> Store<M> {
         if kind == EdgeKind::Match && doubted(self.past(), from, to) {
             self.write(Entry::Withdrawn { number });
         } else if from < slipped.from && to >= slipped.from {
-            let [a, b] = [from, to].map(|node| self.local_from_keyframe[node as usize]);
-            let information = if from + 1 == to { slipped.weakened(information) } else { information };
+            let [a, b] = [from, to].map(|node| self.local_from_keyframe[node.index()]);
+            let information = if from.next() == to { slipped.weakened(information) } else { information };
             self.write(Entry::Remeasured { number, from_from_to: a.between(b), information });
         }
     }

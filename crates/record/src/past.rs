@@ -2,13 +2,11 @@
 
 use crate::id::KeyframeId;
 use crate::keyframe::Measurement;
+use crate::node::NodeId;
 use crate::session::Session;
 use mapwright_geom::Pose;
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
-
-/// Place of a keyframe among those of a session; it never leaves memory.
-pub type NodeId = u32;
 
 /// The poses and measurements of all keyframes, by node.
 #[derive(Debug)]
@@ -35,19 +33,25 @@ impl<M: Measurement> Past<'_, M> {
     /// The newest keyframe.
     #[must_use]
     pub fn newest(self) -> Option<NodeId> {
-        self.local_from_keyframe.len().checked_sub(1).map(|newest| newest as NodeId)
+        self.local_from_keyframe.len().checked_sub(1).map(NodeId::at)
     }
 
     /// Where a keyframe is in the front end's frame.
     #[must_use]
     pub fn pose(self, node: NodeId) -> M::Pose {
-        self.local_from_keyframe[node as usize]
+        self.local_from_keyframe[node.index()]
+    }
+
+    /// Whether there is such a keyframe.
+    #[must_use]
+    pub fn has(self, node: NodeId) -> bool {
+        node.index() < self.local_from_keyframe.len()
     }
 
     /// The nodes of two keyframes, if they are there.
     #[must_use]
     pub fn nodes(self, [a, b]: [KeyframeId; 2]) -> Option<[NodeId; 2]> {
-        Some([self.session.place(a)? as NodeId, self.session.place(b)? as NodeId])
+        Some([NodeId::at(self.session.place(a)?), NodeId::at(self.session.place(b)?)])
     }
 
     /// Straight from the keyframe before to this one, metres.
@@ -59,7 +63,7 @@ impl<M: Measurement> Past<'_, M> {
     /// Length of the way between two keyframes, metres.
     #[must_use]
     pub fn way_between_m(self, a: NodeId, b: NodeId) -> f64 {
-        (self.way_m[a as usize] - self.way_m[b as usize]).abs()
+        (self.way_m[a.index()] - self.way_m[b.index()]).abs()
     }
 
     /// Length of the way up to the newest keyframe, metres.

@@ -10,6 +10,7 @@ mod rivals;
 use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::{Change, CorrelativeSearch, LocalMap, LocalMapSettings, SearchWindow};
 use mapwright_loops::PlaceIndex;
+use mapwright_record::NodeId;
 use mapwright_sensor::SweepPoints;
 use mapwright_sim::{DriveSettings, kidnapping, worlds};
 use recordings::{APART_M, Recording};
@@ -96,13 +97,13 @@ fn table(name: &str, recordings: &[Recording], length_m: f64) {
     let mut distances = [Vec::new(), Vec::new()];
     for (recording, views) in recordings.iter().zip(&all) {
         let mut index = PlaceIndex::default();
-        views.iter().enumerate().for_each(|(k, view)| index.add(k as u32, view));
+        views.iter().enumerate().for_each(|(k, view)| index.add(NodeId::at(k), view));
         count(recording, &mut scores, |k| {
-            let hits = index.query(&views[k], 20, |e| recording.apart_m(e as usize, k) > APART_M);
+            let hits = index.query(&views[k], 20, |e| recording.apart_m(e.index(), k) > APART_M);
             for hit in hits.iter().take(10) {
-                distances[usize::from(!recording.overlap(hit.node as usize, k))].push(hit.distance);
+                distances[usize::from(!recording.overlap(hit.node.index(), k))].push(hit.distance);
             }
-            hits.iter().map(|hit| (hit.node, hit.heading_rad.unwrap_or(f64::NAN))).collect()
+            hits.iter().map(|hit| (hit.node.number(), hit.heading_rad.unwrap_or(f64::NAN))).collect()
         });
     }
     print_scores("pairs", name, &scores);
@@ -173,11 +174,11 @@ fn kidnapped(seeds: u64) {
             };
             let before = recording.places.partition_point(|place| place.stamp < drive.taken);
             let mut index = PlaceIndex::default();
-            (0..before).for_each(|e| index.add(e as u32, &recording.submap(e, SUBMAP_M)));
+            (0..before).for_each(|e| index.add(NodeId::at(e), &recording.submap(e, SUBMAP_M)));
             let hits = index.query(&recording.submap_from(k, put_down), 10, |_| true);
             score[0] += 1;
             for (found, first) in score[1..].iter_mut().zip([1, 5, 10]) {
-                *found += u32::from(hits.iter().take(first).any(|hit| recording.overlap(hit.node as usize, k)));
+                *found += u32::from(hits.iter().take(first).any(|hit| recording.overlap(hit.node.index(), k)));
             }
         }
         println!("{after_m} m later: {score:?}");
@@ -188,7 +189,7 @@ fn costs(worlds: &[(String, Vec<Recording>)]) {
     let all: Views = worlds.iter().flat_map(|w| &w.1).flat_map(|recording| views(recording, SUBMAP_M)).collect();
     let mut index = PlaceIndex::default();
     let started = Instant::now();
-    all.iter().cycle().take(10_000).enumerate().for_each(|(k, view)| index.add(k as u32, view));
+    all.iter().cycle().take(10_000).enumerate().for_each(|(k, view)| index.add(NodeId::at(k), view));
     println!("\nadd {:.1} us", started.elapsed().as_secs_f64() * 1e2);
     let asked: Vec<f64> = all
         .iter()

@@ -26,7 +26,7 @@ impl Closing<PlaneSubmaps> {
         let supports = Supports::restore(past, from)?;
         let places = PlaceIndex::take(from)?;
         let is_sound = waiting.iter().all(|&number| (number as usize) < past.session.candidates().len())
-            && places.nodes().iter().all(|&node| (node as usize) < past.way_m.len());
+            && places.nodes().iter().all(|&node| past.has(node));
         let known = Self { waiting, checked_m, asked_m, described, described_m, ..Self::new(settings) };
         is_sound.then_some(Self { strained, urgent, supports, places, ..known })
     }

@@ -24,8 +24,8 @@ impl<P: Pose> Default for Supports<P> {
 
 #[derive(Debug, Clone, Copy)]
 struct Support {
-    from: u32,
-    to: u32,
+    from: NodeId,
+    to: NodeId,
     verdict: Option<Found>,
 }
 
@@ -38,12 +38,12 @@ pub(super) enum Found {
 
 impl<P: Pose> Supports<P> {
     /// A place is being looked at.
-    pub(super) fn ask(&mut self, from: u32, to: u32) {
+    pub(super) fn ask(&mut self, from: NodeId, to: NodeId) {
         self.known.push(Support { from, to, verdict: None });
     }
 
     /// What came of it, or of another search that led there.
-    pub(super) fn learn(&mut self, from: u32, to: u32, found: Found) {
+    pub(super) fn learn(&mut self, from: NodeId, to: NodeId, found: Found) {
         match self.known.iter_mut().find(|support| (support.from, support.to) == (from, to)) {
             Some(support) => support.verdict = Some(found),
             None => self.known.push(Support { from, to, verdict: Some(found) }),
@@ -51,7 +51,7 @@ impl<P: Pose> Supports<P> {
     }
 
     /// A closure was none; what was found by others stays.
-    pub(super) fn unlearn(&mut self, from: u32, to: u32) {
+    pub(super) fn unlearn(&mut self, from: NodeId, to: NodeId) {
         let ends = |support: &&mut Support| (support.from, support.to) == (from, to);
         self.known.iter_mut().filter(ends).for_each(|support| support.verdict = Some(Found::Not));
     }
@@ -60,37 +60,37 @@ impl<P: Pose> Supports<P> {
     /// each keyframe.
     pub(super) fn forget(&mut self, path_m: &[f64]) {
         let now_m = path_m.last().copied().unwrap_or(0.0);
-        let is_recent = |to: u32| now_m - path_m[to as usize] < TOGETHER_M;
+        let is_recent = |to: NodeId| now_m - path_m[to.index()] < TOGETHER_M;
         self.known.retain(|support| is_recent(support.to));
         self.waiting.retain(|&([_, to], _)| is_recent(to));
     }
 
     /// Whether anybody has looked at that place lately.
-    pub(super) fn is_asked(&self, path_m: &[f64], from: u32) -> bool {
+    pub(super) fn is_asked(&self, path_m: &[f64], from: NodeId) -> bool {
         self.last(path_m, from).is_some()
     }
 
     /// What was found out last of that place; none while nobody knows.
-    pub(super) fn verdict(&self, path_m: &[f64], from: u32) -> Option<Found> {
+    pub(super) fn verdict(&self, path_m: &[f64], from: NodeId) -> Option<Found> {
         self.last(path_m, from)?.verdict
     }
 
-    fn last(&self, path_m: &[f64], from: u32) -> Option<Support> {
+    fn last(&self, path_m: &[f64], from: NodeId) -> Option<Support> {
         let near = |support: &&Support| way_m(path_m, support.from, from) < TOGETHER_M;
         let support = self.known.iter().rev().find(near)?;
-        let since_m = path_m.last().copied().unwrap_or(0.0) - path_m[support.to as usize];
+        let since_m = path_m.last().copied().unwrap_or(0.0) - path_m[support.to.index()];
         let holds_m = if support.verdict == Some(Found::Not) { ASK_AGAIN_M } else { TOGETHER_M };
         (since_m < holds_m).then_some(*support)
     }
 
     /// A keyframe is not where it was thought to be.
-    pub(super) fn disown(&mut self, node: u32) {
+    pub(super) fn disown(&mut self, node: NodeId) {
         self.known.retain(|support| support.to != node);
         self.waiting.retain(|&([_, to], _)| to != node);
     }
 
     /// The keyframes from `node` on were moved: what waits for them says what is no longer so.
-    pub(super) fn forget_since(&mut self, node: u32) {
+    pub(super) fn forget_since(&mut self, node: NodeId) {
         self.waiting.retain(|&([_, to], _)| to < node);
     }
 
@@ -135,12 +135,12 @@ pub(super) fn agree<M: Measurement>(
 }
 
 /// Whether a keyframe lies so far back along the way that the newest one has left it.
-pub(super) fn is_left(path_m: &[f64], from: u32) -> bool {
-    path_m.len().checked_sub(1).is_some_and(|newest| way_m(path_m, newest as u32, from) >= LEFT_M)
+pub(super) fn is_left(path_m: &[f64], from: NodeId) -> bool {
+    path_m.len().checked_sub(1).is_some_and(|newest| way_m(path_m, NodeId::at(newest), from) >= LEFT_M)
 }
 
-fn way_m(path_m: &[f64], a: u32, b: u32) -> f64 {
-    (path_m[a as usize] - path_m[b as usize]).abs()
+fn way_m(path_m: &[f64], a: NodeId, b: NodeId) -> f64 {
+    (path_m[a.index()] - path_m[b.index()]).abs()
 }
 
 /// As bytes, for a run that is continued.
@@ -155,15 +155,14 @@ impl Supports<Pose2> {
 
     /// Goes on as it was; `past` is all of the session.
     pub(super) fn restore(past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
-        let known: Vec<(u32, u32, Option<bool>)> = Stored::take(from)?;
+        let known: Vec<(NodeId, NodeId, Option<bool>)> = Stored::take(from)?;
         let waiting: Vec<([NodeId; 2], Pose2, Cov3)> = Stored::take(from)?;
-        let exists = |node: &NodeId| (*node as usize) < past.way_m.len();
         let ends = known.iter().map(|&(from, to, _)| [from, to]).chain(waiting.iter().map(|(ends, ..)| *ends));
-        ends.flatten().all(|node| exists(&node)).then_some(())?;
+        ends.flatten().all(|node| past.has(node)).then_some(())?;
         let found = |is_here: bool| if is_here { Found::Here } else { Found::Not };
         let known = known.into_iter().map(|(from, to, verdict)| Support { from, to, verdict: verdict.map(found) });
         let edge = |([from, to], from_from_to, information): ([NodeId; 2], Pose2, Cov3)| {
-            let [a, b] = [from, to].map(|node| past.session.keyframes()[node as usize].id);
+            let [a, b] = [from, to].map(|node| past.session.keyframes()[node.index()].id);
             ([from, to], Edge { from: a, to: b, kind: EdgeKind::Match, from_from_to, information })
         };
         let is_sound =

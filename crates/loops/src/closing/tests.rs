@@ -102,16 +102,16 @@ impl<P: Pose> Way<P> {
     }
 
     /// A metre from each other, thirty out and the others back.
-    fn there_and_back(count: NodeId) -> Self {
+    fn there_and_back(count: usize) -> Self {
         let mut way = Self::new();
         way.go_on(count);
         way
     }
 
     /// So many keyframes farther.
-    fn go_on(&mut self, further: NodeId) {
-        for node in self.len()..self.len() + further {
-            let (x, turn_rad) = if node < 30 { (f64::from(node), 0.0) } else { (60.0 - f64::from(node), PI) };
+    fn go_on(&mut self, further: usize) {
+        for node in self.way_m.len()..self.way_m.len() + further {
+            let (x, turn_rad) = if node < 30 { (node as f64, 0.0) } else { (60.0 - node as f64, PI) };
             let pose = P::identity().turned([0.0, 0.0, turn_rad]).moved([x, 0.0, 0.0]);
             self.add(pose, pose);
         }
@@ -125,14 +125,14 @@ impl<P: Pose> Way<P> {
         let step_m = self.local_from_keyframe.last().map_or(0.0, |last| last.distance(local_from_keyframe));
         self.way_m.push(self.way_m.last().copied().unwrap_or(0.0) + step_m);
         self.local_from_keyframe.push(local_from_keyframe);
-        if self.len() > 1 {
-            let edge = self.edge(self.len() - 2, self.len() - 1, EdgeKind::Odometry);
+        if let Some(before) = self.newest().before() {
+            let edge = self.edge(before, self.newest(), EdgeKind::Odometry);
             self.add_edge(edge, None);
         }
     }
 
-    fn len(&self) -> NodeId {
-        self.way_m.len() as NodeId
+    fn newest(&self) -> NodeId {
+        self.past().newest().unwrap()
     }
 
     fn past(&self) -> Past<'_, Reading<P>> {
@@ -142,7 +142,7 @@ impl<P: Pose> Way<P> {
 
     fn edge(&self, from: NodeId, to: NodeId, kind: EdgeKind) -> Edge<P> {
         let from_from_to = self.past().pose(from).between(self.past().pose(to));
-        let [from, to] = [from, to].map(|node| self.session.keyframes()[node as usize].id);
+        let [from, to] = [from, to].map(|node| self.session.keyframes()[node.index()].id);
         Edge { from, to, kind, from_from_to, information: P::Matrix::from_variances(100.0, 100.0) }
     }
 
@@ -152,17 +152,17 @@ impl<P: Pose> Way<P> {
 
     /// A match of the newest keyframe with an old one, off by so much.
     fn match_with(&self, from: NodeId, off_m: f64) -> Edge<P> {
-        let edge = self.edge(from, self.len() - 1, EdgeKind::Match);
+        let edge = self.edge(from, self.newest(), EdgeKind::Match);
         Edge { from_from_to: edge.from_from_to.moved([off_m, 0.0, 0.0]), ..edge }
     }
 
     /// Judges a finding at the newest keyframe and writes down what comes of it: the closures.
     fn judge(&mut self, closing: &mut Closing<Signposts<P>>, target: &Target<P>, finding: &Finding<P>) -> Vec<Edge<P>> {
-        let to = self.len() - 1;
+        let to = self.newest();
         let judgement = closing.judge(self.past(), self.session.candidates(), to, (target, finding));
         let number = self.session.candidates().len() as u32;
         let Judged { from, to, detection, evidence, verdict, from_from_to, covariance } = judgement.judged;
-        let [from, to] = [from, to].map(|node| self.session.keyframes()[node as usize].id);
+        let [from, to] = [from, to].map(|node| self.session.keyframes()[node.index()].id);
         let candidate = Candidate { from, to, detection, evidence, verdict, from_from_to, covariance };
         self.session.add(Entry::Candidate(candidate)).unwrap();
         if verdict != Verdict::Accepted {
@@ -221,8 +221,8 @@ fn comes_back<P: Pose>() {
         }
         let [sigma_m, sigma_rad] = [0.01, 0.001].map(|a_step| a_step * f64::from(k));
         let uncertainty = Uncertainty { displacement_m2: sigma_m * sigma_m, rotation_rad2: sigma_rad * sigma_rad };
-        let known: Vec<KnownPlace> =
-            (0..k.saturating_sub(30)).map(|first| KnownPlace { first, live: false, uncertainty }).collect();
+        let old = NodeId::first(k.saturating_sub(30) as usize);
+        let known: Vec<KnownPlace> = old.map(|first| KnownPlace { first, live: false, uncertainty }).collect();
         let Some(verification) = closing.propose(way.past(), &known, None, Signposts::default()) else { continue };
         for (target, finding) in verification.run().findings {
             closed += way.judge(&mut closing, &target, &finding).len();
@@ -250,20 +250,24 @@ fn a_robot_that_comes_back_is_set_right_in_the_plane_and_in_space() {
 }
 
 fn match_with_an_old_place<P: Pose>() {
+    let [ten, eleven, twelve, just_now, newest] = [10, 11, 12, 45, 59].map(NodeId::new);
     for objection in [None, Some(Objection::Contradiction), Some(Objection::LittleOverlap)] {
         let (mut closing, mut way) = (Closing::<Signposts<P>>::new(BY_POSE), Way::<P>::there_and_back(60));
-        let known = [KnownPlace { first: 0, live: true, uncertainty: Uncertainty::default() }];
+        let known = [KnownPlace { first: NodeId::new(0), live: true, uncertainty: Uncertainty::default() }];
         let past = way.past();
-        assert!(closing.supporting(past, 59, 45, &known).is_none() && closing.links(past, 45), "passed just now");
-        assert!(closing.is_unjudged(past, 10) && !closing.links(past, 10), "nobody has looked");
-        let (good, bad) = (way.match_with(11, 0.05), way.match_with(12, 0.3));
+        assert!(
+            closing.supporting(past, newest, just_now, &known).is_none() && closing.links(past, just_now),
+            "passed just now"
+        );
+        assert!(closing.is_unjudged(past, ten) && !closing.links(past, ten), "nobody has looked");
+        let (good, bad) = (way.match_with(eleven, 0.05), way.match_with(twelve, 0.3));
         closing.wait(past, good);
-        let target = closing.supporting(past, 59, 10, &known).expect("it is old and was not looked at");
-        assert_eq!((target.from, target.detection), (10, Detection::Match));
-        assert!(!closing.is_unjudged(past, 10) && !closing.links(past, 10), "nobody knows yet");
-        assert!(closing.links(past, 45));
+        let target = closing.supporting(past, newest, ten, &known).expect("it is old and was not looked at");
+        assert_eq!((target.from, target.detection), (ten, Detection::Match));
+        assert!(!closing.is_unjudged(past, ten) && !closing.links(past, ten), "nobody knows yet");
+        assert!(closing.links(past, just_now));
         closing.wait(past, bad);
-        assert!(closing.supporting(past, 59, 12, &known).is_none(), "it was looked at just now");
+        assert!(closing.supporting(past, newest, twelve, &known).is_none(), "it was looked at just now");
         assert!(closing.settle_matches(past, &[]).is_empty(), "the verdict is not there");
         let closures = way.judge(&mut closing, &target, &finding(target.window.target_from_query, objection));
         let is_closure = objection.is_none();
@@ -276,17 +280,17 @@ fn match_with_an_old_place<P: Pose>() {
         assert!(closing.settle_matches(way.past(), &closures).is_empty(), "once");
         if is_closure {
             let mut doubted = closing.clone();
-            doubted.withdrawn([10, 59]);
-            assert!(!doubted.links(way.past(), 10), "later evidence speaks against it");
+            doubted.withdrawn([ten, newest]);
+            assert!(!doubted.links(way.past(), ten), "later evidence speaks against it");
         }
-        let links = [10, 12].map(|from| closing.links(way.past(), from));
+        let links = [ten, twelve].map(|from| closing.links(way.past(), from));
         assert_eq!((closures.len(), links), (usize::from(is_closure), [is_closure; 2]));
         // Farther on it has to show again, and soon if it was not found: then what was seen before links too.
         for (further, asked) in [(5, !is_closure), (40, true)] {
             let (mut later, mut way) = (closing.clone(), way.clone());
             way.go_on(further);
             later.supports.forget(way.past().way_m);
-            let target = later.supporting(way.past(), way.len() - 1, 10, &known);
+            let target = later.supporting(way.past(), way.newest(), ten, &known);
             assert_eq!(target.is_some(), asked, "{further} m on");
             if let Some(target) = target {
                 let closures = way.judge(&mut later, &target, &finding(target.window.target_from_query, None));
@@ -309,8 +313,8 @@ fn matches_link_unseen_where_nobody_looks() {
         [ClosingSettings { by_pose: false, ..BY_POSE }, ClosingSettings { keeps_everything_live: true, ..BY_POSE }]
     {
         let (mut closing, way) = (Closing::<Signposts<Pose2>>::new(blind), Way::there_and_back(60));
-        let past = way.past();
-        assert!(!closing.is_unjudged(past, 10) && closing.links(past, 10));
-        assert!(closing.supporting(past, 59, 10, &[]).is_none());
+        let (past, [old, newest]) = (way.past(), [10, 59].map(NodeId::new));
+        assert!(!closing.is_unjudged(past, old) && closing.links(past, old));
+        assert!(closing.supporting(past, newest, old, &[]).is_none());
     }
 }

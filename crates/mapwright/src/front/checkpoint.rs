@@ -24,7 +24,7 @@ impl FrontEnd {
 
     /// Goes on as it was; `past` is all of the session.
     pub(crate) fn restore(settings: Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
-        let keyframes = past.local_from_keyframe.len() as u32;
+        let keyframes = past.local_from_keyframe.len();
         Some(Self {
             preparation: Stored::take(from)?,
             predictor: Predictor::restore(from)?,

@@ -114,8 +114,8 @@ impl<P: Pose> RobotPose<P> {
         let Some(anchor) = anchor.filter(|_| anchor != self.anchor) else { return };
         let newest = past.local_from_keyframe.len().saturating_sub(1);
         self.anchor = Some(anchor);
-        if newest - (anchor as usize).min(newest) <= CHAIN {
-            self.keyframe_from_anchor = (anchor as usize + 1..=newest).fold(P::Matrix::zero(), |sum, k| {
+        if newest - anchor.index().min(newest) <= CHAIN {
+            self.keyframe_from_anchor = (anchor.index() + 1..=newest).fold(P::Matrix::zero(), |sum, k| {
                 let step = past.local_from_keyframe[k - 1].between(past.local_from_keyframe[k]);
                 compose_covariance(&sum, step, &self.links[k])
             });
@@ -140,7 +140,7 @@ impl<P: Pose> RobotPose<P> {
     /// The wheels had slipped before keyframe `from`: the robot is elsewhere, and so much less certain.
     pub(super) fn slip(&mut self, from: NodeId, local_from_robot: P, slip: &P::Matrix) {
         self.local_from_robot = local_from_robot;
-        match self.links.get_mut(from as usize) {
+        match self.links.get_mut(from.index()) {
             Some(link) => *link += *slip,
             None => self.odometry_since_keyframe += *slip,
         }
@@ -182,7 +182,7 @@ impl RobotPose {
         let near = past.local_from_keyframe.last().map_or(local_from_robot, |newest| newest.between(local_from_robot));
         let is_sound = [local_from_robot, odom_from_robot, near].iter().all(|pose| is_in_place(*pose))
             && [odometry_since_keyframe, keyframe_from_anchor].iter().chain(&links).all(is_covariance)
-            && anchor.is_none_or(|anchor| (anchor as usize) < keyframes);
+            && anchor.is_none_or(|anchor| anchor.index() < keyframes);
         is_sound.then_some(Self {
             local_from_robot,
             odom_from_robot,

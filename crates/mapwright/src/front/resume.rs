@@ -43,9 +43,10 @@ impl FrontEnd {
         for (node, links) in links.iter().enumerate() {
             let step_m = if node == 0 { 0.0 } else { past.way_m[node] - past.way_m[node - 1] };
             let before = node.checked_sub(1).map_or(0, |before| keyframes[before].scan);
+            let number = NodeId::at(node);
             let earlier = Earlier {
-                node: node as NodeId,
-                links: links_of(past, node as NodeId, links),
+                node: number,
+                links: links_of(past, number, links),
                 spacing: spacing(keyframes, node, step_m),
                 closures: links.closures.clone(),
                 scans: keyframes[node].scan.saturating_sub(before),
@@ -85,12 +86,12 @@ impl FrontEnd {
 fn links(past: Past<'_>) -> Vec<Links> {
     let mut links = vec![Links::default(); past.way_m.len()];
     for known in past.session.recorded_edges().iter().filter(|known| !known.withdrawn) {
-        let (edge, [from, to]) = (known.recorded.edge, known.ends);
-        let to = &mut links[from.max(to) as usize];
+        let (edge, [from, to]) = (known.recorded.edge, known.ends.map(NodeId::new));
+        let later = &mut links[from.max(to).index()];
         match edge.kind {
-            EdgeKind::Odometry => to.odometry = Some(edge),
-            EdgeKind::Match => to.matched = Some((from, edge)),
-            EdgeKind::Closure => to.closures.push((from.min(known.ends[1]), covariance(&edge.information))),
+            EdgeKind::Odometry => later.odometry = Some(edge),
+            EdgeKind::Match => later.matched = Some((from, edge)),
+            EdgeKind::Closure => later.closures.push((from.min(to), covariance(&edge.information))),
         }
     }
     links
@@ -99,10 +100,10 @@ fn links(past: Past<'_>) -> Vec<Links> {
 /// What a keyframe is linked with: the one before by wheels and scan together, and the one it was matched with.
 fn links_of(past: Past<'_>, node: NodeId, links: &Links) -> Vec<(NodeId, Cov3)> {
     let mut all = Vec::new();
-    if let Some(before) = node.checked_sub(1).filter(|_| links.odometry.is_some()) {
+    if let Some(before) = node.before().filter(|_| links.odometry.is_some()) {
         all.push((before, fused(links)));
     }
-    if let Some((anchor, edge)) = links.matched.filter(|(anchor, _)| anchor + 1 != node) {
+    if let Some((anchor, edge)) = links.matched.filter(|(anchor, _)| anchor.next() != node) {
         let away_m = past.pose(anchor).distance(past.pose(node));
         all.push((anchor, covariance(&edge.information) + map_floor::<Cov3>(away_m)));
     }

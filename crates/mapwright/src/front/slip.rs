@@ -35,7 +35,7 @@ const CORRECTED_FROM_M: f64 = 0.1;
 const LAPSE_M: f64 = 1.5;
 const WATCH_M: f64 = 6.0;
 /// A slip may have begun so many keyframes before it showed.
-pub(crate) const BEFORE: u32 = 8;
+pub(crate) const BEFORE: usize = 8;
 /// Standard deviations of the place that was found, metres and radians.
 const FOUND_M: f64 = 0.05;
 const FOUND_RAD: f64 = 0.01;
@@ -87,10 +87,12 @@ impl Watch {
 
 impl SlipWatch {
     /// Goes on as it was, after so many keyframes.
-    pub(super) fn restore(from: &mut &[u8], keyframes: NodeId) -> Option<Self> {
+    pub(super) fn restore(from: &mut &[u8], keyframes: usize) -> Option<Self> {
         let is_sound = |watch: &Watch| {
             let all = watch.sums.iter().chain([&watch.way_m, &watch.unseen_m, &watch.fitting_m]);
-            watch.from <= keyframes && watch.along[0].hypot(watch.along[1]) < 1.001 && all.copied().all(f64::is_finite)
+            watch.from.index() <= keyframes
+                && watch.along[0].hypot(watch.along[1]) < 1.001
+                && all.copied().all(f64::is_finite)
         };
         Self::take(from).filter(|slips| slips.watch.as_ref().is_none_or(is_sound))
     }
@@ -221,7 +223,7 @@ mod tests {
         for (place, sum) in all.iter_mut().enumerate() {
             *sum = sums((place as f64 - PLACES_A_SIDE as f64) * PLACE_STEP_M);
         }
-        Watch { from: 0, along: [1.0, 0.0], sums: all, looks, way_m: 0.0, unseen_m: 0.0, fitting_m: 0.0 }
+        Watch { from: NodeId::new(0), along: [1.0, 0.0], sums: all, looks, way_m: 0.0, unseen_m: 0.0, fitting_m: 0.0 }
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub(crate) const MISFIT_KNOWN_SHARE: f64 = 0.5;
 /// Misfits in a row are counted so far.
 const MISFITS_AT_MOST: u32 = 1000;
 /// After so many keyframes without confirmation it is a new part of the map that is tracked.
-const UNCONFIRMED_AT_MOST: u32 = 50;
+const UNCONFIRMED_AT_MOST: usize = 50;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
 /// Headings tried where scans are far apart, radians.
@@ -87,6 +87,11 @@ impl Matched {
     /// Whether its pose is believed.
     pub(crate) fn is_believed(&self) -> bool {
         self.status != Status::Lost
+    }
+
+    /// The keyframe that supplied most of what it was matched against.
+    pub(crate) fn supplier(&self) -> Option<NodeId> {
+        self.agreement.supplier.map(NodeId::new)
     }
 
     /// Whether the scan fits badly where much is known.
@@ -168,11 +173,11 @@ impl Tracker {
     }
 
     /// Goes on as it was, after so many keyframes.
-    pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: NodeId) -> Option<Self> {
+    pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: usize) -> Option<Self> {
         let (usual_share, misfits, doubted_from, seen): (f64, u32, Option<NodeId>, _) = Stored::take(from)?;
         let is_sound = (0.0..=1.0).contains(&usual_share)
             && misfits <= MISFITS_AT_MOST
-            && doubted_from.is_none_or(|from| from <= keyframes);
+            && doubted_from.is_none_or(|from| from.index() <= keyframes);
         is_sound.then(|| Self { usual_share, misfits, doubted_from, seen, ..Self::new(settings) })
     }
 
@@ -195,7 +200,7 @@ impl Tracker {
     /// The scan against the local map, from the prediction and, where that is doubtful, from elsewhere. None without a map or
     /// without a hit.
     pub(super) fn track(&mut self, scene: &Scene<'_>, stamp: Stamp, predicted: Pose2) -> Option<Matched> {
-        if scene.next == 0 || scene.points.is_empty() {
+        if scene.next.index() == 0 || scene.points.is_empty() {
             return None;
         }
         let blind_s = self.seen.replace(stamp).map_or(0.0, |seen| stamp.secs_since(seen));
@@ -269,7 +274,8 @@ impl Tracker {
         if agreement.inlier_share() < DOUBT_SHARE {
             self.doubted_from.get_or_insert(next);
         } else if self.doubted_from.is_some_and(|from| {
-            agreement.supplier.is_some_and(|supplier| supplier < from) || next - from > UNCONFIRMED_AT_MOST
+            agreement.supplier.is_some_and(|supplier| NodeId::new(supplier) < from)
+                || next.index() - from.index() > UNCONFIRMED_AT_MOST
         }) {
             self.doubted_from = None;
         }

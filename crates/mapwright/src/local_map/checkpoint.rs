@@ -5,6 +5,7 @@ use crate::patches::Patches;
 use crate::settings::Settings;
 use mapwright_geom::{Pose2, Stored, is_in_place};
 use mapwright_grid::Change;
+use mapwright_record::NodeId;
 
 impl LocalMapping {
     pub(crate) fn put(&self, out: &mut Vec<u8>) {
@@ -36,23 +37,23 @@ impl LocalMapping {
 
     /// Whether everything that is named is there.
     fn is_sound(&self, frames: Frames<'_>, suppliers: &[Option<u32>]) -> bool {
-        let exists = |node: &u32| (*node as usize) < frames.world_from_robot.len();
+        let exists = |node: NodeId| node.index() < frames.world_from_robot.len();
         let patches = if self.gated { frames.world_from_robot.len() } else { 0 };
         self.views.len() == frames.world_from_robot.len()
             && self.patches.keyframes() == patches
-            && self.due.iter().all(exists)
-            && suppliers.iter().flatten().all(exists)
+            && self.due.iter().copied().all(exists)
+            && suppliers.iter().flatten().all(|&owner| exists(NodeId::new(owner)))
             && self.waiting.iter().all(|&(_, patch)| self.patches.exists(patch))
             && self.lever_m.is_finite()
     }
 
     /// Draws each view where it was.
     fn redraw(&mut self, settings: &Settings, frames: Frames<'_>, views: &[(Option<Pose2>, bool)]) -> Option<()> {
-        for (node, (drawn_at, _)) in (0..).zip(views) {
+        for (node, (drawn_at, _)) in NodeId::first(views.len()).zip(views) {
             let Some(at) = drawn_at else { continue };
             self.fill_points(settings, frames, node).filter(|()| is_in_place(*at))?;
-            self.map.draw(&self.points, *at, Change::Add, node);
-            self.views[node as usize].drawn_at = Some(*at);
+            self.map.draw(&self.points, *at, Change::Add, node.number());
+            self.views[node.index()].drawn_at = Some(*at);
             self.report.keyframes += 1;
         }
         self.map.refresh();
@@ -65,10 +66,10 @@ impl LocalMapping {
             return;
         }
         self.areas.clear();
-        for (node, at) in (0..).zip(frames.world_from_robot) {
-            if !self.views[node as usize].gone && self.patches.is_live(node) {
+        for (node, at) in NodeId::first(self.views.len()).zip(frames.world_from_robot) {
+            if !self.views[node.index()].gone && self.patches.is_live(node) {
                 let key = area(*at);
-                self.views[node as usize].area = key;
+                self.views[node.index()].area = key;
                 self.areas.entry(key).or_default().push(node);
             }
         }

@@ -5,15 +5,16 @@ use crate::patches::Spacing;
 use crate::settings::Settings;
 use mapwright_geom::Cov3;
 use mapwright_grid::Change;
+use mapwright_record::NodeId;
 
 /// A keyframe of an earlier run.
 pub(crate) struct Earlier {
-    pub(crate) node: u32,
+    pub(crate) node: NodeId,
     /// The keyframes before it that it is linked with, and its covariance relative to each.
-    pub(crate) links: Vec<(u32, Cov3)>,
+    pub(crate) links: Vec<(NodeId, Cov3)>,
     pub(crate) spacing: Spacing,
     /// Closures that lead to it, and their covariances.
-    pub(crate) closures: Vec<(u32, Cov3)>,
+    pub(crate) closures: Vec<(NodeId, Cov3)>,
     /// Scans since the keyframe before.
     pub(crate) scans: u64,
 }
@@ -28,7 +29,7 @@ impl LocalMapping {
         for (from, covariance) in links {
             self.connect(*from, covariance, spacing);
         }
-        let sweep = frames.drawn[node as usize].as_ref();
+        let sweep = frames.drawn[node.index()].as_ref();
         self.views.push(View { gone: sweep.is_none(), ..View::default() });
         self.points.clear();
         if let Some(sweep) = sweep {
@@ -53,7 +54,7 @@ impl LocalMapping {
     /// Draws what is wanted, once all keyframes are taken in.
     pub(crate) fn draw_wanted(&mut self, settings: &Settings, frames: Frames<'_>) {
         self.due.clear();
-        for node in 0..self.views.len() as u32 {
+        for node in NodeId::first(self.views.len()) {
             if self.is_wanted(node) {
                 self.draw(settings, frames, node, Change::Add);
             }

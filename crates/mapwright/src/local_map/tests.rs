@@ -38,12 +38,12 @@ fn drive(sweeps: &[Option<Arc<Sweep>>], poses: &[Pose2], sigma_m: f64, closure: 
     let mut live = LocalMapping::new(&settings);
     for node in 0..poses.len() {
         let frames = Frames { drawn: &sweeps[..=node], world_from_robot: &poses[..=node] };
-        let node = node as u32;
-        if node > 0 {
-            live.connect(node - 1, &step(sigma_m), Spacing::default());
+        let node = NodeId::at(node);
+        if let Some(before) = node.before() {
+            live.connect(before, &step(sigma_m), Spacing::default());
         }
-        if let Some((_, to)) = closure.filter(|&(at, _)| at == node) {
-            live.connect(to, &step(0.01), Spacing::default());
+        if let Some((_, to)) = closure.filter(|&(at, _)| at == node.number()) {
+            live.connect(NodeId::new(to), &step(0.01), Spacing::default());
         }
         live.insert(&settings, frames, node, 5.0);
         for inserted in [true, false, false, false] {
@@ -109,7 +109,11 @@ fn a_link_to_a_place_that_was_out_lets_it_in_again_when_a_scan_meets_it() {
     let mut live = drive(&sweeps, &poses, 0.12, Some((55, 34)));
     finish(&mut live, &sweeps, &poses);
     let drawn = |live: &LocalMapping, node: usize| live.views[node].drawn_at.is_some();
-    assert!(live.is_live(33) && live.is_live(34) && live.report.let_in == 0, "{:?}", live.report);
+    assert!(
+        [33, 34].map(NodeId::new).into_iter().all(|node| live.is_live(node)) && live.report.let_in == 0,
+        "{:?}",
+        live.report
+    );
     assert!(!drawn(&live, 33) && !drawn(&live, 34));
     scan(&mut live, &sweeps, &poses, 33);
     finish(&mut live, &sweeps, &poses);
@@ -199,7 +203,7 @@ fn a_keyframe_that_is_to_leave_can_be_dropped() {
     let mut live = drive(&sweeps, &poses, 0.001, None);
     let frames = Frames { drawn: &sweeps, world_from_robot: &poses };
     live.flip(&gated(), frames, Flip { patch: 0, live: false, distance2: 0.0 });
-    let drawn = |live: &LocalMapping, node: u32| live.views[node as usize].drawn_at.is_some();
+    let drawn = |live: &LocalMapping, node: NodeId| live.views[node.index()].drawn_at.is_some();
     let leaving = live.due.iter().copied().find(|&node| drawn(&live, node));
     let leaving = leaving.expect("what leaves is taken out a few at a time");
     live.drop(&gated(), frames, leaving);
@@ -215,9 +219,13 @@ fn a_keyframe_that_is_left_out_is_a_place_and_nothing_drawn() {
     sweeps[20] = None;
     let mut live = drive(&sweeps, &poses, 0.001, None);
     let frames = Frames { drawn: &sweeps, world_from_robot: &poses };
-    let is_out =
-        |live: &LocalMapping| live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|&k| k == 20);
-    assert!(is_out(&live) && live.is_live(20) && live.is_live(39), "it is known where it is, and what follows");
+    let is_out = |live: &LocalMapping| {
+        live.views[20].drawn_at.is_none() && !live.areas.values().flatten().any(|k| k.index() == 20)
+    };
+    assert!(
+        is_out(&live) && [20, 39].map(NodeId::new).into_iter().all(|node| live.is_live(node)),
+        "it is known where it is, and what follows"
+    );
     for is_live in [false, true] {
         for patch in 0..5 {
             live.flip(&gated(), frames, Flip { patch, live: is_live, distance2: 0.0 });

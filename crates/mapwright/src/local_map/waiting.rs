@@ -3,6 +3,7 @@
 use super::{Frames, LocalMapping, MET_SHARE, count};
 use mapwright_geom::Pose2;
 use mapwright_grid::floor_cell;
+use mapwright_record::NodeId;
 
 /// Side of the squares by which it is told whether a scan meets a patch that is not drawn where it belongs, metres.
 const MEETING_SQUARE_M: f64 = 2.0;
@@ -54,10 +55,9 @@ impl LocalMapping {
         self.waiting.clear();
         let Some(&at) = frames.world_from_robot.last() else { return };
         let Self { patches, waiting, views, .. } = self;
-        let pose = |node: u32| frames.world_from_robot[node as usize];
+        let pose = |node: NodeId| frames.world_from_robot[node.index()];
         patches.each_waiting(at, |number, patch| {
-            let drawn =
-                patch.views.iter().find_map(|&view| Some(views[view as usize].drawn_at? * pose(view).inverse()));
+            let drawn = patch.views.iter().find_map(|&view| Some(views[view.index()].drawn_at? * pose(view).inverse()));
             for moved in [Some(Pose2::IDENTITY), drawn].into_iter().flatten() {
                 let Pose2 { x, y, theta } = moved * pose(patch.first);
                 let (s, c) = theta.sin_cos();

@@ -4,7 +4,7 @@ use super::provisional::{Provisional, Seen};
 use crate::front::{FrontEnd, KNOWN_SHARE};
 use crate::relocation::{Chance, Found, Ground, Heard, Seeking, Sought, follow, hopes, seek, weigh};
 use mapwright_loops::Judged;
-use mapwright_record::{MatchReport, NodeId, Past};
+use mapwright_record::{MatchReport, Past};
 use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
 
@@ -127,8 +127,7 @@ impl Lost {
         self.asking = None;
         let Self { provisional, chances, heard, .. } = self;
         let sought = provisional.past();
-        let is_known = |node: NodeId, past: Past<'_>| (node as usize) < past.way_m.len();
-        if !is_known(answer.to, sought) || answer.best.as_ref().is_some_and(|best| !is_known(best.from, past)) {
+        if !sought.has(answer.to) || answer.best.as_ref().is_some_and(|best| !past.has(best.from)) {
             return Vec::new();
         }
         self.ground = Some(Arc::clone(&answer.ground));
@@ -157,7 +156,7 @@ impl Lost {
     }
 
     #[cfg(test)]
-    pub(crate) fn newest(&self) -> Option<NodeId> {
+    pub(crate) fn newest(&self) -> Option<mapwright_record::NodeId> {
         self.past().newest()
     }
 }

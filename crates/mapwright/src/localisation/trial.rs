@@ -111,8 +111,7 @@ impl Trial {
 
     /// Whether what was seen lately speaks against the place.
     fn is_refuted(&mut self, front: &FrontEnd, past: Past<'_>, scan: &LaserScan, matched: &Matched) -> bool {
-        let supplier = matched.agreement.supplier;
-        let supplier = supplier.filter(|&node| node < self.node && front.is_in_local_map(node));
+        let supplier = matched.supplier().filter(|&node| node < self.node && front.is_in_local_map(node));
         self.near = supplier.unwrap_or(self.near);
         if self.lost.see(front, scan).is_keyframe {
             let is_against = self.is_against(front, past, matched.local_from_robot);
@@ -148,7 +147,7 @@ mod tests {
     fn who_was_found_is_believed_in_the_end_or_where_known_ground_ends() {
         let is_believed = |way_m: f64, known_share: f64, against: u32| {
             let lost = Box::new(Lost::new(&FrontEnd::new(Settings::default(), Pose2::IDENTITY)));
-            let mut trial = Trial { against, ..Trial::new(9, 3, lost) };
+            let mut trial = Trial { against, ..Trial::new(NodeId::new(9), NodeId::new(3), lost) };
             trial.left_m -= way_m;
             trial.is_passed(known_share)
         };

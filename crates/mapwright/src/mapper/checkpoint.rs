@@ -7,7 +7,7 @@ use crate::settings::Settings;
 use crate::store::Store;
 use mapwright_geom::Stored;
 use mapwright_geom::is_in_place;
-use mapwright_record::{Past, Update};
+use mapwright_record::{NodeId, Past, Update};
 
 /// Of the bytes; another one's are not read.
 const VERSION: u8 = 1;
@@ -43,7 +43,7 @@ pub(super) fn restore(settings: Settings, store: &Store, mut state: &[u8]) -> Op
     let drawn = store.drawn_while_mapping();
     let past = Past { drawn: &drawn, ..store.past() };
     let mut front = FrontEnd::restore(settings, past, from)?;
-    for node in (0..store.len()).filter(|&node| store.past().drawn[node as usize].is_none()) {
+    for node in NodeId::first(store.len()).filter(|&node| store.past().drawn[node.index()].is_none()) {
         front.drop_keyframe(past, node);
     }
     let map_from_robot = store.map_from_local() * front.pose().local_from_robot();

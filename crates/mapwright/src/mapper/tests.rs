@@ -14,7 +14,7 @@ fn find_at(mapper: &mut Mapper, local_from_robot: Pose2) {
     let to = lost.newest().expect("it maps provisionally");
     let local_from_to = local_from_robot * lost.provisional().keyframe_from_robot(to).inverse();
     let away_m = |node: &NodeId| past.pose(*node).distance(local_from_to);
-    let from = (0..mapper.store.len()).min_by(|a, b| away_m(a).total_cmp(&away_m(b))).expect("it mapped");
+    let from = NodeId::first(mapper.store.len()).min_by(|a, b| away_m(a).total_cmp(&away_m(b))).expect("it mapped");
     let from_from_to = past.pose(from).between(local_from_to);
     let covariance = Cov3::from_diagonal(&[4e-4, 4e-4, 2e-5].into());
     lost.is_found(Found { from, to, from_from_to, covariance });
@@ -35,7 +35,7 @@ fn who_is_found_where_less_and_less_fits_is_lost_again_and_has_left_nothing() {
         let before = mapper.front.pose().local_from_robot();
         if arrived.is_none() && since_s(&scan) > 14.0 {
             find_at(&mut mapper, WRONG);
-            arrived = Some(mapper.store.len());
+            arrived = Some(NodeId::at(mapper.store.len()));
         }
         let update = mapper.add_scan(&scan);
         if arrived.is_some() && update.status != Status::Lost {
@@ -49,7 +49,7 @@ fn who_is_found_where_less_and_less_fits_is_lost_again_and_has_left_nothing() {
     assert!(mapper.localisation.is_lost());
     assert_eq!(written, 0, "nobody was told of a keyframe");
     let (session, id) = (mapper.session(), mapper.store.id(node));
-    assert!(session.drawn()[node as usize].is_none(), "nothing is drawn of the one where it was found");
+    assert!(session.drawn()[node.index()].is_none(), "nothing is drawn of the one where it was found");
     assert!(session.edges().all(|edge| edge.to != id && edge.from != id), "no edge leads there");
     let leads_there = |edge: &&SessionEdge<Pose2>| edge.recorded.edge.to == id;
     let withdrawn: Vec<bool> = session.recorded_edges().iter().filter(leads_there).map(|edge| edge.withdrawn).collect();

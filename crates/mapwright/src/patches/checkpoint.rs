@@ -3,6 +3,7 @@
 use super::{Member, Patch, Patches, bucket, position};
 use mapwright_geom::{Pose2, Stored, stored};
 use mapwright_graph::{CertaintyGraph, Uncertainty};
+use mapwright_record::NodeId;
 
 stored!(Member { patch, uncertainty });
 stored!(Patch { first, live, searched, round, used_m, stale, unsettled, views, outline; at });
@@ -31,7 +32,7 @@ impl Patches {
         (all.searching, all.searched_from) = (searching, searched_from);
         (all.since_searched, all.since_started) = (since_searched, since_started);
         (all.is_sound(poses.len()) && found.iter().all(|&patch| all.exists(patch))).then_some(())?;
-        all.patches.iter_mut().for_each(|patch| patch.at = position(poses[patch.first as usize]));
+        all.patches.iter_mut().for_each(|patch| patch.at = position(poses[patch.first.index()]));
         for patch in found {
             all.buckets.entry(bucket(all.patches[patch as usize].at)).or_default().push(patch);
         }
@@ -50,7 +51,7 @@ impl Patches {
 
     /// Whether everything that is named is there.
     fn is_sound(&self, keyframes: usize) -> bool {
-        let is_keyframe = |node: &u32| (*node as usize) < keyframes;
+        let is_keyframe = |node: &NodeId| node.index() < keyframes;
         [self.graph.len(), self.whole.len()] == [self.patches.len(); 2]
             && self.members.iter().all(|member| self.exists(member.patch))
             && self.patches.iter().all(|patch| patch.views.iter().chain([&patch.first]).all(is_keyframe))

@@ -109,7 +109,7 @@ impl Fitting {
 #[derive(Debug, Clone)]
 struct Fit {
     /// The old keyframe nearest to it.
-    from: u32,
+    from: NodeId,
     finding: Finding,
     map_from_query: Pose2,
     closeness: f64,
@@ -260,7 +260,7 @@ impl Look<'_> {
 /// What an answer leaves standing.
 #[derive(Debug, Clone)]
 pub(crate) struct Heard {
-    to: u32,
+    to: NodeId,
     standing: Vec<Standing>,
 }
 
@@ -278,7 +278,7 @@ struct Standing {
 
 impl Heard {
     /// The newest keyframe that was asked about.
-    pub(crate) fn to(&self) -> u32 {
+    pub(crate) fn to(&self) -> NodeId {
         self.to
     }
 
@@ -332,7 +332,7 @@ pub(crate) fn hopes(sought: Past<'_>, heard: &[Heard]) -> Vec<Hope> {
         let Standing { map_from_aside, .. } = *standing;
         if hopes.len() < HOPES && !hopes.iter().any(|hope| same(hope.map_from_aside, map_from_aside, here)) {
             let first = run_of(heard, map_from_aside, here).last().map(|(first, _)| first.to);
-            let way_m = first.map_or(0.0, |first| sought.way_between_m(first, to as NodeId));
+            let way_m = first.map_or(0.0, |first| sought.way_between_m(first, NodeId::at(to)));
             hopes.push(Hope { map_from_aside, way_m });
         }
     }
@@ -364,7 +364,7 @@ pub(crate) fn follow(
             continue;
         }
         let Fit { from, finding, .. } = hypothesis.fit;
-        let mut judged = target(from).judged(newest + 1, &finding);
+        let mut judged = target(from).judged(newest.next(), &finding);
         (judged.verdict, judged.evidence.agreeing) = (Verdict::Accepted, run.len() as u32 - 1);
         let from_from_to = finding.target_from_query?;
         return Some((judged, Found { from, to: answer.to, from_from_to, covariance: finding.covariance }));
@@ -434,7 +434,7 @@ mod tests {
         };
         let answer = |(to, places): (usize, &&[&str])| {
             let standing = places.iter().enumerate().filter_map(standing).collect();
-            Heard { to: to as u32, standing }
+            Heard { to: NodeId::at(to), standing }
         };
         answers.iter().enumerate().map(answer).collect()
     }
@@ -442,7 +442,7 @@ mod tests {
     fn is_home(answers: &[&[&str]]) -> bool {
         let heard = heard(answers);
         let run = run_of(&heard, place(0), HERE);
-        let span_m = run.last().map_or(0.0, |(first, _)| 0.25 * f64::from(heard.len() as u32 - 1 - first.to));
+        let span_m = run.last().map_or(0.0, |(first, _)| 0.25 * (heard.len() - 1 - first.to.index()) as f64);
         lasts(&run, span_m) && is_only(&run, HERE)
     }
 
@@ -502,13 +502,14 @@ mod tests {
     #[test]
     fn what_stood_already_is_taken_in() {
         let mut known = heard(&[&["c"], &["t"]]);
-        known[1].to = 3;
+        known[1].to = NodeId::new(3);
         let [one, two]: [&[&str]; 2] = [&["c"], &["c", "c"]];
         for (to, places) in [(0, two), (1, one), (3, two), (4, one)] {
             let standing = heard(&[places]).swap_remove(0).standing;
-            merge(&mut known, &Heard { to, standing }, HERE);
+            merge(&mut known, &Heard { to: NodeId::new(to), standing }, HERE);
         }
-        let stood: Vec<(u32, usize)> = known.iter().map(|answer| (answer.to, answer.standing.len())).collect();
+        let stood: Vec<(usize, usize)> =
+            known.iter().map(|answer| (answer.to.index(), answer.standing.len())).collect();
         assert_eq!(stood, [(0, 2), (3, 2), (4, 1)], "what lies between answers without one of its own is left");
         assert!(!known[1].standing[0].is_close, "what an answer has found stays");
     }

@@ -4,7 +4,7 @@ use super::{Ground, LATELY_M, Seeking};
 use mapwright_geom::Pose2;
 use mapwright_grid::{Matcher, SearchWindow};
 use mapwright_loops::{Atlas, Effort, Finding, PlaneSubmap, PlaneVerifier, Sighting, VerifySettings};
-use mapwright_record::{Evidence, Objection};
+use mapwright_record::{Evidence, NodeId, Objection};
 use std::cell::OnceCell;
 
 /// The old place is what was seen on so much way before and after, metres.
@@ -56,7 +56,7 @@ const SELDOM: f64 = 0.1;
 #[derive(Debug, Clone)]
 pub(crate) struct Place {
     /// The old keyframe nearest to it.
-    pub(crate) from: u32,
+    pub(crate) from: NodeId,
     pub(super) finding: Finding,
     /// Where it fits nearly as well: poses of what was looked for in the map; none where there are too many.
     pub(super) rivals: Option<Vec<Pose2>>,

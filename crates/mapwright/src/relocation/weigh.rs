@@ -21,9 +21,9 @@ const SAME_RAD: f64 = 0.06;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Found {
     /// The old keyframe.
-    pub(crate) from: u32,
+    pub(crate) from: NodeId,
     /// The keyframe that was made aside.
-    pub(crate) to: u32,
+    pub(crate) to: NodeId,
     pub(crate) from_from_to: Pose2,
     pub(crate) covariance: Cov3,
 }
@@ -84,7 +84,7 @@ pub(crate) fn weigh(
     let enough = agreeing.len() >= FINDINGS && far && is_only(&agreeing, there * aside_from_here, here);
     if enough {
         (judged.verdict, judged.evidence.agreeing) = (Verdict::Accepted, agreeing.len() as u32 - 1);
-        judged.to = newest + 1;
+        judged.to = newest.next();
     }
     Some((judged, enough.then_some(found)))
 }
@@ -110,7 +110,7 @@ fn nothing() -> Finding {
 }
 
 /// A robot may be anywhere.
-pub(super) fn target(from: u32) -> Target {
+pub(super) fn target(from: NodeId) -> Target {
     Target {
         from,
         detection: Detection::Place,

@@ -3,7 +3,7 @@
 use super::scale::Scale;
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov6, Pose, Pose3};
-use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
+use mapwright_graph::{CertaintyGraph, Gate, Reached, Uncertainty};
 use mapwright_loops::KnownPlace;
 use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::SpaceSweep;
@@ -74,23 +74,23 @@ impl LocalMapping {
     }
 
     pub(crate) fn is_drawn(&self, node: NodeId) -> bool {
-        self.views.get(node as usize).is_some_and(|view| view.drawn_at.is_some())
+        self.views.get(node.index()).is_some_and(|view| view.drawn_at.is_some())
     }
 
     /// A new keyframe joins, this certain relative to others; what it makes uncertain is due to leave.
     pub(crate) fn insert(&mut self, past: Past<'_, SpaceSweep>, node: NodeId, links: &[(NodeId, Cov6)]) {
-        while self.views.len() <= node as usize {
+        while self.views.len() <= node.index() {
+            self.graph.add_node(past.local_from_keyframe[self.views.len()].position());
             self.views.push(View::default());
-            self.graph.add_node(past.pose(self.views.len() as NodeId - 1).position());
         }
         let pivot = past.pose(node).position();
         for (from, covariance) in links {
             let Uncertainty { displacement_m2, rotation_rad2 } = Uncertainty::of(covariance);
             let [displacement_m2, rotation_rad2] = [displacement_m2, rotation_rad2].map(|v| ACCUMULATING_SHARE * v);
             let adds_up = Uncertainty { displacement_m2, rotation_rad2 };
-            self.graph.add_link(*from, node, adds_up, pivot, self.scale.range_m);
+            self.graph.add_link(from.number(), node.number(), adds_up, pivot, self.scale.range_m);
         }
-        self.views[node as usize].live = true;
+        self.views[node.index()].live = true;
         self.draw(past, node, Change::Add);
         if self.gated {
             self.give_way(past, node);
@@ -102,15 +102,15 @@ impl LocalMapping {
     fn give_way(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
         let here = past.pose(node);
         let alike = |&other: &NodeId| {
-            let (view, there) = (self.views[other as usize], past.pose(other));
+            let (view, there) = (self.views[other.index()], past.pose(other));
             view.live
                 && !view.gone
                 && here.distance(there) <= ALIKE_SHARE * self.scale.range_m
                 && here.between(there).angle() <= ALIKE_RAD
         };
-        let alike: Vec<NodeId> = (0..=node).filter(alike).collect();
+        let alike: Vec<NodeId> = NodeId::first(node.index() + 1).filter(alike).collect();
         if alike.len() > VIEWS_ALIKE {
-            self.views[alike[0] as usize].gone = true;
+            self.views[alike[0].index()].gone = true;
             self.report.superseded += 1;
             self.due.push_back(alike[0]);
         }
@@ -121,15 +121,14 @@ impl LocalMapping {
         let gate_m = GATE_SHARE * self.scale.resolution_m;
         let reach_m = REACH_RANGES * self.scale.range_m;
         let gate = Gate { sigma_m: HYSTERESIS * gate_m, lever_m: self.scale.range_m, reach_m };
-        self.graph.begin(node, Uncertainty::default(), gate);
+        self.graph.begin(node.number(), Uncertainty::default(), gate);
         while !self.graph.advance(usize::MAX, usize::MAX) {}
         let mut certain = vec![false; self.views.len()];
         for reached in self.graph.reached() {
             let was_live = self.views[reached.node as usize].live;
             certain[reached.node as usize] = was_live || reached.uncertainty.sigma_m(self.scale.range_m) <= gate_m;
         }
-        for (node, is_live) in (0..).zip(certain) {
-            let view = &mut self.views[node as usize];
+        for ((node, view), is_live) in NodeId::first(certain.len()).zip(&mut self.views).zip(certain) {
             if view.live != is_live {
                 view.live = is_live;
                 self.due.push_back(node);
@@ -151,7 +150,7 @@ impl LocalMapping {
 
     /// Brings a keyframe in line with what it should be; whether there was anything to do.
     fn settle(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) -> bool {
-        let view = self.views[node as usize];
+        let view = self.views[node.index()];
         let wanted = view.live && !view.gone;
         let moved = view.drawn_at.is_some_and(|at| self.is_displaced(at, past.pose(node)));
         if view.drawn_at.is_some() == wanted && !moved {
@@ -174,13 +173,13 @@ impl LocalMapping {
     }
 
     fn draw(&mut self, past: Past<'_, SpaceSweep>, node: NodeId, change: Change) {
-        let Some(sweep) = &past.drawn[node as usize] else { return };
-        let view = &mut self.views[node as usize];
+        let Some(sweep) = &past.drawn[node.index()] else { return };
+        let view = &mut self.views[node.index()];
         let drawn_at = view.drawn_at.filter(|_| change == Change::Remove);
         let at = drawn_at.unwrap_or(past.pose(node));
         self.points.clear();
         self.points.extend(sweep.points_m());
-        self.map.draw(&self.points, at, change, node);
+        self.map.draw(&self.points, at, change, node.number());
         let is_drawn = change == Change::Add;
         view.drawn_at = is_drawn.then_some(at);
         self.report.keyframes =
@@ -189,9 +188,8 @@ impl LocalMapping {
 
     /// The keyframes were moved by a correction; what is drawn elsewhere is due.
     pub(crate) fn carry(&mut self, past: Past<'_, SpaceSweep>, before: &[Pose3]) {
-        self.graph.carry(|node| past.pose(node) * before[node as usize].inverse());
-        for node in 0..self.views.len() as NodeId {
-            let View { drawn_at, live, gone } = self.views[node as usize];
+        self.graph.carry(|node| past.local_from_keyframe[node as usize] * before[node as usize].inverse());
+        for (node, &View { drawn_at, live, gone }) in NodeId::first(self.views.len()).zip(&self.views) {
             if live && !gone && drawn_at.is_some_and(|at| self.is_displaced(at, past.pose(node))) {
                 self.due.push_back(node);
             }
@@ -201,22 +199,24 @@ impl LocalMapping {
     /// A closure links two keyframes.
     pub(crate) fn close(&mut self, past: Past<'_, SpaceSweep>, from: NodeId, to: NodeId, covariance: &Cov6) {
         let pivot = past.pose(to).position();
-        self.graph.add_link(from, to, Uncertainty::of(covariance), pivot, self.scale.range_m);
+        self.graph.add_link(from.number(), to.number(), Uncertainty::of(covariance), pivot, self.scale.range_m);
     }
 
     /// A closure was none.
     pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
-        self.graph.remove_link(from, to);
+        self.graph.remove_link(from.number(), to.number());
     }
 
     /// Every keyframe, and how certain it is relative to the newest.
     pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
         let Some(newest) = self.views.len().checked_sub(1) else { return Vec::new() };
         let gate = Gate { sigma_m: f64::INFINITY, lever_m: self.scale.range_m, reach_m: f64::INFINITY };
-        self.graph.begin(newest as NodeId, Uncertainty::default(), gate);
+        self.graph.begin(newest as u32, Uncertainty::default(), gate);
         while !self.graph.advance(usize::MAX, usize::MAX) {}
-        let live = |node: NodeId| self.views[node as usize].live;
-        let reached = self.graph.reached().iter();
-        reached.map(|r| KnownPlace { first: r.node, live: live(r.node), uncertainty: r.uncertainty }).collect()
+        let known = |r: &Reached| {
+            let first = NodeId::new(r.node);
+            KnownPlace { first, live: self.views[first.index()].live, uncertainty: r.uncertainty }
+        };
+        self.graph.reached().iter().map(known).collect()
     }
 }

@@ -139,7 +139,7 @@ impl Tracker {
     /// The keyframe that supplied most of what the points lie on, the newest of equals.
     fn supplier(&mut self, local_map: &LocalMapping, points: &[[f32; 3]], pose: Pose3) -> Option<NodeId> {
         self.suppliers.clear();
-        local_map.map().each_supplier(points, pose, |node| self.suppliers.push(node));
+        local_map.map().each_supplier(points, pose, |owner| self.suppliers.push(NodeId::new(owner)));
         self.suppliers.sort_unstable();
         let runs = self.suppliers.chunk_by(|a, b| a == b).filter(|run| local_map.is_drawn(run[0]));
         runs.max_by_key(|run| (run.len(), run[0])).map(|run| run[0])
