@@ -35,6 +35,7 @@ mod linear;
 mod optimize;
 mod pose_graph;
 mod problem;
+mod projection;
 pub mod spread;
 
 pub use certainty::{CertaintyGraph, Gate, Reached, Uncertainty};
@@ -45,3 +46,4 @@ pub use gnc::Gnc;
 pub use group::RotationError;
 pub use optimize::{Solution, SolverSettings, Start, optimize};
 pub use pose_graph::{Edge, LARGEST_INFORMATION, PoseGraph, PoseGraph2, PoseGraph3, Vertex, nearest_information};
+pub use projection::{CovarianceGraph, Projected};

@@ -4,7 +4,7 @@ use crate::cascade::Finding;
 use crate::submaps::{PoseOf, Submaps, Window};
 use crate::verification::{Judged, Target, Verification};
 use crate::views::views_along;
-use mapwright_geom::Pose;
+use mapwright_geom::{Pose, Pose2, Tangent, TangentMatrix};
 use mapwright_graph::Uncertainty;
 use mapwright_record::{Candidate, Detection, Edge, Evidence, Measurement, NodeId, Objection, Past, Verdict};
 
@@ -20,8 +20,9 @@ pub const SUBMAP_M: f64 = 8.0;
 /// A submap is made of less way where it has to tell less poses apart, for the window is no wider than this to either side, metres.
 const NARROW_SUBMAP_M: f64 = 2.0;
 const NARROW_M: f64 = 0.5;
-/// Places this near to the robot may be seen from there, metres.
+/// Places this near to the robot may be seen from there, metres, and in space those up to half a storey above and below.
 const SEEN_WITHIN_M: f64 = 4.0;
+const SEEN_ABOVE_M: f64 = 1.5;
 /// The search's window in standard deviations, to which comes what is added for the model's sake.
 const WINDOW_SIGMAS: f64 = 3.0;
 /// See above, metres,
@@ -87,13 +88,24 @@ pub struct ClosingSettings {
 
 /// How certain a part of what is known is.
 #[derive(Debug, Clone, Copy)]
-pub struct KnownPlace {
+pub struct KnownPlace<P: Pose = Pose2> {
     /// The keyframe it began with.
     pub first: NodeId,
     /// Whether it is in the local map.
     pub live: bool,
     /// Of that relative to the robot.
     pub uncertainty: Uncertainty,
+    /// Covariance of the newest keyframe seen from there, a right perturbation.
+    pub covariance: P::Matrix,
+}
+
+impl<P: Pose> KnownPlace<P> {
+    /// A place that is as uncertain in all directions, and about all axes.
+    #[must_use]
+    pub fn alike_in_all(first: NodeId, live: bool, uncertainty: Uncertainty) -> Self {
+        let covariance = P::Matrix::from_variances(uncertainty.displacement_m2, uncertainty.rotation_rad2);
+        Self { first, live, uncertainty, covariance }
+    }
 }
 
 /// What is known of cycles beside the candidates, which are the session's.
@@ -177,7 +189,7 @@ impl<S: Submaps> Closing<S> {
     pub fn propose(
         &mut self,
         past: Past<'_, S::Measurement>,
-        known: &[KnownPlace],
+        known: &[KnownPlace<PoseOf<S>>],
         support: Option<NodeId>,
         submaps: S,
     ) -> Option<Verification<S>> {
@@ -215,7 +227,7 @@ impl<S: Submaps> Closing<S> {
         past: Past<'_, S::Measurement>,
         to: NodeId,
         from: NodeId,
-        known: &[KnownPlace],
+        known: &[KnownPlace<PoseOf<S>>],
     ) -> Option<Target<PoseOf<S>>> {
         if from >= to || !self.is_unjudged(past, from) {
             return None;
@@ -260,14 +272,21 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// Places within the uncertainty of the pose, nearest first.
-    fn near(&self, past: Past<'_, S::Measurement>, to: NodeId, known: &[KnownPlace]) -> Vec<Target<PoseOf<S>>> {
+    fn near(
+        &self,
+        past: Past<'_, S::Measurement>,
+        to: NodeId,
+        known: &[KnownPlace<PoseOf<S>>],
+    ) -> Vec<Target<PoseOf<S>>> {
         let here = past.pose(to);
         let mut near: Vec<(f64, Target<PoseOf<S>>)> = Vec::new();
         for place in known.iter().filter(|place| !place.live && past.way_between_m(to, place.first) >= LEFT_M) {
             let there = past.pose(place.first);
             let away_m = there.distance(here);
             let target = target(past, place, place.first, to, Detection::Pose);
-            if away_m <= SEEN_WITHIN_M + WINDOW_SIGMAS * target.sigma_m {
+            let above_m = (there.translation()[2] - here.translation()[2]).abs();
+            let is_level = above_m <= SEEN_ABOVE_M + target.window.half_height_m;
+            if away_m <= SEEN_WITHIN_M + WINDOW_SIGMAS * target.sigma_m && is_level {
                 near.push((away_m, target));
             }
         }
@@ -287,7 +306,7 @@ impl<S: Submaps> Closing<S> {
         &mut self,
         past: Past<'_, S::Measurement>,
         to: NodeId,
-        known: &[KnownPlace],
+        known: &[KnownPlace<PoseOf<S>>],
         submaps: &S,
     ) -> Vec<Target<PoseOf<S>>> {
         let left = |node: NodeId| past.way_between_m(to, node) >= LEFT_M;
@@ -296,7 +315,8 @@ impl<S: Submaps> Closing<S> {
             let place = patch_of(known, from).filter(|place| !place.live)?;
             let (sigma_m, sigma_rad) = sigmas(place);
             let is_near = past.pose(from).distance(past.pose(to)) <= SEEN_WITHIN_M + 2.0 * WINDOW_SIGMAS * sigma_m;
-            is_near.then_some(Target { from, detection: Detection::Place, window, sigma_m, sigma_rad })
+            let covariance = place.covariance;
+            is_near.then_some(Target { from, detection: Detection::Place, window, sigma_m, sigma_rad, covariance })
         };
         found.into_iter().filter_map(target).collect()
     }
@@ -353,7 +373,7 @@ impl<S: Submaps> Closing<S> {
         judged.evidence.agreeing = friends.len() as u32;
         let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
-        let sure = target.sigma_m < SURE_M && !unclear;
+        let sure = target.covariance.position_variance_m2() < SURE_M * SURE_M && !unclear;
         let enough = if any_clear { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && !sure {
             self.waiting.push(number);
@@ -414,12 +434,9 @@ fn cycle_chi2<M: Measurement>(
     finding: &Finding<M::Pose>,
     found: M::Pose,
 ) -> f64 {
-    let error = past.pose(target.from).between(past.pose(to)).between(found);
-    let widest = |axes: std::ops::Range<usize>| axes.map(|k| finding.covariance[(k, k)]).fold(0.0, f64::max);
-    let variance_m2 = target.sigma_m * target.sigma_m + widest(0..M::Pose::TRANSLATION);
-    let variance_rad2 = target.sigma_rad * target.sigma_rad + widest(M::Pose::TRANSLATION..M::Pose::DIMENSION);
-    let distance2: f64 = error.translation().iter().map(|m| m * m).sum();
-    distance2 / variance_m2 + error.angle() * error.angle() / variance_rad2
+    let error = past.pose(target.from).between(past.pose(to)).local(found);
+    let information = (target.covariance + finding.covariance).inverted();
+    information.map_or(f64::INFINITY, |information| error.squared_by(&information))
 }
 
 /// Whether a candidate that waits and a finding say the same, by the short ways between their ends.
@@ -431,36 +448,40 @@ fn is_alike<M: Measurement>(past: Past<'_, M>, waiting: &Candidate<M::Pose>, jud
         && agree(past, (from, to, a_pose), (judged.from, judged.to, b_pose))
 }
 
-/// Standard deviations of a place, metres and radians.
-fn sigmas(place: &KnownPlace) -> (f64, f64) {
-    (place.uncertainty.displacement_m2.sqrt(), place.uncertainty.rotation_rad2.sqrt())
+/// Standard deviations of where the robot is seen from a place, along the ground in the direction in which it is largest, metres,
+/// and of its heading, radians.
+fn sigmas<P: Pose>(place: &KnownPlace<P>) -> (f64, f64) {
+    let variance = |axis: usize| place.covariance[(axis, axis)];
+    (variance(0).max(variance(1)).sqrt(), variance(P::DIMENSION - 1).sqrt())
 }
 
 /// Half the width of the window in which a place has to be looked for, metres.
-fn window_m(place: &KnownPlace) -> f64 {
+fn window_m<P: Pose>(place: &KnownPlace<P>) -> f64 {
     WINDOW_M + WINDOW_SIGMAS * sigmas(place).0
 }
 
 /// The patch that tells how certain a place is: the one that began last before it.
-fn patch_of(known: &[KnownPlace], node: NodeId) -> Option<&KnownPlace> {
+fn patch_of<P: Pose>(known: &[KnownPlace<P>], node: NodeId) -> Option<&KnownPlace<P>> {
     known.iter().filter(|patch| patch.first <= node).max_by_key(|patch| patch.first)
 }
 
 /// A place is looked for where the poses say it is.
 fn target<M: Measurement>(
     past: Past<'_, M>,
-    place: &KnownPlace,
+    place: &KnownPlace<M::Pose>,
     from: NodeId,
     to: NodeId,
     detection: Detection,
 ) -> Target<M::Pose> {
     let (sigma_m, sigma_rad) = sigmas(place);
+    let up_m2 = if M::Pose::TRANSLATION == 3 { place.covariance[(2, 2)] } else { 0.0 };
     let window = Window {
         target_from_query: past.pose(from).between(past.pose(to)),
         half_width_m: window_m(place).min(WIDEST_M),
+        half_height_m: (WINDOW_M + WINDOW_SIGMAS * up_m2.sqrt()).min(WIDEST_M),
         half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
     };
-    Target { from, detection, window, sigma_m, sigma_rad }
+    Target { from, detection, window, sigma_m, sigma_rad, covariance: place.covariance }
 }
 
 #[cfg(test)]

@@ -42,7 +42,7 @@ impl Submaps for PlaneSubmaps {
     }
 
     fn look_for(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, window: &Window<Pose2>) -> Finding {
-        let Window { target_from_query: world_from_robot, half_width_m, half_width_rad } = *window;
+        let Window { target_from_query: world_from_robot, half_width_m, half_width_rad, .. } = *window;
         self.verifier.look_for(query, target, &SearchWindow { world_from_robot, half_width_m, half_width_rad })
     }
 
@@ -73,6 +73,7 @@ fn around(heading_rad: Option<f64>) -> impl Iterator<Item = Window<Pose2>> {
     (0..turns).map(move |half| Window {
         target_from_query: Pose2::new(0.0, 0.0, wrap_angle(heading_rad.unwrap_or(0.0) + f64::from(half) * PI)),
         half_width_m: LIKENESS_WINDOW_M,
+        half_height_m: 0.0,
         half_width_rad,
     })
 }

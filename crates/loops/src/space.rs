@@ -17,11 +17,13 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Points of a submap lie so far apart, of the smallest voxel's side.
 const POINT_SHARE: f64 = 0.8;
-/// Starts of a search lie so far apart: of the largest voxel's side, and radians.
+/// Starts of a search lie so far apart: of the largest voxel's side along the ground and up, and radians.
 const START_SHARE: f64 = 0.75;
+const START_UP_SHARE: f64 = 0.5;
 const START_RAD: f64 = 0.35;
 /// and are so many at most.
-const STARTS_AT_MOST: usize = 400;
+const STARTS_AT_MOST: i32 = 400;
+const UP_AT_MOST: i32 = 3;
 /// Poses that are compared in the end; one elsewhere is farther than so many smallest voxels, or radians.
 const COMPARED: usize = 3;
 const ELSEWHERE_VOXELS: f64 = 4.0;
@@ -79,25 +81,27 @@ impl SpaceSubmaps {
     /// Poses over the window, the middle first.
     fn starts(&self, window: &Window<Pose3>) -> Vec<Pose3> {
         let coarsest_m = self.map.resolution_m * f64::from(1_u32 << self.map.levels.clamp(1, 16).saturating_sub(1));
-        let (step_m, mut step_rad) = (START_SHARE * coarsest_m, START_RAD);
         let half_rad = window.half_width_rad.min(PI);
         let reach = |half: f64, step: f64| (half / step).floor() as i32;
-        let mut along = reach(window.half_width_m, step_m);
-        let mut around = reach(half_rad, step_rad);
-        while (2 * along + 1).pow(2) * (2 * around + 1) > STARTS_AT_MOST as i32 && (along > 0 || around > 0) {
+        let mut along = reach(window.half_width_m, START_SHARE * coarsest_m);
+        let up = reach(window.half_height_m, START_UP_SHARE * coarsest_m).min(UP_AT_MOST);
+        let mut around = reach(half_rad, START_RAD);
+        let count = |along: i32, around: i32| (2 * along + 1).pow(2) * (2 * up + 1) * (2 * around + 1);
+        while count(along, around) > STARTS_AT_MOST && (along > 0 || around > 0) {
             // A window too wide for all is searched more coarsely, the way first.
             if along > 2 || around == 0 { along -= 1 } else { around -= 1 }
         }
-        if around > 0 {
-            step_rad = half_rad / f64::from(around);
-        }
-        let step_m = if along > 0 { window.half_width_m / f64::from(along) } else { 0.0 };
+        let step = |half: f64, count: i32| if count > 0 { half / f64::from(count) } else { 0.0 };
+        let (step_m, step_rad) = (step(window.half_width_m, along), step(half_rad, around));
+        let up_m = step(window.half_height_m, up);
         let mut starts = vec![window.target_from_query];
         for (x, y) in (-along..=along).flat_map(|x| (-along..=along).map(move |y| (x, y))) {
-            for k in (-around..=around).filter(|k| (x, y, *k) != (0, 0, 0)) {
-                let turn = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, step_rad * f64::from(k));
-                let aside = [step_m * f64::from(x), step_m * f64::from(y), 0.0];
-                starts.push(window.target_from_query.moved(aside) * Pose3::exp(turn));
+            for (z, k) in (-up..=up).flat_map(|z| (-around..=around).map(move |k| (z, k))) {
+                if (x, y, z, k) != (0, 0, 0, 0) {
+                    let turn = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, step_rad * f64::from(k));
+                    let aside = [step_m * f64::from(x), step_m * f64::from(y), up_m * f64::from(z)];
+                    starts.push(window.target_from_query.moved(aside) * Pose3::exp(turn));
+                }
             }
         }
         starts
@@ -153,9 +157,10 @@ impl Submaps for SpaceSubmaps {
         let starts = self.starts(window);
         self.scored = starts.len() as u64;
         // The window is no measurement; it only must not be left by far.
-        let (wide_m, wide_rad) = (window.half_width_m.max(self.map.resolution_m), window.half_width_rad.max(0.05));
-        let [linear, angular] = [1.0 / (4.0 * wide_m * wide_m), 1.0 / (4.0 * wide_rad * wide_rad)];
-        let diagonal = Vector6::new(linear, linear, linear, angular, angular, angular);
+        let wide_m = [window.half_width_m, window.half_height_m].map(|half| half.max(self.map.resolution_m));
+        let wide_rad = window.half_width_rad.max(0.05);
+        let [linear, upright, angular] = [wide_m[0], wide_m[1], wide_rad].map(|wide| 1.0 / (4.0 * wide * wide));
+        let diagonal = Vector6::new(linear, linear, upright, angular, angular, angular);
         let information = Matrix6::from_diagonal(&diagonal);
         let prior = Prior { map_from_cloud: window.target_from_query, information };
         let rough = self.matcher.rough(&target.map, &query.points_m, &prior, starts.into_iter(), COMPARED);
@@ -204,7 +209,12 @@ impl Submaps for SpaceSubmaps {
             (0..turns).map(move |half| {
                 let turn_rad = heading_rad.unwrap_or(0.0) + f64::from(half) * PI;
                 let turn = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, turn_rad);
-                Window { target_from_query: Pose3::exp(turn), half_width_m, half_width_rad }
+                Window {
+                    target_from_query: Pose3::exp(turn),
+                    half_width_m,
+                    half_height_m: half_width_m,
+                    half_width_rad,
+                }
             })
         };
         hits.iter().flat_map(|hit| windows(hit.heading_rad).map(|window| (hit.node, window))).collect()

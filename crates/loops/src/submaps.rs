@@ -14,8 +14,10 @@ pub type PoseOf<S> = <<S as Submaps>::Measurement as Measurement>::Pose;
 pub struct Window<P: Pose> {
     /// The middle.
     pub target_from_query: P,
-    /// To either side along each axis, metres.
+    /// To either side along each axis, of space those of the ground, metres.
     pub half_width_m: f64,
+    /// Up and down, metres; of no meaning in the plane.
+    pub half_height_m: f64,
     /// To either side, radians.
     pub half_width_rad: f64,
 }

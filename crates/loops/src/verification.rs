@@ -19,6 +19,8 @@ pub struct Target<P: Pose = Pose2> {
     pub sigma_m: f64,
     /// See above.
     pub sigma_rad: f64,
+    /// Covariance of that, a right perturbation of the robot's pose.
+    pub covariance: P::Matrix,
 }
 
 /// A finding as a candidate that has no number yet.

@@ -214,7 +214,8 @@ impl Patches {
         while !self.whole.advance(usize::MAX, usize::MAX) {}
         let known = self.whole.reached().iter().map(|r| (&self.patches[r.node as usize], r.uncertainty));
         let seen = known.filter(|(patch, _)| !patch.views.is_empty());
-        seen.map(|(&Patch { first, live, .. }, uncertainty)| KnownPlace { first, live, uncertainty }).collect()
+        seen.map(|(&Patch { first, live, .. }, uncertainty)| KnownPlace::alike_in_all(first, live, uncertainty))
+            .collect()
     }
 
     fn joined(&self, at: [f64; 2], links: &[(u32, Uncertainty)]) -> Option<Member> {

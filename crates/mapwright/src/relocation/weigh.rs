@@ -114,8 +114,14 @@ pub(super) fn target(from: NodeId) -> Target {
     Target {
         from,
         detection: Detection::Place,
-        window: Window { target_from_query: Pose2::IDENTITY, half_width_m: 0.0, half_width_rad: 0.0 },
+        window: Window {
+            target_from_query: Pose2::IDENTITY,
+            half_width_m: 0.0,
+            half_height_m: 0.0,
+            half_width_rad: 0.0,
+        },
         sigma_m: 1e3,
         sigma_rad: 1e3,
+        covariance: Cov3::from_diagonal_element(1e6),
     }
 }

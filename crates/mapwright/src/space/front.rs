@@ -175,8 +175,8 @@ impl FrontEnd {
     }
 
     /// How certain old places are relative to the newest keyframe.
-    pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
-        self.local_map.as_mut().map_or_else(Vec::new, LocalMapping::survey)
+    pub(crate) fn survey(&mut self, past: Past<'_, SpaceSweep>) -> Vec<KnownPlace<Pose3>> {
+        self.local_map.as_mut().map_or_else(Vec::new, |local_map| local_map.survey(past))
     }
 
     pub(crate) fn local_map_report(&self) -> LocalMapReport {

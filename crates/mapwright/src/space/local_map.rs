@@ -2,8 +2,8 @@
 
 use super::scale::Scale;
 use crate::settings::{LivePolicy, Settings};
-use mapwright_geom::{Cov6, Pose, Pose3};
-use mapwright_graph::{CertaintyGraph, Gate, Reached, Uncertainty};
+use mapwright_geom::{Cov6, Pose, Pose3, TangentMatrix};
+use mapwright_graph::{CovarianceGraph, Gate, Projected};
 use mapwright_loops::KnownPlace;
 use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::SpaceSweep;
@@ -35,7 +35,7 @@ pub(crate) struct LocalMapping {
     gated: bool,
     scale: Scale,
     views: Vec<View>,
-    graph: CertaintyGraph<Pose3>,
+    graph: CovarianceGraph,
     due: VecDeque<NodeId>,
     report: LocalMapReport,
     points: Vec<[f32; 3]>,
@@ -58,7 +58,7 @@ impl LocalMapping {
             gated: settings.live.policy == LivePolicy::Gated,
             scale,
             views: Vec::new(),
-            graph: CertaintyGraph::default(),
+            graph: CovarianceGraph::default(),
             due: VecDeque::new(),
             report: LocalMapReport::default(),
             points: Vec::new(),
@@ -80,21 +80,18 @@ impl LocalMapping {
     /// A new keyframe joins, this certain relative to others; what it makes uncertain is due to leave.
     pub(crate) fn insert(&mut self, past: Past<'_, SpaceSweep>, node: NodeId, links: &[(NodeId, Cov6)]) {
         while self.views.len() <= node.index() {
-            self.graph.add_node(past.local_from_keyframe[self.views.len()].position());
+            self.graph.add_node(past.local_from_keyframe[self.views.len()].translation);
             self.views.push(View::default());
         }
-        let pivot = past.pose(node).position();
         for (from, covariance) in links {
-            let Uncertainty { displacement_m2, rotation_rad2 } = Uncertainty::of(covariance);
-            let [displacement_m2, rotation_rad2] = [displacement_m2, rotation_rad2].map(|v| ACCUMULATING_SHARE * v);
-            let adds_up = Uncertainty { displacement_m2, rotation_rad2 };
-            self.graph.add_link(from.number(), node.number(), adds_up, pivot, self.scale.range_m);
+            let ends = [from.number(), node.number()];
+            self.graph.add_link(ends, &(covariance * ACCUMULATING_SHARE), past.pose(node), self.scale.range_m);
         }
         self.views[node.index()].live = true;
         self.draw(past, node, Change::Add);
         if self.gated {
             self.give_way(past, node);
-            self.judge(past, node);
+            self.judge(node);
         }
     }
 
@@ -117,16 +114,14 @@ impl LocalMapping {
     }
 
     /// Who is certain enough relative to the newest keyframe.
-    fn judge(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
+    fn judge(&mut self, node: NodeId) {
         let gate_m = GATE_SHARE * self.scale.resolution_m;
         let reach_m = REACH_RANGES * self.scale.range_m;
         let gate = Gate { sigma_m: HYSTERESIS * gate_m, lever_m: self.scale.range_m, reach_m };
-        self.graph.begin(node.number(), Uncertainty::default(), gate);
-        while !self.graph.advance(usize::MAX, usize::MAX) {}
         let mut certain = vec![false; self.views.len()];
-        for reached in self.graph.reached() {
-            let was_live = self.views[reached.node as usize].live;
-            certain[reached.node as usize] = was_live || reached.uncertainty.sigma_m(self.scale.range_m) <= gate_m;
+        for Projected { node, uncertainty, .. } in self.graph.project(node.number(), gate) {
+            let most_m = if self.views[node as usize].live { gate.sigma_m } else { gate_m };
+            certain[node as usize] = uncertainty.sigma_m(self.scale.range_m) <= most_m;
         }
         for ((node, view), is_live) in NodeId::first(certain.len()).zip(&mut self.views).zip(certain) {
             if view.live != is_live {
@@ -134,7 +129,6 @@ impl LocalMapping {
                 self.due.push_back(node);
             }
         }
-        let _ = past;
     }
 
     /// Once a cloud: draws or takes out a few of those that are due.
@@ -198,8 +192,7 @@ impl LocalMapping {
 
     /// A closure links two keyframes.
     pub(crate) fn close(&mut self, past: Past<'_, SpaceSweep>, from: NodeId, to: NodeId, covariance: &Cov6) {
-        let pivot = past.pose(to).position();
-        self.graph.add_link(from.number(), to.number(), Uncertainty::of(covariance), pivot, self.scale.range_m);
+        self.graph.add_link([from.number(), to.number()], covariance, past.pose(to), self.scale.range_m);
     }
 
     /// A closure was none.
@@ -208,15 +201,17 @@ impl LocalMapping {
     }
 
     /// Every keyframe, and how certain it is relative to the newest.
-    pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
-        let Some(newest) = self.views.len().checked_sub(1) else { return Vec::new() };
+    pub(crate) fn survey(&mut self, past: Past<'_, SpaceSweep>) -> Vec<KnownPlace<Pose3>> {
+        let Some(newest) = past.newest().filter(|newest| newest.index() < self.views.len()) else { return Vec::new() };
         let gate = Gate { sigma_m: f64::INFINITY, lever_m: self.scale.range_m, reach_m: f64::INFINITY };
-        self.graph.begin(newest as u32, Uncertainty::default(), gate);
-        while !self.graph.advance(usize::MAX, usize::MAX) {}
-        let known = |r: &Reached| {
-            let first = NodeId::new(r.node);
-            KnownPlace { first, live: self.views[first.index()].live, uncertainty: r.uncertainty }
+        let newest_from_map = Pose3 { translation: nalgebra::Vector3::zeros(), ..past.pose(newest).inverse() };
+        let axes = newest_from_map.adjoint();
+        let known = |projected: Projected| {
+            let Projected { node, at_start, uncertainty } = projected;
+            let first = NodeId::new(node);
+            let live = self.views[first.index()].live;
+            KnownPlace { first, live, uncertainty, covariance: at_start.carried_by(&axes) }
         };
-        self.graph.reached().iter().map(known).collect()
+        self.graph.project(newest.number(), gate).into_iter().map(known).collect()
     }
 }

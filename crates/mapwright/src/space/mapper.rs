@@ -5,8 +5,8 @@ use crate::back::closing_settings;
 use crate::cycles;
 use crate::settings::{Settings, SettingsError};
 use crate::store::{Link, Store};
-use mapwright_geom::{Pose3, Stamp};
-use mapwright_loops::{Closing, KnownPlace, Solving, SpaceSubmaps, VerifySettings};
+use mapwright_geom::{Cov6, Pose3, Stamp};
+use mapwright_loops::{Closing, Solving, SpaceSubmaps, VerifySettings};
 use mapwright_record::{KeyframeId, Localisation, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, SpaceSweep};
 
@@ -89,7 +89,7 @@ impl SpaceMapper {
         let (past, anchor) = (store.past(), front.pose().anchor());
         let due = closing.is_due(past) || anchor.is_some_and(|anchor| closing.is_unjudged(past, anchor));
         let Some(submaps) = front.submaps(VerifySettings::default()).filter(|_| due) else { return };
-        let known = front.survey();
+        let known = front.survey(past);
         let Some(verification) = closing.propose(past, &known, anchor, submaps) else { return };
         let correction = front.settings().loops.correction;
         let judged = cycles::judge(closing, store, front, &verification.run(), correction);
@@ -128,14 +128,11 @@ impl SpaceMapper {
         }
     }
 
-    /// How certain each keyframe is relative to the newest one: standard deviation of the position in the direction in which it is
-    /// largest, metres, and that of the rotation about the axis about which it is, radians.
-    pub fn certainty(&mut self) -> Vec<(KeyframeId, f64, f64)> {
-        let sigmas = |known: KnownPlace| {
-            let (m2, rad2) = (known.uncertainty.displacement_m2, known.uncertainty.rotation_rad2);
-            (self.store.id(known.first), m2.sqrt(), rad2.sqrt())
-        };
-        self.front.survey().into_iter().map(sigmas).collect()
+    /// How certain each keyframe is relative to the newest one: covariance of the newest one's pose seen from it, a right perturbation,
+    /// translation first, metres and radians.
+    pub fn certainty(&mut self) -> Vec<(KeyframeId, Cov6)> {
+        let known = self.front.survey(self.store.past());
+        known.into_iter().map(|known| (self.store.id(known.first), known.covariance)).collect()
     }
 
     /// Everything that lasts of the run so far: what the entries of all updates amount to.
