@@ -1,7 +1,8 @@
 //! A session's keyframes and edges as a pose graph that can be written, or solved in another way.
 
-use mapwright::{Edge, Pose2, Session};
-use mapwright_graph::{PoseGraph, PoseGraph2, Vertex};
+use mapwright::{Edge, Session};
+use mapwright_geom::Pose;
+use mapwright_graph::{PoseGraph, Vertex};
 use mapwright_record::Measurement;
 
 /// Keyframes at these poses, named by their place in the session, and those edges that stand and are wanted; the first stays.
@@ -29,6 +30,6 @@ pub(crate) fn standing<M: Measurement>(session: &Session<M>) -> impl Iterator<It
 }
 
 /// The poses of a graph in the order of its vertices.
-pub(crate) fn poses_of(graph: &PoseGraph2) -> Vec<Pose2> {
+pub(crate) fn poses_of<P: Pose>(graph: &PoseGraph<P>) -> Vec<P> {
     graph.vertices.iter().map(|vertex| vertex.world_from_vertex).collect()
 }

@@ -2,8 +2,14 @@
 
 use crate::failure::Failure;
 use crate::pose_graph::standing;
-use mapwright::{Edge, EdgeKind, Mapper, Pose2, Session, Settings, Stamp, Update};
-use mapwright_eval::{Alignment, EvalError, PosePair, ate_of_pairs};
+use mapwright::{
+    Cloud, Edge, EdgeKind, Mapper, Pose2, Pose3, Session, Settings, SpaceMapper, SpaceSweep, Stamp, Sweep,
+    TrajectoryPose, Update,
+};
+use mapwright_eval::{Alignment, EvalError, PosePair, RpeSettings, ate_of_pairs, space_errors};
+use mapwright_geom::Pose;
+use mapwright_record::Measurement;
+use mapwright_sim::space::{SpaceDrive, TrueCloud};
 use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
 use serde::Serialize;
 
@@ -29,21 +35,23 @@ pub(crate) fn office(seed: u64, people: usize) -> Drive {
     Drive::new(site.into(), DriveSettings { laser, seed, ..DriveSettings::default() })
 }
 
-/// A mapped drive.
-pub(crate) struct Simulated {
-    pub(crate) mapper: Mapper,
+/// A mapped drive, of the plane or of space.
+pub(crate) struct Simulated<M: Measurement = Sweep> {
+    session: Session<M>,
     /// Every scan in arrival order.
-    scans: Vec<Taken>,
+    scans: Vec<Taken<M::Pose>>,
 }
 
 /// A scan without what was seen.
 #[derive(Debug, Clone, Copy)]
-struct Taken {
-    stamp: Stamp,
+pub(crate) struct Taken<P> {
+    pub(crate) stamp: Stamp,
     /// The truth.
-    world_from_robot: Pose2,
-    /// What the wheels say.
-    odom_from_robot: Option<Pose2>,
+    pub(crate) world_from_robot: P,
+    /// The truth at the time that a keyframe of this scan stands for: in space the middle of the sweep.
+    pub(crate) world_from_keyframe: P,
+    /// What the wheels say then.
+    pub(crate) odom_from_keyframe: Option<P>,
     /// True length of the way up to here, metres.
     along_m: f64,
 }
@@ -56,9 +64,9 @@ pub(crate) struct PoseError {
 }
 
 impl PoseError {
-    pub(crate) fn of(found: Pose2, truth: Pose2) -> Self {
+    pub(crate) fn of<P: Pose>(found: P, truth: P) -> Self {
         let error = truth.between(found);
-        Self { metres: error.x.hypot(error.y), degrees: error.theta.abs().to_degrees() }
+        Self { metres: error.length(), degrees: error.angle().to_degrees() }
     }
 
     /// Both together; at the bounds of what is right each counts one.
@@ -103,27 +111,99 @@ impl Simulated {
         mut watch: impl FnMut(&Mapper, &Update, Pose2),
     ) -> Result<Self, Failure> {
         let mut mapper = Mapper::new(*settings)?;
-        let mut scans: Vec<Taken> = Vec::new();
+        let mut scans: Vec<Taken<Pose2>> = Vec::new();
         for event in drive {
             match event {
                 Event::Odometry(odometry) => mapper.add_odometry(&odometry),
                 Event::Scan(scan) => {
                     let update = mapper.add_scan(&scan.scan);
                     let truth = scan.world_from_robot;
-                    let step_m = |before: &Taken| before.along_m + before.world_from_robot.distance(truth);
                     scans.push(Taken {
                         stamp: scan.scan.stamp,
                         world_from_robot: truth,
-                        odom_from_robot: scan.scan.odom_from_robot,
-                        along_m: scans.last().map_or(0.0, step_m),
+                        world_from_keyframe: truth,
+                        odom_from_keyframe: scan.scan.odom_from_robot,
+                        along_m: along_m(&scans, truth),
                     });
                     watch(&mapper, &update, truth);
                 }
             }
         }
-        Ok(Self { mapper, scans })
+        Ok(Self { session: mapper.session().clone(), scans })
     }
+}
 
+impl Simulated<SpaceSweep> {
+    /// Maps every so many-th cloud of a drive in space; `watch` sees the mapper after each, its update and the clouds so far.
+    pub(crate) fn map_space(
+        drive: &SpaceDrive,
+        every: usize,
+        settings: &Settings,
+        mut watch: impl FnMut(&SpaceMapper, &Update<SpaceSweep>, &[Taken<Pose3>]),
+    ) -> Result<Self, Failure> {
+        let mut mapper = SpaceMapper::new(*settings)?;
+        let mut scans: Vec<Taken<Pose3>> = Vec::new();
+        for number in (0..).step_by(every.max(1)) {
+            let Some(taken) = drive.cloud(number) else { break };
+            scans.push(Taken::of_cloud(drive, &taken, &scans));
+            let update = mapper.add_cloud(&taken.cloud);
+            watch(&mapper, &update, &scans);
+        }
+        Ok(Self { session: mapper.session().clone(), scans })
+    }
+}
+
+impl Taken<Pose3> {
+    fn of_cloud(drive: &SpaceDrive, taken: &TrueCloud, before: &[Self]) -> Self {
+        let TrueCloud { cloud, world_from_robot } = taken;
+        let middle = middle_of(cloud);
+        Self {
+            stamp: cloud.stamp,
+            world_from_robot: *world_from_robot,
+            world_from_keyframe: drive.world_from_robot(middle).unwrap_or(*world_from_robot),
+            odom_from_keyframe: drive.odom_from_robot(middle).or(cloud.odom_from_robot),
+            along_m: along_m(before, *world_from_robot),
+        }
+    }
+}
+
+/// The middle of a sweep.
+pub(crate) fn middle_of(cloud: &Cloud) -> Stamp {
+    let times = || cloud.times_s.iter().copied();
+    let (first_s, last_s) = (times().fold(f32::INFINITY, f32::min), times().fold(f32::NEG_INFINITY, f32::max));
+    let middle_s = if first_s <= last_s { 0.5 * f64::from(first_s + last_s) } else { 0.0 };
+    Stamp(cloud.stamp.0 + (1e9 * middle_s).round() as i64)
+}
+
+/// True length of the way up to a pose after these scans, metres.
+fn along_m<P: Pose>(scans: &[Taken<P>], truth: P) -> f64 {
+    scans.last().map_or(0.0, |before| before.along_m + before.world_from_robot.distance(truth))
+}
+
+/// Poses of which trajectories are scored.
+pub(crate) trait Scored: Pose {
+    /// ATE of stamps, true poses and estimated ones, aligned rigidly, rmse in metres.
+    fn ate_m(poses: &[(Stamp, Self, Self)]) -> Result<f64, EvalError>;
+}
+
+impl Scored for Pose2 {
+    fn ate_m(poses: &[(Stamp, Self, Self)]) -> Result<f64, EvalError> {
+        let pair =
+            |&(stamp, world_from_robot, map_from_robot): &_| PosePair { stamp, world_from_robot, map_from_robot };
+        let pairs: Vec<_> = poses.iter().map(pair).collect();
+        Ok(ate_of_pairs(&pairs, Alignment::Rigid)?.translation_m.rmse)
+    }
+}
+
+impl Scored for Pose3 {
+    fn ate_m(poses: &[(Stamp, Self, Self)]) -> Result<f64, EvalError> {
+        let truth: Vec<_> = poses.iter().map(|&(stamp, truth, _)| (stamp, truth)).collect();
+        let estimate: Vec<_> = poses.iter().map(|&(stamp, _, estimate)| (stamp, estimate)).collect();
+        Ok(space_errors(&truth, &estimate, Alignment::Rigid, &RpeSettings::default())?.absolute.translation_m.rmse)
+    }
+}
+
+impl<M: Measurement<Pose: Scored>> Simulated<M> {
     /// True length of the way, metres.
     pub(crate) fn length_m(&self) -> f64 {
         self.scans.last().map_or(0.0, |scan| scan.along_m)
@@ -133,27 +213,32 @@ impl Simulated {
         self.scans.len()
     }
 
-    pub(crate) fn session(&self) -> &Session {
-        self.mapper.session()
+    pub(crate) fn session(&self) -> &Session<M> {
+        &self.session
+    }
+
+    /// Where the final map has each keyframe.
+    pub(crate) fn keyframe_poses(&self) -> &[M::Pose] {
+        self.session.map_from_keyframe()
     }
 
     pub(crate) fn keyframe_count(&self) -> usize {
         self.session().keyframes().len()
     }
 
-    fn scan_of(&self, keyframe: usize) -> Taken {
+    fn scan_of(&self, keyframe: usize) -> Taken<M::Pose> {
         self.scans[self.session().keyframes()[keyframe].scan as usize]
     }
 
-    /// True pose of the robot at a keyframe.
-    pub(crate) fn truth(&self, keyframe: usize) -> Pose2 {
-        self.scan_of(keyframe).world_from_robot
+    /// True pose of the robot at a keyframe, in space in the middle of its sweep.
+    pub(crate) fn truth(&self, keyframe: usize) -> M::Pose {
+        self.scan_of(keyframe).world_from_keyframe
     }
 
     /// True pose of the robot at the scan nearest to a stamp; there is one.
-    pub(crate) fn truth_at(&self, stamp: Stamp) -> Pose2 {
+    pub(crate) fn truth_at(&self, stamp: Stamp) -> M::Pose {
         let nearest = self.scans.iter().min_by_key(|scan| scan.stamp.0.abs_diff(stamp.0));
-        nearest.map_or(Pose2::IDENTITY, |scan| scan.world_from_robot)
+        nearest.map_or(M::Pose::identity(), |scan| scan.world_from_robot)
     }
 
     /// True length of the way up to a keyframe, metres.
@@ -161,23 +246,29 @@ impl Simulated {
         self.scan_of(keyframe).along_m
     }
 
+    /// True length of the way up to the last scan before a stamp, or of that stamp, metres.
+    pub(crate) fn along_at_m(&self, stamp: Stamp) -> f64 {
+        let after = self.scans.partition_point(|scan| scan.stamp <= stamp);
+        self.scans[..after].last().map_or(0.0, |scan| scan.along_m)
+    }
+
     pub(crate) fn stamp(&self, keyframe: usize) -> Stamp {
         self.scan_of(keyframe).stamp
     }
 
     /// One keyframe seen from another, as the wheels say.
-    pub(crate) fn wheels_between(&self, from: usize, to: usize) -> Option<Pose2> {
-        let [from, to] = [from, to].map(|keyframe| self.scan_of(keyframe).odom_from_robot);
+    pub(crate) fn wheels_between(&self, from: usize, to: usize) -> Option<M::Pose> {
+        let [from, to] = [from, to].map(|keyframe| self.scan_of(keyframe).odom_from_keyframe);
         Some(from?.between(to?))
     }
 
     /// The truth that an edge between two keyframes should say.
-    pub(crate) fn true_between(&self, from: usize, to: usize) -> Pose2 {
+    pub(crate) fn true_between(&self, from: usize, to: usize) -> M::Pose {
         self.truth(from).between(self.truth(to))
     }
 
     /// Where these poses have one keyframe seen from another, against the truth.
-    pub(crate) fn error_between(&self, world_from_keyframe: &[Pose2], from: usize, to: usize) -> PoseError {
+    pub(crate) fn error_between(&self, world_from_keyframe: &[M::Pose], from: usize, to: usize) -> PoseError {
         PoseError::of(world_from_keyframe[from].between(world_from_keyframe[to]), self.true_between(from, to))
     }
 
@@ -195,7 +286,7 @@ impl Simulated {
     }
 
     /// Whether an edge joins the map to itself, be it right or wrong, believed or not.
-    pub(crate) fn closes(&self, ends: [usize; 2], edge: &Edge) -> bool {
+    pub(crate) fn closes(&self, ends: [usize; 2], edge: &Edge<M::Pose>) -> bool {
         match edge.kind {
             EdgeKind::Odometry => false,
             EdgeKind::Match => self.apart_m(ends) > CLOSING_FROM_M,
@@ -205,33 +296,26 @@ impl Simulated {
 
     /// Every edge that closes, but those that were withdrawn.
     pub(crate) fn closings(&self) -> Vec<Closing> {
-        let closing = |([from, to], edge): ([usize; 2], &Edge)| {
+        let closing = |([from, to], edge): ([usize; 2], &Edge<M::Pose>)| {
             let measured = PoseError::of(edge.from_from_to, self.true_between(from, to));
-            let in_map = self.error_between(self.mapper.keyframe_poses(), from, to);
+            let in_map = self.error_between(self.keyframe_poses(), from, to);
             Closing { kind: edge.kind, from: from.min(to), to: from.max(to), measured, in_map }
         };
         standing(self.session()).filter(|(ends, edge)| self.closes(*ends, edge)).map(closing).collect()
     }
 
     /// ATE of the keyframes at these poses, aligned, rmse in metres.
-    pub(crate) fn keyframe_ate_m(&self, world_from_keyframe: &[Pose2]) -> Result<f64, EvalError> {
-        let pair = |(k, &map_from_robot): (usize, &Pose2)| PosePair {
-            stamp: self.stamp(k),
-            world_from_robot: self.truth(k),
-            map_from_robot,
-        };
-        let pairs: Vec<_> = world_from_keyframe.iter().enumerate().map(pair).collect();
-        Ok(ate_of_pairs(&pairs, Alignment::Rigid)?.translation_m.rmse)
+    pub(crate) fn keyframe_ate_m(&self, world_from_keyframe: &[M::Pose]) -> Result<f64, EvalError> {
+        let pose = |(k, &estimate): (usize, &M::Pose)| (self.stamp(k), self.truth(k), estimate);
+        M::Pose::ate_m(&world_from_keyframe.iter().enumerate().map(pose).collect::<Vec<_>>())
     }
 
     /// ATE of the whole final trajectory, every scan, aligned, rmse in metres.
     pub(crate) fn trajectory_ate_m(&self) -> Result<f64, EvalError> {
-        let pair = |(pose, scan): (mapwright::TrajectoryPose, &Taken)| PosePair {
-            stamp: scan.stamp,
-            world_from_robot: scan.world_from_robot,
-            map_from_robot: pose.map_from_robot,
+        let poses = self.session.trajectory().zip(&self.scans);
+        let pose = |(pose, scan): (TrajectoryPose<M::Pose>, &Taken<M::Pose>)| {
+            (scan.stamp, scan.world_from_robot, pose.map_from_robot)
         };
-        let pairs: Vec<_> = self.mapper.trajectory().zip(&self.scans).map(pair).collect();
-        Ok(ate_of_pairs(&pairs, Alignment::Rigid)?.translation_m.rmse)
+        M::Pose::ate_m(&poses.map(pose).collect::<Vec<_>>())
     }
 }

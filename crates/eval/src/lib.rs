@@ -46,5 +46,5 @@ pub use map_score::{CellImage, CellState, MapScore, score_map};
 pub use nees::{Nees, chi_square_quantile};
 pub use relations::{MissingRelation, MissingSide, Relation, RelationError, RelationReport, relation_errors};
 pub use rpe::{Delta, Rpe, RpeSettings, rpe, rpe_of_pairs};
-pub use space::{SegmentError, SegmentErrors, SpaceErrors, space_errors};
+pub use space::{SegmentError, SegmentErrors, SpaceErrors, space_errors, space_nees};
 pub use stats::{ErrorStats, PoseErrors};

@@ -5,7 +5,7 @@ use crate::ate::Alignment;
 use crate::error::EvalError;
 use crate::rpe::{RpeSettings, no_pairs, steps_along};
 use crate::stats::PoseErrors;
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::{Cov6, Pose3, Stamp};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Lengths of KITTI's segments, metres, and from every which pose on they are measured (Geiger et al. 2012, the benchmark's
@@ -87,6 +87,17 @@ pub fn space_errors(
         relative: PoseErrors::of(&relative).ok_or_else(|| no_pairs(steps, pairs))?,
         segments: segment_errors(&paired.poses),
     })
+}
+
+/// `e^T P^-1 e` of a pose in space and the covariance of its right perturbation (m^2, m rad, rad^2), the normalised estimation error
+/// squared as of [`Nees`](crate::Nees): 6 on average where covariances are honest. None where something is not finite or the
+/// covariance not positive definite.
+#[must_use]
+pub fn space_nees(world_from_robot: Pose3, estimated_world_from_robot: Pose3, covariance: &Cov6) -> Option<f64> {
+    let error = estimated_world_from_robot.between(world_from_robot).log();
+    let factor = covariance.cholesky()?.unpack();
+    let sample = factor.solve_lower_triangular(&error)?.norm_squared();
+    sample.is_finite().then_some(sample)
 }
 
 /// Poses of the reference and of the estimate that belong together.
@@ -212,6 +223,22 @@ mod tests {
         let (absolute, relative) = (found.absolute.translation_m, found.relative.translation_m);
         assert!((absolute.max - 0.1).abs() < 0.01 && (relative.max - 0.1).abs() < 0.01, "{found:?}");
         assert_eq!((found.pairs, found.not_finite), (49, 1));
+    }
+
+    #[test]
+    fn errors_are_measured_in_standard_deviations() {
+        let truth = curve(7).1;
+        let off = Pose3::exp(Vector6::new(0.1, -0.2, 0.0, 0.0, 0.03, 0.0));
+        let mut covariance = Cov6::from_diagonal(&Vector6::new(0.01, 0.04, 0.01, 1e-4, 9e-4, 1e-4));
+        let apart = space_nees(truth * off, truth, &covariance).unwrap();
+        let log = off.log();
+        let expected: f64 = (0..6).map(|k| log[k] * log[k] / covariance[(k, k)]).sum();
+        assert!((apart - expected).abs() < 1e-9 && (2.9..3.1).contains(&apart), "{apart}");
+        (covariance[(0, 1)], covariance[(1, 0)]) = (-0.018, -0.018);
+        assert!(space_nees(truth * off, truth, &covariance).unwrap() < apart - 0.5);
+        (covariance[(0, 1)], covariance[(1, 0)]) = (0.03, 0.03);
+        assert_eq!(space_nees(truth * off, truth, &covariance), None);
+        assert_eq!(space_nees(truth, truth, &Cov6::from_element(f64::NAN)), None);
     }
 
     #[test]

@@ -5,16 +5,18 @@ use crate::laser::Scanner;
 use crate::math::{Point, add, distance, rotate, scale, sub, unit};
 use crate::route::Site;
 use crate::world::World;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose, Pose2, Stamp};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// A place is seen from elsewhere when it lies no further than this behind what the ray meets, metres.
-const BEHIND_M: f64 = 0.1;
+pub(crate) const BEHIND_M: f64 = 0.1;
 /// Beams looked at of each view.
 const BEAMS: usize = 45;
 /// Samples of a drive lie about this far apart, metres.
 const SAMPLE_M: f64 = 1.0;
+/// Or where the robot has turned by this, radians.
+const SAMPLE_RAD: f64 = 0.5;
 /// Poses further apart are not compared, metres.
 const COMPARED_M: f64 = 12.0;
 
@@ -25,7 +27,7 @@ pub const REVISIT_PATH_M: f64 = 20.0;
 
 /// Two times of a drive at which the robot truly saw the same place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Revisit {
+pub struct Revisit<P = Pose2> {
     /// The first time.
     pub earlier: Stamp,
     /// The second time.
@@ -33,24 +35,67 @@ pub struct Revisit {
     /// Share of each view that the other sees too, the smaller of the two.
     pub overlap: f64,
     /// The truth that a closure has to find.
-    pub earlier_from_later: Pose2,
+    pub earlier_from_later: P,
 }
 
-/// A time of a drive.
+/// A time of a drive, and points of what is seen there.
 #[derive(Debug, Clone)]
-struct Sample {
-    stamp: Stamp,
-    along_m: f64,
-    world_from_robot: Pose2,
-    view: Vec<Point>,
+pub(crate) struct Sample<P, V> {
+    pub(crate) stamp: Stamp,
+    pub(crate) along_m: f64,
+    pub(crate) world_from_robot: P,
+    pub(crate) view: Vec<V>,
+}
+
+/// What a robot sees.
+pub(crate) trait Sight {
+    /// Poses of the robot.
+    type Pose: Pose;
+    /// Points in the world.
+    type Point;
+
+    /// How much the robot has turned between two poses, radians; half a turn to the left and to the right may count as a whole one.
+    fn turn_rad(from: Self::Pose, to: Self::Pose) -> f64;
+
+    /// A sample of the drive here.
+    fn sample(&self, stamp: Stamp, along_m: f64, world_from_robot: Self::Pose) -> Sample<Self::Pose, Self::Point>;
+
+    /// Share of a view that a robot elsewhere sees.
+    fn share_seen(&self, view: &[Self::Point], world_from_robot: Self::Pose) -> f64;
+
+    /// Share of each of two views that the other sees too, the smaller of the two, as far as it exceeds [`REVISIT_OVERLAP`].
+    fn overlap(&self, a: &Sample<Self::Pose, Self::Point>, b: &Sample<Self::Pose, Self::Point>) -> f64 {
+        if a.world_from_robot.distance(b.world_from_robot) > COMPARED_M {
+            return 0.0;
+        }
+        let of_a = self.share_seen(&a.view, b.world_from_robot);
+        if of_a <= REVISIT_OVERLAP { of_a } else { of_a.min(self.share_seen(&b.view, a.world_from_robot)) }
+    }
+
+    /// Samples of a drive, about every metre and where the robot has turned.
+    fn samples(&self, way: impl IntoIterator<Item = (Stamp, Self::Pose)>) -> Vec<Sample<Self::Pose, Self::Point>> {
+        let mut samples: Vec<Sample<Self::Pose, Self::Point>> = Vec::new();
+        let (mut along_m, mut last) = (0.0, None);
+        for (stamp, world_from_robot) in way {
+            along_m += last.replace(world_from_robot).map_or(0.0, |last: Self::Pose| last.distance(world_from_robot));
+            let is_new = |s: &Sample<Self::Pose, Self::Point>| {
+                along_m - s.along_m >= SAMPLE_M || Self::turn_rad(s.world_from_robot, world_from_robot) > SAMPLE_RAD
+            };
+            if samples.last().is_none_or(is_new) {
+                samples.push(self.sample(stamp, along_m, world_from_robot));
+            }
+        }
+        samples
+    }
 }
 
 /// Which times of a drive see the same place, more than [`REVISIT_PATH_M`] of way apart and overlapping by more than
 /// [`REVISIT_OVERLAP`]: by ray casting among what stands still, sampled about every metre of the way.
 #[derive(Debug, Clone)]
-pub struct Revisits {
-    samples: Vec<Sample>,
-    pairs: Vec<Revisit>,
+pub struct Revisits<P = Pose2> {
+    /// The times that were compared, and the length of the way up to each, metres.
+    times: Vec<(Stamp, f64)>,
+    pairs: Vec<Revisit<P>>,
 }
 
 impl Revisits {
@@ -58,23 +103,29 @@ impl Revisits {
     #[must_use]
     pub fn of(site: &Arc<Site>, settings: &DriveSettings) -> Self {
         let viewer = Viewer::new(&site.world, settings);
-        let samples = samples(site, settings, &viewer);
+        Self::among(&viewer, &samples(site, settings, &viewer))
+    }
+}
+
+impl<P: Pose> Revisits<P> {
+    /// Compares all views of a drive.
+    pub(crate) fn among<S: Sight<Pose = P>>(sight: &S, samples: &[Sample<P, S::Point>]) -> Self {
         let mut pairs = Vec::new();
         for (k, later) in samples.iter().enumerate() {
             let earlier = samples[..k].iter().filter(|s| later.along_m - s.along_m > REVISIT_PATH_M);
-            let revisit = |earlier: &Sample| {
-                let overlap = viewer.overlap(earlier, later);
+            let revisit = |earlier: &Sample<P, S::Point>| {
+                let overlap = sight.overlap(earlier, later);
                 let earlier_from_later = earlier.world_from_robot.between(later.world_from_robot);
                 Revisit { earlier: earlier.stamp, later: later.stamp, overlap, earlier_from_later }
             };
             pairs.extend(earlier.map(revisit).filter(|revisit| revisit.overlap > REVISIT_OVERLAP));
         }
-        Self { samples, pairs }
+        Self { times: samples.iter().map(|sample| (sample.stamp, sample.along_m)).collect(), pairs }
     }
 
     /// Every pair of times, in the order of the later and then the earlier.
     #[must_use]
-    pub fn pairs(&self) -> &[Revisit] {
+    pub fn pairs(&self) -> &[Revisit<P>] {
         &self.pairs
     }
 
@@ -84,12 +135,12 @@ impl Revisits {
     pub fn stretches(&self) -> Vec<[Stamp; 2]> {
         let mut stretches: Vec<[Stamp; 2]> = Vec::new();
         let mut last_m = f64::NEG_INFINITY;
-        for sample in self.samples.iter().filter(|sample| self.seen_before(sample.stamp)) {
+        for &(stamp, along_m) in self.times.iter().filter(|(stamp, _)| self.seen_before(*stamp)) {
             match stretches.last_mut() {
-                Some(stretch) if sample.along_m - last_m < 3.0 => stretch[1] = sample.stamp,
-                _ => stretches.push([sample.stamp; 2]),
+                Some(stretch) if along_m - last_m < 3.0 => stretch[1] = stamp,
+                _ => stretches.push([stamp; 2]),
             }
-            last_m = sample.along_m;
+            last_m = along_m;
         }
         stretches
     }
@@ -106,11 +157,14 @@ impl Revisits {
         let (Some(a), Some(b)) = (self.nearest(a), self.nearest(b)) else {
             return false;
         };
-        self.pairs.iter().any(|pair| (pair.earlier, pair.later) == (a.min(b), a.max(b)))
+        let (earlier, later) = (a.min(b), a.max(b));
+        self.pairs.binary_search_by_key(&(later, earlier), |pair| (pair.later, pair.earlier)).is_ok()
     }
 
     fn nearest(&self, stamp: Stamp) -> Option<Stamp> {
-        self.samples.iter().map(|s| s.stamp).min_by_key(|s| s.0.abs_diff(stamp.0))
+        let after = self.times.partition_point(|(time, _)| *time < stamp);
+        let around = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| self.times.get(at));
+        around.map(|(time, _)| *time).min_by_key(|time| time.0.abs_diff(stamp.0))
     }
 }
 
@@ -139,7 +193,7 @@ pub(crate) fn first_on_ground_of(
 ) -> [Option<Stamp>; 2] {
     let viewer = Viewer::new(&site.world, settings);
     let samples = samples(site, settings, &viewer);
-    let known: Vec<&Sample> = samples.iter().filter(|sample| sample.stamp < before).collect();
+    let known: Vec<&Sample<_, _>> = samples.iter().filter(|sample| sample.stamp < before).collect();
     let is_known = |world_from_robot: Pose2| {
         let here = viewer.sample(after, 0.0, world_from_robot);
         known.iter().any(|sample| viewer.overlap(sample, &here) > REVISIT_OVERLAP)
@@ -178,17 +232,8 @@ fn path_at(site: &Arc<Site>, settings: &DriveSettings, rate_hz: f64) -> Vec<(Sta
     scans.map(|s| (s.scan.stamp, s.world_from_robot, s.scan.odom_from_robot.unwrap_or_default())).collect()
 }
 
-fn samples(site: &Arc<Site>, settings: &DriveSettings, viewer: &Viewer<'_>) -> Vec<Sample> {
-    let mut samples: Vec<Sample> = Vec::new();
-    let (mut along_m, mut last) = (0.0, None);
-    for (stamp, world_from_robot, _) in true_path(site, settings) {
-        along_m += last.replace(world_from_robot).map_or(0.0, |last: Pose2| last.distance(world_from_robot));
-        let turned = |s: &Sample| (s.world_from_robot.theta - world_from_robot.theta).abs() > 0.5;
-        if samples.last().is_none_or(|s| along_m - s.along_m >= SAMPLE_M || turned(s)) {
-            samples.push(viewer.sample(stamp, along_m, world_from_robot));
-        }
-    }
-    samples
+fn samples(site: &Arc<Site>, settings: &DriveSettings, viewer: &Viewer<'_>) -> Vec<Sample<Pose2, Point>> {
+    viewer.samples(true_path(site, settings).into_iter().map(|(stamp, world_from_robot, _)| (stamp, world_from_robot)))
 }
 
 /// A laser's eye without noise.
@@ -218,7 +263,24 @@ impl<'a> Viewer<'a> {
         Self { world, scanner, directions, range_m, edge_cosine, middle_rad }
     }
 
-    fn sample(&self, stamp: Stamp, along_m: f64, world_from_robot: Pose2) -> Sample {
+    fn sees(&self, origin: Point, ahead: Point, point: Point) -> bool {
+        let range_m = distance(origin, point);
+        let direction = unit(sub(point, origin));
+        range_m <= self.range_m
+            && direction[0] * ahead[0] + direction[1] * ahead[1] >= self.edge_cosine
+            && self.world.cast_still(origin, direction, self.range_m) >= range_m - BEHIND_M
+    }
+}
+
+impl Sight for Viewer<'_> {
+    type Pose = Pose2;
+    type Point = Point;
+
+    fn turn_rad(from: Pose2, to: Pose2) -> f64 {
+        (from.theta - to.theta).abs()
+    }
+
+    fn sample(&self, stamp: Stamp, along_m: f64, world_from_robot: Pose2) -> Sample<Pose2, Point> {
         let eye = self.scanner.world_from_laser(world_from_robot);
         let origin = [eye.x, eye.y];
         let end = |&direction: &Point| {
@@ -229,28 +291,11 @@ impl<'a> Viewer<'a> {
         Sample { stamp, along_m, world_from_robot, view: self.directions.iter().filter_map(end).collect() }
     }
 
-    fn overlap(&self, a: &Sample, b: &Sample) -> f64 {
-        if a.world_from_robot.distance(b.world_from_robot) > COMPARED_M {
-            return 0.0;
-        }
-        let of_a = self.share_seen(&a.view, b.world_from_robot);
-        if of_a <= REVISIT_OVERLAP { of_a } else { of_a.min(self.share_seen(&b.view, a.world_from_robot)) }
-    }
-
-    /// Share of a view that a robot elsewhere sees.
     fn share_seen(&self, view: &[Point], world_from_robot: Pose2) -> f64 {
         let eye = self.scanner.world_from_laser(world_from_robot);
         let ahead = rotate([1.0, 0.0], eye.theta + self.middle_rad);
         let seen = view.iter().filter(|&&point| self.sees([eye.x, eye.y], ahead, point)).count();
         seen as f64 / view.len().max(1) as f64
-    }
-
-    fn sees(&self, origin: Point, ahead: Point, point: Point) -> bool {
-        let range_m = distance(origin, point);
-        let direction = unit(sub(point, origin));
-        range_m <= self.range_m
-            && direction[0] * ahead[0] + direction[1] * ahead[1] >= self.edge_cosine
-            && self.world.cast_still(origin, direction, self.range_m) >= range_m - BEHIND_M
     }
 }
 

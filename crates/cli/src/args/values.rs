@@ -61,6 +61,10 @@ pub(super) fn parse_drive(text: &str) -> Result<f64, String> {
     within(text, 100.0..=5000.0, "a length from 100 to 5000 m")
 }
 
+pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
+    within(text, 1.0..=100_000.0, "seconds from 1 to 100000")
+}
+
 pub(super) fn parse_length(text: &str) -> Result<f64, String> {
     within(text, 50.0..=2000.0, "a length from 50 to 2000 m")
 }

@@ -108,5 +108,49 @@ fn wrong_usage_is_told_before_anything_is_mapped() {
     assert_refused(&run(&["suite"]), 2, &["loops", "look-alike", "kidnapped", "noise"]);
     assert_refused(&run(&["suite", "loops", "--worlds", "0"]), 2, &["--worlds"]);
     assert_refused(&run(&["suite", "loops", "--length", "7"]), 2, &["50 to 2000 m"]);
+    assert_refused(&run(&["suite", "loops", "--3d", "--length", "70"]), 2, &["--length", "--3d"]);
+    assert_refused(&run(&["suite", "loops", "--beams", "16"]), 2, &["--3d"]);
+    assert_refused(&run(&["suite", "drives"]), 2, &["--3d"]);
     assert_refused(&run(&["suite", "kidnapped", "--set", "map.colour=1"]), 2, &["map.colour"]);
+}
+
+#[test]
+fn storeys_are_closed_and_compared_with_the_batch_solve() {
+    let out = folder("suite_space_look_alike");
+    let small = ["suite", "look-alike", "--3d", "--beams", "8", "--seconds", "125", "--worlds", "1", "--seed", "1"];
+    let output = run(&[small.as_slice(), &["-o", out.to_str().unwrap()]].concat());
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let world = &worlds(&out.join("look-alike-3d.jsonl"))[0];
+    let number = |key: &str| world[key].as_f64().unwrap();
+    // The robot is back where it began and goes on around the same corner.
+    assert!(number("loops") >= 1.0 && number("closed") <= number("loops") && number("times") > 5.0, "{world}");
+    assert!(number("times_closed") <= number("times") && number("wrong") == 0.0, "{world}");
+    assert_eq!(world["open_s"].as_array().unwrap().len() as f64, number("loops") - number("closed"));
+    assert!(number("true_closures") > 5.0 && number("batch_ate_m") < 0.3, "{world}");
+    assert!((number("ratio") - number("ate_m") / number("batch_ate_m")).abs() < 1e-9, "{world}");
+    let summary = json(&out.join("look-alike-3d.json"));
+    assert!(summary["loops"] == world["loops"] && summary["floors"][0]["holds"] == true, "{summary}");
+}
+
+#[test]
+fn drives_in_space_say_how_honest_the_covariances_are_whatever_the_threads() {
+    let folder = folder("suite_drives");
+    let drive = |name: &str, threads: &str| {
+        let out = folder.join(name).display().to_string();
+        let small = ["suite", "drives", "--3d", "--beams", "8", "--seconds", "8", "--worlds", "2", "--seed", "3"];
+        run(&[small.as_slice(), &["--threads", threads, "-o", &out]].concat())
+    };
+    let (one, two) = (drive("one", "1"), drive("two", "2"));
+    assert!(matches!(one.status.code(), Some(0 | 3)), "{one:?}");
+    assert_eq!(said(&one), said(&two));
+    let read = |run: &str| fs::read(folder.join(run).join("drives-3d.jsonl")).unwrap();
+    assert!(read("one") == read("two"));
+    let worlds = worlds(&folder.join("one/drives-3d.jsonl"));
+    assert_eq!([&worlds[0], &worlds[1]].map(|world| world["building"].as_str().unwrap()), ["loops", "two storeys"]);
+    for world in &worlds {
+        let number = |key: &str| world[key].as_f64().unwrap();
+        assert!(number("clouds") == 40.0 && number("untracked") < 5.0 && number("refused") == 0.0, "{world}");
+        assert!((0.1..100.0).contains(&number("nees_mean")) && number("trajectory_ate_m") < 0.1, "{world}");
+    }
+    assert!(said(&one).contains("mean NEES from 4 to 8"));
 }

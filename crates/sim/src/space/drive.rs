@@ -1,7 +1,7 @@
 //! A drive in space: clouds and images on the way, with the truth beside them.
 
 use super::depth::DepthCamera;
-use super::lidar::Lidar;
+use super::lidar::{Lidar, LidarSettings};
 use super::path::Path;
 use super::settings::SpaceDriveSettings;
 use super::site::SpaceSite;
@@ -55,6 +55,12 @@ impl SpaceDrive {
     #[must_use]
     pub fn site(&self) -> &SpaceSite {
         &self.site
+    }
+
+    /// Its lidar.
+    #[must_use]
+    pub fn lidar(&self) -> &LidarSettings {
+        self.lidar.settings()
     }
 
     /// How long it takes, seconds.

@@ -16,6 +16,7 @@
 //!
 //! - [`worlds`]: buildings with storeys joined by ramps and stairs, nested loops, storeys that look alike, streets around a courtyard.
 //! - [`SpaceWorld`], [`Solid`], [`SpaceSite`]: build your own.
+//! - [`Revisits::in_space`](crate::Revisits::in_space): which times of a drive see the same place.
 //! - [`SpaceDrive`]: the robot's way, its wheels, [`LidarSettings`] and [`DepthSettings`], and the truth at any time.
 
 mod build;
@@ -30,6 +31,7 @@ mod site;
 mod solid;
 mod tree;
 mod turn;
+mod views;
 mod wheels;
 mod wobble;
 mod world;

@@ -1,5 +1,6 @@
 //! What must hold over all worlds.
 
+use mapwright_eval::ErrorStats;
 use serde_json::{Value, json};
 
 /// Something that must hold.
@@ -30,6 +31,21 @@ impl Floor {
 pub(super) fn in_words(floors: &[Floor]) -> String {
     let verdict = |floor: &Floor| if floor.holds { "holds" } else { "MISSED" };
     floors.iter().map(|floor| format!("floor    {}: {}, {}\n", floor.what, floor.found, verdict(floor))).collect()
+}
+
+/// One line for each number of the worlds: its name, its unit, what it is of a world.
+pub(super) fn stats_in_words<W>(worlds: &[W], rows: &[(&str, &str, fn(&W) -> f64)]) -> String {
+    let line = |(what, unit, pick): &(&str, &str, fn(&W) -> f64)| {
+        let stats = stats(worlds, *pick)?;
+        let (mean, median, worst) = (stats.mean, stats.median, stats.max);
+        Some(format!("{what:8} mean {mean:.3}{unit}, median {median:.3}{unit}, worst {worst:.3}{unit}\n"))
+    };
+    rows.iter().filter_map(line).collect()
+}
+
+/// Of a number of the worlds; none without worlds.
+pub(super) fn stats<W>(worlds: &[W], pick: fn(&W) -> f64) -> Option<ErrorStats> {
+    ErrorStats::of(&worlds.iter().map(pick).collect::<Vec<_>>())
 }
 
 /// `91.2 % (31 of 34)`.

@@ -205,7 +205,7 @@ impl Witness {
 
     /// Whether the final map has a keyframe wrong, relative to those from before.
     fn is_misplaced(&self, world: &Simulated, keyframe: usize) -> bool {
-        let poses = world.mapper.keyframe_poses();
+        let poses = world.keyframe_poses();
         !self.error(poses, poses[keyframe], world.truth(keyframe)).is_some_and(PoseError::is_right)
     }
 }

@@ -4,15 +4,16 @@ use super::Measure;
 use super::floors::{Floor, percent};
 use crate::batch::best_revisit;
 use crate::failure::Failure;
-use crate::simulated::{Closing, PoseError, Simulated};
+use crate::simulated::{Closing, PoseError, Scored, Simulated};
 use mapwright::{EdgeKind, Settings, Stamp};
+use mapwright_record::Measurement;
 use mapwright_sim::worlds::{Alias, LookAlikeKind, look_alike};
 use mapwright_sim::{Revisit, Revisits};
 use serde::Serialize;
 use serde_json::{Value, json};
 
 /// A return may be found so long after it began, seconds.
-const FOUND_WITHIN_S: f64 = 5.0;
+pub(super) const FOUND_WITHIN_S: f64 = 5.0;
 /// The map is deceived when it has the copy within this of where the deception would have it, metres and degrees.
 const DECEIVED_M: f64 = 0.5;
 const DECEIVED_DEG: f64 = 5.0;
@@ -70,7 +71,7 @@ impl Measure for LookAlikes {
             wrong_measured: count(&|closing| !closing.measured.is_right()),
             wrong_in_map: count(&|closing| !closing.in_map.is_right()),
             wrong_closures: count(&|closing| closing.kind == EdgeKind::Closure && !closing.is_right()),
-            candidates: world.mapper.candidates().len(),
+            candidates: world.session().candidates().len(),
             deceived: is_deceived(&world, &case.alias),
             times,
             closed,
@@ -174,13 +175,17 @@ fn kind_name(kind: LookAlikeKind) -> &'static str {
 }
 
 /// Whether the final map has the keyframes nearest to a pair's times right.
-fn is_right_in_map(world: &Simulated, pair: &Revisit) -> bool {
+fn is_right_in_map<M: Measurement<Pose: Scored>>(world: &Simulated<M>, pair: &Revisit<M::Pose>) -> bool {
     let keyframes = world.keyframe_at(pair.earlier).zip(world.keyframe_at(pair.later));
-    keyframes.is_some_and(|(from, to)| world.error_between(world.mapper.keyframe_poses(), from, to).is_right())
+    keyframes.is_some_and(|(from, to)| world.error_between(world.keyframe_poses(), from, to).is_right())
 }
 
 /// Times on ground seen before, and how many of them are closed.
-fn closed_times(world: &Simulated, revisits: &Revisits, closings: &[Closing]) -> (usize, usize) {
+pub(super) fn closed_times<M: Measurement<Pose: Scored>>(
+    world: &Simulated<M>,
+    revisits: &Revisits<M::Pose>,
+    closings: &[Closing],
+) -> (usize, usize) {
     let stretches = revisits.stretches();
     let newer: Vec<Stamp> = closings.iter().filter(|c| c.is_right()).map(|c| world.stamp(c.to)).collect();
     let (mut times, mut closed) = (0, 0);
@@ -207,7 +212,7 @@ fn is_deceived(world: &Simulated, alias: &Alias) -> bool {
             if back { step.inverse() } else { step }
         });
     let deceived = from_from_original * alias.deceived_original_from_copy * copy_from_to;
-    let poses = world.mapper.keyframe_poses();
+    let poses = world.keyframe_poses();
     let error = PoseError::of(poses[from].between(poses[to]), deceived);
     error.metres <= DECEIVED_M && error.degrees <= DECEIVED_DEG
 }

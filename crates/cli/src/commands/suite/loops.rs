@@ -1,7 +1,7 @@
 //! `mapwright suite loops`
 
 use super::Measure;
-use super::floors::Floor;
+use super::floors::{Floor, stats, stats_in_words};
 use crate::batch::{batch_poses, true_pairs};
 use crate::failure::Failure;
 use crate::simulated::{Closing, Simulated};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// A loop is closed between the first and the last so much of its way, metres.
 const ENDS_M: f64 = 30.0;
 /// The error may be so many times that of the batch solve.
-const MOST_RATIO: f64 = 1.3;
+pub(super) const MOST_RATIO: f64 = 1.3;
 
 pub(super) struct Loops {
     pub(super) length_m: f64,
@@ -54,7 +54,7 @@ impl Measure for Loops {
         let pairs = true_pairs(&world, &Revisits::of(&site, &drive));
         let batch = batch_poses(&world, &pairs).map_err(|cause| failure(cause.to_string()))?;
         let ate = |poses| world.keyframe_ate_m(poses).map_err(|cause| failure(cause.to_string()));
-        let (ate_m, batch_ate_m) = (ate(world.mapper.keyframe_poses())?, ate(&batch)?);
+        let (ate_m, batch_ate_m) = (ate(world.keyframe_poses())?, ate(&batch)?);
         let closings = world.closings();
         Ok(World {
             seed,
@@ -64,7 +64,7 @@ impl Measure for Loops {
             closed: closings.iter().any(|closing| closing.is_right() && joins_the_ends(&world, closing)),
             closings: closings.len(),
             wrong: closings.iter().filter(|closing| !closing.is_right()).count(),
-            candidates: world.mapper.candidates().len(),
+            candidates: world.session().candidates().len(),
             true_closures: pairs.len(),
             ate_m,
             batch_ate_m,
@@ -88,17 +88,10 @@ impl Measure for Loops {
     }
 
     fn summary(&self, worlds: &[World]) -> (String, Value, Vec<Floor>) {
-        let stats = |pick: fn(&World) -> f64| ErrorStats::of(&worlds.iter().map(pick).collect::<Vec<_>>());
-        let mut words = String::new();
-        for (what, unit, stats) in [
-            ("ATE", " m", stats(|w| w.ate_m)),
-            ("batch", " m", stats(|w| w.batch_ate_m)),
-            ("ratio", "", stats(|w| w.ratio)),
-        ] {
-            words += &stats.map_or(String::new(), |s| {
-                format!("{what:8} mean {:.3}{unit}, median {:.3}{unit}, worst {:.3}{unit}\n", s.mean, s.median, s.max)
-            });
-        }
+        let mut words = stats_in_words(
+            worlds,
+            &[("ATE", " m", |w| w.ate_m), ("batch", " m", |w| w.batch_ate_m), ("ratio", "", |w| w.ratio)],
+        );
         let closed = worlds.iter().filter(|world| world.closed).count();
         let wrong: usize = worlds.iter().map(|world| world.wrong).sum();
         let mean = |stats: Option<ErrorStats>| stats.map(|stats| stats.mean);
@@ -106,9 +99,9 @@ impl Measure for Loops {
             "length_m": self.length_m,
             "closed": closed,
             "wrong_closings": wrong,
-            "ate_m_mean": mean(stats(|w| w.ate_m)),
-            "batch_ate_m_mean": mean(stats(|w| w.batch_ate_m)),
-            "ratio_worst": stats(|w| w.ratio).map(|stats| stats.max),
+            "ate_m_mean": mean(stats(worlds, |w| w.ate_m)),
+            "batch_ate_m_mean": mean(stats(worlds, |w| w.batch_ate_m)),
+            "ratio_worst": stats(worlds, |w| w.ratio).map(|stats| stats.max),
         });
         words += &format!("wrong    {wrong} closing edges\n");
         let within = worlds.iter().filter(|world| world.ratio <= MOST_RATIO).count();

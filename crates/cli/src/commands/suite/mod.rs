@@ -8,8 +8,9 @@ mod nested;
 mod noise;
 mod offices;
 mod parallel;
+mod space;
 
-use crate::args::{RunArgs, Suite, SuiteArgs, WorldsArgs};
+use crate::args::{LookAlikeArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 use crate::events::{Ending, Interrupt};
 use crate::failure::{Failure, Outcome};
 use crate::output::OutputFolder;
@@ -39,6 +40,10 @@ trait Measure: Sync {
 
 pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
     match &args.suite {
+        Suite::Loops(args) if args.space.space => {
+            let drives = space::Drives::new(&args.space.lidar, settings_of(&args.worlds.run)?);
+            measure(&space::Loops(drives), seeds_of(&args.worlds, 5), &args.worlds.run)
+        }
         Suite::Loops(args) => {
             let settings = settings_of(&args.worlds.run)?;
             measure(&loops::Loops { length_m: args.length, settings }, seeds_of(&args.worlds, 50), &args.worlds.run)
@@ -48,8 +53,17 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
             let nested = nested::Nested { length_m: args.length, wheels: args.wheels, settings };
             measure(&nested, seeds_of(&args.worlds, 20), &args.worlds.run)
         }
-        Suite::LookAlike(args) => {
-            measure(&look_alike::LookAlikes { settings: settings_of(&args.run)? }, seeds_of(args, 200), &args.run)
+        Suite::LookAlike(args) if args.space.space => {
+            let drives = space::Drives::new(&args.space.lidar, settings_of(&args.worlds.run)?);
+            measure(&space::LookAlikes(drives), seeds_of(&args.worlds, 10), &args.worlds.run)
+        }
+        Suite::LookAlike(LookAlikeArgs { worlds, .. }) => {
+            let settings = settings_of(&worlds.run)?;
+            measure(&look_alike::LookAlikes { settings }, seeds_of(worlds, 200), &worlds.run)
+        }
+        Suite::Drives(args) => {
+            let drives = space::Drives::new(&args.lidar, settings_of(&args.worlds.run)?);
+            measure(&space::Honesty(drives), seeds_of(&args.worlds, 8), &args.worlds.run)
         }
         Suite::Kidnapped(args) => {
             measure(&kidnapped::Kidnapped { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)

@@ -1,7 +1,7 @@
 //! `mapwright suite nested`
 
 use super::Measure;
-use super::floors::Floor;
+use super::floors::{Floor, stats, stats_in_words};
 use crate::batch::{batch_poses, true_pairs};
 use crate::failure::Failure;
 use crate::simulated::{Closing, PoseError, Simulated};
@@ -44,12 +44,22 @@ pub(super) struct World {
 
 /// A closing edge that is wrong, as measured or in the final map.
 #[derive(Debug, Serialize)]
-struct Wrong {
-    is_closure: bool,
+pub(super) struct Wrong {
+    pub(super) is_closure: bool,
     from: usize,
     to: usize,
     measured: PoseError,
     in_map: PoseError,
+}
+
+impl Wrong {
+    pub(super) fn among(closings: &[Closing]) -> Vec<Self> {
+        let wrong = |&Closing { kind, from, to, measured, in_map }: &Closing| {
+            let is_closure = kind == mapwright::EdgeKind::Closure;
+            Self { is_closure, from, to, measured, in_map }
+        };
+        closings.iter().filter(|closing| !closing.is_right()).map(wrong).collect()
+    }
 }
 
 impl Measure for Nested {
@@ -66,19 +76,9 @@ impl Measure for Nested {
         let pairs = true_pairs(&world, &Revisits::of(&site, &drive));
         let batch = batch_poses(&world, &pairs).map_err(|cause| failure(cause.to_string()))?;
         let ate = |poses| world.keyframe_ate_m(poses).map_err(|cause| failure(cause.to_string()));
-        let (ate_m, batch_ate_m) = (ate(world.mapper.keyframe_poses())?, ate(&batch)?);
+        let (ate_m, batch_ate_m) = (ate(world.keyframe_poses())?, ate(&batch)?);
         let closings = world.closings();
-        let wrong = |closing: &Closing| {
-            let Closing { kind, from, to, measured, in_map } = *closing;
-            (!closing.is_right()).then(|| Wrong {
-                is_closure: kind == mapwright::EdgeKind::Closure,
-                from,
-                to,
-                measured,
-                in_map,
-            })
-        };
-        let wrong_closings: Vec<Wrong> = closings.iter().filter_map(wrong).collect();
+        let wrong_closings = Wrong::among(&closings);
         Ok(World {
             seed,
             path_m: world.length_m(),
@@ -110,17 +110,10 @@ impl Measure for Nested {
     }
 
     fn summary(&self, worlds: &[World]) -> (String, Value, Vec<Floor>) {
-        let stats = |pick: fn(&World) -> f64| ErrorStats::of(&worlds.iter().map(pick).collect::<Vec<_>>());
-        let mut words = String::new();
-        for (what, unit, stats) in [
-            ("ATE", " m", stats(|w| w.ate_m)),
-            ("batch", " m", stats(|w| w.batch_ate_m)),
-            ("ratio", "", stats(|w| w.ratio)),
-        ] {
-            words += &stats.map_or(String::new(), |s| {
-                format!("{what:8} mean {:.3}{unit}, median {:.3}{unit}, worst {:.3}{unit}\n", s.mean, s.median, s.max)
-            });
-        }
+        let mut words = stats_in_words(
+            worlds,
+            &[("ATE", " m", |w| w.ate_m), ("batch", " m", |w| w.batch_ate_m), ("ratio", "", |w| w.ratio)],
+        );
         let wrong: usize = worlds.iter().map(|world| world.wrong).sum();
         let closings: usize = worlds.iter().map(|world| world.closings).sum();
         let within = worlds.iter().filter(|world| world.ate_m <= MOST_ATE_M).count();
@@ -130,9 +123,9 @@ impl Measure for Nested {
             "length_m": self.length_m,
             "wheels": self.wheels,
             "wrong_closings": wrong,
-            "ate_m_mean": mean(stats(|w| w.ate_m)),
-            "batch_ate_m_mean": mean(stats(|w| w.batch_ate_m)),
-            "ratio_worst": stats(|w| w.ratio).map(|stats| stats.max),
+            "ate_m_mean": mean(stats(worlds, |w| w.ate_m)),
+            "batch_ate_m_mean": mean(stats(worlds, |w| w.batch_ate_m)),
+            "ratio_worst": stats(worlds, |w| w.ratio).map(|stats| stats.max),
         });
         let floors = vec![
             Floor::share("999 of 1000 closing edges right", RIGHT_SHARE, closings - wrong, closings),

@@ -47,7 +47,7 @@ impl Measure for Offices {
             scans: world.scan_count(),
             with_movers,
             in_doubt,
-            closures: world.mapper.candidates().iter().filter(|found| found.verdict == Verdict::Accepted).count(),
+            closures: world.session().candidates().iter().filter(|found| found.verdict == Verdict::Accepted).count(),
             ate_m: world.trajectory_ate_m().map_err(|cause| failure(cause.to_string()))?,
         })
     }
