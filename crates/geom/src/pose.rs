@@ -23,6 +23,7 @@ use crate::point::Point;
 use crate::pose2::Pose2;
 use crate::pose3::Pose3;
 use crate::sealed::Sealed;
+use crate::stored::Stored;
 use crate::tangent::{Tangent, TangentMatrix};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use std::fmt::Debug;
@@ -34,7 +35,9 @@ pub const FARTHEST_M: f64 = 1e6;
 /// A rigid motion; as `a_from_b` it is the pose of frame `b` seen from frame `a`.
 ///
 /// Tangents are right perturbations, translation (metres) first, then rotation (radians). `a * b` composes.
-pub trait Pose: Copy + Debug + PartialEq + Default + Send + Sync + Mul<Output = Self> + Sealed + 'static {
+pub trait Pose:
+    Copy + Debug + PartialEq + Default + Send + Sync + Mul<Output = Self> + Stored + Sealed + 'static
+{
     /// Components of a tangent: 3 in the plane, 6 in space.
     const DIMENSION: usize;
     /// How many of them are translation: 2 in the plane, 3 in space.

@@ -3,14 +3,16 @@
 //! Bytes may be any: what no value of its type can be is none, no length is believed before its values are there, and counters
 //! leave room to count on. What else has to hold between values is asked by who knows it.
 
-use crate::{Pose2, Stamp};
-use nalgebra::Matrix3;
+use crate::{Pose2, Pose3, Stamp};
+use nalgebra::{Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 
 /// A counter is below this; so nothing overflows that goes on counting.
 const COUNT_BITS: u32 = 56;
 /// Numbers of 32 bits are below this.
 const NUMBER_BITS: u32 = 31;
+/// A rotation's quaternion has unit length within this.
+const UNIT_WITHIN: f64 = 1e-9;
 /// A matrix has no entry beyond this.
 const LARGEST_ENTRY: f64 = 1e15;
 
@@ -250,17 +252,40 @@ impl Stored for Pose2 {
     }
 }
 
-/// Finite and of some reason.
-impl Stored for Matrix3<f64> {
+/// Finite, of unit rotation; what is read is not normalised again, which may change the last digit.
+impl Stored for Pose3 {
     fn put(&self, out: &mut Vec<u8>) {
-        self.iter().for_each(|entry| entry.put(out));
+        let rotation = self.rotation.coords;
+        let [x, y, z] = self.translation.into();
+        [x, y, z, rotation.x, rotation.y, rotation.z, rotation.w].put(out);
     }
 
     fn take(from: &mut &[u8]) -> Option<Self> {
-        let entries: [f64; 9] = Stored::take(from)?;
-        entries.iter().all(|entry| entry.abs() <= LARGEST_ENTRY).then(|| Self::from_column_slice(&entries))
+        let [x, y, z, i, j, k, w]: [f64; 7] = Stored::take(from)?;
+        let rotation = Quaternion::new(w, i, j, k);
+        let is_unit = (rotation.norm_squared() - 1.0).abs() < UNIT_WITHIN;
+        let pose = Self { translation: Vector3::new(x, y, z), rotation: UnitQuaternion::new_unchecked(rotation) };
+        Some(pose).filter(|pose| is_unit && pose.is_finite())
     }
 }
+
+/// Finite and of some reason.
+macro_rules! stored_matrix {
+    ($matrix:ident, $entries:literal) => {
+        impl Stored for $matrix<f64> {
+            fn put(&self, out: &mut Vec<u8>) {
+                self.iter().for_each(|entry| entry.put(out));
+            }
+
+            fn take(from: &mut &[u8]) -> Option<Self> {
+                let entries: [f64; $entries] = Stored::take(from)?;
+                entries.iter().all(|entry| entry.abs() <= LARGEST_ENTRY).then(|| Self::from_column_slice(&entries))
+            }
+        }
+    };
+}
+stored_matrix!(Matrix3, 9);
+stored_matrix!(Matrix6, 36);
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may fail loudly")]

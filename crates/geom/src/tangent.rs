@@ -1,6 +1,7 @@
 //! Tangents of poses, their covariances and information, and how covariances propagate.
 
 use crate::sealed::Sealed;
+use crate::stored::Stored;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Neg, Sub};
@@ -54,6 +55,7 @@ pub trait TangentMatrix:
     + Div<f64, Output = Self>
     + Index<(usize, usize), Output = f64>
     + IndexMut<(usize, usize)>
+    + Stored
     + Sealed
     + 'static
 {

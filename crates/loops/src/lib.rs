@@ -25,6 +25,6 @@ pub use plane_submap::{PlaneSubmap, PlaneSubmapSettings};
 pub use plane_verify::PlaneVerifier;
 pub use solving::{Solved, Solving};
 pub use space::{SpaceSubmap, SpaceSubmaps};
-pub use submaps::{PoseOf, Submaps, Window};
+pub use submaps::{Closes, PoseOf, Submaps, Window};
 pub use verification::{Judged, Target, Verification, Verified};
 pub use views::{View, views, views_along};

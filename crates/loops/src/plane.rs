@@ -4,7 +4,7 @@ use crate::cascade::{Finding, VerifySettings};
 use crate::places::PlaceIndex;
 use crate::plane_submap::{PlaneSubmap, PlaneSubmapSettings};
 use crate::plane_verify::PlaneVerifier;
-use crate::submaps::{Submaps, Window};
+use crate::submaps::{Closes, Submaps, Window};
 use crate::views::View;
 use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
@@ -32,6 +32,10 @@ impl PlaneSubmaps {
     }
 }
 
+impl Closes for mapwright_sensor::Sweep {
+    type Submaps = PlaneSubmaps;
+}
+
 impl Submaps for PlaneSubmaps {
     type Measurement = Sweep;
     type Submap = PlaneSubmap;
@@ -52,6 +56,10 @@ impl Submaps for PlaneSubmaps {
 
     fn remember(&self, places: &mut PlaceIndex, node: NodeId, views: &[View]) {
         places.add(node, &end_points(views));
+    }
+
+    fn remembered(places: &PlaceIndex) -> &[NodeId] {
+        places.nodes()
     }
 
     fn alike(

@@ -6,7 +6,7 @@
 
 use crate::cascade::{Finding, VerifySettings};
 use crate::places::PlaceIndex;
-use crate::submaps::{Submaps, Window};
+use crate::submaps::{Closes, Submaps, Window};
 use crate::views::View;
 use mapwright_geom::{Pose, Pose3};
 use mapwright_record::{Evidence, NodeId, Objection};
@@ -127,6 +127,10 @@ impl SpaceSubmaps {
     }
 }
 
+impl Closes for SpaceSweep {
+    type Submaps = SpaceSubmaps;
+}
+
 impl Submaps for SpaceSubmaps {
     type Measurement = SpaceSweep;
     type Submap = SpaceSubmap;
@@ -192,6 +196,10 @@ impl Submaps for SpaceSubmaps {
 
     fn remember(&self, places: &mut PlaceIndex, node: NodeId, views: &[View<SpaceSweep>]) {
         places.add(node, &self.seen_from_above(views));
+    }
+
+    fn remembered(places: &PlaceIndex) -> &[NodeId] {
+        places.nodes()
     }
 
     fn alike(

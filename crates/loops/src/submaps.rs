@@ -2,12 +2,18 @@
 
 use crate::cascade::Finding;
 use crate::views::View;
-use mapwright_geom::Pose;
+use mapwright_geom::{Pose, Stored};
 use mapwright_record::{Measurement, NodeId};
 use std::fmt::Debug;
 
 /// Poses of a kind of submaps.
 pub type PoseOf<S> = <<S as Submaps>::Measurement as Measurement>::Pose;
+
+/// A measurement whose cycles can be closed.
+pub trait Closes: Measurement {
+    /// What is drawn from it.
+    type Submaps: Submaps<Measurement = Self>;
+}
 
 /// Poses among which a submap is looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +36,7 @@ pub trait Submaps: Clone + Debug + Send {
     /// One of them.
     type Submap;
     /// What places look like.
-    type Places: Clone + Debug + Default + Send;
+    type Places: Clone + Debug + Default + Send + Stored;
 
     /// Draws views.
     #[must_use]
@@ -52,6 +58,9 @@ pub trait Submaps: Clone + Debug + Send {
 
     /// Remembers what it looks like around a keyframe, in whose frame the views are.
     fn remember(&self, places: &mut Self::Places, node: NodeId, views: &[View<Self::Measurement>]);
+
+    /// The keyframes around which it is known what it looks like.
+    fn remembered(places: &Self::Places) -> &[NodeId];
 
     /// The places that look most like these views among those allowed, the most alike first, each with the windows in which the
     /// views' frame may be, seen from its keyframe.

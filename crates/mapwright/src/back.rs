@@ -1,18 +1,21 @@
 //! The back end: what may take longer than a scan, as jobs, and what is known of cycles.
 
-use crate::jobs::{Job, Task};
+use crate::cycles::{self, Follows};
+use crate::jobs::{Job, Outcome, Task};
 use crate::relocation::Budget;
-use crate::settings::{Jobs, LivePolicy, Settings};
+use crate::settings::{Correction, Jobs, LivePolicy, Settings};
+use crate::store::Store;
 use mapwright_geom::Stored;
-use mapwright_loops::{Closing, ClosingSettings, PlaneSubmaps};
+use mapwright_loops::{Closes, Closing, ClosingSettings};
 use mapwright_record::Past;
+use mapwright_sensor::Sweep;
 use std::collections::VecDeque;
 
 /// Jobs and cycles.
 #[derive(Debug, Clone)]
-pub(crate) struct BackEnd {
-    pub(crate) closing: Closing<PlaneSubmaps>,
-    jobs: VecDeque<Job>,
+pub(crate) struct BackEnd<M: Closes = Sweep> {
+    pub(crate) closing: Closing<M::Submaps>,
+    jobs: VecDeque<Job<M>>,
     /// Jobs that were handed out and have not come back.
     out: usize,
     is_inline: bool,
@@ -21,7 +24,7 @@ pub(crate) struct BackEnd {
     pub(crate) budget: Budget,
 }
 
-impl BackEnd {
+impl<M: Closes> BackEnd<M> {
     pub(crate) fn new(settings: &Settings) -> Self {
         Self {
             closing: Closing::new(closing_settings(settings)),
@@ -40,7 +43,7 @@ impl BackEnd {
     }
 
     /// Goes on as it was, with nothing under way; `past` is all of the session.
-    pub(crate) fn restore(settings: &Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+    pub(crate) fn restore(settings: &Settings, past: Past<'_, M>, from: &mut &[u8]) -> Option<Self> {
         let closing = Closing::restore(closing_settings(settings), past, from)?;
         let (questions, budget) = Stored::take(from)?;
         Some(Self { closing, questions, budget, ..Self::new(settings) })
@@ -51,17 +54,17 @@ impl BackEnd {
         self.out > 0 || !self.jobs.is_empty()
     }
 
-    pub(crate) fn push(&mut self, task: Task) {
+    pub(crate) fn push(&mut self, task: Task<M>) {
         self.jobs.push_back(Job(task));
     }
 
     /// The next job, where they are done at once.
-    pub(crate) fn next_inline(&mut self) -> Option<Job> {
+    pub(crate) fn next_inline(&mut self) -> Option<Job<M>> {
         if self.is_inline { self.jobs.pop_front() } else { None }
     }
 
     /// The next job, for somebody who brings its result back.
-    pub(crate) fn hand_out(&mut self) -> Option<Job> {
+    pub(crate) fn hand_out(&mut self) -> Option<Job<M>> {
         let job = self.jobs.pop_front();
         self.out += usize::from(job.is_some());
         job
@@ -69,6 +72,30 @@ impl BackEnd {
 
     pub(crate) fn came_back(&mut self) {
         self.out = self.out.saturating_sub(1);
+    }
+
+    /// Takes in what was found at old places, or the poses of a solved graph, and hands out what follows from that; whether the past was
+    /// moved. What does not belong to this run is left out.
+    pub(crate) fn take_in(
+        &mut self,
+        store: &mut Store<M>,
+        front: &mut impl Follows<M>,
+        outcome: &Outcome<M>,
+        correction: Correction,
+    ) -> bool {
+        let known = store.len();
+        match outcome {
+            Outcome::Verified(verified) if verified.to.index() < known => {
+                self.budget.earn_verification(verified.work.0, verified.work.1);
+                let judged = cycles::judge(&mut self.closing, store, front, verified, correction);
+                judged.solving.into_iter().for_each(|solving| self.push(Task::Solve(solving)));
+                judged.is_moved
+            }
+            Outcome::Solved(Some(solved)) if solved.map_from_keyframe.len() <= known => {
+                cycles::correct(&mut self.closing, store, front, solved)
+            }
+            _ => false,
+        }
     }
 
     /// The number of a question where the robot is, and what it may cost; none while that is too little.

@@ -4,34 +4,35 @@
 //! a robot that drives hands it to a worker and takes the result in when it is there.
 
 use crate::relocation::{Seeking, Sought};
-use mapwright_loops::{PlaneSubmaps, Solved, Solving, Verification, Verified};
+use mapwright_loops::{Closes, Solved, Solving, Verification, Verified};
+use mapwright_sensor::Sweep;
 
 /// A piece of work.
 #[derive(Debug, Clone)]
-pub struct Job(pub(crate) Task);
+pub struct Job<M: Closes = Sweep>(pub(crate) Task<M>);
 
 /// What came of a [`Job`].
 #[derive(Debug, Clone)]
-pub struct JobResult(pub(crate) Outcome);
+pub struct JobResult<M: Closes = Sweep>(pub(crate) Outcome<M>);
 
 #[derive(Debug, Clone)]
-pub(crate) enum Task {
-    Verify(Box<Verification<PlaneSubmaps>>),
-    Solve(Solving),
+pub(crate) enum Task<M: Closes> {
+    Verify(Box<Verification<M::Submaps>>),
+    Solve(Solving<M::Pose>),
     Seek(Seeking),
 }
 
 #[derive(Debug, Clone)]
-pub(crate) enum Outcome {
-    Verified(Verified),
-    Solved(Option<Solved>),
+pub(crate) enum Outcome<M: Closes> {
+    Verified(Verified<M::Pose>),
+    Solved(Option<Solved<M::Pose>>),
     Sought(Box<Sought>),
 }
 
-impl Job {
+impl<M: Closes> Job<M> {
     /// Does the work.
     #[must_use]
-    pub fn run(self) -> JobResult {
+    pub fn run(self) -> JobResult<M> {
         JobResult(match self.0 {
             Task::Verify(verification) => Outcome::Verified(verification.run()),
             Task::Solve(solving) => Outcome::Solved(solving.run()),

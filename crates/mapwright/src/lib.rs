@@ -32,6 +32,7 @@ mod render;
 mod settings;
 mod space;
 mod store;
+mod told;
 
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]

@@ -1,7 +1,6 @@
 //! The pipeline: scan in, update out.
 
 use crate::back::BackEnd;
-use crate::cycles;
 use crate::front::{BEFORE, FrontEnd, Matched, Prepared};
 use crate::jobs::{Job, JobResult, Outcome, Task};
 use crate::localisation::Localisation;
@@ -10,14 +9,15 @@ use crate::relocation::{Found, Sought};
 use crate::render::GlobalMap;
 use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Link, NewKeyframe, Store};
+use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_grid::{CountGrid, LocalMap};
-use mapwright_loops::{KnownPlace, PlaneSubmaps, Solved, Solving, Verified, VerifySettings, is_old};
+use mapwright_loops::{KnownPlace, PlaneSubmaps, Solving, VerifySettings, is_old};
 use mapwright_record::{
-    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, MatchReport, NodeId, Objection, Past,
-    RunId, Session, Status, TrajectoryPose, Update, Verdict,
+    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, NodeId, Objection, Past, RunId,
+    Session, Status, TrajectoryPose, Update, Verdict,
 };
-use mapwright_sensor::{BeamCounts, LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
 
 mod checkpoint;
@@ -30,22 +30,6 @@ pub struct Mapper {
     localisation: Localisation,
     back: BackEnd,
     newest: Newest,
-}
-
-/// The newest scan.
-#[derive(Debug, Clone, Copy)]
-struct Newest {
-    stamp: Stamp,
-    status: Status,
-}
-
-/// What an update says of a scan beside what is asked of the stages.
-#[derive(Debug, Clone, Copy, Default)]
-struct Told {
-    keyframe: Option<NodeId>,
-    beams: BeamCounts,
-    matched: Option<MatchReport>,
-    refused: Option<&'static str>,
 }
 
 impl Mapper {
@@ -325,31 +309,14 @@ impl Mapper {
     }
 
     fn take_in(&mut self, result: JobResult) {
-        let known = self.store.len();
-        match result.0 {
-            Outcome::Verified(verified) if verified.to.index() < known => self.judge(&verified),
-            Outcome::Solved(Some(solved)) if solved.map_from_keyframe.len() <= known => self.correct(&solved),
-            Outcome::Sought(answer) => self.hear(&answer),
-            _ => {}
-        }
-    }
-
-    /// Judges what was found at old places.
-    fn judge(&mut self, verified: &Verified) {
-        self.back.budget.earn_verification(verified.work.0, verified.work.1);
-        let correction = self.front.settings().loops.correction;
         let Self { store, front, back, .. } = self;
-        let judged = cycles::judge(&mut back.closing, store, front, verified, correction);
-        judged.solving.into_iter().for_each(|solving| back.push(Task::Solve(solving)));
-        if judged.is_moved {
-            self.localisation.lost().into_iter().for_each(|lost| lost.redraw_ground());
-        }
-    }
-
-    /// Moves the past; the newest keyframe of the solution stays where it is in the front end's frame.
-    fn correct(&mut self, solved: &Solved) {
-        if cycles::correct(&mut self.back.closing, &mut self.store, &mut self.front, solved) {
-            self.localisation.lost().into_iter().for_each(|lost| lost.redraw_ground());
+        let correction = front.settings().loops.correction;
+        match result.0 {
+            Outcome::Sought(answer) => self.hear(&answer),
+            outcome if back.take_in(store, front, &outcome, correction) => {
+                self.localisation.lost().into_iter().for_each(|lost| lost.redraw_ground());
+            }
+            _ => {}
         }
     }
 
@@ -359,28 +326,14 @@ impl Mapper {
     }
 
     fn report(&mut self, told: Told) -> Update {
-        let (entries, unwritten) = self.store.take_fresh();
-        let (pose, past) = (self.front.pose(), self.store.past());
-        let map_from_robot = self.store.map_from_local() * pose.local_from_robot();
-        let odom_from_robot = pose.odom_from_robot();
-        Update {
-            scan: self.store.next_scan().saturating_sub(1),
-            stamp: self.newest.stamp,
-            map_from_robot,
-            covariance: pose.covariance(past),
-            anchor: pose.anchor().map(|node| self.store.id(node)),
-            status: self.newest.status,
+        let pose = self.front.pose();
+        let robot = Whereabouts {
+            pose,
+            local_from_robot: pose.local_from_robot(),
             localisation: self.localisation.state(),
-            map_from_odom: map_from_robot * odom_from_robot.inverse(),
-            odom_from_robot,
-            keyframe: told.keyframe.map(|node| self.store.id(node)),
-            beams: told.beams,
-            matched: told.matched,
-            refused: told.refused,
             local_map: self.front.local_map_report(),
-            entries,
-            unwritten,
-        }
+        };
+        told::update(&mut self.store, robot, self.newest, told)
     }
 
     /// The settings in force.

@@ -2,12 +2,11 @@
 
 use super::supports::Supports;
 use super::{Closing, ClosingSettings};
-use crate::places::PlaceIndex;
-use crate::plane::PlaneSubmaps;
+use crate::submaps::Submaps;
 use mapwright_geom::Stored;
 use mapwright_record::Past;
 
-impl Closing<PlaneSubmaps> {
+impl<S: Submaps> Closing<S> {
     /// Appends all that it knows.
     pub fn put(&self, out: &mut Vec<u8>) {
         self.waiting.put(out);
@@ -19,14 +18,14 @@ impl Closing<PlaneSubmaps> {
 
     /// Goes on as it was; `past` is all of the session.
     #[must_use]
-    pub fn restore(settings: ClosingSettings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+    pub fn restore(settings: ClosingSettings, past: Past<'_, S::Measurement>, from: &mut &[u8]) -> Option<Self> {
         let waiting: Vec<u32> = Stored::take(from)?;
         let (checked_m, asked_m, described, described_m) = Stored::take(from)?;
         let (strained, urgent) = Stored::take(from)?;
         let supports = Supports::restore(past, from)?;
-        let places = PlaceIndex::take(from)?;
+        let places = S::Places::take(from)?;
         let is_sound = waiting.iter().all(|&number| (number as usize) < past.session.candidates().len())
-            && places.nodes().iter().all(|&node| past.has(node));
+            && S::remembered(&places).iter().all(|&node| past.has(node));
         let known = Self { waiting, checked_m, asked_m, described, described_m, ..Self::new(settings) };
         is_sound.then_some(Self { strained, urgent, supports, places, ..known })
     }

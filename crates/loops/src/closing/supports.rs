@@ -1,7 +1,7 @@
 //! Old places that matches are supported by: what was found out of each, and the matches that wait for it.
 
 use super::{AGREE_M, AGREE_RAD, LEFT_M, TOGETHER_M};
-use mapwright_geom::{Cov3, Pose, Pose2, Stored, is_in_place};
+use mapwright_geom::{Pose, Stored, is_in_place};
 use mapwright_record::{Edge, EdgeKind, Measurement, NodeId, Past};
 
 /// A place that was not found is looked at again after so much way, metres.
@@ -143,30 +143,32 @@ fn way_m(path_m: &[f64], a: NodeId, b: NodeId) -> f64 {
     (path_m[a.index()] - path_m[b.index()]).abs()
 }
 
+/// A match that waits: between whom, what it measured, and its information.
+type Waiting<P> = ([NodeId; 2], P, <P as Pose>::Matrix);
+
 /// As bytes, for a run that is continued.
-impl Supports<Pose2> {
+impl<P: Pose> Supports<P> {
     pub(super) fn put(&self, out: &mut Vec<u8>) {
         let is_here = |found: Found| found == Found::Here;
         let known = self.known.iter().map(|support| (support.from, support.to, support.verdict.map(is_here)));
         known.collect::<Vec<_>>().put(out);
         let waiting = self.waiting.iter().map(|&(ends, edge)| (ends, edge.from_from_to, edge.information));
-        waiting.collect::<Vec<_>>().put(out);
+        waiting.collect::<Vec<Waiting<P>>>().put(out);
     }
 
     /// Goes on as it was; `past` is all of the session.
-    pub(super) fn restore(past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+    pub(super) fn restore<M: Measurement<Pose = P>>(past: Past<'_, M>, from: &mut &[u8]) -> Option<Self> {
         let known: Vec<(NodeId, NodeId, Option<bool>)> = Stored::take(from)?;
-        let waiting: Vec<([NodeId; 2], Pose2, Cov3)> = Stored::take(from)?;
+        let waiting: Vec<Waiting<P>> = Stored::take(from)?;
         let ends = known.iter().map(|&(from, to, _)| [from, to]).chain(waiting.iter().map(|(ends, ..)| *ends));
         ends.flatten().all(|node| past.has(node)).then_some(())?;
         let found = |is_here: bool| if is_here { Found::Here } else { Found::Not };
         let known = known.into_iter().map(|(from, to, verdict)| Support { from, to, verdict: verdict.map(found) });
-        let edge = |([from, to], from_from_to, information): ([NodeId; 2], Pose2, Cov3)| {
+        let edge = |([from, to], from_from_to, information): Waiting<P>| {
             let [a, b] = [from, to].map(|node| past.session.keyframes()[node.index()].id);
             ([from, to], Edge { from: a, to: b, kind: EdgeKind::Match, from_from_to, information })
         };
-        let is_sound =
-            |(ends, from_from_to, _): &([NodeId; 2], Pose2, Cov3)| ends[0] != ends[1] && is_in_place(*from_from_to);
+        let is_sound = |(ends, from_from_to, _): &Waiting<P>| ends[0] != ends[1] && is_in_place(*from_from_to);
         let are_sound = waiting.iter().all(is_sound);
         are_sound.then(|| Self { known: known.collect(), waiting: waiting.into_iter().map(edge).collect() })
     }

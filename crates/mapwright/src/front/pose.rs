@@ -1,7 +1,7 @@
 //! Where the robot is in the front end's frame, and how certain that is relative to the anchor: the keyframe that supplied
 //! most of what the last scan was matched with.
 
-use mapwright_geom::{Cov3, Pose, Pose2, Stored, TangentMatrix, compose_covariance, is_covariance, is_in_place};
+use mapwright_geom::{Pose, Pose2, Stored, TangentMatrix, compose_covariance, is_covariance, is_in_place};
 use mapwright_record::{Measurement, NodeId, Past};
 
 /// Keyframes back from the newest over which the chain of covariances is kept in mind.
@@ -161,8 +161,8 @@ impl<P: Pose> RobotPose<P> {
 }
 
 /// As bytes, for a run that is continued.
-impl RobotPose {
-    pub(super) fn put(&self, out: &mut Vec<u8>) {
+impl<P: Pose> RobotPose<P> {
+    pub(crate) fn put(&self, out: &mut Vec<u8>) {
         (self.local_from_robot, self.odom_from_robot).put(out);
         [self.information, self.odometry_since_keyframe, self.keyframe_from_anchor].put(out);
         self.anchor.put(out);
@@ -171,17 +171,17 @@ impl RobotPose {
     }
 
     /// Goes on as it was.
-    pub(super) fn restore(past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+    pub(crate) fn restore<M: Measurement<Pose = P>>(past: Past<'_, M>, from: &mut &[u8]) -> Option<Self> {
         let keyframes = past.local_from_keyframe.len();
-        let (local_from_robot, odom_from_robot): (Pose2, Pose2) = Stored::take(from)?;
+        let (local_from_robot, odom_from_robot): (P, P) = Stored::take(from)?;
         let [information, odometry_since_keyframe, keyframe_from_anchor] = Stored::take(from)?;
         let anchor: Option<NodeId> = Stored::take(from)?;
-        let newest: Vec<Cov3> = Stored::take(from)?;
-        let mut links = vec![Cov3::zeros(); keyframes.checked_sub(newest.len())?];
+        let newest: Vec<P::Matrix> = Stored::take(from)?;
+        let mut links = vec![P::Matrix::zero(); keyframes.checked_sub(newest.len())?];
         links.extend(newest);
         let near = past.local_from_keyframe.last().map_or(local_from_robot, |newest| newest.between(local_from_robot));
         let is_sound = [local_from_robot, odom_from_robot, near].iter().all(|pose| is_in_place(*pose))
-            && [odometry_since_keyframe, keyframe_from_anchor].iter().chain(&links).all(is_covariance)
+            && [odometry_since_keyframe, keyframe_from_anchor].iter().chain(&links).all(is_covariance::<P::Matrix>)
             && anchor.is_none_or(|anchor| anchor.index() < keyframes);
         is_sound.then_some(Self {
             local_from_robot,

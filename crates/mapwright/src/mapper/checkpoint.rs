@@ -1,10 +1,11 @@
 //! What a mapper knows beside its session, so that another one goes on as if the run had never stopped.
 
-use super::{Mapper, Told};
+use super::Mapper;
 use crate::back::BackEnd;
 use crate::front::FrontEnd;
 use crate::settings::Settings;
 use crate::store::Store;
+use crate::told::Told;
 use mapwright_geom::Stored;
 use mapwright_geom::is_in_place;
 use mapwright_record::{NodeId, Past, Update};

@@ -1,12 +1,13 @@
 //! The pipeline in space: cloud in, update out.
 
 use super::front::{FrontEnd, Matched, Prepared};
-use crate::back::closing_settings;
-use crate::cycles;
+use crate::back::BackEnd;
+use crate::jobs::{Job, JobResult, Task};
 use crate::settings::{Settings, SettingsError};
 use crate::store::{Link, Store};
+use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Cov6, Pose3, Stamp};
-use mapwright_loops::{Closing, Solving, SpaceSubmaps, VerifySettings};
+use mapwright_loops::VerifySettings;
 use mapwright_record::{KeyframeId, Localisation, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, SpaceSweep};
 
@@ -15,9 +16,8 @@ use mapwright_sensor::{Cloud, SpaceSweep};
 pub struct SpaceMapper {
     store: Store<SpaceSweep>,
     front: FrontEnd,
-    closing: Closing<SpaceSubmaps>,
-    stamp: Stamp,
-    status: Status,
+    back: BackEnd<SpaceSweep>,
+    newest: Newest,
 }
 
 impl SpaceMapper {
@@ -38,9 +38,8 @@ impl SpaceMapper {
         Ok(Self {
             store: Store::new(run, settings.to_text()),
             front: FrontEnd::new(settings, map_from_robot),
-            closing: Closing::new(closing_settings(&settings)),
-            stamp: Stamp(0),
-            status: Status::Tracking,
+            back: BackEnd::new(&settings),
+            newest: Newest { stamp: Stamp(0), status: Status::Tracking },
         })
     }
 
@@ -59,13 +58,12 @@ impl SpaceMapper {
         let odom_from_robot = self.front.pose().odom_from_robot();
         self.store.add_scan(cloud.stamp, self.front.local_from_robot(), odom_from_robot);
         // 6. and 7. Detect and correct.
-        if keyframe.is_some() {
-            self.detect();
-        }
+        self.detect(keyframe.is_some());
         // 8. Report.
-        self.stamp = cloud.stamp;
-        self.status = matched.as_ref().map_or(self.status_unmatched(), |matched| matched.status);
-        self.report(keyframe, &prepared, matched)
+        let status = matched.as_ref().map_or(self.status_unmatched(), |matched| matched.status);
+        self.newest = Newest { stamp: cloud.stamp, status };
+        let Prepared { beams, refused, .. } = prepared;
+        self.report(Told { keyframe, beams, matched: matched.map(|matched| matched.report), refused })
     }
 
     fn status_unmatched(&self) -> Status {
@@ -73,7 +71,8 @@ impl SpaceMapper {
     }
 
     fn insert_if_moved(&mut self, cloud: &Cloud, matched: Option<&Matched>) -> Option<NodeId> {
-        let Self { store, front, closing, .. } = self;
+        let Self { store, front, back, .. } = self;
+        let closing = &mut back.closing;
         let new = front.new_keyframe(store.past(), cloud, matched)?;
         let written = store.add_keyframe(&new, Link::Odometry, |past, anchor| closing.links(past, anchor))?;
         if let Some(edge) = written.unjudged {
@@ -84,48 +83,51 @@ impl SpaceMapper {
     }
 
     /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at.
-    fn detect(&mut self) {
-        let Self { store, front, closing, .. } = self;
+    fn detect(&mut self, is_keyframe: bool) {
+        let Self { store, front, back, .. } = self;
         let (past, anchor) = (store.past(), front.pose().anchor());
-        let due = closing.is_due(past) || anchor.is_some_and(|anchor| closing.is_unjudged(past, anchor));
-        let Some(submaps) = front.submaps(VerifySettings::default()).filter(|_| due) else { return };
+        let due = || back.closing.is_due(past) || anchor.is_some_and(|anchor| back.closing.is_unjudged(past, anchor));
+        if !is_keyframe || back.is_busy() || !due() {
+            return;
+        }
+        let Some(submaps) = front.submaps(VerifySettings::default()) else { return };
         let known = front.survey(past);
-        let Some(verification) = closing.propose(past, &known, anchor, submaps) else { return };
-        let correction = front.settings().loops.correction;
-        let judged = cycles::judge(closing, store, front, &verification.run(), correction);
-        if let Some(solved) = judged.solving.and_then(Solving::run) {
-            cycles::correct(closing, store, front, &solved);
+        let verification = back.closing.propose(past, &known, anchor, submaps);
+        verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));
+        while let Some(job) = self.back.next_inline() {
+            self.take_in(&job.run());
         }
     }
 
-    fn report(
-        &mut self,
-        keyframe: Option<NodeId>,
-        prepared: &Prepared,
-        matched: Option<Matched>,
-    ) -> Update<SpaceSweep> {
-        let (entries, unwritten) = self.store.take_fresh();
-        let (pose, past) = (self.front.pose(), self.store.past());
-        let map_from_robot = self.store.map_from_local() * self.front.local_from_robot();
-        let odom_from_robot = pose.odom_from_robot();
-        Update {
-            scan: self.store.next_scan().saturating_sub(1),
-            stamp: self.stamp,
-            map_from_robot,
-            covariance: pose.covariance(past),
-            anchor: pose.anchor().map(|node| self.store.id(node)),
-            status: self.status,
+    /// The next job to be done, where jobs are handed out (`loops.jobs`); its result goes to [`SpaceMapper::apply`], after whichever
+    /// cloud it is there.
+    pub fn next_job(&mut self) -> Option<Job<SpaceSweep>> {
+        self.back.hand_out()
+    }
+
+    /// Takes a job's result in. It may be late: what was inserted since is carried along.
+    ///
+    /// A result that does not belong to this mapper is left out.
+    pub fn apply(&mut self, result: JobResult<SpaceSweep>) -> Update<SpaceSweep> {
+        self.back.came_back();
+        self.take_in(&result);
+        self.report(Told::default())
+    }
+
+    fn take_in(&mut self, result: &JobResult<SpaceSweep>) {
+        let Self { store, front, back, .. } = self;
+        let correction = front.settings().loops.correction;
+        back.take_in(store, front, &result.0, correction);
+    }
+
+    fn report(&mut self, told: Told) -> Update<SpaceSweep> {
+        let robot = Whereabouts {
+            pose: self.front.pose(),
+            local_from_robot: self.front.local_from_robot(),
             localisation: Localisation::default(),
-            map_from_odom: map_from_robot * odom_from_robot.inverse(),
-            odom_from_robot,
-            keyframe: keyframe.map(|node| self.store.id(node)),
-            beams: prepared.beams,
-            matched: matched.map(|matched| matched.report),
-            refused: prepared.refused,
             local_map: self.front.local_map_report(),
-            entries,
-            unwritten,
-        }
+        };
+        told::update(&mut self.store, robot, self.newest, told)
     }
 
     /// How certain each keyframe is relative to the newest one: covariance of the newest one's pose seen from it, a right perturbation,

@@ -1,12 +1,12 @@
 //! What stands beside the session, as bytes.
 
 use super::Store;
-use mapwright_geom::{Pose2, Stored, is_in_place};
+use mapwright_geom::{Stored, is_in_place};
 use mapwright_record::{Checkpoint, Entry, LeftOutReason, Measurement};
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
-impl Store {
+impl<M: Measurement> Store<M> {
     pub(crate) fn put(&self, out: &mut Vec<u8>) {
         self.counts().put(out);
         self.local_from_keyframe.put(out);
@@ -18,8 +18,8 @@ impl Store {
     /// The same session with what stood beside it, if these are bytes of that.
     pub(crate) fn restored(&self, from: &mut &[u8]) -> Option<Self> {
         let counts: [u64; 4] = Stored::take(from)?;
-        let local_from_keyframe: Vec<Pose2> = Stored::take(from)?;
-        let map_from_local: Pose2 = Stored::take(from)?;
+        let local_from_keyframe: Vec<M::Pose> = Stored::take(from)?;
+        let map_from_local: M::Pose = Stored::take(from)?;
         let way_m: Vec<f64> = Stored::take(from)?;
         let has_origin = bool::take(from)?;
         let in_map = local_from_keyframe.iter().map(|&local| map_from_local * local);
@@ -37,6 +37,12 @@ impl Store {
         [session.next_scan(), keyframes as u64, edges as u64, session.candidates().len() as u64]
     }
 
+    pub(crate) fn add_checkpoint(&mut self, state: Vec<u8>) {
+        self.write(Entry::Checkpoint(Checkpoint { state: state.into() }));
+    }
+}
+
+impl Store {
     /// Of each keyframe what was drawn while it was mapped: the map that was made in the end may have left out more.
     pub(crate) fn drawn_while_mapping(&self) -> Vec<Option<Arc<Sweep>>> {
         let mut drawn = self.session.drawn().to_vec();
@@ -49,9 +55,5 @@ impl Store {
             drawn[place] = Some(Arc::new(before.fold(all, |sweep, left_out| sweep.without(&left_out.beams))));
         }
         drawn
-    }
-
-    pub(crate) fn add_checkpoint(&mut self, state: Vec<u8>) {
-        self.write(Entry::Checkpoint(Checkpoint { state: state.into() }));
     }
 }

@@ -1,0 +1,64 @@
+//! Step 8, report: what stages know, put together. Written once for the plane and for space.
+
+use crate::front::RobotPose;
+use crate::store::Store;
+use mapwright_geom::{Pose, Stamp};
+use mapwright_record::{LocalMapReport, Localisation, MatchReport, Measurement, NodeId, Status, Update};
+use mapwright_sensor::BeamCounts;
+
+/// The newest scan or cloud.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Newest {
+    pub(crate) stamp: Stamp,
+    pub(crate) status: Status,
+}
+
+/// What an update says of one beside what is asked of the stages.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Told {
+    pub(crate) keyframe: Option<NodeId>,
+    pub(crate) beams: BeamCounts,
+    pub(crate) matched: Option<MatchReport>,
+    pub(crate) refused: Option<&'static str>,
+}
+
+/// How the robot is off.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Whereabouts<'a, P: Pose> {
+    pub(crate) pose: &'a RobotPose<P>,
+    /// At the newest stamp, in the front end's frame.
+    pub(crate) local_from_robot: P,
+    pub(crate) localisation: Localisation,
+    pub(crate) local_map: LocalMapReport,
+}
+
+/// Everything that anybody outside may know, with the entries since the last time.
+pub(crate) fn update<M: Measurement>(
+    store: &mut Store<M>,
+    robot: Whereabouts<'_, M::Pose>,
+    newest: Newest,
+    told: Told,
+) -> Update<M> {
+    let (entries, unwritten) = store.take_fresh();
+    let Whereabouts { pose, local_from_robot, localisation, local_map } = robot;
+    let map_from_robot = store.map_from_local() * local_from_robot;
+    let odom_from_robot = pose.odom_from_robot();
+    Update {
+        scan: store.next_scan().saturating_sub(1),
+        stamp: newest.stamp,
+        map_from_robot,
+        covariance: pose.covariance(store.past()),
+        anchor: pose.anchor().map(|node| store.id(node)),
+        status: newest.status,
+        localisation,
+        map_from_odom: map_from_robot * odom_from_robot.inverse(),
+        odom_from_robot,
+        keyframe: told.keyframe.map(|node| store.id(node)),
+        beams: told.beams,
+        matched: told.matched,
+        refused: told.refused,
+        local_map,
+        entries,
+        unwritten,
+    }
+}
