@@ -1,14 +1,14 @@
 //! The pipeline in space: cloud in, update out.
 
-use super::front::{FrontEnd, Matched, Prepared};
+use super::front::{FrontEnd, ImuReport, LevelWatch, Matched, Prepared};
 use crate::back::closing_settings;
 use crate::cycles;
-use crate::settings::{Settings, SettingsError};
+use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Link, Store};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_loops::{Closing, KnownPlace, Solving, SpaceSubmaps, VerifySettings};
 use mapwright_record::{KeyframeId, Localisation, NodeId, RunId, Session, Status, Update};
-use mapwright_sensor::{Cloud, SpaceSweep};
+use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
 
 /// Builds a map of space one cloud at a time.
 #[derive(Debug, Clone)]
@@ -16,6 +16,7 @@ pub struct SpaceMapper {
     store: Store<SpaceSweep>,
     front: FrontEnd,
     closing: Closing<SpaceSubmaps>,
+    level: LevelWatch,
     stamp: Stamp,
     status: Status,
 }
@@ -39,15 +40,29 @@ impl SpaceMapper {
             store: Store::new(run, settings.to_text()),
             front: FrontEnd::new(settings, map_from_robot),
             closing: Closing::new(closing_settings(&settings)),
+            level: LevelWatch::default(),
             stamp: Stamp(0),
             status: Status::Tracking,
         })
     }
 
+    /// Remembers a reading of an inertial sensor, for the robot's rotation between clouds and during a sweep, and for where down is:
+    /// hand in what was read before the end of a sweep before its cloud. What comes late, in disorder or not at all is counted
+    /// ([`SpaceMapper::imu_report`]) and does no harm.
+    pub fn add_imu(&mut self, reading: ImuReading) -> ImuTaken {
+        self.front.add_imu(reading)
+    }
+
+    /// What became of the readings so far.
+    #[must_use]
+    pub fn imu_report(&self) -> ImuReport {
+        self.front.imu_report()
+    }
+
     /// One cloud through the pipeline.
     pub fn add_cloud(&mut self, cloud: &Cloud) -> Update<SpaceSweep> {
         // 1. Prepare: points in the robot's frame, undistorted and thinned, what was dropped counted.
-        // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
+        // 2. Predict: the pose by odometry or constant velocity and inertial readings, its covariance the match's prior.
         let prepared = self.front.prepare(cloud);
         // 3. Match against the local map, with a guard.
         let matched = self.front.track(&prepared);
@@ -61,6 +76,7 @@ impl SpaceMapper {
         // 6. and 7. Detect and correct.
         if keyframe.is_some() {
             self.detect();
+            self.keep_level();
         }
         // 8. Report.
         self.stamp = cloud.stamp;
@@ -80,6 +96,9 @@ impl SpaceMapper {
             closing.wait(store.past(), edge);
         }
         front.wrote(store.past(), &new, &written);
+        if let Some(down) = front.take_down() {
+            store.add_gravity(written.node, &down);
+        }
         Some(written.node)
     }
 
@@ -94,6 +113,18 @@ impl SpaceMapper {
         let correction = front.settings().loops.correction;
         let judged = cycles::judge(closing, store, front, &verification.run(), correction);
         if let Some(solved) = judged.solving.and_then(Solving::run) {
+            cycles::correct(closing, store, front, &solved);
+        }
+    }
+
+    /// Solves the graph where gravity says that the map leans.
+    fn keep_level(&mut self) {
+        let Self { store, front, closing, level, .. } = self;
+        if front.settings().loops.correction != Correction::Graph || !level.is_leaning(store.session()) {
+            return;
+        }
+        let solving = Solving { graph: store.graph(), closures: store.closures() };
+        if let Some(solved) = solving.run() {
             cycles::correct(closing, store, front, &solved);
         }
     }
