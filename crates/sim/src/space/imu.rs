@@ -89,15 +89,17 @@ mod tests {
     };
 
     fn drive(imu: ImuSettings, wobble: Wobble) -> SpaceDrive {
-        let settings = SpaceDriveSettings { imu, wobble, seed: 4, duration_s: 40.0, ..SpaceDriveSettings::default() };
+        let settings = SpaceDriveSettings { imu, wobble, seed: 4, duration_s: 20.0, ..SpaceDriveSettings::default() };
         SpaceDrive::new(worlds::two_storey(4).into(), settings)
     }
 
     #[test]
     fn readings_add_up_to_the_true_motion() {
         let drive = drive(EXACT, Wobble::default());
-        let readings: Vec<ImuReading> = drive.imu_readings().collect();
+        let mut readings: Vec<ImuReading> = drive.imu_readings().collect();
         assert!((readings.len() as f64 / (200.0 * drive.duration_s()) - 1.0).abs() < 0.01);
+        // the last tick has none after it to be the mean with
+        readings.truncate(readings.len() - 10);
         let start = drive.world_from_robot(Stamp(0)).unwrap();
         let (mut rotation, mut velocity, mut position) = (start.rotation, start.translation * 0.0, start.translation);
         for pair in readings.windows(2) {
@@ -113,7 +115,7 @@ mod tests {
         let end = drive.world_from_robot(readings[readings.len() - 1].stamp).unwrap();
         assert!((end.translation - start.translation).norm() > 10.0);
         assert!(rotation.angle_to(&end.rotation) < 0.002, "{}", rotation.angle_to(&end.rotation));
-        assert!((position - end.translation).norm() < 0.5, "{position} {}", end.translation);
+        assert!((position - end.translation).norm() < 0.5, "{position:?} {:?}", end.translation);
     }
 
     #[test]
