@@ -113,9 +113,9 @@ impl FrontEnd {
         let span = Span::of(cloud);
         let step = self.inertial.predict(step, span.stamp_after(cloud.stamp, span.middle_s()));
         if self.local_map.is_none()
-            && let Some(levelled) = self.inertial.levelled(self.pose.local_from_robot() * step.last_from_robot)
+            && let Some(levelled) = self.inertial.levelled(self.pose.local_from_robot())
         {
-            self.pose.stand(levelled * step.last_from_robot.inverse());
+            self.pose.stand(levelled);
         }
         self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, span, &mut self.motion);
         let refused = self.preparation.check(cloud).err();

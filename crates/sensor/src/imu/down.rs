@@ -4,9 +4,7 @@ use nalgebra::Vector3;
 
 /// Standard gravity, metres per second squared (ISO 80000-3).
 pub const STANDARD_GRAVITY_M_PER_S2: f64 = 9.806_65;
-/// A robot is pushed by so much besides gravity while nothing tells of it, standard deviation, metres per second squared,
-const PUSHED_M_PER_S2: f64 = 0.5;
-/// and differently after so long, seconds: a speed is reached, a turn is made.
+/// What pushes a robot besides gravity is something else after so long, seconds: a speed is reached, a turn is made.
 const PUSHED_S: f64 = 1.0;
 /// A force that differs from gravity by more than this share says nothing.
 const FARTHEST_SHARE: f64 = 0.5;
@@ -40,18 +38,19 @@ impl Down {
         *variance_rad2 = sigma_rad * sigma_rad + TURN_NOISE_RAD2_PER_S * elapsed_s;
     }
 
-    /// A specific force was read over so many seconds, while the robot was known to be pushed besides by `known_m_per_s2` or so.
-    /// Whether it says anything: its norm is near gravity's.
-    pub fn weigh(&mut self, specific_force: Vector3<f64>, known_m_per_s2: f64, elapsed_s: f64) -> bool {
-        let norm = specific_force.norm();
-        let in_m_per_s2 = if norm < IN_MULTIPLES_BELOW { STANDARD_GRAVITY_M_PER_S2 * norm } else { norm };
-        let off_m_per_s2 = (in_m_per_s2 - STANDARD_GRAVITY_M_PER_S2).abs();
+    /// A specific force was read over so many seconds, while the robot was accelerated by `push`, in its own frame, give or take
+    /// `push_sigma` (m/s^2). Whether it says anything: the norm of what is left is near gravity's.
+    pub fn weigh(&mut self, force: Vector3<f64>, push: Vector3<f64>, push_sigma: f64, elapsed_s: f64) -> bool {
+        let unit = if force.norm() < IN_MULTIPLES_BELOW { STANDARD_GRAVITY_M_PER_S2 } else { 1.0 };
+        let at_rest = force * unit - push;
+        let norm = at_rest.norm();
+        let off_m_per_s2 = (norm - STANDARD_GRAVITY_M_PER_S2).abs();
         // not `>`: NaN must fail
         if !(off_m_per_s2 <= FARTHEST_SHARE * STANDARD_GRAVITY_M_PER_S2 && elapsed_s > 0.0) {
             return false;
         }
-        let found = -specific_force / norm;
-        let sigma_rad = (PUSHED_M_PER_S2 + known_m_per_s2 + off_m_per_s2) / STANDARD_GRAVITY_M_PER_S2;
+        let found = -at_rest / norm;
+        let sigma_rad = push_sigma.hypot(off_m_per_s2) / STANDARD_GRAVITY_M_PER_S2;
         let found_rad2 = sigma_rad * sigma_rad;
         let Some((down, variance_rad2)) = &mut self.0 else {
             self.0 = Some((found, found_rad2));
@@ -89,9 +88,9 @@ mod tests {
         let tilted = UnitQuaternion::from_euler_angles(0.2, -0.1, 0.4);
         let mut down = Down::default();
         assert!(down.estimate().is_none());
-        assert!(down.weigh(up(tilted), 0.0, 0.01));
+        assert!(down.weigh(up(tilted), Vector3::zeros(), 0.5, 0.01));
         let first = down.estimate().unwrap();
-        (0..500).for_each(|_| assert!(down.weigh(up(tilted), 0.0, 0.01)));
+        (0..500).for_each(|_| assert!(down.weigh(up(tilted), Vector3::zeros(), 0.5, 0.01)));
         let later = down.estimate().unwrap();
         assert!(later.sigma_rad < 0.5 * first.sigma_rad && later.sigma_rad > 0.01, "{later:?} after {first:?}");
         assert!((later.down_in_robot + up(tilted) / G).norm() < 1e-9);
@@ -106,26 +105,33 @@ mod tests {
     fn pushes_count_little_and_falling_nothing() {
         let mut down = Down::default();
         let level = Vector3::new(0.0, 0.0, G);
-        (0..200).for_each(|_| assert!(down.weigh(level, 0.0, 0.01)));
+        (0..200).for_each(|_| assert!(down.weigh(level, Vector3::zeros(), 0.5, 0.01)));
         let before = down.estimate().unwrap();
         for bad in [Vector3::zeros(), Vector3::repeat(f64::NAN), level * 2.0, Vector3::new(1e200, 0.0, 1e200)] {
-            assert!(!down.weigh(bad, 0.0, 0.01), "{bad}");
+            assert!(!down.weigh(bad, Vector3::zeros(), 0.5, 0.01), "{bad}");
         }
         assert_eq!(down.estimate(), Some(before));
         let pushed = Vector3::new(3.0, 0.0, G);
         let [mut told, mut untold] = [down; 2];
         for _ in 0..100 {
-            assert!(told.weigh(pushed, 3.0, 0.01) && untold.weigh(pushed, 0.0, 0.01));
+            assert!(
+                told.weigh(pushed, Vector3::zeros(), 3.5, 0.01) && untold.weigh(pushed, Vector3::zeros(), 0.5, 0.01)
+            );
         }
         let off = |down: Down| down.estimate().unwrap().down_in_robot.xy().norm();
         assert!(off(told) < 0.2 * off(untold), "{} {}", off(told), off(untold));
+        let push = Vector3::new(3.0, 0.0, 0.0);
+        let mut known = down;
+        (0..100).for_each(|_| assert!(known.weigh(pushed, push, 0.5, 0.01)));
+        assert!(off(known) < 1e-9);
     }
 
     #[test]
     fn multiples_of_gravity_are_understood() {
         let mut down = Down::default();
         assert!(
-            down.weigh(Vector3::new(0.0, 0.0, 1.01), 0.0, 0.01) && !down.weigh(Vector3::new(0.0, 0.0, 0.2), 0.0, 0.01)
+            down.weigh(Vector3::new(0.0, 0.0, 1.01), Vector3::zeros(), 0.5, 0.01)
+                && !down.weigh(Vector3::new(0.0, 0.0, 0.2), Vector3::zeros(), 0.5, 0.01)
         );
         assert_eq!(down.estimate().unwrap().down_in_robot, -Vector3::z());
     }
@@ -135,7 +141,7 @@ mod tests {
         let mut down = Down::default();
         for k in 0..1000 {
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-            down.weigh(Vector3::new(0.0, 0.0, sign * G), 0.0, 10.0);
+            down.weigh(Vector3::new(0.0, 0.0, sign * G), Vector3::zeros(), 0.5, 10.0);
             assert!((down.estimate().unwrap().down_in_robot.norm() - 1.0).abs() < 1e-9);
         }
     }

@@ -33,8 +33,14 @@ const AGREEING_CHI2: f64 = 25.0;
 const TRUST_LOST: u32 = 3;
 const TRUST_AT_MOST: u32 = 12;
 const TRUST_AT_LEAST: u32 = 3;
-/// A direction of gravity is written down when it is known so well, radians: after some two seconds on the way.
-const WRITTEN_RAD: f64 = 0.035;
+/// A robot is pushed by so much besides gravity while nothing tells of it, standard deviation, metres per second squared,
+const PUSHED_M_PER_S2: f64 = 0.5;
+/// and by so much besides what matches say of its velocities: these are some 0.05 m/s wrong, whatever their number on the way.
+const MATCHED_M_PER_S2: f64 = 0.15;
+/// A velocity is that of so long at least, seconds: over less it is mostly the matches' noise.
+const VELOCITY_S: f64 = 0.35;
+/// A direction of gravity is written down when it is known so well, radians: after a second on the way.
+const WRITTEN_RAD: f64 = 0.012;
 /// The map is levelled by a direction known so well, radians.
 const LEVELLED_RAD: f64 = 0.1;
 /// Over longer times readings are not followed, seconds.
@@ -77,13 +83,17 @@ pub(super) struct Inertial {
     down: Down,
     /// Up to where readings tell of it.
     down_until: Option<Stamp>,
-    /// The middle of the last cloud.
+    /// The robot's velocity then, in its frame, by matches, metres a second.
+    velocity_m_per_s: Option<Vector3<f64>>,
+    /// The way since a stamp, for the next velocity.
+    way: Option<(Stamp, Pose3)>,
+    /// The middle of the last cloud, and of the one before.
     last: Option<Stamp>,
+    before_last: Option<Stamp>,
     /// Since then, as read.
     turned: Option<Turned>,
     /// What readings and matches say since the bias was learnt last.
     since: (Turned, UnitQuaternion<f64>),
-    speed_m_per_s: f64,
     trust: u32,
     report: ImuReport,
 }
@@ -95,10 +105,12 @@ impl Default for Inertial {
             bias: Bias::default(),
             down: Down::default(),
             down_until: None,
+            velocity_m_per_s: None,
+            way: None,
             last: None,
+            before_last: None,
             turned: None,
             since: (Turned::none(), UnitQuaternion::identity()),
-            speed_m_per_s: 0.0,
             trust: 0,
             report: ImuReport::default(),
         }
@@ -132,11 +144,13 @@ impl Inertial {
         if self.readings.is_empty() {
             return step;
         }
-        self.follow_down(now);
+        if self.last.is_none() {
+            self.follow_down(now, None);
+        }
         let turned = self.last.and_then(|last| self.readings.turned(last, now, self.bias.rad_per_s));
         self.report.unread += u64::from(self.last.is_some() && turned.is_none());
         self.turned = turned;
-        self.last = Some(now);
+        self.before_last = self.last.replace(now);
         self.readings.use_until(now);
         let Some(turned) = turned.filter(|_| self.is_trusted()) else { return step };
         let Some(information) = self.covariance(&turned).try_inverse() else { return step };
@@ -171,11 +185,12 @@ impl Inertial {
 
     /// How a match says that the robot moved since the last cloud, if it is believed: readings are compared with it.
     pub(super) fn learn(&mut self, moved: Option<Pose3>) {
-        let Some((turned, moved)) = self.turned.take().zip(moved) else {
+        let compared = self.turned.take().zip(moved);
+        self.weigh_forces(compared.map(|(_, moved)| moved));
+        let Some((turned, moved)) = compared else {
             self.forget_since();
             return;
         };
-        self.speed_m_per_s = moved.translation.norm() / turned.elapsed_s;
         let off = (turned.start_from_end.inverse() * moved.rotation).scaled_axis();
         let covariance = self.covariance(&turned) + Matrix3::identity() * (2.0 * MATCH_RAD * MATCH_RAD);
         let agrees = covariance.try_inverse().is_some_and(|information| off.dot(&(information * off)) <= AGREEING_CHI2);
@@ -198,8 +213,33 @@ impl Inertial {
         self.since = (Turned::none(), UnitQuaternion::identity());
     }
 
-    /// Follows where down is to a stamp.
-    fn follow_down(&mut self, now: Stamp) {
+    /// Follows where down is: to the middle of some way, where the velocity is what matches say of all of it, the acceleration since the
+    /// middle of the way before known thereby; and to the last cloud where nothing matched.
+    fn weigh_forces(&mut self, moved: Option<Pose3>) {
+        let Some(last) = self.last else { return };
+        let Some((moved, before)) = moved.zip(self.before_last) else {
+            (self.velocity_m_per_s, self.way) = (None, None);
+            return self.follow_down(last, None);
+        };
+        let (since, way) = self.way.map_or((before, moved), |(since, way)| (since, way * moved));
+        let elapsed_s = last.secs_since(since);
+        self.way = (elapsed_s < VELOCITY_S).then_some((since, way));
+        if self.way.is_some() {
+            return;
+        }
+        let middle = Stamp(since.0 + (last.0 - since.0) / 2);
+        let velocity = way.log().fixed_rows::<3>(0) / elapsed_s;
+        let since = self.down_until.zip(self.velocity_m_per_s);
+        let push = since.and_then(|(since, velocity_then)| {
+            let turned = self.readings.turned(since, middle, self.bias.rad_per_s)?;
+            Some((turned.start_from_end * velocity - velocity_then) / turned.elapsed_s)
+        });
+        self.follow_down(middle, push);
+        self.velocity_m_per_s = Some(velocity);
+    }
+
+    /// Follows where down is to a stamp; the acceleration until then is that, in the frame of where it was followed to, if it is known.
+    fn follow_down(&mut self, now: Stamp, push_m_per_s2: Option<Vector3<f64>>) {
         let Some(since) = self.down_until.or(self.readings.oldest()) else { return };
         let behind_s = now.secs_since(since);
         let since = if (0.0..=FOLLOWED_S).contains(&behind_s) {
@@ -212,13 +252,15 @@ impl Inertial {
         };
         self.down_until = Some(now);
         let bias_sigma = self.bias.sigma_rad_per_s();
+        let sigma_m_per_s2 = if push_m_per_s2.is_some() { MATCHED_M_PER_S2 } else { PUSHED_M_PER_S2 };
+        let mut push = push_m_per_s2.unwrap_or_else(Vector3::zeros);
         for piece in self.readings.pieces(since, now) {
             let rate = piece.turn_rate_rad_per_s - self.bias.rad_per_s;
             let sigma = if piece.is_read { bias_sigma } else { UNKNOWN_RAD_PER_S };
             self.down.turn(rate * piece.elapsed_s, piece.elapsed_s, sigma);
+            push = UnitQuaternion::from_scaled_axis(-rate * piece.elapsed_s) * push;
             if let Some(force) = piece.specific_force_m_per_s2 {
-                let round_m_per_s2 = rate.norm() * self.speed_m_per_s;
-                self.report.pushed += u64::from(!self.down.weigh(force, round_m_per_s2, piece.elapsed_s));
+                self.report.pushed += u64::from(!self.down.weigh(force, push, sigma_m_per_s2, piece.elapsed_s));
             }
         }
     }
@@ -235,8 +277,14 @@ impl Inertial {
     /// Where down is by what was read since this was asked and known the last time, so that errors of two have nothing to do with each
     /// other; none until it is known well enough.
     pub(super) fn take_down(&mut self) -> Option<DownEstimate> {
-        let known = self.down.estimate().filter(|down| down.sigma_rad <= WRITTEN_RAD && self.is_trusted())?;
-        self.down = Down::default();
+        self.down.estimate().filter(|down| down.sigma_rad <= WRITTEN_RAD && self.is_trusted())?;
+        let mut down = std::mem::take(&mut self.down);
+        if let Some((until, last)) = self.down_until.zip(self.last).filter(|(until, last)| until < last) {
+            let turned = self.readings.turned(until, last, self.bias.rad_per_s)?;
+            let sigma = self.bias.sigma_rad_per_s();
+            down.turn(turned.start_from_end.scaled_axis(), turned.elapsed_s, sigma);
+        }
+        let known = down.estimate()?;
         self.report.gravity += 1;
         Some(known)
     }
