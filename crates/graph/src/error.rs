@@ -30,6 +30,18 @@ pub enum GraphError {
         /// Place of the edge.
         edge: usize,
     },
+    /// Gravity is at a vertex that is not there, no direction or without deviation.
+    #[error(
+        "gravity {at}: expected a vertex below {vertices}, a direction of length one and a deviation above zero, found {found}"
+    )]
+    Gravity {
+        /// Place of it.
+        at: usize,
+        /// What stands there.
+        found: String,
+        /// How many vertices there are.
+        vertices: usize,
+    },
     /// The factor does not fit into memory.
     #[error("a graph of {vertices} vertices does not fit into memory")]
     TooLarge {

@@ -1,5 +1,6 @@
 //! What the solver needs to know about poses beside [`Pose`], for the plane and for space.
 
+use crate::gravity;
 use mapwright_geom::{Pose, Pose2, Pose3, skew, wrap_angle};
 use nalgebra::{Matrix2, Matrix3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
 
@@ -47,6 +48,14 @@ pub(crate) trait PoseGroup<const D: usize>:
         (error.coordinates(metric), error.coordinates_jacobian(metric), first_from_second.inverse().adjoint())
     }
 
+    /// Error of a measured downward direction and its derivative by a right perturbation; none in the plane.
+    #[must_use]
+    fn tilt(self, down: &Vector3<f64>) -> Option<(Vector3<f64>, SMatrix<f64, 3, D>)>;
+
+    /// How far position and heading are from where they are held, in standard deviations, and the derivative; none in the plane.
+    #[must_use]
+    fn held(self, at: Self) -> Option<(SVector<f64, 4>, SMatrix<f64, 4, D>)>;
+
     /// Rotation and translation in space; the plane is that of x and y.
     #[must_use]
     fn parts(self) -> (Matrix3<f64>, Vector3<f64>);
@@ -92,6 +101,14 @@ impl PoseGroup<3> for Pose2 {
         (error, jacobian, adjoint)
     }
 
+    fn tilt(self, _: &Vector3<f64>) -> Option<(Vector3<f64>, SMatrix<f64, 3, 3>)> {
+        None
+    }
+
+    fn held(self, _: Self) -> Option<(SVector<f64, 4>, SMatrix<f64, 4, 3>)> {
+        None
+    }
+
     fn parts(self) -> (Matrix3<f64>, Vector3<f64>) {
         (self.coordinates_jacobian(RotationError::default()), Vector3::new(self.x, self.y, 0.0))
     }
@@ -130,6 +147,14 @@ impl PoseGroup<6> for Pose3 {
         let error = self * first_from_second;
         let coordinates = error.coordinates(metric);
         (coordinates, jacobian_at(error, &coordinates, metric), first_from_second.inverse().adjoint())
+    }
+
+    fn tilt(self, down: &Vector3<f64>) -> Option<(Vector3<f64>, SMatrix<f64, 3, 6>)> {
+        Some(gravity::tilt(self, down))
+    }
+
+    fn held(self, at: Self) -> Option<(SVector<f64, 4>, SMatrix<f64, 4, 6>)> {
+        Some(gravity::held(self, at))
     }
 
     fn parts(self) -> (Matrix3<f64>, Vector3<f64>) {

@@ -26,7 +26,7 @@ pub struct SolverSettings {
     /// Where the search starts.
     pub start: Start,
     /// Whether the chordal relaxation's solution is started from where its chi-square is lower and a first step from the
-    /// poses given does not keep its promise.
+    /// poses given does not keep its promise; never where [gravity](PoseGraph::gravity) levels a part, which it does not know.
     pub chordal: bool,
     /// Steps at most, for each stage of [`SolverSettings::robust`].
     pub max_iterations: usize,
@@ -106,8 +106,10 @@ fn optimized<P: PoseGroup<D>, const D: usize>(
     let chi2_before = problem.chi2(&poses, &weights);
     let mut normal = Normal::new(&problem);
     let mut descent = Descent::new(settings.relative_decrease, chi2_before);
-    let relax =
-        settings.chordal && settings.robust.is_none() && !descent.begins_well(&problem, &mut normal, &mut poses);
+    let relax = settings.chordal
+        && settings.robust.is_none()
+        && !problem.floats()
+        && !descent.begins_well(&problem, &mut normal, &mut poses);
     let relaxed = if relax { chordal_poses(&problem, &poses) } else { None };
     let relaxed_chi2 = relaxed.as_ref().map_or(f64::INFINITY, |relaxed| problem.chi2(relaxed, &weights));
     let from_chordal = relaxed_chi2 < chi2_before;

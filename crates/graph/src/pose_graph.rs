@@ -1,6 +1,7 @@
 //! Poses and what was measured between them.
 
 use crate::error::GraphError;
+use crate::gravity::{Gravity, tilt};
 use crate::group::{PoseGroup, RotationError};
 use mapwright_geom::{Apart, Pose, Pose2, Pose3, TangentMatrix};
 use nalgebra::{DMatrix, SMatrix};
@@ -40,6 +41,9 @@ pub struct PoseGraph<P: Pose> {
     pub vertices: Vec<Vertex<P>>,
     /// The measurements.
     pub edges: Vec<Edge<P>>,
+    /// Where down is at some vertices, of a graph of space; the world's z axis is up. A part that has any, and no vertex that is
+    /// fixed, keeps position and heading of its first vertex and not its roll and pitch. The plane has no use for it.
+    pub gravity: Vec<Gravity>,
     /// How rotations of errors are measured.
     pub metric: RotationError,
 }
@@ -51,12 +55,12 @@ pub type PoseGraph3 = PoseGraph<Pose3>;
 
 impl<P: Pose> Default for PoseGraph<P> {
     fn default() -> Self {
-        Self { vertices: Vec::new(), edges: Vec::new(), metric: RotationError::default() }
+        Self { vertices: Vec::new(), edges: Vec::new(), gravity: Vec::new(), metric: RotationError::default() }
     }
 }
 
 impl<P: Pose> PoseGraph<P> {
-    /// Weighted squared errors of all edges as [`PoseGraph::metric`] says.
+    /// Weighted squared errors of all edges, and of gravity, as [`PoseGraph::metric`] says.
     ///
     /// # Errors
     /// See [`PoseGraph::check`].
@@ -75,7 +79,7 @@ impl<P: Pose> PoseGraph<P> {
     ///
     /// # Errors
     /// Edges between vertices that are not there or from a vertex to itself; poses and information that are not finite
-    /// or too large.
+    /// or too large; gravity that is at no vertex, no direction or without deviation.
     pub fn check(&self) -> Result<(), GraphError> {
         let vertices = self.vertices.len();
         for vertex in &self.vertices {
@@ -92,7 +96,10 @@ impl<P: Pose> PoseGraph<P> {
                 return Err(GraphError::Measurement { edge: at });
             }
         }
-        Ok(())
+        match self.gravity.iter().position(|gravity| gravity.vertex >= vertices || !gravity.is_sound()) {
+            Some(at) => Err(GraphError::Gravity { at, found: format!("{:?}", self.gravity[at]), vertices }),
+            None => Ok(()),
+        }
     }
 
     /// For every edge whether it is odometry: from a vertex to that with the next larger id.
@@ -169,7 +176,7 @@ impl<P: Pose> PoseGraph<P> {
         (0..self.vertices.len()).filter(|&v| parts.root(v) == v).count()
     }
 
-    fn parts(&self) -> Parts {
+    pub(crate) fn parts(&self) -> Parts {
         let mut parts = Parts::new(self.vertices.len());
         for edge in self.edges.iter().filter(|edge| binds(edge)) {
             parts.join(edge.from, edge.to);
@@ -240,7 +247,11 @@ impl Apart for Chi2 {
     }
 
     fn space(graph: &PoseGraph3) -> f64 {
-        graph.edges.iter().map(|edge| edge_chi2(graph, edge)).sum()
+        let of_gravity = graph.gravity.iter().map(|gravity| {
+            let pose = graph.vertices[gravity.vertex].world_from_vertex;
+            tilt(pose, &gravity.down_in_vertex).0.norm_squared() / (gravity.sigma_rad * gravity.sigma_rad)
+        });
+        graph.edges.iter().map(|edge| edge_chi2(graph, edge)).sum::<f64>() + of_gravity.sum::<f64>()
     }
 }
 

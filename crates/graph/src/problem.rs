@@ -1,6 +1,7 @@
 //! The least-squares problem that a pose graph poses.
 
 use crate::error::GraphError;
+use crate::gravity::Gravity;
 use crate::group::{PoseGroup, RotationError};
 use crate::linear::{BlockSystem, Pattern, Slot, elimination_order};
 use crate::pose_graph::{PoseGraph, nearest_information};
@@ -9,6 +10,10 @@ use nalgebra::{ArrayStorage, SMatrix, SVector};
 /// A graph made ready: information positive semidefinite, measurements inverted, variables ordered.
 pub(crate) struct Problem<P, const D: usize> {
     pub(crate) terms: Vec<Term<P, D>>,
+    /// Where down is; nothing in the plane.
+    pub(crate) gravity: Vec<Gravity>,
+    /// Vertices that keep position and heading alone, and where: each first of a part that gravity levels.
+    held: Vec<(usize, P)>,
     /// Place of each vertex among the variables; none for those that stay.
     pub(crate) places: Vec<Option<usize>>,
     pub(crate) variables: usize,
@@ -38,7 +43,10 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
         });
         let terms: Vec<Term<P, D>> = terms.collect();
         let mut places = vec![Some(0); graph.vertices.len()];
-        graph.anchors().into_iter().for_each(|v| places[v] = None);
+        let gravity = if P::TRANSLATION == 2 { Vec::new() } else { graph.gravity.clone() };
+        let held = levelled(graph, &gravity);
+        graph.anchors().into_iter().filter(|v| !held.contains(v)).for_each(|v| places[v] = None);
+        let held = held.into_iter().map(|v| (v, graph.vertices[v].world_from_vertex)).collect();
         let mut variables = 0;
         for place in places.iter_mut().flatten() {
             *place = variables;
@@ -51,7 +59,7 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
         let pattern = Pattern::new(variables, &coupled)?;
         let both = |term: &Term<P, D>| places[term.from].zip(places[term.to]);
         let slots = terms.iter().map(|term| both(term).map(|(from, to)| pattern.slot(from, to))).collect();
-        Ok(Self { terms, places, variables, projected, metric: graph.metric, pattern, slots })
+        Ok(Self { terms, gravity, held, places, variables, projected, metric: graph.metric, pattern, slots })
     }
 
     /// Weighted squared error of one edge.
@@ -70,12 +78,39 @@ impl<P: PoseGroup<D>, const D: usize> Problem<P, D> {
         self.terms.iter().map(turn).fold(0.0, f64::max).sqrt()
     }
 
-    /// Sum over all edges, each with its weight.
+    /// Whether a part has no vertex that stays altogether.
+    pub(crate) fn floats(&self) -> bool {
+        !self.held.is_empty()
+    }
+
+    /// Sum over all edges, each with its weight, and over what holds of single vertices.
     pub(crate) fn chi2(&self, poses: &[P], weights: &[f64]) -> f64 {
         let weighted =
             |(at, &weight): (usize, &f64)| if weight > 0.0 { weight * self.term_chi2(at, poses) } else { 0.0 };
-        weights.iter().enumerate().map(weighted).sum()
+        weights.iter().enumerate().map(weighted).sum::<f64>() + self.unary_chi2(poses)
     }
+
+    /// Of gravity, and of the vertices that are held.
+    fn unary_chi2(&self, poses: &[P]) -> f64 {
+        let tilts = self.gravity.iter().filter_map(|gravity| {
+            let (error, _) = poses[gravity.vertex].tilt(&gravity.down_in_vertex)?;
+            Some(error.norm_squared() / (gravity.sigma_rad * gravity.sigma_rad))
+        });
+        let held = self.held.iter().filter_map(|&(v, at)| Some(poses[v].held(at)?.0.norm_squared()));
+        tilts.sum::<f64>() + held.sum::<f64>()
+    }
+}
+
+/// The first of each part that gravity levels, unless one of the part is fixed.
+fn levelled<P: PoseGroup<D>, const D: usize>(graph: &PoseGraph<P>, gravity: &[Gravity]) -> Vec<usize> {
+    if gravity.is_empty() {
+        return Vec::new();
+    }
+    let mut parts = graph.parts();
+    let mut has_gravity = vec![false; graph.vertices.len()];
+    gravity.iter().for_each(|gravity| has_gravity[parts.root(gravity.vertex)] = true);
+    let anchors = graph.anchors().into_iter();
+    anchors.filter(|&v| !graph.vertices[v].fixed && has_gravity[parts.root(v)]).collect()
 }
 
 /// The variables that edges couple.
@@ -103,6 +138,27 @@ impl<'a, const D: usize> Normal<'a, D> {
     /// Linearises at the poses.
     pub(crate) fn linearise<P: PoseGroup<D>>(&mut self, problem: &Problem<P, D>, poses: &[P], weights: &[f64]) {
         pulp::Arch::new().dispatch(Linearisation { normal: self, problem, poses, weights });
+        for gravity in &problem.gravity {
+            let weight = 1.0 / (gravity.sigma_rad * gravity.sigma_rad);
+            self.add_unary(problem, gravity.vertex, weight, poses[gravity.vertex].tilt(&gravity.down_in_vertex));
+        }
+        for &(vertex, at) in &problem.held {
+            self.add_unary(problem, vertex, 1.0, poses[vertex].held(at));
+        }
+    }
+
+    /// What an error of one vertex alone, with its derivative and one weight for all components, says of that.
+    fn add_unary<P: PoseGroup<D>, const E: usize>(
+        &mut self,
+        problem: &Problem<P, D>,
+        vertex: usize,
+        weight: f64,
+        error: Option<(SVector<f64, E>, SMatrix<f64, E, D>)>,
+    ) {
+        let Some((place, (error, jacobian))) = problem.places[vertex].zip(error) else { return };
+        let weighted = jacobian.transpose() * weight;
+        self.system.add_diagonal(place, &(weighted * jacobian));
+        add(&mut self.gradient, place, &(weighted * error));
     }
 }
 

@@ -46,16 +46,16 @@ pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{CountGrid, LocalMap};
 pub use mapwright_record::{
     Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart,
-    Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection, OdometryOrigin,
-    RecordedEdge, Run, RunId, ScanPose, Session, SessionEdge, Snapshot, Status, TrajectoryPose, Update, Verdict,
-    WheelSlip,
+    Gravity, Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection,
+    OdometryOrigin, RecordedEdge, Run, RunId, ScanPose, Session, SessionEdge, Snapshot, Status, TrajectoryPose, Update,
+    Verdict, WheelSlip,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
-pub use mapwright_sensor::{Cloud, DepthImage, PinholeCamera, SpaceSensor, SpaceSweep};
+pub use mapwright_sensor::{Cloud, DepthImage, ImuReading, ImuTaken, PinholeCamera, SpaceSensor, SpaceSweep};
 pub use probe::{NoProbe, Probe, Stage};
 pub use render::GlobalMap;
 pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
-pub use space::{MapPoints, SpaceMapper, occupancy_of, points_of};
+pub use space::{ImuReport, MapPoints, SpaceMapper, occupancy_of, points_of};

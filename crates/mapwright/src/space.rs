@@ -7,5 +7,6 @@ mod mapper;
 mod render;
 mod scale;
 
+pub use front::ImuReport;
 pub use mapper::SpaceMapper;
 pub use render::{MapPoints, occupancy_of, points_of};

@@ -3,14 +3,14 @@
 
 use crate::patches::Spacing;
 use mapwright_geom::{Pose, Stamp, TangentMatrix};
-use mapwright_graph::{Edge as GraphEdge, PoseGraph, Vertex};
+use mapwright_graph::{Edge as GraphEdge, Gravity as GraphGravity, PoseGraph, Vertex};
 use mapwright_loops::Judged;
 use mapwright_record::{
-    Beams, Candidate, Edge, EdgeKind, Entry, EntryError, Fragment, FragmentStart, Keyframe, KeyframeId, LeftOut,
-    LeftOutReason, Measurement, NodeId, OdometryOrigin, Past, RecordedEdge, Run, RunId, ScanPose, Session, Snapshot,
-    Verdict, WheelSlip, is_sound,
+    Beams, Candidate, Edge, EdgeKind, Entry, EntryError, Fragment, FragmentStart, Gravity, Keyframe, KeyframeId,
+    LeftOut, LeftOutReason, Measurement, NodeId, OdometryOrigin, Past, RecordedEdge, Run, RunId, ScanPose, Session,
+    Snapshot, Verdict, WheelSlip, is_sound,
 };
-use mapwright_sensor::Sweep;
+use mapwright_sensor::{DownEstimate, Sweep};
 use std::sync::Arc;
 
 mod checkpoint;
@@ -223,6 +223,16 @@ impl<M: Measurement> Store<M> {
         self.write(Entry::Edge(RecordedEdge { edge, candidate }));
     }
 
+    /// Where down is at a keyframe.
+    pub(crate) fn add_gravity(&mut self, node: NodeId, down: &DownEstimate) {
+        let DownEstimate { down_in_robot, sigma_rad } = *down;
+        self.write(Entry::Gravity(Gravity {
+            keyframe: self.id(node),
+            down_in_keyframe: down_in_robot.into(),
+            sigma_rad,
+        }));
+    }
+
     /// Takes a candidate down and returns its number; none where no session can hold it.
     pub(crate) fn add_candidate(&mut self, judged: &Judged<M::Pose>) -> Option<u32> {
         let Judged { from, to, detection, evidence, verdict, from_from_to, covariance } = *judged;
@@ -281,11 +291,18 @@ impl<M: Measurement> Store<M> {
         self.session.edges().rev().any(|edge| closes(&edge))
     }
 
-    /// The graph to be solved: every edge once, in the order they were found. Those that were withdrawn say nothing.
+    /// The graph to be solved: every edge once, in the order they were found, and gravity. Those that were withdrawn say nothing. The
+    /// first keyframe stays; where gravity levels the map, with its position and heading.
     pub(crate) fn graph(&self) -> PoseGraph<M::Pose> {
         let poses = self.session.map_from_keyframe().iter().enumerate();
-        let vertex =
-            |(k, &world_from_vertex): (usize, &M::Pose)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
+        let gravity: Vec<GraphGravity> =
+            self.session.gravity().iter().filter_map(|known| self.graph_gravity(known)).collect();
+        let stays = gravity.is_empty();
+        let vertex = |(k, &world_from_vertex): (usize, &M::Pose)| Vertex {
+            id: k as u64,
+            world_from_vertex,
+            fixed: k == 0 && stays,
+        };
         let edges = self.session.recorded_edges().iter().map(|known| {
             let [from, to] = known.ends.map(|end| end as usize);
             let Edge { from_from_to, information, .. } = known.recorded.edge;
@@ -296,7 +313,12 @@ impl<M: Measurement> Store<M> {
                 information: if known.withdrawn { TangentMatrix::zero() } else { information },
             }
         });
-        PoseGraph { vertices: poses.map(vertex).collect(), edges: edges.collect(), ..PoseGraph::default() }
+        PoseGraph { vertices: poses.map(vertex).collect(), edges: edges.collect(), gravity, ..PoseGraph::default() }
+    }
+
+    fn graph_gravity(&self, known: &Gravity) -> Option<GraphGravity> {
+        let vertex = self.session.place(known.keyframe)?;
+        Some(GraphGravity { vertex, down_in_vertex: known.down_in_keyframe.into(), sigma_rad: known.sigma_rad })
     }
 
     /// Numbers of the edges that were made of candidates and stand.

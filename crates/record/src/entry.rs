@@ -58,6 +58,8 @@ pub enum Entry<M: Measurement = Sweep> {
     WheelSlip(WheelSlip),
     /// Where the odometry of the scans from one on has its own origin.
     OdometryOrigin(OdometryOrigin<M::Pose>),
+    /// Where down is at a keyframe.
+    Gravity(Gravity),
     /// Keyframes were moved by a correction.
     Snapshot(Snapshot<M::Pose>),
     /// What its mapper knows here beside all this.
@@ -134,6 +136,18 @@ pub struct OdometryOrigin<P: Pose = Pose2> {
     pub from_scan: u64,
     /// Where the run began, in the frame of the robot's own odometry.
     pub odom_from_start: P,
+}
+
+/// A gravity edge: the direction of gravity that inertial readings have told, which binds a keyframe's roll and pitch to the map, whose
+/// z axis is up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gravity {
+    /// The keyframe.
+    pub keyframe: KeyframeId,
+    /// Where down is, in the keyframe's frame; of length one.
+    pub down_in_keyframe: [f64; 3],
+    /// Standard deviation of its angle about any level axis, radians.
+    pub sigma_rad: f64,
 }
 
 /// What a mapper knows that keyframes and edges do not say: how it moves, what scans are matched against. With it a run goes on as

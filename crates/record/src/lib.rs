@@ -23,7 +23,8 @@ mod update;
 
 pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
 pub use entry::{
-    Checkpoint, Entry, Fragment, FragmentStart, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip,
+    Checkpoint, Entry, Fragment, FragmentStart, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot,
+    WheelSlip,
 };
 pub use error::EntryError;
 pub use id::{KeyframeId, RunId};

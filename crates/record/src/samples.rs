@@ -16,7 +16,7 @@ pub(crate) struct Step {
 }
 
 /// Kinds of steps.
-pub(crate) const KINDS: u8 = 17;
+pub(crate) const KINDS: u8 = 18;
 
 pub(crate) fn steps(most: usize) -> impl Strategy<Value = Vec<Step>> {
     let step = (0..KINDS, any::<u32>(), any::<u32>(), -1e5..1e5_f64);
@@ -65,7 +65,8 @@ impl Story {
 
     /// One of each kind and more, with two lasers and two runs.
     pub(crate) fn small() -> Self {
-        let kinds = [1, 3, 4, 1, 3, 5, 1, 3, 9, 3, 6, 5, 13, 1, 7, 10, 11, 12, 2, 8, 0, 1, 3, 4, 5, 11, 14, 12, 15, 16];
+        let kinds =
+            [1, 3, 4, 1, 3, 5, 1, 3, 9, 3, 6, 5, 13, 1, 7, 10, 11, 12, 2, 8, 0, 1, 3, 4, 5, 11, 14, 12, 15, 17, 16];
         let step = |(k, kind)| Step { kind, a: k as u32, b: 3 * k as u32 + 1, x: 0.25 * k as f64 };
         Self::of(&kinds.into_iter().enumerate().map(step).collect::<Vec<_>>())
     }
@@ -182,6 +183,10 @@ impl Story {
                 let (from_scan, odom_from_start) = (u64::from(a), pose(x));
                 Some(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))
             }
+            17 => self.any_keyframe(a).map(|keyframe| {
+                let (sine, cosine) = (1e-5 * x).sin_cos();
+                Entry::Gravity(Gravity { keyframe, down_in_keyframe: [sine, 0.0, -cosine], sigma_rad: 0.02 })
+            }),
             16 => Some(Entry::Checkpoint(Checkpoint { state: vec![a as u8; b as usize % 40].into() })),
             _ => self.snapshot(step),
         };

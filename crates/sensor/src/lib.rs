@@ -1,9 +1,10 @@
 //! What sensors deliver, and what is done with it before any map is involved.
 //!
 //! - [`LaserModel`], [`LaserScan`], [`Odometry`], [`TurnRate`]: readings of the plane as they arrive.
-//! - [`SpaceSensor`], [`Cloud`], [`PinholeCamera`], [`DepthImage`]: readings of space.
+//! - [`SpaceSensor`], [`Cloud`], [`PinholeCamera`], [`DepthImage`], [`ImuReading`]: readings of space.
 
 mod cloud;
+mod imu;
 mod motion;
 mod prepared;
 mod scan;
@@ -11,6 +12,10 @@ mod space_sweep;
 mod turning;
 
 pub use cloud::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
+pub use imu::{
+    Down, DownEstimate, ImuPiece, ImuReading, ImuReadings, ImuTaken, STANDARD_GRAVITY_M_PER_S2, TURN_NOISE_RAD2_PER_S,
+    Turned,
+};
 pub use motion::{Decomposed, MotionModel};
 pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};

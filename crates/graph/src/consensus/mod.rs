@@ -289,10 +289,14 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         Test { chi2, vagueness: (passing / self.volume).min(1.0) }
     }
 
-    /// Odometry and what is believed.
+    /// Odometry and what is believed; what they say is weighed without gravity.
     fn subgraph(&self) -> PoseGraph<P> {
-        let mut graph =
-            PoseGraph { vertices: self.graph.vertices.clone(), edges: Vec::new(), metric: self.graph.metric };
+        let mut graph = PoseGraph {
+            vertices: self.graph.vertices.clone(),
+            edges: Vec::new(),
+            gravity: Vec::new(),
+            metric: self.graph.metric,
+        };
         let kept = (0..self.believed.len()).filter(|&at| self.believed[at]);
         graph.edges.extend(kept.map(|at| {
             let edge = self.graph.edges[at];

@@ -8,16 +8,22 @@ use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov6, Pose3};
 use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
-use mapwright_record::{LocalMapReport, NodeId, Past};
-use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
+use mapwright_record::{LocalMapReport, NodeId, Past, Status};
+use mapwright_sensor::{BeamCounts, Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
 use std::sync::Arc;
 
+mod inertial;
 mod predict;
 mod prepare;
+mod sweep_motion;
 mod track;
 
+pub use inertial::ImuReport;
+use inertial::Inertial;
+pub(crate) use inertial::LevelWatch;
 use predict::{Predictor, Step};
-use prepare::Preparation;
+use prepare::{Preparation, Span};
+use sweep_motion::SweepMotion;
 pub(crate) use track::Matched;
 use track::Tracker;
 
@@ -33,6 +39,9 @@ pub(crate) struct FrontEnd {
     settings: Settings,
     preparation: Preparation,
     predictor: Predictor,
+    inertial: Inertial,
+    /// During the present sweep.
+    motion: SweepMotion,
     tracker: Tracker,
     /// Of the robot in the middle of its sweep.
     pose: RobotPose<Pose3>,
@@ -56,6 +65,8 @@ impl FrontEnd {
             settings,
             preparation: Preparation::default(),
             predictor: Predictor::default(),
+            inertial: Inertial::default(),
+            motion: SweepMotion::default(),
             tracker: Tracker::default(),
             pose: RobotPose::new(local_from_robot),
             middle_from_stamp: Pose3::identity(),
@@ -81,13 +92,34 @@ impl FrontEnd {
         self.preparation.scale()
     }
 
+    /// Remembers a reading of an inertial sensor.
+    pub(crate) fn add_imu(&mut self, reading: ImuReading) -> ImuTaken {
+        self.inertial.add(reading)
+    }
+
+    pub(crate) fn imu_report(&self) -> ImuReport {
+        self.inertial.report()
+    }
+
+    /// Where down is at a keyframe that was made of the present cloud, where that is known well enough.
+    pub(crate) fn take_down(&mut self) -> Option<DownEstimate> {
+        self.inertial.take_down()
+    }
+
     /// Steps 1 and 2: points in the robot's frame, undistorted and thinned, what was dropped counted; the pose by odometry or constant
-    /// velocity.
+    /// velocity, and by an inertial sensor. The map is levelled before anything is drawn in it.
     pub(crate) fn prepare(&mut self, cloud: &Cloud) -> Prepared {
         let step = self.predictor.step(&self.settings.motion, cloud.stamp, cloud.odom_from_robot);
+        let span = Span::of(cloud);
+        let step = self.inertial.predict(step, span.stamp_after(cloud.stamp, span.middle_s()));
+        if self.local_map.is_none()
+            && let Some(levelled) = self.inertial.levelled(self.pose.local_from_robot())
+        {
+            self.pose.stand(levelled);
+        }
+        self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, span, &mut self.motion);
         let refused = self.preparation.check(cloud).err();
-        let twist_per_s = self.predictor.twist_per_s(step);
-        let beams = self.preparation.prepare(&self.settings, cloud, twist_per_s, refused.is_none());
+        let beams = self.preparation.prepare(&self.settings, cloud, &self.motion, refused.is_none());
         Prepared { step, predicted: self.pose.local_from_robot() * step.last_from_robot, beams, refused }
     }
 
@@ -114,9 +146,9 @@ impl FrontEnd {
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
         self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
-        let middle_s = self.preparation.middle_s();
-        let twist_per_s = self.predictor.twist_per_s(step);
-        self.middle_from_stamp = twist_per_s.map_or(Pose3::identity(), |twist| Pose3::exp(twist * -middle_s));
+        self.inertial.learn(believed.filter(|matched| matched.status == Status::Tracking).map(|_| last_from_robot));
+        self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, Span::of(cloud), &mut self.motion);
+        self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
     }
 
     /// Step 4: a keyframe, once the robot has moved enough and sees something.

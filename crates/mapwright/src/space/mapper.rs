@@ -1,15 +1,15 @@
 //! The pipeline in space: cloud in, update out.
 
-use super::front::{FrontEnd, Matched, Prepared};
+use super::front::{FrontEnd, ImuReport, LevelWatch, Matched, Prepared};
 use crate::back::BackEnd;
 use crate::jobs::{Job, JobResult, Task};
-use crate::settings::{Settings, SettingsError};
+use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Link, Store};
 use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Cov6, Pose3, Stamp};
-use mapwright_loops::VerifySettings;
+use mapwright_loops::{Solving, VerifySettings};
 use mapwright_record::{KeyframeId, Localisation, NodeId, RunId, Session, Status, Update};
-use mapwright_sensor::{Cloud, SpaceSweep};
+use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
 
 /// Builds a map of space one cloud at a time.
 #[derive(Debug, Clone)]
@@ -17,6 +17,7 @@ pub struct SpaceMapper {
     store: Store<SpaceSweep>,
     front: FrontEnd,
     back: BackEnd<SpaceSweep>,
+    level: LevelWatch,
     newest: Newest,
 }
 
@@ -39,14 +40,28 @@ impl SpaceMapper {
             store: Store::new(run, settings.to_text()),
             front: FrontEnd::new(settings, map_from_robot),
             back: BackEnd::new(&settings),
+            level: LevelWatch::default(),
             newest: Newest { stamp: Stamp(0), status: Status::Tracking },
         })
+    }
+
+    /// Remembers a reading of an inertial sensor, for the robot's rotation between clouds and during a sweep, and for where down is:
+    /// hand in what was read before the end of a sweep before its cloud. What comes late, in disorder or not at all is counted
+    /// ([`SpaceMapper::imu_report`]) and does no harm.
+    pub fn add_imu(&mut self, reading: ImuReading) -> ImuTaken {
+        self.front.add_imu(reading)
+    }
+
+    /// What became of the readings so far.
+    #[must_use]
+    pub fn imu_report(&self) -> ImuReport {
+        self.front.imu_report()
     }
 
     /// One cloud through the pipeline.
     pub fn add_cloud(&mut self, cloud: &Cloud) -> Update<SpaceSweep> {
         // 1. Prepare: points in the robot's frame, undistorted and thinned, what was dropped counted.
-        // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
+        // 2. Predict: the pose by odometry or constant velocity and inertial readings, its covariance the match's prior.
         let prepared = self.front.prepare(cloud);
         // 3. Match against the local map, with a guard.
         let matched = self.front.track(&prepared);
@@ -58,7 +73,10 @@ impl SpaceMapper {
         let odom_from_robot = self.front.pose().odom_from_robot();
         self.store.add_scan(cloud.stamp, self.front.local_from_robot(), odom_from_robot);
         // 6. and 7. Detect and correct.
-        self.detect(keyframe.is_some());
+        if keyframe.is_some() {
+            self.detect();
+            self.keep_level();
+        }
         // 8. Report.
         let status = matched.as_ref().map_or(self.status_unmatched(), |matched| matched.status);
         self.newest = Newest { stamp: cloud.stamp, status };
@@ -79,24 +97,25 @@ impl SpaceMapper {
             closing.wait(store.past(), edge);
         }
         front.wrote(store.past(), &new, &written);
+        if let Some(down) = front.take_down() {
+            store.add_gravity(written.node, &down);
+        }
         Some(written.node)
     }
 
     /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at.
-    fn detect(&mut self, is_keyframe: bool) {
+    fn detect(&mut self) {
         let Self { store, front, back, .. } = self;
         let (past, anchor) = (store.past(), front.pose().anchor());
         let due = || back.closing.is_due(past) || anchor.is_some_and(|anchor| back.closing.is_unjudged(past, anchor));
-        if !is_keyframe || back.is_busy() || !due() {
+        if back.is_busy() || !due() {
             return;
         }
         let Some(submaps) = front.submaps(VerifySettings::default()) else { return };
         let known = front.survey(past);
         let verification = back.closing.propose(past, &known, anchor, submaps);
         verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));
-        while let Some(job) = self.back.next_inline() {
-            self.take_in(&job.run());
-        }
+        self.work_inline();
     }
 
     /// The next job to be done, where jobs are handed out (`loops.jobs`); its result goes to [`SpaceMapper::apply`], after whichever
@@ -118,6 +137,23 @@ impl SpaceMapper {
         let Self { store, front, back, .. } = self;
         let correction = front.settings().loops.correction;
         back.take_in(store, front, &result.0, correction);
+    }
+
+    /// Solves the graph where gravity says that the map leans.
+    fn keep_level(&mut self) {
+        let Self { store, front, back, level, .. } = self;
+        let solves = front.settings().loops.correction == Correction::Graph;
+        if solves && !back.is_busy() && level.is_leaning(store.session()) {
+            back.push(Task::Solve(Solving { graph: store.graph(), closures: store.closures() }));
+            self.work_inline();
+        }
+    }
+
+    /// Does the jobs at once, where they are not handed out.
+    fn work_inline(&mut self) {
+        while let Some(job) = self.back.next_inline() {
+            self.take_in(&job.run());
+        }
     }
 
     fn report(&mut self, told: Told) -> Update<SpaceSweep> {

@@ -35,6 +35,7 @@
 //! | 12 wheel slip | scan u64, from as run u32 and seq u32, metres f64 |
 //! | 14 odometry origin | the first scan it holds for u64, pose |
 //! | 13 snapshot | number u32, and to the end: keyframe u32, map from keyframe |
+//! | 16 gravity | keyframe u32, down in its frame 3 f64, standard deviation f64 |
 //! | 15 checkpoint | what the mapper knew then, to the end; of use only to the same version of it, where nothing came after and nothing was lost |
 //!
 //! A pose is x, y, heading (f64), in space x, y, z and a unit quaternion i, j, k, w; a matrix all of its rows.

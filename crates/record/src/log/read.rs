@@ -7,7 +7,9 @@ use super::{
     Sensors, VERSION, v1,
 };
 use crate::closure::{Candidate, Evidence};
-use crate::entry::{Checkpoint, Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{
+    Checkpoint, Entry, Fragment, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip,
+};
 use crate::error::{EntryError, unless};
 use crate::id::{KeyframeId, RunId};
 use crate::keyframe::{Edge, Keyframe, Measurement};
@@ -206,6 +208,7 @@ impl<M: Measurement> LogReader<M> {
             Kind::LeftOut => self.left_out(cursor)?,
             Kind::WheelSlip => self.wheel_slip(cursor)?,
             Kind::OdometryOrigin => self.odometry_origin(cursor)?,
+            Kind::Gravity => self.gravity(cursor)?,
             Kind::Checkpoint => self.session.add(Entry::Checkpoint(Checkpoint { state: cursor.rest().into() }))?,
         }
         Ok(None)
@@ -336,6 +339,14 @@ impl<M: Measurement> LogReader<M> {
         let (from_scan, odom_from_start) = (cursor.u64("the first scan of an origin")?, cursor.pose()?);
         cursor.end()?;
         self.session.add(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))
+    }
+
+    fn gravity(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
+        let keyframe = self.known_keyframe(cursor)?;
+        let mut number = || cursor.f64("where down is, and how surely");
+        let (down_in_keyframe, sigma_rad) = ([number()?, number()?, number()?], number()?);
+        cursor.end()?;
+        self.session.add(Entry::Gravity(Gravity { keyframe, down_in_keyframe, sigma_rad }))
     }
 
     fn wheel_slip(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {

@@ -4,7 +4,7 @@ use super::bytes::{Coded, put_f64, put_matrix, put_pose, put_u32};
 use super::codes::put_verdict;
 use super::{CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, Kind, MAGIC, NONE, Sensors, VERSION};
 use crate::closure::{Candidate, Evidence, Verdict};
-use crate::entry::{Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{Entry, Fragment, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::error::{EntryError, unless};
 use crate::id::KeyframeId;
 use crate::keyframe::{Keyframe, Measurement};
@@ -131,6 +131,13 @@ impl<M: Measurement> LogWriter<M> {
                 put_entry(out, Kind::OdometryOrigin, |out| {
                     out.extend_from_slice(&from_scan.to_le_bytes());
                     put_pose(out, *odom_from_start);
+                })
+            }
+            Entry::Gravity(Gravity { keyframe, down_in_keyframe, sigma_rad }) => {
+                let keyframe = self.place(*keyframe)?;
+                put_entry(out, Kind::Gravity, |out| {
+                    put_u32(out, keyframe);
+                    down_in_keyframe.iter().chain([sigma_rad]).for_each(|number| put_f64(out, *number));
                 })
             }
             Entry::Snapshot(snapshot) => self.keep_back(snapshot),
@@ -409,6 +416,7 @@ impl<M: Measurement> Whole<'_, M> {
         session.left_out().iter().for_each(|left_out| self.put(&Entry::LeftOut(left_out.clone())));
         session.slips().iter().for_each(|slip| self.put(&Entry::WheelSlip(*slip)));
         session.odometry_origins().iter().for_each(|origin| self.put(&Entry::OdometryOrigin(*origin)));
+        session.gravity().iter().for_each(|gravity| self.put(&Entry::Gravity(*gravity)));
         let snapshot = Snapshot { number: session.corrections(), map_from_keyframe: Vec::new() };
         self.put(&Entry::Snapshot(snapshot));
         let checkpoint = session.checkpoint().cloned();

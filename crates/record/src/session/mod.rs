@@ -1,7 +1,9 @@
 //! All entries of a log, taken together.
 
 use crate::closure::{Candidate, Verdict};
-use crate::entry::{Checkpoint, Entry, Fragment, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
+use crate::entry::{
+    Checkpoint, Entry, Fragment, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip,
+};
 use crate::error::{EntryError, unless};
 use crate::id::KeyframeId;
 use crate::keyframe::{Edge, Keyframe, Measurement};
@@ -33,6 +35,7 @@ pub struct Session<M: Measurement = Sweep> {
     left_out: Vec<LeftOut>,
     slips: Vec<WheelSlip>,
     odometry_origins: Vec<OdometryOrigin<M::Pose>>,
+    gravity: Vec<Gravity>,
     corrections: u32,
     checkpoint: Option<Checkpoint>,
 }
@@ -85,6 +88,7 @@ impl<M: Measurement> Default for Session<M> {
             left_out: Vec::new(),
             slips: Vec::new(),
             odometry_origins: Vec::new(),
+            gravity: Vec::new(),
             corrections: 0,
             checkpoint: None,
         }
@@ -121,6 +125,7 @@ impl<M: Measurement> Session<M> {
             Entry::LeftOut(left_out) => self.leave_out(left_out),
             Entry::WheelSlip(slip) => self.add_slip(slip),
             Entry::OdometryOrigin(origin) => self.add_origin(origin),
+            Entry::Gravity(gravity) => self.add_gravity(gravity),
             Entry::Snapshot(snapshot) => self.correct(&snapshot),
             Entry::Checkpoint(checkpoint) => {
                 self.checkpoint = Some(checkpoint);
@@ -228,6 +233,17 @@ impl<M: Measurement> Session<M> {
         let last = self.odometry_origins.last().map(|last| last.from_scan);
         unless("a scan after that of the last origin", last < Some(origin.from_scan), || origin.from_scan.to_string())?;
         self.odometry_origins.push(origin);
+        Ok(())
+    }
+
+    fn add_gravity(&mut self, gravity: Gravity) -> Result<(), EntryError> {
+        let Gravity { keyframe, down_in_keyframe: [x, y, z], sigma_rad } = gravity;
+        self.place_or_error(keyframe)?;
+        let is_direction = ((x * x + y * y + z * z).sqrt() - 1.0).abs() <= 1e-6;
+        unless("a direction of length one", is_direction, || format!("{x} {y} {z}"))?;
+        let is_deviation = (1e-6..=std::f64::consts::PI).contains(&sigma_rad);
+        unless("a deviation of 10^-6 to pi rad", is_deviation, || sigma_rad.to_string())?;
+        self.gravity.push(gravity);
         Ok(())
     }
 
@@ -377,6 +393,12 @@ impl<M: Measurement> Session<M> {
     #[must_use]
     pub fn odometry_origins(&self) -> &[OdometryOrigin<M::Pose>] {
         &self.odometry_origins
+    }
+
+    /// Where down is at keyframes that inertial readings have told it of, in the order they were made.
+    #[must_use]
+    pub fn gravity(&self) -> &[Gravity] {
+        &self.gravity
     }
 
     /// How often the poses were corrected.

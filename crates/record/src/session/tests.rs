@@ -27,6 +27,10 @@ fn edge(from: KeyframeId, to: KeyframeId) -> RecordedEdge {
     RecordedEdge { edge, candidate: None }
 }
 
+fn gravity(keyframe: KeyframeId, down_in_keyframe: [f64; 3], sigma_rad: f64) -> Entry {
+    Entry::Gravity(Gravity { keyframe, down_in_keyframe, sigma_rad })
+}
+
 fn candidate(from: KeyframeId, to: KeyframeId) -> Candidate {
     Candidate {
         from,
@@ -97,6 +101,11 @@ fn an_entry_that_does_not_fit_changes_nothing() {
         Entry::Verdict { number: 0, verdict: Verdict::Accepted, agreeing: 1 },
         Entry::LeftOut(LeftOut { keyframe: nobody, beams: Beams::All, reason: LeftOutReason::Asked }),
         Entry::WheelSlip(WheelSlip { scan: 0, from: nobody, metres: 1.0 }),
+        gravity(nobody, [0.0, 0.0, -1.0], 0.01),
+        gravity(known, [0.0, 0.1, -1.0], 0.01),
+        gravity(known, [f64::NAN, 0.0, -1.0], 0.01),
+        gravity(known, [0.0, 0.0, -1.0], 0.0),
+        gravity(known, [0.0, 0.0, -1.0], f64::NAN),
         moved(nobody, pose(1.0)),
         moved(id("one", 1), Pose2::new(0.0, f64::INFINITY, 0.0)),
     ];

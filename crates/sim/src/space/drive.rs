@@ -1,12 +1,13 @@
 //! A drive in space: clouds and images on the way, with the truth beside them.
 
 use super::depth::DepthCamera;
+use super::imu::{self, ImuSettings};
 use super::lidar::{Lidar, LidarSettings};
 use super::path::Path;
 use super::settings::SpaceDriveSettings;
 use super::site::SpaceSite;
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_sensor::{Cloud, DepthImage};
+use mapwright_sensor::{Cloud, DepthImage, ImuReading};
 use std::sync::Arc;
 
 /// A cloud and where it was really taken.
@@ -37,6 +38,7 @@ pub struct SpaceDrive {
     path: Path,
     lidar: Lidar,
     camera: DepthCamera,
+    imu: ImuSettings,
     seed: u64,
 }
 
@@ -48,7 +50,7 @@ impl SpaceDrive {
         settings.depth.rate_hz = settings.depth.rate_hz.clamp(0.1, 1000.0);
         let path = Path::new(&site, &settings);
         let (lidar, camera) = (Lidar::new(settings.lidar), DepthCamera::new(settings.depth));
-        Self { site, path, lidar, camera, seed: settings.seed }
+        Self { site, path, lidar, camera, imu: settings.imu, seed: settings.seed }
     }
 
     /// Where it leads.
@@ -110,6 +112,17 @@ impl SpaceDrive {
     /// All turns of the lidar in order.
     pub fn clouds(&self) -> impl Iterator<Item = TrueCloud> {
         (0..).map_while(|number| self.cloud(number))
+    }
+
+    /// A reading of the inertial sensor by its number; `None` after the drive.
+    #[must_use]
+    pub fn imu_reading(&self, number: u64) -> Option<ImuReading> {
+        imu::reading(&self.path, &self.imu, self.seed ^ 0x0069_6e65_7274, number)
+    }
+
+    /// All readings of the inertial sensor in order.
+    pub fn imu_readings(&self) -> impl Iterator<Item = ImuReading> {
+        (0..).map_while(|number| self.imu_reading(number))
     }
 
     /// An image of the depth camera by its number; `None` after the drive.

@@ -17,12 +17,13 @@
 //! - [`worlds`]: buildings with storeys joined by ramps and stairs, nested loops, storeys that look alike, streets around a courtyard.
 //! - [`SpaceWorld`], [`Solid`], [`SpaceSite`]: build your own.
 //! - [`Revisits::in_space`](crate::Revisits::in_space): which times of a drive see the same place.
-//! - [`SpaceDrive`]: the robot's way, its wheels, [`LidarSettings`] and [`DepthSettings`], and the truth at any time.
+//! - [`SpaceDrive`]: the robot's way, its wheels, [`ImuSettings`], [`LidarSettings`] and [`DepthSettings`], and the truth at any time.
 
 mod build;
 mod depth;
 mod drive;
 mod furnish;
+mod imu;
 mod lidar;
 mod path;
 mod plan;
@@ -39,6 +40,7 @@ pub mod worlds;
 
 pub use depth::DepthSettings;
 pub use drive::{SpaceDrive, TrueCloud, TrueDepthImage};
+pub use imu::ImuSettings;
 pub use lidar::LidarSettings;
 pub use settings::SpaceDriveSettings;
 pub use site::SpaceSite;

@@ -1,6 +1,7 @@
 //! How a robot drives in space and what it carries.
 
 use super::depth::DepthSettings;
+use super::imu::ImuSettings;
 use super::lidar::LidarSettings;
 use super::wheels::SpaceOdometryNoise;
 use super::wobble::Wobble;
@@ -19,6 +20,8 @@ pub struct SpaceDriveSettings {
     pub lidar: LidarSettings,
     /// Its depth camera.
     pub depth: DepthSettings,
+    /// Its inertial sensor.
+    pub imu: ImuSettings,
     /// The drive ends then, seconds, or with its way.
     pub duration_s: f64,
     /// Seed of wobble and noise.
@@ -40,6 +43,7 @@ impl Default for SpaceDriveSettings {
             odometry: SpaceOdometryNoise::default(),
             lidar: LidarSettings::default(),
             depth: DepthSettings::default(),
+            imu: ImuSettings::default(),
             duration_s: f64::INFINITY,
             seed: 0,
         }

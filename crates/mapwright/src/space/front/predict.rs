@@ -2,7 +2,7 @@
 
 use crate::settings::MotionSettings;
 use mapwright_geom::{Cov6, Pose3, Stamp};
-use nalgebra::Vector6;
+use nalgebra::{Matrix3, UnitQuaternion, Vector6};
 
 /// How fast a robot, or a hand that holds a sensor, changes its speed: metres and radians per second squared.
 const ACCELERATION_MPS2: f64 = 10.0;
@@ -32,6 +32,24 @@ pub(super) struct Step {
     pub(super) information: Cov6,
     pub(super) elapsed_s: f64,
     pub(super) from_odometry: bool,
+    /// Whether its rotation was read from an inertial sensor.
+    pub(super) from_imu: bool,
+}
+
+impl Step {
+    /// The same with a rotation that was read, and its information; wheels keep their translation, and a velocity that is carried on its
+    /// components along the robot's own axes.
+    pub(super) fn turning(self, rotation: UnitQuaternion<f64>, information_of_rotation: &Matrix3<f64>) -> Self {
+        let last_from_robot = if self.from_odometry {
+            Pose3 { rotation, ..self.last_from_robot }
+        } else {
+            let (way, turn) = (self.last_from_robot.log(), rotation.scaled_axis());
+            Pose3::exp(Vector6::new(way.x, way.y, way.z, turn.x, turn.y, turn.z))
+        };
+        let mut information = self.information;
+        information.fixed_view_mut::<3, 3>(3, 3).copy_from(information_of_rotation);
+        Self { last_from_robot, information, from_imu: true, ..self }
+    }
 }
 
 /// What the predictor remembers.
@@ -54,7 +72,7 @@ impl Predictor {
             .filter(|step| step.is_finite() && step.translation.norm() <= JUMP_M.max(JUMP_MPS * elapsed_s));
         if let Some(last_from_robot) = by_odometry {
             let information = odometry_information(settings, last_from_robot, elapsed_s);
-            return Step { last_from_robot, information, elapsed_s, from_odometry: true };
+            return Step { last_from_robot, information, elapsed_s, from_odometry: true, from_imu: false };
         }
         let carried = self.last.filter(|(_, last_s)| elapsed_s <= CARRIED_PERIODS * last_s);
         let last_from_robot =
@@ -63,7 +81,7 @@ impl Predictor {
         let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * elapsed_s) * elapsed_s;
         let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * elapsed_s) * elapsed_s;
         let information = information_of([sigma_m; 3], [sigma_rad; 3]);
-        Step { last_from_robot, information, elapsed_s, from_odometry: false }
+        Step { last_from_robot, information, elapsed_s, from_odometry: false, from_imu: false }
     }
 
     /// The robot's twist while a cloud is taken: as it has moved by the last matches, which know its tilting as well; by odometry while

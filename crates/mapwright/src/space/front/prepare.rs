@@ -3,12 +3,13 @@
 //! A sweep is undistorted to its middle. A velocity that is wrong then bends the cloud to either side and does not move it; undistorted
 //! to its beginning it would move it ahead, the velocity would follow, and grow.
 
+use super::sweep_motion::SweepMotion;
 use crate::settings::Settings;
 use crate::space::scale::Scale;
-use mapwright_geom::Pose3;
+use mapwright_geom::Stamp;
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
 use mapwright_voxel::Thinner;
-use nalgebra::{Vector3, Vector6};
+use nalgebra::Vector3;
 
 /// Points of the first cloud at least.
 const LEAST_POINTS: usize = 100;
@@ -20,6 +21,39 @@ const POINTS_AT_MOST: usize = 1 << 24;
 /// Times beyond this after the stamp are none, seconds.
 const LONGEST_SWEEP_S: f32 = 2.0;
 
+/// When the points of a sweep were taken, after its stamp, seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Span {
+    pub(super) first_s: f64,
+    pub(super) last_s: f64,
+}
+
+impl Span {
+    /// Of times that can be; nothing where there are none.
+    pub(super) fn of(cloud: &Cloud) -> Self {
+        let times = cloud.times_s.iter().copied().filter(is_time);
+        let (first_s, last_s) = times.fold((f32::MAX, f32::MIN), |(least, most), s| (least.min(s), most.max(s)));
+        if first_s > last_s {
+            return Self::default();
+        }
+        Self { first_s: f64::from(first_s), last_s: f64::from(last_s) }
+    }
+
+    /// The middle of the sweep after the cloud's stamp, seconds.
+    pub(super) fn middle_s(self) -> f64 {
+        0.5 * (self.first_s + self.last_s)
+    }
+
+    /// The stamp so many seconds after that of the cloud.
+    pub(super) fn stamp_after(self, stamp: Stamp, after_s: f64) -> Stamp {
+        Stamp(stamp.0.saturating_add(Stamp::from_secs_f64(after_s).0))
+    }
+}
+
+fn is_time(s: &f32) -> bool {
+    s.is_finite() && s.abs() <= LONGEST_SWEEP_S
+}
+
 /// The present cloud.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Preparation {
@@ -29,19 +63,12 @@ pub(super) struct Preparation {
     drawn: Vec<[f32; 3]>,
     drawn_colours: Vec<[u8; 3]>,
     matched: Vec<[f32; 3]>,
-    /// The middle of the sweep after the stamp, seconds.
-    middle_s: f64,
     thinner: Thinner,
 }
 
 impl Preparation {
     pub(super) fn scale(&self) -> Option<Scale> {
         self.scale
-    }
-
-    /// The middle of the sweep after the cloud's stamp, seconds.
-    pub(super) fn middle_s(&self) -> f64 {
-        self.middle_s
     }
 
     /// Points that are drawn.
@@ -77,15 +104,14 @@ impl Preparation {
         &mut self,
         settings: &Settings,
         cloud: &Cloud,
-        twist_per_s: Option<Vector6<f64>>,
+        motion: &SweepMotion,
         is_sound: bool,
     ) -> BeamCounts {
         self.all.clear();
         self.colours.clear();
-        self.middle_s = 0.0;
         let mut counts = BeamCounts::default();
         if is_sound {
-            self.take(settings, cloud, twist_per_s, &mut counts);
+            self.take(settings, cloud, motion, &mut counts);
         } else {
             counts.refused = cloud.points_m.len().min(u32::MAX as usize) as u32;
         }
@@ -101,15 +127,11 @@ impl Preparation {
     }
 
     /// Takes the returns, in the robot's frame in the middle of the sweep.
-    fn take(&mut self, settings: &Settings, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>, counts: &mut BeamCounts) {
+    fn take(&mut self, settings: &Settings, cloud: &Cloud, motion: &SweepMotion, counts: &mut BeamCounts) {
         let sensor = &cloud.sensor;
         let least_m = sensor.range_min_m.max(settings.scan.min_range_m);
         let most_m = sensor.range_max_m.min(settings.space.max_range_m);
         let rotation = sensor.robot_from_sensor.rotation.to_rotation_matrix();
-        let is_time = |s: &f32| s.is_finite() && s.abs() <= LONGEST_SWEEP_S;
-        let times = cloud.times_s.iter().copied().filter(is_time);
-        let (first_s, last_s) = times.fold((f32::MAX, f32::MIN), |(least, most), s| (least.min(s), most.max(s)));
-        self.middle_s = if first_s <= last_s { 0.5 * f64::from(first_s + last_s) } else { 0.0 };
         for (number, point) in cloud.points_m.iter().enumerate() {
             let point = Vector3::from(point.map(f64::from));
             let range_m = point.norm();
@@ -123,8 +145,9 @@ impl Preparation {
                 counts.returns += 1;
                 let mut at = rotation * point + sensor.robot_from_sensor.translation;
                 let time_s = cloud.times_s.get(number).filter(|s| is_time(s));
-                if let Some((twist_per_s, &time_s)) = twist_per_s.zip(time_s) {
-                    at = Pose3::exp(twist_per_s * (f64::from(time_s) - self.middle_s)).transform(at);
+                if let Some(middle_from_robot) = time_s.and_then(|&time_s| motion.middle_from_robot(f64::from(time_s)))
+                {
+                    at = middle_from_robot.transform(at);
                 }
                 self.all.push([at.x as f32, at.y as f32, at.z as f32]);
                 self.colours.extend(cloud.colours.get(number));

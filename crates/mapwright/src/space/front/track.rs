@@ -26,6 +26,8 @@ const HEADING_RAD: f64 = 0.262;
 const FOLLOWED: usize = 1;
 /// Another start has to fit so much better, share of the points.
 const BETTER_SHARE: f64 = 0.01;
+/// and so much where an inertial sensor has said how the robot turned.
+const READ_BETTER_SHARE: f64 = 0.1;
 /// A cloud that was matched in doubt says less, to this share of its information.
 const DOUBTED_TRUST: f64 = 0.25;
 
@@ -72,7 +74,9 @@ impl Tracker {
         let map = local_map.map();
         let prior = Prior { map_from_cloud: predicted, information: step.information };
         // Constant velocity as the only start is worse than standing still.
-        let starts = [predicted, last];
+        let standing = if step.from_imu { Pose3 { rotation: predicted.rotation, ..last } } else { last };
+        let starts = [predicted, standing];
+        let better_share = if step.from_imu { READ_BETTER_SHARE } else { BETTER_SHARE };
         let first = if step.from_odometry {
             predicted
         } else {
@@ -91,7 +95,7 @@ impl Tracker {
             for start in self.matcher.rough(map, points, &prior, headings, FOLLOWED) {
                 let other = self.matcher.climb(map, points, &prior, start);
                 restarts += 1;
-                if score(&other) > score(&best) + BETTER_SHARE {
+                if score(&other) > score(&best) + better_share {
                     best = Fit { evaluations: best.evaluations + other.evaluations, ..other };
                 }
             }

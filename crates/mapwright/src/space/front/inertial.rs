@@ -1,0 +1,365 @@
+//! What an inertial sensor tells the front end: how the robot turned since the last cloud and during a sweep, and where down is.
+//!
+//! Its readings are believed once matches have borne them out, and no longer than they do: a mount that is told wrongly shows with the
+//! first turn. The gyroscope's bias is what matches and readings differ by over a second or more.
+
+use super::predict::Step;
+use super::prepare::Span;
+use super::sweep_motion::SweepMotion;
+use mapwright_geom::{Pose3, Stamp};
+use mapwright_record::Session;
+use mapwright_sensor::{
+    Down, DownEstimate, ImuReading, ImuReadings, ImuTaken, SpaceSweep, TURN_NOISE_RAD2_PER_S, Turned,
+};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
+
+/// Bias of a gyroscope that nothing is known of, standard deviation, radians a second: 1.1 degrees, as of cheap ones.
+const BIAS_SIGMA_RAD_PER_S: f64 = 0.02;
+/// How fast its variance grows with time, (rad/s)^2 a second: 0.1 degrees a second in a quarter of an hour, as when one warms up.
+const BIAS_WALK_PER_S: f64 = 1e-9;
+/// Scale and mount of a gyroscope are wrong by so much of what it turns by,
+const SCALE_SHARE: f64 = 0.01;
+/// and a rotation between two clouds by so much at least, radians: stamps.
+const LEAST_RAD: f64 = 0.002;
+/// Time that nothing was read of: the rate may change by so much, radians per second squared.
+const UNREAD_RAD_PER_S2: f64 = 20.0;
+/// Rotations of matches are wrong by so much, standard deviation, radians.
+const MATCH_RAD: f64 = 0.003;
+/// Matches and readings are compared over so long to learn the bias, seconds.
+const LEARNT_S: f64 = 1.0;
+/// Readings and a match agree up to this chi-square with three degrees of freedom, five standard deviations.
+const AGREEING_CHI2: f64 = 25.0;
+/// Each cloud that agrees counts one, each that does not three, between zero and the most; readings are made use of from the least on.
+const TRUST_LOST: u32 = 3;
+const TRUST_AT_MOST: u32 = 12;
+const TRUST_AT_LEAST: u32 = 3;
+/// A robot is pushed by so much besides gravity while nothing tells of it, standard deviation, metres per second squared,
+const PUSHED_M_PER_S2: f64 = 0.5;
+/// and by so much besides what matches say of its velocities: these are some 0.05 m/s wrong, whatever their number on the way.
+const MATCHED_M_PER_S2: f64 = 0.15;
+/// A velocity is that of so long at least, seconds: over less it is mostly the matches' noise.
+const VELOCITY_S: f64 = 0.35;
+/// A direction of gravity is written down when it is known so well, radians: after a second on the way.
+const WRITTEN_RAD: f64 = 0.012;
+/// The map is levelled by a direction known so well, radians.
+const LEVELLED_RAD: f64 = 0.1;
+/// Over longer times readings are not followed, seconds.
+const FOLLOWED_S: f64 = 5.0;
+/// How the robot may have turned in a time that nothing was read of, radians a second.
+const UNKNOWN_RAD_PER_S: f64 = 1.0;
+
+/// What became of the readings of an inertial sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ImuReport {
+    /// Readings that were handed in.
+    pub readings: u64,
+    /// Of those, left out: not finite, or beyond 100 rad/s or 50 g.
+    pub unsound: u64,
+    /// Left out: what they tell of had been mapped.
+    pub late: u64,
+    /// More than a second older than the newest before, which were forgotten.
+    pub set_back: u64,
+    /// Pieces between readings whose force was too far from gravity to say where down is.
+    pub pushed: u64,
+    /// Clouds whose rotation was predicted by readings.
+    pub predicted: u64,
+    /// Clouds that came without enough readings since the one before.
+    pub unread: u64,
+    /// Matches that contradicted the readings.
+    pub contradicted: u64,
+    /// Directions of gravity that were written down.
+    pub gravity: u64,
+    /// The gyroscope's bias, radians a second about the robot's axes,
+    pub bias_rad_per_s: [f64; 3],
+    /// and its standard deviation about the axis about which it is known least.
+    pub bias_sigma_rad_per_s: f64,
+}
+
+/// What is remembered of readings.
+#[derive(Debug, Clone)]
+pub(super) struct Inertial {
+    readings: ImuReadings,
+    bias: Bias,
+    down: Down,
+    /// Up to where readings tell of it.
+    down_until: Option<Stamp>,
+    /// The robot's velocity then, in its frame, by matches, metres a second.
+    velocity_m_per_s: Option<Vector3<f64>>,
+    /// The way since a stamp, for the next velocity.
+    way: Option<(Stamp, Pose3)>,
+    /// The middle of the last cloud, and of the one before.
+    last: Option<Stamp>,
+    before_last: Option<Stamp>,
+    /// Since then, as read.
+    turned: Option<Turned>,
+    /// What readings and matches say since the bias was learnt last.
+    since: (Turned, UnitQuaternion<f64>),
+    trust: u32,
+    report: ImuReport,
+}
+
+impl Default for Inertial {
+    fn default() -> Self {
+        Self {
+            readings: ImuReadings::default(),
+            bias: Bias::default(),
+            down: Down::default(),
+            down_until: None,
+            velocity_m_per_s: None,
+            way: None,
+            last: None,
+            before_last: None,
+            turned: None,
+            since: (Turned::none(), UnitQuaternion::identity()),
+            trust: 0,
+            report: ImuReport::default(),
+        }
+    }
+}
+
+impl Inertial {
+    pub(super) fn add(&mut self, reading: ImuReading) -> ImuTaken {
+        let taken = self.readings.add(reading);
+        self.report.readings += 1;
+        match taken {
+            ImuTaken::Kept => {}
+            ImuTaken::Unsound => self.report.unsound += 1,
+            ImuTaken::Late => self.report.late += 1,
+            ImuTaken::SetBack => self.report.set_back += 1,
+        }
+        taken
+    }
+
+    pub(super) fn report(&self) -> ImuReport {
+        let bias_sigma_rad_per_s = self.bias.sigma_rad_per_s();
+        ImuReport { bias_rad_per_s: self.bias.rad_per_s.into(), bias_sigma_rad_per_s, ..self.report }
+    }
+
+    fn is_trusted(&self) -> bool {
+        self.trust >= TRUST_AT_LEAST
+    }
+
+    /// The step with the rotation that was read, if readings are there and believed; `now` is the middle of the cloud.
+    pub(super) fn predict(&mut self, step: Step, now: Stamp) -> Step {
+        if self.readings.is_empty() {
+            return step;
+        }
+        if self.last.is_none() {
+            self.follow_down(now, None);
+        }
+        let turned = self.last.and_then(|last| self.readings.turned(last, now, self.bias.rad_per_s));
+        self.report.unread += u64::from(self.last.is_some() && turned.is_none());
+        self.turned = turned;
+        self.before_last = self.last.replace(now);
+        self.readings.use_until(now);
+        let Some(turned) = turned.filter(|_| self.is_trusted()) else { return step };
+        let Some(information) = self.covariance(&turned).try_inverse() else { return step };
+        self.report.predicted += 1;
+        step.turning(turned.start_from_end, &information)
+    }
+
+    /// Of the rotation's right perturbation: noise, bias, scale, and what was not read, rad^2.
+    fn covariance(&self, turned: &Turned) -> Matrix3<f64> {
+        let scale_rad = SCALE_SHARE * turned.start_from_end.angle();
+        let unread_rad = 0.5 * UNREAD_RAD_PER_S2 * turned.unread_s * turned.unread_s;
+        let even_rad2 = LEAST_RAD * LEAST_RAD
+            + scale_rad * scale_rad
+            + unread_rad * unread_rad
+            + TURN_NOISE_RAD2_PER_S * turned.elapsed_s;
+        turned.by_bias_s * self.bias.covariance * turned.by_bias_s.transpose() + Matrix3::identity() * even_rad2
+    }
+
+    /// How the robot moves during a sweep: its velocity as it was, its turning as read where that is believed.
+    pub(super) fn shape(&self, twist_per_s: Option<Vector6<f64>>, stamp: Stamp, span: Span, motion: &mut SweepMotion) {
+        let [first, last] = [span.first_s, span.last_s].map(|after_s| span.stamp_after(stamp, after_s));
+        let bias = self.bias.rad_per_s;
+        if self.is_trusted() && self.readings.turned(first, last, bias).is_some() {
+            let velocity = twist_per_s.map_or(Vector3::zeros(), |twist| twist.fixed_rows::<3>(0).into_owned());
+            return motion.turn(self.readings.pieces(first, last), bias, velocity, span);
+        }
+        match twist_per_s {
+            Some(twist_per_s) => motion.carry_on(twist_per_s, span),
+            None => motion.forget(),
+        }
+    }
+
+    /// How a match says that the robot moved since the last cloud, if it is believed: readings are compared with it.
+    pub(super) fn learn(&mut self, moved: Option<Pose3>) {
+        let compared = self.turned.take().zip(moved);
+        self.weigh_forces(compared.map(|(_, moved)| moved));
+        let Some((turned, moved)) = compared else {
+            self.forget_since();
+            return;
+        };
+        let off = (turned.start_from_end.inverse() * moved.rotation).scaled_axis();
+        let covariance = self.covariance(&turned) + Matrix3::identity() * (2.0 * MATCH_RAD * MATCH_RAD);
+        let agrees = covariance.try_inverse().is_some_and(|information| off.dot(&(information * off)) <= AGREEING_CHI2);
+        if !agrees {
+            self.report.contradicted += 1;
+            self.trust = self.trust.saturating_sub(TRUST_LOST);
+            self.forget_since();
+            return;
+        }
+        self.trust = (self.trust + 1).min(TRUST_AT_MOST);
+        let (read, matched) = self.since;
+        self.since = (read.then(turned), matched * moved.rotation);
+        if self.since.0.elapsed_s >= LEARNT_S {
+            self.bias.learn(&self.since.0, self.since.1);
+            self.forget_since();
+        }
+    }
+
+    fn forget_since(&mut self) {
+        self.since = (Turned::none(), UnitQuaternion::identity());
+    }
+
+    /// Follows where down is: to the middle of some way, where the velocity is what matches say of all of it, the acceleration since the
+    /// middle of the way before known thereby; and to the last cloud where nothing matched.
+    fn weigh_forces(&mut self, moved: Option<Pose3>) {
+        let Some(last) = self.last else { return };
+        let Some((moved, before)) = moved.zip(self.before_last) else {
+            (self.velocity_m_per_s, self.way) = (None, None);
+            return self.follow_down(last, None);
+        };
+        let (since, way) = self.way.map_or((before, moved), |(since, way)| (since, way * moved));
+        let elapsed_s = last.secs_since(since);
+        self.way = (elapsed_s < VELOCITY_S).then_some((since, way));
+        if self.way.is_some() {
+            return;
+        }
+        let middle = Stamp(since.0 + (last.0 - since.0) / 2);
+        let velocity = way.log().fixed_rows::<3>(0) / elapsed_s;
+        let since = self.down_until.zip(self.velocity_m_per_s);
+        let push = since.and_then(|(since, velocity_then)| {
+            let turned = self.readings.turned(since, middle, self.bias.rad_per_s)?;
+            Some((turned.start_from_end * velocity - velocity_then) / turned.elapsed_s)
+        });
+        self.follow_down(middle, push);
+        self.velocity_m_per_s = Some(velocity);
+    }
+
+    /// Follows where down is to a stamp; the acceleration until then is that, in the frame of where it was followed to, if it is known.
+    fn follow_down(&mut self, now: Stamp, push_m_per_s2: Option<Vector3<f64>>) {
+        let Some(since) = self.down_until.or(self.readings.oldest()) else { return };
+        let behind_s = now.secs_since(since);
+        let since = if (0.0..=FOLLOWED_S).contains(&behind_s) {
+            since
+        } else {
+            self.down = Down::default();
+            self.readings
+                .oldest()
+                .map_or(now, |oldest| oldest.max(Stamp(now.0.saturating_sub((FOLLOWED_S * 1e9) as i64))))
+        };
+        self.down_until = Some(now);
+        let bias_sigma = self.bias.sigma_rad_per_s();
+        let sigma_m_per_s2 = if push_m_per_s2.is_some() { MATCHED_M_PER_S2 } else { PUSHED_M_PER_S2 };
+        let mut push = push_m_per_s2.unwrap_or_else(Vector3::zeros);
+        for piece in self.readings.pieces(since, now) {
+            let rate = piece.turn_rate_rad_per_s - self.bias.rad_per_s;
+            let sigma = if piece.is_read { bias_sigma } else { UNKNOWN_RAD_PER_S };
+            self.down.turn(rate * piece.elapsed_s, piece.elapsed_s, sigma);
+            push = UnitQuaternion::from_scaled_axis(-rate * piece.elapsed_s) * push;
+            if let Some(force) = piece.specific_force_m_per_s2 {
+                self.report.pushed += u64::from(!self.down.weigh(force, push, sigma_m_per_s2, piece.elapsed_s));
+            }
+        }
+    }
+
+    /// A robot that has mapped nothing yet, turned as little as brings its measured down to the map's; none where that is not known.
+    pub(super) fn levelled(&self, local_from_robot: Pose3) -> Option<Pose3> {
+        let down = self.down.estimate().filter(|down| down.sigma_rad <= LEVELLED_RAD)?.down_in_robot;
+        let leaning = local_from_robot.rotation * down;
+        let level = UnitQuaternion::rotation_between(&leaning, &-Vector3::z())
+            .unwrap_or_else(|| UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI));
+        Some(Pose3 { rotation: level * local_from_robot.rotation, ..local_from_robot })
+    }
+
+    /// Where down is by what was read since this was asked and known the last time, so that errors of two have nothing to do with each
+    /// other; none until it is known well enough.
+    pub(super) fn take_down(&mut self) -> Option<DownEstimate> {
+        self.down.estimate().filter(|down| down.sigma_rad <= WRITTEN_RAD && self.is_trusted())?;
+        let mut down = std::mem::take(&mut self.down);
+        if let Some((until, last)) = self.down_until.zip(self.last).filter(|(until, last)| until < last) {
+            let turned = self.readings.turned(until, last, self.bias.rad_per_s)?;
+            let sigma = self.bias.sigma_rad_per_s();
+            down.turn(turned.start_from_end.scaled_axis(), turned.elapsed_s, sigma);
+        }
+        let known = down.estimate()?;
+        self.report.gravity += 1;
+        Some(known)
+    }
+}
+
+/// A gyroscope's bias about the robot's axes, as matches tell it.
+#[derive(Debug, Clone, Copy)]
+struct Bias {
+    rad_per_s: Vector3<f64>,
+    covariance: Matrix3<f64>,
+}
+
+impl Default for Bias {
+    fn default() -> Self {
+        let variance = BIAS_SIGMA_RAD_PER_S * BIAS_SIGMA_RAD_PER_S;
+        Self { rad_per_s: Vector3::zeros(), covariance: Matrix3::identity() * variance }
+    }
+}
+
+impl Bias {
+    fn sigma_rad_per_s(&self) -> f64 {
+        self.covariance.diagonal().max().sqrt()
+    }
+
+    /// A rotation as read with the present bias, and as matches say that it was: a Kalman filter's measurement. One that differs by
+    /// more than can be is left out.
+    fn learn(&mut self, read: &Turned, matched: UnitQuaternion<f64>) {
+        let off = (read.start_from_end.inverse() * matched).scaled_axis();
+        let scale_rad = SCALE_SHARE * read.start_from_end.angle();
+        let noise_rad2 = 2.0 * MATCH_RAD * MATCH_RAD + scale_rad * scale_rad + TURN_NOISE_RAD2_PER_S * read.elapsed_s;
+        self.covariance += Matrix3::identity() * (BIAS_WALK_PER_S * read.elapsed_s);
+        let carried = read.by_bias_s * self.covariance;
+        let innovation = carried * read.by_bias_s.transpose() + Matrix3::identity() * noise_rad2;
+        let Some(information) = innovation.try_inverse() else { return };
+        if off.dot(&(information * off)) > AGREEING_CHI2 {
+            return;
+        }
+        let gain = carried.transpose() * information;
+        self.rad_per_s += gain * off;
+        let left = self.covariance - gain * carried;
+        self.covariance = (left + left.transpose()) * 0.5;
+    }
+}
+
+/// So many directions of gravity are weighed together, the newest,
+const WEIGHED: usize = 30;
+/// at least so many since the map was levelled the last time.
+const WEIGHED_AT_LEAST: usize = 5;
+/// The map leans when the mean of what they say is this unlikely: the 99.9 % quantile of chi-square with two degrees of freedom.
+const LEANING_CHI2: f64 = 13.8;
+
+/// Whether directions of gravity say together that the map leans.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct LevelWatch {
+    levelled_at: usize,
+}
+
+impl LevelWatch {
+    /// Asked whenever a direction was written down; true at most once for every five.
+    pub(crate) fn is_leaning(&mut self, session: &Session<SpaceSweep>) -> bool {
+        let gravity = session.gravity();
+        if gravity.len() < self.levelled_at + WEIGHED_AT_LEAST {
+            return false;
+        }
+        let newest = gravity.iter().rev().take(WEIGHED);
+        let errors = newest.filter_map(|known| {
+            let map_from_keyframe = session.map_from_keyframe().get(session.place(known.keyframe)?)?;
+            let leaning = map_from_keyframe.rotation * Vector3::from(known.down_in_keyframe);
+            Some(leaning.xy() / known.sigma_rad)
+        });
+        let (sum, count) = errors.fold((nalgebra::Vector2::zeros(), 0), |(sum, count), error| (sum + error, count + 1));
+        let leans = sum.norm_squared() > LEANING_CHI2 * f64::from(count);
+        if leans {
+            self.levelled_at = gravity.len();
+        }
+        leans
+    }
+}
