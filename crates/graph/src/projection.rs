@@ -7,7 +7,7 @@
 //! height or the vertical, stays apart from what they know least.
 
 use crate::certainty::{Gate, Uncertainty};
-use mapwright_geom::{Cov6, Pose3, TangentMatrix};
+use mapwright_geom::{Cov6, Pose3, Stored, TangentMatrix, is_covariance};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -79,6 +79,18 @@ pub struct CovarianceGraph {
 }
 
 impl CovarianceGraph {
+    /// Number of nodes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there is no node.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
     /// Adds a node at a position.
     pub fn add_node(&mut self, at: Vector3<f64>) {
         self.nodes.push(Node { at, links: Vec::new() });
@@ -163,6 +175,33 @@ impl CovarianceGraph {
     }
 }
 
+/// Without a search, which is never left under way.
+impl Stored for CovarianceGraph {
+    fn put(&self, out: &mut Vec<u8>) {
+        let link = |link: &Link| (link.to, link.covariance, <[f64; 3]>::from(link.pivot));
+        let node = |node: &Node| (<[f64; 3]>::from(node.at), node.links.iter().map(link).collect::<Vec<_>>());
+        self.nodes.iter().map(node).collect::<Vec<_>>().put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let nodes: Vec<([f64; 3], Vec<(u32, Cov6, [f64; 3])>)> = Stored::take(from)?;
+        let count = nodes.len();
+        let is_finite = |at: &[f64; 3]| at.iter().all(|v| v.is_finite());
+        let is_link = |(to, covariance, pivot): &(u32, Cov6, [f64; 3])| {
+            (*to as usize) < count && is_covariance(covariance) && is_finite(pivot)
+        };
+        let is_sound = nodes.iter().all(|(at, links)| is_finite(at) && links.iter().all(is_link));
+        let link = |(to, covariance, pivot): (u32, Cov6, [f64; 3])| Link { to, covariance, pivot: pivot.into() };
+        let node =
+            |(at, links): ([f64; 3], Vec<_>)| Node { at: at.into(), links: links.into_iter().map(link).collect() };
+        is_sound.then(|| Self {
+            nodes: nodes.into_iter().map(node).collect(),
+            visits: vec![Visit::default(); count],
+            ..Self::default()
+        })
+    }
+}
+
 /// What a covariance adds to a way wherever that ends: it never shrinks along a way.
 fn cost(covariance: &Cov6, lever_m: f64) -> f64 {
     covariance.position_variance_m2() + lever_m * lever_m * covariance.rotation_variance_rad2()
@@ -242,6 +281,16 @@ mod tests {
         assert!(of_first(&graph.project(39, EVERYWHERE)).displacement_m2 < 0.01 * far_m2);
         graph.remove_link(39, 0);
         assert_eq!(graph.project(39, EVERYWHERE), after);
+    }
+
+    #[test]
+    fn a_graph_that_was_read_says_the_same() {
+        let (_, mut graph, _) = way(20);
+        let mut bytes = Vec::new();
+        graph.put(&mut bytes);
+        let mut read = CovarianceGraph::take(&mut &bytes[..]).unwrap();
+        assert_eq!(graph.project(19, EVERYWHERE), read.project(19, EVERYWHERE));
+        assert!(CovarianceGraph::take(&mut &bytes[..bytes.len() - 1]).is_none());
     }
 
     #[test]

@@ -30,6 +30,7 @@ mod sweep_motion;
 mod track;
 
 pub(crate) use pose::{Motion, RobotPose, map_floor};
+pub(crate) use resume::{Links, links};
 pub(crate) use slip::BEFORE;
 pub use track::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub(crate) use track::{MISFIT_KNOWN_SHARE, Matched};

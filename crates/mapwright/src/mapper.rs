@@ -76,9 +76,7 @@ impl Mapper {
     /// A setting outside its range.
     pub fn resume(settings: Settings, session: Session) -> Result<Self, SettingsError> {
         settings.validate()?;
-        let last = session.runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
-        let sessions = session.runs().filter(|run| run.id.robot == last.robot).map(|run| run.id.session + 1);
-        let run = RunId { session: sessions.max().unwrap_or(0), ..last };
+        let run = session.next_run().unwrap_or(RunId::of_robot("robot"));
         let stamp = session.scans().last().map_or(Stamp(0), |scan| scan.stamp);
         let is_alike = session.runs().last().is_some_and(|run| run.settings == settings.to_text());
         let checkpoint = session.checkpoint().filter(|_| is_alike).cloned();

@@ -4,7 +4,7 @@
 
 use mapwright::{Cloud, EdgeKind, Pose3, Settings, SpaceMapper, SpaceSensor, SpaceSweep, Stamp, Status};
 use mapwright_eval::{Alignment, RpeSettings, SpaceErrors, space_errors};
-use mapwright_record::{LogWriter, read_log};
+use mapwright_record::{Checkpoint, Entry, LogWriter, read_log};
 use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, worlds};
 use std::sync::Arc;
 
@@ -114,4 +114,99 @@ fn clouds_of_any_kind_are_used_or_counted() {
         }
     }
     assert_eq!(mapper.session().scans().len(), 3 * odd.len());
+}
+
+/// Maps clouds of a drive from one number to another; what goes into its log.
+fn log_of(
+    mapper: &mut SpaceMapper,
+    drive: &SpaceDrive,
+    clouds: std::ops::Range<u64>,
+    earlier: Option<&[u8]>,
+) -> Vec<u8> {
+    let mut bytes = earlier.map_or_else(Vec::new, <[u8]>::to_vec);
+    let mut writer = earlier.map_or_else(LogWriter::<SpaceSweep>::new, |bytes| {
+        LogWriter::resume(&read_log::<SpaceSweep>(bytes).unwrap().0)
+    });
+    for cloud in clouds.map_while(|number| drive.cloud(number)) {
+        for entry in mapper.add_cloud(&cloud.cloud).entries {
+            writer.append(&mut bytes, &entry).unwrap();
+        }
+    }
+    writer.finish(&mut bytes);
+    bytes
+}
+
+#[test]
+fn a_run_that_stopped_goes_on_to_the_bit_and_one_that_was_killed_goes_on() {
+    let drive = drive(4, 14.0);
+    let poses =
+        |mapper: &SpaceMapper| mapper.session().trajectory().map(|pose| pose.map_from_robot).collect::<Vec<_>>();
+    let mut whole = SpaceMapper::new(Settings::default()).unwrap();
+    log_of(&mut whole, &drive, 0..u64::MAX, None);
+    let whole = poses(&whole);
+    for stop in [1, 60, 100] {
+        let mut first = SpaceMapper::new(Settings::default()).unwrap();
+        let mut log = log_of(&mut first, &drive, 0..stop, None);
+        let killed_log = log.clone();
+        let killed = read_log::<SpaceSweep>(&log).unwrap().0;
+        let mut writer = LogWriter::resume(&killed);
+        for entry in first.checkpoint().entries {
+            writer.append(&mut log, &entry).unwrap();
+        }
+        writer.finish(&mut log);
+        let (session, report) = read_log::<SpaceSweep>(&log).unwrap();
+        assert!(report.losses.is_empty() && session.checkpoint().is_some());
+        let mut resumed = SpaceMapper::resume(Settings::default(), session).unwrap();
+        let log = log_of(&mut resumed, &drive, stop..u64::MAX, Some(&log));
+        assert!(poses(&resumed) == whole, "stopped after {stop}");
+        assert_eq!(&read_log::<SpaceSweep>(&log).unwrap().0, resumed.session());
+
+        let mut resumed = SpaceMapper::resume(Settings::default(), killed).unwrap();
+        log_of(&mut resumed, &drive, stop..u64::MAX, Some(&killed_log));
+        let apart = poses(&resumed).last().unwrap().between(*whole.last().unwrap());
+        assert!(apart.translation.norm() < 0.05 && apart.rotation.angle() < 0.02, "{stop}: {apart:?}");
+    }
+}
+
+#[test]
+fn bytes_of_a_checkpoint_that_are_damaged_do_no_harm() {
+    let drive = drive(4, 6.0);
+    let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
+    log_of(&mut mapper, &drive, 0..u64::MAX, None);
+    mapper.checkpoint();
+    let state = mapper.session().checkpoint().unwrap().state.to_vec();
+    let step = state.len() / 40;
+    for place in (0..state.len()).step_by(step.max(1)) {
+        let mut damaged = state.clone();
+        damaged[place] ^= 0x55;
+        let mut session = mapper.session().clone();
+        session.add(Entry::Checkpoint(Checkpoint { state: damaged.into() })).unwrap();
+        let mut resumed = SpaceMapper::resume(Settings::default(), session).unwrap();
+        resumed.add_cloud(&drive.cloud(30).unwrap().cloud);
+    }
+}
+
+#[test]
+fn jobs_that_are_handed_out_and_come_back_at_once_are_those_done_inline() {
+    let drive = drive(3, 32.0);
+    let map = |jobs: &str| {
+        let mut settings = Settings::default();
+        settings.set("loops.jobs", jobs).unwrap();
+        settings.set("space.resolution_m", "0.14").unwrap();
+        let (mut mapper, mut done) = (SpaceMapper::new(settings).unwrap(), 0);
+        for number in (0..).step_by(3) {
+            let Some(taken) = drive.cloud(number) else { break };
+            mapper.add_cloud(&taken.cloud);
+            while let Some(job) = mapper.next_job() {
+                mapper.apply(job.run());
+                done += 1;
+            }
+        }
+        let poses: Vec<Pose3> = mapper.session().trajectory().map(|pose| pose.map_from_robot).collect();
+        (poses, mapper.session().candidates().len(), done)
+    };
+    let (inline, handed_out) = (map("inline"), map("handed-out"));
+    assert_eq!(inline.2, 0);
+    assert!(handed_out.2 > 0 && handed_out.1 > 0, "{handed_out:?}");
+    assert!(inline.0 == handed_out.0 && inline.1 == handed_out.1);
 }

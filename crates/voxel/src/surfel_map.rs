@@ -125,6 +125,25 @@ impl SurfelMap {
         }
     }
 
+    /// Who supplied each voxel of the finest resolution, in the order of the voxels' places: what the points drawn do not say.
+    #[must_use]
+    pub fn suppliers(&self) -> Vec<u32> {
+        let level = &self.levels[0];
+        level.in_order().into_iter().map(|place| level.voxels[place as usize].supplier).collect()
+    }
+
+    /// Names those who supplied the voxels anew, as [`SurfelMap::suppliers`] told of a map of the same points; false where they are
+    /// not as many as voxels.
+    #[must_use]
+    pub fn set_suppliers(&mut self, suppliers: &[u32]) -> bool {
+        let level = &mut self.levels[0];
+        let places = level.in_order();
+        for (&place, &supplier) in places.iter().zip(suppliers) {
+            level.voxels[place as usize].supplier = supplier;
+        }
+        places.len() == suppliers.len()
+    }
+
     /// The surfels of the finest resolution.
     pub fn surfels(&self) -> impl Iterator<Item = &Surfel> {
         self.levels[0].surfels.iter().flatten()
@@ -189,6 +208,13 @@ impl Level {
                 self.empty.push(place);
             }
         }
+    }
+
+    /// Where its voxels are kept, sorted by where they lie.
+    fn in_order(&self) -> Vec<u32> {
+        let mut places: Vec<(Key, u32)> = self.places.iter().map(|(key, place)| (*key, *place)).collect();
+        places.sort_unstable_by_key(|(key, _)| *key);
+        places.into_iter().map(|(_, place)| place).collect()
     }
 
     /// The surfel of the voxel that a point lies in; `last` is the voxel where it was looked for before.

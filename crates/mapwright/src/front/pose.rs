@@ -53,7 +53,7 @@ impl<P: Pose> RobotPose<P> {
 
     /// A robot that goes on where it was: the fused covariances of all keyframes relative to the ones before, and the motion model's
     /// since the newest.
-    pub(super) fn resume(local_from_robot: P, links: Vec<P::Matrix>, odometry_since_keyframe: P::Matrix) -> Self {
+    pub(crate) fn resume(local_from_robot: P, links: Vec<P::Matrix>, odometry_since_keyframe: P::Matrix) -> Self {
         Self { links, odometry_since_keyframe, ..Self::new(local_from_robot) }
     }
 

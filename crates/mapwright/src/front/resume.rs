@@ -8,8 +8,8 @@ use super::pose::{RobotPose, map_floor};
 use crate::local_map::{Earlier, Frames};
 use crate::settings::Settings;
 use crate::store::spacing;
-use mapwright_geom::{Cov3, Pose2, compose_covariance};
-use mapwright_record::{Edge, EdgeKind, NodeId, Past};
+use mapwright_geom::{Cov3, Pose, Pose2, TangentMatrix, compose_covariance};
+use mapwright_record::{Edge, EdgeKind, Measurement, NodeId, Past};
 use nalgebra::{Matrix3, Vector3};
 
 /// The last scans tell how the robot moves: so many.
@@ -18,11 +18,17 @@ const SCANS: usize = 256;
 const UNKNOWN_VARIANCE: f64 = 100.0;
 
 /// The edges that lead to one keyframe.
-#[derive(Debug, Clone, Default)]
-struct Links {
-    odometry: Option<Edge>,
-    matched: Option<(NodeId, Edge)>,
-    closures: Vec<(NodeId, Cov3)>,
+#[derive(Debug, Clone)]
+pub(crate) struct Links<P: Pose = Pose2> {
+    odometry: Option<Edge<P>>,
+    matched: Option<(NodeId, Edge<P>)>,
+    pub(crate) closures: Vec<(NodeId, P::Matrix)>,
+}
+
+impl<P: Pose> Default for Links<P> {
+    fn default() -> Self {
+        Self { odometry: None, matched: None, closures: Vec::new() }
+    }
 }
 
 impl FrontEnd {
@@ -31,7 +37,7 @@ impl FrontEnd {
         let mut front = Self::new(settings, Pose2::IDENTITY);
         let links = links(past);
         front.take_in_keyframes(past, &links);
-        let covariances = links.iter().map(fused).collect();
+        let covariances = links.iter().map(Links::fused).collect();
         let (local_from_robot, since_keyframe) = front.go_through_scans(past);
         front.pose = RobotPose::resume(local_from_robot, covariances, since_keyframe);
         front
@@ -46,7 +52,7 @@ impl FrontEnd {
             let number = NodeId::at(node);
             let earlier = Earlier {
                 node: number,
-                links: links_of(past, number, links),
+                links: links.all(past, number),
                 spacing: spacing(keyframes, node, step_m),
                 closures: links.closures.clone(),
                 scans: keyframes[node].scan.saturating_sub(before),
@@ -83,7 +89,7 @@ impl FrontEnd {
 }
 
 /// The edges that stand, by the keyframe that they lead to.
-fn links(past: Past<'_>) -> Vec<Links> {
+pub(crate) fn links<M: Measurement>(past: Past<'_, M>) -> Vec<Links<M::Pose>> {
     let mut links = vec![Links::default(); past.way_m.len()];
     for known in past.session.recorded_edges().iter().filter(|known| !known.withdrawn) {
         let (edge, [from, to]) = (known.recorded.edge, known.ends.map(NodeId::new));
@@ -97,25 +103,27 @@ fn links(past: Past<'_>) -> Vec<Links> {
     links
 }
 
-/// What a keyframe is linked with: the one before by wheels and scan together, and the one it was matched with.
-fn links_of(past: Past<'_>, node: NodeId, links: &Links) -> Vec<(NodeId, Cov3)> {
-    let mut all = Vec::new();
-    if let Some(before) = node.before().filter(|_| links.odometry.is_some()) {
-        all.push((before, fused(links)));
+impl<P: Pose> Links<P> {
+    /// What a keyframe is linked with: the one before by wheels and scan together, and the one it was matched with.
+    pub(crate) fn all<M: Measurement<Pose = P>>(&self, past: Past<'_, M>, node: NodeId) -> Vec<(NodeId, P::Matrix)> {
+        let mut all = Vec::new();
+        if let Some(before) = node.before().filter(|_| self.odometry.is_some()) {
+            all.push((before, self.fused()));
+        }
+        if let Some((anchor, edge)) = self.matched.filter(|(anchor, _)| anchor.next() != node) {
+            let away_m = past.pose(anchor).distance(past.pose(node));
+            all.push((anchor, covariance(&edge.information) + map_floor::<P::Matrix>(away_m)));
+        }
+        all
     }
-    if let Some((anchor, edge)) = links.matched.filter(|(anchor, _)| anchor.next() != node) {
-        let away_m = past.pose(anchor).distance(past.pose(node));
-        all.push((anchor, covariance(&edge.information) + map_floor::<Cov3>(away_m)));
+
+    /// Covariance relative to the keyframe before, by wheels and scan together.
+    pub(crate) fn fused(&self) -> P::Matrix {
+        let matched = self.matched.map_or_else(P::Matrix::zero, |(_, edge)| edge.information);
+        self.odometry.map_or_else(P::Matrix::zero, |edge| covariance(&(edge.information + matched)))
     }
-    all
 }
 
-/// Covariance relative to the keyframe before, by wheels and scan together.
-fn fused(links: &Links) -> Cov3 {
-    let matched = links.matched.map_or_else(Cov3::zeros, |(_, edge)| edge.information);
-    links.odometry.map_or_else(Cov3::zeros, |edge| covariance(&(edge.information + matched)))
-}
-
-fn covariance(information: &Cov3) -> Cov3 {
-    information.try_inverse().unwrap_or_else(|| Cov3::identity() * UNKNOWN_VARIANCE)
+fn covariance<C: TangentMatrix>(information: &C) -> C {
+    information.inverted().unwrap_or_else(|| C::from_variances(UNKNOWN_VARIANCE, UNKNOWN_VARIANCE))
 }

@@ -15,6 +15,7 @@ use std::sync::Arc;
 mod inertial;
 mod predict;
 mod prepare;
+mod resume;
 mod sweep_motion;
 mod track;
 

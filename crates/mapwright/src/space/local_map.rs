@@ -10,6 +10,8 @@ use mapwright_sensor::SpaceSweep;
 use mapwright_voxel::{Change, SurfelMap};
 use std::collections::VecDeque;
 
+mod resume;
+
 /// So certain keyframes are matched against, of a voxel's side; those that the robot stays near until they are so many times as
 /// uncertain.
 const GATE_SHARE: f64 = 0.3;
@@ -79,6 +81,17 @@ impl LocalMapping {
 
     /// A new keyframe joins, this certain relative to others; what it makes uncertain is due to leave.
     pub(crate) fn insert(&mut self, past: Past<'_, SpaceSweep>, node: NodeId, links: &[(NodeId, Cov6)]) {
+        self.take_note(past, node, links);
+        self.views[node.index()].live = true;
+        self.draw(past, node, Change::Add);
+        if self.gated {
+            self.give_way(past, node);
+            self.judge(node);
+        }
+    }
+
+    /// A keyframe is known of, this certain relative to others.
+    fn take_note(&mut self, past: Past<'_, SpaceSweep>, node: NodeId, links: &[(NodeId, Cov6)]) {
         while self.views.len() <= node.index() {
             self.graph.add_node(past.local_from_keyframe[self.views.len()].translation);
             self.views.push(View::default());
@@ -86,12 +99,6 @@ impl LocalMapping {
         for (from, covariance) in links {
             let ends = [from.number(), node.number()];
             self.graph.add_link(ends, &(covariance * ACCUMULATING_SHARE), past.pose(node), self.scale.range_m);
-        }
-        self.views[node.index()].live = true;
-        self.draw(past, node, Change::Add);
-        if self.gated {
-            self.give_way(past, node);
-            self.judge(node);
         }
     }
 

@@ -11,6 +11,8 @@ use mapwright_loops::{Solving, VerifySettings};
 use mapwright_record::{KeyframeId, Localisation, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
 
+mod resume;
+
 /// Builds a map of space one cloud at a time.
 #[derive(Debug, Clone)]
 pub struct SpaceMapper {

@@ -1,6 +1,7 @@
 //! What is derived from how far a sensor sees.
 
 use crate::settings::Settings;
+use mapwright_geom::Stored;
 use mapwright_sensor::SpaceSensor;
 use mapwright_voxel::SurfelMapSettings;
 
@@ -8,6 +9,7 @@ use mapwright_voxel::SurfelMapSettings;
 const FINEST_SHARE: f64 = 1.0 / 16.0;
 const COARSEST_SHARE: f64 = 0.48;
 const LEVELS_AT_MOST: usize = 8;
+
 /// What depends on how far a sensor sees, derived from the first cloud with enough points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scale {
@@ -43,4 +45,19 @@ impl Scale {
 fn two_digits(value: f64) -> f64 {
     let unit = 10_f64.powf(value.max(1e-3).log10().floor() - 1.0);
     (value / unit).round().max(1.0) * unit
+}
+
+impl Stored for Scale {
+    fn put(&self, out: &mut Vec<u8>) {
+        [self.range_m, self.resolution_m, self.noise_m].put(out);
+        (self.levels as u32).put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let lengths: [f64; 3] = Stored::take(from)?;
+        let levels = u32::take(from)? as usize;
+        let [range_m, resolution_m, noise_m] = lengths;
+        let is_sound = lengths.iter().all(|length| length.is_finite() && *length > 0.0);
+        (is_sound && (1..=LEVELS_AT_MOST).contains(&levels)).then_some(Self { range_m, resolution_m, levels, noise_m })
+    }
 }

@@ -5,7 +5,7 @@ use crate::entry::{
     Checkpoint, Entry, Fragment, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip,
 };
 use crate::error::{EntryError, unless};
-use crate::id::KeyframeId;
+use crate::id::{KeyframeId, RunId};
 use crate::keyframe::{Edge, Keyframe, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
@@ -328,6 +328,15 @@ impl<M: Measurement> Session<M> {
     /// The runs that it consists of.
     pub fn runs(&self) -> impl ExactSizeIterator<Item = &Run> {
         self.runs.iter()
+    }
+
+    /// The name of a run that goes on with it: of the robot that ended it, with the next number; none where there is no run.
+    #[must_use]
+    pub fn next_run(&self) -> Option<RunId> {
+        let last = self.runs.last()?.id;
+        let sessions =
+            self.runs.iter().filter(|run| run.id.robot == last.robot).map(|run| run.id.session.saturating_add(1));
+        Some(RunId { session: sessions.max().unwrap_or(0), ..last })
     }
 
     /// Every scan in arrival order.

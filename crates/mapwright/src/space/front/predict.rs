@@ -1,7 +1,7 @@
 //! Step 2: where the robot should be before its cloud is looked at.
 
 use crate::settings::MotionSettings;
-use mapwright_geom::{Cov6, Pose3, Stamp};
+use mapwright_geom::{Cov6, Pose3, Stamp, stored};
 use nalgebra::{Matrix3, UnitQuaternion, Vector6};
 
 /// How fast a robot, or a hand that holds a sensor, changes its speed: metres and radians per second squared.
@@ -60,6 +60,7 @@ pub(super) struct Predictor {
     /// The last motion and the seconds that it took.
     last: Option<(Pose3, f64)>,
 }
+stored!(Predictor { stamp, odom_from_robot, last });
 
 impl Predictor {
     pub(super) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose3>) -> Step {

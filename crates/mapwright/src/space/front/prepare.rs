@@ -67,6 +67,11 @@ pub(super) struct Preparation {
 }
 
 impl Preparation {
+    /// Of a run that goes on.
+    pub(super) fn of_scale(scale: Option<Scale>) -> Self {
+        Self { scale, ..Self::default() }
+    }
+
     pub(super) fn scale(&self) -> Option<Scale> {
         self.scale
     }

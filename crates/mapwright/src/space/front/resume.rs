@@ -1,0 +1,61 @@
+//! The front end in space as bytes, and one that goes on with an earlier run. What inertial readings have told is learnt anew.
+
+use super::FrontEnd;
+use super::predict::Predictor;
+use super::prepare::Preparation;
+use crate::front::{Links, RobotPose, links};
+use crate::settings::Settings;
+use crate::space::local_map::LocalMapping;
+use crate::space::scale::Scale;
+use mapwright_geom::{Cov6, Pose3, Stored, is_in_place};
+use mapwright_record::{NodeId, Past};
+use mapwright_sensor::SpaceSweep;
+
+impl FrontEnd {
+    /// Between two clouds.
+    pub(crate) fn put(&self, out: &mut Vec<u8>) {
+        self.preparation.scale().put(out);
+        self.predictor.put(out);
+        self.pose.put(out);
+        self.middle_from_stamp.put(out);
+        self.local_map.is_some().put(out);
+        self.local_map.iter().for_each(|local_map| local_map.put(out));
+    }
+
+    /// Goes on as it was; `past` is all of the session.
+    pub(crate) fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
+        let scale: Option<Scale> = Stored::take(from)?;
+        let predictor: Predictor = Stored::take(from)?;
+        let pose = RobotPose::restore(past, from)?;
+        let middle_from_stamp: Pose3 = Stored::take(from)?;
+        is_in_place(middle_from_stamp).then_some(())?;
+        let local_map = match bool::take(from)? {
+            true => Some(LocalMapping::restore(&settings, scale?, past, from)?),
+            false => None,
+        };
+        let preparation = Preparation::of_scale(scale);
+        let new = Self::new(settings, Pose3::identity());
+        Some(Self { preparation, predictor, pose, middle_from_stamp, local_map, ..new })
+    }
+
+    /// Goes on where the session ends, by keyframes and edges alone; `past` is all of it.
+    pub(crate) fn resume(settings: Settings, past: Past<'_, SpaceSweep>) -> Self {
+        let links = links(past);
+        let last = past.session.trajectory().last().map(|pose| pose.map_from_robot);
+        let mut front = Self::new(settings, last.unwrap_or_default());
+        let Some(first) = past.session.keyframes().first() else { return front };
+        let points: Vec<[f32; 3]> = first.sweep.points_m().collect();
+        let scale = Scale::of(&front.settings, &first.sweep.sensor, &points);
+        front.preparation = Preparation::of_scale(Some(scale));
+        let of_nodes: Vec<Vec<(NodeId, Cov6)>> =
+            NodeId::first(links.len()).zip(&links).map(|(node, links)| links.all(past, node)).collect();
+        let closures: Vec<_> = NodeId::first(links.len())
+            .zip(&links)
+            .flat_map(|(node, links)| links.closures.iter().map(move |(from, covariance)| ([*from, node], *covariance)))
+            .collect();
+        front.local_map = Some(LocalMapping::made_again(&front.settings, scale, past, &of_nodes, &closures));
+        let covariances = links.iter().map(Links::fused).collect();
+        front.pose = RobotPose::resume(last.unwrap_or_default(), covariances, Cov6::zeros());
+        front
+    }
+}
