@@ -179,6 +179,10 @@ impl FrontEnd {
         self.local_map.as_mut().map_or_else(Vec::new, LocalMapping::survey)
     }
 
+    pub(crate) fn local_map_voxels(&self) -> usize {
+        self.local_map.as_ref().map_or(0, |local_map| local_map.map().voxels())
+    }
+
     pub(crate) fn local_map_report(&self) -> LocalMapReport {
         self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
     }
