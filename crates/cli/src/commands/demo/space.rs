@@ -12,7 +12,7 @@ use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, worlds
 const BEAMS: usize = 16;
 const COLUMNS: usize = 512;
 const SPEED_M_PER_S: f64 = 1.5;
-const EVERY: usize = 2;
+const EVERY: usize = 4;
 
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?;
