@@ -14,8 +14,11 @@ use serde_json::{Value, json};
 /// Mean and median of the squared error over its variance lie within this where covariances are honest: 6 and 5.35 are expected.
 const HONEST: std::ops::RangeInclusive<f64> = 4.0..=8.0;
 
+/// A kind of world: its name, and the world of a seed.
+type Kind = (&'static str, fn(u64) -> SpaceSite);
+
 /// Worlds by turns.
-const WORLDS: [(&str, fn(u64) -> SpaceSite); 4] = [
+const WORLDS: [Kind; 4] = [
     ("two storeys", worlds::two_storey),
     ("courtyard", worlds::courtyard),
     ("look-alike storeys", worlds::look_alike_storeys),
