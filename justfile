@@ -100,6 +100,10 @@ suite-offices *args: release
 suite-kidnapped *args: release
     {{mapwright}} suite kidnapped -o {{figures}}/suite {{args}}
 
+# drives in space: whether the stated covariances are honest
+suite-drives *args: release
+    {{mapwright}} suite drives --3d -o {{figures}}/suite {{args}}
+
 # where the time goes on intel, decompressed: seconds per stage, of the fastest of five runs
 figures-time *args: release
     #!/usr/bin/env bash

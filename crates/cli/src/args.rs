@@ -14,7 +14,8 @@ use mapwright_eval::Delta;
 use mapwright_logs::{Choice, SliceBounds};
 use std::path::PathBuf;
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_intrinsics, parse_length, parse_pose, parse_share, parse_slice,
+    parse_assignment, parse_delta, parse_factor, parse_intrinsics, parse_length, parse_pose, parse_seconds,
+    parse_share, parse_slice,
 };
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
@@ -234,6 +235,12 @@ pub(crate) struct DemoArgs {
     /// Which floor, drive and noise.
     #[arg(long, default_value_t = 5)]
     pub(crate) seed: u64,
+    /// Instead of the office: a building of two storeys, mapped in space with a spinning lidar.
+    #[arg(long = "3d", conflicts_with = "show")]
+    pub(crate) space: bool,
+    /// That drive ends then, seconds, or with its way.
+    #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "space")]
+    pub(crate) seconds: Option<f64>,
     /// Instead of the office: a loop before and after, as before.png and after.png, with the errors of both.
     #[arg(long, value_enum)]
     pub(crate) show: Option<Show>,

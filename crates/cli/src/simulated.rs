@@ -6,7 +6,7 @@ use mapwright::{
     Cloud, Edge, EdgeKind, Mapper, Pose2, Pose3, Session, Settings, SpaceMapper, SpaceSweep, Stamp, Sweep,
     TrajectoryPose, Update,
 };
-use mapwright_eval::{Alignment, EvalError, PosePair, RpeSettings, ate_of_pairs, space_errors};
+use mapwright_eval::{Alignment, ErrorStats, EvalError, PosePair, RpeSettings, ate_of_pairs, space_errors};
 use mapwright_geom::Pose;
 use mapwright_record::Measurement;
 use mapwright_sim::space::{SpaceDrive, TrueCloud};
@@ -154,7 +154,7 @@ impl Simulated<SpaceSweep> {
 }
 
 impl Taken<Pose3> {
-    fn of_cloud(drive: &SpaceDrive, taken: &TrueCloud, before: &[Self]) -> Self {
+    pub(crate) fn of_cloud(drive: &SpaceDrive, taken: &TrueCloud, before: &[Self]) -> Self {
         let TrueCloud { cloud, world_from_robot } = taken;
         let middle = middle_of(cloud);
         Self {
@@ -168,7 +168,7 @@ impl Taken<Pose3> {
 }
 
 /// The middle of a sweep.
-pub(crate) fn middle_of(cloud: &Cloud) -> Stamp {
+fn middle_of(cloud: &Cloud) -> Stamp {
     let times = || cloud.times_s.iter().copied();
     let (first_s, last_s) = (times().fold(f32::INFINITY, f32::min), times().fold(f32::NEG_INFINITY, f32::max));
     let middle_s = if first_s <= last_s { 0.5 * f64::from(first_s + last_s) } else { 0.0 };
@@ -182,28 +182,33 @@ fn along_m<P: Pose>(scans: &[Taken<P>], truth: P) -> f64 {
 
 /// Poses of which trajectories are scored.
 pub(crate) trait Scored: Pose {
-    /// ATE of stamps, true poses and estimated ones, aligned rigidly, rmse in metres.
-    fn ate_m(poses: &[(Stamp, Self, Self)]) -> Result<f64, EvalError>;
+    /// ATE of stamps, true poses and estimated ones, aligned rigidly, metres.
+    fn ate(poses: &[(Stamp, Self, Self)]) -> Result<ErrorStats, EvalError>;
 }
 
 impl Scored for Pose2 {
-    fn ate_m(poses: &[(Stamp, Self, Self)]) -> Result<f64, EvalError> {
+    fn ate(poses: &[(Stamp, Self, Self)]) -> Result<ErrorStats, EvalError> {
         let pair =
             |&(stamp, world_from_robot, map_from_robot): &_| PosePair { stamp, world_from_robot, map_from_robot };
         let pairs: Vec<_> = poses.iter().map(pair).collect();
-        Ok(ate_of_pairs(&pairs, Alignment::Rigid)?.translation_m.rmse)
+        Ok(ate_of_pairs(&pairs, Alignment::Rigid)?.translation_m)
     }
 }
 
 impl Scored for Pose3 {
-    fn ate_m(poses: &[(Stamp, Self, Self)]) -> Result<f64, EvalError> {
+    fn ate(poses: &[(Stamp, Self, Self)]) -> Result<ErrorStats, EvalError> {
         let truth: Vec<_> = poses.iter().map(|&(stamp, truth, _)| (stamp, truth)).collect();
         let estimate: Vec<_> = poses.iter().map(|&(stamp, _, estimate)| (stamp, estimate)).collect();
-        Ok(space_errors(&truth, &estimate, Alignment::Rigid, &RpeSettings::default())?.absolute.translation_m.rmse)
+        Ok(space_errors(&truth, &estimate, Alignment::Rigid, &RpeSettings::default())?.absolute.translation_m)
     }
 }
 
 impl<M: Measurement<Pose: Scored>> Simulated<M> {
+    /// A drive that was mapped, with its scans in arrival order.
+    pub(crate) fn of(session: Session<M>, scans: Vec<Taken<M::Pose>>) -> Self {
+        Self { session, scans }
+    }
+
     /// True length of the way, metres.
     pub(crate) fn length_m(&self) -> f64 {
         self.scans.last().map_or(0.0, |scan| scan.along_m)
@@ -307,15 +312,20 @@ impl<M: Measurement<Pose: Scored>> Simulated<M> {
     /// ATE of the keyframes at these poses, aligned, rmse in metres.
     pub(crate) fn keyframe_ate_m(&self, world_from_keyframe: &[M::Pose]) -> Result<f64, EvalError> {
         let pose = |(k, &estimate): (usize, &M::Pose)| (self.stamp(k), self.truth(k), estimate);
-        M::Pose::ate_m(&world_from_keyframe.iter().enumerate().map(pose).collect::<Vec<_>>())
+        Ok(M::Pose::ate(&world_from_keyframe.iter().enumerate().map(pose).collect::<Vec<_>>())?.rmse)
     }
 
     /// ATE of the whole final trajectory, every scan, aligned, rmse in metres.
     pub(crate) fn trajectory_ate_m(&self) -> Result<f64, EvalError> {
+        Ok(self.trajectory_ate()?.rmse)
+    }
+
+    /// ATE of the whole final trajectory, every scan, aligned, metres.
+    pub(crate) fn trajectory_ate(&self) -> Result<ErrorStats, EvalError> {
         let poses = self.session.trajectory().zip(&self.scans);
         let pose = |(pose, scan): (TrajectoryPose<M::Pose>, &Taken<M::Pose>)| {
             (scan.stamp, scan.world_from_robot, pose.map_from_robot)
         };
-        M::Pose::ate_m(&poses.map(pose).collect::<Vec<_>>())
+        M::Pose::ate(&poses.map(pose).collect::<Vec<_>>())
     }
 }

@@ -5,15 +5,17 @@ mod messages;
 mod picture;
 mod report;
 mod seek;
+mod simulated;
 mod source;
 
 pub(crate) use disk::Disk;
 pub(crate) use messages::plan_in_words;
 pub(crate) use report::{notes_in_words, notes_json};
 pub(crate) use seek::{Sought, seek};
+pub(crate) use simulated::Simulation;
 pub(crate) use source::Source;
 
-use crate::args::{MapArgs, MappingArgs};
+use crate::args::MappingArgs;
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::mapping::settings_of;
@@ -30,22 +32,30 @@ use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use report::{Beside, Results, Tally};
 use serde_json::json;
 use std::fs::File;
+use std::path::Path;
 
 const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
 const MAP_SHARE: f64 = 0.1;
 
-/// `mapwright map` of such a recording.
-pub(crate) fn map(args: &MapArgs, mut source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+/// What is mapped, under which name, where the results go, and how.
+pub(crate) struct Run<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) output: &'a Path,
+    pub(crate) mapping: &'a MappingArgs,
+}
+
+/// Maps such a recording, or a simulated one.
+pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
     if args.mapping.resume.is_some() || args.mapping.start.is_some() {
         let option = if args.mapping.resume.is_some() { "--resume" } else { "--start" };
         return Err(Failure::Log(format!(
             "{option} is for logs of planar lasers: maps of space always begin anew, at their origin"
         )));
     }
-    let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
-    let output = OutputFolder::create(&args.output)?;
-    let mut mapping = Mapping::begin(&args.mapping, output, source.frames())?;
+    let name = args.name;
+    let output = OutputFolder::create(args.output)?;
+    let mut mapping = Mapping::begin(args.mapping, output, source.frames())?;
     let mut is_cut = false;
     while let Some(cloud) = source.next_cloud()? {
         mapping.add_cloud(&cloud)?;
@@ -70,7 +80,7 @@ pub(crate) fn map(args: &MapArgs, mut source: Source<'_>, interrupt: &Interrupt)
         )));
     }
     let results = mapping.write_results(&source)?;
-    let report = report::to_json(&name, &source, &notes, &mapping.tally, &results, &losses);
+    let report = report::to_json(name, &source, &notes, &mapping.tally, &results, &losses);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
@@ -152,7 +162,8 @@ impl Mapping {
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
         picture::write(&mut self.output, source, session, (&map, MAP_SHARE * resolution_m))?;
         let beside = Beside::of(source, &way);
-        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), beside))
+        let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
+        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), beside, truth))
     }
 }
 

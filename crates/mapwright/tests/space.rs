@@ -209,4 +209,23 @@ fn jobs_that_are_handed_out_and_come_back_at_once_are_those_done_inline() {
     assert_eq!(inline.2, 0);
     assert!(handed_out.2 > 0 && handed_out.1 > 0, "{handed_out:?}");
     assert!(inline.0 == handed_out.0 && inline.1 == handed_out.1);
+
+/// What is matched against does not grow with the way: keyframes that are no longer certain relative to the robot leave.
+#[test]
+fn the_local_map_does_not_grow_with_the_way() {
+    let lidar = LidarSettings { columns: 180, ..LidarSettings::spinning(8) };
+    let settings = SpaceDriveSettings { lidar, seed: 2, ..SpaceDriveSettings::default() };
+    let drive = SpaceDrive::new(Arc::new(worlds::growing_halls(2, 150.0)), settings);
+    let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
+    let mut voxels = Vec::new();
+    for number in (0..).step_by(4) {
+        let Some(taken) = drive.cloud(number) else { break };
+        mapper.add_cloud(&taken.cloud);
+        voxels.push(mapper.local_map_voxels());
+    }
+    let quarter = voxels.len() / 4;
+    let mean = |part: &[usize]| part.iter().sum::<usize>() as f64 / part.len() as f64;
+    let (second, last) = (mean(&voxels[quarter..2 * quarter]), mean(&voxels[3 * quarter..]));
+    assert!(second > 500.0 && last < 1.5 * second, "{second} voxels, then {last}");
+    assert!(mapper.session().keyframes().len() > 100);
 }

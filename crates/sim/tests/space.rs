@@ -9,11 +9,12 @@ use std::sync::Arc;
 /// A world by its seed.
 type World = fn(u64) -> SpaceSite;
 
-const WORLDS: [(&str, World); 4] = [
+const WORLDS: [(&str, World); 5] = [
     ("two_storey", worlds::two_storey),
     ("loops_1km", worlds::loops_1km),
     ("look_alike_storeys", worlds::look_alike_storeys),
     ("courtyard", worlds::courtyard),
+    ("growing_halls", |seed| worlds::growing_halls(seed, 260.0)),
 ];
 
 fn settings(seed: u64) -> SpaceDriveSettings {

@@ -96,6 +96,12 @@ impl SurfelMap {
         self.levels[0].places.is_empty()
     }
 
+    /// Voxels that hold points, of all resolutions.
+    #[must_use]
+    pub fn voxels(&self) -> usize {
+        self.levels.iter().map(|level| level.places.len()).sum()
+    }
+
     /// Adds the points of a cloud, seen from `map_from_cloud`, or takes them away again. Those that are not finite or beyond 2^20
     /// voxels from the origin are left out. `supplier` is the number of who saw them.
     pub fn draw(&mut self, points_m: &[[f32; 3]], map_from_cloud: Pose3, change: Change, supplier: u32) {

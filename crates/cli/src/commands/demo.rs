@@ -1,6 +1,7 @@
 //! `mapwright demo`
 
 mod show;
+mod space;
 
 use crate::args::{Align, DemoArgs, MappingArgs};
 use crate::events::Interrupt;
@@ -27,6 +28,9 @@ const LOOK_EVERY: usize = 10;
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     if let Some(show) = args.show {
         return show::run(args, show);
+    }
+    if args.space {
+        return space::run(args);
     }
     let mapping_args = MappingArgs { align: Align::Walls, ..args.mapping.clone() };
     settings_of(&mapping_args)?;

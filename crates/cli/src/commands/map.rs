@@ -21,7 +21,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         && let Some(recording) = disk.recording()?
     {
         let source = Source::files(path.display().to_string(), &recording, &args.source)?;
-        return space::map(args, source, &interrupt);
+        return map_space(args, source, &interrupt);
     }
     let clock = StageClock::start(); // a recording's first pass counts as well
     let voice = args.mapping.voice;
@@ -30,7 +30,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let inputs = match space::seek(args, &mut watch)? {
         Sought::Space(source) => {
             drop(first_pass);
-            return space::map(args, source, &interrupt);
+            return map_space(args, source, &interrupt);
         }
         Sought::Plane(inputs) => inputs,
     };
@@ -74,4 +74,9 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         say(&format!("{name}: {words}written  {}: {}\n", args.output.display(), files.join(" ")))?;
     }
     Ok(Outcome::of_losses(&losses))
+}
+
+fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+    let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
+    space::map(&space::Run { name: &name, output: &args.output, mapping: &args.mapping }, source, interrupt)
 }

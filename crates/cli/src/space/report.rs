@@ -1,5 +1,6 @@
 //! What a run in space has made, for `report.json` and for people.
 
+use super::simulated::AgainstTruth;
 use super::source::Source;
 use crate::report::remarks;
 use crate::terminal::{count, duration, grouped};
@@ -61,6 +62,8 @@ pub(super) struct Results {
     resolution_m: f64,
     map_points: usize,
     beside: Beside,
+    /// Of a simulated drive.
+    truth: Option<AgainstTruth>,
 }
 
 /// What a run says beside the poses that came with its recording.
@@ -103,6 +106,7 @@ impl Results {
         resolution_m: f64,
         map_points: usize,
         beside: Beside,
+        truth: Option<AgainstTruth>,
     ) -> Self {
         let steps = way.windows(2).map(|w| w[0].1.distance(w[1].1));
         let heights = || way.iter().map(|(_, pose)| pose.translation.z);
@@ -122,6 +126,7 @@ impl Results {
             resolution_m,
             map_points,
             beside,
+            truth,
         }
     }
 }
@@ -155,7 +160,7 @@ pub(super) fn to_json(
     losses: &[String],
 ) -> Value {
     let BeamCounts { returns, no_return, too_near, not_a_number, refused, .. } = tally.points;
-    json!({
+    let mut report = json!({
         "log": name,
         "recording": {
             "kind": source.kind(),
@@ -206,7 +211,11 @@ pub(super) fn to_json(
         })),
         "not_compared": results.beside.refused,
         "losses": losses,
-    })
+    });
+    if let Some(truth) = &results.truth {
+        report["against_truth"] = truth.to_json();
+    }
+    report
 }
 
 pub(super) fn to_words(
@@ -261,6 +270,7 @@ pub(super) fn to_words(
     for refused in &results.beside.refused {
         words += &format!("beside   {refused}\n");
     }
+    words += &results.truth.as_ref().map_or_else(String::new, AgainstTruth::to_words);
     let (lines, mut said) = source.decisions_in_words();
     said.extend_from_slice(odd);
     words + &lines + &remarks(losses, &said)

@@ -1,9 +1,10 @@
 //! Where clouds come from: files of a folder, or messages of a recording.
 
 use super::messages::Messages;
+use super::simulated::Simulation;
 use crate::args::SourceArgs;
 use crate::failure::Failure;
-use mapwright::{Cloud, Pose3};
+use mapwright::{Cloud, Pose3, SpaceSensor};
 use mapwright_clouds::{Clouds, Notes, Recording, Reference};
 use serde_json::Value;
 
@@ -11,6 +12,7 @@ use serde_json::Value;
 pub(crate) enum Source<'a> {
     Files { recording: &'a Recording<'a>, clouds: Clouds<'a>, name: String },
     Messages(Box<Messages>),
+    Simulated(Box<Simulation>),
 }
 
 impl<'a> Source<'a> {
@@ -27,6 +29,7 @@ impl<'a> Source<'a> {
                 clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))
             }
             Self::Messages(messages) => messages.stream.next_cloud().map_err(Failure::log),
+            Self::Simulated(simulation) => Ok(simulation.next_cloud()),
         }
     }
 
@@ -35,6 +38,7 @@ impl<'a> Source<'a> {
         match self {
             Self::Files { recording, .. } => recording.kind().to_string(),
             Self::Messages(messages) => messages.kind(),
+            Self::Simulated(simulation) => simulation.kind(),
         }
     }
 
@@ -43,31 +47,39 @@ impl<'a> Source<'a> {
         match self {
             Self::Files { recording, .. } => recording.frames() as u64,
             Self::Messages(messages) => messages.stream.plan().messages,
+            Self::Simulated(simulation) => simulation.frames(),
         }
     }
 
     pub(super) fn sensor_name(&self) -> &str {
+        &self.sensor().name
+    }
+
+    fn sensor(&self) -> &SpaceSensor {
         match self {
-            Self::Files { recording, .. } => &recording.sensor().name,
-            Self::Messages(messages) => &messages.stream.plan().sensor.name,
+            Self::Files { recording, .. } => recording.sensor(),
+            Self::Messages(messages) => &messages.stream.plan().sensor,
+            Self::Simulated(simulation) => &simulation.drive().lidar().sensor,
+        }
+    }
+
+    /// The drive, where it is a simulated one.
+    pub(super) fn simulation(&self) -> Option<&Simulation> {
+        match self {
+            Self::Simulated(simulation) => Some(simulation),
+            Self::Files { .. } | Self::Messages(_) => None,
         }
     }
 
     /// Whether the robot's frame is that of a depth camera: z ahead, x to the right.
     pub(super) fn looks_along_z(&self) -> bool {
-        let sensor = match self {
-            Self::Files { recording, .. } => recording.sensor(),
-            Self::Messages(messages) => &messages.stream.plan().sensor,
-        };
+        let sensor = self.sensor();
         // Only depth from disparity grows worse with the square of the distance.
         sensor.range_sigma_per_m > 0.0 && sensor.robot_from_sensor.rotation.angle() < 1e-6
     }
 
     pub(super) fn robot_from_sensor(&self) -> Pose3 {
-        match self {
-            Self::Files { recording, .. } => recording.sensor().robot_from_sensor,
-            Self::Messages(messages) => messages.stream.plan().sensor.robot_from_sensor,
-        }
+        self.sensor().robot_from_sensor
     }
 
     /// What was decided and taken for granted, in words.
@@ -75,6 +87,7 @@ impl<'a> Source<'a> {
         match self {
             Self::Files { recording, .. } => recording.decisions().to_vec(),
             Self::Messages(messages) => messages.decisions(),
+            Self::Simulated(_) => Vec::new(),
         }
     }
 
@@ -83,6 +96,7 @@ impl<'a> Source<'a> {
         match self {
             Self::Files { recording, .. } => (String::new(), recording.decisions().to_vec()),
             Self::Messages(messages) => (messages.plan_in_words(), Vec::new()),
+            Self::Simulated(_) => (String::new(), Vec::new()),
         }
     }
 
@@ -91,6 +105,7 @@ impl<'a> Source<'a> {
         match self {
             Self::Files { recording, .. } => recording.references(),
             Self::Messages(messages) => &messages.references,
+            Self::Simulated(_) => &[],
         }
     }
 
@@ -99,6 +114,7 @@ impl<'a> Source<'a> {
         let (mut notes, more) = match self {
             Self::Files { recording, clouds, .. } => (recording.notes().clone(), clouds.notes()),
             Self::Messages(messages) => (messages.notes.clone(), messages.stream.notes()),
+            Self::Simulated(_) => return Notes::default(),
         };
         notes.extend(more);
         notes
@@ -107,7 +123,7 @@ impl<'a> Source<'a> {
     /// Damage of the container, in words: what may have cost clouds, and what has not.
     pub(super) fn damages(&self) -> (Vec<String>, Vec<String>) {
         match self {
-            Self::Files { .. } => (Vec::new(), Vec::new()),
+            Self::Files { .. } | Self::Simulated(_) => (Vec::new(), Vec::new()),
             Self::Messages(messages) => messages.damages(),
         }
     }
@@ -115,7 +131,7 @@ impl<'a> Source<'a> {
     /// What else a report says of how it was read.
     pub(super) fn read_json(&self) -> Value {
         match self {
-            Self::Files { .. } => Value::Null,
+            Self::Files { .. } | Self::Simulated(_) => Value::Null,
             Self::Messages(messages) => crate::reading::survey_json(messages.stream.survey()),
         }
     }

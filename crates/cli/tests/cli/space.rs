@@ -55,6 +55,41 @@ fn a_room_is_mapped_with_a_picture_and_poses_of_an_unknown_camera_are_not_compar
 }
 
 #[test]
+fn the_demo_maps_a_building_and_knows_its_error() {
+    let folder = folder("demo_space");
+    let demo = |out: &str| {
+        let out = folder.join(out);
+        let output = run(&["demo", "--3d", "--seed", "2", "--seconds", "8", "-o", out.to_str().unwrap()]);
+        assert_code(&output, 0);
+        assert!(text(&output.stdout).contains("truth    ATE rmse"), "{}", text(&output.stdout));
+        out
+    };
+    let (out, again) = (demo("out"), demo("again"));
+    let made = [
+        "trajectory.tum",
+        "trajectory_online.tum",
+        "truth.tum",
+        "session.mapwright",
+        "graph.g2o",
+        "map.ply",
+        "map.png",
+    ];
+    for file in made.iter().chain(&["report.json"]) {
+        assert!(fs::read(out.join(file)).unwrap() == fs::read(again.join(file)).unwrap(), "{file} differs");
+    }
+    let truth = &json(&out.join("report.json"))["against_truth"];
+    let ate_rmse_m = truth["ate_rmse_m"].as_f64().unwrap();
+    assert!(ate_rmse_m < 0.05 && truth["wrong_closings"] == 0 && truth["closures"] == 0, "{truth}");
+    let path = |file: &str| out.join(file).display().to_string();
+    let eval = run(&["eval", &path("trajectory.tum"), "--reference", &path("truth.tum"), "--json"]);
+    assert_code(&eval, 0);
+    let value: serde_json::Value = serde_json::from_slice(&eval.stdout).unwrap();
+    assert!((value[0]["ate"]["translation_m"]["rmse"].as_f64().unwrap() - ate_rmse_m).abs() < 1e-6, "{value}");
+    let refused = run(&["demo", "--3d", "--show", "spread"]);
+    assert_refused(&refused, 2, &["--3d", "--show"]);
+}
+
+#[test]
 fn info_says_what_is_in_a_recording_of_space_by_its_first_clouds() {
     let folder = folder("space_info");
     let recording = room(&folder.join("room"));

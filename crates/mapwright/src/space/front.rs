@@ -212,6 +212,10 @@ impl FrontEnd {
         self.local_map.as_mut().map_or_else(Vec::new, |local_map| local_map.survey(past))
     }
 
+    pub(crate) fn local_map_voxels(&self) -> usize {
+        self.local_map.as_ref().map_or(0, |local_map| local_map.map().voxels())
+    }
+
     pub(crate) fn local_map_report(&self) -> LocalMapReport {
         self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
     }

@@ -187,6 +187,12 @@ impl SpaceMapper {
         self.front.settings()
     }
 
+    /// Voxels of all resolutions that clouds are matched with: what the local map takes in memory.
+    #[must_use]
+    pub fn local_map_voxels(&self) -> usize {
+        self.front.local_map_voxels()
+    }
+
     /// Side of the smallest voxels, metres, once there was a cloud with enough points to derive it from.
     #[must_use]
     pub fn resolution_m(&self) -> Option<f64> {

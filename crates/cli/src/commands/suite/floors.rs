@@ -33,14 +33,17 @@ pub(super) fn in_words(floors: &[Floor]) -> String {
     floors.iter().map(|floor| format!("floor    {}: {}, {}\n", floor.what, floor.found, verdict(floor))).collect()
 }
 
-/// One line for each number of the worlds: its name, its unit, what it is of a world.
-pub(super) fn stats_in_words<W>(worlds: &[W], rows: &[(&str, &str, fn(&W) -> f64)]) -> String {
-    let line = |(what, unit, pick): &(&str, &str, fn(&W) -> f64)| {
+/// A number of the worlds: its name, its unit, what it is of a world.
+pub(super) type Number<W> = (&'static str, &'static str, fn(&W) -> f64);
+
+/// One line for each number of the worlds.
+pub(super) fn stats_in_words<W>(worlds: &[W], numbers: &[Number<W>]) -> String {
+    let line = |(what, unit, pick): &Number<W>| {
         let stats = stats(worlds, *pick)?;
         let (mean, median, worst) = (stats.mean, stats.median, stats.max);
         Some(format!("{what:8} mean {mean:.3}{unit}, median {median:.3}{unit}, worst {worst:.3}{unit}\n"))
     };
-    rows.iter().filter_map(line).collect()
+    numbers.iter().filter_map(line).collect()
 }
 
 /// Of a number of the worlds; none without worlds.

@@ -1,7 +1,7 @@
 //! `mapwright suite loops --3d` and `look-alike --3d`: what is closed, what of it is wrong, and the error.
 
 use super::super::Measure;
-use super::super::floors::{Floor, percent, stats, stats_in_words};
+use super::super::floors::{Floor, Number, percent, stats, stats_in_words};
 use super::super::look_alike::{FOUND_WITHIN_S, closed_times};
 use super::super::loops::MOST_RATIO;
 use super::super::nested::Wrong;
@@ -155,7 +155,7 @@ fn right_refused(world: &Simulated<SpaceSweep>) -> BTreeMap<String, usize> {
 
 /// The last lines over all worlds, and the same for programs.
 fn summary(worlds: &[World]) -> (String, Value, Sums) {
-    let rows: [(&str, &str, fn(&World) -> f64); 3] =
+    let rows: [Number<World>; 3] =
         [("ATE", " m", |w| w.ate_m), ("batch", " m", |w| w.batch_ate_m), ("ratio", "", |w| w.ratio)];
     let sums = Sums::of(worlds);
     let words = format!(

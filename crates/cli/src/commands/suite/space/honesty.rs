@@ -14,8 +14,11 @@ use serde_json::{Value, json};
 /// Mean and median of the squared error over its variance lie within this where covariances are honest: 6 and 5.35 are expected.
 const HONEST: std::ops::RangeInclusive<f64> = 4.0..=8.0;
 
+/// A kind of world: its name, and the world of a seed.
+type Kind = (&'static str, fn(u64) -> SpaceSite);
+
 /// Worlds by turns.
-const WORLDS: [(&str, fn(u64) -> SpaceSite); 4] = [
+const WORLDS: [Kind; 4] = [
     ("two storeys", worlds::two_storey),
     ("courtyard", worlds::courtyard),
     ("look-alike storeys", worlds::look_alike_storeys),
@@ -36,6 +39,10 @@ pub(in super::super) struct World {
     /// Of the pose relative to the keyframe that it was matched with.
     nees_mean: f64,
     nees_median: f64,
+    /// The same of keyframes alone, whose poses are of the middle of their sweeps: nothing is extrapolated.
+    keyframes: usize,
+    keyframe_nees_mean: Option<f64>,
+    keyframe_nees_median: Option<f64>,
     /// Root mean squares of what the error is and what is stated, metres and radians.
     error_m: f64,
     stated_m: f64,
@@ -51,6 +58,7 @@ pub(in super::super) struct World {
 #[derive(Default)]
 struct Witness {
     nees: Vec<f64>,
+    keyframe_nees: Vec<f64>,
     untracked: usize,
     refused: usize,
     /// Sums of squares: errors in metres and radians, and what was stated.
@@ -72,6 +80,11 @@ impl Witness {
         };
         let truth = world_from_anchor.between(now.world_from_robot);
         self.add(truth, map_from_anchor.between(update.map_from_robot), &update.covariance);
+        let keyframe = update.keyframe.and_then(|id| session.map_from_keyframe().get(session.place(id)?));
+        self.keyframe_nees.extend(keyframe.and_then(|map_from_keyframe| {
+            let truth = world_from_anchor.between(now.world_from_keyframe);
+            space_nees(truth, map_from_anchor.between(*map_from_keyframe), &update.covariance)
+        }));
     }
 
     fn add(&mut self, truth: Pose3, found: Pose3, covariance: &Cov6) {
@@ -103,6 +116,7 @@ impl Measure for Honesty {
         })?;
         let stats = ErrorStats::of(&witness.nees);
         let stats = stats.ok_or_else(|| failure("expected clouds that are tracked, found none".to_owned()))?;
+        let of_keyframes = ErrorStats::of(&witness.keyframe_nees);
         let rms = |sum: f64| (sum / witness.nees.len() as f64).sqrt();
         Ok(World {
             seed,
@@ -113,6 +127,9 @@ impl Measure for Honesty {
             refused: witness.refused,
             nees_mean: stats.mean,
             nees_median: stats.median,
+            keyframes: witness.keyframe_nees.len(),
+            keyframe_nees_mean: of_keyframes.map(|stats| stats.mean),
+            keyframe_nees_median: of_keyframes.map(|stats| stats.median),
             error_m: rms(witness.errors[0]),
             stated_m: rms(witness.stated[0]),
             error_rad: rms(witness.errors[1]),
@@ -124,7 +141,7 @@ impl Measure for Honesty {
 
     fn line(world: &World) -> String {
         format!(
-            "{:6}  {:18}  NEES mean {:6.2}, median {:5.2} of {:4}, {:3} untracked  error {:.4} m, stated {:.4}, \
+            "{:6}  {:18}  NEES mean {:6.2}, median {:5.2} of {:4}, {:3} untracked; of keyframes {:6.2}, {:5.2}  error {:.4} m, stated {:.4}, \
              {:.5} rad, stated {:.5}  ATE {:6.3} m  {:4.0} m of way",
             world.seed,
             world.building,
@@ -132,6 +149,8 @@ impl Measure for Honesty {
             world.nees_median,
             world.nees.len(),
             world.untracked,
+            world.keyframe_nees_mean.unwrap_or(f64::NAN),
+            world.keyframe_nees_median.unwrap_or(f64::NAN),
             world.error_m,
             world.stated_m,
             world.error_rad,
