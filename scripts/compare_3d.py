@@ -7,7 +7,8 @@
 
 The first folder holds the binaries, the second 3d_os0_hall and 3d_kitti00_first16; both are decompressed into target/compare_3d, or
 the folder that COMPARE_3D names. Python's packages are those of the interpreter if it has them, otherwise of a virtual environment that is
-made there. COMPARE_3D_ROUNDS is how often each is run, in turn (3). A third argument, odometry or occupancy, asks for that part alone.
+made there. COMPARE_3D_ROUNDS is how often each is run, in turn (3). A third argument, odometry or occupancy, asks for that part alone, and
+COMPARE_3D_PEERS for some of the peers in the hall alone (kiss-icp:30,kiss-icp:100,small_gicp, the number being max_range).
 
 What is compared is odometry, each tool with what it does by default:
 - kiss-icp: its KissICP class and default configuration, with max_range as the data need (voxels are 1/100 of it): 100 m, its
@@ -30,6 +31,7 @@ import tempfile
 from pathlib import Path
 
 WORK = Path(os.environ.get("COMPARE_3D", "target/compare_3d"))
+PEERS = os.environ.get("COMPARE_3D_PEERS", "kiss-icp:30,kiss-icp:100,small_gicp").split(",")
 ROUNDS = int(os.environ.get("COMPARE_3D_ROUNDS", "3"))
 MODULES = {"numpy": "numpy", "zstandard": "zstandard", "kiss_icp": "kiss-icp", "small_gicp": "small_gicp"}
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
@@ -145,26 +147,26 @@ def python():
 
 def measured(command):
     """Runs: what it printed, CPU seconds, and at most how many MB it took."""
-    with tempfile.TemporaryFile("w+") as out:
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as remarks:
         arguments = [str(argument) for argument in command]
-        child = subprocess.Popen(arguments, stdout=out, env=os.environ | ONE_THREAD)
+        child = subprocess.Popen(arguments, stdout=out, stderr=remarks, env=os.environ | ONE_THREAD)
         _, status, usage = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)
-        out.seek(0)
-        said = out.read()
+        out.seek(0), remarks.seek(0)
+        said, remarked = out.read(), remarks.read()
     if child.returncode != 0:
-        sys.exit(f"{' '.join(arguments)}: expected exit code 0, found {child.returncode}\n{said}")
+        sys.exit(f"{' '.join(arguments)}: expected exit code 0, found {child.returncode}\n{remarked}")
     return said, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024 / 1e6
 
 
 def recording(name, source, every=1):
-    """A recording decompressed into a folder of its own, every so many clouds of it, with their times."""
+    """A recording decompressed into a folder of its own: every so many of its clouds, numbered anew, with their times."""
     import zstandard
 
     folder = WORK / f"{name}_{every}"
     (folder / "velodyne").mkdir(parents=True, exist_ok=True)
-    for path in sorted((source / "velodyne").glob("*.bin.zst"))[::every]:
-        cloud = folder / "velodyne" / path.stem
+    for number, path in enumerate(sorted((source / "velodyne").glob("*.bin.zst"))[::every]):
+        cloud = folder / "velodyne" / f"{number:06}.bin"
         if not cloud.exists():
             with path.open("rb") as packed:
                 part = cloud.with_suffix(".part")
@@ -254,8 +256,7 @@ def occupancy_rows(binaries, folder, poses):
 
 
 def odometry_rows(binaries, data, reference):
-    peers = ["kiss-icp:30", "kiss-icp:100", "small_gicp"]
-    hall = {every: Compared(binaries, recording("hall", reference.parent, every), peers) for every in (1, 2, 3)}
+    hall = {every: Compared(binaries, recording("hall", reference.parent, every), PEERS) for every in (1, 2, 3)}
     kitti = Compared(binaries, recording("kitti", data / "3d_kitti00_first16"), ["kiss-icp:100", "small_gicp"])
     for _ in range(ROUNDS):
         for compared in [*hall.values(), kitti]:
@@ -280,9 +281,10 @@ def revisit_rows(compared, reference):
     judged = {name: compared.trajectory(name) for name in compared.cpu_s} | {"reference": reference}
     for name, trajectory in judged.items():
         asked = compared.revisits(trajectory)
-        moved, turned = (asked["corrections"][what]["median"] for what in ("translation_m", "rotation_deg"))
-        left_out = asked["not_fitting"] + asked["loose"]
-        found = f"{moved:.4f} m, {turned:.3f} deg ({asked['pairs']} pairs, {left_out} not registered)"
+        found = f"{asked['pairs']} pairs, {asked['not_fitting'] + asked['loose']} not registered"
+        if asked["corrections"]:
+            moved, turned = (asked["corrections"][what]["median"] for what in ("translation_m", "rotation_deg"))
+            found = f"{moved:.4f} m, {turned:.3f} deg ({found})"
         rows.append(["hall, median correction of revisits", name, found])
     return rows
 
