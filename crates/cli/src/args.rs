@@ -14,8 +14,8 @@ use mapwright_eval::Delta;
 use mapwright_logs::{Choice, SliceBounds};
 use std::path::PathBuf;
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_intrinsics, parse_length, parse_pose, parse_seconds,
-    parse_share, parse_slice,
+    parse_assignment, parse_delta, parse_factor, parse_intrinsics, parse_length, parse_pose, parse_reach,
+    parse_seconds, parse_share, parse_slice,
 };
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
@@ -186,7 +186,8 @@ pub(crate) struct InfoArgs {
 #[derive(Debug, ClapArgs)]
 #[command(group = clap::ArgGroup::new("truth").required(true))]
 pub(crate) struct EvalArgs {
-    /// Trajectories (TUM, stamp x y theta, or KITTI's 12 numbers); of several, mean and worst are printed as well.
+    /// Trajectories (TUM, stamp x y theta, or KITTI's 12 numbers); of several, mean and worst are printed as well. With `--revisits`
+    /// folders of results of `mapwright map`.
     #[arg(required = true)]
     pub(crate) trajectories: Vec<PathBuf>,
     /// Surveyed relations (Kümmerle et al. 2009): t1 t2 x y z roll pitch yaw.
@@ -196,6 +197,18 @@ pub(crate) struct EvalArgs {
     /// height or tilt they are compared in space, and with KITTI's errors over 100 to 800 m where the way is so long.
     #[arg(long, value_name = "FILE", group = "truth")]
     pub(crate) reference: Option<PathBuf>,
+    /// Without a reference: by how much clouds of different visits ask to be moved onto each other. Of maps of space.
+    #[arg(long, group = "truth")]
+    pub(crate) revisits: bool,
+    /// Judge this trajectory of the robot (TUM) on the same clouds instead, paired by stamps; may be given several times.
+    #[arg(long, value_name = "FILE", requires = "revisits")]
+    pub(crate) trajectory: Vec<PathBuf>,
+    /// Clouds of different visits lie so many scans apart in order, at least.
+    #[arg(long, value_name = "SCANS", default_value_t = 60, requires = "revisits")]
+    pub(crate) apart: u64,
+    /// and less than so many metres in place.
+    #[arg(long, value_name = "M", default_value_t = 5.0, value_parser = parse_reach, requires = "revisits")]
+    pub(crate) within: f64,
     /// Stamps of KITTI's poses, one a row; without them rows are paired by their numbers.
     #[arg(long, value_name = "FILE", requires = "reference")]
     pub(crate) times: Option<PathBuf>,

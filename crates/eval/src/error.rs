@@ -45,6 +45,21 @@ pub enum EvalError {
         /// Poses matched.
         poses: usize,
     },
+    /// No two scans far apart in order were taken near each other.
+    #[error(
+        "expected clouds {apart} scans and more apart in order but less than {within_m} m in place, found none among {scans}{}",
+        .nearest_m.map_or_else(String::new, |metres| format!(": the nearest are {metres:.1} m apart"))
+    )]
+    NoRevisits {
+        /// Clouds with a pose.
+        scans: usize,
+        /// How far apart in order, scans.
+        apart: u64,
+        /// How near to each other, metres.
+        within_m: f64,
+        /// How near those come that are so far apart in order, metres; none where none are.
+        nearest_m: Option<f64>,
+    },
     /// An image's cells do not fill its width and height.
     #[error("expected {width} x {height} cells, found {cells}")]
     BadImage {

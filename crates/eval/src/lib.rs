@@ -4,6 +4,7 @@
 //!   wrong locally and never depends on where the map's origin lies.
 //! - [`ate`] and [`rpe`]: absolute trajectory error after alignment and relative pose error, as evo defines them.
 //! - [`space_errors`]: the same in space, and the errors of KITTI's benchmark.
+//! - [`revisit_errors`]: without a reference, by how much clouds of different visits ask to be moved onto each other.
 //! - [`Nees`]: whether covariances are honest.
 //! - [`score_map`]: occupied cells found and invented.
 //!
@@ -35,6 +36,7 @@ mod error;
 mod map_score;
 mod nees;
 mod relations;
+mod revisits;
 mod rpe;
 mod space;
 mod stats;
@@ -45,6 +47,7 @@ pub use error::EvalError;
 pub use map_score::{CellImage, CellState, MapScore, score_map};
 pub use nees::{Nees, chi_square_quantile};
 pub use relations::{MissingRelation, MissingSide, Relation, RelationError, RelationReport, relation_errors};
+pub use revisits::{RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
 pub use rpe::{Delta, Rpe, RpeSettings, rpe, rpe_of_pairs};
 pub use space::{SegmentError, SegmentErrors, SpaceErrors, space_errors, space_nees};
 pub use stats::{ErrorStats, PoseErrors};

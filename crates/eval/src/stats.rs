@@ -71,6 +71,15 @@ impl PoseErrors {
     }
 }
 
+/// The value that a share of `values` lies at or below, between two of them by a straight line; none of an empty list.
+pub(crate) fn quantile(values: &[f64], share: f64) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = share * sorted.len().checked_sub(1)? as f64;
+    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+    Some(low + at.fract() * (high - low))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,5 +91,7 @@ mod tests {
         assert_eq!((stats.mean, stats.median, stats.sse), (2.0, 1.5, 22.0));
         assert_eq!((stats.std, stats.mean_squared()), (1.5f64.sqrt(), 5.5));
         assert_eq!(ErrorStats::of(&[]), None);
+        assert_eq!(quantile(&[4.0, 1.0, 2.0], 0.75), Some(3.0));
+        assert_eq!((quantile(&[7.0], 0.9), quantile(&[], 0.9)), (Some(7.0), None));
     }
 }

@@ -209,6 +209,7 @@ fn jobs_that_are_handed_out_and_come_back_at_once_are_those_done_inline() {
     assert_eq!(inline.2, 0);
     assert!(handed_out.2 > 0 && handed_out.1 > 0, "{handed_out:?}");
     assert!(inline.0 == handed_out.0 && inline.1 == handed_out.1);
+}
 
 /// What is matched against does not grow with the way: keyframes that are no longer certain relative to the robot leave.
 #[test]

@@ -68,3 +68,7 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
 pub(super) fn parse_length(text: &str) -> Result<f64, String> {
     within(text, 50.0..=2000.0, "a length from 50 to 2000 m")
 }
+
+pub(super) fn parse_reach(text: &str) -> Result<f64, String> {
+    within(text, 0.1..=1000.0, "a distance from 0.1 to 1000 m")
+}

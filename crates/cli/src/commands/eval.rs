@@ -1,5 +1,6 @@
 //! `mapwright eval`
 
+mod revisits;
 mod space;
 
 use crate::args::{AlignTo, EvalArgs};
@@ -16,6 +17,9 @@ use std::fs::File;
 use std::path::Path;
 
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
+    if args.revisits {
+        return revisits::run(args);
+    }
     match (&args.relations, &args.reference) {
         (Some(relations), _) => by_relations(args, &read_relation_file(relations)?),
         (None, Some(reference)) => match space::trajectories(args, reference)? {

@@ -1,6 +1,6 @@
 //! Recordings of sensors in space, and trajectories there.
 
-use crate::support::{assert_code, assert_refused, folder, json, run, text};
+use crate::support::{assert_code, assert_refused, folder, json, run, small_log_in, text};
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -151,4 +151,41 @@ fn trajectories_in_space_are_compared_there() {
     fs::write(folder.join("few.txt"), "0\n1\n").unwrap();
     let few = folder.join("few.txt").display().to_string();
     assert_refused(&eval(&[&longer, "--reference", &truth, "--times", &few]), 1, &["300 stamps", "found 2 in"]);
+}
+
+#[test]
+fn revisits_judge_a_map_and_other_trajectories_on_its_clouds() {
+    let folder = folder("space_revisits");
+    let (recording, out) = (room(&folder.join("room")), folder.join("out").display().to_string());
+    assert_code(&run(&["map", &recording, "-o", &out, "--quiet"]), 0);
+    let eval = |args: &[&str]| run(&[&["eval", &out, "--revisits"], args].concat());
+    let found = |args: &[&str]| {
+        let output = eval(&[&["--apart", "4", "--json"], args].concat());
+        assert_code(&output, 0);
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()[0].clone()
+    };
+    let median_m = |value: &serde_json::Value| value["corrections"]["translation_m"]["median"].as_f64().unwrap();
+    let own = found(&[]);
+    assert!(own["pairs"].as_u64().unwrap() >= 3 && median_m(&own) < 0.02, "{own}");
+    let written = fs::read_to_string(folder.join("out/trajectory.tum")).unwrap();
+    // Of eight scans the last five lie 0.1 m higher.
+    let lifted = written.lines().enumerate().map(|(k, row)| {
+        let mut numbers: Vec<f64> = row.split(' ').map(|number| number.parse().unwrap()).collect();
+        numbers[3] += if k >= 3 { 0.1 } else { 0.0 };
+        numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ") + "\n"
+    });
+    let path = folder.join("lifted.tum").display().to_string();
+    fs::write(&path, lifted.collect::<String>()).unwrap();
+    let other = found(&["--trajectory", &path]);
+    assert!(other["pairs"].as_u64() > Some(0) && (median_m(&other) - 0.1).abs() < 0.03, "{other}");
+    assert_eq!((&other["trajectory"], &other["clouds_of"]), (&path.clone().into(), &out.clone().into()));
+    let said = text(&eval(&["--apart", "4"]).stdout);
+    assert!(said.contains("of different visits registered,") && said.contains("median 0.0"), "{said}");
+    assert_refused(&eval(&[]), 1, &["expected clouds 60 scans and more apart", "found none"]);
+    let rows = format!("{recording}/poses_cam0.txt");
+    assert_refused(&eval(&["--trajectory", &rows]), 1, &["poses_cam0.txt", "expected stamps"]);
+    let plane = folder.join("plane").display().to_string();
+    let log = small_log_in(&folder);
+    assert_code(&run(&["map", &log, "-o", &plane, "--quiet"]), 0);
+    assert_refused(&run(&["eval", &plane, "--revisits"]), 1, &["--revisits needs a session of space"]);
 }

@@ -1,0 +1,147 @@
+//! A map of space judged by its own clouds, where it came to a place twice.
+
+use super::{errors_json, open};
+use crate::args::EvalArgs;
+use crate::failure::{Failure, Outcome};
+use crate::session::{AnySession, read_any_session};
+use crate::terminal::{count, say, say_json};
+use mapwright::{Pose3, Session, SpaceSweep, Stamp};
+use mapwright_eval::{RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
+use mapwright_formats::read_space_trajectory;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Judges each session, or each trajectory on the clouds of each session.
+pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
+    let (mut values, mut losses) = (Vec::new(), Vec::new());
+    for results in &args.trajectories {
+        let (clouds, lost) = Clouds::read(results, args)?;
+        losses.extend(lost);
+        if args.trajectory.is_empty() {
+            let report = clouds.judge(results, None)?;
+            told(args, &mut values, results, results, &report)?;
+        }
+        for path in &args.trajectory {
+            let report = clouds.judge(path, Some(&poses(path)?))?;
+            told(args, &mut values, path, results, &report)?;
+        }
+    }
+    if args.json {
+        say_json(&Value::Array(values))?;
+    } else if !losses.is_empty() {
+        say(&losses.iter().map(|loss| format!("lost  {loss}\n")).collect::<String>())?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
+fn told(
+    args: &EvalArgs,
+    values: &mut Vec<Value>,
+    path: &Path,
+    results: &Path,
+    report: &RevisitReport,
+) -> Result<(), Failure> {
+    if args.json {
+        values.push(to_json(path, results, report));
+        return Ok(());
+    }
+    say(&words(path, report))
+}
+
+fn poses(path: &PathBuf) -> Result<Vec<(Stamp, Pose3)>, Failure> {
+    let read = open(path, read_space_trajectory)?;
+    if read.is_numbered {
+        let cause = "expected stamps, by which poses are paired with clouds, found KITTI's rows without";
+        return Err(Failure::Log(format!("{}: {cause}", path.display())));
+    }
+    Ok(read.poses)
+}
+
+/// The keyframes of a session that are drawn.
+struct Clouds {
+    session: Session<SpaceSweep>,
+    scans: Vec<RevisitScan>,
+    /// Where each is among the keyframes.
+    places: Vec<usize>,
+    settings: RevisitSettings,
+}
+
+impl Clouds {
+    /// Those of a folder of results, and what was lost of it.
+    fn read(results: &Path, args: &EvalArgs) -> Result<(Self, Vec<String>), Failure> {
+        let refused = |cause: &str| Failure::Session { path: results.to_owned(), cause: cause.to_owned() };
+        let (AnySession::Space(session), losses) = read_any_session(results)? else {
+            return Err(refused("--revisits needs a session of space, found one of the plane"));
+        };
+        let trajectory: Vec<_> = session.trajectory().collect();
+        let (mut scans, mut places) = (Vec::new(), Vec::new());
+        for (place, keyframe) in session.keyframes().iter().enumerate() {
+            let at = session.scan_place(keyframe.scan).and_then(|scan| trajectory.get(scan));
+            let (Some(at), Some(_)) = (at, &session.drawn()[place]) else { continue };
+            scans.push(RevisitScan {
+                stamp: at.stamp,
+                number: keyframe.scan,
+                map_from_robot: at.map_from_robot,
+                robot_from_cloud: at.map_from_robot.between(session.map_from_keyframe()[place]),
+            });
+            places.push(place);
+        }
+        let first = session.drawn().iter().flatten().find(|sweep| !sweep.points.is_empty());
+        let sweep = first.ok_or_else(|| refused("expected keyframes with points, found none"))?;
+        let range_m = rms_range_m(sweep);
+        let settings = RevisitSettings {
+            apart: args.apart,
+            within_m: args.within,
+            ..RevisitSettings::for_range(range_m, sweep.sensor.sigma_m(range_m))
+        };
+        Ok((Self { scans, places, settings, session }, losses))
+    }
+
+    fn judge(&self, path: &Path, judged: Option<&[(Stamp, Pose3)]>) -> Result<RevisitReport, Failure> {
+        let points_m = |scan: usize| -> Vec<[f32; 3]> {
+            let sweep = &self.session.drawn()[self.places[scan]];
+            sweep.iter().flat_map(|sweep| sweep.points_m()).collect()
+        };
+        revisit_errors(&self.scans, judged, points_m, &self.settings)
+            .map_err(|cause| Failure::Score { path: path.to_owned(), cause })
+    }
+}
+
+fn rms_range_m(sweep: &SpaceSweep) -> f64 {
+    let square = |point: [f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
+    (sweep.points_m().map(square).sum::<f64>() / sweep.points.len().max(1) as f64).sqrt()
+}
+
+fn words(path: &Path, report: &RevisitReport) -> String {
+    let mut text = format!("{}: {} of different visits registered", path.display(), count(report.pairs as u64, "pair"));
+    text += &format!(
+        ", {} left out as too little fits, {} as a direction is left open\n",
+        report.not_fitting, report.loose
+    );
+    if report.without_pose > 0 {
+        text += &format!("  {} without a pose of that stamp\n", count(report.without_pose as u64, "cloud"));
+    }
+    if let Some((errors, (metres, degrees))) = report.corrections.as_ref().zip(report.percentile_90) {
+        let (moved, turned) = (errors.translation_m, errors.rotation_deg);
+        text += &format!(
+            "  correction  median {:.4} m, 90 % within {metres:.4} m, max {:.4}  |  median {:.3} deg, 90 % within {degrees:.3} deg, max {:.3}\n",
+            moved.median, moved.max, turned.median, turned.max
+        );
+    }
+    text
+}
+
+fn to_json(path: &Path, results: &Path, report: &RevisitReport) -> Value {
+    json!({
+        "trajectory": path.display().to_string(),
+        "clouds_of": results.display().to_string(),
+        "clouds": report.scans,
+        "without_pose": report.without_pose,
+        "pairs": report.pairs,
+        "not_fitting": report.not_fitting,
+        "loose": report.loose,
+        "corrections": report.corrections.as_ref().map(errors_json),
+        "percentile_90_m": report.percentile_90.map(|(metres, _)| metres),
+        "percentile_90_deg": report.percentile_90.map(|(_, degrees)| degrees),
+    })
+}
