@@ -3,8 +3,9 @@
 use super::messages::Messages;
 use crate::args::SourceArgs;
 use crate::failure::Failure;
-use mapwright::{Cloud, Pose3};
+use mapwright::{Cloud, ImuReading, Pose3};
 use mapwright_clouds::{Clouds, Notes, Recording, Reference};
+use mapwright_logs::SpaceEvent;
 use serde_json::Value;
 
 /// A source of clouds, and all that is known of it.
@@ -20,13 +21,19 @@ impl<'a> Source<'a> {
         Ok(Self::Files { recording, clouds, name })
     }
 
-    /// The next cloud; none at the end.
-    pub(super) fn next_cloud(&mut self) -> Result<Option<Cloud>, Failure> {
+    /// The next cloud; none at the end. Inertial readings that come before it are handed to `feel`.
+    pub(super) fn next_cloud(&mut self, feel: &mut dyn FnMut(ImuReading)) -> Result<Option<Cloud>, Failure> {
         match self {
             Self::Files { clouds, name, .. } => {
                 clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))
             }
-            Self::Messages(messages) => messages.stream.next_cloud().map_err(Failure::log),
+            Self::Messages(messages) => loop {
+                match messages.stream.next_event().map_err(Failure::log)? {
+                    Some(SpaceEvent::Imu(reading)) => feel(reading),
+                    Some(SpaceEvent::Cloud(cloud)) => return Ok(Some(cloud)),
+                    None => return Ok(None),
+                }
+            },
         }
     }
 
@@ -50,6 +57,14 @@ impl<'a> Source<'a> {
         match self {
             Self::Files { recording, .. } => &recording.sensor().name,
             Self::Messages(messages) => &messages.stream.plan().sensor.name,
+        }
+    }
+
+    /// The topic of inertial readings, if there is one.
+    pub(super) fn imu_name(&self) -> Option<&str> {
+        match self {
+            Self::Files { .. } => None,
+            Self::Messages(messages) => messages.stream.plan().imu.as_ref().map(|imu| imu.name.as_str()),
         }
     }
 
