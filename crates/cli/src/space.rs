@@ -1,6 +1,7 @@
 //! Recordings of sensors in space: clouds in, files out.
 
 mod disk;
+mod inertial;
 mod messages;
 mod picture;
 mod report;
@@ -26,6 +27,7 @@ use crate::session::SessionLog;
 use crate::stamps::Stamper;
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
+use inertial::Felt;
 use mapwright::{Cloud, Pose3, SpaceMapper, SpaceSweep, Stamp, Update};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
@@ -57,7 +59,9 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     let output = OutputFolder::create(args.output)?;
     let mut mapping = Mapping::begin(args.mapping, output, source.frames())?;
     let mut is_cut = false;
-    while let Some(cloud) = source.next_cloud()? {
+    while let Some(cloud) = source.next_cloud(&mut |reading| {
+        mapping.mapper.add_imu(reading);
+    })? {
         mapping.add_cloud(&cloud)?;
         is_cut = interrupt.came();
         if is_cut {
@@ -80,6 +84,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
         )));
     }
     let results = mapping.write_results(&source)?;
+    odd.extend(results.odd());
     let report = report::to_json(name, &source, &notes, &mapping.tally, &results, &losses);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
@@ -163,7 +168,8 @@ impl Mapping {
         picture::write(&mut self.output, source, session, (&map, MAP_SHARE * resolution_m))?;
         let beside = Beside::of(source, &way);
         let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
-        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), beside, truth))
+        let felt = Felt::of(source, &self.mapper);
+        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), beside, truth).feeling(felt))
     }
 }
 

@@ -31,6 +31,8 @@ pub enum NoteKind {
     RecordedStamp,
     /// A reading of odometry that could not be read and is left out.
     UnreadableOdometry,
+    /// An inertial reading that could not be read or cannot be, and is left out.
+    UnreadableImu,
     /// A cloud without odometry near its stamp, in a recording that has odometry.
     WithoutOdometry,
     /// Times of points that are no times of one sweep, left out.
@@ -80,6 +82,7 @@ impl fmt::Display for NoteKind {
             Self::Unstamped => "no stamp",
             Self::RecordedStamp => "no stamp but that of the recording",
             Self::UnreadableOdometry => "unreadable odometry",
+            Self::UnreadableImu => "unreadable inertial reading",
             Self::WithoutOdometry => "no odometry near a cloud",
             Self::BadPointTimes => "times of points refused",
             Self::MissingColour => "missing colour image",

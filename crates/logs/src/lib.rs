@@ -67,6 +67,6 @@ pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use odometry::OdometrySource;
 pub use plan::Plan;
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
-pub use space::{SpacePlan, SpaceStream};
+pub use space::{ImuSource, SpaceEvent, SpacePlan, SpaceStream};
 pub use survey::{Survey, TopicSurvey};
 pub use turning::TurningSource;

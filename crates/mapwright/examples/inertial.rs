@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "an example")]
 
 #[path = "../tests/support/inertial.rs"]
+#[allow(dead_code, reason = "shared with tests")]
 mod inertial;
 
 use inertial::{Given, Wanted, mapped};

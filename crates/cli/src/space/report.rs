@@ -1,5 +1,6 @@
 //! What a run in space has made, for `report.json` and for people.
 
+use super::inertial::Felt;
 use super::simulated::AgainstTruth;
 use super::source::Source;
 use crate::report::remarks;
@@ -64,6 +65,9 @@ pub(super) struct Results {
     beside: Beside,
     /// Of a simulated drive.
     truth: Option<AgainstTruth>,
+    /// Gravity edges, which g2o has no type for.
+    gravity: usize,
+    felt: Option<Felt>,
 }
 
 /// What a run says beside the poses that came with its recording.
@@ -127,7 +131,24 @@ impl Results {
             map_points,
             beside,
             truth,
+            gravity: session.gravity().len(),
+            felt: None,
         }
+    }
+
+    /// The same with what a run says of inertial readings.
+    pub(super) fn feeling(self, felt: Option<Felt>) -> Self {
+        Self { felt, ..self }
+    }
+
+    /// What is odd about it, in words.
+    pub(super) fn odd(&self) -> Vec<String> {
+        let mut odd = self.felt.as_ref().map_or_else(Vec::new, Felt::odd);
+        if self.gravity > 0 {
+            let left_out = grouped(self.gravity as u64);
+            odd.push(format!("gravity edges left out of graph.g2o, which has no type for them: {left_out}"));
+        }
+        odd
     }
 }
 
@@ -209,6 +230,8 @@ pub(super) fn to_json(
             "kitti_percent": errors.segments.as_ref().map(|segments| segments.all.translation_percent),
             "kitti_deg_per_100_m": errors.segments.as_ref().map(|segments| segments.all.rotation_deg_per_100_m),
         })),
+        "imu": results.felt.as_ref().map(Felt::to_json),
+        "gravity_edges_not_in_g2o": results.gravity,
         "not_compared": results.beside.refused,
         "losses": losses,
     });
@@ -251,6 +274,7 @@ pub(super) fn to_words(
         results.closures,
         results.candidates
     );
+    words += &results.felt.as_ref().map_or_else(String::new, Felt::to_words);
     if let Some((file, errors)) = &results.beside.errors {
         words += &format!(
             "beside   {file}: {} poses, ATE {:.4} m (worst {:.3}), from cloud to cloud {:.4} m, {:.3} deg (median)\n",

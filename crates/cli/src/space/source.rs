@@ -4,8 +4,9 @@ use super::messages::Messages;
 use super::simulated::Simulation;
 use crate::args::SourceArgs;
 use crate::failure::Failure;
-use mapwright::{Cloud, Pose3, SpaceSensor};
+use mapwright::{Cloud, ImuReading, Pose3, SpaceSensor};
 use mapwright_clouds::{Clouds, Notes, Recording, Reference};
+use mapwright_logs::SpaceEvent;
 use serde_json::Value;
 
 /// A source of clouds, and all that is known of it.
@@ -22,13 +23,19 @@ impl<'a> Source<'a> {
         Ok(Self::Files { recording, clouds, name })
     }
 
-    /// The next cloud; none at the end.
-    pub(super) fn next_cloud(&mut self) -> Result<Option<Cloud>, Failure> {
+    /// The next cloud; none at the end. Inertial readings that come before it are handed to `feel`.
+    pub(super) fn next_cloud(&mut self, feel: &mut dyn FnMut(ImuReading)) -> Result<Option<Cloud>, Failure> {
         match self {
             Self::Files { clouds, name, .. } => {
                 clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))
             }
-            Self::Messages(messages) => messages.stream.next_cloud().map_err(Failure::log),
+            Self::Messages(messages) => loop {
+                match messages.stream.next_event().map_err(Failure::log)? {
+                    Some(SpaceEvent::Imu(reading)) => feel(reading),
+                    Some(SpaceEvent::Cloud(cloud)) => return Ok(Some(cloud)),
+                    None => return Ok(None),
+                }
+            },
             Self::Simulated(simulation) => Ok(simulation.next_cloud()),
         }
     }
@@ -68,6 +75,14 @@ impl<'a> Source<'a> {
         match self {
             Self::Simulated(simulation) => Some(simulation),
             Self::Files { .. } | Self::Messages(_) => None,
+        }
+    }
+
+    /// The topic of inertial readings, if there is one.
+    pub(super) fn imu_name(&self) -> Option<&str> {
+        match self {
+            Self::Files { .. } | Self::Simulated(_) => None,
+            Self::Messages(messages) => messages.stream.plan().imu.as_ref().map(|imu| imu.name.as_str()),
         }
     }
 

@@ -15,5 +15,6 @@ mod robot;
 mod session;
 mod show;
 mod space;
+mod space_imu;
 mod suite;
 mod support;

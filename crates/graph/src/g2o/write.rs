@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::io::{self, Write};
 
 /// Writes a graph with g2o's tags; every number reads back as the same double, but for the rounding of the quaternion's
-/// norm.
+/// norm. Gravity has no tag there and is left out.
 ///
 /// # Errors
 /// Those of the stream.

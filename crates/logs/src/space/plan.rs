@@ -1,6 +1,7 @@
 //! What to map of a recording of space, and why.
 
 use super::camera::{self, CameraPlan};
+use super::imu::{self, ImuSource};
 use crate::channel::TopicKind;
 use crate::choice::Choice;
 use crate::frames::{Place, list, place_in_space};
@@ -30,6 +31,8 @@ pub struct SpacePlan {
     pub robot_frame: String,
     /// Where odometry comes from.
     pub odometry: OdometrySource,
+    /// Where inertial readings come from, if there are any.
+    pub imu: Option<ImuSource>,
     /// Each decision and why: the name of what was decided, and the words.
     pub reasons: Vec<(&'static str, String)>,
     /// What had to be assumed, in words.
@@ -95,6 +98,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
     let Candidate { topic, place, is_camera, camera } = chosen;
     let (place, assumed_mount) = looking_ahead(place, topic, is_camera);
     let odometry = odometry::find_in_space(survey, &place, choice);
+    let imu = imu::find(survey, topic, &place, choice);
     let is_asked = choice.topics.iter().any(|name| same_name(name, &topic.name));
     let why = match (is_asked, others) {
         (true, _) => "as asked for".to_owned(),
@@ -109,6 +113,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
     reasons.push(("robot", format!("'{}', {}", place.robot_frame, place.reason)));
     reasons.push(("mounting", mounting_words(topic.frame(), &place)));
     reasons.push(("odometry", odometry.reason.clone()));
+    reasons.extend(imu.reason.map(|reason| ("imu", reason)));
     if topic.kind == TopicKind::Cloud {
         reasons.push(("motion", motion_words(topic, is_camera)));
     }
@@ -131,8 +136,9 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         sensor,
         robot_frame: place.robot_frame,
         odometry: odometry.source,
+        imu: imu.source,
         reasons,
-        assumed: assumed_mount.into_iter().chain(odometry.assumed).chain(of_camera).collect(),
+        assumed: assumed_mount.into_iter().chain(odometry.assumed).chain(imu.assumed).chain(of_camera).collect(),
         sensors,
         camera: camera.map(|camera| camera.plan),
     }

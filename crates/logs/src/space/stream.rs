@@ -1,5 +1,6 @@
-//! The second pass over a recording of space: its clouds.
+//! The second pass over a recording of space: its clouds and inertial readings.
 
+use super::imu;
 use super::maker::{CloudMaker, Made};
 use super::plan::SpacePlan;
 use super::wheels::Wheels;
@@ -12,7 +13,7 @@ use crate::survey::{Survey, same_name};
 use mapwright_bags::{Connection, RawMessage, Recording};
 use mapwright_clouds::{NoteKind, Notes};
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_sensor::Cloud;
+use mapwright_sensor::{Cloud, ImuReading};
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -24,19 +25,31 @@ const FARTHEST_M: f64 = 1e6;
 enum Use {
     Clouds,
     Odometry,
+    Imu,
     Nothing,
 }
 
-/// A cloud that waits for odometry.
+/// What a recording of space delivers.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SpaceEvent {
+    /// A reading of the inertial sensor, turned into the robot's frame.
+    Imu(ImuReading),
+    /// A cloud.
+    Cloud(Cloud),
+}
+
+/// A cloud that waits for odometry and inertial readings.
 #[derive(Debug)]
 struct Waiting {
     cloud: Cloud,
+    /// When its last point was taken.
+    end: Stamp,
     recorded: Stamp,
     offset_bytes: u64,
 }
 
-/// The clouds of a recording according to a plan, in order of their arrival. One waits for odometry as recent as itself, over at
-/// most [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] clouds and [`WINDOW_BYTES`] bytes of them.
+/// The clouds of a recording according to a plan, in order of their arrival. One waits for odometry as recent as itself and
+/// inertial readings as recent as its end, which come before it, over at most [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] clouds and [`WINDOW_BYTES`] bytes of them.
 #[derive(Debug)]
 pub struct SpaceStream {
     name: String,
@@ -49,6 +62,9 @@ pub struct SpaceStream {
     waiting: VecDeque<Waiting>,
     waiting_bytes: usize,
     wheels: Wheels,
+    /// A reading that was not delivered yet, and the stamp of the last one.
+    reading: Option<ImuReading>,
+    last_reading: Option<Stamp>,
     notes: Notes,
     /// When the newest message was recorded.
     now: Stamp,
@@ -77,6 +93,8 @@ impl SpaceStream {
             waiting: VecDeque::new(),
             waiting_bytes: 0,
             wheels: Wheels::default(),
+            reading: None,
+            last_reading: None,
             notes: Notes::default(),
             now: Stamp(0),
             read: 0,
@@ -105,15 +123,32 @@ impl SpaceStream {
         &self.notes
     }
 
-    /// The next cloud; none at the end.
+    /// The next cloud; none at the end. Inertial readings before it are passed over.
     ///
     /// # Errors
     /// [`LogError::Recording`] where the file fails, [`LogError::Refused`] at the end, if not one message was a cloud.
     pub fn next_cloud(&mut self) -> Result<Option<Cloud>, LogError> {
         loop {
+            match self.next_event()? {
+                Some(SpaceEvent::Cloud(cloud)) => return Ok(Some(cloud)),
+                Some(SpaceEvent::Imu(_)) => {}
+                None => return Ok(None),
+            }
+        }
+    }
+
+    /// The next cloud or inertial reading; none at the end.
+    ///
+    /// # Errors
+    /// As [`SpaceStream::next_cloud`].
+    pub fn next_event(&mut self) -> Result<Option<SpaceEvent>, LogError> {
+        loop {
+            if let Some(reading) = self.reading.take() {
+                return Ok(Some(SpaceEvent::Imu(reading)));
+            }
             if let Some(cloud) = self.pop() {
                 self.delivered += 1;
-                return Ok(Some(cloud));
+                return Ok(Some(SpaceEvent::Cloud(cloud)));
             }
             if self.is_end {
                 return self.end();
@@ -122,7 +157,7 @@ impl SpaceStream {
         }
     }
 
-    fn end(&self) -> Result<Option<Cloud>, LogError> {
+    fn end(&self) -> Result<Option<SpaceEvent>, LogError> {
         match &self.first_failure {
             Some(first) if self.delivered == 0 => {
                 let reason = format!("none of the messages of {} can be mapped; the first: {first}", self.plan.topic);
@@ -157,6 +192,17 @@ impl SpaceStream {
                     }
                 }
             }
+            Use::Imu => {
+                let Some(source) = &self.plan.imu else { return Ok(()) };
+                let messages = self.decoders.of(message.connection);
+                match imu::reading(source, messages, message.data, message.log_stamp) {
+                    Ok((reading, is_unstamped)) => self.take_reading(reading, is_unstamped, place),
+                    Err(reason) => {
+                        let words = || ("an inertial reading", reason);
+                        self.notes.note(NoteKind::UnreadableImu, &source.name, place, words);
+                    }
+                }
+            }
             Use::Odometry => {
                 let messages = self.decoders.of(message.connection);
                 let taken = take_odometry(&self.plan.odometry, messages, &message, &mut self.wheels);
@@ -167,6 +213,19 @@ impl SpaceStream {
             }
         }
         Ok(())
+    }
+
+    fn take_reading(&mut self, reading: ImuReading, is_unstamped: bool, place: usize) {
+        let topic = self.plan.imu.as_ref().map_or("", |source| source.name.as_str());
+        if is_unstamped {
+            self.notes.note(NoteKind::RecordedStamp, topic, place, || ("a stamp in the header", "zero"));
+        }
+        if let Some(last) = self.last_reading.filter(|last| reading.stamp < *last) {
+            let words = || (format!("a stamp after {}", seconds(last)), seconds(reading.stamp));
+            self.notes.note(NoteKind::BackwardStamp, topic, place, words);
+        }
+        self.last_reading = Some(reading.stamp);
+        self.reading = Some(reading);
     }
 
     fn take(&mut self, made: Made, offset_bytes: u64) {
@@ -189,16 +248,20 @@ impl SpaceStream {
             notes.note(NoteKind::NotFinite, topic, place, words);
         }
         self.waiting_bytes += held_bytes(&cloud);
-        self.waiting.push_back(Waiting { cloud, recorded: self.now, offset_bytes });
+        let last_s = cloud.times_s.iter().copied().filter(|s| s.is_finite()).fold(0.0_f32, f32::max);
+        let end = Stamp(cloud.stamp.0.saturating_add(Stamp::from_secs_f64(f64::from(last_s).min(WINDOW_S)).0));
+        self.waiting.push_back(Waiting { cloud, end, recorded: self.now, offset_bytes });
     }
 
-    /// The next cloud, where the wheels' reading is there or has been waited for long enough.
+    /// The next cloud, where the wheels' reading and the inertial ones are there or have been waited for long enough.
     fn pop(&mut self) -> Option<Cloud> {
         let has_odometry = self.plan.odometry != OdometrySource::None;
+        let has_imu = self.plan.imu.is_some();
         let is_due = |first: &Waiting| {
+            let is_counted = !has_odometry || self.wheels.newest().is_some_and(|newest| newest >= first.cloud.stamp);
+            let is_felt = !has_imu || self.last_reading.is_some_and(|newest| newest >= first.end);
             self.is_end
-                || !has_odometry
-                || self.wheels.newest().is_some_and(|newest| newest >= first.cloud.stamp)
+                || (is_counted && is_felt)
                 || self.now.secs_since(first.recorded) > WINDOW_S
                 || self.waiting.len() > WINDOW_MESSAGES
                 || self.waiting_bytes > WINDOW_BYTES
@@ -210,7 +273,6 @@ impl SpaceStream {
         self.waiting_bytes = self.waiting_bytes.saturating_sub(held_bytes(&cloud));
         cloud.odom_from_robot = self.wheels.at(cloud.stamp);
         let (topic, place) = (self.plan.topic.as_str(), usize::try_from(offset_bytes).unwrap_or(usize::MAX));
-        let seconds = |stamp: Stamp| format!("{:.6} s", stamp.as_secs_f64());
         if has_odometry && cloud.odom_from_robot.is_none() {
             let words = || ("odometry within 2 s before the cloud", format!("none at {}", seconds(cloud.stamp)));
             self.notes.note(NoteKind::WithoutOdometry, topic, place, words);
@@ -222,6 +284,10 @@ impl SpaceStream {
         self.last_stamp = Some(cloud.stamp);
         Some(cloud)
     }
+}
+
+fn seconds(stamp: Stamp) -> String {
+    format!("{:.6} s", stamp.as_secs_f64())
 }
 
 fn held_bytes(cloud: &Cloud) -> usize {
@@ -243,6 +309,9 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &SpacePlan) 
         };
         if kind == plan.kind && same_name(&plan.topic, &connection.topic) {
             Use::Clouds
+        } else if kind == TopicKind::Imu && plan.imu.as_ref().is_some_and(|imu| same_name(&imu.name, &connection.topic))
+        {
+            Use::Imu
         } else if is_odometry {
             Use::Odometry
         } else {

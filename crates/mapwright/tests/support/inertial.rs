@@ -43,7 +43,8 @@ pub(crate) struct Found {
     pub(crate) errors: SpaceErrors,
     /// Clouds that were not tracked.
     pub(crate) untracked: usize,
-    /// By how much predicted rotations from cloud to cloud differ from the true ones: median and worst, degrees.
+    /// By how much predicted rotations from cloud to cloud differ from the true ones, of an inertial sensor those that it has told: median
+    /// and worst, degrees.
     pub(crate) predicted_deg: [f64; 2],
     /// The largest true rotation between two clouds that were mapped, degrees.
     pub(crate) fastest_deg: f64,
@@ -89,6 +90,7 @@ pub(crate) fn mapped_with(
     let (mut predicted, mut fastest) = (Vec::new(), 0.0_f64);
     let (mut last_odom, mut last_middle) = (None::<Pose3>, None::<Pose3>);
     let mut mapping_s = 0.0;
+    let has_imu = matches!(given, Given::Imu | Given::WheelsAndImu | Given::TurnsOnly);
     for taken in drive.clouds().step_by(wanted.every) {
         let mut cloud = taken.cloud;
         let end = Stamp(cloud.stamp.0 + 100_000_000);
@@ -96,7 +98,7 @@ pub(crate) fn mapped_with(
             if given == Given::TurnsOnly {
                 reading.specific_force_m_per_s2 = None;
             }
-            if matches!(given, Given::Imu | Given::WheelsAndImu | Given::TurnsOnly) {
+            if has_imu {
                 for reading in handed_in(reading) {
                     mapper.add_imu(reading);
                 }
@@ -107,7 +109,9 @@ pub(crate) fn mapped_with(
         }
         change(&mut cloud);
         let began = std::time::Instant::now();
+        let predicted_before = mapper.imu_report().predicted;
         let update = mapper.add_cloud(&cloud);
+        let is_read = mapper.imu_report().predicted > predicted_before;
         mapping_s += began.elapsed().as_secs_f64();
         untracked += usize::from(update.status != Status::Tracking);
         // predictions lead from the middle of one sweep to that of the next
@@ -115,7 +119,7 @@ pub(crate) fn mapped_with(
         let true_step = last_middle.map(|last| last.between(middle));
         last_middle = Some(middle);
         let step = last_odom.map(|last| last.between(update.odom_from_robot));
-        if let Some((true_step, step)) = true_step.zip(step) {
+        if let Some((true_step, step)) = true_step.zip(step).filter(|_| is_read || !has_imu) {
             predicted.push(true_step.rotation.angle_to(&step.rotation).to_degrees());
             fastest = fastest.max(true_step.rotation.angle().to_degrees());
         }
@@ -126,7 +130,8 @@ pub(crate) fn mapped_with(
         mapper.session().trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
     let errors = space_errors(&truth, &way, Alignment::Rigid, &RpeSettings::default()).unwrap();
     predicted.sort_by(f64::total_cmp);
-    let predicted_deg = [predicted[predicted.len() / 2], predicted[predicted.len() - 1]];
+    let predicted_deg =
+        [predicted.len() / 2, predicted.len().saturating_sub(1)].map(|k| predicted.get(k).copied().unwrap_or(0.0));
     let lean = |(truth, found): (&(Stamp, Pose3), &(Stamp, Pose3))| {
         let [a, b] = [truth.1, found.1].map(|pose| pose.rotation.inverse() * Vector3::z());
         a.angle(&b).to_degrees()

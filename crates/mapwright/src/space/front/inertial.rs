@@ -1,7 +1,7 @@
 //! What an inertial sensor tells the front end: how the robot turned since the last cloud and during a sweep, and where down is.
 //!
 //! Its readings are believed once matches have borne them out, and no longer than they do: a mount that is told wrongly shows with the
-//! first turn. The gyroscope's bias is what matches and readings differ by over a second or more.
+//! first turn. Until a turn has been borne out, what they say is one more start of the match, and no more. The gyroscope's bias is what matches and readings differ by over a second or more.
 
 use super::predict::Step;
 use super::prepare::Span;
@@ -33,6 +33,9 @@ const AGREEING_CHI2: f64 = 25.0;
 const TRUST_LOST: u32 = 3;
 const TRUST_AT_MOST: u32 = 12;
 const TRUST_AT_LEAST: u32 = 3;
+/// and once clouds that agree have turned by so much in all, radians, of which those count that turn by more than noise and bias make up.
+const PROVEN_RAD: f64 = 0.4;
+const TELLING_RAD: f64 = 0.03;
 /// A robot is pushed by so much besides gravity while nothing tells of it, standard deviation, metres per second squared,
 const PUSHED_M_PER_S2: f64 = 0.5;
 /// and by so much besides what matches say of its velocities: these are some 0.05 m/s wrong, whatever their number on the way.
@@ -95,6 +98,7 @@ pub(super) struct Inertial {
     /// What readings and matches say since the bias was learnt last.
     since: (Turned, UnitQuaternion<f64>),
     trust: u32,
+    proven_rad: f64,
     report: ImuReport,
 }
 
@@ -112,6 +116,7 @@ impl Default for Inertial {
             turned: None,
             since: (Turned::none(), UnitQuaternion::identity()),
             trust: 0,
+            proven_rad: 0.0,
             report: ImuReport::default(),
         }
     }
@@ -136,7 +141,7 @@ impl Inertial {
     }
 
     fn is_trusted(&self) -> bool {
-        self.trust >= TRUST_AT_LEAST
+        self.trust >= TRUST_AT_LEAST && self.proven_rad >= PROVEN_RAD
     }
 
     /// The step with the rotation that was read, if readings are there and believed; `now` is the middle of the cloud.
@@ -152,7 +157,10 @@ impl Inertial {
         self.turned = turned;
         self.before_last = self.last.replace(now);
         self.readings.use_until(now);
-        let Some(turned) = turned.filter(|_| self.is_trusted()) else { return step };
+        let Some(turned) = turned else { return step };
+        if !self.is_trusted() {
+            return Step { read: Some(turned.start_from_end), ..step };
+        }
         let Some(information) = self.covariance(&turned).try_inverse() else { return step };
         self.report.predicted += 1;
         step.turning(turned.start_from_end, &information)
@@ -197,10 +205,13 @@ impl Inertial {
         if !agrees {
             self.report.contradicted += 1;
             self.trust = self.trust.saturating_sub(TRUST_LOST);
+            self.proven_rad = 0.0;
             self.forget_since();
             return;
         }
         self.trust = (self.trust + 1).min(TRUST_AT_MOST);
+        let angle_rad = turned.start_from_end.angle();
+        self.proven_rad += if angle_rad >= TELLING_RAD { angle_rad } else { 0.0 };
         let (read, matched) = self.since;
         self.since = (read.then(turned), matched * moved.rotation);
         if self.since.0.elapsed_s >= LEARNT_S {
@@ -330,11 +341,11 @@ impl Bias {
 }
 
 /// So many directions of gravity are weighed together, the newest,
-const WEIGHED: usize = 30;
+const WEIGHED: usize = 10;
 /// at least so many since the map was levelled the last time.
 const WEIGHED_AT_LEAST: usize = 5;
-/// The map leans when the mean of what they say is this unlikely: the 99.9 % quantile of chi-square with two degrees of freedom.
-const LEANING_CHI2: f64 = 13.8;
+/// The map leans when the mean of what they say is this unlikely: the 99 % quantile of chi-square with two degrees of freedom.
+const LEANING_CHI2: f64 = 9.21;
 
 /// Whether directions of gravity say together that the map leans.
 #[derive(Debug, Clone, Copy, Default)]

@@ -34,6 +34,8 @@ pub(super) struct Step {
     pub(super) from_odometry: bool,
     /// Whether its rotation was read from an inertial sensor.
     pub(super) from_imu: bool,
+    /// The rotation that was read from one that is not believed yet.
+    pub(super) read: Option<UnitQuaternion<f64>>,
 }
 
 impl Step {
@@ -73,7 +75,7 @@ impl Predictor {
             .filter(|step| step.is_finite() && step.translation.norm() <= JUMP_M.max(JUMP_MPS * elapsed_s));
         if let Some(last_from_robot) = by_odometry {
             let information = odometry_information(settings, last_from_robot, elapsed_s);
-            return Step { last_from_robot, information, elapsed_s, from_odometry: true, from_imu: false };
+            return Step { last_from_robot, information, elapsed_s, from_odometry: true, from_imu: false, read: None };
         }
         let carried = self.last.filter(|(_, last_s)| elapsed_s <= CARRIED_PERIODS * last_s);
         let last_from_robot =
@@ -82,7 +84,7 @@ impl Predictor {
         let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * elapsed_s) * elapsed_s;
         let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * elapsed_s) * elapsed_s;
         let information = information_of([sigma_m; 3], [sigma_rad; 3]);
-        Step { last_from_robot, information, elapsed_s, from_odometry: false, from_imu: false }
+        Step { last_from_robot, information, elapsed_s, from_odometry: false, from_imu: false, read: None }
     }
 
     /// The robot's twist while a cloud is taken: as it has moved by the last matches, which know its tilting as well; by odometry while

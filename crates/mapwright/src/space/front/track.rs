@@ -75,12 +75,13 @@ impl Tracker {
         let prior = Prior { map_from_cloud: predicted, information: step.information };
         // Constant velocity as the only start is worse than standing still.
         let standing = if step.from_imu { Pose3 { rotation: predicted.rotation, ..last } } else { last };
-        let starts = [predicted, standing];
+        let read = step.read.map(|rotation| Pose3 { rotation: last.rotation * rotation, ..predicted });
+        let starts = [predicted, standing].into_iter().chain(read);
         let better_share = if step.from_imu { READ_BETTER_SHARE } else { BETTER_SHARE };
         let first = if step.from_odometry {
             predicted
         } else {
-            self.matcher.rough(map, points, &prior, starts.into_iter(), 1).first().copied().unwrap_or(predicted)
+            self.matcher.rough(map, points, &prior, starts, 1).first().copied().unwrap_or(predicted)
         };
         let mut best = self.matcher.climb(map, points, &prior, first);
         let mut restarts = 0;

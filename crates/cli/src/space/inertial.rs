@@ -1,0 +1,76 @@
+//! What a run says of inertial readings.
+
+use super::source::Source;
+use crate::terminal::{count, grouped};
+use mapwright::{ImuReport, SpaceMapper};
+use serde_json::{Value, json};
+
+/// The readings of a run.
+#[derive(Debug, Clone)]
+pub(super) struct Felt {
+    topic: String,
+    report: ImuReport,
+}
+
+impl Felt {
+    /// None where the recording has no inertial sensor.
+    pub(super) fn of(source: &Source<'_>, mapper: &SpaceMapper) -> Option<Self> {
+        Some(Self { topic: source.imu_name()?.to_owned(), report: mapper.imu_report() })
+    }
+
+    pub(super) fn to_json(&self) -> Value {
+        let ImuReport {
+            readings,
+            unsound,
+            late,
+            set_back,
+            pushed,
+            predicted,
+            unread,
+            contradicted,
+            gravity,
+            bias_rad_per_s,
+            bias_sigma_rad_per_s,
+        } = self.report;
+        json!({
+            "topic": self.topic,
+            "readings": readings,
+            "unsound": unsound,
+            "late": late,
+            "clock_set_back": set_back,
+            "far_from_gravity": pushed,
+            "clouds_predicted": predicted,
+            "clouds_without": unread,
+            "clouds_that_contradict": contradicted,
+            "gravity_edges": gravity,
+            "gyroscope_bias_rad_per_s": bias_rad_per_s,
+            "gyroscope_bias_sigma_rad_per_s": bias_sigma_rad_per_s,
+        })
+    }
+
+    pub(super) fn to_words(&self) -> String {
+        let report = &self.report;
+        let [x, y, z] = report.bias_rad_per_s.map(|bias| format!("{:.4}", bias + 0.0));
+        format!(
+            "imu      {}: {}, {} turned by it, {} of gravity; bias {x} {y} {z} rad/s (+- {:.4})\n",
+            self.topic,
+            count(report.readings, "reading"),
+            count(report.predicted, "cloud"),
+            count(report.gravity, "edge"),
+            report.bias_sigma_rad_per_s
+        )
+    }
+
+    /// What is odd, in words.
+    pub(super) fn odd(&self) -> Vec<String> {
+        let ImuReport { late, set_back, unread, contradicted, .. } = self.report;
+        let odd = [
+            (late, "inertial readings later than the cloud that they tell of, not used"),
+            (set_back, "inertial readings more than a second older than the one before"),
+            (unread, "clouds without enough inertial readings since the one before"),
+            (contradicted, "clouds whose match contradicts the inertial readings"),
+        ];
+        let odd = odd.into_iter().filter(|(count, _)| *count > 0);
+        odd.map(|(count, what)| format!("{what}: {}", grouped(count))).collect()
+    }
+}

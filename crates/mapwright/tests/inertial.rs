@@ -1,0 +1,124 @@
+//! The pipeline in space with an inertial sensor.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+#[path = "support/inertial.rs"]
+#[allow(dead_code, reason = "shared with an example")]
+mod support;
+
+use mapwright::{Correction, ImuReading, ImuTaken, Settings, SpaceMapper, SpaceSweep, Stamp};
+use mapwright_record::{LogWriter, read_log};
+use mapwright_sim::space::ImuSettings;
+use nalgebra::Vector3;
+use support::{Given, Wanted, mapped, mapped_with};
+
+fn fast_turns() -> Wanted {
+    Wanted { seed: 1, seconds: 30.0, every: 4, turn_rate_rad_per_s: 2.4, ..Wanted::default() }
+}
+
+#[test]
+fn fast_turns_between_clouds_are_predicted_and_the_bias_is_found() {
+    let (with, without) = (mapped(&fast_turns(), Given::Imu), mapped(&fast_turns(), Given::Nothing));
+    println!("with {:?} {:?}, without {:?}", with.predicted_deg, with.report, without.predicted_deg);
+    assert!(with.fastest_deg > 45.0, "{}", with.fastest_deg);
+    assert!(with.predicted_deg[0] < 0.1 && with.predicted_deg[1] < 1.0, "{:?}", with.predicted_deg);
+    assert!(without.predicted_deg[0] > 1.0 && without.predicted_deg[1] > 15.0, "{:?}", without.predicted_deg);
+    let ate_m = [&with, &without].map(|found| found.errors.absolute.translation_m.rmse);
+    assert!(ate_m[0] <= ate_m[1] && with.untracked == 0, "{ate_m:?} {}", with.untracked);
+    let report = with.report;
+    let truth = Vector3::from(ImuSettings::default().turn_rate_bias_rad_per_s);
+    let off = Vector3::from(report.bias_rad_per_s) - truth;
+    assert!(off.norm() < 0.2 * truth.norm() && off.norm() < 4.0 * report.bias_sigma_rad_per_s, "{report:?}");
+    assert_eq!((report.unsound, report.late, report.set_back, report.contradicted), (0, 0, 0, 0));
+    // a direction's stated deviation is that of its error
+    assert!(with.gravity_sigmas[0] > 0.2 && with.gravity_sigmas[0] < 1.3, "{:?}", with.gravity_sigmas);
+}
+
+#[test]
+fn gravity_bounds_roll_and_pitch_on_the_way_around() {
+    let wanted = Wanted { seed: 1, seconds: 60.0, ..Wanted::default() };
+    let unlevelled = || {
+        let mut settings = Settings::default();
+        settings.loops.correction = Correction::None;
+        mapped_with(&wanted, Given::Imu, settings, |reading| vec![reading], |_| ())
+    };
+    let (with, turns, without) = (mapped(&wanted, Given::Imu), mapped(&wanted, Given::TurnsOnly), unlevelled());
+    println!("{:?}, by turns alone {:?}, uncorrected {:?}", with.lean_deg, turns.lean_deg, without.lean_deg);
+    assert!(with.lean_deg[1] < 0.9 && with.lean_deg[1] < 0.6 * turns.lean_deg[1], "{:?}", with.lean_deg);
+    assert!(with.lean_deg[1] < 0.6 * without.lean_deg[1]);
+    assert!(with.report.gravity > 15 && turns.report.gravity == 0, "{:?}", with.report);
+    assert_eq!(with.mapper.session().gravity().len() as u64, with.report.gravity);
+    let ate_m = [&with, &turns].map(|found| found.errors.absolute.translation_m.rmse);
+    assert!(ate_m[0] < 1.1 * ate_m[1], "{ate_m:?}");
+}
+
+#[test]
+fn readings_that_are_late_in_disorder_bad_or_missing_do_no_harm() {
+    let wanted = Wanted { seconds: 12.0, ..Wanted::default() };
+    let without = mapped(&wanted, Given::Nothing);
+    let bad = |reading: ImuReading| {
+        let number = reading.stamp.0 / 5_000_000;
+        let nan = ImuReading { turn_rate_rad_per_s: Vector3::repeat(f64::NAN), ..reading };
+        let late = ImuReading { stamp: Stamp(reading.stamp.0 - 600_000_000), ..reading };
+        let far = ImuReading { stamp: Stamp(i64::MIN / 4), ..reading };
+        match number {
+            // nothing for two seconds
+            800..1200 => Vec::new(),
+            1500 => vec![far, reading],
+            _ if number % 50 == 0 => vec![nan, late, reading],
+            _ => vec![reading],
+        }
+    };
+    let found = mapped_with(&wanted, Given::Imu, Settings::default(), bad, |_| ());
+    println!("{:?}", found.report);
+    let [with_m, without_m] = [&found, &without].map(|found| found.errors.absolute.translation_m.rmse);
+    assert!(with_m < 1.2 * without_m && found.untracked == 0, "{with_m} {without_m}");
+    let report = found.report;
+    assert!(report.unsound > 20 && report.late > 20 && report.set_back > 0 && report.unread > 10, "{report:?}");
+}
+
+/// An inertial sensor that is not mounted as is said contradicts matches as soon as the robot turns, and is left aside.
+#[test]
+fn a_sensor_that_is_mounted_otherwise_is_not_believed() {
+    let wanted = Wanted { seconds: 20.0, ..Wanted::default() };
+    let without = mapped(&wanted, Given::Nothing);
+    let upside_down = |reading: ImuReading| {
+        let force = reading.specific_force_m_per_s2;
+        vec![ImuReading {
+            turn_rate_rad_per_s: -reading.turn_rate_rad_per_s,
+            specific_force_m_per_s2: force,
+            ..reading
+        }]
+    };
+    let found = mapped_with(&wanted, Given::Imu, Settings::default(), upside_down, |_| ());
+    let [with_m, without_m] = [&found, &without].map(|found| found.errors.absolute.translation_m.rmse);
+    println!("{with_m} {without_m} {:?}", found.report);
+    assert!(found.report.contradicted > 3 && found.untracked == 0, "{:?}", found.report);
+    assert!(with_m < without_m + 0.02, "{with_m} {without_m}");
+}
+
+#[test]
+fn the_same_readings_make_the_same_bytes_and_the_log_keeps_gravity() {
+    let wanted = Wanted { seconds: 15.0, ..Wanted::default() };
+    let log = || {
+        let drive = support::drive(&wanted);
+        let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
+        let (mut writer, mut bytes) = (LogWriter::<SpaceSweep>::new(), Vec::new());
+        let mut readings = drive.imu_readings().peekable();
+        for taken in drive.clouds() {
+            let end = Stamp(taken.cloud.stamp.0 + 100_000_000);
+            while let Some(reading) = readings.next_if(|reading| reading.stamp <= end) {
+                assert_eq!(mapper.add_imu(reading), ImuTaken::Kept);
+            }
+            for entry in mapper.add_cloud(&taken.cloud).entries {
+                writer.append(&mut bytes, &entry).unwrap();
+            }
+        }
+        writer.finish(&mut bytes);
+        (mapper, bytes)
+    };
+    let ((mapper, bytes), (_, again)) = (log(), log());
+    assert!(bytes == again && !mapper.session().gravity().is_empty());
+    let (session, report) = read_log::<SpaceSweep>(&bytes).unwrap();
+    assert!(report.losses.is_empty() && &session == mapper.session());
+}
