@@ -9,7 +9,7 @@ use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
-use crate::session::{SessionLog, read_session};
+use crate::session::{SessionLog, earlier_in_plane};
 use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
@@ -76,7 +76,7 @@ impl Mapping {
         let clock = StageClock::start();
         let start = args.start.unwrap_or(Pose2::IDENTITY);
         let settings = settings_of(args)?;
-        let earlier = args.resume.as_ref().map(|path| read_session(path)).transpose()?;
+        let earlier = args.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
         let (earlier, earlier_losses) = earlier.map_or((None, Vec::new()), |(session, losses)| (Some(session), losses));
         let log = SessionLog::begin(&mut output, earlier.as_ref())?;
         let mapper = match earlier {

@@ -74,20 +74,14 @@ impl<M: Measurement> SessionLog<M> {
     }
 }
 
-/// The session of a folder of results, that of a run that was cut short in it, or that file itself, and what was lost of it in
-/// words.
-pub(crate) fn read_session(path: &Path) -> Result<(Session, Vec<String>), Failure> {
-    let (path, bytes) = read_bytes(path)?;
-    in_words(&path, Session::read(&bytes))
-}
-
 /// A session of either kind.
 pub(crate) enum AnySession {
     Plane(Session),
     Space(Session<SpaceSweep>),
 }
 
-/// As [`read_session`], of either kind: a log's entries belong to runs, and runs have a kind.
+/// The session of a folder of results, that of a run that was cut short in it, or that file itself, and what was lost of it in
+/// words. A log's entries belong to runs, and runs have a kind.
 pub(crate) fn read_any_session(path: &Path) -> Result<(AnySession, Vec<String>), Failure> {
     let (path, bytes) = read_bytes(path)?;
     let (plane, losses) = in_words(&path, Session::read(&bytes))?;
@@ -98,6 +92,28 @@ pub(crate) fn read_any_session(path: &Path) -> Result<(AnySession, Vec<String>),
         }
     }
     Ok((AnySession::Plane(plane), losses))
+}
+
+/// The planar session that a run goes on with.
+pub(crate) fn earlier_in_plane(path: &Path) -> Result<(Session, Vec<String>), Failure> {
+    match read_any_session(path)? {
+        (AnySession::Plane(session), losses) => Ok((session, losses)),
+        (AnySession::Space(_), _) => Err(of_other_kind(path, "space", "a planar laser")),
+    }
+}
+
+/// The session in space that a run goes on with.
+pub(crate) fn earlier_in_space(path: &Path) -> Result<(Session<SpaceSweep>, Vec<String>), Failure> {
+    match read_any_session(path)? {
+        (AnySession::Space(session), losses) => Ok((session, losses)),
+        (AnySession::Plane(session), losses) if session.runs().len() == 0 => Ok((Session::default(), losses)),
+        (AnySession::Plane(_), _) => Err(of_other_kind(path, "the plane", "a sensor in space")),
+    }
+}
+
+fn of_other_kind(path: &Path, kind: &str, log: &str) -> Failure {
+    let cause = format!("it is of {kind}, and a log of {log} cannot go on with it");
+    Failure::Session { path: path.to_owned(), cause }
 }
 
 fn read_bytes(path: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {

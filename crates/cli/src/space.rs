@@ -23,7 +23,7 @@ use crate::mapping::settings_of;
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
-use crate::session::SessionLog;
+use crate::session::{SessionLog, earlier_in_space};
 use crate::stamps::Stamper;
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
@@ -49,11 +49,9 @@ pub(crate) struct Run<'a> {
 
 /// Maps such a recording, or a simulated one.
 pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
-    if args.mapping.resume.is_some() || args.mapping.start.is_some() {
-        let option = if args.mapping.resume.is_some() { "--resume" } else { "--start" };
-        return Err(Failure::Log(format!(
-            "{option} is for logs of planar lasers: maps of space always begin anew, at their origin"
-        )));
+    if args.mapping.start.is_some() {
+        let reason = "--start is for logs of planar lasers: maps of space begin at their origin";
+        return Err(Failure::Log(reason.to_owned()));
     }
     let name = args.name;
     let output = OutputFolder::create(args.output)?;
@@ -71,6 +69,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     mapping.end_of_clouds();
     let notes = source.notes();
     let (mut losses, mut odd) = source.damages();
+    losses.append(&mut mapping.earlier_losses);
     let (lost, noted) = notes_in_words(&notes);
     losses.extend(lost);
     odd.extend(noted);
@@ -103,6 +102,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
 struct Mapping {
     mapper: SpaceMapper,
     log: SessionLog<SpaceSweep>,
+    earlier_losses: Vec<String>,
     tally: Tally,
     clock: StageClock,
     output: OutputFolder,
@@ -115,12 +115,19 @@ struct Mapping {
 impl Mapping {
     fn begin(args: &MappingArgs, mut output: OutputFolder, length: u64) -> Result<Self, Failure> {
         let clock = StageClock::start();
-        let mapper = SpaceMapper::new(settings_of(args)?)?;
-        let log = SessionLog::begin(&mut output, None)?;
+        let settings = settings_of(args)?;
+        let earlier = args.resume.as_ref().map(|path| earlier_in_space(path)).transpose()?;
+        let (earlier, earlier_losses) = earlier.map_or((None, Vec::new()), |(session, losses)| (Some(session), losses));
+        let log = SessionLog::begin(&mut output, earlier.as_ref())?;
+        let mapper = match earlier {
+            Some(session) => SpaceMapper::resume(settings, session)?,
+            None => SpaceMapper::new(settings)?,
+        };
         let online = Some(TumWriter::new(output.begin(ONLINE)?));
         Ok(Self {
             mapper,
             log,
+            earlier_losses,
             tally: Tally::default(),
             clock,
             output,
@@ -151,6 +158,7 @@ impl Mapping {
         if let Some(online) = self.online.take() {
             online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
+        self.log.add(self.mapper.checkpoint().entries)?;
         self.log.finish()?;
         let session = self.log.session();
         let mut stamper = Stamper::new(self.policy);
