@@ -10,9 +10,25 @@ use crate::surfel_map::{Level, Looked, SurfelMap};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
+/// How the objective is climbed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Ascent {
+    /// Damped Gauss-Newton (Levenberg 1944, Marquardt 1963).
+    #[default]
+    GaussNewton,
+    /// The gradient ascent of Thrun, Burgard and Fox's chapter on fast incremental mapping, with one adaptive step length `kappa`. Steps are
+    /// `kappa diag(1, 1, 1, 1/L^2, 1/L^2, 1/L^2) grad / c`, with `L` the rms range and `c` the mean curvature along the axes of
+    /// translation: a metre and a radian count alike, and one `kappa` serves all clouds.
+    Gradient,
+    /// The same with `L` = 1 m: a radian counts as a metre whatever the range.
+    UnscaledGradient,
+}
+
 /// How clouds are matched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MatcherSettings {
+    /// How the objective is climbed.
+    pub ascent: Ascent,
     /// Steps at most, at each resolution.
     pub steps: usize,
     /// Points at most; others are passed over evenly.
@@ -27,7 +43,14 @@ pub struct MatcherSettings {
 
 impl Default for MatcherSettings {
     fn default() -> Self {
-        Self { steps: 15, points: 4000, kernel_medians: 3.0, fit_sigmas: 3.0, point_share: 0.05 }
+        Self {
+            ascent: Ascent::GaussNewton,
+            steps: 15,
+            points: 4000,
+            kernel_medians: 3.0,
+            fit_sigmas: 3.0,
+            point_share: 0.05,
+        }
     }
 }
 
@@ -77,6 +100,13 @@ const FIRST_DAMPING: f64 = 1e-3;
 const GROWTH: f64 = 10.0;
 const SHRINKING: f64 = 0.3;
 const LAST_DAMPING: f64 = 1e6;
+/// Gradient ascent begins with this `kappa`, which grows and shrinks so after a step that succeeds or fails; it takes so many times the
+/// steps of Gauss-Newton at most. Where it has come to rest it tries these once more: where points change voxels there are dents.
+const FIRST_KAPPA: f64 = 1.0;
+const KAPPA_GROWTH: f64 = 1.5;
+const KAPPA_SHRINKING: f64 = 0.4;
+const GRADIENT_STEPS: usize = 20;
+const DENT_STRIDES: [f64; 3] = [30.0, 10.0, 3.0];
 /// A point where nothing is known costs as much as one so many squared kernel widths off its surfel.
 const UNKNOWN_WIDTHS2: f64 = 9.0;
 
@@ -201,6 +231,66 @@ impl Matcher {
     }
 
     fn climb_level(
+        &mut self,
+        level: &Level,
+        prior: &Prior,
+        start: Pose3,
+        steps: usize,
+        evaluations: &mut u32,
+    ) -> Pose3 {
+        match self.settings.ascent {
+            Ascent::GaussNewton => self.gauss_newton(level, prior, start, steps, evaluations),
+            Ascent::Gradient => {
+                let squares: f64 = self.points.iter().flatten().map(|v| v * v).sum();
+                let lever2 = (squares / self.points.len().max(1) as f64).max(1e-6);
+                self.gradient_ascent(level, (prior, start), steps, lever2, evaluations)
+            }
+            Ascent::UnscaledGradient => self.gradient_ascent(level, (prior, start), steps, 1.0, evaluations),
+        }
+    }
+
+    fn gradient_ascent(
+        &mut self,
+        level: &Level,
+        (prior, start): (&Prior, Pose3),
+        steps: usize,
+        lever2: f64,
+        evaluations: &mut u32,
+    ) -> Pose3 {
+        self.forget_voxels();
+        let (mut pose, mut kappa) = (start, FIRST_KAPPA);
+        let mut width2 = self.width2(level, pose);
+        let mut at = self.evaluated(prior, level, pose, width2);
+        *evaluations += 1;
+        let mut strides = DENT_STRIDES.iter();
+        for taken in 1..=GRADIENT_STEPS * steps {
+            let curvature = at.hessian.diagonal().fixed_rows::<3>(0).mean().max(1e-9);
+            let scaled = Vector6::from_fn(|axis, _| -at.gradient[axis] / if axis < 3 { 1.0 } else { lever2 });
+            let step = scaled * (kappa / curvature);
+            let (move_m, turn_rad) = (step.fixed_rows::<3>(0).norm(), step.fixed_rows::<3>(3).norm());
+            if move_m < STEP_SHARE * level.size_m && turn_rad < STEP_RAD {
+                let Some(&stride) = strides.next() else { break };
+                kappa = stride;
+                continue;
+            }
+            let next = moved(pose, &step);
+            let tried = self.evaluated(prior, level, next, width2);
+            *evaluations += 1;
+            if tried.cost.is_nan() || tried.cost >= at.cost {
+                kappa *= KAPPA_SHRINKING;
+                continue;
+            }
+            (pose, at, kappa) = (next, tried, kappa * KAPPA_GROWTH);
+            if taken % (WIDTH_EVERY * GRADIENT_STEPS) == 0 {
+                width2 = self.width2(level, pose);
+                at = self.evaluated(prior, level, pose, width2);
+                *evaluations += 1;
+            }
+        }
+        pose
+    }
+
+    fn gauss_newton(
         &mut self,
         level: &Level,
         prior: &Prior,

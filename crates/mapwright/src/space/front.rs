@@ -63,15 +63,15 @@ pub(crate) struct Prepared {
 impl FrontEnd {
     pub(crate) fn new(settings: Settings, local_from_robot: Pose3) -> Self {
         Self {
-            settings,
             preparation: Preparation::default(),
             predictor: Predictor::default(),
             inertial: Inertial::default(),
             motion: SweepMotion::default(),
-            tracker: Tracker::default(),
+            tracker: Tracker::new(&settings),
             pose: RobotPose::new(local_from_robot),
             middle_from_stamp: Pose3::identity(),
             local_map: None,
+            settings,
         }
     }
 

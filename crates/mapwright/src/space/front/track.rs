@@ -4,10 +4,11 @@
 //! again from the coarse resolutions, and where less than [`DOUBT_SHARE`] of what is known fits, from other headings as well.
 
 use super::predict::Step;
+use crate::settings::{Optimizer, Settings};
 use crate::space::local_map::LocalMapping;
 use mapwright_geom::{Cov6, Pose3};
 use mapwright_record::{MatchReport, NodeId, Status};
-use mapwright_voxel::{Fit, Matcher, Prior};
+use mapwright_voxel::{Ascent, Fit, Matcher, MatcherSettings, Prior};
 use nalgebra::Vector6;
 
 /// Below this share of fitting points, among those in known territory, other starts are tried,
@@ -60,6 +61,16 @@ pub(super) struct Tracker {
 }
 
 impl Tracker {
+    pub(super) fn new(settings: &Settings) -> Self {
+        let ascent = match settings.matching.optimizer {
+            Optimizer::GaussNewton => Ascent::GaussNewton,
+            Optimizer::GradientAscent => Ascent::Gradient,
+            Optimizer::UnscaledGradientAscent => Ascent::UnscaledGradient,
+        };
+        let matcher = Matcher::new(MatcherSettings { ascent, ..MatcherSettings::default() });
+        Self { matcher, ..Self::default() }
+    }
+
     /// The cloud against the local map; `last` is where the robot was.
     pub(super) fn track(
         &mut self,
