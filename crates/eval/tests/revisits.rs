@@ -1,5 +1,7 @@
 //! What registration asks of trajectories through a simulated building.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use mapwright_eval::{EvalError, RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, SpaceSite, worlds};
@@ -46,7 +48,7 @@ fn there_and_back() -> &'static Visits {
 }
 
 fn settings() -> RevisitSettings {
-    RevisitSettings { apart: 100, within_m: 3.0, ..RevisitSettings::for_range(6.0, 0.02) }
+    RevisitSettings { apart: 100, within_m: 2.0, ..RevisitSettings::for_range(6.0, 0.02) }
 }
 
 fn judged(poses: &[(Stamp, Pose3)]) -> RevisitReport {

@@ -9,7 +9,7 @@ use mapwright::{Pose3, Session, SpaceSweep, Stamp};
 use mapwright_eval::{RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
 use mapwright_formats::read_space_trajectory;
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Judges each session, or each trajectory on the clouds of each session.
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
@@ -48,7 +48,7 @@ fn told(
     say(&words(path, report))
 }
 
-fn poses(path: &PathBuf) -> Result<Vec<(Stamp, Pose3)>, Failure> {
+fn poses(path: &Path) -> Result<Vec<(Stamp, Pose3)>, Failure> {
     let read = open(path, read_space_trajectory)?;
     if read.is_numbered {
         let cause = "expected stamps, by which poses are paired with clouds, found KITTI's rows without";
