@@ -15,6 +15,7 @@ use std::sync::Arc;
 mod inertial;
 mod predict;
 mod prepare;
+mod span;
 mod sweep_motion;
 mod track;
 
@@ -22,7 +23,8 @@ pub use inertial::ImuReport;
 use inertial::Inertial;
 pub(crate) use inertial::LevelWatch;
 use predict::{Predictor, Step};
-use prepare::{Preparation, Span};
+use prepare::Preparation;
+use span::Span;
 use sweep_motion::SweepMotion;
 pub(crate) use track::Matched;
 use track::Tracker;
