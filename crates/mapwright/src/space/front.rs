@@ -16,6 +16,7 @@ mod inertial;
 mod predict;
 mod prepare;
 mod resume;
+mod span;
 mod sweep_motion;
 mod track;
 
@@ -23,7 +24,8 @@ pub use inertial::ImuReport;
 use inertial::Inertial;
 pub(crate) use inertial::LevelWatch;
 use predict::{Predictor, Step};
-use prepare::{Preparation, Span};
+use prepare::Preparation;
+use span::Span;
 use sweep_motion::SweepMotion;
 pub(crate) use track::Matched;
 use track::Tracker;

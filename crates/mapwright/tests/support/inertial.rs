@@ -53,7 +53,6 @@ pub(crate) struct Found {
     /// Error of the written directions of gravity, in standard deviations: root mean square per axis; and in degrees.
     pub(crate) gravity_sigmas: [f64; 2],
     pub(crate) report: ImuReport,
-    pub(crate) mapping_s: f64,
 }
 
 pub(crate) fn drive(wanted: &Wanted) -> SpaceDrive {
@@ -89,7 +88,6 @@ pub(crate) fn mapped_with(
     let (mut truth, mut untracked) = (Vec::<(Stamp, Pose3)>::new(), 0);
     let (mut predicted, mut fastest) = (Vec::new(), 0.0_f64);
     let (mut last_odom, mut last_middle) = (None::<Pose3>, None::<Pose3>);
-    let mut mapping_s = 0.0;
     let has_imu = matches!(given, Given::Imu | Given::WheelsAndImu | Given::TurnsOnly);
     for taken in drive.clouds().step_by(wanted.every) {
         let mut cloud = taken.cloud;
@@ -108,11 +106,9 @@ pub(crate) fn mapped_with(
             cloud.odom_from_robot = None;
         }
         change(&mut cloud);
-        let began = std::time::Instant::now();
         let predicted_before = mapper.imu_report().predicted;
         let update = mapper.add_cloud(&cloud);
         let is_read = mapper.imu_report().predicted > predicted_before;
-        mapping_s += began.elapsed().as_secs_f64();
         untracked += usize::from(update.status != Status::Tracking);
         // predictions lead from the middle of one sweep to that of the next
         let middle = drive.world_from_robot(Stamp(cloud.stamp.0 + 50_000_000)).unwrap_or(taken.world_from_robot);
@@ -149,15 +145,5 @@ pub(crate) fn mapped_with(
     let mean = |of: fn(&(f64, f64)) -> f64| gravity.iter().map(of).sum::<f64>() / gravity.len().max(1) as f64;
     let gravity_sigmas = [mean(|g| g.0).sqrt(), mean(|g| g.1).sqrt().to_degrees()];
     let report = mapper.imu_report();
-    Found {
-        mapper,
-        errors,
-        untracked,
-        predicted_deg,
-        fastest_deg: fastest,
-        lean_deg,
-        gravity_sigmas,
-        report,
-        mapping_s,
-    }
+    Found { mapper, errors, untracked, predicted_deg, fastest_deg: fastest, lean_deg, gravity_sigmas, report }
 }

@@ -117,7 +117,8 @@ impl SpaceDrive {
     /// A reading of the inertial sensor by its number; `None` after the drive.
     #[must_use]
     pub fn imu_reading(&self, number: u64) -> Option<ImuReading> {
-        imu::reading(&self.path, &self.imu, self.seed ^ 0x0069_6e65_7274, number)
+        let world_from_robot_at = |at_ns: i64| Some(self.path.at(at_ns)?.world_from_robot);
+        imu::reading(world_from_robot_at, &self.imu, self.seed ^ 0x0069_6e65_7274, number)
     }
 
     /// All readings of the inertial sensor in order.

@@ -1,6 +1,5 @@
 //! An inertial sensor in the robot's origin, its axes those of the robot.
 
-use super::path::Path;
 use super::turn::{rows, turned};
 use crate::rng::Rng;
 use crate::robot::{TICK_NS, TICK_S};
@@ -35,18 +34,23 @@ impl Default for ImuSettings {
     }
 }
 
-/// A reading by its number; `None` before and after the drive.
+/// A reading by its number of a robot whose pose is asked for at times of the drive, nanoseconds; `None` before and after it.
 ///
 /// The way is simulated in ticks of 20 ms: the angular velocity is the mean over a tick about the reading, and the acceleration the
 /// second difference over two.
-pub(crate) fn reading(path: &Path, settings: &ImuSettings, seed: u64, number: u64) -> Option<ImuReading> {
+pub(crate) fn reading(
+    world_from_robot_at: impl Fn(i64) -> Option<Pose3>,
+    settings: &ImuSettings,
+    seed: u64,
+    number: u64,
+) -> Option<ImuReading> {
     let stamp_ns = crate::drive::stamp_ns(number, settings.rate_hz.clamp(0.1, 10_000.0));
-    let here = path.at(stamp_ns)?.world_from_robot;
-    let beside = |by_ns: i64| path.at(stamp_ns + by_ns).map_or(here, |at| at.world_from_robot);
+    let here = world_from_robot_at(stamp_ns)?;
+    let beside = |by_ns: i64| world_from_robot_at(stamp_ns + by_ns).unwrap_or(here);
     let [half_before, half_after] = [beside(-TICK_NS / 2), beside(TICK_NS / 2)];
-    let (before, after) = (path.at(stamp_ns - TICK_NS), path.at(stamp_ns + TICK_NS));
+    let (before, after) = (world_from_robot_at(stamp_ns - TICK_NS), world_from_robot_at(stamp_ns + TICK_NS));
     let push = before.zip(after).map_or([0.0; 3], |(before, after)| {
-        let [before, after] = [before, after].map(|at| at.world_from_robot.translation);
+        let [before, after] = [before, after].map(|at| at.translation);
         ((after - here.translation * 2.0 + before) / (TICK_S * TICK_S)).into()
     });
     let world_force = [push[0], push[1], push[2] + STANDARD_GRAVITY_M_PER_S2];

@@ -4,7 +4,7 @@
 //! first turn. Until a turn has been borne out, what they say is one more start of the match, and no more. The gyroscope's bias is what matches and readings differ by over a second or more.
 
 use super::predict::Step;
-use super::prepare::Span;
+use super::span::Span;
 use super::sweep_motion::SweepMotion;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_record::Session;

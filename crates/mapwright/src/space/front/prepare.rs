@@ -3,10 +3,10 @@
 //! A sweep is undistorted to its middle. A velocity that is wrong then bends the cloud to either side and does not move it; undistorted
 //! to its beginning it would move it ahead, the velocity would follow, and grow.
 
+use super::span::is_time;
 use super::sweep_motion::SweepMotion;
 use crate::settings::Settings;
 use crate::space::scale::Scale;
-use mapwright_geom::Stamp;
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
 use mapwright_voxel::Thinner;
 use nalgebra::Vector3;
@@ -18,41 +18,6 @@ const DRAWN_SHARE: f64 = 0.2;
 const MATCHED_SHARE: f64 = 0.8;
 /// A cloud may hold so many points.
 const POINTS_AT_MOST: usize = 1 << 24;
-/// Times beyond this after the stamp are none, seconds.
-const LONGEST_SWEEP_S: f32 = 2.0;
-
-/// When the points of a sweep were taken, after its stamp, seconds.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Span {
-    pub(super) first_s: f64,
-    pub(super) last_s: f64,
-}
-
-impl Span {
-    /// Of times that can be; nothing where there are none.
-    pub(super) fn of(cloud: &Cloud) -> Self {
-        let times = cloud.times_s.iter().copied().filter(is_time);
-        let (first_s, last_s) = times.fold((f32::MAX, f32::MIN), |(least, most), s| (least.min(s), most.max(s)));
-        if first_s > last_s {
-            return Self::default();
-        }
-        Self { first_s: f64::from(first_s), last_s: f64::from(last_s) }
-    }
-
-    /// The middle of the sweep after the cloud's stamp, seconds.
-    pub(super) fn middle_s(self) -> f64 {
-        0.5 * (self.first_s + self.last_s)
-    }
-
-    /// The stamp so many seconds after that of the cloud.
-    pub(super) fn stamp_after(self, stamp: Stamp, after_s: f64) -> Stamp {
-        Stamp(stamp.0.saturating_add(Stamp::from_secs_f64(after_s).0))
-    }
-}
-
-fn is_time(s: &f32) -> bool {
-    s.is_finite() && s.abs() <= LONGEST_SWEEP_S
-}
 
 /// The present cloud.
 #[derive(Debug, Clone, Default)]

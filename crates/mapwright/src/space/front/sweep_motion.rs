@@ -1,6 +1,6 @@
 //! How the robot moves during a sweep: its velocity by the last matches, its turning by inertial readings where there are some.
 
-use super::prepare::Span;
+use super::span::Span;
 use mapwright_geom::Pose3;
 use mapwright_sensor::ImuPiece;
 use nalgebra::{Vector3, Vector6};
