@@ -57,7 +57,7 @@ pub(crate) enum Suite {
     ///
     /// World `seed` is `two_storey`, `courtyard`, `look_alike_storeys` or `loops_1km` of `space::worlds`, by turns. NEES is that of
     /// the robot's pose relative to the keyframe that it was matched with, of every cloud that was tracked (6 on average where
-    /// covariances are honest, 5.35 in the middle). Floors: mean and median over all clouds from 4 to 8.
+    /// covariances are honest, 5.35 in the middle), and that of keyframes alone, whose poses are not extrapolated. Floors: mean and median over all clouds from 4 to 8.
     Drives(DrivesArgs),
     /// Robots carried away: noticed, nothing written until they know where they are, home found.
     ///
