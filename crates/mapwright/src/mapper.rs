@@ -328,6 +328,7 @@ impl Mapper {
         let robot = Whereabouts {
             pose,
             local_from_robot: pose.local_from_robot(),
+            covariance: pose.covariance(self.store.past()),
             localisation: self.localisation.state(),
             local_map: self.front.local_map_report(),
         };

@@ -28,6 +28,8 @@ pub(crate) struct Whereabouts<'a, P: Pose> {
     pub(crate) pose: &'a RobotPose<P>,
     /// At the newest stamp, in the front end's frame.
     pub(crate) local_from_robot: P,
+    /// Of that, relative to the anchor.
+    pub(crate) covariance: P::Matrix,
     pub(crate) localisation: Localisation,
     pub(crate) local_map: LocalMapReport,
 }
@@ -40,14 +42,14 @@ pub(crate) fn update<M: Measurement>(
     told: Told,
 ) -> Update<M> {
     let (entries, unwritten) = store.take_fresh();
-    let Whereabouts { pose, local_from_robot, localisation, local_map } = robot;
+    let Whereabouts { pose, local_from_robot, covariance, localisation, local_map } = robot;
     let map_from_robot = store.map_from_local() * local_from_robot;
     let odom_from_robot = pose.odom_from_robot();
     Update {
         scan: store.next_scan().saturating_sub(1),
         stamp: newest.stamp,
         map_from_robot,
-        covariance: pose.covariance(store.past()),
+        covariance,
         anchor: pose.anchor().map(|node| store.id(node)),
         status: newest.status,
         localisation,

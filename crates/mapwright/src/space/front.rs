@@ -6,7 +6,7 @@ use crate::cycles::Follows;
 use crate::front::{Motion, RobotPose};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
-use mapwright_geom::{Cov6, Pose3};
+use mapwright_geom::{Cov6, Pose3, TangentMatrix};
 use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
 use mapwright_record::{LocalMapReport, NodeId, Past, Status};
 use mapwright_sensor::{BeamCounts, Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
@@ -50,6 +50,8 @@ pub(crate) struct FrontEnd {
     pose: RobotPose<Pose3>,
     /// From there to where it was at the cloud's stamp.
     middle_from_stamp: Pose3,
+    /// Covariance of that.
+    carried_on: Cov6,
     local_map: Option<LocalMapping>,
 }
 
@@ -72,6 +74,7 @@ impl FrontEnd {
             tracker: Tracker::new(&settings),
             pose: RobotPose::new(local_from_robot),
             middle_from_stamp: Pose3::identity(),
+            carried_on: Cov6::zeros(),
             local_map: None,
             settings,
         }
@@ -88,6 +91,12 @@ impl FrontEnd {
     /// Where the robot was at the cloud's stamp.
     pub(crate) fn local_from_robot(&self) -> Pose3 {
         self.pose.local_from_robot() * self.middle_from_stamp
+    }
+
+    /// Covariance of that relative to the anchor.
+    pub(crate) fn covariance(&self, past: Past<'_, SpaceSweep>) -> Cov6 {
+        let stamp_from_middle = self.middle_from_stamp.inverse();
+        self.pose.covariance(past).carried_by(&stamp_from_middle.adjoint()) + self.carried_on
     }
 
     /// What was derived from the first clouds, once there was one with enough points.
@@ -152,6 +161,7 @@ impl FrontEnd {
         self.inertial.learn(believed.filter(|matched| matched.status == Status::Tracking).map(|_| last_from_robot));
         self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, Span::of(cloud), &mut self.motion);
         self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
+        self.carried_on = self.predictor.carried_on_variances(step, Span::of(cloud).middle_s());
     }
 
     /// Step 4: a keyframe, once the robot has moved enough and sees something.

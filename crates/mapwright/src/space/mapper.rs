@@ -162,6 +162,7 @@ impl SpaceMapper {
         let robot = Whereabouts {
             pose: self.front.pose(),
             local_from_robot: self.front.local_from_robot(),
+            covariance: self.front.covariance(self.store.past()),
             localisation: Localisation::default(),
             local_map: self.front.local_map_report(),
         };

@@ -61,8 +61,10 @@ pub(super) struct Predictor {
     odom_from_robot: Option<Pose3>,
     /// The last motion and the seconds that it took.
     last: Option<(Pose3, f64)>,
+    /// How much the twist of that differs from the one before, metres and radians per second.
+    change_per_s: Option<[f64; 6]>,
 }
-stored!(Predictor { stamp, odom_from_robot, last });
+stored!(Predictor { stamp, odom_from_robot, last, change_per_s });
 
 impl Predictor {
     pub(super) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose3>) -> Step {
@@ -94,12 +96,28 @@ impl Predictor {
         self.last.or(by_odometry).map(|(motion, elapsed_s)| motion.log() / elapsed_s)
     }
 
+    /// Variances of where the robot is so many seconds from where its twist was carried on: by as much as its twist has changed of
+    /// late, or, where that is not known, by what the next motion is uncertain by.
+    pub(super) fn carried_on_variances(&self, step: Step, seconds: f64) -> Cov6 {
+        let by_step = || {
+            let information = step.information.diagonal();
+            Vector6::from_fn(|axis, _| 1.0 / (information[axis].sqrt() * step.elapsed_s.max(PERIOD_S[0])))
+        };
+        let change_per_s = self.change_per_s.map_or_else(by_step, Vector6::from);
+        let turn = if step.from_imu { 0.0 } else { 1.0 };
+        let sigma = |axis: usize| seconds * change_per_s[axis] * if axis < 3 { 1.0 } else { turn };
+        Cov6::from_diagonal(&Vector6::from_fn(|axis, _| sigma(axis).powi(2)))
+    }
+
     /// How the robot has moved, if that is known.
     pub(super) fn settle(&mut self, stamp: Stamp, odom_from_robot: Option<Pose3>, moved: Option<Pose3>) {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
         let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
-        self.last = moved.filter(|_| self.stamp.is_some()).map(|moved| (moved, elapsed_s));
+        let last = moved.filter(|_| self.stamp.is_some()).map(|moved| (moved, elapsed_s));
+        let twist_per_s = |(motion, elapsed_s): (Pose3, f64)| motion.log() / elapsed_s;
+        self.change_per_s = self.last.zip(last).map(|(a, b)| (twist_per_s(b) - twist_per_s(a)).into());
+        self.last = last;
         self.stamp = Some(stamp);
         self.odom_from_robot = odom_from_robot.filter(|pose| pose.is_finite());
     }

@@ -7,7 +7,7 @@ use crate::front::{Links, RobotPose, links};
 use crate::settings::Settings;
 use crate::space::local_map::LocalMapping;
 use crate::space::scale::Scale;
-use mapwright_geom::{Cov6, Pose3, Stored, is_in_place};
+use mapwright_geom::{Cov6, Pose3, Stored, is_covariance, is_in_place};
 use mapwright_record::{NodeId, Past};
 use mapwright_sensor::SpaceSweep;
 
@@ -17,7 +17,7 @@ impl FrontEnd {
         self.preparation.scale().put(out);
         self.predictor.put(out);
         self.pose.put(out);
-        self.middle_from_stamp.put(out);
+        (self.middle_from_stamp, self.carried_on).put(out);
         self.local_map.is_some().put(out);
         self.local_map.iter().for_each(|local_map| local_map.put(out));
     }
@@ -27,15 +27,15 @@ impl FrontEnd {
         let scale: Option<Scale> = Stored::take(from)?;
         let predictor: Predictor = Stored::take(from)?;
         let pose = RobotPose::restore(past, from)?;
-        let middle_from_stamp: Pose3 = Stored::take(from)?;
-        is_in_place(middle_from_stamp).then_some(())?;
+        let (middle_from_stamp, carried_on): (Pose3, Cov6) = Stored::take(from)?;
+        (is_in_place(middle_from_stamp) && is_covariance(&carried_on)).then_some(())?;
         let local_map = match bool::take(from)? {
             true => Some(LocalMapping::restore(&settings, scale?, past, from)?),
             false => None,
         };
         let preparation = Preparation::of_scale(scale);
         let new = Self::new(settings, Pose3::identity());
-        Some(Self { preparation, predictor, pose, middle_from_stamp, local_map, ..new })
+        Some(Self { preparation, predictor, pose, middle_from_stamp, carried_on, local_map, ..new })
     }
 
     /// Goes on where the session ends, by keyframes and edges alone; `past` is all of it.
