@@ -68,6 +68,13 @@ impl<P: Pose> Finding<P> {
 }
 
 impl VerifySettings {
+    /// In space. Surfels are as large as a chair: of submaps that are rightly joined 0.82 to 0.92 fit, of one storey upon another 0.74 to 0.85; what
+    /// is left the chain tells apart (docs/decisions/0023-space.md).
+    #[must_use]
+    pub fn in_space() -> Self {
+        Self { least_inlier_share: 0.8, ..Self::default() }
+    }
+
     /// Covariance of a fit whose points curve the objective so: they are correlated, so a tenth of what they claim; with floors
     /// for what bends within the submaps.
     #[must_use]

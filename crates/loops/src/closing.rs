@@ -45,16 +45,16 @@ const DESCRIBED_M: f64 = 7.0;
 const DESCRIBED_AT_ONCE: usize = 32;
 /// A finding that contradicts the chain of edges by more than this chi-square is refused. A chain states
 /// too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
-/// true closures by the dozen (docs/decisions/0011-closing-loops.md). In space that quantile holds: storeys that look alike lie above each
-/// other, some ten standard deviations apart.
+/// true closures by the dozen (docs/decisions/0011-closing-loops.md). In space the 99 % quantile of six degrees of freedom holds: storeys
+/// that look alike lie above each other, four standard deviations apart after a kilometre.
 const fn improbable_chi2<P: Pose>() -> f64 {
     if P::DIMENSION == 3 { 150.0 } else { improbable_match_chi2::<P>() }
 }
 
 /// What a match is supported by is in the local map, and certain relative to the robot as the gate has it: there the 99.9 % quantile
-/// holds, of three degrees of freedom, in space of six.
+/// of three degrees of freedom holds, in space the same bound as above.
 const fn improbable_match_chi2<P: Pose>() -> f64 {
-    if P::DIMENSION == 3 { 16.3 } else { 22.5 }
+    if P::DIMENSION == 3 { 16.3 } else { 16.8 }
 }
 /// Within such an uncertainty nothing else can be meant, metres.
 const SURE_M: f64 = 0.15;

@@ -6,7 +6,7 @@
 #[allow(dead_code, reason = "shared with an example")]
 mod support;
 
-use mapwright::{Correction, ImuReading, ImuTaken, Settings, SpaceMapper, SpaceSweep, Stamp};
+use mapwright::{Correction, ImuReading, ImuTaken, Pose3, Settings, SpaceMapper, SpaceSweep, Stamp};
 use mapwright_record::{LogWriter, read_log};
 use mapwright_sim::space::ImuSettings;
 use nalgebra::Vector3;
@@ -121,4 +121,32 @@ fn the_same_readings_make_the_same_bytes_and_the_log_keeps_gravity() {
     assert!(bytes == again && !mapper.session().gravity().is_empty());
     let (session, report) = read_log::<SpaceSweep>(&bytes).unwrap();
     assert!(report.losses.is_empty() && &session == mapper.session());
+}
+
+/// The map is levelled by graphs that are solved: jobs.
+#[test]
+fn jobs_that_are_handed_out_and_come_back_at_once_are_those_done_inline() {
+    let drive = support::drive(&Wanted { seconds: 45.0, ..Wanted::default() });
+    let map = |jobs: &str| {
+        let mut settings = Settings::default();
+        settings.set("loops.jobs", jobs).unwrap();
+        let (mut mapper, mut done) = (SpaceMapper::new(settings).unwrap(), 0);
+        let mut readings = drive.imu_readings().peekable();
+        for taken in drive.clouds().step_by(2) {
+            let end = Stamp(taken.cloud.stamp.0 + 100_000_000);
+            while let Some(reading) = readings.next_if(|reading| reading.stamp <= end) {
+                mapper.add_imu(reading);
+            }
+            mapper.add_cloud(&taken.cloud);
+            while let Some(job) = mapper.next_job() {
+                mapper.apply(job.run());
+                done += 1;
+            }
+        }
+        let poses: Vec<Pose3> = mapper.session().trajectory().map(|pose| pose.map_from_robot).collect();
+        (poses, mapper.session().corrections(), done)
+    };
+    let (inline, handed_out) = (map("inline"), map("handed-out"));
+    assert!(inline.2 == 0 && handed_out.2 > 0 && handed_out.1 > 0, "{} jobs", handed_out.2);
+    assert!(inline.0 == handed_out.0 && inline.1 == handed_out.1);
 }

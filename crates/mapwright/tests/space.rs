@@ -145,6 +145,10 @@ fn a_run_that_stopped_goes_on_to_the_bit_and_one_that_was_killed_goes_on() {
     log_of(&mut whole, &drive, 0..u64::MAX, None);
     let whole = poses(&whole);
     let truth: Vec<_> = drive.clouds().map(|taken| (taken.cloud.stamp, taken.world_from_robot)).collect();
+    let ate_m = |poses: &[Pose3]| {
+        let way: Vec<_> = truth.iter().zip(poses).map(|((stamp, _), pose)| (*stamp, *pose)).collect();
+        space_errors(&truth, &way, Alignment::Rigid, &RpeSettings::default()).unwrap().absolute.translation_m.rmse
+    };
     for stop in [1, 60, 100] {
         let mut first = SpaceMapper::new(Settings::default()).unwrap();
         let mut log = log_of(&mut first, &drive, 0..stop, None);
@@ -162,15 +166,10 @@ fn a_run_that_stopped_goes_on_to_the_bit_and_one_that_was_killed_goes_on() {
         assert!(poses(&resumed) == whole, "stopped after {stop}");
         assert_eq!(&read_log::<SpaceSweep>(&log).unwrap().0, resumed.session());
 
-        if stop == 1 {
-            // One keyframe is little to tell from how far the sensor sees.
-            continue;
-        }
         let mut resumed = SpaceMapper::resume(Settings::default(), killed).unwrap();
         log_of(&mut resumed, &drive, stop..u64::MAX, Some(&killed_log));
-        let way: Vec<_> = resumed.session().trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
-        let errors = space_errors(&truth, &way, Alignment::Rigid, &RpeSettings::default()).unwrap();
-        assert!(way.len() == whole.len() && errors.absolute.translation_m.rmse < 0.06, "{stop}: {errors:?}");
+        let (killed_m, whole_m) = (ate_m(&poses(&resumed)), ate_m(&whole));
+        assert!(killed_m < whole_m + 0.01, "{stop}: {killed_m}, without a stop {whole_m}");
     }
 }
 
@@ -192,33 +191,6 @@ fn bytes_of_a_checkpoint_that_are_damaged_do_no_harm() {
     }
 }
 
-#[test]
-fn jobs_that_are_handed_out_and_come_back_at_once_are_those_done_inline() {
-    let lidar = LidarSettings { columns: 180, ..LidarSettings::spinning(8) };
-    let settings = SpaceDriveSettings { lidar, seed: 3, duration_s: 150.0, ..SpaceDriveSettings::default() };
-    let drive = SpaceDrive::new(Arc::new(worlds::two_storey(3)), settings);
-    let map = |jobs: &str| {
-        let mut settings = Settings::default();
-        settings.set("loops.jobs", jobs).unwrap();
-        settings.set("space.resolution_m", "0.12").unwrap();
-        let (mut mapper, mut done) = (SpaceMapper::new(settings).unwrap(), 0);
-        for number in (0..).step_by(5) {
-            let Some(taken) = drive.cloud(number) else { break };
-            mapper.add_cloud(&taken.cloud);
-            while let Some(job) = mapper.next_job() {
-                mapper.apply(job.run());
-                done += 1;
-            }
-        }
-        let poses: Vec<Pose3> = mapper.session().trajectory().map(|pose| pose.map_from_robot).collect();
-        (poses, mapper.session().candidates().len(), done)
-    };
-    let (inline, handed_out) = (map("inline"), map("handed-out"));
-    assert_eq!(inline.2, 0);
-    assert!(handed_out.2 > 0 && handed_out.1 > 0, "{} jobs, {} candidates", handed_out.2, handed_out.1);
-    assert!(inline.0 == handed_out.0 && inline.1 == handed_out.1);
-}
-
 /// What is matched against does not grow with the way: keyframes that are no longer certain relative to the robot leave.
 #[test]
 fn the_local_map_does_not_grow_with_the_way() {
@@ -236,5 +208,5 @@ fn the_local_map_does_not_grow_with_the_way() {
     let mean = |part: &[usize]| part.iter().sum::<usize>() as f64 / part.len() as f64;
     let (second, last) = (mean(&voxels[quarter..2 * quarter]), mean(&voxels[3 * quarter..]));
     assert!(second > 500.0 && last < 1.5 * second, "{second} voxels, then {last}");
-    assert!(mapper.session().keyframes().len() > 100);
+    assert!(mapper.session().keyframes().len() > 100, "{}", mapper.session().keyframes().len());
 }

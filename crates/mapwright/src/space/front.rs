@@ -177,21 +177,24 @@ impl FrontEnd {
             let step = past.pose(newest).between(local_from_robot);
             step.translation.norm() > KEYFRAME_SHARE * scale.range_m || step.rotation.angle() > KEYFRAME_RAD
         });
-        let is_new = matched.is_some_and(|matched| matched.report.known_share < KNOWN_SHARE);
-        let lost = matched.is_some_and(|matched| !matched.is_believed());
-        if !(is_far || is_new) || lost || self.preparation.points().is_empty() {
+        let believed = matched.filter(|matched| matched.is_believed());
+        let is_new = believed.is_some_and(|matched| matched.report.known_share < KNOWN_SHARE);
+        // What fits nowhere hangs on the prediction alone, and is as uncertain: what was mapped before is not matched against then.
+        let may_be_far = believed.is_none()
+            && self.pose.odometry_since_keyframe().position_variance_m2().sqrt() > KEYFRAME_SHARE * scale.range_m;
+        if !(is_far || is_new || may_be_far) || self.preparation.points().is_empty() {
             return None;
         }
         Some(NewKeyframe {
             stamp: cloud.stamp,
             sweep: Arc::new(self.preparation.sweep(cloud)),
             left_out: None,
-            hardly_fits: matched.is_some_and(Matched::hardly_fits),
+            hardly_fits: believed.is_some_and(Matched::hardly_fits),
             local_from_keyframe: local_from_robot,
             covariance: self.pose.covariance(past),
             odometry: self.pose.odometry_since_keyframe(),
             fused: self.pose.fused(),
-            matched: matched.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
+            matched: believed.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
         })
     }
 

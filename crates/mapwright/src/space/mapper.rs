@@ -113,7 +113,7 @@ impl SpaceMapper {
         if back.is_busy() || !due() {
             return;
         }
-        let Some(submaps) = front.submaps(VerifySettings::default()) else { return };
+        let Some(submaps) = front.submaps(VerifySettings::in_space()) else { return };
         let known = front.survey(past);
         let verification = back.closing.propose(past, &known, anchor, submaps);
         verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));
