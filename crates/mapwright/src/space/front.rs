@@ -231,6 +231,11 @@ impl FrontEnd {
         self.local_map.as_ref().map_or(0, |local_map| local_map.map().voxels())
     }
 
+    /// An old place near to the newest keyframe that is matched against.
+    pub(crate) fn old_place_nearby(&self, past: Past<'_, SpaceSweep>) -> Option<NodeId> {
+        self.local_map.as_ref()?.old_place_nearby(past)
+    }
+
     pub(crate) fn local_map_report(&self) -> LocalMapReport {
         self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
     }

@@ -4,7 +4,7 @@ use super::scale::Scale;
 use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov6, Pose, Pose3, TangentMatrix};
 use mapwright_graph::{CovarianceGraph, Gate, Projected};
-use mapwright_loops::KnownPlace;
+use mapwright_loops::{KnownPlace, is_old};
 use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::SpaceSweep;
 use mapwright_voxel::{Change, SurfelMap};
@@ -21,6 +21,8 @@ const HYSTERESIS: f64 = 2.5;
 const ACCUMULATING_SHARE: f64 = 0.25;
 /// Keyframes are in the local map up to this far from the robot, of the rms range.
 const REACH_RANGES: f64 = 8.0;
+/// An old place so near, of the rms range, is looked at.
+const NEARBY_SHARE: f64 = 0.5;
 /// So many keyframes see the same, within such a share of the rms range, and radians; older ones give way.
 const VIEWS_ALIKE: usize = 4;
 const ALIKE_SHARE: f64 = 0.12;
@@ -205,6 +207,18 @@ impl LocalMapping {
     /// A closure was none.
     pub(crate) fn open(&mut self, from: NodeId, to: NodeId) {
         self.graph.remove_link(from.number(), to.number());
+    }
+
+    /// The keyframe nearest to the newest one of those that are certain relative to it and from where the robot was long ago, within
+    /// half of what the sensor sees: what matches are supported by there is a closure, once it is looked at.
+    pub(crate) fn old_place_nearby(&self, past: Past<'_, SpaceSweep>) -> Option<NodeId> {
+        let newest = past.newest()?;
+        let here = past.pose(newest);
+        let old = NodeId::first(self.views.len())
+            .filter(|&node| self.views[node.index()].live && is_old(past, node, newest))
+            .map(|node| (past.pose(node).distance(here), node));
+        let nearest = old.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
+        (nearest.0 <= NEARBY_SHARE * self.scale.range_m).then_some(nearest.1)
     }
 
     /// Every keyframe, and how certain it is relative to the newest.

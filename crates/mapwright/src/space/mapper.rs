@@ -105,17 +105,16 @@ impl SpaceMapper {
         Some(written.node)
     }
 
-    /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at.
+    /// Looks for old places from time to time, and at those that the local map has and nobody has looked at.
     fn detect(&mut self) {
         let Self { store, front, back, .. } = self;
-        let (past, anchor) = (store.past(), front.pose().anchor());
-        let due = || back.closing.is_due(past) || anchor.is_some_and(|anchor| back.closing.is_unjudged(past, anchor));
-        if back.is_busy() || !due() {
+        let past = store.past();
+        if back.is_busy() || !back.closing.is_due(past) {
             return;
         }
         let Some(submaps) = front.submaps(VerifySettings::in_space()) else { return };
         let known = front.survey(past);
-        let verification = back.closing.propose(past, &known, anchor, submaps);
+        let verification = back.closing.propose(past, &known, front.old_place_nearby(past), submaps);
         verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));
         self.work_inline();
     }
