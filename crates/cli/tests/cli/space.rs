@@ -189,3 +189,42 @@ fn revisits_judge_a_map_and_other_trajectories_on_its_clouds() {
     assert_code(&run(&["map", &log, "-o", &plane, "--quiet"]), 0);
     assert_refused(&run(&["eval", &plane, "--revisits"]), 1, &["--revisits needs a session of space"]);
 }
+
+#[test]
+fn a_recording_in_two_parts_is_mapped_like_the_whole_and_sessions_of_other_kinds_are_refused() {
+    let folder = folder("space_resume");
+    let whole = folder.join("whole");
+    room(&whole);
+    for (part, frames) in [("first", 0..FRAMES / 2), ("second", FRAMES / 2..FRAMES)] {
+        let part = folder.join(part);
+        fs::create_dir_all(part.join("velodyne")).unwrap();
+        let mut times = String::new();
+        for frame in frames {
+            let name = format!("velodyne/{frame:06}.bin");
+            fs::copy(whole.join(&name), part.join(&name)).unwrap();
+            writeln!(times, "{:e}", 0.1 * frame as f64).unwrap();
+        }
+        fs::write(part.join("times.txt"), times).unwrap();
+    }
+    let path = |name: &str| folder.join(name).display().to_string();
+    let map = |recording: &str, out: &str, earlier: Option<&str>| {
+        let (recording, out) = (path(recording), path(out));
+        let mut arguments = vec!["map", &recording, "-o", &out];
+        let earlier = earlier.map(path);
+        arguments.extend(earlier.iter().flat_map(|earlier| ["--resume", earlier]));
+        run(&arguments)
+    };
+    assert_code(&map("whole", "whole_out", None), 0);
+    assert_code(&map("first", "first_out", None), 0);
+    assert_code(&map("second", "both_out", Some("first_out")), 0);
+    for file in ["trajectory.tum", "graph.g2o", "map.ply"] {
+        let read = |out: &str| fs::read(folder.join(out).join(file)).unwrap();
+        assert!(read("whole_out") == read("both_out"), "{file} differs");
+    }
+    let log = small_log_in(&folder);
+    let plane = path("plane_out");
+    assert_code(&run(&["map", &log, "-o", &plane, "--quiet"]), 0);
+    assert_refused(&map("second", "refused", Some("plane_out")), 1, &["it is of the plane"]);
+    let refused = run(&["map", &log, "-o", &path("refused"), "--resume", &path("first_out")]);
+    assert_refused(&refused, 1, &["it is of space"]);
+}
