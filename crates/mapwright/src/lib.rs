@@ -59,4 +59,6 @@ pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
-pub use space::{ImuReport, MapPoints, SpaceMap, SpaceMapper, occupancy_of, points_of};
+pub use space::{
+    ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, SpaceMapper, occupancy_of, points_of, surfels_of,
+};

@@ -1,10 +1,10 @@
-//! The finished map as points and as occupancy: every keyframe's at its present pose.
+//! The finished map as points, as surfels and as occupancy: every keyframe's at its present pose.
 
 use crate::render::FOLLOW_CELLS;
 use mapwright_geom::Pose3;
 use mapwright_record::Session;
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::{Change, Occupancy, OccupancySettings, Thinner};
+use mapwright_voxel::{Change, Occupancy, OccupancySettings, Surfel, SurfelMap, SurfelMapSettings, Thinner};
 use std::sync::Arc;
 
 /// Points of a map, metres, and a colour each where the sensor has any.
@@ -36,6 +36,94 @@ pub fn points_of(session: &Session<SpaceSweep>, size_m: f64) -> MapPoints {
     let out = (&mut thinned.points_m, &mut thinned.colours);
     Thinner::default().thin_coloured((&all.points_m, &all.colours), size_m.max(1e-3), out);
     thinned
+}
+
+/// A piece of a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapSurfel {
+    /// Mean of the points on it, metres, in the map's frame.
+    pub mean_m: [f32; 3],
+    /// Of length one, towards the sensor that saw it last.
+    pub normal: [f32; 3],
+    /// Radius of a disc as wide as the points are spread, metres.
+    pub radius_m: f32,
+}
+
+/// Pieces of surfaces, and a colour each where the sensor has any.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MapSurfels {
+    /// In an order that depends on nothing but where they lie.
+    pub surfels: Vec<MapSurfel>,
+    /// Red, green and blue of each, the mean of its points; empty where there are none.
+    pub colours: Vec<[u8; 3]>,
+    /// Cubes of which the points lie on a line, so that no normal is known.
+    pub lines: usize,
+}
+
+/// Points that spread by less than this share of a cube's side across the way along which they spread most lie on a line: three times
+/// what a surface is thick at least; points all over a square spread by 0.29 of it.
+const LINE_SHARE: f64 = 0.06;
+/// Standard deviation of points across a surfel is taken to be this at least, metres: what keyframes' steps round off. It says nothing
+/// of where a surfel lies or faces.
+const SURFEL_NOISE_M: f64 = 0.001;
+
+/// The surfaces of a session: of each cube of side `resolution_m` with five points or more the plane through them.
+#[must_use]
+pub fn surfels_of(session: &Session<SpaceSweep>, resolution_m: f64) -> MapSurfels {
+    let resolution_m = resolution_m.max(1e-3);
+    let mut map = SurfelMap::new(SurfelMapSettings { resolution_m, levels: 1, noise_m: SURFEL_NOISE_M });
+    let wanted = wanted(session);
+    let mut points_m: Vec<[f32; 3]> = Vec::new();
+    for (number, &(sweep, map_from_keyframe)) in wanted.iter().enumerate().filter_map(|(k, it)| Some((k, it.as_ref()?)))
+    {
+        points_m.clear();
+        points_m.extend(sweep.points_m());
+        map.draw(&points_m, map_from_keyframe, Change::Add, number as u32);
+    }
+    map.refresh();
+    let known: Vec<(usize, u32, &Surfel)> = map.placed_surfels().collect();
+    let is_surface = |surfel: &Surfel| surfel.spread_m()[0] >= LINE_SHARE * resolution_m;
+    let surfaces: Vec<_> = known.iter().copied().filter(|(.., surfel)| is_surface(surfel)).collect();
+    let surfel = |&(_, supplier, surfel): &(usize, u32, &Surfel)| {
+        let (sweep, map_from_keyframe) = wanted.get(supplier as usize).copied().flatten()?;
+        let sensor_m = map_from_keyframe.transform(sweep.sensor.robot_from_sensor.translation);
+        Some(facing(surfel, sensor_m))
+    };
+    let places: Vec<usize> = surfaces.iter().map(|(place, ..)| *place).collect();
+    MapSurfels {
+        surfels: surfaces.iter().filter_map(surfel).collect(),
+        colours: colours_of(&map, &places, &wanted),
+        lines: known.len() - surfaces.len(),
+    }
+}
+
+/// A surfel whose normal points towards the sensor.
+fn facing(surfel: &Surfel, sensor_m: nalgebra::Vector3<f64>) -> MapSurfel {
+    let Surfel { mean_m, normal, .. } = *surfel;
+    let to_sensor = sensor_m - nalgebra::Vector3::from(mean_m.map(f64::from));
+    let is_behind = to_sensor.dot(&nalgebra::Vector3::from(normal.map(f64::from))) < 0.0;
+    MapSurfel { mean_m, normal: normal.map(|v| if is_behind { -v } else { v }), radius_m: surfel.radius_m() as f32 }
+}
+
+/// The mean colour of the points in each of these places; none where any keyframe has none.
+fn colours_of(map: &SurfelMap, places: &[usize], wanted: &[Wanted<'_>]) -> Vec<[u8; 3]> {
+    let is_coloured = wanted.iter().flatten().all(|(sweep, _)| sweep.colours.len() == sweep.points.len());
+    if !is_coloured || wanted.iter().flatten().all(|(sweep, _)| sweep.points.is_empty()) {
+        return Vec::new();
+    }
+    let mut sums = vec![([0_u64; 3], 0_u64); map.voxels()];
+    let mut points_m: Vec<[f32; 3]> = Vec::new();
+    for &(sweep, map_from_keyframe) in wanted.iter().flatten() {
+        points_m.clear();
+        points_m.extend(sweep.points_m());
+        map.each_place(&points_m, map_from_keyframe, |point, place| {
+            let Some((sum, count)) = sums.get_mut(place) else { return };
+            (0..3).for_each(|k| sum[k] += u64::from(sweep.colours[point][k]));
+            *count += 1;
+        });
+    }
+    let mean = |(sum, count): ([u64; 3], u64)| sum.map(|v| (v / count.max(1)) as u8);
+    places.iter().filter_map(|&place| sums.get(place).copied()).map(mean).collect()
 }
 
 /// What a session's keyframes hit and looked through, drawn once. A map that follows a session is a [`SpaceMap`].
