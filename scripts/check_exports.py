@@ -5,11 +5,12 @@ usage: check_exports.py FILE
 
 Reads with the wheel `mcap`, decodes by the schemas in the file with `mcap-ros2-support` and, for comparison, by its own
 definitions with `rosbags`. Says for each topic its type, count and durability, and how far map -> odom -> base_link is
-off the pose at each stamp.
+off the pose at each stamp: in the plane, and in space (`worst_in_space`).
 """
 
 import json
 import math
+import struct
 import sys
 
 from mcap.reader import make_reader
@@ -31,9 +32,37 @@ def off(a, b):
     return max(abs(a[0] - b[0]), abs(a[1] - b[1]), abs(turn))
 
 
+def in_space(translation, q):
+    """The upper three rows of the pose's matrix."""
+    x, y, z, w = q.x, q.y, q.z, q.w
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), translation.x),
+        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), translation.y),
+        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), translation.z),
+    )
+
+
+def compose_in_space(a, b):
+    b = (*b, (0.0, 0.0, 0.0, 1.0))
+    return tuple(tuple(sum(row[k] * b[k][column] for k in range(4)) for column in range(4)) for row in a)
+
+
+def off_in_space(a, b):
+    return max(abs(x - y) for p, q in zip(a, b) for x, y in zip(p, q))
+
+
+def first_point(cloud):
+    """Its numbers by their names; a colour as red, green and blue."""
+    point = {}
+    for field in cloud.fields:
+        at = bytes(cloud.data[field.offset : field.offset + 4])
+        point[field.name] = list(at[2::-1]) if field.name == "rgb" else struct.unpack("<f", at)[0]
+    return point
+
+
 def main(path):
     store = get_typestore(Stores.ROS2_HUMBLE)
-    topics, transforms, last, worst, found = {}, {}, 0, 0.0, {}
+    topics, transforms, matrices, last, worst, worst_in_space, found = {}, {}, {}, 0, 0.0, 0.0, {}
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         profile = reader.get_header().profile
@@ -55,6 +84,11 @@ def main(path):
                 assert len(other.data) == len(decoded.data) == decoded.info.width * decoded.info.height
                 found["map"] = [decoded.info.width, decoded.info.height, round(decoded.info.resolution, 6)]
                 found["occupied"] = sum(1 for cell in decoded.data if cell >= 65)
+            elif schema.name == "sensor_msgs/msg/PointCloud2":
+                assert bytes(other.data) == bytes(decoded.data)
+                assert len(decoded.data) == decoded.row_step == decoded.width * decoded.point_step
+                found["points"] = [decoded.width, decoded.height, decoded.header.frame_id]
+                found["first_point"] = first_point(decoded) if decoded.width else None
             elif schema.name == "nav_msgs/msg/Path":
                 assert len(other.poses) == len(decoded.poses)
                 found["path"] = len(decoded.poses)
@@ -66,11 +100,16 @@ def main(path):
                 for t in decoded.transforms:
                     key = (t.header.frame_id, t.child_frame_id)
                     transforms[key] = planar(t.transform.translation, t.transform.rotation)
+                    matrices[key] = in_space(t.transform.translation, t.transform.rotation)
             elif schema.name == "geometry_msgs/msg/PoseStamped":
                 robot = compose(transforms["map", "odom"], transforms["odom", "base_link"])
                 worst = max(worst, off(robot, planar(decoded.pose.position, decoded.pose.orientation)))
+                robot = compose_in_space(matrices["map", "odom"], matrices["odom", "base_link"])
+                told = in_space(decoded.pose.position, decoded.pose.orientation)
+                worst_in_space = max(worst_in_space, off_in_space(robot, told))
     links = sorted(f"{parent}->{child}" for parent, child in transforms)
-    print(json.dumps({"profile": profile, "topics": topics, "links": links, "worst": worst, **found}))
+    told = {"profile": profile, "topics": topics, "links": links, "worst": worst, "worst_in_space": worst_in_space}
+    print(json.dumps({**told, **found}))
 
 
 main(sys.argv[1])

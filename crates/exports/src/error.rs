@@ -14,6 +14,9 @@ pub enum ExportError {
     /// The text format cannot carry it, or the stream below failed.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// The map's points are no message.
+    #[error("{0}")]
+    Points(String),
     /// A message cannot be written.
     #[error(transparent)]
     Ros(#[from] RosError),

@@ -1,7 +1,7 @@
 //! Frames and their names, as REP 103 and REP 105 have them.
 
 use mapwright_geom::{Pose2, Pose3};
-use mapwright_sensor::LaserModel;
+use mapwright_sensor::{LaserModel, SpaceSensor};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::PI;
 
@@ -13,11 +13,22 @@ pub(crate) const ODOM: &str = "odom";
 pub(crate) const ROBOT: &str = "base_link";
 /// A laser without a name.
 const LASER: &str = "laser";
+/// A sensor in space without a name.
+const SENSOR: &str = "sensor";
 
 /// The frame of a laser: its name, where it has one that is no other frame's.
 pub(crate) fn frame_of(laser: &LaserModel) -> &str {
-    match laser.name.trim_start_matches('/') {
-        "" | MAP | ODOM | ROBOT => LASER,
+    frame_named(&laser.name, LASER)
+}
+
+/// The frame of a sensor in space, as that of a laser.
+pub(crate) fn frame_of_space(sensor: &SpaceSensor) -> &str {
+    frame_named(&sensor.name, SENSOR)
+}
+
+fn frame_named<'a>(name: &'a str, otherwise: &'a str) -> &'a str {
+    match name.trim_start_matches('/') {
+        "" | MAP | ODOM | ROBOT => otherwise,
         name => name,
     }
 }

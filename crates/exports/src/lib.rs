@@ -2,6 +2,7 @@
 //!
 //! - [`EventWriter`]: a log's scans and odometry as CARMEN, ROS 1 bag or MCAP.
 //! - [`write_session_mcap`]: a run's map, path, transforms, scans and closures as an MCAP file of ROS 2.
+//! - [`write_space_session_mcap`]: the same of space, the map as points.
 //!
 //! ```
 //! use mapwright_exports::EventWriter;
@@ -24,11 +25,14 @@ mod carmen;
 mod error;
 mod events;
 mod frames;
+mod markers;
 mod messages;
 mod recording;
 mod ros_events;
 mod session;
+mod space_session;
 
 pub use error::ExportError;
 pub use events::{EventCounts, EventWriter};
 pub use session::{SessionCounts, write_session_mcap};
+pub use space_session::{SpaceSessionCounts, write_space_session_mcap};

@@ -1,6 +1,6 @@
 //! Readings and poses as messages.
 
-use crate::frames::{ODOM, ROBOT, frame_of, in_space, robot_from_laser};
+use crate::frames::{MAP, ODOM, ROBOT, frame_of, in_space, robot_from_laser};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{
     Header, Imu, LaserScan, Odometry, PoseStamped, PoseWithCovariance, TfMessage, TransformStamped,
@@ -65,6 +65,12 @@ pub(crate) fn mounts<'a>(stamp: Stamp, lasers: impl Iterator<Item = &'a LaserMod
 }
 
 /// A pose of the robot in a frame.
-pub(crate) fn pose_stamped(stamp: Stamp, frame: &str, frame_from_robot: Pose2) -> PoseStamped<'_> {
-    PoseStamped { header: Header::new(stamp, frame), pose: in_space(frame_from_robot).into() }
+pub(crate) fn pose_stamped(stamp: Stamp, frame: &str, frame_from_robot: Pose3) -> PoseStamped<'_> {
+    PoseStamped { header: Header::new(stamp, frame), pose: frame_from_robot.into() }
+}
+
+/// `map -> odom` such that the two together lead to where the robot is in the map, and `odom -> base_link`.
+pub(crate) fn course(stamp: Stamp, map_from_robot: Pose3, odom_from_robot: Pose3) -> TfMessage<'static> {
+    let correction = transform(stamp, MAP, ODOM, map_from_robot * odom_from_robot.inverse());
+    TfMessage { transforms: vec![correction, transform(stamp, ODOM, ROBOT, odom_from_robot)] }
 }

@@ -1,26 +1,18 @@
 //! A run's results as an MCAP file of ROS 2.
 
 use crate::error::ExportError;
-use crate::frames::{MAP, ODOM, frame_of, in_space, scan_topic};
-use crate::messages::{laser_scan, mounts, odom_transform, pose_stamped, transform};
+use crate::frames::{MAP, frame_of, in_space, scan_topic};
+use crate::markers::write_markers;
+use crate::messages::{course, laser_scan, mounts, pose_stamped};
 use crate::recording::{Durability, Recording, Topic};
 use mapwright_formats::{GridImage, UNKNOWN};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_record::{EdgeKind, Session, TrajectoryPose};
-use mapwright_ros::Encoding;
-use mapwright_ros::messages::{
-    ColorRgba, Header, MapMetaData, Marker, MarkerAction, MarkerArray, MarkerShape, OccupancyGrid, Path, Point,
-    TfMessage, Vector3,
-};
+use mapwright_record::{Session, TrajectoryPose};
+use mapwright_ros::messages::{Header, MapMetaData, OccupancyGrid, Path, Point};
 use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep};
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 use std::sync::Arc;
-
-/// Closures as lines: namespace, colour and width in metres.
-const CLOSURES: (&str, ColorRgba, f64) = ("closures", ColorRgba { r: 0.1, g: 0.75, b: 0.3, a: 0.9 }, 0.05);
-/// Keyframes as dots.
-const KEYFRAMES: (&str, ColorRgba, f64) = ("keyframes", ColorRgba { r: 0.2, g: 0.35, b: 0.85, a: 0.9 }, 0.08);
 
 /// What was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -61,7 +53,7 @@ pub fn write_session_mcap<W: Write + Seek>(
     let mut recording = Recording::mcap(writer)?;
     write_map(&mut recording, map, begin)?;
     write_path(&mut recording, &scans, begin)?;
-    let closures = write_markers(&mut recording, session, begin)?;
+    let closures = write_markers(&mut recording, session, begin, |pose| Point { x: pose.x, y: pose.y, z: 0.0 })?;
     write_course(recording, session, &scans, begin, closures)
 }
 
@@ -85,56 +77,8 @@ fn write_path<W: Write + Seek>(
     begin: Stamp,
 ) -> Result<(), ExportError> {
     let topic = recording.add("/path", "nav_msgs/Path", Durability::TransientLocal)?;
-    let poses = scans.iter().map(|(_, scan)| pose_stamped(scan.stamp, MAP, scan.map_from_robot)).collect();
+    let poses = scans.iter().map(|(_, scan)| pose_stamped(scan.stamp, MAP, in_space(scan.map_from_robot))).collect();
     recording.write(topic, begin, &Path { header: Header::new(begin, MAP), poses })
-}
-
-/// Returns how many closures there are.
-fn write_markers<W: Write + Seek>(
-    recording: &mut Recording<W>,
-    session: &Session,
-    stamp: Stamp,
-) -> Result<usize, ExportError> {
-    let topic = recording.add("/closures", MarkerArray::TYPE, Durability::TransientLocal)?;
-    let poses = session.map_from_keyframe();
-    let closures = session.recorded_edges().iter().filter(|known| !known.withdrawn);
-    let closures = closures.filter(|known| known.recorded.edge.kind == EdgeKind::Closure);
-    let closures: Vec<[Pose2; 2]> = closures.map(|known| known.ends.map(|end| poses[end as usize])).collect();
-    let lines = closures.iter().flatten().map(point).collect();
-    let dots = poses.iter().map(point).collect();
-    // a marker without points is an error to RViz
-    let markers = [(CLOSURES, MarkerShape::LineList, lines), (KEYFRAMES, MarkerShape::Points, dots)];
-    let markers = markers.into_iter().filter(|(_, _, points): &(_, _, Vec<Point>)| !points.is_empty());
-    let array =
-        MarkerArray { markers: markers.map(|(look, shape, points)| marker(stamp, look, shape, points)).collect() };
-    recording.write_bytes(topic, stamp, &array.encode(Encoding::Cdr)?)?;
-    Ok(closures.len())
-}
-
-fn point(pose: &Pose2) -> Point {
-    Point { x: pose.x, y: pose.y, z: 0.0 }
-}
-
-fn marker(
-    stamp: Stamp,
-    (ns, color, width_m): (&'static str, ColorRgba, f64),
-    shape: MarkerShape,
-    points: Vec<Point>,
-) -> Marker<'static> {
-    Marker {
-        header: Header::new(stamp, MAP),
-        ns: ns.into(),
-        id: 0,
-        shape,
-        action: MarkerAction::Add,
-        pose: in_space(Pose2::IDENTITY).into(),
-        scale: Vector3 { x: width_m, y: width_m, z: 0.0 },
-        color,
-        frame_locked: false,
-        points,
-        colors: Vec::new(),
-        text: "".into(),
-    }
 }
 
 /// Everything that happens on the way.
@@ -157,8 +101,12 @@ fn write_course<W: Write + Seek>(
         drawn.filter_map(|(keyframe, sweep)| Some((keyframe.scan, sweep.as_ref()?))).collect();
     let mut counts = SessionCounts { closures, poses: scans.len(), scans: 0 };
     for (number, scan) in scans {
-        recording.write(tf, scan.stamp, &transforms(scan))?;
-        recording.write(pose, scan.stamp, &pose_stamped(scan.stamp, MAP, scan.map_from_robot))?;
+        recording.write(
+            tf,
+            scan.stamp,
+            &course(scan.stamp, in_space(scan.map_from_robot), in_space(scan.odom_from_robot)),
+        )?;
+        recording.write(pose, scan.stamp, &pose_stamped(scan.stamp, MAP, in_space(scan.map_from_robot)))?;
         let Some(sweep) = by_scan.get(&(*number as u64)) else { continue };
         let frame = frame_of(&sweep.laser);
         let before = shown.insert(frame, &*sweep.laser);
@@ -171,13 +119,6 @@ fn write_course<W: Write + Seek>(
         }
     }
     Ok((recording.finish()?, counts))
-}
-
-/// `map -> odom` such that the two together lead to where the robot is in the map.
-fn transforms(scan: &TrajectoryPose) -> TfMessage<'static> {
-    let map_from_odom = scan.map_from_robot * scan.odom_from_robot.inverse();
-    let correction = transform(scan.stamp, MAP, ODOM, in_space(map_from_odom));
-    TfMessage { transforms: vec![correction, odom_transform(scan.stamp, scan.odom_from_robot)] }
 }
 
 /// The keyframes' lasers in the order in which they come.

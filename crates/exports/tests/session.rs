@@ -3,15 +3,15 @@
 #![allow(clippy::explicit_write, clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
 
 use mapwright_bags::McapReader;
-use mapwright_exports::{SessionCounts, write_session_mcap};
+use mapwright_exports::{SessionCounts, SpaceSessionCounts, write_session_mcap, write_space_session_mcap};
 use mapwright_formats::{GridImage, UNKNOWN};
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_record::{
     Edge, EdgeKind, Entry, Keyframe, OdometryOrigin, RecordedEdge, Run, RunId, ScanPose, Session, TrajectoryPose,
 };
-use mapwright_ros::messages::{LaserScan, OccupancyGrid, TfMessage};
+use mapwright_ros::messages::{LaserScan, OccupancyGrid, PointCloud2, TfMessage};
 use mapwright_ros::{Channel, Decoder, Encoding, planar};
-use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep};
+use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, SpaceSensor, SpaceSweep, Sweep};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -119,9 +119,8 @@ fn an_empty_session_is_a_file_too() {
     assert!(McapReader::open(out).unwrap().next_message().unwrap().is_some());
 }
 
-#[test]
-fn the_official_readers_see_the_same() {
-    let test = "the_official_readers_see_the_same";
+/// What the official readers say of a file; nothing where there are none.
+fn seen_by_python(test: &str, mcap: &[u8]) -> Option<Value> {
     let python = std::env::var("MAPWRIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let works = Command::new(&python).args(["-c", "import rosbags, mcap, mcap_ros2, zstandard"]).output();
     if !works.is_ok_and(|output| output.status.success()) {
@@ -129,14 +128,19 @@ fn the_official_readers_see_the_same() {
             std::io::stderr(),
             "{test}: skipped: no Python with rosbags, mcap and mcap-ros2-support ({python})"
         );
-        return;
+        return None;
     }
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("session.mcap");
-    std::fs::write(&path, written()).unwrap();
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{test}.mcap"));
+    std::fs::write(&path, mcap).unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/check_exports.py");
     let output = Command::new(&python).arg(script).arg(&path).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+    Some(serde_json::from_slice(&output.stdout).unwrap())
+}
+
+#[test]
+fn the_official_readers_see_the_same() {
+    let Some(seen) = seen_by_python("the_official_readers_see_the_same", &written()) else { return };
     assert_eq!(seen["profile"], "ros2");
     assert!(seen["worst"].as_f64().unwrap() < 1e-9, "map -> odom -> base_link is the pose: {seen}");
     assert_eq!(seen["links"], serde_json::json!(["base_link->front_laser", "map->odom", "odom->base_link"]));
@@ -150,5 +154,106 @@ fn the_official_readers_see_the_same() {
             (&seen["count"], &seen["latched"], &seen["encoding"]),
             (&count.into(), &latched.into(), &"cdr".into())
         );
+    }
+}
+
+/// A spiral upwards, corrected against odometry.
+fn space_session() -> Session<SpaceSweep> {
+    let robot_from_sensor = Pose3::exp(nalgebra::Vector6::new(0.2, 0.0, 0.5, 0.1, 0.0, 0.3));
+    let sensor = Arc::new(SpaceSensor { robot_from_sensor, ..SpaceSensor::lidar("top") });
+    let along = |k: u32| {
+        let k = f64::from(k);
+        Pose3::exp(nalgebra::Vector6::new(0.1 * k, 0.05 * k, 0.02 * k, 0.01 * k, -0.02 * k, 0.15 * k))
+    };
+    let run = RunId::of_robot("a");
+    let mut session = Session::default();
+    session.add(Entry::Run(Run { id: run, settings: String::new() })).unwrap();
+    for k in 0..SCANS {
+        let stamp = Stamp(1_600_000_000_000_000_000 + 100_000_000 * i64::from(if k == 7 { 4 } else { k }));
+        if k.is_multiple_of(2) {
+            let sweep = Arc::new(SpaceSweep::new(&sensor, &[[1.0, 2.0, 0.5]], Vec::new()));
+            let id = run.keyframe(k / 2);
+            let keyframe = Arc::new(Keyframe { id, stamp, scan: u64::from(k), sweep, hardly_fits: false });
+            session.add(Entry::Keyframe { keyframe, map_from_keyframe: along(k) }).unwrap();
+        }
+        let keyframe_from_robot = along(k - k % 2).between(along(k));
+        let odom_from_robot = along(k) * along(k / 3);
+        let scan = ScanPose { stamp, keyframe: Some(run.keyframe(k / 2)), keyframe_from_robot, odom_from_robot };
+        session.add(Entry::Scan(scan)).unwrap();
+    }
+    let (from, to, kind) = (run.keyframe(1), run.keyframe(19), EdgeKind::Closure);
+    let information = mapwright_geom::Cov6::identity();
+    let edge = Edge { from, to, kind, from_from_to: Pose3::identity(), information };
+    session.add(Entry::Edge(RecordedEdge { edge, candidate: None })).unwrap();
+    session
+}
+
+const POINTS_M: [[f32; 3]; 3] = [[1.0, -2.0, 0.5], [0.0, 0.25, 8.0], [3.0, 4.0, 5.0]];
+const COLOURS: [[u8; 3]; 3] = [[200, 100, 50], [1, 2, 3], [0, 0, 0]];
+
+fn written_of_space(colours: &[[u8; 3]]) -> Vec<u8> {
+    let points = (POINTS_M.as_slice(), colours);
+    let (out, counts) = write_space_session_mcap(&space_session(), points, Cursor::new(Vec::new())).unwrap();
+    assert_eq!(counts, SpaceSessionCounts { closures: 1, points: 3, poses: 40 });
+    out.into_inner()
+}
+
+#[test]
+fn what_is_written_of_space_reads_back() {
+    let mut reader = McapReader::open(Cursor::new(written_of_space(&COLOURS))).unwrap();
+    let channel = |name| Channel::new(name, Encoding::Cdr, None).unwrap();
+    let mut maps = Decoder::<PointCloud2<'_>>::new(&channel("sensor_msgs/PointCloud2")).unwrap();
+    let mut tfs = Decoder::<TfMessage<'_>>::new(&channel("tf2_msgs/TFMessage")).unwrap();
+    let (session, mut transforms, mut points) = (space_session(), 0, 0);
+    while let Some(message) = reader.next_message().unwrap() {
+        if message.connection.topic == "/map" {
+            let message = maps.decode(message.data).unwrap();
+            let cloud = mapwright_ros::Cloud::new(&message).unwrap();
+            points += cloud.len();
+            assert_eq!(message.data.len(), 3 * 16);
+            assert_eq!(message.data[..12], [1.0_f32, -2.0, 0.5].map(f32::to_le_bytes).concat()[..]);
+            assert_eq!(message.data[12..16], [50, 100, 200, 0]);
+        } else if message.connection.topic == "/tf" {
+            let message = tfs.decode(message.data).unwrap();
+            let [map_from_odom, odom_from_robot] =
+                [0, 1].map(|k: usize| message.transforms[k].transform.to_pose3().unwrap());
+            let stamp = message.transforms[0].header.stamp;
+            let off = session
+                .trajectory()
+                .filter(|cloud| cloud.stamp == stamp)
+                .map(|cloud| (map_from_odom * odom_from_robot).between(cloud.map_from_robot).log().norm());
+            assert!(off.fold(f64::INFINITY, f64::min) < 1e-9);
+            transforms += 1;
+        }
+    }
+    assert_eq!((transforms, points), (40, 3));
+    let empty = write_space_session_mcap(&Session::default(), (&[], &[]), Cursor::new(Vec::new())).unwrap();
+    assert_eq!(empty.1, SpaceSessionCounts::default());
+    let points = (POINTS_M.as_slice(), &COLOURS[..2]);
+    let refused = write_space_session_mcap(&space_session(), points, Cursor::new(Vec::new())).unwrap_err();
+    assert!(refused.to_string().contains("expected 3 colours or none, found 2"), "{refused}");
+}
+
+#[test]
+fn the_official_readers_see_the_same_in_space() {
+    let test = "the_official_readers_see_the_same_in_space";
+    for colours in [COLOURS.as_slice(), &[]] {
+        let Some(seen) = seen_by_python(test, &written_of_space(colours)) else { return };
+        assert!(seen["worst_in_space"].as_f64().unwrap() < 1e-9, "map -> odom -> base_link is the pose: {seen}");
+        assert_eq!(seen["links"], serde_json::json!(["base_link->top", "map->odom", "odom->base_link"]));
+        assert_eq!(seen["points"], serde_json::json!([3, 1, "map"]));
+        let mut first = serde_json::json!({"x": 1.0, "y": -2.0, "z": 0.5});
+        if !colours.is_empty() {
+            first["rgb"] = serde_json::json!([200, 100, 50]);
+        }
+        assert_eq!(seen["first_point"], first);
+        assert_eq!(seen["path"], 40);
+        assert_eq!(seen["markers"], serde_json::json!([["closures", 5, 2], ["keyframes", 8, 20]]));
+        for (topic, count, latched) in
+            [("/map", 1, true), ("/path", 1, true), ("/tf_static", 1, true), ("/tf", 40, false), ("/pose", 40, false)]
+        {
+            let seen = &seen["topics"][topic];
+            assert_eq!((&seen["count"], &seen["latched"]), (&count.into(), &latched.into()), "{topic}");
+        }
     }
 }

@@ -41,7 +41,7 @@ pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space
 pub use noted::Noted;
 pub use open::{LogStream, open_log};
 pub use pcd::write_pcd;
-pub use ply::write_ply;
+pub use ply::{Disc, write_ply, write_ply_discs};
 pub use report::{DropReason, DroppedLine, Drops, ReadReport, TopicReport};
 pub use stamp_watch::{StampStep, StampWatch};
 pub use trajectory::{

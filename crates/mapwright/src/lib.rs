@@ -52,10 +52,13 @@ pub use mapwright_record::{
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use mapwright_sensor::{Cloud, DepthImage, ImuReading, ImuTaken, PinholeCamera, SpaceSensor, SpaceSweep};
+pub use mapwright_voxel::{Occupancy, OccupancySettings};
 pub use probe::{NoProbe, Probe, Stage};
 pub use render::GlobalMap;
 pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
-pub use space::{ImuReport, MapPoints, SpaceMapper, occupancy_of, points_of};
+pub use space::{
+    ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, SpaceMapper, occupancy_of, points_of, surfels_of,
+};

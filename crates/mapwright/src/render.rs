@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// A drawn keyframe is drawn anew when one of its points may have moved by more than this share of a cell.
-const FOLLOW_CELLS: f64 = 0.25;
+/// A drawn keyframe is drawn anew when one of its points may have moved by more than this share of a cell, or of a voxel.
+pub(crate) const FOLLOW_CELLS: f64 = 0.25;
 /// Keyframes that a thread takes at a time.
 const SHARE: usize = 32;
 

@@ -9,4 +9,4 @@ mod scale;
 
 pub use front::ImuReport;
 pub use mapper::SpaceMapper;
-pub use render::{MapPoints, occupancy_of, points_of};
+pub use render::{MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, surfels_of};

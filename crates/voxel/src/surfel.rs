@@ -32,6 +32,26 @@ pub struct Surfel {
     pub(crate) information: [f32; 6],
 }
 
+impl Surfel {
+    /// Standard deviations of its points along the surface, the lesser first, metres: one next to nothing is a line, whose normal nobody
+    /// knows. Neither is less than the thickness that a surface has at least.
+    #[must_use]
+    pub fn spread_m(&self) -> [f64; 2] {
+        let [xx, xy, xz, yy, yz, zz] = self.information.map(f64::from);
+        let Some(covariance) = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz).try_inverse() else { return [0.0; 2] };
+        let (variances, _) = axes(covariance);
+        [1, 2].map(|k| variances[k].max(0.0).sqrt())
+    }
+
+    /// Radius of the disc on which evenly spread points would lie as far apart as these, metres: such a disc of radius `r` has a variance
+    /// of `r^2 / 4` along each of its axes.
+    #[must_use]
+    pub fn radius_m(&self) -> f64 {
+        let [a, b] = self.spread_m();
+        (2.0 * (a * a + b * b)).sqrt()
+    }
+}
+
 impl Sums {
     /// Adds a point or takes it away (`sign` -1), which lies at so many voxels from the voxel's least corner.
     #[inline]

@@ -120,15 +120,7 @@ impl SurfelMap {
 
     /// Calls with the supplier of each point's voxel at the finest resolution, where it has a surfel.
     pub fn each_supplier(&self, points_m: &[[f32; 3]], map_from_cloud: Pose3, mut call: impl FnMut(u32)) {
-        let rotation = map_from_cloud.rotation.to_rotation_matrix();
-        let level = &self.levels[0];
-        for point in points_m {
-            let point = nalgebra::Vector3::from(point.map(f64::from));
-            let at: [f64; 3] = (rotation * point + map_from_cloud.translation).into();
-            if let Some(place) = level.place_at(at).filter(|&place| level.surfels[place].is_some()) {
-                call(level.voxels[place].supplier);
-            }
-        }
+        self.each_place(points_m, map_from_cloud, |_, place| call(self.levels[0].voxels[place].supplier));
     }
 
     /// Who supplied each voxel of the finest resolution, in the order of the voxels' places: what the points drawn do not say.
@@ -148,6 +140,30 @@ impl SurfelMap {
             level.voxels[place as usize].supplier = supplier;
         }
         places.len() == suppliers.len()
+    }
+
+    /// Calls with the number of each point and the place of its voxel at the finest resolution, where it has a surfel.
+    pub fn each_place(&self, points_m: &[[f32; 3]], map_from_cloud: Pose3, mut call: impl FnMut(usize, usize)) {
+        let rotation = map_from_cloud.rotation.to_rotation_matrix();
+        let level = &self.levels[0];
+        for (number, point) in points_m.iter().enumerate() {
+            let point = nalgebra::Vector3::from(point.map(f64::from));
+            let at: [f64; 3] = (rotation * point + map_from_cloud.translation).into();
+            if let Some(place) = level.place_at(at).filter(|&place| level.surfels[place].is_some()) {
+                call(number, place);
+            }
+        }
+    }
+
+    /// The surfels of the finest resolution with the places of their voxels and who supplied these last, in an order that depends on
+    /// nothing but where they lie.
+    pub fn placed_surfels(&self) -> impl Iterator<Item = (usize, u32, &Surfel)> {
+        let level = &self.levels[0];
+        level
+            .in_order()
+            .into_iter()
+            .map(|place| place as usize)
+            .filter_map(|place| Some((place, level.voxels[place].supplier, level.surfels[place].as_ref()?)))
     }
 
     /// The surfels of the finest resolution.
@@ -299,6 +315,9 @@ mod tests {
             surfel.count == 100 && surfel.normal[2].abs() > 0.999 && (surfel.mean_m[2] - 0.5).abs() < 1e-3,
             "{surfel:?}"
         );
+        // Evenly spread over a square of side a: a^2 / 12 along each side.
+        assert!((surfel.radius_m() - (1.0_f64 / 3.0).sqrt() * 0.9).abs() < 0.01, "{}", surfel.radius_m());
+        assert_eq!(map.placed_surfels().map(|(_, supplier, _)| supplier).collect::<Vec<_>>(), [7]);
         let mut suppliers = Vec::new();
         map.each_supplier(&points[..3], Pose3::identity(), |supplier| suppliers.push(supplier));
         assert_eq!(suppliers, [7, 7, 7]);

@@ -23,6 +23,9 @@ pub(crate) struct ExportArgs {
     /// way is that of the robot's origin, which is the sensor where nothing else is said. Otherwise -0.3:0.3.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     pub(crate) band: Option<SliceBounds>,
+    /// Of a session of space, for --to ply: small discs of surfaces with normals and radius instead of points.
+    #[arg(long)]
+    pub(crate) surfels: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -33,7 +36,7 @@ pub(crate) enum ExportTo {
     Kitti,
     /// Trajectory with odometry's beside it, a line of names first.
     Csv,
-    /// Map, path, transforms, scans and closures for Foxglove and ROS 2.
+    /// Map, path, transforms, scans and closures for Foxglove and ROS 2; of a session of space the map as points, without scans.
     Mcap,
     /// Map for Nav2, with its .yaml; of a session of space a plan of its floor.
     Pgm,

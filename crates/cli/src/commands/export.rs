@@ -36,8 +36,10 @@ fn of_plane(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<Str
         path: args.results.clone(),
         cause: format!("{what} needs a session of space, found one of the plane"),
     };
-    if args.resolution.is_some() || args.band.is_some() {
-        return Err(refused(if args.band.is_some() { "--band" } else { "--resolution" }));
+    let asked =
+        [(args.band.is_some(), "--band"), (args.resolution.is_some(), "--resolution"), (args.surfels, "--surfels")];
+    if let Some((_, option)) = asked.iter().find(|(is_asked, _)| *is_asked) {
+        return Err(refused(option));
     }
     match args.to {
         ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args.to, session, path),

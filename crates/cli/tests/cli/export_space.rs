@@ -28,13 +28,14 @@ fn cloud(number: i64, is_camera: bool) -> Cloud {
         .filter(|p| !is_camera || p.x > 1.5 * p.y.abs().max(p.z.abs()))
         .map(|p| if is_camera { [-p.y, -p.z, p.x] } else { [p.x, p.y, p.z] })
         .collect();
+    let ahead_m = if is_camera { [0.0, 0.0, forward_m] } else { [forward_m, 0.0, 0.0] };
     Cloud {
         stamp: Stamp(number * 100_000_000),
         sensor: Arc::new(SpaceSensor::lidar("top")),
         colours: vec![[200, 100, 50]; seen.len()],
         points_m: seen,
         times_s: Vec::new(),
-        odom_from_robot: Some(Pose3::identity()),
+        odom_from_robot: Some(Pose3 { translation: ahead_m.into(), ..Pose3::identity() }),
     }
 }
 
@@ -53,9 +54,13 @@ fn a_session_of_space_becomes_clouds_an_octree_and_a_floor_plan() {
     for to in ["ply", "pcd", "octomap", "pgm"] {
         assert_code(&run(&["export", out.to_str().unwrap(), "--to", to]), 0);
     }
+    let mcap = run(&["export", out.to_str().unwrap(), "--to", "mcap"]);
+    assert_code(&mcap, 0);
+    assert!(text(&mcap.stdout).contains("points, 3 poses, 0 closures"), "{}", text(&mcap.stdout));
     let read = |name: &str| fs::read(out.join(name)).unwrap();
     let ply = read_ply("export.ply", &read("export.ply"), &mut Notes::default()).unwrap();
     let pcd = read_pcd("export.pcd", &read("export.pcd"), &mut Notes::default()).unwrap();
+    assert!(read("export.mcap").starts_with(b"\x89MCAP0"));
     assert!(ply.points_m.len() > 1000 && ply.points_m == pcd.points_m);
     assert!(ply.colours == pcd.colours && ply.colours[0] == [200, 100, 50]);
 
@@ -68,6 +73,47 @@ fn a_session_of_space_becomes_clouds_an_octree_and_a_floor_plan() {
     let pgm = read("export.pgm");
     assert!(pgm.starts_with(b"P5") && pgm.contains(&0) && pgm.contains(&254), "walls and floor");
     assert!(text(&read("export.yaml")).contains("resolution: 0.1"));
+}
+
+/// Rows of floats and colours of a PLY file whose vertices have seven floats and a colour.
+fn discs(ply: &[u8]) -> Vec<([f32; 7], [u8; 3])> {
+    let end = b"end_header\n";
+    let data_at = ply.windows(end.len()).position(|part| part == end).unwrap() + end.len();
+    let row = |row: &[u8]| {
+        let value = |k: usize| f32::from_le_bytes(row[4 * k..4 * k + 4].try_into().unwrap());
+        (std::array::from_fn(value), row[28..].try_into().unwrap())
+    };
+    assert_eq!((ply.len() - data_at) % 31, 0);
+    ply[data_at..].chunks_exact(31).map(row).collect()
+}
+
+#[test]
+fn surfels_lie_on_the_floor_and_face_the_sensor() {
+    let out = folder("export_space_surfels").join("out");
+    mapped(&out, false);
+    let export = |more: &[&str]| run(&[&["export", out.to_str().unwrap(), "--to"], more].concat());
+    assert_code(&export(&["ply", "--surfels", "--resolution", "0.5"]), 0);
+    let ply = fs::read(out.join("export.ply")).unwrap();
+    let seen = read_ply("export.ply", &ply, &mut Notes::default()).unwrap();
+    let discs = discs(&ply);
+    assert_eq!(seen.points_m.len(), discs.len());
+    // The floor 0.97 m below the sensor, away from the walls.
+    let floor = discs.iter().filter(|([x, y, z, ..], _)| *z < -0.8 && x.abs() < 5.4 && y.abs() < 3.4);
+    let floor: Vec<_> = floor.collect();
+    assert!(floor.len() > 100, "{} of {}", floor.len(), discs.len());
+    for ([_, _, z, nx, ny, nz, radius_m], colour) in floor {
+        assert!((z + 0.97).abs() < 0.01, "the floor at {z} m");
+        let tilt_deg = nx.hypot(*ny).atan2(*nz).to_degrees();
+        assert!(tilt_deg < 2.0, "a normal {tilt_deg} degrees off");
+        assert!((0.02..0.5).contains(radius_m), "{radius_m}");
+        assert_eq!(*colour, [200, 100, 50]);
+    }
+    // All others face the sensor's way through the middle of the room as well.
+    for ([x, y, z, nx, ny, nz, _], _) in &discs {
+        assert!((nx * (0.3 - x) + ny * -y + nz * -z) > 0.0 || x.abs() < 1.0, "{x} {y} {z}: {nx} {ny} {nz}");
+        assert!((nx * nx + ny * ny + nz * nz - 1.0).abs() < 1e-4);
+    }
+    assert_refused(&export(&["pcd", "--surfels"]), 1, &["--surfels is for --to ply alone"]);
 }
 
 #[test]
@@ -100,7 +146,7 @@ fn what_the_other_kind_of_session_cannot_become_is_told() {
             &[&format!("--to {to} needs a session of space, found one of the plane")],
         );
     }
-    for to in ["tum", "kitti", "csv", "mcap", "worldfile"] {
+    for to in ["tum", "kitti", "csv", "worldfile"] {
         assert_refused(
             &export(&space, &[to]),
             1,
@@ -108,6 +154,7 @@ fn what_the_other_kind_of_session_cannot_become_is_told() {
         );
     }
     assert_refused(&export(&plane, &["pgm", "--band", "0:1"]), 1, &["--band needs a session of space"]);
+    assert_refused(&export(&plane, &["tum", "--surfels"]), 1, &["--surfels needs a session of space"]);
     assert_refused(&export(&camera, &["pgm"]), 1, &["z axis points upwards"]);
     assert_code(&export(&camera, &["octomap"]), 0);
 }

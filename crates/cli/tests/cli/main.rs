@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stderr, reason = "tests may")]
 
 mod bad_input;
+mod bad_input_space;
 mod commands;
 mod doubt;
 mod explain;

@@ -5,8 +5,9 @@ use crate::args::{ExportArgs, ExportTo};
 use crate::failure::Failure;
 use crate::output::write_whole;
 use crate::terminal::{count, grouped, say};
-use mapwright::{Pose2, Session, SpaceSweep, occupancy_of, points_of};
-use mapwright_formats::{GridImage, UNKNOWN, write_pcd, write_ply};
+use mapwright::{MapSurfel, Pose2, Session, SpaceSweep, occupancy_of, points_of, surfels_of};
+use mapwright_exports::write_space_session_mcap;
+use mapwright_formats::{Disc, GridImage, UNKNOWN, write_pcd, write_ply, write_ply_discs};
 use mapwright_logs::SliceBounds;
 use mapwright_voxel::{FloorCell, Occupancy, OccupancySettings, Octree, floor_cells, write_bt};
 use std::ops::Range;
@@ -24,13 +25,21 @@ pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Pa
     if args.band.is_some() && args.to != ExportTo::Pgm {
         return Err(refused(args, "--band is for --to pgm alone"));
     }
+    if args.surfels && args.to != ExportTo::Ply {
+        return Err(refused(args, "--surfels is for --to ply alone"));
+    }
     match args.to {
+        ExportTo::Ply if args.surfels => surfels(args, session, path),
         ExportTo::Ply | ExportTo::Pcd => cloud(args, session, path),
+        ExportTo::Mcap => mcap(args, session, path),
         ExportTo::Octomap => octree(&occupancy(args, session), path),
         ExportTo::Pgm => floor_plan(args, session, path),
         other => Err(refused(
             args,
-            &format!("--to {} needs a session of the plane, found one of space: ply, pcd, octomap or pgm", word(other)),
+            &format!(
+                "--to {} needs a session of the plane, found one of space: ply, pcd, mcap, octomap or pgm",
+                word(other)
+            ),
         )),
     }
 }
@@ -53,8 +62,39 @@ fn cloud(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Resul
         ExportTo::Pcd => write_pcd(&map.points_m, &map.colours, file),
         _ => write_ply(&map.points_m, &map.colours, file),
     })?;
-    let colours = if map.colours.is_empty() { "" } else { " with colours" };
-    say(&format!("{}: {}{colours}\n", path.display(), count(map.points_m.len() as u64, "point")))?;
+    say_made(path, map.points_m.len(), "point", !map.colours.is_empty())
+}
+
+fn surfels(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    let map = surfels_of(session, resolution_m(args));
+    let disc = |surfel: &MapSurfel| Disc { point_m: surfel.mean_m, normal: surfel.normal, radius_m: surfel.radius_m };
+    let discs: Vec<Disc> = map.surfels.iter().map(disc).collect();
+    write_part(path, |file| write_ply_discs(&discs, &map.colours, file))?;
+    if map.lines > 0 {
+        say(&format!("left out {} of which the points lie on a line\n", count(map.lines as u64, "voxel")))?;
+    }
+    say_made(path, discs.len(), "surfel", !map.colours.is_empty())
+}
+
+fn mcap(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    let map = points_of(session, resolution_m(args));
+    let counts = write_whole(path, |file| {
+        let written = write_space_session_mcap(session, (&map.points_m, &map.colours), file);
+        written.map(|(_, counts)| counts).map_err(|cause| Failure::write_in_words(path, &cause))
+    })?;
+    say(&format!(
+        "{}: map of {}, {}, {}\n",
+        path.display(),
+        count(counts.points as u64, "point"),
+        count(counts.poses as u64, "pose"),
+        count(counts.closures as u64, "closure"),
+    ))?;
+    Ok(Vec::new())
+}
+
+fn say_made(path: &Path, made: usize, what: &str, is_coloured: bool) -> Result<Vec<String>, Failure> {
+    let colours = if is_coloured { " with colours" } else { "" };
+    say(&format!("{}: {}{colours}\n", path.display(), count(made as u64, what)))?;
     Ok(Vec::new())
 }
 

@@ -1,0 +1,135 @@
+//! A run's results in space as an MCAP file of ROS 2.
+
+use crate::error::ExportError;
+use crate::frames::{MAP, ROBOT, frame_of_space};
+use crate::markers::write_markers;
+use crate::messages::{course, pose_stamped, transform};
+use crate::recording::{Durability, Recording};
+use mapwright_geom::{Pose3, Stamp};
+use mapwright_record::{Session, TrajectoryPose};
+use mapwright_ros::messages::{Header, Path, Point, PointCloud2, PointField, TfMessage};
+use mapwright_sensor::SpaceSweep;
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+/// `datatype` of a 32-bit float in `sensor_msgs/PointField`.
+const FLOAT32: u8 = 7;
+/// Bytes of `x y z`.
+const POINT_BYTES: usize = 12;
+/// Bytes of a colour: the bits of a float, blue first, as RViz and PCL have them.
+const COLOUR_BYTES: usize = 4;
+
+/// What was written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SpaceSessionCounts {
+    /// Lines between two keyframes.
+    pub closures: usize,
+    /// Points of the map.
+    pub points: usize,
+    /// Poses of the robot.
+    pub poses: usize,
+}
+
+/// Writes a session of space and its map as an MCAP file of ROS 2, as [`crate::write_session_mcap`] does in the plane. The map is
+/// points in its frame, metres, with a colour each where there are any.
+///
+/// | topic | type | content |
+/// |---|---|---|
+/// | `/map` | `sensor_msgs/PointCloud2` | the final map, `x y z` and `rgb`, at the first stamp; latched |
+/// | `/path` | `nav_msgs/Path` | the final trajectory, every cloud, at the first stamp; latched |
+/// | `/closures` | `visualization_msgs/MarkerArray` | closures that stand as lines, keyframes as dots; latched |
+/// | `/tf_static` | `tf2_msgs/TFMessage` | `base_link -> sensor`, a frame for each sensor by its name; latched |
+/// | `/tf` | `tf2_msgs/TFMessage` | `map -> odom` (REP 105) and `odom -> base_link` at every cloud |
+/// | `/pose` | `geometry_msgs/PoseStamped` | the robot in the map at every cloud |
+///
+/// # Errors
+/// [`ExportError::Bag`] for stamps before 1970 or where the stream below fails; [`ExportError::Points`] for a number of colours that is
+/// neither that of the points nor none, and for more points than a message can hold.
+pub fn write_space_session_mcap<W: Write + Seek>(
+    session: &Session<SpaceSweep>,
+    (points_m, colours): (&[[f32; 3]], &[[u8; 3]]),
+    writer: W,
+) -> Result<(W, SpaceSessionCounts), ExportError> {
+    let mut clouds: Vec<TrajectoryPose<Pose3>> = session.trajectory().collect();
+    clouds.sort_by_key(|cloud| cloud.stamp);
+    let begin = clouds.first().map_or(Stamp(0), |cloud| cloud.stamp);
+    let data = bytes_of(points_m, colours)?;
+    let map = message(&data, !colours.is_empty(), points_m.len(), begin)?;
+    let mut recording = Recording::mcap(writer)?;
+    let topic = recording.add("/map", "sensor_msgs/PointCloud2", Durability::TransientLocal)?;
+    recording.write(topic, begin, &map)?;
+    let topic = recording.add("/path", "nav_msgs/Path", Durability::TransientLocal)?;
+    let poses = clouds.iter().map(|cloud| pose_stamped(cloud.stamp, MAP, cloud.map_from_robot)).collect();
+    recording.write(topic, begin, &Path { header: Header::new(begin, MAP), poses })?;
+    let point = |pose: &Pose3| Point { x: pose.translation.x, y: pose.translation.y, z: pose.translation.z };
+    let closures = write_markers(&mut recording, session, begin, point)?;
+    let topic = recording.add("/tf_static", "tf2_msgs/TFMessage", Durability::TransientLocal)?;
+    recording.write(topic, begin, &mounts(session, begin))?;
+    write_course(&mut recording, &clouds)?;
+    let counts = SpaceSessionCounts { closures, points: points_m.len(), poses: clouds.len() };
+    Ok((recording.finish()?, counts))
+}
+
+/// Points side by side, little endian.
+fn bytes_of(points_m: &[[f32; 3]], colours: &[[u8; 3]]) -> Result<Vec<u8>, ExportError> {
+    if !colours.is_empty() && colours.len() != points_m.len() {
+        return Err(ExportError::Points(format!(
+            "expected {} colours or none, found {}",
+            points_m.len(),
+            colours.len()
+        )));
+    }
+    let mut data = Vec::with_capacity(points_m.len() * (POINT_BYTES + COLOUR_BYTES));
+    for (number, point) in points_m.iter().enumerate() {
+        point.iter().for_each(|value| data.extend(value.to_le_bytes()));
+        if let Some([red, green, blue]) = colours.get(number) {
+            data.extend([*blue, *green, *red, 0]);
+        }
+    }
+    Ok(data)
+}
+
+fn message(data: &[u8], is_coloured: bool, points: usize, stamp: Stamp) -> Result<PointCloud2<'_>, ExportError> {
+    let too_many =
+        || ExportError::Points(format!("expected {} bytes of points at most, found {}", u32::MAX, data.len()));
+    let row_step = u32::try_from(data.len()).map_err(|_| too_many())?;
+    let names = ["x", "y", "z", "rgb"].into_iter().take(if is_coloured { 4 } else { 3 });
+    let field =
+        |(offset, name): (u32, &'static str)| PointField { name: name.into(), offset, datatype: FLOAT32, count: 1 };
+    Ok(PointCloud2 {
+        header: Header::new(stamp, MAP),
+        height: 1,
+        width: points as u32,
+        fields: (0..).step_by(4).zip(names).map(field).collect(),
+        is_bigendian: false,
+        point_step: (POINT_BYTES + if is_coloured { COLOUR_BYTES } else { 0 }) as u32,
+        row_step,
+        data,
+        is_dense: true,
+    })
+}
+
+/// Where each sensor sits, the first of each name.
+fn mounts(session: &Session<SpaceSweep>, stamp: Stamp) -> TfMessage<'_> {
+    let mut sensors = BTreeMap::new();
+    for keyframe in session.keyframes() {
+        sensors.entry(frame_of_space(&keyframe.sweep.sensor)).or_insert(&keyframe.sweep.sensor);
+    }
+    let mount = |(frame, sensor): (_, &std::sync::Arc<mapwright_sensor::SpaceSensor>)| {
+        transform(stamp, ROBOT, frame, sensor.robot_from_sensor)
+    };
+    TfMessage { transforms: sensors.into_iter().map(mount).collect() }
+}
+
+fn write_course<W: Write + Seek>(
+    recording: &mut Recording<W>,
+    clouds: &[TrajectoryPose<Pose3>],
+) -> Result<(), ExportError> {
+    let tf = recording.add("/tf", "tf2_msgs/TFMessage", Durability::Volatile)?;
+    let pose = recording.add("/pose", "geometry_msgs/PoseStamped", Durability::Volatile)?;
+    for &TrajectoryPose { stamp, map_from_robot, odom_from_robot } in clouds {
+        recording.write(tf, stamp, &course(stamp, map_from_robot, odom_from_robot))?;
+        recording.write(pose, stamp, &pose_stamped(stamp, MAP, map_from_robot))?;
+    }
+    Ok(())
+}
