@@ -175,6 +175,9 @@ impl CovarianceGraph {
     }
 }
 
+/// A link as bytes: to whom, its covariance and its pivot.
+type StoredLink = (u32, Cov6, [f64; 3]);
+
 /// Without a search, which is never left under way.
 impl Stored for CovarianceGraph {
     fn put(&self, out: &mut Vec<u8>) {
@@ -184,14 +187,14 @@ impl Stored for CovarianceGraph {
     }
 
     fn take(from: &mut &[u8]) -> Option<Self> {
-        let nodes: Vec<([f64; 3], Vec<(u32, Cov6, [f64; 3])>)> = Stored::take(from)?;
+        let nodes: Vec<([f64; 3], Vec<StoredLink>)> = Stored::take(from)?;
         let count = nodes.len();
         let is_finite = |at: &[f64; 3]| at.iter().all(|v| v.is_finite());
-        let is_link = |(to, covariance, pivot): &(u32, Cov6, [f64; 3])| {
+        let is_link = |(to, covariance, pivot): &StoredLink| {
             (*to as usize) < count && is_covariance(covariance) && is_finite(pivot)
         };
         let is_sound = nodes.iter().all(|(at, links)| is_finite(at) && links.iter().all(is_link));
-        let link = |(to, covariance, pivot): (u32, Cov6, [f64; 3])| Link { to, covariance, pivot: pivot.into() };
+        let link = |(to, covariance, pivot): StoredLink| Link { to, covariance, pivot: pivot.into() };
         let node =
             |(at, links): ([f64; 3], Vec<_>)| Node { at: at.into(), links: links.into_iter().map(link).collect() };
         is_sound.then(|| Self {

@@ -1,8 +1,9 @@
 use super::*;
+use crate::places::PlaceIndex;
 use crate::solving::Solving;
 use crate::submaps::Window;
 use crate::views::View;
-use mapwright_geom::{Pose2, Pose3, Stamp, TangentMatrix};
+use mapwright_geom::{Pose3, Stamp};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph, Vertex};
 use mapwright_record::{Beams, EdgeKind, Entry, EntryError, Keyframe, RecordedEdge, Run, RunId, Session};
 use std::f64::consts::PI;
@@ -52,7 +53,7 @@ struct Signposts<P: Pose>(std::marker::PhantomData<P>);
 impl<P: Pose> Submaps for Signposts<P> {
     type Measurement = Reading<P>;
     type Submap = P;
-    type Places = ();
+    type Places = PlaceIndex;
 
     fn draw(&self, views: &[View<Reading<P>>]) -> P {
         views[0].sweep.world_from_robot * views[0].submap_from_keyframe.inverse()
@@ -71,11 +72,15 @@ impl<P: Pose> Submaps for Signposts<P> {
         1
     }
 
-    fn remember(&self, (): &mut (), _: NodeId, _: &[View<Reading<P>>]) {}
+    fn remember(&self, _: &mut PlaceIndex, _: NodeId, _: &[View<Reading<P>>]) {}
+
+    fn remembered(places: &PlaceIndex) -> &[NodeId] {
+        places.nodes()
+    }
 
     fn alike(
         &self,
-        (): &mut (),
+        _: &mut PlaceIndex,
         _: &[View<Reading<P>>],
         _: usize,
         _: impl Fn(NodeId) -> bool,
@@ -222,7 +227,7 @@ fn comes_back<P: Pose>() {
         let [sigma_m, sigma_rad] = [0.01, 0.001].map(|a_step| a_step * f64::from(k));
         let uncertainty = Uncertainty { displacement_m2: sigma_m * sigma_m, rotation_rad2: sigma_rad * sigma_rad };
         let old = NodeId::first(k.saturating_sub(30) as usize);
-        let known: Vec<KnownPlace> = old.map(|first| KnownPlace { first, live: false, uncertainty }).collect();
+        let known: Vec<KnownPlace<P>> = old.map(|first| KnownPlace::alike_in_all(first, false, uncertainty)).collect();
         let Some(verification) = closing.propose(way.past(), &known, None, Signposts::default()) else { continue };
         for (target, finding) in verification.run().findings {
             closed += way.judge(&mut closing, &target, &finding).len();
@@ -253,7 +258,7 @@ fn match_with_an_old_place<P: Pose>() {
     let [ten, eleven, twelve, just_now, newest] = [10, 11, 12, 45, 59].map(NodeId::new);
     for objection in [None, Some(Objection::Contradiction), Some(Objection::LittleOverlap)] {
         let (mut closing, mut way) = (Closing::<Signposts<P>>::new(BY_POSE), Way::<P>::there_and_back(60));
-        let known = [KnownPlace { first: NodeId::new(0), live: true, uncertainty: Uncertainty::default() }];
+        let known = [KnownPlace::alike_in_all(NodeId::new(0), true, Uncertainty::default())];
         let past = way.past();
         assert!(
             closing.supporting(past, newest, just_now, &known).is_none() && closing.links(past, just_now),
