@@ -281,7 +281,11 @@ mod tests {
         let of_first = |reached: &[Projected]| reached.iter().find(|reached| reached.node == 0).unwrap().uncertainty;
         let far_m2 = of_first(&after).displacement_m2;
         graph.add_link([0, 39], &link, motion * poses[39], 5.0);
-        assert!(of_first(&graph.project(39, EVERYWHERE)).displacement_m2 < 0.01 * far_m2);
+        let rotation = (motion * poses[39]).rotation.to_rotation_matrix().into_inner();
+        let away = (motion * poses[0]).translation - (motion * poses[39]).translation;
+        let by_link_m2 = Uncertainty::of(&displaced(&turned(&link, &rotation), away)).displacement_m2;
+        let near_m2 = of_first(&graph.project(39, EVERYWHERE)).displacement_m2;
+        assert!(near_m2 < far_m2 && (near_m2 / by_link_m2 - 1.0).abs() < 1e-9, "{near_m2}, {by_link_m2}, {far_m2}");
         graph.remove_link(39, 0);
         assert_eq!(graph.project(39, EVERYWHERE), after);
     }
