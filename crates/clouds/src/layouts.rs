@@ -9,16 +9,35 @@ mod tum;
 mod velodyne;
 
 use crate::error::CloudError;
-use crate::folder::Listing;
-use crate::plan::Plan;
+use crate::folder::{Listing, ends_with};
+use crate::notes::NoteKind;
+use crate::plan::{Kind, Plan};
+use std::collections::BTreeSet;
+
+/// How files with clouds end.
+const CLOUDS: [&str; 5] = [".bin", ".bin.zst", ".pcd", ".ply", ".pcap"];
 
 /// The first kind that the folder is of: kinds that need more to be there come first.
 pub(crate) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let kinds = [tum::find, seven_scenes::find, open3d::find, kitti::find, velodyne::find, files::find];
     for kind in kinds {
-        if let Some(plan) = kind(listing)? {
+        if let Some(mut plan) = kind(listing)? {
+            note_others(listing, &mut plan);
             return Ok(Some(plan));
         }
     }
     Ok(None)
+}
+
+/// Notes files with clouds that are not of this kind: one kind is read of a folder.
+fn note_others(listing: &Listing<'_>, plan: &mut Plan) {
+    let used: BTreeSet<&str> = plan.frames.iter().map(|frame| frame.file.as_str()).collect();
+    let is_packets = |name: &str| plan.kind == Kind::Velodyne && ends_with(name, ".pcap");
+    let is_other =
+        |name: &&str| CLOUDS.iter().any(|end| ends_with(name, end)) && !used.contains(name) && !is_packets(name);
+    for name in listing.names().filter(is_other) {
+        plan.notes.note(NoteKind::FileNotUsed, name, 0, || {
+            ("one kind of clouds, in one folder", "a file with clouds beside those")
+        });
+    }
 }

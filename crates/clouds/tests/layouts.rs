@@ -332,3 +332,12 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn clouds_of_another_kind_beside_those_that_are_read_are_said() {
+    let mixed = kitti().with("a.pcd", pcd(1.0, "", "", "")).with("more/b.ply", "ply\n").with("notes.md", "none");
+    let (recording, alone) = (opened(&mixed), kitti());
+    let before = opened(&alone).notes().count(NoteKind::FileNotUsed);
+    assert_eq!(read(&recording).0.len(), read(&opened(&alone)).0.len());
+    assert_eq!(recording.notes().count(NoteKind::FileNotUsed), before + 2);
+}
