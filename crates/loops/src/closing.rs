@@ -93,8 +93,6 @@ pub struct KnownPlace<P: Pose = Pose2> {
     pub first: NodeId,
     /// Whether it is in the local map.
     pub live: bool,
-    /// Of that relative to the robot.
-    pub uncertainty: Uncertainty,
     /// Covariance of the newest keyframe seen from there, a right perturbation.
     pub covariance: P::Matrix,
 }
@@ -104,7 +102,7 @@ impl<P: Pose> KnownPlace<P> {
     #[must_use]
     pub fn alike_in_all(first: NodeId, live: bool, uncertainty: Uncertainty) -> Self {
         let covariance = P::Matrix::from_variances(uncertainty.displacement_m2, uncertainty.rotation_rad2);
-        Self { first, live, uncertainty, covariance }
+        Self { first, live, covariance }
     }
 }
 
@@ -286,7 +284,7 @@ impl<S: Submaps> Closing<S> {
             let target = target(past, place, place.first, to, Detection::Pose);
             let above_m = (there.translation()[2] - here.translation()[2]).abs();
             let is_level = above_m <= SEEN_ABOVE_M + target.window.half_height_m;
-            if away_m <= SEEN_WITHIN_M + WINDOW_SIGMAS * target.sigma_m && is_level {
+            if away_m <= SEEN_WITHIN_M + WINDOW_SIGMAS * sigmas(place).0 && is_level {
                 near.push((away_m, target));
             }
         }
@@ -313,10 +311,10 @@ impl<S: Submaps> Closing<S> {
         let found = submaps.alike(&mut self.places, &views_along(past, to, false, DESCRIBED_M), ALIKE, left);
         let target = |(from, window)| {
             let place = patch_of(known, from).filter(|place| !place.live)?;
-            let (sigma_m, sigma_rad) = sigmas(place);
-            let is_near = past.pose(from).distance(past.pose(to)) <= SEEN_WITHIN_M + 2.0 * WINDOW_SIGMAS * sigma_m;
+            let most_m = SEEN_WITHIN_M + 2.0 * WINDOW_SIGMAS * sigmas(place).0;
+            let is_near = past.pose(from).distance(past.pose(to)) <= most_m;
             let covariance = place.covariance;
-            is_near.then_some(Target { from, detection: Detection::Place, window, sigma_m, sigma_rad, covariance })
+            is_near.then_some(Target { from, detection: Detection::Place, window, covariance })
         };
         found.into_iter().filter_map(target).collect()
     }
@@ -473,7 +471,7 @@ fn target<M: Measurement>(
     to: NodeId,
     detection: Detection,
 ) -> Target<M::Pose> {
-    let (sigma_m, sigma_rad) = sigmas(place);
+    let (_, sigma_rad) = sigmas(place);
     let up_m2 = if M::Pose::TRANSLATION == 3 { place.covariance[(2, 2)] } else { 0.0 };
     let window = Window {
         target_from_query: past.pose(from).between(past.pose(to)),
@@ -481,7 +479,7 @@ fn target<M: Measurement>(
         half_height_m: (WINDOW_M + WINDOW_SIGMAS * up_m2.sqrt()).min(WIDEST_M),
         half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
     };
-    Target { from, detection, window, sigma_m, sigma_rad, covariance: place.covariance }
+    Target { from, detection, window, covariance: place.covariance }
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ const POINT_SHARE: f64 = 0.8;
 const START_SHARE: f64 = 0.75;
 const START_UP_SHARE: f64 = 0.5;
 const START_RAD: f64 = 0.35;
-/// and are so many at most.
+/// and are so many at most, of them so many above and below.
 const STARTS_AT_MOST: i32 = 400;
 const UP_AT_MOST: i32 = 3;
 /// Poses that are compared in the end; one elsewhere is farther than so many smallest voxels, or radians.

@@ -15,10 +15,6 @@ pub struct Target<P: Pose = Pose2> {
     pub detection: Detection,
     /// Where the robot may be.
     pub window: Window<P>,
-    /// Standard deviations of that, metres and radians.
-    pub sigma_m: f64,
-    /// See above.
-    pub sigma_rad: f64,
     /// Covariance of that, a right perturbation of the robot's pose.
     pub covariance: P::Matrix,
 }

@@ -6,7 +6,7 @@ use crate::relocation::Budget;
 use crate::settings::{Correction, Jobs, LivePolicy, Settings};
 use crate::store::Store;
 use mapwright_geom::Stored;
-use mapwright_loops::{Closes, Closing, ClosingSettings};
+use mapwright_loops::{Closes, Closing, ClosingSettings, Solving};
 use mapwright_record::Past;
 use mapwright_sensor::Sweep;
 use std::collections::VecDeque;
@@ -47,6 +47,19 @@ impl<M: Closes> BackEnd<M> {
         let closing = Closing::restore(closing_settings(settings), past, from)?;
         let (questions, budget) = Stored::take(from)?;
         Some(Self { closing, questions, budget, ..Self::new(settings) })
+    }
+
+    /// Goes on with a session by its edges alone. A killed run's log has all edges, but poses may be older than the newest.
+    pub(crate) fn made_again(settings: &Settings, store: &mut Store<M>) -> Self {
+        let closures = store.closures();
+        let is_to_solve = !closures.is_empty() && settings.loops.correction == Correction::Graph;
+        let solving = is_to_solve.then(|| Solving { graph: store.graph(), closures });
+        if let Some(solved) = solving.and_then(Solving::run) {
+            store.correct(&solved.map_from_keyframe);
+        }
+        let mut back = Self::new(settings);
+        back.closing.resume(store.past());
+        back
     }
 
     /// Whether something is under way, which was asked of the past as it is.

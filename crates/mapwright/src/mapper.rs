@@ -7,12 +7,12 @@ use crate::localisation::Localisation;
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::relocation::{Found, Sought};
 use crate::render::GlobalMap;
-use crate::settings::{Correction, Settings, SettingsError};
+use crate::settings::{Settings, SettingsError};
 use crate::store::{Link, NewKeyframe, Store};
 use crate::told::{self, Newest, Told, Whereabouts};
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose2, Stamp, TangentMatrix};
 use mapwright_grid::{CountGrid, LocalMap};
-use mapwright_loops::{KnownPlace, PlaneSubmaps, Solving, VerifySettings, is_old};
+use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings, is_old};
 use mapwright_record::{
     Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, NodeId, Objection, Past, RunId,
     Session, Status, TrajectoryPose, Update, Verdict,
@@ -87,16 +87,9 @@ impl Mapper {
         Ok(Self { store, front, localisation: Localisation::default(), back, newest })
     }
 
-    /// What keyframes, edges and the last scans say. A killed run's log has all edges, but poses may be older than the newest.
+    /// What keyframes, edges and the last scans say.
     fn made_again(settings: Settings, mut store: Store) -> (Store, BackEnd, FrontEnd) {
-        let closures = store.closures();
-        let is_to_solve = !closures.is_empty() && settings.loops.correction == Correction::Graph;
-        let solving = is_to_solve.then(|| Solving { graph: store.graph(), closures });
-        if let Some(solved) = solving.and_then(Solving::run) {
-            store.correct(&solved.map_from_keyframe);
-        }
-        let mut back = BackEnd::new(&settings);
-        back.closing.resume(store.past());
+        let back = BackEnd::made_again(&settings, &mut store);
         let front = FrontEnd::resume(settings, store.past());
         (store, back, front)
     }
@@ -391,7 +384,7 @@ impl Mapper {
     /// of the position, metres, and that of the heading, radians.
     pub fn certainty(&mut self) -> Vec<(KeyframeId, f64, f64)> {
         let sigmas = |known: KnownPlace| {
-            let (m2, rad2) = (known.uncertainty.displacement_m2, known.uncertainty.rotation_rad2);
+            let (m2, rad2) = (known.covariance.position_variance_m2(), known.covariance.rotation_variance_rad2());
             (self.store.id(known.first), m2.sqrt(), rad2.sqrt())
         };
         self.front.survey().into_iter().map(sigmas).collect()

@@ -143,8 +143,7 @@ impl Matcher {
         self.climb_levels(map, map.levels().len(), points_m, (prior, start))
     }
 
-    /// Climbs from `start` through the finer half of the resolutions: for a start that is trusted, which coarse voxels, where floor
-    /// and slope are one, would lead astray.
+    /// Climbs from `start` through the finer half of the resolutions: for a start that is trusted, which coarse voxels may lead astray.
     pub fn climb_near(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], prior: &Prior, start: Pose3) -> Fit {
         self.climb_levels(map, map.levels().len().div_ceil(2), points_m, (prior, start))
     }

@@ -120,8 +120,6 @@ pub(super) fn target(from: NodeId) -> Target {
             half_height_m: 0.0,
             half_width_rad: 0.0,
         },
-        sigma_m: 1e3,
-        sigma_rad: 1e3,
         covariance: Cov3::from_diagonal_element(1e6),
     }
 }

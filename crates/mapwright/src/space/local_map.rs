@@ -228,10 +228,10 @@ impl LocalMapping {
         let newest_from_map = Pose3 { translation: nalgebra::Vector3::zeros(), ..past.pose(newest).inverse() };
         let axes = newest_from_map.adjoint();
         let known = |projected: Projected| {
-            let Projected { node, at_start, uncertainty } = projected;
+            let Projected { node, at_start, .. } = projected;
             let first = NodeId::new(node);
             let live = self.views[first.index()].live;
-            KnownPlace { first, live, uncertainty, covariance: at_start.carried_by(&axes) }
+            KnownPlace { first, live, covariance: at_start.carried_by(&axes) }
         };
         self.graph.project(newest.number(), gate).into_iter().map(known).collect()
     }

@@ -95,6 +95,19 @@ fn a_cloud_is_found_where_it_was_taken() {
 }
 
 #[test]
+fn near_a_start_that_is_trusted_the_finer_resolutions_are_enough() {
+    let points = room();
+    let (map, truth) = (map_of(&points), pose([0.3, -0.2, 0.1, 0.05, -0.05, 0.2]));
+    let (seen, mut matcher) = (moved_by(&points, truth), Matcher::default());
+    let start = truth * pose([0.08, -0.05, 0.03, 0.01, -0.02, 0.04]);
+    let [all, near] =
+        [matcher.climb(&map, &seen, &weak_prior(), start), matcher.climb_near(&map, &seen, &weak_prior(), start)];
+    let error = truth.between(near.map_from_cloud);
+    assert!(error.translation.norm() < 0.01 && error.rotation.angle() < 0.003, "{error:?}");
+    assert!(near.evaluations < all.evaluations, "{} and {}", near.evaluations, all.evaluations);
+}
+
+#[test]
 fn gradient_ascent_climbs_the_same_objective() {
     let points = room();
     let map = map_of(&points);

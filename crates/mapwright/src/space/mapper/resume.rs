@@ -2,12 +2,11 @@
 
 use super::SpaceMapper;
 use crate::back::BackEnd;
-use crate::settings::{Correction, Settings, SettingsError};
+use crate::settings::{Settings, SettingsError};
 use crate::space::front::{FrontEnd, LevelWatch};
 use crate::store::Store;
 use crate::told::{Newest, Told};
 use mapwright_geom::{Stamp, Stored, is_in_place};
-use mapwright_loops::Solving;
 use mapwright_record::{RunId, Session, Status, Update};
 use mapwright_sensor::SpaceSweep;
 
@@ -70,16 +69,9 @@ fn restore(settings: Settings, store: &Store<SpaceSweep>, mut state: &[u8]) -> O
     (from.is_empty() && is_in_place(map_from_robot)).then_some((store, back, front))
 }
 
-/// What keyframes, edges and the last clouds say. A killed run's log has all edges, but poses may be older than the newest.
+/// What keyframes, edges and the last clouds say.
 fn made_again(settings: Settings, mut store: Store<SpaceSweep>) -> Stages {
-    let closures = store.closures();
-    let is_to_solve = !closures.is_empty() && settings.loops.correction == Correction::Graph;
-    let solving = is_to_solve.then(|| Solving { graph: store.graph(), closures });
-    if let Some(solved) = solving.and_then(Solving::run) {
-        store.correct(&solved.map_from_keyframe);
-    }
-    let mut back = BackEnd::new(&settings);
-    back.closing.resume(store.past());
+    let back = BackEnd::made_again(&settings, &mut store);
     let front = FrontEnd::resume(settings, store.past());
     (store, back, front)
 }
