@@ -302,6 +302,10 @@ def kitti_rows(compared):
 def main(binaries, data, part="all"):
     binaries, data = Path(binaries), Path(data)
     reference = data / "3d_os0_hall/poses_tum.txt"
+    needed = [binaries / "mapwright", reference] + ([] if part == "odometry" else [binaries / "examples/occupancy"])
+    missing = [str(path) for path in needed if not path.exists()]
+    if missing:
+        sys.exit(f"{', '.join(missing)}: not there; how they are made stands at the top of {__file__}")
     rows = []
     if part in ("all", "odometry"):
         rows += odometry_rows(binaries, data, reference)

@@ -7,7 +7,7 @@
 //! height or the vertical, stays apart from what they know least.
 
 use crate::certainty::{Gate, Uncertainty};
-use mapwright_geom::{Cov6, Pose3, Stored, TangentMatrix, is_covariance};
+use mapwright_geom::{Cov6, Pose3, Stored, is_covariance};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -19,8 +19,16 @@ pub struct Projected {
     pub node: u32,
     /// Covariance of the error between both, as a perturbation at the start's position along the map's axes, translation first.
     pub at_start: Cov6,
+    /// From there to the node along the same axes, metres.
+    away_m: Vector3<f64>,
+}
+
+impl Projected {
     /// Of the node's pose, directions left aside.
-    pub uncertainty: Uncertainty,
+    #[must_use]
+    pub fn uncertainty(&self) -> Uncertainty {
+        Uncertainty::of(&displaced(&self.at_start, self.away_m))
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +37,14 @@ struct Link {
     /// As a perturbation at the pivot, along the map's axes.
     covariance: Cov6,
     pivot: Vector3<f64>,
+    /// Of it, directions left aside: what it adds to a way wherever that ends.
+    adds: Uncertainty,
+}
+
+impl Link {
+    fn new(to: u32, covariance: Cov6, pivot: Vector3<f64>) -> Self {
+        Self { to, covariance, pivot, adds: Uncertainty::of(&covariance) }
+    }
 }
 
 #[derive(Debug, Clone, Default)]
@@ -107,10 +123,10 @@ impl CovarianceGraph {
         }
         let covariance = turned(covariance, &map_from_b.rotation.to_rotation_matrix().into_inner());
         for (from, to) in [(a, b), (b, a)] {
-            let link = Link { to, covariance, pivot: map_from_b.translation };
+            let link = Link::new(to, covariance, map_from_b.translation);
             let links = &mut self.nodes[from as usize].links;
             match links.iter_mut().find(|known| known.to == to) {
-                Some(known) if cost(&known.covariance, lever_m) <= cost(&covariance, lever_m) => {}
+                Some(known) if known.adds.sigma_m(lever_m) <= link.adds.sigma_m(lever_m) => {}
                 Some(known) => *known = link,
                 None => links.push(link),
             }
@@ -154,13 +170,13 @@ impl CovarianceGraph {
             }
             *visit = Visit { round: self.round, done: true, cost: label.cost };
             let node = &self.nodes[label.node as usize];
-            let away = node.at - origin;
-            let uncertainty = Uncertainty::of(&displaced(&label.at_start, away));
-            if away.norm() <= gate.reach_m {
-                reached.push(Projected { node: label.node, at_start: label.at_start, uncertainty });
+            let away_m = node.at - origin;
+            if away_m.norm() <= gate.reach_m {
+                reached.push(Projected { node: label.node, at_start: label.at_start, away_m });
             }
             for link in &node.links {
-                let cost = label.cost + cost(&link.covariance, gate.lever_m);
+                let Uncertainty { displacement_m2, rotation_rad2 } = link.adds;
+                let cost = label.cost + displacement_m2 + gate.lever_m * gate.lever_m * rotation_rad2;
                 let visit = self.visits[link.to as usize];
                 let known = visit.round == self.round && (visit.done || cost >= visit.cost);
                 if known || cost > gate.sigma_m * gate.sigma_m {
@@ -194,7 +210,7 @@ impl Stored for CovarianceGraph {
             (*to as usize) < count && is_covariance(covariance) && is_finite(pivot)
         };
         let is_sound = nodes.iter().all(|(at, links)| is_finite(at) && links.iter().all(is_link));
-        let link = |(to, covariance, pivot): StoredLink| Link { to, covariance, pivot: pivot.into() };
+        let link = |(to, covariance, pivot): StoredLink| Link::new(to, covariance, pivot.into());
         let node =
             |(at, links): ([f64; 3], Vec<_>)| Node { at: at.into(), links: links.into_iter().map(link).collect() };
         is_sound.then(|| Self {
@@ -205,11 +221,6 @@ impl Stored for CovarianceGraph {
     }
 }
 
-/// What a covariance adds to a way wherever that ends: it never shrinks along a way.
-fn cost(covariance: &Cov6, lever_m: f64) -> f64 {
-    covariance.position_variance_m2() + lever_m * lever_m * covariance.rotation_variance_rad2()
-}
-
 /// A perturbation along other axes.
 fn turned(covariance: &Cov6, rotation: &Matrix3<f64>) -> Cov6 {
     let mut both = Matrix6::zeros();
@@ -218,11 +229,19 @@ fn turned(covariance: &Cov6, rotation: &Matrix3<f64>) -> Cov6 {
     both * covariance * both.transpose()
 }
 
-/// A perturbation as it moves what is so far away, along the same axes.
+/// A perturbation as it moves what is so far away, along the same axes: `e + cross(d, away)`.
 fn displaced(covariance: &Cov6, away: Vector3<f64>) -> Cov6 {
-    let mut moves = Matrix6::identity();
-    moves.fixed_view_mut::<3, 3>(0, 3).copy_from(&-away.cross_matrix());
-    moves * covariance * moves.transpose()
+    let block = |row: usize, column: usize| -> Matrix3<f64> { covariance.fixed_view::<3, 3>(row, column).into_owned() };
+    let (mixed, angular, arm) = (block(0, 3), block(3, 3), -away.cross_matrix());
+    let swung = arm * mixed.transpose();
+    let mut moved = *covariance;
+    moved
+        .fixed_view_mut::<3, 3>(0, 0)
+        .copy_from(&(block(0, 0) + swung + swung.transpose() + arm * angular * arm.transpose()));
+    let mixed = mixed + arm * angular;
+    moved.fixed_view_mut::<3, 3>(0, 3).copy_from(&mixed);
+    moved.fixed_view_mut::<3, 3>(3, 0).copy_from(&mixed.transpose());
+    moved
 }
 
 #[cfg(test)]
@@ -276,9 +295,9 @@ mod tests {
         for (before, after) in before.iter().zip(&after) {
             assert_eq!(before.node, after.node);
             assert!((turned(&before.at_start, &rotation) - after.at_start).norm() < 1e-12);
-            assert!((before.uncertainty.displacement_m2 - after.uncertainty.displacement_m2).abs() < 1e-12);
+            assert!((before.uncertainty().displacement_m2 - after.uncertainty().displacement_m2).abs() < 1e-12);
         }
-        let of_first = |reached: &[Projected]| reached.iter().find(|reached| reached.node == 0).unwrap().uncertainty;
+        let of_first = |reached: &[Projected]| reached.iter().find(|reached| reached.node == 0).unwrap().uncertainty();
         let far_m2 = of_first(&after).displacement_m2;
         graph.add_link([0, 39], &link, motion * poses[39], 5.0);
         let rotation = (motion * poses[39]).rotation.to_rotation_matrix().into_inner();

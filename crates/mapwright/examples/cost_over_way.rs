@@ -56,8 +56,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (what, second, last) in [("mean", second.0, last.0), ("median", second.1, last.1), ("voxels", second.2, last.2)]
     {
         let change = last / second - 1.0;
-        let verdict = if change <= FLAT { "flat" } else { "GROWS" };
-        println!("{what}: {:+.0} % from the second fifth to the last, {verdict} within 20 %", 100.0 * change);
+        let verdict = if change <= FLAT { "flat within" } else { "GROWS by more than" };
+        println!("{what}: {:+.0} % from the second fifth to the last, {verdict} 20 %", 100.0 * change);
     }
     Ok(())
 }

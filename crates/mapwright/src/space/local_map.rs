@@ -128,9 +128,10 @@ impl LocalMapping {
         let reach_m = REACH_RANGES * self.scale.range_m;
         let gate = Gate { sigma_m: HYSTERESIS * gate_m, lever_m: self.scale.range_m, reach_m };
         let mut certain = vec![false; self.views.len()];
-        for Projected { node, uncertainty, .. } in self.graph.project(node.number(), gate) {
-            let most_m = if self.views[node as usize].live { gate.sigma_m } else { gate_m };
-            certain[node as usize] = uncertainty.sigma_m(self.scale.range_m) <= most_m;
+        for projected in self.graph.project(node.number(), gate) {
+            let node = projected.node as usize;
+            let most_m = if self.views[node].live { gate.sigma_m } else { gate_m };
+            certain[node] = projected.uncertainty().sigma_m(self.scale.range_m) <= most_m;
         }
         for ((node, view), is_live) in NodeId::first(certain.len()).zip(&mut self.views).zip(certain) {
             if view.live != is_live {
