@@ -36,7 +36,7 @@ fn note_others(listing: &Listing<'_>, plan: &mut Plan) {
     let is_other =
         |name: &&str| CLOUDS.iter().any(|end| ends_with(name, end)) && !used.contains(name) && !is_packets(name);
     for name in listing.names().filter(is_other) {
-        plan.notes.note(NoteKind::FileNotUsed, name, 0, || {
+        plan.notes.note(NoteKind::OtherClouds, name, 0, || {
             ("one kind of clouds, in one folder", "a file with clouds beside those")
         });
     }

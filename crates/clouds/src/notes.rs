@@ -45,6 +45,8 @@ pub enum NoteKind {
     BadRow,
     /// A file of times, poses or a calibration that is not used.
     FileNotUsed,
+    /// A file with clouds that are not of the recording's kind, or not in its folder.
+    OtherClouds,
     /// A PCD file whose points have a place of their own (VIEWPOINT), which is not applied: points are delivered in the sensor's frame.
     Viewpoint,
     /// A packet that is none of the sensor's, left out.
@@ -63,7 +65,10 @@ impl NoteKind {
     /// Whether something of the recording may be missing or wrong in what was delivered.
     #[must_use]
     pub fn loses_data(self) -> bool {
-        let is_said_only = matches!(self, Self::NotFinite | Self::BackwardStamp | Self::EmptyCloud | Self::Viewpoint);
+        let is_said_only = matches!(
+            self,
+            Self::NotFinite | Self::BackwardStamp | Self::EmptyCloud | Self::Viewpoint | Self::OtherClouds
+        );
         let is_of_messages = matches!(self, Self::RecordedStamp | Self::WithoutOdometry);
         !(is_said_only || is_of_messages || matches!(self, Self::ForeignPacket | Self::PartialRevolution))
     }
@@ -89,6 +94,7 @@ impl fmt::Display for NoteKind {
             Self::UnreadableColour => "unreadable colour image",
             Self::BadRow => "bad row",
             Self::FileNotUsed => "file not used",
+            Self::OtherClouds => "other clouds beside those",
             Self::Viewpoint => "viewpoint not applied",
             Self::ForeignPacket => "packet of something else",
             Self::BadPacket => "bad packet",
