@@ -6,10 +6,11 @@ use crate::cycles::Follows;
 use crate::front::{Motion, RobotPose};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
-use mapwright_geom::{Cov6, Pose3, TangentMatrix};
+use mapwright_geom::{Cov6, Pose, Pose3, TangentMatrix};
 use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
 use mapwright_record::{LocalMapReport, NodeId, Past, Status};
 use mapwright_sensor::{BeamCounts, Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
+use nalgebra::Vector6;
 use std::sync::Arc;
 
 mod inertial;
@@ -35,6 +36,8 @@ const KEYFRAME_SHARE: f64 = 0.06;
 const KEYFRAME_RAD: f64 = 0.2;
 /// or where less than this share of a cloud lies where something is known.
 const KNOWN_SHARE: f64 = 0.8;
+/// A sweep is undistorted and matched once more where that moves its ends by so many times a point's noise.
+const BENT_NOISES: f64 = 1.0;
 
 /// The front end.
 #[derive(Debug, Clone)]
@@ -43,8 +46,9 @@ pub(crate) struct FrontEnd {
     preparation: Preparation,
     predictor: Predictor,
     inertial: Inertial,
-    /// During the present sweep.
+    /// During the present sweep, and as it may have been instead.
     motion: SweepMotion,
+    other_motion: SweepMotion,
     tracker: Tracker,
     /// Of the robot in the middle of its sweep.
     pose: RobotPose<Pose3>,
@@ -71,6 +75,7 @@ impl FrontEnd {
             predictor: Predictor::default(),
             inertial: Inertial::default(),
             motion: SweepMotion::default(),
+            other_motion: SweepMotion::default(),
             tracker: Tracker::new(&settings),
             pose: RobotPose::new(local_from_robot),
             middle_from_stamp: Pose3::identity(),
@@ -135,11 +140,44 @@ impl FrontEnd {
         Prepared { step, predicted: self.pose.local_from_robot() * step.last_from_robot, beams, refused }
     }
 
-    /// Step 3: the cloud against the local map.
-    pub(crate) fn track(&mut self, prepared: &Prepared) -> Option<Matched> {
-        let (points, local_map) = (self.preparation.match_points(), self.local_map.as_ref()?);
+    /// Step 3: the cloud against the local map; once more where the robot moved otherwise during the sweep than was thought before.
+    pub(crate) fn track(&mut self, cloud: &Cloud, prepared: &Prepared) -> Option<Matched> {
+        let Prepared { step, predicted, .. } = *prepared;
         let last = self.pose.local_from_robot();
-        self.tracker.track(local_map, points, (last, prepared.predicted), &prepared.step)
+        let poses = (last, predicted);
+        let points = self.preparation.match_points();
+        let matched = self.tracker.track(self.local_map.as_ref()?, points, poses, &step)?;
+        let twist_per_s = self.predictor.twist_after(&step, last.between(matched.local_from_robot));
+        let believed = matched.is_believed() && prepared.refused.is_none();
+        if !believed || !self.bends(cloud, Some(twist_per_s)) {
+            return Some(matched);
+        }
+        self.straighten(cloud, Some(twist_per_s));
+        let points = self.preparation.match_points();
+        let again = self.tracker.again(self.local_map.as_ref()?, points, predicted, &step, matched.local_from_robot);
+        if again.fits_as_well_as(&matched) {
+            return Some(again);
+        }
+        self.straighten(cloud, self.predictor.twist_per_s(step));
+        Some(matched)
+    }
+
+    /// Whether a sweep taken with such a motion lies elsewhere, by more than the sensor's noise, than it was taken to.
+    fn bends(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) -> bool {
+        let (Some(scale), span) = (self.preparation.scale(), Span::of(cloud)) else { return false };
+        self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.other_motion);
+        let is_bent = |time_s: f64| {
+            let [was, is] = [&self.motion, &self.other_motion]
+                .map(|motion| motion.middle_from_robot(time_s).unwrap_or_else(Pose3::identity));
+            was.distance(is) + scale.range_m * Pose::between(was, is).angle() > BENT_NOISES * scale.noise_m
+        };
+        span.last_s > span.first_s && (is_bent(span.first_s) || is_bent(span.last_s))
+    }
+
+    /// Undistorts the sweep by such a motion.
+    fn straighten(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) {
+        self.inertial.shape(twist_per_s, cloud.stamp, Span::of(cloud), &mut self.motion);
+        self.preparation.prepare(&self.settings, cloud, &self.motion, true);
     }
 
     /// Takes over the new pose and its covariance.
@@ -157,9 +195,13 @@ impl FrontEnd {
         let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
+        let twist_per_s = match believed {
+            Some(_) => Some(self.predictor.twist_after(&step, last_from_robot)),
+            None => self.predictor.twist_per_s(step),
+        };
         self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
         self.inertial.learn(believed.filter(|matched| matched.status == Status::Tracking).map(|_| last_from_robot));
-        self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, Span::of(cloud), &mut self.motion);
+        self.inertial.shape(twist_per_s, cloud.stamp, Span::of(cloud), &mut self.motion);
         self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
         self.carried_on = self.predictor.carried_on_variances(step, Span::of(cloud).middle_s());
     }

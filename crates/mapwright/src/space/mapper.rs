@@ -66,7 +66,7 @@ impl SpaceMapper {
         // 2. Predict: the pose by odometry or constant velocity and inertial readings, its covariance the match's prior.
         let prepared = self.front.prepare(cloud);
         // 3. Match against the local map, with a guard.
-        let matched = self.front.track(&prepared);
+        let matched = self.front.track(cloud, &prepared);
         self.front.settle(self.store.past(), cloud, &prepared, matched.as_ref());
         // 4. Insert a keyframe when the robot has moved enough.
         let keyframe = self.insert_if_moved(cloud, matched.as_ref());

@@ -19,6 +19,9 @@ const PERIOD_S: [f64; 2] = [0.005, 5.0];
 const USUAL_PERIOD_S: f64 = 0.1;
 /// The motion before is carried on if the time is not more than so many times longer.
 const CARRIED_PERIODS: f64 = 4.0;
+/// From the middle of its time to its end a motion changes by such a share of what it has changed by since the motion before; by
+/// as much again it may be off.
+const CHANGE_LEFT: f64 = 0.5;
 /// What wheels do not see, a share of the way: height, and the robot's roll and pitch, radians per metre.
 const UNSEEN_SHARE: f64 = 0.05;
 /// Odometry that claims more than this between two clouds has jumped: metres, and metres per second.
@@ -96,14 +99,22 @@ impl Predictor {
         self.last.or(by_odometry).map(|(motion, elapsed_s)| motion.log() / elapsed_s)
     }
 
-    /// Variances of where the robot is so many seconds from where its twist was carried on: by as much as its twist has changed of
+    /// The same once it is known how the robot has moved up to the middle of the cloud: its twist goes on changing as it did from the
+    /// motion before, each being the mean of its time.
+    pub(super) fn twist_after(&self, step: &Step, moved: Pose3) -> Vector6<f64> {
+        let twist_per_s = moved.log() / step.elapsed_s.max(PERIOD_S[0]);
+        let before = self.last.map_or(twist_per_s, |(motion, elapsed_s)| motion.log() / elapsed_s);
+        twist_per_s + CHANGE_LEFT * (twist_per_s - before)
+    }
+
+    /// Variances of where the robot is so many seconds from where its twist was carried on: by a part of what its twist has changed by of
     /// late, or, where that is not known, by what the next motion is uncertain by.
     pub(super) fn carried_on_variances(&self, step: Step, seconds: f64) -> Cov6 {
         let by_step = || {
             let information = step.information.diagonal();
             Vector6::from_fn(|axis, _| 1.0 / (information[axis].sqrt() * step.elapsed_s.max(PERIOD_S[0])))
         };
-        let change_per_s = self.change_per_s.map_or_else(by_step, Vector6::from);
+        let change_per_s = self.change_per_s.map_or_else(by_step, |change| CHANGE_LEFT * Vector6::from(change));
         let turn = if step.from_imu { 0.0 } else { 1.0 };
         let sigma = |axis: usize| seconds * change_per_s[axis] * if axis < 3 { 1.0 } else { turn };
         Cov6::from_diagonal(&Vector6::from_fn(|axis, _| sigma(axis).powi(2)))

@@ -48,6 +48,11 @@ impl Matched {
         self.status != Status::Lost
     }
 
+    pub(super) fn fits_as_well_as(&self, other: &Self) -> bool {
+        let score = |report: &MatchReport| report.known_share * report.inlier_share;
+        self.is_believed() && score(&self.report) + BETTER_SHARE >= score(&other.report)
+    }
+
     pub(super) fn hardly_fits(&self) -> bool {
         self.report.inlier_share < DEGRADED_SHARE
     }
@@ -113,6 +118,20 @@ impl Tracker {
             }
         }
         Some(self.judge(local_map, points, &prior, &best, restarts))
+    }
+
+    /// The cloud once more from where it was found.
+    pub(super) fn again(
+        &mut self,
+        local_map: &LocalMapping,
+        points: &[[f32; 3]],
+        predicted: Pose3,
+        step: &Step,
+        found: Pose3,
+    ) -> Matched {
+        let prior = Prior { map_from_cloud: predicted, information: step.information };
+        let fit = self.matcher.climb_near(local_map.map(), points, &prior, found);
+        self.judge(local_map, points, &prior, &fit, 0)
     }
 
     fn judge(
