@@ -8,7 +8,7 @@
 use crate::surfel::Surfel;
 use crate::surfel_map::{Level, Looked, SurfelMap};
 use mapwright_geom::{Cov6, Pose3};
-use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 
 /// How the objective is climbed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -343,7 +343,8 @@ impl Matcher {
         for (point, looked) in self.points.iter().zip(&mut self.looked) {
             let at = rotation * Vector3::from(*point) + pose.translation;
             if let Some(surfel) = level.surfel_at(at.into(), looked) {
-                self.residuals.push(pulled(surfel, at).1 as f32);
+                let error_m = off_plane_m(surfel, at);
+                self.residuals.push((f64::from(surfel.information) * error_m * error_m) as f32);
             }
         }
         if self.residuals.is_empty() {
@@ -383,7 +384,9 @@ impl Matcher {
                 product *= 1.0 + UNKNOWN_WIDTHS2;
                 continue;
             };
-            let (pull, d2) = pulled(surfel, at);
+            let error_m = off_plane_m(surfel, at);
+            let information = f64::from(surfel.information);
+            let d2 = information * error_m * error_m;
             known += 1;
             fitting += u32::from(d2 < fit2);
             let widths2 = d2 * per_width2;
@@ -392,7 +395,7 @@ impl Matcher {
                 continue;
             }
             product *= 1.0 + widths2;
-            sums.add(1.0 / (1.0 + widths2), surfel, &pull, &arm);
+            sums.add(information / (1.0 + widths2), error_m, surfel.normal.map(f64::from), &arm);
         }
         let share = self.settings.point_share;
         let (gradient, hessian) = sums.derivatives(share);
@@ -404,54 +407,29 @@ impl Matcher {
 /// Sums of the derivatives over points.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
-    force: [f64; 3],
-    torque: [f64; 3],
-    /// xx, xy, xz, yy, yz, zz.
-    linear: [f64; 6],
-    /// Row by row.
-    mixed: [[f64; 3]; 3],
-    angular: [f64; 6],
+    gradient: [f64; 6],
+    /// The upper triangle.
+    hessian: [[f64; 6]; 6],
 }
 
 impl Sums {
-    /// A point at the end of `arm`, of this weight. A turn moves it by `-[arm]x` of that.
+    /// A point at the end of `arm`, so far off a plane with this normal, of this weight. A turn about the cloud's origin moves it by its
+    /// cross product with that.
     #[inline]
-    fn add(&mut self, weight: f64, surfel: &Surfel, pull: &Vector3<f64>, arm: &Vector3<f64>) {
-        let cross = |[x, y, z]: [f64; 3]| [y * arm.z - z * arm.y, z * arm.x - x * arm.z, x * arm.y - y * arm.x];
-        let information = surfel.information.map(|v| weight * f64::from(v));
-        let [xx, xy, xz, yy, yz, zz] = information;
-        // Each row of the information times [arm]x.
-        let rows = [cross([xx, xy, xz]), cross([xy, yy, yz]), cross([xz, yz, zz])];
-        let column = |k: usize| cross([rows[0][k], rows[1][k], rows[2][k]]);
-        let (x, y, z) = (column(0), column(1), column(2));
-        let angular = [x[0], x[1], x[2], y[1], y[2], z[2]];
-        let force = [weight * pull.x, weight * pull.y, weight * pull.z];
-        let torque = cross(force);
-        for k in 0..6 {
-            self.linear[k] += information[k];
-            self.angular[k] += angular[k];
-        }
-        for row in 0..3 {
-            self.force[row] += force[row];
-            self.torque[row] -= torque[row];
-            for k in 0..3 {
-                self.mixed[row][k] -= rows[row][k];
+    fn add(&mut self, weight: f64, error_m: f64, [x, y, z]: [f64; 3], arm: &Vector3<f64>) {
+        let slope = [x, y, z, arm.y * z - arm.z * y, arm.z * x - arm.x * z, arm.x * y - arm.y * x];
+        for row in 0..6 {
+            let weighted = weight * slope[row];
+            self.gradient[row] += weighted * error_m;
+            for column in row..6 {
+                self.hessian[row][column] += weighted * slope[column];
             }
         }
     }
 
     fn derivatives(&self, share: f64) -> (Vector6<f64>, Matrix6<f64>) {
-        let [force, torque] = [self.force, self.torque].map(|sum| Vector3::from(sum) * share);
-        let symmetric = |[xx, xy, xz, yy, yz, zz]: [f64; 6]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) * share;
-        let mixed = Matrix3::from_fn(|row, column| self.mixed[row][column]) * share;
-        let (mut gradient, mut hessian) = (Vector6::zeros(), Matrix6::zeros());
-        gradient.fixed_rows_mut::<3>(0).copy_from(&force);
-        gradient.fixed_rows_mut::<3>(3).copy_from(&torque);
-        hessian.fixed_view_mut::<3, 3>(0, 0).copy_from(&symmetric(self.linear));
-        hessian.fixed_view_mut::<3, 3>(0, 3).copy_from(&mixed);
-        hessian.fixed_view_mut::<3, 3>(3, 0).copy_from(&mixed.transpose());
-        hessian.fixed_view_mut::<3, 3>(3, 3).copy_from(&symmetric(self.angular));
-        (gradient, hessian)
+        let hessian = Matrix6::from_fn(|row, column| self.hessian[row.min(column)][row.max(column)]);
+        (Vector6::from(self.gradient) * share, hessian * share)
     }
 }
 
@@ -470,17 +448,11 @@ fn sort_out(found: &mut Vec<(f64, Pose3)>, size_m: f64, at_most: usize) {
     *found = kept;
 }
 
-/// `information * (at - mean)`, and the squared residual in standard deviations.
+/// How far a point lies off a surfel's plane, metres.
 #[inline]
-fn pulled(surfel: &Surfel, at: Vector3<f64>) -> (Vector3<f64>, f64) {
-    let error = at - Vector3::from(surfel.mean_m.map(f64::from));
-    let [xx, xy, xz, yy, yz, zz] = surfel.information.map(f64::from);
-    let pull = Vector3::new(
-        xx * error.x + xy * error.y + xz * error.z,
-        xy * error.x + yy * error.y + yz * error.z,
-        xz * error.x + yz * error.y + zz * error.z,
-    );
-    (pull, error.dot(&pull))
+fn off_plane_m(surfel: &Surfel, at: Vector3<f64>) -> f64 {
+    let [mean, normal] = [surfel.mean_m, surfel.normal].map(|v| Vector3::from(v.map(f64::from)));
+    normal.dot(&(at - mean))
 }
 
 /// From perturbations along the axes of the cloud to those along the map's.

@@ -19,7 +19,7 @@ pub(crate) struct Sums {
     squares: [i64; 6],
 }
 
-/// The points of a voxel as a normal distribution.
+/// The points of a voxel as a piece of a plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surfel {
     /// How many points.
@@ -28,8 +28,10 @@ pub struct Surfel {
     pub mean_m: [f32; 3],
     /// The direction in which they spread least.
     pub normal: [f32; 3],
-    /// Inverse covariance of a point on it, 1/m^2: xx, xy, xz, yy, yz, zz.
-    pub(crate) information: [f32; 6],
+    /// Inverse variance of a point on it along the normal, 1/m^2.
+    pub(crate) information: f32,
+    /// See [`Surfel::spread_m`].
+    spread_m: [f32; 2],
 }
 
 impl Surfel {
@@ -37,10 +39,7 @@ impl Surfel {
     /// knows. Neither is less than the thickness that a surface has at least.
     #[must_use]
     pub fn spread_m(&self) -> [f64; 2] {
-        let [xx, xy, xz, yy, yz, zz] = self.information.map(f64::from);
-        let Some(covariance) = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz).try_inverse() else { return [0.0; 2] };
-        let (variances, _) = axes(covariance);
-        [1, 2].map(|k| variances[k].max(0.0).sqrt())
+        self.spread_m.map(f64::from)
     }
 
     /// Radius of the disc on which evenly spread points would lie as far apart as these, metres: such a disc of radius `r` has a variance
@@ -89,12 +88,10 @@ impl Sums {
         let unit_m = size_m / PARTS;
         let (variances, vectors) = axes(covariance * (unit_m * unit_m));
         let least = (LEAST_THICKNESS * size_m).max(noise_m);
-        let weights = variances.map(|variance| 1.0 / variance.max(least * least));
-        let information = vectors * Matrix3::from_diagonal(&weights) * vectors.transpose();
+        let [across, along @ ..] = [0, 1, 2].map(|k| variances[k].max(least * least));
         let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);
         let normal = [0, 1, 2].map(|k| vectors[(k, 0)] as f32);
-        let entry = |row, column| information[(row, column)] as f32;
-        let information = [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)];
-        Some(Surfel { count: self.count, mean_m, normal, information })
+        let spread_m = along.map(|variance: f64| variance.sqrt() as f32);
+        Some(Surfel { count: self.count, mean_m, normal, information: (1.0 / across) as f32, spread_m })
     }
 }
