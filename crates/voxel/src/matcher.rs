@@ -10,6 +10,10 @@ use crate::surfel_map::{Level, Looked, SurfelMap};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
+mod hold;
+
+pub use hold::Hold;
+
 /// How the objective is climbed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Ascent {

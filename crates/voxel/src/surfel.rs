@@ -10,6 +10,12 @@ const LEAST_POINTS: u32 = 5;
 /// A surface is as thick as this share of the voxel's side at least: what is curved or rough within it.
 const LEAST_THICKNESS: f64 = 0.02;
 
+/// Points that spread along both directions of a surface by this share of the voxel's side at least show one: those that fill a
+/// voxel by 0.29; those of one ring of a lidar, or of two where a wall meets the floor, are a line or an angle, whose normal nobody knows.
+const LEAST_EXTENT: f64 = 0.15;
+/// Of a surface no thinner than its sensor's noise it is not certain which way it lies: what it says across is taken off so many times.
+const ACROSS: f64 = 2.0;
+
 /// Sums over the points of a voxel, in integers: what was added can be taken away to the bit, in any order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Sums {
@@ -41,6 +47,21 @@ impl Surfel {
         let Some(covariance) = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz).try_inverse() else { return [0.0; 2] };
         let (variances, _) = axes(covariance);
         [1, 2].map(|k| variances[k].max(0.0).sqrt())
+    }
+
+    /// What a point on it tells along its normal, because it is a surface and not because of where it ends, 1/m^2: nothing where its
+    /// points show none in a voxel of side `size_m`.
+    #[inline]
+    pub(crate) fn along_normal(&self, size_m: f64) -> f64 {
+        let [xx, xy, xz, yy, yz, zz] = self.information.map(f64::from);
+        let [x, y, z] = self.normal.map(f64::from);
+        let most = x * x * xx + y * y * yy + z * z * zz + 2.0 * (x * y * xy + x * z * xz + y * z * yz);
+        // The other two eigenvalues by their sum and the sum of their squares.
+        let sum = xx + yy + zz - most;
+        let squares = xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz) - most * most;
+        let across = 0.5 * (sum + (2.0 * squares - sum * sum).max(0.0).sqrt());
+        let is_surface = across * (LEAST_EXTENT * size_m).powi(2) <= 1.0;
+        if is_surface { (most - ACROSS * across).max(0.0) } else { 0.0 }
     }
 
     /// Radius of the disc on which evenly spread points would lie as far apart as these, metres: such a disc of radius `r` has a variance

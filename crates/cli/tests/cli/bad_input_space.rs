@@ -44,6 +44,8 @@ fn clouds_with_nothing_to_map_are_refused_and_thin_ones_are_mapped() {
         assert_code(&map(&folder.join(name), &[]), 0);
         let report = json(&out(&folder.join(name)).join("report.json"));
         assert_eq!((&report["clouds"], &report["losses"]), (&3.into(), &serde_json::json!([])), "{report}");
+        // The first begins the map; what a plane or a line leaves open is the prediction's.
+        assert_eq!(report["status"], serde_json::json!({ "tracking": 1, "degraded": 2, "lost": 0 }), "{report}");
     }
 }
 

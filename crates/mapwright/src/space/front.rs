@@ -8,7 +8,7 @@ use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov6, Pose3, TangentMatrix};
 use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
-use mapwright_record::{LocalMapReport, NodeId, Past, Status};
+use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamCounts, Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
 use std::sync::Arc;
 
@@ -158,7 +158,7 @@ impl FrontEnd {
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
         self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
-        self.inertial.learn(believed.filter(|matched| matched.status == Status::Tracking).map(|_| last_from_robot));
+        self.inertial.learn(believed.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
         self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, Span::of(cloud), &mut self.motion);
         self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
         self.carried_on = self.predictor.carried_on_variances(step, Span::of(cloud).middle_s());
