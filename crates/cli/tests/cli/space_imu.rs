@@ -110,6 +110,11 @@ fn later(stamp: Stamp) -> Stamp {
 /// Every fourth cloud of a drive that turns fast; what was read is recorded when it was, a cloud when it was complete. The truth is
 /// returned as lines of a trajectory.
 fn record(path: &Path, with_imu: bool) -> String {
+    record_part(path, with_imu, 0..usize::MAX)
+}
+
+/// Of those clouds these, with what was read since the one before.
+fn record_part(path: &Path, with_imu: bool, clouds: std::ops::Range<usize>) -> String {
     let usual = SpaceDriveSettings::default();
     let settings = SpaceDriveSettings {
         lidar: LidarSettings { columns: 240, ..LidarSettings::spinning(16) },
@@ -125,10 +130,16 @@ fn record(path: &Path, with_imu: bool) -> String {
     recorder.mount("imu", lying);
     let mut readings = drive.imu_readings().peekable();
     let mut truth = String::new();
-    for taken in drive.clouds().step_by(4) {
+    for (number, taken) in drive.clouds().step_by(4).enumerate().take_while(|(number, _)| *number < clouds.end) {
         let end = Stamp(taken.cloud.stamp.0 + 100_000_000);
+        let is_recorded = number >= clouds.start;
         while let Some(reading) = readings.next_if(|reading| with_imu && reading.stamp <= end) {
-            recorder.imu(&reading, lying);
+            if is_recorded {
+                recorder.imu(&reading, lying);
+            }
+        }
+        if !is_recorded {
+            continue;
         }
         recorder.cloud(&taken.cloud);
         let (at, [x, y, z, w]) = (taken.world_from_robot.translation, taken.world_from_robot.rotation.coords.into());
@@ -187,4 +198,29 @@ fn a_bag_with_an_inertial_sensor_is_mapped_no_worse_than_one_without() {
     assert_code(&info, 0);
     let info = text(&info.stdout);
     assert!(info.contains("/imu (") && info.contains("a second"), "{info}");
+}
+
+#[test]
+fn a_recording_with_an_inertial_sensor_in_two_parts_is_mapped_like_the_whole() {
+    let folder = folder("space_imu_resume");
+    let stop = 30;
+    for (name, clouds) in [("whole", 0..usize::MAX), ("first", 0..stop), ("second", stop..usize::MAX)] {
+        record_part(&folder.join(format!("{name}.mcap")), true, clouds);
+    }
+    let map = |name: &str, earlier: Option<&str>| {
+        let path = |name: String| folder.join(name).display().to_string();
+        let (log, out) = (path(format!("{name}.mcap")), path(format!("{name}.out")));
+        let earlier = earlier.map(|earlier| path(format!("{earlier}.out")));
+        let mut arguments = vec!["map", &log, "-o", &out, "--quiet"];
+        arguments.extend(earlier.iter().flat_map(|earlier| ["--resume", earlier]));
+        assert_code(&run(&arguments), 0);
+        json(&folder.join(format!("{name}.out/report.json")))["imu"].clone()
+    };
+    let (whole, _, second) = (map("whole", None), map("first", None), map("second", Some("first")));
+    assert_eq!(second["bias_rad_per_s"], whole["bias_rad_per_s"], "{second}");
+    assert!(second["clouds_predicted"].as_u64().unwrap() > 20, "{second}");
+    for file in ["trajectory.tum", "graph.g2o", "map.ply"] {
+        let read = |out: &str| fs::read(folder.join(out).join(file)).unwrap();
+        assert!(read("whole.out") == read("second.out"), "{file} differs");
+    }
 }
