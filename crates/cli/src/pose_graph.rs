@@ -2,16 +2,24 @@
 
 use mapwright::{Edge, Session};
 use mapwright_geom::Pose;
-use mapwright_graph::{PoseGraph, Vertex};
+use mapwright_graph::{Gravity, PoseGraph, Vertex};
 use mapwright_record::Measurement;
 
-/// Keyframes at these poses, named by their place in the session, and those edges that stand and are wanted; the first stays.
+/// Keyframes at these poses, named by their place in the session, those edges that stand and are wanted, and gravity; the first stays,
+/// where there is gravity with its position and heading.
 pub(crate) fn pose_graph<M: Measurement>(
     session: &Session<M>,
     world_from_keyframe: &[M::Pose],
     wanted: impl Fn([usize; 2], &Edge<M::Pose>) -> bool,
 ) -> PoseGraph<M::Pose> {
-    let vertex = |(k, &world_from_vertex): (usize, &M::Pose)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 };
+    let gravity = session.gravity().iter().filter_map(|known| {
+        let (vertex, down_in_vertex) = (session.place(known.keyframe)?, known.down_in_keyframe.into());
+        Some(Gravity { vertex, down_in_vertex, sigma_rad: known.sigma_rad })
+    });
+    let gravity: Vec<Gravity> = gravity.collect();
+    let stays = gravity.is_empty();
+    let vertex =
+        |(k, &world_from_vertex): (usize, &M::Pose)| Vertex { id: k as u64, world_from_vertex, fixed: k == 0 && stays };
     let edges = standing(session).filter(|(ends, edge)| wanted(*ends, edge)).map(|([from, to], edge)| {
         let Edge { from_from_to, information, .. } = *edge;
         mapwright_graph::Edge { from, to, from_from_to, information }
@@ -19,6 +27,7 @@ pub(crate) fn pose_graph<M: Measurement>(
     PoseGraph {
         vertices: world_from_keyframe.iter().enumerate().map(vertex).collect(),
         edges: edges.collect(),
+        gravity,
         ..PoseGraph::default()
     }
 }

@@ -37,16 +37,28 @@ impl CameraOptions {
     }
 }
 
-/// The camera, and what a metre is in its images.
-pub(crate) fn camera(plan: &DepthPlan, options: &CameraOptions) -> Result<(Arc<PinholeCamera>, f64), CloudError> {
+/// The camera, and what a metre is in its images; the notes say what is wrong with files that should have said it.
+pub(crate) fn camera(
+    plan: &DepthPlan,
+    options: &CameraOptions,
+    notes: &Notes,
+) -> Result<(Arc<PinholeCamera>, f64), CloudError> {
     let Some([fx, fy, cx, cy]) = options.intrinsics.or(plan.intrinsics) else {
-        return Err(CloudError::Missing { what: "the camera's focal lengths and centre".into(), key: INTRINSICS_KEY });
+        return Err(missing(plan, notes));
     };
     let [width, height] = plan.size;
     let camera = PinholeCamera { width, height, focal_px: [fx, fy], centre_px: [cx, cy], distortion: [0.0; 5] };
     camera.check().map_err(|reason| CloudError::Options { key: INTRINSICS_KEY, reason: reason.into() })?;
     options.check_scale()?;
     Ok((Arc::new(camera), options.depth_scale.unwrap_or(plan.depth_per_m)))
+}
+
+fn missing(plan: &DepthPlan, notes: &Notes) -> CloudError {
+    let noted = notes.kinds.get(&NoteKind::FileNotUsed).into_iter().flat_map(|noted| &noted.first);
+    let unused: Vec<String> =
+        noted.filter(|note| plan.calibrations.contains(&note.file)).map(ToString::to_string).collect();
+    let why = if unused.is_empty() { String::new() } else { format!(" ({})", unused.join("; ")) };
+    CloudError::Missing { what: format!("the camera's focal lengths and centre{why}"), key: INTRINSICS_KEY }
 }
 
 /// Intrinsics as a matrix of 3 x 3, as 7-Scenes' users write them.
@@ -63,17 +75,33 @@ pub(crate) fn of_matrix(file: &str, bytes: &[u8], notes: &mut Notes) -> Option<[
 /// Open3D's JSON: the matrix column by column. Beside it a scale of depth, if there is one.
 pub(crate) fn of_json(file: &str, bytes: &[u8], size: [u32; 2], notes: &mut Notes) -> Option<([f64; 4], Option<f64>)> {
     let json: Option<serde_json::Value> = serde_json::from_slice(bytes).ok();
-    let found = json.as_ref().and_then(|json| {
-        let matrix: Option<Vec<f64>> =
-            json.get("intrinsic_matrix")?.as_array()?.iter().map(serde_json::Value::as_f64).collect();
-        let &[fx, _, _, _, fy, _, cx, cy, _] = matrix?.as_slice() else { return None };
-        let side = |key: &str, size: u32| json.get(key).is_none_or(|side| side.as_u64() == Some(u64::from(size)));
-        let fits = side("width", size[0]) && side("height", size[1]);
-        sensible([fx, fy, cx, cy]).filter(|_| fits)
-    });
+    let found = json.as_ref().ok_or_else(|| excerpt(bytes)).and_then(|json| intrinsics_of_json(json, size));
     let scale = json.as_ref().and_then(|json| json.get("depth_scale")?.as_f64());
-    let expected = format!("an intrinsic_matrix of a camera of {} x {}", size[0], size[1]);
-    note_none(found, file, &expected, bytes, notes).map(|found| (found, scale.filter(|s| s.is_finite() && *s > 0.0)))
+    match found {
+        Ok(found) => Some((found, scale.filter(|s| s.is_finite() && *s > 0.0))),
+        Err(found) => {
+            let expected = || format!("an intrinsic_matrix of a camera of {} x {}", size[0], size[1]);
+            notes.note(NoteKind::FileNotUsed, file, 0, || (expected(), found));
+            None
+        }
+    }
+}
+
+/// Those of a camera of that size; otherwise what was found.
+fn intrinsics_of_json(json: &serde_json::Value, size: [u32; 2]) -> Result<[f64; 4], String> {
+    for (key, side) in [("width", size[0]), ("height", size[1])] {
+        if let Some(found) = json.get(key).filter(|found| found.as_u64() != Some(u64::from(side))) {
+            return Err(format!("{key} {}", excerpt(found.to_string().as_bytes())));
+        }
+    }
+    let matrix = json.get("intrinsic_matrix").ok_or("no intrinsic_matrix")?;
+    let numbers: Option<Vec<f64>> =
+        matrix.as_array().and_then(|entries| entries.iter().map(serde_json::Value::as_f64).collect());
+    match numbers.as_deref() {
+        Some(&[fx, _, _, _, fy, _, cx, cy, _]) => sensible([fx, fy, cx, cy]),
+        _ => None,
+    }
+    .ok_or_else(|| format!("intrinsic_matrix {}", excerpt(matrix.to_string().as_bytes())))
 }
 
 fn sensible(all: [f64; 4]) -> Option<[f64; 4]> {
@@ -94,14 +122,34 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let plan = DepthPlan { size: [4, 3], intrinsics: None, depth_per_m: 1000.0 };
-        let error = camera(&plan, &CameraOptions::default()).unwrap_err().to_string();
-        assert!(error.contains("--intrinsics FX,FY,CX,CY"), "{error}");
+        let calibrations = vec!["c.json".to_owned()];
+        let plan = DepthPlan { size: [4, 3], intrinsics: None, depth_per_m: 1000.0, calibrations };
+        let told = |notes: &Notes| camera(&plan, &CameraOptions::default(), notes).unwrap_err().to_string();
+        let expected = "the folder does not say the camera's focal lengths and centre: give --intrinsics FX,FY,CX,CY";
+        let mut notes = Notes::default();
+        notes.note(NoteKind::FileNotUsed, "trajectory.log", 0, || ("poses", "none"));
+        assert_eq!(told(&notes), expected);
+        for (json, found) in [
+            ("{}", "no intrinsic_matrix"),
+            ("{", "`{`"),
+            (r#"{"width":640,"height":480}"#, "width `640`"),
+            (r#"{"intrinsic_matrix":[1,2]}"#, "intrinsic_matrix `[1,2]`"),
+            (r#"{"intrinsic_matrix":[0,0,0,0,6,0,2,3,1]}"#, "intrinsic_matrix `[0,0,0,0,6,0,2,3,1]`"),
+        ] {
+            let mut notes = Notes::default();
+            assert_eq!(of_json("c.json", json.as_bytes(), [4, 3], &mut notes), None);
+            let told = told(&notes);
+            assert!(
+                told.contains("(c.json, byte 0: expected an intrinsic_matrix of a camera of 4 x 3, found"),
+                "{told}"
+            );
+            assert!(told.contains(&format!("found {found}): give --intrinsics FX,FY,CX,CY")), "{told}");
+        }
         let options = CameraOptions { intrinsics: Some([2.0, 2.0, 1.5, 1.0]), depth_scale: Some(0.0) };
-        let error = camera(&plan, &options).unwrap_err().to_string();
+        let error = camera(&plan, &options, &notes).unwrap_err().to_string();
         assert!(error.contains("--depth-scale"), "{error}");
         let options = CameraOptions { depth_scale: Some(5000.0), ..options };
-        let (camera, depth_per_m) = camera(&plan, &options).unwrap();
+        let (camera, depth_per_m) = camera(&plan, &options, &notes).unwrap();
         assert_eq!((camera.width, camera.centre_px, depth_per_m), (4, [1.5, 1.0], 5000.0));
     }
 

@@ -61,6 +61,8 @@ pub(crate) struct DepthPlan {
     pub(crate) intrinsics: Option<[f64; 4]>,
     /// What a metre is in the images.
     pub(crate) depth_per_m: f64,
+    /// Files that may say the intrinsics.
+    pub(crate) calibrations: Vec<String>,
 }
 
 /// How frames are read.

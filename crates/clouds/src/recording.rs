@@ -83,7 +83,7 @@ impl<'a> Recording<'a> {
     /// As [`clouds`](Self::clouds).
     pub fn camera(&self, options: &CameraOptions) -> Result<Option<Arc<PinholeCamera>>, CloudError> {
         match &self.plan.decode {
-            Decode::Depth(plan) => camera(plan, options).map(|(camera, _)| Some(camera)),
+            Decode::Depth(plan) => camera(plan, options, &self.plan.notes).map(|(camera, _)| Some(camera)),
             _ => Ok(None),
         }
     }
@@ -117,7 +117,7 @@ impl<'a> Recording<'a> {
             Decode::Bins => Source::Bins(Box::default()),
             Decode::Files => Source::Files,
             Decode::Depth(plan) => {
-                let (camera, depth_per_m) = camera(plan, options)?;
+                let (camera, depth_per_m) = camera(plan, options, &self.plan.notes)?;
                 Source::Depth { directions: camera.directions(), camera, depth_per_m }
             }
             Decode::Packets(survey) => {

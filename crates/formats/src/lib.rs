@@ -6,7 +6,7 @@
 //! - [`open_log`]: plain, gzip and bzip2 streams, told by their first bytes.
 //! - [`CarmenReader`], [`CarmenWriter`]: CARMEN logs.
 //! - [`TumWriter`], [`TrajectoryReader`], [`read_relations`]: trajectories and relations as text.
-//! - [`write_kitti`], [`write_csv`]: trajectories for other tools.
+//! - [`write_kitti`], [`write_csv`]: trajectories for other tools; of space [`write_space_kitti`], [`write_space_csv`].
 //! - [`GridImage`]: maps as PGM with YAML for Nav2 ([`write_pgm`], [`write_map_yaml`]) and as a picture to look at
 //!   ([`write_png`]), or with a world file ([`write_plain_png`], [`write_world_file`]).
 //! - [`SpacePicture`]: maps of space from above and from the side ([`write_space_png`]).
@@ -34,7 +34,7 @@ pub use carmen::{CarmenReader, CarmenWriter, DEFAULT_RANGE_MAX_M, LogEvent};
 pub use compression::Compression;
 pub use error::FormatError;
 pub use excerpt::Excerpt;
-pub use export::{CsvPose, write_csv, write_kitti};
+pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_kitti};
 pub use jump::is_odometry_jump;
 pub use map::{Confidence, GridImage, Picture, SpacePicture, UNKNOWN, dominant_wall_angle, upward};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};

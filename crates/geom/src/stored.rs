@@ -252,20 +252,30 @@ impl Stored for Pose2 {
     }
 }
 
-/// Finite, of unit rotation; what is read is not normalised again, which may change the last digit.
-impl Stored for Pose3 {
+/// Of unit length; what is read is not normalised again, which may change the last digit.
+impl Stored for UnitQuaternion<f64> {
     fn put(&self, out: &mut Vec<u8>) {
-        let rotation = self.rotation.coords;
-        let [x, y, z] = self.translation.into();
-        [x, y, z, rotation.x, rotation.y, rotation.z, rotation.w].put(out);
+        [self.i, self.j, self.k, self.w].put(out);
     }
 
     fn take(from: &mut &[u8]) -> Option<Self> {
-        let [x, y, z, i, j, k, w]: [f64; 7] = Stored::take(from)?;
+        let [i, j, k, w]: [f64; 4] = Stored::take(from)?;
         let rotation = Quaternion::new(w, i, j, k);
         let is_unit = (rotation.norm_squared() - 1.0).abs() < UNIT_WITHIN;
-        let pose = Self { translation: Vector3::new(x, y, z), rotation: UnitQuaternion::new_unchecked(rotation) };
-        Some(pose).filter(|pose| is_unit && pose.is_finite())
+        is_unit.then(|| Self::new_unchecked(rotation))
+    }
+}
+
+/// Finite, of unit rotation.
+impl Stored for Pose3 {
+    fn put(&self, out: &mut Vec<u8>) {
+        <[f64; 3]>::from(self.translation).put(out);
+        self.rotation.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let (translation, rotation): ([f64; 3], _) = Stored::take(from)?;
+        Some(Self { translation: translation.into(), rotation }).filter(|pose| pose.is_finite())
     }
 }
 
@@ -284,6 +294,7 @@ macro_rules! stored_matrix {
         }
     };
 }
+stored_matrix!(Vector3, 3);
 stored_matrix!(Matrix3, 9);
 stored_matrix!(Matrix6, 36);
 

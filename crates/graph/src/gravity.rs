@@ -4,7 +4,7 @@ use mapwright_geom::{Pose3, skew};
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 /// Down in the world: its z axis is up.
-const WORLD_DOWN: Vector3<f64> = Vector3::new(0.0, 0.0, -1.0);
+pub(crate) const WORLD_DOWN: Vector3<f64> = Vector3::new(0.0, 0.0, -1.0);
 /// The first vertex of a part that gravity levels keeps its position and heading this closely, metres and radians: enough for the
 /// rest to hang on, and little enough for the equations to stay well conditioned.
 const HELD_SIGMA: f64 = 1e-4;
@@ -134,6 +134,40 @@ mod tests {
         assert!(first.translation.norm() < 1e-3, "{first:?}");
         // its heading by the rotation's smallest way to where it was
         assert!((first.rotation * tilted(0, 0.1).rotation.inverse()).imag().z.abs() < 1e-3);
+    }
+
+    /// Closures that odometry's drift contradicts are true where gravity takes the drift away, and the false one is not.
+    #[test]
+    fn with_gravity_true_closures_are_believed_and_the_map_is_level() {
+        let with_closures = |gravity: bool| {
+            let mut graph = drifting(60, gravity);
+            let information = Matrix6::from_diagonal(&Vector6::new(1e3, 1e3, 1e3, 1e3, 1e3, 1e3));
+            for (from, to, ahead_m) in (0..12).map(|k| (k, k + 45, 45.0)).chain([(3, 40, -9.0)]) {
+                let from_from_to = Pose3::identity().moved([ahead_m, 0.0, 0.0]);
+                graph.edges.push(Edge { from, to, from_from_to, information });
+            }
+            graph
+        };
+        let lean = |graph: &PoseGraph3| {
+            let down = |vertex: &Vertex<Pose3>| vertex.world_from_vertex.rotation.inverse() * WORLD_DOWN;
+            graph.vertices.iter().map(|vertex| (down(vertex) + Vector3::z()).norm()).fold(0.0, f64::max)
+        };
+        let robust = SolverSettings { robust: Some(crate::Gnc::default()), ..SolverSettings::default() };
+        let mut with = with_closures(true);
+        let solution = optimize(&mut with, &robust).unwrap();
+        let closures = &solution.weights[59..];
+        assert!(solution.refused.is_none() && solution.converged, "{solution:?}");
+        assert!(closures[..12].iter().all(|weight| *weight == 1.0) && closures[12] == 0.0, "{closures:?}");
+        assert!(lean(&with) < 0.04, "{}", lean(&with));
+        let mut alone = with_closures(true);
+        alone.edges.truncate(59 + 12);
+        optimize(&mut alone, &SolverSettings::default()).unwrap();
+        for (a, b) in with.vertices.iter().zip(&alone.vertices) {
+            assert!(a.world_from_vertex.distance(b.world_from_vertex) < 1e-3, "{a:?} {b:?}");
+        }
+        let mut without = with_closures(false);
+        optimize(&mut without, &robust).unwrap();
+        assert!(lean(&without) > 0.1, "{}", lean(&without));
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests may")]
 
-use mapwright_graph::g2o::{AnyPoseGraph, G2oError, read_g2o, write_g2o};
-use mapwright_graph::{Gnc, RotationError, SolverSettings, optimize};
+use mapwright_graph::g2o::{AnyPoseGraph, G2oError, G2oReport, read_g2o, write_g2o};
+use mapwright_graph::{Gnc, Gravity, PoseGraph3, RotationError, SolverSettings, optimize};
+use nalgebra::Vector3;
 
 const PLANE: &str = "VERTEX_SE2 0 0 0 0
 VERTEX_SE2 1 1 0.1 0.5
@@ -42,6 +43,67 @@ fn what_is_written_reads_back() {
         assert_eq!(once.lines().count(), SPACE.lines().count());
         assert_eq!(written(&read_g2o(once.as_bytes(), metric).unwrap().graph), once);
     }
+}
+
+fn space(text: &str, metric: RotationError) -> (PoseGraph3, G2oReport) {
+    let file = read_g2o(text.as_bytes(), metric).unwrap();
+    match file.graph {
+        AnyPoseGraph::Spatial(graph) => (graph, file.report),
+        AnyPoseGraph::Planar(_) => panic!("expected space"),
+    }
+}
+
+#[test]
+fn gravity_is_written_as_priors_and_read_back() {
+    for metric in [RotationError::QuaternionVector, RotationError::RotationVector] {
+        let (mut graph, _) = space(SPACE, metric);
+        let down = |x: f64, y: f64| Vector3::new(x, y, -1.0).normalize();
+        let up = Gravity { vertex: 1, down_in_vertex: Vector3::z(), sigma_rad: 0.01 };
+        graph.gravity = vec![
+            Gravity { vertex: 2, down_in_vertex: down(0.1, -0.3), sigma_rad: 0.012 },
+            Gravity { vertex: 0, down_in_vertex: down(-2.0, 0.5), sigma_rad: 0.5 },
+            up,
+        ];
+        let text = written(&AnyPoseGraph::Spatial(graph.clone()));
+        assert_eq!(text.matches("EDGE_SE3_PRIOR ").count(), 3);
+        let (read, report) = space(&text, metric);
+        assert_eq!((report.other_priors, report.unknown_lines, report.indefinite_information), (0, 0, 0));
+        assert_eq!(read.gravity.len(), 3);
+        for (read, known) in read.gravity.iter().zip(&graph.gravity) {
+            assert_eq!(read.vertex, known.vertex);
+            assert!((read.down_in_vertex - known.down_in_vertex).norm() < 1e-12, "{read:?} {known:?}");
+            assert!((read.sigma_rad - known.sigma_rad).abs() < 1e-12, "{read:?} {known:?}");
+        }
+        let chi2 = [&graph, &read].map(|graph| graph.chi2().unwrap());
+        assert!((chi2[0] - chi2[1]).abs() < 1e-9 * chi2[0], "{chi2:?}");
+    }
+}
+
+#[test]
+fn priors_that_are_not_of_gravity_are_counted_and_sensors_turned_into_place() {
+    let prior = |sensor: &str, pose: &str, information: &str| {
+        space(&format!("{SPACE}{sensor}EDGE_SE3_PRIOR 1 7 {pose} {information}\n"), RotationError::RotationVector)
+    };
+    let level = "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 100 0 0 100 0 0";
+    // A sensor that lies on its side: its y axis is the vertex's z.
+    let lying = "PARAMS_SE3OFFSET 7 0 0 0.2 0.7071067811865476 0 0 0.7071067811865476\n";
+    let (graph, report) = prior(lying, "5 5 5 0 0 0.6 0.8", level);
+    assert_eq!(report.other_priors, 0);
+    assert!((graph.gravity[0].down_in_vertex - Vector3::y()).norm() < 1e-9, "{:?}", graph.gravity);
+    assert!((graph.gravity[0].sigma_rad - 0.1).abs() < 1e-12);
+    for other in [
+        "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 100 0 0 100 0 0",
+        "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 100 0 0 100 0 50",
+        "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 100 0 0 25 0 0",
+        "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0",
+    ] {
+        let (graph, report) = prior(lying, "5 5 5 0 0 0.6 0.8", other);
+        assert_eq!((graph.gravity.len(), report.other_priors), (0, 1), "{other}");
+    }
+    let told = read(&format!("{SPACE}EDGE_SE3_PRIOR 1 7 0 0 0 0 0 0 1 {level}\n")).unwrap_err().to_string();
+    assert!(told.starts_with("line 7: expected a sensor that a line PARAMS_SE3OFFSET 7 before"), "{told}");
+    let told = read(&format!("{SPACE}{lying}EDGE_SE3_PRIOR 1 7 0 0 0 0 0 0 1 100\n")).unwrap_err().to_string();
+    assert!(told.starts_with("line 8: expected an entry of the information matrix"), "{told}");
 }
 
 /// One edge off by a rotation of 0.2 rad about z: g2o sees the sine of the half angle.
@@ -164,10 +226,17 @@ fn corrupted(text: &str, dice: &mut Dice) -> Vec<u8> {
 
 #[test]
 fn ten_thousand_corruptions_neither_panic_nor_loop() {
+    let prior = "EDGE_SE3_PRIOR 1 7 1 2 3 0 0 0.6 0.8 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 400 0 0 400 0 0";
+    let level = format!("{SPACE}PARAMS_SE3OFFSET 7 0 0 0 0 0 0 1\n{prior}\n");
     let mut dice = Dice(7);
     let mut solved = 0;
     for round in 0..10_000 {
-        let text = corrupted(if round % 2 == 0 { PLANE } else { SPACE }, &mut dice);
+        let whole = match round % 4 {
+            1 => SPACE,
+            3 => &level,
+            _ => PLANE,
+        };
+        let text = corrupted(whole, &mut dice);
         let Ok(file) = read_g2o(text.as_slice(), RotationError::default()) else { continue };
         let settings = SolverSettings { robust: (round % 3 == 0).then(Gnc::default), ..SolverSettings::default() };
         let (chi2, graph) = match file.graph {

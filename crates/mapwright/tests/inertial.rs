@@ -6,8 +6,11 @@
 #[allow(dead_code, reason = "shared with an example")]
 mod support;
 
-use mapwright::{Correction, ImuReading, ImuTaken, Pose3, Settings, SpaceMapper, SpaceSweep, Stamp};
+use mapwright::{
+    Checkpoint, Correction, Entry, ImuReading, ImuReport, ImuTaken, Pose3, Settings, SpaceMapper, SpaceSweep, Stamp,
+};
 use mapwright_record::{LogWriter, read_log};
+use mapwright_sim::Rng;
 use mapwright_sim::space::ImuSettings;
 use nalgebra::Vector3;
 use support::{Given, Wanted, mapped, mapped_with};
@@ -149,4 +152,84 @@ fn jobs_that_are_handed_out_and_come_back_at_once_are_those_done_inline() {
     let (inline, handed_out) = (map("inline"), map("handed-out"));
     assert!(inline.2 == 0 && handed_out.2 > 0 && handed_out.1 > 0, "{} jobs", handed_out.2);
     assert!(inline.0 == handed_out.0 && inline.1 == handed_out.1);
+}
+
+/// What readings have told is part of what a run goes on with: the bias, where down is, whether matches have borne them out, and those
+/// that wait for their cloud.
+#[test]
+fn a_run_with_readings_that_stopped_goes_on_to_the_bit() {
+    let drive = support::drive(&Wanted { seconds: 24.0, turn_rate_rad_per_s: 2.4, ..Wanted::default() });
+    let clouds: Vec<_> = drive.clouds().step_by(2).map(|taken| taken.cloud).collect();
+    let readings: Vec<ImuReading> = drive.imu_readings().collect();
+    // Readings come 30 ms ahead of what the cloud needs, as they may where a run is stopped.
+    let map = |mapper: &mut SpaceMapper, numbers: std::ops::Range<usize>| {
+        let told_by = |number: usize| Stamp(clouds[number].stamp.0 + 130_000_000);
+        for number in numbers {
+            let since = number.checked_sub(1).map_or(Stamp(i64::MIN), told_by);
+            let due = readings.iter().filter(|reading| (since < reading.stamp) && reading.stamp <= told_by(number));
+            due.for_each(|reading| assert_eq!(mapper.add_imu(*reading), ImuTaken::Kept));
+            mapper.add_cloud(&mapwright::Cloud { odom_from_robot: None, ..clouds[number].clone() });
+        }
+    };
+    let told = |mapper: &SpaceMapper| {
+        let session = mapper.session();
+        let poses: Vec<Pose3> = session.trajectory().map(|pose| pose.map_from_robot).collect();
+        let ImuReport { bias_rad_per_s, bias_sigma_rad_per_s, .. } = mapper.imu_report();
+        let down: Vec<_> = session.gravity().iter().map(|known| (known.down_in_keyframe, known.sigma_rad)).collect();
+        (poses, down, session.corrections(), bias_rad_per_s, bias_sigma_rad_per_s)
+    };
+    let mut whole = SpaceMapper::new(Settings::default()).unwrap();
+    map(&mut whole, 0..clouds.len());
+    let report = whole.imu_report();
+    assert!(report.gravity > 3 && report.predicted > 20, "{report:?}");
+    for stop in [1, 7, clouds.len() / 2, clouds.len() - 20] {
+        let mut first = SpaceMapper::new(Settings::default()).unwrap();
+        map(&mut first, 0..stop);
+        let log = first.session().encode();
+        let (killed, _) = read_log::<SpaceSweep>(&log).unwrap();
+        first.checkpoint();
+        let (session, losses) = read_log::<SpaceSweep>(&first.session().encode()).unwrap();
+        assert!(losses.losses.is_empty() && session.checkpoint().is_some());
+        let mut resumed = SpaceMapper::resume(Settings::default(), session).unwrap();
+        map(&mut resumed, stop..clouds.len());
+        assert!(told(&resumed) == told(&whole), "stopped after {stop}: {:?}, {:?}", resumed.imu_report(), report);
+        // Without a checkpoint the bias is learnt anew, so that it is the checkpoint that makes them equal.
+        let mut anew = SpaceMapper::resume(Settings::default(), killed).unwrap();
+        map(&mut anew, stop..clouds.len());
+        assert!(stop < 10 || told(&anew).3 != report.bias_rad_per_s);
+    }
+}
+
+#[test]
+fn bytes_of_a_checkpoint_with_readings_that_are_damaged_do_no_harm() {
+    let drive = support::drive(&Wanted { seconds: 6.0, turn_rate_rad_per_s: 2.4, ..Wanted::default() });
+    let clouds: Vec<_> = drive.clouds().step_by(2).map(|taken| taken.cloud).collect();
+    let mut readings = drive.imu_readings().peekable();
+    let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
+    for cloud in &clouds[..clouds.len() - 2] {
+        while let Some(reading) = readings.next_if(|reading| reading.stamp.0 <= cloud.stamp.0 + 100_000_000) {
+            mapper.add_imu(reading);
+        }
+        mapper.add_cloud(cloud);
+    }
+    let rest: Vec<ImuReading> = readings.collect();
+    mapper.checkpoint();
+    let state = mapper.session().checkpoint().unwrap().state.to_vec();
+    let mut rng = Rng::new(3);
+    for _ in 0..150 {
+        let mut damaged = state.clone();
+        for _ in 0..=rng.below(2) {
+            let at = rng.below(damaged.len());
+            damaged[at] = rng.below(256) as u8;
+        }
+        let mut session = mapper.session().clone();
+        session.add(Entry::Checkpoint(Checkpoint { state: damaged.into() })).unwrap();
+        let mut resumed = SpaceMapper::resume(Settings::default(), session).unwrap();
+        for reading in &rest {
+            resumed.add_imu(*reading);
+        }
+        for cloud in &clouds[clouds.len() - 2..] {
+            assert!(resumed.add_cloud(cloud).map_from_robot.is_finite());
+        }
+    }
 }

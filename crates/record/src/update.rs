@@ -12,7 +12,7 @@ use mapwright_sensor::{BeamCounts, Sweep};
 pub enum Status {
     /// The scan agrees with the map and with odometry.
     Tracking,
-    /// The match is doubtful; its variance was raised.
+    /// The match is doubtful; its variance was raised. In space also: what is seen leaves some direction of the pose to the prediction.
     Degraded,
     /// No pose explains the scan; the pose is odometry's, and nothing is written to the map.
     Lost,

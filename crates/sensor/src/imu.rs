@@ -1,6 +1,6 @@
 //! Inertial readings in space: how the robot turned between two stamps, and where down is.
 
-use mapwright_geom::Stamp;
+use mapwright_geom::{Stamp, Stored, stored};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 
@@ -106,6 +106,37 @@ impl Turned {
             elapsed_s: self.elapsed_s + next.elapsed_s,
             unread_s: self.unread_s + next.unread_s,
         }
+    }
+}
+
+/// A time that is none of a rotation's, seconds: longer than whatever is put together.
+const PUT_TOGETHER_S: f64 = 3600.0;
+
+impl Stored for Turned {
+    fn put(&self, out: &mut Vec<u8>) {
+        (self.start_from_end, self.by_bias_s, self.elapsed_s, self.unread_s).put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let (start_from_end, by_bias_s, elapsed_s, unread_s) = Stored::take(from)?;
+        let is_time = |seconds: f64| (0.0..=PUT_TOGETHER_S).contains(&seconds);
+        (is_time(elapsed_s) && is_time(unread_s)).then_some(Self { start_from_end, by_bias_s, elapsed_s, unread_s })
+    }
+}
+
+stored!(ImuReading { stamp, turn_rate_rad_per_s, specific_force_m_per_s2 });
+
+impl Stored for ImuReadings {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.readings.put(out);
+        self.used_until.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let (readings, used_until): (VecDeque<ImuReading>, _) = Stored::take(from)?;
+        let in_order = readings.iter().zip(readings.iter().skip(1)).all(|(a, b)| a.stamp < b.stamp);
+        let are_sound = readings.len() <= READINGS && readings.iter().all(ImuReading::is_sound);
+        (in_order && are_sound).then_some(Self { readings, used_until })
     }
 }
 
@@ -278,6 +309,31 @@ mod tests {
         assert_eq!(readings.add(reading(-30.0, [0.0; 3])), ImuTaken::SetBack);
         assert_eq!((readings.readings.len(), readings.oldest()), (1, Some(at(-30.0))));
         assert_eq!(readings.add(reading(-29.9, [0.0; 3])), ImuTaken::Kept);
+    }
+
+    #[test]
+    fn what_is_remembered_comes_back_to_the_bit_and_damage_is_refused() {
+        let mut readings = ImuReadings::default();
+        for k in 0..50 {
+            readings.add(reading(0.01 * f64::from(k), [0.1, -0.2, 0.03 * f64::from(k)]));
+        }
+        readings.use_until(at(0.2));
+        let turned = readings.turned(at(0.1), at(0.4), Vector3::repeat(0.01)).unwrap();
+        let mut down = Down::default();
+        down.weigh(Vector3::new(0.1, 0.2, 9.8), Vector3::zeros(), 0.5, 0.01);
+        let mut bytes = Vec::new();
+        (readings.clone(), turned, down).put(&mut bytes);
+        let from = &mut &bytes[..];
+        let (read, turned_read, down_read): (ImuReadings, Turned, Down) = Stored::take(from).unwrap();
+        assert!(from.is_empty() && turned_read == turned && down_read == down);
+        assert_eq!((&read.readings, read.used_until), (&readings.readings, readings.used_until));
+        readings.readings.swap(3, 4);
+        let mut bytes = Vec::new();
+        readings.put(&mut bytes);
+        assert!(ImuReadings::take(&mut &bytes[..]).is_none(), "out of order");
+        let mut bytes = Vec::new();
+        (true, Vector3::new(0.0, 0.0, 2.0), 0.1).put(&mut bytes);
+        assert!(Down::take(&mut &bytes[..]).is_none(), "no direction");
     }
 
     #[test]

@@ -5,7 +5,6 @@
 //! at each resolution: a tight one at a coarse resolution has no basin. Points of one surface are right or wrong together, so that
 //! they count with a share of what they would say were they independent.
 
-use crate::surfel::Surfel;
 use crate::surfel_map::{Level, Looked, SurfelMap};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
@@ -49,7 +48,7 @@ impl Default for MatcherSettings {
             points: 4000,
             kernel_medians: 3.0,
             fit_sigmas: 3.0,
-            point_share: 0.05,
+            point_share: std::env::var("ZZ_SHARE").ok().and_then(|v| v.parse().ok()).unwrap_or(0.2),
         }
     }
 }
@@ -78,6 +77,20 @@ pub struct Fit {
     pub inlier_share: f64,
     /// Evaluations of the objective.
     pub evaluations: u32,
+}
+
+impl Fit {
+    /// How evenly the surfaces around a cloud hold its pose: the least of what they say of a direction as a share of the most, of its
+    /// translations and of its rotations about its own origin. Next to nothing where they all lie along one direction, or nowhere
+    /// (Zhang, Kaess, Singh 2016, "On degeneracy of optimization-based state estimation problems").
+    #[must_use]
+    pub fn held_shares(&self) -> [f64; 2] {
+        [0, 3].map(|first| {
+            let values = self.information.fixed_view::<3, 3>(first, first).into_owned().symmetric_eigenvalues();
+            let most = values.max();
+            if most > 0.0 { (values.min() / most).max(0.0) } else { 0.0 }
+        })
+    }
 }
 
 /// Rough matches are made with so many points, and so many steps a resolution.
@@ -343,8 +356,8 @@ impl Matcher {
         for (point, looked) in self.points.iter().zip(&mut self.looked) {
             let at = rotation * Vector3::from(*point) + pose.translation;
             if let Some(surfel) = level.surfel_at(at.into(), looked) {
-                let error_m = off_plane_m(surfel, at);
-                self.residuals.push((f64::from(surfel.information) * error_m * error_m) as f32);
+                let off_m = surfel.off_m(at);
+                self.residuals.push((f64::from(surfel.information) * off_m * off_m) as f32);
             }
         }
         if self.residuals.is_empty() {
@@ -384,9 +397,8 @@ impl Matcher {
                 product *= 1.0 + UNKNOWN_WIDTHS2;
                 continue;
             };
-            let error_m = off_plane_m(surfel, at);
-            let information = f64::from(surfel.information);
-            let d2 = information * error_m * error_m;
+            let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
+            let d2 = information * off_m * off_m;
             known += 1;
             fitting += u32::from(d2 < fit2);
             let widths2 = d2 * per_width2;
@@ -395,7 +407,7 @@ impl Matcher {
                 continue;
             }
             product *= 1.0 + widths2;
-            sums.add(information / (1.0 + widths2), error_m, surfel.normal.map(f64::from), &arm);
+            sums.add(information / (1.0 + widths2), off_m, surfel.normal.map(f64::from), &arm);
         }
         let share = self.settings.point_share;
         let (gradient, hessian) = sums.derivatives(share);
@@ -416,11 +428,11 @@ impl Sums {
     /// A point at the end of `arm`, so far off a plane with this normal, of this weight. A turn about the cloud's origin moves it by its
     /// cross product with that.
     #[inline]
-    fn add(&mut self, weight: f64, error_m: f64, [x, y, z]: [f64; 3], arm: &Vector3<f64>) {
+    fn add(&mut self, weight: f64, off_m: f64, [x, y, z]: [f64; 3], arm: &Vector3<f64>) {
         let slope = [x, y, z, arm.y * z - arm.z * y, arm.z * x - arm.x * z, arm.x * y - arm.y * x];
         for row in 0..6 {
             let weighted = weight * slope[row];
-            self.gradient[row] += weighted * error_m;
+            self.gradient[row] += weighted * off_m;
             for column in row..6 {
                 self.hessian[row][column] += weighted * slope[column];
             }
@@ -446,13 +458,6 @@ fn sort_out(found: &mut Vec<(f64, Pose3)>, size_m: f64, at_most: usize) {
         }
     }
     *found = kept;
-}
-
-/// How far a point lies off a surfel's plane, metres.
-#[inline]
-fn off_plane_m(surfel: &Surfel, at: Vector3<f64>) -> f64 {
-    let [mean, normal] = [surfel.mean_m, surfel.normal].map(|v| Vector3::from(v.map(f64::from)));
-    normal.dot(&(at - mean))
 }
 
 /// From perturbations along the axes of the cloud to those along the map's.

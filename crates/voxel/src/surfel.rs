@@ -1,7 +1,7 @@
 //! What a voxel knows of the points in it.
 
 use crate::eigen::axes;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 /// A coordinate within a voxel is counted in so many parts of its side.
 const PARTS: f64 = 4096.0;
@@ -9,6 +9,12 @@ const PARTS: f64 = 4096.0;
 const LEAST_POINTS: u32 = 5;
 /// A surface is as thick as this share of the voxel's side at least: what is curved or rough within it.
 const LEAST_THICKNESS: f64 = 0.02;
+
+/// What a point tells along a plane's normal is less by so many times what it would tell along the plane where the points spread less:
+/// nothing where they lie on a line, as those of a single beam do, whose normal nobody knows;
+const ALONG: f64 = 2.0;
+/// but this share of it at least.
+const LEAST_ACROSS: f64 = 0.01;
 
 /// Sums over the points of a voxel, in integers: what was added can be taken away to the bit, in any order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -28,13 +34,20 @@ pub struct Surfel {
     pub mean_m: [f32; 3],
     /// The direction in which they spread least.
     pub normal: [f32; 3],
-    /// Inverse variance of a point on it along the normal, 1/m^2.
+    /// What a point on it tells along the normal, 1/m^2.
     pub(crate) information: f32,
     /// See [`Surfel::spread_m`].
     spread_m: [f32; 2],
 }
 
 impl Surfel {
+    /// How far a point lies off its plane, metres.
+    #[inline]
+    pub(crate) fn off_m(&self, at: Vector3<f64>) -> f64 {
+        let [normal, mean] = [self.normal, self.mean_m].map(|v| Vector3::from(v.map(f64::from)));
+        normal.dot(&(at - mean))
+    }
+
     /// Standard deviations of its points along the surface, the lesser first, metres: one next to nothing is a line, whose normal nobody
     /// knows. Neither is less than the thickness that a surface has at least.
     #[must_use]
@@ -88,10 +101,11 @@ impl Sums {
         let unit_m = size_m / PARTS;
         let (variances, vectors) = axes(covariance * (unit_m * unit_m));
         let least = (LEAST_THICKNESS * size_m).max(noise_m);
-        let [across, along @ ..] = [0, 1, 2].map(|k| variances[k].max(least * least));
+        let [across, along, far] = [0, 1, 2].map(|k| variances[k].max(least * least));
+        let information = (1.0 / across - ALONG / along).max(LEAST_ACROSS / across) as f32;
+        let spread_m = [along, far].map(|variance| variance.sqrt() as f32);
         let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);
-        let normal = [0, 1, 2].map(|k| vectors[(k, 0)] as f32);
-        let spread_m = along.map(|variance: f64| variance.sqrt() as f32);
-        Some(Surfel { count: self.count, mean_m, normal, information: (1.0 / across) as f32, spread_m })
+        let normal = [0, 1, 2].map(|row| vectors[(row, 0)] as f32);
+        Some(Surfel { count: self.count, mean_m, normal, information, spread_m })
     }
 }

@@ -34,7 +34,7 @@ pub(crate) enum ExportTo {
     Tum,
     /// Trajectory: 12 numbers a line, the upper rows of the pose's matrix; no stamps.
     Kitti,
-    /// Trajectory with odometry's beside it, a line of names first.
+    /// Trajectory with odometry's beside it, a line of names first: in the plane x, y, theta; in space x, y, z and a quaternion.
     Csv,
     /// Map, path, transforms, scans and closures for Foxglove and ROS 2; of a session of space the map as points, without scans.
     Mcap,

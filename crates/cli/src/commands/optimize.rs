@@ -47,6 +47,8 @@ struct Size {
     vertices: usize,
     edges: usize,
     odometry: usize,
+    /// Directions of gravity.
+    gravity: usize,
 }
 
 fn read(path: &Path, information: Information) -> Result<(AnyPoseGraph, G2oReport), Failure> {
@@ -68,7 +70,7 @@ fn solve<P: Pose>(
 ) -> Result<(Size, Solution), mapwright_graph::GraphError> {
     let odometry = graph.odometry().into_iter().filter(|is| *is).count();
     let (vertices, edges) = (graph.vertices.len(), graph.edges.len());
-    let size = Size { dimensions: P::TRANSLATION, vertices, edges, odometry };
+    let size = Size { dimensions: P::TRANSLATION, vertices, edges, odometry, gravity: graph.gravity.len() };
     Ok((size, optimize(graph, settings)?))
 }
 
@@ -103,6 +105,7 @@ fn losses(report: &G2oReport, solution: &Solution) -> Vec<String> {
         (report.self_edges, "edge", " from a vertex to itself left out"),
         (report.indefinite_information, "edge", " whose information is not positive semidefinite; the nearest taken"),
         (report.zero_information, "edge", " without information"),
+        (report.other_priors, "prior", " other than of gravity left out"),
         (report.unknown_fixes, "FIX line", " of unknown vertices left out"),
         (report.duplicate_vertices, "vertex line", " given again left out"),
     ];
@@ -175,12 +178,13 @@ fn convention(args: &OptimizeArgs, size: &Size) -> &'static str {
 
 fn to_words(args: &OptimizeArgs, size: &Size, solution: &Solution, solve_s: f64) -> String {
     let mut text = format!(
-        "{}: {}D, {} vertices, {} edges, {} of them closures\nchi-square{} {:.6} -> {:.6} in {}, {:.1} ms\n",
+        "{}: {}D, {} vertices, {} edges, {} of them closures{}\nchi-square{} {:.6} -> {:.6} in {}, {:.1} ms\n",
         args.graph.display(),
         size.dimensions,
         grouped(size.vertices as u64),
         grouped(size.edges as u64),
         grouped((size.edges - size.odometry) as u64),
+        if size.gravity > 0 { format!("; {} of gravity", count(size.gravity as u64, "edge")) } else { String::new() },
         convention(args, size),
         solution.chi2_before,
         solution.chi2_after,
@@ -208,6 +212,7 @@ fn to_json(
         "vertices": size.vertices,
         "edges": size.edges,
         "closures": size.edges - size.odometry,
+        "gravity": size.gravity,
         "chi2_before": solution.chi2_before,
         "chi2_after": solution.chi2_after,
         "iterations": solution.iterations,

@@ -65,8 +65,6 @@ pub(super) struct Results {
     beside: Beside,
     /// Of a simulated drive.
     truth: Option<AgainstTruth>,
-    /// Gravity edges, which g2o has no type for.
-    gravity: usize,
     felt: Option<Felt>,
 }
 
@@ -131,7 +129,6 @@ impl Results {
             map_points,
             beside,
             truth,
-            gravity: session.gravity().len(),
             felt: None,
         }
     }
@@ -143,12 +140,7 @@ impl Results {
 
     /// What is odd about it, in words.
     pub(super) fn odd(&self) -> Vec<String> {
-        let mut odd = self.felt.as_ref().map_or_else(Vec::new, Felt::odd);
-        if self.gravity > 0 {
-            let left_out = grouped(self.gravity as u64);
-            odd.push(format!("gravity edges left out of graph.g2o, which has no type for them: {left_out}"));
-        }
-        odd
+        self.felt.as_ref().map_or_else(Vec::new, Felt::odd)
     }
 }
 
@@ -231,7 +223,6 @@ pub(super) fn to_json(
             "kitti_deg_per_100_m": errors.segments.as_ref().map(|segments| segments.all.rotation_deg_per_100_m),
         })),
         "imu": results.felt.as_ref().map(Felt::to_json),
-        "gravity_edges_not_in_g2o": results.gravity,
         "not_compared": results.beside.refused,
         "losses": losses,
     });

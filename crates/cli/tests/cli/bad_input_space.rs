@@ -44,6 +44,8 @@ fn clouds_with_nothing_to_map_are_refused_and_thin_ones_are_mapped() {
         assert_code(&map(&folder.join(name), &[]), 0);
         let report = json(&out(&folder.join(name)).join("report.json"));
         assert_eq!((&report["clouds"], &report["losses"]), (&3.into(), &serde_json::json!([])), "{report}");
+        // The first begins the map; what a plane or a line leaves open is the prediction's.
+        assert_eq!(report["status"], serde_json::json!({ "tracking": 1, "degraded": 2, "lost": 0 }), "{report}");
     }
 }
 
@@ -113,4 +115,118 @@ fn files_that_end_early_and_headers_that_promise_terabytes_give_what_they_hold()
     let path = folder.join("cut.pcap");
     fs::write(&path, capture).unwrap();
     assert_refused(&map(&path, &[]), 1, &["cut.pcap, byte 0", "Velodyne"]);
+}
+
+const SIZE: [u32; 2] = [32, 24];
+
+/// A floor that falls away from the camera, as an image of whatever kind.
+fn image(size: [u32; 2], kind: png::ColorType, depth: png::BitDepth) -> Vec<u8> {
+    let channels = kind.samples();
+    let row = |y: u32| (0..size[0]).flat_map(move |x| vec![(1500 + 20 * x + 10 * y) as u16; channels]);
+    let values = (0..size[1]).flat_map(row);
+    let data: Vec<u8> = match depth {
+        png::BitDepth::Sixteen => values.flat_map(u16::to_be_bytes).collect(),
+        _ => values.map(|value| value as u8).collect(),
+    };
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, size[0], size[1]);
+    encoder.set_color(kind);
+    encoder.set_depth(depth);
+    encoder.write_header().unwrap().write_image_data(&data).unwrap();
+    file
+}
+
+fn depth() -> Vec<u8> {
+    image(SIZE, png::ColorType::Grayscale, png::BitDepth::Sixteen)
+}
+
+/// Five images in the layout of 7-Scenes, with what the camera is.
+fn seven_scenes(folder: &Path) {
+    fs::create_dir_all(folder).unwrap();
+    (0..5).for_each(|k| fs::write(folder.join(format!("frame-{k:06}.depth.png")), depth()).unwrap());
+    let colour = image(SIZE, png::ColorType::Rgb, png::BitDepth::Eight);
+    (0..5).for_each(|k| fs::write(folder.join(format!("frame-{k:06}.color.png")), &colour).unwrap());
+    fs::write(folder.join("camera-intrinsics.txt"), "30 0 15.5\n0 30 11.5\n0 0 1\n").unwrap();
+}
+
+/// A header of 16,383 by 16,383 pixels over the bytes of a small image.
+fn of_gigabytes() -> Vec<u8> {
+    let mut bytes = depth();
+    bytes[16..24].copy_from_slice(&[0, 0, 0x3f, 0xff, 0, 0, 0x3f, 0xff]);
+    let mut crc = flate2::Crc::new();
+    crc.update(&bytes[12..29]);
+    bytes[29..33].copy_from_slice(&crc.sum().to_be_bytes());
+    bytes
+}
+
+#[test]
+fn images_of_depth_of_another_kind_are_left_out_with_their_file_or_refused_where_all_are() {
+    use png::{BitDepth, ColorType};
+    let folder = folder("bad_depth");
+    let not_grey = |found: &str| format!("byte 24: expected depth as greyscale of 16 bits, found {found}");
+    let whole = depth();
+    let kinds = [
+        (
+            "size",
+            image([16, 24], ColorType::Grayscale, BitDepth::Sixteen),
+            "byte 16: expected 32 x 24 pixels".to_owned(),
+        ),
+        ("grey8", image(SIZE, ColorType::Grayscale, BitDepth::Eight), not_grey("Grayscale of 8 bits")),
+        ("rgb8", image(SIZE, ColorType::Rgb, BitDepth::Eight), not_grey("Rgb of 8 bits")),
+        ("rgb16", image(SIZE, ColorType::Rgb, BitDepth::Sixteen), not_grey("Rgb of 16 bits")),
+        ("alpha", image(SIZE, ColorType::GrayscaleAlpha, BitDepth::Sixteen), not_grey("GrayscaleAlpha of 16 bits")),
+        ("cut", whole[..whole.len() - 40].to_vec(), "byte 33: expected an image of 1536 bytes".to_owned()),
+        ("empty", Vec::new(), "byte 0: expected a PNG image".to_owned()),
+        ("giga", of_gigabytes(), "byte 16: expected a size that the file can hold, found 16383 x 16383".to_owned()),
+    ];
+    for (name, bytes, told) in kinds {
+        let recording = folder.join(name);
+        seven_scenes(&recording);
+        fs::write(recording.join("frame-000002.depth.png"), &bytes).unwrap();
+        let output = map(&recording, &[]);
+        assert_code(&output, 3);
+        let lost = format!("lost     unreadable frame: 1, first frame-000002.depth.png, {told}");
+        assert!(text(&output.stdout).contains(&lost), "expected {lost:?}, found {output:?}");
+        assert_eq!(json(&out(&recording).join("report.json"))["clouds"], 4);
+        if name == "size" {
+            continue; // All of that size are a recording of that size.
+        }
+        (0..5).for_each(|k| fs::write(recording.join(format!("frame-{k:06}.depth.png")), &bytes).unwrap());
+        let refused = format!("none of 5 frames could be read; the first: frame-000000.depth.png, {told}");
+        assert_refused(&map(&recording, &[]), 1, &[name, &refused]);
+    }
+}
+
+#[test]
+fn a_camera_that_nothing_says_is_asked_for_with_the_file_that_should_have() {
+    let folder = folder("bad_camera");
+    let (scenes, open3d) = (folder.join("scenes"), folder.join("open3d"));
+    let asked = "give --intrinsics FX,FY,CX,CY";
+    seven_scenes(&scenes);
+    assert_code(&map(&scenes, &[]), 0);
+    for matrix in ["30 0 15.5\n0 x 11.5\n", "0 0 15.5\n0 30 11.5\n0 0 1\n", ""] {
+        fs::write(scenes.join("camera-intrinsics.txt"), matrix).unwrap();
+        let told = "camera-intrinsics.txt, byte 0: expected a camera's matrix of 3 x 3, found";
+        assert_refused(&map(&scenes, &[]), 1, &[told, asked]);
+    }
+    fs::remove_file(scenes.join("camera-intrinsics.txt")).unwrap();
+    assert_refused(&map(&scenes, &[]), 1, &["the folder does not say the camera's focal lengths and centre", asked]);
+    assert_code(&map(&scenes, &["--intrinsics", "30,30,15.5,11.5"]), 0);
+    assert_refused(&map(&scenes, &["--intrinsics", "30,30,15.5"]), 2, &["--intrinsics", "four numbers"]);
+    assert_refused(&map(&scenes, &["--intrinsics", "0,30,15.5,11.5"]), 1, &["--intrinsics FX,FY,CX,CY", "above zero"]);
+    let scale = ["--intrinsics", "30,30,15.5,11.5", "--depth-scale", "0"];
+    assert_refused(&map(&scenes, &scale), 1, &["--depth-scale S", "above zero, found 0"]);
+
+    fs::create_dir_all(open3d.join("depth")).unwrap();
+    (0..3).for_each(|k| fs::write(open3d.join(format!("depth/{k:06}.png")), depth()).unwrap());
+    for (camera, found) in [
+        (r#"{"width":32,"height":24}"#, "found no intrinsic_matrix"),
+        (r#"{"width":640,"height":480,"intrinsic_matrix":[30,0,0,0,30,0,15.5,11.5,1]}"#, "found width `640`"),
+        (r#"{"intrinsic_matrix":[30,0,0]}"#, "found intrinsic_matrix `[30,0,0]`"),
+        (r#"{"intrinsic_"#, "found `{\"intrinsic_`"),
+    ] {
+        fs::write(open3d.join("camera_primesense.json"), camera).unwrap();
+        let told = "camera_primesense.json, byte 0: expected an intrinsic_matrix of a camera of 32 x 24";
+        assert_refused(&map(&open3d, &[]), 1, &[told, found, asked]);
+    }
 }

@@ -117,6 +117,44 @@ fn surfels_lie_on_the_floor_and_face_the_sensor() {
 }
 
 #[test]
+fn trajectories_are_read_back_as_those_that_the_run_wrote() {
+    let out = folder("export_space_trajectories").join("out");
+    let demo = ["demo", "--3d", "--seed", "3", "--seconds", "6", "-o", out.to_str().unwrap()];
+    assert_code(&run(&demo), 0);
+    ["tum", "kitti", "csv"].iter().for_each(|to| assert_code(&run(&["export", out.to_str().unwrap(), "--to", to]), 0));
+    let read = |name: &str| text(&fs::read(out.join(name)).unwrap());
+    let own = read("trajectory.tum");
+    assert!(read("export.tum") == own, "the session has the final trajectory");
+    let is_spatial = |line: &str| line.split(' ').skip(3).take(3).all(|word| word.parse::<f64>().unwrap() != 0.0);
+    assert!(own.lines().filter(|line| is_spatial(line)).count() > 10, "height, roll and pitch are there to be lost");
+    let times: String = own.lines().map(|line| format!("{}\n", line.split(' ').next().unwrap())).collect();
+    fs::write(out.join("times.txt"), times).unwrap();
+    let csv = read("export.csv");
+    let (names, rows) = csv.split_once('\n').unwrap();
+    assert!(names.starts_with("stamp_s,x_m,y_m,z_m,qx,qy,qz,qw,odom_x_m,odom_y_m,odom_z_m,odom_qx"), "{names}");
+    assert!(rows.lines().all(|row| row.split(',').count() == 15), "{rows}");
+    let first = |row: &str| row.split(',').take(8).collect::<Vec<_>>().join(" ") + "\n";
+    fs::write(out.join("of_csv.tum"), rows.lines().map(first).collect::<String>()).unwrap();
+    let path = |name: &str| out.join(name).display().to_string();
+    let (reference, times) = (path("trajectory.tum"), path("times.txt"));
+    for name in ["export.tum", "export.kitti", "of_csv.tum"] {
+        let trajectory = path(name);
+        let eval = ["eval", &trajectory, "--reference", &reference, "--times", &times, "--alignment", "none", "--json"];
+        let output = run(&eval);
+        assert_code(&output, 0);
+        let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let most = |kind: &str, what: &str| found[0][kind][what]["max"].as_f64().unwrap();
+        assert_eq!(found[0]["ate"]["translation_m"]["count"].as_u64(), Some(own.lines().count() as u64), "{found}");
+        // What is written is rounded to nanometres.
+        let rounded = if name == "export.kitti" { (1e-8, 1e-6) } else { (1e-12, 1e-6) };
+        for kind in ["ate", "rpe"] {
+            let off = (most(kind, "translation_m"), most(kind, "rotation_deg"));
+            assert!(off.0 <= rounded.0 && off.1 <= rounded.1, "{name}, {kind}: {off:?}");
+        }
+    }
+}
+
+#[test]
 fn resolution_and_band_are_what_was_asked_for() {
     let out = folder("export_space_asked").join("out");
     mapped(&out, false);
@@ -146,13 +184,13 @@ fn what_the_other_kind_of_session_cannot_become_is_told() {
             &[&format!("--to {to} needs a session of space, found one of the plane")],
         );
     }
-    for to in ["tum", "kitti", "csv", "worldfile"] {
-        assert_refused(
-            &export(&space, &[to]),
-            1,
-            &[&format!("--to {to} needs a session of the plane, found one of space")],
-        );
-    }
+    assert_refused(
+        &export(&space, &["worldfile"]),
+        1,
+        &["--to worldfile needs a session of the plane, found one of space"],
+    );
+    assert_refused(&export(&space, &["tum", "--resolution", "0.5"]), 1, &["--resolution is for maps"]);
+    assert_refused(&export(&space, &["csv", "--surfels"]), 1, &["--surfels is for --to ply alone"]);
     assert_refused(&export(&plane, &["pgm", "--band", "0:1"]), 1, &["--band needs a session of space"]);
     assert_refused(&export(&plane, &["tum", "--surfels"]), 1, &["--surfels needs a session of space"]);
     assert_refused(&export(&camera, &["pgm"]), 1, &["z axis points upwards"]);

@@ -48,6 +48,60 @@ fn a_false_closure_is_outvoted() {
     assert_eq!(value["weights"], serde_json::json!([1.0, 1.0, 1.0, 1.0, 0.0]));
 }
 
+/// A way of 60 m whose odometry pitches by 0.02 rad a metre while the robot is level, with true closures, a false one, and where down is.
+fn drifting() -> String {
+    let mut text = String::new();
+    for k in 0..60 {
+        let (s, c) = (0.01 * f64::from(k)).sin_cos();
+        text += &format!("VERTEX_SE3:QUAT {k} {k} 0 0 0 {s} 0 {c}\n");
+    }
+    let edge = |from: i32, to: i32, x: f64, pitch_rad: f64, turns: &str| {
+        let (s, c) = (0.5 * pitch_rad).sin_cos();
+        let turns = format!("{turns} 0 0 {turns} 0 {turns}");
+        format!("EDGE_SE3:QUAT {from} {to} {x} 0 0 0 {s} 0 {c} 1e4 0 0 0 0 0 1e4 0 0 0 0 1e4 0 0 0 {turns}\n")
+    };
+    (1..60).for_each(|k| text += &edge(k - 1, k, 1.0, 0.02, "2500"));
+    (0..12).for_each(|k| text += &edge(k, k + 45, 45.0, 0.0, "1e4"));
+    text += &edge(3, 40, -9.0, 0.0, "1e4");
+    text += "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n";
+    for k in 0..60 {
+        text += &format!("EDGE_SE3_PRIOR {k} 0 0 0 0 0 0 0 1{} 2500 0 0 2500 0 0\n", " 0".repeat(15));
+    }
+    text
+}
+
+#[test]
+fn gravity_levels_a_graph_with_robust_as_without() {
+    let folder = folder("optimize_gravity");
+    let graph = drifting();
+    let is_false = |line: &&str| !line.starts_with("EDGE_SE3:QUAT 3 40 ");
+    let without_false: String = graph.lines().filter(is_false).map(|line| format!("{line}\n")).collect();
+    let poses = |graph: &str, more: &[&str]| {
+        let output = optimized(&folder, graph, &[&["--json"], more].concat());
+        assert_code(&output, 0);
+        let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(value["gravity"], 60, "{value}");
+        let written = fs::read_to_string(folder.join("out.g2o")).unwrap();
+        assert_eq!(written.lines().filter(|line| line.starts_with("EDGE_SE3_PRIOR ")).count(), 60);
+        let pose = |line: &str| line.split(' ').skip(2).map(|word| word.parse().unwrap()).collect::<Vec<f64>>();
+        let poses: Vec<_> = written.lines().filter(|line| line.starts_with("VERTEX")).map(pose).collect();
+        (value, poses)
+    };
+    let (value, robust) = poses(&graph, &["--robust"]);
+    assert_eq!((&value["believed"], &value["outvoted"]), (&12.into(), &1.into()), "{value}");
+    let (_, plain) = poses(&without_false, &[]);
+    for (a, b) in robust.iter().zip(&plain) {
+        assert!(a[3].hypot(a[4]) < 0.02, "leans by half of {a:?}");
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3), "{a:?} {b:?}");
+    }
+    let said = text(&optimized(&folder, &graph, &["--robust"]).stdout);
+    assert!(said.contains("13 of them closures; 60 edges of gravity"), "{said}");
+    let other = format!("{graph}EDGE_SE3_PRIOR 5 0 0 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n");
+    let output = optimized(&folder, &other, &["--robust"]);
+    assert_code(&output, 3);
+    assert!(text(&output.stdout).contains("1 prior other than of gravity left out"), "{output:?}");
+}
+
 #[test]
 fn bad_files_are_refused_with_the_line_or_repaired_and_told() {
     let folder = folder("optimize_bad");

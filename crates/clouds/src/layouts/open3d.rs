@@ -55,7 +55,12 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         kind: Kind::Open3d,
         frames,
         sensor: SpaceSensor::depth_camera("depth"),
-        decode: Decode::Depth(DepthPlan { size, intrinsics, depth_per_m }),
+        decode: Decode::Depth(DepthPlan {
+            size,
+            intrinsics,
+            depth_per_m,
+            calibrations: CALIBRATIONS.map(|name| format!("{folder}{name}")).to_vec(),
+        }),
         references,
         decisions,
         notes,

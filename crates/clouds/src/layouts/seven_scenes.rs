@@ -53,7 +53,12 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         kind: Kind::SevenScenes,
         frames,
         sensor: SpaceSensor::depth_camera("depth"),
-        decode: Decode::Depth(DepthPlan { size, intrinsics, depth_per_m: DEPTH_PER_M }),
+        decode: Decode::Depth(DepthPlan {
+            size,
+            intrinsics,
+            depth_per_m: DEPTH_PER_M,
+            calibrations: calibration.into_iter().collect(),
+        }),
         references,
         decisions,
         notes,

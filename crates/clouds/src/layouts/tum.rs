@@ -59,7 +59,8 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         None => format!("depth.txt names no recording of the benchmark ({BENCHMARK}...): its camera is not known"),
     });
     decisions.push(format!("{DEPTH_PER_M} is a metre of depth, as the benchmark documents"));
-    let depth = DepthPlan { size: size(listing, &frames)?, intrinsics, depth_per_m: DEPTH_PER_M };
+    let size = size(listing, &frames)?;
+    let depth = DepthPlan { size, intrinsics, depth_per_m: DEPTH_PER_M, calibrations: Vec::new() };
     Ok(Some(Plan {
         kind: Kind::Tum,
         frames,

@@ -210,6 +210,7 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
     }
 
     fn run(&mut self) -> Result<(), GraphError> {
+        self.level()?;
         self.begin()?;
         self.think_again()?;
         self.review()?;
@@ -253,7 +254,12 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
             self.set_state(at, if at == refuted { State::Refuted } else { State::Open });
         }
         self.poses = poses_by_odometry(self.graph)?;
-        Ok(())
+        self.level()
+    }
+
+    /// Odometry where gravity levels it.
+    fn level(&mut self) -> Result<(), GraphError> {
+        if self.graph.gravity.is_empty() { Ok(()) } else { self.solve() }
     }
 
     /// Closures in groups that are not believed.
@@ -289,12 +295,12 @@ impl<'a, P: PoseGroup<D>, const D: usize> Search<'a, P, D> {
         Test { chi2, vagueness: (passing / self.volume).min(1.0) }
     }
 
-    /// Odometry and what is believed; what they say is weighed without gravity.
+    /// Odometry, gravity and what is believed.
     fn subgraph(&self) -> PoseGraph<P> {
         let mut graph = PoseGraph {
             vertices: self.graph.vertices.clone(),
             edges: Vec::new(),
-            gravity: Vec::new(),
+            gravity: self.graph.gravity.clone(),
             metric: self.graph.metric,
         };
         let kept = (0..self.believed.len()).filter(|&at| self.believed[at]);

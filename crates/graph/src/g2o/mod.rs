@@ -1,8 +1,12 @@
 //! Pose graphs as text: g2o's tags `VERTEX_SE2`, `EDGE_SE2`, `VERTEX_SE3:QUAT`, `EDGE_SE3:QUAT`, `FIX`, and TORO's
 //! `VERTEX2`, `EDGE2`, `VERTEX3`, `EDGE3` when reading.
 //!
+//! [Gravity](crate::Gravity) is what g2o calls a prior: `EDGE_SE3_PRIOR` with no information on the position and on turns about the
+//! direction of gravity, seen from a sensor at `PARAMS_SE3OFFSET`. Other priors are counted and left out.
+//!
 //! Information in space belongs to `x y z qx qy qz` in a g2o file, that is to half angles; here it belongs to angles.
 
+mod prior;
 mod read;
 mod write;
 

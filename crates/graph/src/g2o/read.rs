@@ -1,5 +1,6 @@
 //! Text to graph.
 
+use super::prior::gravity_of;
 use super::{AnyPoseGraph, G2oError};
 use crate::group::{PoseGroup, RotationError};
 use crate::pose_graph::{Edge, LARGEST_INFORMATION, PoseGraph, Vertex, nearest_information};
@@ -41,6 +42,8 @@ pub struct G2oReport {
     pub unnormalised_quaternions: usize,
     /// `FIX` of vertices that are nowhere else.
     pub unknown_fixes: usize,
+    /// Priors that are not of gravity alone, left out.
+    pub other_priors: usize,
     /// Lines with a tag that is not known, left out.
     pub unknown_lines: usize,
     /// The first tag that is not known, and its line.
@@ -77,6 +80,8 @@ pub fn read_g2o(mut stream: impl Read, metric: RotationError) -> Result<G2oFile,
             b"EDGE2" => planar.edge(&mut line, &mut report, planar_pose, toro_planar_information)?,
             b"VERTEX_SE3:QUAT" => spatial.vertex(&mut line, &mut report, quaternion_pose)?,
             b"EDGE_SE3:QUAT" => spatial.edge(&mut line, &mut report, quaternion_pose, information)?,
+            b"PARAMS_SE3OFFSET" => spatial.sensor(&mut line, &mut report)?,
+            b"EDGE_SE3_PRIOR" => spatial.prior(&mut line, &mut report, information)?,
             b"VERTEX3" => spatial.vertex(&mut line, &mut report, euler_pose)?,
             b"EDGE3" => spatial.edge(&mut line, &mut report, euler_pose, upper_triangle)?,
             b"FIX" => line.ids(&mut fixes)?,
@@ -107,11 +112,18 @@ struct Collector<P: Pose> {
     graph: PoseGraph<P>,
     known: Vec<bool>,
     places: FxHashMap<u64, usize>,
+    /// Where sensors sit at a vertex, by their ids.
+    sensors: FxHashMap<u64, P>,
 }
 
 impl<P: Pose> Default for Collector<P> {
     fn default() -> Self {
-        Self { graph: PoseGraph::default(), known: Vec::new(), places: FxHashMap::default() }
+        Self {
+            graph: PoseGraph::default(),
+            known: Vec::new(),
+            places: FxHashMap::default(),
+            sensors: FxHashMap::default(),
+        }
     }
 }
 
@@ -183,6 +195,38 @@ impl<P: Pose> Collector<P> {
             self.graph.fill_poses(&self.known);
         }
         self.graph
+    }
+}
+
+impl Collector<Pose3> {
+    fn sensor(&mut self, line: &mut Line<'_>, report: &mut G2oReport) -> Result<(), G2oError> {
+        let id = line.id()?;
+        let vertex_from_sensor = quaternion_pose(line, report)?;
+        line.end()?;
+        self.sensors.insert(id, vertex_from_sensor);
+        Ok(())
+    }
+
+    fn prior(
+        &mut self,
+        line: &mut Line<'_>,
+        report: &mut G2oReport,
+        information: ReadInformation<6>,
+    ) -> Result<(), G2oError> {
+        let (vertex, sensor) = (line.id()?, line.id()?);
+        let world_from_sensor = quaternion_pose(line, report)?;
+        let (information, repaired) = nearest_information(&information(line)?);
+        line.end()?;
+        let Some(&vertex_from_sensor) = self.sensors.get(&sensor) else {
+            return Err(line.error(&format!("a sensor that a line PARAMS_SE3OFFSET {sensor} before says the place of")));
+        };
+        report.indefinite_information += usize::from(repaired);
+        let vertex = self.place(vertex);
+        match gravity_of(vertex, vertex_from_sensor, world_from_sensor, &information) {
+            Some(gravity) => self.graph.gravity.push(gravity),
+            None => report.other_priors += 1,
+        }
+        Ok(())
     }
 }
 

@@ -8,7 +8,7 @@ use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov6, Pose, Pose3, TangentMatrix};
 use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
-use mapwright_record::{LocalMapReport, NodeId, Past, Status};
+use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamCounts, Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
 use nalgebra::Vector6;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ mod track;
 pub use inertial::ImuReport;
 use inertial::Inertial;
 pub(crate) use inertial::LevelWatch;
-use predict::{Predictor, Step};
+use predict::{Predictor, Step, carried_on_variances};
 use prepare::Preparation;
 use span::Span;
 use sweep_motion::SweepMotion;
@@ -144,21 +144,26 @@ impl FrontEnd {
     pub(crate) fn track(&mut self, cloud: &Cloud, prepared: &Prepared) -> Option<Matched> {
         let Prepared { step, predicted, .. } = *prepared;
         let last = self.pose.local_from_robot();
-        let poses = (last, predicted);
         let points = self.preparation.match_points();
-        let matched = self.tracker.track(self.local_map.as_ref()?, points, poses, &step)?;
-        let twist_per_s = self.predictor.twist_after(&step, last.between(matched.local_from_robot));
-        let believed = matched.is_believed() && prepared.refused.is_none();
-        if !believed || !self.bends(cloud, Some(twist_per_s)) {
+        let mut matched = self.tracker.track(self.local_map.as_ref()?, points, (last, predicted), &step)?;
+        if !matched.is_believed() || prepared.refused.is_some() {
             return Some(matched);
         }
-        self.straighten(cloud, Some(twist_per_s));
-        let points = self.preparation.match_points();
-        let again = self.tracker.again(self.local_map.as_ref()?, points, predicted, &step, matched.local_from_robot);
-        if again.fits_as_well_as(&matched) {
-            return Some(again);
+        let twist_per_s = self.predictor.twist_after(&step, last.between(matched.local_from_robot));
+        if self.bends(cloud, Some(twist_per_s)) {
+            self.straighten(cloud, Some(twist_per_s));
+            let points = self.preparation.match_points();
+            let at = (matched.local_from_robot, predicted);
+            let again = self.tracker.again(self.local_map.as_ref()?, points, at, &step);
+            if again.fits_as_well_as(&matched) {
+                matched = again;
+            } else {
+                self.straighten(cloud, self.predictor.twist_per_s(step));
+            }
         }
-        self.straighten(cloud, self.predictor.twist_per_s(step));
+        let change_per_s = self.predictor.change_after(&step, last.between(matched.local_from_robot));
+        let bent = carried_on_variances(&step, change_per_s, 0.5 * Span::of(cloud).length_s());
+        matched.information = softened(&matched.information, &bent);
         Some(matched)
     }
 
@@ -171,7 +176,7 @@ impl FrontEnd {
                 .map(|motion| motion.middle_from_robot(time_s).unwrap_or_else(Pose3::identity));
             was.distance(is) + scale.range_m * Pose::between(was, is).angle() > BENT_NOISES * scale.noise_m
         };
-        span.last_s > span.first_s && (is_bent(span.first_s) || is_bent(span.last_s))
+        span.length_s() > 0.0 && (is_bent(span.first_s) || is_bent(span.last_s))
     }
 
     /// Undistorts the sweep by such a motion.
@@ -200,10 +205,10 @@ impl FrontEnd {
             None => self.predictor.twist_per_s(step),
         };
         self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
-        self.inertial.learn(believed.filter(|matched| matched.status == Status::Tracking).map(|_| last_from_robot));
+        self.inertial.learn(believed.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
         self.inertial.shape(twist_per_s, cloud.stamp, Span::of(cloud), &mut self.motion);
         self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
-        self.carried_on = self.predictor.carried_on_variances(step, Span::of(cloud).middle_s());
+        self.carried_on = carried_on_variances(&step, self.predictor.change_per_s(), Span::of(cloud).middle_s());
     }
 
     /// Step 4: a keyframe, once the robot has moved enough and sees something.
@@ -281,6 +286,12 @@ impl FrontEnd {
     pub(crate) fn local_map_report(&self) -> LocalMapReport {
         self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
     }
+}
+
+/// The information of a pose that is uncertain by so much more.
+fn softened(information: &Cov6, more: &Cov6) -> Cov6 {
+    let covariance = information.try_inverse().map(|covariance| covariance + more);
+    covariance.and_then(|covariance| covariance.try_inverse()).unwrap_or(*information)
 }
 
 impl Follows<SpaceSweep> for FrontEnd {

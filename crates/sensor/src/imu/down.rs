@@ -1,5 +1,6 @@
 //! Where down is: what an accelerometer says, averaged while a gyroscope turns it along.
 
+use mapwright_geom::Stored;
 use nalgebra::Vector3;
 
 /// Standard gravity, metres per second squared (ISO 80000-3).
@@ -18,6 +19,25 @@ pub const TURN_NOISE_RAD2_PER_S: f64 = 1e-6;
 /// The direction of gravity since it was begun: a Kalman filter with one variance for both angles.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Down(Option<(Vector3<f64>, f64)>);
+
+/// A direction has unit length within this.
+const UNIT_WITHIN: f64 = 1e-6;
+/// Nothing is known of a direction long before its variance is this, rad^2.
+const LEAST_KNOWN_RAD2: f64 = 1e6;
+
+impl Stored for Down {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.0.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let known: Option<(Vector3<f64>, f64)> = Stored::take(from)?;
+        let is_sound = known.is_none_or(|(down, variance_rad2)| {
+            (down.norm() - 1.0).abs() < UNIT_WITHIN && (0.0..=LEAST_KNOWN_RAD2).contains(&variance_rad2)
+        });
+        is_sound.then_some(Self(known))
+    }
+}
 
 /// Where down is, and how surely.
 #[derive(Debug, Clone, Copy, PartialEq)]

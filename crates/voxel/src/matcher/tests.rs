@@ -166,3 +166,23 @@ fn nothing_bad_comes_of_bad_clouds() {
     let fit = matcher.climb(&empty, &plane, &weak_prior(), Pose3::identity());
     assert!(fit.known_share == 0.0 && fit.map_from_cloud.is_finite());
 }
+
+#[test]
+fn rooms_hold_every_direction_and_floors_corridors_and_edges_do_not() {
+    let room = room();
+    let keep = |walls: &dyn Fn(&[f32; 3]) -> bool| {
+        let points: Vec<[f32; 3]> = room.iter().filter(|point| walls(point)).copied().collect();
+        Matcher::default().judge(&map_of(&points), &points, Pose3::identity()).held_shares()
+    };
+    let is_floor = |point: &[f32; 3]| point[2] < -0.86;
+    let is_across = |point: &[f32; 3]| (point[1] + 2.92).abs() < 0.01 || (point[1] - 5.08).abs() < 0.01;
+    let whole = keep(&|_| true);
+    assert!(whole.iter().all(|share| *share > 0.1), "{whole:?}");
+    let [translation, rotation] = keep(&is_floor);
+    assert!(translation < 1e-6 && rotation < 1e-6, "{translation} {rotation}");
+    // along x the corridor goes on; every turn is held
+    let [translation, rotation] = keep(&|point| is_floor(point) || is_across(point));
+    assert!(translation < 1e-6 && rotation > 0.03, "{translation} {rotation}");
+    let nothing = keep(&|point| point[2] < -0.86 && (point[1] - 0.08).abs() < 0.01);
+    assert_eq!(nothing, [0.0; 2], "a line");
+}

@@ -1,15 +1,19 @@
-//! Sessions of space: clouds, octrees and floor plans.
+//! Sessions of space: trajectories, clouds, octrees and floor plans.
 
 use super::{word, write_map, write_part};
 use crate::args::{ExportArgs, ExportTo};
 use crate::failure::Failure;
 use crate::output::write_whole;
 use crate::terminal::{count, grouped, say};
-use mapwright::{MapSurfel, Pose2, Session, SpaceSweep, occupancy_of, points_of, surfels_of};
+use mapwright::{MapSurfel, Pose2, Pose3, Session, SpaceSweep, TrajectoryPose, occupancy_of, points_of, surfels_of};
 use mapwright_exports::write_space_session_mcap;
-use mapwright_formats::{Disc, GridImage, UNKNOWN, write_pcd, write_ply, write_ply_discs};
+use mapwright_formats::{
+    CsvPose, Disc, FormatError, GridImage, StampedPose3, TumWriter, UNKNOWN, write_pcd, write_ply, write_ply_discs,
+    write_space_csv, write_space_kitti,
+};
 use mapwright_logs::SliceBounds;
 use mapwright_voxel::{FloorCell, Occupancy, OccupancySettings, Octree, floor_cells, write_bt};
+use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 
@@ -29,16 +33,17 @@ pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Pa
         return Err(refused(args, "--surfels is for --to ply alone"));
     }
     match args.to {
+        ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args, session, path),
         ExportTo::Ply if args.surfels => surfels(args, session, path),
         ExportTo::Ply | ExportTo::Pcd => cloud(args, session, path),
         ExportTo::Mcap => mcap(args, session, path),
         ExportTo::Octomap => octree(&occupancy(args, session), path),
         ExportTo::Pgm => floor_plan(args, session, path),
-        other => Err(refused(
+        ExportTo::Worldfile => Err(refused(
             args,
             &format!(
-                "--to {} needs a session of the plane, found one of space: ply, pcd, mcap, octomap or pgm",
-                word(other)
+                "--to {} needs a session of the plane, found one of space: tum, kitti, csv, ply, pcd, mcap, octomap or pgm",
+                word(args.to)
             ),
         )),
     }
@@ -46,6 +51,31 @@ pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Pa
 
 fn refused(args: &ExportArgs, cause: &str) -> Failure {
     Failure::Session { path: args.results.clone(), cause: cause.to_owned() }
+}
+
+fn trajectory(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    if args.resolution.is_some() {
+        return Err(refused(args, "--resolution is for maps, found a trajectory"));
+    }
+    let clouds = session.trajectory();
+    write_part(path, |file| match args.to {
+        ExportTo::Kitti => write_space_kitti(clouds.map(|cloud| cloud.map_from_robot), file),
+        ExportTo::Csv => write_space_csv(clouds.map(csv_pose), file),
+        _ => write_tum(session, file),
+    })?;
+    say_made(path, session.scans().len(), "pose", false)
+}
+
+fn csv_pose(cloud: TrajectoryPose<Pose3>) -> CsvPose<Pose3> {
+    CsvPose { stamp: cloud.stamp, map_from_robot: cloud.map_from_robot, odom_from_robot: cloud.odom_from_robot }
+}
+
+fn write_tum(session: &Session<SpaceSweep>, file: impl Write) -> Result<(), FormatError> {
+    let mut writer = TumWriter::new(file);
+    session
+        .trajectory()
+        .try_for_each(|cloud| writer.write(&StampedPose3::of_pose(cloud.stamp, cloud.map_from_robot)))?;
+    writer.finish().map(|_| ())
 }
 
 fn resolution_m(args: &ExportArgs) -> f64 {

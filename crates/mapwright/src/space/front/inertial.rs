@@ -6,7 +6,7 @@
 use super::predict::Step;
 use super::span::Span;
 use super::sweep_motion::SweepMotion;
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::{Pose3, Stamp, Stored, is_covariance, is_in_place, stored};
 use mapwright_record::Session;
 use mapwright_sensor::{
     Down, DownEstimate, ImuReading, ImuReadings, ImuTaken, SpaceSweep, TURN_NOISE_RAD2_PER_S, Turned,
@@ -15,6 +15,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 
 /// Bias of a gyroscope that nothing is known of, standard deviation, radians a second: 1.1 degrees, as of cheap ones.
 const BIAS_SIGMA_RAD_PER_S: f64 = 0.02;
+/// No bias is larger than a robot turns, radians a second.
+const LARGEST_BIAS_RAD_PER_S: f64 = 100.0;
 /// How fast its variance grows with time, (rad/s)^2 a second: 0.1 degrees a second in a quarter of an hour, as when one warms up.
 const BIAS_WALK_PER_S: f64 = 1e-9;
 /// Scale and mount of a gyroscope are wrong by so much of what it turns by,
@@ -122,7 +124,55 @@ impl Default for Inertial {
     }
 }
 
+stored!(Bias { rad_per_s, covariance });
+
 impl Inertial {
+    /// Between two clouds; what was counted is the run's own and is not kept.
+    pub(super) fn put(&self, out: &mut Vec<u8>) {
+        let Self { readings, bias, down, down_until, velocity_m_per_s, way, last, before_last, .. } = self;
+        readings.put(out);
+        bias.put(out);
+        down.put(out);
+        [*down_until, *last, *before_last].put(out);
+        velocity_m_per_s.put(out);
+        way.put(out);
+        self.turned.put(out);
+        self.since.put(out);
+        self.trust.put(out);
+        self.proven_rad.put(out);
+    }
+
+    /// One that goes on as it was.
+    pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
+        let (readings, bias, down) = Stored::take(from)?;
+        let [down_until, last, before_last]: [Option<Stamp>; 3] = Stored::take(from)?;
+        let (velocity_m_per_s, way): (_, Option<(Stamp, Pose3)>) = Stored::take(from)?;
+        let (turned, since) = Stored::take(from)?;
+        let (trust, proven_rad): (u32, f64) = Stored::take(from)?;
+        let is_way = way.is_none_or(|(since, way)| {
+            let elapsed_s = last.map_or(0.0, |last| last.secs_since(since));
+            elapsed_s > 0.0 && elapsed_s < VELOCITY_S && is_in_place(way)
+        });
+        let is_trust = trust <= TRUST_AT_MOST && (0.0..f64::INFINITY).contains(&proven_rad);
+        let report = ImuReport::default();
+        let restored = Self {
+            readings,
+            bias,
+            down,
+            down_until,
+            velocity_m_per_s,
+            way,
+            last,
+            before_last,
+            turned,
+            since,
+            trust,
+            proven_rad,
+            report,
+        };
+        (restored.bias.is_sound() && is_way && is_trust).then_some(restored)
+    }
+
     pub(super) fn add(&mut self, reading: ImuReading) -> ImuTaken {
         let taken = self.readings.add(reading);
         self.report.readings += 1;
@@ -316,6 +366,13 @@ impl Default for Bias {
 }
 
 impl Bias {
+    /// Whether it can be one of what was learnt.
+    fn is_sound(&self) -> bool {
+        let most = LARGEST_BIAS_RAD_PER_S.powi(2);
+        let is_known = is_covariance(&self.covariance) && self.covariance.diagonal().max() <= most;
+        is_known && self.rad_per_s.norm() <= LARGEST_BIAS_RAD_PER_S
+    }
+
     fn sigma_rad_per_s(&self) -> f64 {
         self.covariance.diagonal().max().sqrt()
     }
@@ -352,8 +409,14 @@ const LEANING_CHI2: f64 = 9.21;
 pub(crate) struct LevelWatch {
     levelled_at: usize,
 }
+stored!(LevelWatch { levelled_at });
 
 impl LevelWatch {
+    /// Whether it may have watched this session.
+    pub(crate) fn is_of(&self, session: &Session<SpaceSweep>) -> bool {
+        self.levelled_at <= session.gravity().len()
+    }
+
     /// Asked whenever a direction was written down; true at most once for every five.
     pub(crate) fn is_leaning(&mut self, session: &Session<SpaceSweep>) -> bool {
         let gravity = session.gravity();

@@ -102,22 +102,19 @@ impl Predictor {
     /// The same once it is known how the robot has moved up to the middle of the cloud: its twist goes on changing as it did from the
     /// motion before, each being the mean of its time.
     pub(super) fn twist_after(&self, step: &Step, moved: Pose3) -> Vector6<f64> {
-        let twist_per_s = moved.log() / step.elapsed_s.max(PERIOD_S[0]);
-        let before = self.last.map_or(twist_per_s, |(motion, elapsed_s)| motion.log() / elapsed_s);
-        twist_per_s + CHANGE_LEFT * (twist_per_s - before)
+        let change_per_s = self.change_after(step, moved).unwrap_or_else(Vector6::zeros);
+        moved.log() / step.elapsed_s.max(PERIOD_S[0]) + CHANGE_LEFT * change_per_s
     }
 
-    /// Variances of where the robot is so many seconds from where its twist was carried on: by a part of what its twist has changed by of
-    /// late, or, where that is not known, by what the next motion is uncertain by.
-    pub(super) fn carried_on_variances(&self, step: Step, seconds: f64) -> Cov6 {
-        let by_step = || {
-            let information = step.information.diagonal();
-            Vector6::from_fn(|axis, _| 1.0 / (information[axis].sqrt() * step.elapsed_s.max(PERIOD_S[0])))
-        };
-        let change_per_s = self.change_per_s.map_or_else(by_step, |change| CHANGE_LEFT * Vector6::from(change));
-        let turn = if step.from_imu { 0.0 } else { 1.0 };
-        let sigma = |axis: usize| seconds * change_per_s[axis] * if axis < 3 { 1.0 } else { turn };
-        Cov6::from_diagonal(&Vector6::from_fn(|axis, _| sigma(axis).powi(2)))
+    /// By how much that differs from the twist before, if there was one, metres and radians a second.
+    pub(super) fn change_after(&self, step: &Step, moved: Pose3) -> Option<Vector6<f64>> {
+        let (before, before_s) = self.last?;
+        Some(moved.log() / step.elapsed_s.max(PERIOD_S[0]) - before.log() / before_s)
+    }
+
+    /// The same of the last motion.
+    pub(super) fn change_per_s(&self) -> Option<Vector6<f64>> {
+        self.change_per_s.map(Vector6::from)
     }
 
     /// How the robot has moved, if that is known.
@@ -132,6 +129,19 @@ impl Predictor {
         self.stamp = Some(stamp);
         self.odom_from_robot = odom_from_robot.filter(|pose| pose.is_finite());
     }
+}
+
+/// Variances of where the robot is so many seconds from where its twist is known, which has changed so much of late: a part of that is left;
+/// where it is not known, what the next motion is uncertain by.
+pub(super) fn carried_on_variances(step: &Step, change_per_s: Option<Vector6<f64>>, seconds: f64) -> Cov6 {
+    let by_step = || {
+        let information = step.information.diagonal();
+        Vector6::from_fn(|axis, _| 1.0 / (information[axis].sqrt() * step.elapsed_s.max(PERIOD_S[0])))
+    };
+    let left_per_s = change_per_s.map_or_else(by_step, |change_per_s| CHANGE_LEFT * change_per_s);
+    let turn = if step.from_imu { 0.0 } else { 1.0 };
+    let sigma = |axis: usize| seconds * left_per_s[axis] * if axis < 3 { 1.0 } else { turn };
+    Cov6::from_diagonal(&Vector6::from_fn(|axis, _| sigma(axis).powi(2)))
 }
 
 /// By the motion model of the plane, with what wheels do not see.

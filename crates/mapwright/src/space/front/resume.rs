@@ -1,6 +1,8 @@
-//! The front end in space as bytes, and one that goes on with an earlier run. What inertial readings have told is learnt anew.
+//! The front end in space as bytes, and one that goes on with an earlier run. After a run that was killed, what inertial readings have told
+//! is learnt anew.
 
 use super::FrontEnd;
+use super::inertial::Inertial;
 use super::predict::Predictor;
 use super::prepare::Preparation;
 use crate::front::{Links, RobotPose, links};
@@ -16,6 +18,7 @@ impl FrontEnd {
     pub(crate) fn put(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
         self.predictor.put(out);
+        self.inertial.put(out);
         self.pose.put(out);
         (self.middle_from_stamp, self.carried_on).put(out);
         self.local_map.is_some().put(out);
@@ -26,6 +29,7 @@ impl FrontEnd {
     pub(crate) fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
         let scale: Option<Scale> = Stored::take(from)?;
         let predictor: Predictor = Stored::take(from)?;
+        let inertial = Inertial::restore(from)?;
         let pose = RobotPose::restore(past, from)?;
         let (middle_from_stamp, carried_on): (Pose3, Cov6) = Stored::take(from)?;
         (is_in_place(middle_from_stamp) && is_covariance(&carried_on)).then_some(())?;
@@ -35,7 +39,7 @@ impl FrontEnd {
         };
         let preparation = Preparation::of_scale(scale);
         let new = Self::new(settings, Pose3::identity());
-        Some(Self { preparation, predictor, pose, middle_from_stamp, carried_on, local_map, ..new })
+        Some(Self { preparation, predictor, inertial, pose, middle_from_stamp, carried_on, local_map, ..new })
     }
 
     /// Goes on where the session ends, by keyframes and edges alone; `past` is all of it.

@@ -29,6 +29,10 @@ impl Span {
         0.5 * (self.first_s + self.last_s)
     }
 
+    pub(super) fn length_s(self) -> f64 {
+        self.last_s - self.first_s
+    }
+
     /// The stamp so many seconds after that of the cloud.
     pub(super) fn stamp_after(self, stamp: Stamp, after_s: f64) -> Stamp {
         Stamp(stamp.0.saturating_add(Stamp::from_secs_f64(after_s).0))

@@ -11,11 +11,11 @@ use mapwright_record::{RunId, Session, Status, Update};
 use mapwright_sensor::SpaceSweep;
 
 /// Of the bytes; another one's are not read.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 
 impl SpaceMapper {
-    /// Takes down what keyframes and edges do not say, where a run stops: [`SpaceMapper::resume`] goes on with it as this mapper would;
-    /// only what inertial readings have told is learnt anew. Jobs that wait are done before. The entry is the update's; this mapper
+    /// Takes down what keyframes and edges do not say, where a run stops: [`SpaceMapper::resume`] goes on with it to the same poses, bit
+    /// by bit, as this mapper would. Jobs that wait are done before. The entry is the update's; this mapper
     /// may go on as well. There is none while a job is out.
     pub fn checkpoint(&mut self) -> Update<SpaceSweep> {
         while let Some(job) = self.back.hand_out() {
@@ -28,6 +28,7 @@ impl SpaceMapper {
             self.store.put(&mut state);
             self.back.put(&mut state);
             self.front.put(&mut state);
+            self.level.put(&mut state);
             self.store.add_checkpoint(state);
         }
         self.report(Told::default())
@@ -50,13 +51,13 @@ impl SpaceMapper {
         let checkpoint = session.checkpoint().filter(|_| is_alike).cloned();
         let store = Store::resume(session, run, settings.to_text());
         let restored = checkpoint.and_then(|checkpoint| restore(settings, &store, &checkpoint.state));
-        let (store, back, front) = restored.unwrap_or_else(|| made_again(settings, store));
+        let (store, back, front, level) = restored.unwrap_or_else(|| made_again(settings, store));
         let newest = Newest { stamp, status: Status::Tracking };
-        Ok(Self { store, front, back, level: LevelWatch::default(), newest })
+        Ok(Self { store, front, back, level, newest })
     }
 }
 
-type Stages = (Store<SpaceSweep>, BackEnd<SpaceSweep>, FrontEnd);
+type Stages = (Store<SpaceSweep>, BackEnd<SpaceSweep>, FrontEnd, LevelWatch);
 
 /// All that goes on as it was, if these are bytes of this session's end.
 fn restore(settings: Settings, store: &Store<SpaceSweep>, mut state: &[u8]) -> Option<Stages> {
@@ -65,13 +66,14 @@ fn restore(settings: Settings, store: &Store<SpaceSweep>, mut state: &[u8]) -> O
     let store = store.restored(from)?;
     let back = BackEnd::restore(&settings, store.past(), from)?;
     let front = FrontEnd::restore(settings, store.past(), from)?;
+    let level = LevelWatch::take(from).filter(|level| level.is_of(store.session()))?;
     let map_from_robot = store.map_from_local() * front.pose().local_from_robot();
-    (from.is_empty() && is_in_place(map_from_robot)).then_some((store, back, front))
+    (from.is_empty() && is_in_place(map_from_robot)).then_some((store, back, front, level))
 }
 
 /// What keyframes, edges and the last clouds say.
 fn made_again(settings: Settings, mut store: Store<SpaceSweep>) -> Stages {
     let back = BackEnd::made_again(&settings, &mut store);
     let front = FrontEnd::resume(settings, store.past());
-    (store, back, front)
+    (store, back, front, LevelWatch::default())
 }
