@@ -172,7 +172,7 @@ fn rooms_hold_every_direction_and_floors_corridors_and_edges_do_not() {
     let room = room();
     let keep = |walls: &dyn Fn(&[f32; 3]) -> bool| {
         let points: Vec<[f32; 3]> = room.iter().filter(|point| walls(point)).copied().collect();
-        Matcher::default().judge(&map_of(&points), &points, Pose3::identity()).held_shares()
+        Matcher::default().judge(&map_of(&points), &points, Pose3::identity()).held_shares
     };
     let is_floor = |point: &[f32; 3]| point[2] < -0.86;
     let is_across = |point: &[f32; 3]| (point[1] + 2.92).abs() < 0.01 || (point[1] - 5.08).abs() < 0.01;

@@ -8,7 +8,7 @@ use crate::settings::{Optimizer, Settings};
 use crate::space::local_map::LocalMapping;
 use mapwright_geom::{Cov6, Pose, Pose3};
 use mapwright_record::{MatchReport, NodeId, Status};
-use mapwright_voxel::{Ascent, Fit, Matcher, MatcherSettings, Prior};
+use mapwright_voxel::{Ascent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
 use nalgebra::Vector6;
 use std::f64::consts::TAU;
 
@@ -21,12 +21,6 @@ const DEGRADED_SHARE: f64 = 0.55;
 const LOST_SHARE: f64 = 0.35;
 /// Where a smaller share of a cloud lies where something is known, the map says nothing of the pose.
 const LEAST_KNOWN: f64 = 0.15;
-/// Where surfaces hold some translation by less than this share of what they hold another by, the pose is the prediction's there: what is
-/// left is noise of their normals. Fields, tunnels and a wall on a field have up to 0.005, simulated (tests/held.rs), bare rooms 0.015 at
-/// least; clouds of KITTI 00, of a hall and of simulated buildings 0.06.
-const HELD_SHARE: f64 = 0.01;
-/// The same of rotations: fields and round tunnels have up to 0.004, the others 0.037 at least.
-const HELD_TURN_SHARE: f64 = 0.01;
 /// Headings tried on doubt, beside the predicted one: so many steps to either side, radians.
 const HEADINGS: i32 = 11;
 const HEADING_RAD: f64 = 0.262;
@@ -114,11 +108,6 @@ impl Tracker {
         let mut best = self.matcher.climb(map, points, &prior, first);
         let mut restarts = 0;
         if best.inlier_share < DOUBT_SHARE || best.known_share < DOUBT_KNOWN {
-            let near = self.matcher.climb_near(map, points, &prior, predicted);
-            restarts += 1;
-            if score(&near) > score(&best) {
-                best = Fit { evaluations: best.evaluations + near.evaluations, ..near };
-            }
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
             let (found, radius_m) = (best.map_from_cloud, ASIDE_SHARE * local_map.coarsest_m());
@@ -168,8 +157,8 @@ impl Tracker {
         };
         let error = Pose3::between(prior.map_from_cloud, fit.map_from_cloud).log();
         let trust = if fits == Status::Tracking { 1.0 } else { DOUBTED_TRUST };
-        let [translation, rotation] = fit.held_shares();
-        let is_turn_held = rotation >= HELD_TURN_SHARE;
+        let [translation, rotation] = fit.held_shares;
+        let is_turn_held = rotation >= HELD_SHARE;
         let is_held = is_turn_held && translation >= HELD_SHARE;
         let status = if fits == Status::Tracking && !is_held { Status::Degraded } else { fits };
         let report = MatchReport {
