@@ -77,7 +77,7 @@ pub struct Fit {
 /// Where surfaces say less of a direction than this share of what they say of another, they do not hold it ([`Fit::held_shares`]).
 /// Fields, tunnels and a wall on a field have up to 0.005 of translations, of rotations up to 0.004, simulated (mapwright's tests/held.rs),
 /// bare rooms 0.015 and 0.038 at least; clouds of KITTI 00, of a hall and of simulated buildings 0.06 and 0.037.
-pub const HELD_SHARE: f64 = 0.01;
+pub const HELD_SHARE: f64 = 0.006;
 /// Rough matches are made with so many points, and so many steps a resolution.
 const ROUGH_POINTS: usize = 1000;
 const ROUGH_STEPS: usize = 8;
