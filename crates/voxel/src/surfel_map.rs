@@ -37,6 +37,8 @@ pub struct SurfelMap {
 pub(crate) struct Level {
     pub(crate) size_m: f64,
     per_m: f64,
+    /// Where its voxels begin, of their side.
+    offset: f64,
     noise_m: f64,
     places: FxHashMap<Key, u32>,
     voxels: Vec<Voxel>,
@@ -71,11 +73,18 @@ struct Voxel {
     is_touched: bool,
 }
 
+/// Each resolution's voxels begin by so much of their side elsewhere, the golden section: what lies on faces of the one lies within voxels of
+/// the others. A cloud of a wall on faces of all is beside it in empty voxels, wherever it is, and is not drawn to it.
+const OFFSET: f64 = 0.618_033_988_749_895;
+
 impl SurfelMap {
     /// An empty map.
     #[must_use]
     pub fn new(settings: SurfelMapSettings) -> Self {
-        let level = |k: usize| Level::new(settings.resolution_m * f64::from(1_u32 << k.min(16)), settings.noise_m);
+        let level = |k: usize| {
+            let size_m = settings.resolution_m * f64::from(1_u32 << k.min(16));
+            Level { offset: (OFFSET * k as f64).fract(), ..Level::new(size_m, settings.noise_m) }
+        };
         Self { settings, levels: (0..settings.levels.max(1)).map(level).collect() }
     }
 
@@ -178,6 +187,7 @@ impl Level {
             size_m,
             noise_m,
             per_m: 1.0 / size_m,
+            offset: 0.0,
             places: FxHashMap::default(),
             voxels: Vec::new(),
             surfels: Vec::new(),
@@ -186,8 +196,14 @@ impl Level {
         }
     }
 
+    /// A point in voxels of this resolution.
+    #[inline]
+    fn scaled(&self, at: [f64; 3]) -> [f64; 3] {
+        at.map(|v| v * self.per_m + self.offset)
+    }
+
     fn draw(&mut self, at: [f64; 3], change: Change, supplier: u32) {
-        let scaled = at.map(|v| v * self.per_m);
+        let scaled = self.scaled(at);
         let Some(key) = key_of(scaled) else { return };
         let place = match change {
             Change::Add => *self.places.entry(key).or_insert_with(|| {
@@ -224,7 +240,8 @@ impl Level {
         for place in std::mem::take(&mut self.touched) {
             let voxel = &mut self.voxels[place as usize];
             voxel.is_touched = false;
-            self.surfels[place as usize] = voxel.sums.surfel(corner(voxel.key), self.size_m, self.noise_m);
+            self.surfels[place as usize] =
+                voxel.sums.surfel(corner(voxel.key).map(|v| v - self.offset), self.size_m, self.noise_m);
             if voxel.sums.count == 0 && self.places.get(&voxel.key) == Some(&place) {
                 self.places.remove(&voxel.key);
                 self.empty.push(place);
@@ -242,7 +259,7 @@ impl Level {
     /// The surfel of the voxel that a point lies in; `last` is the voxel where it was looked for before.
     #[inline]
     pub(crate) fn surfel_at(&self, at: [f64; 3], last: &mut Looked) -> Option<&Surfel> {
-        let key = key_of(at.map(|v| v * self.per_m))?;
+        let key = key_of(self.scaled(at))?;
         if key != last.key {
             *last = Looked { key, place: self.places.get(&key).copied().unwrap_or(NOWHERE) };
         }
@@ -251,7 +268,7 @@ impl Level {
 
     #[inline]
     fn place_at(&self, at: [f64; 3]) -> Option<usize> {
-        let key = key_of(at.map(|v| v * self.per_m))?;
+        let key = key_of(self.scaled(at))?;
         self.places.get(&key).map(|&place| place as usize)
     }
 }
