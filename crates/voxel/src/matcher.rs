@@ -1,9 +1,8 @@
 //! Clouds matched against surfels: the pose of greatest likelihood, coarse resolutions first.
 //!
-//! A point is explained by the normal distribution of the voxel that it ends in (Biber and Strasser 2003, "The normal
-//! distributions transform"; in space Magnusson 2009), by Cauchy's kernel where it is not. The kernel's width follows the residuals
-//! at each resolution: a tight one at a coarse resolution has no basin. Points of one surface are right or wrong together, so that
-//! they count with a share of what they would say were they independent.
+//! A point is held to the plane of the voxel that it ends in, along the plane's normal (Chen and Medioni 1992, "Object modelling by
+//! registration of multiple range images"; voxels and resolutions as in Magnusson 2009), by Cauchy's kernel where it is far off. The
+//! kernel's width follows the residuals at each resolution: a tight one at a coarse resolution has no basin.
 
 use crate::eigen::axes;
 use crate::surfel_map::{Level, Looked, SurfelMap};

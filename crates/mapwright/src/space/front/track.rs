@@ -110,6 +110,11 @@ impl Tracker {
         let mut best = self.matcher.climb(map, points, &prior, first);
         let mut restarts = 0;
         if best.inlier_share < DOUBT_SHARE || best.known_share < DOUBT_KNOWN {
+            // Large voxels may lead astray.
+            let start = self.matcher.judge(map, points, predicted);
+            if score(&start) > score(&best) {
+                best = Fit { evaluations: best.evaluations + start.evaluations, ..start };
+            }
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
             let (found, radius_m) = (best.map_from_cloud, ASIDE_SHARE * local_map.coarsest_m());
