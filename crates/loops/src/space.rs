@@ -80,7 +80,7 @@ impl SpaceSubmaps {
 
     /// Poses over the window, the middle first.
     fn starts(&self, window: &Window<Pose3>) -> Vec<Pose3> {
-        let coarsest_m = self.map.resolution_m * f64::from(1_u32 << self.map.levels.clamp(1, 16).saturating_sub(1));
+        let coarsest_m = self.map.coarsest_m();
         let half_rad = window.half_width_rad.min(PI);
         let reach = |half: f64, step: f64| (half / step).floor() as i32;
         let mut along = reach(window.half_width_m, START_SHARE * coarsest_m);

@@ -16,6 +16,19 @@ pub struct SurfelMapSettings {
     pub noise_m: f64,
 }
 
+impl SurfelMapSettings {
+    /// Side of the voxels of a resolution, the finest is 0, metres.
+    fn size_m(&self, level: usize) -> f64 {
+        self.resolution_m * f64::from(1_u32 << level.min(16))
+    }
+
+    /// Side of the largest voxels, metres.
+    #[must_use]
+    pub fn coarsest_m(&self) -> f64 {
+        self.size_m(self.levels.saturating_sub(1))
+    }
+}
+
 /// Whether points come or go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
@@ -82,8 +95,8 @@ impl SurfelMap {
     #[must_use]
     pub fn new(settings: SurfelMapSettings) -> Self {
         let level = |k: usize| {
-            let size_m = settings.resolution_m * f64::from(1_u32 << k.min(16));
-            Level { offset: (OFFSET * k as f64).fract(), ..Level::new(size_m, settings.noise_m) }
+            let offset = (OFFSET * k as f64).fract();
+            Level { offset, ..Level::new(settings.size_m(k), settings.noise_m) }
         };
         Self { settings, levels: (0..settings.levels.max(1)).map(level).collect() }
     }

@@ -36,8 +36,6 @@ const KEYFRAME_SHARE: f64 = 0.06;
 const KEYFRAME_RAD: f64 = 0.2;
 /// or where less than this share of a cloud lies where something is known.
 const KNOWN_SHARE: f64 = 0.8;
-/// A sweep is undistorted and matched once more where that moves its ends by so many times a point's noise.
-const BENT_NOISES: f64 = 1.0;
 
 /// The front end.
 #[derive(Debug, Clone)]
@@ -153,17 +151,19 @@ impl FrontEnd {
         if self.bends(cloud, Some(twist_per_s)) {
             self.straighten(cloud, Some(twist_per_s));
             let points = self.preparation.match_points();
-            let at = (matched.local_from_robot, predicted);
-            let again = self.tracker.again(self.local_map.as_ref()?, points, at, &step);
+            let again = self.tracker.again(self.local_map.as_ref()?, points, (&matched, predicted), &step);
             if again.fits_as_well_as(&matched) {
                 matched = again;
             } else {
                 self.straighten(cloud, self.predictor.twist_per_s(step));
             }
         }
-        let change_per_s = self.predictor.change_after(&step, last.between(matched.local_from_robot));
-        let bent = carried_on_variances(&step, change_per_s, 0.5 * Span::of(cloud).length_s());
-        matched.information = softened(&matched.information, &bent);
+        let half_s = 0.5 * Span::of(cloud).length_s();
+        if half_s > 0.0 {
+            let change_per_s = self.predictor.change_after(&step, last.between(matched.local_from_robot));
+            let bent = carried_on_variances(&step, change_per_s, half_s);
+            matched.information = softened(&matched.information, &bent);
+        }
         Some(matched)
     }
 
@@ -174,7 +174,7 @@ impl FrontEnd {
         let is_bent = |time_s: f64| {
             let [was, is] = [&self.motion, &self.other_motion]
                 .map(|motion| motion.middle_from_robot(time_s).unwrap_or_else(Pose3::identity));
-            was.distance(is) + scale.range_m * Pose::between(was, is).angle() > BENT_NOISES * scale.noise_m
+            was.distance(is) + scale.range_m * Pose::between(was, is).angle() > scale.noise_m
         };
         span.length_s() > 0.0 && (is_bent(span.first_s) || is_bent(span.last_s))
     }

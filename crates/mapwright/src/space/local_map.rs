@@ -73,11 +73,6 @@ impl LocalMapping {
         &self.map
     }
 
-    /// Side of the largest voxels, metres.
-    pub(crate) fn coarsest_m(&self) -> f64 {
-        self.scale.resolution_m * f64::from(1_u32 << self.scale.levels.clamp(1, 16).saturating_sub(1))
-    }
-
     pub(crate) fn report(&self) -> LocalMapReport {
         self.report
     }

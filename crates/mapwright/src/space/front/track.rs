@@ -117,7 +117,7 @@ impl Tracker {
             }
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
-            let (found, radius_m) = (best.map_from_cloud, ASIDE_SHARE * local_map.coarsest_m());
+            let (found, radius_m) = (best.map_from_cloud, ASIDE_SHARE * map.settings().coarsest_m());
             let aside = (0..ASIDE).map(|k| {
                 let (s, c) = (TAU * f64::from(k) / f64::from(ASIDE)).sin_cos();
                 found.moved([radius_m * c, radius_m * s, 0.0])
@@ -133,17 +133,18 @@ impl Tracker {
         Some(self.judge(local_map, points, &prior, &best, restarts))
     }
 
-    /// The cloud once more from where it was found.
+    /// The cloud once more from where it was found before.
     pub(super) fn again(
         &mut self,
         local_map: &LocalMapping,
         points: &[[f32; 3]],
-        (found, predicted): (Pose3, Pose3),
+        (before, predicted): (&Matched, Pose3),
         step: &Step,
     ) -> Matched {
         let prior = Prior { map_from_cloud: predicted, information: step.information };
-        let fit = self.matcher.climb_near(local_map.map(), points, &prior, found);
-        self.judge(local_map, points, &prior, &fit, 0)
+        let mut fit = self.matcher.climb_near(local_map.map(), points, &prior, before.local_from_robot);
+        fit.evaluations += before.report.evaluations;
+        self.judge(local_map, points, &prior, &fit, before.report.restarts)
     }
 
     fn judge(
