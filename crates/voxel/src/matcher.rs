@@ -74,8 +74,7 @@ pub struct Fit {
 }
 
 /// Where surfaces say less of a direction than this share of what they say of another, they do not hold it ([`Fit::held_shares`]).
-/// Fields, tunnels and a wall on a field have up to 0.005 of translations, of rotations up to 0.004, simulated (mapwright's tests/held.rs),
-/// bare rooms 0.015 and 0.038 at least; clouds of KITTI 00, of a hall and of simulated buildings 0.06 and 0.037.
+/// Above what fields, tunnels and a wall on a field have, and below bare rooms (mapwright's tests/held.rs).
 pub const HELD_SHARE: f64 = 0.006;
 /// Rough matches are made with so many points, and so many steps a resolution.
 const ROUGH_POINTS: usize = 1000;
@@ -201,10 +200,7 @@ impl Matcher {
         for start in starts {
             let pose = self.descend(coarse, prior, start);
             self.forget_voxels();
-            let mut cost = |pose: Pose3| (self.evaluated(prior, &coarse[0], pose, ROUGH_WIDTH2).cost, pose);
-            // Large voxels may lead astray.
-            let (led, left) = (cost(pose), cost(start));
-            found.push(if left.0 < led.0 { left } else { led });
+            found.push((self.evaluated(prior, &coarse[0], pose, ROUGH_WIDTH2).cost, pose));
         }
         sort_out(&mut found, coarse[0].size_m, ROUGH_KEPT);
         if found.len() > 1 {

@@ -6,11 +6,10 @@
 use super::predict::Step;
 use crate::settings::{Optimizer, Settings};
 use crate::space::local_map::LocalMapping;
-use mapwright_geom::{Cov6, Pose, Pose3};
+use mapwright_geom::{Cov6, Pose3};
 use mapwright_record::{MatchReport, NodeId, Status};
 use mapwright_voxel::{Ascent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
 use nalgebra::Vector6;
-use std::f64::consts::TAU;
 
 /// Below this share of fitting points, among those in known territory, other starts are tried,
 const DOUBT_SHARE: f64 = 0.85;
@@ -26,9 +25,6 @@ const TELLING_KNOWN: f64 = 0.4;
 /// Headings tried on doubt, beside the predicted one: so many steps to either side, radians.
 const HEADINGS: i32 = 11;
 const HEADING_RAD: f64 = 0.262;
-/// and places around the best so far: so many, this share of the largest voxel's side away.
-const ASIDE: i32 = 8;
-const ASIDE_SHARE: f64 = 0.5;
 /// The most promising of them are followed to the finest resolution.
 const FOLLOWED: usize = 1;
 /// Another start has to fit so much better, share of the points.
@@ -117,12 +113,7 @@ impl Tracker {
             }
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
-            let (found, radius_m) = (best.map_from_cloud, ASIDE_SHARE * map.settings().coarsest_m());
-            let aside = (0..ASIDE).map(|k| {
-                let (s, c) = (TAU * f64::from(k) / f64::from(ASIDE)).sin_cos();
-                found.moved([radius_m * c, radius_m * s, 0.0])
-            });
-            for start in self.matcher.rough(map, points, &prior, headings.chain(aside), FOLLOWED) {
+            for start in self.matcher.rough(map, points, &prior, headings, FOLLOWED) {
                 let other = self.matcher.climb(map, points, &prior, start);
                 restarts += 1;
                 if score(&other) > score(&best) + better_share {
