@@ -5,7 +5,7 @@ mod suite;
 mod values;
 
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
-pub(crate) use suite::{LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
+pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;

@@ -41,6 +41,14 @@ pub(super) fn parse_gap(text: &str) -> Result<Gap, String> {
     Gap::new(begins_at, lasts_s).map_err(|error| error.to_string())
 }
 
+pub(super) fn parse_gap_seconds(text: &str) -> Result<f64, String> {
+    within(text, 0.1..=10_000.0, "seconds from 0.1 to 10000")
+}
+
+pub(super) fn parse_error(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=100.0, "an error from 0.001 to 100 m")
+}
+
 pub(super) fn parse_delta(text: &str) -> Result<Delta, String> {
     let wrong = || "expected frames or metres, such as 1f or 5m".to_owned();
     if let Some(frames) = text.strip_suffix('f') {
