@@ -359,7 +359,7 @@ struct Group {
 }
 
 impl Group {
-    const HEAD: &'static str = "     gap  runs  within the bound        error, median and worst  scans left out   pieces  CPU, mean and worst\n";
+    const HEAD: &'static str = "     gap  runs  within the bound        error, median and worst    scans left out    pieces  CPU, mean and worst\n";
 
     /// One for each length, in the order of the runs.
     fn of_lengths<'a>(runs: impl Iterator<Item = &'a World>) -> Vec<Self> {
@@ -392,7 +392,7 @@ impl Group {
 
     fn row(&self) -> String {
         format!(
-            "{:6} s  {:4}  {:22}  {:11.4} {:9.4} m  {:3} in {:3} runs  {:7}  {:13.2} {:5.2}\n",
+            "{:6} s  {:4}  {:22}  {:11.4} {:9.4} m  {:6} in {:3} runs  {:7}  {:13.2} {:5.2}\n",
             self.lasts_s,
             self.runs,
             percent(self.within, self.runs),
@@ -438,7 +438,7 @@ mod tests {
             assert!(short[0] >= 10.0 && long[19] + 120.0 <= 990.0, "{short:?}");
             assert!(gaps.iter().all(|&gap| Missing::of("a log", &recording.times, &[gap]).is_ok()));
         }
-        assert!(recording.gaps(&[3.0, 980.0], 1, 0.5).unwrap_err().to_string().contains("more than 1000 s"));
+        assert!(recording.gaps(&[3.0, 981.0], 1, 0.5).unwrap_err().to_string().contains("more than 1001 s"));
     }
 
     #[test]
