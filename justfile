@@ -80,6 +80,10 @@ figures-robustness: (figures-perturbed "intel" "--every" "2") (figures-perturbed
 figures-noise log amount *args: release
     {{mapwright}} suite noise --log {{data}}/{{log}}.clf.bz2 --relations {{data}}/{{log}}.relations --amount {{amount}} {{args}}
 
+# a log with gaps of 3 to 120 s, each by itself: the error beside the whole log's, scans left out, the time it takes
+figures-breaks log *args: release
+    {{mapwright}} suite breaks {{data}}/{{log}}.clf.bz2 --relations {{data}}/{{log}}.relations {{args}}
+
 # 50 loops of 500 m: closed or not, and the error beside that of a batch solve with all true closures
 suite-loops *args: release
     {{mapwright}} suite loops -o {{figures}}/suite {{args}}
@@ -99,6 +103,10 @@ suite-offices *args: release
 # 100 robots carried away: noticed, written while lost, home found
 suite-kidnapped *args: release
     {{mapwright}} suite kidnapped -o {{figures}}/suite {{args}}
+
+# an office floor with gaps of 3 to 120 s in its log: the error, scans left out, the time it takes
+suite-breaks *args: release
+    {{mapwright}} suite breaks -o {{figures}}/suite {{args}}
 
 # drives in space: whether the stated covariances are honest
 suite-drives *args: release

@@ -5,16 +5,17 @@ mod suite;
 mod values;
 
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
-pub(crate) use suite::{LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
+pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_clouds::CameraOptions;
 use mapwright_eval::Delta;
 use mapwright_logs::{Choice, SliceBounds};
+use mapwright_sim::Gap;
 use std::path::PathBuf;
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_intrinsics, parse_length, parse_pose, parse_reach,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_pose, parse_reach,
     parse_seconds, parse_share, parse_slice,
 };
 
@@ -42,7 +43,7 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Optimise a pose graph in g2o's format, of the plane or of space.
     Optimize(OptimizeArgs),
-    /// A harder version of a log: fewer scans, random beams, worse odometry.
+    /// A harder version of a log: fewer scans, gaps, random beams, worse odometry.
     Perturb(PerturbArgs),
     /// Every place where the robot may have come back, from a folder of results: what was found, decided and why; and the
     /// wheels' slips.
@@ -281,9 +282,14 @@ pub(crate) enum Show {
 pub(crate) struct PerturbArgs {
     /// Log as for `map`; a CARMEN log may come from the standard input, `-`.
     pub(crate) log: PathBuf,
-    /// The harder log, a plain CARMEN log of its scans.
+    /// The harder log, a plain CARMEN log of its scans; where there is nothing but gaps, of its odometry's readings as well.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
+    /// Take out all scans and odometry readings of so many seconds, from a share of the time between the first scan and the
+    /// last on, such as 0.25:30; may be repeated. What is left stays as it was, of a CARMEN log each line to the byte, so that
+    /// odometry goes on with what the wheels did meanwhile.
+    #[arg(long, value_name = "FRACTION:SECONDS", value_parser = parse_gap)]
+    pub(crate) gap: Vec<Gap>,
     /// Keep the first scan and every Nth after it.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) every: u32,
@@ -299,6 +305,13 @@ pub(crate) struct PerturbArgs {
     /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+}
+
+impl PerturbArgs {
+    /// Whether the scans that are left stay as they were.
+    pub(crate) fn keeps_scans(&self) -> bool {
+        self.every == 1 && self.noise_beams == 0.0 && self.scale_odometry == 1.0 && self.odometry_noise == 0.0
+    }
 }
 
 #[derive(Debug, ClapArgs)]

@@ -41,6 +41,8 @@ pub(crate) enum Failure {
     #[error("cannot write {}: {cause}", path.display())]
     Write { path: PathBuf, cause: String },
     #[error("{0}")]
+    Usage(String),
+    #[error("{0}")]
     Log(String),
     #[error("{name}: expected laser scans, found {found}")]
     NoScan { name: String, found: String },
@@ -96,7 +98,7 @@ impl Failure {
     /// Wrong settings are wrong usage.
     pub(crate) fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
-            Self::Config { .. } | Self::Settings(_) => 2,
+            Self::Config { .. } | Self::Settings(_) | Self::Usage(_) => 2,
             _ => 1,
         })
     }

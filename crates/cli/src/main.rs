@@ -17,6 +17,7 @@ mod output;
 mod pose_graph;
 mod progress;
 mod reading;
+mod recorded;
 mod report;
 mod session;
 mod settings;

@@ -6,11 +6,13 @@ use mapwright::{
     Cloud, Edge, EdgeKind, Mapper, Pose2, Pose3, Session, Settings, SpaceMapper, SpaceSweep, Stamp, Sweep,
     TrajectoryPose, Update,
 };
-use mapwright_eval::{Alignment, ErrorStats, EvalError, PosePair, RpeSettings, ate_of_pairs, space_errors};
+use mapwright_eval::{
+    Alignment, ErrorStats, EvalError, PosePair, Relation, RpeSettings, StampedPose, ate_of_pairs, space_errors,
+};
 use mapwright_geom::Pose;
 use mapwright_record::Measurement;
 use mapwright_sim::space::{SpaceDrive, TrueCloud};
-use mapwright_sim::{Drive, DriveSettings, Event, LaserSettings, worlds};
+use mapwright_sim::{Drive, DriveSettings, Event, HasScan, LaserSettings, TrueScan, worlds};
 use serde::Serialize;
 
 /// A match to a keyframe with more way than this between has closed a loop, metres.
@@ -21,6 +23,14 @@ pub(crate) const RIGHT_DEG: f64 = 3.0;
 
 /// People on an office floor.
 pub(crate) const PEOPLE: usize = 6;
+
+/// The truth is compared over pairs of scans: so many scans apart, and wherever the robot comes back.
+const STEP_SCANS: usize = 50;
+/// A place is met again within this distance, metres, and after this time, seconds.
+const AGAIN_WITHIN_M: f64 = 1.0;
+const AGAIN_AFTER_S: f64 = 60.0;
+/// Every so many-th scan is looked at.
+const LOOK_EVERY: usize = 10;
 
 /// A robot with a laser as they are sold, through a floor with people in it.
 pub(crate) fn office(seed: u64, people: usize) -> Drive {
@@ -33,6 +43,24 @@ pub(crate) fn office(seed: u64, people: usize) -> Drive {
         ..LaserSettings::default()
     };
     Drive::new(site.into(), DriveSettings { laser, seed, ..DriveSettings::default() })
+}
+
+/// Relations as a surveyor would take them: along the way, and between visits of the same place.
+pub(crate) fn true_relations(truth: &[StampedPose]) -> Vec<Relation> {
+    let relation = |a: &StampedPose, b: &StampedPose| {
+        let from_from_to: Pose2 = a.world_from_robot.between(b.world_from_robot);
+        Relation { from: a.stamp, to: b.stamp, from_from_to }
+    };
+    let looked_at: Vec<_> = truth.iter().step_by(LOOK_EVERY).collect();
+    let along = looked_at.iter().zip(looked_at.iter().skip(STEP_SCANS / LOOK_EVERY)).map(|(a, b)| relation(a, b));
+    let again = looked_at.iter().enumerate().filter_map(|(at, later)| {
+        let met = looked_at[..at].iter().find(|earlier| {
+            later.stamp.secs_since(earlier.stamp) > AGAIN_AFTER_S
+                && earlier.world_from_robot.distance(later.world_from_robot) < AGAIN_WITHIN_M
+        });
+        met.map(|earlier| relation(earlier, later))
+    });
+    along.chain(again).collect()
 }
 
 /// A mapped drive, of the plane or of space.
@@ -110,27 +138,39 @@ impl Simulated {
         settings: &Settings,
         mut watch: impl FnMut(&Mapper, &Update, Pose2),
     ) -> Result<Self, Failure> {
-        let mut mapper = Mapper::new(*settings)?;
         let mut scans: Vec<Taken<Pose2>> = Vec::new();
-        for event in drive {
-            match event {
-                Event::Odometry(odometry) => mapper.add_odometry(&odometry),
-                Event::Scan(scan) => {
-                    let update = mapper.add_scan(&scan.scan);
-                    let truth = scan.world_from_robot;
-                    scans.push(Taken {
-                        stamp: scan.scan.stamp,
-                        world_from_robot: truth,
-                        world_from_keyframe: truth,
-                        odom_from_keyframe: scan.scan.odom_from_robot,
-                        along_m: along_m(&scans, truth),
-                    });
-                    watch(&mapper, &update, truth);
-                }
+        let session = map_events(drive, settings, |mapper, update, scan: &TrueScan| {
+            let truth = scan.world_from_robot;
+            scans.push(Taken {
+                stamp: scan.scan.stamp,
+                world_from_robot: truth,
+                world_from_keyframe: truth,
+                odom_from_keyframe: scan.scan.odom_from_robot,
+                along_m: along_m(&scans, truth),
+            });
+            watch(mapper, update, truth);
+        })?;
+        Ok(Self { session, scans })
+    }
+}
+
+/// Maps what was recorded, simulated or real; `watch` sees the mapper after every scan, its update and the scan.
+pub(crate) fn map_events<S: HasScan>(
+    events: impl Iterator<Item = Event<S>>,
+    settings: &Settings,
+    mut watch: impl FnMut(&Mapper, &Update, &S),
+) -> Result<Session, Failure> {
+    let mut mapper = Mapper::new(*settings)?;
+    for event in events {
+        match event {
+            Event::Odometry(odometry) => mapper.add_odometry(&odometry),
+            Event::Scan(scan) => {
+                let update = mapper.add_scan(scan.scan());
+                watch(&mapper, &update, &scan);
             }
         }
-        Ok(Self { session: mapper.session().clone(), scans })
     }
+    Ok(mapper.session().clone())
 }
 
 impl Simulated<SpaceSweep> {

@@ -72,6 +72,32 @@ impl Probe for StageClock {
     }
 }
 
+/// What a thread's work takes: CPU time where the system says (Linux), else the time that passes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ThreadClock {
+    cpu_ns: Option<u64>,
+    wall: Instant,
+}
+
+impl ThreadClock {
+    pub(crate) fn start() -> Self {
+        Self { cpu_ns: thread_cpu_ns(), wall: Instant::now() }
+    }
+
+    /// Seconds since the start, asked in the same thread.
+    pub(crate) fn spent_s(&self) -> f64 {
+        match self.cpu_ns.zip(thread_cpu_ns()) {
+            Some((before, now)) => 1e-9 * now.saturating_sub(before) as f64,
+            None => self.wall.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+/// The first number of `schedstat`: nanoseconds on a CPU.
+fn thread_cpu_ns() -> Option<u64> {
+    fs::read_to_string("/proc/thread-self/schedstat").ok()?.split(' ').next()?.parse().ok()
+}
+
 /// Most memory the process ever had, where the system says so.
 pub(crate) fn peak_memory_mib() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;

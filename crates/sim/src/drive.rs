@@ -67,13 +67,13 @@ pub struct TrueScan {
     pub world_from_robot: Pose2,
 }
 
-/// What a robot records.
+/// What a robot records; of a real one the scans come without the truth.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Event {
+pub enum Event<S = TrueScan> {
     /// The wheels were read.
     Odometry(Odometry),
     /// The laser swept.
-    Scan(TrueScan),
+    Scan(S),
 }
 
 /// A drive through a site as an iterator over what is recorded, in order of stamps; odometry first at equal stamps.

@@ -16,7 +16,7 @@
 //! - [`worlds`]: office floors, suites of rooms, corridors, loops of up to 2 km, look-alikes, a building that never ends.
 //! - [`World`], [`Site`], [`Route`]: build your own.
 //! - [`Drive`], [`DriveSettings`], [`Incident`]: robot, wheels, laser, and what goes wrong.
-//! - [`PerturbScans`]: harder versions of any recording, real ones included.
+//! - [`PerturbScans`], [`in_gaps`]: harder versions of any recording, real ones included.
 //! - [`Revisits`]: which times of a drive truly see the same place.
 //! - [`worlds::look_alike`]: buildings made to deceive. [`kidnapping`]: robots carried away.
 //! - [`space`]: worlds with storeys, lidars, depth cameras and drives in space.
@@ -27,6 +27,7 @@ mod build;
 mod drive;
 mod failures;
 mod furnish;
+mod gap;
 mod grid;
 mod kidnap;
 mod laser;
@@ -44,6 +45,7 @@ pub mod worlds;
 
 pub use drive::{Drive, DriveSettings, Event, TrueScan};
 pub use failures::{FAILED_MATCH_CASES, FailedMatchCase, FailureKind, failed_match_cases};
+pub use gap::{EventTime, Gap, GapError, in_gaps};
 pub use kidnap::{Kidnapping, STAY_S, kidnapping};
 pub use laser::LaserSettings;
 pub use math::Point;

@@ -1,8 +1,11 @@
 //! What can be asked of `mapwright suite`.
 
 use super::SettingsArgs;
-use super::values::{parse_drive, parse_factor, parse_length, parse_seconds, parse_share};
+use super::values::{
+    parse_drive, parse_error, parse_factor, parse_gap, parse_gap_seconds, parse_length, parse_seconds, parse_share,
+};
 use clap::{Args as ClapArgs, Subcommand};
+use mapwright_sim::Gap;
 use std::path::PathBuf;
 
 #[derive(Debug, ClapArgs)]
@@ -79,6 +82,17 @@ pub(crate) enum Suite {
     /// Translation and rotation of each increment are multiplied by `1 + N(0, amount)` each, anew for every seed. The
     /// only floor is that all of the log could be read.
     Noise(NoiseArgs),
+    /// Logs with a gap each, as of `mapwright perturb --gap`: what a break of the recording costs.
+    ///
+    /// Each log is mapped whole, then with every gap by itself. Without logs it is office floors as of `offices`, with what a
+    /// surveyor would relate in their truth: scans some metres of way apart, and those of different visits to a place. Gaps begin at
+    /// places spread evenly over the log, the same for all lengths, 10 s from its ends at least; the seed says how far along.
+    ///
+    /// Error is the mean relation error of all scans that are left, the bound 1.3 times that of the whole log and 0.01 m. Left out
+    /// are scans that the robot was lost at; pieces are parts of the graph of keyframes that no edge joins; CPU is the time that
+    /// mapping took, as a multiple of the whole log's. A line for every run that is beyond a floor says how to repeat it. Floors: 90 %
+    /// of the runs within the bound, no error above 0.5 m, no scan left out, CPU at most 2.5 times in every run.
+    Breaks(BreaksArgs),
 }
 
 /// Which worlds, and what becomes of the results.
@@ -100,7 +114,7 @@ pub(crate) struct RunArgs {
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct WorldsArgs {
     /// How many seeds; by default those that the floors are for: 50 loops, 200 look-alikes, 100 kidnappings, 50 offices,
-    /// 20 drives of nested loops; in space 5 loops, 10 look-alikes, 8 drives.
+    /// 20 drives of nested loops, one office with breaks; in space 5 loops, 10 look-alikes, 8 drives.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) worlds: Option<u32>,
     #[command(flatten)]
@@ -197,4 +211,31 @@ pub(crate) struct NoiseArgs {
     pub(crate) seeds: u32,
     #[command(flatten)]
     pub(crate) run: RunArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct BreaksArgs {
+    /// Logs as for `map`, each with its relations; without any simulated office floors.
+    #[arg(value_name = "LOG", conflicts_with = "worlds", requires = "relations")]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Surveyed relations (Kümmerle et al. 2009) of each log, in the order of the logs.
+    #[arg(long, value_name = "FILE", requires = "logs")]
+    pub(crate) relations: Vec<PathBuf>,
+    /// Lengths of the gaps, seconds.
+    #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "3,10,30,60,120", value_parser = parse_gap_seconds)]
+    pub(crate) lengths: Vec<f64>,
+    /// Gaps of each length.
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) places: u32,
+    /// Only this gap, as of `mapwright perturb`; may be repeated.
+    #[arg(long, value_name = "FRACTION:SECONDS", value_parser = parse_gap, conflicts_with_all = ["lengths", "places"])]
+    pub(crate) gap: Vec<Gap>,
+    /// Bound of a run's error, metres, whatever that of the whole log is.
+    #[arg(long, value_name = "M", value_parser = parse_error)]
+    pub(crate) within: Option<f64>,
+    /// A line for every run.
+    #[arg(long)]
+    pub(crate) all: bool,
+    #[command(flatten)]
+    pub(crate) worlds: WorldsArgs,
 }

@@ -3,6 +3,7 @@
 use mapwright::Pose2;
 use mapwright_eval::Delta;
 use mapwright_logs::SliceBounds;
+use mapwright_sim::Gap;
 
 pub(super) fn parse_assignment(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, such as map.resolution_m=0.1")?;
@@ -30,6 +31,22 @@ pub(super) fn parse_slice(text: &str) -> Result<SliceBounds, String> {
     bounds
         .filter(is_usable)
         .ok_or_else(|| "expected two heights in metres, the lower first, such as 0.1:1.0".to_owned())
+}
+
+pub(super) fn parse_gap(text: &str) -> Result<Gap, String> {
+    let numbers = text
+        .split_once(':')
+        .and_then(|(begins_at, lasts_s)| Some((begins_at.trim().parse().ok()?, lasts_s.trim().parse().ok()?)));
+    let (begins_at, lasts_s) = numbers.ok_or("expected a share of the log's time and seconds, such as 0.25:30")?;
+    Gap::new(begins_at, lasts_s).map_err(|error| error.to_string())
+}
+
+pub(super) fn parse_gap_seconds(text: &str) -> Result<f64, String> {
+    within(text, 0.1..=10_000.0, "seconds from 0.1 to 10000")
+}
+
+pub(super) fn parse_error(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=100.0, "an error from 0.001 to 100 m")
 }
 
 pub(super) fn parse_delta(text: &str) -> Result<Delta, String> {

@@ -9,21 +9,12 @@ use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::report;
-use crate::simulated::{PEOPLE, office};
+use crate::simulated::{PEOPLE, office, true_relations};
 use crate::terminal::{say, say_json};
-use mapwright::Pose2;
-use mapwright_eval::{Alignment, Ate, Relation, RelationReport, StampedPose, ate, relation_errors};
+use mapwright_eval::{Alignment, Ate, RelationReport, StampedPose, ate, relation_errors};
 use mapwright_formats::TumWriter;
 use mapwright_sim::Event;
 use serde_json::{Value, json};
-
-/// The truth is compared over pairs of scans: so many scans apart, and wherever the robot comes back.
-const STEP_SCANS: usize = 50;
-/// A place is met again within this distance, metres, and after this time, seconds.
-const AGAIN_WITHIN_M: f64 = 1.0;
-const AGAIN_AFTER_S: f64 = 60.0;
-/// Every so many-th scan is looked at.
-const LOOK_EVERY: usize = 10;
 
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     if let Some(show) = args.show {
@@ -135,22 +126,4 @@ impl Score {
             "relation_error_beyond_60_s": mean(self.relations.beyond_60_s),
         })
     }
-}
-
-/// Relations as a surveyor would take them: along the way, and between visits of the same place.
-fn true_relations(truth: &[StampedPose]) -> Vec<Relation> {
-    let relation = |a: &StampedPose, b: &StampedPose| {
-        let from_from_to: Pose2 = a.world_from_robot.between(b.world_from_robot);
-        Relation { from: a.stamp, to: b.stamp, from_from_to }
-    };
-    let looked_at: Vec<_> = truth.iter().step_by(LOOK_EVERY).collect();
-    let along = looked_at.iter().zip(looked_at.iter().skip(STEP_SCANS / LOOK_EVERY)).map(|(a, b)| relation(a, b));
-    let again = looked_at.iter().enumerate().filter_map(|(at, later)| {
-        let met = looked_at[..at].iter().find(|earlier| {
-            later.stamp.secs_since(earlier.stamp) > AGAIN_AFTER_S
-                && earlier.world_from_robot.distance(later.world_from_robot) < AGAIN_WITHIN_M
-        });
-        met.map(|earlier| relation(earlier, later))
-    });
-    along.chain(again).collect()
 }

@@ -1,35 +1,98 @@
 //! `mapwright perturb`
 
+mod gaps;
+
 use crate::args::PerturbArgs;
-use crate::events::Log;
+use crate::events::{Log, input, name_of};
 use crate::failure::{Failure, Outcome};
 use crate::reading::Reading;
+use crate::recorded::{Missing, Recorded};
 use crate::terminal::{count, say};
-use mapwright_formats::{CarmenWriter, FormatError, LogEvent};
+use mapwright_formats::{CarmenWriter, LogEvent};
 use mapwright_geom::Pose2;
 use mapwright_sensor::LaserScan;
-use mapwright_sim::PerturbScans;
+use mapwright_sim::{Event, HasScan, PerturbScans};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
 pub(super) fn run(args: &PerturbArgs) -> Result<Outcome, Failure> {
+    if args.gap.is_empty() {
+        return streamed(args);
+    }
+    if args.keeps_scans() { gaps::run(args) } else { with_gaps(args) }
+}
+
+/// One scan after another, in memory that does not depend on the log's length.
+fn streamed(args: &PerturbArgs) -> Result<Outcome, Failure> {
     let mut scans = Scans::open(&args.log)?;
-    let file = File::create(&args.output).map_err(|error| Failure::write(&args.output, error))?;
-    let mut writer = CarmenWriter::new(BufWriter::with_capacity(1 << 16, file));
-    let written = write_harder(&mut scans, args, &mut writer).and_then(|n| writer.finish().map(|_| n));
-    let written = written.map_err(|cause| Failure::write(&args.output, cause))?;
+    let all = scans.by_ref().map(|scan| Marked { scan, is_missing: false });
+    let written = write_harder(all, args)?;
     let losses = scans.finish()?.losses();
     say(&format!("{}: {}\n", args.output.display(), count(written, "scan")))?;
     Ok(Outcome::of_losses(&losses))
 }
 
-fn write_harder(
-    scans: &mut Scans,
-    args: &PerturbArgs,
-    writer: &mut CarmenWriter<BufWriter<File>>,
-) -> Result<u64, FormatError> {
-    let mut harder: Box<dyn Iterator<Item = LaserScan> + '_> = Box::new(scans.every_nth(args.every as usize));
+/// The log is held in memory: where its gaps are is known at its end. What is left of it is as without gaps.
+fn with_gaps(args: &PerturbArgs) -> Result<Outcome, Failure> {
+    let log = Recorded::read(input(&args.log)?, &args.log)?;
+    let times: Vec<_> = log.events.iter().map(Event::event_time).collect();
+    let missing = Missing::of(&name_of(&args.log), &times, &args.gap)?;
+    let scans = || times.iter().zip(&missing.events).filter(|(time, _)| time.is_scan);
+    if scans().step_by(args.every as usize).all(|(_, is_missing)| *is_missing) {
+        let name = name_of(&args.log);
+        return Err(Failure::Log(format!("{name}: nothing is left: every scan that --every keeps lies in a gap")));
+    }
+    let mut odom_from_robot = None;
+    let scans = log.events.into_iter().zip(&missing.events).filter_map(|(event, &is_missing)| match event {
+        Event::Odometry(odometry) => {
+            odom_from_robot = Some(odometry.odom_from_robot);
+            None
+        }
+        Event::Scan(scan) => Some(Marked { scan: with_odometry(scan, odom_from_robot), is_missing }),
+    });
+    let written = write_harder(scans, args)?;
+    let taken_out = missing.words(args.gap.len());
+    say(&format!("{}: {}; {taken_out}\n", args.output.display(), count(written, "scan")))?;
+    Ok(Outcome::of_losses(&log.reading.losses()))
+}
+
+/// A scan, and whether it lies in a gap.
+struct Marked {
+    scan: LaserScan,
+    is_missing: bool,
+}
+
+impl HasScan for Marked {
+    fn scan(&self) -> &LaserScan {
+        &self.scan
+    }
+
+    fn scan_mut(&mut self) -> &mut LaserScan {
+        &mut self.scan
+    }
+}
+
+/// Writes the scans that lie in no gap; returns how many.
+fn write_harder(scans: impl Iterator<Item = Marked>, args: &PerturbArgs) -> Result<u64, Failure> {
+    let failed = |cause| Failure::write(&args.output, cause);
+    let mut writer = CarmenWriter::new(create(args)?);
+    let mut written = 0;
+    for scan in harder(scans, args).filter(|scan| !scan.is_missing) {
+        writer.scan(&scan.scan).map_err(failed)?;
+        written += 1;
+    }
+    writer.finish().map_err(failed)?;
+    Ok(written)
+}
+
+fn create(args: &PerturbArgs) -> Result<BufWriter<File>, Failure> {
+    let file = File::create(&args.output).map_err(|error| Failure::write(&args.output, error))?;
+    Ok(BufWriter::with_capacity(1 << 16, file))
+}
+
+fn harder<'a>(scans: impl Iterator<Item = Marked> + 'a, args: &PerturbArgs) -> Box<dyn Iterator<Item = Marked> + 'a> {
+    let mut harder: Box<dyn Iterator<Item = Marked> + 'a> = Box::new(scans.every_nth(args.every as usize));
     if args.noise_beams > 0.0 {
         harder = Box::new(harder.replace_beams_with_noise(args.noise_beams, args.seed));
     }
@@ -39,12 +102,12 @@ fn write_harder(
     if args.odometry_noise > 0.0 {
         harder = Box::new(harder.perturb_odometry(args.odometry_noise, args.seed));
     }
-    let mut written = 0;
-    for scan in harder {
-        writer.scan(&scan)?;
-        written += 1;
-    }
-    Ok(written)
+    harder
+}
+
+/// A scan with this pose of odometry where it has none of its own.
+fn with_odometry(scan: LaserScan, odom_from_robot: Option<Pose2>) -> LaserScan {
+    LaserScan { odom_from_robot: scan.odom_from_robot.or(odom_from_robot), ..scan }
 }
 
 /// The scans of a log, each with the latest pose of odometry where it has none of its own.
@@ -75,8 +138,7 @@ impl Iterator for Scans {
         loop {
             match self.log.next_event() {
                 Ok(Some(LogEvent::Scan(scan))) => {
-                    let odom_from_robot = scan.odom_from_robot.or(self.odom_from_robot);
-                    return Some(LaserScan { odom_from_robot, ..scan.clone() });
+                    return Some(with_odometry(scan.clone(), self.odom_from_robot));
                 }
                 Ok(Some(LogEvent::Odometry(odometry))) => self.odom_from_robot = Some(odometry.odom_from_robot),
                 Ok(Some(_)) => {}

@@ -1,6 +1,9 @@
 //! The commands beside `map`.
 
-use crate::support::{SAME_BYTES, assert_code, assert_refused, folder, json, run, small_log_in, text, three_rooms};
+use crate::support::{
+    SAME_BYTES, assert_code, assert_refused, folder, json, run, run_with_input, small_log, small_log_in, text,
+    three_rooms,
+};
 use mapwright_geom::Pose2;
 use std::fs;
 
@@ -119,4 +122,99 @@ fn a_harder_log_can_be_made_and_mapped() {
     assert_code(&output, 0);
     assert_eq!(scans(harder), scans(&log).div_ceil(2));
     assert_code(&run(&["map", harder, "-o", folder.join("out").to_str().unwrap()]), 0);
+}
+
+fn lines_of(log: &str) -> Vec<String> {
+    fs::read_to_string(log).unwrap().lines().map(str::to_owned).collect()
+}
+
+/// Stamp of a line, seconds; none of `PARAM` lines.
+fn stamp_s(line: &str) -> Option<f64> {
+    let is_event = line.starts_with("ODOM") || line.starts_with("ROBOTLASER");
+    is_event.then(|| line.split(' ').rev().nth(2).unwrap().parse().unwrap())
+}
+
+#[test]
+fn gaps_take_lines_out_and_leave_the_others_to_the_byte() {
+    let folder = folder("perturb_gaps");
+    let (log, broken) = (small_log_in(&folder), folder.join("broken.clf").display().to_string());
+    let output = run(&["perturb", &log, "--gap", "0.25:10", "--gap", "0.75:2", "-o", &broken]);
+    assert_code(&output, 0);
+    let (before, after) = (lines_of(&log), lines_of(&broken));
+    let stamps: Vec<f64> =
+        before.iter().filter(|line| line.starts_with("ROBOTLASER")).filter_map(|l| stamp_s(l)).collect();
+    let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
+    let begin = |share: f64| *stamps.iter().find(|&&s| s - first >= share * (last - first)).unwrap();
+    let gaps = [(begin(0.25), 10.0), (begin(0.75), 2.0)];
+    // the readings at the very stamp of the scan that begins a gap come before it
+    let is_missing = |line: &String| {
+        stamp_s(line).is_some_and(|s| {
+            gaps.iter().any(|(from, lasts)| {
+                (*from..from + lasts - 1e-6).contains(&s) && (line.starts_with("ROBOTLASER") || s > *from)
+            })
+        })
+    };
+    let (gone, left): (Vec<_>, Vec<_>) = before.iter().cloned().partition(is_missing);
+    assert!(left == after, "{} of {} lines, {} expected", after.len(), before.len(), left.len());
+    let scans = gone.iter().filter(|line| line.starts_with("ROBOTLASER")).count();
+    assert_eq!(scans, 120, "ten a second");
+    let said = text(&output.stdout);
+    let readings = format!("120 scans and {} odometry readings taken out in 2 gaps", gone.len() - scans);
+    assert!(said.contains(&readings) && said.contains(&format!(": {} scans;", stamps.len() - scans)), "{said}");
+    let piped = run_with_input(&["perturb", "-", "--gap", "0.25:10", "--gap", "0.75:2", "-o", &broken], small_log());
+    assert_code(&piped, 0);
+    assert!(lines_of(&broken) == after);
+}
+
+#[test]
+fn gaps_go_with_everything_else_and_with_recordings() {
+    let folder = folder("perturb_gaps_more");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let log = small_log_in(&folder);
+    let harder = |out: &str, gap: &[&str]| {
+        let how = ["perturb", &log, "-o", out, "--every", "2", "--odometry-noise", "0.1", "--noise-beams", "0.1"];
+        assert_code(&run(&[&how, gap].concat()), 0);
+        lines_of(out)
+    };
+    let (whole, broken) = (harder(&path("whole.clf"), &[]), harder(&path("broken.clf"), &["--gap", "0.5:5"]));
+    assert_eq!(whole.len() - broken.len(), 25, "five seconds of ten scans a second, every other of which is there");
+    let mut rest = whole.iter();
+    assert!(broken.iter().all(|line| rest.any(|other| other == line)), "what is left is as without the gap");
+    // written as MCAP and broken there the log is the same as broken in CARMEN's format
+    let (mcap, of_mcap, of_carmen) = (path("log.mcap"), path("of_mcap.clf"), path("of_carmen.clf"));
+    assert_code(&run(&["convert", &log, &mcap]), 0);
+    for (from, to) in [(&mcap, &of_mcap), (&log, &of_carmen)] {
+        assert_code(&run(&["perturb", from, "--gap", "0.5:5", "-o", to]), 0);
+    }
+    let poses = |log: &str| {
+        let out = path("map");
+        assert_code(&run(&["map", log, "-o", &out]), 0);
+        fs::read_to_string(folder.join("map/trajectory.tum")).unwrap()
+    };
+    let stamps = |text: String| text.lines().map(|l| l.split(' ').next().unwrap().to_owned()).collect::<Vec<_>>();
+    assert_eq!(stamps(poses(&of_mcap)), stamps(poses(&of_carmen)));
+}
+
+#[test]
+fn gaps_that_cannot_be_are_refused() {
+    let folder = folder("perturb_no_gap");
+    let (log, out) = (small_log_in(&folder), folder.join("broken.clf"));
+    let refused = |log: &str, gap: &str, code: i32, says: &[&str]| {
+        assert_refused(&run(&["perturb", log, "--gap", gap, "-o", out.to_str().unwrap()]), code, says);
+        assert!(!out.exists());
+    };
+    refused(&log, "1.5:3", 2, &["share from 0 to 1", "1.5"]);
+    refused(&log, "0.5:0", 2, &["more than 0 seconds"]);
+    refused(&log, "0.5:-3", 2, &["more than 0 seconds"]);
+    refused(&log, "0.5", 2, &["such as 0.25:30"]);
+    refused(&log, "0:1e9", 1, &["small.clf", "expected scans after it"]);
+    refused(&log, "0.9:30", 1, &["gap 0.9:30", "expected scans after it"]);
+    let single = folder.join("single.clf").display().to_string();
+    let scan = lines_of(&log).into_iter().find(|line| line.starts_with("ROBOTLASER")).unwrap();
+    fs::write(&single, scan + "\n").unwrap();
+    refused(&single, "0.5:1", 1, &["single.clf", "expected scans over some time", "found 1"]);
+    fs::write(&single, "ODOM 0 0 0 0 0 0 1 host 1\n").unwrap();
+    refused(&single, "0.5:1", 1, &["expected laser scans", "1 odometry reading"]);
+    let nothing = ["perturb", &log, "--gap", "0:30", "--every", "1000", "-o", out.to_str().unwrap()];
+    assert_refused(&run(&nothing), 1, &["nothing is left"]);
 }

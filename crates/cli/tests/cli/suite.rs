@@ -103,6 +103,85 @@ fn a_log_is_scored_under_noise() {
     assert_refused(&noise(&[]), 1, &["seed 0", "no relation has its stamps"]);
 }
 
+/// Relations of the small log's own map: an unbroken run has no error, so that what gaps cost is all that is measured.
+#[test]
+fn breaks_are_counted_and_can_be_repeated() {
+    let folder = folder("suite_breaks");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let log = small_log_in(&folder);
+    assert_code(&run(&["map", &log, "-o", &path("whole")]), 0);
+    let poses = fs::read_to_string(folder.join("whole/trajectory.tum")).unwrap();
+    let stamps: Vec<&str> = poses.lines().filter_map(|line| line.split(' ').next()).collect();
+    let relation = |pair: &[&str]| format!("{} {} 0 0 0 0 0 0\n", pair[0], pair[1]);
+    let relations = path("some.relations");
+    fs::write(&relations, stamps.windows(2).map(relation).collect::<String>()).unwrap();
+    let breaks = |more: &[&str]| run(&[&["suite", "breaks", &log, "--relations", &relations], more].concat());
+    let out = path("out");
+    let output = breaks(&["--lengths", "3,10", "--places", "2", "--all", "-o", &out]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let runs = worlds(&folder.join("out/breaks.jsonl"));
+    assert_eq!(runs.iter().map(|run| run["lasts_s"].as_f64().unwrap()).collect::<Vec<_>>(), [3.0, 3.0, 10.0, 10.0]);
+    for run in &runs {
+        let number = |key: &str| run[key].as_f64().unwrap();
+        assert_eq!(number("missing_scans"), 10.0 * number("lasts_s"), "{run}");
+        assert_eq!(number("relations"), (stamps.len() - 2) as f64 - number("missing_scans"), "{run}");
+        assert!(number("begins_at") > 0.2 && number("pieces") >= 1.0 && number("cpu_times") > 0.0, "{run}");
+    }
+    let said = said(&output);
+    for what in ["breaks: 4 runs", "bound", "     3 s     2", "    10 s     2", "no scan left out", "CPU at most 2.5"] {
+        assert!(said.contains(what), "expected {what:?}, found {said}");
+    }
+    let summary = json(&folder.join("out/breaks.json"));
+    assert!(summary["runs"] == 4 && summary["logs"][0]["groups"][1]["runs"] == 2, "{summary}");
+
+    // the command that a run names leads to a log of which a map has the same error
+    let command: Vec<&str> = runs[3]["command"].as_str().unwrap().split(' ').collect();
+    let broken = path("broken.clf");
+    assert_eq!((command[0], command[command.len() - 1]), ("mapwright", "broken.clf"));
+    assert_code(&run(&[&command[1..command.len() - 1], &[&broken]].concat()), 0);
+    assert_code(&run(&["map", &broken, "-o", &path("again")]), 0);
+    let eval = run(&["eval", &path("again/trajectory.tum"), "--relations", &relations, "--json"]);
+    let value: Value = serde_json::from_slice(&eval.stdout).unwrap();
+    let again_m = value[0]["all"]["translation_m"]["mean"].as_f64().unwrap();
+    assert!((again_m - runs[3]["error_m"].as_f64().unwrap()).abs() < 1e-6, "{again_m}");
+
+    // a bound that nothing can hold is missed, and only such runs are said
+    let strict = breaks(&["--gap", "0.3:3", "--within", "0.001"]);
+    assert_code(&strict, 3);
+    let said = text(&strict.stdout);
+    assert!(said.contains("BAD") && said.contains("--gap 0.3:3 -o broken.clf") && said.contains("MISSED"), "{said}");
+    let lenient = text(&breaks(&["--gap", "0.3:3", "--within", "100"]).stdout);
+    assert!(!lenient.contains("BAD") && lenient.contains("within the bound: 100.0 % (1 of 1), holds"), "{lenient}");
+}
+
+#[test]
+fn breaks_need_no_data() {
+    let out = folder("suite_breaks_office");
+    let output = run(&["suite", "breaks", "--seed", "2", "--gap", "0.5:10", "--all", "-o", out.to_str().unwrap()]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let runs = worlds(&out.join("breaks.jsonl"));
+    assert!(runs.len() == 1 && runs[0]["missing_scans"] == 100, "{runs:?}");
+    assert_eq!(runs[0]["command"], "mapwright suite breaks --seed 2 --gap 0.5:10 --all");
+    let whole_m = json(&out.join("breaks.json"))["logs"][0]["whole"]["error_m"].as_f64().unwrap();
+    assert!(whole_m < 0.02, "{whole_m}");
+}
+
+#[test]
+fn breaks_that_cannot_be_are_told() {
+    let log = small_log_in(&folder("suite_no_breaks"));
+    let relations = folder("suite_no_breaks_relations").join("some.relations");
+    fs::write(&relations, "900.0 901.0 0 0 0 0 0 0\n").unwrap();
+    let with =
+        |more: &[&str]| run(&[&["suite", "breaks", &log, "--relations", relations.to_str().unwrap()], more].concat());
+    assert_refused(&run(&["suite", "breaks", &log]), 2, &["--relations"]);
+    assert_refused(&with(&[&log]), 2, &["for each log", "2 logs and 1 of relations"]);
+    assert_refused(&with(&["--gap", "0.5:3", "--places", "2"]), 2, &["--places"]);
+    assert_refused(&with(&["--worlds", "2"]), 2, &["--worlds"]);
+    assert_refused(&with(&[]), 1, &["small.clf", "more than 140 s", "--lengths"]);
+    assert_refused(&with(&["--gap", "0.9:30"]), 1, &["small.clf", "expected scans after it"]);
+    assert_refused(&with(&["--gap", "0.5:3"]), 1, &["small.clf", "expected relations"]);
+}
+
 #[test]
 fn wrong_usage_is_told_before_anything_is_mapped() {
     assert_refused(&run(&["suite"]), 2, &["loops", "look-alike", "kidnapped", "noise"]);

@@ -82,6 +82,12 @@ impl<R: Read> CarmenReader<R> {
         }))
     }
 
+    /// Number of the line that was read last, from 1: that of the last event.
+    #[must_use]
+    pub fn line(&self) -> u64 {
+        self.lines.lines()
+    }
+
     /// What has been read and lost so far; complete once [`next_event`](Self::next_event) has returned none.
     #[must_use]
     pub fn report(&self) -> &ReadReport {

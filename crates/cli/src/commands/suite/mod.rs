@@ -1,5 +1,6 @@
 //! `mapwright suite`: many simulated worlds mapped and measured against their truth.
 
+mod breaks;
 mod floors;
 mod kidnapped;
 mod look_alike;
@@ -30,10 +31,16 @@ trait Measure: Sync {
     /// Its name, and those of its files.
     const NAME: &'static str;
     const FILES: [&'static str; 2];
+    /// What a world is called.
+    const KIND: &'static str = "world";
     /// Maps the world of a seed.
     fn world(&self, seed: u64) -> Result<Self::World, Failure>;
     /// One line for a world.
     fn line(world: &Self::World) -> String;
+    /// Whether that line is said.
+    fn is_told(&self, _world: &Self::World) -> bool {
+        true
+    }
     /// The last lines over all worlds, the same for programs, and what must hold.
     fn summary(&self, worlds: &[Self::World]) -> (String, Value, Vec<Floor>);
 }
@@ -77,6 +84,10 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
             let noise = noise::Noise::read(args, settings_of(&args.run)?)?;
             measure(&noise, seeds_from(args.run.seed, args.seeds), &args.run)
         }
+        Suite::Breaks(args) => {
+            let breaks = breaks::Breaks::prepare(args, settings_of(&args.worlds.run)?)?;
+            measure(&breaks, 0..breaks.runs(), &args.worlds.run)
+        }
     }
 }
 
@@ -109,7 +120,9 @@ fn measure<M: Measure>(measure: &M, seeds: Range<u64>, args: &RunArgs) -> Result
                 let written = line.and_then(|line| writeln!(lines, "{line}"));
                 written.map_err(|error| Failure::write(M::FILES[0], error))?;
             }
-            say(&format!("{}\n", M::line(&world)))?;
+            if measure.is_told(&world) {
+                say(&format!("{}\n", M::line(&world)))?;
+            }
             worlds.push(world);
             Ok(())
         },
@@ -117,15 +130,15 @@ fn measure<M: Measure>(measure: &M, seeds: Range<u64>, args: &RunArgs) -> Result
     let (words, mut value, floors) = measure.summary(&worlds);
     let seconds = started.elapsed().as_secs_f64();
     let each_s = seconds * f64::from(args.threads) / worlds.len().max(1) as f64;
-    say(&format!("\n{}: {} worlds\n{words}{}", M::NAME, worlds.len(), floors::in_words(&floors)))?;
-    say(&format!("time     {seconds:.1} s, {each_s:.2} s a world and thread\n"))?;
+    say(&format!("\n{}: {} {}s\n{words}{}", M::NAME, worlds.len(), M::KIND, floors::in_words(&floors)))?;
+    say(&format!("time     {seconds:.1} s, {each_s:.2} s a {} and thread\n", M::KIND))?;
     let interrupted = ending == Ending::Interrupted;
     if interrupted {
-        say("lost     interrupted; the worlds so far are complete\n")?;
+        say(&format!("lost     interrupted; the {}s so far are complete\n", M::KIND))?;
     }
     if let Some(mut output) = output {
         value["suite"] = json!(M::NAME);
-        value["worlds"] = json!(worlds.len());
+        value[format!("{}s", M::KIND)] = json!(worlds.len());
         value["floors"] = floors.iter().map(Floor::to_json).collect();
         output.write_json(M::FILES[1], &value)?;
         output.commit()?;

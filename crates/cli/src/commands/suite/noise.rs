@@ -6,9 +6,10 @@ use crate::args::NoiseArgs;
 use crate::commands::eval::read_relation_file;
 use crate::commands::perturb::Scans;
 use crate::failure::Failure;
-use mapwright::{LaserScan, Mapper, Settings, Status};
+use crate::simulated::map_events;
+use mapwright::{LaserScan, Settings, Status};
 use mapwright_eval::{ErrorStats, PoseErrors, Relation, StampedPose, relation_errors};
-use mapwright_sim::PerturbScans;
+use mapwright_sim::{Event, PerturbScans};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -48,14 +49,14 @@ impl Measure for Noise {
     const FILES: [&'static str; 2] = ["noise.jsonl", "noise.json"];
 
     fn world(&self, seed: u64) -> Result<World, Failure> {
-        let mut mapper = Mapper::new(self.settings)?;
         let mut lost_scans = 0;
-        for scan in self.scans.iter().cloned().perturb_odometry(self.amount, seed) {
-            lost_scans += usize::from(mapper.add_scan(&scan).status == Status::Lost);
-        }
+        let scans = self.scans.iter().cloned().perturb_odometry(self.amount, seed);
+        let session = map_events(scans.map(Event::Scan), &self.settings, |_, update, _| {
+            lost_scans += usize::from(update.status == Status::Lost);
+        })?;
         let pose =
             |pose: mapwright::TrajectoryPose| StampedPose { stamp: pose.stamp, world_from_robot: pose.map_from_robot };
-        let report = relation_errors(&mapper.trajectory().map(pose).collect::<Vec<_>>(), &self.relations);
+        let report = relation_errors(&session.trajectory().map(pose).collect::<Vec<_>>(), &self.relations);
         let none = || Failure::World {
             name: format!("noise, seed {seed}"),
             reason: "no relation has its stamps in the log".into(),
