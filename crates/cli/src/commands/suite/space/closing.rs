@@ -128,7 +128,7 @@ fn long_of(world: &Simulated<SpaceSweep>, mut stretches: Vec<[Stamp; 2]>) -> Vec
     stretches
 }
 
-/// Whether an edge closes a loop.
+/// Whether an edge closes a loop: its older keyframe truly saw what is seen there.
 fn closes(
     world: &Simulated<SpaceSweep>,
     revisits: &Revisits<Pose3>,
@@ -137,7 +137,8 @@ fn closes(
 ) -> bool {
     let [older, newer] = [closing.from, closing.to].map(|keyframe| world.stamp(keyframe));
     let is_there = newer >= from && newer.secs_since(until) <= FOUND_WITHIN_S;
-    closing.is_right() && is_there && revisits.contains(older, newer)
+    let mut of_loop = revisits.pairs().iter().map(|pair| pair.later).filter(|later| (from..=until).contains(later));
+    closing.is_right() && is_there && of_loop.any(|time| revisits.contains(older, time))
 }
 
 /// Candidates measured right that are no closures, by verdict and objection.
