@@ -17,6 +17,12 @@ use supports::{Supports, agree, is_left};
 const CHECK_EVERY_M: f64 = 1.0;
 /// Length of way that makes a submap, to one side, metres.
 pub const SUBMAP_M: f64 = 8.0;
+/// What is looked for is made of no more way than this, metres. In space a sensor sees all around, and who comes to an old place from
+/// elsewhere has seen on a longer way what nobody saw from there, which speaks against the place; storeys above each other, too, are told
+/// apart better (docs/decisions/0023-space.md).
+const fn query_m<P: Pose>() -> f64 {
+    if P::DIMENSION == 3 { SUBMAP_M } else { 4.0 }
+}
 /// A submap is made of less way where it has to tell less poses apart, for the window is no wider than this to either side, metres.
 const NARROW_SUBMAP_M: f64 = 2.0;
 const NARROW_M: f64 = 0.5;
@@ -216,7 +222,8 @@ impl<S: Submaps> Closing<S> {
         let reach_m = if narrow { NARROW_SUBMAP_M } else { SUBMAP_M };
         let targets =
             targets.into_iter().map(|target| (target, views_along(past, target.from, true, reach_m))).collect();
-        Some(Verification { to, query: views_along(past, to, false, reach_m), targets, submaps })
+        let query = views_along(past, to, false, reach_m.min(query_m::<PoseOf<S>>()));
+        Some(Verification { to, query, targets, submaps })
     }
 
     /// The old place that the newest keyframe was matched against, unless it was looked at lately: such a match is a closure.

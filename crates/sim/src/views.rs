@@ -96,6 +96,8 @@ pub struct Revisits<P = Pose2> {
     /// The times that were compared, and the length of the way up to each, metres.
     times: Vec<(Stamp, f64)>,
     pairs: Vec<Revisit<P>>,
+    /// The times at which the robot was back where it had been away from.
+    back: Vec<Stamp>,
 }
 
 impl Revisits {
@@ -110,8 +112,9 @@ impl Revisits {
 impl<P: Pose> Revisits<P> {
     /// Compares all views of a drive.
     pub(crate) fn among<S: Sight<Pose = P>>(sight: &S, samples: &[Sample<P, S::Point>]) -> Self {
-        let mut pairs = Vec::new();
+        let (mut pairs, mut back) = (Vec::new(), Vec::new());
         for (k, later) in samples.iter().enumerate() {
+            let known = pairs.len();
             let earlier = samples[..k].iter().filter(|s| later.along_m - s.along_m > REVISIT_PATH_M);
             let revisit = |earlier: &Sample<P, S::Point>| {
                 let overlap = sight.overlap(earlier, later);
@@ -119,8 +122,11 @@ impl<P: Pose> Revisits<P> {
                 Revisit { earlier: earlier.stamp, later: later.stamp, overlap, earlier_from_later }
             };
             pairs.extend(earlier.map(revisit).filter(|revisit| revisit.overlap > REVISIT_OVERLAP));
+            if was_away(sight, &samples[..k], later, &pairs[known..]) {
+                back.push(later.stamp);
+            }
         }
-        Self { times: samples.iter().map(|sample| (sample.stamp, sample.along_m)).collect(), pairs }
+        Self { times: samples.iter().map(|sample| (sample.stamp, sample.along_m)).collect(), pairs, back }
     }
 
     /// Every pair of times, in the order of the later and then the earlier.
@@ -145,6 +151,18 @@ impl<P: Pose> Revisits<P> {
         stretches
     }
 
+    /// Those of the stretches to which the robot has come back: on more than [`REVISIT_PATH_M`] of way in one go it saw nothing of what
+    /// it sees there. Who looks into a room and goes on along the corridor has not been away.
+    #[must_use]
+    pub fn returns(&self) -> Vec<[Stamp; 2]> {
+        let mut stretches = self.stretches();
+        stretches.retain(|[from, until]| {
+            let first = self.back.partition_point(|stamp| stamp < from);
+            self.back.get(first).is_some_and(|stamp| stamp <= until)
+        });
+        stretches
+    }
+
     /// Whether there is a pair with this later time.
     fn seen_before(&self, later: Stamp) -> bool {
         let first = self.pairs.partition_point(|pair| pair.later < later);
@@ -166,6 +184,26 @@ impl<P: Pose> Revisits<P> {
         let around = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| self.times.get(at));
         around.map(|(time, _)| *time).min_by_key(|time| time.0.abs_diff(stamp.0))
     }
+}
+
+/// Whether the robot has been away from a place: whether there is more than [`REVISIT_PATH_M`] of way between two of the times, one after
+/// the other, that see what it sees; `pairs` are those more than that before.
+fn was_away<S: Sight>(
+    sight: &S,
+    before: &[Sample<S::Pose, S::Point>],
+    later: &Sample<S::Pose, S::Point>,
+    pairs: &[Revisit<S::Pose>],
+) -> bool {
+    let Some(last) = pairs.last() else { return false };
+    let along_m = |revisit: &Revisit<S::Pose>| {
+        let at = before.partition_point(|sample| sample.stamp < revisit.earlier);
+        before.get(at).map_or(later.along_m, |sample| sample.along_m)
+    };
+    let of_late = before.iter().filter(|sample| sample.stamp > last.earlier);
+    let sees_it = |sample: &&Sample<_, _>| sight.overlap(sample, later) > REVISIT_OVERLAP;
+    let of_late = of_late.filter(sees_it).map(|sample| sample.along_m).chain([later.along_m]);
+    let seen_m: Vec<f64> = pairs.iter().map(along_m).chain(of_late).collect();
+    seen_m.windows(2).any(|two| two[1] - two[0] > REVISIT_PATH_M)
 }
 
 /// Share of each of two views that the other sees too, the smaller of the two; among what stands still, with the laser
@@ -303,6 +341,49 @@ impl Sight for Viewer<'_> {
 mod tests {
     use super::*;
     use crate::worlds::three_rooms;
+
+    /// Robots see what is at most 6 m away along x, and from inside a room (y > 1) the room alone.
+    struct Corridor;
+
+    impl Sight for Corridor {
+        type Pose = Pose2;
+        type Point = Point;
+
+        fn turn_rad(_: Pose2, _: Pose2) -> f64 {
+            0.0
+        }
+
+        fn sample(&self, stamp: Stamp, along_m: f64, world_from_robot: Pose2) -> Sample<Pose2, Point> {
+            let Pose2 { x, y, .. } = world_from_robot;
+            let view = (-6..=6).map(|k| [x + f64::from(k), y]).collect();
+            Sample { stamp, along_m, world_from_robot, view }
+        }
+
+        fn share_seen(&self, view: &[Point], from: Pose2) -> f64 {
+            let sees = |[x, y]: &&Point| (x - from.x).abs() <= 6.0 && (*y > 1.0) == (from.y > 1.0);
+            view.iter().filter(sees).count() as f64 / view.len() as f64
+        }
+    }
+
+    #[test]
+    fn who_looks_into_a_room_and_goes_on_has_not_been_away() {
+        let line = |from: Point, to: Point| {
+            let length = distance(from, to).round() as usize;
+            (0..length).map(move |k| add(from, scale(sub(to, from), k as f64 / length as f64)))
+        };
+        let drive = |corners: &[Point]| {
+            let way = corners.windows(2).flat_map(|two| line(two[0], two[1]));
+            let way = way.zip(0..).map(|([x, y], second)| (Stamp(second * 1_000_000_000), Pose2::new(x, y, 0.0)));
+            Revisits::among(&Corridor, &Corridor.samples(way))
+        };
+        for (depth_m, is_away) in [(9.0, false), (14.0, true)] {
+            let visit = drive(&[[0.0, 0.0], [20.0, 0.0], [20.0, depth_m], [20.0, 0.0], [40.0, 0.0]]);
+            assert_eq!(visit.stretches().len(), 1, "{depth_m}");
+            assert_eq!(visit.returns().len(), usize::from(is_away), "{depth_m}");
+        }
+        let there_and_back = drive(&[[0.0, 0.0], [40.0, 0.0], [0.0, 0.0]]);
+        assert_eq!(there_and_back.returns(), there_and_back.stretches());
+    }
 
     #[test]
     fn a_place_overlaps_with_itself_and_not_with_its_back() {

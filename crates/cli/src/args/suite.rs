@@ -31,9 +31,11 @@ pub(crate) enum Suite {
     ///
     /// With `--3d` a world is `space::worlds::loops_1km(seed)`, a building of two storeys with three nested loops each, and
     /// closing edges, those that are wrong, ATE and the batch solve are the same. A loop is a stretch of at least 3 m on ground
-    /// seen before; it is closed when a right closing edge joins a keyframe of it, or taken at most 5 s after it, to one that
-    /// truly saw the same place before. Times on known ground are closed as in `look-alike`. Floors: no closing edge wrong,
-    /// every loop closed, ratio at most 1.3 in every world.
+    /// that the robot has come back to: on more than 20 m of way in one go it saw nothing of it. Other stretches on ground seen
+    /// more than 20 m of way before, as on from a door along a corridor after a look into the room, count as stayed. A loop is
+    /// closed when a right closing edge joins a keyframe of it, or taken at most 5 s after it, to one that truly saw before what is
+    /// seen on it. Times on known ground are closed as in `look-alike`. Floors: no closing edge wrong, every loop closed, ratio
+    /// at most 1.3 in every world.
     Loops(LoopsArgs),
     /// Corridors that look alike, driven in loops within loops: which closures are wrong, and the error.
     ///

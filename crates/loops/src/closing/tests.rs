@@ -254,6 +254,22 @@ fn a_robot_that_comes_back_is_set_right_in_the_plane_and_in_space() {
     comes_back::<Pose3>();
 }
 
+/// How much way is looked for, seen from the newest keyframe, and in how much, from the old one, by a robot that hardly knows where it is.
+fn ways_compared<P: Pose>() -> [f64; 2] {
+    let (way, mut closing) = (Way::<P>::there_and_back(50), Closing::<Signposts<P>>::new(BY_POSE));
+    let uncertainty = Uncertainty { displacement_m2: 1.0, rotation_rad2: 1e-4 };
+    let known = [KnownPlace::alike_in_all(NodeId::new(10), false, uncertainty)];
+    let verification = closing.propose(way.past(), &known, None, Signposts::default()).expect("it may be there");
+    let reach_m =
+        |views: &[View<Reading<P>>]| views.iter().map(|view| view.submap_from_keyframe.length()).fold(0.0, f64::max);
+    [reach_m(&verification.query), reach_m(&verification.targets[0].1)]
+}
+
+#[test]
+fn in_space_the_way_that_is_looked_for_is_half_as_long_as_the_one_it_is_looked_for_in() {
+    assert_eq!([ways_compared::<Pose2>(), ways_compared::<Pose3>()], [[8.0, 8.0], [4.0, 8.0]]);
+}
+
 fn match_with_an_old_place<P: Pose>() {
     let [ten, eleven, twelve, just_now, newest] = [10, 11, 12, 45, 59].map(NodeId::new);
     for objection in [None, Some(Objection::Contradiction), Some(Objection::LittleOverlap)] {

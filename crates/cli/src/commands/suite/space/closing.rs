@@ -16,7 +16,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// A loop is at least so much way on ground seen before, metres.
+/// A loop is at least so much way on ground that the robot has come back to, metres.
 const LOOP_M: f64 = 3.0;
 /// Such a share of the times on known ground is closed where storeys look alike.
 const CLOSED_SHARE: f64 = 0.8;
@@ -31,9 +31,11 @@ pub(in super::super) struct World {
     path_m: f64,
     clouds: usize,
     keyframes: usize,
-    /// Stretches on known ground, and those of them that are closed.
+    /// Stretches on known ground to which the robot has come back, and those of them that are closed.
     loops: usize,
     closed: usize,
+    /// Stretches on known ground on which it has not been away.
+    stayed: usize,
     /// When the others begin and end, seconds.
     open_s: Vec<[f64; 2]>,
     /// Times on known ground, and those of them that are closed.
@@ -68,7 +70,7 @@ impl World {
         let (ate_m, batch_ate_m) = (ate(world.keyframe_poses())?, ate(&batch)?);
         let closings = world.closings();
         let (times, times_closed) = closed_times(&world, &revisits, &closings);
-        let loops = loops_of(&world, &revisits);
+        let (loops, known) = (long_of(&world, revisits.returns()), long_of(&world, revisits.stretches()));
         let is_open = |ends: &&[Stamp; 2]| !closings.iter().any(|closing| closes(&world, &revisits, **ends, closing));
         let open: Vec<_> = loops.iter().filter(is_open).collect();
         let wrong_closings = Wrong::among(&closings);
@@ -79,6 +81,7 @@ impl World {
             keyframes: world.keyframe_count(),
             loops: loops.len(),
             closed: loops.len() - open.len(),
+            stayed: known.len() - loops.len(),
             open_s: open.iter().map(|ends| ends.map(|stamp| stamp.secs_since(Stamp(0)))).collect(),
             times,
             times_closed,
@@ -99,11 +102,12 @@ impl World {
 
     fn line(&self) -> String {
         format!(
-            "{:6}  closed {} of {} loops, {:3} of {:3} times  {:3} closures, {} wrong, {:5} closing, {} wrong  \
+            "{:6}  closed {} of {} loops, {} stayed, {:3} of {:3} times  {:3} closures, {} wrong, {:5} closing, {} wrong  \
              ATE {:6.3} m, batch {:6.3} m, ratio {:5.2}  {:4.0} m of way",
             self.seed,
             self.closed,
             self.loops,
+            self.stayed,
             self.times_closed,
             self.times,
             self.closures,
@@ -118,14 +122,13 @@ impl World {
     }
 }
 
-/// The stretches of the drive on ground seen before that are long enough.
-fn loops_of(world: &Simulated<SpaceSweep>, revisits: &Revisits<Pose3>) -> Vec<[Stamp; 2]> {
-    let mut loops = revisits.stretches();
-    loops.retain(|&[from, until]| world.along_at_m(until) - world.along_at_m(from) >= LOOP_M);
-    loops
+/// The stretches of the drive that are long enough.
+fn long_of(world: &Simulated<SpaceSweep>, mut stretches: Vec<[Stamp; 2]>) -> Vec<[Stamp; 2]> {
+    stretches.retain(|&[from, until]| world.along_at_m(until) - world.along_at_m(from) >= LOOP_M);
+    stretches
 }
 
-/// Whether an edge closes a loop.
+/// Whether an edge closes a loop: its older keyframe truly saw what is seen there.
 fn closes(
     world: &Simulated<SpaceSweep>,
     revisits: &Revisits<Pose3>,
@@ -134,7 +137,8 @@ fn closes(
 ) -> bool {
     let [older, newer] = [closing.from, closing.to].map(|keyframe| world.stamp(keyframe));
     let is_there = newer >= from && newer.secs_since(until) <= FOUND_WITHIN_S;
-    closing.is_right() && is_there && revisits.contains(older, newer)
+    let mut of_loop = revisits.pairs().iter().map(|pair| pair.later).filter(|later| (from..=until).contains(later));
+    closing.is_right() && is_there && of_loop.any(|time| revisits.contains(older, time))
 }
 
 /// Candidates measured right that are no closures, by verdict and objection.
@@ -159,9 +163,10 @@ fn summary(worlds: &[World]) -> (String, Value, Sums) {
         [("ATE", " m", |w| w.ate_m), ("batch", " m", |w| w.batch_ate_m), ("ratio", "", |w| w.ratio)];
     let sums = Sums::of(worlds);
     let words = format!(
-        "{}loops    {} closed; times on known ground {}\nwrong    {} of {} closures, {} of {} closing edges\n",
+        "{}loops    {} closed; {} stretches on known ground where it has stayed; times on known ground {}\nwrong    {} of {} closures, {} of {} closing edges\n",
         stats_in_words(worlds, &rows),
         percent(sums.closed, sums.loops),
+        sums.stayed,
         percent(sums.times_closed, sums.times),
         sums.wrong_closures,
         sums.closures,
@@ -172,6 +177,7 @@ fn summary(worlds: &[World]) -> (String, Value, Sums) {
     let value = json!({
         "loops": sums.loops,
         "closed": sums.closed,
+        "stayed": sums.stayed,
         "times": sums.times,
         "times_closed": sums.times_closed,
         "closures": sums.closures,
@@ -189,6 +195,7 @@ fn summary(worlds: &[World]) -> (String, Value, Sums) {
 struct Sums {
     loops: usize,
     closed: usize,
+    stayed: usize,
     times: usize,
     times_closed: usize,
     closures: usize,
@@ -203,6 +210,7 @@ impl Sums {
         Self {
             loops: sum(|w| w.loops),
             closed: sum(|w| w.closed),
+            stayed: sum(|w| w.stayed),
             times: sum(|w| w.times),
             times_closed: sum(|w| w.times_closed),
             closures: sum(|w| w.closures),
