@@ -8,9 +8,11 @@ use mapwright_geom::{Pose, Pose2, Tangent, TangentMatrix};
 use mapwright_graph::Uncertainty;
 use mapwright_record::{Candidate, Detection, Edge, Evidence, Measurement, NodeId, Objection, Past, Verdict};
 
+mod apart;
 mod checkpoint;
 mod supports;
 
+use apart::Apart;
 use supports::{Supports, agree, is_left};
 
 /// Old places are looked for after so much travel, metres.
@@ -68,7 +70,7 @@ const SURE_M: f64 = 0.15;
 const AGREE_M: f64 = 0.2;
 const AGREE_RAD: f64 = 0.03;
 /// Where another pose fits nearly as well, but no better than this share, several findings that agree may still decide:
-/// each saw other things.
+/// each saw other things. As many have to agree that a fragment lies elsewhere than odometry has led to.
 const UNCLEAR_AMBIGUITY: f64 = 0.95;
 const UNCLEAR_FRIENDS: usize = 3;
 /// They must come from places so far apart along the way, metres, and at most so far.
@@ -130,6 +132,8 @@ pub struct Closing<S: Submaps> {
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
+    /// Fragments that nothing joins yet.
+    apart: Apart,
 }
 
 /// What a finding makes of candidates: its own, and those that have waited and agree with it.
@@ -156,7 +160,24 @@ impl<S: Submaps> Closing<S> {
             described_m: None,
             strained: 0,
             urgent: false,
+            apart: Apart::default(),
         }
+    }
+
+    /// A fragment begins with this keyframe, after a break.
+    pub fn begin_fragment(&mut self, first: NodeId) {
+        self.apart.begin(first);
+    }
+
+    /// Whether there is a fragment that nothing joins with what was mapped before it.
+    #[must_use]
+    pub fn is_apart(&self) -> bool {
+        self.apart.is_any()
+    }
+
+    /// The first keyframes of fragments that have turned out elsewhere than odometry has led to, once: what links them there is wrong.
+    pub fn take_misled(&mut self) -> Vec<NodeId> {
+        self.apart.take_misled()
     }
 
     /// Goes on with a session: what has waited waits, and closures of late hold.
@@ -180,6 +201,7 @@ impl<S: Submaps> Closing<S> {
         }
         self.supports.forget(past.way_m);
         (self.checked_m, self.asked_m) = (past.length_m(), past.length_m());
+        self.apart = Apart::of(past);
     }
 
     /// Whether it is time to look for old places.
@@ -206,10 +228,11 @@ impl<S: Submaps> Closing<S> {
             targets.extend(support.and_then(|from| self.supporting(past, to, from, known)));
         }
         let widest_m = known.iter().filter(|place| !place.live).map(window_m).fold(0.0, f64::max);
-        if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose) {
+        let is_apart = self.is_apart();
+        if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose || is_apart) {
             // Before they are needed, and a few at a time, for this is done within a scan.
             self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
-            let needed = widest_m > WIDEST_M || !by_pose;
+            let needed = widest_m > WIDEST_M || !by_pose || is_apart;
             if needed && self.checked_m - self.asked_m >= ASK_BY_PLACE_EVERY_M {
                 self.asked_m = self.checked_m;
                 targets.extend(self.alike(past, to, known, &submaps));
@@ -306,7 +329,7 @@ impl<S: Submaps> Closing<S> {
         targets
     }
 
-    /// Places that look like this one, where the uncertainty of the pose allows for them.
+    /// Places that look like this one, where the uncertainty of the pose allows for them; everywhere in what the robot is apart from.
     fn alike(
         &mut self,
         past: Past<'_, S::Measurement>,
@@ -319,7 +342,7 @@ impl<S: Submaps> Closing<S> {
         let target = |(from, window)| {
             let place = patch_of(known, from).filter(|place| !place.live)?;
             let most_m = SEEN_WITHIN_M + 2.0 * WINDOW_SIGMAS * sigmas(place).0;
-            let is_near = past.pose(from).distance(past.pose(to)) <= most_m;
+            let is_near = self.apart.is_crossed(from, to) || past.pose(from).distance(past.pose(to)) <= most_m;
             let covariance = place.covariance;
             is_near.then_some(Target { from, detection: Detection::Place, window, covariance })
         };
@@ -349,7 +372,8 @@ impl<S: Submaps> Closing<S> {
         let mut judged = target.judged(to, finding);
         let found = finding.target_from_query.unwrap_or(target.window.target_from_query);
         let chi2 = cycle_chi2(past, to, target, finding, found);
-        let most_chi2 = if target.detection == Detection::Match {
+        let joins = self.apart.is_crossed(target.from, to);
+        let most_chi2 = if joins || target.detection == Detection::Match {
             improbable_match_chi2::<PoseOf<S>>()
         } else {
             improbable_chi2::<PoseOf<S>>()
@@ -368,8 +392,9 @@ impl<S: Submaps> Closing<S> {
         if target.detection == Detection::Match {
             self.supports.learn(target.from, to, supports::Found::Not);
         }
-        let may_count = finding.objection.is_none() || unclear;
-        if !may_count || chi2 > most_chi2 {
+        let is_misled = chi2 > most_chi2;
+        let may_count = finding.objection.is_none() || unclear && !is_misled;
+        if !may_count || is_misled && !joins {
             return Judgement { judged, agreeing: Vec::new() };
         }
         let number = candidates.len() as u32;
@@ -379,14 +404,15 @@ impl<S: Submaps> Closing<S> {
         let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
         let sure = target.covariance.position_variance_m2() < SURE_M * SURE_M && !unclear;
-        let enough = if any_clear { 1 } else { UNCLEAR_FRIENDS };
-        if friends.len() < enough && !sure {
+        let enough = if any_clear && !is_misled { 1 } else { UNCLEAR_FRIENDS };
+        if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
             if self.waiting.len() > WAITING_AT_MOST {
                 self.waiting.remove(0);
             }
             return Judgement { judged, agreeing: Vec::new() };
         }
+        self.apart.join(target.from, to, is_misled);
         self.waiting.retain(|other| !friends.contains(other));
         judged.verdict = Verdict::Accepted;
         Judgement { judged, agreeing: friends }
@@ -412,11 +438,6 @@ impl<S: Submaps> Closing<S> {
     /// A closure between two keyframes was none.
     pub fn withdrawn(&mut self, [from, to]: [NodeId; 2]) {
         self.supports.unlearn(from, to);
-    }
-
-    /// A keyframe is not where it was thought to be.
-    pub fn disown(&mut self, node: NodeId) {
-        self.supports.disown(node);
     }
 
     /// The keyframes from `node` on were moved: matches that wait there say what is no longer so.

@@ -3,7 +3,6 @@
 //! Which old places to look for, what was found there and whether to believe it ([`Closing`], [`Verification`], [`Solving`]) is
 //! written once for the plane and for space, over [`Pose`](mapwright_geom::Pose) and the trait [`Submaps`].
 
-mod atlas;
 mod cascade;
 mod closing;
 mod places;
@@ -16,7 +15,6 @@ mod submaps;
 mod verification;
 mod views;
 
-pub use atlas::{Atlas, Effort, Sighting};
 pub use cascade::{Finding, VerifySettings};
 pub use closing::{Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, is_old};
 pub use places::{PlaceHit, PlaceIndex};

@@ -61,12 +61,7 @@ impl PlaneSubmap {
     }
 }
 
-/// The map of some views, and all their end points in its frame.
-pub(crate) fn draw(views: &[View], settings: &PlaneSubmapSettings) -> (LocalMap, Vec<[f64; 2]>) {
-    draw_each(views, settings, |_| {})
-}
-
-/// The same, and calls with the points of each view.
+/// The map of some views, and all their end points in its frame; calls with the points of each view.
 fn draw_each(
     views: &[View],
     settings: &PlaneSubmapSettings,

@@ -2,12 +2,10 @@
 
 use crate::cycles::{self, Follows};
 use crate::jobs::{Job, Outcome, Task};
-use crate::relocation::Budget;
 use crate::settings::{Correction, Jobs, LivePolicy, Settings};
 use crate::store::Store;
-use mapwright_geom::Stored;
 use mapwright_loops::{Closes, Closing, ClosingSettings, Solving};
-use mapwright_record::Past;
+use mapwright_record::{Localisation, Past};
 use mapwright_sensor::Sweep;
 use std::collections::VecDeque;
 
@@ -19,9 +17,6 @@ pub(crate) struct BackEnd<M: Closes = Sweep> {
     /// Jobs that were handed out and have not come back.
     out: usize,
     is_inline: bool,
-    /// How often it was asked where the robot is, and what that may cost.
-    questions: u64,
-    pub(crate) budget: Budget,
 }
 
 impl<M: Closes> BackEnd<M> {
@@ -31,22 +26,17 @@ impl<M: Closes> BackEnd<M> {
             jobs: VecDeque::new(),
             out: 0,
             is_inline: settings.loops.jobs == Jobs::Inline,
-            questions: 0,
-            budget: Budget::default(),
         }
     }
 
     pub(crate) fn put(&self, out: &mut Vec<u8>) {
         self.closing.put(out);
-        self.questions.put(out);
-        self.budget.put(out);
     }
 
     /// Goes on as it was, with nothing under way; `past` is all of the session.
     pub(crate) fn restore(settings: &Settings, past: Past<'_, M>, from: &mut &[u8]) -> Option<Self> {
         let closing = Closing::restore(closing_settings(settings), past, from)?;
-        let (questions, budget) = Stored::take(from)?;
-        Some(Self { closing, questions, budget, ..Self::new(settings) })
+        Some(Self { closing, ..Self::new(settings) })
     }
 
     /// Goes on with a session by its edges alone. A killed run's log has all edges, but poses may be older than the newest.
@@ -60,6 +50,11 @@ impl<M: Closes> BackEnd<M> {
         let mut back = Self::new(settings);
         back.closing.resume(store.past());
         back
+    }
+
+    /// Whether what is mapped now is joined with the rest.
+    pub(crate) fn localisation(&self) -> Localisation {
+        if self.closing.is_apart() { Localisation::Apart } else { Localisation::Joined }
     }
 
     /// Whether something is under way, which was asked of the past as it is.
@@ -99,7 +94,6 @@ impl<M: Closes> BackEnd<M> {
         let known = store.len();
         match outcome {
             Outcome::Verified(verified) if verified.to.index() < known => {
-                self.budget.earn_verification(verified.work.0, verified.work.1);
                 let judged = cycles::judge(&mut self.closing, store, front, verified, correction);
                 judged.solving.into_iter().for_each(|solving| self.push(Task::Solve(solving)));
                 judged.is_moved
@@ -109,18 +103,6 @@ impl<M: Closes> BackEnd<M> {
             }
             _ => false,
         }
-    }
-
-    /// The number of a question where the robot is, and what it may cost; none while that is too little.
-    pub(crate) fn next_question(&mut self) -> Option<(u64, u64)> {
-        let effort = self.budget.for_question()?;
-        self.questions += 1;
-        Some((self.questions, effort))
-    }
-
-    #[cfg(test)]
-    pub(crate) fn questions(&self) -> u64 {
-        self.questions
     }
 }
 

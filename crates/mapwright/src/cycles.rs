@@ -67,6 +67,11 @@ fn judge_finding<S: Submaps>(
     let judgement = closing.judge(store.past(), store.session().candidates(), to, found);
     let number = store.add_candidate(&judgement.judged);
     let Some(number) = number.filter(|_| judgement.judged.verdict == Verdict::Accepted) else { return Vec::new() };
+    for first in closing.take_misled() {
+        let ends =
+            store.odometry_to(first).and_then(|edge| store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted)));
+        ends.into_iter().for_each(|[from, to]| front.open(from, to));
+    }
     let mut edges = Vec::new();
     for number in judgement.agreeing.into_iter().chain([number]) {
         let Some(edge) = store.accept(number) else { continue };

@@ -18,6 +18,7 @@ use slip::SlipWatch;
 use std::sync::Arc;
 use track::{Scene, Tracker};
 
+mod breaks;
 mod checkpoint;
 mod dynamic;
 mod insert;
@@ -74,15 +75,6 @@ impl FrontEnd {
         }
     }
 
-    /// One that maps anew while wheels and gyroscope go on.
-    pub(crate) fn going_on_from(other: &Self, settings: Settings) -> Self {
-        Self {
-            preparation: Preparation::going_on_from(&other.preparation),
-            predictor: other.predictor.clone(),
-            ..Self::new(settings, Pose2::IDENTITY)
-        }
-    }
-
     pub(crate) fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -91,21 +83,8 @@ impl FrontEnd {
         &self.pose
     }
 
-    pub(crate) fn scan(&self) -> &Preparation {
-        &self.preparation
-    }
-
-    pub(crate) fn tracker(&self) -> &Tracker {
-        &self.tracker
-    }
-
     pub(crate) fn matcher(&self) -> MatcherSettings {
         self.tracker.matcher.settings
-    }
-
-    /// Usual time between two scans, seconds.
-    pub(crate) fn period_s(&self) -> f64 {
-        self.predictor.period_s()
     }
 
     pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {
@@ -229,11 +208,6 @@ impl FrontEnd {
         self.keyframe_here(past, scan, matched, left_out)
     }
 
-    /// A keyframe of which nothing is drawn, where the robot was put down.
-    pub(crate) fn blank_keyframe(&self, past: Past<'_>, scan: &LaserScan) -> Option<NewKeyframe> {
-        self.keyframe_here(past, scan, None, Some((Beams::All, LeftOutReason::OnTrial)))
-    }
-
     fn keyframe_here(
         &self,
         past: Past<'_>,
@@ -277,18 +251,6 @@ impl FrontEnd {
         self.carry(past, before);
     }
 
-    /// The robot is where nobody thought, near an old keyframe.
-    pub(crate) fn put_down(&mut self, scan: &LaserScan, local_from_robot: Pose2, near: NodeId) {
-        self.pose.put_down(local_from_robot, near);
-        self.tracker.put_down(scan.stamp);
-    }
-
-    /// The local map follows there at once, as far as a scan sees.
-    pub(crate) fn look_around(&mut self, past: Past<'_>) {
-        let hits = &self.preparation.points().hits;
-        self.local_map.arrive(&self.settings, Frames::of(past), hits, self.pose.local_from_robot());
-    }
-
     /// A keyframe is taken out for good; before it is left out of what is drawn.
     pub(crate) fn drop_keyframe(&mut self, past: Past<'_>, node: NodeId) {
         self.local_map.drop(&self.settings, Frames::of(past), node);
@@ -297,10 +259,6 @@ impl FrontEnd {
     /// How certain old places are relative to the newest keyframe.
     pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
         self.local_map.survey()
-    }
-
-    pub(crate) fn is_in_local_map(&self, node: NodeId) -> bool {
-        self.local_map.is_live(node)
     }
 
     pub(crate) fn local_map(&self) -> &LocalMap {

@@ -3,7 +3,6 @@
 //! A job holds all it needs and says the same wherever and whenever it runs. When a log is processed it is done at once;
 //! a robot that drives hands it to a worker and takes the result in when it is there.
 
-use crate::relocation::{Seeking, Sought};
 use mapwright_loops::{Closes, Solved, Solving, Verification, Verified};
 use mapwright_sensor::Sweep;
 
@@ -19,14 +18,12 @@ pub struct JobResult<M: Closes = Sweep>(pub(crate) Outcome<M>);
 pub(crate) enum Task<M: Closes> {
     Verify(Box<Verification<M::Submaps>>),
     Solve(Solving<M::Pose>),
-    Seek(Seeking),
 }
 
 #[derive(Debug, Clone)]
 pub(crate) enum Outcome<M: Closes> {
     Verified(Verified<M::Pose>),
     Solved(Option<Solved<M::Pose>>),
-    Sought(Box<Sought>),
 }
 
 impl<M: Closes> Job<M> {
@@ -36,7 +33,6 @@ impl<M: Closes> Job<M> {
         JobResult(match self.0 {
             Task::Verify(verification) => Outcome::Verified(verification.run()),
             Task::Solve(solving) => Outcome::Solved(solving.run()),
-            Task::Seek(seeking) => Outcome::Sought(Box::new(seeking.run())),
         })
     }
 }

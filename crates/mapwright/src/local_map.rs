@@ -25,10 +25,6 @@ const SAME_VIEW_RAD: f64 = std::f64::consts::FRAC_PI_4;
 /// A live keyframe stays live up to this multiple of the gate.
 const HYSTERESIS: f64 = 2.5;
 
-/// Rounds of following that bring the surroundings of a robot into the local map that was found elsewhere.
-const ARRIVAL_STEPS: usize = 400;
-/// and keyframes that are drawn there at once.
-const ARRIVAL_KEYFRAMES: usize = 200;
 /// A keyframe is drawn anew when what it shows has moved by more than this, cells.
 const DISPLACED_CELLS: f64 = 0.25;
 /// So many keyframes that are due are drawn at a time, for what they have in common is settled once,
@@ -332,6 +328,17 @@ impl LocalMapping {
         self.map.refresh();
     }
 
+    /// Nothing that is known is matched against any more.
+    pub(crate) fn leave_all(&mut self) {
+        self.patches.leave_all();
+        self.map = LocalMap::new(self.map.settings);
+        self.views.iter_mut().for_each(|view| view.drawn_at = None);
+        self.report.keyframes = 0;
+        self.due.clear();
+        self.areas.clear();
+        self.waiting.clear();
+    }
+
     /// A closure links two keyframes.
     pub(crate) fn close(&mut self, frames: Frames<'_>, from: NodeId, to: NodeId, covariance: &Cov3) {
         if self.gated {
@@ -349,16 +356,6 @@ impl LocalMapping {
     /// Old places that are not in the local map.
     pub(crate) fn survey(&mut self) -> Vec<KnownPlace> {
         if self.gated { self.patches.survey() } else { Vec::new() }
-    }
-
-    /// The robot was found elsewhere: the local map follows at once, as far as a scan from there sees.
-    pub(crate) fn arrive(&mut self, settings: &Settings, frames: Frames<'_>, hits: &[[f64; 2]], at: Pose2) {
-        for _ in 0..ARRIVAL_STEPS {
-            self.follow(settings, frames, false);
-        }
-        self.meet_waiting(hits, at);
-        self.settle_due(settings, frames, ARRIVAL_KEYFRAMES);
-        self.map.refresh();
     }
 
     /// Whether a keyframe is in the local map or is to be.

@@ -2,20 +2,18 @@
 
 use crate::back::BackEnd;
 use crate::front::{BEFORE, FrontEnd, Matched, Prepared};
-use crate::jobs::{Job, JobResult, Outcome, Task};
-use crate::localisation::Localisation;
+use crate::jobs::{Job, JobResult, Task};
 use crate::probe::{NoProbe, Probe, Stage};
-use crate::relocation::{Found, Sought};
 use crate::render::GlobalMap;
 use crate::settings::{Settings, SettingsError};
-use crate::store::{Link, NewKeyframe, Store};
+use crate::store::{Link, Store};
 use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Pose2, Stamp, TangentMatrix};
 use mapwright_grid::{CountGrid, LocalMap};
 use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings, is_old};
 use mapwright_record::{
-    Beams, Candidate, Edge, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, NodeId, Objection, Past, RunId,
-    Session, Status, TrajectoryPose, Update, Verdict,
+    Beams, Candidate, Edge, FragmentStart, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, NodeId, RunId, Session,
+    Status, TrajectoryPose, Update,
 };
 use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
@@ -27,7 +25,6 @@ mod checkpoint;
 pub struct Mapper {
     store: Store,
     front: FrontEnd,
-    localisation: Localisation,
     back: BackEnd,
     newest: Newest,
 }
@@ -58,7 +55,6 @@ impl Mapper {
         Ok(Self {
             store: Store::new(run, settings.to_text()),
             front: FrontEnd::new(settings, map_from_robot),
-            localisation: Localisation::default(),
             back: BackEnd::new(&settings),
             newest: Newest { stamp: Stamp(0), status: Status::Tracking },
         })
@@ -84,7 +80,7 @@ impl Mapper {
         let restored = checkpoint.and_then(|checkpoint| checkpoint::restore(settings, &store, &checkpoint.state));
         let (store, back, front) = restored.unwrap_or_else(|| Self::made_again(settings, store));
         let newest = Newest { stamp, status: Status::Tracking };
-        Ok(Self { store, front, localisation: Localisation::default(), back, newest })
+        Ok(Self { store, front, back, newest })
     }
 
     /// What keyframes, edges and the last scans say.
@@ -100,13 +96,11 @@ impl Mapper {
     /// Hand in what was read during a sweep before its scan, as it arrives from a robot.
     pub fn add_odometry(&mut self, odometry: &Odometry) {
         self.front.add_odometry(odometry);
-        self.localisation.lost().into_iter().for_each(|lost| lost.add_odometry(odometry));
     }
 
     /// Remembers a reading of a gyroscope, for the robot's motion during a sweep: hand in what was read during it before its
     /// scan. False where it is no rate that a robot can have; it is left out then.
     pub fn add_turn_rate(&mut self, rate: &TurnRate) -> bool {
-        self.localisation.lost().into_iter().for_each(|lost| lost.add_turn_rate(rate));
         self.front.add_turn_rate(rate)
     }
 
@@ -122,17 +116,20 @@ impl Mapper {
         // 2. Predict: the pose by odometry or constant velocity, its covariance the match's prior.
         let prepared = self.front.prepare(scan);
         probe.end(Stage::Prepare);
-        if self.localisation.is_lost() {
-            return self.add_scan_while_lost(scan, &prepared);
-        }
-        // 3. Match against the local map, with a guard; whether that is believed is up to localisation.
-        let mut matched = self.front.track(self.store.past(), scan, &prepared);
+        // 3. Match against the local map, with a guard; over a break nothing that is known is matched against.
+        let start = self.front.find_break(self.store.past(), scan.stamp, &prepared);
+        let matched = match start {
+            None => self.front.track(self.store.past(), scan, &prepared),
+            Some(_) => self.front.leave(),
+        };
         probe.end(Stage::Match);
-        self.localise(scan, prepared.step.last_from_robot, matched.as_mut());
         self.front.settle(self.store.past(), scan, &prepared, matched.as_ref());
         self.correct_slips(&prepared, matched.as_ref());
-        // 4. Insert a keyframe when the robot has moved enough.
-        let keyframe = self.insert_if_moved(scan, matched.as_ref());
+        // 4. Insert a keyframe when the robot has moved enough, or a fragment begins.
+        let keyframe = match start {
+            None => self.insert_if_moved(scan, matched.as_ref()),
+            Some(start) => self.begin_fragment(scan, start),
+        };
         // 5. The local map follows what is certain relative to the robot.
         self.front.follow(self.store.past(), keyframe.is_some());
         self.add_pose_of_scan(scan);
@@ -147,22 +144,9 @@ impl Mapper {
         self.report(Told { keyframe, beams, matched: matched.map(|matched| matched.report), refused })
     }
 
-    /// Whether the match is believed where it is.
-    fn localise(&mut self, scan: &LaserScan, step: Pose2, matched: Option<&mut Matched>) {
-        let Some(matched) = matched else { return };
-        self.back.budget.earn_match(matched.report.evaluations, matched.report.beams);
-        if let Some(node) = self.localisation.judge(&self.front, self.store.past(), scan, step, matched) {
-            // The robot is not where it was found: nothing leads there.
-            self.front.drop_keyframe(self.store.past(), node);
-            self.store.disown(node, Verdict::Withdrawn(Objection::Contradiction));
-            self.back.closing.disown(node);
-        }
-    }
-
     /// Moves what was mapped since the wheels slipped, once scans tell that together.
     fn correct_slips(&mut self, prepared: &Prepared, matched: Option<&Matched>) {
-        let Self { store, front, localisation, back, .. } = self;
-        let matched = matched.filter(|_| localisation.is_tracking());
+        let Self { store, front, back, .. } = self;
         let is_closed_since = |node| store.is_closed_since(node);
         let slipped = front.watch_slips(store.past(), prepared.step, matched, back.is_busy(), is_closed_since);
         let Some(slipped) = slipped else { return };
@@ -174,23 +158,23 @@ impl Mapper {
     }
 
     fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<NodeId> {
-        if !self.localisation.is_tracking() {
-            return None;
+        let Self { store, front, back, .. } = self;
+        let closing = &mut back.closing;
+        let new = front.new_keyframe(store.past(), scan, matched)?;
+        let written = store.add_keyframe(&new, Link::Odometry, |past, anchor| closing.links(past, anchor))?;
+        if let Some(edge) = written.unjudged {
+            closing.wait(store.past(), edge);
         }
-        let new = self.front.new_keyframe(self.store.past(), scan, matched)?;
-        self.insert(&new, Link::Odometry)
+        front.wrote(store.past(), &new, &written);
+        Some(written.node)
     }
 
-    fn insert(&mut self, new: &NewKeyframe, link: Link) -> Option<NodeId> {
-        self.back.budget.earn_keyframe();
+    fn begin_fragment(&mut self, scan: &LaserScan, start: FragmentStart) -> Option<NodeId> {
         let Self { store, front, back, .. } = self;
-        let closing = &back.closing;
-        let links = |past: Past<'_>, anchor: NodeId| closing.links(past, anchor);
-        let written = store.add_keyframe(new, link, links)?;
-        if let Some(edge) = written.unjudged {
-            back.closing.wait(store.past(), edge);
-        }
-        front.wrote(store.past(), new, &written);
+        let new = front.first_of_fragment(store.past(), scan, start)?;
+        let written = store.add_keyframe(&new, Link::Break(start), |_, _| true)?;
+        front.began_fragment(store.past(), scan.stamp, &new, &written);
+        back.closing.begin_fragment(written.node);
         Some(written.node)
     }
 
@@ -200,66 +184,6 @@ impl Mapper {
             self.store.see_odometry(own_from_robot, pose.odom_from_robot());
         }
         self.store.add_scan(scan.stamp, pose.local_from_robot(), pose.odom_from_robot());
-    }
-
-    /// One scan of a robot that does not know where it is.
-    fn add_scan_while_lost(&mut self, scan: &LaserScan, prepared: &Prepared) -> Update {
-        self.front.settle(self.store.past(), scan, prepared, None);
-        let mut matched = None;
-        if let Localisation::Lost(lost) = &mut self.localisation {
-            let seen = lost.see(&self.front, scan);
-            let step = prepared.step.last_from_robot;
-            lost.go(step.x.hypot(step.y));
-            matched = seen.matched;
-            matched.iter().for_each(|m| self.back.budget.earn_match(m.evaluations, m.beams));
-            if seen.is_keyframe {
-                self.back.budget.earn_keyframe();
-                self.ask_everywhere();
-            }
-        }
-        self.work_inline();
-        let found = self.localisation.lost().and_then(|lost| lost.take_found());
-        found.into_iter().for_each(|found| self.put_down(scan, &found));
-        self.add_pose_of_scan(scan);
-        let status = if self.localisation.is_lost() { Status::Lost } else { Status::Tracking };
-        self.newest = Newest { stamp: scan.stamp, status };
-        self.report(Told { keyframe: None, beams: prepared.beams, matched, refused: prepared.refused })
-    }
-
-    /// Asks where in all that is known the robot is.
-    fn ask_everywhere(&mut self) {
-        let Localisation::Lost(lost) = &mut self.localisation else { return };
-        if !lost.is_to_ask(self.back.budget.every_m()) {
-            return;
-        }
-        lost.asked();
-        let Some(question) = self.back.next_question() else { return };
-        if let Some(seeking) = lost.ask(&self.front, self.store.past(), question) {
-            self.back.push(Task::Seek(seeking));
-        }
-    }
-
-    /// An answer where the robot is.
-    fn hear(&mut self, answer: &Sought) {
-        self.back.budget.spend(answer.given, answer.spent);
-        let Localisation::Lost(lost) = &mut self.localisation else { return };
-        for judged in lost.hear(self.store.past(), answer) {
-            self.store.add_candidate(&judged);
-        }
-    }
-
-    /// The robot is found: it goes on from there. Until that is believed nothing is written but a keyframe that the next ones hang
-    /// on and of which nothing is drawn.
-    fn put_down(&mut self, scan: &LaserScan, found: &Found) {
-        let Localisation::Lost(lost) = &self.localisation else { return };
-        let Found { from, to, from_from_to, covariance } = *found;
-        let keyframe_from_robot = lost.provisional().keyframe_from_robot(to);
-        let local_from_robot = self.store.past().pose(from) * from_from_to * keyframe_from_robot;
-        self.front.put_down(scan, local_from_robot, from);
-        let Some(new) = self.front.blank_keyframe(self.store.past(), scan) else { return };
-        let Some(node) = self.insert(&new, Link::Relocalised { from, covariance }) else { return };
-        self.localisation.try_out(node, from);
-        self.front.look_around(self.store.past());
     }
 
     /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at.
@@ -280,7 +204,7 @@ impl Mapper {
     /// Does the jobs at once, where they are not handed out.
     fn work_inline(&mut self) {
         while let Some(job) = self.back.next_inline() {
-            self.take_in(job.run());
+            self.take_in(&job.run());
         }
     }
 
@@ -295,20 +219,14 @@ impl Mapper {
     /// A result that does not belong to this mapper is left out.
     pub fn apply(&mut self, result: JobResult) -> Update {
         self.back.came_back();
-        self.take_in(result);
+        self.take_in(&result);
         self.report(Told::default())
     }
 
-    fn take_in(&mut self, result: JobResult) {
+    fn take_in(&mut self, result: &JobResult) {
         let Self { store, front, back, .. } = self;
         let correction = front.settings().loops.correction;
-        match result.0 {
-            Outcome::Sought(answer) => self.hear(&answer),
-            outcome if back.take_in(store, front, &outcome, correction) => {
-                self.localisation.lost().into_iter().for_each(|lost| lost.redraw_ground());
-            }
-            _ => {}
-        }
+        back.take_in(store, front, &result.0, correction);
     }
 
     fn status_of(&self, matched: Option<&Matched>) -> Status {
@@ -322,7 +240,7 @@ impl Mapper {
             pose,
             local_from_robot: pose.local_from_robot(),
             covariance: pose.covariance(self.store.past()),
-            localisation: self.localisation.state(),
+            localisation: self.back.localisation(),
             local_map: self.front.local_map_report(),
         };
         told::update(&mut self.store, robot, self.newest, told)

@@ -345,6 +345,17 @@ impl Patches {
         nearest_first(flips)
     }
 
+    /// Nothing is matched against any more.
+    pub(crate) fn leave_all(&mut self) {
+        for patch in &mut self.patches {
+            (patch.live, patch.stale, patch.unsettled) = (false, false, false);
+        }
+        self.buckets.clear();
+        self.stale = 0;
+        (self.searching, self.judged, self.searched_from) = (false, self.round + 1, [f64::INFINITY; 2]);
+        self.way_m += LEAVING_M;
+    }
+
     /// Carries a flip out and returns the keyframes concerned.
     pub(crate) fn flip(&mut self, flip: Flip) -> Vec<NodeId> {
         let Patch { at, live, stale, unsettled, views, .. } = &mut self.patches[flip.patch as usize];

@@ -285,7 +285,6 @@ section! {
     LoopSettings, "loops" {
         by_pose: bool = true, 0..=1, "", "old places within the pose's uncertainty are looked for, and those that matches are supported by verified";
         by_place: bool = true, 0..=1, "", "places that look like this one are looked for where the pose is too uncertain";
-        relocate: bool = true, 0..=1, "", "a robot that fits nowhere maps aside until it knows where it is";
         correction: Correction = Correction::Graph, 0..=1, "", "\"graph\", \"spread\" or \"none\"";
         jobs: Jobs = Jobs::Inline, 0..=1, "", "\"inline\", or \"handed-out\" to a worker of the caller's";
     }

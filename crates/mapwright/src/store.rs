@@ -18,7 +18,7 @@ mod new;
 
 pub(crate) use new::{Link, NewKeyframe, Slipped, Written};
 
-/// What lies between two keyframes that no measurement joins counts as so much way, metres.
+/// What lies between two keyframes that no measurement joins, or a break, counts as so much way, metres.
 const FARTHEST_WAY_M: f64 = 1000.0;
 
 /// A session as it grows.
@@ -146,32 +146,23 @@ impl<M: Measurement> Store<M> {
     pub(crate) fn add_keyframe(
         &mut self,
         new: &NewKeyframe<M>,
-        link: Link<M::Pose>,
+        link: Link,
         links: impl Fn(Past<'_, M>, NodeId) -> bool,
     ) -> Option<Written<M::Pose>> {
         let node = self.add_alone(new)?;
-        let relocalised = matches!(link, Link::Relocalised { .. }).then_some(FragmentStart::Relocalised);
-        if let Some(start) = self.start.take().or(relocalised) {
+        let over_break = if let Link::Break(start) = link { Some(start) } else { None };
+        if let Some(start) = self.start.take().or(over_break) {
             self.write(Entry::Fragment(Fragment { first: self.id(node), start }));
         }
         let Some(last) = node.before() else {
             self.way_m.push(0.0);
             return Some(Written { node, links: Vec::new(), spacing: Spacing::default(), unjudged: None });
         };
-        let (mut edges, mut known, mut unjudged) = (Vec::new(), Vec::new(), None);
+        let mut unjudged = None;
+        let mut edges = vec![self.edge(last, node, EdgeKind::Odometry, information_of(&new.odometry))];
+        let mut known = vec![(last, if over_break.is_some() { new.odometry } else { new.fused })];
         let step = self.local_from_keyframe[last.index()].between(new.local_from_keyframe);
-        let mut step_m = step.length();
-        match link {
-            Link::Relocalised { from, covariance } => {
-                edges.push(self.edge(from, node, EdgeKind::Closure, information_of(&covariance)));
-                known.push((from, covariance));
-                step_m = FARTHEST_WAY_M;
-            }
-            Link::Odometry => {
-                edges.push(self.edge(last, node, EdgeKind::Odometry, information_of(&new.odometry)));
-                known.push((last, new.fused));
-            }
-        }
+        let step_m = if over_break.is_some() { FARTHEST_WAY_M } else { step.length() };
         if let Some((anchor, information)) = new.matched.filter(|&(anchor, _)| anchor < node) {
             let edge = self.edge(anchor, node, EdgeKind::Match, information);
             if links(self.past(), anchor) {
@@ -267,21 +258,11 @@ impl<M: Measurement> Store<M> {
         Some(edge.ends.map(NodeId::new))
     }
 
-    /// A keyframe is not where it was thought to be: nothing leads there any more, and nothing of it is drawn.
-    pub(crate) fn disown(&mut self, node: NodeId, verdict: Verdict) {
-        let id = self.id(node);
-        let leads_there = |&at: &usize| self.session.recorded_edges()[at].ends[1] == node.number();
-        let edges: Vec<usize> = (0..self.session.recorded_edges().len()).filter(leads_there).collect();
-        for at in edges {
-            self.write(Entry::Withdrawn { number: at as u32 });
-        }
-        let accepted = self.session.candidates().iter().enumerate();
-        let accepted = accepted.filter(|(_, c)| c.to == id && c.verdict == Verdict::Accepted);
-        let accepted: Vec<(u32, u32)> = accepted.map(|(at, c)| (at as u32, c.evidence.agreeing)).collect();
-        for (number, agreeing) in accepted {
-            self.write(Entry::Verdict { number, verdict, agreeing });
-        }
-        self.leave_out(node, Beams::All, LeftOutReason::OnTrial);
+    /// The edge of odometry that leads to a keyframe, if it stands.
+    pub(crate) fn odometry_to(&self, node: NodeId) -> Option<usize> {
+        self.session.recorded_edges().iter().position(|known| {
+            known.ends[1] == node.number() && known.recorded.edge.kind == EdgeKind::Odometry && !known.withdrawn
+        })
     }
 
     /// Whether a verified closure leads to one of the keyframes from `node` on.
@@ -404,6 +385,9 @@ fn way_m<M: Measurement>(session: &Session<M>) -> Vec<f64> {
     for known in session.recorded_edges().iter().filter(|known| known.recorded.edge.kind == EdgeKind::Odometry) {
         steps_m[known.ends[1] as usize] = known.recorded.edge.from_from_to.length();
     }
+    for first in session.fragments().iter().filter_map(|fragment| session.place(fragment.first)) {
+        steps_m[first] = FARTHEST_WAY_M;
+    }
     steps_m.first_mut().into_iter().for_each(|first| *first = 0.0);
     let mut sum_m = 0.0;
     steps_m
@@ -422,6 +406,7 @@ fn information_of<C: TangentMatrix>(covariance: &C) -> C {
 /// How far apart keyframes and scans are before a keyframe that is a step on from the last one.
 pub(crate) fn spacing<M>(keyframes: &[Arc<Keyframe<M>>], node: usize, step_m: f64) -> Spacing {
     let scan = |node: usize| keyframes.get(node).map_or(0, |keyframe| keyframe.scan);
-    let scans = scan(node).saturating_sub(scan(node.saturating_sub(1))).max(1);
+    let is_break = step_m >= FARTHEST_WAY_M;
+    let scans = if is_break { 1 } else { scan(node).saturating_sub(scan(node.saturating_sub(1))).max(1) };
     Spacing { keyframe_m: step_m, scan_m: step_m / scans as f64 }
 }

@@ -106,6 +106,12 @@ pub enum FragmentStart {
     Relocalised,
     /// A session is continued.
     Resumed,
+    /// After a gap between scans or scans that did not fit it may be anywhere within what odometry is uncertain by.
+    Uncertain,
+    /// It saw nothing for a while, and may have been carried.
+    Blind,
+    /// Scans fitted nowhere for a while.
+    Lost,
 }
 
 /// An edge and what it was made of.

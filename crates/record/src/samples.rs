@@ -146,7 +146,17 @@ impl Story {
         let Step { kind, a, b, x } = step;
         let number = |count: usize| (count > 0).then(|| a % count as u32);
         let edge = number(self.session.recorded_edges().len());
-        let start = one_of(&[FragmentStart::SwitchedOn, FragmentStart::Relocalised, FragmentStart::Resumed], a);
+        let start = one_of(
+            &[
+                FragmentStart::SwitchedOn,
+                FragmentStart::Relocalised,
+                FragmentStart::Resumed,
+                FragmentStart::Uncertain,
+                FragmentStart::Blind,
+                FragmentStart::Lost,
+            ],
+            a,
+        );
         let reason =
             [LeftOutReason::InTheWay, LeftOutReason::ContradictsTheMap, LeftOutReason::OnTrial, LeftOutReason::Asked];
         let beams = if b.is_multiple_of(3) { Beams::All } else { Beams::These(vec![a % 5, 1, 900]) };

@@ -30,18 +30,14 @@ impl Status {
     }
 }
 
-/// Whether the robot's place in the map is believed.
+/// Whether what the robot maps is joined with what was mapped before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Localisation {
     /// It is.
     #[default]
-    Tracking,
-    /// It saw nothing for a while: nothing is written until what it sees has fitted for some way.
-    Checking,
-    /// It was lost and has found itself: nothing is written until what it sees has borne that out.
-    OnTrial,
-    /// It does not know where it is, and maps provisionally.
-    Lost,
+    Joined,
+    /// Since a break it maps a fragment of its own: where that lies in the map odometry alone tells, if anything does.
+    Apart,
 }
 
 impl Localisation {
@@ -49,10 +45,8 @@ impl Localisation {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Tracking => "tracking",
-            Self::Checking => "checking",
-            Self::OnTrial => "on trial",
-            Self::Lost => "lost",
+            Self::Joined => "joined",
+            Self::Apart => "apart",
         }
     }
 }
@@ -108,7 +102,7 @@ pub struct Update<M: Measurement = Sweep> {
     pub anchor: Option<KeyframeId>,
     /// How well the robot knows where it is.
     pub status: Status,
-    /// Whether its place in the map is believed.
+    /// Whether what it maps is joined with the rest.
     pub localisation: Localisation,
     /// Frame of continuous odometry in the map; jumps when the map is corrected.
     pub map_from_odom: M::Pose,

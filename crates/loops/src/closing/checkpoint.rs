@@ -1,5 +1,6 @@
 //! What is known of cycles, as bytes.
 
+use super::apart::Apart;
 use super::supports::Supports;
 use super::{Closing, ClosingSettings};
 use crate::submaps::Submaps;
@@ -13,6 +14,7 @@ impl<S: Submaps> Closing<S> {
         (self.checked_m, self.asked_m, self.described, self.described_m).put(out);
         (self.strained, self.urgent).put(out);
         self.supports.put(out);
+        self.apart.put(out);
         self.places.put(out);
     }
 
@@ -23,10 +25,11 @@ impl<S: Submaps> Closing<S> {
         let (checked_m, asked_m, described, described_m) = Stored::take(from)?;
         let (strained, urgent) = Stored::take(from)?;
         let supports = Supports::restore(past, from)?;
+        let apart = Apart::restore(past, from)?;
         let places = S::Places::take(from)?;
         let is_sound = waiting.iter().all(|&number| (number as usize) < past.session.candidates().len())
             && S::remembered(&places).iter().all(|&node| past.has(node));
         let known = Self { waiting, checked_m, asked_m, described, described_m, ..Self::new(settings) };
-        is_sound.then_some(Self { strained, urgent, supports, places, ..known })
+        is_sound.then_some(Self { strained, urgent, supports, apart, places, ..known })
     }
 }

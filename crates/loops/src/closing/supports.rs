@@ -83,12 +83,6 @@ impl<P: Pose> Supports<P> {
         (since_m < holds_m).then_some(*support)
     }
 
-    /// A keyframe is not where it was thought to be.
-    pub(super) fn disown(&mut self, node: NodeId) {
-        self.known.retain(|support| support.to != node);
-        self.waiting.retain(|&([_, to], _)| to != node);
-    }
-
     /// The keyframes from `node` on were moved: what waits for them says what is no longer so.
     pub(super) fn forget_since(&mut self, node: NodeId) {
         self.waiting.retain(|&([_, to], _)| to < node);

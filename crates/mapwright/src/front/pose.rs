@@ -9,8 +9,6 @@ const CHAIN: usize = 64;
 /// Error of the map between the anchor and here that no single match shows: at the anchor and per metre away from it,
 /// for positions (m) and headings (rad); calibrated with the scale of the information (`tests/consistency.rs`).
 const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0007, 0.0006]];
-/// Variances of what nobody knows, m^2 and rad^2.
-const PUT_DOWN_VARIANCES: [f64; 2] = [1e4, 10.0];
 
 /// The robot's pose and covariances.
 #[derive(Debug, Clone)]
@@ -134,12 +132,10 @@ impl<P: Pose> RobotPose<P> {
         self.odometry_since_keyframe = P::Matrix::zero();
     }
 
-    /// The robot is somewhere else than was thought: near a keyframe, however certain.
-    pub(super) fn put_down(&mut self, local_from_robot: P, near: NodeId) {
-        self.local_from_robot = local_from_robot;
-        self.anchor = Some(near);
-        self.keyframe_from_anchor = P::Matrix::from_variances(PUT_DOWN_VARIANCES[0], PUT_DOWN_VARIANCES[1]);
-        self.odometry_since_keyframe = P::Matrix::zero();
+    /// What comes is relative to this keyframe, which was just made here.
+    pub(super) fn begin_fragment(&mut self, node: NodeId) {
+        self.anchor = Some(node);
+        self.keyframe_from_anchor = P::Matrix::zero();
     }
 
     /// The wheels had slipped before keyframe `from`: the robot is elsewhere, and so much less certain.

@@ -13,6 +13,8 @@ pub(crate) struct Step {
     /// The same by the motion model alone, before what odometry has been found wrong by.
     pub(crate) expected: [f64; 3],
     pub(crate) from_odometry: bool,
+    /// The scan before is longer ago than is usual.
+    pub(crate) after_gap: bool,
 }
 
 /// How a robot turned out to have moved since the scan before.
@@ -38,8 +40,17 @@ const STEADY_SHARE: [f64; 2] = [0.1, 0.4];
 /// Weight of the newest motion in the velocity that is carried: matches in a corridor stick to what was just drawn, and a
 /// velocity that follows each of them comes to a stand.
 const VELOCITY_WEIGHT: f64 = 0.3;
-/// Weight of the newest period in the running mean.
+/// Weight of the newest period in the running mean, and what counts as one: up to so many seconds, and the first one up to so many.
 const PERIOD_WEIGHT: f64 = 0.02;
+const PERIOD_S: f64 = 2.0;
+const PERIOD_AT_FIRST_S: f64 = 10.0;
+/// How fast a robot is thought to drive and turn before it has moved, metres and radians per second, and how fast at least: it may drive
+/// off unseen. Weight of the newest scan in the running mean of the squares.
+const USUAL_AT_FIRST: [f64; 2] = [0.5, 0.8];
+const USUAL_AT_LEAST: [f64; 2] = [0.05, 0.1];
+const USUAL_WEIGHT: f64 = 0.01;
+/// Standard deviation of a heading of which nothing is known, radians: pi / sqrt(3).
+const ANY_HEADING_RAD: f64 = 1.8;
 /// Odometry that claims to have gone farther than this between two scans, metres, and faster than any robot that maps
 /// buildings drives, metres per second, has jumped and is not believed.
 const JUMP_M: f64 = 10.0;
@@ -59,7 +70,7 @@ const FAILING_STEP_AT_MOST_M: f64 = 0.5;
 const LARGEST: f64 = 1e3;
 
 /// What the predictor remembers.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Predictor {
     odom_from_robot: Option<Pose2>,
     stamp: Option<Stamp>,
@@ -71,9 +82,25 @@ pub(crate) struct Predictor {
     period_s: f64,
     /// Of translation and rotation: what odometry has been wrong by, and what it was expected to be.
     wrong: [[f64; 2]; 2],
+    /// How fast the robot usually drives and turns, metres and radians per second.
+    usual: [f64; 2],
 }
 
-stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong });
+stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual });
+
+impl Default for Predictor {
+    fn default() -> Self {
+        Self {
+            odom_from_robot: None,
+            stamp: None,
+            twist: None,
+            after_gap: false,
+            period_s: 0.0,
+            wrong: [[0.0; 2]; 2],
+            usual: USUAL_AT_FIRST,
+        }
+    }
+}
 
 impl Predictor {
     /// Goes on as it was.
@@ -115,14 +142,16 @@ impl Predictor {
         };
         match increment {
             Some(last_from_robot) => {
-                let expected = odometry_variances(settings, last_from_robot, elapsed_s);
+                let after_gap = self.is_gap(elapsed_s);
+                let scans = if after_gap { (elapsed_s / self.period_s).ceil() } else { 1.0 };
+                let expected = odometry_variances(settings, last_from_robot, elapsed_s, scans);
                 let worse = |[was, expected]: [f64; 2]| match expected {
                     expected if expected > 0.0 => (was / expected).clamp(1.0, WORSE_AT_MOST),
                     _ => 1.0,
                 };
                 let [translation, rotation] = self.wrong.map(worse);
                 let variances = [translation * expected[0], translation * expected[1], rotation * expected[2]];
-                Step { last_from_robot, variances, expected, from_odometry: true }
+                Step { last_from_robot, variances, expected, from_odometry: true, after_gap }
             }
             None => self.constant_velocity(settings, elapsed_s),
         }
@@ -130,21 +159,29 @@ impl Predictor {
 
     /// The motion as before. Scans come at an even rate even where their stamps come in bursts, so a motion is
     /// carried from scan to scan, over gaps too, for many of them are a logger that was late: a gap of several periods
-    /// adds uncertainty with its length and nothing else.
+    /// adds as much uncertainty as the robot usually drives and turns in it, and nothing else.
     fn constant_velocity(&self, settings: &MotionSettings, elapsed_s: f64) -> Step {
         let gap_s = if elapsed_s > GAP_PERIODS * self.period_s { elapsed_s - self.period_s } else { 0.0 };
         let carried = self.twist.unwrap_or([0.0; 3]);
         let (translation, rotation) = (carried[0].hypot(carried[1]), carried[2].abs());
         let steady_m = STEADY_MPS2 * self.period_s.min(STEADY_AT_MOST_S).powi(2);
         let [share_t, share_r] = STEADY_SHARE;
-        let sigma_t = steady_m + share_t * translation + settings.translation_floor_m + 0.5 * gap_s.min(4.0);
-        let sigma_r = STEADY_RAD + share_r * rotation + settings.rotation_floor_rad + 0.8 * gap_s.min(4.0);
+        let sigma_t = steady_m + share_t * translation + settings.translation_floor_m + self.usual[0] * gap_s;
+        let sigma_r = STEADY_RAD
+            + share_r * rotation
+            + settings.rotation_floor_rad
+            + (self.usual[1] * gap_s).min(ANY_HEADING_RAD);
         Step {
             last_from_robot: Pose2::exp(carried),
             variances: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
             expected: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
             from_odometry: false,
+            after_gap: gap_s > 0.0,
         }
+    }
+
+    fn is_gap(&self, elapsed_s: f64) -> bool {
+        self.period_s > 0.0 && elapsed_s > GAP_PERIODS * self.period_s
     }
 
     /// What the robot did instead if the wheels fail: they spin while it stands, they count but do not tell forwards from
@@ -203,7 +240,18 @@ impl Predictor {
             Moved::Unknown => self.twist = None,
         }
         self.after_gap = after_gap;
-        if elapsed_s > 0.0 && elapsed_s < 2.0 {
+        if let Moved::By(motion) | Moved::Matched(motion) = moved
+            && !after_gap
+            && self.period_s > 0.0
+        {
+            let now = [motion.x.hypot(motion.y), motion.theta.abs()].map(|moved| moved / self.period_s);
+            for (axis, usual) in self.usual.iter_mut().enumerate() {
+                let mean_square = *usual * *usual + USUAL_WEIGHT * (now[axis] * now[axis] - *usual * *usual);
+                *usual = mean_square.sqrt().max(USUAL_AT_LEAST[axis]);
+            }
+        }
+        let usual_at_most_s = if self.period_s > 0.0 { GAP_PERIODS * self.period_s } else { PERIOD_AT_FIRST_S };
+        if elapsed_s > 0.0 && elapsed_s < usual_at_most_s.max(PERIOD_S) {
             let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
             self.period_s += weight * (elapsed_s - self.period_s);
         }
@@ -218,20 +266,24 @@ fn believable(step: Pose2, elapsed_s: f64) -> bool {
     step.is_finite() && step.x.hypot(step.y) <= JUMP_M.max(JUMP_MPS * elapsed_s)
 }
 
-/// Variances of an odometry step.
-fn odometry_variances(settings: &MotionSettings, step: Pose2, elapsed_s: f64) -> [f64; 3] {
+/// Variances of a motion by odometry on which so many scans would have been taken: each step adds its own.
+fn odometry_variances(settings: &MotionSettings, motion: Pose2, elapsed_s: f64, scans: f64) -> [f64; 3] {
     let model = MotionModel {
         alpha1: settings.alpha1,
         alpha2: settings.alpha2,
         alpha3: settings.alpha3,
         alpha4: settings.alpha4,
     };
-    let spread = model.spread(step);
-    let floor_t = settings.translation_floor_m.powi(2) + (settings.translation_per_second_m * elapsed_s).powi(2);
-    let floor_r = settings.rotation_floor_rad.powi(2) + (settings.rotation_per_second_rad * elapsed_s).powi(2);
-    let rotation = spread.rotation1 + spread.rotation2;
-    let translation = spread.translation + floor_t;
-    [translation, translation, rotation + floor_r]
+    let step = Pose2::new(motion.x.hypot(motion.y) / scans, 0.0, motion.theta / scans);
+    let spread = model.spread(if scans > 1.0 { step } else { motion });
+    let floor_t =
+        scans * settings.translation_floor_m.powi(2) + (settings.translation_per_second_m * elapsed_s).powi(2);
+    let floor_r = scans * settings.rotation_floor_rad.powi(2) + (settings.rotation_per_second_rad * elapsed_s).powi(2);
+    let rotation = scans * (spread.rotation1 + spread.rotation2) + floor_r;
+    let translation = scans * spread.translation + floor_t;
+    // Errors of heading on the way displace its end, by Pythagoras and the mean of the squares from 0 to 1.
+    let swept = if scans > 1.0 { rotation * (motion.x * motion.x + motion.y * motion.y) / 3.0 } else { 0.0 };
+    [translation + swept, translation + swept, rotation]
 }
 
 #[cfg(test)]

@@ -31,11 +31,6 @@ pub(crate) struct Preparation {
 stored!(Preparation { motion, dynamic, scatter; sweep, table, points, thinned });
 
 impl Preparation {
-    /// One that goes on as another one, with a scan of its own.
-    pub(super) fn going_on_from(other: &Self) -> Self {
-        Self { motion: other.motion.clone(), ..Self::default() }
-    }
-
     pub(super) fn add_odometry(&mut self, odometry: Odometry) {
         self.motion.add_odometry(odometry);
     }

@@ -79,8 +79,6 @@ pub(crate) struct Matched {
     pub(super) slip_corrected: bool,
     /// Where the scan knows the pose by itself: what it corrects odometry by, and to what variances.
     pub(super) on_odometry: Option<([f64; 3], [f64; 3])>,
-    /// Time since the last scan that saw something, seconds.
-    pub(crate) blind_s: f64,
 }
 
 impl Matched {
@@ -186,14 +184,19 @@ impl Tracker {
         self.misfits
     }
 
-    /// Whether a match is believed, after localisation has judged it.
+    /// Time since the last scan that saw something, seconds.
+    pub(super) fn blind_s(&self, stamp: Stamp) -> f64 {
+        self.seen.map_or(0.0, |seen| stamp.secs_since(seen))
+    }
+
+    /// Whether a match is believed.
     pub(super) fn note(&mut self, matched: Option<&Matched>) {
         let is_misfit = matched.is_some_and(|matched| !matched.is_believed());
         self.misfits = if is_misfit { (self.misfits + 1).min(MISFITS_AT_MOST) } else { 0 };
     }
 
-    /// The robot is somewhere else, where it sees something.
-    pub(super) fn put_down(&mut self, stamp: Stamp) {
+    /// Something new is mapped from this scan on.
+    pub(super) fn begin_anew(&mut self, stamp: Stamp) {
         (self.misfits, self.doubted_from, self.seen) = (0, None, Some(stamp));
     }
 
@@ -203,7 +206,7 @@ impl Tracker {
         if scene.next.index() == 0 || scene.points.is_empty() {
             return None;
         }
-        let blind_s = self.seen.replace(stamp).map_or(0.0, |seen| stamp.secs_since(seen));
+        self.seen = Some(stamp);
         let Scene { step, .. } = *scene;
         let widen = 1.0 + f64::from(self.misfits);
         let prior = Prior {
@@ -264,7 +267,6 @@ impl Tracker {
             report,
             slip_corrected,
             on_odometry,
-            blind_s,
         })
     }
 

@@ -11,20 +11,20 @@ use mapwright_geom::is_in_place;
 use mapwright_record::{NodeId, Past, Update};
 
 /// Of the bytes; another one's are not read.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 
 impl Mapper {
     /// Takes down what keyframes and edges do not say, where a run stops: [`Mapper::resume`] goes on with it to the same poses, bit
     /// by bit, as this mapper would. Jobs that wait are done before. The entry is the update's; this mapper may go on as well.
     ///
-    /// There is none while a job is out or the robot's place is in doubt: what is resumed then learns again how it moves.
+    /// There is none while a job is out: what is resumed then learns again how it moves.
     pub fn checkpoint(&mut self) -> Update {
         while let Some(job) = self.back.hand_out() {
             let result = job.run();
             self.back.came_back();
-            self.take_in(result);
+            self.take_in(&result);
         }
-        if self.localisation.is_tracking() && !self.back.is_busy() {
+        if !self.back.is_busy() {
             let mut state = vec![VERSION];
             self.store.put(&mut state);
             self.back.put(&mut state);

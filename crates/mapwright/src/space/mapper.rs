@@ -8,7 +8,7 @@ use crate::store::{Link, Store};
 use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Cov6, Pose3, Stamp};
 use mapwright_loops::{Solving, VerifySettings};
-use mapwright_record::{KeyframeId, Localisation, NodeId, RunId, Session, Status, Update};
+use mapwright_record::{KeyframeId, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
 
 mod resume;
@@ -162,7 +162,7 @@ impl SpaceMapper {
             pose: self.front.pose(),
             local_from_robot: self.front.local_from_robot(),
             covariance: self.front.covariance(self.store.past()),
-            localisation: Localisation::default(),
+            localisation: self.back.localisation(),
             local_map: self.front.local_map_report(),
         };
         told::update(&mut self.store, robot, self.newest, told)

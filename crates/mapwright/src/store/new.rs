@@ -2,7 +2,7 @@
 
 use crate::patches::Spacing;
 use mapwright_geom::{Pose, Pose2, Stamp, TangentMatrix};
-use mapwright_record::{Beams, Edge, LeftOutReason, Measurement, NodeId};
+use mapwright_record::{Beams, Edge, FragmentStart, LeftOutReason, Measurement, NodeId};
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
@@ -28,11 +28,11 @@ pub(crate) struct NewKeyframe<M: Measurement = Sweep> {
 
 /// How a keyframe hangs on those before it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Link<P: Pose = Pose2> {
+pub(crate) enum Link {
     /// By odometry on the one before.
     Odometry,
-    /// Odometry does not lead there: by a place that the robot was found at, and how certain that is.
-    Relocalised { from: NodeId, covariance: P::Matrix },
+    /// By odometry as well, but over a break: a fragment begins.
+    Break(FragmentStart),
 }
 
 /// A keyframe that was written.

@@ -77,7 +77,6 @@ impl Loop {
         let (mut bias_rad_per_m, mut settings) = (0.0, *settings);
         if show == Show::Spread {
             // The wheels are what is shown: where the laser knows the place no more, they go on.
-            settings.loops.relocate = false;
             bias_rad_per_m = BIAS_RAD / args.length;
             (drive.odometry.heading_bias_sigma_rad_per_m, drive.odometry.turn_scale_sigma) = (0.0, 0.0);
         }
