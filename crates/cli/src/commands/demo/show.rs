@@ -74,7 +74,7 @@ impl Loop {
     fn drive(args: &DemoArgs, show: Show, settings: &Settings) -> Result<Self, Failure> {
         let site = Arc::new(worlds::loop_of(args.seed, args.length));
         let mut drive = DriveSettings { laser: short_sighted(), ..DriveSettings::long_drive(args.seed) };
-        let (mut bias_rad_per_m, mut settings) = (0.0, *settings);
+        let mut bias_rad_per_m = 0.0;
         if show == Show::Spread {
             // The wheels are what is shown: where the laser knows the place no more, they go on.
             bias_rad_per_m = BIAS_RAD / args.length;
@@ -85,7 +85,7 @@ impl Loop {
             half * step * half
         };
         let scans = Drive::new(Arc::clone(&site), drive.clone()).scans().reintegrate_odometry(turned);
-        let world = Simulated::map_watched(scans.map(Event::Scan), &settings, |_, _, _| {})?;
+        let world = Simulated::map_watched(scans.map(Event::Scan), settings, |_, _, _| {})?;
         let pairs = true_pairs(&world, &Revisits::of(&site, &drive));
         let nowhere = || Failure::World {
             name: format!("simulated loop, seed {}", args.seed),
