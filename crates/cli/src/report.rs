@@ -3,7 +3,7 @@
 use crate::advice;
 use crate::mapping::{Made, Mapping};
 use crate::terminal::{count, duration, grouped};
-use mapwright::{LocalMapReport, Status};
+use mapwright::{Fragment, LocalMapReport, Piece, Session, Status};
 use mapwright_formats::{Noted, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
@@ -100,7 +100,16 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
         .collect();
     let lost = mapping.tally.count(Status::Lost);
     if lost > 0 {
-        losses.push(format!("{} left out of the map, for the robot was lost", count(lost, "scan")));
+        losses.push(format!("{} not in the map, for they fit nowhere", count(lost, "scan")));
+    }
+    let pieces = mapping.session().pieces();
+    if pieces.len() > 1 {
+        let apart = count(pieces.len() as u64 - 1, "piece");
+        let keyframes: usize = pieces.iter().skip(1).map(|piece| piece.keyframes).sum();
+        let keyframes = count(keyframes as u64, "keyframe");
+        losses.push(format!(
+            "{apart} of the map, {keyframes}, drawn where odometry has led to after a break, for nothing joins them"
+        ));
     }
     if made.keyframes_left_out > 0 {
         let what = count(made.keyframes_left_out as u64, "keyframe");
@@ -138,9 +147,27 @@ pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: 
             "keyframes_left_out": made.keyframes_left_out,
             "wall_angle_rad": made.wall_angle_rad,
         },
+        "pieces": pieces_report(session),
         "certainty": advice::report(&made.advice),
         "losses": losses,
     })
+}
+
+/// What the map consists of: pieces that nothing but odometry links, and the fragments of each.
+fn pieces_report(session: &Session) -> Value {
+    let fragment = |fragment: &Fragment| {
+        let keyframe = session.place(fragment.first).and_then(|place| session.keyframes().get(place));
+        json!({
+            "start": fragment.start.name(),
+            "scan": keyframe.map(|keyframe| keyframe.scan),
+            "stamp_s": keyframe.map(|keyframe| keyframe.stamp.as_secs_f64()),
+        })
+    };
+    let piece = |piece: &Piece| {
+        let fragments: Vec<Value> = piece.fragments.iter().map(fragment).collect();
+        json!({ "keyframes": piece.keyframes, "fragments": fragments })
+    };
+    session.pieces().iter().map(piece).collect()
 }
 
 fn live_report(report: LocalMapReport) -> Value {
@@ -165,6 +192,12 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
         count(mapping.session().keyframes().len() as u64, "keyframe"),
     );
     let _ = writeln!(text, "map      {width_m:.0} x {height_m:.0} m, {} m a cell", mapping.settings.map.resolution_m);
+    let fragments: u64 = mapping.session().fragments().len() as u64;
+    if fragments > 1 {
+        let pieces = mapping.session().pieces().len() as u64;
+        let _ =
+            writeln!(text, "breaks   {}, held together in {}", count(fragments, "fragment"), count(pieces, "piece"));
+    }
     let _ = write!(
         text,
         "quality  tracking {:.2} %, degraded {:.2} %, lost {:.2} %",

@@ -114,6 +114,27 @@ pub enum FragmentStart {
     Lost,
 }
 
+impl FragmentStart {
+    /// Whether the robot went on unseen: what links the fragment to what was mapped before is odometry over a break.
+    #[must_use]
+    pub fn is_break(self) -> bool {
+        matches!(self, Self::Uncertain | Self::Blind | Self::Lost)
+    }
+
+    /// Lower-case name for reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SwitchedOn => "switched on",
+            Self::Relocalised => "found again",
+            Self::Resumed => "resumed",
+            Self::Uncertain => "uncertain",
+            Self::Blind => "blind",
+            Self::Lost => "lost",
+        }
+    }
+}
+
 /// An edge and what it was made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordedEdge<P: Pose = Pose2> {

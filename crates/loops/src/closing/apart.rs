@@ -2,7 +2,7 @@
 //! of a robot that may have been carried.
 
 use mapwright_geom::Stored;
-use mapwright_record::{EdgeKind, FragmentStart, Measurement, NodeId, Past};
+use mapwright_record::{Measurement, NodeId, Past};
 
 /// The fragments that are apart.
 #[derive(Debug, Clone, Default)]
@@ -14,18 +14,11 @@ pub(super) struct Apart {
 }
 
 impl Apart {
-    /// Of a session: those that no closure leads across.
+    /// Those of a session.
     pub(super) fn of<M: Measurement>(past: Past<'_, M>) -> Self {
-        let session = past.session;
-        let over_breaks = session.fragments().iter().filter(|fragment| is_over_break(fragment.start));
-        let mut firsts: Vec<NodeId> =
-            over_breaks.filter_map(|fragment| session.place(fragment.first).map(NodeId::at)).collect();
-        for known in session.recorded_edges().iter().filter(|known| !known.withdrawn) {
-            let [from, to] = known.ends.map(NodeId::new);
-            if known.recorded.edge.kind == EdgeKind::Closure {
-                firsts.retain(|first| !is_across(*first, from, to));
-            }
-        }
+        let pieces = past.session.pieces();
+        let apart = pieces.iter().skip(1).filter_map(|piece| piece.fragments.first());
+        let firsts = apart.filter_map(|fragment| past.session.place(fragment.first).map(NodeId::at)).collect();
         Self { firsts, misled: Vec::new() }
     }
 
@@ -66,8 +59,4 @@ impl Apart {
 
 fn is_across(first: NodeId, from: NodeId, to: NodeId) -> bool {
     from.min(to) < first && first <= from.max(to)
-}
-
-fn is_over_break(start: FragmentStart) -> bool {
-    matches!(start, FragmentStart::Uncertain | FragmentStart::Blind | FragmentStart::Lost)
 }

@@ -341,7 +341,35 @@ mod tests {
         }
         assert_eq!(usual.variances, burst.variances);
         let sigma_m = |step: Step| step.variances[0].sqrt();
-        assert!((sigma_m(gap) - sigma_m(usual) - 0.5 * 2.2).abs() < 1e-9, "{gap:?}");
+        assert!(!usual.after_gap && gap.after_gap);
+        // It drives 0.3 m a second.
+        let grown_m = |gap: Step| sigma_m(gap) - sigma_m(usual);
+        assert!((0.3 * 2.2..0.45 * 2.2).contains(&grown_m(gap)), "{gap:?}");
+        let minute = after_s(60.2);
+        assert!(grown_m(minute) > 25.0 * grown_m(gap), "no distance that time does not allow bounds it: {minute:?}");
+        assert!(minute.variances[2].sqrt() < 2.2, "a heading is on a circle");
+    }
+
+    #[test]
+    fn odometry_over_a_gap_is_as_certain_as_over_the_scans_that_are_missing() {
+        let settings = Settings::default().motion;
+        let mut predictor = Predictor::default();
+        let stamp = |k: i64| Stamp(100_000_000 * k);
+        let at = |k: i64| Pose2::new(0.05 * k as f64, 0.0, 0.0);
+        (0..50).for_each(|k| predictor.settle(stamp(k), Some(at(k)), Moved::By(Pose2::new(0.05, 0.0, 0.0))));
+        let gap = predictor.step(&settings, stamp(149), Some(at(149)));
+        assert!(gap.from_odometry && gap.after_gap);
+        let mut sum = mapwright_geom::Cov3::zeros();
+        for k in 50..150 {
+            let step = predictor.step(&settings, stamp(k), Some(at(k)));
+            let noise = mapwright_geom::Cov3::from_diagonal(&step.variances.into());
+            sum = mapwright_geom::compose_covariance(&sum, step.last_from_robot, &noise);
+            predictor.settle(stamp(k), Some(at(k)), Moved::By(step.last_from_robot));
+        }
+        for (axis, least, most) in [(1, 0.8, 1.6), (2, 0.8, 1.6)] {
+            let ratio = (gap.variances[axis] / sum[(axis, axis)]).sqrt();
+            assert!((least..most).contains(&ratio), "axis {axis}: {ratio}");
+        }
     }
 
     #[test]

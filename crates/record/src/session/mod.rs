@@ -15,6 +15,10 @@ use mapwright_geom::{Pose, Stamp, TangentMatrix};
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
+mod pieces;
+
+pub use pieces::Piece;
+
 /// Everything that maps, trajectories and graphs of a run are functions of: what all entries of its log amount to.
 ///
 /// It grows by [`Session::add`] alone, from the updates of a mapper or from a file. Everything in it refers to what is in it.

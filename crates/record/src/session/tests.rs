@@ -201,6 +201,37 @@ fn candidates_may_lead_to_the_next_keyframe_and_change_their_verdict() {
     assert_eq!(story.session.place(id("two", 2)), Some(5));
 }
 
+#[test]
+fn pieces_are_held_together_by_more_than_odometry_over_a_break() {
+    let mut story = Story::of(&[]);
+    keyframes(&mut story, 9);
+    let at = |seq: u32| id("one", seq);
+    let starts = [
+        (0, FragmentStart::SwitchedOn),
+        (2, FragmentStart::Uncertain),
+        (4, FragmentStart::Blind),
+        (7, FragmentStart::Lost),
+    ];
+    starts.iter().for_each(|&(seq, start)| story.add(Entry::Fragment(Fragment { first: at(seq), start })));
+    let link = |from: u32, to: u32, kind: EdgeKind| {
+        let edge = Edge { kind, ..edge(at(from), at(to)).edge };
+        Entry::Edge(RecordedEdge { edge, candidate: None })
+    };
+    (1..9).for_each(|to| story.add(link(to - 1, to, EdgeKind::Odometry)));
+    let pieces = |story: &Story| -> Vec<(usize, usize)> {
+        story.session.pieces().iter().map(|piece| (piece.fragments.len(), piece.keyframes)).collect()
+    };
+    assert_eq!(pieces(&story), [(1, 2), (1, 2), (1, 3), (1, 2)]);
+    story.add(link(1, 8, EdgeKind::Closure));
+    assert_eq!(pieces(&story), [(2, 4), (1, 2), (1, 3)], "what lies between hangs on odometry still");
+    story.add(link(3, 5, EdgeKind::Match));
+    assert_eq!(pieces(&story), [(2, 4), (2, 5)]);
+    let closure = story.session.recorded_edges().len() as u32 - 2;
+    story.add(Entry::Withdrawn { number: closure });
+    assert_eq!(pieces(&story), [(1, 2), (2, 5), (1, 2)]);
+    assert!(Session::<Sweep>::default().pieces().is_empty());
+}
+
 proptest! {
     #[test]
     fn every_name_resolves(steps in crate::samples::steps(80)) {
