@@ -37,8 +37,11 @@ impl Apart {
 
     /// A closure leads there, to where odometry does not (`misled`) or does.
     pub(super) fn join(&mut self, from: NodeId, to: NodeId, misled: bool) {
-        let crossed = self.firsts.extract_if(.., |first| is_across(*first, from, to));
-        if misled { self.misled.extend(crossed) } else { drop(crossed) }
+        // Collected, for what is not drawn out of the iterator stays.
+        let crossed: Vec<NodeId> = self.firsts.extract_if(.., |first| is_across(*first, from, to)).collect();
+        if misled {
+            self.misled.extend(crossed);
+        }
     }
 
     /// The fragments whose links are wrong, once.
@@ -59,4 +62,33 @@ impl Apart {
 
 fn is_across(first: NodeId, from: NodeId, to: NodeId) -> bool {
     from.min(to) < first && first <= from.max(to)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn apart() -> Apart {
+        let mut apart = Apart::default();
+        [10, 20, 30].into_iter().for_each(|first| apart.begin(NodeId::new(first)));
+        apart
+    }
+
+    fn join(apart: &mut Apart, from: u32, to: u32, misled: bool) {
+        apart.join(NodeId::new(from), NodeId::new(to), misled);
+    }
+
+    #[test]
+    fn who_is_joined_is_apart_no_more_wherever_odometry_has_led() {
+        for misled in [false, true] {
+            let mut apart = apart();
+            join(&mut apart, 12, 19, misled);
+            assert!(apart.is_crossed(NodeId::new(9), NodeId::new(10)), "a closure within it joins nothing");
+            join(&mut apart, 9, 20, misled);
+            assert!(!apart.is_crossed(NodeId::new(9), NodeId::new(29)) && apart.is_any());
+            assert_eq!(apart.take_misled(), if misled { [10, 20].map(NodeId::new).to_vec() } else { Vec::new() });
+            join(&mut apart, 35, 12, misled);
+            assert!(!apart.is_any());
+        }
+    }
 }
