@@ -173,10 +173,10 @@ fn jobs_that_wait_are_done_before_and_one_that_is_out_is_waited_for() {
     panic!("no old place was looked for");
 }
 
-/// A robot that is carried away, until a while after what it maps was joined with the rest.
-fn carried() -> Events {
+/// A robot that is carried away, until so long after it was put down, seconds: after 30 s what it maps is joined with the rest.
+fn carried(until_s: f64) -> Events {
     let case = kidnapping(902);
-    let lasts = |taken: &TrueScan| taken.scan.stamp.secs_since(case.put_down) < 30.0;
+    let lasts = |taken: &TrueScan| taken.scan.stamp.secs_since(case.put_down) < until_s;
     case.drive().scans().take_while(lasts).map(Event::Scan).collect()
 }
 
@@ -187,7 +187,7 @@ fn localisations(run: &mut Run, events: &[Event]) -> Vec<Localisation> {
 
 #[test]
 fn while_apart_it_goes_on_to_the_same_bits() {
-    let events = carried();
+    let events = carried(30.0);
     let said = localisations(&mut Run::new(Settings::default()), &events);
     let apart: Vec<usize> = (0..said.len()).filter(|&at| said[at] == Localisation::Apart).collect();
     let [first, last] = [apart[0], apart[apart.len() - 1]];
@@ -202,7 +202,7 @@ fn while_apart_it_goes_on_to_the_same_bits() {
 #[test]
 fn who_was_killed_while_apart_is_apart_and_joined_later() {
     let case = kidnapping(902);
-    let events = carried();
+    let events = carried(60.0);
     let mut run = Run::new(Settings::default());
     let (mut known, mut resumed_at, mut said) = (Vec::new(), None, Vec::new());
     for (number, event) in events.iter().enumerate() {

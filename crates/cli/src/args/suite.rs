@@ -70,7 +70,7 @@ pub(crate) enum Suite {
     /// and 3 degrees of the truth relative to the keyframe from before that is truly nearest, all as the map was at the
     /// time. Joined: the first scan after being put down that is said to be joined and not lost, at the right pose. Home: when
     /// half of what is seen was known for at least half of ten seconds. Keyframes: those made since it was put down; apart are
-    /// those in fragments that no closure joins in the end, misplaced those of the others that the final map has wrong, in the
+    /// those in pieces of the map that nothing joins in the end, misplaced those of the others that the final map has wrong, in the
     /// air those made on the way. Wrong: scans that are said to be joined at a wrong pose, until they are at the right one, and
     /// closures from before to after that were measured wrong. Floors: none misplaced, of the robots that come to known ground
     /// 95 % joined at the end and 80 % within 10 s.

@@ -3,9 +3,8 @@
 use super::Measure;
 use super::floors::{Floor, percent, stats};
 use crate::failure::Failure;
-use crate::pose_graph::standing;
 use crate::simulated::{PoseError, Simulated};
-use mapwright::{EdgeKind, FragmentStart, Localisation, Pose2, Session, Settings, Stamp, Status, Update};
+use mapwright::{EdgeKind, Fragment, Localisation, Piece, Pose2, Session, Settings, Stamp, Status, Update};
 use mapwright_sim::{Kidnapping, kidnapping};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -247,12 +246,15 @@ impl Witness {
         Some(PoseError::of(found, self.known[nearest].between(truth)))
     }
 
-    /// Of the keyframes made since it was put down: those in fragments that no closure joins with what was mapped before, and the others.
+    /// Of the keyframes made since it was put down: those in pieces of the map that nothing joins with what was mapped before, and the
+    /// others.
     fn apart_and_placed(&self, session: &Session) -> (Vec<usize>, Vec<usize>) {
-        let closures = standing(session).filter(|(_, edge)| edge.kind == EdgeKind::Closure).map(|(ends, _)| ends);
-        let firsts = apart(firsts_after_breaks(session), closures);
-        let is_apart = |keyframe: usize| firsts.iter().any(|&first| self.known.len() <= first && first <= keyframe);
-        self.made.iter().partition(|&&keyframe| is_apart(keyframe))
+        let pieces = session.pieces();
+        let first = |fragment: &Fragment| session.place(fragment.first);
+        let fragments = |piece: &Piece| piece.fragments.iter().filter_map(first).collect::<Vec<_>>();
+        let pieces: Vec<Vec<usize>> = pieces.iter().map(fragments).collect();
+        let known = self.known.len().checked_sub(1).and_then(|newest| piece_of(&pieces, newest));
+        self.made.iter().partition(|&&keyframe| piece_of(&pieces, keyframe) != known)
     }
 
     /// Whether the final map has a keyframe wrong, relative to those from before.
@@ -270,19 +272,10 @@ impl Witness {
     }
 }
 
-/// The keyframes that fragments begin with after a break.
-fn firsts_after_breaks(session: &Session) -> Vec<usize> {
-    let is_break = |start| matches!(start, FragmentStart::Uncertain | FragmentStart::Blind | FragmentStart::Lost);
-    let after_breaks = session.fragments().iter().filter(|fragment| is_break(fragment.start));
-    after_breaks.filter_map(|fragment| session.place(fragment.first)).collect()
-}
-
-/// Those of them that no closure leads across.
-fn apart(mut firsts: Vec<usize>, closures: impl Iterator<Item = [usize; 2]>) -> Vec<usize> {
-    for [from, to] in closures {
-        firsts.retain(|&first| !(from.min(to) < first && first <= from.max(to)));
-    }
-    firsts
+/// The number of the piece that a keyframe is in; a piece is the keyframes that its fragments begin with.
+fn piece_of(pieces: &[Vec<usize>], keyframe: usize) -> Option<usize> {
+    let begins = |firsts: &Vec<usize>| firsts.iter().copied().filter(|&first| first <= keyframe).max();
+    (0..pieces.len()).max_by_key(|&number| begins(&pieces[number]))
 }
 
 #[cfg(test)]
@@ -354,12 +347,11 @@ mod tests {
     }
 
     #[test]
-    fn a_fragment_is_joined_by_a_closure_across_its_beginning() {
-        let apart = |closures: &[[usize; 2]]| apart(vec![10, 20, 30], closures.iter().copied());
-        assert_eq!(apart(&[[3, 9], [12, 15], [30, 35]]), [10, 20, 30], "within one");
-        assert_eq!(apart(&[[9, 10]]), [20, 30]);
-        assert_eq!(apart(&[[25, 12]]), [10, 30], "whichever way round");
-        assert_eq!(apart(&[[5, 29]]), [30]);
+    fn a_keyframe_is_in_the_piece_of_the_fragment_that_began_last() {
+        let pieces = [vec![0, 20], vec![10], vec![30]];
+        let piece = |keyframe| piece_of(&pieces, keyframe);
+        assert_eq!([0, 9, 10, 19, 20, 29, 30, 99].map(piece), [0, 0, 1, 1, 0, 0, 2, 2].map(Some));
+        assert_eq!(piece_of(&[], 3), None);
     }
 
     #[test]
