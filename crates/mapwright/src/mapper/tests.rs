@@ -101,8 +101,8 @@ fn who_has_seen_nothing_for_a_minute_begins_a_fragment_and_is_joined() {
 fn who_may_be_elsewhere_after_a_short_gap_begins_a_fragment_and_is_joined() {
     let mut settings = Settings::default();
     settings.motion.use_odometry = false;
-    let drive = DriveSettings { duration_s: 90.0, ..DriveSettings::long_drive(3) };
-    let driven = Driven::over_gap(settings, worlds::office_floor(3), drive, [60.0, 3.0]);
+    let drive = DriveSettings { duration_s: 200.0, seed: 3, ..DriveSettings::default() };
+    let driven = Driven::over_gap(settings, worlds::rooms(3), drive, [80.0, 3.0]);
     let fragments = driven.fragments();
     let [(FragmentStart::SwitchedOn, 0), (FragmentStart::Uncertain, first)] = fragments[..] else {
         panic!("{fragments:?}");
