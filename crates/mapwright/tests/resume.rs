@@ -8,9 +8,9 @@ use mapwright::{
     Settings, TurnRate, Update,
 };
 use mapwright_record::LogWriter;
-use mapwright_sim::{Drive, DriveSettings, Event, Rng, Site, kidnapping, worlds};
+use mapwright_sim::{Drive, DriveSettings, Event, Rng, Site, TrueScan, kidnapping, worlds};
 use std::sync::Arc;
-use support::in_parallel;
+use support::{in_parallel, is_right};
 
 /// What a mapper is given, scan by scan: what wheels and gyroscope said before it, and the scan.
 type Events = Vec<Event>;
@@ -173,18 +173,60 @@ fn jobs_that_wait_are_done_before_and_one_that_is_out_is_waited_for() {
     panic!("no old place was looked for");
 }
 
-#[test]
-fn who_is_lost_learns_again() {
+/// A robot that is carried away, until so long after it was put down, seconds: after 30 s what it maps is joined with the rest.
+fn carried(until_s: f64) -> Events {
     let case = kidnapping(902);
+    let lasts = |taken: &TrueScan| taken.scan.stamp.secs_since(case.put_down) < until_s;
+    case.drive().scans().take_while(lasts).map(Event::Scan).collect()
+}
+
+/// Whether what is mapped is joined with the rest, event by event.
+fn localisations(run: &mut Run, events: &[Event]) -> Vec<Localisation> {
+    events.iter().filter_map(|event| run.give(event)).map(|update| update.localisation).collect()
+}
+
+#[test]
+fn while_apart_it_goes_on_to_the_same_bits() {
+    let events = carried(30.0);
+    let said = localisations(&mut Run::new(Settings::default()), &events);
+    let apart: Vec<usize> = (0..said.len()).filter(|&at| said[at] == Localisation::Apart).collect();
+    let [first, last] = [apart[0], apart[apart.len() - 1]];
+    assert!(last - first > 20 && said.last() == Some(&Localisation::Joined), "{first} to {last} of {}", said.len());
+    // After the first scan that was apart, within, before the one that joins, and after it.
+    let stops = [first + 1, first + (last - first) / 2, last, last + 1, last + 2];
+    let mapper = check(Settings::default(), &events, &stops);
+    assert!(mapper.session().recorded_edges().iter().any(|known| known.withdrawn), "odometry has misled");
+}
+
+/// Its log has no checkpoint: that it is apart the fragments and edges say.
+#[test]
+fn who_was_killed_while_apart_is_apart_and_joined_later() {
+    let case = kidnapping(902);
+    let events = carried(60.0);
     let mut run = Run::new(Settings::default());
-    for taken in case.drive().scans().take_while(|taken| taken.scan.stamp.secs_since(case.put_down) < 15.0) {
-        let lost = run.give(&Event::Scan(taken)).is_some_and(|update| update.localisation == Localisation::Lost);
-        if lost {
-            assert!(!run.resume());
-            return;
+    let (mut known, mut resumed_at, mut said) = (Vec::new(), None, Vec::new());
+    for (number, event) in events.iter().enumerate() {
+        let Event::Scan(taken) = event else { continue };
+        let since_s = taken.scan.stamp.secs_since(case.put_down);
+        let update = run.give(event).expect("a scan");
+        if taken.scan.stamp < case.taken {
+            known.resize(run.mapper.keyframes().len(), taken.world_from_robot);
+        }
+        let right = is_right(&run.mapper, &known, update.map_from_robot, taken.world_from_robot);
+        if resumed_at.is_some() {
+            said.push((update.localisation, right));
+        } else if since_s > 2.0 {
+            assert_eq!(update.localisation, Localisation::Apart);
+            let session = run.mapper.session().clone();
+            assert!(session.checkpoint().is_none());
+            run.mapper = Mapper::resume(Settings::default(), session).expect("valid");
+            resumed_at = Some(number);
         }
     }
-    panic!("it was carried away");
+    let apart = said.iter().take_while(|(localisation, _)| *localisation == Localisation::Apart).count();
+    println!("{apart} of {} scans apart after it was resumed", said.len());
+    assert!(apart > 0 && apart < said.len());
+    assert!(said[apart..].iter().all(|said| *said == (Localisation::Joined, true)), "joined where it is");
 }
 
 /// A checkpoint is for the same settings alone, even where others would have led to the same map.

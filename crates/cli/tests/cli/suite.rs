@@ -80,9 +80,10 @@ fn a_kidnapping_is_witnessed() {
     assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
     let world = &worlds(&out.join("kidnapped.jsonl"))[0];
     assert!(world["known_ground"] == false && world["home_s"].as_f64().unwrap() > 5.0, "{world}");
-    assert!(world["misplaced"].as_u64().unwrap() <= world["written"].as_u64().unwrap(), "{world}");
+    let number = |key: &str| world[key].as_u64().unwrap();
+    assert!(number("keyframes") > 50 && number("apart") + number("misplaced") <= number("keyframes"), "{world}");
     let floors = json(&out.join("kidnapped.json"))["floors"].as_array().unwrap().len();
-    assert_eq!(floors, 4);
+    assert_eq!(floors, 3);
 }
 
 #[test]

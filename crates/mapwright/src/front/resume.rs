@@ -46,7 +46,12 @@ impl FrontEnd {
     fn take_in_keyframes(&mut self, past: Past<'_>, links: &[Links]) {
         let Self { settings, local_map, .. } = self;
         let keyframes = past.session.keyframes();
+        let breaks = past.session.fragments().iter().filter(|fragment| fragment.start.is_break());
+        let breaks: Vec<usize> = breaks.filter_map(|fragment| past.session.place(fragment.first)).collect();
         for (node, links) in links.iter().enumerate() {
+            if breaks.contains(&node) {
+                local_map.leave_all();
+            }
             let step_m = if node == 0 { 0.0 } else { past.way_m[node] - past.way_m[node - 1] };
             let before = node.checked_sub(1).map_or(0, |before| keyframes[before].scan);
             let number = NodeId::at(node);

@@ -1,94 +1,143 @@
 use super::*;
-use mapwright_geom::Cov3;
-use mapwright_record::SessionEdge;
-use mapwright_sim::kidnapping;
+use mapwright_record::{EdgeKind, Localisation, Objection, Verdict};
+use mapwright_sim::{Drive, DriveSettings, Site, kidnapping, worlds};
 
-/// Where all that a robot has seen on the way from where it was put down, 14 s ago, fits as well as where it is, on a floor
-/// that is nearly the same turned by half a turn.
-const WRONG: Pose2 = Pose2 { x: 19.676, y: -0.007, theta: -0.003 };
-
-/// A lost robot is told that it is there.
-fn find_at(mapper: &mut Mapper, local_from_robot: Pose2) {
-    let past = mapper.store.past();
-    let lost = mapper.localisation.lost().expect("it was carried away");
-    let to = lost.newest().expect("it maps provisionally");
-    let local_from_to = local_from_robot * lost.provisional().keyframe_from_robot(to).inverse();
-    let away_m = |node: &NodeId| past.pose(*node).distance(local_from_to);
-    let from = NodeId::first(mapper.store.len()).min_by(|a, b| away_m(a).total_cmp(&away_m(b))).expect("it mapped");
-    let from_from_to = past.pose(from).between(local_from_to);
-    let covariance = Cov3::from_diagonal(&[4e-4, 4e-4, 2e-5].into());
-    lost.is_found(Found { from, to, from_from_to, covariance });
+/// What was told of a drive from which scans were taken, and each keyframe's true pose.
+struct Driven {
+    mapper: Mapper,
+    /// What the entries of its updates amount to.
+    told: Session,
+    truth: Vec<Pose2>,
+    /// What was said of each scan.
+    said: Vec<Localisation>,
 }
 
-/// As after a drive without end: nothing keeps it from asking at every keyframe.
-fn let_ask(mapper: &mut Mapper) {
-    mapper.back.budget.earn_verification(0, 1_000_000_000_000);
-}
-
-#[test]
-fn who_is_found_where_less_and_less_fits_is_lost_again_and_has_left_nothing() {
-    let case = kidnapping(28_017);
-    let mut mapper = Mapper::new(Settings::default()).expect("valid");
-    let since_s = |scan: &LaserScan| scan.stamp.secs_since(case.put_down);
-    let (mut arrived, mut tracked, mut written, mut way_m) = (None, 0, 0, 0.0);
-    for scan in case.drive().scans().map(|scan| scan.scan).take_while(|scan| since_s(scan) < 60.0) {
-        let before = mapper.front.pose().local_from_robot();
-        if arrived.is_none() && since_s(&scan) > 14.0 {
-            find_at(&mut mapper, WRONG);
-            arrived = Some(NodeId::at(mapper.store.len()));
-        }
-        let update = mapper.add_scan(&scan);
-        if arrived.is_some() && update.status != Status::Lost {
-            way_m += if tracked > 0 { before.distance(mapper.front.pose().local_from_robot()) } else { 0.0 };
-            tracked += 1;
-            written += usize::from(update.keyframe.is_some());
-        }
+impl Driven {
+    fn new(settings: Settings) -> Self {
+        let mapper = Mapper::new(settings).expect("valid");
+        Self { mapper, told: Session::default(), truth: Vec::new(), said: Vec::new() }
     }
-    let node = arrived.expect("it did");
-    assert!(tracked > 10 && (0.5..8.0).contains(&way_m), "it has gone on there for {way_m} m");
-    assert!(mapper.localisation.is_lost());
-    assert_eq!(written, 0, "nobody was told of a keyframe");
-    let (session, id) = (mapper.session(), mapper.store.id(node));
-    assert!(session.drawn()[node.index()].is_none(), "nothing is drawn of the one where it was found");
-    assert!(session.edges().all(|edge| edge.to != id && edge.from != id), "no edge leads there");
-    let leads_there = |edge: &&SessionEdge<Pose2>| edge.recorded.edge.to == id;
-    let withdrawn: Vec<bool> = session.recorded_edges().iter().filter(leads_there).map(|edge| edge.withdrawn).collect();
-    assert_eq!(withdrawn, [true], "the one that did was withdrawn");
-}
 
-/// What was seen lately of a new corridor lies closely enough on the walls of a known one, seven answers long; not all three
-/// of it, what was seen on the way, and the known one seen from there do.
-#[test]
-fn who_drives_along_a_corridor_like_a_known_one_is_not_found_there() {
-    let case = kidnapping(41_031);
-    let mut mapper = Mapper::new(Settings::default()).expect("valid");
-    let_ask(&mut mapper);
-    let since_s = |scan: &LaserScan| scan.stamp.secs_since(case.put_down);
-    let mut asked = 0;
-    for scan in case.drive().scans().map(|scan| scan.scan).take_while(|scan| since_s(scan) < 16.0) {
-        let update = mapper.add_scan(&scan);
-        if since_s(&scan) > 5.0 {
-            assert_eq!(update.status, Status::Lost, "{} s", since_s(&scan));
-            asked = mapper.back.questions();
-        }
+    fn add(&mut self, scan: &LaserScan, world_from_robot: Pose2) {
+        let update = self.mapper.add_scan(scan);
+        self.said.push(update.localisation);
+        self.told.add_all(update.entries).expect("entries fit to those before");
+        self.truth.resize(self.mapper.keyframes().len(), world_from_robot);
     }
-    assert!(asked > 20, "it has asked {asked} times");
+
+    /// `lasts_s` of a drive are missing from `from_s` on; the wheels' count goes on as the robot did.
+    fn over_gap(settings: Settings, site: Site, drive: DriveSettings, [from_s, lasts_s]: [f64; 2]) -> Self {
+        let mut driven = Self::new(settings);
+        let end = Stamp::from_secs_f64(from_s + lasts_s);
+        for taken in Drive::new(site.into(), drive).scans() {
+            if !(Stamp::from_secs_f64(from_s)..end).contains(&taken.scan.stamp) {
+                driven.add(&taken.scan, taken.world_from_robot);
+            }
+        }
+        driven
+    }
+
+    /// What fragments begin with, and why.
+    fn fragments(&self) -> Vec<(FragmentStart, usize)> {
+        let session = self.mapper.session();
+        let place = |id| session.place(id).expect("a keyframe");
+        session.fragments().iter().map(|fragment| (fragment.start, place(fragment.first))).collect()
+    }
+
+    /// Scans that were apart at first, and whether all after them were joined.
+    fn apart(&self) -> (usize, bool) {
+        let is_apart = |said: &&Localisation| **said == Localisation::Apart;
+        let first = self.said.iter().take_while(|said| !is_apart(said)).count();
+        let apart = self.said[first..].iter().take_while(is_apart).count();
+        (
+            apart,
+            apart > 0
+                && first + apart < self.said.len()
+                && !self.said[first + apart..].iter().any(|said| is_apart(&said)),
+        )
+    }
+
+    /// How far the map has a keyframe from where it is, seen from the one before the break, metres.
+    fn error_m(&self, keyframe: usize, before: usize) -> f64 {
+        let poses = self.mapper.keyframe_poses();
+        let found = poses[before].between(poses[keyframe]);
+        self.truth[before].between(self.truth[keyframe]).distance(found)
+    }
+
+    /// All lasts that was told.
+    fn assert_told(&self) {
+        let session = self.mapper.session();
+        assert!(self.told == *session && self.told.encode() == session.encode());
+    }
+
+    /// The edges of odometry that lead to a keyframe: whether they were withdrawn.
+    fn withdrawn_to(&self, keyframe: usize) -> Vec<bool> {
+        let edges = self.mapper.session().recorded_edges().iter();
+        let leads_there =
+            edges.filter(|known| known.ends[1] as usize == keyframe && known.recorded.edge.kind == EdgeKind::Odometry);
+        leads_there.map(|known| known.withdrawn).collect()
+    }
 }
 
 #[test]
-fn what_is_told_of_a_robot_that_was_lost_and_found_is_its_session() {
+fn who_has_seen_nothing_for_a_minute_begins_a_fragment_and_is_joined() {
+    let drive = DriveSettings { duration_s: 200.0, seed: 3, ..DriveSettings::default() };
+    let driven = Driven::over_gap(Settings::default(), worlds::rooms(3), drive, [80.0, 60.0]);
+    let fragments = driven.fragments();
+    let [(FragmentStart::SwitchedOn, 0), (FragmentStart::Blind, first)] = fragments[..] else {
+        panic!("{fragments:?}");
+    };
+    let (apart, is_joined_then) = driven.apart();
+    println!("joined after {apart} scans");
+    assert!(is_joined_then);
+    let errors_m = (first..driven.truth.len()).map(|keyframe| driven.error_m(keyframe, first - 1));
+    assert!(errors_m.fold(0.0, f64::max) < 0.3);
+    assert_eq!(driven.withdrawn_to(first), [false], "its wheels have told the truth");
+    driven.assert_told();
+}
+
+/// Without wheels three seconds are enough not to know which way it went.
+#[test]
+fn who_may_be_elsewhere_after_a_short_gap_begins_a_fragment_and_is_joined() {
+    let mut settings = Settings::default();
+    settings.motion.use_odometry = false;
+    let drive = DriveSettings { duration_s: 200.0, seed: 3, ..DriveSettings::default() };
+    let driven = Driven::over_gap(settings, worlds::rooms(3), drive, [80.0, 3.0]);
+    let fragments = driven.fragments();
+    let [(FragmentStart::SwitchedOn, 0), (FragmentStart::Uncertain, first)] = fragments[..] else {
+        panic!("{fragments:?}");
+    };
+    let (apart, is_joined_then) = driven.apart();
+    println!("joined after {apart} scans");
+    assert!(is_joined_then);
+    assert!((first..driven.truth.len()).all(|keyframe| driven.error_m(keyframe, first - 1) < 0.3));
+    driven.assert_told();
+}
+
+/// The wheels have not turned while it was carried: what they say of it holds until four findings say otherwise.
+#[test]
+fn what_odometry_says_of_a_carried_robot_is_withdrawn_when_it_is_joined() {
     let case = kidnapping(902);
-    let mut mapper = Mapper::new(Settings::default()).expect("valid");
-    let_ask(&mut mapper);
-    let (mut told, mut on_trial) = (Session::default(), 0);
-    let since_s = |scan: &LaserScan| scan.stamp.secs_since(case.put_down);
-    for scan in case.drive().scans().map(|scan| scan.scan).take_while(|scan| since_s(scan) < 15.0) {
-        let update = mapper.add_scan(&scan);
-        on_trial += usize::from(update.localisation == mapwright_record::Localisation::OnTrial);
-        told.add_all(update.entries).expect("entries fit to those before");
+    let mut driven = Driven::new(Settings::default());
+    for taken in case.drive().scans().take_while(|taken| taken.scan.stamp.secs_since(case.put_down) < 40.0) {
+        driven.add(&taken.scan, taken.world_from_robot);
+        if let [_, (start, first)] = driven.fragments()[..] {
+            let is_apart = driven.said.last() == Some(&Localisation::Apart);
+            assert_eq!((start, driven.withdrawn_to(first)), (FragmentStart::Blind, vec![!is_apart]));
+        }
     }
-    assert!(on_trial > 0, "it was found");
-    let arrival = |candidate: &&Candidate| candidate.verdict == Verdict::Accepted && candidate.from < candidate.to;
-    assert!(mapper.candidates().iter().any(|candidate| arrival(&candidate)));
-    assert!(told == *mapper.session() && told.encode() == mapper.session().encode());
+    let (apart, is_joined_then) = driven.apart();
+    println!("joined after {apart} scans");
+    assert!(is_joined_then);
+    let fragments = driven.fragments();
+    let (_, first) = fragments[1];
+    let joins = |candidate: &&Candidate| {
+        let [from, to] =
+            [candidate.from, candidate.to].map(|id| driven.mapper.session().place(id).expect("a keyframe"));
+        candidate.verdict == Verdict::Accepted && from < first && to >= first
+    };
+    assert!(driven.mapper.candidates().iter().filter(joins).count() >= 4);
+    let was_refused = |candidate: &Candidate| candidate.verdict == Verdict::Withdrawn(Objection::Outvoted);
+    assert!(!driven.mapper.candidates().iter().any(was_refused), "no closure was taken back");
+    driven.assert_told();
 }

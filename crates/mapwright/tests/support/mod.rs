@@ -37,6 +37,14 @@ pub(crate) fn ate_m(mapper: &Mapper, truth: &[Pose2]) -> f64 {
     ate_of_pairs(&pairs, Alignment::Rigid).expect("a robot that moved").translation_m.rmse
 }
 
+/// Whether a pose in the map is right, relative to the true pose `known` of each keyframe from before.
+pub(crate) fn is_right(mapper: &Mapper, known: &[Pose2], map_from_robot: Pose2, truth: Pose2) -> bool {
+    let away_m = |k: &usize| known[*k].distance(truth);
+    let nearest = (0..known.len()).min_by(|a, b| away_m(a).total_cmp(&away_m(b))).expect("it mapped before");
+    let error = known[nearest].between(truth).between(mapper.keyframe_poses()[nearest].between(map_from_robot));
+    error.x.hypot(error.y) < 0.3 && error.theta.abs() < 3_f64.to_radians()
+}
+
 /// `work` of each number below `count`, in order, by two threads.
 pub(crate) fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let work = &work;
