@@ -44,7 +44,7 @@ const JOINED_WITHIN_M: f64 = 4.0;
 const TARGETS: usize = 2;
 /// What was passed so recently is no old place, metres of way.
 pub const LEFT_M: f64 = 20.0;
-/// Where the pose is of no use, places are asked for after so much travel, metres,
+/// Where the pose is of no use, places are asked for after so much travel, metres (in a fragment that is apart as often as findings count),
 const ASK_BY_PLACE_EVERY_M: f64 = 3.0;
 /// so many.
 const ALIKE: usize = 5;
@@ -72,7 +72,7 @@ const SURE_M: f64 = 0.15;
 const AGREE_M: f64 = 0.2;
 const AGREE_RAD: f64 = 0.03;
 /// Where another pose fits nearly as well, but no better than this share, several findings that agree may still decide:
-/// each saw other things. As many have to agree that a fragment lies elsewhere than odometry has led to.
+/// each saw other things. As many have to agree that a fragment lies elsewhere than odometry has led to, or where that says next to nothing.
 const UNCLEAR_AMBIGUITY: f64 = 0.95;
 const UNCLEAR_FRIENDS: usize = 3;
 /// They must come from places so far apart along the way, metres, and at most so far.
@@ -235,7 +235,8 @@ impl<S: Submaps> Closing<S> {
             // Before they are needed, and a few at a time, for this is done within a scan.
             self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !by_pose || is_apart;
-            if needed && self.checked_m - self.asked_m >= ASK_BY_PLACE_EVERY_M {
+            let every_m = if is_apart { APART_M } else { ASK_BY_PLACE_EVERY_M };
+            if needed && self.checked_m - self.asked_m >= every_m {
                 self.asked_m = self.checked_m;
                 targets.extend(self.alike(past, to, known, &submaps));
             }
@@ -408,8 +409,10 @@ impl<S: Submaps> Closing<S> {
         judged.evidence.agreeing = friends.len() as u32;
         let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
-        let sure = target.covariance.position_variance_m2() < SURE_M * SURE_M && !unclear;
-        let enough = if any_clear && !is_misled { 1 } else { UNCLEAR_FRIENDS };
+        let sigma_m = target.covariance.position_variance_m2().sqrt();
+        let sure = sigma_m < SURE_M && !unclear;
+        let is_vouched = !is_misled && sigma_m <= WIDEST_M;
+        let enough = if any_clear && is_vouched { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
             if self.waiting.len() > WAITING_AT_MOST {

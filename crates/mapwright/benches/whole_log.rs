@@ -20,7 +20,7 @@ enum Reading {
 fn simulated() -> Vec<Reading> {
     let site = worlds::office_floor(5).with_people(6, 5);
     let settings = DriveSettings { seed: 5, duration_s: 120.0, ..DriveSettings::default() };
-    let reading = |event| match event {
+    let reading = |event: Event| match event {
         Event::Odometry(odometry) => Reading::Odometry(odometry),
         Event::Scan(taken) => Reading::Scan(taken.scan),
     };

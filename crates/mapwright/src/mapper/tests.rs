@@ -88,8 +88,7 @@ fn who_has_seen_nothing_for_a_minute_begins_a_fragment_and_is_joined() {
         panic!("{fragments:?}");
     };
     let (apart, is_joined_then) = driven.apart();
-    println!("joined after {apart} scans");
-    assert!(is_joined_then);
+    assert!(is_joined_then, "apart for {apart} scans");
     let errors_m = (first..driven.truth.len()).map(|keyframe| driven.error_m(keyframe, first - 1));
     assert!(errors_m.fold(0.0, f64::max) < 0.3);
     assert_eq!(driven.withdrawn_to(first), [false], "its wheels have told the truth");
@@ -108,8 +107,7 @@ fn who_may_be_elsewhere_after_a_short_gap_begins_a_fragment_and_is_joined() {
         panic!("{fragments:?}");
     };
     let (apart, is_joined_then) = driven.apart();
-    println!("joined after {apart} scans");
-    assert!(is_joined_then);
+    assert!(is_joined_then, "apart for {apart} scans");
     assert!((first..driven.truth.len()).all(|keyframe| driven.error_m(keyframe, first - 1) < 0.3));
     driven.assert_told();
 }
@@ -127,8 +125,7 @@ fn what_odometry_says_of_a_carried_robot_is_withdrawn_when_it_is_joined() {
         }
     }
     let (apart, is_joined_then) = driven.apart();
-    println!("joined after {apart} scans");
-    assert!(is_joined_then);
+    assert!(is_joined_then, "apart for {apart} scans");
     let fragments = driven.fragments();
     let (_, first) = fragments[1];
     let joins = |candidate: &&Candidate| {
