@@ -327,6 +327,9 @@ impl KeyframeSettings {
     }
 }
 
+/// Sessions of earlier versions name it; there is nothing to be set any more.
+const RETIRED: &str = "loops.relocate";
+
 /// End points of a submap that lie farther from its origin are not compared, cells.
 const REACH_CELLS: f64 = 300.0;
 
@@ -373,7 +376,9 @@ impl Settings {
         for line in text.lines().filter(|line| !line.trim().is_empty()) {
             let (key, value) =
                 line.split_once('=').ok_or_else(|| SettingsError::Unknown { key: line.trim().to_owned() })?;
-            settings.set(key.trim(), value.trim())?;
+            if key.trim() != RETIRED {
+                settings.set(key.trim(), value.trim())?;
+            }
         }
         settings.validate()?;
         Ok(settings)
@@ -438,6 +443,7 @@ mod tests {
         assert_eq!(Settings::from_text("\n"), Ok(Settings::default()));
         assert!(Settings::from_text("map.resolution_m 0.1").is_err() && Settings::from_text("a = 1").is_err());
         assert!(Settings::from_text("map.resolution_m = 99").is_err());
+        assert_eq!(Settings::from_text("loops.relocate = true\n"), Ok(Settings::default()), "of an earlier version");
     }
 
     #[test]
