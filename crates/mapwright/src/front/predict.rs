@@ -40,9 +40,11 @@ const STEADY_SHARE: [f64; 2] = [0.1, 0.4];
 /// Weight of the newest motion in the velocity that is carried: matches in a corridor stick to what was just drawn, and a
 /// velocity that follows each of them comes to a stand.
 const VELOCITY_WEIGHT: f64 = 0.3;
-/// Weight of the newest period in the running mean, and what counts as one, seconds.
+/// Weight of the newest period in the running mean. What is no gap counts as one, and what takes up to so many seconds; of the first
+/// nobody knows whether it is.
 const PERIOD_WEIGHT: f64 = 0.02;
 const PERIOD_S: f64 = 2.0;
+const FIRST_PERIOD_S: f64 = 10.0;
 /// How fast a robot is thought to drive and turn before it has moved, metres and radians per second, and how fast at least: it may drive
 /// off unseen. Weight of the newest scan in the running mean of the squares.
 const USUAL_AT_FIRST: [f64; 2] = [0.5, 0.8];
@@ -249,7 +251,8 @@ impl Predictor {
                 *usual = mean_square.sqrt().max(USUAL_AT_LEAST[axis]);
             }
         }
-        if elapsed_s > 0.0 && elapsed_s < PERIOD_S {
+        let at_most_s = if self.period_s > 0.0 { PERIOD_S.max(GAP_PERIODS * self.period_s) } else { FIRST_PERIOD_S };
+        if elapsed_s > 0.0 && elapsed_s < at_most_s {
             let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
             self.period_s += weight * (elapsed_s - self.period_s);
         }
