@@ -9,11 +9,6 @@ use mapwright_record::{Evidence, Objection};
 /// Rivals with a smaller share of the best score are not looked for.
 const LEAST_AMBIGUITY: f64 = 0.75;
 
-/// Where a window is wider than this to either side, metres, a place has to score such a share of the full score: in so many poses there is
-/// always one that scores as a bad place does (docs/decisions/0024-fragments.md).
-const WIDE_M: f64 = 2.0;
-const WIDE_SCORE: f64 = 0.6;
-
 /// Looks for submaps in others; keeps its buffers.
 #[derive(Debug, Clone, Default)]
 pub struct PlaneVerifier {
@@ -46,8 +41,7 @@ impl PlaneVerifier {
         self.points.clear();
         let every = query.hits.len().div_ceil(search_points.max(1)).max(1);
         self.points.extend(query.hits.iter().step_by(every));
-        self.searcher.settings.least_share =
-            if window.half_width_m > WIDE_M { least_score.max(WIDE_SCORE) } else { least_score };
+        self.searcher.settings.least_share = least_score;
         self.searcher.settings.least_rival_share = LEAST_AMBIGUITY;
         let found = self.searcher.search(&target.map, &self.points, window, Some(separation));
         let Some(found) = found else { return Finding::none(evidence, Objection::NoMatch) };
