@@ -192,11 +192,11 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
         count(mapping.session().keyframes().len() as u64, "keyframe"),
     );
     let _ = writeln!(text, "map      {width_m:.0} x {height_m:.0} m, {} m a cell", mapping.settings.map.resolution_m);
-    let fragments: u64 = mapping.session().fragments().len() as u64;
-    if fragments > 1 {
-        let pieces = mapping.session().pieces().len() as u64;
-        let _ =
-            writeln!(text, "breaks   {}, held together in {}", count(fragments, "fragment"), count(pieces, "piece"));
+    let fragments = mapping.session().fragments();
+    let breaks = fragments.iter().filter(|fragment| fragment.start.is_break()).count() as u64;
+    if breaks > 0 {
+        let (pieces, fragments) = (mapping.session().pieces().len(), count(fragments.len() as u64, "fragment"));
+        let _ = writeln!(text, "pieces   {pieces}, of {fragments} ({})", count(breaks, "break"));
     }
     let _ = write!(
         text,

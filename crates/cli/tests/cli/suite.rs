@@ -144,7 +144,7 @@ fn breaks_are_counted_and_can_be_repeated() {
     let again = run(&["map", &broken, "-o", &path("again")]);
     assert_code(&again, 3);
     let words = String::from_utf8_lossy(&again.stdout);
-    assert!(words.contains("2 fragments, held together in 2 pieces"), "{words}");
+    assert!(words.contains("pieces   2, of 2 fragments (1 break)"), "{words}");
     let eval = run(&["eval", &path("again/trajectory.tum"), "--relations", &relations, "--json"]);
     let value: Value = serde_json::from_slice(&eval.stdout).unwrap();
     let again_m = value[0]["all"]["translation_m"]["mean"].as_f64().unwrap();
