@@ -134,7 +134,7 @@ pub struct Closing<S: Submaps> {
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
-    /// Fragments that nothing joins yet.
+    /// Pieces of the map that nothing joins.
     apart: Apart,
 }
 
@@ -145,6 +145,14 @@ pub struct Judgement<P: Pose> {
     pub judged: Judged<P>,
     /// Numbers of those that have waited and are closures now, as it is itself.
     pub agreeing: Vec<u32>,
+    /// The keyframe after a break that odometry has led to wrongly: what links it to the one before is none.
+    pub misled: Option<NodeId>,
+}
+
+impl<P: Pose> Judgement<P> {
+    fn alone(judged: Judged<P>) -> Self {
+        Self { judged, agreeing: Vec::new(), misled: None }
+    }
 }
 
 impl<S: Submaps> Closing<S> {
@@ -166,27 +174,22 @@ impl<S: Submaps> Closing<S> {
         }
     }
 
-    /// A fragment begins with this keyframe, after a break.
-    pub fn begin_fragment(&mut self, first: NodeId) {
-        self.apart.begin(first);
+    /// A fragment begins after a break, or what leads over one was withdrawn.
+    pub fn see_pieces(&mut self, past: Past<'_, S::Measurement>) {
+        self.apart = Apart::of(past);
     }
 
-    /// Whether there is a fragment that nothing joins with what was mapped before it.
+    /// Whether nothing joins what is mapped now with where the map begins.
     #[must_use]
     pub fn is_apart(&self) -> bool {
-        self.apart.is_any()
-    }
-
-    /// The first keyframes of fragments that have turned out elsewhere than odometry has led to, once: what links them there is wrong.
-    pub fn take_misled(&mut self) -> Vec<NodeId> {
-        self.apart.take_misled()
+        self.apart.is_newest()
     }
 
     /// Goes on with a session: what has waited waits, and closures of late hold.
     pub fn resume(&mut self, past: Past<'_, S::Measurement>) {
         let candidates = past.session.candidates().iter().zip(0..);
         let waits = |candidate: &Candidate<PoseOf<S>>| match candidate.verdict {
-            Verdict::Waiting(Objection::Alone) => true,
+            Verdict::Waiting(Objection::Alone | Objection::Improbable) => true,
             Verdict::Waiting(Objection::Ambiguous) => {
                 let Evidence { ambiguity, cycle_chi2, .. } = candidate.evidence;
                 ambiguity.is_some_and(|share| share <= UNCLEAR_AMBIGUITY)
@@ -203,7 +206,7 @@ impl<S: Submaps> Closing<S> {
         }
         self.supports.forget(past.way_m);
         (self.checked_m, self.asked_m) = (past.length_m(), past.length_m());
-        self.apart = Apart::of(past);
+        self.see_pieces(past);
     }
 
     /// Whether it is time to look for old places.
@@ -313,7 +316,7 @@ impl<S: Submaps> Closing<S> {
         let mut near: Vec<(f64, Target<PoseOf<S>>)> = Vec::new();
         let is_left = |place: &&KnownPlace<_>| !place.live && past.way_between_m(to, place.first) >= LEFT_M;
         let is_narrow =
-            |place: &&KnownPlace<_>| window_m(place) <= JOINED_WITHIN_M || !self.apart.is_crossed(place.first, to);
+            |place: &&KnownPlace<_>| window_m(place) <= JOINED_WITHIN_M || !self.apart.is_between(place.first, to);
         for place in known.iter().filter(is_left).filter(is_narrow) {
             let there = past.pose(place.first);
             let away_m = there.distance(here);
@@ -348,7 +351,7 @@ impl<S: Submaps> Closing<S> {
         let target = |(from, window)| {
             let place = patch_of(known, from).filter(|place| !place.live)?;
             let most_m = SEEN_WITHIN_M + 2.0 * WINDOW_SIGMAS * sigmas(place).0;
-            let is_near = self.apart.is_crossed(from, to) || past.pose(from).distance(past.pose(to)) <= most_m;
+            let is_near = self.apart.is_between(from, to) || past.pose(from).distance(past.pose(to)) <= most_m;
             let covariance = place.covariance;
             is_near.then_some(Target { from, detection: Detection::Place, window, covariance })
         };
@@ -378,7 +381,7 @@ impl<S: Submaps> Closing<S> {
         let mut judged = target.judged(to, finding);
         let found = finding.target_from_query.unwrap_or(target.window.target_from_query);
         let chi2 = cycle_chi2(past, to, target, finding, found);
-        let joins = self.apart.is_crossed(target.from, to);
+        let joins = self.apart.is_between(target.from, to);
         let most_chi2 = if joins || target.detection == Detection::Match {
             improbable_match_chi2::<PoseOf<S>>()
         } else {
@@ -392,6 +395,7 @@ impl<S: Submaps> Closing<S> {
                 Verdict::Waiting(why)
             }
             Some(why) => Verdict::Refused(why),
+            None if chi2 > most_chi2 && joins => Verdict::Waiting(Objection::Improbable),
             None if chi2 > most_chi2 => Verdict::Refused(Objection::Improbable),
             None => Verdict::Waiting(Objection::Alone),
         };
@@ -401,7 +405,7 @@ impl<S: Submaps> Closing<S> {
         let is_misled = chi2 > most_chi2;
         let may_count = finding.objection.is_none() || unclear && !is_misled;
         if !may_count || is_misled && !joins {
-            return Judgement { judged, agreeing: Vec::new() };
+            return Judgement::alone(judged);
         }
         let number = candidates.len() as u32;
         let others = self.waiting.iter().copied();
@@ -418,16 +422,17 @@ impl<S: Submaps> Closing<S> {
             if self.waiting.len() > WAITING_AT_MOST {
                 self.waiting.remove(0);
             }
-            return Judgement { judged, agreeing: Vec::new() };
+            return Judgement::alone(judged);
         }
-        self.apart.join(target.from, to, is_misled);
         self.waiting.retain(|other| !friends.contains(other));
         judged.verdict = Verdict::Accepted;
-        Judgement { judged, agreeing: friends }
+        let misled = self.apart.misled(to).filter(|_| is_misled);
+        Judgement { judged, agreeing: friends, misled }
     }
 
     /// A candidate has become a closure, with this edge between these nodes.
     pub fn accepted(&mut self, past: Past<'_, S::Measurement>, [from, to]: [NodeId; 2], edge: &Edge<PoseOf<S>>) {
+        self.see_pieces(past);
         self.supports.learn(from, to, supports::Found::Here);
         let error = past.pose(from).between(past.pose(to)).between(edge.from_from_to);
         self.strained += 1;
@@ -444,7 +449,8 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// A closure between two keyframes was none.
-    pub fn withdrawn(&mut self, [from, to]: [NodeId; 2]) {
+    pub fn withdrawn(&mut self, past: Past<'_, S::Measurement>, [from, to]: [NodeId; 2]) {
+        self.see_pieces(past);
         self.supports.unlearn(from, to);
     }
 

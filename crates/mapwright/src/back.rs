@@ -3,7 +3,7 @@
 use crate::cycles::{self, Follows};
 use crate::jobs::{Job, Outcome, Task};
 use crate::settings::{Correction, Jobs, LivePolicy, Settings};
-use crate::store::Store;
+use crate::store::{Link, NewKeyframe, Store, Written};
 use mapwright_loops::{Closes, Closing, ClosingSettings, Solving};
 use mapwright_record::{Localisation, Past};
 use mapwright_sensor::Sweep;
@@ -50,6 +50,17 @@ impl<M: Closes> BackEnd<M> {
         let mut back = Self::new(settings);
         back.closing.resume(store.past());
         back
+    }
+
+    /// Writes a keyframe down. A match that leads to an old place is no edge until the place was looked at.
+    pub(crate) fn write(&mut self, store: &mut Store<M>, new: &NewKeyframe<M>, link: Link) -> Option<Written<M::Pose>> {
+        let closing = &mut self.closing;
+        let written = store.add_keyframe(new, link, |past, anchor| closing.links(past, anchor))?;
+        written.unjudged.into_iter().for_each(|edge| closing.wait(store.past(), edge));
+        if let Link::Break(_) = link {
+            closing.see_pieces(store.past());
+        }
+        Some(written)
     }
 
     /// Whether what is mapped now is joined with the rest.

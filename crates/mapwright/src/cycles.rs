@@ -67,9 +67,8 @@ fn judge_finding<S: Submaps>(
     let judgement = closing.judge(store.past(), store.session().candidates(), to, found);
     let number = store.add_candidate(&judgement.judged);
     let Some(number) = number.filter(|_| judgement.judged.verdict == Verdict::Accepted) else { return Vec::new() };
-    for first in closing.take_misled() {
-        let ends =
-            store.odometry_to(first).and_then(|edge| store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted)));
+    if let Some(edge) = judgement.misled.and_then(|first| store.odometry_to(first)) {
+        let ends = store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted));
         ends.into_iter().for_each(|[from, to]| front.open(from, to));
     }
     let mut edges = Vec::new();
@@ -112,7 +111,7 @@ pub(crate) fn correct<S: Submaps>(
     for edge in taken_back {
         let Some(ends) = store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted)) else { continue };
         front.open(ends[0], ends[1]);
-        closing.withdrawn(ends);
+        closing.withdrawn(store.past(), ends);
     }
     let before = store.correct(&solved.map_from_keyframe);
     before.is_some_and(|before| {

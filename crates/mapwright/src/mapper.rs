@@ -159,12 +159,8 @@ impl Mapper {
 
     fn insert_if_moved(&mut self, scan: &LaserScan, matched: Option<&Matched>) -> Option<NodeId> {
         let Self { store, front, back, .. } = self;
-        let closing = &mut back.closing;
         let new = front.new_keyframe(store.past(), scan, matched)?;
-        let written = store.add_keyframe(&new, Link::Odometry, |past, anchor| closing.links(past, anchor))?;
-        if let Some(edge) = written.unjudged {
-            closing.wait(store.past(), edge);
-        }
+        let written = back.write(store, &new, Link::Odometry)?;
         front.wrote(store.past(), &new, &written);
         Some(written.node)
     }
@@ -172,9 +168,8 @@ impl Mapper {
     fn begin_fragment(&mut self, scan: &LaserScan, start: FragmentStart) -> Option<NodeId> {
         let Self { store, front, back, .. } = self;
         let new = front.first_of_fragment(store.past(), scan, start)?;
-        let written = store.add_keyframe(&new, Link::Break(start), |_, _| true)?;
+        let written = back.write(store, &new, Link::Break(start))?;
         front.began_fragment(store.past(), scan.stamp, &new, &written);
-        back.closing.begin_fragment(written.node);
         Some(written.node)
     }
 

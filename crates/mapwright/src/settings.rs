@@ -251,7 +251,7 @@ section! {
 section! {
     /// The local map.
     LiveSettings, "live" {
-        policy: LivePolicy = LivePolicy::Gated, 0..=1, "", "\"everything\" ever seen, or \"gated\" by certainty";
+        policy: LivePolicy = LivePolicy::Gated, 0..=1, "", "\"everything\" ever seen, breaks or not, or \"gated\" by certainty";
         gate_m: f64 = 0.08, 0.001..=10.0, "m", "gated: so certain keyframes are matched against; those that the robot stays near until 2.5 times as uncertain";
         views_per_area: u32 = 24, 1..=10_000, "", "gated: live keyframes per square metre and quarter turn";
     }

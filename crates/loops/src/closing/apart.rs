@@ -1,94 +1,73 @@
-//! Fragments that nothing joins with what was mapped before them. What links them to it is what odometry says over a break: a claim,
-//! of a robot that may have been carried.
+//! Pieces of the map that nothing joins. What links one to what was mapped before it is what odometry says over a break: a claim, of a
+//! robot that may have been carried.
 
-use mapwright_geom::Stored;
 use mapwright_record::{Measurement, NodeId, Past};
 
-/// The fragments that are apart.
+/// Which fragments are held together ([`mapwright_record::Session::pieces`]).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Apart {
-    /// The keyframes that they begin with.
-    firsts: Vec<NodeId>,
-    /// Of those that were joined, the ones that odometry has led to wrongly.
-    misled: Vec<NodeId>,
+    /// The keyframe that each fragment begins with, and the piece that it is of; none where there is but one piece.
+    fragments: Vec<(NodeId, usize)>,
 }
 
 impl Apart {
-    /// Those of a session.
+    /// As a session says.
     pub(super) fn of<M: Measurement>(past: Past<'_, M>) -> Self {
-        let pieces = past.session.pieces();
-        let apart = pieces.iter().skip(1).filter_map(|piece| piece.fragments.first());
-        let firsts = apart.filter_map(|fragment| past.session.place(fragment.first).map(NodeId::at)).collect();
-        Self { firsts, misled: Vec::new() }
-    }
-
-    pub(super) fn begin(&mut self, first: NodeId) {
-        self.firsts.push(first);
-    }
-
-    pub(super) fn is_any(&self) -> bool {
-        !self.firsts.is_empty()
-    }
-
-    /// Whether a way between two keyframes leads into a fragment that is apart.
-    pub(super) fn is_crossed(&self, from: NodeId, to: NodeId) -> bool {
-        self.firsts.iter().any(|first| is_across(*first, from, to))
-    }
-
-    /// A closure leads there, to where odometry does not (`misled`) or does.
-    pub(super) fn join(&mut self, from: NodeId, to: NodeId, misled: bool) {
-        // Collected, for what is not drawn out of the iterator stays.
-        let crossed: Vec<NodeId> = self.firsts.extract_if(.., |first| is_across(*first, from, to)).collect();
-        if misled {
-            self.misled.extend(crossed);
+        let session = past.session;
+        if !session.fragments().iter().any(|fragment| fragment.start.is_break()) {
+            return Self::default();
         }
+        let pieces = session.pieces();
+        let mut fragments = Vec::new();
+        for (piece, of) in pieces.iter().enumerate().filter(|_| pieces.len() > 1) {
+            let places = of.fragments.iter().filter_map(|fragment| session.place(fragment.first));
+            fragments.extend(places.map(|place| (NodeId::at(place), piece)));
+        }
+        fragments.sort_unstable();
+        Self { fragments }
     }
 
-    /// The fragments whose links are wrong, once.
-    pub(super) fn take_misled(&mut self) -> Vec<NodeId> {
-        std::mem::take(&mut self.misled)
+    /// Whether the newest fragment is of another piece than the first.
+    pub(super) fn is_newest(&self) -> bool {
+        self.fragments.last().is_some_and(|(_, piece)| *piece != 0)
     }
 
-    pub(super) fn put(&self, out: &mut Vec<u8>) {
-        self.firsts.put(out);
+    /// Whether two keyframes are of different pieces.
+    pub(super) fn is_between(&self, from: NodeId, to: NodeId) -> bool {
+        self.piece(from) != self.piece(to)
     }
 
-    /// Goes on as it was; `past` is all of the session.
-    pub(super) fn restore<M: Measurement>(past: Past<'_, M>, from: &mut &[u8]) -> Option<Self> {
-        let firsts: Vec<NodeId> = Stored::take(from)?;
-        firsts.iter().all(|&first| past.has(first)).then(|| Self { firsts, misled: Vec::new() })
+    /// The keyframe that odometry has led to wrongly where `to` is elsewhere: the first one of its piece, on the way back.
+    pub(super) fn misled(&self, to: NodeId) -> Option<NodeId> {
+        let piece = self.piece(to)?;
+        let before = self.fragments[..self.end(to)].iter().rev();
+        before.take_while(|(_, of)| *of == piece).last().map(|(first, _)| *first)
     }
-}
 
-fn is_across(first: NodeId, from: NodeId, to: NodeId) -> bool {
-    from.min(to) < first && first <= from.max(to)
+    fn piece(&self, node: NodeId) -> Option<usize> {
+        self.fragments[..self.end(node)].last().map(|(_, piece)| *piece)
+    }
+
+    /// How many fragments have begun up to a keyframe.
+    fn end(&self, node: NodeId) -> usize {
+        self.fragments.partition_point(|(first, _)| *first <= node)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn apart() -> Apart {
-        let mut apart = Apart::default();
-        [10, 20, 30].into_iter().for_each(|first| apart.begin(NodeId::new(first)));
-        apart
-    }
-
-    fn join(apart: &mut Apart, from: u32, to: u32, misled: bool) {
-        apart.join(NodeId::new(from), NodeId::new(to), misled);
-    }
-
     #[test]
-    fn who_is_joined_is_apart_no_more_wherever_odometry_has_led() {
-        for misled in [false, true] {
-            let mut apart = apart();
-            join(&mut apart, 12, 19, misled);
-            assert!(apart.is_crossed(NodeId::new(9), NodeId::new(10)), "a closure within it joins nothing");
-            join(&mut apart, 9, 20, misled);
-            assert!(!apart.is_crossed(NodeId::new(9), NodeId::new(29)) && apart.is_any());
-            assert_eq!(apart.take_misled(), if misled { [10, 20].map(NodeId::new).to_vec() } else { Vec::new() });
-            join(&mut apart, 35, 12, misled);
-            assert!(!apart.is_any());
-        }
+    fn pieces_are_told_apart_and_which_link_is_wrong() {
+        let node = NodeId::new;
+        let apart = Apart { fragments: vec![(node(0), 0), (node(10), 1), (node(20), 2), (node(30), 2), (node(40), 0)] };
+        assert!(apart.is_between(node(9), node(10)) && apart.is_between(node(25), node(12)));
+        assert!(!apart.is_between(node(20), node(39)) && !apart.is_between(node(5), node(99)));
+        assert!(!apart.is_newest() && Apart { fragments: apart.fragments[..4].to_vec() }.is_newest());
+        // What links the fragments of one piece is not what has misled.
+        assert_eq!([12, 25, 35].map(|to| apart.misled(node(to))), [Some(node(10)), Some(node(20)), Some(node(20))]);
+        let whole = Apart::default();
+        assert!(!whole.is_newest() && !whole.is_between(node(0), node(9)) && whole.misled(node(9)).is_none());
     }
 }

@@ -14,7 +14,6 @@ impl<S: Submaps> Closing<S> {
         (self.checked_m, self.asked_m, self.described, self.described_m).put(out);
         (self.strained, self.urgent).put(out);
         self.supports.put(out);
-        self.apart.put(out);
         self.places.put(out);
     }
 
@@ -25,7 +24,7 @@ impl<S: Submaps> Closing<S> {
         let (checked_m, asked_m, described, described_m) = Stored::take(from)?;
         let (strained, urgent) = Stored::take(from)?;
         let supports = Supports::restore(past, from)?;
-        let apart = Apart::restore(past, from)?;
+        let apart = Apart::of(past);
         let places = S::Places::take(from)?;
         let is_sound = waiting.iter().all(|&number| (number as usize) < past.session.candidates().len())
             && S::remembered(&places).iter().all(|&node| past.has(node));

@@ -301,7 +301,7 @@ fn match_with_an_old_place<P: Pose>() {
         assert!(closing.settle_matches(way.past(), &closures).is_empty(), "once");
         if is_closure {
             let mut doubted = closing.clone();
-            doubted.withdrawn([ten, newest]);
+            doubted.withdrawn(way.past(), [ten, newest]);
             assert!(!doubted.links(way.past(), ten), "later evidence speaks against it");
         }
         let links = [ten, twelve].map(|from| closing.links(way.past(), from));

@@ -3,6 +3,7 @@
 //! detection looks for a join ([`mapwright_loops::Closing`]).
 
 use super::{FrontEnd, Matched, Prepared};
+use crate::settings::LivePolicy;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov3, Stamp, TangentMatrix, compose_covariance};
 use mapwright_record::{FragmentStart, Past};
@@ -22,7 +23,8 @@ const ANYWHERE: [f64; 2] = [1e4, 10.0];
 impl FrontEnd {
     /// Why a fragment begins with this scan, if it does.
     pub(crate) fn find_break(&self, past: Past<'_>, stamp: Stamp, prepared: &Prepared) -> Option<FragmentStart> {
-        if past.newest().is_none() || self.preparation.match_points().is_empty() {
+        let keeps_everything = self.settings.live.policy == LivePolicy::Everything;
+        if keeps_everything || past.newest().is_none() || self.preparation.match_points().is_empty() {
             return None;
         }
         let is_blind = self.tracker.blind_s(stamp) > BLIND_S.max(BLIND_PERIODS * self.predictor.period_s());

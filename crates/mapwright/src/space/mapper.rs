@@ -92,12 +92,8 @@ impl SpaceMapper {
 
     fn insert_if_moved(&mut self, cloud: &Cloud, matched: Option<&Matched>) -> Option<NodeId> {
         let Self { store, front, back, .. } = self;
-        let closing = &mut back.closing;
         let new = front.new_keyframe(store.past(), cloud, matched)?;
-        let written = store.add_keyframe(&new, Link::Odometry, |past, anchor| closing.links(past, anchor))?;
-        if let Some(edge) = written.unjudged {
-            closing.wait(store.past(), edge);
-        }
+        let written = back.write(store, &new, Link::Odometry)?;
         front.wrote(store.past(), &new, &written);
         if let Some(down) = front.take_down() {
             store.add_gravity(written.node, &down);
