@@ -31,6 +31,10 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Map a log: trajectory, map, picture, report.
     Map(MapArgs),
+    /// One map of several logs or sessions, of one robot or of several, wherever each began.
+    Merge(MergeArgs),
+    /// Where the robot of a log is in a finished map, which stays as it is.
+    Localise(LocaliseArgs),
     /// What is in a log, and everything odd about it.
     Info(InfoArgs),
     /// Score trajectories against surveyed relations or a reference trajectory.
@@ -82,8 +86,49 @@ pub(crate) struct MapArgs {
     /// Folder for the results; made if need be.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
+    /// Go on with the session in the folder of results, be it finished, stopped or killed: with the rest of the log that it was made of,
+    /// or with another log, which may begin anywhere.
+    #[arg(long = "continue", conflicts_with_all = ["resume", "start", "space"])]
+    pub(crate) goes_on: bool,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct MergeArgs {
+    /// Logs as for `map`, folders of results or their `session.mapwright`; in this order.
+    #[arg(required = true, num_args = 2.., value_name = "LOG|SESSION")]
+    pub(crate) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Folder for the results; made if need be.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) mapping: MappingArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct LocaliseArgs {
+    /// Logs of one drive in a row, as for `map`.
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// The finished map: a folder of results or its `session.mapwright`. Nothing is written there.
+    #[arg(long, value_name = "SESSION")]
+    pub(crate) map: PathBuf,
+    /// Where the poses go, one a scan, each as it was known at that scan: a name ending in .csv with the quality of each, else TUM, in which
+    /// scans that were not located are left out.
+    #[arg(short, long, value_name = "POSES")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    /// Predict with constant velocity even where the log has odometry.
+    #[arg(long)]
+    pub(crate) no_odometry: bool,
+    #[command(flatten)]
+    pub(crate) voice: Voice,
 }
 
 /// What to use of a recording instead of what would be found.

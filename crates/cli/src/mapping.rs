@@ -6,19 +6,20 @@ use crate::closures::{CLOSURES, ClosureFile};
 use crate::drawing::draw_believed;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
+use crate::interrupt::Interrupt;
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
-use crate::session::{SessionLog, earlier_in_plane};
+use crate::session::SessionLog;
 use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
 use mapwright::{
     Advice, Beams, Entry, KeyframeId, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry,
-    Pose2, Session, Settings, TurnRate,
+    Pose2, RunId, Session, Settings, TurnRate,
 };
-use mapwright_formats::{Confidence, GridImage, Picture, TumWriter, dominant_wall_angle};
+use mapwright_formats::{Confidence, GridImage, LogEvent, Picture, TumWriter, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use std::fs::File;
@@ -71,12 +72,16 @@ pub(crate) fn settings_of(args: &MappingArgs) -> Result<Settings, Failure> {
 }
 
 impl Mapping {
-    /// Begins a run; `length` is that of the progress bar.
-    pub(crate) fn begin(args: &MappingArgs, mut output: OutputFolder, length: Option<u64>) -> Result<Self, Failure> {
+    /// Begins a run, or goes on with a session, of which something may be lost; `length` is that of the progress bar.
+    pub(crate) fn begin(
+        args: &MappingArgs,
+        mut output: OutputFolder,
+        length: Option<u64>,
+        earlier: Option<(Session, Vec<String>)>,
+    ) -> Result<Self, Failure> {
         let clock = StageClock::start();
         let start = args.start.unwrap_or(Pose2::IDENTITY);
         let settings = settings_of(args)?;
-        let earlier = args.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
         let (earlier, earlier_losses) = earlier.map_or((None, Vec::new()), |(session, losses)| (Some(session), losses));
         let log = SessionLog::begin(&mut output, earlier.as_ref())?;
         let mapper = match earlier {
@@ -115,6 +120,38 @@ impl Mapping {
         self.local_map = update.local_map;
         self.progress.scan(update.stamp, position);
         self.log.add(update.entries)
+    }
+
+    /// One event of a log through the mapper.
+    pub(crate) fn take(&mut self, event: LogEvent<'_>, position: u64) -> Result<(), Failure> {
+        match event {
+            LogEvent::Scan(scan) => self.add_scan(scan, position)?,
+            LogEvent::Odometry(odometry) => self.add_odometry(odometry),
+            LogEvent::TurnRate(rate) => self.add_turn_rate(rate),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Another run begins, wherever its robot is: the next one of the robot that the session ends with.
+    pub(crate) fn switch_on(&mut self) -> Result<(), Failure> {
+        let robot = self.session().runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
+        let update = self.mapper.switch_on(robot);
+        self.has_odometry = false;
+        self.log.add(update.entries)
+    }
+
+    /// Takes in a session that was mapped apart.
+    pub(crate) fn import(&mut self, session: &Session, name: &str, interrupt: &Interrupt) -> Result<(), Failure> {
+        if self.session().shares_keyframes(session) {
+            return Err(Failure::Usage(format!("{name} is given twice: what it holds is in the map already")));
+        }
+        let (mapper, log) = (&mut self.mapper, &mut self.log);
+        let imported = mapper.import(session, |update| {
+            log.add(update.entries).map_err(Some)?;
+            if interrupt.came() { Err(None) } else { Ok(()) }
+        });
+        imported.or_else(|why| why.map_or(Ok(()), Err))
     }
 
     /// Everything that was recorded.

@@ -193,7 +193,7 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
     );
     let _ = writeln!(text, "map      {width_m:.0} x {height_m:.0} m, {} m a cell", mapping.settings.map.resolution_m);
     let fragments = mapping.session().fragments();
-    let breaks = fragments.iter().filter(|fragment| fragment.start.is_break()).count() as u64;
+    let breaks = fragments.iter().skip(1).filter(|fragment| fragment.start.is_break()).count() as u64;
     if breaks > 0 {
         let (pieces, fragments) = (mapping.session().pieces().len(), count(fragments.len() as u64, "fragment"));
         let _ = writeln!(text, "pieces   {pieces}, of {fragments} ({})", count(breaks, "break"));

@@ -5,9 +5,9 @@ use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::{OutputFolder, part_of};
 use mapwright::{Entry, Session, Settings, SpaceSweep, Sweep};
-use mapwright_record::{LogError, LogReport, LogWriter, Measurement, read_log};
+use mapwright_record::{LogError, LogReport, LogWriter, MAGIC, Measurement, read_log};
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -92,6 +92,17 @@ pub(crate) fn read_any_session(path: &Path) -> Result<(AnySession, Vec<String>),
         }
     }
     Ok((AnySession::Plane(plane), losses))
+}
+
+/// Whether a session is what lies at a path, told by its first bytes, or in a folder.
+pub(crate) fn is_session(path: &Path) -> Result<bool, Failure> {
+    if path.is_dir() {
+        return Ok(in_folder(path).exists());
+    }
+    let mut first = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut first));
+    read.map_err(|error| Failure::open(path, error))?;
+    Ok(first == MAGIC)
 }
 
 /// The planar session that a run goes on with.

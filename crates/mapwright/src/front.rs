@@ -30,6 +30,7 @@ mod slip;
 mod sweep_motion;
 mod track;
 
+pub(crate) use breaks::anywhere;
 pub(crate) use pose::{Motion, RobotPose, map_floor};
 pub(crate) use resume::{Links, links};
 pub(crate) use slip::BEFORE;

@@ -19,6 +19,7 @@ use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
 
 mod checkpoint;
+mod runs;
 
 /// Builds a map one scan at a time.
 #[derive(Debug, Clone)]
@@ -117,7 +118,7 @@ impl Mapper {
         let prepared = self.front.prepare(scan);
         probe.end(Stage::Prepare);
         // 3. Match against the local map, with a guard; over a break nothing that is known is matched against.
-        let start = self.front.find_break(self.store.past(), scan.stamp, &prepared);
+        let start = self.front.find_break(self.store.past(), scan.stamp, &prepared, self.store.is_switched_on());
         let matched = match start {
             None => self.front.track(self.store.past(), scan, &prepared),
             Some(_) => self.front.leave(),
@@ -200,6 +201,15 @@ impl Mapper {
     fn work_inline(&mut self) {
         while let Some(job) = self.back.next_inline() {
             self.take_in(&job.run());
+        }
+    }
+
+    /// Does all jobs, those as well that would be handed out.
+    fn work_all(&mut self) {
+        while let Some(job) = self.back.hand_out() {
+            let result = job.run();
+            self.back.came_back();
+            self.take_in(&result);
         }
     }
 

@@ -14,8 +14,10 @@ use mapwright_sensor::{DownEstimate, Sweep};
 use std::sync::Arc;
 
 mod checkpoint;
+mod import;
 mod new;
 
+pub(crate) use import::Import;
 pub(crate) use new::{Link, NewKeyframe, Slipped, Written};
 
 /// What lies between two keyframes that no measurement joins, or a break, counts as so much way, metres.
@@ -35,6 +37,8 @@ pub(crate) struct Store<M: Measurement = Sweep> {
     has_origin: bool,
     /// Why the next keyframe begins a fragment, if it does.
     start: Option<FragmentStart>,
+    /// The first keyframes, that corrections do not move.
+    fixed: usize,
     /// Entries that nobody was told of yet.
     fresh: Vec<Entry<M>>,
     /// Why others could not be written.
@@ -59,12 +63,39 @@ impl<M: Measurement> Store<M> {
             } else {
                 FragmentStart::Resumed
             }),
+            fixed: 0,
             fresh: Vec::new(),
             unwritten: Vec::new(),
             session,
         };
         store.write(Entry::Run(Run { id: run, settings }));
         store
+    }
+
+    /// A run begins that may be anywhere.
+    pub(crate) fn switch_on(&mut self, run: RunId, settings: String) {
+        self.begin_run(run, settings);
+        self.start = Some(FragmentStart::SwitchedOn);
+    }
+
+    /// The next scan may be anywhere.
+    pub(crate) fn wait_for_scans(&mut self) {
+        self.start = Some(FragmentStart::SwitchedOn);
+    }
+
+    fn begin_run(&mut self, run: RunId, settings: String) {
+        (self.first_scan, self.has_origin) = (self.next_scan(), false);
+        self.write(Entry::Run(Run { id: run, settings }));
+    }
+
+    /// Why the next scan that sees something begins a fragment whatever is known of the robot, if it does: it was switched on.
+    pub(crate) fn is_switched_on(&self) -> Option<FragmentStart> {
+        self.start.filter(|start| *start == FragmentStart::SwitchedOn && self.len() > 0)
+    }
+
+    /// What is there by now is not moved by corrections any more.
+    pub(crate) fn fix(&mut self) {
+        self.fixed = self.len();
     }
 
     /// The one place where a session grows.
@@ -282,7 +313,7 @@ impl<M: Measurement> Store<M> {
         let vertex = |(k, &world_from_vertex): (usize, &M::Pose)| Vertex {
             id: k as u64,
             world_from_vertex,
-            fixed: k == 0 && stays,
+            fixed: k == 0 && stays || k < self.fixed,
         };
         let edges = self.session.recorded_edges().iter().map(|known| {
             let [from, to] = known.ends.map(|end| end as usize);

@@ -115,10 +115,11 @@ pub enum FragmentStart {
 }
 
 impl FragmentStart {
-    /// Whether the robot went on unseen: what links the fragment to what was mapped before is odometry over a break.
+    /// Whether the robot went on unseen, or may be anywhere: what links the fragment to what was mapped before is odometry over a
+    /// break, or says next to nothing.
     #[must_use]
     pub fn is_break(self) -> bool {
-        matches!(self, Self::Uncertain | Self::Blind | Self::Lost)
+        matches!(self, Self::SwitchedOn | Self::Uncertain | Self::Blind | Self::Lost)
     }
 
     /// Lower-case name for reports.

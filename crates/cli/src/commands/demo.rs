@@ -9,6 +9,7 @@ use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::report;
+use crate::session::earlier_in_plane;
 use crate::simulated::{PEOPLE, office, true_relations};
 use crate::terminal::{say, say_json};
 use mapwright_eval::{Alignment, Ate, RelationReport, StampedPose, ate, relation_errors};
@@ -26,9 +27,10 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     let mapping_args = MappingArgs { align: Align::Walls, ..args.mapping.clone() };
     settings_of(&mapping_args)?;
     let interrupt = Interrupt::watch()?;
+    let earlier = mapping_args.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
     let output = OutputFolder::create(&args.output)?;
     let name = format!("simulated office floor, seed {}", args.seed);
-    let mut mapping = Mapping::begin(&mapping_args, output, None)?;
+    let mut mapping = Mapping::begin(&mapping_args, output, None, earlier)?;
     let mut truth = Vec::new();
     for event in office(args.seed, PEOPLE) {
         match event {

@@ -1,17 +1,20 @@
 //! `mapwright map`
 
-use crate::args::MapArgs;
+use crate::args::{MapArgs, Voice};
 use crate::events::{Ending, Interrupt, Log};
 use crate::failure::{Failure, Outcome};
+use crate::going_on::GoesOn;
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
+use crate::reading::Reading;
 use crate::report;
+use crate::session::earlier_in_plane;
 use crate::space::{self, Disk, Sought, Source};
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
-use mapwright_formats::LogEvent;
 use serde_json::json;
+use std::path::Path;
 
 pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?; // wrong usage is told before anything is touched
@@ -36,24 +39,37 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     };
     let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?;
     drop(first_pass);
+    let earlier = match (&args.mapping.resume, args.goes_on) {
+        (Some(path), _) => Some(earlier_in_plane(path)?),
+        (None, true) => Some(earlier_in_plane(&args.output)?),
+        (None, false) => None,
+    };
+    let mut went_on = args.goes_on.then(|| GoesOn::with(earlier.as_ref().map(|(session, _)| session)));
     let output = OutputFolder::create(&args.output)?;
-    let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes())?;
+    let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes(), earlier)?;
     mapping.clock = clock;
-    let ending = log.for_each(&interrupt, |event, position| match event {
-        LogEvent::Scan(scan) => mapping.add_scan(scan, position),
-        LogEvent::Odometry(odometry) => {
-            mapping.add_odometry(odometry);
-            Ok(())
-        }
-        LogEvent::TurnRate(rate) => {
-            mapping.add_turn_rate(rate);
-            Ok(())
-        }
-        _ => Ok(()),
+    let ending = log.for_each(&interrupt, |event, position| {
+        let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&event, &mut mapping));
+        if is_new? { mapping.take(event, position) } else { Ok(()) }
     })?;
     mapping.end_of_scans();
     let name = log.name();
     let read = log.finish()?;
+    finish(mapping, Finished { name, read, ending, output: &args.output, voice })
+}
+
+/// A run whose scans were all taken in.
+pub(super) struct Finished<'a> {
+    pub(super) name: String,
+    pub(super) read: Reading,
+    pub(super) ending: Ending,
+    pub(super) output: &'a Path,
+    pub(super) voice: Voice,
+}
+
+/// Writes the results and says what was made and lost.
+pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Outcome, Failure> {
+    let Finished { name, read, ending, output, voice } = finished;
     let made = mapping.write_results()?;
     let mut losses = read.losses();
     losses.append(&mut mapping.earlier_losses);
@@ -71,7 +87,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     if voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
     } else if !voice.quiet {
-        say(&format!("{name}: {words}written  {}: {}\n", args.output.display(), files.join(" ")))?;
+        say(&format!("{name}: {words}written  {}: {}\n", output.display(), files.join(" ")))?;
     }
     Ok(Outcome::of_losses(&losses))
 }

@@ -8,7 +8,9 @@ mod eval;
 mod explain;
 mod export;
 mod info;
+mod localise;
 mod map;
+mod merge;
 mod optimize;
 mod perturb;
 mod suite;
@@ -20,6 +22,8 @@ use crate::failure::{Failure, Outcome};
 pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
     match command {
         Command::Map(args) => map::run(&args),
+        Command::Merge(args) => merge::run(&args),
+        Command::Localise(args) => localise::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

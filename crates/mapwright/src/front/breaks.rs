@@ -2,6 +2,11 @@
 //! always finds something, and after a break it is soon the wrong corridor. So a fragment begins there, mapped at full quality, and
 //! detection looks for a join ([`mapwright_loops::Closing`]).
 
+use super::insert::Intruders;
+use super::predict::Predictor;
+use super::prepare::Preparation;
+use super::slip::SlipWatch;
+use super::track::Tracker;
 use super::{FrontEnd, Matched, Prepared};
 use crate::settings::LivePolicy;
 use crate::store::{NewKeyframe, Written};
@@ -20,12 +25,27 @@ const LOST_SCANS: u32 = 10;
 /// Variances of where it is then, m^2 and rad^2.
 const ANYWHERE: [f64; 2] = [1e4, 10.0];
 
+/// Covariance of where a robot is of which nothing is known.
+pub(crate) fn anywhere() -> Cov3 {
+    let [m2, rad2] = ANYWHERE;
+    Cov3::from_variances(m2, rad2)
+}
+
 impl FrontEnd {
-    /// Why a fragment begins with this scan, if it does.
-    pub(crate) fn find_break(&self, past: Past<'_>, stamp: Stamp, prepared: &Prepared) -> Option<FragmentStart> {
+    /// Why a fragment begins with this scan, if it does; `switched_on` where it does as soon as something is seen.
+    pub(crate) fn find_break(
+        &self,
+        past: Past<'_>,
+        stamp: Stamp,
+        prepared: &Prepared,
+        switched_on: Option<FragmentStart>,
+    ) -> Option<FragmentStart> {
         let keeps_everything = self.settings.live.policy == LivePolicy::Everything;
-        if keeps_everything || past.newest().is_none() || self.preparation.match_points().is_empty() {
+        if past.newest().is_none() || self.preparation.match_points().is_empty() {
             return None;
+        }
+        if switched_on.is_some() || keeps_everything {
+            return switched_on;
         }
         let is_blind = self.tracker.blind_s(stamp) > BLIND_S.max(BLIND_PERIODS * self.predictor.period_s());
         let may_have_strayed = prepared.step.after_gap || self.tracker.misfits() > 0;
@@ -47,6 +67,17 @@ impl FrontEnd {
         compose_covariance(&self.pose.fused(), step.last_from_robot, &noise).position_variance_m2().sqrt()
     }
 
+    /// A robot is switched on: of how it moves, what it saw last and what is wrong with its odometry nothing is known.
+    pub(crate) fn switch_on(&mut self) {
+        self.preparation = Preparation::default();
+        self.predictor = Predictor::default();
+        self.tracker = Tracker::new(&self.settings);
+        self.intruders = Intruders::default();
+        self.slips = SlipWatch::default();
+        self.pose.switch_on();
+        self.local_map.leave_all();
+    }
+
     /// What is known is not matched against any more.
     pub(crate) fn leave(&mut self) -> Option<Matched> {
         self.local_map.leave_all();
@@ -61,9 +92,8 @@ impl FrontEnd {
         start: FragmentStart,
     ) -> Option<NewKeyframe> {
         let new = self.keyframe_here(past, scan, None, None)?;
-        let [m2, rad2] = ANYWHERE;
-        let is_lost = start == FragmentStart::Lost;
-        Some(NewKeyframe { odometry: if is_lost { Cov3::from_variances(m2, rad2) } else { new.odometry }, ..new })
+        let is_anywhere = matches!(start, FragmentStart::Lost | FragmentStart::SwitchedOn);
+        Some(NewKeyframe { odometry: if is_anywhere { anywhere() } else { new.odometry }, ..new })
     }
 
     /// It was written: the robot goes on from there.

@@ -132,6 +132,19 @@ impl<P: Pose> RobotPose<P> {
         self.odometry_since_keyframe = P::Matrix::zero();
     }
 
+    /// A robot is switched on; nobody knows where, so that it may as well be here. Its odometry begins anew.
+    pub(super) fn switch_on(&mut self) {
+        let links = std::mem::take(&mut self.links);
+        *self = Self { links, ..Self::new(self.local_from_robot) };
+    }
+
+    /// A keyframe of an earlier run lies here, as uncertain relative to the one before.
+    pub(super) fn take_in(&mut self, node: NodeId, local_from_keyframe: P, link: P::Matrix) {
+        self.links.push(link);
+        let links = std::mem::take(&mut self.links);
+        *self = Self { links, anchor: Some(node), ..Self::new(local_from_keyframe) };
+    }
+
     /// What comes is relative to this keyframe, which was just made here.
     pub(super) fn begin_fragment(&mut self, node: NodeId) {
         self.anchor = Some(node);

@@ -9,7 +9,7 @@ use crate::local_map::{Earlier, Frames};
 use crate::settings::Settings;
 use crate::store::spacing;
 use mapwright_geom::{Cov3, Pose, Pose2, TangentMatrix, compose_covariance};
-use mapwright_record::{Edge, EdgeKind, Measurement, NodeId, Past};
+use mapwright_record::{Edge, EdgeKind, Measurement, NodeId, Past, SessionEdge};
 use nalgebra::{Matrix3, Vector3};
 
 /// The last scans tell how the robot moves: so many.
@@ -45,26 +45,29 @@ impl FrontEnd {
 
     fn take_in_keyframes(&mut self, past: Past<'_>, links: &[Links]) {
         let Self { settings, local_map, .. } = self;
-        let keyframes = past.session.keyframes();
         let breaks = past.session.fragments().iter().filter(|fragment| fragment.start.is_break());
         let breaks: Vec<usize> = breaks.filter_map(|fragment| past.session.place(fragment.first)).collect();
         for (node, links) in links.iter().enumerate() {
             if breaks.contains(&node) {
                 local_map.leave_all();
             }
-            let step_m = if node == 0 { 0.0 } else { past.way_m[node] - past.way_m[node - 1] };
-            let before = node.checked_sub(1).map_or(0, |before| keyframes[before].scan);
-            let number = NodeId::at(node);
-            let earlier = Earlier {
-                node: number,
-                links: links.all(past, number),
-                spacing: spacing(keyframes, node, step_m),
-                closures: links.closures.clone(),
-                scans: keyframes[node].scan.saturating_sub(before),
-            };
+            let earlier = links.earlier(past, NodeId::at(node));
             local_map.take_in(settings, Frames::of(past.until(node + 1)), &earlier);
         }
         local_map.draw_wanted(settings, Frames::of(past));
+    }
+
+    /// Takes in the newest keyframe, which another session brings along, with the edges that lead to it, from a number on; `is_first` where
+    /// a fragment begins.
+    pub(crate) fn take_in(&mut self, past: Past<'_>, first_edge: usize, is_first: bool) {
+        let Some(node) = past.newest() else { return };
+        let mut links = Links::default();
+        past.session.recorded_edges().iter().skip(first_edge).for_each(|known| links.add(known));
+        if is_first {
+            self.local_map.leave_all();
+        }
+        self.pose.take_in(node, past.pose(node), links.fused());
+        self.local_map.take_in(&self.settings, Frames::of(past), &links.earlier(past, node));
     }
 
     /// Goes through the last scans again; where the robot is, and how uncertain since the newest keyframe by odometry alone.
@@ -96,19 +99,41 @@ impl FrontEnd {
 /// The edges that stand, by the keyframe that they lead to.
 pub(crate) fn links<M: Measurement>(past: Past<'_, M>) -> Vec<Links<M::Pose>> {
     let mut links = vec![Links::default(); past.way_m.len()];
-    for known in past.session.recorded_edges().iter().filter(|known| !known.withdrawn) {
-        let (edge, [from, to]) = (known.recorded.edge, known.ends.map(NodeId::new));
-        let later = &mut links[from.max(to).index()];
-        match edge.kind {
-            EdgeKind::Odometry => later.odometry = Some(edge),
-            EdgeKind::Match => later.matched = Some((from, edge)),
-            EdgeKind::Closure => later.closures.push((from.min(to), covariance(&edge.information))),
-        }
+    for known in past.session.recorded_edges() {
+        let [from, to] = known.ends;
+        links[from.max(to) as usize].add(known);
     }
     links
 }
 
+impl Links {
+    /// The keyframe that they lead to, as a local map takes it in.
+    fn earlier(&self, past: Past<'_>, node: NodeId) -> Earlier {
+        let (keyframes, at) = (past.session.keyframes(), node.index());
+        let step_m = if at == 0 { 0.0 } else { past.way_m[at] - past.way_m[at - 1] };
+        let before = at.checked_sub(1).map_or(0, |before| keyframes[before].scan);
+        Earlier {
+            node,
+            links: self.all(past, node),
+            spacing: spacing(keyframes, at, step_m),
+            closures: self.closures.clone(),
+            scans: keyframes[at].scan.saturating_sub(before),
+        }
+    }
+}
+
 impl<P: Pose> Links<P> {
+    /// An edge that leads to the keyframe, if it stands.
+    pub(crate) fn add(&mut self, known: &SessionEdge<P>) {
+        let (edge, [from, to]) = (known.recorded.edge, known.ends.map(NodeId::new));
+        match edge.kind {
+            _ if known.withdrawn => {}
+            EdgeKind::Odometry => self.odometry = Some(edge),
+            EdgeKind::Match => self.matched = Some((from, edge)),
+            EdgeKind::Closure => self.closures.push((from.min(to), covariance(&edge.information))),
+        }
+    }
+
     /// What a keyframe is linked with: the one before by wheels and scan together, and the one it was matched with.
     pub(crate) fn all<M: Measurement<Pose = P>>(&self, past: Past<'_, M>, node: NodeId) -> Vec<(NodeId, P::Matrix)> {
         let mut all = Vec::new();

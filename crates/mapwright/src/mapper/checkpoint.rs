@@ -11,7 +11,7 @@ use mapwright_geom::is_in_place;
 use mapwright_record::{NodeId, Past, Update};
 
 /// Of the bytes; another one's are not read.
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
 
 impl Mapper {
     /// Takes down what keyframes and edges do not say, where a run stops: [`Mapper::resume`] goes on with it to the same poses, bit
@@ -19,11 +19,7 @@ impl Mapper {
     ///
     /// There is none while a job is out: what is resumed then learns again how it moves.
     pub fn checkpoint(&mut self) -> Update {
-        while let Some(job) = self.back.hand_out() {
-            let result = job.run();
-            self.back.came_back();
-            self.take_in(&result);
-        }
+        self.work_all();
         if !self.back.is_busy() {
             let mut state = vec![VERSION];
             self.store.put(&mut state);

@@ -2,7 +2,7 @@
 
 use super::Store;
 use mapwright_geom::{Stored, is_in_place};
-use mapwright_record::{Checkpoint, Entry, LeftOutReason, Measurement};
+use mapwright_record::{Checkpoint, Entry, FragmentStart, LeftOutReason, Measurement};
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
@@ -13,6 +13,7 @@ impl<M: Measurement> Store<M> {
         self.map_from_local.put(out);
         self.way_m.put(out);
         self.has_origin.put(out);
+        self.is_switched_on().is_some().put(out);
     }
 
     /// The same session with what stood beside it, if these are bytes of that.
@@ -22,12 +23,13 @@ impl<M: Measurement> Store<M> {
         let map_from_local: M::Pose = Stored::take(from)?;
         let way_m: Vec<f64> = Stored::take(from)?;
         let has_origin = bool::take(from)?;
+        let start = if bool::take(from)? { Some(FragmentStart::SwitchedOn) } else { self.start };
         let in_map = local_from_keyframe.iter().map(|&local| map_from_local * local);
         let is_sound = counts == self.counts()
             && way_m.len() == local_from_keyframe.len()
             && local_from_keyframe.iter().chain([&map_from_local]).all(|pose| is_in_place(*pose))
             && in_map.eq(self.session.map_from_keyframe().iter().copied());
-        is_sound.then(|| Self { local_from_keyframe, map_from_local, way_m, has_origin, ..self.clone() })
+        is_sound.then(|| Self { local_from_keyframe, map_from_local, way_m, has_origin, start, ..self.clone() })
     }
 
     /// By which it is known whether it is the same session: scans, keyframes, edges and candidates.

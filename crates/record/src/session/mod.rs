@@ -317,6 +317,13 @@ impl<M: Measurement> Session<M> {
         self.scan_numbers.next()
     }
 
+    /// Whether a keyframe of another session is here as well, by what it shows and when.
+    #[must_use]
+    pub fn shares_keyframes(&self, other: &Self) -> bool {
+        let Some(first) = other.keyframes.first() else { return false };
+        self.keyframes.iter().any(|known| known.stamp == first.stamp && known.sweep == first.sweep)
+    }
+
     pub(crate) fn names(&self) -> &Names {
         &self.names
     }
@@ -337,10 +344,15 @@ impl<M: Measurement> Session<M> {
     /// The name of a run that goes on with it: of the robot that ended it, with the next number; none where there is no run.
     #[must_use]
     pub fn next_run(&self) -> Option<RunId> {
-        let last = self.runs.last()?.id;
-        let sessions =
-            self.runs.iter().filter(|run| run.id.robot == last.robot).map(|run| run.id.session.saturating_add(1));
-        Some(RunId { session: sessions.max().unwrap_or(0), ..last })
+        Some(self.next_run_of(self.runs.last()?.id))
+    }
+
+    /// The name of another run of the robot that this one is of: with the next number that it has not had.
+    #[must_use]
+    pub fn next_run_of(&self, run: RunId) -> RunId {
+        let of_robot = self.runs.iter().filter(|known| known.id.robot == run.robot);
+        let sessions = of_robot.map(|known| known.id.session.saturating_add(1));
+        RunId { session: sessions.max().unwrap_or(0), ..run }
     }
 
     /// Every scan in arrival order.

@@ -1,0 +1,180 @@
+//! `mapwright localise`
+
+use crate::args::LocaliseArgs;
+use crate::events::{Ending, Interrupt, Log};
+use crate::failure::{Failure, Outcome};
+use crate::output::write_whole;
+use crate::progress::{FirstPass, Progress};
+use crate::session::earlier_in_plane;
+use crate::settings;
+use crate::terminal::{count, say, say_json};
+use mapwright::{Localisation, Mapper, Status, Update};
+use mapwright_formats::{FormatError, LogEvent, TumWriter};
+use serde_json::json;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+
+/// How a scan was located.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    scans: u64,
+    located: u64,
+    /// The scan at which the robot was located first, and seconds since the first scan.
+    first: Option<(u64, f64)>,
+    lost_again: u64,
+}
+
+/// Where poses go.
+enum Poses<'a> {
+    Csv(&'a mut BufWriter<File>),
+    Tum(TumWriter<&'a mut BufWriter<File>>),
+}
+
+pub(super) fn run(args: &LocaliseArgs) -> Result<Outcome, Failure> {
+    let mut settings = settings::load(&args.settings)?;
+    settings.motion.use_odometry &= !args.no_odometry;
+    let interrupt = Interrupt::watch()?;
+    let (session, mut losses) = earlier_in_plane(&args.map)?;
+    if session.keyframes().is_empty() {
+        return Err(Failure::Session { path: args.map.clone(), cause: "expected a map, found no keyframe".to_owned() });
+    }
+    let quiet = args.voice.quiet || args.voice.json;
+    let mut first_pass = FirstPass::new(&interrupt, quiet);
+    let mut log =
+        Log::open_all(&args.logs, &args.source.choice(), &mut |name, messages| first_pass.look(name, messages))?;
+    drop(first_pass);
+    let mut mapper = Mapper::localising(settings, session)?;
+    let mut progress = Progress::new(log.size_bytes(), quiet);
+    let is_csv = args.output.extension().is_some_and(|ending| ending == "csv");
+    let (counts, ending, name, read) = write_whole(&args.output, |writer| {
+        let mut poses = if is_csv { Poses::Csv(writer) } else { Poses::Tum(TumWriter::new(writer)) };
+        let failed = |cause: FormatError| Failure::write(&args.output, cause);
+        poses.begin().map_err(failed)?;
+        let (mut counts, mut began) = (Counts::default(), None);
+        let ending = log.for_each(&interrupt, |event, position| {
+            match event {
+                LogEvent::Scan(scan) => {
+                    let update = mapper.add_scan(scan);
+                    let began = *began.get_or_insert(update.stamp);
+                    counts.add(&update, update.stamp.secs_since(began));
+                    progress.scan(update.stamp, position);
+                    poses.add(&update).map_err(failed)?;
+                }
+                LogEvent::Odometry(odometry) => mapper.add_odometry(odometry),
+                LogEvent::TurnRate(rate) => {
+                    mapper.add_turn_rate(rate);
+                }
+                _ => {}
+            }
+            Ok(())
+        })?;
+        poses.finish().map_err(failed)?;
+        progress.finish();
+        let name = log.name();
+        Ok((counts, ending, name, log.finish()?))
+    })?;
+    losses.extend(read.losses());
+    losses.extend(counts.losses());
+    if ending == Ending::Interrupted {
+        losses.push(format!("interrupted after {}; the poses are complete up to there", read.place()));
+    }
+    let oddities = read.oddities();
+    if args.voice.json {
+        say_json(&counts.to_json(&name, &losses))?;
+    } else if !args.voice.quiet {
+        let words = counts.words() + &crate::report::remarks(&losses, &oddities);
+        say(&format!("{name}: {words}written  {}\n", args.output.display()))?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
+/// Whether the robot is known to be where it is said to be.
+fn is_located(update: &Update) -> bool {
+    update.localisation == Localisation::Joined && update.status != Status::Lost
+}
+
+impl Counts {
+    fn add(&mut self, update: &Update, elapsed_s: f64) {
+        if is_located(update) {
+            self.located += 1;
+            self.first.get_or_insert((self.scans, elapsed_s));
+        } else if self.first.is_some() {
+            self.lost_again += 1;
+        }
+        self.scans += 1;
+    }
+
+    fn losses(&self) -> Vec<String> {
+        match self.first {
+            None => vec!["the robot was nowhere recognised in the map".to_owned()],
+            Some(_) if self.lost_again > 0 => vec![format!(
+                "{} not located after the robot had been found: it was lost again",
+                count(self.lost_again, "scan")
+            )],
+            Some(_) => Vec::new(),
+        }
+    }
+
+    fn words(&self) -> String {
+        let Self { scans, located, first, .. } = *self;
+        let mut text = format!("{} of {} located\n", count(located, "scan"), count(scans, "scan"));
+        if let Some((scan, elapsed_s)) = first {
+            text += &format!("found    at scan {scan}, {elapsed_s:.1} s after the first\n");
+        }
+        text
+    }
+
+    fn to_json(self, name: &str, losses: &[String]) -> serde_json::Value {
+        let Self { scans, located, first, lost_again } = self;
+        json!({
+            "log": name,
+            "scans": scans,
+            "located": located,
+            "first_scan_located": first.map(|(scan, _)| scan),
+            "seconds_until_located": first.map(|(_, elapsed_s)| elapsed_s),
+            "not_located_afterwards": lost_again,
+            "losses": losses,
+        })
+    }
+}
+
+impl Poses<'_> {
+    fn begin(&mut self) -> Result<(), FormatError> {
+        match self {
+            Self::Csv(writer) => Ok(writeln!(
+                writer,
+                "stamp_s,located,x_m,y_m,heading_rad,sigma_x_m,sigma_y_m,sigma_heading_rad,inlier_share,status"
+            )?),
+            Self::Tum(_) => Ok(()),
+        }
+    }
+
+    fn add(&mut self, update: &Update) -> Result<(), FormatError> {
+        let (pose, is_located) = (update.map_from_robot, is_located(update));
+        match self {
+            Self::Tum(writer) if is_located => writer.write_planar(update.stamp, pose)?,
+            Self::Tum(_) => {}
+            Self::Csv(writer) => {
+                write!(writer, "{:.6},{}", update.stamp.as_secs_f64(), u8::from(is_located))?;
+                if is_located {
+                    write!(writer, ",{:.4},{:.4},{:.5}", pose.x, pose.y, pose.theta)?;
+                    for axis in 0..3 {
+                        write!(writer, ",{:.5}", update.covariance[(axis, axis)].max(0.0).sqrt())?;
+                    }
+                } else {
+                    write!(writer, ",,,,,,")?;
+                }
+                let share = update.matched.map(|matched| format!("{:.3}", matched.inlier_share)).unwrap_or_default();
+                writeln!(writer, ",{share},{}", update.status.name())?;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<(), FormatError> {
+        match self {
+            Self::Csv(writer) => Ok(writer.flush()?),
+            Self::Tum(writer) => writer.finish().map(|_| ()),
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Several runs in one map: of a robot that is switched on again, of other robots, of sessions that were mapped apart. Wherever they
+//! stand, each begins a fragment, and joins hold them together ([`mapwright_loops::Closing`]).
+
+use super::Mapper;
+use crate::front::anywhere;
+use crate::settings::{Correction, Settings, SettingsError};
+use crate::store::Import;
+use crate::told::{Newest, Told};
+use mapwright_record::{RunId, Session, Status, Update};
+
+impl Mapper {
+    /// A run of this robot begins, or of another one, somewhere: nobody knows where it stands, nor where its odometry has its origin.
+    /// Its first scan begins a fragment, which is [apart](mapwright_record::Localisation) until the robot comes to a place that is
+    /// known and recognises it. The update holds the beginning of the run; a robot that had runs before gets the next number.
+    pub fn switch_on(&mut self, robot: RunId) -> Update {
+        self.begin_run(robot);
+        self.report(Told::default())
+    }
+
+    fn begin_run(&mut self, robot: RunId) {
+        let run = self.session().next_run_of(robot);
+        self.store.switch_on(run, self.settings().to_text());
+        self.front.switch_on();
+    }
+
+    /// Takes in a session that was mapped apart, of this robot or another one: its keyframes one after the other, as if they were made
+    /// now, each with its edges. They are apart until one of them is recognised. An update a keyframe goes to `told`, whose error ends it.
+    ///
+    /// Runs keep their names, but where one of that name is here already: it gets the robot's next number. Before scans are added
+    /// [`Mapper::switch_on`] says whose they are. A session that is here already ([`Session::shares_keyframes`]) would be mapped twice.
+    ///
+    /// # Errors
+    /// That of `told`.
+    pub fn import<E>(&mut self, other: &Session, mut told: impl FnMut(Update) -> Result<(), E>) -> Result<(), E> {
+        let Some(first) = other.map_from_keyframe().first() else { return Ok(()) };
+        let local_from_other = self.front.pose().local_from_robot() * first.inverse();
+        let mut import = Import::new(&self.store, other, local_from_other);
+        self.front.switch_on();
+        while let Some(keyframe) = import.next() {
+            let Some(imported) = import.write_next(&mut self.store, &anywhere()) else { break };
+            if imported.is_first || imported.is_closed {
+                self.back.closing.see_pieces(self.store.past());
+            }
+            self.front.take_in(self.store.past(), imported.first_edge, imported.is_first);
+            self.newest = Newest { stamp: keyframe.stamp, status: Status::Tracking };
+            self.detect(true);
+            self.work_all();
+            told(self.report(Told { keyframe: self.store.past().newest(), ..Told::default() }))?;
+        }
+        import.write_rest(&mut self.store);
+        self.front.switch_on();
+        self.store.wait_for_scans();
+        told(self.report(Told::default()))
+    }
+
+    /// A mapper that finds a robot in the map of a session, where it may be anywhere, and tracks it there. What the session has mapped
+    /// stays where it is: closures move what was mapped since alone. Keyframes are made as ever, for what has changed or was not
+    /// known is tracked by them, so that memory grows with the way; write them down, and the session is continued.
+    ///
+    /// # Errors
+    /// A setting outside its range.
+    pub fn localising(settings: Settings, session: Session) -> Result<Self, SettingsError> {
+        let mut settings = settings;
+        settings.loops.correction = Correction::Graph;
+        let robot = session.runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
+        let mut mapper = Self::resume(settings, session)?;
+        mapper.store.fix();
+        mapper.begin_run(robot);
+        Ok(mapper)
+    }
+}
