@@ -42,7 +42,7 @@ impl<M: Closes> BackEnd<M> {
     /// Goes on with a session by its edges alone. A killed run's log has all edges, but poses may be older than the newest.
     pub(crate) fn made_again(settings: &Settings, store: &mut Store<M>) -> Self {
         let closures = store.closures();
-        let is_to_solve = !closures.is_empty() && settings.loops.correction == Correction::Graph;
+        let is_to_solve = !closures.is_empty() && !store.is_fixed() && settings.loops.correction == Correction::Graph;
         let solving = is_to_solve.then(|| Solving { graph: store.graph(), closures });
         if let Some(solved) = solving.and_then(Solving::run) {
             store.correct(&solved.map_from_keyframe);

@@ -72,10 +72,13 @@ impl<M: Measurement> Store<M> {
         store
     }
 
-    /// A run begins that may be anywhere.
-    pub(crate) fn switch_on(&mut self, run: RunId, settings: String) {
-        self.begin_run(run, settings);
-        self.start = Some(FragmentStart::SwitchedOn);
+    /// A run of this robot begins, which may be anywhere; the present one, where it has not seen anything yet.
+    pub(crate) fn switch_on(&mut self, robot: RunId, settings: String) {
+        let is_fresh = self.next_scan() == self.first_scan;
+        if !is_fresh || self.session.runs().last().is_none_or(|run| run.id.robot != robot.robot) {
+            self.begin_run(self.session.next_run_of(robot), settings);
+        }
+        self.wait_for_scans();
     }
 
     /// The next scan may be anywhere.
@@ -96,6 +99,11 @@ impl<M: Measurement> Store<M> {
     /// What is there by now is not moved by corrections any more.
     pub(crate) fn fix(&mut self) {
         self.fixed = self.len();
+    }
+
+    /// Whether all is where it stays.
+    pub(crate) fn is_fixed(&self) -> bool {
+        self.fixed == self.len()
     }
 
     /// The one place where a session grows.
@@ -358,8 +366,9 @@ impl<M: Measurement> Store<M> {
 
     fn take_snapshot(&mut self) {
         let Self { session, local_from_keyframe, map_from_local, .. } = self;
-        let poses = local_from_keyframe.iter().map(|&local| *map_from_local * local);
-        let moved = session.keyframes().iter().zip(session.map_from_keyframe()).zip(poses);
+        let poses = local_from_keyframe.iter().map(|&local| *map_from_local * local).skip(self.fixed);
+        let known = session.keyframes().iter().zip(session.map_from_keyframe()).skip(self.fixed);
+        let moved = known.zip(poses);
         let moved = moved.filter(|((_, was), is)| *was != is).map(|((keyframe, _), is)| (keyframe.id, is));
         let (number, moved): (u32, Vec<_>) = (session.corrections() + 1, moved.collect());
         if moved.is_empty() {

@@ -4,8 +4,9 @@
 use super::Mapper;
 use crate::front::anywhere;
 use crate::settings::{Correction, Settings, SettingsError};
-use crate::store::Import;
+use crate::store::{Import, Store};
 use crate::told::{Newest, Told};
+use mapwright_geom::Stamp;
 use mapwright_record::{RunId, Session, Status, Update};
 
 impl Mapper {
@@ -18,8 +19,7 @@ impl Mapper {
     }
 
     fn begin_run(&mut self, robot: RunId) {
-        let run = self.session().next_run_of(robot);
-        self.store.switch_on(run, self.settings().to_text());
+        self.store.switch_on(robot, self.settings().to_text());
         self.front.switch_on();
     }
 
@@ -62,10 +62,14 @@ impl Mapper {
     pub fn localising(settings: Settings, session: Session) -> Result<Self, SettingsError> {
         let mut settings = settings;
         settings.loops.correction = Correction::Graph;
-        let robot = session.runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
-        let mut mapper = Self::resume(settings, session)?;
-        mapper.store.fix();
-        mapper.begin_run(robot);
+        settings.validate()?;
+        let run = session.next_run().unwrap_or(RunId::of_robot("robot"));
+        let mut store = Store::resume(session, run, settings.to_text());
+        store.fix();
+        let (store, back, front) = Self::made_again(settings, store);
+        let newest = Newest { stamp: Stamp(0), status: Status::Tracking };
+        let mut mapper = Self { store, front, back, newest };
+        mapper.begin_run(run);
         Ok(mapper)
     }
 }
