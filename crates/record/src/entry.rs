@@ -115,7 +115,8 @@ pub enum FragmentStart {
 }
 
 impl FragmentStart {
-    /// Whether the robot went on unseen: what links the fragment to what was mapped before is odometry over a break.
+    /// Whether the robot went on unseen: what links the fragment to what was mapped before is odometry over a break. Where a fragment begins
+    /// with a robot that was switched on, [`crate::Session::is_break`] knows whether anything was mapped before.
     #[must_use]
     pub fn is_break(self) -> bool {
         matches!(self, Self::Uncertain | Self::Blind | Self::Lost)
