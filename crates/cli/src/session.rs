@@ -1,10 +1,10 @@
 //! `session.mapwright`: the log of a run, written while it maps, and what `mapwright export` makes of it.
 
-use crate::drawing::draw;
+use crate::drawing::draw_map;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::{OutputFolder, part_of};
-use mapwright::{Entry, Session, Settings, SpaceSweep, Sweep};
+use mapwright::{Entry, SeparateMap, Session, Settings, SpaceSweep, Sweep};
 use mapwright_record::{LogError, LogReport, LogWriter, Measurement, read_log};
 use std::fs::{self, File};
 use std::io::Write;
@@ -137,10 +137,10 @@ fn in_folder(folder: &Path) -> PathBuf {
     if !whole.exists() && part.exists() { part } else { whole }
 }
 
-/// The map of a session, drawn anew.
-pub(crate) fn map_of(session: &Session, path: &Path) -> Result<MapImage, Failure> {
+/// One of the maps of a session, drawn anew.
+pub(crate) fn map_of(session: &Session, map: &SeparateMap, path: &Path) -> Result<MapImage, Failure> {
     let settings = settings_of(session, path)?;
-    let counts = draw(&settings, session.drawn(), session.map_from_keyframe());
+    let counts = draw_map(&settings, session, map);
     Ok(map_image(&counts, settings.map.passes_per_hit))
 }
 
