@@ -3,7 +3,7 @@
 use super::{Session, SessionEdge};
 use crate::entry::{Fragment, FragmentStart};
 use crate::keyframe::{EdgeKind, Measurement};
-use mapwright_geom::TangentMatrix;
+use mapwright_geom::{Pose, TangentMatrix};
 use std::ops::Range;
 
 /// Odometry over a break whose position is less certain than this says nothing of where the robot is, metres: no closure is looked for in a
@@ -181,13 +181,15 @@ impl Layout {
     }
 
     /// What odometry says over a break, if it says anything.
-    fn link<P: mapwright_geom::Pose>(&self, known: &SessionEdge<P>) -> Option<Link> {
+    fn link<P: Pose>(&self, known: &SessionEdge<P>) -> Option<Link> {
+        if known.withdrawn || known.recorded.edge.kind != EdgeKind::Odometry || self.pieces < 2 {
+            return None;
+        }
         let ends = known.ends.map(|end| end as usize);
         let [a, b] = ends.map(|end| self.at(end));
         let (from, to) = (self.fragments.get(a)?, self.fragments.get(b)?);
         let is_uncertain = to.fragment.is_some_and(|fragment| fragment.start == FragmentStart::Uncertain);
-        let is_link = known.recorded.edge.kind == EdgeKind::Odometry && ends[1] == to.keyframes.start;
-        if known.withdrawn || !is_uncertain || !is_link || from.piece == to.piece {
+        if !is_uncertain || ends[1] != to.keyframes.start || from.piece == to.piece {
             return None;
         }
         let covariance = known.recorded.edge.information.inverted()?;
