@@ -1,12 +1,13 @@
 //! How certain the map is and where to drive next, in words and for `report.json`.
 
-use mapwright::{Advice, Place, Session};
+use mapwright::{Advice, Place, SeparateMap, Session};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// What the picture's tint is made of: where each keyframe is and its standard deviation.
-pub(crate) fn seen_from(session: &Session, advice: &Advice) -> Vec<([f64; 2], f64)> {
-    let places = session.map_from_keyframe().iter().map(|pose| [pose.x, pose.y]);
+/// What the picture's tint is made of: where each keyframe of a map is and its standard deviation.
+pub(crate) fn seen_from(session: &Session, map: &SeparateMap, advice: &Advice) -> Vec<([f64; 2], f64)> {
+    let poses = map.places().filter_map(|place| session.map_from_keyframe().get(place));
+    let places = poses.map(|pose| [pose.x, pose.y]);
     places.zip(advice.keyframe_sigmas_m.iter().copied()).collect()
 }
 
@@ -41,10 +42,15 @@ pub(crate) fn words(advice: &Advice) -> String {
     if advice.keyframe_sigmas_m.is_empty() {
         return String::new();
     }
-    let mut text = format!(
+    format!(
         "certain  to {:.3} m in the mean, {:.3} m at worst, relative to where the map begins\n",
         advice.mean_sigma_m, advice.worst_sigma_m
-    );
+    )
+}
+
+/// Where to drive next, for people; empty where there is nothing to be gained.
+pub(crate) fn next_words(advice: &Advice) -> String {
+    let mut text = String::new();
     for (index, place) in advice.places.iter().enumerate() {
         let head = if index == 0 { "next     where to drive next:" } else { "                            " };
         let _ = writeln!(text, "{head} {}. {}", index + 1, words_of(advice, place));

@@ -1,7 +1,7 @@
 //! `closures.json`: every place the robot may have come back to, what speaks for it and what was decided.
 
 use crate::failure::Failure;
-use mapwright::{Candidate, KeyframeId, Session, Verdict, WheelSlip};
+use mapwright::{Candidate, Fragment, KeyframeId, Session, Verdict, WheelSlip};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -48,6 +48,18 @@ pub(crate) struct CandidateRecord {
     pub(crate) from_from_to: Option<[f64; 3]>,
     /// Its standard deviations: metres, metres, radians.
     pub(crate) sigmas: Option<[f64; 3]>,
+    /// The fragments of `from` and `to` where a break lies between them: as a closure it joins them. Older files have none.
+    #[serde(default)]
+    pub(crate) joins: Option<[FragmentRecord; 2]>,
+}
+
+/// A fragment of the map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FragmentRecord {
+    /// What came before it.
+    pub(crate) start: String,
+    /// Stamp of its first keyframe.
+    pub(crate) stamp_s: Option<f64>,
 }
 
 /// A verdict without its reason.
@@ -141,6 +153,16 @@ fn stamp_s(session: &Session, id: KeyframeId) -> Option<f64> {
     Some(session.keyframes()[session.place(id)?].stamp.as_secs_f64())
 }
 
+/// The fragments that a candidate joins, if a break lies between its keyframes.
+fn joins(candidate: &Candidate, session: &Session) -> Option<[FragmentRecord; 2]> {
+    let ends = [candidate.from, candidate.to].map(|id| place(session, id) as usize);
+    let record = |fragment: Fragment| FragmentRecord {
+        start: fragment.start.name().to_owned(),
+        stamp_s: stamp_s(session, fragment.first),
+    };
+    session.joined_fragments(ends).map(|both| both.map(record))
+}
+
 fn record(candidate: &Candidate, session: &Session) -> CandidateRecord {
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
     let evidence = &candidate.evidence;
@@ -166,6 +188,7 @@ fn record(candidate: &Candidate, session: &Session) -> CandidateRecord {
         },
         from_from_to: found.map(|pose| [pose.x, pose.y, pose.theta]),
         sigmas: found.and(Some(sigmas).filter(|sigmas| sigmas.iter().all(|sigma| sigma.is_finite()))),
+        joins: joins(candidate, session),
     }
 }
 
@@ -174,7 +197,8 @@ fn record(candidate: &Candidate, session: &Session) -> CandidateRecord {
 mod tests {
     use super::*;
     use mapwright::{
-        Cov3, Detection, Entry, Evidence, Keyframe, LaserModel, Objection, Pose2, Run, RunId, Stamp, Sweep,
+        Cov3, Detection, Entry, Evidence, FragmentStart, Keyframe, LaserModel, Objection, Pose2, Run, RunId, Stamp,
+        Sweep,
     };
     use std::sync::Arc;
 
@@ -213,6 +237,21 @@ mod tests {
         assert!((record.sigmas.unwrap()[2] - 0.2).abs() < 1e-12);
         let text = serde_json::to_string(record).unwrap();
         assert_eq!(&serde_json::from_str::<CandidateRecord>(&text).unwrap(), record);
+    }
+
+    #[test]
+    fn a_candidate_over_a_break_names_the_fragments_that_it_joins() {
+        let mut session = session(Verdict::Accepted);
+        assert_eq!(ClosureFile::of(&session).candidates[0].joins, None);
+        let (run, starts) = (RunId::of_robot("a"), [(0, FragmentStart::SwitchedOn), (30, FragmentStart::Blind)]);
+        for (seq, start) in starts {
+            session.add(Entry::Fragment(Fragment { first: run.keyframe(seq), start })).unwrap();
+        }
+        let joins = ClosureFile::of(&session).candidates[0].joins.clone().unwrap();
+        assert_eq!(
+            joins.map(|fragment| (fragment.start, fragment.stamp_s)),
+            [("switched on".to_owned(), Some(0.0)), ("blind".to_owned(), Some(0.0))]
+        );
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::image::{map_image, without_outliers};
 use crate::output::OutputFolder;
-use mapwright::{CountGrid, GlobalMap, KeyframeId, Pose2, Session, Settings, Sweep};
+use mapwright::{CountGrid, GlobalMap, KeyframeId, Pose2, SeparateMap, Session, Settings, Sweep};
 use mapwright_formats::{GridImage, Picture, dominant_wall_angle, write_png};
 use std::sync::Arc;
 
@@ -14,11 +14,18 @@ pub(crate) fn draw(settings: &Settings, drawn: &[Option<Arc<Sweep>>], map_from_k
     map.into_counts()
 }
 
-/// What a picture shows of a run, and the keyframes that it leaves out because they contradict the others.
-pub(crate) fn draw_believed(settings: &Settings, session: &Session) -> (CountGrid, Vec<KeyframeId>) {
-    let mut map = GlobalMap::without_normals(settings);
-    let left_out = map.export_believed(session, 2);
-    (map.into_counts(), left_out)
+/// What a picture shows of one of a session's maps.
+pub(crate) fn draw_map(settings: &Settings, session: &Session, map: &SeparateMap) -> CountGrid {
+    let own = |(place, drawn): (usize, &Option<Arc<Sweep>>)| drawn.clone().filter(|_| map.has(place));
+    let drawn: Vec<_> = session.drawn().iter().enumerate().map(own).collect();
+    draw(settings, &drawn, session.map_from_keyframe())
+}
+
+/// The same, and the keyframes that it leaves out because they contradict the others.
+pub(crate) fn draw_believed(settings: &Settings, session: &Session, map: &SeparateMap) -> (CountGrid, Vec<KeyframeId>) {
+    let mut counts = GlobalMap::without_normals(settings);
+    let left_out = counts.export_believed_of(session, map, 2);
+    (counts.into_counts(), left_out)
 }
 
 /// The same map before and after, both turned so that the walls of the latter are upright.

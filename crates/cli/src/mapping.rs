@@ -1,13 +1,12 @@
 //! One mapping run: scans in, files out.
 
-use crate::advice::{numbered, seen_from};
 use crate::args::{Align, MappingArgs, StampPolicy};
 use crate::closures::{CLOSURES, ClosureFile};
-use crate::drawing::draw_believed;
 use crate::failure::Failure;
-use crate::image::{MapImage, map_image, without_outliers};
 use crate::interrupt::Interrupt;
+use crate::maps::{MadeMap, MapWriter, remove_outdated_maps, ways};
 use crate::output::OutputFolder;
+use crate::pieces::Pieces;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
 use crate::session::SessionLog;
@@ -16,18 +15,15 @@ use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::timing::StageClock;
 use mapwright::{
-    Advice, Beams, Entry, KeyframeId, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry,
-    Pose2, RunId, Session, Settings, TurnRate,
+    Beams, Entry, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry, Pose2, RunId,
+    Session, Settings, TurnRate,
 };
-use mapwright_formats::{Confidence, GridImage, LogEvent, Picture, TumWriter, dominant_wall_angle};
-use mapwright_formats::{write_map_yaml, write_pgm, write_png};
+use mapwright_formats::{LogEvent, TumWriter};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use std::fs::File;
 use std::io::Write;
 
 const ONLINE: &str = "trajectory_online.tum";
-/// The way's length is summed over steps of at least so much, so that standing still adds nothing, metres.
-const PATH_STEP_M: f64 = 0.05;
 
 /// A mapper, and everything that is made of its updates.
 pub(crate) struct Mapping {
@@ -53,12 +49,9 @@ pub(crate) struct Mapping {
 #[derive(Debug, Clone)]
 pub(crate) struct Made {
     pub(crate) path_m: f64,
-    pub(crate) map_cells: [usize; 2],
-    pub(crate) map_m: [f64; 2],
-    pub(crate) cells_left_out: u64,
-    pub(crate) keyframes_left_out: usize,
-    pub(crate) wall_angle_rad: Option<f64>,
-    pub(crate) advice: Advice,
+    pub(crate) pieces: Pieces,
+    /// One for each of the session's maps, in order.
+    pub(crate) maps: Vec<MadeMap>,
 }
 
 /// Settings of a run: those of file and command line, and `--no-odometry`.
@@ -182,49 +175,52 @@ impl Mapping {
             online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
         self.log.add(self.mapper.checkpoint().entries)?;
-        let way = self.write_trajectory()?;
+        self.write_trajectory()?;
         self.write_graph()?;
-        let (MapImage { image, cells_left_out }, keyframes_left_out) = self.render();
-        let left_out = keyframes_left_out.iter().map(|&keyframe| {
+        let (made, path_m) = self.write_maps()?;
+        let left_out = made.iter().flat_map(|map| &map.keyframes_left_out).map(|&keyframe| {
             let (beams, reason) = (Beams::All, LeftOutReason::ContradictsTheMap);
             Entry::LeftOut(LeftOut { keyframe, beams, reason })
         });
         self.log.add(left_out.collect())?;
         self.log.finish()?;
-        self.output.write("map.pgm", |writer| write_pgm(&image, writer))?;
-        self.output.write("map.yaml", |writer| write_map_yaml(&image, "map.pgm", writer))?;
-        let wall_angle_rad = self.wall_angle(&image);
-        let advice = Advice::of(self.session());
-        let (seen_from, places) = (seen_from(self.session(), &advice), numbered(&advice));
-        let confidence = Confidence { seen_from: &seen_from, places: &places };
-        let picture = Picture { confidence: Some(confidence), ..self.picture(&way, wall_angle_rad) };
-        let shown = without_outliers(&image, &way);
-        self.output.write("map.png", |writer| write_png(&shown, &picture, writer))?;
-        Ok(Made {
-            path_m: path_length_m(&way),
-            map_cells: [image.width, image.height],
-            map_m: [shown.width, shown.height].map(|cells| cells as f64 * image.resolution_m),
-            cells_left_out,
-            keyframes_left_out: keyframes_left_out.len(),
-            wall_angle_rad,
-            advice,
-        })
+        Ok(Made { path_m, pieces: Pieces::of(self.session()), maps: made })
     }
 
-    /// The final trajectory, every scan in arrival order; returns the way.
-    fn write_trajectory(&mut self) -> Result<Vec<Pose2>, Failure> {
+    /// Each map of the session, and the length of the way, metres.
+    fn write_maps(&mut self) -> Result<(Vec<MadeMap>, f64), Failure> {
+        let session = self.log.session();
+        let maps = session.maps();
+        let (ways, path_m) = ways(session, &maps);
+        // A local map of everything is the map already; over a break it begins anew.
+        let is_whole = self.settings.live.policy == LivePolicy::Everything
+            && !session.fragments().iter().any(|fragment| session.is_break(fragment));
+        let writer = MapWriter {
+            settings: &self.settings,
+            session,
+            drawn: is_whole.then(|| self.mapper.local_map().counts()),
+            turn_upright: self.align == Align::Walls,
+            picture_side: self.picture_side,
+        };
+        let mut made = Vec::with_capacity(maps.len());
+        for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
+            made.push(writer.write(&mut self.output, (number, map), way)?);
+        }
+        remove_outdated_maps(&mut self.output, made.len());
+        Ok((made, path_m))
+    }
+
+    /// The final trajectory, every scan in arrival order.
+    fn write_trajectory(&mut self) -> Result<(), Failure> {
         let mut stamper = Stamper::new(self.policy);
         let poses = self.log.session().trajectory();
-        let mut way = Vec::with_capacity(poses.len());
         self.output.write("trajectory.tum", |writer| {
             let mut trajectory = TumWriter::new(writer);
             for pose in poses {
                 trajectory.write_planar(stamper.next(pose.stamp), pose.map_from_robot)?;
-                way.push(pose.map_from_robot);
             }
             trajectory.finish().map(|_| ())
-        })?;
-        Ok(way)
+        })
     }
 
     /// Keyframes with the edges that stand, and all candidates.
@@ -238,41 +234,4 @@ impl Mapping {
             Ok(writer.write_all(b"\n")?)
         })
     }
-
-    /// Every keyframe at its present pose, and the numbers of those that are left out. A local map of everything is that map
-    /// already.
-    fn render(&self) -> (MapImage, Vec<KeyframeId>) {
-        let Settings { live, map, .. } = self.settings;
-        if live.policy == LivePolicy::Everything {
-            (map_image(self.mapper.local_map().counts(), map.passes_per_hit), Vec::new())
-        } else {
-            let (counts, left_out) = draw_believed(&self.settings, self.session());
-            (map_image(&counts, map.passes_per_hit), left_out)
-        }
-    }
-
-    fn picture<'a>(&self, way: &'a [Pose2], wall_angle_rad: Option<f64>) -> Picture<'a> {
-        let picture = Picture { world_from_robot: way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
-        match self.picture_side.map(usize::from) {
-            Some(side) => Picture { min_side_px: side / 2, max_side_px: side, ..picture },
-            None => picture,
-        }
-    }
-
-    fn wall_angle(&self, image: &GridImage) -> Option<f64> {
-        (self.align == Align::Walls).then(|| dominant_wall_angle(&image.wall_points_map(), image.resolution_m))
-    }
-}
-
-fn path_length_m(way: &[Pose2]) -> f64 {
-    let Some(mut last) = way.first() else { return 0.0 };
-    let mut length_m = 0.0;
-    for pose in way {
-        let step_m = pose.distance(*last);
-        if step_m >= PATH_STEP_M {
-            length_m += step_m;
-            last = pose;
-        }
-    }
-    length_m
 }

@@ -2,17 +2,25 @@
 
 use crate::failure::Failure;
 use mapwright_formats::FormatError;
-use std::fs::{self, File};
+use std::borrow::Cow;
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// A folder that is being filled. Dropped without [`OutputFolder::commit`], it leaves nothing behind.
+/// Held while a folder is being filled; the system lets go of it when a run is killed.
+const LOCK: &str = ".mapwright.lock";
+
+/// A folder that is being filled, by one run at a time. Dropped without [`OutputFolder::commit`], it leaves nothing behind.
 #[derive(Debug)]
 pub(crate) struct OutputFolder {
     folder: PathBuf,
     made: bool,
-    names: Vec<&'static str>,
+    names: Vec<Cow<'static, str>>,
+    /// Files of an earlier run that this one has none of.
+    outdated: Vec<String>,
     committed: bool,
+    /// The lock, for as long as the file is open.
+    _lock: File,
 }
 
 impl OutputFolder {
@@ -24,24 +32,29 @@ impl OutputFolder {
             return Err(Failure::write(folder, cause));
         }
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-        Ok(Self { folder: folder.to_owned(), made, names: Vec::new(), committed: false })
+        let _lock = lock(folder)?;
+        let (names, outdated) = (Vec::new(), Vec::new());
+        Ok(Self { folder: folder.to_owned(), made, names, outdated, committed: false, _lock })
     }
 
     /// Begins a file; it takes its name at [`OutputFolder::commit`].
-    pub(crate) fn begin(&mut self, name: &'static str) -> Result<File, Failure> {
+    pub(crate) fn begin(&mut self, name: impl Into<Cow<'static, str>>) -> Result<File, Failure> {
+        let name = name.into();
+        let file = File::create(self.part(&name)).map_err(|error| Failure::write(self.path(&name), error));
         self.names.push(name);
-        File::create(self.part(name)).map_err(|error| Failure::write(self.path(name), error))
+        file
     }
 
     /// Writes a whole file.
     pub(crate) fn write(
         &mut self,
-        name: &'static str,
+        name: impl Into<Cow<'static, str>>,
         write: impl FnOnce(&mut BufWriter<File>) -> Result<(), FormatError>,
     ) -> Result<(), Failure> {
-        let mut writer = BufWriter::with_capacity(1 << 16, self.begin(name)?);
+        let name = name.into();
+        let mut writer = BufWriter::with_capacity(1 << 16, self.begin(name.clone())?);
         let written = write(&mut writer).and_then(|()| Ok(writer.flush()?));
-        written.map_err(|cause| Failure::write(self.path(name), cause))
+        written.map_err(|cause| Failure::write(self.path(&name), cause))
     }
 
     /// Writes a value as indented JSON.
@@ -49,11 +62,24 @@ impl OutputFolder {
         self.write(name, |writer| Ok(writeln!(writer, "{value:#}")?))
     }
 
+    /// With [`OutputFolder::commit`] a file goes that an earlier run has left and this one does not replace. Whether there is one.
+    pub(crate) fn remove_outdated(&mut self, name: String) -> bool {
+        let is_there = self.path(&name).is_file();
+        if is_there {
+            self.outdated.push(name);
+        }
+        is_there
+    }
+
     /// Gives every file its name.
-    pub(crate) fn commit(mut self) -> Result<Vec<&'static str>, Failure> {
+    pub(crate) fn commit(mut self) -> Result<Vec<Cow<'static, str>>, Failure> {
         for name in &self.names {
             let path = self.path(name);
             fs::rename(self.part(name), &path).map_err(|error| Failure::write(path, error))?;
+        }
+        for name in &self.outdated {
+            let path = self.path(name);
+            fs::remove_file(&path).map_err(|error| Failure::write(path, error))?;
         }
         self.committed = true;
         Ok(std::mem::take(&mut self.names))
@@ -67,6 +93,38 @@ impl OutputFolder {
     fn part(&self, name: &str) -> PathBuf {
         part_of(&self.folder, name)
     }
+}
+
+/// Takes the folder, which another run may be filling.
+fn lock(folder: &Path) -> Result<File, Failure> {
+    let path = folder.join(LOCK);
+    loop {
+        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
+        let file = file.map_err(|error| Failure::write(folder, error))?;
+        match file.try_lock() {
+            // Whoever had it may have removed the file in between: then it keeps nobody else out.
+            Ok(()) if is_removed(&file) => {}
+            Ok(()) => return Ok(file),
+            Err(TryLockError::WouldBlock) => {
+                let cause =
+                    "another run of mapwright is writing its results there; wait for it, or choose another folder";
+                return Err(Failure::write(folder, std::io::Error::other(cause)));
+            }
+            Err(TryLockError::Error(error)) => return Err(Failure::write(folder, error)),
+        }
+    }
+}
+
+#[cfg(unix)]
+fn is_removed(file: &File) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    file.metadata().is_ok_and(|known| known.nlink() == 0)
+}
+
+/// Elsewhere a file that is open keeps its name.
+#[cfg(not(unix))]
+fn is_removed(_: &File) -> bool {
+    false
 }
 
 /// Where a file of a folder lies until all are complete.
@@ -97,12 +155,13 @@ pub(crate) fn write_whole<T>(
 
 impl Drop for OutputFolder {
     fn drop(&mut self) {
+        // Nothing helps where cleaning up fails as well.
+        for name in self.names.iter().filter(|_| !self.committed) {
+            let _ = fs::remove_file(self.part(name));
+        }
+        let _ = fs::remove_file(self.folder.join(LOCK));
         if self.committed {
             return;
-        }
-        // Nothing helps where cleaning up fails as well.
-        for name in &self.names {
-            let _ = fs::remove_file(self.part(name));
         }
         if self.made {
             let _ = fs::remove_dir(&self.folder);

@@ -2,8 +2,9 @@
 
 use crate::advice;
 use crate::mapping::{Made, Mapping};
+use crate::maps::{MadeMap, map_file};
 use crate::terminal::{count, duration, grouped};
-use mapwright::{Fragment, LocalMapReport, Piece, Session, Status};
+use mapwright::{LocalMapReport, Status};
 use mapwright_formats::{Noted, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
@@ -102,23 +103,17 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
     if lost > 0 {
         losses.push(format!("{} not in the map, for they fit nowhere", count(lost, "scan")));
     }
-    let pieces = mapping.session().pieces();
-    if pieces.len() > 1 {
-        let apart = count(pieces.len() as u64 - 1, "piece");
-        let keyframes: usize = pieces.iter().skip(1).map(|piece| piece.keyframes).sum();
-        let keyframes = count(keyframes as u64, "keyframe");
-        losses.push(format!(
-            "{apart} of the map, {keyframes}, drawn where odometry has led to after a break, for nothing joins them"
-        ));
-    }
-    if made.keyframes_left_out > 0 {
-        let what = count(made.keyframes_left_out as u64, "keyframe");
+    losses.extend(made.pieces.losses());
+    let keyframes_left_out: usize = made.maps.iter().map(|map| map.keyframes_left_out.len()).sum();
+    let cells_left_out: u64 = made.maps.iter().map(|map| map.cells_left_out).sum();
+    if keyframes_left_out > 0 {
+        let what = count(keyframes_left_out as u64, "keyframe");
         losses.push(format!("{what} left out of the map, for the scan hardly fitted and contradicts the others"));
     }
-    if made.cells_left_out > 0 {
+    if cells_left_out > 0 {
         losses.push(format!(
             "{} lie too far out for the map's files (at most 100 million cells; a larger map.resolution_m helps)",
-            count(made.cells_left_out, "known cell")
+            count(cells_left_out, "known cell")
         ));
     }
     losses
@@ -141,33 +136,23 @@ pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: 
         "status": status,
         "matches": mapping.tally.match_report(),
         "live_map": live_report(mapping.local_map),
-        "map": {
-            "cells": made.map_cells,
-            "cells_left_out": made.cells_left_out,
-            "keyframes_left_out": made.keyframes_left_out,
-            "wall_angle_rad": made.wall_angle_rad,
-        },
-        "pieces": pieces_report(session),
-        "certainty": advice::report(&made.advice),
+        "map": made.maps.first().map(MadeMap::to_json),
+        "further_maps": further_maps(made),
+        "pieces": made.pieces.to_json(),
+        "certainty": made.maps.first().map(|map| advice::report(&map.advice)),
         "losses": losses,
     })
 }
 
-/// What the map consists of: pieces that nothing but odometry links, and the fragments of each.
-fn pieces_report(session: &Session) -> Value {
-    let fragment = |fragment: &Fragment| {
-        let keyframe = session.place(fragment.first).and_then(|place| session.keyframes().get(place));
-        json!({
-            "start": fragment.start.name(),
-            "scan": keyframe.map(|keyframe| keyframe.scan),
-            "stamp_s": keyframe.map(|keyframe| keyframe.stamp.as_secs_f64()),
-        })
-    };
-    let piece = |piece: &Piece| {
-        let fragments: Vec<Value> = piece.fragments.iter().map(fragment).collect();
-        json!({ "keyframes": piece.keyframes, "fragments": fragments })
-    };
-    session.pieces().iter().map(piece).collect()
+/// Those of pieces that nothing holds to the first one.
+fn further_maps(made: &Made) -> Value {
+    let further = made.maps.iter().enumerate().skip(1).map(|(number, map)| {
+        let mut value = map.to_json();
+        value["file"] = json!(map_file(number, "png"));
+        value["certainty"] = advice::report(&map.advice);
+        value
+    });
+    further.collect()
 }
 
 fn live_report(report: LocalMapReport) -> Value {
@@ -182,7 +167,6 @@ fn live_report(report: LocalMapReport) -> Value {
 /// The last lines: what was made and how good it is.
 pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> String {
     let tally = &mapping.tally;
-    let [width_m, height_m] = made.map_m;
     let percent = |status| 100.0 * tally.share(status);
     let mut text = format!(
         "{} over {}, {:.0} m of path, {}\n",
@@ -191,13 +175,12 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
         made.path_m,
         count(mapping.session().keyframes().len() as u64, "keyframe"),
     );
-    let _ = writeln!(text, "map      {width_m:.0} x {height_m:.0} m, {} m a cell", mapping.settings.map.resolution_m);
-    let fragments = mapping.session().fragments();
-    let breaks = fragments.iter().skip(1).filter(|fragment| fragment.start.is_break()).count() as u64;
-    if breaks > 0 {
-        let (pieces, fragments) = (mapping.session().pieces().len(), count(fragments.len() as u64, "fragment"));
-        let _ = writeln!(text, "pieces   {pieces}, of {fragments} ({})", count(breaks, "break"));
+    for (number, map) in made.maps.iter().enumerate() {
+        let name = if number == 0 { "map".to_owned() } else { format!("map-{}", number + 1) };
+        let ([width_m, height_m], cell_m) = (map.sides_m, mapping.settings.map.resolution_m);
+        let _ = writeln!(text, "{name:<8} {width_m:.0} x {height_m:.0} m, {cell_m} m a cell");
     }
+    text += &made.pieces.words();
     let _ = write!(
         text,
         "quality  tracking {:.2} %, degraded {:.2} %, lost {:.2} %",
@@ -210,7 +193,8 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
     }
     text.push('\n');
     text += &tally.doubts.words();
-    text += &advice::words(&made.advice);
+    text += &made.maps.first().map(|map| advice::words(&map.advice)).unwrap_or_default();
+    text += &made.maps.iter().map(|map| advice::next_words(&map.advice)).collect::<String>();
     let number = |key: &str| timing[key].as_f64().unwrap_or(0.0);
     let _ = write!(
         text,

@@ -1,10 +1,10 @@
 //! `session.mapwright`: the log of a run, written while it maps, and what `mapwright export` makes of it.
 
-use crate::drawing::draw;
+use crate::drawing::draw_map;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::{OutputFolder, part_of};
-use mapwright::{Entry, Session, Settings, SpaceSweep, Sweep};
+use mapwright::{Entry, SeparateMap, Session, Settings, SpaceSweep, Sweep};
 use mapwright_record::{LogError, LogReport, LogWriter, MAGIC, Measurement, read_log};
 use std::fs::{self, File};
 use std::io::{Read, Write};
@@ -94,6 +94,24 @@ pub(crate) fn read_any_session(path: &Path) -> Result<(AnySession, Vec<String>),
     Ok((AnySession::Plane(plane), losses))
 }
 
+/// The planar session of a folder of results that another run is about to write to: that of a run that was killed in it, where there is more
+/// of it. From now on it is the folder's session, whatever becomes of what comes.
+pub(crate) fn to_go_on_with(folder: &Path) -> Result<(Session, Vec<String>), Failure> {
+    let (whole, part) = (folder.join(SESSION), part_of(folder, SESSION));
+    let killed = if part.exists() { Some(earlier_in_plane(&part)?) } else { None };
+    let finished = if whole.exists() || killed.is_none() { Some(earlier_in_plane(&whole)?) } else { None };
+    match (killed, finished) {
+        (Some(killed), finished)
+            if finished.as_ref().is_none_or(|(finished, _)| finished.scans().len() < killed.0.scans().len()) =>
+        {
+            fs::rename(&part, &whole).map_err(|error| Failure::write(&whole, error))?;
+            Ok(killed)
+        }
+        (_, Some(finished)) => Ok(finished),
+        (_, None) => Err(Failure::open(&whole, "there is no session to go on with")),
+    }
+}
+
 /// Whether a session is what lies at a path, told by its first bytes, or in a folder.
 pub(crate) fn is_session(path: &Path) -> Result<bool, Failure> {
     if path.is_dir() {
@@ -148,10 +166,10 @@ fn in_folder(folder: &Path) -> PathBuf {
     if !whole.exists() && part.exists() { part } else { whole }
 }
 
-/// The map of a session, drawn anew.
-pub(crate) fn map_of(session: &Session, path: &Path) -> Result<MapImage, Failure> {
+/// One of the maps of a session, drawn anew.
+pub(crate) fn map_of(session: &Session, map: &SeparateMap, path: &Path) -> Result<MapImage, Failure> {
     let settings = settings_of(session, path)?;
-    let counts = draw(&settings, session.drawn(), session.map_from_keyframe());
+    let counts = draw_map(&settings, session, map);
     Ok(map_image(&counts, settings.map.passes_per_hit))
 }
 

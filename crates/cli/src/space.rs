@@ -20,6 +20,7 @@ use crate::args::MappingArgs;
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::mapping::settings_of;
+use crate::maps::remove_outdated_maps;
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
@@ -173,6 +174,7 @@ impl Mapping {
         let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
         let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
+        remove_outdated_maps(&mut self.output, 1);
         picture::write(&mut self.output, source, session, (&map, MAP_SHARE * resolution_m))?;
         let beside = Beside::of(source, &way);
         let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;

@@ -9,7 +9,7 @@ use crate::store::spacing;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};
 use mapwright_loops::LEFT_M;
-use mapwright_record::{EdgeKind, KeyframeId, Session};
+use mapwright_record::{EdgeKind, KeyframeId, SeparateMap, Session};
 
 /// A link of which nothing is known, m^2 and rad^2.
 const UNKNOWN_VARIANCE: f64 = 100.0;
@@ -79,6 +79,31 @@ impl Advice {
         Self::over(&at, &links(session), |k| session.keyframes()[k].id)
     }
 
+    /// For one of the session's maps ([`Session::maps`]): deviations are those of its own keyframes, in order, relative to the first of them.
+    /// There is nowhere to drive to in a map that the robot is not in.
+    #[must_use]
+    pub fn of_map(session: &Session, map: &SeparateMap) -> Self {
+        let places: Vec<usize> = map.places().filter(|&place| place < session.keyframes().len()).collect();
+        let own = |place: usize| places.binary_search(&place).ok();
+        let own_link = |link: Link| Some(Link { from: own(link.from)?, to: own(link.to)?, ..link });
+        let links: Vec<Link> = links(session).into_iter().filter_map(own_link).collect();
+        let at: Vec<[f64; 2]> =
+            places.iter().map(|&place| session.map_from_keyframe()[place]).map(|p| [p.x, p.y]).collect();
+        if session.keyframes().len().checked_sub(1).is_some_and(|newest| map.has(newest)) {
+            return Self::over(&at, &links, |k| session.keyframes()[places[k]].id);
+        }
+        Self::certainty(Certainty::sigmas_of(&at, &links))
+    }
+
+    fn certainty(keyframe_sigmas_m: Vec<f64>) -> Self {
+        Self {
+            mean_sigma_m: mean(&keyframe_sigmas_m),
+            worst_sigma_m: keyframe_sigmas_m.iter().copied().filter(|sigma| sigma.is_finite()).fold(0.0, f64::max),
+            keyframe_sigmas_m,
+            places: Vec::new(),
+        }
+    }
+
     /// For keyframes at `at` and the links between them.
     fn over(at: &[[f64; 2]], links: &[Link], id: impl Fn(usize) -> KeyframeId) -> Self {
         let Some(newest) = at.len().checked_sub(1) else { return Self::default() };
@@ -100,12 +125,8 @@ impl Advice {
         tried.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let apart_m = APART_M.max(APART_SHARE * extent_m(at));
         let places = spread_out(&tried, &route, apart_m, RECOMMENDED);
-        Self {
-            mean_sigma_m,
-            worst_sigma_m: sigmas_m.iter().copied().filter(|sigma| sigma.is_finite()).fold(0.0, f64::max),
-            keyframe_sigmas_m: sigmas_m,
-            places: places.into_iter().map(|(after_m, place)| route.place(place, after_m, &id)).collect(),
-        }
+        let places = places.into_iter().map(|(after_m, place)| route.place(place, after_m, &id)).collect();
+        Self { places, ..Self::certainty(sigmas_m) }
     }
 }
 
@@ -182,6 +203,11 @@ impl Certainty {
         }
         links.iter().for_each(|link| add(&mut certainty.graph, link, lever_m));
         certainty
+    }
+
+    /// Standard deviation of each keyframe relative to the first; none where there are no keyframes.
+    fn sigmas_of(at: &[[f64; 2]], links: &[Link]) -> Vec<f64> {
+        if at.is_empty() { Vec::new() } else { Self::of(at, links).sigmas_m(&[]) }
     }
 
     /// Standard deviation of each keyframe relative to the first, were there `more` links.

@@ -45,8 +45,8 @@ pub use mapwright_grid::{CountGrid, LocalMap};
 pub use mapwright_record::{
     Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart,
     Gravity, Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection,
-    OdometryOrigin, Piece, RecordedEdge, Run, RunId, ScanPose, Session, SessionEdge, Snapshot, Status, TrajectoryPose,
-    Update, Verdict, WheelSlip,
+    OdometryLink, OdometryOrigin, Piece, RecordedEdge, Run, RunId, ScanPose, SeparateMap, Session, SessionEdge,
+    Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use mapwright_sensor::{Cloud, DepthImage, ImuReading, ImuTaken, PinholeCamera, SpaceSensor, SpaceSweep};

@@ -4,7 +4,7 @@ use crate::front::{DOUBT_SHARE, MISFIT_KNOWN_SHARE};
 use crate::settings::Settings;
 use mapwright_geom::Pose2;
 use mapwright_grid::{Change, Changes, CountGrid, floor_cell};
-use mapwright_record::{KeyframeId, Session};
+use mapwright_record::{KeyframeId, SeparateMap, Session};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -145,8 +145,19 @@ impl GlobalMap {
     /// after it. It is judged by the whole map, for where a loop was open it may have been the map that was wrong, and with every
     /// beam it had.
     pub fn export_believed(&mut self, session: &Session, threads: usize) -> Vec<KeyframeId> {
+        self.export_wanted_believed(session, &wanted(session.drawn(), session.map_from_keyframe()), threads)
+    }
+
+    /// As [`GlobalMap::export_believed`], of the keyframes of one of the session's maps ([`Session::maps`]): nothing of another is drawn, and by
+    /// nothing of another is anything judged.
+    pub fn export_believed_of(&mut self, session: &Session, map: &SeparateMap, threads: usize) -> Vec<KeyframeId> {
         let all = wanted(session.drawn(), session.map_from_keyframe());
-        let mut sure = all.clone();
+        let own = all.into_iter().enumerate().map(|(place, wanted)| wanted.filter(|_| map.has(place)));
+        self.export_wanted_believed(session, &own.collect::<Vec<_>>(), threads)
+    }
+
+    fn export_wanted_believed(&mut self, session: &Session, all: &[Wanted<'_>], threads: usize) -> Vec<KeyframeId> {
+        let mut sure = all.to_vec();
         let doubted: Vec<usize> =
             (0..all.len()).filter(|&k| session.keyframes()[k].hardly_fits && sure[k].take().is_some()).collect();
         self.export_wanted(&sure, threads);

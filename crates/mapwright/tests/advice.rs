@@ -3,7 +3,7 @@
 
 mod support;
 
-use mapwright::{Advice, LaserModel, LaserScan, Mapper, Pose2, Settings, Stamp};
+use mapwright::{Advice, Entry, Fragment, FragmentStart, LaserModel, LaserScan, Mapper, Pose2, Settings, Stamp};
 use mapwright_sim::{DriveSettings, TrueScan, worlds};
 use support::{mapper, recording};
 
@@ -51,6 +51,22 @@ fn an_open_loop_wants_to_be_closed_near_its_start_and_is_more_certain_once_it_is
         advice.worst_sigma_m,
         after.worst_sigma_m
     );
+}
+
+#[test]
+fn a_map_of_its_own_is_certain_relative_to_where_it_begins_and_only_the_robots_has_places_to_drive_to() {
+    let (scans, until) = lap();
+    let mapper = mapped(&scans[..until]);
+    let (whole, all) = (mapper.session(), Advice::of(mapper.session()));
+    assert_eq!(Advice::of_map(whole, &whole.maps()[0]), all, "one map is all");
+    let (mut parted, middle) = (whole.clone(), whole.keyframes().len() / 2);
+    let first = whole.keyframes()[middle].id;
+    parted.add(Entry::Fragment(Fragment { first, start: FragmentStart::Blind })).expect("it fits");
+    let advice: Vec<Advice> = parted.maps().iter().map(|map| Advice::of_map(&parted, map)).collect();
+    let keyframes: Vec<usize> = advice.iter().map(|advice| advice.keyframe_sigmas_m.len()).collect();
+    assert_eq!(keyframes, [middle, whole.keyframes().len() - middle]);
+    assert!(advice.iter().all(|advice| advice.keyframe_sigmas_m[0] == 0.0 && advice.worst_sigma_m < all.worst_sigma_m));
+    assert!(advice[0].places.is_empty(), "the robot is elsewhere");
 }
 
 #[test]

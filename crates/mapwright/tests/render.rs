@@ -4,8 +4,8 @@
 mod support;
 
 use mapwright::{
-    Beams, CountGrid, Entry, GlobalMap, Keyframe, KeyframeId, LeftOut, LeftOutReason, Mapper, Pose2, Run, Session,
-    Settings, Snapshot, Sweep,
+    Beams, CountGrid, Entry, Fragment, FragmentStart, GlobalMap, Keyframe, KeyframeId, LeftOut, LeftOutReason, Mapper,
+    Pose2, Run, Session, Settings, Snapshot, Sweep,
 };
 use mapwright_grid::{Change, HitCell};
 use mapwright_sensor::{BeamTable, SweepPoints};
@@ -233,6 +233,27 @@ fn a_scan_that_hardly_fitted_is_drawn_where_it_agrees_with_the_others_only() {
     let far_away = Pose2::new(500.0, 0.0, 0.0);
     assert_eq!(map.export_believed(&moved_to(far_away), 1), []);
     assert_eq!(map.render_pose(40), Some(far_away));
+}
+
+#[test]
+fn each_map_of_a_session_is_drawn_and_judged_by_its_own_keyframes_alone() {
+    const BREAK: usize = 60;
+    let count = MAPPED.keyframes().len();
+    let mut parted = session(count, &[40, 80]);
+    for (first, start) in [(0, FragmentStart::SwitchedOn), (BREAK, FragmentStart::Blind)] {
+        let first = parted.keyframes()[first].id;
+        add(&mut parted, Entry::Fragment(Fragment { first, start }));
+    }
+    // Where the second lies nobody knows: over the first, and askew.
+    correct(&mut parted, BREAK, |pose| Pose2::new(0.4, 0.3, 0.3) * pose);
+    let maps = parted.maps();
+    assert_eq!(maps.len(), 2);
+    for (map, own) in maps.iter().zip([0..BREAK, BREAK..count]) {
+        let mut drawn = GlobalMap::new(&Settings::default());
+        assert_eq!(drawn.export_believed_of(&parted, map, 2), []);
+        let poses = parted.map_from_keyframe().iter().enumerate().map(|(k, &pose)| own.contains(&k).then_some(pose));
+        assert!(drawn.counts().to_bytes() == by_definition(parted.drawn(), poses).to_bytes());
+    }
 }
 
 /// Every other beam sees things nearer than they are, three scans long.

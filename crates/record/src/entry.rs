@@ -115,11 +115,11 @@ pub enum FragmentStart {
 }
 
 impl FragmentStart {
-    /// Whether the robot went on unseen, or may be anywhere: what links the fragment to what was mapped before is odometry over a
-    /// break, or says next to nothing.
+    /// Whether the robot went on unseen: what links the fragment to what was mapped before is odometry over a break. Where a fragment begins
+    /// with a robot that was switched on, [`crate::Session::is_break`] knows whether anything was mapped before.
     #[must_use]
     pub fn is_break(self) -> bool {
-        matches!(self, Self::SwitchedOn | Self::Uncertain | Self::Blind | Self::Lost)
+        matches!(self, Self::Uncertain | Self::Blind | Self::Lost)
     }
 
     /// Lower-case name for reports.

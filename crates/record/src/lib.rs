@@ -34,5 +34,5 @@ pub use log::{LogError, LogLoss, LogReport, LogWriter, MAGIC, read_log};
 pub use node::NodeId;
 pub use past::Past;
 pub use pose::is_sound;
-pub use session::{Piece, Session, SessionEdge, TrajectoryPose};
+pub use session::{OdometryLink, Piece, SeparateMap, Session, SessionEdge, TrajectoryPose};
 pub use update::{LocalMapReport, Localisation, MatchReport, Status, Update};

@@ -4,6 +4,7 @@ use super::SourceArgs;
 use super::values::{parse_side, parse_slice};
 use clap::{Args as ClapArgs, ValueEnum};
 use mapwright_logs::SliceBounds;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, ClapArgs)]
@@ -16,6 +17,10 @@ pub(crate) struct ExportArgs {
     /// The file; otherwise export.tum, export.mcap and so on in the folder of results.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+    /// Of a session of the plane whose pieces nothing holds together, for --to pgm, worldfile and mcap: which of its maps, as map-2.png is
+    /// numbered. Otherwise the first.
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) map: Option<NonZeroUsize>,
     /// Of a session of space: side of the map's voxels, metres; of a cloud one point in each is kept. Otherwise 0.1.
     #[arg(long, value_name = "METRES", value_parser = parse_side)]
     pub(crate) resolution: Option<f64>,

@@ -1,7 +1,7 @@
 //! `mapwright explain`
 
 use crate::args::ExplainArgs;
-use crate::closures::{CandidateRecord, ClosureFile, SlipRecord, VerdictName};
+use crate::closures::{CandidateRecord, ClosureFile, FragmentRecord, SlipRecord, VerdictName};
 use crate::failure::{Failure, Outcome};
 use crate::terminal::{count, say};
 use std::collections::BTreeMap;
@@ -32,6 +32,15 @@ fn summary(file: &ClosureFile, shown: usize) -> String {
     let mut text = format!("{} among {keyframes}", count(all as u64, "candidate"));
     if all > 0 {
         let _ = write!(text, ": {}", counted.join(", "));
+    }
+    let stands = |candidate: &&CandidateRecord| candidate.joins.is_some() && candidate.verdict == VerdictName::Accepted;
+    if file.candidates.iter().any(|candidate| candidate.joins.is_some()) {
+        let joins = file.candidates.iter().filter(stands).count();
+        let _ = write!(
+            text,
+            "; {} fragments over a break",
+            if joins == 1 { "1 joins".to_owned() } else { format!("{joins} join") }
+        );
     }
     if shown < all {
         let _ = write!(text, "; shown: {shown}");
@@ -80,7 +89,28 @@ fn at(stamp_s: Option<f64>) -> String {
     stamp_s.map_or(String::new(), |stamp_s| format!(" ({stamp_s:.3} s)"))
 }
 
-/// Two lines: what and where, and the numbers.
+/// What a candidate over a break joins, or would; empty where no break lies between.
+fn joins(candidate: &CandidateRecord) -> String {
+    let Some([from, to]) = &candidate.joins else { return String::new() };
+    let how = match candidate.verdict {
+        VerdictName::Accepted => "joins",
+        VerdictName::Waiting => "would join",
+        VerdictName::Refused => "would have joined",
+        VerdictName::Withdrawn => "joined, until it was taken back,",
+    };
+    format!("      {how} the fragment that {} with the one that {}\n", beginning(to), beginning(from))
+}
+
+fn beginning(fragment: &FragmentRecord) -> String {
+    let (start, at) =
+        (fragment.start.as_str(), fragment.stamp_s.map_or(String::new(), |stamp| format!(" at {stamp:.3} s")));
+    match start {
+        "uncertain" | "blind" | "lost" => format!("began {start}{at}"),
+        _ => format!("began{at} ({start})"),
+    }
+}
+
+/// Two lines: what and where, and the numbers; between them what it joins over a break.
 fn in_words(candidate: &CandidateRecord) -> String {
     let mut text = format!(
         "  {}{} -> {}{}, found by {}",
@@ -96,7 +126,7 @@ fn in_words(candidate: &CandidateRecord) -> String {
     if let Some([x, y, theta]) = candidate.sigmas.filter(|_| candidate.from_from_to.is_some()) {
         let _ = write!(text, " +- {x:.3} m {y:.3} m {:.2} deg", theta.to_degrees());
     }
-    format!("{text}\n      {}\n", evidence(candidate))
+    format!("{text}\n{}      {}\n", joins(candidate), evidence(candidate))
 }
 
 fn evidence(candidate: &CandidateRecord) -> String {

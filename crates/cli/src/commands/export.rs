@@ -17,6 +17,7 @@ use mapwright_formats::{
 };
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &ExportArgs) -> Result<Outcome, Failure> {
@@ -40,6 +41,10 @@ fn of_plane(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<Str
         [(args.band.is_some(), "--band"), (args.resolution.is_some(), "--resolution"), (args.surfels, "--surfels")];
     if let Some((_, option)) = asked.iter().find(|(is_asked, _)| *is_asked) {
         return Err(refused(option));
+    }
+    let has_map = matches!(args.to, ExportTo::Mcap | ExportTo::Pgm | ExportTo::Worldfile);
+    if args.map.is_some() && !has_map {
+        return Err(Failure::Usage(format!("--map is for --to pgm, worldfile and mcap, found --to {}", word(args.to))));
     }
     match args.to {
         ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args.to, session, path),
@@ -98,7 +103,7 @@ fn write_tum(session: &Session, file: impl Write) -> Result<(), FormatError> {
 }
 
 fn mcap(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
-    let made = map_of(session, &args.results)?;
+    let (made, further) = wanted_map(args, session)?;
     let counts = write_whole(path, |file| {
         let written = write_session_mcap(session, &made.image, file);
         written.map(|(_, counts)| counts).map_err(|cause| Failure::write_in_words(path, &cause))
@@ -112,14 +117,29 @@ fn mcap(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>
         count(counts.scans as u64, "scan"),
         count(counts.closures as u64, "closure"),
     ))?;
-    Ok(losses(&made))
+    Ok([losses(&made), further].concat())
+}
+
+/// The map that is asked for, otherwise the first; then it is told in words that there are more.
+fn wanted_map(args: &ExportArgs, session: &Session) -> Result<(MapImage, Vec<String>), Failure> {
+    let maps = session.maps();
+    let number = args.map.map_or(1, NonZeroUsize::get);
+    let Some(map) = maps.get(number - 1) else {
+        let found = count(maps.len() as u64, "map");
+        return Err(Failure::Usage(format!("{}: expected map {number}, found {found}", args.results.display())));
+    };
+    let further = (args.map.is_none() && maps.len() > 1).then(|| {
+        let further = count(maps.len() as u64 - 1, "further map");
+        format!("{further} of pieces that nothing holds to the first: --map 2 and so on exports them")
+    });
+    Ok((map_of(session, map, &args.results)?, further.into_iter().collect()))
 }
 
 /// The map and what says where it lies, beside it.
 fn map(args: &ExportArgs, session: &Session, path: &Path) -> Result<Vec<String>, Failure> {
-    let made = map_of(session, &args.results)?;
+    let (made, further) = wanted_map(args, session)?;
     write_map(args.to, &made.image, path)?;
-    Ok(losses(&made))
+    Ok([losses(&made), further].concat())
 }
 
 fn write_map(to: ExportTo, image: &GridImage, path: &Path) -> Result<(), Failure> {

@@ -9,7 +9,7 @@ use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report;
-use crate::session::earlier_in_plane;
+use crate::session::{earlier_in_plane, to_go_on_with};
 use crate::space::{self, Disk, Sought, Source};
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
@@ -39,13 +39,10 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     };
     let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?;
     drop(first_pass);
-    let earlier = match (&args.mapping.resume, args.goes_on) {
-        (Some(path), _) => Some(earlier_in_plane(path)?),
-        (None, true) => Some(earlier_in_plane(&args.output)?),
-        (None, false) => None,
-    };
-    let mut went_on = args.goes_on.then(|| GoesOn::with(earlier.as_ref().map(|(session, _)| session)));
+    let resumed = args.mapping.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
     let output = OutputFolder::create(&args.output)?;
+    let earlier = if args.goes_on { Some(to_go_on_with(&args.output)?) } else { resumed };
+    let mut went_on = args.goes_on.then(|| GoesOn::with(earlier.as_ref().map(|(session, _)| session)));
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes(), earlier)?;
     mapping.clock = clock;
     let ending = log.for_each(&interrupt, |event, position| {

@@ -61,6 +61,24 @@ fn candidates_are_told_with_verdict_reason_and_numbers() {
 }
 
 #[test]
+fn candidates_over_a_break_say_what_they_join() {
+    let joins = r#""joins": [{"start": "switched on", "stamp_s": 0.5}, {"start": "blind", "stamp_s": 88.0}], "sigmas""#;
+    let output = explain("explain_joins", &CLOSURES.replace("\"sigmas\"", joins), &[]);
+    assert_code(&output, 0);
+    let said = text(&output.stdout);
+    let fragments = "the fragment that began blind at 88.000 s with the one that began at 0.500 s (switched on)";
+    let expected = [
+        "1 accepted, 1 withdrawn, 1 refused; 1 joins fragments over a break".to_owned(),
+        format!(
+            "-> 40 (90.250 s), found by pose, at 0.100 m -0.200 m 2.86 deg +- 0.010 m 0.010 m 0.11 deg\n      joins {fragments}\n"
+        ),
+        format!("      would have joined {fragments}\n"),
+        format!("      joined, until it was taken back, {fragments}\n"),
+    ];
+    expected.iter().for_each(|what| assert!(said.contains(what), "expected {what:?}, found {said}"));
+}
+
+#[test]
 fn damaged_files_are_refused_in_words() {
     let refused = |closures: &str, says: &[&str]| assert_refused(&explain("explain_damaged", closures, &[]), 1, says);
     refused("", &["closures.json", "line 1"]);

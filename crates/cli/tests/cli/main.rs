@@ -10,6 +10,7 @@ mod export;
 mod export_space;
 mod map;
 mod optimize;
+mod pieces;
 mod real_logs;
 mod recordings;
 mod robot;

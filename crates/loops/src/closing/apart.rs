@@ -14,7 +14,7 @@ impl Apart {
     /// As a session says.
     pub(super) fn of<M: Measurement>(past: Past<'_, M>) -> Self {
         let session = past.session;
-        if !session.fragments().iter().skip(1).any(|fragment| fragment.start.is_break()) {
+        if !session.fragments().iter().any(|fragment| session.is_break(fragment)) {
             return Self::default();
         }
         let pieces = session.pieces();

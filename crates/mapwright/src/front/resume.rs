@@ -45,7 +45,7 @@ impl FrontEnd {
 
     fn take_in_keyframes(&mut self, past: Past<'_>, links: &[Links]) {
         let Self { settings, local_map, .. } = self;
-        let breaks = past.session.fragments().iter().filter(|fragment| fragment.start.is_break());
+        let breaks = past.session.fragments().iter().filter(|fragment| past.session.is_break(fragment));
         let breaks: Vec<usize> = breaks.filter_map(|fragment| past.session.place(fragment.first)).collect();
         for (node, links) in links.iter().enumerate() {
             if breaks.contains(&node) {

@@ -163,7 +163,7 @@ impl<'a, M: Measurement> Import<'a, M> {
         }
         let mut is_break = false;
         for fragment in self.other.fragments().iter().filter(|fragment| fragment.first == there) {
-            is_break |= fragment.start.is_break();
+            is_break |= self.other.is_break(fragment);
             store.write(Entry::Fragment(Fragment { first, start: fragment.start }));
         }
         is_break

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 mod pieces;
 
-pub use pieces::Piece;
+pub use pieces::{OdometryLink, Piece, SeparateMap};
 
 /// Everything that maps, trajectories and graphs of a run are functions of: what all entries of its log amount to.
 ///

@@ -1,6 +1,7 @@
 use super::*;
+use crate::FragmentStart::{self, Blind, Lost, Relocalised, Resumed, SwitchedOn, Uncertain};
 use crate::samples::{Step, Story, pose};
-use crate::{Detection, EdgeKind, Evidence, FragmentStart, LeftOutReason, Objection, RunId};
+use crate::{Detection, EdgeKind, Evidence, LeftOutReason, Objection, RunId};
 use mapwright_geom::{Cov3, Pose2};
 use proptest::prelude::*;
 
@@ -201,35 +202,103 @@ fn candidates_may_lead_to_the_next_keyframe_and_change_their_verdict() {
     assert_eq!(story.session.place(id("two", 2)), Some(5));
 }
 
-#[test]
-fn pieces_are_held_together_by_more_than_odometry_over_a_break() {
+/// Nine keyframes of the fragments `starts`, each linked to the one before by odometry of this deviation, metres and radians.
+fn fragments(starts: &[(u32, FragmentStart)], sigma: f64) -> Story {
     let mut story = Story::of(&[]);
     keyframes(&mut story, 9);
-    let at = |seq: u32| id("one", seq);
-    let starts = [
-        (0, FragmentStart::SwitchedOn),
-        (2, FragmentStart::Uncertain),
-        (4, FragmentStart::Blind),
-        (7, FragmentStart::Lost),
-    ];
-    starts.iter().for_each(|&(seq, start)| story.add(Entry::Fragment(Fragment { first: at(seq), start })));
-    let link = |from: u32, to: u32, kind: EdgeKind| {
-        let edge = Edge { kind, ..edge(at(from), at(to)).edge };
-        Entry::Edge(RecordedEdge { edge, candidate: None })
-    };
-    (1..9).for_each(|to| story.add(link(to - 1, to, EdgeKind::Odometry)));
-    let pieces = |story: &Story| -> Vec<(usize, usize)> {
-        story.session.pieces().iter().map(|piece| (piece.fragments.len(), piece.keyframes)).collect()
-    };
+    for &(seq, start) in starts {
+        story.add(Entry::Fragment(Fragment { first: id("one", seq), start }));
+    }
+    (1..9).for_each(|to| link(&mut story, [to - 1, to], EdgeKind::Odometry, sigma));
+    story
+}
+
+fn link(story: &mut Story, [from, to]: [u32; 2], kind: EdgeKind, sigma: f64) {
+    let information = Cov3::identity() / (sigma * sigma);
+    let edge = Edge { kind, information, ..edge(id("one", from), id("one", to)).edge };
+    story.add(Entry::Edge(RecordedEdge { edge, candidate: None }));
+}
+
+/// Of each piece its fragments and keyframes.
+fn pieces(story: &Story) -> Vec<(usize, usize)> {
+    story.session.pieces().iter().map(|piece| (piece.fragments.len(), piece.keyframes)).collect()
+}
+
+/// Places of the keyframes of each map.
+fn maps(story: &Story) -> Vec<Vec<usize>> {
+    story.session.maps().iter().map(|map| map.places().collect()).collect()
+}
+
+#[test]
+fn pieces_are_held_together_by_more_than_odometry_over_a_break() {
+    let mut story = fragments(&[(0, SwitchedOn), (2, Uncertain), (4, Blind), (7, Lost)], 1.0);
     assert_eq!(pieces(&story), [(1, 2), (1, 2), (1, 3), (1, 2)]);
-    story.add(link(1, 8, EdgeKind::Closure));
+    link(&mut story, [1, 8], EdgeKind::Closure, 0.1);
     assert_eq!(pieces(&story), [(2, 4), (1, 2), (1, 3)], "what lies between hangs on odometry still");
-    story.add(link(3, 5, EdgeKind::Match));
+    link(&mut story, [3, 5], EdgeKind::Closure, 0.1);
     assert_eq!(pieces(&story), [(2, 4), (2, 5)]);
-    let closure = story.session.recorded_edges().len() as u32 - 2;
+    // A match with what lies beyond a break is worth no more than the join that allowed it.
+    link(&mut story, [1, 8], EdgeKind::Match, 0.1);
+    let closure = story.session.recorded_edges().len() as u32 - 3;
     story.add(Entry::Withdrawn { number: closure });
     assert_eq!(pieces(&story), [(1, 2), (2, 5), (1, 2)]);
     assert!(Session::<Sweep>::default().pieces().is_empty());
+}
+
+#[test]
+fn a_session_that_goes_on_is_one_piece_and_another_robot_begins_its_own() {
+    for start in [Relocalised, Resumed] {
+        assert_eq!(pieces(&fragments(&[(0, SwitchedOn), (4, start)], 1.0)), [(2, 9)]);
+    }
+    let mut story = fragments(&[(0, SwitchedOn), (4, SwitchedOn)], 0.1);
+    let [first, second] = [0, 1].map(|at| story.session.fragments()[at]);
+    assert!(!story.session.is_break(&first) && story.session.is_break(&second));
+    assert_eq!((pieces(&story), maps(&story)), (vec![(1, 4), (1, 5)], vec![vec![0, 1, 2, 3], vec![4, 5, 6, 7, 8]]));
+    link(&mut story, [1, 8], EdgeKind::Closure, 0.1);
+    assert_eq!((pieces(&story), maps(&story).len()), (vec![(2, 9)], 1));
+}
+
+#[test]
+fn odometry_over_a_break_links_pieces_unless_it_says_nothing() {
+    let links = |story: &Story| -> Vec<Option<(usize, f64)>> {
+        let rounded = |link: OdometryLink| (link.to, (1e6 * link.sigma_m).round() / 1e6);
+        story.session.pieces().iter().map(|piece| piece.link.map(rounded)).collect()
+    };
+    for (start, sigma, linked) in
+        [(Uncertain, 7.9, true), (Uncertain, 8.1, false), (Blind, 0.5, false), (Lost, 0.5, false)]
+    {
+        let story = fragments(&[(0, SwitchedOn), (5, start)], sigma);
+        assert_eq!(links(&story), [None, linked.then_some((0, sigma))], "{start:?} {sigma}");
+        assert_eq!(maps(&story).len(), 2 - usize::from(linked), "{start:?} {sigma}");
+    }
+    // Joined fragments that lie apart in time; the later one is linked, and what lies between hangs on the earlier one.
+    let mut story = fragments(&[(0, SwitchedOn), (2, Blind), (4, Uncertain), (7, Uncertain)], 2.0);
+    link(&mut story, [3, 8], EdgeKind::Closure, 0.1);
+    assert_eq!(pieces(&story), [(1, 2), (2, 4), (1, 3)]);
+    assert_eq!(links(&story), [None, None, Some((1, 2.0))]);
+    assert_eq!(maps(&story), [vec![0, 1], vec![2, 3, 4, 5, 6, 7, 8]]);
+    assert!(story.session.maps()[1].has(5) && !story.session.maps()[1].has(1) && !story.session.maps()[0].has(2));
+    // What odometry says of a piece may be said where it ends: fragment 2 hangs on nothing, but leads to where the robot is known.
+    let mut story = fragments(&[(0, SwitchedOn), (2, Blind), (4, Uncertain)], 2.0);
+    link(&mut story, [1, 8], EdgeKind::Closure, 0.1);
+    assert_eq!((links(&story), maps(&story).len()), (vec![None, Some((0, 2.0))], 1));
+    // Withdrawn links say nothing.
+    let number = story.session.recorded_edges().iter().position(|known| known.ends == [3, 4]).unwrap() as u32;
+    story.add(Entry::Withdrawn { number });
+    assert_eq!(maps(&story), [vec![0, 1, 4, 5, 6, 7, 8], vec![2, 3]]);
+}
+
+#[test]
+fn sessions_without_fragments_are_one_map_and_joins_know_their_fragments() {
+    assert_eq!(Session::<Sweep>::default().maps(), [SeparateMap::default()]);
+    let story = fragments(&[], 1.0);
+    assert_eq!((pieces(&story), maps(&story)), (vec![(0, 9)], vec![(0..9).collect()]));
+    let story = fragments(&[(0, SwitchedOn), (3, Blind), (6, Resumed)], 1.0);
+    let joined = |keyframes| story.session.joined_fragments(keyframes).map(|both| both.map(|fragment| fragment.start));
+    assert_eq!(joined([8, 1]), Some([Resumed, SwitchedOn]));
+    assert_eq!((joined([2, 3]), joined([2, 1]), joined([3, 8])), (Some([SwitchedOn, Blind]), None, None));
+    // To the keyframe that is about to be made.
+    assert_eq!(joined([0, 9]), Some([SwitchedOn, Resumed]));
 }
 
 proptest! {
@@ -245,5 +314,23 @@ proptest! {
         }
         prop_assert_eq!(session.trajectory().len(), session.scans().len());
         prop_assert_eq!(session.drawn().len(), session.keyframes().len());
+    }
+
+    #[test]
+    fn every_keyframe_is_in_one_piece_and_in_one_map(steps in crate::samples::steps(80)) {
+        let session = Story::of(&steps).session;
+        let (pieces, maps) = (session.pieces(), session.maps());
+        prop_assert_eq!(pieces.iter().map(|piece| piece.keyframes).sum::<usize>(), session.keyframes().len());
+        let in_maps = |place: usize| maps.iter().filter(|map| map.has(place)).count();
+        prop_assert!((0..session.keyframes().len()).all(|place| in_maps(place) == 1));
+        let mut all: Vec<usize> = maps.iter().flat_map(|map| map.pieces.iter().copied()).collect();
+        all.sort_unstable();
+        prop_assert!(all.into_iter().eq(0..pieces.len()));
+        for map in &maps {
+            prop_assert!(map.places().all(|place| map.has(place)) && map.places().is_sorted());
+            let links: Vec<_> = map.pieces.iter().map(|&at| pieces[at].link.map(|link| link.to)).collect();
+            prop_assert_eq!(links.iter().filter(|link| link.is_none()).count(), map.pieces.len().min(1));
+            prop_assert!(links.iter().flatten().all(|to| map.pieces.contains(to)));
+        }
     }
 }

@@ -26,6 +26,9 @@ const CELLS_AT_MOST: u64 = 100_000_000;
 
 /// Writes it; what was lost.
 pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+    if args.map.is_some() {
+        return Err(refused(args, "--map needs a session of the plane, found one of space"));
+    }
     if args.band.is_some() && args.to != ExportTo::Pgm {
         return Err(refused(args, "--band is for --to pgm alone"));
     }

@@ -1,0 +1,138 @@
+//! The maps of a session: what each file shows, and what it is called.
+
+use crate::advice::{numbered, seen_from};
+use crate::drawing::draw_believed;
+use crate::failure::Failure;
+use crate::image::{MapImage, map_image, without_outliers};
+use crate::output::OutputFolder;
+use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings};
+use mapwright_formats::{Confidence, GridImage, Picture, dominant_wall_angle};
+use mapwright_formats::{write_map_yaml, write_pgm, write_png};
+use serde_json::{Value, json};
+
+/// The way's length is summed over steps of at least so much, so that standing still adds nothing, metres.
+const PATH_STEP_M: f64 = 0.05;
+/// What there is of each map.
+const ENDINGS: [&str; 3] = ["png", "pgm", "yaml"];
+
+/// The name of a file of a map, the first one's without a number.
+pub(crate) fn map_file(map: usize, ending: &str) -> String {
+    if map == 0 { format!("map.{ending}") } else { format!("map-{}.{ending}", map + 1) }
+}
+
+/// With the folder's commit the files go that an earlier run with more maps has left in it.
+pub(crate) fn remove_outdated_maps(output: &mut OutputFolder, maps: usize) {
+    for map in maps.. {
+        let files = ENDINGS.map(|ending| output.remove_outdated(map_file(map, ending)));
+        if files == [false; 3] {
+            return;
+        }
+    }
+}
+
+/// What a map's files show, for report and people.
+#[derive(Debug, Clone)]
+pub(crate) struct MadeMap {
+    pub(crate) cells: [usize; 2],
+    /// Sides of what the picture shows, metres.
+    pub(crate) sides_m: [f64; 2],
+    pub(crate) cells_left_out: u64,
+    pub(crate) keyframes_left_out: Vec<KeyframeId>,
+    pub(crate) wall_angle_rad: Option<f64>,
+    pub(crate) advice: Advice,
+}
+
+impl MadeMap {
+    /// For `report.json`.
+    pub(crate) fn to_json(&self) -> Value {
+        json!({
+            "cells": self.cells,
+            "cells_left_out": self.cells_left_out,
+            "keyframes_left_out": self.keyframes_left_out.len(),
+            "wall_angle_rad": self.wall_angle_rad,
+        })
+    }
+}
+
+/// How maps are written.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MapWriter<'a> {
+    pub(crate) settings: &'a Settings,
+    pub(crate) session: &'a Session,
+    /// What the mapper has drawn already of a session of one map, if that is all of it.
+    pub(crate) drawn: Option<&'a CountGrid>,
+    pub(crate) turn_upright: bool,
+    /// Longest side of a picture, pixels.
+    pub(crate) picture_side: Option<u16>,
+}
+
+impl MapWriter<'_> {
+    /// Writes the three files of a map; `number` counts from zero, and `way` is that of the robot within it.
+    pub(crate) fn write(
+        &self,
+        output: &mut OutputFolder,
+        (number, map): (usize, &SeparateMap),
+        way: &[Pose2],
+    ) -> Result<MadeMap, Failure> {
+        let (MapImage { image, cells_left_out }, keyframes_left_out) = self.render(map);
+        let pgm = map_file(number, "pgm");
+        output.write(pgm.clone(), |writer| write_pgm(&image, writer))?;
+        output.write(map_file(number, "yaml"), |writer| write_map_yaml(&image, &pgm, writer))?;
+        let wall_angle = |image: &GridImage| dominant_wall_angle(&image.wall_points_map(), image.resolution_m);
+        let wall_angle_rad = self.turn_upright.then(|| wall_angle(&image));
+        let advice = Advice::of_map(self.session, map);
+        let (seen_from, places) = (seen_from(self.session, map, &advice), numbered(&advice));
+        let confidence = Confidence { seen_from: &seen_from, places: &places };
+        let picture = Picture { confidence: Some(confidence), ..self.picture(way, wall_angle_rad) };
+        let shown = without_outliers(&image, way);
+        output.write(map_file(number, "png"), |writer| write_png(&shown, &picture, writer))?;
+        Ok(MadeMap {
+            cells: [image.width, image.height],
+            sides_m: [shown.width, shown.height].map(|cells| cells as f64 * image.resolution_m),
+            cells_left_out,
+            keyframes_left_out,
+            wall_angle_rad,
+            advice,
+        })
+    }
+
+    /// Its keyframes at their present poses, and the names of those that are left out.
+    fn render(&self, map: &SeparateMap) -> (MapImage, Vec<KeyframeId>) {
+        let passes_per_hit = self.settings.map.passes_per_hit;
+        if let Some(counts) = self.drawn {
+            return (map_image(counts, passes_per_hit), Vec::new());
+        }
+        let (counts, left_out) = draw_believed(self.settings, self.session, map);
+        (map_image(&counts, passes_per_hit), left_out)
+    }
+
+    fn picture<'a>(&self, way: &'a [Pose2], wall_angle_rad: Option<f64>) -> Picture<'a> {
+        let picture = Picture { world_from_robot: way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
+        match self.picture_side.map(usize::from) {
+            Some(side) => Picture { min_side_px: side / 2, max_side_px: side, ..picture },
+            None => picture,
+        }
+    }
+}
+
+/// The ways of the robot within each map, and their length, metres; what lies between two maps is no way.
+pub(crate) fn ways(session: &Session, maps: &[SeparateMap]) -> (Vec<Vec<Pose2>>, f64) {
+    let map_of = |place: usize| maps.iter().position(|map| map.has(place));
+    let by_place: Vec<usize> = (0..session.keyframes().len()).map(|place| map_of(place).unwrap_or(0)).collect();
+    let (mut ways, mut length_m) = (vec![Vec::new(); maps.len().max(1)], 0.0);
+    let mut last: Option<(usize, Pose2)> = None;
+    for (scan, pose) in session.scans().iter().zip(session.trajectory()) {
+        let place = scan.keyframe.and_then(|id| session.place(id));
+        let map = place.and_then(|place| by_place.get(place).copied()).unwrap_or(0);
+        let pose = pose.map_from_robot;
+        match last.filter(|(of, _)| *of == map).map(|(_, last)| pose.distance(last)) {
+            Some(step_m) if step_m < PATH_STEP_M => {}
+            step_m => {
+                length_m += step_m.unwrap_or(0.0);
+                last = Some((map, pose));
+            }
+        }
+        ways[map].push(pose);
+    }
+    (ways, length_m)
+}
