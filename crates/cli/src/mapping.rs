@@ -43,6 +43,8 @@ pub(crate) struct Mapping {
     align: Align,
     picture_side: Option<u16>,
     has_odometry: bool,
+    /// What the keyframes are of, where it is of several logs or sessions: their names, and the first keyframe of each.
+    pub(crate) parts: Vec<(String, usize)>,
 }
 
 /// What a run has made, for report and people.
@@ -98,6 +100,7 @@ impl Mapping {
             align: args.align,
             picture_side: args.picture_side,
             has_odometry: false,
+            parts: Vec::new(),
         })
     }
 
@@ -145,6 +148,12 @@ impl Mapping {
             if interrupt.came() { Err(None) } else { Ok(()) }
         });
         imported.or_else(|why| why.map_or(Ok(()), Err))
+    }
+
+    /// What comes is of this log or session.
+    pub(crate) fn begin_part(&mut self, name: String) {
+        let first = if self.parts.is_empty() { 0 } else { self.session().keyframes().len() };
+        self.parts.push((name, first));
     }
 
     /// Everything that was recorded.

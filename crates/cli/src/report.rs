@@ -3,8 +3,9 @@
 use crate::advice;
 use crate::mapping::{Made, Mapping};
 use crate::maps::{MadeMap, map_file};
+use crate::tally::Tally;
 use crate::terminal::{count, duration, grouped};
-use mapwright::{LocalMapReport, Status};
+use mapwright::{LocalMapReport, SeparateMap, Status};
 use mapwright_formats::{Noted, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
@@ -138,6 +139,7 @@ pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: 
         "live_map": live_report(mapping.local_map),
         "map": made.maps.first().map(MadeMap::to_json),
         "further_maps": further_maps(made),
+        "parts": parts_report(mapping),
         "pieces": made.pieces.to_json(),
         "certainty": made.maps.first().map(|map| advice::report(&map.advice)),
         "losses": losses,
@@ -167,47 +169,79 @@ fn live_report(report: LocalMapReport) -> Value {
 /// The last lines: what was made and how good it is.
 pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> String {
     let tally = &mapping.tally;
-    let percent = |status| 100.0 * tally.share(status);
-    let mut text = format!(
-        "{} over {}, {:.0} m of path, {}\n",
-        count(tally.scans, "scan"),
-        duration(tally.log_s()),
-        made.path_m,
-        count(mapping.session().keyframes().len() as u64, "keyframe"),
-    );
+    let all = mapping.session().scans().len() as u64;
+    let over = match tally.scans {
+        new if new == all && mapping.parts.is_empty() => format!(" over {}", duration(tally.log_s())),
+        new if new == all => String::new(),
+        new => format!(", {} of them mapped now", grouped(new)),
+    };
+    let keyframes = count(mapping.session().keyframes().len() as u64, "keyframe");
+    let mut text = format!("{}{over}, {:.0} m of path, {keyframes}\n", count(all, "scan"), made.path_m);
+    text += &parts_words(mapping);
     for (number, map) in made.maps.iter().enumerate() {
         let name = if number == 0 { "map".to_owned() } else { format!("map-{}", number + 1) };
         let ([width_m, height_m], cell_m) = (map.sides_m, mapping.settings.map.resolution_m);
         let _ = writeln!(text, "{name:<8} {width_m:.0} x {height_m:.0} m, {cell_m} m a cell");
     }
     text += &made.pieces.words();
-    let _ = write!(
-        text,
-        "quality  tracking {:.2} %, degraded {:.2} %, lost {:.2} %",
-        percent(Status::Tracking),
-        percent(Status::Degraded),
-        percent(Status::Lost)
-    );
-    if let Some(share) = tally.median_inlier_share() {
-        let _ = write!(text, "; in the median {:.0} % of a scan's beams fit the map", 100.0 * share);
-    }
-    text.push('\n');
-    text += &tally.doubts.words();
+    text += &quality_words(tally);
     text += &made.maps.first().map(|map| advice::words(&map.advice)).unwrap_or_default();
     text += &made.maps.iter().map(|map| advice::next_words(&map.advice)).collect::<String>();
     let number = |key: &str| timing[key].as_f64().unwrap_or(0.0);
-    let _ = write!(
-        text,
-        "speed    {:.2} s, {} scans/s, {} x real time",
-        number("total_s"),
-        grouped(number("scans_per_second") as u64),
-        grouped(number("times_real_time") as u64)
-    );
+    let _ = write!(text, "speed    {:.2} s", number("total_s"));
+    if tally.scans > 0 {
+        let _ = write!(text, ", {} scans/s", grouped(number("scans_per_second") as u64));
+    }
+    if tally.scans > 0 && mapping.parts.is_empty() {
+        let _ = write!(text, ", {} x real time", grouped(number("times_real_time") as u64));
+    }
     if let Some(mib) = timing["peak_memory_mib"].as_f64() {
         let _ = write!(text, ", {mib:.0} MiB at most");
     }
     text.push('\n');
     text
+}
+
+/// How scans have fitted, if any were mapped.
+fn quality_words(tally: &Tally) -> String {
+    if tally.scans == 0 {
+        return String::new();
+    }
+    let percent = |status| 100.0 * tally.share(status);
+    let [tracking, degraded, lost] = [Status::Tracking, Status::Degraded, Status::Lost].map(percent);
+    let mut text = format!("quality  tracking {tracking:.2} %, degraded {degraded:.2} %, lost {lost:.2} %");
+    if let Some(share) = tally.median_inlier_share() {
+        let _ = write!(text, "; in the median {:.0} % of a scan's beams fit the map", 100.0 * share);
+    }
+    text.push('\n');
+    text + &tally.doubts.words()
+}
+
+/// Of each log or session of several: its name, how many keyframes it has, and which maps they are in.
+fn parts(mapping: &Mapping) -> Vec<(&str, usize, Vec<String>)> {
+    let (maps, keyframes) = (mapping.session().maps(), mapping.session().keyframes().len());
+    let ends = mapping.parts.iter().skip(1).map(|(_, first)| *first).chain([keyframes]);
+    let mut parts = Vec::new();
+    for ((name, first), end) in mapping.parts.iter().zip(ends) {
+        let shows = |map: &SeparateMap| map.keyframes.iter().any(|range| range.start < end && *first < range.end);
+        let shown = maps.iter().enumerate().filter(|(_, map)| shows(map));
+        let shown = shown.map(|(number, _)| map_file(number, "png")).collect();
+        parts.push((name.as_str(), end.saturating_sub(*first), shown));
+    }
+    parts
+}
+
+fn parts_words(mapping: &Mapping) -> String {
+    let line = |(name, keyframes, maps): (&str, usize, Vec<String>)| {
+        format!("of       {name}: {}, in {}\n", count(keyframes as u64, "keyframe"), maps.join(", "))
+    };
+    parts(mapping).into_iter().map(line).collect()
+}
+
+/// The same for `report.json`.
+fn parts_report(mapping: &Mapping) -> Value {
+    let part = |(name, keyframes, maps): (&str, usize, Vec<String>)| json!({ "name": name, "keyframes": keyframes, "maps": maps });
+    parts(mapping).into_iter().map(part).collect()
 }
 
 /// Losses and oddities as lines.

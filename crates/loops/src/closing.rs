@@ -78,6 +78,10 @@ const UNCLEAR_FRIENDS: usize = 3;
 /// They must come from places so far apart along the way, metres, and at most so far.
 const APART_M: f64 = 2.0;
 const TOGETHER_M: f64 = 30.0;
+/// A robot that is only located in a map has nothing to lose that lasts but time: there two findings have to agree, so far apart, metres,
+/// and places are asked for as often.
+const LOCATED_FRIENDS: usize = 1;
+const LOCATED_APART_M: f64 = 0.2;
 /// Findings that wait at most.
 const WAITING_AT_MOST: usize = 64;
 /// A closure that moves nothing farther than this may wait for others, metres; a turn moves what is so far away, metres.
@@ -136,6 +140,8 @@ pub struct Closing<S: Submaps> {
     urgent: bool,
     /// Pieces of the map that nothing joins.
     apart: Apart,
+    /// Whether the robot is only located in what is known, which stays where it is.
+    locates: bool,
 }
 
 /// What a finding makes of candidates: its own, and those that have waited and agree with it.
@@ -171,7 +177,22 @@ impl<S: Submaps> Closing<S> {
             strained: 0,
             urgent: false,
             apart: Apart::default(),
+            locates: false,
         }
+    }
+
+    /// Describes all places by what they look like, at once: a robot that is switched on may be at any of them. What is known stays where it
+    /// is where it is only `located` there.
+    pub fn switch_on(&mut self, past: Past<'_, S::Measurement>, submaps: &S, located: bool) {
+        self.locates |= located;
+        if self.settings.by_place {
+            self.remember_places(past, submaps, usize::MAX);
+        }
+    }
+
+    /// How far apart along the way findings have to be made to count, metres.
+    fn apart_m(&self) -> f64 {
+        if self.locates { LOCATED_APART_M } else { APART_M }
     }
 
     /// A fragment begins after a break, or what leads over one was withdrawn.
@@ -212,7 +233,8 @@ impl<S: Submaps> Closing<S> {
     /// Whether it is time to look for old places.
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
-        past.way_m.last().is_some_and(|now| now - self.checked_m >= CHECK_EVERY_M)
+        let every_m = if self.locates && self.is_apart() { LOCATED_APART_M } else { CHECK_EVERY_M };
+        past.way_m.last().is_some_and(|now| now - self.checked_m >= every_m)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -238,7 +260,7 @@ impl<S: Submaps> Closing<S> {
             // Before they are needed, and a few at a time, for this is done within a scan.
             self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !by_pose || is_apart;
-            let every_m = if is_apart { APART_M } else { ASK_BY_PLACE_EVERY_M };
+            let every_m = if is_apart { self.apart_m() } else { ASK_BY_PLACE_EVERY_M };
             if needed && self.checked_m - self.asked_m >= every_m {
                 self.asked_m = self.checked_m;
                 targets.extend(self.alike(past, to, known, &submaps));
@@ -360,7 +382,7 @@ impl<S: Submaps> Closing<S> {
 
     /// Describes places since the last time, of so many keyframes at most, each by what was seen on the last metres of the way.
     fn remember_places(&mut self, past: Past<'_, S::Measurement>, submaps: &S, at_most: usize) {
-        let end = past.way_m.len().min(self.described + at_most);
+        let end = past.way_m.len().min(self.described.saturating_add(at_most));
         for (node, &way_m) in NodeId::first(end).zip(past.way_m).skip(self.described) {
             if self.described_m.is_none_or(|last_m| way_m - last_m >= DESCRIBE_EVERY_M) {
                 self.described_m = Some(way_m);
@@ -409,14 +431,19 @@ impl<S: Submaps> Closing<S> {
         }
         let number = candidates.len() as u32;
         let others = self.waiting.iter().copied();
-        let friends: Vec<u32> = others.filter(|&k| is_alike(past, &candidates[k as usize], &judged)).collect();
+        let friends: Vec<u32> =
+            others.filter(|&k| is_alike(past, &candidates[k as usize], &judged, self.apart_m())).collect();
         judged.evidence.agreeing = friends.len() as u32;
         let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
         let sigma_m = target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
         let is_vouched = !is_misled && sigma_m <= WIDEST_M;
-        let enough = if any_clear && is_vouched { 1 } else { UNCLEAR_FRIENDS };
+        let enough = match (any_clear, is_vouched, self.locates) {
+            (true, true, _) => 1,
+            (true, false, true) => LOCATED_FRIENDS,
+            _ => UNCLEAR_FRIENDS,
+        };
         if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
             if self.waiting.len() > WAITING_AT_MOST {
@@ -480,10 +507,15 @@ fn cycle_chi2<M: Measurement>(
 }
 
 /// Whether a candidate that waits and a finding say the same, by the short ways between their ends.
-fn is_alike<M: Measurement>(past: Past<'_, M>, waiting: &Candidate<M::Pose>, judged: &Judged<M::Pose>) -> bool {
+fn is_alike<M: Measurement>(
+    past: Past<'_, M>,
+    waiting: &Candidate<M::Pose>,
+    judged: &Judged<M::Pose>,
+    apart_m: f64,
+) -> bool {
     let (Some(a_pose), Some(b_pose)) = (waiting.from_from_to, judged.from_from_to) else { return false };
     let Some([from, to]) = past.nodes([waiting.from, waiting.to]) else { return false };
-    (APART_M..=TOGETHER_M).contains(&past.way_between_m(to, judged.to))
+    (apart_m..=TOGETHER_M).contains(&past.way_between_m(to, judged.to))
         && past.way_between_m(from, judged.from) <= TOGETHER_M
         && agree(past, (from, to, a_pose), (judged.from, judged.to, b_pose))
 }

@@ -8,8 +8,8 @@ use crate::store::{NewKeyframe, Slipped, Written};
 use dynamic::Place;
 use insert::Intruders;
 use mapwright_geom::{Cov3, Pose2};
-use mapwright_grid::{LocalMap, MatcherSettings};
-use mapwright_loops::KnownPlace;
+use mapwright_grid::LocalMap;
+use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings};
 use mapwright_record::{Beams, LeftOutReason, LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamCounts, LaserScan, Odometry, Sweep, TurnRate};
 use predict::{Moved, Predictor, Step};
@@ -84,8 +84,9 @@ impl FrontEnd {
         &self.pose
     }
 
-    pub(crate) fn matcher(&self) -> MatcherSettings {
-        self.tracker.matcher.settings
+    /// How submaps are drawn and looked for.
+    pub(crate) fn submaps(&self) -> PlaneSubmaps {
+        PlaneSubmaps::new(self.settings.submaps(), VerifySettings::default(), self.tracker.matcher.settings)
     }
 
     pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {

@@ -10,7 +10,7 @@ use crate::store::{Link, Store};
 use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Pose2, Stamp, TangentMatrix};
 use mapwright_grid::{CountGrid, LocalMap};
-use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings, is_old};
+use mapwright_loops::{KnownPlace, is_old};
 use mapwright_record::{
     Beams, Candidate, Edge, FragmentStart, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, NodeId, RunId, Session,
     Status, TrajectoryPose, Update,
@@ -191,7 +191,7 @@ impl Mapper {
             return;
         }
         let known = front.survey();
-        let submaps = PlaneSubmaps::new(front.settings().submaps(), VerifySettings::default(), front.matcher());
+        let submaps = front.submaps();
         let verification = back.closing.propose(past, &known, anchor, submaps);
         verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));
         self.work_inline();

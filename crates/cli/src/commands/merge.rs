@@ -29,8 +29,9 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     let mut ending = Ending::OfLog;
     for (path, input) in args.inputs.iter().zip(inputs) {
         match (input, &mut mapping) {
-            (Some(session), None) => mapping = Some(begin(&args.output, Some(session))?),
+            (Some(session), None) => mapping.insert(begin(&args.output, Some(session))?).begin_part(name_of(path)),
             (Some((session, mut losses)), Some(mapping)) => {
+                mapping.begin_part(name_of(path));
                 mapping.earlier_losses.append(&mut losses);
                 mapping.import(&session, &name_of(path), &interrupt)?;
             }
@@ -43,6 +44,7 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
                     }
                     None => mapping.insert(begin(&args.output, None)?),
                 };
+                mapping.begin_part(name_of(path));
                 ending = map_log(log, mapping, &interrupt, &mut read)?;
             }
         }

@@ -14,6 +14,7 @@ mod pieces;
 mod real_logs;
 mod recordings;
 mod robot;
+mod runs;
 mod session;
 mod show;
 mod space;

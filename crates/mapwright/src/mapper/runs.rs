@@ -14,13 +14,15 @@ impl Mapper {
     /// Its first scan begins a fragment, which is [apart](mapwright_record::Localisation) until the robot comes to a place that is
     /// known and recognises it. The update holds the beginning of the run; a robot that had runs before gets the next number.
     pub fn switch_on(&mut self, robot: RunId) -> Update {
-        self.begin_run(robot);
+        self.begin_run(robot, false);
         self.report(Told::default())
     }
 
-    fn begin_run(&mut self, robot: RunId) {
+    fn begin_run(&mut self, robot: RunId, is_located: bool) {
         self.store.switch_on(robot, self.settings().to_text());
         self.front.switch_on();
+        let submaps = self.front.submaps();
+        self.back.closing.switch_on(self.store.past(), &submaps, is_located);
     }
 
     /// Takes in a session that was mapped apart, of this robot or another one: its keyframes one after the other, as if they were made
@@ -69,7 +71,7 @@ impl Mapper {
         let (store, back, front) = Self::made_again(settings, store);
         let newest = Newest { stamp: Stamp(0), status: Status::Tracking };
         let mut mapper = Self { store, front, back, newest };
-        mapper.begin_run(run);
+        mapper.begin_run(run, true);
         Ok(mapper)
     }
 }

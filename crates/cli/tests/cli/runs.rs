@@ -1,0 +1,178 @@
+//! Several logs and sessions: merged, gone on with, and a robot that is only located.
+
+use crate::support::{assert_code, assert_refused, folder, json, log_of, run, text};
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_sim::{Drive, DriveSettings, Event, worlds};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where the odometry of a second drive has its origin.
+const ELSEWHERE: Pose2 = Pose2 { x: -7.0, y: 20.0, theta: -2.5 };
+
+/// A drive through three rooms from a waypoint on, so late, its odometry from anywhere.
+fn drive(rooms: u64, waypoint: usize, late_s: i64) -> Vec<u8> {
+    let settings =
+        DriveSettings { duration_s: 60.0, seed: waypoint as u64, start_waypoint: waypoint, ..DriveSettings::default() };
+    let elsewhere = if waypoint == 0 { Pose2::IDENTITY } else { ELSEWHERE };
+    let later = |stamp: Stamp| Stamp(stamp.0 + late_s * 1_000_000_000);
+    log_of(Drive::new(worlds::three_rooms(rooms).into(), settings).map(|event| match event {
+        Event::Odometry(mut odometry) => {
+            (odometry.stamp, odometry.odom_from_robot) = (later(odometry.stamp), elsewhere * odometry.odom_from_robot);
+            Event::Odometry(odometry)
+        }
+        Event::Scan(mut scan) => {
+            scan.scan.stamp = later(scan.scan.stamp);
+            scan.scan.odom_from_robot = scan.scan.odom_from_robot.map(|pose| elsewhere * pose);
+            Event::Scan(scan)
+        }
+    }))
+}
+
+fn write(folder: &Path, name: &str, log: &[u8]) -> String {
+    let path = folder.join(name);
+    fs::write(&path, log).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn out(folder: &Path, name: &str) -> (PathBuf, String) {
+    let path = folder.join(name);
+    (path.clone(), path.to_str().unwrap().to_owned())
+}
+
+/// Poses of a trajectory without their stamps.
+fn poses(path: &Path) -> Vec<String> {
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().filter(|line| !line.starts_with('#')).map(|line| line.split_once(' ').unwrap().1.to_owned()).collect()
+}
+
+#[test]
+fn logs_and_sessions_of_one_building_become_one_map() {
+    let folder = folder("merge");
+    let [first, second] =
+        [(0, "a.clf"), (2, "b.clf")].map(|(at, name)| write(&folder, name, &drive(5, at, 100 * at as i64)));
+    let other = write(&folder, "other.clf", &drive(11, 1, 900));
+    let [(_, a), (_, b)] = ["a", "b"].map(|name| out(&folder, name));
+    assert_code(&run(&["map", &first, "-o", &a, "--quiet"]), 0);
+    assert_code(&run(&["map", &second, "-o", &b, "--quiet"]), 0);
+    for (name, inputs) in [("logs", [&first, &second]), ("sessions", [&a, &b]), ("mixed", [&a, &second])] {
+        let (merged, path) = out(&folder, name);
+        let output = run(&["merge", inputs[0], inputs[1], "-o", &path]);
+        assert_code(&output, 0);
+        let said = text(&output.stdout);
+        assert!(said.contains("pieces   1, of 2 fragments (1 break)"), "{name}: {said}");
+        let report = json(&merged.join("report.json"));
+        let parts: Vec<&str> =
+            report["parts"].as_array().unwrap().iter().map(|part| part["name"].as_str().unwrap()).collect();
+        assert_eq!(parts, inputs);
+        assert!(
+            report["parts"][1]["maps"].as_array().unwrap().len() == 1 && report["parts"][1]["maps"][0] == "map.png"
+        );
+        assert!(!merged.join("map-2.png").exists());
+    }
+    // Another building is a map of its own, and that is said.
+    let (merged, path) = out(&folder, "two");
+    let output = run(&["merge", &a, &other, "-o", &path]);
+    assert_code(&output, 3);
+    let said = text(&output.stdout);
+    assert!(said.contains("maps of their own") && said.contains("other.clf: "), "{said}");
+    assert!(merged.join("map-2.png").exists());
+    let report = json(&merged.join("report.json"));
+    assert_eq!(report["parts"][1]["maps"][0], "map-2.png");
+    let path = out(&folder, "twice").1;
+    assert_refused(&run(&["merge", &a, &a, "-o", &path]), 2, &["given twice"]);
+    assert!(!Path::new(&path).exists());
+    assert_refused(&run(&["merge", &a, &b, "-o", &path, "--set", "live.policy=everything"]), 2, &["live.policy"]);
+}
+
+#[test]
+fn a_session_is_gone_on_with() {
+    let folder = folder("continue");
+    let log = drive(5, 0, 0);
+    let lines: Vec<&[u8]> = log.split_inclusive(|&byte| byte == b'\n').collect();
+    let whole = write(&folder, "whole.clf", &log);
+    let half = write(&folder, "half.clf", &lines[..lines.len() / 2].concat());
+    let second = write(&folder, "second.clf", &drive(5, 2, 200));
+    let [(whole_out, whole_path), (out_folder, path)] = ["whole", "out"].map(|name| out(&folder, name));
+    assert_refused(&run(&["map", &whole, "-o", &path, "--continue"]), 1, &["session.mapwright"]);
+    assert_code(&run(&["map", &whole, "-o", &whole_path, "--quiet"]), 0);
+    // What was mapped of a log is not mapped again, and the rest as if there had been no stop.
+    assert_code(&run(&["map", &half, "-o", &path, "--quiet"]), 0);
+    let output = run(&["map", &whole, "-o", &path, "--continue"]);
+    assert_code(&output, 0);
+    assert!(text(&output.stdout).contains("of them mapped now"));
+    assert_eq!(poses(&out_folder.join("trajectory.tum")), poses(&whole_out.join("trajectory.tum")));
+    // Once more there is nothing new.
+    let output = run(&["map", &whole, "-o", &path, "--continue"]);
+    assert_code(&output, 0);
+    assert!(text(&output.stdout).contains(", 0 of them mapped now"), "{}", text(&output.stdout));
+    assert_eq!(poses(&out_folder.join("trajectory.tum")), poses(&whole_out.join("trajectory.tum")));
+    // Another log may begin anywhere.
+    let output = run(&["map", &second, "-o", &path, "--continue"]);
+    assert_code(&output, 0);
+    assert!(text(&output.stdout).contains("pieces   1, of "), "{}", text(&output.stdout));
+    // One that begins alike and differs is refused, and the session is as it was.
+    let before = fs::read(out_folder.join("session.mapwright")).unwrap();
+    let late = String::from_utf8(log.clone()).unwrap();
+    let mut late: Vec<&str> = late.lines().collect();
+    late.remove(late.len() / 3);
+    let changed = write(&folder, "changed.clf", (late.join("\n") + "\n").as_bytes());
+    let (_, again) = out(&folder, "again");
+    assert_code(&run(&["map", &whole, "-o", &again, "--quiet"]), 0);
+    let refused = run(&["map", &changed, "-o", &again, "--continue"]);
+    assert!(refused.status.code() == Some(1) || text(&refused.stdout).contains(", 0 of them mapped now"));
+    assert_eq!(fs::read(out_folder.join("session.mapwright")).unwrap(), before);
+}
+
+/// A run that was killed leaves a part, from which the next goes on; nothing of it is lost, whatever becomes of that.
+#[test]
+fn a_killed_run_is_gone_on_with() {
+    let folder = folder("continue_killed");
+    let log = drive(5, 0, 0);
+    let (whole, nothing) = (write(&folder, "whole.clf", &log), write(&folder, "nothing.clf", b"# nothing\n"));
+    let (results, path) = out(&folder, "out");
+    assert_code(&run(&["map", &whole, "-o", &path, "--quiet"]), 0);
+    let session = fs::read(results.join("session.mapwright")).unwrap();
+    fs::remove_dir_all(&results).unwrap();
+    fs::create_dir(&results).unwrap();
+    let torn = &session[..session.len() / 2];
+    fs::write(results.join("session.mapwright.part"), torn).unwrap();
+    assert_refused(&run(&["map", &nothing, "-o", &path, "--continue"]), 1, &["nothing.clf"]);
+    assert_eq!(fs::read(results.join("session.mapwright")).unwrap(), torn);
+    let output = run(&["map", &whole, "-o", &path, "--continue"]);
+    assert_code(&output, 3);
+    assert!(text(&output.stdout).contains("expected an entry"), "{}", text(&output.stdout));
+    let log = text(&log);
+    assert_eq!(
+        poses(&results.join("trajectory.tum")).len(),
+        log.lines().filter(|line| line.starts_with("FLASER") || line.starts_with("ROBOTLASER")).count()
+    );
+    assert!(!results.join("session.mapwright.part").exists());
+}
+
+#[test]
+fn a_robot_is_located_in_a_finished_map() {
+    let folder = folder("localise");
+    let (first, second) = (write(&folder, "a.clf", &drive(5, 0, 0)), write(&folder, "b.clf", &drive(5, 2, 200)));
+    let other = write(&folder, "other.clf", &drive(11, 1, 900));
+    let (map, path) = out(&folder, "map");
+    assert_code(&run(&["map", &first, "-o", &path, "--quiet"]), 0);
+    let before = fs::read(map.join("session.mapwright")).unwrap();
+    let [(tum, tum_path), (csv, csv_path)] = ["poses.tum", "poses.csv"].map(|name| out(&folder, name));
+    let output = run(&["localise", &second, "--map", &path, "-o", &tum_path, "--json"]);
+    assert_code(&output, 0);
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let located = said["located"].as_u64().unwrap();
+    assert!(2 * located > said["scans"].as_u64().unwrap(), "{said}");
+    assert_eq!(poses(&tum).len() as u64, located);
+    assert_code(&run(&["localise", &second, "--map", &path, "-o", &csv_path, "--quiet"]), 0);
+    let rows = fs::read_to_string(&csv).unwrap();
+    let rows: Vec<Vec<&str>> = rows.lines().map(|row| row.split(',').collect()).collect();
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()) && rows[0][1] == "located");
+    assert_eq!(rows.iter().filter(|row| row[1] == "1").count() as u64, located);
+    assert_eq!(fs::read(map.join("session.mapwright")).unwrap(), before);
+    // Elsewhere it is nowhere, and that is said.
+    let output = run(&["localise", &other, "--map", &path, "-o", &csv_path]);
+    assert_code(&output, 3);
+    assert!(text(&output.stdout).contains("nowhere recognised"), "{}", text(&output.stdout));
+    assert_refused(&run(&["localise", &second, "--map", &first, "-o", &csv_path]), 1, &["a.clf"]);
+}
