@@ -2,7 +2,7 @@
 
 use crate::cascade::Finding;
 use crate::submaps::{PoseOf, Submaps, Window};
-use crate::verification::{Judged, Target, Verification};
+use crate::verification::{Judged, Target, Verification, Verified};
 use crate::views::views_along;
 use mapwright_geom::{Pose, Pose2, Tangent, TangentMatrix};
 use mapwright_graph::Uncertainty;
@@ -275,8 +275,8 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// What came of one look, before its findings are judged.
-    pub fn looked(&mut self, findings: &[(Target<PoseOf<S>>, Finding<PoseOf<S>>)]) {
-        let mut nearby = findings.iter().filter(|(target, _)| target.detection == Detection::Pose).peekable();
+    pub fn looked(&mut self, verified: &Verified<PoseOf<S>>) {
+        let mut nearby = verified.findings.iter().filter(|(target, _)| target.detection == Detection::Pose).peekable();
         let is_unseen = nearby.peek().is_some() && nearby.all(|(_, found)| found.objection == Some(Objection::NoMatch));
         self.unseen += u32::from(is_unseen && doubts_chain::<PoseOf<S>>());
     }

@@ -397,14 +397,13 @@ fn window_after<P: Pose>(looks: u32, closes: bool) -> f64 {
         [KnownPlace::alike_in_all(NodeId::new(10), false, Uncertainty { displacement_m2: 0.01, rotation_rad2: 1e-4 })];
     let target = target(way.past(), &known[0], NodeId::new(10), way.newest(), Detection::Pose);
     let unseen = Finding::none(Evidence::default(), Objection::NoMatch);
-    for _ in 0..looks {
-        closing.looked(&[(target, unseen)]);
-    }
+    let look = |findings: &[_]| Verified { to: target.from, findings: findings.to_vec(), work: (0, 0) };
+    (0..looks).for_each(|_| closing.looked(&look(&[(target, unseen)])));
     // What is seen of it, even if it does not count, is no such look, and neither is one at places that only look alike.
     let by_likeness = Target { detection: Detection::Place, ..target };
     let contradicting = finding(target.window.target_from_query, Some(Objection::Contradiction));
-    (0..9).for_each(|_| closing.looked(&[(by_likeness, unseen)]));
-    (0..9).for_each(|_| closing.looked(&[(target, contradicting), (target, unseen)]));
+    (0..9).for_each(|_| closing.looked(&look(&[(by_likeness, unseen)])));
+    (0..9).for_each(|_| closing.looked(&look(&[(target, contradicting), (target, unseen)])));
     if closes {
         let edge = way.match_with(NodeId::new(10), 0.0);
         closing.accepted(way.past(), [NodeId::new(10), way.newest()], &edge);
