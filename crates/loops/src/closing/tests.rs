@@ -361,7 +361,7 @@ fn four_that_agree_pairwise_outvote_the_chain_which_gives_way() {
     let (way, closures) = elsewhere::<Pose2>(Detection::Pose, &[0.8, 0.8, 0.8, 0.8]);
     assert_eq!(closures.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 0, 4]);
     let improbable = |candidate: &Candidate| candidate.evidence.cycle_chi2.is_some_and(|chi2| chi2 > 150.0);
-    assert!(way.session.candidates().iter().all(|candidate| improbable(candidate)));
+    assert!(way.session.candidates().iter().all(improbable));
     let solved = way.graph().run().expect("it can be solved");
     assert!(solved.taken_back.is_empty());
     for edge in &closures[3] {
