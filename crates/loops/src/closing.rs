@@ -2,7 +2,7 @@
 
 use crate::cascade::Finding;
 use crate::submaps::{PoseOf, Submaps, Window};
-use crate::verification::{Judged, Target, Verification};
+use crate::verification::{Judged, Target, Verification, Verified};
 use crate::views::views_along;
 use mapwright_geom::{Pose, Pose2, Tangent, TangentMatrix};
 use mapwright_graph::Uncertainty;
@@ -40,6 +40,14 @@ pub const WINDOW_RAD: f64 = 0.06;
 const WIDEST_M: f64 = 8.0;
 /// Over a break it is not looked for in wider windows, metres: descriptors find as many joins, at a third of the cost.
 const JOINED_WITHIN_M: f64 = 4.0;
+/// After so many looks that have seen nothing of the old places nearby the robot is taken to be more uncertain by one deviation, after twice as
+/// many by two, until a closure: what it states is a claim, and the place was in no window (docs/decisions/0025-bad-days.md).
+const UNSEEN: u32 = 4;
+/// Whether findings may say that the chain is wrong, by not being there or by being elsewhere. In space storeys look alike from end to end: there
+/// agreement tells nothing, and the chain alone tells them apart.
+const fn doubts_chain<P: Pose>() -> bool {
+    P::DIMENSION == 3
+}
 /// Places looked for at a time.
 const TARGETS: usize = 2;
 /// What was passed so recently is no old place, metres of way.
@@ -53,7 +61,7 @@ const DESCRIBE_EVERY_M: f64 = 0.5;
 const DESCRIBED_M: f64 = 7.0;
 /// Keyframes described at most within one scan.
 const DESCRIBED_AT_ONCE: usize = 32;
-/// A finding that contradicts the chain of edges by more than this chi-square is refused. A chain states
+/// A finding that contradicts the chain of edges by more than this chi-square counts only with as many others as outvote it. A chain states
 /// too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
 /// true closures by the dozen (docs/decisions/0011-closing-loops.md). In space the 99 % quantile of six degrees of freedom holds: storeys
 /// that look alike lie above each other, four standard deviations apart after a kilometre.
@@ -72,7 +80,8 @@ const SURE_M: f64 = 0.15;
 const AGREE_M: f64 = 0.2;
 const AGREE_RAD: f64 = 0.03;
 /// Where another pose fits nearly as well, but no better than this share, several findings that agree may still decide:
-/// each saw other things. As many have to agree that a fragment lies elsewhere than odometry has led to, or where that says next to nothing.
+/// each saw other things. As many have to agree that a fragment lies elsewhere than odometry has led to, or where that says next to nothing,
+/// and pairwise that the chain of edges is wrong.
 const UNCLEAR_AMBIGUITY: f64 = 0.95;
 const UNCLEAR_FRIENDS: usize = 3;
 /// They must come from places so far apart along the way, metres, and at most so far.
@@ -138,6 +147,8 @@ pub struct Closing<S: Submaps> {
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
+    /// Looks since the last closure that have seen nothing of the old places that the poses have nearby.
+    unseen: u32,
     /// Pieces of the map that nothing joins.
     apart: Apart,
     /// Whether the robot is only located in what is known, which stays where it is.
@@ -176,6 +187,7 @@ impl<S: Submaps> Closing<S> {
             described_m: None,
             strained: 0,
             urgent: false,
+            unseen: 0,
             apart: Apart::default(),
             locates: false,
         }
@@ -250,10 +262,10 @@ impl<S: Submaps> Closing<S> {
         self.checked_m = past.way_m[to.index()];
         self.supports.forget(past.way_m);
         let ClosingSettings { by_pose, by_place, .. } = self.settings;
+        let supporting = support.filter(|_| by_pose).and_then(|from| self.supporting(past, to, from, known));
+        let known = &self.doubted(known);
         let mut targets = if by_pose { self.near(past, to, known) } else { Vec::new() };
-        if by_pose {
-            targets.extend(support.and_then(|from| self.supporting(past, to, from, known)));
-        }
+        targets.extend(supporting);
         let widest_m = known.iter().filter(|place| !place.live).map(window_m).fold(0.0, f64::max);
         let is_apart = self.is_apart();
         if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose || is_apart) {
@@ -275,6 +287,20 @@ impl<S: Submaps> Closing<S> {
             targets.into_iter().map(|target| (target, views_along(past, target.from, true, reach_m))).collect();
         let query = views_along(past, to, false, reach_m.min(query_m::<PoseOf<S>>()));
         Some(Verification { to, query, targets, submaps })
+    }
+
+    /// Places as uncertain as they have to be for nothing to have been seen of them.
+    fn doubted(&self, known: &[KnownPlace<PoseOf<S>>]) -> Vec<KnownPlace<PoseOf<S>>> {
+        let times = f64::from(1 + self.unseen / UNSEEN);
+        let doubted = |place: &KnownPlace<_>| KnownPlace { covariance: place.covariance * (times * times), ..*place };
+        known.iter().map(doubted).collect()
+    }
+
+    /// What came of one look, before its findings are judged.
+    pub fn looked(&mut self, verified: &Verified<PoseOf<S>>) {
+        let mut nearby = verified.findings.iter().filter(|(target, _)| target.detection == Detection::Pose).peekable();
+        let is_unseen = nearby.peek().is_some() && nearby.all(|(_, found)| found.objection == Some(Objection::NoMatch));
+        self.unseen += u32::from(is_unseen && doubts_chain::<PoseOf<S>>());
     }
 
     /// The old place that the newest keyframe was matched against, unless it was looked at lately: such a match is a closure.
@@ -404,11 +430,10 @@ impl<S: Submaps> Closing<S> {
         let found = finding.target_from_query.unwrap_or(target.window.target_from_query);
         let chi2 = cycle_chi2(past, to, target, finding, found);
         let joins = self.apart.is_between(target.from, to);
-        let most_chi2 = if joins || target.detection == Detection::Match {
-            improbable_match_chi2::<PoseOf<S>>()
-        } else {
-            improbable_chi2::<PoseOf<S>>()
-        };
+        let is_match = target.detection == Detection::Match;
+        let may_wait = joins || doubts_chain::<PoseOf<S>>() && !is_match;
+        let most_chi2 =
+            if joins || is_match { improbable_match_chi2::<PoseOf<S>>() } else { improbable_chi2::<PoseOf<S>>() };
         judged.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
         let unclear = finding.objection == Some(Objection::Ambiguous)
             && judged.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);
@@ -417,29 +442,30 @@ impl<S: Submaps> Closing<S> {
                 Verdict::Waiting(why)
             }
             Some(why) => Verdict::Refused(why),
-            None if chi2 > most_chi2 && joins => Verdict::Waiting(Objection::Improbable),
+            None if chi2 > most_chi2 && may_wait => Verdict::Waiting(Objection::Improbable),
             None if chi2 > most_chi2 => Verdict::Refused(Objection::Improbable),
             None => Verdict::Waiting(Objection::Alone),
         };
-        if target.detection == Detection::Match {
+        if is_match {
             self.supports.learn(target.from, to, supports::Found::Not);
         }
         let is_misled = chi2 > most_chi2;
         let may_count = finding.objection.is_none() || unclear && !is_misled;
-        if !may_count || is_misled && !joins {
+        if !may_count || is_misled && !may_wait {
             return Judgement::alone(judged);
         }
         let number = candidates.len() as u32;
-        let others = self.waiting.iter().copied();
-        let friends: Vec<u32> =
-            others.filter(|&k| is_alike(past, &candidates[k as usize], &judged, self.apart_m())).collect();
+        let mut friends = self.friends(past, candidates, &judged);
+        if is_misled && !joins {
+            friends = pairwise(past, candidates, &friends);
+        }
         judged.evidence.agreeing = friends.len() as u32;
         let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
         let sigma_m = target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
         let is_vouched = !is_misled && sigma_m <= WIDEST_M;
-        let enough = match (any_clear, is_vouched, self.locates) {
+        let enough = match (any_clear, is_vouched, self.locates && joins) {
             (true, true, _) => 1,
             (true, false, true) => LOCATED_FRIENDS,
             _ => UNCLEAR_FRIENDS,
@@ -453,13 +479,30 @@ impl<S: Submaps> Closing<S> {
         }
         self.waiting.retain(|other| !friends.contains(other));
         judged.verdict = Verdict::Accepted;
-        let misled = self.apart.misled(to).filter(|_| is_misled);
+        let misled = self.apart.misled(to).filter(|_| is_misled && joins);
         Judgement { judged, agreeing: friends, misled }
+    }
+
+    /// Those that wait and say the same.
+    fn friends(
+        &self,
+        past: Past<'_, S::Measurement>,
+        candidates: &[Candidate<PoseOf<S>>],
+        judged: &Judged<PoseOf<S>>,
+    ) -> Vec<u32> {
+        let Some(found) = judged.from_from_to else { return Vec::new() };
+        let apart_m = self.apart_m();
+        let says_the_same = |&number: &u32| {
+            let other = says(past, &candidates[number as usize]);
+            other.is_some_and(|other| is_alike(past, other, (judged.from, judged.to, found), apart_m))
+        };
+        self.waiting.iter().copied().filter(says_the_same).collect()
     }
 
     /// A candidate has become a closure, with this edge between these nodes.
     pub fn accepted(&mut self, past: Past<'_, S::Measurement>, [from, to]: [NodeId; 2], edge: &Edge<PoseOf<S>>) {
         self.see_pieces(past);
+        self.unseen = 0;
         self.supports.learn(from, to, supports::Found::Here);
         let error = past.pose(from).between(past.pose(to)).between(edge.from_from_to);
         self.strained += 1;
@@ -506,18 +549,39 @@ fn cycle_chi2<M: Measurement>(
     information.map_or(f64::INFINITY, |information| error.squared_by(&information))
 }
 
-/// Whether a candidate that waits and a finding say the same, by the short ways between their ends.
+/// The relative pose of two keyframes that a candidate has found.
+fn says<M: Measurement>(past: Past<'_, M>, candidate: &Candidate<M::Pose>) -> Option<(NodeId, NodeId, M::Pose)> {
+    let [from, to] = past.nodes([candidate.from, candidate.to])?;
+    Some((from, to, candidate.from_from_to?))
+}
+
+/// Whether two findings say the same, by the short ways between their ends, and each by itself.
 fn is_alike<M: Measurement>(
     past: Past<'_, M>,
-    waiting: &Candidate<M::Pose>,
-    judged: &Judged<M::Pose>,
+    a: (NodeId, NodeId, M::Pose),
+    b: (NodeId, NodeId, M::Pose),
     apart_m: f64,
 ) -> bool {
-    let (Some(a_pose), Some(b_pose)) = (waiting.from_from_to, judged.from_from_to) else { return false };
-    let Some([from, to]) = past.nodes([waiting.from, waiting.to]) else { return false };
-    (apart_m..=TOGETHER_M).contains(&past.way_between_m(to, judged.to))
-        && past.way_between_m(from, judged.from) <= TOGETHER_M
-        && agree(past, (from, to, a_pose), (judged.from, judged.to, b_pose))
+    (apart_m..=TOGETHER_M).contains(&past.way_between_m(a.1, b.1))
+        && past.way_between_m(a.0, b.0) <= TOGETHER_M
+        && agree(past, a, b)
+}
+
+/// Of findings those that nothing but the chain speaks against, and that say the same as all those before.
+fn pairwise<M: Measurement>(past: Past<'_, M>, candidates: &[Candidate<M::Pose>], numbers: &[u32]) -> Vec<u32> {
+    let mut clique: Vec<u32> = Vec::new();
+    for &number in numbers {
+        let candidate = &candidates[number as usize];
+        let is_clear = matches!(candidate.verdict, Verdict::Waiting(Objection::Alone | Objection::Improbable));
+        let says_the_same = |&other: &u32| {
+            let pair = says(past, candidate).zip(says(past, &candidates[other as usize]));
+            pair.is_some_and(|(a, b)| is_alike(past, a, b, APART_M))
+        };
+        if is_clear && clique.iter().all(says_the_same) {
+            clique.push(number);
+        }
+    }
+    clique
 }
 
 /// Standard deviations of where the robot is seen from a place, along the ground in the direction in which it is largest, metres,

@@ -40,6 +40,7 @@ pub(crate) fn judge<S: Submaps>(
     verified: &Verified<PoseOf<S>>,
     correction: Correction,
 ) -> Judged<PoseOf<S>> {
+    closing.looked(verified);
     let (mut closures, mut is_moved) = (Vec::new(), false);
     for (target, finding) in verified.findings.iter().filter(|(target, _)| target.from < verified.to) {
         for edge in judge_finding(closing, store, front, verified.to, (target, finding)) {

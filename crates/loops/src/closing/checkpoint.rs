@@ -12,7 +12,7 @@ impl<S: Submaps> Closing<S> {
     pub fn put(&self, out: &mut Vec<u8>) {
         self.waiting.put(out);
         (self.checked_m, self.asked_m, self.described, self.described_m).put(out);
-        (self.strained, self.urgent).put(out);
+        (self.strained, self.urgent, self.unseen).put(out);
         self.supports.put(out);
         self.places.put(out);
     }
@@ -22,13 +22,13 @@ impl<S: Submaps> Closing<S> {
     pub fn restore(settings: ClosingSettings, past: Past<'_, S::Measurement>, from: &mut &[u8]) -> Option<Self> {
         let waiting: Vec<u32> = Stored::take(from)?;
         let (checked_m, asked_m, described, described_m) = Stored::take(from)?;
-        let (strained, urgent) = Stored::take(from)?;
+        let (strained, urgent, unseen) = Stored::take(from)?;
         let supports = Supports::restore(past, from)?;
         let apart = Apart::of(past);
         let places = S::Places::take(from)?;
         let is_sound = waiting.iter().all(|&number| (number as usize) < past.session.candidates().len())
             && S::remembered(&places).iter().all(|&node| past.has(node));
         let known = Self { waiting, checked_m, asked_m, described, described_m, ..Self::new(settings) };
-        is_sound.then_some(Self { strained, urgent, supports, apart, places, ..known })
+        is_sound.then_some(Self { strained, urgent, unseen, supports, apart, places, ..known })
     }
 }

@@ -339,3 +339,86 @@ fn matches_link_unseen_where_nobody_looks() {
         assert!(closing.supporting(past, newest, old, &[]).is_none());
     }
 }
+
+/// What becomes of findings that all say that the newest keyframes lie so far elsewhere, a few metres of way apart; the closures.
+fn elsewhere<P: Pose>(detection: Detection, off_m: &[f64]) -> (Way<P>, Vec<Vec<Edge<P>>>) {
+    let (mut closing, mut way) = (Closing::<Signposts<P>>::new(BY_POSE), Way::<P>::there_and_back(44));
+    let mut closures = Vec::new();
+    for off_m in off_m {
+        way.go_on(3);
+        let to = way.newest();
+        let from = NodeId::new(60 - to.number());
+        let known = KnownPlace::alike_in_all(from, false, Uncertainty { displacement_m2: 1e-3, rotation_rad2: 1e-5 });
+        let target = target(way.past(), &known, from, to, detection);
+        let found = way.past().pose(from).between(way.past().pose(to)).moved([0.0, *off_m, 0.0]);
+        closures.push(way.judge(&mut closing, &target, &finding(found, None)));
+    }
+    (way, closures)
+}
+
+#[test]
+fn four_that_agree_pairwise_outvote_the_chain_which_gives_way() {
+    let (way, closures) = elsewhere::<Pose2>(Detection::Pose, &[0.8, 0.8, 0.8, 0.8]);
+    assert_eq!(closures.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 0, 4]);
+    let improbable = |candidate: &Candidate| candidate.evidence.cycle_chi2.is_some_and(|chi2| chi2 > 150.0);
+    assert!(way.session.candidates().iter().all(improbable));
+    let solved = way.graph().run().expect("it can be solved");
+    assert!(solved.taken_back.is_empty());
+    for edge in &closures[3] {
+        let [from, to] =
+            way.past().nodes([edge.from, edge.to]).unwrap().map(|node| solved.map_from_keyframe[node.index()]);
+        let off_m = from.between(to).distance(edge.from_from_to);
+        assert!(off_m < 0.02, "{off_m} m");
+    }
+}
+
+#[test]
+fn fewer_or_others_do_not_outvote_the_chain() {
+    let waits = Verdict::Waiting(Objection::Improbable);
+    let verdicts = |way: &Way<Pose2>| way.session.candidates().iter().map(|c| c.verdict).collect::<Vec<_>>();
+    // The fourth agrees with each of the three, but they do not with each other.
+    let (way, closures) = elsewhere::<Pose2>(Detection::Pose, &[0.8, 0.92, 1.08, 0.94]);
+    assert!(closures.iter().all(Vec::is_empty), "{closures:?}");
+    assert_eq!(verdicts(&way), [waits; 4]);
+    // What the scan was matched with itself is of the same making as the match.
+    let (way, closures) = elsewhere::<Pose2>(Detection::Match, &[0.8; 5]);
+    assert!(closures.iter().all(Vec::is_empty));
+    assert_eq!(verdicts(&way), [Verdict::Refused(Objection::Improbable); 5]);
+    // Storeys look alike from end to end.
+    let (way, closures) = elsewhere::<Pose3>(Detection::Pose, &[0.8; 5]);
+    assert!(closures.iter().all(Vec::is_empty));
+    assert!(way.session.candidates().iter().all(|c| c.verdict == Verdict::Refused(Objection::Improbable)));
+}
+
+/// Half the window, metres, in which an old place is looked for after so many looks that have seen nothing of it.
+fn window_after<P: Pose>(looks: u32, closes: bool) -> f64 {
+    let (mut closing, mut way) = (Closing::<Signposts<P>>::new(BY_POSE), Way::<P>::there_and_back(50));
+    let known =
+        [KnownPlace::alike_in_all(NodeId::new(10), false, Uncertainty { displacement_m2: 0.01, rotation_rad2: 1e-4 })];
+    let target = target(way.past(), &known[0], NodeId::new(10), way.newest(), Detection::Pose);
+    let unseen = Finding::none(Evidence::default(), Objection::NoMatch);
+    let look = |findings: &[_]| Verified { to: target.from, findings: findings.to_vec(), work: (0, 0) };
+    (0..looks).for_each(|_| closing.looked(&look(&[(target, unseen)])));
+    // What is seen of it, even if it does not count, is no such look, and neither is one at places that only look alike.
+    let by_likeness = Target { detection: Detection::Place, ..target };
+    let contradicting = finding(target.window.target_from_query, Some(Objection::Contradiction));
+    (0..9).for_each(|_| closing.looked(&look(&[(by_likeness, unseen)])));
+    (0..9).for_each(|_| closing.looked(&look(&[(target, contradicting), (target, unseen)])));
+    if closes {
+        let edge = way.match_with(NodeId::new(10), 0.0);
+        closing.accepted(way.past(), [NodeId::new(10), way.newest()], &edge);
+    }
+    way.go_on(1);
+    let verification = closing.propose(way.past(), &known, None, Signposts::default()).expect("it is nearby");
+    verification.targets[0].0.window.half_width_m
+}
+
+#[test]
+fn windows_grow_while_nothing_is_seen_of_places_nearby_until_a_closure() {
+    let widths =
+        [(3, false), (4, false), (8, false), (8, true)].map(|(looks, closes)| window_after::<Pose2>(looks, closes));
+    for (width_m, sigmas) in widths.iter().zip([3.0, 6.0, 9.0, 3.0]) {
+        assert!((width_m - (WINDOW_M + sigmas * 0.1)).abs() < 1e-9, "{widths:?}");
+    }
+    assert!((window_after::<Pose3>(8, false) - window_after::<Pose3>(0, false)).abs() < 1e-9);
+}
