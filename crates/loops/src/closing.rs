@@ -218,6 +218,12 @@ impl<S: Submaps> Closing<S> {
         self.apart.is_newest()
     }
 
+    /// Whether nothing joins the pieces that two keyframes are of.
+    #[must_use]
+    pub fn is_between(&self, from: NodeId, to: NodeId) -> bool {
+        self.apart.is_between(from, to)
+    }
+
     /// Goes on with a session: what has waited waits, and closures of late hold.
     pub fn resume(&mut self, past: Past<'_, S::Measurement>) {
         let candidates = past.session.candidates().iter().zip(0..);

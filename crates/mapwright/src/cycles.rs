@@ -108,11 +108,19 @@ pub(crate) fn correct<S: Submaps>(
     front: &mut impl Follows<S::Measurement>,
     solved: &Solved<PoseOf<S>>,
 ) -> bool {
-    let taken_back = store.closures().into_iter().filter(|edge| solved.taken_back.contains(edge));
-    for edge in taken_back {
+    let taken_back: Vec<usize> = store.closures().into_iter().filter(|edge| solved.taken_back.contains(edge)).collect();
+    for &edge in &taken_back {
         let Some(ends) = store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted)) else { continue };
         front.open(ends[0], ends[1]);
         closing.withdrawn(store.past(), ends);
+    }
+    if !taken_back.is_empty() {
+        // What was matched over a join that is none leads astray as well.
+        for edge in
+            store.matches().into_iter().filter(|(_, [from, to])| closing.is_between(*from, *to)).map(|(edge, _)| edge)
+        {
+            store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted));
+        }
     }
     let before = store.correct(&solved.map_from_keyframe);
     before.is_some_and(|before| {

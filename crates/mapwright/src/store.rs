@@ -8,7 +8,7 @@ use mapwright_loops::Judged;
 use mapwright_record::{
     Beams, Candidate, Edge, EdgeKind, Entry, EntryError, Fragment, FragmentStart, Gravity, Keyframe, KeyframeId,
     LeftOut, LeftOutReason, Measurement, NodeId, OdometryOrigin, Past, RecordedEdge, Run, RunId, ScanPose, Session,
-    Snapshot, Verdict, WheelSlip, is_sound,
+    SessionEdge, Snapshot, Verdict, WheelSlip, is_sound,
 };
 use mapwright_sensor::{DownEstimate, Sweep};
 use std::sync::Arc;
@@ -345,6 +345,13 @@ impl<M: Measurement> Store<M> {
     pub(crate) fn closures(&self) -> Vec<usize> {
         let edges = self.session.recorded_edges().iter().enumerate();
         edges.filter(|(_, edge)| edge.recorded.candidate.is_some() && !edge.withdrawn).map(|(at, _)| at).collect()
+    }
+
+    /// The matches that stand: numbers and ends.
+    pub(crate) fn matches(&self) -> Vec<(usize, [NodeId; 2])> {
+        let edges = self.session.recorded_edges().iter().enumerate();
+        let stands = |known: &SessionEdge<M::Pose>| known.recorded.edge.kind == EdgeKind::Match && !known.withdrawn;
+        edges.filter(|(_, known)| stands(known)).map(|(at, known)| (at, known.ends.map(NodeId::new))).collect()
     }
 
     /// Moves the past to where a solution has it, which may be older than the newest keyframes: they are carried along, and its

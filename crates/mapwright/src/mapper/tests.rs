@@ -1,4 +1,6 @@
 use super::*;
+use crate::jobs::Outcome;
+use mapwright_loops::Solved;
 use mapwright_record::{EdgeKind, Localisation, Objection, Verdict};
 use mapwright_sim::{Drive, DriveSettings, Site, kidnapping, worlds};
 
@@ -93,6 +95,30 @@ fn who_has_seen_nothing_for_a_minute_begins_a_fragment_and_is_joined() {
     assert!(errors_m.fold(0.0, f64::max) < 0.3);
     assert_eq!(driven.withdrawn_to(first), [false], "its wheels have told the truth");
     driven.assert_told();
+}
+
+/// A join that is taken back takes what was matched over it along, and the pieces are apart again.
+#[test]
+fn a_join_can_be_taken_back() {
+    let drive = DriveSettings { duration_s: 400.0, seed: 3, ..DriveSettings::default() };
+    let mut driven = Driven::over_gap(Settings::default(), worlds::rooms(3), drive, [80.0, 60.0]);
+    let (_, first) = driven.fragments()[1];
+    let over_break = |mapper: &Mapper, kind: EdgeKind| {
+        let edges = mapper.session().recorded_edges().iter().enumerate();
+        let is_over = |ends: [u32; 2]| ends.iter().filter(|&&end| (end as usize) < first).count() == 1;
+        let stands =
+            edges.filter(|(_, known)| !known.withdrawn && known.recorded.edge.kind == kind && is_over(known.ends));
+        stands.map(|(at, _)| at).collect::<Vec<usize>>()
+    };
+    let joins = over_break(&driven.mapper, EdgeKind::Closure);
+    assert!(!joins.is_empty() && !over_break(&driven.mapper, EdgeKind::Match).is_empty());
+    assert_eq!(driven.mapper.session().pieces().len(), 1);
+    let map_from_keyframe = driven.mapper.keyframe_poses().to_vec();
+    let solved = Outcome::Solved(Some(Solved { map_from_keyframe, taken_back: joins }));
+    let update = driven.mapper.apply(JobResult(solved));
+    assert_eq!(update.localisation, Localisation::Apart);
+    assert!([EdgeKind::Closure, EdgeKind::Match].iter().all(|&kind| over_break(&driven.mapper, kind).is_empty()));
+    assert_eq!(driven.mapper.session().pieces().len(), 2);
 }
 
 /// Without wheels three seconds are enough not to know which way it went.
