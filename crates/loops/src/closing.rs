@@ -87,10 +87,11 @@ const UNCLEAR_FRIENDS: usize = 3;
 /// They must come from places so far apart along the way, metres, and at most so far.
 const APART_M: f64 = 2.0;
 const TOGETHER_M: f64 = 30.0;
-/// A robot that is only located in a map has nothing to lose that lasts but time: there two findings have to agree, so far apart, metres,
-/// and places are asked for as often.
+/// A robot that is only located in a map has nothing to lose that lasts but time: places are asked for at every keyframe, and two findings
+/// have to agree, so far apart, metres or radians.
 const LOCATED_FRIENDS: usize = 1;
 const LOCATED_APART_M: f64 = 0.2;
+const LOCATED_APART_RAD: f64 = 0.5;
 /// Findings that wait at most.
 const WAITING_AT_MOST: usize = 64;
 /// A closure that moves nothing farther than this may wait for others, metres; a turn moves what is so far away, metres.
@@ -202,9 +203,9 @@ impl<S: Submaps> Closing<S> {
         }
     }
 
-    /// How far apart along the way findings have to be made to count, metres.
-    fn apart_m(&self) -> f64 {
-        if self.locates { LOCATED_APART_M } else { APART_M }
+    /// Whether it looks for a robot that is only to be located.
+    fn is_locating(&self) -> bool {
+        self.locates && self.is_apart()
     }
 
     /// A fragment begins after a break, or what leads over one was withdrawn.
@@ -251,8 +252,7 @@ impl<S: Submaps> Closing<S> {
     /// Whether it is time to look for old places.
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
-        let every_m = if self.locates && self.is_apart() { LOCATED_APART_M } else { CHECK_EVERY_M };
-        past.way_m.last().is_some_and(|now| now - self.checked_m >= every_m)
+        past.way_m.last().is_some_and(|now| self.is_locating() || now - self.checked_m >= CHECK_EVERY_M)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -278,8 +278,8 @@ impl<S: Submaps> Closing<S> {
             // Before they are needed, and a few at a time, for this is done within a scan.
             self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !by_pose || is_apart;
-            let every_m = if is_apart { self.apart_m() } else { ASK_BY_PLACE_EVERY_M };
-            if needed && self.checked_m - self.asked_m >= every_m {
+            let every_m = if is_apart { APART_M } else { ASK_BY_PLACE_EVERY_M };
+            if needed && (self.is_locating() || self.checked_m - self.asked_m >= every_m) {
                 self.asked_m = self.checked_m;
                 targets.extend(self.alike(past, to, known, &submaps));
             }
@@ -497,10 +497,16 @@ impl<S: Submaps> Closing<S> {
         judged: &Judged<PoseOf<S>>,
     ) -> Vec<u32> {
         let Some(found) = judged.from_from_to else { return Vec::new() };
-        let apart_m = self.apart_m();
+        let is_apart = |other: NodeId| {
+            let turned_rad = past.pose(other).between(past.pose(judged.to)).angle();
+            match past.way_between_m(other, judged.to) {
+                way_m if self.locates => way_m >= LOCATED_APART_M || turned_rad >= LOCATED_APART_RAD,
+                way_m => way_m >= APART_M,
+            }
+        };
         let says_the_same = |&number: &u32| {
             let other = says(past, &candidates[number as usize]);
-            other.is_some_and(|other| is_alike(past, other, (judged.from, judged.to, found), apart_m))
+            other.is_some_and(|other| is_apart(other.1) && is_alike(past, other, (judged.from, judged.to, found)))
         };
         self.waiting.iter().copied().filter(says_the_same).collect()
     }
@@ -562,15 +568,8 @@ fn says<M: Measurement>(past: Past<'_, M>, candidate: &Candidate<M::Pose>) -> Op
 }
 
 /// Whether two findings say the same, by the short ways between their ends, and each by itself.
-fn is_alike<M: Measurement>(
-    past: Past<'_, M>,
-    a: (NodeId, NodeId, M::Pose),
-    b: (NodeId, NodeId, M::Pose),
-    apart_m: f64,
-) -> bool {
-    (apart_m..=TOGETHER_M).contains(&past.way_between_m(a.1, b.1))
-        && past.way_between_m(a.0, b.0) <= TOGETHER_M
-        && agree(past, a, b)
+fn is_alike<M: Measurement>(past: Past<'_, M>, a: (NodeId, NodeId, M::Pose), b: (NodeId, NodeId, M::Pose)) -> bool {
+    past.way_between_m(a.1, b.1) <= TOGETHER_M && past.way_between_m(a.0, b.0) <= TOGETHER_M && agree(past, a, b)
 }
 
 /// Of findings those that nothing but the chain speaks against, and that say the same as all those before.
@@ -581,7 +580,7 @@ fn pairwise<M: Measurement>(past: Past<'_, M>, candidates: &[Candidate<M::Pose>]
         let is_clear = matches!(candidate.verdict, Verdict::Waiting(Objection::Alone | Objection::Improbable));
         let says_the_same = |&other: &u32| {
             let pair = says(past, candidate).zip(says(past, &candidates[other as usize]));
-            pair.is_some_and(|(a, b)| is_alike(past, a, b, APART_M))
+            pair.is_some_and(|(a, b)| past.way_between_m(a.1, b.1) >= APART_M && is_alike(past, a, b))
         };
         if is_clear && clique.iter().all(says_the_same) {
             clique.push(number);

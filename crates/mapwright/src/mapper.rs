@@ -323,8 +323,8 @@ impl Mapper {
         true
     }
 
-    /// Counts of every keyframe at its present pose, drawn from scratch on two threads, without those that hardly fitted
-    /// and contradict the others: the map to export.
+    /// Counts of every keyframe of the first map ([`Session::maps`]) at its present pose, drawn from scratch on two threads, without those
+    /// that hardly fitted and contradict the others: the map to export. Others are drawn by [`GlobalMap::export_believed_of`].
     #[must_use]
     pub fn render(&self) -> CountGrid {
         self.render_with(2)
@@ -334,7 +334,8 @@ impl Mapper {
     #[must_use]
     pub fn render_with(&self, threads: usize) -> CountGrid {
         let mut map = GlobalMap::new(self.settings());
-        map.export_believed(self.session(), threads);
+        let maps = self.session().maps();
+        map.export_believed_of(self.session(), &maps.into_iter().next().unwrap_or_default(), threads);
         map.into_counts()
     }
 }
