@@ -42,7 +42,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let resumed = args.mapping.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
     let output = OutputFolder::create(&args.output)?;
     let earlier = if args.goes_on { Some(to_go_on_with(&args.output)?) } else { resumed };
-    let mut went_on = args.goes_on.then(|| GoesOn::with(earlier.as_ref().map(|(session, _)| session)));
+    let mut went_on = earlier.as_ref().filter(|_| args.goes_on).map(|(session, _)| GoesOn::with(session));
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes(), earlier)?;
     mapping.clock = clock;
     let ending = log.for_each(&interrupt, |event, position| {
@@ -90,6 +90,10 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
 }
 
 fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+    if args.goes_on {
+        let why = "--continue is for logs of a planar laser; a recording of space goes on with --resume SESSION, into another folder";
+        return Err(Failure::Usage(why.to_owned()));
+    }
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
     space::map(&space::Run { name: &name, output: &args.output, mapping: &args.mapping }, source, interrupt)
 }

@@ -221,6 +221,10 @@ fn a_recording_in_two_parts_is_mapped_like_the_whole_and_sessions_of_other_kinds
         let read = |out: &str| fs::read(folder.join(out).join(file)).unwrap();
         assert!(read("whole_out") == read("both_out"), "{file} differs");
     }
+    let before = fs::read(folder.join("first_out/session.mapwright")).unwrap();
+    let refused = run(&["map", &path("second"), "-o", &path("first_out"), "--continue"]);
+    assert_refused(&refused, 2, &["--continue", "--resume"]);
+    assert_eq!(fs::read(folder.join("first_out/session.mapwright")).unwrap(), before);
     let log = small_log_in(&folder);
     let plane = path("plane_out");
     assert_code(&run(&["map", &log, "-o", &plane, "--quiet"]), 0);
