@@ -13,6 +13,7 @@ use crate::session::SessionLog;
 use crate::settings;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
+use crate::terminal::count;
 use crate::timing::StageClock;
 use mapwright::{
     Beams, Entry, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry, Pose2, RunId,
@@ -140,13 +141,21 @@ impl Mapping {
     /// Takes in a session that was mapped apart.
     pub(crate) fn import(&mut self, session: &Session, name: &str, interrupt: &Interrupt) -> Result<(), Failure> {
         if self.session().shares_keyframes(session) {
-            return Err(Failure::Usage(format!("{name} is given twice: what it holds is in the map already")));
+            return Err(Failure::Usage(format!(
+                "{name} is given twice, or overlaps what was given before: it has keyframes that are in the map"
+            )));
         }
         let (mapper, log) = (&mut self.mapper, &mut self.log);
-        let imported = mapper.import(session, |update| {
+        let mut unwritten = Vec::new();
+        let imported = mapper.import(session, |mut update| {
+            unwritten.append(&mut update.unwritten);
             log.add(update.entries).map_err(Some)?;
             if interrupt.came() { Err(None) } else { Ok(()) }
         });
+        if let Some(first) = unwritten.first() {
+            let what = count(unwritten.len() as u64, "entry");
+            self.earlier_losses.push(format!("{name}: {what} that no session can hold, first: {first}"));
+        }
         imported.or_else(|why| why.map_or(Ok(()), Err))
     }
 

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::{OutputFolder, part_of};
 use mapwright::{Entry, SeparateMap, Session, Settings, SpaceSweep, Sweep};
-use mapwright_record::{LogError, LogReport, LogWriter, MAGIC, Measurement, read_log};
+use mapwright_record::{LogError, LogReport, LogWriter, Measurement, SESSION_MAGIC, read_log};
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -118,9 +118,9 @@ pub(crate) fn is_session(path: &Path) -> Result<bool, Failure> {
         return Ok(in_folder(path).exists());
     }
     let mut first = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut first));
+    let read = File::open(path).and_then(|file| file.take(SESSION_MAGIC.len() as u64).read_to_end(&mut first));
     read.map_err(|error| Failure::open(path, error))?;
-    Ok(first == MAGIC)
+    Ok(first == SESSION_MAGIC)
 }
 
 /// The planar session that a run goes on with.

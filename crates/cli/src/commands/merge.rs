@@ -20,6 +20,11 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     refuse(&args.mapping, settings.live.policy)?;
     let interrupt = Interrupt::watch()?;
     let inputs: Vec<Input> = args.inputs.iter().map(|path| input(path.as_path())).collect::<Result<_, _>>()?;
+    if args.mapping.start.is_some() && inputs.first().is_some_and(Option::is_some) {
+        let why =
+            "--start says where the first log begins, and the first input is a session, which begins where it does";
+        return Err(Failure::Usage(why.to_owned()));
+    }
     let mut mapping: Option<Mapping> = None;
     let begin = |output: &Path, earlier| {
         let output = OutputFolder::create(output)?;
@@ -53,7 +58,7 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
             break;
         }
     }
-    let Some(mut mapping) = mapping else { return Err(Failure::Usage("merge what? give logs or sessions".to_owned())) };
+    let Some(mut mapping) = mapping else { return Err(Failure::Usage("expected logs or sessions".to_owned())) };
     mapping.end_of_scans();
     let names: Vec<String> = args.inputs.iter().map(|path| name_of(path)).collect();
     finish(mapping, Finished { name: names.join(", "), read, ending, output: &args.output, voice: args.mapping.voice })

@@ -86,7 +86,7 @@ use codes::Kind;
 use std::sync::Arc;
 
 /// What a file of a session begins with; the version follows, two bytes.
-pub const MAGIC: &[u8; 18] = b"mapwright session\n";
+pub const SESSION_MAGIC: &[u8; 18] = b"mapwright session\n";
 /// The version that is written.
 const VERSION: u16 = 2;
 /// The version of every kind of entry that is written.

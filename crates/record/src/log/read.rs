@@ -3,8 +3,8 @@
 use super::bytes::{Coded, Cursor, text};
 use super::codes::take_verdict;
 use super::{
-    CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, HEADER_BYTES, Kind, LogError, LogLoss, LogReport, MAGIC, NONE,
-    Sensors, VERSION, v1,
+    CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, HEADER_BYTES, Kind, LogError, LogLoss, LogReport, NONE,
+    SESSION_MAGIC, Sensors, VERSION, v1,
 };
 use crate::closure::{Candidate, Evidence};
 use crate::entry::{
@@ -48,11 +48,11 @@ pub fn read_log<M: Measurement>(bytes: &[u8]) -> Result<(Session<M>, LogReport),
 
 /// What the file says of itself.
 fn version(bytes: &[u8]) -> Result<u16, LogError> {
-    let there = bytes.len().min(MAGIC.len());
-    if bytes.get(..there) != MAGIC.get(..there) || bytes.is_empty() {
+    let there = bytes.len().min(SESSION_MAGIC.len());
+    if bytes.get(..there) != SESSION_MAGIC.get(..there) || bytes.is_empty() {
         return Err(LogError::NoSession);
     }
-    let Some(&[low, high]) = bytes.get(MAGIC.len()..).and_then(<[u8]>::first_chunk) else {
+    let Some(&[low, high]) = bytes.get(SESSION_MAGIC.len()..).and_then(<[u8]>::first_chunk) else {
         return Err(LogError::Cut { bytes: bytes.len() });
     };
     match u16::from_le_bytes([low, high]) {

@@ -342,7 +342,7 @@ fn a_damaged_length_ends_the_reading() {
 
 #[test]
 fn lengths_are_not_believed() {
-    let start = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
+    let start = [&SESSION_MAGIC[..], &VERSION.to_le_bytes()].concat();
     for kind in 0..17 {
         let (session, report) = read(&[&start[..], &[kind, 1], &u32::MAX.to_le_bytes(), &[7; 40]].concat());
         assert_eq!((session, report.lost_bytes), (Session::default(), 46));

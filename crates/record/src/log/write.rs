@@ -2,7 +2,7 @@
 
 use super::bytes::{Coded, put_f64, put_matrix, put_pose, put_u32};
 use super::codes::put_verdict;
-use super::{CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, Kind, MAGIC, NONE, Sensors, VERSION};
+use super::{CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, Kind, NONE, SESSION_MAGIC, Sensors, VERSION};
 use crate::closure::{Candidate, Evidence, Verdict};
 use crate::entry::{Entry, Fragment, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::error::{EntryError, unless};
@@ -98,7 +98,7 @@ impl<M: Measurement> LogWriter<M> {
 
     fn begin(&mut self, out: &mut Vec<u8>) {
         if !self.begun {
-            out.extend_from_slice(MAGIC);
+            out.extend_from_slice(SESSION_MAGIC);
             out.extend_from_slice(&VERSION.to_le_bytes());
             self.begun = true;
         }

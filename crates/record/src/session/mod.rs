@@ -317,11 +317,16 @@ impl<M: Measurement> Session<M> {
         self.scan_numbers.next()
     }
 
-    /// Whether a keyframe of another session is here as well, by what it shows and when.
+    /// Whether any keyframe of another session is here as well, by what it shows and when.
     #[must_use]
     pub fn shares_keyframes(&self, other: &Self) -> bool {
-        let Some(first) = other.keyframes.first() else { return false };
-        self.keyframes.iter().any(|known| known.stamp == first.stamp && known.sweep == first.sweep)
+        let mut by_stamp: Vec<&Arc<Keyframe<M>>> = self.keyframes.iter().collect();
+        by_stamp.sort_by_key(|known| known.stamp);
+        other.keyframes.iter().any(|keyframe| {
+            let from = by_stamp.partition_point(|known| known.stamp < keyframe.stamp);
+            let same = by_stamp[from..].iter().take_while(|known| known.stamp == keyframe.stamp);
+            same.into_iter().any(|known| known.sweep == keyframe.sweep)
+        })
     }
 
     pub(crate) fn names(&self) -> &Names {
