@@ -89,7 +89,6 @@ const APART_M: f64 = 2.0;
 const TOGETHER_M: f64 = 30.0;
 /// A robot that is only located in a map has nothing to lose that lasts but time: places are asked for at every keyframe, and two findings
 /// have to agree, so far apart, metres or radians.
-const LOCATED_FRIENDS: usize = 1;
 const LOCATED_APART_M: f64 = 0.2;
 const LOCATED_APART_RAD: f64 = 0.5;
 /// Findings that wait at most.
@@ -470,12 +469,8 @@ impl<S: Submaps> Closing<S> {
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
         let sigma_m = target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
-        let is_vouched = !is_misled && sigma_m <= WIDEST_M;
-        let enough = match (any_clear, is_vouched, self.locates && joins) {
-            (true, true, _) => 1,
-            (true, false, true) => LOCATED_FRIENDS,
-            _ => UNCLEAR_FRIENDS,
-        };
+        let is_vouched = !is_misled && sigma_m <= WIDEST_M || self.locates && joins;
+        let enough = if any_clear && is_vouched { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
             if self.waiting.len() > WAITING_AT_MOST {

@@ -19,6 +19,10 @@ pub(crate) trait Follows<M: Measurement> {
     /// A closure was none.
     fn open(&mut self, from: NodeId, to: NodeId);
 
+    /// Matches that have made parts of the past certain were none: what is certain is told anew by the edges that stand. In space, where
+    /// nothing is apart, there are none.
+    fn begin_anew(&mut self, _past: Past<'_, M>) {}
+
     /// The past was moved from where it was `before`.
     fn carry(&mut self, past: Past<'_, M>, before: &[M::Pose]);
 }
@@ -116,10 +120,13 @@ pub(crate) fn correct<S: Submaps>(
     }
     if !taken_back.is_empty() {
         // What was matched over a join that is none leads astray as well.
-        for edge in
-            store.matches().into_iter().filter(|(_, [from, to])| closing.is_between(*from, *to)).map(|(edge, _)| edge)
-        {
-            store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted));
+        let mut astray = store.matches();
+        astray.retain(|(_, [from, to])| closing.is_between(*from, *to));
+        for (edge, _) in &astray {
+            store.withdraw(*edge, Verdict::Withdrawn(Objection::Outvoted));
+        }
+        if !astray.is_empty() {
+            front.begin_anew(store.past());
         }
     }
     let before = store.correct(&solved.map_from_keyframe);

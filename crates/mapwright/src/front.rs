@@ -281,6 +281,11 @@ impl Follows<Sweep> for FrontEnd {
         self.local_map.open(from, to);
     }
 
+    fn begin_anew(&mut self, past: Past<'_>) {
+        self.local_map = LocalMapping::new(&self.settings);
+        self.take_in_keyframes(past, &links(past));
+    }
+
     fn carry(&mut self, past: Past<'_>, before: &[Pose2]) {
         self.local_map.carry(&self.settings, before, Frames::of(past));
     }

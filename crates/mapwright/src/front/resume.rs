@@ -43,7 +43,7 @@ impl FrontEnd {
         front
     }
 
-    fn take_in_keyframes(&mut self, past: Past<'_>, links: &[Links]) {
+    pub(super) fn take_in_keyframes(&mut self, past: Past<'_>, links: &[Links]) {
         let Self { settings, local_map, .. } = self;
         let breaks = past.session.fragments().iter().filter(|fragment| past.session.is_break(fragment));
         let breaks: Vec<usize> = breaks.filter_map(|fragment| past.session.place(fragment.first)).collect();

@@ -113,10 +113,15 @@ fn a_join_can_be_taken_back() {
     let joins = over_break(&driven.mapper, EdgeKind::Closure);
     assert!(!joins.is_empty() && !over_break(&driven.mapper, EdgeKind::Match).is_empty());
     assert_eq!(driven.mapper.session().pieces().len(), 1);
+    let live_before = |mapper: &mut Mapper| {
+        mapper.front.survey().iter().filter(|place| place.live && place.first.index() < first).count()
+    };
+    assert!(live_before(&mut driven.mapper) > 0);
     let map_from_keyframe = driven.mapper.keyframe_poses().to_vec();
     let solved = Outcome::Solved(Some(Solved { map_from_keyframe, taken_back: joins }));
     let update = driven.mapper.apply(JobResult(solved));
     assert_eq!(update.localisation, Localisation::Apart);
+    assert_eq!(live_before(&mut driven.mapper), 0, "nothing of the other piece is matched against");
     assert!([EdgeKind::Closure, EdgeKind::Match].iter().all(|&kind| over_break(&driven.mapper, kind).is_empty()));
     assert_eq!(driven.mapper.session().pieces().len(), 2);
 }
