@@ -170,7 +170,21 @@ impl CorrelativeSearch {
         window: &SearchWindow,
         separation: Option<Separation>,
     ) -> Option<SearchResult> {
-        self.search_rivals(map, points, window, separation, |_| false)
+        self.search_worth_rivals(map, points, window, separation, |_| true)
+    }
+
+    /// As [`CorrelativeSearch::search`]; the rival is looked for only where `is_worth` says so of the best pose, for where that is
+    /// refused for another reason nobody asks for its rival, and in a corridor that is most of the work.
+    #[must_use]
+    pub fn search_worth_rivals(
+        &mut self,
+        map: &LocalMap,
+        points: &[[f64; 2]],
+        window: &SearchWindow,
+        separation: Option<Separation>,
+        is_worth: impl FnOnce(&Peak) -> bool,
+    ) -> Option<SearchResult> {
+        self.search_among(map, points, window, separation, is_worth, |_| false)
     }
 
     /// As [`CorrelativeSearch::search`]; `go_on` hears of each rival, best first, and says whether the next one is looked
@@ -182,12 +196,28 @@ impl CorrelativeSearch {
         points: &[[f64; 2]],
         window: &SearchWindow,
         separation: Option<Separation>,
+        go_on: impl FnMut(Peak) -> bool,
+    ) -> Option<SearchResult> {
+        self.search_among(map, points, window, separation, |_| true, go_on)
+    }
+
+    fn search_among(
+        &mut self,
+        map: &LocalMap,
+        points: &[[f64; 2]],
+        window: &SearchWindow,
+        separation: Option<Separation>,
+        is_worth: impl FnOnce(&Peak) -> bool,
         mut go_on: impl FnMut(Peak) -> bool,
     ) -> Option<SearchResult> {
         self.scored = 0;
         let farthest_m = self.keep_usable(points)?;
         let lattice = Lattice::new(window, map.settings.resolution_m, farthest_m)?;
-        let (best, rival) = self.search_lattice(map, &lattice, separation, |block| go_on(lattice.peak(block)))?;
+        let best = self.search_best(map, &lattice)?;
+        let rival = match separation.filter(|_| is_worth(&lattice.peak(&best))) {
+            Some(separation) => self.rivals_of(&lattice, &best, separation, |block| go_on(lattice.peak(block)))?,
+            None => None,
+        };
         Some(SearchResult {
             best: lattice.peak(&best),
             rival: rival.map(|block| lattice.peak(&block)),
@@ -209,28 +239,30 @@ impl CorrelativeSearch {
         self.scored > self.settings.most_scored
     }
 
-    /// The best pose and its first rival.
-    fn search_lattice(
-        &mut self,
-        map: &LocalMap,
-        lattice: &Lattice,
-        separation: Option<Separation>,
-        mut go_on: impl FnMut(&Block) -> bool,
-    ) -> Option<(Block, Option<Block>)> {
+    fn search_best(&mut self, map: &LocalMap, lattice: &Lattice) -> Option<Block> {
         self.heading.forget();
         self.pyramid.build(map, lattice, &self.points, self.settings.sigma_m);
         self.bound_blocks(lattice);
         let least = (self.settings.least_share * f64::from(self.full_score())).ceil() as u32;
-        let best = self.descend(lattice, least, &[]).filter(|_| !self.is_cut_short())?;
-        let Some(separation) = separation else { return Some((best, None)) };
+        self.descend(lattice, least, &[]).filter(|_| !self.is_cut_short())
+    }
+
+    /// The first rival of the best pose, if there is one; nothing where the search was cut short.
+    fn rivals_of(
+        &mut self,
+        lattice: &Lattice,
+        best: &Block,
+        separation: Separation,
+        mut go_on: impl FnMut(&Block) -> bool,
+    ) -> Option<Option<Block>> {
         let least = (self.settings.least_rival_share * f64::from(best.bound.0)).ceil() as u32;
-        let mut zones = vec![Zone::new(lattice, &best, separation)];
+        let mut zones = vec![Zone::new(lattice, best, separation)];
         let first = self.descend(lattice, least, &zones);
         if let Some(rival) = first.filter(&mut go_on) {
             zones.push(Zone::new(lattice, &rival, separation));
             self.more_rivals(lattice, least, separation, zones, go_on);
         }
-        (!self.is_cut_short()).then_some((best, first))
+        (!self.is_cut_short()).then_some(first)
     }
 
     /// Best first: each block is looked into once for all rivals, where depth first it would be once for each.
@@ -415,7 +447,7 @@ mod tests {
             let (map, points) = (random_map(&mut rng), random_points(&mut rng, 15, 1.5));
             let farthest_m = searcher.keep_usable(&points).unwrap();
             let lattice = Lattice::with_step(&window(1.0), CELL_M, farthest_m, case % (MAX_DOUBLINGS + 1)).unwrap();
-            let (best, _) = searcher.search_lattice(&map, &lattice, None, |_| false).unwrap();
+            let best = searcher.search_best(&map, &lattice).unwrap();
             let mut first = None;
             for heading in 0..lattice.headings {
                 let cells: Vec<_> = lattice.cells(heading, &points).collect();

@@ -85,9 +85,9 @@ impl VerifySettings {
         scan + M::from_variances(floor_m * floor_m, floor_rad * floor_rad)
     }
 
-    /// What speaks against a fit of such evidence.
+    /// What speaks against a fit by what was seen there, whatever else might fit.
     #[must_use]
-    pub fn objection(&self, evidence: &Evidence, covariance: &impl TangentMatrix) -> Option<Objection> {
+    pub fn objection_to_fit(&self, evidence: &Evidence) -> Option<Objection> {
         let value = |share: Option<f64>| share.unwrap_or(0.0);
         if value(evidence.overlap) < self.least_overlap {
             Some(Objection::LittleOverlap)
@@ -95,6 +95,18 @@ impl VerifySettings {
             || value(evidence.inlier_share) < self.least_inlier_share
         {
             Some(Objection::Contradiction)
+        } else {
+            None
+        }
+    }
+
+    /// What speaks against a fit of such evidence.
+    #[must_use]
+    pub fn objection(&self, evidence: &Evidence, covariance: &impl TangentMatrix) -> Option<Objection> {
+        let value = |share: Option<f64>| share.unwrap_or(0.0);
+        let to_fit = self.objection_to_fit(evidence);
+        if to_fit.is_some() {
+            to_fit
         } else if value(evidence.ambiguity) > self.most_ambiguity {
             Some(Objection::Ambiguous)
         } else if covariance.position_variance_m2() > self.open_m * self.open_m {

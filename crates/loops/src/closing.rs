@@ -76,6 +76,11 @@ const fn improbable_match_chi2<P: Pose>() -> f64 {
 }
 /// Within such an uncertainty nothing else can be meant, metres.
 const SURE_M: f64 = 0.15;
+/// Where a finding over a break waits the robot is looked for at the place where it says that it is, after so much travel, metres, in a window
+/// so wide, metres and radians to either side: what is right comes home soon, and what is wrong does not fit.
+const FOLLOW_EVERY_M: f64 = 0.5;
+const FOLLOW_WITHIN_M: f64 = 1.0;
+const FOLLOW_WITHIN_RAD: f64 = 0.1;
 /// Two findings agree up to here: metres and radians.
 const AGREE_M: f64 = 0.2;
 const AGREE_RAD: f64 = 0.03;
@@ -251,7 +256,8 @@ impl<S: Submaps> Closing<S> {
     /// Whether it is time to look for old places.
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
-        past.way_m.last().is_some_and(|now| self.is_locating() || now - self.checked_m >= CHECK_EVERY_M)
+        let every_m = if self.is_apart() && !self.waiting.is_empty() { FOLLOW_EVERY_M } else { CHECK_EVERY_M };
+        past.way_m.last().is_some_and(|now| self.is_locating() || now - self.checked_m >= every_m)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -271,6 +277,7 @@ impl<S: Submaps> Closing<S> {
         let known = &self.doubted(known);
         let mut targets = if by_pose { self.near(past, to, known) } else { Vec::new() };
         targets.extend(supporting);
+        targets.extend(self.followed(past, to, known));
         let widest_m = known.iter().filter(|place| !place.live).map(window_m).fold(0.0, f64::max);
         let is_apart = self.is_apart();
         if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose || is_apart) {
@@ -411,6 +418,34 @@ impl<S: Submaps> Closing<S> {
         found.into_iter().filter_map(target).collect()
     }
 
+    /// Where the newest finding that waits over a break says that the robot is.
+    fn followed(
+        &self,
+        past: Past<'_, S::Measurement>,
+        to: NodeId,
+        known: &[KnownPlace<PoseOf<S>>],
+    ) -> Option<Target<PoseOf<S>>> {
+        let over_break = |&number: &u32| {
+            let (from, at, found) = says(past, past.session.candidates().get(number as usize)?)?;
+            let is_of_late = past.way_between_m(at, to) <= TOGETHER_M && self.apart.is_between(from, at);
+            (is_of_late && !self.apart.is_between(at, to)).then_some((from, at, found))
+        };
+        let (from, at, found) = self.waiting.iter().rev().find_map(over_break).filter(|_| self.is_apart())?;
+        let expected = past.pose(from) * found * past.pose(at).between(past.pose(to));
+        let is_near = |place: &&KnownPlace<_>| {
+            past.way_between_m(place.first, from) <= TOGETHER_M && !self.apart.is_between(place.first, from)
+        };
+        let away_m = |place: &&KnownPlace<_>| past.pose(place.first).distance(expected);
+        let place = known.iter().filter(is_near).min_by(|a, b| away_m(a).total_cmp(&away_m(b)))?;
+        let window = Window {
+            target_from_query: past.pose(place.first).between(expected),
+            half_width_m: FOLLOW_WITHIN_M,
+            half_height_m: FOLLOW_WITHIN_M,
+            half_width_rad: FOLLOW_WITHIN_RAD,
+        };
+        Some(Target { from: place.first, detection: Detection::Place, window, covariance: place.covariance })
+    }
+
     /// Describes places since the last time, of so many keyframes at most, each by what was seen on the last metres of the way.
     fn remember_places(&mut self, past: Past<'_, S::Measurement>, submaps: &S, at_most: usize) {
         let end = past.way_m.len().min(self.described.saturating_add(at_most));
@@ -460,16 +495,17 @@ impl<S: Submaps> Closing<S> {
             return Judgement::alone(judged);
         }
         let number = candidates.len() as u32;
-        let mut friends = self.friends(past, candidates, &judged);
+        let sigma_m = target.covariance.position_variance_m2().sqrt();
+        let is_vouched = !is_misled && sigma_m <= WIDEST_M || self.locates && joins;
+        let apart_m = if joins && !is_vouched { FOLLOW_EVERY_M } else { APART_M };
+        let mut friends = self.friends(past, candidates, &judged, apart_m);
         if is_misled && !joins {
             friends = pairwise(past, candidates, &friends);
         }
         judged.evidence.agreeing = friends.len() as u32;
         let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
-        let sigma_m = target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
-        let is_vouched = !is_misled && sigma_m <= WIDEST_M || self.locates && joins;
         let enough = if any_clear && is_vouched { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
@@ -490,13 +526,14 @@ impl<S: Submaps> Closing<S> {
         past: Past<'_, S::Measurement>,
         candidates: &[Candidate<PoseOf<S>>],
         judged: &Judged<PoseOf<S>>,
+        apart_m: f64,
     ) -> Vec<u32> {
         let Some(found) = judged.from_from_to else { return Vec::new() };
         let is_apart = |other: NodeId| {
             let turned_rad = past.pose(other).between(past.pose(judged.to)).angle();
             match past.way_between_m(other, judged.to) {
                 way_m if self.locates => way_m >= LOCATED_APART_M || turned_rad >= LOCATED_APART_RAD,
-                way_m => way_m >= APART_M,
+                way_m => way_m >= apart_m,
             }
         };
         let says_the_same = |&number: &u32| {

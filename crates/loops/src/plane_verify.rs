@@ -3,6 +3,7 @@
 
 use crate::cascade::{Finding, VerifySettings};
 use crate::plane_submap::PlaneSubmap;
+use mapwright_geom::Pose2;
 use mapwright_grid::{CorrelativeSearch, Matcher, Prior, SearchWindow};
 use mapwright_record::{Evidence, Objection};
 
@@ -37,29 +38,57 @@ impl PlaneVerifier {
     #[must_use]
     pub fn look_for(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, window: &SearchWindow) -> Finding {
         let VerifySettings { search_points, least_score, separation, .. } = self.settings;
-        let mut evidence = Evidence { points: query.hits.len() as u32, ..Evidence::default() };
         self.points.clear();
         let every = query.hits.len().div_ceil(search_points.max(1)).max(1);
         self.points.extend(query.hits.iter().step_by(every));
         self.searcher.settings.least_share = least_score;
         self.searcher.settings.least_rival_share = LEAST_AMBIGUITY;
-        let found = self.searcher.search(&target.map, &self.points, window, Some(separation));
-        let Some(found) = found else { return Finding::none(evidence, Objection::NoMatch) };
-        evidence.score = Some(found.share());
-        evidence.ambiguity = Some(found.ambiguity().max(LEAST_AMBIGUITY));
-        let prior = Prior { world_from_robot: found.best.world_from_robot, variances: [1.0, 1.0, 0.1], tail: 1e8 };
-        let refined = self.matcher.gauss_newton(&target.map, &query.hits, &prior, found.best.world_from_robot);
-        let target_from_query = refined.world_from_robot;
-        let there = target.map.agreement(&query.hits, target_from_query);
-        let back = query.map.agreement(&target.hits, target_from_query.inverse());
-        evidence.overlap = Some(there.known_share());
-        evidence.inlier_share = Some(there.inlier_share().min(back.inlier_share()));
-        let share = |contradicting: u32, all: usize| f64::from(contradicting) / all.max(1) as f64;
-        let contradiction =
-            share(there.contradicting, query.hits.len()).max(share(back.contradicting, target.hits.len()));
-        evidence.contradiction = Some(contradiction);
-        let covariance = self.settings.covariance(&refined.hessian);
-        let objection = self.settings.objection(&evidence, &covariance);
-        Finding { target_from_query: Some(target_from_query), covariance, evidence, objection }
+        let Self { settings, matcher, searcher, points } = self;
+        let mut finding = None;
+        let found = searcher.search_worth_rivals(&target.map, points, window, Some(separation), |best| {
+            let refined = fit(settings, matcher, query, target, best.world_from_robot);
+            finding.insert(refined).objection.is_none()
+        });
+        let Some((found, mut finding)) = found.zip(finding) else {
+            let evidence = Evidence { points: query.hits.len() as u32, ..Evidence::default() };
+            return Finding::none(evidence, Objection::NoMatch);
+        };
+        finding.evidence.score = Some(found.share());
+        if finding.objection.is_none() {
+            finding.evidence.ambiguity = Some(found.ambiguity().max(LEAST_AMBIGUITY));
+            finding.objection = settings.objection(&finding.evidence, &finding.covariance);
+        }
+        finding
+    }
+}
+
+/// The best pose of a search, refined, and what was seen from there.
+fn fit(
+    settings: &VerifySettings,
+    matcher: &Matcher,
+    query: &PlaneSubmap,
+    target: &PlaneSubmap,
+    target_from_query: Pose2,
+) -> Finding {
+    let prior = Prior { world_from_robot: target_from_query, variances: [1.0, 1.0, 0.1], tail: 1e8 };
+    let refined = matcher.gauss_newton(&target.map, &query.hits, &prior, target_from_query);
+    let target_from_query = refined.world_from_robot;
+    let there = target.map.agreement(&query.hits, target_from_query);
+    let back = query.map.agreement(&target.hits, target_from_query.inverse());
+    let share = |contradicting: u32, all: usize| f64::from(contradicting) / all.max(1) as f64;
+    let contradiction = share(there.contradicting, query.hits.len()).max(share(back.contradicting, target.hits.len()));
+    let evidence = Evidence {
+        points: query.hits.len() as u32,
+        overlap: Some(there.known_share()),
+        inlier_share: Some(there.inlier_share().min(back.inlier_share())),
+        contradiction: Some(contradiction),
+        ..Evidence::default()
+    };
+    let objection = settings.objection_to_fit(&evidence);
+    Finding {
+        target_from_query: Some(target_from_query),
+        covariance: settings.covariance(&refined.hessian),
+        evidence,
+        objection,
     }
 }

@@ -185,6 +185,9 @@ pub(crate) struct NestedArgs {
     /// Wheels so many times as bad as the default ones.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_factor)]
     pub(crate) wheels: f64,
+    /// Relative standard deviation of noise on each increment of odometry from scan to scan, on top of the wheels' own.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share)]
+    pub(crate) noise: f64,
     #[command(flatten)]
     pub(crate) worlds: WorldsArgs,
 }

@@ -57,7 +57,7 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Nested(args) => {
             let settings = settings_of(&args.worlds.run)?;
-            let nested = nested::Nested { length_m: args.length, wheels: args.wheels, settings };
+            let nested = nested::Nested { length_m: args.length, wheels: args.wheels, noise: args.noise, settings };
             measure(&nested, seeds_of(&args.worlds, 20), &args.worlds.run)
         }
         Suite::LookAlike(args) if args.space.space => {

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::simulated::{Closing, PoseError, Simulated};
 use mapwright::Settings;
 use mapwright_eval::ErrorStats;
-use mapwright_sim::{Drive, DriveSettings, OdometryNoise, Revisits, worlds};
+use mapwright_sim::{Drive, DriveSettings, Event, OdometryNoise, PerturbScans, Revisits, worlds};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -20,6 +20,8 @@ pub(super) struct Nested {
     pub(super) length_m: f64,
     /// Wheels so many times as bad as the default ones.
     pub(super) wheels: f64,
+    /// Relative standard deviation of noise on each increment of odometry from scan to scan, on top.
+    pub(super) noise: f64,
     pub(super) settings: Settings,
 }
 
@@ -72,7 +74,13 @@ impl Measure for Nested {
         let site = Arc::new(worlds::corridor_grid(seed, self.length_m));
         let odometry = OdometryNoise::default().with_slips().times(self.wheels);
         let drive = DriveSettings { odometry, ..DriveSettings::long_drive(seed) };
-        let world = Simulated::map(Drive::new(Arc::clone(&site), drive.clone()), &self.settings)?;
+        let recorded = Drive::new(Arc::clone(&site), drive.clone());
+        let world = if self.noise > 0.0 {
+            let noisy = recorded.scans().perturb_odometry(self.noise, seed);
+            Simulated::map_watched(noisy.map(Event::Scan), &self.settings, |_, _, _| {})?
+        } else {
+            Simulated::map(recorded, &self.settings)?
+        };
         let pairs = true_pairs(&world, &Revisits::of(&site, &drive));
         let batch = batch_poses(&world, &pairs).map_err(|cause| failure(cause.to_string()))?;
         let ate = |poses| world.keyframe_ate_m(poses).map_err(|cause| failure(cause.to_string()));
@@ -122,6 +130,7 @@ impl Measure for Nested {
         let value = json!({
             "length_m": self.length_m,
             "wheels": self.wheels,
+            "noise": self.noise,
             "wrong_closings": wrong,
             "ate_m_mean": mean(stats(worlds, |w| w.ate_m)),
             "batch_ate_m_mean": mean(stats(worlds, |w| w.batch_ate_m)),
