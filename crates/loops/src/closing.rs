@@ -76,11 +76,6 @@ const fn improbable_match_chi2<P: Pose>() -> f64 {
 }
 /// Within such an uncertainty nothing else can be meant, metres.
 const SURE_M: f64 = 0.15;
-/// Where a finding over a break waits the robot is looked for at the place where it says that it is, after so much travel, metres, in a window
-/// so wide, metres and radians to either side: what is right comes home soon, and what is wrong does not fit.
-const FOLLOW_EVERY_M: f64 = 0.5;
-const FOLLOW_WITHIN_M: f64 = 1.0;
-const FOLLOW_WITHIN_RAD: f64 = 0.1;
 /// Two findings agree up to here: metres and radians.
 const AGREE_M: f64 = 0.2;
 const AGREE_RAD: f64 = 0.03;
@@ -256,8 +251,7 @@ impl<S: Submaps> Closing<S> {
     /// Whether it is time to look for old places.
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
-        let every_m = if self.is_apart() && !self.waiting.is_empty() { FOLLOW_EVERY_M } else { CHECK_EVERY_M };
-        past.way_m.last().is_some_and(|now| self.is_locating() || now - self.checked_m >= every_m)
+        past.way_m.last().is_some_and(|now| self.is_locating() || now - self.checked_m >= CHECK_EVERY_M)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -274,11 +268,11 @@ impl<S: Submaps> Closing<S> {
         self.supports.forget(past.way_m);
         let ClosingSettings { by_pose, by_place, .. } = self.settings;
         let supporting = support.filter(|_| by_pose).and_then(|from| self.supporting(past, to, from, known));
-        let known = &self.doubted(known);
+        let window_sigmas = self.window_sigmas();
         let mut targets = if by_pose { self.near(past, to, known) } else { Vec::new() };
         targets.extend(supporting);
-        targets.extend(self.followed(past, to, known));
-        let widest_m = known.iter().filter(|place| !place.live).map(window_m).fold(0.0, f64::max);
+        let widest_m =
+            known.iter().filter(|place| !place.live).map(|place| window_m(place, window_sigmas)).fold(0.0, f64::max);
         let is_apart = self.is_apart();
         if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose || is_apart) {
             // Before they are needed, and a few at a time, for this is done within a scan.
@@ -301,11 +295,15 @@ impl<S: Submaps> Closing<S> {
         Some(Verification { to, query, targets, submaps })
     }
 
-    /// Places as uncertain as they have to be for nothing to have been seen of them.
-    fn doubted(&self, known: &[KnownPlace<PoseOf<S>>]) -> Vec<KnownPlace<PoseOf<S>>> {
-        let times = f64::from(1 + self.unseen / UNSEEN);
-        let doubted = |place: &KnownPlace<_>| KnownPlace { covariance: place.covariance * (times * times), ..*place };
-        known.iter().map(doubted).collect()
+    /// Standard deviations that a window is wide: more, the oftener nothing was seen of what should be near. What a chain states is what a cycle
+    /// is judged by all the same.
+    fn window_sigmas(&self) -> f64 {
+        WINDOW_SIGMAS * self.doubt()
+    }
+
+    /// Times the stated deviation that the robot is taken to be uncertain by.
+    fn doubt(&self) -> f64 {
+        f64::from(1 + self.unseen / UNSEEN)
     }
 
     /// What came of one look, before its findings are judged.
@@ -331,7 +329,7 @@ impl<S: Submaps> Closing<S> {
             self.supports.learn(from, to, supports::Found::Not);
             return None;
         };
-        Some(target(past, place, from, to, Detection::Match))
+        Some(target(past, place, from, to, Detection::Match, WINDOW_SIGMAS))
     }
 
     fn looks_at_supports(&self) -> bool {
@@ -372,18 +370,19 @@ impl<S: Submaps> Closing<S> {
         to: NodeId,
         known: &[KnownPlace<PoseOf<S>>],
     ) -> Vec<Target<PoseOf<S>>> {
-        let here = past.pose(to);
+        let (here, window_sigmas) = (past.pose(to), self.window_sigmas());
         let mut near: Vec<(f64, Target<PoseOf<S>>)> = Vec::new();
         let is_left = |place: &&KnownPlace<_>| !place.live && past.way_between_m(to, place.first) >= LEFT_M;
-        let is_narrow =
-            |place: &&KnownPlace<_>| window_m(place) <= JOINED_WITHIN_M || !self.apart.is_between(place.first, to);
+        let is_narrow = |place: &&KnownPlace<_>| {
+            window_m(place, window_sigmas) <= JOINED_WITHIN_M || !self.apart.is_between(place.first, to)
+        };
         for place in known.iter().filter(is_left).filter(is_narrow) {
             let there = past.pose(place.first);
             let away_m = there.distance(here);
-            let target = target(past, place, place.first, to, Detection::Pose);
+            let target = target(past, place, place.first, to, Detection::Pose, window_sigmas);
             let above_m = (there.translation()[2] - here.translation()[2]).abs();
             let is_level = above_m <= SEEN_ABOVE_M + target.window.half_height_m;
-            if away_m <= SEEN_WITHIN_M + WINDOW_SIGMAS * sigmas(place).0 && is_level {
+            if away_m <= SEEN_WITHIN_M + window_sigmas * sigmas(place).0 && is_level {
                 near.push((away_m, target));
             }
         }
@@ -407,43 +406,16 @@ impl<S: Submaps> Closing<S> {
         submaps: &S,
     ) -> Vec<Target<PoseOf<S>>> {
         let left = |node: NodeId| past.way_between_m(to, node) >= LEFT_M;
+        let window_sigmas = self.window_sigmas();
         let found = submaps.alike(&mut self.places, &views_along(past, to, false, DESCRIBED_M), ALIKE, left);
         let target = |(from, window)| {
             let place = patch_of(known, from).filter(|place| !place.live)?;
-            let most_m = SEEN_WITHIN_M + 2.0 * WINDOW_SIGMAS * sigmas(place).0;
+            let most_m = SEEN_WITHIN_M + 2.0 * window_sigmas * sigmas(place).0;
             let is_near = self.apart.is_between(from, to) || past.pose(from).distance(past.pose(to)) <= most_m;
             let covariance = place.covariance;
             is_near.then_some(Target { from, detection: Detection::Place, window, covariance })
         };
         found.into_iter().filter_map(target).collect()
-    }
-
-    /// Where the newest finding that waits over a break says that the robot is.
-    fn followed(
-        &self,
-        past: Past<'_, S::Measurement>,
-        to: NodeId,
-        known: &[KnownPlace<PoseOf<S>>],
-    ) -> Option<Target<PoseOf<S>>> {
-        let over_break = |&number: &u32| {
-            let (from, at, found) = says(past, past.session.candidates().get(number as usize)?)?;
-            let is_of_late = past.way_between_m(at, to) <= TOGETHER_M && self.apart.is_between(from, at);
-            (is_of_late && !self.apart.is_between(at, to)).then_some((from, at, found))
-        };
-        let (from, at, found) = self.waiting.iter().rev().find_map(over_break).filter(|_| self.is_apart())?;
-        let expected = past.pose(from) * found * past.pose(at).between(past.pose(to));
-        let is_near = |place: &&KnownPlace<_>| {
-            past.way_between_m(place.first, from) <= TOGETHER_M && !self.apart.is_between(place.first, from)
-        };
-        let away_m = |place: &&KnownPlace<_>| past.pose(place.first).distance(expected);
-        let place = known.iter().filter(is_near).min_by(|a, b| away_m(a).total_cmp(&away_m(b)))?;
-        let window = Window {
-            target_from_query: past.pose(place.first).between(expected),
-            half_width_m: FOLLOW_WITHIN_M,
-            half_height_m: FOLLOW_WITHIN_M,
-            half_width_rad: FOLLOW_WITHIN_RAD,
-        };
-        Some(Target { from: place.first, detection: Detection::Place, window, covariance: place.covariance })
     }
 
     /// Describes places since the last time, of so many keyframes at most, each by what was seen on the last metres of the way.
@@ -495,17 +467,16 @@ impl<S: Submaps> Closing<S> {
             return Judgement::alone(judged);
         }
         let number = candidates.len() as u32;
-        let sigma_m = target.covariance.position_variance_m2().sqrt();
-        let is_vouched = !is_misled && sigma_m <= WIDEST_M || self.locates && joins;
-        let apart_m = if joins && !is_vouched { FOLLOW_EVERY_M } else { APART_M };
-        let mut friends = self.friends(past, candidates, &judged, apart_m);
+        let mut friends = self.friends(past, candidates, &judged);
         if is_misled && !joins {
             friends = pairwise(past, candidates, &friends);
         }
         judged.evidence.agreeing = friends.len() as u32;
         let is_clear = |verdict: Verdict| verdict == Verdict::Waiting(Objection::Alone);
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
+        let sigma_m = self.doubt() * target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
+        let is_vouched = !is_misled && sigma_m <= WIDEST_M || self.locates && joins;
         let enough = if any_clear && is_vouched { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
@@ -526,14 +497,13 @@ impl<S: Submaps> Closing<S> {
         past: Past<'_, S::Measurement>,
         candidates: &[Candidate<PoseOf<S>>],
         judged: &Judged<PoseOf<S>>,
-        apart_m: f64,
     ) -> Vec<u32> {
         let Some(found) = judged.from_from_to else { return Vec::new() };
         let is_apart = |other: NodeId| {
             let turned_rad = past.pose(other).between(past.pose(judged.to)).angle();
             match past.way_between_m(other, judged.to) {
                 way_m if self.locates => way_m >= LOCATED_APART_M || turned_rad >= LOCATED_APART_RAD,
-                way_m => way_m >= apart_m,
+                way_m => way_m >= APART_M,
             }
         };
         let says_the_same = |&number: &u32| {
@@ -629,8 +599,8 @@ fn sigmas<P: Pose>(place: &KnownPlace<P>) -> (f64, f64) {
 }
 
 /// Half the width of the window in which a place has to be looked for, metres.
-fn window_m<P: Pose>(place: &KnownPlace<P>) -> f64 {
-    WINDOW_M + WINDOW_SIGMAS * sigmas(place).0
+fn window_m<P: Pose>(place: &KnownPlace<P>, window_sigmas: f64) -> f64 {
+    WINDOW_M + window_sigmas * sigmas(place).0
 }
 
 /// The patch that tells how certain a place is: the one that began last before it.
@@ -645,14 +615,15 @@ fn target<M: Measurement>(
     from: NodeId,
     to: NodeId,
     detection: Detection,
+    window_sigmas: f64,
 ) -> Target<M::Pose> {
     let (_, sigma_rad) = sigmas(place);
     let up_m2 = if M::Pose::TRANSLATION == 3 { place.covariance[(2, 2)] } else { 0.0 };
     let window = Window {
         target_from_query: past.pose(from).between(past.pose(to)),
-        half_width_m: window_m(place).min(WIDEST_M),
-        half_height_m: (WINDOW_M + WINDOW_SIGMAS * up_m2.sqrt()).min(WIDEST_M),
-        half_width_rad: WINDOW_RAD + WINDOW_SIGMAS * sigma_rad,
+        half_width_m: window_m(place, window_sigmas).min(WIDEST_M),
+        half_height_m: (WINDOW_M + window_sigmas * up_m2.sqrt()).min(WIDEST_M),
+        half_width_rad: WINDOW_RAD + window_sigmas * sigma_rad,
     };
     Target { from, detection, window, covariance: place.covariance }
 }
