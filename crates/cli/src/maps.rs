@@ -5,7 +5,7 @@ use crate::drawing::draw_believed;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
 use crate::output::OutputFolder;
-use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings};
+use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings, Visits};
 use mapwright_formats::{Confidence, GridImage, Picture, dominant_wall_angle};
 use mapwright_formats::{write_map_yaml, write_pgm, write_png};
 use serde_json::{Value, json};
@@ -40,6 +40,7 @@ pub(crate) struct MadeMap {
     pub(crate) keyframes_left_out: Vec<KeyframeId>,
     pub(crate) wall_angle_rad: Option<f64>,
     pub(crate) advice: Advice,
+    pub(crate) visits: Visits,
 }
 
 impl MadeMap {
@@ -50,6 +51,12 @@ impl MadeMap {
             "cells_left_out": self.cells_left_out,
             "keyframes_left_out": self.keyframes_left_out.len(),
             "wall_angle_rad": self.wall_angle_rad,
+            "visits": {
+                "compared": self.visits.compared,
+                "misfits": self.visits.misfits,
+                "mean_m": self.visits.mean_m,
+                "percentile_90_m": self.visits.percentile_90_m,
+            },
         })
     }
 }
@@ -93,6 +100,7 @@ impl MapWriter<'_> {
             keyframes_left_out,
             wall_angle_rad,
             advice,
+            visits: Visits::of_map(self.session, map, self.settings),
         })
     }
 

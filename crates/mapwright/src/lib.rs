@@ -31,6 +31,7 @@ mod settings;
 mod space;
 mod store;
 mod told;
+mod visits;
 
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
@@ -60,3 +61,4 @@ pub use settings::{
 pub use space::{
     ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, SpaceMapper, occupancy_of, points_of, surfels_of,
 };
+pub use visits::Visits;

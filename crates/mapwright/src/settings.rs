@@ -4,6 +4,7 @@
 //! list that `mapwright config` prints come from that declaration.
 
 use mapwright_geom::Pose2;
+use mapwright_grid::MatcherSettings;
 use mapwright_loops::PlaneSubmapSettings;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
@@ -342,6 +343,20 @@ impl Settings {
             free_range_m: self.scan.free_range_m,
             reach_m: REACH_CELLS * self.map.resolution_m,
             thin_cells: 2,
+        }
+    }
+
+    /// How scans and submaps are matched.
+    pub(crate) fn matcher(&self) -> MatcherSettings {
+        let MatchingSettings { sigma_m, capture_sigma_m, random_ratio, beam_share, max_evaluations, .. } =
+            self.matching;
+        MatcherSettings {
+            sigma_m,
+            capture_sigma_m,
+            random_ratio,
+            beam_share,
+            max_evaluations,
+            ..MatcherSettings::default()
         }
     }
 

@@ -427,7 +427,7 @@ impl<M: Measurement> Store<M> {
 }
 
 /// Length of the way up to each keyframe, as the edges along it say.
-fn way_m<M: Measurement>(session: &Session<M>) -> Vec<f64> {
+pub(crate) fn way_m<M: Measurement>(session: &Session<M>) -> Vec<f64> {
     let mut steps_m = vec![FARTHEST_WAY_M; session.keyframes().len()];
     for known in session.recorded_edges().iter().filter(|known| known.recorded.edge.kind == EdgeKind::Odometry) {
         steps_m[known.ends[1] as usize] = known.recorded.edge.from_from_to.length();

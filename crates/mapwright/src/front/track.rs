@@ -148,16 +148,8 @@ pub(crate) struct Tracker {
 
 impl Tracker {
     pub(super) fn new(settings: &Settings) -> Self {
-        let settings = MatcherSettings {
-            sigma_m: settings.matching.sigma_m,
-            capture_sigma_m: settings.matching.capture_sigma_m,
-            random_ratio: settings.matching.random_ratio,
-            beam_share: settings.matching.beam_share,
-            max_evaluations: settings.matching.max_evaluations,
-            ..MatcherSettings::default()
-        };
         Self {
-            matcher: Matcher { settings },
+            matcher: Matcher { settings: settings.matcher() },
             searcher: CorrelativeSearch::default(),
             usual_share: 0.0,
             misfits: 0,
