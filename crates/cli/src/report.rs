@@ -5,7 +5,8 @@ use crate::mapping::{Made, Mapping};
 use crate::maps::{MadeMap, map_file};
 use crate::tally::Tally;
 use crate::terminal::{count, duration, grouped};
-use mapwright::{LocalMapReport, SeparateMap, Status};
+use crate::verdict::{Facts, Usable};
+use mapwright::{Advice, LocalMapReport, SeparateMap, Status, Visits};
 use mapwright_formats::{Noted, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
@@ -121,11 +122,19 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
 }
 
 /// The whole of `report.json`; `read` is [`read_report`]'s or what stands for it.
-pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: &Made, losses: &[String]) -> Value {
+pub(crate) fn full_report(
+    name: &str,
+    read: Value,
+    mapping: &mut Mapping,
+    made: &Made,
+    usable: &Usable,
+    losses: &[String],
+) -> Value {
     let status = mapping.tally.status_report();
     let session = mapping.session();
     json!({
         "mapwright": env!("CARGO_PKG_VERSION"),
+        "verdict": usable.to_json(),
         "log": name,
         "log_seconds": mapping.tally.log_s(),
         "settings": mapping.settings,
@@ -144,6 +153,13 @@ pub(crate) fn full_report(name: &str, read: Value, mapping: &mut Mapping, made: 
         "certainty": made.maps.first().map(|map| advice::report(&map.advice)),
         "losses": losses,
     })
+}
+
+/// Whether the map can be used.
+pub(crate) fn usable(mapping: &Mapping, made: &Made) -> Usable {
+    let unknown = (Advice::default(), Visits::default());
+    let (advice, visits) = made.maps.first().map_or((&unknown.0, unknown.1), |map| (&map.advice, map.visits));
+    Usable::of(&Facts::of(&mapping.tally, mapping.session(), advice, visits))
 }
 
 /// Those of pieces that nothing holds to the first one.

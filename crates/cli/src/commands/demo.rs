@@ -62,7 +62,9 @@ fn finish(
     if interrupted {
         losses.push(format!("interrupted after {} scans", truth.len()));
     }
-    let mut full = report::full_report(name, Value::Null, &mut mapping, &made, &losses);
+    let usable = report::usable(&mapping, &made);
+    losses.extend(usable.loss());
+    let mut full = report::full_report(name, Value::Null, &mut mapping, &made, &usable, &losses);
     full["against_truth"] = score.to_json();
     mapping.output.write_json("report.json", &full)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
@@ -73,7 +75,8 @@ fn finish(
     if voice.json {
         say_json(&json!({ "files": files, "report": full, "timing": timing }))?;
     } else if !voice.quiet {
-        say(&format!("{name}: {words}written  {}: {}\n", args.output.display(), files.join(" ")))?;
+        let (verdict, files) = (usable.words(), files.join(" "));
+        say(&format!("{verdict}{name}: {words}written  {}: {files}\n", args.output.display()))?;
     }
     Ok(Outcome::of_losses(&losses))
 }

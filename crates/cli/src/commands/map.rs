@@ -74,7 +74,9 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     if ending == Ending::Interrupted {
         losses.push(format!("interrupted after {}; the results are complete up to there", read.place()));
     }
-    let report = report::full_report(&name, read.to_json(), &mut mapping, &made, &losses);
+    let usable = report::usable(&mapping, &made);
+    losses.extend(usable.loss());
+    let report = report::full_report(&name, read.to_json(), &mut mapping, &made, &usable, &losses);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;
@@ -84,7 +86,7 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     if voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
     } else if !voice.quiet {
-        say(&format!("{name}: {words}written  {}: {}\n", output.display(), files.join(" ")))?;
+        say(&format!("{}{name}: {words}written  {}: {}\n", usable.words(), output.display(), files.join(" ")))?;
     }
     Ok(Outcome::of_losses(&losses))
 }

@@ -142,8 +142,9 @@ pub(crate) struct Tracker {
     misfits: u32,
     /// The first keyframe made in doubt, until a match confirms where the robot is.
     doubted_from: Option<NodeId>,
-    /// The last scan that saw something.
+    /// The last scan that saw something, and how many have seen nothing since.
     seen: Option<Stamp>,
+    blank: u32,
 }
 
 impl Tracker {
@@ -155,20 +156,23 @@ impl Tracker {
             misfits: 0,
             doubted_from: None,
             seen: None,
+            blank: 0,
         }
     }
 
     pub(super) fn put(&self, out: &mut Vec<u8>) {
         (self.usual_share, self.misfits, self.doubted_from, self.seen).put(out);
+        self.blank.put(out);
     }
 
     /// Goes on as it was, after so many keyframes.
     pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: usize) -> Option<Self> {
         let (usual_share, misfits, doubted_from, seen): (f64, u32, Option<NodeId>, _) = Stored::take(from)?;
+        let blank = Stored::take(from)?;
         let is_sound = (0.0..=1.0).contains(&usual_share)
             && misfits <= MISFITS_AT_MOST
             && doubted_from.is_none_or(|from| from.index() <= keyframes);
-        is_sound.then(|| Self { usual_share, misfits, doubted_from, seen, ..Self::new(settings) })
+        is_sound.then(|| Self { usual_share, misfits, doubted_from, seen, blank, ..Self::new(settings) })
     }
 
     /// Scans in a row that were not believed.
@@ -176,9 +180,9 @@ impl Tracker {
         self.misfits
     }
 
-    /// Time since the last scan that saw something, seconds.
-    pub(super) fn blind_s(&self, stamp: Stamp) -> f64 {
-        self.seen.map_or(0.0, |seen| stamp.secs_since(seen))
+    /// Scans in a row before this one that saw nothing, and the time since one did, seconds.
+    pub(super) fn blind(&self, stamp: Stamp) -> (u32, f64) {
+        (self.blank, self.seen.map_or(0.0, |seen| stamp.secs_since(seen)))
     }
 
     /// Whether a match is believed.
@@ -189,16 +193,17 @@ impl Tracker {
 
     /// Something new is mapped from this scan on.
     pub(super) fn begin_anew(&mut self, stamp: Stamp) {
-        (self.misfits, self.doubted_from, self.seen) = (0, None, Some(stamp));
+        (self.misfits, self.doubted_from, self.seen, self.blank) = (0, None, Some(stamp), 0);
     }
 
     /// The scan against the local map, from the prediction and, where that is doubtful, from elsewhere. None without a map or
     /// without a hit.
     pub(super) fn track(&mut self, scene: &Scene<'_>, stamp: Stamp, predicted: Pose2) -> Option<Matched> {
         if scene.next.index() == 0 || scene.points.is_empty() {
+            self.blank = self.blank.saturating_add(1);
             return None;
         }
-        self.seen = Some(stamp);
+        (self.seen, self.blank) = (Some(stamp), 0);
         let Scene { step, .. } = *scene;
         let widen = 1.0 + f64::from(self.misfits);
         let prior = Prior {

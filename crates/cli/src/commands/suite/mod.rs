@@ -10,6 +10,7 @@ mod noise;
 mod offices;
 mod parallel;
 mod space;
+mod verdicts;
 
 use crate::args::{LookAlikeArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 use crate::events::{Ending, Interrupt};
@@ -83,6 +84,9 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         Suite::Noise(args) => {
             let noise = noise::Noise::read(args, settings_of(&args.run)?)?;
             measure(&noise, seeds_from(args.run.seed, args.seeds), &args.run)
+        }
+        Suite::Verdicts(args) => {
+            measure(&verdicts::Verdicts { settings: settings_of(&args.run)? }, seeds_of(args, 14), &args.run)
         }
         Suite::Breaks(args) => {
             let breaks = breaks::Breaks::prepare(args, settings_of(&args.worlds.run)?)?;

@@ -1,0 +1,411 @@
+//! Whether a map can be used: good, to be checked, or unusable, and why. What decides is told by the run and the map themselves, without
+//! a reference (docs/decisions/0027-verdict.md).
+
+use crate::tally::Tally;
+use crate::terminal::count;
+use mapwright::{Advice, Objection, Pose2, SeparateMap, Session, Status, Verdict as Judged, Visits};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// What a user is told first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Usability {
+    Good,
+    Check,
+    Unusable,
+}
+
+impl Usability {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Check => "check",
+            Self::Unusable => "unusable",
+        }
+    }
+}
+
+/// What was seen of a run and its map.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(crate) struct Facts {
+    pub(crate) scans: u64,
+    pub(crate) keyframes: usize,
+    /// Shares of the scans.
+    pub(crate) degraded: f64,
+    pub(crate) lost: f64,
+    pub(crate) median_inlier_share: f64,
+    /// Share of the keyframes that are not in the first map.
+    pub(crate) elsewhere: f64,
+    /// Pieces of the first map that odometry over a break alone holds.
+    pub(crate) on_odometry: usize,
+    pub(crate) compared: usize,
+    pub(crate) misfits: usize,
+    pub(crate) moved_mean_m: f64,
+    pub(crate) moved_90_m: f64,
+    /// Of the keyframes of the first map relative to its beginning.
+    pub(crate) mean_sigma_m: f64,
+    pub(crate) worst_sigma_m: f64,
+    /// Places that were recognised where the map does not have them.
+    pub(crate) unheeded: usize,
+    /// What scans say of the motion, as a multiple of what the wheels say: of turns, of ways; and the direction of the way beside theirs,
+    /// degrees.
+    pub(crate) turns_of_odometry: f64,
+    pub(crate) way_of_odometry: f64,
+    pub(crate) aside_deg: f64,
+}
+
+impl Facts {
+    pub(crate) fn of(tally: &Tally, session: &Session, advice: &Advice, visits: Visits) -> Self {
+        let (maps, pieces) = (session.maps(), session.pieces());
+        let keyframes = session.keyframes().len();
+        let first = maps.first().cloned().unwrap_or_default();
+        let in_first = first.keyframes.iter().map(ExactSizeIterator::len).sum::<usize>();
+        let odometry = OdometryBeside::of(session);
+        let hangs = |piece: &&usize| pieces.get(**piece).is_some_and(|piece| piece.link.is_some());
+        Self {
+            scans: tally.scans,
+            keyframes,
+            degraded: tally.share(Status::Degraded),
+            lost: tally.share(Status::Lost),
+            median_inlier_share: tally.median_inlier_share().unwrap_or(0.0),
+            elsewhere: keyframes.saturating_sub(in_first) as f64 / keyframes.max(1) as f64,
+            on_odometry: first.pieces.iter().filter(hangs).count(),
+            compared: visits.compared,
+            misfits: visits.misfits,
+            moved_mean_m: visits.mean_m,
+            moved_90_m: visits.percentile_90_m,
+            mean_sigma_m: advice.mean_sigma_m,
+            worst_sigma_m: advice.worst_sigma_m,
+            unheeded: unheeded(session, &first),
+            turns_of_odometry: odometry.turns,
+            way_of_odometry: odometry.way,
+            aside_deg: odometry.aside_rad.to_degrees(),
+        }
+    }
+}
+
+/// A place that was recognised this far from where the map has it is not heeded, metres.
+const UNHEEDED_M: f64 = 1.0;
+
+/// Findings that nothing spoke against but the chain of edges, or that no other agreed with, and that the map says otherwise.
+fn unheeded(session: &Session, map: &SeparateMap) -> usize {
+    let poses = session.map_from_keyframe();
+    let found = session.candidates().iter().filter(|candidate| {
+        let (Judged::Waiting(why) | Judged::Refused(why)) = candidate.verdict else { return false };
+        matches!(why, Objection::Alone | Objection::Improbable)
+    });
+    let is_elsewhere = |from: usize, to: usize, found: Pose2| {
+        map.has(from) && map.has(to) && poses[from].between(poses[to]).distance(found) > UNHEEDED_M
+    };
+    let says = |candidate: &mapwright::Candidate| {
+        let (from, to) = (session.place(candidate.from)?, session.place(candidate.to)?);
+        Some(is_elsewhere(from, to, candidate.from_from_to?))
+    };
+    found.filter_map(says).filter(|&elsewhere| elsewhere).count()
+}
+
+/// Motions are compared over so much way, metres, or such a turn, radians, and at least so many of each; the median counts.
+const MOTION_M: f64 = 0.5;
+const MOTION_RAD: f64 = 0.3;
+const MOTIONS: usize = 20;
+
+/// The motion that the map says, beside what the wheels say; as equal where the robot has hardly moved.
+struct OdometryBeside {
+    turns: f64,
+    way: f64,
+    aside_rad: f64,
+}
+
+impl OdometryBeside {
+    fn of(session: &Session) -> Self {
+        let (mut turns, mut ways, mut asides) = (Vec::new(), Vec::new(), Vec::new());
+        let mut from: Option<(Pose2, Pose2)> = None;
+        for (scan, pose) in session.scans().iter().zip(session.trajectory()) {
+            let here = (scan.odom_from_robot, pose.map_from_robot);
+            let Some((odom_from_robot, map_from_robot)) = from else {
+                from = Some(here);
+                continue;
+            };
+            let (said, mapped) = (odom_from_robot.between(here.0), map_from_robot.between(here.1));
+            let way_m = said.x.hypot(said.y);
+            if said.theta.abs() >= MOTION_RAD {
+                turns.push(mapped.theta / said.theta);
+            } else if way_m >= MOTION_M {
+                ways.push(mapped.x.hypot(mapped.y) / way_m);
+                asides.push(wrapped(mapped.y.atan2(mapped.x) - said.y.atan2(said.x)));
+            } else {
+                continue;
+            }
+            from = Some(here);
+        }
+        Self {
+            turns: median(&mut turns).unwrap_or(1.0),
+            way: median(&mut ways).unwrap_or(1.0),
+            aside_rad: median(&mut asides).unwrap_or(0.0),
+        }
+    }
+}
+
+fn wrapped(angle_rad: f64) -> f64 {
+    angle_rad.sin().atan2(angle_rad.cos())
+}
+
+fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().filter(|_| values.len() >= MOTIONS)
+}
+
+/// Why a map is not simply good.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Reason {
+    word: Usability,
+    /// A name for programs.
+    what: &'static str,
+    words: String,
+    evidence: Value,
+}
+
+/// Whether a map can be used.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Usable {
+    pub(crate) word: Usability,
+    /// What decided, the gravest first.
+    reasons: Vec<Reason>,
+    /// Orders maps as their errors do, metres.
+    pub(crate) expected_error_m: Option<f64>,
+    well: String,
+}
+
+/// Bounds: beyond the first a map is to be checked, beyond the second it cannot be used (docs/decisions/0027-verdict.md).
+/// Share of the scans that fitted badly or nowhere.
+const DOUBTFUL: [f64; 2] = [0.08, 0.5];
+const LOST: [f64; 2] = [0.005, 0.2];
+/// Share of the comparisons of two visits that do not fit, of at least so many.
+const MISFITS: [f64; 2] = [0.04, 0.4];
+const MISFITS_AT_LEAST: usize = 2;
+/// By how much visits are off each other in the mean, metres.
+const MOVED_M: [f64; 2] = [0.1, f64::INFINITY];
+/// Standard deviation of the keyframes relative to where the map begins, in the mean, metres.
+const SIGMA_M: [f64; 2] = [1.0, 10.0];
+/// Places recognised elsewhere.
+const UNHEEDED: usize = 2;
+/// Share by which wheels and scans differ, and degrees.
+const ODOMETRY_OFF: f64 = 0.1;
+const ASIDE_DEG: f64 = 6.0;
+
+impl Usable {
+    pub(crate) fn of(facts: &Facts) -> Self {
+        let mut reasons: Vec<Reason> = [
+            nothing(facts),
+            doubtful(facts),
+            lost(facts),
+            in_pieces(facts),
+            misfits(facts),
+            moved(facts),
+            uncertain(facts),
+            unheeded_places(facts),
+            odometry_off(facts),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        reasons.sort_by_key(|reason| std::cmp::Reverse(reason.word));
+        let word = reasons.first().map_or(Usability::Good, |reason| reason.word);
+        Self { word, reasons, expected_error_m: expected_error_m(facts), well: all_is_well(facts) }
+    }
+
+    /// The first line, or the two of them.
+    pub(crate) fn words(&self) -> String {
+        let mut why: Vec<&str> = self.reasons.iter().take(2).map(|reason| reason.words.as_str()).collect();
+        if why.is_empty() {
+            why.push(&self.well);
+        }
+        let more = self.reasons.len().saturating_sub(2);
+        let mut text = format!("{:<8} {}", self.word.name(), why.join("; "));
+        if more > 0 {
+            text += &format!("; and {} in report.json", count(more as u64, "further reason"));
+        }
+        text.trim_end().to_owned() + "\n"
+    }
+
+    /// A map that cannot be used is a loss.
+    pub(crate) fn loss(&self) -> Option<String> {
+        let gravest = self.reasons.first().filter(|reason| reason.word == Usability::Unusable)?;
+        Some(format!("the map cannot be used: {}", gravest.words))
+    }
+
+    /// For `report.json`.
+    pub(crate) fn to_json(&self) -> Value {
+        let reason = |reason: &Reason| {
+            let mut value = json!({ "what": reason.what, "word": reason.word.name(), "words": reason.words });
+            value["evidence"] = reason.evidence.clone();
+            value
+        };
+        json!({
+            "word": self.word.name(),
+            "reasons": self.reasons.iter().map(reason).collect::<Vec<_>>(),
+            "expected_error_m": self.expected_error_m,
+        })
+    }
+}
+
+/// The word for a value beyond one of two bounds.
+fn beyond(value: f64, [check, unusable]: [f64; 2]) -> Option<Usability> {
+    match value {
+        value if value > unusable => Some(Usability::Unusable),
+        value if value > check => Some(Usability::Check),
+        _ => None,
+    }
+}
+
+fn percent(share: f64) -> String {
+    if share < 0.1 { format!("{:.1} %", 100.0 * share) } else { format!("{:.0} %", 100.0 * share) }
+}
+
+fn nothing(facts: &Facts) -> Option<Reason> {
+    (facts.keyframes < 2).then(|| Reason {
+        word: Usability::Unusable,
+        what: "nothing_mapped",
+        words: format!(
+            "there is no map: {} of {}",
+            count(facts.keyframes as u64, "keyframe"),
+            count(facts.scans, "scan")
+        ),
+        evidence: json!({ "keyframes": facts.keyframes, "scans": facts.scans }),
+    })
+}
+
+fn doubtful(facts: &Facts) -> Option<Reason> {
+    let share = facts.degraded + facts.lost;
+    Some(Reason {
+        word: beyond(share, DOUBTFUL)?,
+        what: "doubtful_scans",
+        words: format!("{} of the scans fit the map badly", percent(share)),
+        evidence: json!({ "share": share, "bounds": DOUBTFUL }),
+    })
+}
+
+fn lost(facts: &Facts) -> Option<Reason> {
+    Some(Reason {
+        word: beyond(facts.lost, LOST)?,
+        what: "lost_scans",
+        words: format!("{} of the scans fit nowhere", percent(facts.lost)),
+        evidence: json!({ "share": facts.lost, "bounds": LOST }),
+    })
+}
+
+fn in_pieces(facts: &Facts) -> Option<Reason> {
+    let words = if facts.elsewhere > 0.0 {
+        format!("the map is in parts: nothing joins {} of it with the rest", percent(facts.elsewhere))
+    } else if facts.on_odometry > 0 {
+        format!("odometry alone holds {} over a break", count(facts.on_odometry as u64, "piece"))
+    } else {
+        return None;
+    };
+    let evidence = json!({ "elsewhere": facts.elsewhere, "on_odometry": facts.on_odometry });
+    Some(Reason { word: Usability::Check, what: "in_pieces", words, evidence })
+}
+
+fn misfits(facts: &Facts) -> Option<Reason> {
+    let share = facts.misfits as f64 / facts.compared.max(1) as f64;
+    let word = beyond(share, MISFITS).filter(|_| facts.misfits >= MISFITS_AT_LEAST)?;
+    let (misfits, compared) = (facts.misfits, facts.compared);
+    Some(Reason {
+        word,
+        what: "visits_contradict",
+        words: format!(
+            "where it came again, {misfits} of {compared} places do not fit what was seen before: walls may be doubled"
+        ),
+        evidence: json!({ "misfits": misfits, "compared": compared, "bounds": MISFITS }),
+    })
+}
+
+fn moved(facts: &Facts) -> Option<Reason> {
+    Some(Reason {
+        word: beyond(facts.moved_mean_m, MOVED_M).filter(|_| facts.compared >= MISFITS_AT_LEAST)?,
+        what: "visits_apart",
+        words: format!("where it came again, walls lie {:.2} m apart in the mean", facts.moved_mean_m),
+        evidence: json!({ "mean_m": facts.moved_mean_m, "percentile_90_m": facts.moved_90_m, "bound_m": MOVED_M[0] }),
+    })
+}
+
+fn uncertain(facts: &Facts) -> Option<Reason> {
+    Some(Reason {
+        word: beyond(facts.mean_sigma_m, SIGMA_M)?,
+        what: "uncertain",
+        words: format!("it is certain to {:.1} m only, in the mean", facts.mean_sigma_m),
+        evidence: json!({ "mean_sigma_m": facts.mean_sigma_m, "worst_sigma_m": facts.worst_sigma_m, "bounds_m": SIGMA_M }),
+    })
+}
+
+fn unheeded_places(facts: &Facts) -> Option<Reason> {
+    (facts.unheeded >= UNHEEDED).then(|| Reason {
+        word: Usability::Check,
+        what: "recognised_elsewhere",
+        words: format!("{} looked like another than the map has there", count(facts.unheeded as u64, "place")),
+        evidence: json!({ "findings": facts.unheeded, "farther_than_m": UNHEEDED_M }),
+    })
+}
+
+fn odometry_off(facts: &Facts) -> Option<Reason> {
+    let Facts { turns_of_odometry: turns, way_of_odometry: way, aside_deg, .. } = *facts;
+    let words = if turns < 0.0 {
+        "scans turn the other way than odometry: is the laser upside down?".to_owned()
+    } else if aside_deg.abs() > ASIDE_DEG {
+        format!(
+            "scans say that the robot drives {aside_deg:.0} deg beside where odometry says: is the laser mounted so?"
+        )
+    } else if (turns - 1.0).abs() > ODOMETRY_OFF {
+        format!("scans turn {} times as far as odometry: are the laser's angles right?", rounded(turns))
+    } else if (way - 1.0).abs() > ODOMETRY_OFF {
+        format!("scans say {} times the way of odometry: are ranges and wheels right?", rounded(way))
+    } else {
+        return None;
+    };
+    let evidence = json!({ "turns": turns, "way": way, "aside_deg": aside_deg });
+    Some(Reason { word: Usability::Check, what: "odometry_disagrees", words, evidence })
+}
+
+fn rounded(times: f64) -> String {
+    format!("{times:.2}")
+}
+
+/// What adds to the error that is expected of a map: such a share of the deviation of its keyframes, and metres for each whole share by which
+/// wheels and scans differ beyond what is usual, of scans that fit badly, and of keyframes that are elsewhere.
+const OF_SIGMA: f64 = 0.1;
+const OF_ODOMETRY_M: f64 = 2.0;
+const USUAL_ODOMETRY: f64 = 0.02;
+const OF_DOUBTFUL_M: f64 = 1.0;
+const OF_ELSEWHERE_M: f64 = 1.0;
+
+/// A number that orders maps as their errors do, metres; none where there is no map.
+fn expected_error_m(facts: &Facts) -> Option<f64> {
+    let beyond = |share: f64| (share.abs() - USUAL_ODOMETRY).max(0.0);
+    let odometry = beyond(facts.way_of_odometry - 1.0)
+        + beyond(facts.turns_of_odometry - 1.0)
+        + beyond(facts.aside_deg.to_radians());
+    let parts_m = [
+        facts.moved_mean_m,
+        OF_SIGMA * facts.mean_sigma_m,
+        OF_ODOMETRY_M * odometry,
+        OF_DOUBTFUL_M * (facts.degraded + facts.lost),
+        OF_ELSEWHERE_M * facts.elsewhere,
+    ];
+    (facts.keyframes >= 2).then(|| parts_m.iter().map(|part_m| part_m * part_m).sum::<f64>().sqrt())
+}
+
+/// Why nothing speaks against it.
+fn all_is_well(facts: &Facts) -> String {
+    match facts.compared {
+        0 => format!("nothing was seen twice; certain to {:.2} m in the mean", facts.mean_sigma_m),
+        compared => {
+            let fits = (compared - facts.misfits) as u64;
+            format!(
+                "{} seen again fit what was seen before, to {:.2} m in the mean",
+                count(fits, "place"),
+                facts.moved_mean_m
+            )
+        }
+    }
+}
