@@ -92,6 +92,7 @@ impl FrontEnd {
     pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {
         if odometry.odom_from_robot.is_finite() {
             self.preparation.add_odometry(*odometry);
+            self.tracker.hear(odometry.stamp);
         }
     }
 

@@ -17,8 +17,9 @@ use mapwright_sensor::LaserScan;
 /// Nothing is matched against from such a standard deviation of the position on, metres: places that look alike lie as near as
 /// three of them. Gaps in logs of two buildings ask for 0.3 to 1.1 (docs/decisions/0024-fragments.md).
 const BREAK_SIGMA_M: f64 = 1.0;
-/// After so many scans in a row that saw nothing, and so many seconds, a robot may have been carried away, whatever its wheels say. Where
-/// there were no scans it has not: a logger pauses, or scans are seldom, and the wheels are believed.
+/// After so many scans in a row that saw nothing, and so many seconds, a robot may have been carried away, whatever its wheels say; and after
+/// as many usual periods in which neither laser nor wheels said anything. While the wheels are read they are believed: there are logs with a
+/// scan every quarter of a minute.
 const BLIND_SCANS: u32 = 20;
 const BLIND_S: f64 = 4.0;
 /// After so many scans in a row that fit nowhere it is not where it is thought to be.
@@ -49,7 +50,9 @@ impl FrontEnd {
             return switched_on;
         }
         let (blank, blind_s) = self.tracker.blind(stamp);
-        let is_blind = blank >= BLIND_SCANS && blind_s > BLIND_S;
+        let silence_s = self.tracker.silence_s(stamp);
+        let is_blind = blank >= BLIND_SCANS && blind_s > BLIND_S
+            || silence_s > BLIND_S.max(f64::from(BLIND_SCANS) * self.predictor.period_s());
         let may_have_strayed = prepared.step.after_gap || self.tracker.misfits() > 0;
         if self.tracker.misfits() >= LOST_SCANS {
             Some(FragmentStart::Lost)

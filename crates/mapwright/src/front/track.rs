@@ -145,6 +145,9 @@ pub(crate) struct Tracker {
     /// The last scan that saw something, and how many have seen nothing since.
     seen: Option<Stamp>,
     blank: u32,
+    /// The last reading of the wheels or scan, and the longest time without either since a scan saw something, seconds.
+    heard: Option<Stamp>,
+    silence_s: f64,
 }
 
 impl Tracker {
@@ -157,27 +160,50 @@ impl Tracker {
             doubted_from: None,
             seen: None,
             blank: 0,
+            heard: None,
+            silence_s: 0.0,
         }
     }
 
     pub(super) fn put(&self, out: &mut Vec<u8>) {
         (self.usual_share, self.misfits, self.doubted_from, self.seen).put(out);
-        self.blank.put(out);
+        (self.blank, self.heard, self.silence_s).put(out);
     }
 
     /// Goes on as it was, after so many keyframes.
     pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: usize) -> Option<Self> {
         let (usual_share, misfits, doubted_from, seen): (f64, u32, Option<NodeId>, _) = Stored::take(from)?;
-        let blank = Stored::take(from)?;
+        let (blank, heard, silence_s): (u32, _, f64) = Stored::take(from)?;
         let is_sound = (0.0..=1.0).contains(&usual_share)
+            && silence_s >= 0.0
             && misfits <= MISFITS_AT_MOST
             && doubted_from.is_none_or(|from| from.index() <= keyframes);
-        is_sound.then(|| Self { usual_share, misfits, doubted_from, seen, blank, ..Self::new(settings) })
+        is_sound.then(|| Self {
+            usual_share,
+            misfits,
+            doubted_from,
+            seen,
+            blank,
+            heard,
+            silence_s,
+            ..Self::new(settings)
+        })
     }
 
     /// Scans in a row that were not believed.
     pub(crate) fn misfits(&self) -> u32 {
         self.misfits
+    }
+
+    /// A reading of the wheels, or a scan.
+    pub(super) fn hear(&mut self, stamp: Stamp) {
+        self.silence_s = self.silence_s.max(self.heard.map_or(0.0, |heard| stamp.secs_since(heard)));
+        self.heard = self.heard.max(Some(stamp));
+    }
+
+    /// The longest time up to now in which neither the wheels nor the laser said anything, since a scan saw something, seconds.
+    pub(super) fn silence_s(&self, stamp: Stamp) -> f64 {
+        self.silence_s.max(self.heard.map_or(0.0, |heard| stamp.secs_since(heard)))
     }
 
     /// Scans in a row before this one that saw nothing, and the time since one did, seconds.
@@ -193,7 +219,12 @@ impl Tracker {
 
     /// Something new is mapped from this scan on.
     pub(super) fn begin_anew(&mut self, stamp: Stamp) {
-        (self.misfits, self.doubted_from, self.seen, self.blank) = (0, None, Some(stamp), 0);
+        (self.misfits, self.doubted_from) = (0, None);
+        self.see(stamp);
+    }
+
+    fn see(&mut self, stamp: Stamp) {
+        (self.seen, self.blank, self.heard, self.silence_s) = (Some(stamp), 0, self.heard.max(Some(stamp)), 0.0);
     }
 
     /// The scan against the local map, from the prediction and, where that is doubtful, from elsewhere. None without a map or
@@ -201,9 +232,10 @@ impl Tracker {
     pub(super) fn track(&mut self, scene: &Scene<'_>, stamp: Stamp, predicted: Pose2) -> Option<Matched> {
         if scene.next.index() == 0 || scene.points.is_empty() {
             self.blank = self.blank.saturating_add(1);
+            self.hear(stamp);
             return None;
         }
-        (self.seen, self.blank) = (Some(stamp), 0);
+        self.see(stamp);
         let Scene { step, .. } = *scene;
         let widen = 1.0 + f64::from(self.misfits);
         let prior = Prior {
