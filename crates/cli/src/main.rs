@@ -16,6 +16,7 @@ mod interrupt;
 mod mapping;
 mod maps;
 mod output;
+mod page;
 mod pieces;
 mod pose_graph;
 mod progress;

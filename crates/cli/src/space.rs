@@ -11,6 +11,7 @@ mod source;
 
 pub(crate) use disk::Disk;
 pub(crate) use messages::plan_in_words;
+pub(crate) use picture::up;
 pub(crate) use report::{notes_in_words, notes_json};
 pub(crate) use seek::{Sought, seek};
 pub(crate) use simulated::Simulation;
@@ -39,7 +40,7 @@ use std::path::Path;
 
 const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
-const MAP_SHARE: f64 = 0.1;
+pub(crate) const MAP_SHARE: f64 = 0.1;
 
 /// What is mapped, under which name, where the results go, and how.
 pub(crate) struct Run<'a> {
@@ -175,7 +176,7 @@ impl Mapping {
         let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
         remove_outdated_maps(&mut self.output, 1);
-        picture::write(&mut self.output, source, session, (&map, MAP_SHARE * resolution_m))?;
+        picture::write(&mut self.output, source.sensor(), session, (&map, MAP_SHARE * resolution_m))?;
         let beside = Beside::of(source, &way);
         let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
         let felt = Felt::of(source, &self.mapper);

@@ -13,6 +13,7 @@ mod map;
 mod merge;
 mod optimize;
 mod perturb;
+mod report;
 mod suite;
 
 use crate::args::Command;
@@ -32,6 +33,8 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Report(args) => report::run(&args),
+        Command::Compare(args) => report::run_compare(&args),
         Command::Export(args) => export::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Suite(args) => suite::run(&args),

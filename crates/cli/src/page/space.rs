@@ -1,0 +1,52 @@
+//! Maps of space: a picture from above and from the side.
+
+use super::drawn::{Drawn, drawn};
+use super::figure::Figure;
+use crate::failure::Failure;
+use crate::space::{MAP_SHARE, up};
+use mapwright::{MapPoints, Pose3, Session, SpaceSweep, points_of};
+use mapwright_formats::{SpacePicture, write_bare_space_png};
+use serde_json::Value;
+
+/// Longest side of the picture, pixels.
+const SIDE_PX: usize = 1100;
+/// The side of the smallest voxels where the report does not say, metres.
+const RESOLUTION_M: f64 = 0.5;
+/// What a page shows of a session.
+pub(super) fn draw(session: &Session<SpaceSweep>, report: &Value) -> Result<Drawn, Failure> {
+    let resolution_m = report["resolution_m"].as_f64().filter(|side| *side > 0.0 && side.is_finite());
+    let point_m = MAP_SHARE * resolution_m.unwrap_or(RESOLUTION_M);
+    let way: Vec<Pose3> = session.trajectory().map(|pose| pose.map_from_robot).collect();
+    let map = points_of(session, point_m);
+    let sensor = session.keyframes().first().map(|keyframe| &keyframe.sweep.sensor);
+    let up = sensor.map_or([0.0, 0.0, 1.0], |sensor| up(sensor, &map, &way, point_m));
+    let figure = figure(&map, &way, up, point_m)?;
+    let points = |sweep: &SpaceSweep| sweep.points_m().map(|point| point.map(f64::from)).collect();
+    Ok(drawn(session, report, &session.maps(), vec![figure], up, points))
+}
+
+fn figure(map: &MapPoints, way: &[Pose3], up: [f64; 3], point_m: f64) -> Result<Figure, Failure> {
+    let way_m: Vec<[f64; 3]> = way.iter().map(|pose| pose.translation.into()).collect();
+    let picture = SpacePicture {
+        points_m: &map.points_m,
+        colours: &map.colours,
+        way_m: &way_m,
+        up,
+        point_m,
+        side_px: SIDE_PX,
+        ..SpacePicture::default()
+    };
+    let mut png = Vec::new();
+    let placement =
+        write_bare_space_png(&picture, &mut png).map_err(|cause| Failure::write("report.html", cause))?;
+    Ok(Figure {
+        map: 0,
+        words: "map.png: above the view from above, below it the one from the side; colours are heights, or what a camera saw"
+            .to_owned(),
+        png,
+        size_px: placement.size_px,
+        px_per_metre: placement.px_per_metre,
+        views: placement.views.to_vec(),
+        is_coloured: true,
+    })
+}
