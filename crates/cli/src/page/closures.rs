@@ -9,6 +9,8 @@ use std::fmt::Write;
 
 /// Rows of the table at most; `mapwright explain` lists all.
 const ROWS: usize = 800;
+/// What evidence has for every ambiguity that is no larger.
+const LEAST_AMBIGUITY: f64 = 0.75;
 
 /// The table of all candidates, closures first; `id` is the run's on this page.
 pub(super) fn table(run: &Run, id: &str) -> String {
@@ -81,8 +83,7 @@ pub(super) fn reason(candidate: &CandidateRecord) -> String {
     let mut parts = Vec::new();
     parts.extend(evidence.inlier_share.map(|share| format!("{} of what both see fits", percent(share))));
     parts.extend(evidence.contradiction.map(|share| format!("{} contradicts", percent(share))));
-    let runner_up = evidence.ambiguity.filter(|share| *share > 0.0);
-    parts.extend(runner_up.map(|share| format!("the best other pose fits {} as well", percent(share))));
+    parts.extend(evidence.ambiguity.map(runner_up));
     parts.extend(evidence.cycle_chi2.map(|chi2| format!("cycle chi-square {chi2:.1}")));
     if evidence.agreeing > 0 {
         parts.push(format!("{} agree with it", count(u64::from(evidence.agreeing), "other")));
@@ -137,6 +138,14 @@ fn numbers(candidate: &CandidateRecord) -> Vec<[String; 2]> {
     numbers.push(["points".to_owned(), evidence.points.to_string()]);
     numbers.push(["agreeing".to_owned(), evidence.agreeing.to_string()]);
     numbers
+}
+
+/// How well the best pose elsewhere fits; 0.75 stands for that or less.
+fn runner_up(share: f64) -> String {
+    if share <= LEAST_AMBIGUITY {
+        return "no other pose fits nearly as well".to_owned();
+    }
+    format!("the best other pose fits {:.0} % as well", 100.0 * share)
 }
 
 fn found_by(detection: &str) -> &str {

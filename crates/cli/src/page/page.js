@@ -275,9 +275,9 @@
     const now = points(run, closure.to).map(([u, v]) => [c * u - s * v + x, s * u + c * v + y]);
     const fit = frame(canvas, [...old, ...now, [0, 0], [x, y]]);
     pen.fillStyle = colour("--old");
-    for (const [px, py] of old.map(fit.place)) { pen.beginPath(); pen.arc(px, py, 2.6, 0, 7); pen.fill(); }
+    for (const [px, py] of old.map(fit.place)) { pen.beginPath(); pen.arc(px, py, 3.4, 0, 7); pen.fill(); }
     pen.strokeStyle = colour("--new");
-    pen.lineWidth = 1.6;
+    pen.lineWidth = 1.2;
     pen.beginPath();
     for (const [px, py] of now.map(fit.place)) {
       pen.moveTo(px - 4, py); pen.lineTo(px + 4, py); pen.moveTo(px, py - 4); pen.lineTo(px, py + 4);
@@ -300,7 +300,11 @@
 
   // What shows all points at one scale, y upwards.
   function frame(canvas, shown) {
-    const range = (k) => [Math.min(...shown.map((p) => p[k])), Math.max(...shown.map((p) => p[k]))];
+    const cut = Math.floor(shown.length / 50); // single far points would make all else small
+    const range = (k) => {
+      const along = shown.map((p) => p[k]).sort((a, b) => a - b);
+      return [along[cut], along[along.length - 1 - cut]];
+    };
     const [[x0, x1], [y0, y1]] = [range(0), range(1)];
     const scale = Math.min((canvas.width - 40) / Math.max(x1 - x0, 0.5), (canvas.height - 70) / Math.max(y1 - y0, 0.5));
     const [mx, my] = [(x0 + x1) / 2, (y0 + y1) / 2];

@@ -4,7 +4,7 @@ use super::errors::{self, Errors, Reference};
 use super::html::escaped;
 use super::run::Run;
 use super::sections::{data, layer_switches, maps, section};
-use super::single::what_it_is;
+use super::single::{short_name, what_it_is};
 use super::{Page, closures, fill, inputs, numbers, settings, status, verdict};
 use crate::failure::Failure;
 use serde_json::json;
@@ -55,7 +55,7 @@ fn each(content: impl Fn(usize) -> String) -> String {
 }
 
 fn head(run: &Run, k: usize) -> String {
-    format!("<p><b>{}: {}</b></p><p class=\"note\">{}</p>", NAMES[k], escaped(&run.name), what_it_is(run))
+    format!("<p><b>{}: {}</b></p><p class=\"note\">{}</p>", NAMES[k], escaped(short_name(&run.name)), what_it_is(run))
 }
 
 /// The second way beside the first one.

@@ -15,7 +15,7 @@ pub(super) fn page(folder: &Path, reference: Option<&PathBuf>) -> Result<Page, F
     let run = Run::read(folder)?;
     let reference = Reference::of(reference, &run)?;
     let errors = reference.as_ref().map(|reference| reference.errors(&run)).transpose()?;
-    let mut body = format!("<header><h1>{}</h1>\n<p class=\"note\">{}</p></header>\n", escaped(&run.name), what_it_is(&run));
+    let mut body = format!("<header><h1>{}</h1>\n<p class=\"note\">{}</p></header>\n", escaped(short_name(&run.name)), what_it_is(&run));
     body += &verdict::block(&run.results.report);
     body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref())));
     let map = format!("{}<div class=\"beside\"><div>{}</div>{DETAIL}</div>", layer_switches(&[&run]), maps(&run, "a"));
@@ -34,5 +34,10 @@ pub(super) fn page(folder: &Path, reference: Option<&PathBuf>) -> Result<Page, F
 /// Below the title.
 pub(super) fn what_it_is(run: &Run) -> String {
     let kind = if run.drawn.is_space { "a map of space" } else { "a map of the plane" };
-    escaped(&format!("Results of mapwright in {}, {kind}", run.results.folder.display()))
+    escaped(&format!("{}: {kind}; results in {}", run.name, run.results.folder.display()))
+}
+
+/// Without the folders of a path.
+pub(super) fn short_name(name: &str) -> &str {
+    name.rsplit('/').find(|part| !part.is_empty()).unwrap_or(name)
 }

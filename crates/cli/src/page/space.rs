@@ -8,8 +8,9 @@ use mapwright::{MapPoints, Pose3, Session, SpaceSweep, points_of};
 use mapwright_formats::{SpacePicture, write_bare_space_png};
 use serde_json::Value;
 
-/// Longest side of the picture, pixels.
-const SIDE_PX: usize = 1100;
+/// Longest side of the picture, pixels: the first that takes no more bytes, or the last.
+const SIDES_PX: [usize; 3] = [1100, 900, 700];
+const PICTURE_BYTES: usize = 600_000;
 /// The side of the smallest voxels where the report does not say, metres.
 const RESOLUTION_M: f64 = 0.5;
 /// What a page shows of a session.
@@ -27,18 +28,26 @@ pub(super) fn draw(session: &Session<SpaceSweep>, report: &Value) -> Result<Draw
 
 fn figure(map: &MapPoints, way: &[Pose3], up: [f64; 3], point_m: f64) -> Result<Figure, Failure> {
     let way_m: Vec<[f64; 3]> = way.iter().map(|pose| pose.translation.into()).collect();
-    let picture = SpacePicture {
+    let picture = |side_px| SpacePicture {
         points_m: &map.points_m,
         colours: &map.colours,
         way_m: &way_m,
         up,
         point_m,
-        side_px: SIDE_PX,
+        side_px,
         ..SpacePicture::default()
     };
-    let mut png = Vec::new();
-    let placement =
-        write_bare_space_png(&picture, &mut png).map_err(|cause| Failure::write("report.html", cause))?;
+    let drawn = |side_px| {
+        let mut png = Vec::new();
+        let placement = write_bare_space_png(&picture(side_px), &mut png);
+        placement.map(|placement| (placement, png)).map_err(|cause| Failure::write("report.html", cause))
+    };
+    let (mut placement, mut png) = drawn(SIDES_PX[0])?;
+    for &side_px in &SIDES_PX[1..] {
+        if png.len() > PICTURE_BYTES {
+            (placement, png) = drawn(side_px)?;
+        }
+    }
     Ok(Figure {
         map: 0,
         words: "map.png: above the view from above, below it the one from the side; colours are heights, or what a camera saw"

@@ -68,7 +68,7 @@ fn speed_and_memory(run: &Run) -> String {
     if speeds.is_empty() {
         return "<p class=\"note\">How fast it was along the way was not recorded by this run.</p>\n".to_owned();
     }
-    plot("Speed", "scans/s", speeds) + &plot("Memory", "MiB", memory)
+    format!("<div class=\"plots\">{}{}</div>\n", plot("Speed", "scans/s", speeds), plot("Memory", "MiB", memory))
 }
 
 /// What `timing.json` says along the way: scans a second and MiB, over seconds of the log.
