@@ -122,11 +122,7 @@ impl ClosureFile {
             scan,
             metres,
         });
-        Self {
-            keyframes: session.keyframes().len(),
-            candidates: records(session),
-            slips: slips.collect(),
-        }
+        Self { keyframes: session.keyframes().len(), candidates: records(session), slips: slips.collect() }
     }
 
     /// Reads the file, or that of a folder of results.

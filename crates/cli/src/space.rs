@@ -86,7 +86,8 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     }
     let results = mapping.write_results(&source)?;
     odd.extend(results.odd());
-    let report = report::to_json(name, &source, &notes, &mapping.tally, &results, &losses);
+    let mut report = report::to_json(name, &source, &notes, &mapping.tally, &results, &losses);
+    report["odd"] = json!(odd);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
@@ -147,6 +148,7 @@ impl Mapping {
             let pose = stamped(self.stamper.next(update.stamp), update.map_from_robot);
             online.write(&pose).map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
+        self.clock.scan(update.scan);
         self.progress.scan(update.stamp, self.tally.clouds);
         self.log.add(update.entries)
     }

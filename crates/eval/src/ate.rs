@@ -70,10 +70,7 @@ pub fn ate(reference: &[StampedPose], estimate: &[StampedPose], alignment: Align
 pub fn ate_of_pairs(pairs: &[PosePair], alignment: Alignment) -> Result<Ate, EvalError> {
     let (pairs, not_finite) = finite_pairs(pairs)?;
     let alignment = align(&pairs, alignment)?;
-    let errors: Vec<_> = pairs
-        .iter()
-        .map(|pair| pose_error(pair, &alignment))
-        .collect();
+    let errors: Vec<_> = pairs.iter().map(|pair| pose_error(pair, &alignment)).collect();
     let PoseErrors { translation_m, rotation_deg } =
         PoseErrors::of(&errors).ok_or(EvalError::NothingFinite { pairs: pairs.len() })?;
     Ok(Ate { alignment, translation_m, rotation_deg, not_finite })

@@ -107,8 +107,7 @@ pub fn space_error_series(
         let scaled = Pose3 { translation: scale * pose.translation, rotation: pose.rotation };
         at(k, truth.between(world_from_map * scaled))
     };
-    let measured: Vec<Pose3> =
-        paired.poses.iter().map(|pair| pair[usize::from(!steps.pairs_from_reference)]).collect();
+    let measured: Vec<Pose3> = paired.poses.iter().map(|pair| pair[usize::from(!steps.pairs_from_reference)]).collect();
     let relative = |(i, j): (usize, usize)| at(j, step_error(&paired.poses[i], &paired.poses[j]));
     Ok(ErrorSeries {
         absolute: paired.poses.iter().enumerate().map(absolute).collect(),

@@ -74,7 +74,8 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     if ending == Ending::Interrupted {
         losses.push(format!("interrupted after {}; the results are complete up to there", read.place()));
     }
-    let report = report::full_report(&name, read.to_json(), &mut mapping, &made, &losses);
+    let mut report = report::full_report(&name, read.to_json(), &mut mapping, &made, &losses);
+    report["odd"] = json!(read.oddities());
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;

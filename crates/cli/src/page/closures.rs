@@ -16,7 +16,8 @@ const LEAST_AMBIGUITY: f64 = 0.75;
 pub(super) fn table(run: &Run, id: &str) -> String {
     let candidates = &run.drawn.candidates;
     if candidates.is_empty() {
-        return "<p>The robot came to no place that it might have seen before: no closures, none refused.</p>\n".to_owned();
+        return "<p>The robot came to no place that it might have seen before: no closures, none refused.</p>\n"
+            .to_owned();
     }
     let mut rows: Vec<usize> = (0..candidates.len()).collect();
     rows.sort_by_key(|&number| (candidates[number].verdict, number));
@@ -86,13 +87,15 @@ pub(super) fn reason(candidate: &CandidateRecord) -> String {
     parts.extend(evidence.ambiguity.map(runner_up));
     parts.extend(evidence.cycle_chi2.map(|chi2| format!("cycle chi-square {chi2:.1}")));
     if evidence.agreeing > 0 {
-        parts.push(format!("{} agree with it", count(u64::from(evidence.agreeing), "other")));
+        let verb = if evidence.agreeing == 1 { "agrees" } else { "agree" };
+        parts.push(format!("{} {verb} with it", count(u64::from(evidence.agreeing), "other")));
     }
     if !parts.is_empty() {
         let _ = write!(said, "; {}", parts.join(", "));
     }
     if let Some([from, to]) = &candidate.joins {
-        let _ = write!(said, ". Over a break: of a fragment that began {} and one that began {}", from.start, to.start);
+        let does = if candidate.verdict == VerdictName::Accepted { "joins" } else { "would join" };
+        let _ = write!(said, ". It {does} two fragments over a break ({}; {})", from.start, to.start);
     }
     said + "."
 }
@@ -120,9 +123,9 @@ fn numbers(candidate: &CandidateRecord) -> Vec<[String; 2]> {
     let evidence = &candidate.evidence;
     let mut numbers = vec![["found by".to_owned(), found_by(&candidate.detection).to_owned()]];
     if let Some([x, y, theta]) = candidate.from_from_to {
-        let sigmas = candidate.sigmas.map_or(String::new(), |[sx, sy, st]| {
-            format!(" ± {sx:.3} m, {sy:.3} m, {:.2}°", st.to_degrees())
-        });
+        let sigmas = candidate
+            .sigmas
+            .map_or(String::new(), |[sx, sy, st]| format!(" ± {sx:.3} m, {sy:.3} m, {:.2}°", st.to_degrees()));
         numbers.push(["pose".to_owned(), format!("{x:.3} m, {y:.3} m, {:.2}°{sigmas}", theta.to_degrees())]);
     }
     let shares = [

@@ -57,11 +57,8 @@ pub(super) fn drawn<M: Measurement<Pose: Recorded>>(
 ) -> Drawn {
     let map_of = |place: usize| maps.iter().position(|map| map.has(place)).unwrap_or(0);
     let poses: Vec<Pose3> = session.map_from_keyframe().iter().map(|pose| pose.in_space()).collect();
-    let keyframe = |(at, pose): (usize, &Pose3)| KeyframePlace {
-        place: pose.translation.into(),
-        map: map_of(at),
-        sigma_m: None,
-    };
+    let keyframe =
+        |(at, pose): (usize, &Pose3)| KeyframePlace { place: pose.translation.into(), map: map_of(at), sigma_m: None };
     let keyframes: Vec<KeyframePlace> = poses.iter().enumerate().map(keyframe).collect();
     let candidates = records(session);
     let horizontals = figures.first().map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], Figure::horizontals);

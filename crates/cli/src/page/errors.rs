@@ -145,7 +145,7 @@ pub(super) fn plots(reference: &str, runs: &[(&str, &Run, &Errors)]) -> String {
         });
         Plot { title, unit, length_s, lines: lines.collect() }.to_html()
     };
-    let mut text = format!("<p>Beside <code>{}</code>, aligned rigidly. ", escaped(reference));
+    let mut text = format!("<p>Beside {}, aligned rigidly. ", escaped(reference));
     for (name, _, errors) in runs {
         let name = if runs.len() > 1 { format!("{name}: ") } else { String::new() };
         text += &escaped(&format!("{name}{} ", errors.words()));
@@ -153,7 +153,17 @@ pub(super) fn plots(reference: &str, runs: &[(&str, &Run, &Errors)]) -> String {
     text += "</p>\n<div class=\"plots\">";
     text += &plot("Absolute error (ATE)", "m", |errors| &errors.series.absolute, |error| error.translation_m);
     text += &plot("Heading error", "°", |errors| &errors.series.absolute, |error| error.rotation_deg);
-    text += &plot("Relative error over 1 m of way (RPE)", "m", |errors| &errors.series.relative, |error| error.translation_m);
-    text += &plot("Relative heading error over 1 m of way", "°", |errors| &errors.series.relative, |error| error.rotation_deg);
+    text += &plot(
+        "Relative error over 1 m of way (RPE)",
+        "m",
+        |errors| &errors.series.relative,
+        |error| error.translation_m,
+    );
+    text += &plot(
+        "Relative heading error over 1 m of way",
+        "°",
+        |errors| &errors.series.relative,
+        |error| error.rotation_deg,
+    );
     text + "</div>\n"
 }

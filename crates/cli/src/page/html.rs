@@ -69,7 +69,8 @@ mod tests {
 
     #[test]
     fn base64_is_that_of_the_standard() {
-        let known = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("fooba", "Zm9vYmE=")];
+        let known =
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("fooba", "Zm9vYmE=")];
         known.iter().for_each(|(bytes, text)| assert_eq!(base64(bytes.as_bytes()), *text));
         assert_eq!(base64(&[255, 254, 62]), "//4+");
     }

@@ -70,7 +70,9 @@ fn in_words(drawn: &Drawn, map: usize) -> String {
     let of_map = |keyframe: u32| drawn.keyframes.get(keyframe as usize).is_some_and(|known| known.map == map);
     let closures = drawn.candidates.iter().filter(|c| c.verdict == VerdictName::Accepted && of_map(c.to)).count();
     let poses = drawn.way.iter().filter(|pose| pose.map == map).count();
-    format!("The robot's way over {poses} scans, {doubtful} of them in doubt; {closures} closures, all in the table below.")
+    format!(
+        "The robot's way over {poses} scans, {doubtful} of them in doubt; {closures} closures, all in the table below."
+    )
 }
 
 /// A line through these pixels, thinned, in tenths of a pixel.
@@ -193,9 +195,10 @@ fn uncertainty(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
 
 /// The end of the scale, metres: 1, 2 or 5 times a power of ten; none where no deviation is known.
 pub(super) fn full_m(keyframes: &[KeyframePlace]) -> Option<f64> {
-    let worst_m = keyframes.iter().filter_map(|known| known.sigma_m).fold(None, |most: Option<f64>, sigma_m| {
-        Some(most.map_or(sigma_m, |most| most.max(sigma_m)))
-    })?;
+    let worst_m = keyframes
+        .iter()
+        .filter_map(|known| known.sigma_m)
+        .fold(None, |most: Option<f64>, sigma_m| Some(most.map_or(sigma_m, |most| most.max(sigma_m))))?;
     let ends = (-2..7).flat_map(|power| [1.0, 2.0, 5.0].map(|lead: f64| lead * 10_f64.powi(power)));
     ends.into_iter().find(|&end| end >= worst_m.max(LEAST_FULL_M))
 }

@@ -61,7 +61,8 @@ fn share(report: &Value, status: &str) -> Option<f64> {
 impl Number {
     /// Counts of what is usually not there are told only where it is.
     fn is_told(&self) -> bool {
-        let is_exception = ["breaks", "of them joins over breaks", "wheel slips corrected", "maps", "lost"].contains(&self.what);
+        let is_exception =
+            ["breaks", "of them joins over breaks", "wheel slips corrected", "maps", "lost"].contains(&self.what);
         self.value.is_some_and(|value| !is_exception || value > f64::from(u8::from(self.what == "maps")))
     }
 
@@ -76,15 +77,15 @@ impl Number {
 /// Those of one run.
 pub(super) fn list(numbers: &[Number]) -> String {
     let told = numbers.iter().filter(|number| number.is_told());
-    let entry = |number: &Number| format!("<div><dt>{}</dt><dd>{}</dd></div>\n", number.what, escaped(&number.in_words()));
+    let entry =
+        |number: &Number| format!("<div><dt>{}</dt><dd>{}</dd></div>\n", number.what, escaped(&number.in_words()));
     format!("<dl class=\"numbers\">\n{}</dl>\n", told.map(entry).collect::<String>())
 }
 
 /// Those of two runs, and by how much the second differs from the first.
 pub(super) fn table(names: [&str; 2], [first, second]: [&[Number]; 2]) -> String {
     let mut text = format!(
-        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Numbers of both runs\"><table class=\"numbers\">\
-         <thead><tr><th scope=\"col\"></th><th scope=\"col\">{}</th><th scope=\"col\">{}</th>\
+        "<table class=\"numbers\"><thead><tr><th scope=\"col\"></th><th scope=\"col\">{}</th><th scope=\"col\">{}</th>\
          <th scope=\"col\">difference</th></tr></thead><tbody>\n",
         names[0], names[1]
     );
@@ -98,7 +99,7 @@ pub(super) fn table(names: [&str; 2], [first, second]: [&[Number]; 2]) -> String
             difference(a, b)
         );
     }
-    text + "</tbody></table></div>\n"
+    text + "</tbody></table>\n"
 }
 
 fn difference(a: &Number, b: &Number) -> String {

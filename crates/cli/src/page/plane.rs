@@ -1,7 +1,7 @@
 //! Maps of the plane: a grey picture of at most so many pixels, a whole number of cells each.
 
-use super::figure::Figure;
 use super::drawn::{Drawn, MAPS_SHOWN, drawn};
+use super::figure::Figure;
 use crate::drawing::draw_map;
 use crate::failure::Failure;
 use crate::image::{map_image, without_outliers};
@@ -111,7 +111,8 @@ mod tests {
         cells[7] = 100;
         (cells[0], cells[1]) = (10, 30);
         cells[4] = 20;
-        let map = GridImage { width: 7, height: 5, resolution_m: 0.1, world_from_map: Pose2::new(1.0, 2.0, 0.0), cells };
+        let map =
+            GridImage { width: 7, height: 5, resolution_m: 0.1, world_from_map: Pose2::new(1.0, 2.0, 0.0), cells };
         let small = reduced(&map, 3);
         assert_eq!((small.width, small.height), (3, 2));
         assert_eq!(small.cells, [100, 20, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN]);

@@ -1,10 +1,9 @@
 //! What the pages of one run and of two have in common.
 
+use super::drawn::MAPS_SHOWN;
 use super::figure::Figure;
 use super::html::escaped;
 use super::layers::{self, STEPS, map_name};
-use super::plot::significant;
-use super::drawn::MAPS_SHOWN;
 use super::run::Run;
 use super::{closures, thinning};
 use serde_json::{Value, json};
@@ -15,7 +14,9 @@ const WAY_POINTS: usize = 1500;
 
 /// A heading and what stands below it.
 pub(super) fn section(id: &str, title: &str, content: &str) -> String {
-    format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n{content}</section>\n")
+    format!(
+        "<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n{content}</section>\n"
+    )
 }
 
 /// Switches of the layers and what their signs mean.
@@ -23,10 +24,10 @@ pub(super) fn layer_switches(runs: &[&Run]) -> String {
     let any = |has: &dyn Fn(&Run) -> bool| runs.iter().any(|run| has(run));
     let has_sigmas = any(&|run| layers::full_m(&run.drawn.keyframes).is_some());
     let mut switches = vec![
-        ("path", "Path", true, "<i class=\"sign way\"></i>"),
-        ("closures", "Closures and joins", true, "<i class=\"sign accepted\"></i><i class=\"sign join\"></i>"),
-        ("doubt", "Doubt and breaks", true, "<i class=\"sign degraded\"></i><i class=\"sign break\"></i>"),
-        ("refused", "Refused and waiting", false, "<i class=\"sign refused\"></i>"),
+        ("path", "Path", true, "<i class=\"swatch way\"></i>"),
+        ("closures", "Closures and joins", true, "<i class=\"swatch accepted\"></i><i class=\"swatch join\"></i>"),
+        ("doubt", "Doubt and breaks", true, "<i class=\"swatch degraded\"></i><i class=\"swatch break\"></i>"),
+        ("refused", "Refused and waiting", false, "<i class=\"swatch refused\"></i>"),
     ];
     if has_sigmas {
         switches.push(("uncertainty", "Uncertainty", false, ""));
@@ -45,7 +46,8 @@ fn scale(runs: &[&Run]) -> String {
     for run in runs {
         let Some(full_m) = layers::full_m(&run.drawn.keyframes) else { continue };
         let steps: String = (0..STEPS).map(|step| format!("<i class=\"sigma-{step}\"></i>")).collect();
-        let _ = write!(text, "<span class=\"scale\">±0 m {steps} ±{} m</span>\n", significant(full_m).trim_end_matches('0'));
+        let full_m = (1e3 * full_m).round() / 1e3;
+        let _ = writeln!(text, "<span class=\"scale\">±0 m {steps} ±{full_m} m</span>");
     }
     text
 }
@@ -84,7 +86,8 @@ pub(super) fn data(run: &Run) -> Value {
 
 /// Times in tenths of a second, and where the robot was in each view of its map: whole pixels.
 fn way(run: &Run) -> Value {
-    let timed: Vec<(f64, f64)> = run.drawn.way.iter().enumerate().map(|(k, p)| (run.seconds(p.stamp), k as f64)).collect();
+    let timed: Vec<(f64, f64)> =
+        run.drawn.way.iter().enumerate().map(|(k, p)| (run.seconds(p.stamp), k as f64)).collect();
     let mut told: Vec<Value> = Vec::new();
     for (seconds, k) in thinning::peaks(&timed, WAY_POINTS) {
         let pose = run.drawn.way[k as usize];

@@ -61,7 +61,7 @@ fn head(run: &Run, k: usize) -> String {
 /// The second way beside the first one.
 fn apart([first, second]: [&Run; 2]) -> String {
     match Reference::of_run(first).errors(second) {
-        Ok(errors) => errors::plots("run A", &[("B", second, &errors)]),
+        Ok(errors) => errors::plots("the way of run A that of run B", &[("B", second, &errors)]),
         Err(why) => format!("<p>They cannot be compared: {}.</p>\n", escaped(&why.to_string())),
     }
 }

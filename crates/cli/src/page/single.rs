@@ -1,11 +1,11 @@
 //! The page of one run.
 
 use super::errors::{self, Reference};
+use super::html::escaped;
 use super::run::Run;
 use super::sections::{data, layer_switches, maps, section};
 use super::{Page, closures, fill, inputs, numbers, settings, status, verdict};
 use crate::failure::Failure;
-use super::html::escaped;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,11 @@ pub(super) fn page(folder: &Path, reference: Option<&PathBuf>) -> Result<Page, F
     let run = Run::read(folder)?;
     let reference = Reference::of(reference, &run)?;
     let errors = reference.as_ref().map(|reference| reference.errors(&run)).transpose()?;
-    let mut body = format!("<header><h1>{}</h1>\n<p class=\"note\">{}</p></header>\n", escaped(short_name(&run.name)), what_it_is(&run));
+    let mut body = format!(
+        "<header><h1>{}</h1>\n<p class=\"note\">{}</p></header>\n",
+        escaped(short_name(&run.name)),
+        what_it_is(&run)
+    );
     body += &verdict::block(&run.results.report);
     body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref())));
     let map = format!("{}<div class=\"beside\"><div>{}</div>{DETAIL}</div>", layer_switches(&[&run]), maps(&run, "a"));

@@ -84,8 +84,10 @@ impl Overlays {
 
     /// Points of each keyframe's submap: pairs of 16 bits, the lower byte first, as base64; centimetres.
     pub(super) fn to_json(&self) -> Value {
-        let bytes = |points: &[[i16; 2]]| points.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
-        let submaps = self.submaps.iter().map(|(keyframe, points)| (keyframe.to_string(), json!(base64(&bytes(points)))));
+        let bytes =
+            |points: &[[i16; 2]]| points.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+        let submaps =
+            self.submaps.iter().map(|(keyframe, points)| (keyframe.to_string(), json!(base64(&bytes(points)))));
         Value::Object(submaps.collect::<Map<String, Value>>())
     }
 }
@@ -182,7 +184,8 @@ mod tests {
 
     #[test]
     fn thinned_points_are_few_near_and_spread() {
-        let points: Vec<[f64; 2]> = (0..20_000).map(|k| [f64::from(k % 200) * 0.05, f64::from(k / 200) * 0.05]).collect();
+        let points: Vec<[f64; 2]> =
+            (0..20_000).map(|k| [f64::from(k % 200) * 0.05, f64::from(k / 200) * 0.05]).collect();
         let kept = thinned(points.clone(), 500);
         assert!((300..=500).contains(&kept.len()), "{}", kept.len());
         assert!(kept.iter().any(|[x, y]| *x > 900 && *y > 400));

@@ -26,8 +26,13 @@ pub(super) fn block(report: &Value) -> String {
 fn reason(reason: &Value) -> String {
     let what = reason["what"].as_str().or_else(|| reason.as_str()).unwrap_or("no reason given");
     let evidence = reason.as_object().into_iter().flatten().filter(|(key, value)| *key != "what" && !value.is_null());
-    let evidence: Vec<String> = evidence.map(|(key, value)| format!("{} {}", key.replace('_', " "), plain(value))).collect();
-    let evidence = if evidence.is_empty() { String::new() } else { format!(" <small>({})</small>", escaped(&evidence.join(", "))) };
+    let evidence: Vec<String> =
+        evidence.map(|(key, value)| format!("{} {}", key.replace('_', " "), plain(value))).collect();
+    let evidence = if evidence.is_empty() {
+        String::new()
+    } else {
+        format!(" <small>({})</small>", escaped(&evidence.join(", ")))
+    };
     format!("<li>{}{evidence}</li>", escaped(what))
 }
 

@@ -87,11 +87,7 @@ pub(super) fn encode(canvas: &Canvas, writer: impl Write) -> Result<(), FormatEr
 }
 
 /// The same with more time for fewer bytes.
-pub(super) fn encode_as(
-    canvas: &Canvas,
-    compression: png::Compression,
-    writer: impl Write,
-) -> Result<(), FormatError> {
+pub(super) fn encode_as(canvas: &Canvas, compression: png::Compression, writer: impl Write) -> Result<(), FormatError> {
     let mut encoder = png::Encoder::new(writer, canvas.width as u32, canvas.height as u32);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);

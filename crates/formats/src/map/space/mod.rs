@@ -136,10 +136,7 @@ impl SpacePlacement {
         let placed = |view: &View| {
             let along = |axis: usize, sign: f64| scene.axes[axis].map(|v| sign * px_per_metre * v);
             let origin = view.pixel([0.0; 3]);
-            ViewPlacement {
-                px_from_map: [along(0, 1.0), along(view.vertical, -1.0)],
-                offset_px: origin.map(f64::from),
-            }
+            ViewPlacement { px_from_map: [along(0, 1.0), along(view.vertical, -1.0)], offset_px: origin.map(f64::from) }
         };
         let [above, beside] = &layout.views;
         Self { size_px: [layout.width, layout.height], px_per_metre, views: [placed(above), placed(beside)] }
