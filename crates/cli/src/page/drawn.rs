@@ -34,6 +34,8 @@ pub(super) struct WayPose {
     pub(super) scan: u64,
     pub(super) map_from_robot: Pose3,
     pub(super) map: usize,
+    /// How many breaks lie before it.
+    pub(super) part: usize,
     pub(super) status: Status,
 }
 
@@ -42,6 +44,8 @@ pub(super) struct WayPose {
 pub(super) struct KeyframePlace {
     pub(super) place: [f64; 3],
     pub(super) map: usize,
+    /// How many breaks lie before it.
+    pub(super) part: usize,
     /// Standard deviation of its position relative to where its map begins, metres; none where it is not known.
     pub(super) sigma_m: Option<f64>,
 }
@@ -56,19 +60,24 @@ pub(super) fn drawn<M: Measurement<Pose: Recorded>>(
     points: impl FnMut(&M) -> Vec<[f64; 3]>,
 ) -> Drawn {
     let map_of = |place: usize| maps.iter().position(|map| map.has(place)).unwrap_or(0);
+    let breaks = session.fragments().iter().filter(|fragment| session.is_break(fragment));
+    let breaks = breaks.filter_map(|fragment| Some((session.place(fragment.first)?, fragment.start.name())));
+    let breaks: Vec<(usize, &'static str)> = breaks.collect();
     let poses: Vec<Pose3> = session.map_from_keyframe().iter().map(|pose| pose.in_space()).collect();
-    let keyframe =
-        |(at, pose): (usize, &Pose3)| KeyframePlace { place: pose.translation.into(), map: map_of(at), sigma_m: None };
+    let keyframe = |(at, pose): (usize, &Pose3)| KeyframePlace {
+        place: pose.translation.into(),
+        map: map_of(at),
+        part: breaks.iter().filter(|(first, _)| *first <= at).count(),
+        sigma_m: None,
+    };
     let keyframes: Vec<KeyframePlace> = poses.iter().enumerate().map(keyframe).collect();
     let candidates = records(session);
     let horizontals = figures.first().map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], Figure::horizontals);
     let overlays = Overlays::of(session, &candidates, (&poses, horizontals, up), points);
-    let breaks = session.fragments().iter().filter(|fragment| session.is_break(fragment));
-    let breaks = breaks.filter_map(|fragment| Some((session.place(fragment.first)?, fragment.start.name())));
     Drawn {
         is_space: M::CODE == SpaceSweep::CODE,
         way: way(session, report, &keyframes),
-        breaks: breaks.collect(),
+        breaks,
         keyframes,
         candidates,
         slips: session.slips().len(),
@@ -87,9 +96,9 @@ fn way<M: Measurement>(session: &Session<M>, report: &Value, keyframes: &[Keyfra
             scan += 1;
         }
         let place = known.keyframe.and_then(|id| session.place(id));
-        let map = place.and_then(|place| keyframes.get(place)).map_or(0, |keyframe| keyframe.map);
+        let (map, part) = place.and_then(|place| keyframes.get(place)).map_or((0, 0), |known| (known.map, known.part));
         let map_from_robot = pose.map_from_robot.in_space();
-        way.push(WayPose { stamp: pose.stamp, scan, map_from_robot, map, status: Status::Tracking });
+        way.push(WayPose { stamp: pose.stamp, scan, map_from_robot, map, part, status: Status::Tracking });
     }
     for (status, scans) in doubtful(report) {
         let from = way.partition_point(|pose| pose.scan < scans.start);

@@ -1,6 +1,6 @@
 //! The map with its layers, as SVG in the picture's pixels.
 
-use super::drawn::{Drawn, KeyframePlace};
+use super::drawn::{Drawn, KeyframePlace, WayPose};
 use super::figure::{Figure, pixel};
 use super::html::{base64, escaped};
 use super::run::Run;
@@ -15,7 +15,7 @@ const TOLERANCE_PX: f64 = 0.3;
 /// Coordinates of lines are whole numbers of such a share of a pixel.
 const FINE: f64 = 10.0;
 /// Steps of the scale of uncertainty.
-pub(super) const STEPS: usize = 5;
+const STEPS: usize = 5;
 /// The scale of uncertainty ends here at least, metres, as in `map.png`.
 const LEAST_FULL_M: f64 = 0.05;
 
@@ -98,10 +98,14 @@ type Place<'a> = dyn Fn([f64; 3]) -> [f64; 2] + 'a;
 
 fn path(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     let mut text = String::from("<g class=\"layer-path\">");
-    let of_map = drawn.way.iter().filter(|pose| pose.map == map);
-    let way: Vec<[f64; 2]> = of_map.map(|pose| place(pose.map_from_robot.translation.into())).collect();
-    let d = line(&way);
+    let of_map: Vec<&WayPose> = drawn.way.iter().filter(|pose| pose.map == map).collect();
+    let pixels = |poses: &[&WayPose]| -> Vec<[f64; 2]> {
+        poses.iter().map(|pose| place(pose.map_from_robot.translation.into())).collect()
+    };
+    // Nobody knows how the robot went over a break.
+    let d: String = of_map.chunk_by(|a, b| a.part == b.part).map(|part| line(&pixels(part))).collect();
     let _ = write!(text, "<path class=\"rim\" d=\"{d}\"/><path class=\"way\" d=\"{d}\"/>");
+    let way = pixels(&of_map);
     if let (Some(first), Some(last)) = (way.first(), way.last()) {
         text += &marker("start", *first, "start of the way", "M-7 7L0 -8L7 7Z");
         text += &marker("end", *last, "end of the way", "M-6 -6H6V6H-6Z");
@@ -173,18 +177,19 @@ fn closure(number: usize, class: &str, ends: [[f64; 2]; 2]) -> String {
 
 /// The way in steps of uncertainty; empty where nothing is known of it.
 fn uncertainty(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
-    let Some(full_m) = full_m(&drawn.keyframes) else { return String::new() };
+    let Some(limits_m) = limits_m(&drawn.keyframes) else { return String::new() };
     let step = |known: &KeyframePlace| {
-        let share = known.sigma_m? / full_m;
-        Some(((share * STEPS as f64) as usize).min(STEPS - 1))
+        let sigma_m = known.sigma_m?;
+        Some((known.part, limits_m.iter().position(|&limit_m| sigma_m <= limit_m).unwrap_or(STEPS - 1)))
     };
     let mut lines = vec![String::new(); STEPS];
     let own: Vec<&KeyframePlace> = drawn.keyframes.iter().filter(|known| known.map == map).collect();
     let mut first = 0;
     for run in own.chunk_by(|a, b| step(a) == step(b)) {
-        let end = (first + run.len() + 1).min(own.len());
+        let goes_on = own.get(first + run.len()).is_some_and(|next| next.part == run[0].part);
+        let end = first + run.len() + usize::from(goes_on);
         let pixels: Vec<_> = own[first..end].iter().map(|known| place(known.place)).collect();
-        if let Some(step) = step(run[0]) {
+        if let Some((_, step)) = step(run[0]) {
             lines[step] += &line(&pixels);
         }
         first += run.len();
@@ -193,14 +198,13 @@ fn uncertainty(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     format!("<g class=\"layer-uncertainty\">{}</g>\n", paths.collect::<String>())
 }
 
-/// The end of the scale, metres: 1, 2 or 5 times a power of ten; none where no deviation is known.
-pub(super) fn full_m(keyframes: &[KeyframePlace]) -> Option<f64> {
-    let worst_m = keyframes
-        .iter()
-        .filter_map(|known| known.sigma_m)
-        .fold(None, |most: Option<f64>, sigma_m| Some(most.map_or(sigma_m, |most| most.max(sigma_m))))?;
+/// Where the steps end, metres: each twice as far as the one before, the last at 1, 2 or 5 times a power of ten; none where no deviation
+/// is known.
+pub(super) fn limits_m(keyframes: &[KeyframePlace]) -> Option<[f64; STEPS]> {
+    let worst_m = keyframes.iter().filter_map(|known| known.sigma_m).reduce(f64::max)?;
     let ends = (-2..7).flat_map(|power| [1.0, 2.0, 5.0].map(|lead: f64| lead * 10_f64.powi(power)));
-    ends.into_iter().find(|&end| end >= worst_m.max(LEAST_FULL_M))
+    let full_m = ends.into_iter().find(|&end| end >= worst_m.max(LEAST_FULL_M))?;
+    Some(std::array::from_fn(|step| full_m * 0.5_f64.powi((STEPS - 1 - step) as i32)))
 }
 
 #[cfg(test)]
@@ -216,9 +220,11 @@ mod tests {
 
     #[test]
     fn the_scale_ends_at_a_round_number() {
-        let at = |sigma_m| KeyframePlace { place: [0.0; 3], map: 0, sigma_m };
+        let at = |sigma_m| KeyframePlace { place: [0.0; 3], map: 0, part: 0, sigma_m };
+        let full_m = |keyframes: &[KeyframePlace]| limits_m(keyframes).map(|limits_m| limits_m[STEPS - 1]);
         assert_eq!(full_m(&[at(Some(0.01)), at(None)]), Some(0.05));
         assert_eq!(full_m(&[at(Some(0.01)), at(Some(0.12))]), Some(0.2));
         assert_eq!(full_m(&[at(None)]), None);
+        assert_eq!(limits_m(&[at(Some(0.7))]), Some([0.0625, 0.125, 0.25, 0.5, 1.0]));
     }
 }

@@ -3,7 +3,8 @@
 use super::drawn::MAPS_SHOWN;
 use super::figure::Figure;
 use super::html::escaped;
-use super::layers::{self, STEPS, map_name};
+use super::layers::{self, map_name};
+use super::plot::significant;
 use super::run::Run;
 use super::{closures, thinning};
 use serde_json::{Value, json};
@@ -22,7 +23,7 @@ pub(super) fn section(id: &str, title: &str, content: &str) -> String {
 /// Switches of the layers and what their signs mean.
 pub(super) fn layer_switches(runs: &[&Run]) -> String {
     let any = |has: &dyn Fn(&Run) -> bool| runs.iter().any(|run| has(run));
-    let has_sigmas = any(&|run| layers::full_m(&run.drawn.keyframes).is_some());
+    let has_sigmas = any(&|run| layers::limits_m(&run.drawn.keyframes).is_some());
     let mut switches = vec![
         ("path", "Path", true, "<i class=\"swatch way\"></i>"),
         ("closures", "Closures and joins", true, "<i class=\"swatch accepted\"></i><i class=\"swatch join\"></i>"),
@@ -42,14 +43,14 @@ pub(super) fn layer_switches(runs: &[&Run]) -> String {
 
 /// What the steps of uncertainty stand for.
 fn scale(runs: &[&Run]) -> String {
-    let mut text = String::new();
-    for run in runs {
-        let Some(full_m) = layers::full_m(&run.drawn.keyframes) else { continue };
-        let steps: String = (0..STEPS).map(|step| format!("<i class=\"sigma-{step}\"></i>")).collect();
-        let full_m = (1e3 * full_m).round() / 1e3;
-        let _ = writeln!(text, "<span class=\"scale\">±0 m {steps} ±{full_m} m</span>");
+    let mut scales: Vec<String> = Vec::new();
+    for limits_m in runs.iter().filter_map(|run| layers::limits_m(&run.drawn.keyframes)) {
+        let step = |(step, limit_m): (usize, &f64)| format!("<i class=\"sigma-{step}\"></i>{}", significant(*limit_m));
+        let steps: String = limits_m.iter().enumerate().map(step).collect();
+        scales.push(format!("<span class=\"scale\">one sigma up to {steps} m</span>\n"));
     }
-    text
+    scales.dedup();
+    scales.concat()
 }
 
 /// Every map of a run that has a picture.
