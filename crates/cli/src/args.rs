@@ -19,9 +19,12 @@ use values::{
     parse_seconds, parse_share, parse_slice,
 };
 
+/// The version, the commit and the features.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("MAPWRIGHT_BUILD"), ")");
+
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
 #[derive(Debug, Parser)]
-#[command(name = "mapwright", version, arg_required_else_help = true)]
+#[command(name = "mapwright", version = VERSION, arg_required_else_help = true)]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -62,6 +65,23 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Many simulated worlds mapped and measured against their truth; exit code 3 where a floor is missed.
     Suite(SuiteArgs),
+    /// What a shell needs to complete commands and options, on the standard output.
+    Completions(CompletionsArgs),
+    /// Manual pages: mapwright.1, mapwright-map.1 and so on.
+    Man(ManArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct CompletionsArgs {
+    /// For which shell.
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ManArgs {
+    /// Folder for the pages; made if need be.
+    #[arg(value_name = "FOLDER")]
+    pub(crate) folder: PathBuf,
 }
 
 /// The settings in force: defaults, then the file, then each `--set`.

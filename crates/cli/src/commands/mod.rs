@@ -1,6 +1,7 @@
 //! The commands.
 
 mod calibrate;
+mod completions;
 mod config;
 mod convert;
 mod demo;
@@ -38,5 +39,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Export(args) => export::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Suite(args) => suite::run(&args),
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => completions::run_man(&args),
     }
 }

@@ -62,12 +62,19 @@ impl Browser {
         browser.session = attached["sessionId"].as_str().map(str::to_owned);
         browser.call("Network.enable", &json!({}));
         browser.call("Page.navigate", &json!({ "url": format!("file://{}", page.display()) }));
-        browser.wait_for("document.documentElement.dataset.ready === 'true'");
+        browser.wait_for("document.documentElement?.dataset.ready === 'true'");
         browser
     }
 
-    /// The answer to a command.
+    /// What a command results in.
     pub(crate) fn call(&mut self, method: &str, parameters: &Value) -> Value {
+        let answer = self.answer(method, parameters);
+        assert!(answer["error"].is_null(), "{method}: {answer}");
+        answer["result"].clone()
+    }
+
+    /// The answer to a command, be it an error.
+    fn answer(&mut self, method: &str, parameters: &Value) -> Value {
         self.next_id += 1;
         let mut message = json!({ "id": self.next_id, "method": method, "params": parameters });
         if let Some(session) = &self.session {
@@ -77,8 +84,7 @@ impl Browser {
         loop {
             let answer = self.answers.recv_timeout(PATIENCE).unwrap_or_else(|_| panic!("no answer to {method}"));
             if answer["id"] == self.next_id {
-                assert!(answer["error"].is_null(), "{method}: {answer}");
-                return answer["result"].clone();
+                return answer;
             }
         }
     }
@@ -94,9 +100,11 @@ impl Browser {
         self.value(expression).as_str().unwrap_or_default().to_owned()
     }
 
+    /// Waits until an expression is true; while a page is being loaded it may have no value.
     pub(crate) fn wait_for(&mut self, expression: &str) {
         let begun = Instant::now();
-        while self.value(expression) != true {
+        let parameters = json!({ "expression": expression, "returnByValue": true });
+        while self.answer("Runtime.evaluate", &parameters)["result"]["result"]["value"] != true {
             assert!(begun.elapsed() < PATIENCE, "waited for {expression}");
             std::thread::sleep(Duration::from_millis(30));
         }
