@@ -2,21 +2,20 @@
 
 use crate::args::{CompareArgs, ReportArgs};
 use crate::failure::{Failure, Outcome};
+use crate::maps::PAGE;
 use crate::output::write_whole;
 use crate::page::{Page, compare, report};
 use crate::terminal::{grouped, say};
 use std::io::Write;
 use std::path::Path;
 
-/// In the folder of results.
-const NAME: &str = "report.html";
 /// In the present folder.
 const COMPARED: &str = "compare.html";
 
 pub(super) fn run(args: &ReportArgs) -> Result<Outcome, Failure> {
     let page = report(&args.results, args.reference.as_ref())?;
     let beside = || {
-        if args.results.is_dir() { args.results.join(NAME) } else { args.results.with_file_name(NAME) }
+        if args.results.is_dir() { args.results.join(PAGE) } else { args.results.with_file_name(PAGE) }
     };
     write(&page, &args.output.clone().unwrap_or_else(beside))
 }

@@ -46,7 +46,7 @@ pub(super) struct KeyframePlace {
     pub(super) map: usize,
     /// How many breaks lie before it.
     pub(super) part: usize,
-    /// Standard deviation of its position relative to where its map begins, metres; none where it is not known.
+    /// Standard deviation of its position relative to where its map begins, in space to where the way ends, metres; none where it is not known.
     pub(super) sigma_m: Option<f64>,
 }
 

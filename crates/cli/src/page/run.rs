@@ -24,7 +24,10 @@ impl Run {
                 let settings = settings_of(session, path)?;
                 (settings, plane::draw(session, &settings, &results.report)?)
             }
-            AnySession::Space(session) => (settings_of(session, path)?, space::draw(session, &results.report)?),
+            AnySession::Space(session) => {
+                let settings = settings_of(session, path)?;
+                (settings, space::draw(session, settings, &results.report)?)
+            }
         };
         let settings = Some(settings).filter(|_| !drawn.way.is_empty());
         Ok(Self { name: results.name(), results, settings, drawn })

@@ -44,10 +44,12 @@ pub(super) fn layer_switches(runs: &[&Run]) -> String {
 /// What the steps of uncertainty stand for.
 fn scale(runs: &[&Run]) -> String {
     let mut scales: Vec<String> = Vec::new();
-    for limits_m in runs.iter().filter_map(|run| layers::limits_m(&run.drawn.keyframes)) {
+    for run in runs {
+        let Some(limits_m) = layers::limits_m(&run.drawn.keyframes) else { continue };
+        let from = if run.drawn.is_space { "where the way ends" } else { "where the map begins" };
         let step = |(step, limit_m): (usize, &f64)| format!("<i class=\"sigma-{step}\"></i>{}", significant(*limit_m));
         let steps: String = limits_m.iter().enumerate().map(step).collect();
-        scales.push(format!("<span class=\"scale\">one sigma up to {steps} m</span>\n"));
+        scales.push(format!("<span class=\"scale\">one sigma relative to {from}, up to{steps} m</span>\n"));
     }
     scales.dedup();
     scales.concat()
