@@ -19,9 +19,12 @@ use values::{
     parse_seconds, parse_share, parse_slice,
 };
 
+/// The version, the commit and the features.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("MAPWRIGHT_BUILD"), ")");
+
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
 #[derive(Debug, Parser)]
-#[command(name = "mapwright", version, arg_required_else_help = true)]
+#[command(name = "mapwright", version = VERSION, arg_required_else_help = true)]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -52,12 +55,33 @@ pub(crate) enum Command {
     /// Every place where the robot may have come back, from a folder of results: what was found, decided and why; and the
     /// wheels' slips.
     Explain(ExplainArgs),
+    /// One self-contained page of a folder of results, to look at and to mail: map, closures, errors, status, settings.
+    Report(ReportArgs),
+    /// One such page of two folders of results side by side.
+    Compare(CompareArgs),
     /// Results for other tools, from a folder of results: trajectories, maps, or everything as MCAP.
     Export(ExportArgs),
     /// A log in another format, told by the ending of its name: CARMEN (.clf, .log), ROS 1 bag (.bag), MCAP (.mcap).
     Convert(ConvertArgs),
     /// Many simulated worlds mapped and measured against their truth; exit code 3 where a floor is missed.
     Suite(SuiteArgs),
+    /// What a shell needs to complete commands and options, on the standard output.
+    Completions(CompletionsArgs),
+    /// Manual pages: mapwright.1, mapwright-map.1 and so on.
+    Man(ManArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct CompletionsArgs {
+    /// For which shell.
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ManArgs {
+    /// Folder for the pages; made if need be.
+    #[arg(value_name = "FOLDER")]
+    pub(crate) folder: PathBuf,
 }
 
 /// The settings in force: defaults, then the file, then each `--set`.
@@ -372,6 +396,36 @@ pub(crate) struct ExplainArgs {
     /// Only those that this keyframe takes part in.
     #[arg(long, value_name = "N")]
     pub(crate) keyframe: Option<u32>,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ReportArgs {
+    /// Folder of results of `mapwright map`, of the plane or of space.
+    #[arg(value_name = "OUT")]
+    pub(crate) results: PathBuf,
+    /// Reference trajectory to draw errors beside: TUM, stamp x y theta, or KITTI's 12 numbers, a row for each scan. Otherwise the truth that
+    /// a simulated run has left in its folder.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) reference: Option<PathBuf>,
+    /// The page; otherwise report.html in the folder of results.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct CompareArgs {
+    /// Folder of results of `mapwright map`.
+    #[arg(value_name = "OUT1")]
+    pub(crate) first: PathBuf,
+    /// The other one.
+    #[arg(value_name = "OUT2")]
+    pub(crate) second: PathBuf,
+    /// Reference trajectory to draw the errors of both beside, as for `report`.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) reference: Option<PathBuf>,
+    /// The page; otherwise compare.html in the present folder.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
 }
 
 #[derive(Debug, ClapArgs)]

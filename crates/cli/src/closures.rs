@@ -1,7 +1,9 @@
 //! `closures.json`: every place the robot may have come back to, what speaks for it and what was decided.
 
 use crate::failure::Failure;
-use mapwright::{Candidate, Fragment, KeyframeId, Session, Verdict, WheelSlip};
+use mapwright::{Candidate, Cov3, Cov6, Fragment, KeyframeId, Pose2, Pose3, Session, Verdict, WheelSlip};
+use mapwright_geom::Pose;
+use mapwright_record::Measurement;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -120,11 +122,7 @@ impl ClosureFile {
             scan,
             metres,
         });
-        Self {
-            keyframes: session.keyframes().len(),
-            candidates: session.candidates().iter().map(|candidate| record(candidate, session)).collect(),
-            slips: slips.collect(),
-        }
+        Self { keyframes: session.keyframes().len(), candidates: records(session), slips: slips.collect() }
     }
 
     /// Reads the file, or that of a folder of results.
@@ -144,17 +142,50 @@ impl ClosureFile {
     }
 }
 
+/// What a record holds of a pose.
+pub(crate) trait Recorded: Pose {
+    /// Metres, metres, radians: in space of the rotation about z.
+    fn in_plane(self) -> [f64; 3];
+    /// The variances of these.
+    fn variances(covariance: &Self::Matrix) -> [f64; 3];
+}
+
+impl Recorded for Pose2 {
+    fn in_plane(self) -> [f64; 3] {
+        [self.x, self.y, self.theta]
+    }
+
+    fn variances(covariance: &Cov3) -> [f64; 3] {
+        [0, 1, 2].map(|k: usize| covariance[(k, k)])
+    }
+}
+
+impl Recorded for Pose3 {
+    fn in_plane(self) -> [f64; 3] {
+        [self.translation.x, self.translation.y, self.rotation.scaled_axis().z]
+    }
+
+    fn variances(covariance: &Cov6) -> [f64; 3] {
+        [0, 1, 5].map(|k: usize| covariance[(k, k)])
+    }
+}
+
+/// All candidates of a session in the order they were looked at.
+pub(crate) fn records<M: Measurement<Pose: Recorded>>(session: &Session<M>) -> Vec<CandidateRecord> {
+    session.candidates().iter().map(|candidate| record(candidate, session)).collect()
+}
+
 /// A keyframe's place in the session; the next one's where it is not there.
-fn place(session: &Session, id: KeyframeId) -> u32 {
+fn place<M: Measurement>(session: &Session<M>, id: KeyframeId) -> u32 {
     session.place(id).unwrap_or(session.keyframes().len()) as u32
 }
 
-fn stamp_s(session: &Session, id: KeyframeId) -> Option<f64> {
+fn stamp_s<M: Measurement>(session: &Session<M>, id: KeyframeId) -> Option<f64> {
     Some(session.keyframes()[session.place(id)?].stamp.as_secs_f64())
 }
 
 /// The fragments that a candidate joins, if a break lies between its keyframes.
-fn joins(candidate: &Candidate, session: &Session) -> Option<[FragmentRecord; 2]> {
+fn joins<M: Measurement>(candidate: &Candidate<M::Pose>, session: &Session<M>) -> Option<[FragmentRecord; 2]> {
     let ends = [candidate.from, candidate.to].map(|id| place(session, id) as usize);
     let record = |fragment: Fragment| FragmentRecord {
         start: fragment.start.name().to_owned(),
@@ -163,11 +194,11 @@ fn joins(candidate: &Candidate, session: &Session) -> Option<[FragmentRecord; 2]
     session.joined_fragments(ends).map(|both| both.map(record))
 }
 
-fn record(candidate: &Candidate, session: &Session) -> CandidateRecord {
+fn record<M: Measurement<Pose: Recorded>>(candidate: &Candidate<M::Pose>, session: &Session<M>) -> CandidateRecord {
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
     let evidence = &candidate.evidence;
     let found = candidate.from_from_to.filter(|pose| pose.is_finite());
-    let sigmas = [0, 1, 2].map(|k: usize| candidate.covariance[(k, k)].max(0.0).sqrt());
+    let sigmas = <M::Pose as Recorded>::variances(&candidate.covariance).map(|variance| variance.max(0.0).sqrt());
     CandidateRecord {
         from: place(session, candidate.from),
         to: place(session, candidate.to),
@@ -186,7 +217,7 @@ fn record(candidate: &Candidate, session: &Session) -> CandidateRecord {
             cycle_chi2: finite(evidence.cycle_chi2),
             agreeing: evidence.agreeing,
         },
-        from_from_to: found.map(|pose| [pose.x, pose.y, pose.theta]),
+        from_from_to: found.map(Recorded::in_plane),
         sigmas: found.and(Some(sigmas).filter(|sigmas| sigmas.iter().all(|sigma| sigma.is_finite()))),
         joins: joins(candidate, session),
     }

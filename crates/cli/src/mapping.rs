@@ -115,6 +115,7 @@ impl Mapping {
             written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
         self.local_map = update.local_map;
+        self.clock.scan(update.scan);
         self.progress.scan(update.stamp, position);
         self.log.add(update.entries)
     }

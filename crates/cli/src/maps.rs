@@ -12,6 +12,8 @@ use serde_json::{Value, json};
 
 /// The way's length is summed over steps of at least so much, so that standing still adds nothing, metres.
 const PATH_STEP_M: f64 = 0.05;
+/// What `mapwright report` makes of a folder.
+pub(crate) const PAGE: &str = "report.html";
 /// What there is of each map.
 const ENDINGS: [&str; 3] = ["png", "pgm", "yaml"];
 
@@ -20,8 +22,9 @@ pub(crate) fn map_file(map: usize, ending: &str) -> String {
     if map == 0 { format!("map.{ending}") } else { format!("map-{}.{ending}", map + 1) }
 }
 
-/// With the folder's commit the files go that an earlier run with more maps has left in it.
+/// With the folder's commit the files go that an earlier run with more maps has left in it, and the page that shows them.
 pub(crate) fn remove_outdated_maps(output: &mut OutputFolder, maps: usize) {
+    output.remove_outdated(PAGE.to_owned());
     for map in maps.. {
         let files = ENDINGS.map(|ending| output.remove_outdated(map_file(map, ending)));
         if files == [false; 3] {

@@ -174,7 +174,7 @@ pub(crate) fn map_of(session: &Session, map: &SeparateMap, path: &Path) -> Resul
 }
 
 /// The settings of the last run; files of version 1 have them as JSON.
-fn settings_of(session: &Session, path: &Path) -> Result<Settings, Failure> {
+pub(crate) fn settings_of<M: Measurement>(session: &Session<M>, path: &Path) -> Result<Settings, Failure> {
     let failed = |cause: String| Failure::Session { path: path.to_owned(), cause: format!("its settings: {cause}") };
     let text = session.runs().last().map_or("", |run| run.settings.as_str());
     if !text.starts_with('{') {

@@ -11,6 +11,7 @@ mod source;
 
 pub(crate) use disk::Disk;
 pub(crate) use messages::plan_in_words;
+pub(crate) use picture::up;
 pub(crate) use report::{notes_in_words, notes_json};
 pub(crate) use seek::{Sought, seek};
 pub(crate) use simulated::Simulation;
@@ -39,7 +40,7 @@ use std::path::Path;
 
 const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
-const MAP_SHARE: f64 = 0.1;
+pub(crate) const MAP_SHARE: f64 = 0.1;
 
 /// What is mapped, under which name, where the results go, and how.
 pub(crate) struct Run<'a> {
@@ -85,7 +86,8 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     }
     let results = mapping.write_results(&source)?;
     odd.extend(results.odd());
-    let report = report::to_json(name, &source, &notes, &mapping.tally, &results, &losses);
+    let mut report = report::to_json(name, &source, &notes, &mapping.tally, &results, &losses);
+    report["odd"] = json!(odd);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
@@ -146,6 +148,7 @@ impl Mapping {
             let pose = stamped(self.stamper.next(update.stamp), update.map_from_robot);
             online.write(&pose).map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
+        self.clock.scan(update.scan);
         self.progress.scan(update.stamp, self.tally.clouds);
         self.log.add(update.entries)
     }
@@ -175,7 +178,7 @@ impl Mapping {
         let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
         remove_outdated_maps(&mut self.output, 1);
-        picture::write(&mut self.output, source, session, (&map, MAP_SHARE * resolution_m))?;
+        picture::write(&mut self.output, source.sensor(), session, (&map, MAP_SHARE * resolution_m))?;
         let beside = Beside::of(source, &way);
         let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
         let felt = Felt::of(source, &self.mapper);

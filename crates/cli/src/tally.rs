@@ -1,24 +1,13 @@
 //! What became of the scans: status over time, how well they fit, what was refused.
 
 use crate::doubt::Doubts;
+use crate::status_runs::StatusRuns;
 use mapwright::{BeamCounts, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Runs of equal status that are listed; further ones are only counted.
-const RUNS_KEPT: usize = 1000;
 /// Bins of the inlier shares.
 const BINS: usize = 1000;
-
-/// Scans in a row with the same status.
-#[derive(Debug, Clone, Copy)]
-struct Run {
-    status: Status,
-    first_scan: u64,
-    scans: u64,
-    from: Stamp,
-    to: Stamp,
-}
 
 /// Counts over all updates; memory is bounded.
 #[derive(Debug, Clone)]
@@ -27,9 +16,7 @@ pub(crate) struct Tally {
     pub(crate) refused: BTreeMap<&'static str, u64>,
     pub(crate) doubts: Doubts,
     by_status: [u64; 3],
-    runs: Vec<Run>,
-    runs_in_all: u64,
-    open: Option<Run>,
+    runs: StatusRuns,
     inlier_shares: Vec<u64>,
     matched: u64,
     restarted: u64,
@@ -49,9 +36,7 @@ impl Default for Tally {
             refused: BTreeMap::new(),
             doubts: Doubts::default(),
             by_status: [0; 3],
-            runs: Vec::new(),
-            runs_in_all: 0,
-            open: None,
+            runs: StatusRuns::default(),
             inlier_shares: vec![0; BINS + 1],
             matched: 0,
             restarted: 0,
@@ -85,30 +70,7 @@ impl Tally {
             self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
         }
         self.doubts.add(update, by_odometry);
-        self.extend_run(update);
-    }
-
-    fn extend_run(&mut self, update: &Update) {
-        match &mut self.open {
-            Some(run) if run.status == update.status => {
-                run.scans += 1;
-                run.to = update.stamp;
-            }
-            _ => {
-                self.close_run();
-                let (status, first_scan, stamp) = (update.status, update.scan, update.stamp);
-                self.open = Some(Run { status, first_scan, scans: 1, from: stamp, to: stamp });
-            }
-        }
-    }
-
-    fn close_run(&mut self) {
-        if let Some(run) = self.open.take() {
-            self.runs_in_all += 1;
-            if self.runs.len() < RUNS_KEPT {
-                self.runs.push(run);
-            }
-        }
+        self.runs.add(update.status, update.scan, update.stamp);
     }
 
     /// Time between the earliest and the latest stamp, seconds.
@@ -137,14 +99,13 @@ impl Tally {
         (self.matched > 0).then_some(bin as f64 / BINS as f64)
     }
 
-    pub(crate) fn status_report(&mut self) -> Value {
-        self.close_run();
-        let runs: Vec<Value> = self.runs.iter().map(run_report).collect();
+    pub(crate) fn status_report(&self) -> Value {
+        let (run_count, runs) = self.runs.report();
         json!({
             "tracking": self.count(Status::Tracking),
             "degraded": self.count(Status::Degraded),
             "lost": self.count(Status::Lost),
-            "run_count": self.runs_in_all,
+            "run_count": run_count,
             "runs": runs,
             "doubt": self.doubts.report(),
         })
@@ -171,14 +132,4 @@ impl Tally {
             "refused": self.beams.refused,
         })
     }
-}
-
-fn run_report(run: &Run) -> Value {
-    json!({
-        "status": run.status.name(),
-        "first_scan": run.first_scan,
-        "scans": run.scans,
-        "from_s": run.from.as_secs_f64(),
-        "to_s": run.to.as_secs_f64(),
-    })
 }

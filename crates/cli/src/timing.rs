@@ -1,5 +1,6 @@
 //! Where the time goes: the only clock in the house.
 
+use crate::pace::Pace;
 use mapwright::{Probe, Stage};
 use serde_json::{Value, json};
 use std::fs;
@@ -20,12 +21,20 @@ pub(crate) struct StageClock {
     last: Instant,
     stages: [Duration; STAGES.len()],
     scanning: Duration,
+    pace: Pace,
 }
 
 impl StageClock {
     pub(crate) fn start() -> Self {
         let now = Instant::now();
-        Self { started: now, last: now, stages: [Duration::ZERO; STAGES.len()], scanning: Duration::ZERO }
+        let stages = [Duration::ZERO; STAGES.len()];
+        Self { started: now, last: now, stages, scanning: Duration::ZERO, pace: Pace::default() }
+    }
+
+    /// A scan is through, by its number.
+    pub(crate) fn scan(&mut self, scan: u64) {
+        let started = self.started;
+        self.pace.scan(scan, || (started.elapsed().as_secs_f64(), memory_mib("VmRSS:")));
     }
 
     /// All scans are through; what comes is writing.
@@ -54,6 +63,7 @@ impl StageClock {
             "scans_per_second": scans as f64 / total_s,
             "times_real_time": log_s / total_s,
             "peak_memory_mib": peak_memory_mib(),
+            "over_the_run": self.pace.report(),
         })
     }
 }
@@ -100,8 +110,13 @@ fn thread_cpu_ns() -> Option<u64> {
 
 /// Most memory the process ever had, where the system says so.
 pub(crate) fn peak_memory_mib() -> Option<f64> {
+    memory_mib("VmHWM:")
+}
+
+/// What the system says under a name.
+fn memory_mib(name: &str) -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix(name))?;
     let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
     Some(kib / 1024.0)
 }

@@ -70,17 +70,16 @@ pub fn ate(reference: &[StampedPose], estimate: &[StampedPose], alignment: Align
 pub fn ate_of_pairs(pairs: &[PosePair], alignment: Alignment) -> Result<Ate, EvalError> {
     let (pairs, not_finite) = finite_pairs(pairs)?;
     let alignment = align(&pairs, alignment)?;
-    let errors: Vec<_> = pairs
-        .iter()
-        .map(|pair| {
-            let estimated_from_true = alignment.apply(pair.map_from_robot).between(pair.world_from_robot);
-            let metres = estimated_from_true.x.hypot(estimated_from_true.y);
-            (metres, estimated_from_true.theta.abs().to_degrees())
-        })
-        .collect();
+    let errors: Vec<_> = pairs.iter().map(|pair| pose_error(pair, &alignment)).collect();
     let PoseErrors { translation_m, rotation_deg } =
         PoseErrors::of(&errors).ok_or(EvalError::NothingFinite { pairs: pairs.len() })?;
     Ok(Ate { alignment, translation_m, rotation_deg, not_finite })
+}
+
+/// Metres and degrees.
+pub(crate) fn pose_error(pair: &PosePair, alignment: &Similarity2) -> (f64, f64) {
+    let estimated_from_true = alignment.apply(pair.map_from_robot).between(pair.world_from_robot);
+    (estimated_from_true.x.hypot(estimated_from_true.y), estimated_from_true.theta.abs().to_degrees())
 }
 
 /// The alignment that minimises the summed squared distances of the positions (Umeyama 1991, eqs. 34 to 42; in the

@@ -3,6 +3,7 @@
 //! - [`relation_errors`]: the error of relative poses against surveyed ones (Kümmerle et al. 2009). It punishes what is
 //!   wrong locally and never depends on where the map's origin lies.
 //! - [`ate`] and [`rpe`]: absolute trajectory error after alignment and relative pose error, as evo defines them.
+//! - [`error_series`]: the same pose by pose, to be drawn over time.
 //! - [`space_errors`]: the same in space, and the errors of KITTI's benchmark.
 //! - [`revisit_errors`]: without a reference, by how much clouds of different visits ask to be moved onto each other.
 //! - [`Nees`]: whether covariances are honest.
@@ -38,6 +39,7 @@ mod nees;
 mod relations;
 mod revisits;
 mod rpe;
+mod series;
 mod space;
 mod stats;
 
@@ -49,5 +51,6 @@ pub use nees::{Nees, chi_square_quantile};
 pub use relations::{MissingRelation, MissingSide, Relation, RelationError, RelationReport, relation_errors};
 pub use revisits::{RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
 pub use rpe::{Delta, Rpe, RpeSettings, rpe, rpe_of_pairs};
-pub use space::{SegmentError, SegmentErrors, SpaceErrors, space_errors, space_nees};
+pub use series::{ErrorAt, ErrorSeries, error_series};
+pub use space::{SegmentError, SegmentErrors, SpaceErrors, space_error_series, space_errors, space_nees};
 pub use stats::{ErrorStats, PoseErrors};

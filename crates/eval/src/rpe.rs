@@ -86,7 +86,7 @@ pub(crate) fn no_pairs(settings: &RpeSettings, poses: usize) -> EvalError {
     EvalError::NoPairs { delta, poses }
 }
 
-fn step_error(i: &PosePair, j: &PosePair) -> (f64, f64) {
+pub(crate) fn step_error(i: &PosePair, j: &PosePair) -> (f64, f64) {
     let true_i_from_j = i.world_from_robot.between(j.world_from_robot);
     let estimated_i_from_j = i.map_from_robot.between(j.map_from_robot);
     let error = true_i_from_j.between(estimated_i_from_j);

@@ -4,6 +4,7 @@ use crate::associate::{MAX_STAMP_DIFFERENCE_S, paired_stamps};
 use crate::ate::Alignment;
 use crate::error::EvalError;
 use crate::rpe::{RpeSettings, no_pairs, steps_along};
+use crate::series::{ErrorAt, ErrorSeries};
 use crate::stats::PoseErrors;
 use mapwright_geom::{Cov6, Pose3, Stamp};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -89,6 +90,31 @@ pub fn space_errors(
     })
 }
 
+/// The errors of [`space_errors`] pose by pose and step by step, to be drawn over time.
+///
+/// # Errors
+/// When no stamps match, no pose is finite, or the poses all but lie on a line and so cannot be aligned.
+pub fn space_error_series(
+    reference: &[(Stamp, Pose3)],
+    estimate: &[(Stamp, Pose3)],
+    alignment: Alignment,
+    steps: &RpeSettings,
+) -> Result<ErrorSeries, EvalError> {
+    let paired = Paired::of(reference, estimate)?;
+    let (scale, world_from_map) = aligned(&paired.poses, alignment)?;
+    let at = |k: usize, error: Pose3| ErrorAt::of(paired.stamps[k], size(error));
+    let absolute = |(k, [truth, pose]): (usize, &[Pose3; 2])| {
+        let scaled = Pose3 { translation: scale * pose.translation, rotation: pose.rotation };
+        at(k, truth.between(world_from_map * scaled))
+    };
+    let measured: Vec<Pose3> = paired.poses.iter().map(|pair| pair[usize::from(!steps.pairs_from_reference)]).collect();
+    let relative = |(i, j): (usize, usize)| at(j, step_error(&paired.poses[i], &paired.poses[j]));
+    Ok(ErrorSeries {
+        absolute: paired.poses.iter().enumerate().map(absolute).collect(),
+        relative: steps_along(&measured, steps)?.into_iter().map(relative).collect(),
+    })
+}
+
 /// `e^T P^-1 e` of a pose in space and the covariance of its right perturbation (m^2, m rad, rad^2), the normalised estimation error
 /// squared as of [`Nees`](crate::Nees): 6 on average where covariances are honest. None where something is not finite or the
 /// covariance not positive definite.
@@ -102,6 +128,8 @@ pub fn space_nees(world_from_robot: Pose3, estimated_world_from_robot: Pose3, co
 
 /// Poses of the reference and of the estimate that belong together.
 struct Paired {
+    /// The reference's.
+    stamps: Vec<Stamp>,
     poses: Vec<[Pose3; 2]>,
     not_finite: usize,
 }
@@ -110,13 +138,13 @@ impl Paired {
     fn of(reference: &[(Stamp, Pose3)], estimate: &[(Stamp, Pose3)]) -> Result<Self, EvalError> {
         let stamps = |poses: &[(Stamp, Pose3)]| poses.iter().map(|(stamp, _)| *stamp).collect::<Vec<_>>();
         let paired = paired_stamps(&stamps(reference), &stamps(estimate), MAX_STAMP_DIFFERENCE_S)?;
-        let pair = |&[i, j]: &[usize; 2]| [reference[i].1, estimate[j].1];
-        let is_finite = |pair: &[Pose3; 2]| pair.iter().all(|pose| pose.is_finite());
-        let poses: Vec<_> = paired.iter().map(pair).filter(is_finite).collect();
+        let pair = |&[i, j]: &[usize; 2]| (reference[i].0, [reference[i].1, estimate[j].1]);
+        let is_finite = |(_, pair): &(Stamp, [Pose3; 2])| pair.iter().all(|pose| pose.is_finite());
+        let (stamps, poses): (Vec<_>, Vec<_>) = paired.iter().map(pair).filter(is_finite).unzip();
         if poses.is_empty() {
             return Err(EvalError::NothingFinite { pairs: paired.len() });
         }
-        Ok(Self { not_finite: paired.len() - poses.len(), poses })
+        Ok(Self { not_finite: paired.len() - poses.len(), stamps, poses })
     }
 }
 

@@ -76,7 +76,8 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     }
     let usable = report::usable(&mapping, &made);
     losses.extend(usable.loss());
-    let report = report::full_report(&name, read.to_json(), &mut mapping, &made, &usable, &losses);
+    let mut report = report::full_report(&name, read.to_json(), &mut mapping, &made, &usable, &losses);
+    report["odd"] = json!(read.oddities());
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;

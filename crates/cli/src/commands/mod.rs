@@ -1,6 +1,7 @@
 //! The commands.
 
 mod calibrate;
+mod completions;
 mod config;
 mod convert;
 mod demo;
@@ -13,6 +14,7 @@ mod map;
 mod merge;
 mod optimize;
 mod perturb;
+mod report;
 mod suite;
 
 use crate::args::Command;
@@ -32,8 +34,12 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Report(args) => report::run(&args),
+        Command::Compare(args) => report::run_compare(&args),
         Command::Export(args) => export::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Suite(args) => suite::run(&args),
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => completions::run_man(&args),
     }
 }

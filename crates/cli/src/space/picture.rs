@@ -1,17 +1,16 @@
 //! `map.png` of a map of space.
 
-use super::source::Source;
 use crate::failure::Failure;
 use crate::output::OutputFolder;
 use crate::pose_graph::standing;
-use mapwright::{EdgeKind, MapPoints, Pose3, Session, SpaceSweep};
+use mapwright::{EdgeKind, MapPoints, Pose3, Session, SpaceSensor, SpaceSweep};
 use mapwright_formats::{SpacePicture, upward, write_space_png};
 use nalgebra::Vector3;
 
 /// Writes the map with the way and the closures.
 pub(super) fn write(
     output: &mut OutputFolder,
-    source: &Source<'_>,
+    sensor: &SpaceSensor,
     session: &Session<SpaceSweep>,
     (map, point_m): (&MapPoints, f64),
 ) -> Result<(), Failure> {
@@ -20,7 +19,7 @@ pub(super) fn write(
     let poses = session.map_from_keyframe();
     let closures = standing(session).filter(|(_, edge)| edge.kind == EdgeKind::Closure);
     let closures_m: Vec<_> = closures.map(|(ends, _)| ends.map(|end| poses[end].translation.into())).collect();
-    let up = up(source.looks_along_z(), map, &way, point_m);
+    let up = up(sensor, map, &way, point_m);
     let (points_m, colours) = (&map.points_m, &map.colours);
     let picture = SpacePicture {
         points_m,
@@ -36,7 +35,9 @@ pub(super) fn write(
 
 /// Up as the floor says, near to where it should be: for a depth camera, whose frame has z ahead, x to the right and y down, near to
 /// where it was up on average; for a lidar, which may have been held askew, near to z.
-fn up(is_camera: bool, map: &MapPoints, way: &[Pose3], point_m: f64) -> [f64; 3] {
+pub(crate) fn up(sensor: &SpaceSensor, map: &MapPoints, way: &[Pose3], point_m: f64) -> [f64; 3] {
+    // Only depth from disparity grows worse with the square of the distance.
+    let is_camera = sensor.range_sigma_per_m > 0.0 && sensor.robot_from_sensor.rotation.angle() < 1e-6;
     let up_of_robot = if is_camera { -Vector3::y() } else { Vector3::z() };
     let guess: Vector3<f64> = way.iter().map(|pose| pose.rotation * up_of_robot).sum();
     upward(&map.points_m, guess.into(), if is_camera { 45.0 } else { 15.0 }, point_m.max(0.01))

@@ -4,6 +4,7 @@ use super::inertial::Felt;
 use super::simulated::AgainstTruth;
 use super::source::Source;
 use crate::report::remarks;
+use crate::status_runs::StatusRuns;
 use crate::terminal::{count, duration, grouped};
 use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
 use mapwright_clouds::{Notes, ReferenceFrame};
@@ -20,12 +21,14 @@ pub(super) struct Tally {
     restarted: u64,
     evaluations: u64,
     refused: std::collections::BTreeMap<String, u64>,
+    runs: StatusRuns,
 }
 
 impl Tally {
     pub(super) fn add(&mut self, update: &Update<SpaceSweep>) {
         self.clouds += 1;
         self.by_status[update.status as usize] += 1;
+        self.runs.add(update.status, update.scan, update.stamp);
         self.points.add(&update.beams);
         if let Some(matched) = &update.matched {
             self.inlier_shares.push(matched.inlier_share as f32);
@@ -172,6 +175,7 @@ pub(super) fn to_json(
     results: &Results,
     losses: &[String],
 ) -> Value {
+    let (run_count, runs) = tally.runs.report();
     let BeamCounts { returns, no_return, too_near, not_a_number, refused, .. } = tally.points;
     let mut report = json!({
         "log": name,
@@ -192,6 +196,8 @@ pub(super) fn to_json(
             "tracking": tally.status(Status::Tracking),
             "degraded": tally.status(Status::Degraded),
             "lost": tally.status(Status::Lost),
+            "run_count": run_count,
+            "runs": runs,
         },
         "matches": {
             "median_inlier_share": tally.median_inlier_share(),

@@ -62,7 +62,7 @@ impl<'a> Source<'a> {
         &self.sensor().name
     }
 
-    fn sensor(&self) -> &SpaceSensor {
+    pub(super) fn sensor(&self) -> &SpaceSensor {
         match self {
             Self::Files { recording, .. } => recording.sensor(),
             Self::Messages(messages) => &messages.stream.plan().sensor,
@@ -84,13 +84,6 @@ impl<'a> Source<'a> {
             Self::Files { .. } | Self::Simulated(_) => None,
             Self::Messages(messages) => messages.stream.plan().imu.as_ref().map(|imu| imu.name.as_str()),
         }
-    }
-
-    /// Whether the robot's frame is that of a depth camera: z ahead, x to the right.
-    pub(super) fn looks_along_z(&self) -> bool {
-        let sensor = self.sensor();
-        // Only depth from disparity grows worse with the square of the distance.
-        sensor.range_sigma_per_m > 0.0 && sensor.robot_from_sensor.rotation.angle() < 1e-6
     }
 
     pub(super) fn robot_from_sensor(&self) -> Pose3 {

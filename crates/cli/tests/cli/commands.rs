@@ -218,3 +218,29 @@ fn gaps_that_cannot_be_are_refused() {
     let nothing = ["perturb", &log, "--gap", "0:30", "--every", "1000", "-o", out.to_str().unwrap()];
     assert_refused(&run(&nothing), 1, &["nothing is left"]);
 }
+
+#[test]
+fn completions_manual_pages_and_the_version_know_every_command() {
+    let help = text(&run(&["--help"]).stdout);
+    let listed = help.lines().skip_while(|line| !line.starts_with("Commands:")).skip(1);
+    let indented = listed.take_while(|line| line.starts_with("  "));
+    let names = indented.filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
+    let names: Vec<&str> = names.filter(|name| *name != "help").collect();
+    assert!(names.len() > 15 && names.contains(&"report"), "{names:?}");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = run(&["completions", shell]);
+        assert_code(&script, 0);
+        let script = text(&script.stdout);
+        names.iter().for_each(|name| assert!(script.contains(name), "{shell}: {name}"));
+        assert!(script.contains("reference"), "{shell}: options");
+    }
+    let folder = folder("man").join("pages");
+    assert_code(&run(&["man", folder.to_str().unwrap()]), 0);
+    for name in &names {
+        let page = fs::read_to_string(folder.join(format!("mapwright-{name}.1"))).unwrap();
+        assert!(page.starts_with(".ie") && page.contains(".SH NAME"), "{name}");
+    }
+    assert!(fs::read_to_string(folder.join("mapwright.1")).unwrap().contains("compare"));
+    let version = text(&run(&["--version"]).stdout);
+    assert!(version.starts_with("mapwright 0.") && version.contains("sqlite)"), "{version}");
+}

@@ -3,6 +3,7 @@
 
 mod bad_input;
 mod bad_input_space;
+mod browser;
 mod commands;
 mod doubt;
 mod explain;
@@ -10,6 +11,7 @@ mod export;
 mod export_space;
 mod map;
 mod optimize;
+mod page;
 mod pieces;
 mod real_logs;
 mod recordings;

@@ -11,7 +11,7 @@ mod walls;
 pub use confidence::Confidence;
 pub use picture::{Picture, write_png};
 pub use plain::{write_plain_png, write_world_file};
-pub use space::{SpacePicture, upward, write_space_png};
+pub use space::{SpacePicture, SpacePlacement, ViewPlacement, upward, write_bare_space_png, write_space_png};
 pub use walls::dominant_wall_angle;
 
 use crate::error::FormatError;

@@ -83,10 +83,15 @@ pub fn write_png(map: &GridImage, picture: &Picture<'_>, writer: impl Write) -> 
 
 /// Writes what was drawn as a PNG.
 pub(super) fn encode(canvas: &Canvas, writer: impl Write) -> Result<(), FormatError> {
+    encode_as(canvas, png::Compression::Fast, writer)
+}
+
+/// The same with more time for fewer bytes.
+pub(super) fn encode_as(canvas: &Canvas, compression: png::Compression, writer: impl Write) -> Result<(), FormatError> {
     let mut encoder = png::Encoder::new(writer, canvas.width as u32, canvas.height as u32);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
+    encoder.set_compression(compression);
     let mut image = encoder.write_header()?;
     image.write_image_data(canvas.pixels.as_flattened())?;
     Ok(image.finish()?)

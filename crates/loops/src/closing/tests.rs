@@ -349,7 +349,7 @@ fn elsewhere<P: Pose>(detection: Detection, off_m: &[f64]) -> (Way<P>, Vec<Vec<E
         let to = way.newest();
         let from = NodeId::new(60 - to.number());
         let known = KnownPlace::alike_in_all(from, false, Uncertainty { displacement_m2: 1e-3, rotation_rad2: 1e-5 });
-        let target = target(way.past(), &known, from, to, detection);
+        let target = target(way.past(), &known, from, to, detection, WINDOW_SIGMAS);
         let found = way.past().pose(from).between(way.past().pose(to)).moved([0.0, *off_m, 0.0]);
         closures.push(way.judge(&mut closing, &target, &finding(found, None)));
     }
@@ -395,7 +395,7 @@ fn window_after<P: Pose>(looks: u32, closes: bool) -> f64 {
     let (mut closing, mut way) = (Closing::<Signposts<P>>::new(BY_POSE), Way::<P>::there_and_back(50));
     let known =
         [KnownPlace::alike_in_all(NodeId::new(10), false, Uncertainty { displacement_m2: 0.01, rotation_rad2: 1e-4 })];
-    let target = target(way.past(), &known[0], NodeId::new(10), way.newest(), Detection::Pose);
+    let target = target(way.past(), &known[0], NodeId::new(10), way.newest(), Detection::Pose, WINDOW_SIGMAS);
     let unseen = Finding::none(Evidence::default(), Objection::NoMatch);
     let look = |findings: &[_]| Verified { to: target.from, findings: findings.to_vec(), work: (0, 0) };
     (0..looks).for_each(|_| closing.looked(&look(&[(target, unseen)])));

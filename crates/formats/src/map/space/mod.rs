@@ -9,7 +9,7 @@ pub use upright::upward;
 
 use super::canvas::{Canvas, Colour, blend};
 use super::font;
-use super::picture::{END, MARGIN_PX, START, STRIP_PX, draw_scale_bar, encode, pen_scale, way_colour};
+use super::picture::{END, MARGIN_PX, START, STRIP_PX, draw_scale_bar, encode, encode_as, pen_scale, way_colour};
 use super::walls::dominant_wall_angle;
 use crate::error::FormatError;
 use mapwright_geom::sin_cos;
@@ -92,6 +92,55 @@ pub fn write_space_png(picture: &SpacePicture<'_>, writer: impl Write) -> Result
         draw_heights(&mut canvas, heights);
     }
     encode(&canvas, writer)
+}
+
+/// Writes the same picture with nothing drawn over the points, for who draws over it, and says where it has what.
+///
+/// # Errors
+///
+/// [`FormatError::Png`].
+pub fn write_bare_space_png(picture: &SpacePicture<'_>, writer: impl Write) -> Result<SpacePlacement, FormatError> {
+    let scene = Scene::of(picture);
+    let layout = Layout::of(&scene, picture.side_px.clamp(200, 16_384));
+    let mut canvas = Canvas::new(layout.width, layout.height, GROUND);
+    let heights = scene.heights(&layout);
+    layout.views.iter().for_each(|view| view.draw_points(&mut canvas, &scene, heights, &layout));
+    encode_as(&canvas, png::Compression::Balanced, writer)?;
+    Ok(SpacePlacement::of(&scene, &layout))
+}
+
+/// Where a picture of a map of space has what.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpacePlacement {
+    /// Width and height, pixels.
+    pub size_px: [usize; 2],
+    /// The scale of both views.
+    pub px_per_metre: f64,
+    /// The view from above and the one from the side.
+    pub views: [ViewPlacement; 2],
+}
+
+/// Where a view has what: a pixel is `px_from_map * p + offset_px`, downwards from the picture's upper left corner, of a place `p` in the
+/// frame of the map, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewPlacement {
+    /// Pixels along x and y for each metre along the map's axes.
+    pub px_from_map: [[f64; 3]; 2],
+    /// Where the map's origin is, pixels.
+    pub offset_px: [f64; 2],
+}
+
+impl SpacePlacement {
+    fn of(scene: &Scene<'_>, layout: &Layout) -> Self {
+        let px_per_metre = f64::from(layout.px_per_metre);
+        let placed = |view: &View| {
+            let along = |axis: usize, sign: f64| scene.axes[axis].map(|v| sign * px_per_metre * v);
+            let origin = view.pixel([0.0; 3]);
+            ViewPlacement { px_from_map: [along(0, 1.0), along(view.vertical, -1.0)], offset_px: origin.map(f64::from) }
+        };
+        let [above, beside] = &layout.views;
+        Self { size_px: [layout.width, layout.height], px_per_metre, views: [placed(above), placed(beside)] }
+    }
 }
 
 /// Points and lines along the picture's axes: to the right, away from who looks from the side, and up; metres.
@@ -478,6 +527,23 @@ mod tests {
         let light = |p: &Colour| p.iter().map(|&v| u32::from(v)).sum::<u32>();
         let shadow = |p: &&Colour| p[0] >= p[2] && light(p) < light(&HEIGHTS[0]) * 9 / 10;
         assert!(column.iter().filter(shadow).count() >= 4);
+    }
+
+    #[test]
+    fn a_bare_picture_says_where_the_way_would_be() {
+        let (points_m, _) = room();
+        let picture = SpacePicture { points_m: &points_m, way_m: &WAY, ..SpacePicture::default() };
+        let drawn = draw(&picture);
+        let placement = write_bare_space_png(&picture, Vec::new()).unwrap();
+        assert_eq!(placement.size_px, [drawn.width, drawn.height()]);
+        for (place, colour) in WAY.iter().zip([START, END]) {
+            for view in placement.views {
+                let pixel = [0, 1].map(|k| {
+                    view.offset_px[k] + (0..3).map(|axis| view.px_from_map[k][axis] * place[axis]).sum::<f64>()
+                });
+                assert_eq!(drawn.pixels[pixel[1] as usize * drawn.width + pixel[0] as usize], colour);
+            }
+        }
     }
 
     #[test]

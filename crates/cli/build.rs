@@ -1,0 +1,24 @@
+//! What `mapwright --version` says besides the version: the commit, where git knows it, and the features.
+#![allow(clippy::print_stdout, reason = "that is how cargo is told")]
+
+use std::env;
+use std::process::Command;
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    // Each commit and each checkout writes a line there.
+    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
+        println!("cargo::rerun-if-changed={log}");
+    }
+    let commit = git(&["rev-parse", "--short=10", "HEAD"]).map(|commit| format!("commit {commit}"));
+    let sqlite = if env::var_os("CARGO_FEATURE_SQLITE").is_some() { "with sqlite" } else { "without sqlite" };
+    let words: Vec<String> = commit.into_iter().chain([sqlite.to_owned()]).collect();
+    println!("cargo::rustc-env=MAPWRIGHT_BUILD={}", words.join(", "));
+}
+
+/// What git says; none without git or outside of a repository.
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;
+    let text = String::from_utf8(output.stdout).ok()?.trim().to_owned();
+    Some(text).filter(|text| !text.is_empty())
+}

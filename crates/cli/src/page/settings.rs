@@ -1,0 +1,54 @@
+//! The settings in force: those that are not the defaults, then all.
+
+use super::html::escaped;
+use super::run::Run;
+use mapwright::{SettingLine, Settings};
+use std::fmt::Write;
+
+/// Of one run.
+pub(super) fn block(run: &Run) -> String {
+    let Some(settings) = run.settings else { return "<p>No run has begun in this session.</p>\n".to_owned() };
+    let (lines, defaults) = (settings.lines(), Settings::default().lines());
+    let changed: Vec<_> = lines.iter().zip(&defaults).filter(|(line, known)| line.value != known.value).collect();
+    let mut text = String::new();
+    if changed.is_empty() {
+        text += "<p>All settings are the defaults.</p>\n";
+    } else {
+        text += "<table><thead><tr><th scope=\"col\">setting</th><th scope=\"col\">value</th><th scope=\"col\">default</th>\
+                 <th scope=\"col\">meaning</th></tr></thead><tbody>\n";
+        for (line, known) in changed {
+            text += &row(line, &[&line.value, &known.value]);
+        }
+        text += "</tbody></table>\n";
+    }
+    text += "<details><summary>All settings</summary><table><tbody>\n";
+    lines.iter().for_each(|line| text += &row(line, &[&line.value]));
+    text + "</tbody></table></details>\n"
+}
+
+/// Of two runs: where they differ.
+pub(super) fn differences(names: [&str; 2], runs: [&Run; 2]) -> String {
+    let [Some(first), Some(second)] = runs.map(|run| run.settings) else {
+        return "<p>The settings of one of the runs are not known.</p>\n".to_owned();
+    };
+    let (first, second) = (first.lines(), second.lines());
+    let rows = first.iter().zip(&second).filter(|(a, b)| a.value != b.value);
+    let rows: String = rows.map(|(a, b)| row(a, &[&a.value, &b.value])).collect();
+    if rows.is_empty() {
+        return "<p>Both runs have the same settings.</p>\n".to_owned();
+    }
+    format!(
+        "<table><thead><tr><th scope=\"col\">setting</th><th scope=\"col\">{}</th><th scope=\"col\">{}</th>\
+         <th scope=\"col\">meaning</th></tr></thead><tbody>\n{rows}</tbody></table>\n",
+        names[0], names[1]
+    )
+}
+
+fn row(line: &SettingLine, values: &[&str]) -> String {
+    let mut text = format!("<tr><th scope=\"row\"><code>{}.{}</code></th>", line.section, line.key);
+    let unit = if line.unit.is_empty() { String::new() } else { format!(" {}", line.unit) };
+    for value in values {
+        let _ = write!(text, "<td>{}{}</td>", escaped(value), escaped(&unit));
+    }
+    text + &format!("<td>{}</td></tr>\n", escaped(line.meaning))
+}

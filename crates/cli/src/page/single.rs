@@ -1,0 +1,47 @@
+//! The page of one run.
+
+use super::errors::{self, Reference};
+use super::html::escaped;
+use super::run::Run;
+use super::sections::{data, layer_switches, maps, section};
+use super::{Page, closures, fill, inputs, numbers, settings, status, verdict};
+use crate::failure::Failure;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+const DETAIL: &str = include_str!("detail.html");
+
+pub(super) fn page(folder: &Path, reference: Option<&PathBuf>) -> Result<Page, Failure> {
+    let run = Run::read(folder)?;
+    let reference = Reference::of(reference, &run)?;
+    let errors = reference.as_ref().map(|reference| reference.errors(&run)).transpose()?;
+    let mut body = format!(
+        "<header><h1>{}</h1>\n<p class=\"note\">{}</p></header>\n",
+        escaped(short_name(&run.name)),
+        what_it_is(&run)
+    );
+    body += &verdict::block(&run.results.report);
+    body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref())));
+    let map = format!("{}<div class=\"beside\"><div>{}</div>{DETAIL}</div>", layer_switches(&[&run]), maps(&run, "a"));
+    body += &section("map", "The map", &map);
+    body += &section("closures", "Closures", &closures::table(&run, "a"));
+    if let (Some(reference), Some(errors)) = (&reference, &errors) {
+        body += &section("errors", "Errors", &errors::plots(&reference.name, &[("errors", &run, errors)]));
+    }
+    body += &section("over-the-run", "Over the run", &status::over_the_run(&run));
+    body += &section("input", "What was read, lost and odd", &inputs::block(&run));
+    body += &section("settings", "Settings", &settings::block(&run));
+    let html = fill(&format!("{} – mapwright", run.name), &body, &json!({ "a": data(&run) }));
+    Ok(Page { html, losses: run.results.losses })
+}
+
+/// Below the title.
+pub(super) fn what_it_is(run: &Run) -> String {
+    let kind = if run.drawn.is_space { "a map of space" } else { "a map of the plane" };
+    escaped(&format!("{}: {kind}; results in {}", run.name, run.results.folder.display()))
+}
+
+/// Without the folders of a path.
+pub(super) fn short_name(name: &str) -> &str {
+    name.rsplit('/').find(|part| !part.is_empty()).unwrap_or(name)
+}

@@ -1,0 +1,64 @@
+//! Whether the map can be used, as the run has judged it.
+
+use super::html::escaped;
+use serde_json::Value;
+
+/// The verdict with its reasons and their evidence; empty where the report has none.
+pub(super) fn block(report: &Value) -> String {
+    let verdict = &report["verdict"];
+    let Some(word) = verdict["word"].as_str() else { return String::new() };
+    let (class, sign) = match word {
+        "good" => ("good", "✓"),
+        "check" => ("check", "!"),
+        _ => ("unusable", "✕"),
+    };
+    let reasons = verdict["reasons"].as_array().map_or(&[][..], Vec::as_slice);
+    let items: String = reasons.iter().map(reason).collect();
+    let list = if items.is_empty() { String::new() } else { format!("<ul>{items}</ul>") };
+    format!(
+        "<section class=\"verdict {class}\" aria-label=\"Verdict\"><p class=\"word\"><span class=\"sign\" \
+         aria-hidden=\"true\">{sign}</span>{}</p>{list}</section>\n",
+        escaped(word)
+    )
+}
+
+/// What it says, and what speaks for that.
+fn reason(reason: &Value) -> String {
+    let what = reason["what"].as_str().or_else(|| reason.as_str()).unwrap_or("no reason given");
+    let evidence = reason.as_object().into_iter().flatten().filter(|(key, value)| *key != "what" && !value.is_null());
+    let evidence: Vec<String> =
+        evidence.map(|(key, value)| format!("{} {}", key.replace('_', " "), plain(value))).collect();
+    let evidence = if evidence.is_empty() {
+        String::new()
+    } else {
+        format!(" <small>({})</small>", escaped(&evidence.join(", ")))
+    };
+    format!("<li>{}{evidence}</li>", escaped(what))
+}
+
+/// A number with a few digits, a text without its quotes.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) if !number.is_i64() && !number.is_u64() => {
+            number.as_f64().map_or_else(|| number.to_string(), |number| format!("{}", (number * 1e4).round() / 1e4))
+        }
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_verdict_stands_with_its_reasons_and_their_evidence() {
+        let reasons = json!([{ "what": "walls <stand> twice", "doubled_share": 0.123456, "scans": 4, "none": null }]);
+        let html = block(&json!({ "verdict": { "word": "check", "reasons": reasons } }));
+        assert!(html.contains("class=\"verdict check\""), "{html}");
+        assert!(html.contains("walls &lt;stand&gt; twice <small>(doubled share 0.1235, scans 4)</small>"), "{html}");
+        assert!(block(&json!({})).is_empty() && block(&Value::Null).is_empty());
+        assert!(block(&json!({ "verdict": { "word": "odd", "reasons": 3 } })).contains("unusable"));
+    }
+}

@@ -1,0 +1,263 @@
+//! `mapwright report` and `mapwright compare`: what stands in the page, and what a click shows in a browser.
+
+use crate::browser::{Browser, chromium};
+use crate::support::{assert_code, assert_refused, folder, json, run, small_log, text};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// A simulated floor, mapped: closures, doubt and the truth.
+fn office() -> &'static Path {
+    static OUT: OnceLock<PathBuf> = OnceLock::new();
+    OUT.get_or_init(|| {
+        let out = folder("page_office").join("out");
+        assert_code(&run(&["demo", "-o", out.to_str().unwrap(), "--quiet"]), 0);
+        out
+    })
+}
+
+/// The page of a folder of results, written beside it under a name.
+fn page(results: &Path, name: &str, more: &[&str]) -> (PathBuf, String) {
+    let path = results.with_file_name(name);
+    let arguments = [&["report", results.to_str().unwrap(), "-o", path.to_str().unwrap()], more].concat();
+    assert_code(&run(&arguments), 0);
+    (path.clone(), fs::read_to_string(path).unwrap())
+}
+
+/// What the script of a page is told.
+fn data(html: &str) -> Value {
+    let from = html.split_once("<script type=\"application/json\" id=\"data\">").unwrap().1;
+    serde_json::from_str(from.split_once("</script>").unwrap().0).unwrap()
+}
+
+#[test]
+fn a_page_is_one_file_and_the_same_again() {
+    let (_, html) = page(office(), "once.html", &[]);
+    assert_eq!(page(office(), "twice.html", &[]).1, html);
+    assert!(html.len() < 1_500_000, "{}", html.len());
+    let outside = ["src=\"http", "href=\"http", "url(http", "@import", "<link", "src=\"//"];
+    outside.iter().for_each(|what| assert!(!html.contains(what), "{what}"));
+    let sections = ["In numbers", "The map", "Closures", "Errors", "Over the run", "What was read", "Settings"];
+    sections.iter().for_each(|title| assert!(html.contains(title), "{title}"));
+    assert!(!html.contains("{{") && !html.contains("NaN"));
+    // beside the results where nothing else is asked for
+    assert_code(&run(&["report", office().to_str().unwrap()]), 0);
+    assert_eq!(fs::read_to_string(office().join("report.html")).unwrap(), html);
+}
+
+#[test]
+fn every_candidate_is_told_as_it_was_decided() {
+    let html = page(office(), "told.html", &[]).1;
+    let (told, closures) = (data(&html), json(&office().join("closures.json")));
+    let (told, closures) = (told["a"]["closures"].as_array().unwrap(), closures["candidates"].as_array().unwrap());
+    assert!(told.len() == closures.len() && told.len() > 10);
+    for (told, known) in told.iter().zip(closures) {
+        assert!((&told["verdict"], &told["from"], &told["to"]) == (&known["verdict"], &known["from"], &known["to"]));
+        let reason = told["reason"].as_str().unwrap();
+        known["reason"].as_str().iter().for_each(|why| assert!(reason.contains(why), "{reason}"));
+        assert!(told["placing"]["mapped"].is_array());
+        assert_eq!(told["placing"]["found"].is_array(), known["from_from_to"].is_array());
+        // as the map has it and as the match found it are the same to some centimetres, once it is a closure
+        if known["verdict"] == "accepted" {
+            let apart = |k: usize| {
+                let [found, mapped] = ["found", "mapped"].map(|which| told["placing"][which][k].as_f64().unwrap());
+                (found - mapped).abs()
+            };
+            assert!(apart(0) < 0.1 && apart(1) < 0.1, "{told}");
+        }
+    }
+    let rows = html.matches("<tr data-row=").count();
+    assert_eq!(rows, closures.len());
+}
+
+#[test]
+fn errors_are_those_of_eval() {
+    let (truth, found) = (office().join("truth.tum"), office().join("trajectory.tum"));
+    let [truth, found] = [&truth, &found].map(|path| path.to_str().unwrap());
+    let judged = run(&["eval", found, "--reference", truth, "--delta", "1m", "--json"]);
+    let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
+    let rmse = |of: &str| judged[0][of]["translation_m"]["rmse"].as_f64().unwrap();
+    let three_digits = |value: f64| {
+        let decimals = (2.0 - value.log10().floor()) as usize;
+        format!("{value:.decimals$}")
+    };
+    let expected = format!("ATE {} m rms", three_digits(rmse("ate")));
+    for more in [&[][..], &["--reference", truth]] {
+        let html = page(office(), "errors.html", more).1;
+        assert!(html.contains(&expected), "{expected}");
+        assert!(html.contains(&format!("of way {} m", three_digits(rmse("rpe")))), "{judged}");
+    }
+}
+
+#[test]
+fn a_verdict_and_names_are_shown_as_text() {
+    let out = folder("page_verdict").join("out");
+    fs::create_dir_all(&out).unwrap();
+    for name in ["session.mapwright", "report.json", "timing.json"] {
+        fs::copy(office().join(name), out.join(name)).unwrap();
+    }
+    let hostile = "</script><img src=x onerror=alert(1)>.clf";
+    let mut report = json(&out.join("report.json"));
+    assert!(!page(&out, "without.html", &[]).1.contains("class=\"verdict") || report["verdict"].is_object());
+    report["log"] = hostile.into();
+    report["losses"] = serde_json::json!([hostile]);
+    let reason = serde_json::json!({ "what": "walls stand <twice>", "doubled_share": 0.25 });
+    report["verdict"] = serde_json::json!({ "word": "check", "reasons": [reason] });
+    fs::write(out.join("report.json"), report.to_string()).unwrap();
+    let html = page(&out, "with.html", &[]).1;
+    assert!(!html.contains("<img") && html.contains("&lt;img src=x"));
+    assert!(html.contains("class=\"verdict check\"") && html.contains("walls stand &lt;twice&gt;"), "no verdict");
+    assert!(html.contains("doubled share 0.25"));
+    assert!(!html.contains("id=\"errors\""), "without a reference there are no errors");
+}
+
+#[test]
+fn what_is_not_there_is_said() {
+    let out = folder("page_session_alone");
+    fs::copy(office().join("session.mapwright"), out.join("session.mapwright")).unwrap();
+    let made = run(&["report", out.to_str().unwrap()]);
+    assert_code(&made, 3);
+    assert!(text(&made.stdout).contains("report.json is not in the folder"), "{made:?}");
+    assert!(fs::read_to_string(out.join("report.html")).unwrap().contains("timing.json is not in the folder"));
+    let nowhere = folder("page_nowhere");
+    assert_refused(&run(&["report", nowhere.to_str().unwrap()]), 1, &["session.mapwright", "mapwright map"]);
+    fs::write(out.join("report.json"), "{\"log\": ").unwrap();
+    assert_refused(&run(&["report", out.to_str().unwrap()]), 1, &["report.json", "EOF"]);
+    fs::write(out.join("report.json"), "[1, {\"status\": 3}]").unwrap();
+    assert_code(&run(&["report", out.to_str().unwrap()]), 3);
+    let kitti = out.join("kitti.txt");
+    fs::write(&kitti, "1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
+    let refused = run(&["report", out.to_str().unwrap(), "--reference", kitti.to_str().unwrap()]);
+    assert_refused(&refused, 1, &["kitti.txt", "expected stamps", "found 1 of KITTI's rows"]);
+}
+
+#[test]
+fn a_damaged_session_has_a_page_of_what_is_left() {
+    let out = folder("page_damaged");
+    let session = fs::read(office().join("session.mapwright")).unwrap();
+    for cut in [24, 400, session.len() / 7, session.len() / 2] {
+        fs::write(out.join("session.mapwright"), &session[..cut]).unwrap();
+        let made = run(&["report", out.to_str().unwrap()]);
+        assert_code(&made, 3);
+        assert!(fs::read_to_string(out.join("report.html")).unwrap().contains("<h2 id=\"map-title\">"));
+    }
+}
+
+#[test]
+fn two_runs_stand_side_by_side() {
+    let folder = folder("page_compare");
+    let (log, out) = (folder.join("small.clf"), ["one", "two"].map(|name| folder.join(name).display().to_string()));
+    fs::write(&log, small_log()).unwrap();
+    let map = |out: &str, more: &[&str]| {
+        assert_code(&run(&[&["map", log.to_str().unwrap(), "-o", out, "--quiet"], more].concat()), 0);
+    };
+    map(&out[0], &[]);
+    map(&out[1], &["--set", "map.resolution_m=0.1"]);
+    let path = folder.join("both.html");
+    let compare = || {
+        assert_code(&run(&["compare", &out[0], &out[1], "-o", path.to_str().unwrap()]), 0);
+        fs::read_to_string(&path).unwrap()
+    };
+    let html = compare();
+    assert_eq!(compare(), html);
+    assert!(html.matches("<svg class=\"map\"").count() == 2 && html.contains("id=\"map-b-0\""));
+    assert!(html.contains("<code>map.resolution_m</code></th><td>0.05 m</td><td>0.1 m</td>"), "differing settings");
+    assert!(!html.contains("<code>scan.free_range_m</code>"), "those that do not differ are left out");
+    assert!(html.contains("How far the two ways are apart") && html.contains("ATE "));
+    assert!(data(&html)["b"]["way"].as_array().unwrap().len() > 10);
+}
+
+#[test]
+fn maps_of_space_have_pages_too() {
+    let out = folder("page_space").join("out");
+    assert_code(&run(&["demo", "--3d", "--seconds", "12", "-o", out.to_str().unwrap(), "--quiet"]), 0);
+    let html = page(&out, "space.html", &[]).1;
+    assert!(html.contains("a map of space") && html.contains("Absolute error (ATE)"));
+    assert!(html.len() < 1_500_000, "{}", html.len());
+    // the way is drawn from above and from the side
+    assert_eq!(html.matches("<path class=\"way\"").count(), 2);
+    assert_eq!(data(&html)["a"]["way"][0][2].as_array().unwrap().len(), 4);
+}
+
+#[test]
+fn a_closure_is_clicked_and_a_layer_switched_in_a_browser() {
+    let Some(chromium) = chromium() else {
+        eprintln!("a page in a browser: skipped: no Chromium (MAPWRIGHT_CHROMIUM or chromium in PATH)");
+        return;
+    };
+    let (path, html) = page(office(), "clicked.html", &[]);
+    let mut browser = Browser::open(&chromium, &folder("page_profile"), &path);
+    layers_are_switched(&mut browser);
+    closures_are_clicked(&mut browser, &data(&html));
+    maps_are_enlarged(&mut browser);
+    assert_eq!(
+        browser.value("performance.getEntriesByType('resource').filter((r) => !r.name.startsWith('data:')).length"),
+        0
+    );
+}
+
+fn layers_are_switched(browser: &mut Browser) {
+    let is_shown = |browser: &mut Browser, layer: &str| {
+        browser.text(&format!("getComputedStyle(document.querySelector('.layer-{layer}')).display")) != "none"
+    };
+    for (layer, at_first) in [("path", true), ("doubt", true), ("uncertainty", false)] {
+        assert_eq!(is_shown(browser, layer), at_first, "{layer}");
+        browser.click(&format!("input[data-layer={layer}]"));
+        assert_eq!(is_shown(browser, layer), !at_first, "{layer}");
+    }
+    // and by the keyboard
+    browser.value("document.querySelector('input[data-layer=path]').focus()");
+    browser.key(" ", 32, " ");
+    assert!(is_shown(browser, "path"));
+}
+
+fn closures_are_clicked(browser: &mut Browser, data: &Value) {
+    let closures = data["a"]["closures"].as_array().unwrap();
+    let accepted = closures.iter().position(|closure| closure["verdict"] == "accepted").unwrap();
+    let refused = closures.iter().position(|closure| closure["verdict"] == "refused").unwrap();
+    let is_told = |browser: &mut Browser, number: usize| {
+        assert_eq!(browser.text("document.getElementById('detail-reason').textContent"), closures[number]["reason"]);
+        let drawn = browser.text("document.getElementById('overlay').dataset.drawn");
+        let points: Vec<usize> = drawn.split(',').map(|points| points.parse().unwrap()).collect();
+        assert!(points.iter().all(|&points| points > 50), "{drawn}");
+    };
+    // on the map, where nothing lies over it
+    browser.click("button.choose");
+    browser.click("#close");
+    assert_eq!(browser.value("document.getElementById('detail-body').hidden"), true);
+    let top = "(() => { const all = [...document.querySelectorAll('.layer-closures .closure')]; return all.at(-1).dataset.closure; })()";
+    let top: usize = browser.text(top).parse().unwrap();
+    browser.click(&format!(".layer-closures .closure[data-closure=\"{top}\"] .mark"));
+    is_told(browser, top);
+    assert!(
+        closures[top]["verdict"] == "accepted" && browser.text("location.hash") == format!("#closure=a-{}", top + 1)
+    );
+    // in the table
+    browser.click(&format!("button.choose[data-closure=\"{refused}\"]"));
+    is_told(browser, refused);
+    // by the keyboard, and back
+    browser.value(&format!("document.querySelector('button.choose[data-closure=\"{accepted}\"]').focus()"));
+    browser.key("Enter", 13, "\r");
+    is_told(browser, accepted);
+    assert_eq!(browser.text("document.activeElement.id"), "detail-title");
+    browser.key("Escape", 27, "");
+    assert_eq!(browser.text("document.activeElement.dataset.closure"), accepted.to_string());
+}
+
+fn maps_are_enlarged(browser: &mut Browser) {
+    let width = "document.querySelector('svg.map').viewBox.baseVal.width";
+    let whole = browser.value(width).as_f64().unwrap();
+    browser.click("[data-zoom=in]");
+    let enlarged = browser.value(width).as_f64().unwrap();
+    assert!(enlarged < 0.8 * whole);
+    browser.value("document.querySelector('svg.map').focus()");
+    browser.key("+", 187, "+");
+    assert!(browser.value(width).as_f64().unwrap() < 0.8 * enlarged);
+    let left = "document.querySelector('svg.map').viewBox.baseVal.x";
+    let before = browser.value(left).as_f64().unwrap();
+    browser.key("ArrowRight", 39, "");
+    assert!(browser.value(left).as_f64().unwrap() > before);
+    browser.key("0", 48, "0");
+    assert_eq!(browser.value(width).as_f64().unwrap(), whole);
+}
