@@ -30,7 +30,7 @@ mod stamp_watch;
 mod text_rows;
 mod trajectory;
 
-pub use carmen::{CarmenReader, CarmenWriter, DEFAULT_RANGE_MAX_M, LogEvent};
+pub use carmen::{CarmenReader, CarmenWriter, LogEvent};
 pub use compression::Compression;
 pub use error::FormatError;
 pub use excerpt::Excerpt;
@@ -38,7 +38,7 @@ pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_k
 pub use jump::is_odometry_jump;
 pub use map::{Confidence, GridImage, Picture, SpacePicture, UNKNOWN, dominant_wall_angle, upward};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};
-pub use noted::Noted;
+pub use noted::{Noted, OddHeads, RangeReport};
 pub use open::{LogStream, open_log};
 pub use pcd::write_pcd;
 pub use ply::{Disc, write_ply, write_ply_discs};
