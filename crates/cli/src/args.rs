@@ -15,8 +15,8 @@ use mapwright_logs::{Choice, SliceBounds};
 use mapwright_sim::Gap;
 use std::path::PathBuf;
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_pose, parse_reach,
-    parse_seconds, parse_share, parse_slice,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_pose,
+    parse_range_unit, parse_reach, parse_seconds, parse_share, parse_slice,
 };
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
@@ -143,6 +143,9 @@ pub(crate) struct SourceArgs {
     /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     slice: Option<SliceBounds>,
+    /// What one stands for in the ranges of scans that are not in metres, metres: 0.001 for millimetres.
+    #[arg(long, value_name = "M", value_parser = parse_range_unit)]
+    range_unit: Option<f64>,
     /// Of a depth camera: focal lengths and the optical axis, pixels.
     #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse_intrinsics)]
     intrinsics: Option<[f64; 4]>,
@@ -157,7 +160,12 @@ impl SourceArgs {
     }
 
     pub(crate) fn choice(&self) -> Choice {
-        Choice { topics: self.topic.clone(), frame: self.frame.clone(), slice: self.slice }
+        Choice {
+            topics: self.topic.clone(),
+            frame: self.frame.clone(),
+            slice: self.slice,
+            range_unit_m: self.range_unit,
+        }
     }
 }
 

@@ -26,6 +26,8 @@ pub struct Choice {
     pub frame: Option<String>,
     /// Makes scans of point clouds.
     pub slice: Option<SliceBounds>,
+    /// What one stands for in the log's ranges, metres, where its scans are not in metres.
+    pub range_unit_m: Option<f64>,
 }
 
 impl Choice {

@@ -116,10 +116,13 @@ impl Found {
         if let Err(reason) = plan {
             return Ok(Self::refused(name, &survey, words, &reason));
         }
-        let input = Input::Surveyed(path.to_owned(), survey);
-        let mut found = Self::by_reading(name, input, path, choice, interrupt)?;
-        found.words = words + &found.words;
-        Ok(found)
+        let input = Input::Surveyed(path.to_owned(), survey.clone());
+        match Self::by_reading(name.clone(), input, path, choice, interrupt) {
+            Err(Failure::NoScan { found, .. }) => {
+                Ok(Self::refused(name, &survey, words, &format!("expected laser scans, found {found}")))
+            }
+            found => found.map(|found| Self { words: words + &found.words, ..found }),
+        }
     }
 
     /// A recording in which there is nothing to map.

@@ -11,7 +11,7 @@ use crate::reading::Reading;
 use crate::report;
 use crate::session::{earlier_in_plane, to_go_on_with};
 use crate::space::{self, Disk, Sought, Source};
-use crate::terminal::{say, say_json};
+use crate::terminal::{count, say, say_json};
 use crate::timing::StageClock;
 use serde_json::json;
 use std::path::Path;
@@ -68,6 +68,10 @@ pub(super) struct Finished<'a> {
 pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Outcome, Failure> {
     let Finished { name, read, ending, output, voice } = finished;
     let made = mapping.write_results()?;
+    let is_empty = made.maps.iter().all(|map| map.sides_m.contains(&0.0));
+    if is_empty && ending == Ending::OfLog {
+        return Err(nothing_mapped(&name, &read, &mapping));
+    }
     let mut losses = read.losses();
     losses.append(&mut mapping.earlier_losses);
     losses.extend(report::mapping_losses(&mapping, &made));
@@ -87,6 +91,18 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
         say(&format!("{name}: {words}written  {}: {}\n", output.display(), files.join(" ")))?;
     }
     Ok(Outcome::of_losses(&losses))
+}
+
+/// Scans that do not make a map.
+fn nothing_mapped(name: &str, read: &Reading, mapping: &Mapping) -> Failure {
+    let tally = &mapping.tally;
+    let refused = tally.refused.iter().map(|(reason, &scans)| format!("{} refused: {reason}", count(scans, "scan")));
+    let odd = read.losses().into_iter().chain(read.oddities()).chain(refused);
+    let odd: String = odd.map(|odd| format!("; {odd}")).collect();
+    let (scans, beams) = (count(tally.scans, "scan"), tally.beam_words());
+    Failure::Log(format!(
+        "{name}: expected scans that can be mapped, found {scans} of which none can: of their beams {beams}{odd}"
+    ))
 }
 
 fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
