@@ -1,6 +1,7 @@
 //! `closures.json`: every place the robot may have come back to, what speaks for it and what was decided.
 
 use crate::failure::Failure;
+use crate::foreign::kind_at;
 use mapwright::{Candidate, Fragment, KeyframeId, Session, Verdict, WheelSlip};
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -131,8 +132,7 @@ impl ClosureFile {
     pub(crate) fn read(path: &Path) -> Result<Self, Failure> {
         let path = if path.is_dir() { path.join(CLOSURES) } else { path.to_owned() };
         let text = fs::read(&path).map_err(|error| Failure::open(&path, error))?;
-        let file: Self = serde_json::from_slice(&text)
-            .map_err(|error| Failure::Candidates { path: path.clone(), cause: error.to_string() })?;
+        let file: Self = serde_json::from_slice(&text).map_err(|error| not_closures(&path, &error))?;
         match file.candidates.iter().position(|c| c.from.max(c.to) as usize >= file.keyframes) {
             None => Ok(file),
             Some(at) => {
@@ -141,6 +141,15 @@ impl ClosureFile {
                 Err(Failure::Candidates { path, cause })
             }
         }
+    }
+}
+
+/// What a file is that is no list of closures.
+fn not_closures(path: &Path, error: &serde_json::Error) -> Failure {
+    let expected = "a folder of results of `mapwright map`, or its closures.json";
+    match kind_at(path) {
+        Some(kind) => Failure::Log(kind.instead(&path.display().to_string(), expected)),
+        None => Failure::Candidates { path: path.to_owned(), cause: format!("expected {expected}, found: {error}") },
     }
 }
 

@@ -65,7 +65,7 @@ const TEXTS: [(&str, &str, &str); 7] = [
     ("<!DOCTYPE", "a web page, not the data", ""),
     ("<html", "a web page, not the data", ""),
     ("<?xml", "an XML document", ""),
-    ("{", "JSON", ""),
+    ("{", "JSON of something else", ""),
     ("image:", "what says where a map lies (map.yaml)", ""),
     ("VERSION .7", "a cloud as PCD", "a name that ends in .pcd is mapped: mapwright map FILE.pcd -o OUT"),
 ];
@@ -155,6 +155,16 @@ impl Kind {
         format!("{name}: expected {expected}, found {}{}", self.what, remedy.replace("FILE", name))
     }
 
+    /// Whether it is a pose graph, of which what reads it knows better what is wrong.
+    pub(crate) fn is_graph(&self) -> bool {
+        self.remedy.starts_with("`mapwright optimize ")
+    }
+
+    /// Whether it is a trajectory.
+    pub(crate) fn is_trajectory(&self) -> bool {
+        self.remedy.starts_with("`mapwright eval ")
+    }
+
     /// Whether it is a log, which commands that read logs have to judge themselves.
     pub(crate) fn is_log(&self) -> bool {
         self.remedy.starts_with("`mapwright map ")
@@ -204,7 +214,7 @@ mod tests {
             (b"1 0 0 0 0 1 0 0 0 0 1 0\n", "found a trajectory as KITTI has it"),
             (b"5.0 1 2 0.3\n", "mapwright eval x --reference OTHER"),
             (b"\xdb\x01\xf5\x5b\x7b\x1f\x1d\x7b\x10", "pbstream"),
-            (b"\xef\xbb\xbf{\"a\": 1}", "found JSON"),
+            (b"\xef\xbb\xbf{\"a\": 1}", "found JSON of something else"),
             (b"\xff\xfeF\0L\0", "UTF-16"),
             (b"# log\nPARAM robot_length 1\n", "found a CARMEN log"),
             (b"hello world\n", "unknown"),

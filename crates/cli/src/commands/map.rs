@@ -40,8 +40,9 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?;
     drop(first_pass);
     let resumed = args.mapping.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
-    let output = OutputFolder::create(&args.output)?;
-    let earlier = if args.goes_on { Some(to_go_on_with(&args.output)?) } else { resumed };
+    let folder = args.output();
+    let output = OutputFolder::create(&folder)?;
+    let earlier = if args.goes_on { Some(to_go_on_with(&folder)?) } else { resumed };
     let mut went_on = earlier.as_ref().filter(|_| args.goes_on).map(|(session, _)| GoesOn::with(session));
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes(), earlier)?;
     mapping.clock = clock;
@@ -52,7 +53,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     mapping.end_of_scans();
     let name = log.name();
     let read = log.finish()?;
-    finish(mapping, Finished { name, read, ending, output: &args.output, voice })
+    finish(mapping, Finished { name, read, ending, output: &folder, voice })
 }
 
 /// A run whose scans were all taken in.
@@ -68,7 +69,9 @@ pub(super) struct Finished<'a> {
 pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Outcome, Failure> {
     let Finished { name, read, ending, output, voice } = finished;
     let made = mapping.write_results()?;
-    let is_empty = made.maps.iter().all(|map| map.sides_m.contains(&0.0));
+    // one cell is no map
+    let cell_m = mapping.settings.map.resolution_m;
+    let is_empty = made.maps.iter().all(|map| map.sides_m.iter().all(|side_m| *side_m <= cell_m));
     if is_empty && ending == Ending::OfLog {
         return Err(nothing_mapped(&name, &read, &mapping));
     }
@@ -111,5 +114,5 @@ fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Resul
         return Err(Failure::Usage(why.to_owned()));
     }
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
-    space::map(&space::Run { name: &name, output: &args.output, mapping: &args.mapping }, source, interrupt)
+    space::map(&space::Run { name: &name, output: &args.output(), mapping: &args.mapping }, source, interrupt)
 }
