@@ -1,6 +1,7 @@
 //! The maps of a session: what each file shows, and what it is called.
 
 use crate::advice::{numbered, seen_from};
+use crate::commands::EXPORTS;
 use crate::drawing::draw_believed;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
@@ -28,6 +29,13 @@ pub(crate) fn remove_outdated_maps(output: &mut OutputFolder, maps: usize) {
             return;
         }
     }
+}
+
+/// With the folder's commit the files go that `mapwright export` has made there of an earlier run, under the names that it gives
+/// them; in words, if there are any.
+pub(crate) fn remove_outdated_exports(output: &mut OutputFolder) -> Option<String> {
+    let gone: Vec<_> = EXPORTS.into_iter().filter(|name| output.remove_outdated((*name).to_owned())).collect();
+    (!gone.is_empty()).then(|| format!("exports of the results before are gone: {}", gone.join(" ")))
 }
 
 /// What a map's files show, for report and people.

@@ -20,7 +20,7 @@ use crate::args::MappingArgs;
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::mapping::settings_of;
-use crate::maps::remove_outdated_maps;
+use crate::maps::{remove_outdated_exports, remove_outdated_maps};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
@@ -89,6 +89,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
+    odd.extend(remove_outdated_exports(&mut mapping.output));
     let words = report::to_words(&source, &mapping.tally, &results, &timing, &losses, &odd);
     let files = mapping.output.commit()?;
     if args.mapping.voice.json {

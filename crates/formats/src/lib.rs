@@ -34,7 +34,7 @@ pub use carmen::{CarmenReader, CarmenWriter, LogEvent};
 pub use compression::Compression;
 pub use error::FormatError;
 pub use excerpt::Excerpt;
-pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_kitti};
+pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_kitti, write_stamps};
 pub use jump::is_odometry_jump;
 pub use map::{Confidence, GridImage, Picture, SpacePicture, UNKNOWN, dominant_wall_angle, upward};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};

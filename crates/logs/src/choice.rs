@@ -31,6 +31,16 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// What is overridden of it that only recordings of messages have, as it is typed.
+    pub(crate) fn of_recordings(&self) -> Option<&'static str> {
+        let given = [
+            (!self.topics.is_empty(), "--topic"),
+            (self.frame.is_some(), "--frame"),
+            (self.slice.is_some(), "--slice"),
+        ];
+        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, option)| option)
+    }
+
     /// Whether nothing is overridden.
     #[must_use]
     pub fn is_default(&self) -> bool {

@@ -126,6 +126,12 @@ impl Drive {
                 }
                 Input::Surveyed(path, survey) => (path, survey),
                 Input::Carmen(source) => {
+                    if let Some(option) = choice.of_recordings() {
+                        let reason = format!(
+                            "{option} is for recordings of messages, found a CARMEN log, which has no such thing"
+                        );
+                        return Err(LogError::refused(&name, &reason));
+                    }
                     let reader = carmen(source).map_err(|cause| LogError::Carmen { name: name.clone(), cause })?;
                     parts.push_back(Part { name, reader });
                     continue;

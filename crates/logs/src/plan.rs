@@ -76,6 +76,14 @@ impl Plan {
             (!wanted, candidate.place.assumed.is_some(), u64::MAX - candidate.topic.usable())
         });
         let others: Vec<_> = candidates.iter().skip(1).map(|candidate| candidate.topic.name.clone()).collect();
+        if let Some(chosen) = candidates.first()
+            && choice.slice.is_some()
+            && chosen.topic.kind != TopicKind::Cloud
+        {
+            let found = format!("{} ({})", chosen.topic.name, chosen.topic.type_name);
+            let reasons = refused.iter().map(|reason| format!("; {reason}")).collect::<String>();
+            return Err(format!("--slice makes scans of point clouds: expected such, found {found}{reasons}"));
+        }
         match candidates.into_iter().next() {
             Some(chosen) => Ok(decide(survey, choice, chosen, &others, &refused)),
             None => Err(refused.join("; ")),

@@ -5,6 +5,7 @@ use crate::events::{Ending, Interrupt, Log};
 use crate::failure::{Failure, Outcome};
 use crate::going_on::GoesOn;
 use crate::mapping::{Mapping, settings_of};
+use crate::maps::remove_outdated_exports;
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
@@ -85,8 +86,9 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;
-    let words =
-        report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &read.oddities());
+    let mut odd = read.oddities();
+    odd.extend(remove_outdated_exports(&mut mapping.output));
+    let words = report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &odd);
     let files = mapping.output.commit()?;
     if voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
