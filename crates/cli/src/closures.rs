@@ -147,9 +147,12 @@ impl ClosureFile {
 /// What a file is that is no list of closures.
 fn not_closures(path: &Path, error: &serde_json::Error) -> Failure {
     let expected = "a folder of results of `mapwright map`, or its closures.json";
-    match kind_at(path) {
+    match kind_at(path).filter(|kind| !kind.is_json()) {
         Some(kind) => Failure::Log(kind.instead(&path.display().to_string(), expected)),
-        None => Failure::Candidates { path: path.to_owned(), cause: format!("expected {expected}, found: {error}") },
+        None => Failure::Candidates {
+            path: path.to_owned(),
+            cause: format!("expected {expected}, found no such list: {error}"),
+        },
     }
 }
 

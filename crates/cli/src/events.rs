@@ -1,10 +1,10 @@
 //! Logs as they are read: from files or the standard input, until they or the user end.
 
 use crate::failure::Failure;
-use crate::foreign::{folder_in_words, kind_of, plain_head};
+use crate::foreign::{HEAD_BYTES, folder_in_words, kind_of, plain_beginning, plain_head};
 pub(crate) use crate::interrupt::Interrupt;
 use crate::reading::{Reading, found_instead};
-use mapwright_formats::{LogEvent, open_log};
+use mapwright_formats::LogEvent;
 use mapwright_logs::{Choice, Drive, Input};
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -133,9 +133,6 @@ pub(crate) fn input(path: &Path) -> Result<Input, Failure> {
     Err(Failure::open(path, folder_in_words(path, &names)))
 }
 
-/// So many bytes tell what a file is, be it compressed by gzip.
-const HEAD_BYTES: u64 = 4096;
-
 fn streamed(mut source: impl Read + 'static, path: &Path, is_file: bool) -> Result<Input, Failure> {
     let mut head = Vec::new();
     let read = source.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
@@ -157,15 +154,6 @@ fn streamed(mut source: impl Read + 'static, path: &Path, is_file: bool) -> Resu
 fn is_named_recording(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     [".bag.bz2", ".mcap.bz2", ".db3.bz2"].iter().any(|ending| name.ends_with(ending))
-}
-
-/// The first bytes of a compressed file, after decompression; nothing where it is damaged there.
-fn plain_beginning(path: &Path) -> Vec<u8> {
-    let mut plain = Vec::new();
-    if let Some(stream) = File::open(path).ok().and_then(|file| open_log(file).ok()) {
-        let _ = stream.take(HEAD_BYTES).read_to_end(&mut plain); // reading the log tells what is wrong with it
-    }
-    plain
 }
 
 fn names_in(folder: &Path) -> Vec<String> {

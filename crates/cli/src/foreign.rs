@@ -6,7 +6,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// So many bytes tell what a file is.
-const HEAD_BYTES: u64 = 4096;
+pub(crate) const HEAD_BYTES: u64 = 4096;
 
 /// A kind of file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -59,13 +59,15 @@ const BYTES: [(&[u8], &str, &str); 23] = [
     ),
 ];
 
+const JSON: &str = "JSON";
+
 /// Beginnings of texts.
 const TEXTS: [(&str, &str, &str); 7] = [
     ("version https://git-lfs", "a Git LFS pointer, not the data", "fetch the data: git lfs pull"),
     ("<!DOCTYPE", "a web page, not the data", ""),
     ("<html", "a web page, not the data", ""),
     ("<?xml", "an XML document", ""),
-    ("{", "JSON of something else", ""),
+    ("{", JSON, ""),
     ("image:", "what says where a map lies (map.yaml)", ""),
     ("VERSION .7", "a cloud as PCD", "a name that ends in .pcd is mapped: mapwright map FILE.pcd -o OUT"),
 ];
@@ -94,13 +96,20 @@ pub(crate) fn kind_of(head: &[u8]) -> Option<Kind> {
 
 /// By what lies at a path, which may be compressed.
 pub(crate) fn kind_at(path: &Path) -> Option<Kind> {
-    let mut head = Vec::new();
-    File::open(path).ok()?.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
-    let plain = plain_head(&head);
+    let plain = plain_beginning(path);
     if mapwright_logs::Input::is_recording(&plain) {
         return Some(Kind { what: "a recording of messages", remedy: "`mapwright map FILE -o OUT` maps it" });
     }
     kind_of(&plain)
+}
+
+/// The first bytes of a file that may be compressed, after decompression; nothing where it is damaged there.
+pub(crate) fn plain_beginning(path: &Path) -> Vec<u8> {
+    let mut plain = Vec::new();
+    if let Some(stream) = File::open(path).ok().and_then(|file| open_log(file).ok()) {
+        let _ = stream.take(HEAD_BYTES).read_to_end(&mut plain); // who reads it tells what is wrong with it
+    }
+    plain
 }
 
 /// The beginning of a file as it is after decompression, as far as it can be known from these bytes.
@@ -160,6 +169,11 @@ impl Kind {
         self.remedy.starts_with("`mapwright optimize ")
     }
 
+    /// Whether it is JSON, of which a parser knows better what is wrong.
+    pub(crate) fn is_json(&self) -> bool {
+        self.what == JSON
+    }
+
     /// Whether it is a trajectory.
     pub(crate) fn is_trajectory(&self) -> bool {
         self.remedy.starts_with("`mapwright eval ")
@@ -214,7 +228,7 @@ mod tests {
             (b"1 0 0 0 0 1 0 0 0 0 1 0\n", "found a trajectory as KITTI has it"),
             (b"5.0 1 2 0.3\n", "mapwright eval x --reference OTHER"),
             (b"\xdb\x01\xf5\x5b\x7b\x1f\x1d\x7b\x10", "pbstream"),
-            (b"\xef\xbb\xbf{\"a\": 1}", "found JSON of something else"),
+            (b"\xef\xbb\xbf{\"a\": 1}", "found JSON"),
             (b"\xff\xfeF\0L\0", "UTF-16"),
             (b"# log\nPARAM robot_length 1\n", "found a CARMEN log"),
             (b"hello world\n", "unknown"),

@@ -125,7 +125,12 @@ pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
 pub(crate) fn topic_oddities(topic: &TopicReport, place: &str) -> Vec<String> {
     let name = &topic.name;
     let noted = [
-        (&topic.stamps.backward, format!("{name} stamps that step backwards (kept in the order of the file)")),
+        (
+            &topic.stamps.backward,
+            format!(
+                "{name} stamps that step backwards (kept; `--stamps repaired` makes those of trajectories increase, as evo wants them)"
+            ),
+        ),
         (&topic.stamps.repeated, format!("{name} stamps that repeat")),
         (&topic.odometry_jumps, format!("{name} odometry jumps of more than 10 m and 3 m/s")),
         (&topic.beam_count_changes, format!("{name} changes of the number of beams")),

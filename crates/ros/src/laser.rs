@@ -48,7 +48,7 @@ impl LaserScan<'_> {
     fn bearings(&self) -> SaidBearings {
         SaidBearings {
             first_rad: angle_as_meant(self.angle_min),
-            last_rad: f64::from(self.angle_max),
+            last_rad: angle_as_meant(self.angle_max),
             step_rad: angle_as_meant(self.angle_increment),
             names: ["angle_max", "angle_increment"],
         }

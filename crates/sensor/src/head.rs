@@ -11,6 +11,8 @@ pub const SWEEP_MOST_S: f64 = 10.0;
 const TURNS_MOST: f64 = 1.5;
 /// Bearings spread over more turns are degrees: as such they are a field of view of 25 degrees, less than any laser of the plane has.
 const TURNS_OF_DEGREES: f64 = 4.0;
+/// Nothing is spread over less: single precision of a bearing of half a turn, radians.
+const NO_ANGLE_RAD: f64 = 1e-6;
 /// The last beam's bearing is one step off where a driver counts steps instead of beams; beyond, heads contradict themselves.
 /// Beam steps.
 const LAST_BEAM_OFF: f64 = 1.5;
@@ -87,7 +89,7 @@ impl SaidBearings {
         if is_near(off_rad.abs() - TAU) {
             return used(self.step_rad, None);
         }
-        let can_be = |step_rad: f64| step_rad != 0.0 && (step_rad * steps).abs() <= TURNS_MOST * TAU;
+        let can_be = |step_rad: f64| (NO_ANGLE_RAD..=TURNS_MOST * TAU).contains(&(step_rad * steps).abs());
         let is_unset = self.last_rad == 0.0 || !can_be(by_span_rad);
         let step_rad =
             if is_unset && can_be(self.step_rad) || !can_be(by_span_rad) { self.step_rad } else { by_span_rad };
@@ -236,6 +238,8 @@ mod tests {
             assert!(used == [-90.0, 1.0] && odd.is_some(), "{last}: {used:?} {odd:?}");
         }
         assert_eq!(settled(-90.0, 90.0, 0.0, 181).0, [-90.0, 1.0]);
+        // nothing says how far the beams are spread
+        assert_eq!(settled(-90.0, -90.0 + 1e-6, 0.0, 181).0, [-90.0, 0.0]);
         assert_eq!(settled(-90.0, 90.0, f64::NAN, 181).0, [-90.0, 1.0]);
     }
 

@@ -21,3 +21,5 @@ mod space;
 mod space_imu;
 mod suite;
 mod support;
+mod wrong_fields;
+mod wrong_files;
