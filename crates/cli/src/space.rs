@@ -16,7 +16,7 @@ pub(crate) use seek::{Sought, seek};
 pub(crate) use simulated::Simulation;
 pub(crate) use source::Source;
 
-use crate::args::MappingArgs;
+use crate::args::{MappingArgs, SourceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::mapping::settings_of;
@@ -40,6 +40,22 @@ use std::path::Path;
 const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
 const MAP_SHARE: f64 = 0.1;
+
+/// What is said of a source that the recording of space at hand has no use for is wrong usage.
+pub(crate) fn check_choice(args: &SourceArgs, is_of_files: bool) -> Result<(), Failure> {
+    let choice = args.choice();
+    if choice.range_unit_m.is_some() {
+        return Err(Failure::Usage(
+            "--range-unit is for scans of planar lasers, found a recording of space".to_owned(),
+        ));
+    }
+    match choice.of_recordings().filter(|_| is_of_files) {
+        Some(option) => Err(Failure::Usage(format!(
+            "{option} is for recordings of messages, found files, which have no such thing"
+        ))),
+        None => Ok(()),
+    }
+}
 
 /// What is mapped, under which name, where the results go, and how.
 pub(crate) struct Run<'a> {

@@ -32,7 +32,8 @@ pub struct Choice {
 
 impl Choice {
     /// What is overridden of it that only recordings of messages have, as it is typed.
-    pub(crate) fn of_recordings(&self) -> Option<&'static str> {
+    #[must_use]
+    pub fn of_recordings(&self) -> Option<&'static str> {
         let given = [
             (!self.topics.is_empty(), "--topic"),
             (self.frame.is_some(), "--frame"),

@@ -168,7 +168,7 @@ pub fn settle_times(beam_period_s: f64, scan_period_s: f64, beams: usize) -> (f6
         );
         (0.0, Some(OddHead { what: "times of beams", words }))
     };
-    if !(sweep_s.abs() <= SWEEP_MOST_S) {
+    if sweep_s.is_nan() || sweep_s.abs() > SWEEP_MOST_S {
         return unknown("which no laser does (nanoseconds?)".to_owned());
     }
     if sweep_s < 0.0 {

@@ -12,7 +12,7 @@ use crate::interrupt::Interrupt;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;
-use crate::space::{Disk, plan_in_words};
+use crate::space::{Disk, check_choice, plan_in_words};
 use crate::terminal::{count, grouped, say, say_json};
 use contents::Contents;
 use differences::{Differences, Steps};
@@ -70,6 +70,7 @@ impl Found {
     fn in_space(path: &Path, source: &SourceArgs) -> Result<Option<Self>, Failure> {
         let Some(disk) = Disk::open(path)? else { return Ok(None) };
         let Some(recording) = disk.recording()? else { return Ok(None) };
+        check_choice(source, true)?;
         let name = name_of(path);
         let (words, value, losses) = space::look(&name, &recording, source)?;
         let (contents, steps) = (Contents::default(), Steps::default());

@@ -24,6 +24,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         && let Some(disk) = Disk::open(path)?
         && let Some(recording) = disk.recording()?
     {
+        space::check_choice(&args.source, true)?;
         let source = Source::files(path.display().to_string(), &recording, &args.source)?;
         return map_space(args, source, &interrupt);
     }
@@ -34,6 +35,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let inputs = match space::seek(args, &mut watch)? {
         Sought::Space(source) => {
             drop(first_pass);
+            space::check_choice(&args.source, false)?;
             return map_space(args, source, &interrupt);
         }
         Sought::Plane(inputs) => inputs,

@@ -197,9 +197,10 @@ fn a_carmen_log_is_judged_by_the_same_rules() {
     let scaled = |factor: f64| -> String {
         let line = |line: &str| {
             let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
-            if words[0] == "FLASER" {
-                let beams: usize = words[1].parse().unwrap();
-                words[2..2 + beams]
+            if words[0] == "ROBOTLASER1" {
+                // type, angles, limits and modes stand before the number of beams
+                let beams: usize = words[8].parse().unwrap();
+                words[9..9 + beams]
                     .iter_mut()
                     .for_each(|word| *word = (factor * word.parse::<f64>().unwrap()).to_string());
             }

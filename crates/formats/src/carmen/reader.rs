@@ -7,10 +7,10 @@ use super::params::{LaserParams, Params};
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
 use crate::jump::is_odometry_jump;
-use crate::lines::{Line, LineReader};
+use crate::lines::{Line, LineReader, MAX_LINE_BYTES};
 use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{Bearings, LaserScan, Odometry, RANGE_MAX_UNSAID_M, SaidBearings, TurnRate};
+use mapwright_sensor::{Bearings, LaserScan, OddHead, Odometry, RANGE_MAX_UNSAID_M, SaidBearings, TurnRate};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
@@ -55,6 +55,9 @@ pub struct CarmenReader<R> {
 
 /// So many `RAWLASER` lines at most are read ahead until one with a pose comes: CARMEN's programs write one with each.
 const RAW_AHEAD: usize = 64;
+
+/// So many bytes of lines are kept meanwhile: as many as one line may have.
+const BYTES_AHEAD: usize = MAX_LINE_BYTES;
 
 /// A [`Line`] with its bytes.
 #[derive(Debug)]
@@ -133,11 +136,12 @@ impl<R: Read> CarmenReader<R> {
 
     /// Reads on until it is known whether `RAWLASER` lines are scans of their own.
     fn look_ahead(&mut self) -> Result<(), FormatError> {
-        let mut raw = 1;
+        let (mut raw, mut bytes) = (1, 0);
         self.parser.raw_lasers = RawLasers::Used;
-        while raw < RAW_AHEAD {
+        while raw < RAW_AHEAD && bytes < BYTES_AHEAD {
             let Some(line) = self.lines.next_line()? else { return Ok(()) };
             let tag = Tag::of(Cursor::new(line.bytes).word());
+            bytes += line.bytes.len() + size_of::<KeptLine>();
             self.ahead.push_back(KeptLine::of(line));
             match tag {
                 Some(Tag::RawLaser(_)) => raw += 1,
@@ -339,7 +343,7 @@ impl Parser {
     fn geometry(&mut self, line: u64, sweep: &Sweep, robot_from_laser: Pose2) -> Geometry {
         let beams = self.scan.ranges_m.len();
         let Bearings { first_rad, step_rad, odd } = sweep.bearings(beams);
-        if let Some(odd) = odd {
+        for odd in odd.into_iter().chain(sweep.odd_reach()) {
             self.report.odd_heads.note(line, odd);
         }
         sweep.geometry(beams, first_rad, step_rad, robot_from_laser)
@@ -478,9 +482,19 @@ impl Sweep {
     }
 
     fn geometry(&self, beams: usize, angle_min_rad: f64, angle_step_rad: f64, robot_from_laser: Pose2) -> Geometry {
-        let usable_max = self.range_max_m.is_finite() && self.range_max_m > 0.0;
-        let range_max_m = if usable_max { self.range_max_m } else { RANGE_MAX_UNSAID_M };
+        let range_max_m = self.usable_reach_m().unwrap_or(RANGE_MAX_UNSAID_M);
         Geometry { beams, angle_min_rad, angle_step_rad, range_max_m, robot_from_laser }
+    }
+
+    fn usable_reach_m(&self) -> Option<f64> {
+        Some(self.range_max_m).filter(|reach_m| reach_m.is_finite() && *reach_m > 0.0)
+    }
+
+    fn odd_reach(&self) -> Option<OddHead> {
+        let words = || {
+            format!("the maximum range is {}: not used, ranges count up to {RANGE_MAX_UNSAID_M} m", self.range_max_m)
+        };
+        self.usable_reach_m().is_none().then(|| OddHead { what: "range limits", words: words() })
     }
 }
 
