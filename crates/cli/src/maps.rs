@@ -1,7 +1,6 @@
 //! The maps of a session: what each file shows, and what it is called.
 
 use crate::advice::{numbered, seen_from};
-use crate::commands::EXPORTS;
 use crate::drawing::draw_believed;
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image, without_outliers};
@@ -30,6 +29,22 @@ pub(crate) fn remove_outdated_maps(output: &mut OutputFolder, maps: usize) {
         }
     }
 }
+
+/// The names that exports have unless they are given others, and what lies beside them.
+pub(crate) const EXPORTS: [&str; 12] = [
+    "export.tum",
+    "export.kitti",
+    "export.times",
+    "export.csv",
+    "export.mcap",
+    "export.pgm",
+    "export.yaml",
+    "map_plain.png",
+    "map_plain.pgw",
+    "export.ply",
+    "export.pcd",
+    "export.bt",
+];
 
 /// With the folder's commit the files go that `mapwright export` has made there of an earlier run, under the names that it gives
 /// them; in words, if there are any.

@@ -85,22 +85,6 @@ fn word(to: ExportTo) -> String {
     to.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-/// The names that exports have unless they are given others, and what lies beside them.
-pub(crate) const EXPORTS: [&str; 12] = [
-    "export.tum",
-    "export.kitti",
-    "export.times",
-    "export.csv",
-    "export.mcap",
-    "export.pgm",
-    "export.yaml",
-    "map_plain.png",
-    "map_plain.pgw",
-    "export.ply",
-    "export.pcd",
-    "export.bt",
-];
-
 fn default_name(to: ExportTo) -> &'static str {
     match to {
         ExportTo::Tum => "export.tum",
@@ -222,4 +206,16 @@ fn write_part(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<()
 fn losses(made: &MapImage) -> Vec<String> {
     let left_out = (made.cells_left_out > 0).then(|| count(made.cells_left_out, "known cell"));
     left_out.map(|cells| format!("{cells} lie too far out for a map's file")).into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_has_a_name_of_its_own_goes_with_the_results_that_it_was_made_of() {
+        for to in ExportTo::value_variants() {
+            assert!(crate::maps::EXPORTS.contains(&default_name(*to)), "{}", word(*to));
+        }
+    }
 }

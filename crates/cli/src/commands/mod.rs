@@ -15,8 +15,6 @@ mod optimize;
 mod perturb;
 mod suite;
 
-pub(crate) use export::EXPORTS;
-
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
 
