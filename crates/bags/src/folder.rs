@@ -20,7 +20,7 @@ const METADATA_BYTES_MAX: u64 = 16 << 20;
 /// A recording on disk: a ROS 1 bag, an MCAP file, a database, or a folder of a ROS 2 bag with `metadata.yaml` or without.
 ///
 /// The files of a split recording are read one after the other; a connection that is the same in several of them keeps its
-/// id. Files compressed as a whole by zstd are decompressed into the system's folder for temporary files.
+/// id. Files compressed as a whole by zstd, gzip or bzip2 are decompressed into the system's folder for temporary files.
 ///
 /// ```no_run
 /// let mut recording = mapwright_bags::Recording::open("drive".as_ref())?;
@@ -227,15 +227,45 @@ impl Drop for Scratch {
     }
 }
 
-/// The file itself, or what it decompresses to where zstd compressed it as a whole.
-fn unpacked(path: &Path, mut file: File, catalog: &mut Catalog) -> Result<(File, Option<Scratch>), BagError> {
-    if !first_bytes(&mut file)?.starts_with(ZSTD_MAGIC) {
-        return Ok((file, None));
+/// Compressions of whole files, each with its first bytes.
+#[derive(Debug, Clone, Copy)]
+enum Packing {
+    Zstd,
+    Gzip,
+    Bzip2,
+}
+
+impl Packing {
+    fn of(first: &[u8]) -> Option<Self> {
+        let known: [(&[u8], Self); 3] =
+            [(ZSTD_MAGIC, Self::Zstd), (&[0x1f, 0x8b, 8], Self::Gzip), (b"BZh", Self::Bzip2)];
+        known.into_iter().find(|(magic, _)| first.starts_with(magic)).map(|(_, packing)| packing)
     }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Zstd => "zstd",
+            Self::Gzip => "gzip",
+            Self::Bzip2 => "bzip2",
+        }
+    }
+
+    fn decoder(self, file: File) -> io::Result<Box<dyn Read>> {
+        Ok(match self {
+            Self::Zstd => Box::new(zstd::stream::read::Decoder::new(file)?),
+            Self::Gzip => Box::new(flate2::read::MultiGzDecoder::new(file)),
+            Self::Bzip2 => Box::new(bzip2::read::MultiBzDecoder::new(file)),
+        })
+    }
+}
+
+/// The file itself, or what it decompresses to where it is compressed as a whole.
+fn unpacked(path: &Path, mut file: File, catalog: &mut Catalog) -> Result<(File, Option<Scratch>), BagError> {
+    let Some(packing) = Packing::of(&first_bytes(&mut file)?) else { return Ok((file, None)) };
     let packed_bytes = file.metadata().map_err(|cause| BagError::at(path, cause))?.len();
     let limit_bytes = limit_bytes(packed_bytes);
     let (scratch, mut out) = Scratch::create()?;
-    let mut decoder = zstd::stream::read::Decoder::new(file)?;
+    let mut decoder = packing.decoder(file)?;
     let (mut piece, mut written) = (vec![0; 1 << 17], 0_u64);
     loop {
         match decoder.read(&mut piece) {
@@ -248,7 +278,7 @@ fn unpacked(path: &Path, mut file: File, catalog: &mut Catalog) -> Result<(File,
                 out.write_all(&piece[..got])?;
             }
             Err(error) => {
-                let expected = format!("zstd to the end, after {written} bytes of content");
+                let expected = format!("{} to the end, after {written} bytes of content", packing.name());
                 catalog.damage(DamageKind::Truncated, packed_bytes, expected, error.to_string(), 0);
                 break;
             }

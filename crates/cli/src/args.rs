@@ -13,10 +13,10 @@ use mapwright_clouds::CameraOptions;
 use mapwright_eval::Delta;
 use mapwright_logs::{Choice, SliceBounds};
 use mapwright_sim::Gap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_pose, parse_reach,
-    parse_seconds, parse_share, parse_slice,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_pose,
+    parse_range_unit, parse_reach, parse_seconds, parse_share, parse_slice,
 };
 
 /// The version, the commit and the features.
@@ -107,15 +107,40 @@ pub(crate) struct MapArgs {
     /// Map the point clouds or images of depth of a recording in space, even where it has scans of a planar laser.
     #[arg(long, conflicts_with = "slice")]
     pub(crate) space: bool,
-    /// Folder for the results; made if need be.
+    /// Folder for the results; made if need be. Otherwise `mapwright-` and the name of the first log, where you are.
     #[arg(short, long, value_name = "FOLDER")]
-    pub(crate) output: PathBuf,
+    output: Option<PathBuf>,
     /// Go on with the session in the folder of results, be it finished, stopped or killed: with the rest of the log that it was made of,
     /// or with another log, which may begin anywhere.
     #[arg(long = "continue", conflicts_with_all = ["resume", "start", "space"])]
     pub(crate) goes_on: bool,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
+}
+
+impl MapArgs {
+    /// Where the results go.
+    pub(crate) fn output(&self) -> PathBuf {
+        self.output.clone().unwrap_or_else(|| folder_of_log(self.logs.first().map_or(Path::new("-"), |log| log)))
+    }
+}
+
+/// Endings of logs, also of those that are compressed: what is left of `intel.clf.bz2` is `intel`.
+const LOG_ENDINGS: [&str; 16] = [
+    "gz", "bz2", "zst", "zstd", "clf", "log", "carmen", "txt", "bag", "mcap", "db3", "pcap", "pcapng", "pcd", "ply",
+    "bin",
+];
+
+fn folder_of_log(log: &Path) -> PathBuf {
+    let whole = std::path::absolute(log).unwrap_or_else(|_| log.to_owned());
+    let mut name = whole.file_name().map_or_else(|| "-".to_owned(), |name| name.to_string_lossy().into_owned());
+    while let Some((stem, ending)) = name.rsplit_once('.') {
+        if stem.is_empty() || !LOG_ENDINGS.contains(&ending.to_ascii_lowercase().as_str()) {
+            break;
+        }
+        name = stem.to_owned();
+    }
+    PathBuf::from(format!("mapwright-{}", if name == "-" { "stdin" } else { &name }))
 }
 
 #[derive(Debug, ClapArgs)]
@@ -167,6 +192,9 @@ pub(crate) struct SourceArgs {
     /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     slice: Option<SliceBounds>,
+    /// What one stands for in the ranges of scans that are not in metres, metres: 0.001 for millimetres.
+    #[arg(long, value_name = "M", value_parser = parse_range_unit)]
+    range_unit: Option<f64>,
     /// Of a depth camera: focal lengths and the optical axis, pixels.
     #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse_intrinsics)]
     intrinsics: Option<[f64; 4]>,
@@ -181,7 +209,12 @@ impl SourceArgs {
     }
 
     pub(crate) fn choice(&self) -> Choice {
-        Choice { topics: self.topic.clone(), frame: self.frame.clone(), slice: self.slice }
+        Choice {
+            topics: self.topic.clone(),
+            frame: self.frame.clone(),
+            slice: self.slice,
+            range_unit_m: self.range_unit,
+        }
     }
 }
 
@@ -396,6 +429,9 @@ pub(crate) struct ExplainArgs {
     /// Only those that this keyframe takes part in.
     #[arg(long, value_name = "N")]
     pub(crate) keyframe: Option<u32>,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, ClapArgs)]

@@ -1,6 +1,7 @@
 //! `closures.json`: every place the robot may have come back to, what speaks for it and what was decided.
 
 use crate::failure::Failure;
+use crate::foreign::kind_at;
 use mapwright::{Candidate, Cov3, Cov6, Fragment, KeyframeId, Pose2, Pose3, Session, Verdict, WheelSlip};
 use mapwright_geom::Pose;
 use mapwright_record::Measurement;
@@ -129,8 +130,7 @@ impl ClosureFile {
     pub(crate) fn read(path: &Path) -> Result<Self, Failure> {
         let path = if path.is_dir() { path.join(CLOSURES) } else { path.to_owned() };
         let text = fs::read(&path).map_err(|error| Failure::open(&path, error))?;
-        let file: Self = serde_json::from_slice(&text)
-            .map_err(|error| Failure::Candidates { path: path.clone(), cause: error.to_string() })?;
+        let file: Self = serde_json::from_slice(&text).map_err(|error| not_closures(&path, &error))?;
         match file.candidates.iter().position(|c| c.from.max(c.to) as usize >= file.keyframes) {
             None => Ok(file),
             Some(at) => {
@@ -173,6 +173,18 @@ impl Recorded for Pose3 {
 /// All candidates of a session in the order they were looked at.
 pub(crate) fn records<M: Measurement<Pose: Recorded>>(session: &Session<M>) -> Vec<CandidateRecord> {
     session.candidates().iter().map(|candidate| record(candidate, session)).collect()
+}
+
+/// What a file is that is no list of closures.
+fn not_closures(path: &Path, error: &serde_json::Error) -> Failure {
+    let expected = "a folder of results of `mapwright map`, or its closures.json";
+    match kind_at(path).filter(|kind| !kind.is_json()) {
+        Some(kind) => Failure::Log(kind.instead(&path.display().to_string(), expected)),
+        None => Failure::Candidates {
+            path: path.to_owned(),
+            cause: format!("expected {expected}, found no such list: {error}"),
+        },
+    }
 }
 
 /// A keyframe's place in the session; the next one's where it is not there.

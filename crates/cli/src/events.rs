@@ -1,6 +1,7 @@
 //! Logs as they are read: from files or the standard input, until they or the user end.
 
 use crate::failure::Failure;
+use crate::foreign::{HEAD_BYTES, folder_in_words, kind_of, plain_beginning, plain_head};
 pub(crate) use crate::interrupt::Interrupt;
 use crate::reading::{Reading, found_instead};
 use mapwright_formats::LogEvent;
@@ -125,25 +126,39 @@ pub(crate) fn input(path: &Path) -> Result<Input, Failure> {
     if !metadata.is_dir() {
         return streamed(File::open(path).map_err(failed)?, path, metadata.is_file());
     }
-    if holds_recording(path) {
+    let names = names_in(path);
+    if !mapwright_bags::FolderContents::of(&names).parts.is_empty() {
         return Ok(Input::Recording(path.to_owned()));
     }
-    Err(Failure::open(path, "expected a log, found a directory without .mcap, .db3 or .bag files"))
+    Err(Failure::open(path, folder_in_words(path, &names)))
 }
 
 fn streamed(mut source: impl Read + 'static, path: &Path, is_file: bool) -> Result<Input, Failure> {
-    let mut first_bytes = Vec::new();
-    let read = source.by_ref().take(16).read_to_end(&mut first_bytes);
+    let mut head = Vec::new();
+    let read = source.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
     read.map_err(|error| Failure::Read { path: path.to_owned(), cause: error.to_string() })?;
-    match Input::is_recording(&first_bytes) {
-        true if is_file => Ok(Input::Recording(path.to_owned())),
-        true => Err(Failure::open(path, "expected a file, found a stream: recordings are read twice")),
-        false => Ok(Input::Carmen(Box::new(io::Cursor::new(first_bytes).chain(source)))),
+    let plain = if is_file && is_named_recording(path) { plain_beginning(path) } else { plain_head(&head) };
+    if Input::is_recording(&head) || Input::is_recording(&plain) {
+        return match is_file {
+            true => Ok(Input::Recording(path.to_owned())),
+            false => Err(Failure::open(path, "expected a file, found a stream: recordings are read twice")),
+        };
+    }
+    match kind_of(&plain).filter(|kind| !kind.is_log()) {
+        Some(kind) => Err(Failure::Log(kind.instead(&name_of(path), "a log of laser scans"))),
+        None => Ok(Input::Carmen(Box::new(io::Cursor::new(head).chain(source)))),
     }
 }
 
-fn holds_recording(folder: &Path) -> bool {
+/// Whether the name says so of a file compressed by bzip2, of which little can be known from its first bytes.
+fn is_named_recording(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    [".bag.bz2", ".mcap.bz2", ".db3.bz2"].iter().any(|ending| name.ends_with(ending))
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
     let names = fs::read_dir(folder).into_iter().flatten();
-    let names: Vec<_> = names.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
-    !mapwright_bags::FolderContents::of(&names).parts.is_empty()
+    let mut names: Vec<_> = names.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+    names.sort();
+    names
 }

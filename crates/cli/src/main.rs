@@ -10,6 +10,7 @@ mod doubt;
 mod drawing;
 mod events;
 mod failure;
+mod foreign;
 mod going_on;
 mod image;
 mod interrupt;

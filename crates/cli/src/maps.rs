@@ -33,6 +33,29 @@ pub(crate) fn remove_outdated_maps(output: &mut OutputFolder, maps: usize) {
     }
 }
 
+/// The names that exports have unless they are given others, and what lies beside them.
+pub(crate) const EXPORTS: [&str; 12] = [
+    "export.tum",
+    "export.kitti",
+    "export.times",
+    "export.csv",
+    "export.mcap",
+    "export.pgm",
+    "export.yaml",
+    "map_plain.png",
+    "map_plain.pgw",
+    "export.ply",
+    "export.pcd",
+    "export.bt",
+];
+
+/// With the folder's commit the files go that `mapwright export` has made there of an earlier run, under the names that it gives
+/// them; in words, if there are any.
+pub(crate) fn remove_outdated_exports(output: &mut OutputFolder) -> Option<String> {
+    let gone: Vec<_> = EXPORTS.into_iter().filter(|name| output.remove_outdated((*name).to_owned())).collect();
+    (!gone.is_empty()).then(|| format!("exports of the results before are gone: {}", gone.join(" ")))
+}
+
 /// What a map's files show, for report and people.
 #[derive(Debug, Clone)]
 pub(crate) struct MadeMap {

@@ -1,6 +1,9 @@
 //! What reading logs has brought and lost, for report and people.
 
-use crate::report::{read_losses, read_oddities, read_report, topic_oddities, topic_report};
+use crate::report::{
+    heads_json, range_losses, range_oddities, ranges_json, read_losses, read_oddities, read_report, topic_oddities,
+    topic_report,
+};
 use crate::terminal::{count, grouped};
 use mapwright_bags::{Damages, ReadReport as Container};
 use mapwright_formats::{FormatError, Noted, ReadReport};
@@ -102,6 +105,7 @@ fn found_in_carmen(report: &ReadReport) -> String {
         found.push(count(report.odometry, "odometry reading"));
     }
     found.extend(report.tear.as_ref().map(FormatError::to_string));
+    found.extend(range_losses(&report.ranges));
     if let Some(first) = report.drops.values().flat_map(|drops| &drops.first).min_by_key(|dropped| dropped.line) {
         found.push(format!("{} dropped, first {first}", report.dropped_lines()));
     }
@@ -147,6 +151,8 @@ fn recording_json(report: &RecordingReport) -> Value {
     value["unstamped"] = noted_json(&stream.unstamped);
     value["scans_without_odometry"] = noted_json(&stream.without_odometry);
     value["non_finite_ranges"] = json!(stream.non_finite_ranges);
+    value["heads_that_contradict_themselves"] = heads_json(&stream.odd_heads);
+    value["ranges"] = ranges_json(&stream.ranges);
     value["points_used"] = json!(stream.points_used);
     value["points_outside"] = json!(stream.points_outside);
     value["held_bytes"] = json!(stream.held_bytes);
@@ -225,12 +231,14 @@ fn recording_losses(report: &RecordingReport) -> Vec<String> {
             losses.push(format!("{} {what}, first {first}", count(refused.count, "message")));
         }
     }
+    losses.extend(range_losses(&report.stream.ranges));
     losses
 }
 
 fn recording_oddities(report: &RecordingReport) -> Vec<String> {
     let stream = &report.stream;
     let mut odd: Vec<_> = damage_words(&report.survey.container, false).collect();
+    odd.extend(range_oddities(&stream.odd_heads, &stream.ranges, "message"));
     odd.extend(stream.topics.iter().flat_map(|topic| topic_oddities(topic, "message")));
     let mut note = |noted: &Noted, what: &str| {
         if let Some(place) = noted.first_places.first() {

@@ -7,7 +7,7 @@ use crate::tally::Tally;
 use crate::terminal::{count, duration, grouped};
 use crate::verdict::{Facts, Usable};
 use mapwright::{Advice, LocalMapReport, SeparateMap, Status, Visits};
-use mapwright_formats::{Noted, ReadReport, TopicReport};
+use mapwright_formats::{Noted, OddHeads, RangeReport, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
@@ -32,6 +32,8 @@ pub(crate) fn read_report(report: &ReadReport) -> Value {
         "scan_poses_refused": noted(&report.refused_scan_poses),
         "unstamped": noted(&report.unstamped),
         "non_finite_ranges": report.non_finite_ranges,
+        "heads_that_contradict_themselves": heads_json(&report.odd_heads),
+        "ranges": ranges_json(&report.ranges),
         "other_lines": report.other_tags,
         "topics": report.topics.iter().map(topic_report).collect::<Vec<_>>(),
     })
@@ -63,12 +65,56 @@ pub(crate) fn read_losses(report: &ReadReport) -> Vec<String> {
     if report.refused_scan_poses.count > 0 {
         losses.push(format!("{} had no usable odometry pose", count(report.refused_scan_poses.count, "scan")));
     }
+    losses.extend(range_losses(&report.ranges));
     losses
+}
+
+/// Scans whose ranges are in no metres, in words.
+pub(crate) fn range_losses(ranges: &RangeReport) -> Option<String> {
+    let RangeReport { beyond_reach, largest, .. } = ranges;
+    // As centimetres they would still be farther than lasers of the plane reach.
+    let unit = if *largest > 15_000.0 { "millimetres" } else { "millimetres or centimetres" };
+    (beyond_reach.count > 0).then(|| {
+        format!(
+            "{} left out, for they have readings of up to {largest} m: {unit}? `--range-unit 0.001` takes them as millimetres",
+            count(beyond_reach.count, "scan")
+        )
+    })
+}
+
+/// Heads that contradict themselves, and ranges that say nothing, in words; `place` is what places of heads count.
+pub(crate) fn range_oddities(heads: &OddHeads, ranges: &RangeReport, place: &str) -> Vec<String> {
+    let mut odd: Vec<_> = heads
+        .iter()
+        .map(|(words, noted)| {
+            let first = noted.first_places.first().copied().unwrap_or_default();
+            format!("{words} ({}, first at {place} {first})", count(noted.count, "scan"))
+        })
+        .collect();
+    odd.extend(ranges.limits.clone());
+    let blank = "scans of which not one range can be used (0, negative, no number or nearer than the laser's least)";
+    odd.extend(note(&ranges.blank, blank, "scan"));
+    odd
+}
+
+pub(crate) fn heads_json(heads: &OddHeads) -> Value {
+    heads.iter().map(|(words, of)| json!({ "words": words, "count": of.count, "first": of.first_places })).collect()
+}
+
+pub(crate) fn ranges_json(ranges: &RangeReport) -> Value {
+    let scans = |noted: &Noted| json!({ "count": noted.count, "first_scans": noted.first_places });
+    json!({
+        "beyond_reach": scans(&ranges.beyond_reach),
+        "largest_beyond_reach": ranges.largest,
+        "blank": scans(&ranges.blank),
+        "limits": ranges.limits,
+    })
 }
 
 /// What is odd about a log without being a loss, in words.
 pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
-    let mut odd: Vec<_> = report.topics.iter().flat_map(|topic| topic_oddities(topic, "line")).collect();
+    let mut odd = range_oddities(&report.odd_heads, &report.ranges, "line");
+    odd.extend(report.topics.iter().flat_map(|topic| topic_oddities(topic, "line")));
     odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {
         odd.push(format!("ranges that are not finite: {}", grouped(report.non_finite_ranges)));
@@ -80,7 +126,12 @@ pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
 pub(crate) fn topic_oddities(topic: &TopicReport, place: &str) -> Vec<String> {
     let name = &topic.name;
     let noted = [
-        (&topic.stamps.backward, format!("{name} stamps that step backwards (kept in the order of the file)")),
+        (
+            &topic.stamps.backward,
+            format!(
+                "{name} stamps that step backwards (kept; `--stamps repaired` makes those of trajectories increase, as evo wants them)"
+            ),
+        ),
         (&topic.stamps.repeated, format!("{name} stamps that repeat")),
         (&topic.odometry_jumps, format!("{name} odometry jumps of more than 10 m and 3 m/s")),
         (&topic.beam_count_changes, format!("{name} changes of the number of beams")),

@@ -17,11 +17,11 @@ pub(crate) use seek::{Sought, seek};
 pub(crate) use simulated::Simulation;
 pub(crate) use source::Source;
 
-use crate::args::MappingArgs;
+use crate::args::{MappingArgs, SourceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::mapping::settings_of;
-use crate::maps::remove_outdated_maps;
+use crate::maps::{remove_outdated_exports, remove_outdated_maps};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
@@ -41,6 +41,22 @@ use std::path::Path;
 const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
 pub(crate) const MAP_SHARE: f64 = 0.1;
+
+/// What is said of a source that the recording of space at hand has no use for is wrong usage.
+pub(crate) fn check_choice(args: &SourceArgs, is_of_files: bool) -> Result<(), Failure> {
+    let choice = args.choice();
+    if choice.range_unit_m.is_some() {
+        return Err(Failure::Usage(
+            "--range-unit is for scans of planar lasers, found a recording of space".to_owned(),
+        ));
+    }
+    match choice.of_recordings().filter(|_| is_of_files) {
+        Some(option) => Err(Failure::Usage(format!(
+            "{option} is for recordings of messages, found files, which have no such thing"
+        ))),
+        None => Ok(()),
+    }
+}
 
 /// What is mapped, under which name, where the results go, and how.
 pub(crate) struct Run<'a> {
@@ -91,6 +107,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
+    odd.extend(remove_outdated_exports(&mut mapping.output));
     let words = report::to_words(&source, &mapping.tally, &results, &timing, &losses, &odd);
     let files = mapping.output.commit()?;
     if args.mapping.voice.json {

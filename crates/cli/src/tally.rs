@@ -2,6 +2,7 @@
 
 use crate::doubt::Doubts;
 use crate::status_runs::StatusRuns;
+use crate::terminal::grouped;
 use mapwright::{BeamCounts, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -119,6 +120,23 @@ impl Tally {
             "searched": self.searched,
             "evaluations": self.evaluations,
         })
+    }
+
+    /// What became of the beams, in words.
+    pub(crate) fn beam_words(&self) -> String {
+        let beams = &self.beams;
+        let kinds = [
+            (beams.returns, "met something"),
+            (beams.no_return, "met nothing within the laser's reach"),
+            (beams.too_near, "are 0, negative or nearer than the laser's least range"),
+            (beams.not_a_number, "are no numbers"),
+            (beams.isolated, "stand alone"),
+            (beams.moving, "met what moves"),
+            (beams.refused, "are of scans that were refused"),
+        ];
+        let there = kinds.iter().filter(|(number, _)| *number > 0);
+        let words: Vec<_> = there.map(|(number, what)| format!("{} {what}", grouped(u64::from(*number)))).collect();
+        if words.is_empty() { "there are none".to_owned() } else { words.join(", ") }
     }
 
     pub(crate) fn beam_report(&self) -> Value {

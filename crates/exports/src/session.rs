@@ -25,8 +25,8 @@ pub struct SessionCounts {
     pub poses: usize,
 }
 
-/// Writes a session and its map as an MCAP file of ROS 2 that Foxglove, RViz and `ros2 bag` open. Messages are in the
-/// order of their stamps.
+/// Writes a session and its map as an MCAP file of ROS 2 that Foxglove, RViz and `ros2 bag` open. `stamped` says what each
+/// scan's stamp becomes, in the order of arrival; messages are in the order of these.
 ///
 /// | topic | type | content |
 /// |---|---|---|
@@ -44,10 +44,12 @@ pub struct SessionCounts {
 pub fn write_session_mcap<W: Write + Seek>(
     session: &Session,
     map: &GridImage,
+    mut stamped: impl FnMut(Stamp) -> Stamp,
     writer: W,
 ) -> Result<(W, SessionCounts), ExportError> {
     map.validate()?;
-    let mut scans: Vec<(usize, TrajectoryPose)> = session.trajectory().enumerate().collect();
+    let restamped = |pose: TrajectoryPose| TrajectoryPose { stamp: stamped(pose.stamp), ..pose };
+    let mut scans: Vec<(usize, TrajectoryPose)> = session.trajectory().map(restamped).enumerate().collect();
     scans.sort_by_key(|(_, scan)| scan.stamp);
     let begin = scans.first().map_or(Stamp(0), |(_, scan)| scan.stamp);
     let mut recording = Recording::mcap(writer)?;

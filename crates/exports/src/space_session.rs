@@ -48,9 +48,11 @@ pub struct SpaceSessionCounts {
 pub fn write_space_session_mcap<W: Write + Seek>(
     session: &Session<SpaceSweep>,
     (points_m, colours): (&[[f32; 3]], &[[u8; 3]]),
+    mut stamped: impl FnMut(Stamp) -> Stamp,
     writer: W,
 ) -> Result<(W, SpaceSessionCounts), ExportError> {
-    let mut clouds: Vec<TrajectoryPose<Pose3>> = session.trajectory().collect();
+    let restamped = |pose: TrajectoryPose<Pose3>| TrajectoryPose { stamp: stamped(pose.stamp), ..pose };
+    let mut clouds: Vec<TrajectoryPose<Pose3>> = session.trajectory().map(restamped).collect();
     clouds.sort_by_key(|cloud| cloud.stamp);
     let begin = clouds.first().map_or(Stamp(0), |cloud| cloud.stamp);
     let data = bytes_of(points_m, colours)?;

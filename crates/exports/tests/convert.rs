@@ -29,7 +29,7 @@ fn seen(message: &RawMessage<'_>, encoding: Encoding) -> Seen {
     match &*message.connection.topic {
         "/scan" => {
             let scan = Decoder::<LaserScan<'_>>::new(&channel).unwrap().decode(message.data).unwrap();
-            assert_eq!(scan.laser(&Mounting::IDENTITY).unwrap().angle_min_rad, -std::f64::consts::FRAC_PI_2);
+            assert_eq!(scan.laser(&Mounting::IDENTITY).unwrap().0.angle_min_rad, -std::f64::consts::FRAC_PI_2);
             Seen::Scan(scan.header.stamp, scan.ranges.to_vec())
         }
         "/odom" => {

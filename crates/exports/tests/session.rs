@@ -66,7 +66,7 @@ fn map() -> GridImage {
 }
 
 fn written() -> Vec<u8> {
-    let (out, counts) = write_session_mcap(&session(), &map(), Cursor::new(Vec::new())).unwrap();
+    let (out, counts) = write_session_mcap(&session(), &map(), |stamp| stamp, Cursor::new(Vec::new())).unwrap();
     assert_eq!(counts, SessionCounts { closures: 2, scans: 20, poses: 40 });
     out.into_inner()
 }
@@ -114,7 +114,8 @@ fn what_is_written_reads_back() {
 
 #[test]
 fn an_empty_session_is_a_file_too() {
-    let (out, counts) = write_session_mcap(&Session::default(), &map(), Cursor::new(Vec::new())).unwrap();
+    let (out, counts) =
+        write_session_mcap(&Session::default(), &map(), |stamp| stamp, Cursor::new(Vec::new())).unwrap();
     assert_eq!(counts, SessionCounts::default());
     assert!(McapReader::open(out).unwrap().next_message().unwrap().is_some());
 }
@@ -193,7 +194,8 @@ const COLOURS: [[u8; 3]; 3] = [[200, 100, 50], [1, 2, 3], [0, 0, 0]];
 
 fn written_of_space(colours: &[[u8; 3]]) -> Vec<u8> {
     let points = (POINTS_M.as_slice(), colours);
-    let (out, counts) = write_space_session_mcap(&space_session(), points, Cursor::new(Vec::new())).unwrap();
+    let (out, counts) =
+        write_space_session_mcap(&space_session(), points, |stamp| stamp, Cursor::new(Vec::new())).unwrap();
     assert_eq!(counts, SpaceSessionCounts { closures: 1, points: 3, poses: 40 });
     out.into_inner()
 }
@@ -227,10 +229,12 @@ fn what_is_written_of_space_reads_back() {
         }
     }
     assert_eq!((transforms, points), (40, 3));
-    let empty = write_space_session_mcap(&Session::default(), (&[], &[]), Cursor::new(Vec::new())).unwrap();
+    let empty =
+        write_space_session_mcap(&Session::default(), (&[], &[]), |stamp| stamp, Cursor::new(Vec::new())).unwrap();
     assert_eq!(empty.1, SpaceSessionCounts::default());
     let points = (POINTS_M.as_slice(), &COLOURS[..2]);
-    let refused = write_space_session_mcap(&space_session(), points, Cursor::new(Vec::new())).unwrap_err();
+    let refused =
+        write_space_session_mcap(&space_session(), points, |stamp| stamp, Cursor::new(Vec::new())).unwrap_err();
     assert!(refused.to_string().contains("expected 3 colours or none, found 2"), "{refused}");
 }
 

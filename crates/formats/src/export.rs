@@ -39,6 +39,20 @@ pub fn write_kitti(world_from_robot: impl IntoIterator<Item = Pose2>, writer: im
     lines.finish()
 }
 
+/// Writes stamps as KITTI's `times.txt` has them, one a line, seconds.
+///
+/// # Errors
+///
+/// [`FormatError::Io`].
+pub fn write_stamps(stamps: impl IntoIterator<Item = Stamp>, writer: impl Write) -> Result<(), FormatError> {
+    let mut lines = Lines { writer, pending: Vec::with_capacity(WRITE_BYTES + 512) };
+    for stamp in stamps {
+        write_stamp(&mut lines.pending, stamp);
+        lines.end()?;
+    }
+    lines.finish()
+}
+
 /// Writes a trajectory as CSV with a line of names: `stamp_s,x_m,y_m,theta_rad,odom_x_m,odom_y_m,odom_theta_rad`.
 ///
 /// # Errors

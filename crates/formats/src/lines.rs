@@ -6,6 +6,9 @@ use std::io::{self, Read};
 /// First size of the buffer; large reads keep system calls rare.
 const BUFFER_BYTES: usize = 256 * 1024;
 
+/// What editors write at the beginning of UTF-8 text.
+const BYTE_ORDER_MARK: &[u8] = &[0xEF, 0xBB, 0xBF];
+
 /// Longest line that is read; longer ones are skipped and reported.
 pub(crate) const MAX_LINE_BYTES: usize = 16 * 1024 * 1024;
 
@@ -89,13 +92,21 @@ impl<R: Read> LineReader<R> {
 
     /// Hands out `length` bytes and steps over them and the `ending` bytes behind.
     fn take_line(&mut self, length: usize, ending: usize) -> Line<'_> {
-        let from = self.start;
+        let mark = if self.lines == 0 { self.mark_bytes(length) } else { 0 };
+        let (from, length) = (self.start + mark, length - mark);
+        self.start = from;
         self.start += length + ending;
         self.lines += 1;
         self.last = from..from + length;
         let bytes = &self.buffer[self.last.clone()];
         let bytes = bytes.strip_suffix(b"\r").unwrap_or(bytes);
         Line { number: self.lines, bytes, terminated: ending > 0, skipped_bytes: None }
+    }
+
+    /// Length of the byte order mark before the first line.
+    fn mark_bytes(&self, length: usize) -> usize {
+        let line = &self.buffer[self.start..self.start + length];
+        if line.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 }
     }
 
     /// Reads more behind what is buffered, making room first.
@@ -195,6 +206,17 @@ mod tests {
             let texts: Vec<_> = lines.iter().map(|l| l.1.as_slice()).collect();
             assert_eq!(texts, [b"one".as_slice(), b"", b"two three", b"four"]);
             assert!(lines[2].2 && !lines[3].2);
+        }
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_no_part_of_the_first_line() {
+        for step in 1..9 {
+            let lines = all(b"\xEF\xBB\xBFone\n\xEF\xBB\xBFtwo", step, 16);
+            assert_eq!(
+                lines.iter().map(|l| l.1.as_slice()).collect::<Vec<_>>(),
+                [b"one".as_slice(), b"\xEF\xBB\xBFtwo"]
+            );
         }
     }
 

@@ -1,5 +1,8 @@
 //! What a report says of something that happens often.
 
+use mapwright_sensor::OddHead;
+use std::collections::BTreeMap;
+
 /// Places kept of each kind of remark; further ones are only counted.
 pub(crate) const PLACES_KEPT: usize = 20;
 
@@ -20,4 +23,33 @@ impl Noted {
             self.first_places.push(place);
         }
     }
+}
+
+/// What is odd about heads of scans, each kind once. There are few kinds, so that memory is bounded.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct OddHeads(BTreeMap<&'static str, (String, Noted)>);
+
+impl OddHeads {
+    /// Counts one more, at `place`.
+    pub fn note(&mut self, place: u64, odd: OddHead) {
+        self.0.entry(odd.what).or_insert_with(|| (odd.words, Noted::default())).1.note(place);
+    }
+
+    /// What is wrong with the first scan of each kind, in words, and with how many scans.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Noted)> {
+        self.0.values().map(|(words, noted)| (words.as_str(), noted))
+    }
+}
+
+/// Scans whose ranges say nothing, or are not in metres.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RangeReport {
+    /// Scans left out, for most of their ranges are beyond what a laser of the plane reaches.
+    pub beyond_reach: Noted,
+    /// The largest range of these, as it stands in the log.
+    pub largest: f32,
+    /// Scans without a single range that can be used: each is 0, negative, NaN or nearer than the least range.
+    pub blank: Noted,
+    /// What is odd about the ranges' limits, in words.
+    pub limits: Option<String>,
 }

@@ -2,7 +2,7 @@
 
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
-use crate::noted::{Noted, PLACES_KEPT};
+use crate::noted::{Noted, OddHeads, PLACES_KEPT, RangeReport};
 use crate::stamp_watch::StampWatch;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -116,6 +116,10 @@ pub struct ReadReport {
     pub unstamped: Noted,
     /// Ranges that are NaN or infinite, delivered as they are.
     pub non_finite_ranges: u64,
+    /// Heads of scans that contradict themselves, and what was used.
+    pub odd_heads: OddHeads,
+    /// Scans delivered whose ranges say nothing; noted by who takes the scans.
+    pub ranges: RangeReport,
     /// Whether the file ended within a line that is lost for that reason.
     pub truncated_last_line: bool,
     /// Where a compressed stream was torn ([`FormatError::Torn`]).

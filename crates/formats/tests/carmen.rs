@@ -456,3 +456,62 @@ fn the_freiburg_log_has_its_laser_behind_the_robots_origin() {
     }
     assert_eq!((reader.report().scans, reader.report().has_losses()), (4934, false));
 }
+
+/// A log of `RAWLASER1` lines between odometry, and with `ROBOTLASER1` lines of the same scans or without.
+fn raw_log(scans: usize, with_poses: bool) -> String {
+    let mut log = "PARAM robot_frontlaser_offset 0.1\n".to_owned();
+    for k in 0..scans {
+        let head = "0 -1.570796 3.141593 0.785398 30.0 0.01 0 5 1.0 2.0 3.0 2.0 1.0 0";
+        log += &format!("ODOM {k} 0 0 0 0 0 {k}.1 host 0\nRAWLASER1 {head} {k}.2 host 0\n");
+        if with_poses {
+            log += &format!("ROBOTLASER1 {head} {k}.1 0 0 {k} 0 0 0 0 0 0 0 {k}.2 host 0\n");
+        }
+    }
+    log
+}
+
+#[test]
+fn raw_scans_are_read_unless_the_same_come_with_poses() {
+    for scans in [1, 3, 200] {
+        let (events, report) = read(raw_log(scans, false).as_bytes());
+        assert_eq!((events.len(), report.scans, report.odometry), (2 * scans, scans as u64, scans as u64));
+        assert!(!report.has_losses(), "{:?}", report.drops);
+        for (k, pair) in events.chunks(2).enumerate() {
+            let (Event::Odometry(odometry), Event::Scan(scan)) = (&pair[0], &pair[1]) else { panic!("{pair:?}") };
+            assert_eq!((odometry.odom_from_robot.x, scan.odom_from_robot), (k as f64, None));
+            assert_eq!(scan.laser.robot_from_laser.x, 0.1);
+            assert_eq!((scan.ranges_m.len(), scan.laser.name.as_str()), (5, "RAWLASER1"));
+        }
+        let (events, report) = read(raw_log(scans, true).as_bytes());
+        assert_eq!((events.len(), report.other_tags["RAWLASER1"]), (2 * scans, scans as u64));
+        assert!(events.iter().all(|e| !matches!(e, Event::Scan(scan) if scan.odom_from_robot.is_none())));
+    }
+}
+
+#[test]
+fn the_field_of_view_counts_before_a_resolution_that_contradicts_it() {
+    let scan = |fov: f64, step: f64| {
+        let ranges = "1.00 ".repeat(181);
+        let line =
+            format!("ROBOTLASER1 0 -1.570796 {fov} {step} 81 0.01 0 181 {ranges}0 0 0 0 0 0 0 0 0 0 0 0 5.0 host 0\n");
+        let (events, report) = read(line.repeat(3).as_bytes());
+        let Event::Scan(scan) = &events[0] else { panic!("{events:?}") };
+        let odd: Vec<_> = report.odd_heads.iter().map(|(words, noted)| (words.to_owned(), noted.count)).collect();
+        (scan.laser.angle_step_rad.to_degrees(), odd)
+    };
+    let (step_deg, odd) = scan(PI, PI / 180.0);
+    assert!((step_deg - 1.0).abs() < 1e-9 && odd.is_empty(), "{step_deg} {odd:?}");
+    for step in [PI / 360.0, -PI / 180.0] {
+        let (step_deg, odd) = scan(PI, step);
+        assert!((step_deg - 1.0).abs() < 1e-6 && odd.len() == 1 && odd[0].1 == 3, "{step_deg} {odd:?}");
+        assert!(odd[0].0.contains("the field of view says +90.0 deg"), "{odd:?}");
+    }
+    let (step_deg, odd) = scan(180.0, 1.0);
+    assert!((step_deg - 1.0).abs() < 1e-9 && odd[0].0.contains("taken as degrees"), "{step_deg} {odd:?}");
+}
+
+#[test]
+fn a_byte_order_mark_before_a_log_is_passed_over() {
+    let (events, report) = read(b"\xEF\xBB\xBFFLASER 1 3.00 0 0 0 0 0 0 5.0 h 0\n");
+    assert!(events.len() == 1 && !report.has_losses());
+}

@@ -26,9 +26,22 @@ pub struct Choice {
     pub frame: Option<String>,
     /// Makes scans of point clouds.
     pub slice: Option<SliceBounds>,
+    /// What one stands for in the log's ranges, metres, where its scans are not in metres.
+    pub range_unit_m: Option<f64>,
 }
 
 impl Choice {
+    /// What is overridden of it that only recordings of messages have, as it is typed.
+    #[must_use]
+    pub fn of_recordings(&self) -> Option<&'static str> {
+        let given = [
+            (!self.topics.is_empty(), "--topic"),
+            (self.frame.is_some(), "--frame"),
+            (self.slice.is_some(), "--slice"),
+        ];
+        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, option)| option)
+    }
+
     /// Whether nothing is overridden.
     #[must_use]
     pub fn is_default(&self) -> bool {

@@ -3,11 +3,14 @@
 use crate::chain::Chain;
 use crate::choice::Choice;
 use crate::error::LogError;
+use crate::merge::WINDOW_S;
 use crate::plan::Plan;
+use crate::ranges::RangeCheck;
 use crate::report::LogReport;
 use crate::scans::no_scan;
 use crate::stream::{Event, Stream};
 use crate::survey::Survey;
+use crate::words::grouped;
 use mapwright_bags::BagError;
 use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, open_log};
 use mapwright_geom::{Pose2, Stamp};
@@ -47,6 +50,10 @@ impl Input {
     }
 }
 
+/// A log may begin so much later than the one before ends: a robot that was switched off for longer has been moved, or may have
+/// been, seconds.
+const PAUSE_MOST_S: f64 = 3600.0;
+
 /// A log of the drive.
 #[derive(Debug)]
 struct Part {
@@ -71,6 +78,12 @@ pub struct Drive {
     odometry: Odometry,
     turn_rate: TurnRate,
     is_begun: bool,
+    /// Of the present log.
+    ranges: RangeCheck,
+    range_unit_m: Option<f64>,
+    /// The name of the log before and its latest stamp, until the present one has said when it begins.
+    before: Option<(String, Stamp)>,
+    latest: Option<Stamp>,
 }
 
 /// Which buffer holds the event.
@@ -113,6 +126,12 @@ impl Drive {
                 }
                 Input::Surveyed(path, survey) => (path, survey),
                 Input::Carmen(source) => {
+                    if let Some(option) = choice.of_recordings() {
+                        let reason = format!(
+                            "{option} is for recordings of messages, found a CARMEN log, which has no such thing"
+                        );
+                        return Err(LogError::refused(&name, &reason));
+                    }
                     let reader = carmen(source).map_err(|cause| LogError::Carmen { name: name.clone(), cause })?;
                     parts.push_back(Part { name, reader });
                     continue;
@@ -130,7 +149,19 @@ impl Drive {
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
         let turn_rate = TurnRate { stamp: Stamp(0), rad_per_s: 0.0 };
         let (chain, reports) = (Chain::default(), Vec::new());
-        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, turn_rate, is_begun: false })
+        Ok(Self {
+            parts,
+            reports,
+            chain,
+            scan: no_scan(),
+            odometry,
+            turn_rate,
+            is_begun: false,
+            ranges: RangeCheck::new(choice.range_unit_m),
+            range_unit_m: choice.range_unit_m,
+            before: None,
+            latest: None,
+        })
     }
 
     /// The plans of the recordings that are not yet begun, with their names.
@@ -184,12 +215,33 @@ impl Drive {
                 self.is_begun = true;
             }
             if let Some(kind) = part.read(&mut self.scan, &mut self.odometry, &mut self.turn_rate)? {
+                if matches!(kind, Kind::Scan) && !self.ranges.take(&mut self.scan) {
+                    continue;
+                }
+                self.follow(&kind)?;
                 self.chain(&kind);
                 return Ok(Some(kind));
             }
             self.end_part();
         }
         Ok(None)
+    }
+
+    /// Whether the log can follow the one before, as far as stamps say.
+    fn follow(&mut self, kind: &Kind) -> Result<(), LogError> {
+        let stamp = match kind {
+            Kind::Scan => self.scan.stamp,
+            Kind::Odometry => self.odometry.stamp,
+            Kind::TurnRate => return Ok(()),
+        };
+        self.latest = Some(self.latest.map_or(stamp, |latest| latest.max(stamp)));
+        let Some((before, last)) = self.before.take() else { return Ok(()) };
+        let pause_s = stamp.secs_since(last);
+        if (-WINDOW_S..=PAUSE_MOST_S).contains(&pause_s) {
+            return Ok(());
+        }
+        let name = self.parts.front().map_or_else(String::new, |part| part.name.clone());
+        Err(LogError::NotOneDrive { name, before, why: pause_words(pause_s) })
     }
 
     fn chain(&mut self, kind: &Kind) {
@@ -209,11 +261,14 @@ impl Drive {
     fn end_part(&mut self) {
         self.is_begun = false;
         if let Some(part) = self.parts.pop_front() {
-            let report = match part.reader {
+            self.before = self.latest.take().map(|latest| (part.name.clone(), latest)).or(self.before.take());
+            let ranges = std::mem::replace(&mut self.ranges, RangeCheck::new(self.range_unit_m));
+            let mut report = match part.reader {
                 Reader::Carmen(reader, _) => LogReport::Carmen(Box::new(reader.into_report())),
                 Reader::Stream(stream) => LogReport::Recording(Box::new(stream.into_report())),
                 Reader::Recording { .. } => return,
             };
+            report.set_ranges(ranges.into_report());
             self.reports.push((part.name, report));
         }
     }
@@ -225,6 +280,20 @@ impl Drive {
             self.end_part();
         }
         self.reports
+    }
+}
+
+/// When a log begins, seen from the end of the one before.
+fn pause_words(pause_s: f64) -> String {
+    let words = match pause_s.abs() {
+        s if s < 120.0 => format!("{s:.1} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{} h", grouped((s / 3600.0).round() as u64)),
+    };
+    if pause_s < 0.0 {
+        format!("it begins {words} before that ends")
+    } else {
+        format!("it begins {words} after that ends")
     }
 }
 

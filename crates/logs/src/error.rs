@@ -29,6 +29,19 @@ pub enum LogError {
         /// The log.
         name: String,
     },
+    /// Logs in a row that are not one drive.
+    #[error(
+        "{name} cannot follow {before}: {why}. Logs in a row are one drive, in which the robot has not moved in between; \
+         drives of their own are mapped onto each other by `mapwright merge`"
+    )]
+    NotOneDrive {
+        /// The log that cannot follow.
+        name: String,
+        /// The log before.
+        before: String,
+        /// When it begins.
+        why: String,
+    },
     /// There is nothing in it to map with, or not without help: what is there, and what to type.
     #[error("{name}: {reason}")]
     Refused {

@@ -49,6 +49,7 @@ mod links;
 mod merge;
 mod odometry;
 mod plan;
+mod ranges;
 mod report;
 mod scans;
 mod space;

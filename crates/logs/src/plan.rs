@@ -6,7 +6,7 @@ use crate::frames::{Place, list, place};
 use crate::odometry::{self, OdometrySource};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::turning::{self, TurningSource};
-use crate::words::grouped;
+use crate::words::{grouped, with_damage};
 use mapwright_geom::Pose3;
 use mapwright_ros::Mounting;
 use std::collections::BTreeMap;
@@ -61,6 +61,10 @@ impl Plan {
     /// # Errors
     /// Why nothing can be mapped, what is there instead and what to type, in words.
     pub fn of(survey: &Survey, choice: &Choice) -> Result<Self, String> {
+        Self::of_sound(survey, choice).map_err(|reason| with_damage(&reason, survey))
+    }
+
+    fn of_sound(survey: &Survey, choice: &Choice) -> Result<Self, String> {
         for name in &choice.topics {
             if survey.topic(name).is_none() {
                 return Err(format!("there is no topic {name}; there are {}", contents(survey)));
@@ -72,6 +76,14 @@ impl Plan {
             (!wanted, candidate.place.assumed.is_some(), u64::MAX - candidate.topic.usable())
         });
         let others: Vec<_> = candidates.iter().skip(1).map(|candidate| candidate.topic.name.clone()).collect();
+        if let Some(chosen) = candidates.first()
+            && choice.slice.is_some()
+            && chosen.topic.kind != TopicKind::Cloud
+        {
+            let found = format!("{} ({})", chosen.topic.name, chosen.topic.type_name);
+            let reasons = refused.iter().map(|reason| format!("; {reason}")).collect::<String>();
+            return Err(format!("--slice makes scans of point clouds: expected such, found {found}{reasons}"));
+        }
         match candidates.into_iter().next() {
             Some(chosen) => Ok(decide(survey, choice, chosen, &others, &refused)),
             None => Err(refused.join("; ")),
@@ -193,10 +205,8 @@ fn candidates<'a>(survey: &'a Survey, choice: &Choice) -> Result<(Vec<Candidate<
         }
     }
     if all.is_empty() {
-        return Err(format!(
-            "expected laser scans, found no topic of LaserScan, MultiEchoLaserScan or PointCloud2; there are {}",
-            contents(survey)
-        ));
+        let expected = "laser scans, found no topic of LaserScan, MultiEchoLaserScan or PointCloud2";
+        return Err(nothing_of(expected, survey));
     }
     let odometry = odometry::topics(survey, choice);
     let moved: Vec<_> =
@@ -235,11 +245,29 @@ fn candidate<'a>(
     Ok(Candidate { topic, place, mount })
 }
 
+/// There is nothing of what is expected: what is there instead.
+pub(crate) fn nothing_of(expected: &str, survey: &Survey) -> String {
+    let untyped = survey.topics.iter().filter(|topic| topic.messages > 0 && topic.type_name.is_empty());
+    let untyped: Vec<_> = untyped.map(|topic| topic.name.as_str()).collect();
+    if !untyped.is_empty() {
+        return format!(
+            "expected {expected}; the channels {} have no schema, so that the types of their messages are unknown: record or \
+             convert them again with schemas",
+            list(untyped.into_iter())
+        );
+    }
+    format!("expected {expected}; there are {}", contents(survey))
+}
+
 /// The topics with types and counts.
 pub(crate) fn contents(survey: &Survey) -> String {
     let with_messages = survey.topics.iter().filter(|topic| topic.messages > 0);
     let words: Vec<_> = with_messages
-        .map(|topic| format!("{} ({}, {})", topic.name, topic.type_name, grouped(topic.messages)))
+        .map(|topic| format!("{} ({}, {})", topic.name, type_words(topic), grouped(topic.messages)))
         .collect();
-    list(words.iter().map(String::as_str))
+    if words.is_empty() { "no messages".to_owned() } else { list(words.iter().map(String::as_str)) }
+}
+
+fn type_words(topic: &TopicSurvey) -> &str {
+    if topic.type_name.is_empty() { "of no type" } else { &topic.type_name }
 }

@@ -2,7 +2,7 @@
 
 use crate::plan::Plan;
 use crate::survey::Survey;
-use mapwright_formats::{Noted, TopicReport};
+use mapwright_formats::{Noted, OddHeads, RangeReport, TopicReport};
 
 /// Messages that could not be used.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -49,6 +49,10 @@ pub struct StreamReport {
     pub odometry_behind_s: Option<f64>,
     /// Ranges that are NaN or infinite, delivered as they are.
     pub non_finite_ranges: u64,
+    /// Heads of scans that contradict themselves, and what was used.
+    pub odd_heads: OddHeads,
+    /// Scans whose ranges say nothing.
+    pub ranges: RangeReport,
     /// Points of clouds outside of the slice, and those that are not finite.
     pub points_outside: u64,
     /// Points of clouds that made a scan.
@@ -79,12 +83,39 @@ pub enum LogReport {
 }
 
 impl LogReport {
-    /// Scans delivered.
+    /// Scans delivered that can be mapped with.
     #[must_use]
     pub fn scans(&self) -> u64 {
         match self {
-            Self::Carmen(report) => report.scans,
-            Self::Recording(report) => report.stream.scans,
+            Self::Carmen(report) => report.scans - report.ranges.beyond_reach.count.min(report.scans),
+            Self::Recording(report) => {
+                report.stream.scans - report.stream.ranges.beyond_reach.count.min(report.stream.scans)
+            }
+        }
+    }
+
+    /// What is to be said of the scans' ranges.
+    #[must_use]
+    pub fn ranges(&self) -> &RangeReport {
+        match self {
+            Self::Carmen(report) => &report.ranges,
+            Self::Recording(report) => &report.stream.ranges,
+        }
+    }
+
+    /// Heads of scans that contradict themselves.
+    #[must_use]
+    pub fn odd_heads(&self) -> &OddHeads {
+        match self {
+            Self::Carmen(report) => &report.odd_heads,
+            Self::Recording(report) => &report.stream.odd_heads,
+        }
+    }
+
+    pub(crate) fn set_ranges(&mut self, ranges: RangeReport) {
+        match self {
+            Self::Carmen(report) => report.ranges = ranges,
+            Self::Recording(report) => report.stream.ranges = ranges,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::channel::Messages;
 use crate::plan::{Mount, Plan};
+use mapwright_formats::OddHeads;
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{LaserScan, PointCloud2};
 use mapwright_ros::{Cloud, Mounting, PlanarSlice, RosError, SliceCounts};
@@ -74,22 +75,30 @@ pub(crate) struct ScanMaker {
     slice: PlanarSlice,
     lasers: BTreeMap<String, Arc<LaserModel>>,
     pub(crate) counts: SliceCounts,
+    /// What is odd about heads of scans.
+    pub(crate) odd_heads: OddHeads,
 }
 
 impl ScanMaker {
     pub(crate) fn new(plan: &Plan) -> Self {
         let slice = plan.slice.map_or_else(PlanarSlice::default, |bounds| bounds.planar());
-        Self { mounts: plan.mounts.clone(), slice, lasers: BTreeMap::new(), counts: SliceCounts::default() }
+        Self {
+            mounts: plan.mounts.clone(),
+            slice,
+            lasers: BTreeMap::new(),
+            counts: SliceCounts::default(),
+            odd_heads: OddHeads::default(),
+        }
     }
 
-    /// The scan; its stamp is that of the header.
-    pub(crate) fn scan(&mut self, messages: &mut Messages, data: &[u8]) -> Result<Taken, Problem> {
+    /// The scan of a message, which is the recording's at that place; its stamp is that of the header.
+    pub(crate) fn scan(&mut self, messages: &mut Messages, data: &[u8], place: u64) -> Result<Taken, Problem> {
         match messages {
-            Messages::Scan(decoder) => Ok(self.planar(&decoder.decode(data).map_err(undecodable)?)?.into()),
+            Messages::Scan(decoder) => Ok(self.planar(&decoder.decode(data).map_err(undecodable)?, place)?.into()),
             Messages::MultiEcho(decoder) => {
                 let scan = decoder.decode(data).map_err(undecodable)?;
                 let first = scan.first_echoes();
-                Ok(self.planar(&scan.with_ranges(&first))?.into())
+                Ok(self.planar(&scan.with_ranges(&first), place)?.into())
             }
             Messages::Cloud(decoder) => self.cloud(&decoder.decode(data).map_err(undecodable)?),
             Messages::None(Some(reason)) => Err(Problem::Undecodable(reason.clone())),
@@ -102,12 +111,16 @@ impl ScanMaker {
         found.ok_or_else(|| Problem::Unusable(format!("nothing says where '{frame}' sits on the robot")))
     }
 
-    fn planar(&mut self, scan: &LaserScan<'_>) -> Result<SensorScan, Problem> {
+    fn planar(&mut self, scan: &LaserScan<'_>, place: u64) -> Result<SensorScan, Problem> {
+        if scan.ranges.is_empty() {
+            return Err(Problem::Unusable(format!("a scan of `{}` with 0 beams", scan.header.frame())));
+        }
         let mounting = match self.mount(scan.header.frame())? {
             Mount::Planar(mounting) => mounting,
             Mount::Space(_) => Mounting::IDENTITY,
         };
-        let laser = scan.laser(&mounting).map_err(unusable)?;
+        let (laser, odd) = scan.laser(&mounting).map_err(unusable)?;
+        odd.into_iter().for_each(|odd| self.odd_heads.note(place, odd));
         Ok(scan.to_sensor(self.shared(laser)))
     }
 

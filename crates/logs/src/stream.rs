@@ -82,7 +82,8 @@ impl Stream {
         self.report.messages as f64 / self.survey.container.messages.max(1) as f64
     }
 
-    pub(crate) fn into_report(self) -> RecordingReport {
+    pub(crate) fn into_report(mut self) -> RecordingReport {
+        self.report.odd_heads = self.maker.odd_heads;
         RecordingReport { survey: self.survey, plan: self.plan, stream: self.report }
     }
 
@@ -271,7 +272,7 @@ fn take_scan(
     merger: &mut Merger,
     place: u64,
 ) -> Result<bool, Problem> {
-    let mut taken = maker.scan(messages, message.data)?;
+    let mut taken = maker.scan(messages, message.data, place)?;
     let (stamp, is_unstamped) = stamp_or(taken.scan.stamp, message.log_stamp);
     taken.scan.stamp = stamp;
     merger.push_scan(place, taken);

@@ -7,6 +7,7 @@ use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_geom::Stamp;
 use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, Odometry};
 use mapwright_ros::{Cloud, DepthNumbers, RosError};
+use mapwright_sensor::settle_times;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -131,7 +132,7 @@ impl TopicSurvey {
             Messages::Scan(decoder) => {
                 let scan = decoder.decode(data).map_err(words)?;
                 self.header(&scan.header);
-                self.has_times |= scan.time_increment > 0.0;
+                self.has_times |= scan.beam_period_s().0 > 0.0;
                 if is_first {
                     self.shape = format!("{} beams", scan.ranges.len());
                 }
@@ -139,9 +140,11 @@ impl TopicSurvey {
             Messages::MultiEcho(decoder) => {
                 let scan = decoder.decode(data).map_err(words)?;
                 self.header(&scan.header);
-                self.has_times |= scan.time_increment > 0.0;
+                let (beams, period_s) = (scan.ranges.len(), f64::from(scan.scan_time));
+                self.has_times |= settle_times(f64::from(scan.time_increment), period_s, beams).0 > 0.0;
                 if is_first {
-                    self.shape = format!("{} beams", scan.ranges.len());
+                    let echoes = scan.most_echoes();
+                    self.shape = format!("{beams} beams of up to {echoes} echoes, of which the nearest counts");
                 }
             }
             Messages::Cloud(decoder) => {

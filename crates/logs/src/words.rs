@@ -1,4 +1,16 @@
-//! Numbers for people.
+//! Words and numbers for people.
+
+use crate::survey::Survey;
+
+/// What is said of a recording, and what of it is damaged, for that may be why.
+pub(crate) fn with_damage(reason: &str, survey: &Survey) -> String {
+    let lossy = survey.container.damages.iter().find(|(kind, _)| kind.loses_messages());
+    let first = lossy.and_then(|(kind, damages)| Some((kind, damages.first.first()?)));
+    match first {
+        Some((kind, first)) => format!("{reason}; the recording is damaged: {kind}, first at {first}"),
+        None => reason.to_owned(),
+    }
+}
 
 /// `12,345`.
 pub(crate) fn grouped(number: u64) -> String {

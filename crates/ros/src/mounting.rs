@@ -71,7 +71,7 @@ mod tests {
         let robot_from_laser = mounted(PI, 0.0, 0.7);
         let mounting = Mounting::project(robot_from_laser, 5.0).unwrap();
         let scan = crate::messages::LaserScan { angle_min: -0.4, angle_increment: 0.1, ..Default::default() };
-        let laser = scan.laser(&mounting).unwrap();
+        let (laser, _) = scan.laser(&mounting).unwrap();
         assert!(laser.inverted);
         for beam in 0..9 {
             let bearing = -0.4 + 0.1 * f64::from(beam);

@@ -4,6 +4,7 @@
 //! - [`SpaceSensor`], [`Cloud`], [`PinholeCamera`], [`DepthImage`], [`ImuReading`]: readings of space.
 
 mod cloud;
+mod head;
 mod imu;
 mod motion;
 mod prepared;
@@ -12,6 +13,7 @@ mod space_sweep;
 mod turning;
 
 pub use cloud::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
+pub use head::{Bearings, OddHead, RANGE_MAX_UNSAID_M, SWEEP_MOST_S, SaidBearings, settle_ranges, settle_times};
 pub use imu::{
     Down, DownEstimate, ImuPiece, ImuReading, ImuReadings, ImuTaken, STANDARD_GRAVITY_M_PER_S2, TURN_NOISE_RAD2_PER_S,
     Turned,

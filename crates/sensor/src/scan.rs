@@ -1,5 +1,6 @@
 //! Readings as they arrive from a log or a driver.
 
+use crate::head::{RANGE_MAX_UNSAID_M, SWEEP_MOST_S};
 use mapwright_geom::{Pose2, Stamp, stored};
 use std::sync::Arc;
 
@@ -35,7 +36,7 @@ impl LaserModel {
             angle_min_rad: -std::f64::consts::FRAC_PI_2,
             angle_step_rad: std::f64::consts::PI / steps as f64,
             range_min_m: 0.0,
-            range_max_m: 80.0,
+            range_max_m: RANGE_MAX_UNSAID_M,
             robot_from_laser: Pose2::IDENTITY,
             inverted: false,
             beam_period_s: 0.0,
@@ -60,7 +61,7 @@ impl LaserModel {
             return Err("the laser's range limits are not numbers");
         }
         let sweep_s = (self.beam_period_s * beams as f64).abs();
-        if sweep_s.is_nan() || sweep_s > 10.0 {
+        if sweep_s.is_nan() || sweep_s > SWEEP_MOST_S {
             return Err("the laser's sweep is not finite or longer than 10 s");
         }
         Ok(())

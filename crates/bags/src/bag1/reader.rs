@@ -341,7 +341,11 @@ fn check_magic<R: Read + Seek>(mut window: Window<R>) -> Result<Window<R>, BagEr
     }
     let found = excerpt(first);
     Err(if first.starts_with(b"#ROSBAG V") || first.starts_with(b"#ROSRECORD V") {
-        BagError::Version { offset_bytes: 0, expected: "a ROS 1 bag of version 2.0", found }
+        BagError::Version {
+            offset_bytes: 0,
+            expected: "a ROS 1 bag of version 2.0 (tools of ROS 1 rewrite older ones)",
+            found,
+        }
     } else {
         BagError::UnknownContainer { found }
     })

@@ -158,7 +158,10 @@ impl<R: Read + Seek> McapReader<R> {
             return self.enter_chunk(record);
         }
         if matches!(record.op, OP_DATA_END | OP_FOOTER) {
-            return self.finish();
+            return match self.next_file(record)? {
+                Some(at) => Ok(self.begin_next_file(at)),
+                None => self.finish(),
+            };
         }
         if record.end() > end {
             // what an attachment holds may look like records
@@ -354,6 +357,30 @@ impl<R: Read + Seek> McapReader<R> {
             at = record.end();
         }
         Ok(true)
+    }
+
+    /// Where the records of another file begin that was put behind this one, whose data end here.
+    fn next_file(&mut self, mut record: Record) -> io::Result<Option<u64>> {
+        let magic = MAGIC.len() as u64;
+        while record.op != OP_FOOTER {
+            record = match record_at(&mut self.window, record.end())? {
+                Found::Record(next) if next.end() <= self.window.end() => next,
+                _ => return Ok(None),
+            };
+        }
+        let both = self.window.get(record.end(), 2 * MAGIC.len())?;
+        Ok((both.len() == 2 * MAGIC.len() && both.chunks(MAGIC.len()).all(|part| part == MAGIC))
+            .then_some(record.end() + 2 * magic))
+    }
+
+    /// Its channels are described anew.
+    fn begin_next_file(&mut self, at: u64) -> Step {
+        let begin = at - MAGIC.len() as u64;
+        self.catalog.damage(DamageKind::Irregular, begin, "the end of the file", "another MCAP file, read as well", 0);
+        self.channels = Channels::default();
+        self.chunks_at.clear();
+        self.at = at;
+        Step::GoOn
     }
 
     /// The end of the data; what comes behind is summary, and the magic last.

@@ -1,7 +1,7 @@
 //! What results and logs can become.
 
-use super::SourceArgs;
 use super::values::{parse_side, parse_slice};
+use super::{SourceArgs, StampPolicy};
 use clap::{Args as ClapArgs, ValueEnum};
 use mapwright_logs::SliceBounds;
 use std::num::NonZeroUsize;
@@ -31,13 +31,28 @@ pub(crate) struct ExportArgs {
     /// Of a session of space, for --to ply: small discs of surfaces with normals and radius instead of points.
     #[arg(long)]
     pub(crate) surfels: bool,
+    /// Stamps of poses and messages: the log's own, or made to increase. Otherwise the log's own, but for --to mcap, of which viewers play
+    /// messages in the order of their stamps.
+    #[arg(long, value_enum)]
+    pub(crate) stamps: Option<StampPolicy>,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl ExportArgs {
+    /// How stamps are written.
+    pub(crate) fn stamps(&self) -> StampPolicy {
+        let usual = if self.to == ExportTo::Mcap { StampPolicy::Repaired } else { StampPolicy::Log };
+        self.stamps.unwrap_or(usual)
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ExportTo {
     /// Trajectory: stamp x y z qx qy qz qw.
     Tum,
-    /// Trajectory: 12 numbers a line, the upper rows of the pose's matrix; no stamps.
+    /// Trajectory: 12 numbers a line, the upper rows of the pose's matrix; stamps in a file of their own beside it, .times.
     Kitti,
     /// Trajectory with odometry's beside it, a line of names first: in the plane x, y, theta; in space x, y, z and a quaternion.
     Csv,

@@ -33,6 +33,10 @@ pub(super) fn parse_slice(text: &str) -> Result<SliceBounds, String> {
         .ok_or_else(|| "expected two heights in metres, the lower first, such as 0.1:1.0".to_owned())
 }
 
+pub(super) fn parse_range_unit(text: &str) -> Result<f64, String> {
+    within(text, 1e-6..=100.0, "metres from 0.000001 to 100, such as 0.001 for millimetres")
+}
+
 pub(super) fn parse_gap(text: &str) -> Result<Gap, String> {
     let numbers = text
         .split_once(':')

@@ -5,10 +5,12 @@ mod space;
 
 use crate::args::{AlignTo, EvalArgs};
 use crate::failure::{Failure, Outcome};
-use crate::terminal::{count, say, say_json};
+use crate::foreign::kind_at;
+use crate::report::remarks;
+use crate::terminal::{count, grouped, say, say_json};
 use mapwright_eval::{
-    Alignment, Ate, ErrorStats, PoseErrors, Relation, RelationReport, Rpe, RpeSettings, StampedPose, ate,
-    relation_errors, rpe,
+    Alignment, Ate, ErrorStats, MAX_STAMP_DIFFERENCE_S, PoseErrors, Relation, RelationReport, Rpe, RpeSettings,
+    StampedPose, ate, relation_errors, rpe,
 };
 use mapwright_formats::{FormatError, LogStream, open_log, read_relations, read_trajectory};
 use serde_json::{Value, json};
@@ -31,9 +33,10 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
 }
 
 fn by_relations(args: &EvalArgs, relations: &[Relation]) -> Result<Outcome, Failure> {
-    let mut reports = Vec::new();
+    let (mut reports, mut losses) = (Vec::new(), Vec::new());
     for path in &args.trajectories {
         let report = relation_errors(&read_poses(path)?, relations);
+        losses.extend(few_relations(path, &report));
         if !args.json {
             say(&relation_words(&path.display().to_string(), &report))?;
         }
@@ -45,7 +48,62 @@ fn by_relations(args: &EvalArgs, relations: &[Relation]) -> Result<Outcome, Fail
     } else if reports.len() > 1 {
         say(&over_all(&reports))?;
     }
-    Ok(Outcome::Done)
+    warn(args, &losses)
+}
+
+/// What speaks against a score, as lines; beside JSON the exit code alone says so.
+pub(super) fn warn(args: &EvalArgs, losses: &[String]) -> Result<Outcome, Failure> {
+    if !args.json {
+        say(&remarks(losses, &[]))?;
+    }
+    Ok(Outcome::of_losses(losses))
+}
+
+/// Less than half of the relations can be measured.
+fn few_relations(path: &Path, report: &RelationReport) -> Option<String> {
+    let all = report.used + report.missing + report.not_finite;
+    let found = format!("{} of {} can be measured", report.used, count(all as u64, "relation"));
+    (2 * report.used < all).then(|| format!("{}: only {found}: are both of the same drive?", path.display()))
+}
+
+/// How many poses were compared.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Matches {
+    pub(super) pairs: usize,
+    pub(super) reference: usize,
+    pub(super) estimate: usize,
+}
+
+impl Matches {
+    /// Pairs are sought for each pose of the shorter trajectory.
+    fn of(&self) -> usize {
+        self.reference.min(self.estimate)
+    }
+
+    pub(super) fn words(&self) -> String {
+        let whose = if self.estimate <= self.reference {
+            "poses have a reference"
+        } else {
+            "poses of the reference have one of the trajectory"
+        };
+        format!(
+            "{} of {} {whose} within {MAX_STAMP_DIFFERENCE_S} s",
+            grouped(self.pairs as u64),
+            grouped(self.of() as u64)
+        )
+    }
+
+    /// Less than half of them.
+    pub(super) fn few(&self, path: &Path) -> Option<String> {
+        let are_few = 2 * self.pairs < self.of();
+        are_few.then(|| {
+            format!("{}: only {}: are the clocks of both the same, and the drives?", path.display(), self.words())
+        })
+    }
+
+    pub(super) fn to_json(self) -> Value {
+        json!({ "pairs": self.pairs, "of": self.of(), "within_s": MAX_STAMP_DIFFERENCE_S })
+    }
 }
 
 /// Mean and worst over several trajectories.
@@ -119,22 +177,27 @@ pub(super) fn stats_json(stats: &ErrorStats) -> Value {
 }
 
 fn by_reference(args: &EvalArgs, reference: &[StampedPose]) -> Result<Outcome, Failure> {
-    let mut values = Vec::new();
+    let (mut values, mut losses) = (Vec::new(), Vec::new());
     for path in &args.trajectories {
         let score = |cause| Failure::Score { path: path.clone(), cause };
         let estimate = read_poses(path)?;
         let absolute = ate(reference, &estimate, alignment(args.alignment)).map_err(score)?;
         let settings = RpeSettings { delta: args.delta, all_pairs: args.all_pairs, ..RpeSettings::default() };
         let relative = rpe(reference, &estimate, &settings).map_err(score)?;
+        let pairs = absolute.translation_m.count + absolute.not_finite;
+        let matches = Matches { pairs, reference: reference.len(), estimate: estimate.len() };
+        losses.extend(matches.few(path));
         if !args.json {
-            say(&reference_words(path, &absolute, &relative))?;
+            say(&reference_words(path, &matches, &absolute, &relative))?;
         }
-        values.push(reference_json(path, &absolute, &relative));
+        let mut value = reference_json(path, &absolute, &relative);
+        value["matched"] = matches.to_json();
+        values.push(value);
     }
     if args.json {
         say_json(&Value::Array(values))?;
     }
-    Ok(Outcome::Done)
+    warn(args, &losses)
 }
 
 fn alignment(to: AlignTo) -> Alignment {
@@ -145,7 +208,7 @@ fn alignment(to: AlignTo) -> Alignment {
     }
 }
 
-fn reference_words(path: &Path, absolute: &Ate, relative: &Rpe) -> String {
+fn reference_words(path: &Path, matches: &Matches, absolute: &Ate, relative: &Rpe) -> String {
     let row = |name: &str, metres: &ErrorStats, degrees: &ErrorStats| {
         format!(
             "  {name} {:>6}  rmse {:.4} m, mean {:.4}, median {:.4}, max {:.4}  |  rmse {:.3} deg, max {:.3}\n",
@@ -155,8 +218,9 @@ fn reference_words(path: &Path, absolute: &Ate, relative: &Rpe) -> String {
     let scale = absolute.alignment.scale;
     let scaled = if scale == 1.0 { String::new() } else { format!("  scale {scale:.6}\n") };
     format!(
-        "{}:\n{}{}{scaled}",
+        "{}: {}\n{}{}{scaled}",
         path.display(),
+        matches.words(),
         row("ATE", &absolute.translation_m, &absolute.rotation_deg),
         row("RPE", &relative.translation_m, &relative.rotation_deg)
     )
@@ -187,5 +251,8 @@ fn read_poses(path: &Path) -> Result<Vec<StampedPose>, Failure> {
 
 fn open<T>(path: &Path, read: impl FnOnce(LogStream<File>) -> Result<T, FormatError>) -> Result<T, Failure> {
     let file = File::open(path).map_err(|error| Failure::open(path, error))?;
-    open_log(file).and_then(read).map_err(|cause| Failure::read(path, cause))
+    open_log(file).and_then(read).map_err(|cause| match kind_at(path).filter(|kind| !kind.is_trajectory()) {
+        Some(kind) => Failure::Log(kind.instead(&path.display().to_string(), "rows of a trajectory or of relations")),
+        None => Failure::read(path, cause),
+    })
 }

@@ -3,14 +3,30 @@
 use crate::args::ExplainArgs;
 use crate::closures::{CandidateRecord, ClosureFile, FragmentRecord, SlipRecord, VerdictName};
 use crate::failure::{Failure, Outcome};
-use crate::terminal::{count, say};
+use crate::terminal::{count, say, say_json};
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 pub(super) fn run(args: &ExplainArgs) -> Result<Outcome, Failure> {
     let file = ClosureFile::read(&args.results)?;
     let shown: Vec<_> = file.candidates.iter().filter(|candidate| is_wanted(args, candidate)).collect();
+    if args.json {
+        return to_json(args, &file, &shown);
+    }
     say(&(summary(&file, shown.len()) + &groups(&shown) + &slips(args, &file)))?;
+    Ok(Outcome::Done)
+}
+
+/// The candidates that are wanted as they stand in closures.json, and the slips.
+fn to_json(args: &ExplainArgs, file: &ClosureFile, shown: &[&CandidateRecord]) -> Result<Outcome, Failure> {
+    let slips = shown_slips(args, file);
+    say_json(&json!({
+        "keyframes": file.keyframes,
+        "candidates_in_all": file.candidates.len(),
+        "candidates": shown,
+        "slips": slips,
+    }))?;
     Ok(Outcome::Done)
 }
 
@@ -63,11 +79,17 @@ fn groups(shown: &[&CandidateRecord]) -> String {
     text
 }
 
-/// One line each; not beside a choice of candidates by their verdict.
-fn slips(args: &ExplainArgs, file: &ClosureFile) -> String {
+/// Not beside a choice of candidates by their verdict.
+fn shown_slips<'a>(args: &ExplainArgs, file: &'a ClosureFile) -> Vec<&'a SlipRecord> {
     let begins_there = |slip: &&SlipRecord| args.keyframe.is_none_or(|keyframe| keyframe == slip.from);
-    let slips: Vec<&SlipRecord> = file.slips.iter().filter(begins_there).collect();
-    if slips.is_empty() || args.accepted || args.refused {
+    let is_chosen = args.accepted || args.refused;
+    file.slips.iter().filter(begins_there).filter(|_| !is_chosen).collect()
+}
+
+/// One line each.
+fn slips(args: &ExplainArgs, file: &ClosureFile) -> String {
+    let slips = shown_slips(args, file);
+    if slips.is_empty() {
         return String::new();
     }
     let mut text =

@@ -12,7 +12,7 @@ use crate::interrupt::Interrupt;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;
-use crate::space::{Disk, plan_in_words};
+use crate::space::{Disk, check_choice, plan_in_words};
 use crate::terminal::{count, grouped, say, say_json};
 use contents::Contents;
 use differences::{Differences, Steps};
@@ -70,6 +70,7 @@ impl Found {
     fn in_space(path: &Path, source: &SourceArgs) -> Result<Option<Self>, Failure> {
         let Some(disk) = Disk::open(path)? else { return Ok(None) };
         let Some(recording) = disk.recording()? else { return Ok(None) };
+        check_choice(source, true)?;
         let name = name_of(path);
         let (words, value, losses) = space::look(&name, &recording, source)?;
         let (contents, steps) = (Contents::default(), Steps::default());
@@ -116,10 +117,13 @@ impl Found {
         if let Err(reason) = plan {
             return Ok(Self::refused(name, &survey, words, &reason));
         }
-        let input = Input::Surveyed(path.to_owned(), survey);
-        let mut found = Self::by_reading(name, input, path, choice, interrupt)?;
-        found.words = words + &found.words;
-        Ok(found)
+        let input = Input::Surveyed(path.to_owned(), survey.clone());
+        match Self::by_reading(name.clone(), input, path, choice, interrupt) {
+            Err(Failure::NoScan { found, .. }) => {
+                Ok(Self::refused(name, &survey, words, &format!("expected laser scans, found {found}")))
+            }
+            found => found.map(|found| Self { words: words + &found.words, ..found }),
+        }
     }
 
     /// A recording in which there is nothing to map.

@@ -5,13 +5,14 @@ use crate::events::{Ending, Interrupt, Log};
 use crate::failure::{Failure, Outcome};
 use crate::going_on::GoesOn;
 use crate::mapping::{Mapping, settings_of};
+use crate::maps::remove_outdated_exports;
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report;
 use crate::session::{earlier_in_plane, to_go_on_with};
 use crate::space::{self, Disk, Sought, Source};
-use crate::terminal::{say, say_json};
+use crate::terminal::{count, say, say_json};
 use crate::timing::StageClock;
 use serde_json::json;
 use std::path::Path;
@@ -23,6 +24,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         && let Some(disk) = Disk::open(path)?
         && let Some(recording) = disk.recording()?
     {
+        space::check_choice(&args.source, true)?;
         let source = Source::files(path.display().to_string(), &recording, &args.source)?;
         return map_space(args, source, &interrupt);
     }
@@ -33,6 +35,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let inputs = match space::seek(args, &mut watch)? {
         Sought::Space(source) => {
             drop(first_pass);
+            space::check_choice(&args.source, false)?;
             return map_space(args, source, &interrupt);
         }
         Sought::Plane(inputs) => inputs,
@@ -40,8 +43,9 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?;
     drop(first_pass);
     let resumed = args.mapping.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
-    let output = OutputFolder::create(&args.output)?;
-    let earlier = if args.goes_on { Some(to_go_on_with(&args.output)?) } else { resumed };
+    let folder = args.output();
+    let output = OutputFolder::create(&folder)?;
+    let earlier = if args.goes_on { Some(to_go_on_with(&folder)?) } else { resumed };
     let mut went_on = earlier.as_ref().filter(|_| args.goes_on).map(|(session, _)| GoesOn::with(session));
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes(), earlier)?;
     mapping.clock = clock;
@@ -52,7 +56,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     mapping.end_of_scans();
     let name = log.name();
     let read = log.finish()?;
-    finish(mapping, Finished { name, read, ending, output: &args.output, voice })
+    finish(mapping, Finished { name, read, ending, output: &folder, voice })
 }
 
 /// A run whose scans were all taken in.
@@ -68,6 +72,12 @@ pub(super) struct Finished<'a> {
 pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Outcome, Failure> {
     let Finished { name, read, ending, output, voice } = finished;
     let made = mapping.write_results()?;
+    // one cell is no map
+    let cell_m = mapping.settings.map.resolution_m;
+    let is_empty = made.maps.iter().all(|map| map.sides_m.iter().all(|side_m| *side_m <= cell_m));
+    if is_empty && ending == Ending::OfLog {
+        return Err(nothing_mapped(&name, &read, &mapping));
+    }
     let mut losses = read.losses();
     losses.append(&mut mapping.earlier_losses);
     losses.extend(report::mapping_losses(&mapping, &made));
@@ -81,8 +91,9 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;
-    let words =
-        report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &read.oddities());
+    let mut odd = read.oddities();
+    odd.extend(remove_outdated_exports(&mut mapping.output));
+    let words = report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &odd);
     let files = mapping.output.commit()?;
     if voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
@@ -92,11 +103,23 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     Ok(Outcome::of_losses(&losses))
 }
 
+/// Scans that do not make a map.
+fn nothing_mapped(name: &str, read: &Reading, mapping: &Mapping) -> Failure {
+    let tally = &mapping.tally;
+    let refused = tally.refused.iter().map(|(reason, &scans)| format!("{} refused: {reason}", count(scans, "scan")));
+    let odd = read.losses().into_iter().chain(read.oddities()).chain(refused);
+    let odd: String = odd.map(|odd| format!("; {odd}")).collect();
+    let (scans, beams) = (count(tally.scans, "scan"), tally.beam_words());
+    Failure::Log(format!(
+        "{name}: expected scans that can be mapped, found {scans} of which none can: of their beams {beams}{odd}"
+    ))
+}
+
 fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
     if args.goes_on {
         let why = "--continue is for logs of a planar laser; a recording of space goes on with --resume SESSION, into another folder";
         return Err(Failure::Usage(why.to_owned()));
     }
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
-    space::map(&space::Run { name: &name, output: &args.output, mapping: &args.mapping }, source, interrupt)
+    space::map(&space::Run { name: &name, output: &args.output(), mapping: &args.mapping }, source, interrupt)
 }

@@ -2,6 +2,7 @@
 
 use crate::args::{Information, OptimizeArgs, StartFrom};
 use crate::failure::{Failure, Outcome};
+use crate::foreign::kind_at;
 use crate::report::remarks;
 use crate::terminal::{count, grouped, say, say_json};
 use mapwright_geom::Pose;
@@ -60,7 +61,10 @@ fn read(path: &Path, information: Information) -> Result<(AnyPoseGraph, G2oRepor
         Information::Quaternions => RotationError::QuaternionVector,
         Information::Angles => RotationError::RotationVector,
     };
-    let read = read_g2o(file, metric).map_err(|cause| Failure::Graph { path: path.to_owned(), cause })?;
+    let read = read_g2o(file, metric).map_err(|cause| match kind_at(path).filter(|kind| !kind.is_graph()) {
+        Some(kind) => Failure::Log(kind.instead(&path.display().to_string(), "a pose graph")),
+        None => Failure::Graph { path: path.to_owned(), cause },
+    })?;
     Ok((read.graph, read.report))
 }
 
@@ -128,6 +132,10 @@ fn oddities(report: &G2oReport, solution: &Solution, size: &Size) -> Vec<String>
     if report.vertices_from_edges > 0 && report.vertices_from_edges < size.vertices {
         let vertices = count(report.vertices_from_edges as u64, "pose");
         oddities.push(format!("{vertices} not in the file, taken from the edges"));
+    }
+    if report.without_information > 0 {
+        let edges = count(report.without_information as u64, "edge");
+        oddities.push(format!("{edges} without information: the identity taken, as TORO and GTSAM do"));
     }
     if report.unnormalised_quaternions > 0 {
         oddities.push(count(report.unnormalised_quaternions as u64, "quaternion") + " normalised");

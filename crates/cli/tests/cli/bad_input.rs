@@ -146,7 +146,6 @@ fn wrong_usage_ends_with_two_and_says_what_is_wrong() {
     assert_refused(&map(&["--set", "map.resolution_m"]), 2, &["KEY=VALUE"]);
     assert_refused(&map(&["--start", "1,2"]), 2, &["three numbers"]);
     assert_refused(&map(&["--threads", "0"]), 2, &["--threads"]);
-    assert_refused(&run(&["map", &log]), 2, &["--output"]);
     assert_refused(&run(&["eval", &log]), 2, &["--relations"]);
     let config = folder.join("wrong.toml");
     fs::write(&config, "[map]\nresolution = 0.1\n").unwrap();

@@ -23,3 +23,5 @@ mod space;
 mod space_imu;
 mod suite;
 mod support;
+mod wrong_fields;
+mod wrong_files;

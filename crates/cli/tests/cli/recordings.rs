@@ -225,7 +225,7 @@ fn logs_of_one_drive_in_a_row_are_one_drive() {
     assert!(apart_m < 0.01, "{apart_m} m");
 
     let again = run(&["map", &first, &first, "-o", folder.join("again").to_str().unwrap()]);
-    assert_says(&again, &["odometry does not go on from the log before"]);
+    assert_refused(&again, 1, &["first.mcap cannot follow", "before that ends", "mapwright merge"]);
 }
 
 #[test]

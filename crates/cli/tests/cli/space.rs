@@ -146,8 +146,15 @@ fn trajectories_in_space_are_compared_there() {
     assert!((value[0]["scale"].as_f64().unwrap() - 1.0 / 1.02).abs() < 1e-9, "{value}");
     let said = text(&eval(&[&longer, "--reference", &truth, "--times", &times]).stdout);
     assert!(said.contains("in space") && said.contains("deg in 100 m"), "{said}");
+    // as many rows as the other has poses belong to these one by one; otherwise stamps are asked for
     let mixed = eval(&[&longer, "--reference", &truth]);
-    assert_refused(&mixed, 1, &["longer.txt", "expected stamps", "--times FILE"]);
+    assert_code(&mixed, 0);
+    let by_number = text(&mixed.stdout);
+    assert!(by_number.contains("paired by their numbers") && said.ends_with(by_number.split_once('\n').unwrap().1));
+    let fewer = fs::read_to_string(&longer).unwrap();
+    let fewer = fewer.lines().take(299).collect::<Vec<_>>().join("\n");
+    let fewer = path("fewer.txt", &|k| fewer.lines().nth(k as usize).unwrap_or_default().to_owned());
+    assert_refused(&eval(&[&fewer, "--reference", &truth]), 1, &["fewer.txt", "299", "--times FILE"]);
     fs::write(folder.join("few.txt"), "0\n1\n").unwrap();
     let few = folder.join("few.txt").display().to_string();
     assert_refused(&eval(&[&longer, "--reference", &truth, "--times", &few]), 1, &["300 stamps", "found 2 in"]);

@@ -3,13 +3,9 @@
 use super::Tag;
 use super::params::{LaserParams, Params};
 use mapwright_geom::{Pose2, wrap_angle};
-use mapwright_sensor::LaserModel;
+use mapwright_sensor::{LaserModel, RANGE_MAX_UNSAID_M};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
-
-/// Reach of a laser of which neither a `PARAM` nor the line itself says it, metres: CARMEN's own assumption. The SICK
-/// lasers of these logs write 81.83 or 81.91 where nothing returned, which is then beyond.
-pub const DEFAULT_RANGE_MAX_M: f64 = 80.0;
 
 /// Mounts that differ by less, in metres and radians, are one: the poses in a line are rounded.
 const SAME_MOUNT: f64 = 1e-3;
@@ -36,7 +32,7 @@ impl Geometry {
             beams,
             angle_min_rad: if beams == 1 { 0.0 } else { -FRAC_PI_2 },
             angle_step_rad: PI / steps.max(1) as f64,
-            range_max_m: laser.range_max_m.unwrap_or(DEFAULT_RANGE_MAX_M),
+            range_max_m: laser.range_max_m.unwrap_or(RANGE_MAX_UNSAID_M),
             robot_from_laser: laser.robot_from_laser,
         }
     }

@@ -2,15 +2,16 @@
 
 use super::Tag;
 use super::fields::{BadLine, Cursor, PoseField, Tail};
-use super::models::{DEFAULT_RANGE_MAX_M, Geometry, ModelCache, same_mount};
+use super::models::{Geometry, ModelCache, same_mount};
 use super::params::{LaserParams, Params};
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
 use crate::jump::is_odometry_jump;
-use crate::lines::{Line, LineReader};
+use crate::lines::{Line, LineReader, MAX_LINE_BYTES};
 use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{Bearings, LaserScan, OddHead, Odometry, RANGE_MAX_UNSAID_M, SaidBearings, TurnRate};
+use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
 
@@ -47,14 +48,42 @@ pub enum LogEvent<'a> {
 #[derive(Debug)]
 pub struct CarmenReader<R> {
     lines: LineReader<R>,
+    /// Lines read ahead, to see whether `RAWLASER` lines are scans of their own.
+    ahead: VecDeque<KeptLine>,
     parser: Parser,
+}
+
+/// So many `RAWLASER` lines at most are read ahead until one with a pose comes: CARMEN's programs write one with each.
+const RAW_AHEAD: usize = 64;
+
+/// So many bytes of lines are kept meanwhile: as many as one line may have.
+const BYTES_AHEAD: usize = MAX_LINE_BYTES;
+
+/// A [`Line`] with its bytes.
+#[derive(Debug)]
+struct KeptLine {
+    number: u64,
+    bytes: Vec<u8>,
+    terminated: bool,
+    skipped_bytes: Option<u64>,
+}
+
+impl KeptLine {
+    fn of(line: Line<'_>) -> Self {
+        let Line { number, bytes, terminated, skipped_bytes } = line;
+        Self { number, bytes: bytes.to_vec(), terminated, skipped_bytes }
+    }
+
+    fn line(&self) -> Line<'_> {
+        Line { number: self.number, bytes: &self.bytes, terminated: self.terminated, skipped_bytes: self.skipped_bytes }
+    }
 }
 
 impl<R: Read> CarmenReader<R> {
     /// Reads the log from `reader`, which needs no buffering; compressed logs go through
     /// [`open_log`](crate::open_log) first.
     pub fn new(reader: R) -> Self {
-        Self { lines: LineReader::new(reader), parser: Parser::new() }
+        Self { lines: LineReader::new(reader), ahead: VecDeque::new(), parser: Parser::new() }
     }
 
     /// The next scan or odometry reading in the order of the file, or none at its end.
@@ -64,16 +93,21 @@ impl<R: Read> CarmenReader<R> {
     /// [`FormatError::Io`] where the stream below fails; nothing else.
     pub fn next_event(&mut self) -> Result<Option<LogEvent<'_>>, FormatError> {
         let kind = loop {
-            match self.lines.next_line()? {
-                None => {
-                    self.note_end();
-                    return Ok(None);
+            if let Some(kept) = self.ahead.pop_front() {
+                if let Some(kind) = self.parser.take_line(kept.line()) {
+                    break kind;
                 }
-                Some(line) => {
-                    if let Some(kind) = self.parser.take_line(line) {
-                        break kind;
-                    }
-                }
+                continue;
+            }
+            let Some(line) = self.lines.next_line()? else {
+                self.note_end();
+                return Ok(None);
+            };
+            if self.parser.is_undecided(line) {
+                self.ahead.push_back(KeptLine::of(line));
+                self.look_ahead()?;
+            } else if let Some(kind) = self.parser.take_line(line) {
+                break kind;
             }
         };
         Ok(Some(match kind {
@@ -85,7 +119,7 @@ impl<R: Read> CarmenReader<R> {
     /// Number of the line that was read last, from 1: that of the last event.
     #[must_use]
     pub fn line(&self) -> u64 {
-        self.lines.lines()
+        self.parser.report.lines
     }
 
     /// What has been read and lost so far; complete once [`next_event`](Self::next_event) has returned none.
@@ -98,6 +132,27 @@ impl<R: Read> CarmenReader<R> {
     #[must_use]
     pub fn into_report(self) -> ReadReport {
         self.parser.report
+    }
+
+    /// Reads on until it is known whether `RAWLASER` lines are scans of their own.
+    fn look_ahead(&mut self) -> Result<(), FormatError> {
+        let (mut raw, mut bytes) = (1, 0);
+        self.parser.raw_lasers = RawLasers::Used;
+        while raw < RAW_AHEAD && bytes < BYTES_AHEAD {
+            let Some(line) = self.lines.next_line()? else { return Ok(()) };
+            let tag = Tag::of(Cursor::new(line.bytes).word());
+            bytes += line.bytes.len() + size_of::<KeptLine>();
+            self.ahead.push_back(KeptLine::of(line));
+            match tag {
+                Some(Tag::RawLaser(_)) => raw += 1,
+                Some(Tag::FrontLaser | Tag::RearLaser | Tag::RobotLaser(_)) => {
+                    self.parser.raw_lasers = RawLasers::Unused;
+                    return Ok(());
+                }
+                Some(Tag::Odometry) | None => {}
+            }
+        }
+        Ok(())
     }
 
     fn note_end(&mut self) {
@@ -132,7 +187,16 @@ struct Parser {
     /// By tag, the most numbers seen before a stamp.
     fullest_layout: [usize; Tag::COUNT],
     last_stamp: Stamp,
+    raw_lasers: RawLasers,
     report: ReadReport,
+}
+
+/// Whether `RAWLASER` lines are scans: not where others say the same scans with the robot's pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum RawLasers {
+    Undecided,
+    Used,
+    Unused,
 }
 
 /// What has to be remembered of a topic.
@@ -151,7 +215,23 @@ impl Parser {
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
         let report = ReadReport::default();
         let (topics, fullest_layout) = ([None; Tag::COUNT], [0; Tag::COUNT]);
-        Self { scan, odometry, params, models, topics, fullest_layout, last_stamp: Stamp(0), report }
+        Self {
+            scan,
+            odometry,
+            params,
+            models,
+            topics,
+            fullest_layout,
+            last_stamp: Stamp(0),
+            raw_lasers: RawLasers::Undecided,
+            report,
+        }
+    }
+
+    /// Whether the line is the first scan, and one without a pose.
+    fn is_undecided(&self, line: Line<'_>) -> bool {
+        self.raw_lasers == RawLasers::Undecided
+            && matches!(Tag::of(Cursor::new(line.bytes).word()), Some(Tag::RawLaser(_)))
     }
 
     /// Reads one line; the event, if it is one, then lies in `scan` or `odometry`.
@@ -176,6 +256,8 @@ impl Parser {
         match Tag::of(word) {
             Some(Tag::Odometry) => self.read_odometry(cursor, line),
             Some(tag @ Tag::RobotLaser(_)) => self.read_robot_laser(tag, cursor, line),
+            Some(Tag::RawLaser(_)) if self.raw_lasers == RawLasers::Unused => self.read_other(word, cursor),
+            Some(Tag::RawLaser(number)) => self.read_raw_laser(number, cursor, line),
             Some(tag) => self.read_laser(tag, cursor, line),
             None => self.read_other(word, cursor),
         }
@@ -236,9 +318,35 @@ impl Parser {
         let (laser_pose, robot_pose) = (tail.pose(0)?, tail.pose(3)?);
         let laser = if tag == Tag::RobotLaser(2) { self.params.rear } else { self.params.front };
         let robot_from_laser = mount(robot_pose, laser_pose, &laser).ok_or_else(|| refused_pose(tail.word(0)))?;
-        let geometry = sweep.geometry(self.scan.ranges_m.len(), robot_from_laser);
+        let geometry = self.geometry(line.number, &sweep, robot_from_laser);
         self.scan.odom_from_robot = self.usable_pose(line.number, robot_pose);
         Ok(self.finish_scan(tag, geometry, tail.stamp, non_finite, line.number))
+    }
+
+    /// `RAWLASER`: as a `ROBOTLASER` without its poses; odometry's readings before it say where the robot was.
+    fn read_raw_laser<'a>(
+        &mut self,
+        number: u8,
+        mut cursor: Cursor<'a>,
+        line: Line<'a>,
+    ) -> Result<Outcome, BadLine<'a>> {
+        let sweep = Sweep::read(&mut cursor)?;
+        let non_finite = cursor.ranges(&mut self.scan.ranges_m)?;
+        cursor.skip_remissions()?;
+        let tail = Tail::read(cursor, &[0], line.terminated)?;
+        let laser = if number == 2 { self.params.rear } else { self.params.front };
+        let geometry = self.geometry(line.number, &sweep, laser.robot_from_laser);
+        self.scan.odom_from_robot = None;
+        Ok(self.finish_scan(Tag::RawLaser(number), geometry, tail.stamp, non_finite, line.number))
+    }
+
+    fn geometry(&mut self, line: u64, sweep: &Sweep, robot_from_laser: Pose2) -> Geometry {
+        let beams = self.scan.ranges_m.len();
+        let Bearings { first_rad, step_rad, odd } = sweep.bearings(beams);
+        for odd in odd.into_iter().chain(sweep.odd_reach()) {
+            self.report.odd_heads.note(line, odd);
+        }
+        sweep.geometry(beams, first_rad, step_rad, robot_from_laser)
     }
 
     fn usable_pose(&mut self, line: u64, pose: PoseField) -> Option<Pose2> {
@@ -262,6 +370,9 @@ impl Parser {
     ) -> Outcome {
         self.scan.laser = Arc::clone(self.models.model(tag, geometry, &self.params));
         self.scan.stamp = self.stamp(line, stamp);
+        if self.raw_lasers == RawLasers::Undecided {
+            self.raw_lasers = RawLasers::Unused;
+        }
         self.report.scans += 1;
         self.report.non_finite_ranges += non_finite;
         self.note_event(tag, line, self.scan.stamp, self.scan.odom_from_robot);
@@ -336,7 +447,7 @@ fn mount(world_from_robot: PoseField, world_from_laser: PoseField, params: &Lase
     Some(if agree { params.robot_from_laser } else { robot_from_laser })
 }
 
-/// The head of a `ROBOTLASER` line.
+/// The head of a `ROBOTLASER` or `RAWLASER` line.
 #[derive(Debug, Clone, Copy)]
 struct Sweep {
     start_angle_rad: f64,
@@ -349,30 +460,47 @@ impl Sweep {
     /// `laser_type start_angle fov angular_res max_range accuracy remission_mode`.
     fn read<'a>(cursor: &mut Cursor<'a>) -> Result<Self, BadLine<'a>> {
         cursor.number("a laser type")?;
-        let start_angle_rad = angle(cursor, "a start angle within 100 rad")?;
-        let field_of_view_rad = angle(cursor, "a field of view within 100 rad")?;
-        let step_rad = angle(cursor, "an angular resolution within 100 rad")?;
+        let start_angle_rad = angle(cursor, "a start angle within 540")?;
+        let field_of_view_rad = angle(cursor, "a field of view within 540")?;
+        let step_rad = angle(cursor, "an angular resolution within 540")?;
         let range_max_m = cursor.number("a maximum range")?;
         cursor.number("an accuracy")?;
         cursor.number("a remission mode")?;
         Ok(Self { start_angle_rad, field_of_view_rad, step_rad, range_max_m })
     }
 
-    fn geometry(&self, beams: usize, robot_from_laser: Pose2) -> Geometry {
+    /// A resolution of 0 says that the field of view is spread over the beams.
+    fn bearings(&self, beams: usize) -> Bearings {
         let spread_rad = self.field_of_view_rad / (beams.max(2) - 1) as f64;
-        let usable_max = self.range_max_m.is_finite() && self.range_max_m > 0.0;
-        Geometry {
-            beams,
-            angle_min_rad: self.start_angle_rad,
-            angle_step_rad: if self.step_rad == 0.0 { spread_rad } else { self.step_rad },
-            range_max_m: if usable_max { self.range_max_m } else { DEFAULT_RANGE_MAX_M },
-            robot_from_laser,
-        }
+        let said = SaidBearings {
+            first_rad: self.start_angle_rad,
+            last_rad: self.start_angle_rad + self.field_of_view_rad,
+            step_rad: if self.step_rad == 0.0 { spread_rad } else { self.step_rad },
+            names: ["the field of view", "angular resolution"],
+        };
+        said.settle(beams)
+    }
+
+    fn geometry(&self, beams: usize, angle_min_rad: f64, angle_step_rad: f64, robot_from_laser: Pose2) -> Geometry {
+        let range_max_m = self.usable_reach_m().unwrap_or(RANGE_MAX_UNSAID_M);
+        Geometry { beams, angle_min_rad, angle_step_rad, range_max_m, robot_from_laser }
+    }
+
+    fn usable_reach_m(&self) -> Option<f64> {
+        Some(self.range_max_m).filter(|reach_m| reach_m.is_finite() && *reach_m > 0.0)
+    }
+
+    fn odd_reach(&self) -> Option<OddHead> {
+        let words = || {
+            format!("the maximum range is {}: not used, ranges count up to {RANGE_MAX_UNSAID_M} m", self.range_max_m)
+        };
+        self.usable_reach_m().is_none().then(|| OddHead { what: "range limits", words: words() })
     }
 }
 
+/// In radians, or in degrees up to one turn and a half.
 fn angle<'a>(cursor: &mut Cursor<'a>, what: &'static str) -> Result<f64, BadLine<'a>> {
     let word = cursor.clone().word();
     let value = cursor.number(what)?;
-    if value.abs() <= 100.0 { Ok(value) } else { Err(BadLine::new(DropReason::BadNumber, what, word)) }
+    if value.abs() <= 540.0 { Ok(value) } else { Err(BadLine::new(DropReason::BadNumber, what, word)) }
 }

@@ -192,7 +192,7 @@ impl<W: Write> CarmenWriter<W> {
 
 /// The line a laser is written as: by convention where its beams lie that way, and otherwise with its own geometry.
 fn tag_of(laser: &LaserModel, beams: usize) -> Tag {
-    let named = Tag::of(laser.name.as_bytes()).filter(|&tag| tag != Tag::Odometry);
+    let named = Tag::of(laser.name.as_bytes()).filter(|&tag| !matches!(tag, Tag::Odometry | Tag::RawLaser(_)));
     let conventional = Geometry::conventional(beams, &Params::default().front);
     let by_convention =
         (laser.angle_min_rad, laser.angle_step_rad) == (conventional.angle_min_rad, conventional.angle_step_rad);

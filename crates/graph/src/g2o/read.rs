@@ -36,6 +36,8 @@ pub struct G2oReport {
     pub self_edges: usize,
     /// Information that is not symmetric positive semidefinite, replaced by the nearest that is.
     pub indefinite_information: usize,
+    /// Edges of files without any information, in which TORO and GTSAM take the identity, as is done here.
+    pub without_information: usize,
     /// Edges whose information is zero; they say nothing.
     pub zero_information: usize,
     /// Quaternions whose norm is not one, normalised.
@@ -114,6 +116,8 @@ struct Collector<P: Pose> {
     places: FxHashMap<u64, usize>,
     /// Where sensors sit at a vertex, by their ids.
     sensors: FxHashMap<u64, P>,
+    /// Edges that say how far they are to be believed.
+    with_information: usize,
 }
 
 impl<P: Pose> Default for Collector<P> {
@@ -123,6 +127,7 @@ impl<P: Pose> Default for Collector<P> {
             known: Vec::new(),
             places: FxHashMap::default(),
             sensors: FxHashMap::default(),
+            with_information: 0,
         }
     }
 }
@@ -170,7 +175,15 @@ impl<P: Pose> Collector<P> {
     {
         let (from, to) = (line.id()?, line.id()?);
         let from_from_to = pose(line, report)?;
-        let (information, repaired) = nearest_information(&information(line)?);
+        let (information, repaired) = if line.is_at_end() && self.with_information == 0 {
+            report.without_information += 1;
+            (SMatrix::identity(), false)
+        } else if report.without_information > 0 {
+            return Err(line.error("no information, as in the edges before"));
+        } else {
+            self.with_information += 1;
+            nearest_information(&information(line)?)
+        };
         line.end()?;
         report.indefinite_information += usize::from(repaired);
         report.zero_information += usize::from(information.iter().all(|&v| v == 0.0));
@@ -349,6 +362,10 @@ impl<'a> Line<'a> {
 
     fn three_of_information(&mut self) -> Result<[f64; 3], G2oError> {
         Ok([self.information()?, self.information()?, self.information()?])
+    }
+
+    fn is_at_end(&self) -> bool {
+        self.rest.trim_ascii().is_empty()
     }
 
     fn end(&mut self) -> Result<(), G2oError> {

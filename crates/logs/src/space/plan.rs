@@ -7,9 +7,9 @@ use crate::choice::Choice;
 use crate::frames::{Place, list, place_in_space};
 use crate::links::{bare, is_world};
 use crate::odometry::{self, OdometrySource};
-use crate::plan::contents;
+use crate::plan::{contents, nothing_of};
 use crate::survey::{Survey, TopicSurvey, same_name};
-use crate::words::grouped;
+use crate::words::{grouped, with_damage};
 use mapwright_clouds::CameraOptions;
 use mapwright_geom::Pose3;
 use mapwright_sensor::SpaceSensor;
@@ -57,6 +57,10 @@ impl SpacePlan {
     /// # Errors
     /// Why nothing can be mapped in space, what is there instead and what to type, in words.
     pub fn of(survey: &Survey, choice: &Choice, options: &CameraOptions) -> Result<Self, String> {
+        Self::of_sound(survey, choice, options).map_err(|reason| with_damage(&reason, survey))
+    }
+
+    fn of_sound(survey: &Survey, choice: &Choice, options: &CameraOptions) -> Result<Self, String> {
         let (mut candidates, refused) = candidates(survey, choice, options)?;
         candidates.sort_by_key(|candidate| {
             let topic = candidate.topic;
@@ -201,11 +205,9 @@ fn candidates<'a>(
         all.retain(is_asked);
     }
     if all.is_empty() {
-        return Err(format!(
-            "expected clouds or images of depth, found no topic of PointCloud2, or of Image or CompressedImage with depth; \
-             there are {}",
-            contents(survey)
-        ));
+        let expected =
+            "clouds or images of depth, found no topic of PointCloud2, or of Image or CompressedImage with depth";
+        return Err(nothing_of(expected, survey));
     }
     let moved = odometry::topics(survey, choice).first().map(|topic| topic.child_frame()).filter(|f| !f.is_empty());
     let moved: Vec<_> = moved.into_iter().collect();

@@ -1,6 +1,6 @@
 //! Trajectories in space against a reference.
 
-use super::{alignment, errors_json, open};
+use super::{Matches, alignment, errors_json, open, warn};
 use crate::args::EvalArgs;
 use crate::failure::{Failure, Outcome};
 use crate::terminal::{count, say, say_json};
@@ -13,7 +13,8 @@ use std::path::Path;
 /// The reference and what is compared with it.
 pub(super) struct Trajectories {
     reference: SpaceTrajectory,
-    estimates: Vec<SpaceTrajectory>,
+    /// Each with whether its rows or those of the reference were paired by their numbers, for only one of both has stamps.
+    estimates: Vec<(SpaceTrajectory, bool)>,
 }
 
 /// Reads all; none where everything lies in the plane, and is compared there.
@@ -26,22 +27,35 @@ pub(super) fn trajectories(args: &EvalArgs, reference: &Path) -> Result<Option<T
         }
         Ok(read)
     };
-    let (reference, name) = (read(reference)?, reference);
-    let estimates = args.trajectories.iter().map(|path| read(path)).collect::<Result<Vec<_>, Failure>>()?;
+    let (mut reference, name) = (read(reference)?, reference);
+    let mut estimates = args.trajectories.iter().map(|path| read(path)).collect::<Result<Vec<_>, Failure>>()?;
     let is_planar = |read: &SpaceTrajectory| !read.is_numbered && times.is_none() && read.is_planar();
     if is_planar(&reference) && estimates.iter().all(is_planar) {
         return Ok(None);
     }
-    for (path, estimate) in args.trajectories.iter().zip(&estimates) {
-        if estimate.is_numbered != reference.is_numbered {
-            let numbered = if estimate.is_numbered { path.as_path() } else { name };
-            return Err(refused(
-                numbered,
-                "expected stamps as the other trajectory has them, found KITTI's rows without; give them by --times FILE",
-            ));
-        }
+    let of_reference = reference.is_numbered;
+    if let Some(stamped) = estimates.iter().find(|estimate| of_reference && !estimate.is_numbered) {
+        let stamps: Vec<_> = stamped.poses.iter().map(|pose| pose.0).collect();
+        stamp(&mut reference, &stamps).map_err(|cause| refused(name, &without_stamps(&cause)))?;
     }
-    Ok(Some(Trajectories { reference, estimates }))
+    let stamps: Vec<_> = reference.poses.iter().map(|pose| pose.0).collect();
+    let mut paired = Vec::new();
+    for (path, mut estimate) in args.trajectories.iter().zip(estimates.drain(..)) {
+        let by_number = estimate.is_numbered != of_reference;
+        if estimate.is_numbered != reference.is_numbered {
+            stamp(&mut estimate, &stamps).map_err(|cause| refused(path, &without_stamps(&cause)))?;
+        }
+        paired.push((estimate, by_number));
+    }
+    Ok(Some(Trajectories { reference, estimates: paired }))
+}
+
+/// Why rows without stamps cannot be paired.
+fn without_stamps(cause: &str) -> String {
+    format!(
+        "found KITTI's rows, which have no stamps, and they cannot be paired by their numbers: {cause} in the other trajectory; \
+         give their stamps by --times FILE"
+    )
 }
 
 fn refused(path: &Path, cause: &str) -> Failure {
@@ -63,23 +77,29 @@ fn stamp(read: &mut SpaceTrajectory, stamps: &[Stamp]) -> Result<(), String> {
 
 pub(super) fn compare(args: &EvalArgs, trajectories: &Trajectories) -> Result<Outcome, Failure> {
     let settings = RpeSettings { delta: args.delta, all_pairs: args.all_pairs, ..RpeSettings::default() };
-    let mut values = Vec::new();
-    for (path, estimate) in args.trajectories.iter().zip(&trajectories.estimates) {
+    let (mut values, mut losses) = (Vec::new(), Vec::new());
+    for (path, (estimate, by_number)) in args.trajectories.iter().zip(&trajectories.estimates) {
         let reference = &trajectories.reference.poses;
         let errors = space_errors(reference, &estimate.poses, alignment(args.alignment), &settings)
             .map_err(|cause| Failure::Score { path: path.clone(), cause })?;
+        let pairs = errors.pairs + errors.not_finite;
+        let matches = Matches { pairs, reference: reference.len(), estimate: estimate.poses.len() };
+        losses.extend(matches.few(path));
         if !args.json {
-            say(&words(path, &errors))?;
+            say(&words(path, &matches, *by_number, &errors))?;
         }
-        values.push(to_json(path, &errors));
+        let mut value = to_json(path, &errors);
+        value["matched"] = matches.to_json();
+        value["paired_by_number"] = json!(by_number);
+        values.push(value);
     }
     if args.json {
         say_json(&Value::Array(values))?;
     }
-    Ok(Outcome::Done)
+    warn(args, &losses)
 }
 
-fn words(path: &Path, errors: &SpaceErrors) -> String {
+fn words(path: &Path, matches: &Matches, by_number: bool, errors: &SpaceErrors) -> String {
     let row = |name: &str, PoseErrors { translation_m, rotation_deg }: &PoseErrors| {
         format!(
             "  {name} {:>6}  rmse {:.4} m, mean {:.4}, median {:.4}, max {:.4}  |  rmse {:.3} deg, max {:.3}\n",
@@ -92,7 +112,9 @@ fn words(path: &Path, errors: &SpaceErrors) -> String {
             rotation_deg.max
         )
     };
-    let mut text = format!("{}: in space\n", path.display());
+    let how =
+        if by_number { "paired by their numbers, for one of both has no stamps".to_owned() } else { matches.words() };
+    let mut text = format!("{}: in space; {how}\n", path.display());
     text += &row("ATE", &errors.absolute);
     text += &row("RPE", &errors.relative);
     if let Some(segments) = &errors.segments {

@@ -1,10 +1,11 @@
 //! Sessions of space: trajectories, clouds, octrees and floor plans.
 
-use super::{word, write_map, write_part};
+use super::{Exported, word, write_map, write_part, write_times};
 use crate::args::{ExportArgs, ExportTo};
 use crate::failure::Failure;
 use crate::output::write_whole;
-use crate::terminal::{count, grouped, say};
+use crate::stamps::Stamper;
+use crate::terminal::{count, grouped};
 use mapwright::{MapSurfel, Pose2, Pose3, Session, SpaceSweep, TrajectoryPose, occupancy_of, points_of, surfels_of};
 use mapwright_exports::write_space_session_mcap;
 use mapwright_formats::{
@@ -24,8 +25,8 @@ const BAND: SliceBounds = SliceBounds { z_min_m: -0.3, z_max_m: 0.3 };
 /// Cells that an image may have.
 const CELLS_AT_MOST: u64 = 100_000_000;
 
-/// Writes it; what was lost.
-pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+/// Writes it.
+pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
     if args.map.is_some() {
         return Err(refused(args, "--map needs a session of the plane, found one of space"));
     }
@@ -56,28 +57,32 @@ fn refused(args: &ExportArgs, cause: &str) -> Failure {
     Failure::Session { path: args.results.clone(), cause: cause.to_owned() }
 }
 
-fn trajectory(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+fn trajectory(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
     if args.resolution.is_some() {
         return Err(refused(args, "--resolution is for maps, found a trajectory"));
     }
-    let clouds = session.trajectory();
+    let mut stamper = Stamper::new(args.stamps());
+    let clouds: Vec<_> =
+        session.trajectory().map(|cloud| TrajectoryPose { stamp: stamper.next(cloud.stamp), ..cloud }).collect();
     write_part(path, |file| match args.to {
-        ExportTo::Kitti => write_space_kitti(clouds.map(|cloud| cloud.map_from_robot), file),
-        ExportTo::Csv => write_space_csv(clouds.map(csv_pose), file),
-        _ => write_tum(session, file),
+        ExportTo::Kitti => write_space_kitti(clouds.iter().map(|cloud| cloud.map_from_robot), file),
+        ExportTo::Csv => write_space_csv(clouds.iter().map(csv_pose), file),
+        _ => write_tum(&clouds, file),
     })?;
-    say_made(path, session.scans().len(), "pose", false)
+    let mut made = made_of(path, clouds.len(), "pose", false);
+    if args.to == ExportTo::Kitti {
+        made.files.push(write_times(path, clouds.iter().map(|cloud| cloud.stamp))?);
+    }
+    Ok(made)
 }
 
-fn csv_pose(cloud: TrajectoryPose<Pose3>) -> CsvPose<Pose3> {
+fn csv_pose(cloud: &TrajectoryPose<Pose3>) -> CsvPose<Pose3> {
     CsvPose { stamp: cloud.stamp, map_from_robot: cloud.map_from_robot, odom_from_robot: cloud.odom_from_robot }
 }
 
-fn write_tum(session: &Session<SpaceSweep>, file: impl Write) -> Result<(), FormatError> {
+fn write_tum(clouds: &[TrajectoryPose<Pose3>], file: impl Write) -> Result<(), FormatError> {
     let mut writer = TumWriter::new(file);
-    session
-        .trajectory()
-        .try_for_each(|cloud| writer.write(&StampedPose3::of_pose(cloud.stamp, cloud.map_from_robot)))?;
+    clouds.iter().try_for_each(|cloud| writer.write(&StampedPose3::of_pose(cloud.stamp, cloud.map_from_robot)))?;
     writer.finish().map(|_| ())
 }
 
@@ -89,59 +94,60 @@ fn occupancy(args: &ExportArgs, session: &Session<SpaceSweep>) -> Occupancy {
     occupancy_of(session, OccupancySettings { resolution_m: resolution_m(args), ..OccupancySettings::default() })
 }
 
-fn cloud(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+fn cloud(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
     let map = points_of(session, resolution_m(args));
     write_part(path, |file| match args.to {
         ExportTo::Pcd => write_pcd(&map.points_m, &map.colours, file),
         _ => write_ply(&map.points_m, &map.colours, file),
     })?;
-    say_made(path, map.points_m.len(), "point", !map.colours.is_empty())
+    Ok(made_of(path, map.points_m.len(), "point", !map.colours.is_empty()))
 }
 
-fn surfels(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+fn surfels(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
     let map = surfels_of(session, resolution_m(args));
     let disc = |surfel: &MapSurfel| Disc { point_m: surfel.mean_m, normal: surfel.normal, radius_m: surfel.radius_m };
     let discs: Vec<Disc> = map.surfels.iter().map(disc).collect();
     write_part(path, |file| write_ply_discs(&discs, &map.colours, file))?;
+    let mut made = made_of(path, discs.len(), "surfel", !map.colours.is_empty());
     if map.lines > 0 {
-        say(&format!("left out {} of which the points lie on a line\n", count(map.lines as u64, "voxel")))?;
+        made.notes.push(format!("left out {} of which the points lie on a line", count(map.lines as u64, "voxel")));
     }
-    say_made(path, discs.len(), "surfel", !map.colours.is_empty())
+    Ok(made)
 }
 
-fn mcap(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+fn mcap(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
     let map = points_of(session, resolution_m(args));
+    let mut stamper = Stamper::new(args.stamps());
     let counts = write_whole(path, |file| {
-        let written = write_space_session_mcap(session, (&map.points_m, &map.colours), file);
+        let points = (&map.points_m[..], &map.colours[..]);
+        let written = write_space_session_mcap(session, points, |stamp| stamper.next(stamp), file);
         written.map(|(_, counts)| counts).map_err(|cause| Failure::write_in_words(path, &cause))
     })?;
-    say(&format!(
-        "{}: map of {}, {}, {}\n",
-        path.display(),
+    let what = format!(
+        "map of {}, {}, {}",
         count(counts.points as u64, "point"),
         count(counts.poses as u64, "pose"),
         count(counts.closures as u64, "closure"),
-    ))?;
-    Ok(Vec::new())
+    );
+    Ok(Exported::of(path, what))
 }
 
-fn say_made(path: &Path, made: usize, what: &str, is_coloured: bool) -> Result<Vec<String>, Failure> {
+fn made_of(path: &Path, made: usize, what: &str, is_coloured: bool) -> Exported {
     let colours = if is_coloured { " with colours" } else { "" };
-    say(&format!("{}: {}{colours}\n", path.display(), count(made as u64, what)))?;
-    Ok(Vec::new())
+    Exported::of(path, format!("{}{colours}", count(made as u64, what)))
 }
 
-fn octree(occupancy: &Occupancy, path: &Path) -> Result<Vec<String>, Failure> {
+fn octree(occupancy: &Occupancy, path: &Path) -> Result<Exported, Failure> {
     let written =
         write_whole(path, |file| write_bt(occupancy, file).map_err(|cause| Failure::write_in_words(path, &cause)))?;
     let (side_m, occupied) = (occupancy.resolution_m(), grouped(written.occupied as u64));
-    say(&format!("{}: voxels of {side_m} m, {occupied} of the leaves occupied\n", path.display()))?;
+    let what = format!("voxels of {side_m} m, {occupied} of the leaves occupied");
     let left_out = Some(Octree::left_out(occupancy)).filter(|&voxels| voxels > 0);
     let lost = left_out.map(|voxels| format!("{} lie too far out for an octree", count(voxels, "known voxel")));
-    Ok(lost.into_iter().collect())
+    Ok(Exported { losses: lost.into_iter().collect(), ..Exported::of(path, what) })
 }
 
-fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Vec<String>, Failure> {
+fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
     if !is_upright(session) {
         return Err(refused(
             args,
@@ -159,8 +165,7 @@ fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> 
             ),
         )
     })?;
-    write_map(args.to, &image, path)?;
-    Ok(Vec::new())
+    write_map(args.to, &image, path)
 }
 
 /// Whether the map's z axis may point upwards. Of a camera whose mounting is not known it is the optical axis: all that it sees

@@ -38,6 +38,8 @@ pub(super) struct Laser {
     pub(super) model: Arc<LaserModel>,
     pub(super) topic: Topic,
     pub(super) beams: (usize, usize),
+    /// The least and the largest field of view.
+    view_deg: (f64, f64),
     counts: BeamCounts,
     farthest_m: f32,
     sweep: Sweep,
@@ -53,7 +55,7 @@ impl Contents {
     }
 
     fn add_scan(&mut self, scan: &LaserScan) {
-        let same = |laser: &Laser| *laser.model == *scan.laser;
+        let same = |laser: &Laser| laser.is_of(&scan.laser);
         let at = self.lasers.iter().position(same).unwrap_or_else(|| {
             self.lasers.push(Laser::new(&scan.laser));
             self.lasers.len() - 1
@@ -87,15 +89,30 @@ impl Laser {
             model: Arc::clone(model),
             topic: Topic::default(),
             beams: (usize::MAX, 0),
+            view_deg: (f64::INFINITY, 0.0),
             counts: BeamCounts::default(),
             farthest_m: 0.0,
             sweep: Sweep::empty(model),
         }
     }
 
+    /// Whether a scan's laser is this one, whose number of beams and with it their bearings may vary from scan to scan.
+    fn is_of(&self, model: &LaserModel) -> bool {
+        let kept = &self.model;
+        *model
+            == LaserModel {
+                angle_min_rad: model.angle_min_rad,
+                angle_step_rad: model.angle_step_rad,
+                beam_period_s: model.beam_period_s,
+                ..(**kept).clone()
+            }
+    }
+
     fn add(&mut self, scan: &LaserScan) {
         self.topic.add(scan.stamp, scan.odom_from_robot);
         let beams = scan.ranges_m.len();
+        let view_deg = (scan.laser.angle_step_rad * beams.saturating_sub(1) as f64).abs().to_degrees();
+        self.view_deg = (self.view_deg.0.min(view_deg), self.view_deg.1.max(view_deg));
         self.beams = (self.beams.0.min(beams), self.beams.1.max(beams));
         let limits_m = (0.0, f64::INFINITY);
         self.counts.add(&self.sweep.fill(scan, [0.0; 3], limits_m));
@@ -104,8 +121,9 @@ impl Laser {
         self.farthest_m = returns.fold(self.farthest_m, |farthest_m, &range_m| farthest_m.max(range_m));
     }
 
-    fn field_of_view_deg(&self) -> f64 {
-        (self.model.angle_step_rad * self.beams.1.saturating_sub(1) as f64).abs().to_degrees()
+    fn view_words(&self) -> String {
+        let (least, most) = (format!("{:.0}", self.view_deg.0), format!("{:.0}", self.view_deg.1));
+        if least == most { most } else { format!("{least} to {most}") }
     }
 
     fn to_words(&self) -> String {
@@ -118,10 +136,10 @@ impl Laser {
         let all = f64::from(self.counts.returns) + f64::from(self.counts.no_return);
         let bad = self.counts.too_near + self.counts.not_a_number;
         format!(
-            "laser    {}: {beams} beams over {:.0} deg, up to {} m; on the robot at x {:.3} m, y {:.3} m, yaw {:.2} deg{}\n\
+            "laser    {}: {beams} beams over {} deg, up to {} m; on the robot at x {:.3} m, y {:.3} m, yaw {:.2} deg{}\n\
              \x20        farthest return {:.1} m, no return {:.1} %, unusable beams {}\n         {}",
             model.name,
-            self.field_of_view_deg(),
+            self.view_words(),
             (1e4 * model.range_max_m).round() / 1e4,
             mount.x,
             mount.y,
@@ -139,7 +157,7 @@ impl Laser {
         json!({
             "name": self.model.name,
             "beams": [self.beams.0, self.beams.1],
-            "field_of_view_deg": self.field_of_view_deg(),
+            "field_of_view_deg": self.view_deg.1,
             "range_max_m": self.model.range_max_m,
             "robot_from_laser": [mount.x, mount.y, mount.theta],
             "inverted": self.model.inverted,
@@ -175,15 +193,32 @@ impl Topic {
         }
     }
 
-    /// Median time between stamps that run forward, seconds.
+    /// Median time from the latest stamp so far to one that is later, seconds.
     pub(super) fn period_s(&self) -> Option<f64> {
         let mut periods: Vec<_> = self.steps().map(|(_, step_s)| step_s).filter(|&step_s| step_s > 0.0).collect();
         periods.sort_by(f64::total_cmp);
         periods.get(periods.len() / 2).copied()
     }
 
+    /// From the latest stamp so far to each: one that steps back is no pause, nor is the step forward that follows it.
     fn steps(&self) -> impl Iterator<Item = (Stamp, f64)> + '_ {
-        self.stamps.windows(2).map(|pair| (pair[0], pair[1].secs_since(pair[0])))
+        let mut latest = self.stamps.first().copied();
+        self.stamps.iter().skip(1).filter_map(move |&stamp| {
+            let last = latest?;
+            latest = Some(last.max(stamp));
+            Some((last, stamp.secs_since(last)))
+        })
+    }
+
+    /// Events a second: by the median period, unless that is far off the mean outside of gaps, for they come in bursts.
+    fn rate_words(&self, period_s: f64) -> String {
+        let paused_s: f64 = self.gaps().iter().map(|(_, gap_s)| gap_s).sum();
+        let running_s = self.span_s() - paused_s;
+        let (median_hz, mean_hz) = (1.0 / period_s, self.stamps.len().saturating_sub(1) as f64 / running_s);
+        if running_s > 0.0 && !(0.5..=2.0).contains(&(median_hz / mean_hz)) {
+            return format!("{mean_hz:.1} a second in the mean, unevenly");
+        }
+        format!("{median_hz:.1} a second in the median")
     }
 
     /// Pauses and where they begin, longest first.
@@ -197,7 +232,7 @@ impl Topic {
     fn to_words(&self, what: &str) -> String {
         let mut text = format!("{} over {}", count(self.stamps.len() as u64, what), duration(self.span_s()));
         if let Some(period_s) = self.period_s() {
-            let _ = write!(text, ", {:.1} a second in the median", 1.0 / period_s);
+            let _ = write!(text, ", {}", self.rate_words(period_s));
         }
         if self.poses > 0 {
             let turns = self.turned_rad / std::f64::consts::TAU;

@@ -114,11 +114,20 @@ impl Differences {
         let (common, of) = (grouped(self.common), grouped(self.of));
         self.words.push(format!("scans of {} that are in {} as well: {common} of {of}", fewer.name, more.name));
         if self.common > 0 {
-            self.words.push(format!("their stamps differ by up to {:.6} s", self.stamps_most_s));
+            // stamps are written to the microsecond
+            self.words.push(if self.stamps_most_s < 5e-7 {
+                "their stamps are the same".to_owned()
+            } else {
+                format!("their stamps differ by up to {:.6} s", self.stamps_most_s)
+            });
         }
         if self.steps > 0 {
             self.steps_mean = self.steps_mean.map(|sum| sum / self.steps as f64);
             let ([most_m, most_rad], [mean_m, mean_rad]) = (self.steps_most, self.steps_mean);
+            if most_m < 5e-4 && most_rad.to_degrees() < 5e-3 {
+                self.words.push("odometry from scan to scan is the same".to_owned());
+                return;
+            }
             self.words.push(format!(
                 "odometry from scan to scan differs by up to {most_m:.3} m and {:.2} deg, in the mean by {mean_m:.4} m and \
                  {:.3} deg",
