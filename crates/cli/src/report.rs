@@ -6,7 +6,7 @@ use crate::maps::{MadeMap, map_file};
 use crate::tally::Tally;
 use crate::terminal::{count, duration, grouped};
 use mapwright::{LocalMapReport, SeparateMap, Status};
-use mapwright_formats::{Noted, ReadReport, TopicReport};
+use mapwright_formats::{Noted, OdometryJump, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
@@ -42,7 +42,8 @@ pub(crate) fn topic_report(topic: &TopicReport) -> Value {
         "events": topic.events,
         "stamps_backward": noted(&topic.stamps.backward),
         "stamps_repeated": noted(&topic.stamps.repeated),
-        "odometry_jumps": noted(&topic.odometry_jumps),
+        "odometry_jumps": noted(&topic.odometry.jumps),
+        "odometry_begins_anew": topic.odometry.first.map(|jump| jump_report(&jump)),
         "beam_count_changes": noted(&topic.beam_count_changes),
     })
 }
@@ -68,6 +69,7 @@ pub(crate) fn read_losses(report: &ReadReport) -> Vec<String> {
 /// What is odd about a log without being a loss, in words.
 pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
     let mut odd: Vec<_> = report.topics.iter().flat_map(|topic| topic_oddities(topic, "line")).collect();
+    odd.extend(jump_oddity(&report.topics));
     odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {
         odd.push(format!("ranges that are not finite: {}", grouped(report.non_finite_ranges)));
@@ -81,10 +83,38 @@ pub(crate) fn topic_oddities(topic: &TopicReport, place: &str) -> Vec<String> {
     let noted = [
         (&topic.stamps.backward, format!("{name} stamps that step backwards (kept in the order of the file)")),
         (&topic.stamps.repeated, format!("{name} stamps that repeat")),
-        (&topic.odometry_jumps, format!("{name} odometry jumps of more than 10 m and 3 m/s")),
         (&topic.beam_count_changes, format!("{name} changes of the number of beams")),
     ];
     noted.iter().filter_map(|(noted, what)| note(noted, what, place)).collect()
+}
+
+/// Where odometry first begins anew, in words: once, for scans and readings of a CARMEN log carry the same.
+pub(crate) fn jump_oddity(topics: &[TopicReport]) -> Option<String> {
+    let jumps = topics.iter().filter_map(|topic| Some((topic, topic.odometry.first?)));
+    let (topic, first) = jumps.min_by_key(|(_, jump)| jump.stamp)?;
+    Some(jump_words(&topic.name, &first, topic.odometry.jumps.count))
+}
+
+fn jump_words(name: &str, jump: &OdometryJump, times: u64) -> String {
+    let OdometryJump { stamp, elapsed_s, step } = *jump;
+    let (stamp_s, step_m, turned_deg) = (stamp.as_secs_f64(), step.x.hypot(step.y), step.theta.to_degrees().abs());
+    let since = match elapsed_s {
+        s if s > 0.0 => format!("from where it was {s:.2} s before"),
+        _ => "from the reading before".to_owned(),
+    };
+    let more = if times > 1 { format!(" (the first of {})", grouped(times)) } else { String::new() };
+    format!(
+        "{name} odometry begins anew at {stamp_s:.3}, {step_m:.2} m and {turned_deg:.0} deg {since}, farther than this robot \
+         drives{more}; it is used from there on"
+    )
+}
+
+fn jump_report(jump: &OdometryJump) -> Value {
+    json!({
+        "stamp_s": jump.stamp.as_secs_f64(),
+        "elapsed_s": jump.elapsed_s,
+        "step": [jump.step.x, jump.step.y, jump.step.theta],
+    })
 }
 
 fn note(noted: &Noted, what: &str, place: &str) -> Option<String> {

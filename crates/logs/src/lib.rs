@@ -10,7 +10,8 @@
 //! One rule for all readers. Within a topic messages keep the order in which they arrived, whatever their stamps say.
 //! Across topics they are merged by the stamps of their headers, a scan by the end of its sweep, over a window of at most
 //! [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans. Stamps that step backwards are noted; messages that come later than the window allows are
-//! delivered when they come, and counted. A header without a stamp has the time of its recording instead, and is counted.
+//! delivered when they come, and counted. A clock that is set while the log runs, by more than a second, counts as if it had not been: stamps stay as they are, and order
+//! and odometry go by what they would have been. So do two topics whose clocks differ by more than a minute. A header without a stamp has the time of its recording instead, and is counted.
 //!
 //! # Odometry of a scan
 //!
@@ -42,6 +43,7 @@ mod camera;
 mod chain;
 mod channel;
 mod choice;
+mod clock;
 mod drive;
 mod error;
 mod frames;
@@ -60,6 +62,7 @@ mod words;
 pub use camera::CameraSurvey;
 pub use channel::TopicKind;
 pub use choice::{Choice, SliceBounds};
+pub use clock::ClockStep;
 pub use drive::{Drive, Input};
 pub use error::LogError;
 pub use links::{Link, Links};

@@ -112,7 +112,9 @@ impl FrontEnd {
             self.preparation.refuse(scan)
         } else {
             let twist = self.predictor.twist(scan.stamp, step);
-            self.preparation.prepare(&self.settings.scan, scan, step, twist, sound.then_some(place))
+            let (settings, place) = (&self.settings.scan, sound.then_some(place));
+            let believes = |elapsed_s, motion| self.predictor.believes(elapsed_s, motion);
+            self.preparation.prepare(settings, scan, step, twist, place, believes)
         };
         Prepared { step, predicted, odom_from_robot, beams, refused }
     }

@@ -65,8 +65,8 @@ impl Preparation {
         BeamCounts { refused: u32::try_from(scan.ranges_m.len()).unwrap_or(u32::MAX), ..BeamCounts::default() }
     }
 
-    /// Prepares a scan. Odometry's step, and the twist that it would be carried on with, tell the motion during the sweep; what
-    /// moves is dropped where the robot's `place` is given.
+    /// Prepares a scan. Odometry's step, and the twist that it would be carried on with, tell the motion during the sweep, as far as a
+    /// robot can have made it (`believes`, of seconds and a motion); what moves is dropped where the robot's `place` is given.
     pub(super) fn prepare(
         &mut self,
         settings: &ScanSettings,
@@ -74,8 +74,9 @@ impl Preparation {
         step: Step,
         twist: [f64; 3],
         place: Option<Place>,
+        believes: impl Fn(f64, Pose2) -> bool,
     ) -> BeamCounts {
-        let twist = self.motion.twist(scan, step, twist);
+        let twist = self.motion.twist(scan, step, twist, believes);
         let limits = (settings.min_range_m, settings.max_range_m);
         let sweep = self.sweep.get_or_insert_with(|| Sweep::empty(&scan.laser));
         let mut beams = sweep.fill(scan, twist, limits);
