@@ -11,11 +11,11 @@ use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_clouds::CameraOptions;
 use mapwright_eval::Delta;
-use mapwright_logs::{Choice, SliceBounds};
+use mapwright_logs::{Choice, MountChoice, SliceBounds};
 use mapwright_sim::Gap;
 use std::path::PathBuf;
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_pose, parse_reach,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_mount, parse_pose, parse_reach,
     parse_seconds, parse_share, parse_slice,
 };
 
@@ -96,8 +96,9 @@ pub(crate) struct MapArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct MergeArgs {
-    /// Logs as for `map`, folders of results or their `session.mapwright`; in this order.
-    #[arg(required = true, num_args = 2.., value_name = "LOG|SESSION")]
+    /// Logs as for `map`, folders of results or their `session.mapwright`; in this order. A recording of several robots counts as a log
+    /// of each.
+    #[arg(required = true, num_args = 1.., value_name = "LOG|SESSION")]
     pub(crate) inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -140,6 +141,13 @@ pub(crate) struct SourceArgs {
     /// The robot's frame.
     #[arg(long, value_name = "FRAME")]
     frame: Option<String>,
+    /// Of several robots in one recording: the one whose topics are in this namespace.
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// Where the planar laser sits on the robot, whatever the log says: metres, metres, radians; and `,flipped` where it hangs upside
+    /// down.
+    #[arg(long, value_name = "X,Y,YAW[,flipped]", value_parser = parse_mount, allow_hyphen_values = true)]
+    mount: Option<MountChoice>,
     /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     slice: Option<SliceBounds>,
@@ -157,7 +165,28 @@ impl SourceArgs {
     }
 
     pub(crate) fn choice(&self) -> Choice {
-        Choice { topics: self.topic.clone(), frame: self.frame.clone(), slice: self.slice }
+        Choice {
+            topics: self.topic.clone(),
+            frame: self.frame.clone(),
+            slice: self.slice,
+            robot: self.robot.clone(),
+            mount: self.mount,
+        }
+    }
+
+    /// Whether the mounting of a planar laser is asked for.
+    pub(crate) fn has_mount(&self) -> bool {
+        self.mount.is_some()
+    }
+
+    /// Whether one of several robots is asked for.
+    pub(crate) fn has_robot(&self) -> bool {
+        self.robot.is_some()
+    }
+
+    /// The same for one robot of several.
+    pub(crate) fn of_robot(&self, robot: &str) -> Self {
+        Self { robot: Some(robot.to_owned()), ..self.clone() }
     }
 }
 
@@ -283,6 +312,8 @@ pub(crate) enum AlignTo {
 pub(crate) struct CalibrateArgs {
     /// Log as for `map`; a CARMEN log may come from the standard input, `-`.
     pub(crate) log: PathBuf,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     #[command(flatten)]

@@ -30,6 +30,7 @@ mod stamps;
 mod tally;
 mod terminal;
 mod timing;
+mod turns;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -29,6 +29,7 @@ pub(crate) fn read_report(report: &ReadReport) -> Value {
         "dropped": dropped,
         "torn": report.tear.as_ref().map(ToString::to_string),
         "scan_poses_refused": noted(&report.refused_scan_poses),
+        "odometry_never_moved": report.odometry_never_moved,
         "unstamped": noted(&report.unstamped),
         "non_finite_ranges": report.non_finite_ranges,
         "other_lines": report.other_tags,
@@ -69,6 +70,10 @@ pub(crate) fn read_losses(report: &ReadReport) -> Vec<String> {
 /// What is odd about a log without being a loss, in words.
 pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
     let mut odd: Vec<_> = report.topics.iter().flat_map(|topic| topic_oddities(topic, "line")).collect();
+    if report.odometry_never_moved {
+        let why = "odometry never moves, though what is seen does: none is used, and poses are predicted by constant velocity";
+        odd.push(why.to_owned());
+    }
     odd.extend(jump_oddity(&report.topics));
     odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {
@@ -134,6 +139,7 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
     if lost > 0 {
         losses.push(format!("{} not in the map, for they fit nowhere", count(lost, "scan")));
     }
+    losses.extend(mapping.turns.words());
     losses.extend(made.pieces.losses());
     let keyframes_left_out: usize = made.maps.iter().map(|map| map.keyframes_left_out.len()).sum();
     let cells_left_out: u64 = made.maps.iter().map(|map| map.cells_left_out).sum();

@@ -113,6 +113,8 @@ pub struct ReadReport {
     pub drops: BTreeMap<DropReason, Drops>,
     /// Scans delivered without odometry because their pose was infinite or beyond 10^6 m.
     pub refused_scan_poses: Noted,
+    /// Odometry never moved, though what is seen did: it was left out by whoever read the log.
+    pub odometry_never_moved: bool,
     /// Events without a stamp of their own; they carry the one before.
     pub unstamped: Noted,
     /// Ranges that are NaN or infinite, delivered as they are.

@@ -1,6 +1,16 @@
 //! What a user wants to have otherwise.
 
+use mapwright_geom::Pose2;
 use mapwright_ros::PlanarSlice;
+
+/// Where a planar laser sits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MountChoice {
+    /// Its place, metres and radians.
+    pub robot_from_laser: Pose2,
+    /// Whether it hangs upside down.
+    pub inverted: bool,
+}
 
 /// Heights between which points of a cloud become a scan, metres in the robot's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +36,10 @@ pub struct Choice {
     pub frame: Option<String>,
     /// Makes scans of point clouds.
     pub slice: Option<SliceBounds>,
+    /// The robot of several, by the namespace of its topics.
+    pub robot: Option<String>,
+    /// Where the planar laser sits on the robot, whatever the log says.
+    pub mount: Option<MountChoice>,
 }
 
 impl Choice {

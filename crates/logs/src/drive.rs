@@ -1,7 +1,8 @@
 //! One or several logs of one drive as one stream of events.
 
+use crate::carmen::CarmenEvents;
 use crate::chain::Chain;
-use crate::choice::Choice;
+use crate::choice::{Choice, MountChoice};
 use crate::error::LogError;
 use crate::plan::Plan;
 use crate::report::LogReport;
@@ -11,13 +12,14 @@ use crate::survey::Survey;
 use mapwright_bags::BagError;
 use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, open_log};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, TurnRate};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::fmt;
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// A log to read.
 pub enum Input {
@@ -56,7 +58,7 @@ struct Part {
 
 #[derive(Debug)]
 enum Reader {
-    Carmen(Box<CarmenReader<LogStream<Counted>>>, Rc<Cell<u64>>),
+    Carmen(Box<CarmenEvents<LogStream<Counted>>>, Rc<Cell<u64>>),
     Recording { path: PathBuf, survey: Box<Survey>, plan: Box<Plan> },
     Stream(Box<Stream>),
 }
@@ -71,6 +73,32 @@ pub struct Drive {
     odometry: Odometry,
     turn_rate: TurnRate,
     is_begun: bool,
+    mount: Option<ByHand>,
+}
+
+/// The mounting that is asked for, for the first laser of a log that is read once, and for all scans of that.
+#[derive(Debug)]
+struct ByHand {
+    choice: MountChoice,
+    said_and_used: Option<[Arc<LaserModel>; 2]>,
+}
+
+impl ByHand {
+    fn put(&mut self, laser: &mut Arc<LaserModel>) {
+        if let Some([said, used]) = &self.said_and_used {
+            if said == laser {
+                laser.clone_from(used);
+                return;
+            }
+            if said.name != laser.name {
+                return;
+            }
+        }
+        let MountChoice { robot_from_laser, inverted } = self.choice;
+        let used = Arc::new(LaserModel { robot_from_laser, inverted, ..(**laser).clone() });
+        let said = std::mem::replace(laser, Arc::clone(&used));
+        self.said_and_used = Some([said, used]);
+    }
 }
 
 /// Which buffer holds the event.
@@ -130,7 +158,8 @@ impl Drive {
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
         let turn_rate = TurnRate { stamp: Stamp(0), rad_per_s: 0.0 };
         let (chain, reports) = (Chain::default(), Vec::new());
-        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, turn_rate, is_begun: false })
+        let mount = choice.mount.map(|choice| ByHand { choice, said_and_used: None });
+        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, turn_rate, is_begun: false, mount })
     }
 
     /// The plans of the recordings that are not yet begun, with their names.
@@ -184,6 +213,9 @@ impl Drive {
                 self.is_begun = true;
             }
             if let Some(kind) = part.read(&mut self.scan, &mut self.odometry, &mut self.turn_rate)? {
+                if let (Kind::Scan, Some(mount)) = (&kind, &mut self.mount) {
+                    mount.put(&mut self.scan.laser);
+                }
                 self.chain(&kind);
                 return Ok(Some(kind));
             }
@@ -266,7 +298,9 @@ impl Part {
                     }
                 }))
             }),
-            Reader::Carmen(reader, _) => Ok(reader.next_event().map(|event| take_carmen(event, scan, odometry))),
+            Reader::Carmen(events, _) => Ok(events
+                .next(scan, odometry)
+                .map(|event| event.map(|is_scan| if is_scan { Kind::Scan } else { Kind::Odometry }))),
         };
         match event {
             Ok(Ok(kind)) => Ok(kind),
@@ -276,27 +310,10 @@ impl Part {
     }
 }
 
-fn take_carmen(event: Option<LogEvent<'_>>, scan: &mut LaserScan, odometry: &mut Odometry) -> Option<Kind> {
-    match event? {
-        LogEvent::Scan(next) => {
-            scan.stamp = next.stamp;
-            scan.laser = next.laser.clone();
-            scan.ranges_m.clone_from(&next.ranges_m);
-            scan.odom_from_robot = next.odom_from_robot;
-            Some(Kind::Scan)
-        }
-        LogEvent::Odometry(next) => {
-            *odometry = *next;
-            Some(Kind::Odometry)
-        }
-        _ => None,
-    }
-}
-
 fn carmen(source: Box<dyn Read>) -> Result<Reader, FormatError> {
     let read_bytes = Rc::new(Cell::new(0));
     let stream = open_log(Counted { source, read_bytes: Rc::clone(&read_bytes) })?;
-    Ok(Reader::Carmen(Box::new(CarmenReader::new(stream)), read_bytes))
+    Ok(Reader::Carmen(Box::new(CarmenEvents::new(CarmenReader::new(stream))), read_bytes))
 }
 
 /// Counts the bytes taken from a source.

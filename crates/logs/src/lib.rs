@@ -40,6 +40,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod camera;
+mod carmen;
 mod chain;
 mod channel;
 mod choice;
@@ -52,8 +53,10 @@ mod merge;
 mod odometry;
 mod plan;
 mod report;
+mod robots;
 mod scans;
 mod space;
+mod still;
 mod stream;
 mod survey;
 mod turning;
@@ -61,7 +64,7 @@ mod words;
 
 pub use camera::CameraSurvey;
 pub use channel::TopicKind;
-pub use choice::{Choice, SliceBounds};
+pub use choice::{Choice, MountChoice, SliceBounds};
 pub use clock::ClockStep;
 pub use drive::{Drive, Input};
 pub use error::LogError;
@@ -70,6 +73,7 @@ pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use odometry::OdometrySource;
 pub use plan::Plan;
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
+pub use robots::Robot;
 pub use space::{ImuSource, SpaceEvent, SpacePlan, SpaceStream};
 pub use survey::{Survey, TopicSurvey};
 pub use turning::TurningSource;

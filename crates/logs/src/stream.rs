@@ -261,7 +261,9 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &Plan) -> Us
             OdometrySource::Topic { name, .. } => {
                 kind == crate::TopicKind::Odometry && same_name(name, &connection.topic)
             }
-            OdometrySource::Transforms { .. } => kind == crate::TopicKind::Transforms,
+            OdometrySource::Transforms { .. } => {
+                kind == crate::TopicKind::Transforms && plan.transforms.contains(&connection.topic)
+            }
         };
         let is_turning = plan.turning.as_ref().is_some_and(|turning| same_name(&turning.name, &connection.topic));
         if kind == plan.kind && same_name(&plan.scans, &connection.topic) {

@@ -8,9 +8,9 @@ use crate::interrupt::Interrupt;
 use crate::progress::{FirstPass, Progress};
 use crate::settings;
 use crate::terminal::{say, say_json};
+use crate::turns::Turns;
 use mapwright::{LaserScan, Mapper, Pose2, Status};
 use mapwright_formats::LogEvent;
-use mapwright_logs::Choice;
 use serde_json::{Value, json};
 
 /// Values smaller than so many standard deviations may as well be zero.
@@ -22,7 +22,7 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let quiet = args.voice.quiet || args.voice.json;
     let mut first_pass = FirstPass::new(&interrupt, quiet);
     let logs = std::slice::from_ref(&args.log);
-    let mut log = Log::open_all(logs, &Choice::default(), &mut |name, messages| first_pass.look(name, messages))?;
+    let mut log = Log::open_all(logs, &args.source.choice(), &mut |name, messages| first_pass.look(name, messages))?;
     drop(first_pass);
     let mut progress = Progress::new(log.size_bytes(), quiet);
     log.for_each(&interrupt, |event, position| {
@@ -42,6 +42,9 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     progress.finish();
     let name = log.name();
     let losses = log.finish()?.losses();
+    if let Some(reason) = collector.turns.words() {
+        return Err(Failure::NotCalibrated { name, reason });
+    }
     let presumed = collector.presumed.unwrap_or(Pose2::IDENTITY);
     let found =
         calibrate(&collector.runs, presumed).map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
@@ -59,17 +62,19 @@ struct Collector {
     odom_from_robot: Option<Pose2>,
     presumed: Option<Pose2>,
     runs: Vec<Vec<Sample>>,
+    turns: Turns,
 }
 
 impl Collector {
     fn new(mapper: Mapper) -> Self {
-        Self { mapper, odom_from_robot: None, presumed: None, runs: vec![Vec::new()] }
+        Self { mapper, odom_from_robot: None, presumed: None, runs: vec![Vec::new()], turns: Turns::default() }
     }
 
     fn add(&mut self, scan: &LaserScan) {
         let update = self.mapper.add_scan(scan);
         let mount = scan.laser.robot_from_laser;
         let odom_from_robot = scan.odom_from_robot.or(self.odom_from_robot);
+        self.turns.add(&update, odom_from_robot, &scan.laser);
         if *self.presumed.get_or_insert(mount) != mount {
             return;
         }

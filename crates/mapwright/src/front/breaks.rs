@@ -17,9 +17,6 @@ use mapwright_sensor::LaserScan;
 /// Nothing is matched against from such a standard deviation of the position on, metres: places that look alike lie as near as
 /// three of them. Gaps in logs of two buildings ask for 0.3 to 1.1 (docs/decisions/0024-fragments.md).
 const BREAK_SIGMA_M: f64 = 1.0;
-/// From so many usual periods without hits on, and so many seconds, a robot may have been carried away, whatever its wheels say.
-const BLIND_PERIODS: f64 = 20.0;
-const BLIND_S: f64 = 4.0;
 /// After so many scans in a row that fit nowhere it is not where it is thought to be.
 const LOST_SCANS: u32 = 10;
 /// Variances of where it is then, m^2 and rad^2.
@@ -47,7 +44,7 @@ impl FrontEnd {
         if switched_on.is_some() || keeps_everything {
             return switched_on;
         }
-        let is_blind = self.tracker.blind_s(stamp) > BLIND_S.max(BLIND_PERIODS * self.predictor.period_s());
+        let is_blind = self.predictor.is_blind(self.tracker.blind_s(stamp));
         let may_have_strayed = prepared.step.after_gap || self.tracker.misfits() > 0;
         if self.tracker.misfits() >= LOST_SCANS {
             Some(FragmentStart::Lost)

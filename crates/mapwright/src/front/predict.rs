@@ -33,9 +33,12 @@ pub(crate) enum Moved {
 
 /// From so many usual periods on, the time between two scans is a gap.
 const GAP_PERIODS: f64 = 8.0;
-/// Over a gap in which odometry moved no farther than so many usual steps, the time is not believed: a clock was set, or the robot stood
-/// while nothing was recorded. Twice the root mean square bounds nearly every step of an even drive.
+/// Over a gap that would begin a fragment, in which odometry moved no farther than so many usual steps, the time is not believed: a clock
+/// was set, or the robot stood while nothing was recorded. Twice the root mean square bounds nearly every step of an even drive.
 const STALLED_STEPS: f64 = 2.0;
+/// From so many usual periods without hits on, and so many seconds, a robot may have been carried away, whatever its wheels say.
+const BLIND_PERIODS: f64 = 20.0;
+const BLIND_S: f64 = 4.0;
 /// How evenly a robot moves from scan to scan: how it speeds up, metres per second squared, over periods up to so many
 /// seconds; radians; and shares of translation and rotation.
 const STEADY_MPS2: f64 = 1.0;
@@ -147,7 +150,7 @@ impl Predictor {
         match increment {
             Some(last_from_robot) => {
                 let after_gap = self.is_gap(elapsed_s);
-                let stalled = after_gap && self.is_usual(last_from_robot);
+                let stalled = self.is_blind(elapsed_s) && self.is_usual(last_from_robot);
                 let elapsed_s = if stalled { self.period_s } else { elapsed_s };
                 let steps = if after_gap && !stalled { elapsed_s / (GAP_PERIODS * self.period_s) } else { 1.0 };
                 let expected = odometry_variances(settings, last_from_robot, elapsed_s, steps);
@@ -189,6 +192,11 @@ impl Predictor {
 
     fn is_gap(&self, elapsed_s: f64) -> bool {
         self.period_s > 0.0 && elapsed_s > GAP_PERIODS * self.period_s
+    }
+
+    /// Whether nothing was seen for so long that the robot may have been carried.
+    pub(super) fn is_blind(&self, seconds: f64) -> bool {
+        seconds > BLIND_S.max(BLIND_PERIODS * self.period_s)
     }
 
     /// Whether a motion is no more than what the robot makes from scan to scan.
