@@ -21,3 +21,4 @@ mod space;
 mod space_imu;
 mod suite;
 mod support;
+mod wrong_input;

@@ -133,11 +133,6 @@ impl Predictor {
         step.variances
     }
 
-    /// Usual time between two scans, seconds.
-    pub(crate) fn period_s(&self) -> f64 {
-        self.period_s
-    }
-
     /// The motion from the last scan to this one.
     pub(crate) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose2>) -> Step {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
