@@ -7,6 +7,7 @@ mod values;
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
+use crate::calibrated::Calibrated;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_clouds::CameraOptions;
@@ -15,8 +16,8 @@ use mapwright_logs::{Choice, MountChoice, SliceBounds};
 use mapwright_sim::Gap;
 use std::path::PathBuf;
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_mount, parse_pose, parse_reach,
-    parse_seconds, parse_share, parse_slice,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_mount, parse_pose,
+    parse_reach, parse_seconds, parse_share, parse_slice,
 };
 
 /// Maps from moving sensors. Exit codes: 0 done, 1 failed, 2 usage, 3 done but something was lost.
@@ -148,6 +149,9 @@ pub(crate) struct SourceArgs {
     /// down.
     #[arg(long, value_name = "X,Y,YAW[,flipped]", value_parser = parse_mount, allow_hyphen_values = true)]
     mount: Option<MountChoice>,
+    /// What `mapwright calibrate --apply FILE` has found: where the laser sits, and what is wrong with odometry.
+    #[arg(long, value_name = "FILE", value_parser = Calibrated::read)]
+    calibration: Option<Calibrated>,
     /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     slice: Option<SliceBounds>,
@@ -170,13 +174,14 @@ impl SourceArgs {
             frame: self.frame.clone(),
             slice: self.slice,
             robot: self.robot.clone(),
-            mount: self.mount,
+            mount: self.mount.or_else(|| self.calibration.map(|found| found.mount())),
+            odometry: self.calibration.map(|found| found.odometry()),
         }
     }
 
     /// Whether the mounting of a planar laser is asked for.
     pub(crate) fn has_mount(&self) -> bool {
-        self.mount.is_some()
+        self.mount.is_some() || self.calibration.is_some()
     }
 
     /// Whether one of several robots is asked for.
@@ -314,6 +319,9 @@ pub(crate) struct CalibrateArgs {
     pub(crate) log: PathBuf,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+    /// Write what was found, for `--calibration` of other commands.
+    #[arg(long, value_name = "FILE", conflicts_with = "calibration")]
+    pub(crate) apply: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     #[command(flatten)]

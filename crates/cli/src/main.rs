@@ -3,6 +3,7 @@
 mod advice;
 mod args;
 mod batch;
+mod calibrated;
 mod calibration;
 mod closures;
 mod commands;

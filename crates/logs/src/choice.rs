@@ -3,6 +3,19 @@
 use mapwright_geom::Pose2;
 use mapwright_ros::PlanarSlice;
 
+/// What is known to be wrong with odometry.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OdometryCalibration {
+    /// True distance per reported distance.
+    pub translation_scale: f64,
+    /// True turn per reported turn.
+    pub rotation_scale: f64,
+    /// True turn per metre driven that is not reported, radians per metre.
+    pub drift_rad_per_m: f64,
+    /// Time by which it lags behind the laser, seconds.
+    pub lag_s: f64,
+}
+
 /// Where a planar laser sits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MountChoice {
@@ -40,6 +53,8 @@ pub struct Choice {
     pub robot: Option<String>,
     /// Where the planar laser sits on the robot, whatever the log says.
     pub mount: Option<MountChoice>,
+    /// What is wrong with odometry.
+    pub odometry: Option<OdometryCalibration>,
 }
 
 impl Choice {

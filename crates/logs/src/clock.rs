@@ -40,9 +40,7 @@ impl Clock {
     /// The stamp on a clock that is never set and agrees with that of the `other` topic; and by how much this one was set, seconds.
     pub(crate) fn follow(&mut self, stamp: Stamp, recorded: Stamp, other: &Self) -> (Stamp, Option<f64>) {
         let set_by_s = match self.last.replace((stamp, recorded)) {
-            Some((last, last_recorded)) => {
-                self.step_s(stamp.secs_since(last), recorded.secs_since(last_recorded))
-            }
+            Some((last, last_recorded)) => self.step_s(stamp.secs_since(last), recorded.secs_since(last_recorded)),
             None => other.behind_s(stamp, recorded),
         };
         if let Some(by_s) = set_by_s {

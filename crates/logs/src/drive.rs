@@ -2,7 +2,8 @@
 
 use crate::carmen::CarmenEvents;
 use crate::chain::Chain;
-use crate::choice::{Choice, MountChoice};
+use crate::choice::{Choice, MountChoice, OdometryCalibration};
+use crate::corrected::Corrected;
 use crate::error::LogError;
 use crate::plan::Plan;
 use crate::report::LogReport;
@@ -74,6 +75,9 @@ pub struct Drive {
     turn_rate: TurnRate,
     is_begun: bool,
     mount: Option<ByHand>,
+    /// What is taken out of the odometry of logs that are read once.
+    calibration: Option<OdometryCalibration>,
+    corrected: Option<Corrected>,
 }
 
 /// The mounting that is asked for, for the first laser of a log that is read once, and for all scans of that.
@@ -159,7 +163,9 @@ impl Drive {
         let turn_rate = TurnRate { stamp: Stamp(0), rad_per_s: 0.0 };
         let (chain, reports) = (Chain::default(), Vec::new());
         let mount = choice.mount.map(|choice| ByHand { choice, said_and_used: None });
-        Ok(Self { parts, reports, chain, scan: no_scan(), odometry, turn_rate, is_begun: false, mount })
+        let (calibration, corrected) = (choice.odometry, None);
+        let scan = no_scan();
+        Ok(Self { parts, reports, chain, scan, odometry, turn_rate, is_begun: false, mount, calibration, corrected })
     }
 
     /// The plans of the recordings that are not yet begun, with their names.
@@ -211,17 +217,35 @@ impl Drive {
                 part.begin()?;
                 self.chain.begin(&part.name);
                 self.is_begun = true;
+                let is_read_once = matches!(part.reader, Reader::Carmen(..));
+                self.corrected = self.calibration.filter(|_| is_read_once).map(Corrected::new);
             }
             if let Some(kind) = part.read(&mut self.scan, &mut self.odometry, &mut self.turn_rate)? {
                 if let (Kind::Scan, Some(mount)) = (&kind, &mut self.mount) {
                     mount.put(&mut self.scan.laser);
                 }
+                self.correct(&kind);
                 self.chain(&kind);
                 return Ok(Some(kind));
             }
             self.end_part();
         }
         Ok(None)
+    }
+
+    fn correct(&mut self, kind: &Kind) {
+        let Some(corrected) = &mut self.corrected else { return };
+        match kind {
+            Kind::Scan => {
+                let stamp = self.scan.stamp;
+                self.scan.odom_from_robot = self.scan.odom_from_robot.map(|said| corrected.pose_of_scan(stamp, said));
+            }
+            Kind::Odometry => {
+                self.odometry.odom_from_robot = corrected.pose(self.odometry.odom_from_robot);
+                self.odometry.stamp = corrected.stamp(self.odometry.stamp);
+            }
+            Kind::TurnRate => {}
+        }
     }
 
     fn chain(&mut self, kind: &Kind) {

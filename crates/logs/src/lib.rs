@@ -45,6 +45,7 @@ mod chain;
 mod channel;
 mod choice;
 mod clock;
+mod corrected;
 mod drive;
 mod error;
 mod frames;
@@ -64,7 +65,7 @@ mod words;
 
 pub use camera::CameraSurvey;
 pub use channel::TopicKind;
-pub use choice::{Choice, MountChoice, SliceBounds};
+pub use choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
 pub use clock::ClockStep;
 pub use drive::{Drive, Input};
 pub use error::LogError;

@@ -75,7 +75,8 @@ impl Samples {
     /// Median of each coordinate, and of each angle away from the first pose.
     fn median(&self) -> Option<Pose3> {
         let first = self.kept.first()?;
-        let turns: Vec<_> = self.kept.iter().map(|pose| (first.rotation.inverse() * pose.rotation).scaled_axis()).collect();
+        let turns: Vec<_> =
+            self.kept.iter().map(|pose| (first.rotation.inverse() * pose.rotation).scaled_axis()).collect();
         let middle = |part: &dyn Fn(usize) -> f64| {
             let mut values: Vec<f64> = (0..self.kept.len()).map(part).collect();
             values.sort_by(f64::total_cmp);

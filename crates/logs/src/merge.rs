@@ -15,8 +15,8 @@ pub const WINDOW_MESSAGES: usize = 4096;
 /// How many bytes of scans wait at most, but for one.
 pub const WINDOW_BYTES: usize = 64 << 20;
 
-/// How many readings older than the window are kept, for scans that were recorded late.
-const OLDER_KEPT: usize = 4096;
+/// How many readings older than the window are kept, for scans that were recorded late: 20 s of a hundred a second.
+const OLDER_KEPT: usize = 2048;
 
 /// A message that waits.
 #[derive(Debug)]
@@ -82,7 +82,8 @@ pub(crate) struct Merger {
 impl Merger {
     /// For scans alone, or with odometry for them to wait for.
     pub(crate) fn new(has_odometry: bool) -> Self {
-        Self { is_alone: !has_odometry, ..Self::default() }
+        let older = VecDeque::with_capacity(if has_odometry { OLDER_KEPT } else { 0 });
+        Self { is_alone: !has_odometry, older, ..Self::default() }
     }
 
     /// The time at which the newest message of any topic was recorded.
@@ -101,9 +102,9 @@ impl Merger {
     pub(crate) fn push_odometry(&mut self, place: u64, odometry: Odometry) {
         let (at, set_by_s) = self.odometry_clock.follow(odometry.stamp, self.recorded, &self.scans_clock);
         let odom_from_robot = odometry.odom_from_robot;
-        let is_anew = self.last_pushed.is_some_and(|last| {
-            !self.pace.add(at.secs_since(last.at), last.odom_from_robot.between(odom_from_robot))
-        });
+        let is_anew = self
+            .last_pushed
+            .is_some_and(|last| !self.pace.add(at.secs_since(last.at), last.odom_from_robot.between(odom_from_robot)));
         let reading = Reading { at, odom_from_robot, is_anew };
         self.last_pushed = Some(reading);
         self.odometry.push_back(Waiting { recorded: self.now, place, at, item: (odometry, reading) });

@@ -77,7 +77,11 @@ fn find_within(survey: &Survey, place: &Place, choice: &Choice, swing_most_rad: 
             let links = by_link.filter(|link| !is_map(&link.parent));
             let links = links.map(|link| format!("'{}' -> '{}'", link.parent, link.child));
             let never: Vec<_> = still.iter().map(|topic| topic.name.clone()).chain(links).collect();
-            let never = if let [one] = &never[..] { format!("{one} never moves") } else { format!("{} never move", never.join(" and ")) };
+            let never = if let [one] = &never[..] {
+                format!("{one} never moves")
+            } else {
+                format!("{} never move", never.join(" and "))
+            };
             Found {
                 reason: format!("none: {never}, though what is seen does: poses are predicted by constant velocity"),
                 source: OdometrySource::None,

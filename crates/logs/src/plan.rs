@@ -1,7 +1,7 @@
 //! What to use of a recording, and why.
 
 use crate::channel::TopicKind;
-use crate::choice::{Choice, MountChoice, SliceBounds};
+use crate::choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
 use crate::frames::{Place, list, place, placed_by_hand};
 use crate::odometry::{self, OdometrySource};
 use crate::survey::{Survey, TopicSurvey, same_name};
@@ -44,6 +44,8 @@ pub struct Plan {
     pub reasons: Vec<(&'static str, String)>,
     /// What had to be assumed, in words.
     pub assumed: Vec<String>,
+    /// What is taken out of odometry.
+    pub(crate) calibration: Option<OdometryCalibration>,
     /// The topics of the robot's transforms.
     pub(crate) transforms: Vec<String>,
     /// Mountings by the scans' frames.
@@ -143,6 +145,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         slice: choice.slice.filter(|_| topic.kind == TopicKind::Cloud),
         robot_frame: place.robot_frame.clone(),
         sensor_frame: topic.frame().to_owned(),
+        calibration: choice.odometry.filter(|_| found.source != OdometrySource::None),
         odometry: found.source,
         turning,
         transforms: transform_topics(survey),
@@ -169,7 +172,10 @@ fn jitter_words(survey: &Survey, sensor: &str, robot_frame: &str) -> Option<Stri
     let way = above.iter().position(|link| link.parent == robot_frame).map_or(&above[..0], |at| &above[..=at]);
     let link = way.iter().find(|link| link.jitters())?;
     let (moved_m, turned_deg) = (link.moved_m, link.turned_rad.to_degrees());
-    Some(format!("; '{}' moves in '{}' by up to {moved_m:.3} m and {turned_deg:.2} deg: its median", link.child, link.parent))
+    Some(format!(
+        "; '{}' moves in '{}' by up to {moved_m:.3} m and {turned_deg:.2} deg: its median",
+        link.child, link.parent
+    ))
 }
 
 fn mounting_words(survey: &Survey, sensor: &str, place: &Place, mount: &Mount, is_asked: bool) -> String {

@@ -49,9 +49,8 @@ pub(crate) fn is_of(topic: &str, outer: &str) -> bool {
 /// The namespace of the nearest odometry or transforms around a topic.
 fn owner<'a>(survey: &Survey, topic: &'a str) -> &'a str {
     let mut outer = namespace(topic);
-    let moves = |topic: &&TopicSurvey| {
-        topic.usable() > 0 && matches!(topic.kind, TopicKind::Odometry | TopicKind::Transforms)
-    };
+    let moves =
+        |topic: &&TopicSurvey| topic.usable() > 0 && matches!(topic.kind, TopicKind::Odometry | TopicKind::Transforms);
     while !outer.is_empty() && !survey.topics.iter().filter(moves).any(|topic| is_of(&topic.name, outer)) {
         outer = outer.rsplit_once('/').map_or("", |(rest, _)| rest);
     }
@@ -127,7 +126,8 @@ impl Survey {
             let nearer = others.iter().filter(|other| other.len() > name.len() || !is_of(topic, name));
             nearer.into_iter().any(|other| !other.is_empty() && is_of(topic, other))
         };
-        let own = |topic: &&TopicSurvey| topic.kind == TopicKind::Odometry && !name.is_empty() && is_of(&topic.name, name);
+        let own =
+            |topic: &&TopicSurvey| topic.kind == TopicKind::Odometry && !name.is_empty() && is_of(&topic.name, name);
         let has_own = self.topics.iter().any(|topic| own(&topic));
         let is_kept = |topic: &&TopicSurvey| {
             !is_anothers(&topic.name) && (topic.kind != TopicKind::Odometry || !has_own || own(topic))

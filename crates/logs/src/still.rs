@@ -78,7 +78,8 @@ mod tests {
         let noisy = |k: usize| room.iter().map(move |range_m| range_m + 0.03 * (k % 3) as f32);
         for k in 0..10 {
             scenery.see(noisy(k).collect::<Vec<_>>().into_iter());
-            let somebody: Vec<_> = noisy(k).enumerate().map(|(at, r)| if (k..k + 8).contains(&at) { 1.0 } else { r }).collect();
+            let somebody: Vec<_> =
+                noisy(k).enumerate().map(|(at, r)| if (k..k + 8).contains(&at) { 1.0 } else { r }).collect();
             scenery.see(somebody.into_iter());
         }
         assert!(!scenery.has_changed);

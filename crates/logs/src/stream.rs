@@ -2,6 +2,7 @@
 
 use crate::channel::{Decoders, Messages};
 use crate::clock::ClockStep;
+use crate::corrected::Corrected;
 use crate::links::{bare, stamp_or};
 use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
 use crate::odometry::OdometrySource;
@@ -51,6 +52,7 @@ pub(crate) struct Stream {
     merger: Merger,
     turning: Turning,
     origin: Origin,
+    corrected: Option<Corrected>,
     report: StreamReport,
     last_beams: Option<usize>,
     is_end: bool,
@@ -72,6 +74,7 @@ impl Stream {
             merger: Merger::new(plan.odometry != OdometrySource::None),
             turning: Turning::default(),
             origin: Origin::default(),
+            corrected: plan.calibration.map(Corrected::new),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),
@@ -132,7 +135,14 @@ impl Stream {
             Use::Scans => (take_scan(&mut self.maker, messages, &message, &mut self.merger, place), &mut self.report),
             _ => {
                 let (source, merger) = (&self.plan.odometry, &mut self.merger);
-                let taken = take_odometry(source, messages, &message, merger, place, &mut self.origin);
+                let mut take = |reading: Odometry| {
+                    let made = self.corrected.as_mut().map(|corrected| Odometry {
+                        stamp: corrected.stamp(reading.stamp),
+                        odom_from_robot: corrected.pose(reading.odom_from_robot),
+                    });
+                    merger.push_odometry(place, made.unwrap_or(reading));
+                };
+                let taken = take_odometry(source, messages, &message, &mut take, &mut self.origin);
                 self.report.odometry_origin_m = self.origin.at_m;
                 (taken, &mut self.report)
             }
@@ -298,8 +308,7 @@ fn take_odometry(
     source: &OdometrySource,
     messages: &mut Messages,
     message: &RawMessage<'_>,
-    merger: &mut Merger,
-    place: u64,
+    take: &mut impl FnMut(Odometry),
     origin: &mut Origin,
 ) -> Result<bool, Problem> {
     let undecodable = |error: mapwright_ros::RosError| Problem::Undecodable(error.to_string());
@@ -308,7 +317,7 @@ fn take_odometry(
             let odometry = decoder.decode(message.data).map_err(undecodable)?;
             let pose = odometry.pose.pose.to_pose3();
             let (stamp, is_unstamped) = stamp_or(odometry.header.stamp, message.log_stamp);
-            merger.push_odometry(place, reading(stamp, pose, *child_from_robot, origin)?);
+            take(reading(stamp, pose, *child_from_robot, origin)?);
             Ok(!is_unstamped)
         }
         (OdometrySource::Transforms { parent, child, child_from_robot }, Messages::Transforms(decoder)) => {
@@ -317,7 +326,7 @@ fn take_odometry(
             for link in &transforms.transforms {
                 if link.header.frame() == parent && bare(&link.child_frame_id) == child {
                     let (stamp, is_unstamped) = stamp_or(link.header.stamp, message.log_stamp);
-                    merger.push_odometry(place, reading(stamp, link.transform.to_pose3(), *child_from_robot, origin)?);
+                    take(reading(stamp, link.transform.to_pose3(), *child_from_robot, origin)?);
                     all_stamped &= !is_unstamped;
                 }
             }
@@ -377,7 +386,8 @@ mod tests {
 
     #[test]
     fn places_far_out_are_used_from_the_first_on_and_a_single_one_is_a_fault() {
-        let near = |origin: &mut Origin, x: f64| origin.near(Pose2::new(x, 5_572_094.25, 0.1)).map(|pose| [pose.x, pose.y]);
+        let near =
+            |origin: &mut Origin, x: f64| origin.near(Pose2::new(x, 5_572_094.25, 0.1)).map(|pose| [pose.x, pose.y]);
         let mut utm = Origin::default();
         assert_eq!([500_000.5, 500_001.0].map(|x| near(&mut utm, x)), [Some([0.0, 0.0]), Some([0.5, 0.0])]);
         let mut origin = Origin::default();

@@ -14,7 +14,7 @@ const FASTEST_AT_LEAST: [f64; 2] = [0.5, 1.0];
 const WINDOW_S: f64 = 1.0;
 /// So many such means are known before they count alone.
 const WINDOWS_AT_LEAST: u32 = 10;
-/// A step like the one that was refused before it shows that the robot does drive so fast: nearer to it than this share of it.
+/// A step like one too fast before it shows that the robot does drive so fast: nearer to it than this share of it.
 const ALIKE: f64 = 0.5;
 /// No speed that is gone on with is larger, metres or radians a second.
 const LARGEST: f64 = 1e6;
@@ -27,31 +27,32 @@ pub struct Pace {
     windows: u32,
     /// Seconds, metres and radians of the mean that is being made.
     open: [f64; 3],
-    /// The step before, where that was refused.
-    refused: Option<Pose2>,
+    /// The step before, where that was too fast.
+    fast: Option<Pose2>,
 }
 
-stored!(Pace { fastest, windows, open, refused });
+stored!(Pace { fastest, windows, open, fast });
 
 impl Pace {
     /// Whether a robot can have made this step in so many seconds. Time that stands still or runs backwards is none.
     #[must_use]
     pub fn believes(&self, elapsed_s: f64, step: Pose2) -> bool {
-        if !step.is_finite() {
-            return false;
-        }
+        self.is_possible(elapsed_s, step) || self.fast.is_some_and(|before| is_alike(before, step))
+    }
+
+    fn is_possible(&self, elapsed_s: f64, step: Pose2) -> bool {
         let known = self.windows >= WINDOWS_AT_LEAST;
         let least = if known { FASTEST_AT_LEAST } else { FASTEST_AT_FIRST };
         let within_s = elapsed_s.max(WINDOW_S);
         let moved = [step.x.hypot(step.y), step.theta.abs()];
-        let is_possible = (0..2).all(|axis| moved[axis] <= FASTER * self.fastest[axis].max(least[axis]) * within_s);
-        is_possible || self.refused.is_some_and(|before| is_alike(before, step))
+        // a NaN fails the comparison
+        (0..2).all(|axis| moved[axis] <= FASTER * self.fastest[axis].max(least[axis]) * within_s)
     }
 
     /// Takes a step in; false where no robot can have made it: odometry began anew, or is broken.
     pub fn add(&mut self, elapsed_s: f64, step: Pose2) -> bool {
         let is_believed = self.believes(elapsed_s, step);
-        self.refused = (!is_believed && step.is_finite()).then_some(step);
+        self.fast = Some(step).filter(|step| step.is_finite() && !self.is_possible(elapsed_s, *step));
         if is_believed {
             self.learn([elapsed_s.max(0.0), step.x.hypot(step.y), step.theta.abs()]);
         }
@@ -74,7 +75,7 @@ impl Pace {
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.fastest.iter().chain(&self.open).all(|number| (0.0..=LARGEST).contains(number))
-            && self.refused.is_none_or(Pose2::is_finite)
+            && self.fast.is_none_or(Pose2::is_finite)
     }
 }
 

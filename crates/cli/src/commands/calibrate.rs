@@ -1,6 +1,7 @@
 //! `mapwright calibrate`
 
 use crate::args::CalibrateArgs;
+use crate::calibrated::Calibrated;
 use crate::calibration::{Calibration, Estimate, Sample, calibrate};
 use crate::events::Log;
 use crate::failure::{Failure, Outcome};
@@ -12,6 +13,7 @@ use crate::turns::Turns;
 use mapwright::{LaserScan, Mapper, Pose2, Status};
 use mapwright_formats::LogEvent;
 use serde_json::{Value, json};
+use std::fs;
 
 /// Values smaller than so many standard deviations may as well be zero.
 const CLEAR_SIGMAS: f64 = 3.0;
@@ -48,6 +50,11 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let presumed = collector.presumed.unwrap_or(Pose2::IDENTITY);
     let found =
         calibrate(&collector.runs, presumed).map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
+    if let Some(path) = &args.apply {
+        let upside_down = collector.upside_down.unwrap_or(false);
+        let text = Calibrated::of(&found, upside_down).to_text(&name);
+        fs::write(path, text).map_err(|cause| Failure::write(path, cause))?;
+    }
     if args.voice.json {
         say_json(&to_json(&name, &found, presumed))?;
     } else if !args.voice.quiet {
@@ -61,13 +68,21 @@ struct Collector {
     mapper: Mapper,
     odom_from_robot: Option<Pose2>,
     presumed: Option<Pose2>,
+    upside_down: Option<bool>,
     runs: Vec<Vec<Sample>>,
     turns: Turns,
 }
 
 impl Collector {
     fn new(mapper: Mapper) -> Self {
-        Self { mapper, odom_from_robot: None, presumed: None, runs: vec![Vec::new()], turns: Turns::default() }
+        Self {
+            mapper,
+            odom_from_robot: None,
+            presumed: None,
+            upside_down: None,
+            runs: vec![Vec::new()],
+            turns: Turns::default(),
+        }
     }
 
     fn add(&mut self, scan: &LaserScan) {
@@ -75,6 +90,7 @@ impl Collector {
         let mount = scan.laser.robot_from_laser;
         let odom_from_robot = scan.odom_from_robot.or(self.odom_from_robot);
         self.turns.add(&update, odom_from_robot, &scan.laser);
+        self.upside_down.get_or_insert(scan.laser.inverted);
         if *self.presumed.get_or_insert(mount) != mount {
             return;
         }

@@ -91,7 +91,7 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
 
 fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
     if args.source.has_mount() {
-        let why = "--mount is for planar lasers, found a recording of space; --frame names the robot's frame";
+        let why = "--mount and --calibration are for planar lasers, found a recording of space; --frame names the robot's frame";
         return Err(Failure::Usage(why.to_owned()));
     }
     if args.goes_on {

@@ -93,7 +93,11 @@ fn refuse(mapping: &MappingArgs, policy: LivePolicy) -> Result<(), Failure> {
 }
 
 /// What lies at a path: a recording of several robots counts as a log of each.
-fn input<'a>(path: &'a Path, args: &MergeArgs, interrupt: &Interrupt) -> Result<Vec<(String, &'a Path, Input)>, Failure> {
+fn input<'a>(
+    path: &'a Path,
+    args: &MergeArgs,
+    interrupt: &Interrupt,
+) -> Result<Vec<(String, &'a Path, Input)>, Failure> {
     let name = name_of(path);
     if !is_session(path)? {
         let recording = match events::input(path)? {

@@ -139,7 +139,9 @@ impl Predictor {
         // Stamps may stand still or run backwards: then the time is not known and counts as one usual period.
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s } else { 0.1 };
         let increment = match (settings.use_odometry, self.odom_from_robot, odom_from_robot) {
-            (true, Some(last), Some(now)) => Some(last.between(now)).filter(|step| self.pace.believes(elapsed_s, *step)),
+            (true, Some(last), Some(now)) => {
+                Some(last.between(now)).filter(|step| self.pace.believes(elapsed_s, *step))
+            }
             _ => None,
         };
         match increment {

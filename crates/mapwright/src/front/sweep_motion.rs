@@ -101,12 +101,7 @@ impl SweepMotion {
     }
 
     /// By readings of the wheels from within the sweep.
-    fn twist_read(
-        &self,
-        scan: &LaserScan,
-        sweep_s: f64,
-        believes: impl Fn(f64, Pose2) -> bool,
-    ) -> Option<[f64; 3]> {
+    fn twist_read(&self, scan: &LaserScan, sweep_s: f64, believes: impl Fn(f64, Pose2) -> bool) -> Option<[f64; 3]> {
         let odom_from_robot = scan.odom_from_robot.filter(|pose| pose.is_finite())?;
         let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
         let later = self.odometry.at_or_after(end)?;
