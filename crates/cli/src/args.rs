@@ -7,15 +7,16 @@ mod values;
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
+use crate::calibrated::Calibrated;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_clouds::CameraOptions;
 use mapwright_eval::Delta;
-use mapwright_logs::{Choice, SliceBounds};
+use mapwright_logs::{Choice, MountChoice, SliceBounds};
 use mapwright_sim::Gap;
 use std::path::{Path, PathBuf};
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_pose,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_mount, parse_pose,
     parse_range_unit, parse_reach, parse_seconds, parse_share, parse_slice,
 };
 
@@ -145,8 +146,9 @@ fn folder_of_log(log: &Path) -> PathBuf {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct MergeArgs {
-    /// Logs as for `map`, folders of results or their `session.mapwright`; in this order.
-    #[arg(required = true, num_args = 2.., value_name = "LOG|SESSION")]
+    /// Logs as for `map`, folders of results or their `session.mapwright`; in this order. A recording of several robots counts as a log
+    /// of each.
+    #[arg(required = true, num_args = 1.., value_name = "LOG|SESSION")]
     pub(crate) inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -189,6 +191,16 @@ pub(crate) struct SourceArgs {
     /// The robot's frame.
     #[arg(long, value_name = "FRAME")]
     frame: Option<String>,
+    /// Of several robots in one recording: the one whose topics are in this namespace.
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// Where the planar laser sits on the robot, whatever the log says: metres, metres, radians; and `,flipped` where it hangs upside
+    /// down.
+    #[arg(long, value_name = "X,Y,YAW[,flipped]", value_parser = parse_mount, allow_hyphen_values = true)]
+    mount: Option<MountChoice>,
+    /// What `mapwright calibrate --apply FILE` has found: where the laser sits, and what is wrong with odometry.
+    #[arg(long, value_name = "FILE", value_parser = Calibrated::read)]
+    calibration: Option<Calibrated>,
     /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     slice: Option<SliceBounds>,
@@ -214,7 +226,25 @@ impl SourceArgs {
             frame: self.frame.clone(),
             slice: self.slice,
             range_unit_m: self.range_unit,
+            robot: self.robot.clone(),
+            mount: self.mount.or_else(|| self.calibration.map(|found| found.mount())),
+            odometry: self.calibration.map(|found| found.odometry()),
         }
+    }
+
+    /// Whether the mounting of a planar laser is asked for.
+    pub(crate) fn has_mount(&self) -> bool {
+        self.mount.is_some() || self.calibration.is_some()
+    }
+
+    /// Whether one of several robots is asked for.
+    pub(crate) fn has_robot(&self) -> bool {
+        self.robot.is_some()
+    }
+
+    /// The same for one robot of several.
+    pub(crate) fn of_robot(&self, robot: &str) -> Self {
+        Self { robot: Some(robot.to_owned()), ..self.clone() }
     }
 }
 
@@ -340,6 +370,11 @@ pub(crate) enum AlignTo {
 pub(crate) struct CalibrateArgs {
     /// Log as for `map`; a CARMEN log may come from the standard input, `-`.
     pub(crate) log: PathBuf,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Write what was found, for `--calibration` of other commands.
+    #[arg(long, value_name = "FILE", conflicts_with = "calibration")]
+    pub(crate) apply: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     #[command(flatten)]

@@ -3,6 +3,7 @@
 mod advice;
 mod args;
 mod batch;
+mod calibrated;
 mod calibration;
 mod closures;
 mod commands;
@@ -34,6 +35,7 @@ mod status_runs;
 mod tally;
 mod terminal;
 mod timing;
+mod turns;
 mod verdict;
 
 use clap::Parser;

@@ -15,6 +15,7 @@ use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::terminal::count;
 use crate::timing::StageClock;
+use crate::turns::Turns;
 use mapwright::{
     Beams, Entry, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry, Pose2, RunId,
     Session, Settings, TurnRate,
@@ -44,6 +45,8 @@ pub(crate) struct Mapping {
     align: Align,
     picture_side: Option<u16>,
     has_odometry: bool,
+    last_odometry: Option<Pose2>,
+    pub(crate) turns: Turns,
     /// What the keyframes are of, where it is of several logs or sessions: their names, and the first keyframe of each.
     pub(crate) parts: Vec<(String, usize)>,
 }
@@ -101,6 +104,8 @@ impl Mapping {
             align: args.align,
             picture_side: args.picture_side,
             has_odometry: false,
+            last_odometry: None,
+            turns: Turns::default(),
             parts: Vec::new(),
         })
     }
@@ -110,6 +115,7 @@ impl Mapping {
         let update = self.mapper.add_scan_probed(scan, &mut self.clock);
         self.has_odometry |= scan.odom_from_robot.is_some();
         self.tally.add(&update, self.has_odometry && self.settings.motion.use_odometry);
+        self.turns.add(&update, scan.odom_from_robot.or(self.last_odometry), &scan.laser);
         if let Some(online) = &mut self.online {
             let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
             written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
@@ -136,6 +142,7 @@ impl Mapping {
         let robot = self.session().runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
         let update = self.mapper.switch_on(robot);
         self.has_odometry = false;
+        (self.last_odometry, self.turns) = (None, Turns::default());
         self.log.add(update.entries)
     }
 
@@ -179,6 +186,7 @@ impl Mapping {
     /// A reading of the wheels.
     pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {
         self.has_odometry = true;
+        self.last_odometry = Some(odometry.odom_from_robot);
         self.mapper.add_odometry(odometry);
     }
 

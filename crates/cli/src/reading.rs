@@ -1,13 +1,13 @@
 //! What reading logs has brought and lost, for report and people.
 
 use crate::report::{
-    heads_json, range_losses, range_oddities, ranges_json, read_losses, read_oddities, read_report, topic_oddities,
-    topic_report,
+    heads_json, jump_oddity, range_losses, range_oddities, ranges_json, read_losses, read_oddities, read_report,
+    topic_oddities, topic_report,
 };
 use crate::terminal::{count, grouped};
 use mapwright_bags::{Damages, ReadReport as Container};
 use mapwright_formats::{FormatError, Noted, ReadReport};
-use mapwright_logs::{LogReport, Plan, RecordingReport, Refused, Survey, TopicSurvey};
+use mapwright_logs::{ClockStep, LogReport, Plan, RecordingReport, Refused, Survey, TopicSurvey};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -156,6 +156,11 @@ fn recording_json(report: &RecordingReport) -> Value {
     value["points_used"] = json!(stream.points_used);
     value["points_outside"] = json!(stream.points_outside);
     value["held_bytes"] = json!(stream.held_bytes);
+    value["odometry_origin_m"] = json!(stream.odometry_origin_m);
+    value["clock_steps"] = json!(stream.clock_steps);
+    value["first_clock_step"] = json!(stream.first_clock_step.as_ref().map(|step| {
+        json!({ "topic": step.name, "message": step.place, "by_s": step.by_s, "from_the_beginning": step.is_first })
+    }));
     value["topics_used"] = json!(stream.topics.iter().map(topic_report).collect::<Vec<_>>());
     value
 }
@@ -235,11 +240,29 @@ fn recording_losses(report: &RecordingReport) -> Vec<String> {
     losses
 }
 
+/// A clock that was set, in words.
+fn clock_words(step: &ClockStep, times: u64) -> String {
+    let ClockStep { name, place, by_s, is_first } = step;
+    let (seconds, which) = (by_s.abs(), if *by_s > 0.0 { "ahead" } else { "back" });
+    let times = if times > 1 { format!(", the first of {} such steps", grouped(times)) } else { String::new() };
+    if *is_first {
+        let which = if *by_s > 0.0 { "ahead of" } else { "behind" };
+        return format!(
+            "the clock of {name} is {seconds:.1} s {which} the other topic's: brought together by the times of recording{times}"
+        );
+    }
+    format!(
+        "the clock of {name} was set {which} by {seconds:.1} s at message {place}{times}: its stamps are kept, and scans and \
+         odometry go together as if it had not been"
+    )
+}
+
 fn recording_oddities(report: &RecordingReport) -> Vec<String> {
     let stream = &report.stream;
     let mut odd: Vec<_> = damage_words(&report.survey.container, false).collect();
     odd.extend(range_oddities(&stream.odd_heads, &stream.ranges, "message"));
     odd.extend(stream.topics.iter().flat_map(|topic| topic_oddities(topic, "message")));
+    odd.extend(jump_oddity(&stream.topics));
     let mut note = |noted: &Noted, what: &str| {
         if let Some(place) = noted.first_places.first() {
             odd.push(format!("{what}: {}, first message {place}", grouped(noted.count)));
@@ -248,10 +271,15 @@ fn recording_oddities(report: &RecordingReport) -> Vec<String> {
     note(&stream.late, "messages later than the window of 2 s allows, delivered when they came");
     note(&stream.unstamped, "headers without a stamp, which have the time of recording instead");
     let behind = match stream.odometry_behind_s {
+        Some(s) if s < 0.0 => "scans without odometry near them (of readings that are all later)".to_owned(),
         Some(s) => format!("scans without odometry near them (the last reading {s:.3} s before)"),
         None => "scans before any odometry".to_owned(),
     };
     note(&stream.without_odometry, &behind);
+    odd.extend(stream.first_clock_step.as_ref().map(|step| clock_words(step, stream.clock_steps)));
+    odd.extend(stream.odometry_origin_m.map(|[x, y]| {
+        format!("odometry's places lie far out: ({x:.2}, {y:.2}) m is subtracted from each, its first one there")
+    }));
     if let Some(first) = &stream.refused_turn_rates.first {
         odd.push(format!("turn rates left out: {}, first {first}", grouped(stream.refused_turn_rates.count)));
     }

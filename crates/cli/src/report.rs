@@ -7,7 +7,7 @@ use crate::tally::Tally;
 use crate::terminal::{count, duration, grouped};
 use crate::verdict::{Facts, Usable};
 use mapwright::{Advice, LocalMapReport, SeparateMap, Status, Visits};
-use mapwright_formats::{Noted, OddHeads, RangeReport, ReadReport, TopicReport};
+use mapwright_formats::{Noted, OddHeads, OdometryJump, RangeReport, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
@@ -30,6 +30,7 @@ pub(crate) fn read_report(report: &ReadReport) -> Value {
         "dropped": dropped,
         "torn": report.tear.as_ref().map(ToString::to_string),
         "scan_poses_refused": noted(&report.refused_scan_poses),
+        "odometry_never_moved": report.odometry_never_moved,
         "unstamped": noted(&report.unstamped),
         "non_finite_ranges": report.non_finite_ranges,
         "heads_that_contradict_themselves": heads_json(&report.odd_heads),
@@ -45,7 +46,8 @@ pub(crate) fn topic_report(topic: &TopicReport) -> Value {
         "events": topic.events,
         "stamps_backward": noted(&topic.stamps.backward),
         "stamps_repeated": noted(&topic.stamps.repeated),
-        "odometry_jumps": noted(&topic.odometry_jumps),
+        "odometry_jumps": noted(&topic.odometry.jumps),
+        "odometry_begins_anew": topic.odometry.first.map(|jump| jump_report(&jump)),
         "beam_count_changes": noted(&topic.beam_count_changes),
     })
 }
@@ -115,6 +117,11 @@ pub(crate) fn ranges_json(ranges: &RangeReport) -> Value {
 pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
     let mut odd = range_oddities(&report.odd_heads, &report.ranges, "line");
     odd.extend(report.topics.iter().flat_map(|topic| topic_oddities(topic, "line")));
+    if report.odometry_never_moved {
+        let why = "odometry never moves, though what is seen does: none is used, and poses are predicted by constant velocity";
+        odd.push(why.to_owned());
+    }
+    odd.extend(jump_oddity(&report.topics));
     odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {
         odd.push(format!("ranges that are not finite: {}", grouped(report.non_finite_ranges)));
@@ -133,10 +140,38 @@ pub(crate) fn topic_oddities(topic: &TopicReport, place: &str) -> Vec<String> {
             ),
         ),
         (&topic.stamps.repeated, format!("{name} stamps that repeat")),
-        (&topic.odometry_jumps, format!("{name} odometry jumps of more than 10 m and 3 m/s")),
         (&topic.beam_count_changes, format!("{name} changes of the number of beams")),
     ];
     noted.iter().filter_map(|(noted, what)| note(noted, what, place)).collect()
+}
+
+/// Where odometry first begins anew, in words: once, for scans and readings of a CARMEN log carry the same.
+pub(crate) fn jump_oddity(topics: &[TopicReport]) -> Option<String> {
+    let jumps = topics.iter().filter_map(|topic| Some((topic, topic.odometry.first?)));
+    let (topic, first) = jumps.min_by_key(|(_, jump)| jump.stamp)?;
+    Some(jump_words(&topic.name, &first, topic.odometry.jumps.count))
+}
+
+fn jump_words(name: &str, jump: &OdometryJump, times: u64) -> String {
+    let OdometryJump { stamp, elapsed_s, step } = *jump;
+    let (stamp_s, step_m, turned_deg) = (stamp.as_secs_f64(), step.x.hypot(step.y), step.theta.to_degrees().abs());
+    let since = match elapsed_s {
+        s if s > 0.0 => format!("from where it was {s:.2} s before"),
+        _ => "from the reading before".to_owned(),
+    };
+    let more = if times > 1 { format!(" (the first of {})", grouped(times)) } else { String::new() };
+    format!(
+        "{name} odometry begins anew at {stamp_s:.3}, {step_m:.2} m and {turned_deg:.0} deg {since}, farther than this robot \
+         drives{more}; it is used from there on"
+    )
+}
+
+fn jump_report(jump: &OdometryJump) -> Value {
+    json!({
+        "stamp_s": jump.stamp.as_secs_f64(),
+        "elapsed_s": jump.elapsed_s,
+        "step": [jump.step.x, jump.step.y, jump.step.theta],
+    })
 }
 
 fn note(noted: &Noted, what: &str, place: &str) -> Option<String> {
@@ -156,6 +191,7 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
     if lost > 0 {
         losses.push(format!("{} not in the map, for they fit nowhere", count(lost, "scan")));
     }
+    losses.extend(mapping.turns.words());
     losses.extend(made.pieces.losses());
     let keyframes_left_out: usize = made.maps.iter().map(|map| map.keyframes_left_out.len()).sum();
     let cells_left_out: u64 = made.maps.iter().map(|map| map.cells_left_out).sum();

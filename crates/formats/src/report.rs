@@ -2,6 +2,7 @@
 
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
+use crate::jump::JumpWatch;
 use crate::noted::{Noted, OddHeads, PLACES_KEPT, RangeReport};
 use crate::stamp_watch::StampWatch;
 use std::collections::BTreeMap;
@@ -77,7 +78,7 @@ pub struct Drops {
 }
 
 /// One kind of event of a log.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct TopicReport {
     /// Its tag or topic name.
     pub name: String,
@@ -85,8 +86,8 @@ pub struct TopicReport {
     pub events: u64,
     /// Stamps that did not run forward.
     pub stamps: StampWatch,
-    /// Odometry poses that the robot cannot have driven to since the one before ([`is_odometry_jump`](crate::is_odometry_jump)).
-    pub odometry_jumps: Noted,
+    /// Odometry poses that the robot cannot have driven to since the one before.
+    pub odometry: JumpWatch,
     /// Scans with another number of beams than the one before.
     pub beam_count_changes: Noted,
 }
@@ -112,6 +113,8 @@ pub struct ReadReport {
     pub drops: BTreeMap<DropReason, Drops>,
     /// Scans delivered without odometry because their pose was infinite or beyond 10^6 m.
     pub refused_scan_poses: Noted,
+    /// Odometry never moved, though what is seen did: it was left out by whoever read the log.
+    pub odometry_never_moved: bool,
     /// Events without a stamp of their own; they carry the one before.
     pub unstamped: Noted,
     /// Ranges that are NaN or infinite, delivered as they are.

@@ -215,7 +215,7 @@ fn stamps_jumps_and_changing_beams_are_reported_and_nothing_is_reordered() {
     let odometry = report.topic("ODOM").unwrap();
     assert_eq!(odometry.stamps.backward.first_places, [2]);
     assert_eq!(odometry.stamps.repeated.first_places, [3]);
-    assert_eq!(odometry.odometry_jumps.first_places, [3]);
+    assert_eq!(odometry.odometry.jumps.first_places, [3]);
     assert_eq!(report.topic("FLASER").unwrap().beam_count_changes.first_places, [5]);
 }
 
@@ -223,7 +223,7 @@ fn stamps_jumps_and_changing_beams_are_reported_and_nothing_is_reordered() {
 fn a_robot_that_drove_on_while_the_log_paused_has_not_jumped() {
     let log = "ODOM 0 0 0 0 0 0 1 h 1\nODOM 50 0 0 0 0 0 61 h 1\nODOM 90 0 0 0 0 0 62 h 1\n";
     let (_, report) = read(log.as_bytes());
-    assert_eq!(report.topic("ODOM").unwrap().odometry_jumps.first_places, [3]);
+    assert_eq!(report.topic("ODOM").unwrap().odometry.jumps.first_places, [3]);
 }
 
 #[test]

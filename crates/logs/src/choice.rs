@@ -1,6 +1,29 @@
 //! What a user wants to have otherwise.
 
+use mapwright_geom::Pose2;
 use mapwright_ros::PlanarSlice;
+
+/// What is known to be wrong with odometry.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OdometryCalibration {
+    /// True distance per reported distance.
+    pub translation_scale: f64,
+    /// True turn per reported turn.
+    pub rotation_scale: f64,
+    /// True turn per metre driven that is not reported, radians per metre.
+    pub drift_rad_per_m: f64,
+    /// Time by which it lags behind the laser, seconds.
+    pub lag_s: f64,
+}
+
+/// Where a planar laser sits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MountChoice {
+    /// Its place, metres and radians.
+    pub robot_from_laser: Pose2,
+    /// Whether it hangs upside down.
+    pub inverted: bool,
+}
 
 /// Heights between which points of a cloud become a scan, metres in the robot's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +51,12 @@ pub struct Choice {
     pub slice: Option<SliceBounds>,
     /// What one stands for in the log's ranges, metres, where its scans are not in metres.
     pub range_unit_m: Option<f64>,
+    /// The robot of several, by the namespace of its topics.
+    pub robot: Option<String>,
+    /// Where the planar laser sits on the robot, whatever the log says.
+    pub mount: Option<MountChoice>,
+    /// What is wrong with odometry.
+    pub odometry: Option<OdometryCalibration>,
 }
 
 impl Choice {

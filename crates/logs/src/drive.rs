@@ -1,7 +1,9 @@
 //! One or several logs of one drive as one stream of events.
 
+use crate::carmen::CarmenEvents;
 use crate::chain::Chain;
-use crate::choice::Choice;
+use crate::choice::{Choice, MountChoice, OdometryCalibration};
+use crate::corrected::Corrected;
 use crate::error::LogError;
 use crate::merge::WINDOW_S;
 use crate::plan::Plan;
@@ -14,13 +16,14 @@ use crate::words::grouped;
 use mapwright_bags::BagError;
 use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, open_log};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, TurnRate};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::fmt;
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// A log to read.
 pub enum Input {
@@ -63,7 +66,7 @@ struct Part {
 
 #[derive(Debug)]
 enum Reader {
-    Carmen(Box<CarmenReader<LogStream<Counted>>>, Rc<Cell<u64>>),
+    Carmen(Box<CarmenEvents<LogStream<Counted>>>, Rc<Cell<u64>>),
     Recording { path: PathBuf, survey: Box<Survey>, plan: Box<Plan> },
     Stream(Box<Stream>),
 }
@@ -84,6 +87,35 @@ pub struct Drive {
     /// The name of the log before and its latest stamp, until the present one has said when it begins.
     before: Option<(String, Stamp)>,
     latest: Option<Stamp>,
+    mount: Option<ByHand>,
+    /// What is taken out of the odometry of logs that are read once.
+    calibration: Option<OdometryCalibration>,
+    corrected: Option<Corrected>,
+}
+
+/// The mounting that is asked for, for the first laser of a log that is read once, and for all scans of that.
+#[derive(Debug)]
+struct ByHand {
+    choice: MountChoice,
+    said_and_used: Option<[Arc<LaserModel>; 2]>,
+}
+
+impl ByHand {
+    fn put(&mut self, laser: &mut Arc<LaserModel>) {
+        if let Some([said, used]) = &self.said_and_used {
+            if said == laser {
+                laser.clone_from(used);
+                return;
+            }
+            if said.name != laser.name {
+                return;
+            }
+        }
+        let MountChoice { robot_from_laser, inverted } = self.choice;
+        let used = Arc::new(LaserModel { robot_from_laser, inverted, ..(**laser).clone() });
+        let said = std::mem::replace(laser, Arc::clone(&used));
+        self.said_and_used = Some([said, used]);
+    }
 }
 
 /// Which buffer holds the event.
@@ -161,6 +193,9 @@ impl Drive {
             range_unit_m: choice.range_unit_m,
             before: None,
             latest: None,
+            mount: choice.mount.map(|choice| ByHand { choice, said_and_used: None }),
+            calibration: choice.odometry,
+            corrected: None,
         })
     }
 
@@ -213,12 +248,18 @@ impl Drive {
                 part.begin()?;
                 self.chain.begin(&part.name);
                 self.is_begun = true;
+                let is_read_once = matches!(part.reader, Reader::Carmen(..));
+                self.corrected = self.calibration.filter(|_| is_read_once).map(Corrected::new);
             }
             if let Some(kind) = part.read(&mut self.scan, &mut self.odometry, &mut self.turn_rate)? {
                 if matches!(kind, Kind::Scan) && !self.ranges.take(&mut self.scan) {
                     continue;
                 }
                 self.follow(&kind)?;
+                if let (Kind::Scan, Some(mount)) = (&kind, &mut self.mount) {
+                    mount.put(&mut self.scan.laser);
+                }
+                self.correct(&kind);
                 self.chain(&kind);
                 return Ok(Some(kind));
             }
@@ -242,6 +283,21 @@ impl Drive {
         }
         let name = self.parts.front().map_or_else(String::new, |part| part.name.clone());
         Err(LogError::NotOneDrive { name, before, why: pause_words(pause_s) })
+    }
+
+    fn correct(&mut self, kind: &Kind) {
+        let Some(corrected) = &mut self.corrected else { return };
+        match kind {
+            Kind::Scan => {
+                let stamp = self.scan.stamp;
+                self.scan.odom_from_robot = self.scan.odom_from_robot.map(|said| corrected.pose_of_scan(stamp, said));
+            }
+            Kind::Odometry => {
+                self.odometry.odom_from_robot = corrected.pose(self.odometry.odom_from_robot);
+                self.odometry.stamp = corrected.stamp(self.odometry.stamp);
+            }
+            Kind::TurnRate => {}
+        }
     }
 
     fn chain(&mut self, kind: &Kind) {
@@ -335,7 +391,9 @@ impl Part {
                     }
                 }))
             }),
-            Reader::Carmen(reader, _) => Ok(reader.next_event().map(|event| take_carmen(event, scan, odometry))),
+            Reader::Carmen(events, _) => Ok(events
+                .next(scan, odometry)
+                .map(|event| event.map(|is_scan| if is_scan { Kind::Scan } else { Kind::Odometry }))),
         };
         match event {
             Ok(Ok(kind)) => Ok(kind),
@@ -345,27 +403,10 @@ impl Part {
     }
 }
 
-fn take_carmen(event: Option<LogEvent<'_>>, scan: &mut LaserScan, odometry: &mut Odometry) -> Option<Kind> {
-    match event? {
-        LogEvent::Scan(next) => {
-            scan.stamp = next.stamp;
-            scan.laser = next.laser.clone();
-            scan.ranges_m.clone_from(&next.ranges_m);
-            scan.odom_from_robot = next.odom_from_robot;
-            Some(Kind::Scan)
-        }
-        LogEvent::Odometry(next) => {
-            *odometry = *next;
-            Some(Kind::Odometry)
-        }
-        _ => None,
-    }
-}
-
 fn carmen(source: Box<dyn Read>) -> Result<Reader, FormatError> {
     let read_bytes = Rc::new(Cell::new(0));
     let stream = open_log(Counted { source, read_bytes: Rc::clone(&read_bytes) })?;
-    Ok(Reader::Carmen(Box::new(CarmenReader::new(stream)), read_bytes))
+    Ok(Reader::Carmen(Box::new(CarmenEvents::new(CarmenReader::new(stream))), read_bytes))
 }
 
 /// Counts the bytes taken from a source.

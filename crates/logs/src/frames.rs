@@ -57,6 +57,15 @@ fn place_within(
         };
         return on(links, robot_frame, sensor, reason.to_owned(), swing_most_rad);
     };
+    // What hangs below the robot's frame may not move on it; in space a name is no sign of that.
+    let carrier = above[at..].iter().map(|link| link.parent.as_str());
+    let is_named = |frame: &str| swing_most_rad.is_finite() && base_rank(frame).is_some();
+    let mut carrier = carrier.filter(|frame| moved.contains(frame) || is_named(frame));
+    if !above.iter().any(is_moved)
+        && let Some(robot_frame) = carrier.next()
+    {
+        return on(links, robot_frame, sensor, "the frame that carries the laser".to_owned(), swing_most_rad);
+    }
     let link = above[at];
     let is_named = is_moved(&link);
     if !is_named && link.swung_rad > swing_most_rad {
@@ -79,7 +88,8 @@ fn on(links: &Links, robot_frame: &str, sensor: &str, reason: String, swing_most
         Err(Some(link)) if link.swung_rad > swing_most_rad => Err(swinging(link, sensor)),
         Err(Some(link)) => Err(format!(
             "'{sensor}' moves on the robot: '{}' moves in '{}' by up to {:.3} m and {:.1} deg; expected a sensor that is \
-             fixed to '{robot_frame}'",
+             fixed to '{robot_frame}'. To map with the sensor itself as the robot: --frame {sensor}; where it is fixed after all: \
+             --mount X,Y,YAW",
             link.child,
             link.parent,
             link.moved_m,
@@ -100,6 +110,16 @@ fn swinging(link: &Link, sensor: &str) -> String {
         link.parent,
         link.swung_rad.to_degrees()
     )
+}
+
+/// A sensor of which it is said by hand where it is on the robot.
+pub(crate) fn placed_by_hand(links: &Links, sensor: &str, moved: &[&str], choice: &Choice) -> Place {
+    let robot_frame = choice.frame.as_deref().map(|frame| frame.trim_start_matches('/'));
+    let place = robot_frame.map_or_else(
+        || unplaced(links, sensor, moved, f64::INFINITY),
+        |frame| assumed_on(frame, sensor, "as asked for"),
+    );
+    Place { assumed: None, ..place }
 }
 
 /// A sensor of which no transform says where it is: in the robot's origin.

@@ -10,7 +10,8 @@
 //! One rule for all readers. Within a topic messages keep the order in which they arrived, whatever their stamps say.
 //! Across topics they are merged by the stamps of their headers, a scan by the end of its sweep, over a window of at most
 //! [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans. Stamps that step backwards are noted; messages that come later than the window allows are
-//! delivered when they come, and counted. A header without a stamp has the time of its recording instead, and is counted.
+//! delivered when they come, and counted. A clock that is set while the log runs, by more than a second, counts as if it had not been: stamps stay as they are, and order
+//! and odometry go by what they would have been. So do two topics whose clocks differ by more than a minute. A header without a stamp has the time of its recording instead, and is counted.
 //!
 //! # Odometry of a scan
 //!
@@ -39,9 +40,12 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod camera;
+mod carmen;
 mod chain;
 mod channel;
 mod choice;
+mod clock;
+mod corrected;
 mod drive;
 mod error;
 mod frames;
@@ -51,8 +55,10 @@ mod odometry;
 mod plan;
 mod ranges;
 mod report;
+mod robots;
 mod scans;
 mod space;
+mod still;
 mod stream;
 mod survey;
 mod turning;
@@ -60,7 +66,8 @@ mod words;
 
 pub use camera::CameraSurvey;
 pub use channel::TopicKind;
-pub use choice::{Choice, SliceBounds};
+pub use choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
+pub use clock::ClockStep;
 pub use drive::{Drive, Input};
 pub use error::LogError;
 pub use links::{Link, Links};
@@ -68,6 +75,7 @@ pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use odometry::OdometrySource;
 pub use plan::Plan;
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
+pub use robots::Robot;
 pub use space::{ImuSource, SpaceEvent, SpacePlan, SpaceStream};
 pub use survey::{Survey, TopicSurvey};
 pub use turning::TurningSource;

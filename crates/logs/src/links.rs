@@ -2,12 +2,18 @@
 
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 
-/// A link that never moves farther than this is constant: metres and radians.
+/// A link that never moves farther than this stands still, metres and radians: what is left of rounding.
 const CONSTANT_M: f64 = 2e-3;
 const CONSTANT_RAD: f64 = 2e-3;
+/// A mounting may jitter by so much, metres and radians, and its median counts: half a usual cell of a map, and what moves a wall 3 m away by
+/// a cell.
+const JITTER_M: f64 = 0.025;
+const JITTER_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
+/// Poses of a link that are kept for its median, evenly over the recording; twice as many before every other one is dropped.
+const SAMPLES: usize = 16;
 /// Links that are remembered; further ones are only counted.
 const LINKS_KEPT: usize = 10_000;
 /// Frames above one another.
@@ -32,22 +38,95 @@ pub struct Link {
     pub turned_rad: f64,
     /// How far its z axis swung from the first, radians.
     pub swung_rad: f64,
+    samples: Samples,
+}
+
+/// Poses of a link that moves, evenly over the recording.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Samples {
+    kept: Vec<Pose3>,
+    /// One of so many is kept, as a power of two.
+    every_log2: u32,
+}
+
+impl Samples {
+    /// Takes in the pose with this number, from 0; all before the first that is taken in are like the very first.
+    fn take(&mut self, number: u64, first: Pose3, pose: Pose3) {
+        if self.kept.is_empty() {
+            while number >> self.every_log2 > SAMPLES as u64 {
+                self.every_log2 += 1;
+            }
+            self.kept = vec![first; (number >> self.every_log2).max(1) as usize];
+        }
+        if !number.is_multiple_of(1 << self.every_log2) {
+            return;
+        }
+        self.kept.push(pose);
+        if self.kept.len() >= 2 * SAMPLES {
+            let mut number = 0;
+            self.kept.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+            self.every_log2 += 1;
+        }
+    }
+
+    /// Median of each coordinate, and of each angle away from the first pose.
+    fn median(&self) -> Option<Pose3> {
+        let first = self.kept.first()?;
+        let turns: Vec<_> =
+            self.kept.iter().map(|pose| (first.rotation.inverse() * pose.rotation).scaled_axis()).collect();
+        let middle = |part: &dyn Fn(usize) -> f64| {
+            let mut values: Vec<f64> = (0..self.kept.len()).map(part).collect();
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        };
+        let translation = Vector3::from_fn(|axis, _| middle(&|k| self.kept[k].translation[axis]));
+        let turn = Vector3::from_fn(|axis, _| middle(&|k| turns[k][axis]));
+        Some(Pose3 { translation, rotation: first.rotation * UnitQuaternion::from_scaled_axis(turn) })
+    }
 }
 
 impl Link {
-    /// Whether it holds for all times, by what is said or by what is seen.
+    /// Whether it holds for all times, by what is said or by what is seen; it may [jitter](Self::jitters).
     #[must_use]
     pub fn is_constant(&self) -> bool {
-        self.is_static || (self.moved_m <= CONSTANT_M && self.turned_rad <= CONSTANT_RAD)
+        self.is_static || (self.moved_m <= JITTER_M && self.turned_rad <= JITTER_RAD)
+    }
+
+    /// Whether it never moves at all.
+    #[must_use]
+    pub fn stands_still(&self) -> bool {
+        self.moved_m <= CONSTANT_M && self.turned_rad <= CONSTANT_RAD
+    }
+
+    /// Whether it is constant but for a jitter.
+    #[must_use]
+    pub fn jitters(&self) -> bool {
+        !self.is_static && self.is_constant() && !self.stands_still()
+    }
+
+    /// The one pose that stands for all: the first one said, and of a link that jitters the median.
+    #[must_use]
+    pub fn pose(&self) -> Pose3 {
+        let median = if self.jitters() { self.samples.median() } else { None };
+        median.unwrap_or(self.parent_from_child)
     }
 
     fn see(&mut self, now: Pose3) {
+        let number = self.transforms;
         self.transforms += 1;
         let first = self.parent_from_child;
         self.moved_m = self.moved_m.max(first.translation.metric_distance(&now.translation));
         self.turned_rad = self.turned_rad.max(first.rotation.angle_to(&now.rotation));
         let (up_first, up_now) = (first.rotation * Vector3::z(), now.rotation * Vector3::z());
         self.swung_rad = self.swung_rad.max(up_first.angle(&up_now));
+        if self.jitters() {
+            self.samples.take(number, first, now);
+        } else {
+            self.samples = Samples::default();
+        }
     }
 }
 
@@ -95,6 +174,7 @@ impl Links {
             moved_m: 0.0,
             turned_rad: 0.0,
             swung_rad: 0.0,
+            samples: Samples::default(),
         });
     }
 
@@ -109,6 +189,15 @@ impl Links {
                     self.by_child.insert(child.clone(), constant);
                 }
             }
+        }
+    }
+
+    /// Takes in what another tree says.
+    pub(crate) fn merge(&mut self, other: Self) {
+        self.kept += other.kept;
+        self.refused += other.refused;
+        for (child, links) in other.by_child {
+            self.by_child.entry(child).or_default().extend(links);
         }
     }
 
@@ -179,7 +268,7 @@ fn along<'a>(way: &[&'a Link]) -> Result<Pose3, Option<&'a Link>> {
         if !link.is_constant() || is_world(&link.parent) {
             return Err(Some(link));
         }
-        ancestor_from_frame = ancestor_from_frame * link.parent_from_child;
+        ancestor_from_frame = ancestor_from_frame * link.pose();
     }
     Ok(ancestor_from_frame)
 }

@@ -1,8 +1,9 @@
-//! Two topics in the order of their stamps, over a bounded window.
+//! Two topics in the order of their stamps, over a bounded window. Clocks that are set on the way, or differ, count as if they were not.
 
-use crate::scans::{Taken, end_of};
+use crate::clock::{Arrival, Clock};
+use crate::scans::{Taken, end_of as scan_end};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::Odometry;
+use mapwright_sensor::{Odometry, Pace};
 use std::collections::VecDeque;
 
 /// How long a message waits for those of another topic, seconds between the times of recording; and how far readings of
@@ -14,18 +15,34 @@ pub const WINDOW_MESSAGES: usize = 4096;
 /// How many bytes of scans wait at most, but for one.
 pub const WINDOW_BYTES: usize = 64 << 20;
 
+/// How many readings older than the window are kept, for scans that were recorded late: 20 s of a hundred a second.
+const OLDER_KEPT: usize = 2048;
+
 /// A message that waits.
 #[derive(Debug)]
 struct Waiting<T> {
     recorded: Stamp,
     place: u64,
+    /// Its stamp on a clock that is never set.
+    at: Stamp,
     item: T,
+}
+
+/// A reading, with its stamp on a clock that is never set.
+#[derive(Debug, Clone, Copy)]
+struct Reading {
+    at: Stamp,
+    odom_from_robot: Pose2,
+    /// Odometry begins anew with it: nothing lies between it and the one before.
+    is_anew: bool,
 }
 
 /// A message whose turn it is; its number in the recording, and whether others with later stamps went before it.
 #[derive(Debug)]
 pub(crate) struct Next<T> {
     pub(crate) place: u64,
+    /// Its stamp on a clock that is never set.
+    pub(crate) at: Stamp,
     pub(crate) is_late: bool,
     pub(crate) item: T,
 }
@@ -41,9 +58,19 @@ pub(crate) enum Turn {
 #[derive(Debug, Default)]
 pub(crate) struct Merger {
     scans: VecDeque<Waiting<Taken>>,
-    odometry: VecDeque<Waiting<Odometry>>,
+    odometry: VecDeque<Waiting<(Odometry, Reading)>>,
     /// Delivered readings of the last [`WINDOW_S`], in their order.
-    past: VecDeque<Odometry>,
+    past: VecDeque<Reading>,
+    /// Those before.
+    older: VecDeque<Reading>,
+    pace: Pace,
+    last_pushed: Option<Reading>,
+    scans_clock: Clock,
+    odometry_clock: Clock,
+    arrival: Arrival,
+    /// A clock that turned out to have been set: whether odometry's, and by how many seconds.
+    clock_set: Option<(bool, f64)>,
+    recorded: Stamp,
     now: Stamp,
     /// Bytes of the scans that wait.
     scan_bytes: usize,
@@ -55,35 +82,53 @@ pub(crate) struct Merger {
 impl Merger {
     /// For scans alone, or with odometry for them to wait for.
     pub(crate) fn new(has_odometry: bool) -> Self {
-        Self { is_alone: !has_odometry, ..Self::default() }
+        let older = VecDeque::with_capacity(if has_odometry { OLDER_KEPT } else { 0 });
+        Self { is_alone: !has_odometry, older, ..Self::default() }
     }
 
     /// The time at which the newest message of any topic was recorded.
     pub(crate) fn at(&mut self, recorded: Stamp) {
-        self.now = recorded;
+        self.recorded = recorded;
+        self.now = self.arrival.at(recorded);
     }
 
     pub(crate) fn push_scan(&mut self, place: u64, scan: Taken) {
         self.scan_bytes += scan.held_bytes();
-        self.scans.push_back(Waiting { recorded: self.now, place, item: scan });
+        let (at, set_by_s) = self.scans_clock.follow(scan.scan.stamp, self.recorded, &self.odometry_clock);
+        self.scans.push_back(Waiting { recorded: self.now, place, at, item: scan });
+        self.clock_set = set_by_s.map(|by_s| (false, by_s)).or(self.clock_set);
     }
 
     pub(crate) fn push_odometry(&mut self, place: u64, odometry: Odometry) {
-        self.odometry.push_back(Waiting { recorded: self.now, place, item: odometry });
+        let (at, set_by_s) = self.odometry_clock.follow(odometry.stamp, self.recorded, &self.scans_clock);
+        let odom_from_robot = odometry.odom_from_robot;
+        let is_anew = self
+            .last_pushed
+            .is_some_and(|last| !self.pace.add(at.secs_since(last.at), last.odom_from_robot.between(odom_from_robot)));
+        let reading = Reading { at, odom_from_robot, is_anew };
+        self.last_pushed = Some(reading);
+        self.odometry.push_back(Waiting { recorded: self.now, place, at, item: (odometry, reading) });
+        self.clock_set = set_by_s.map(|by_s| (true, by_s)).or(self.clock_set);
+    }
+
+    /// Whether the clock of odometry, else that of the scans, turned out to have been set since this was asked last, and by how much, seconds.
+    pub(crate) fn take_clock_set(&mut self) -> Option<(bool, f64)> {
+        self.clock_set.take()
     }
 
     /// Bytes held by what waits.
     pub(crate) fn held_bytes(&self) -> usize {
         let waiting = self.scans.capacity() * size_of::<Waiting<Taken>>();
-        let odometry = self.odometry.capacity() * size_of::<Waiting<Odometry>>();
-        self.scan_bytes + waiting + odometry + self.past.capacity() * size_of::<Odometry>()
+        let odometry = self.odometry.capacity() * size_of::<Waiting<(Odometry, Reading)>>();
+        let past = (self.past.capacity() + self.older.capacity()) * size_of::<Reading>();
+        self.scan_bytes + waiting + odometry + past
     }
 
     /// The next in order, where it is certain or has waited long enough; at the recording's end in any case.
     pub(crate) fn pop(&mut self, is_end: bool) -> Option<Turn> {
         let is_due = |recorded| is_end || self.is_due(recorded);
         let is_scan = match (self.scans.front(), self.odometry.front()) {
-            (Some(scan), Some(odometry)) => end_of(&scan.item.scan) < odometry.item.stamp,
+            (Some(scan), Some(odometry)) => end_of(scan) < odometry.at,
             (Some(scan), None) if is_due(scan.recorded) => true,
             (None, Some(odometry)) if is_due(odometry.recorded) => false,
             _ => return None,
@@ -99,53 +144,57 @@ impl Merger {
     }
 
     fn pop_scan(&mut self) -> Option<Next<Taken>> {
-        let Waiting { place, item, .. } = self.scans.pop_front()?;
+        let end = end_of(self.scans.front()?);
+        let Waiting { place, at, item, .. } = self.scans.pop_front()?;
         self.scan_bytes = self.scan_bytes.saturating_sub(item.held_bytes());
-        let (stamp, end) = (item.scan.stamp, end_of(&item.scan));
-        let steps_back = self.last_scan.is_some_and(|last| stamp < last);
-        let is_late = !steps_back && self.past.back().is_some_and(|odometry| end < odometry.stamp);
-        self.last_scan = Some(stamp);
-        Some(Next { place, is_late, item })
+        let steps_back = self.last_scan.is_some_and(|last| at < last);
+        let is_late = !steps_back && self.past.back().is_some_and(|odometry| end < odometry.at);
+        self.last_scan = Some(at);
+        Some(Next { place, at, is_late, item })
     }
 
     fn pop_odometry(&mut self) -> Option<Next<Odometry>> {
-        let Waiting { place, item, .. } = self.odometry.pop_front()?;
-        let steps_back = self.past.back().is_some_and(|last| item.stamp < last.stamp);
-        let is_late = !steps_back && self.last_scan.is_some_and(|scan| item.stamp < scan);
-        self.past.push_back(item);
+        let Waiting { place, at, item: (item, reading), .. } = self.odometry.pop_front()?;
+        let steps_back = self.past.back().is_some_and(|last| at < last.at);
+        let is_late = !steps_back && self.last_scan.is_some_and(|scan| at < scan);
+        self.past.push_back(reading);
         while self.past.len() > WINDOW_MESSAGES
-            || self.past.front().is_some_and(|first| item.stamp.secs_since(first.stamp) > WINDOW_S)
+            || self.past.front().is_some_and(|first| at.secs_since(first.at) > WINDOW_S)
         {
-            self.past.pop_front();
+            if self.older.len() == OLDER_KEPT {
+                self.older.pop_front();
+            }
+            self.older.extend(self.past.pop_front());
         }
-        Some(Next { place, is_late, item })
+        Some(Next { place, at, is_late, item })
     }
 
-    /// Odometry's pose at a stamp, by the module's rule.
-    pub(crate) fn odom_from_robot(&self, stamp: Stamp) -> Option<Pose2> {
-        let waiting = self.odometry.front().map(|waiting| &waiting.item);
+    /// Odometry's pose at a time (of [`Next::at`]), by the module's rule.
+    pub(crate) fn odom_from_robot(&self, at: Stamp) -> Option<Pose2> {
+        let waiting = self.odometry.front().map(|waiting| &waiting.item.1);
         // where stamps step backwards, the reading of this very stamp may stand anywhere
-        let all = self.odometry.iter().map(|waiting| &waiting.item).chain(self.past.iter().rev());
-        if let Some(same) = all.into_iter().find(|reading| reading.stamp == stamp) {
+        let all = self.odometry.iter().map(|waiting| &waiting.item.1).chain(self.past.iter().rev());
+        if let Some(same) = all.into_iter().find(|reading| reading.at == at) {
             return Some(same.odom_from_robot);
         }
-        let mut after: Option<&Odometry> = None;
-        for reading in waiting.into_iter().chain(self.past.iter().rev()) {
-            if reading.stamp <= stamp {
-                return between(reading, after, stamp);
+        let mut after: Option<&Reading> = None;
+        for reading in waiting.into_iter().chain(self.past.iter().rev()).chain(self.older.iter().rev()) {
+            if reading.at <= at {
+                return between(reading, after, at);
             }
             after = Some(reading);
         }
         None
     }
 
-    /// The robot's twist per second at a stamp: between the readings around it, else between the last two before.
-    pub(crate) fn twist_per_s(&self, stamp: Stamp) -> Option<[f64; 3]> {
-        let waiting = self.odometry.front().map(|waiting| &waiting.item);
-        let mut after: Option<&Odometry> = None;
-        for reading in waiting.into_iter().chain(self.past.iter().rev()) {
-            let apart_s = after.map_or(0.0, |after| after.stamp.secs_since(reading.stamp));
-            if let Some(after) = after.filter(|_| apart_s > 0.0 && apart_s <= WINDOW_S && reading.stamp <= stamp) {
+    /// The robot's twist per second at a time: between the readings around it, else between the last two before.
+    pub(crate) fn twist_per_s(&self, at: Stamp) -> Option<[f64; 3]> {
+        let waiting = self.odometry.front().map(|waiting| &waiting.item.1);
+        let mut after: Option<&Reading> = None;
+        for reading in waiting.into_iter().chain(self.past.iter().rev()).chain(self.older.iter().rev()) {
+            let after_it = after.filter(|after| !after.is_anew);
+            let apart_s = after_it.map_or(0.0, |after| after.at.secs_since(reading.at));
+            if let Some(after) = after_it.filter(|_| apart_s > 0.0 && apart_s <= WINDOW_S && reading.at <= at) {
                 let step = reading.odom_from_robot.between(after.odom_from_robot).log();
                 return Some(step.map(|part| part / apart_s));
             }
@@ -154,16 +203,22 @@ impl Merger {
         None
     }
 
-    /// The stamp of the last reading delivered.
+    /// The time of the last reading delivered.
     pub(crate) fn last_odometry(&self) -> Option<Stamp> {
-        self.past.back().map(|odometry| odometry.stamp)
+        self.past.back().map(|odometry| odometry.at)
     }
 }
 
-fn between(before: &Odometry, after: Option<&Odometry>, stamp: Stamp) -> Option<Pose2> {
-    let since_s = stamp.secs_since(before.stamp);
-    if let Some(after) = after {
-        let apart_s = after.stamp.secs_since(before.stamp);
+/// When the scan is there, on a clock that is never set.
+fn end_of(scan: &Waiting<Taken>) -> Stamp {
+    let taken = &scan.item.scan;
+    Stamp(scan.at.0.saturating_add(scan_end(taken).0.saturating_sub(taken.stamp.0)))
+}
+
+fn between(before: &Reading, after: Option<&Reading>, at: Stamp) -> Option<Pose2> {
+    let since_s = at.secs_since(before.at);
+    if let Some(after) = after.filter(|after| !after.is_anew) {
+        let apart_s = after.at.secs_since(before.at);
         if apart_s > 0.0 && apart_s <= WINDOW_S {
             let step = before.odom_from_robot.between(after.odom_from_robot).log();
             return Some(before.odom_from_robot * Pose2::exp(step.map(|part| part * since_s / apart_s)));

@@ -66,11 +66,28 @@ pub(crate) fn find_in_space(survey: &Survey, place: &Place, choice: &Choice) -> 
 
 fn find_within(survey: &Survey, place: &Place, choice: &Choice, swing_most_rad: f64) -> Found {
     let by_link = moving_link(&survey.links, &place.robot_frame, swing_most_rad);
-    let candidates = topics(survey, choice);
+    let is_fake = |moves: bool| !moves && survey.scans_change();
+    let (candidates, still): (Vec<_>, Vec<_>) =
+        topics(survey, choice).into_iter().partition(|topic| !is_fake(topic.movement.has_moved));
     if let Some(topic) = candidates.first() {
         return by_topic(survey, topic, &candidates[1..], by_link, place, choice);
     }
-    match by_link {
+    match by_link.filter(|link| !is_fake(!link.stands_still())) {
+        None if !still.is_empty() || by_link.is_some_and(|link| !is_map(&link.parent)) => {
+            let links = by_link.filter(|link| !is_map(&link.parent));
+            let links = links.map(|link| format!("'{}' -> '{}'", link.parent, link.child));
+            let never: Vec<_> = still.iter().map(|topic| topic.name.clone()).chain(links).collect();
+            let never = if let [one] = &never[..] {
+                format!("{one} never moves")
+            } else {
+                format!("{} never move", never.join(" and "))
+            };
+            Found {
+                reason: format!("none: {never}, though what is seen does: poses are predicted by constant velocity"),
+                source: OdometrySource::None,
+                assumed: None,
+            }
+        }
         Some(link) if !is_map(&link.parent) => Found {
             reason: format!(
                 "the transforms '{}' -> '{}' ({}), for there is no topic of odometry that fits",

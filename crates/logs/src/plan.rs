@@ -1,8 +1,8 @@
 //! What to use of a recording, and why.
 
 use crate::channel::TopicKind;
-use crate::choice::{Choice, SliceBounds};
-use crate::frames::{Place, list, place};
+use crate::choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
+use crate::frames::{Place, list, place, placed_by_hand};
 use crate::odometry::{self, OdometrySource};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::turning::{self, TurningSource};
@@ -44,6 +44,10 @@ pub struct Plan {
     pub reasons: Vec<(&'static str, String)>,
     /// What had to be assumed, in words.
     pub assumed: Vec<String>,
+    /// What is taken out of odometry.
+    pub(crate) calibration: Option<OdometryCalibration>,
+    /// The topics of the robot's transforms.
+    pub(crate) transforms: Vec<String>,
     /// Mountings by the scans' frames.
     pub(crate) mounts: BTreeMap<String, Mount>,
 }
@@ -70,6 +74,7 @@ impl Plan {
                 return Err(format!("there is no topic {name}; there are {}", contents(survey)));
             }
         }
+        let survey = &*survey.of_robot(choice)?;
         let (mut candidates, refused) = candidates(survey, choice)?;
         candidates.sort_by_key(|candidate| {
             let wanted = (candidate.topic.kind == TopicKind::Cloud) == choice.slice.is_some();
@@ -124,7 +129,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
     let mut reasons = vec![
         ("scans", format!("{} ({}, {count} messages, {}): {why}", topic.name, topic.type_name, topic.shape)),
         ("robot", format!("'{}', {}", place.robot_frame, place.reason)),
-        ("mounting", mounting_words(topic.frame(), &place, &mount)),
+        ("mounting", mounting_words(survey, topic.frame(), &place, &mount, choice.mount.is_some())),
         ("odometry", found.reason.clone()),
         ("motion", Plan::deskew(topic, &found.source, turning.as_ref())),
     ];
@@ -138,7 +143,9 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
     let mut mounts = BTreeMap::from([(topic.frame().to_owned(), mount)]);
     for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
         let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
-        if let Ok(other) = crate::frames::place(&survey.links, frame, &[], &robot)
+        if let Some(by_hand) = by_hand(choice) {
+            mounts.insert(frame.clone(), by_hand);
+        } else if let Ok(other) = crate::frames::place(&survey.links, frame, &[], &robot)
             && let Ok(mount) = mount_of(topic.kind, &other)
         {
             mounts.insert(frame.clone(), mount);
@@ -150,15 +157,50 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         slice: choice.slice.filter(|_| topic.kind == TopicKind::Cloud),
         robot_frame: place.robot_frame.clone(),
         sensor_frame: topic.frame().to_owned(),
+        calibration: choice.odometry.filter(|_| found.source != OdometrySource::None),
         odometry: found.source,
         turning,
+        transforms: transform_topics(survey),
         reasons,
         assumed: place.assumed.into_iter().chain(found.assumed).collect(),
         mounts,
     }
 }
 
-fn mounting_words(sensor: &str, place: &Place, mount: &Mount) -> String {
+fn transform_topics(survey: &Survey) -> Vec<String> {
+    let topics = survey.topics.iter().filter(|topic| topic.kind == TopicKind::Transforms);
+    topics.map(|topic| topic.name.clone()).collect()
+}
+
+/// The mounting that is asked for, if one is.
+fn by_hand(choice: &Choice) -> Option<Mount> {
+    let MountChoice { robot_from_laser, inverted } = choice.mount?;
+    Some(Mount::Planar(Mounting { robot_from_laser, inverted, ..Mounting::IDENTITY }))
+}
+
+/// Links between a sensor and its robot that jitter, in words.
+fn jitter_words(survey: &Survey, sensor: &str, robot_frame: &str) -> Option<String> {
+    let above = survey.links.above(sensor);
+    let way = above.iter().position(|link| link.parent == robot_frame).map_or(&above[..0], |at| &above[..=at]);
+    let link = way.iter().find(|link| link.jitters())?;
+    let (moved_m, turned_deg) = (link.moved_m, link.turned_rad.to_degrees());
+    Some(format!(
+        "; '{}' moves in '{}' by up to {moved_m:.3} m and {turned_deg:.2} deg: its median",
+        link.child, link.parent
+    ))
+}
+
+fn mounting_words(survey: &Survey, sensor: &str, place: &Place, mount: &Mount, is_asked: bool) -> String {
+    let mut words = place_words(sensor, place, mount);
+    if is_asked {
+        words += ", as asked for";
+    } else {
+        words += &jitter_words(survey, sensor, &place.robot_frame).unwrap_or_default();
+    }
+    words
+}
+
+fn place_words(sensor: &str, place: &Place, mount: &Mount) -> String {
     if place.assumed.is_some() {
         return format!("'{sensor}' in the robot's origin, assumed");
     }
@@ -239,6 +281,13 @@ fn candidate<'a>(
             topic.shape,
             topic.name
         ));
+    }
+    if let Some(mount) = by_hand(choice) {
+        if topic.kind == TopicKind::Cloud {
+            return Err("a mounting is asked for, which is for planar lasers, found point clouds".to_owned());
+        }
+        let place = placed_by_hand(&survey.links, topic.frame(), moved, choice);
+        return Ok(Candidate { topic, place, mount });
     }
     let place = place(&survey.links, topic.frame(), moved, choice)?;
     let mount = mount_of(topic.kind, &place)?;

@@ -1,5 +1,6 @@
 //! What became of a log's messages.
 
+use crate::clock::ClockStep;
 use crate::plan::Plan;
 use crate::survey::Survey;
 use mapwright_formats::{Noted, OddHeads, RangeReport, TopicReport};
@@ -35,6 +36,12 @@ pub struct StreamReport {
     pub topics: Vec<TopicReport>,
     /// Messages delivered after others of a later stamp, for they came later than the window allows.
     pub late: Noted,
+    /// What is subtracted from the places of odometry, metres, where these lie too far out to be mapped in.
+    pub odometry_origin_m: Option<[f64; 2]>,
+    /// Clocks that were set, and clocks that differ: how often, and the first.
+    pub clock_steps: u64,
+    /// The first of these.
+    pub first_clock_step: Option<ClockStep>,
     /// Headers without a stamp; the time of recording stands in.
     pub unstamped: Noted,
     /// Messages of the topics used that could not be decoded.

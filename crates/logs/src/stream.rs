@@ -1,6 +1,8 @@
 //! The second pass over a recording: its events in order.
 
 use crate::channel::{Decoders, Messages};
+use crate::clock::ClockStep;
+use crate::corrected::Corrected;
 use crate::links::{bare, stamp_or};
 use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
 use crate::odometry::OdometrySource;
@@ -9,14 +11,17 @@ use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
-use mapwright_formats::{TopicReport, is_odometry_jump};
-use mapwright_geom::{Pose, Pose3, Stamp};
+use mapwright_formats::TopicReport;
+use mapwright_geom::{Pose, Pose2, Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
 use mapwright_sensor::{LaserScan, Odometry, TurnRate, TurnRates};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::path::Path;
+
+/// No coordinates of a place on earth are larger, metres: its girth is 4 * 10^7.
+const FAR_M: f64 = 1e8;
 
 /// An event of a recording.
 #[derive(Debug)]
@@ -46,9 +51,10 @@ pub(crate) struct Stream {
     uses: Vec<Option<Use>>,
     merger: Merger,
     turning: Turning,
+    origin: Origin,
+    corrected: Option<Corrected>,
     report: StreamReport,
     last_beams: Option<usize>,
-    last_odometry: Option<Odometry>,
     is_end: bool,
 }
 
@@ -67,12 +73,13 @@ impl Stream {
             maker: ScanMaker::new(&plan),
             merger: Merger::new(plan.odometry != OdometrySource::None),
             turning: Turning::default(),
+            origin: Origin::default(),
+            corrected: plan.calibration.map(Corrected::new),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),
             report: StreamReport { topics, ..StreamReport::default() },
             last_beams: None,
-            last_odometry: None,
             is_end: false,
         })
     }
@@ -127,8 +134,27 @@ impl Stream {
         let (taken, report) = match used {
             Use::Turning => (self.turning.take(&self.plan, messages, &message), &mut self.report),
             Use::Scans => (take_scan(&mut self.maker, messages, &message, &mut self.merger, place), &mut self.report),
-            _ => (take_odometry(&self.plan.odometry, messages, &message, &mut self.merger, place), &mut self.report),
+            _ => {
+                let (source, merger) = (&self.plan.odometry, &mut self.merger);
+                let mut take = |reading: Odometry| {
+                    let made = self.corrected.as_mut().map(|corrected| Odometry {
+                        stamp: corrected.stamp(reading.stamp),
+                        odom_from_robot: corrected.pose(reading.odom_from_robot),
+                    });
+                    merger.push_odometry(place, made.unwrap_or(reading));
+                };
+                let taken = take_odometry(source, messages, &message, &mut take, &mut self.origin);
+                self.report.odometry_origin_m = self.origin.at_m;
+                (taken, &mut self.report)
+            }
         };
+        if let Some((is_odometry, by_s)) = self.merger.take_clock_set() {
+            report.clock_steps += 1;
+            let topic = report.topics.get(usize::from(is_odometry));
+            let name = topic.map_or_else(String::new, |topic| topic.name.clone());
+            let is_first = topic.is_some_and(|topic| topic.events == 0);
+            report.first_clock_step.get_or_insert(ClockStep { name, place, by_s, is_first });
+        }
         match taken {
             Ok(true) => {}
             Ok(false) => report.unstamped.note(place),
@@ -142,16 +168,16 @@ impl Stream {
     }
 
     fn scan(&mut self, next: Next<Taken>) -> LaserScan {
-        let Next { place, is_late, item } = next;
+        let Next { place, at, is_late, item } = next;
         let (first, last) = item.span();
         let turning = self.turning.rates.mean(first, last);
-        let read = self.merger.twist_per_s(item.scan.stamp);
+        let read = self.merger.twist_per_s(at);
         let twist_per_s = turning.map_or(read, |turning| {
             let [x, y, _] = read.unwrap_or([0.0; 3]);
             Some([x, y, turning])
         });
         let mut scan = self.maker.finish(item, twist_per_s);
-        scan.odom_from_robot = self.merger.odom_from_robot(scan.stamp);
+        scan.odom_from_robot = self.merger.odom_from_robot(at);
         let report = &mut self.report;
         report.scans += 1;
         report.points_used = self.maker.counts.used;
@@ -161,7 +187,7 @@ impl Stream {
         }
         if scan.odom_from_robot.is_none() && self.plan.odometry != OdometrySource::None {
             report.without_odometry.note(place);
-            let behind_s = self.merger.last_odometry().map(|last| scan.stamp.secs_since(last));
+            let behind_s = self.merger.last_odometry().map(|last| at.secs_since(last));
             report.odometry_behind_s = report.odometry_behind_s.or(behind_s);
         }
         report.non_finite_ranges += scan.ranges_m.iter().filter(|range_m| !range_m.is_finite()).count() as u64;
@@ -177,7 +203,7 @@ impl Stream {
     }
 
     fn odometry(&mut self, next: Next<Odometry>) -> Odometry {
-        let Next { place, is_late, item } = next;
+        let Next { place, is_late, item, .. } = next;
         self.report.odometry += 1;
         if is_late {
             self.report.late.note(place);
@@ -185,11 +211,8 @@ impl Stream {
         if let Some(topic) = self.report.topics.get_mut(1) {
             topic.events += 1;
             topic.stamps.observe(place, item.stamp);
-            if self.last_odometry.is_some_and(|last| is_odometry_jump(&last, &item)) {
-                topic.odometry_jumps.note(place);
-            }
+            topic.odometry.observe(place, item);
         }
-        self.last_odometry = Some(item);
         item
     }
 }
@@ -249,7 +272,9 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &Plan) -> Us
             OdometrySource::Topic { name, .. } => {
                 kind == crate::TopicKind::Odometry && same_name(name, &connection.topic)
             }
-            OdometrySource::Transforms { .. } => kind == crate::TopicKind::Transforms,
+            OdometrySource::Transforms { .. } => {
+                kind == crate::TopicKind::Transforms && plan.transforms.contains(&connection.topic)
+            }
         };
         let is_turning = plan.turning.as_ref().is_some_and(|turning| same_name(&turning.name, &connection.topic));
         if kind == plan.kind && same_name(&plan.scans, &connection.topic) {
@@ -284,8 +309,8 @@ fn take_odometry(
     source: &OdometrySource,
     messages: &mut Messages,
     message: &RawMessage<'_>,
-    merger: &mut Merger,
-    place: u64,
+    take: &mut impl FnMut(Odometry),
+    origin: &mut Origin,
 ) -> Result<bool, Problem> {
     let undecodable = |error: mapwright_ros::RosError| Problem::Undecodable(error.to_string());
     match (source, messages) {
@@ -293,7 +318,7 @@ fn take_odometry(
             let odometry = decoder.decode(message.data).map_err(undecodable)?;
             let pose = odometry.pose.pose.to_pose3();
             let (stamp, is_unstamped) = stamp_or(odometry.header.stamp, message.log_stamp);
-            merger.push_odometry(place, reading(stamp, pose, *child_from_robot)?);
+            take(reading(stamp, pose, *child_from_robot, origin)?);
             Ok(!is_unstamped)
         }
         (OdometrySource::Transforms { parent, child, child_from_robot }, Messages::Transforms(decoder)) => {
@@ -302,7 +327,7 @@ fn take_odometry(
             for link in &transforms.transforms {
                 if link.header.frame() == parent && bare(&link.child_frame_id) == child {
                     let (stamp, is_unstamped) = stamp_or(link.header.stamp, message.log_stamp);
-                    merger.push_odometry(place, reading(stamp, link.transform.to_pose3(), *child_from_robot)?);
+                    take(reading(stamp, link.transform.to_pose3(), *child_from_robot, origin)?);
                     all_stamped &= !is_unstamped;
                 }
             }
@@ -313,11 +338,62 @@ fn take_odometry(
     }
 }
 
-fn reading(stamp: Stamp, odom_from_child: Option<Pose3>, child_from_robot: Pose3) -> Result<Odometry, Problem> {
+fn reading(
+    stamp: Stamp,
+    odom_from_child: Option<Pose3>,
+    child_from_robot: Pose3,
+    origin: &mut Origin,
+) -> Result<Odometry, Problem> {
     let odom_from_robot = odom_from_child.map(|pose| planar(&(pose * child_from_robot)));
-    let usable = odom_from_robot.filter(|pose| pose.is_within_bounds());
-    let Some(odom_from_robot) = usable else {
-        return Err(Problem::Unusable("expected a finite pose within 10^6 m with a direction".to_owned()));
-    };
-    Ok(Odometry { stamp, odom_from_robot })
+    let near = odom_from_robot.and_then(|said| origin.near(said));
+    let unusable = || Problem::Unusable("expected a finite pose within 10^6 m with a direction".to_owned());
+    near.map(|odom_from_robot| Odometry { stamp, odom_from_robot }).ok_or_else(unusable)
+}
+
+/// What odometry's places are relative to, where they lie too far out to be mapped in, as coordinates of UTM do.
+#[derive(Debug, Clone, Copy, Default)]
+struct Origin {
+    at_m: Option<[f64; 2]>,
+    has_readings: bool,
+    /// The reading before was refused, for it lay too far out.
+    was_far: bool,
+}
+
+impl Origin {
+    /// The pose relative to the origin, which the first reading becomes where that lies too far out, or two in a row: a single one is
+    /// a fault and refused.
+    fn near(&mut self, said: Pose2) -> Option<Pose2> {
+        let from_origin = |[x, y]: [f64; 2]| Pose2::new(said.x - x, said.y - y, said.theta);
+        let known = self.at_m.map_or(said, from_origin);
+        let is_first = !std::mem::replace(&mut self.has_readings, true);
+        if known.is_within_bounds() {
+            self.was_far = false;
+            return Some(known);
+        }
+        let is_place = said.is_finite() && said.x.abs().max(said.y.abs()) <= FAR_M;
+        if !is_place || !(is_first || self.was_far) {
+            self.was_far |= is_place;
+            return None;
+        }
+        self.was_far = false;
+        self.at_m = Some([said.x, said.y]);
+        Some(Pose2::new(0.0, 0.0, said.theta))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_far_out_are_used_from_the_first_on_and_a_single_one_is_a_fault() {
+        let near =
+            |origin: &mut Origin, x: f64| origin.near(Pose2::new(x, 5_572_094.25, 0.1)).map(|pose| [pose.x, pose.y]);
+        let mut utm = Origin::default();
+        assert_eq!([500_000.5, 500_001.0].map(|x| near(&mut utm, x)), [Some([0.0, 0.0]), Some([0.5, 0.0])]);
+        let mut origin = Origin::default();
+        let said = [0.0, 7e6, 1.0, 7e6, 7e6 + 2.0, f64::NAN, 1e9, 7e6 + 3.0].map(|x| Pose2::new(x, 0.0, 0.0));
+        let found = said.map(|said| origin.near(said).map(|pose| pose.x));
+        assert_eq!(found, [Some(0.0), None, Some(1.0), None, Some(0.0), None, None, Some(1.0)]);
+    }
 }

@@ -3,6 +3,8 @@
 use crate::camera::CameraSurvey;
 use crate::channel::{Decoders, Messages, TopicKind};
 use crate::links::{Links, bare};
+use crate::robots::{joined, namespace};
+use crate::still::{Movement, Scenery};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_geom::Stamp;
 use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, Odometry};
@@ -51,6 +53,10 @@ pub struct TopicSurvey {
     pub camera: Option<CameraSurvey>,
     /// Points of a cloud or pixels of an image, of the first; and rows of it.
     pub(crate) points: [u64; 2],
+    /// Of odometry.
+    pub(crate) movement: Movement,
+    /// Of planar scans.
+    pub(crate) scenery: Scenery,
 }
 
 impl TopicSurvey {
@@ -71,6 +77,8 @@ impl TopicSurvey {
             is_depth: false,
             camera: None,
             points: [0, 0],
+            movement: Movement::default(),
+            scenery: Scenery::default(),
         }
     }
 
@@ -115,6 +123,7 @@ impl TopicSurvey {
     fn odometry(&mut self, odometry: &Odometry<'_>) {
         self.header(&odometry.header);
         note_frame(&mut self.child_frames, bare(&odometry.child_frame_id));
+        self.movement.see(|| odometry.pose.pose.to_pose3());
     }
 
     fn image(&mut self, image: &Image<'_>) {
@@ -125,7 +134,7 @@ impl TopicSurvey {
     }
 
     /// Looks into a message; what is wrong with it, if anything.
-    fn look(&mut self, messages: &mut Messages, data: &[u8], links: &mut Links) -> Result<(), String> {
+    fn look(&mut self, messages: &mut Messages, data: &[u8], trees: &mut Trees) -> Result<(), String> {
         let words = |error: RosError| error.to_string();
         let is_first = self.shape.is_empty();
         match messages {
@@ -133,6 +142,7 @@ impl TopicSurvey {
                 let scan = decoder.decode(data).map_err(words)?;
                 self.header(&scan.header);
                 self.has_times |= scan.beam_period_s().0 > 0.0;
+                self.scenery.see(scan.ranges.iter());
                 if is_first {
                     self.shape = format!("{} beams", scan.ranges.len());
                 }
@@ -160,7 +170,8 @@ impl TopicSurvey {
             }
             Messages::Odometry(decoder) => self.odometry(&decoder.decode(data).map_err(words)?),
             Messages::Transforms(decoder) => {
-                links.see(&decoder.decode(data).map_err(words)?, self.name.ends_with("tf_static"));
+                let transforms = decoder.decode(data).map_err(words)?;
+                tree(trees, namespace(&self.name)).see(&transforms, self.name.ends_with("tf_static"));
             }
             Messages::Imu(decoder) => {
                 let imu = decoder.decode(data).map_err(words)?;
@@ -200,6 +211,18 @@ impl TopicSurvey {
     }
 }
 
+/// Transforms by the namespaces of their topics.
+type Trees = Vec<(String, Links)>;
+
+fn tree<'a>(trees: &'a mut Trees, namespace: &str) -> &'a mut Links {
+    let known = trees.iter().position(|(name, _)| name == namespace);
+    let at = known.unwrap_or_else(|| {
+        trees.push((namespace.to_owned(), Links::default()));
+        trees.len() - 1
+    });
+    &mut trees[at].1
+}
+
 /// Whether a compressed image is one of depth: sent as such, or a greyscale PNG of 16 bits.
 fn is_depth_file(image: &CompressedImage<'_>) -> bool {
     const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
@@ -233,6 +256,8 @@ pub struct Survey {
     pub topics: Vec<TopicSurvey>,
     /// Which frame hangs where.
     pub links: Links,
+    /// The same by the namespaces of the transforms' topics, where there are several.
+    pub(crate) trees: Vec<(String, Links)>,
     /// What the container's reader says.
     pub container: ReadReport,
     /// The most memory that the reader's buffers held, bytes.
@@ -260,14 +285,14 @@ impl Survey {
 
     fn look_through(path: &Path, watch: &mut dyn FnMut(u64) -> bool) -> Result<(Self, bool), BagError> {
         let mut recording = Recording::open(path)?;
-        let (mut decoders, mut links) = (Decoders::default(), Links::default());
+        let (mut decoders, mut trees) = (Decoders::default(), Trees::new());
         let (mut topics, mut topic_of): (Vec<TopicSurvey>, Vec<Option<usize>>) = (Vec::new(), Vec::new());
         let (mut held_bytes, mut seen, mut is_whole) = (0, 0_u64, true);
         while let Some(message) = recording.next_message()? {
             if let Some(at) = place(&mut topics, &mut topic_of, message.connection) {
                 let topic = &mut topics[at];
                 topic.count(&message);
-                if let Err(reason) = topic.look(decoders.of(message.connection), message.data, &mut links) {
+                if let Err(reason) = topic.look(decoders.of(message.connection), message.data, &mut trees) {
                     topic.undecodable += 1;
                     topic.first_error.get_or_insert(reason);
                 }
@@ -282,13 +307,22 @@ impl Survey {
         for connection in recording.connections() {
             place(&mut topics, &mut topic_of, connection);
         }
-        Ok((Self { topics, links, container: recording.report().clone(), held_bytes }, is_whole))
+        let links = match &mut trees[..] {
+            [(_, links)] => std::mem::take(links),
+            several => joined(several),
+        };
+        Ok((Self { topics, links, trees, container: recording.report().clone(), held_bytes }, is_whole))
     }
 
     /// A topic by its name; the slash in front may be left out.
     #[must_use]
     pub fn topic(&self, name: &str) -> Option<&TopicSurvey> {
         self.topics.iter().find(|topic| same_name(&topic.name, name))
+    }
+
+    /// Whether planar scans show that the robot moved.
+    pub(crate) fn scans_change(&self) -> bool {
+        self.topics.iter().any(|topic| topic.scenery.has_changed)
     }
 
     /// First and last time of any message, by the times of recording.

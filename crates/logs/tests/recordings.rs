@@ -125,7 +125,7 @@ fn odometry_jumps_where_no_robot_can_have_driven_in_the_time() {
         recorder.odometry("/odom", ms(at_ms), ms(at_ms), x_m);
     }
     let (_, report) = read(recorder.finish());
-    assert_eq!(report.stream.topics[1].odometry_jumps.first_places, [6]);
+    assert_eq!(report.stream.topics[1].odometry.jumps.first_places, [6]);
 }
 
 #[test]

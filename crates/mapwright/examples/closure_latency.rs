@@ -29,7 +29,7 @@ fn main() {
         number += 1;
         let every = scans / (breaks + 1);
         let which = number / every.max(1);
-        if number % every == 0 && which > 0 && which <= breaks {
+        if number.is_multiple_of(every) && which > 0 && which <= breaks {
             let (from, lasts_s) = (scan.scan.stamp, LENGTHS_S[which / 2 % LENGTHS_S.len()]);
             let after = recorded.find(|scan| {
                 number += 1;
@@ -37,7 +37,7 @@ fn main() {
             });
             let Some(after) = after else { break };
             scan = after;
-            if which % 2 == 0 {
+            if which.is_multiple_of(2) {
                 mapper.switch_on(RunId::default());
             }
         }

@@ -32,8 +32,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn break_before(scan: usize, scans: usize, breaks: usize) -> Option<(f64, bool)> {
     let every = scans / (breaks + 1);
     let which = scan / every.max(1);
-    (which > 0 && which <= breaks && scan % every == 0)
-        .then(|| (LENGTHS_S[which / 2 % LENGTHS_S.len()], which % 2 == 0))
+    (which > 0 && which <= breaks && scan.is_multiple_of(every))
+        .then(|| (LENGTHS_S[which / 2 % LENGTHS_S.len()], which.is_multiple_of(2)))
 }
 
 fn report(policy: &str, name: &str, site: Site, scans: usize, breaks: usize) -> Result<(), Box<dyn std::error::Error>> {

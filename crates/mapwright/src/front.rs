@@ -104,7 +104,8 @@ impl FrontEnd {
     pub(crate) fn prepare(&mut self, scan: &LaserScan) -> Prepared {
         let refused = scan.laser.check(scan.ranges_m.len()).err();
         let odom_from_robot = self.preparation.odometry_of(scan);
-        let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot);
+        let is_alike = || self.preparation.is_like_last(scan);
+        let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot, is_alike);
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
         let place =
             Place { local_from_robot: predicted, odom_from_robot: self.pose.odom_from_robot() * step.last_from_robot };
@@ -113,7 +114,9 @@ impl FrontEnd {
             self.preparation.refuse(scan)
         } else {
             let twist = self.predictor.twist(scan.stamp, step);
-            self.preparation.prepare(&self.settings.scan, scan, step, twist, sound.then_some(place))
+            let (settings, place) = (&self.settings.scan, sound.then_some(place));
+            let believes = |elapsed_s, motion| self.predictor.believes(elapsed_s, motion);
+            self.preparation.prepare(settings, scan, step, twist, place, believes)
         };
         Prepared { step, predicted, odom_from_robot, beams, refused }
     }

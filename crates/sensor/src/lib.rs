@@ -1,12 +1,14 @@
 //! What sensors deliver, and what is done with it before any map is involved.
 //!
 //! - [`LaserModel`], [`LaserScan`], [`Odometry`], [`TurnRate`]: readings of the plane as they arrive.
+//! - [`Pace`]: how fast the robot drives, by its odometry, and which of its steps no robot can have made.
 //! - [`SpaceSensor`], [`Cloud`], [`PinholeCamera`], [`DepthImage`], [`ImuReading`]: readings of space.
 
 mod cloud;
 mod head;
 mod imu;
 mod motion;
+mod pace;
 mod prepared;
 mod scan;
 mod space_sweep;
@@ -19,6 +21,7 @@ pub use imu::{
     Turned,
 };
 pub use motion::{Decomposed, MotionModel};
+pub use pace::Pace;
 pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};
 pub use space_sweep::SpaceSweep;

@@ -2,7 +2,7 @@
 
 use mapwright::Pose2;
 use mapwright_eval::Delta;
-use mapwright_logs::SliceBounds;
+use mapwright_logs::{MountChoice, SliceBounds};
 use mapwright_sim::Gap;
 
 pub(super) fn parse_assignment(text: &str) -> Result<(String, String), String> {
@@ -15,6 +15,20 @@ pub(super) fn parse_pose(text: &str) -> Result<Pose2, String> {
     match numbers[..] {
         [x, y, yaw] if [x, y, yaw].iter().all(|v| v.abs() <= 1e5) => Ok(Pose2::new(x, y, yaw)),
         _ => Err("expected three numbers within 100 km, such as 1.5,-2,0.1".to_owned()),
+    }
+}
+
+pub(super) fn parse_mount(text: &str) -> Result<MountChoice, String> {
+    let (place, inverted) = match text.rsplit_once(',') {
+        Some((place, last)) if last.trim() == "flipped" => (place, true),
+        _ => (text, false),
+    };
+    let numbers: Vec<Option<f64>> = place.split(',').map(|field| field.trim().parse().ok()).collect();
+    match numbers[..] {
+        [Some(x), Some(y), Some(yaw)] if x.abs() <= 100.0 && y.abs() <= 100.0 && yaw.abs() <= 10.0 => {
+            Ok(MountChoice { robot_from_laser: Pose2::new(x, y, yaw), inverted })
+        }
+        _ => Err("expected metres, metres and radians, such as 0.2,0,3.14 or 0.2,0,3.14,flipped".to_owned()),
     }
 }
 

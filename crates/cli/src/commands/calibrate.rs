@@ -1,6 +1,7 @@
 //! `mapwright calibrate`
 
 use crate::args::CalibrateArgs;
+use crate::calibrated::Calibrated;
 use crate::calibration::{Calibration, Estimate, Sample, calibrate};
 use crate::events::Log;
 use crate::failure::{Failure, Outcome};
@@ -8,10 +9,11 @@ use crate::interrupt::Interrupt;
 use crate::progress::{FirstPass, Progress};
 use crate::settings;
 use crate::terminal::{say, say_json};
+use crate::turns::Turns;
 use mapwright::{LaserScan, Mapper, Pose2, Status};
 use mapwright_formats::LogEvent;
-use mapwright_logs::Choice;
 use serde_json::{Value, json};
+use std::fs;
 
 /// Values smaller than so many standard deviations may as well be zero.
 const CLEAR_SIGMAS: f64 = 3.0;
@@ -22,7 +24,7 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let quiet = args.voice.quiet || args.voice.json;
     let mut first_pass = FirstPass::new(&interrupt, quiet);
     let logs = std::slice::from_ref(&args.log);
-    let mut log = Log::open_all(logs, &Choice::default(), &mut |name, messages| first_pass.look(name, messages))?;
+    let mut log = Log::open_all(logs, &args.source.choice(), &mut |name, messages| first_pass.look(name, messages))?;
     drop(first_pass);
     let mut progress = Progress::new(log.size_bytes(), quiet);
     log.for_each(&interrupt, |event, position| {
@@ -42,9 +44,17 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     progress.finish();
     let name = log.name();
     let losses = log.finish()?.losses();
+    if let Some(reason) = collector.turns.words() {
+        return Err(Failure::NotCalibrated { name, reason });
+    }
     let presumed = collector.presumed.unwrap_or(Pose2::IDENTITY);
     let found =
         calibrate(&collector.runs, presumed).map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
+    if let Some(path) = &args.apply {
+        let upside_down = collector.upside_down.unwrap_or(false);
+        let text = Calibrated::of(&found, upside_down).to_text(&name);
+        fs::write(path, text).map_err(|cause| Failure::write(path, cause))?;
+    }
     if args.voice.json {
         say_json(&to_json(&name, &found, presumed))?;
     } else if !args.voice.quiet {
@@ -58,18 +68,29 @@ struct Collector {
     mapper: Mapper,
     odom_from_robot: Option<Pose2>,
     presumed: Option<Pose2>,
+    upside_down: Option<bool>,
     runs: Vec<Vec<Sample>>,
+    turns: Turns,
 }
 
 impl Collector {
     fn new(mapper: Mapper) -> Self {
-        Self { mapper, odom_from_robot: None, presumed: None, runs: vec![Vec::new()] }
+        Self {
+            mapper,
+            odom_from_robot: None,
+            presumed: None,
+            upside_down: None,
+            runs: vec![Vec::new()],
+            turns: Turns::default(),
+        }
     }
 
     fn add(&mut self, scan: &LaserScan) {
         let update = self.mapper.add_scan(scan);
         let mount = scan.laser.robot_from_laser;
         let odom_from_robot = scan.odom_from_robot.or(self.odom_from_robot);
+        self.turns.add(&update, odom_from_robot, &scan.laser);
+        self.upside_down.get_or_insert(scan.laser.inverted);
         if *self.presumed.get_or_insert(mount) != mount {
             return;
         }

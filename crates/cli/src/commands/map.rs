@@ -116,6 +116,10 @@ fn nothing_mapped(name: &str, read: &Reading, mapping: &Mapping) -> Failure {
 }
 
 fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+    if args.source.has_mount() {
+        let why = "--mount and --calibration are for planar lasers, found a recording of space; --frame names the robot's frame";
+        return Err(Failure::Usage(why.to_owned()));
+    }
     if args.goes_on {
         let why = "--continue is for logs of a planar laser; a recording of space goes on with --resume SESSION, into another folder";
         return Err(Failure::Usage(why.to_owned()));

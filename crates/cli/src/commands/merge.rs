@@ -2,7 +2,7 @@
 
 use super::map::{Finished, finish};
 use crate::args::{MappingArgs, MergeArgs};
-use crate::events::{Ending, Interrupt, Log, name_of};
+use crate::events::{self, Ending, Interrupt, Log, name_of};
 use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
@@ -10,17 +10,30 @@ use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::session::{earlier_in_plane, is_session};
 use mapwright::{LivePolicy, Session};
+use mapwright_logs::{Input as Recorded, LogError, Robot, Survey};
 use std::path::Path;
 
-/// What is merged: a session, and what was lost of it; none where it is a log, which is read when its turn comes.
-type Input = Option<(Session, Vec<String>)>;
+/// What is merged.
+enum Input {
+    /// A session, and what was lost of it.
+    Session(Box<Session>, Vec<String>),
+    /// A log, which is read when its turn comes; and whose scans are meant where it is one of several robots.
+    Log(Recorded, Option<String>),
+}
 
 pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     let settings = settings_of(&args.mapping)?;
     refuse(&args.mapping, settings.live.policy)?;
     let interrupt = Interrupt::watch()?;
-    let inputs: Vec<Input> = args.inputs.iter().map(|path| input(path.as_path())).collect::<Result<_, _>>()?;
-    if args.mapping.start.is_some() && inputs.first().is_some_and(Option::is_some) {
+    let mut inputs: Vec<(String, &Path, Input)> = Vec::new();
+    for path in &args.inputs {
+        inputs.append(&mut input(path, args, &interrupt)?);
+    }
+    if inputs.len() < 2 {
+        let why = "expected two logs or sessions at least, or a recording of several robots; one log is for `map`";
+        return Err(Failure::Usage(why.to_owned()));
+    }
+    if args.mapping.start.is_some() && inputs.first().is_some_and(|(_, _, input)| matches!(input, Input::Session(..))) {
         let why =
             "--start says where the first log begins, and the first input is a session, which begins where it does";
         return Err(Failure::Usage(why.to_owned()));
@@ -32,16 +45,19 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     };
     let mut read = Reading { logs: Vec::new(), notes: Vec::new() };
     let mut ending = Ending::OfLog;
-    for (path, input) in args.inputs.iter().zip(inputs) {
+    let names: Vec<String> = inputs.iter().map(|(name, _, _)| name.clone()).collect();
+    for (name, path, input) in inputs {
         match (input, &mut mapping) {
-            (Some(session), None) => mapping.insert(begin(&args.output, Some(session))?).begin_part(name_of(path)),
-            (Some((session, mut losses)), Some(mapping)) => {
-                mapping.begin_part(name_of(path));
-                mapping.earlier_losses.append(&mut losses);
-                mapping.import(&session, &name_of(path), &interrupt)?;
+            (Input::Session(session, losses), None) => {
+                mapping.insert(begin(&args.output, Some((*session, losses)))?).begin_part(name);
             }
-            (None, known) => {
-                let log = open(path, args, &interrupt)?;
+            (Input::Session(session, mut losses), Some(mapping)) => {
+                mapping.begin_part(name.clone());
+                mapping.earlier_losses.append(&mut losses);
+                mapping.import(&session, &name, &interrupt)?;
+            }
+            (Input::Log(log, robot), known) => {
+                let log = open((&name, path), log, robot.as_deref(), args, &interrupt)?;
                 let mapping = match known {
                     Some(mapping) => {
                         mapping.switch_on()?;
@@ -49,7 +65,7 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
                     }
                     None => mapping.insert(begin(&args.output, None)?),
                 };
-                mapping.begin_part(name_of(path));
+                mapping.begin_part(name);
                 ending = map_log(log, mapping, &interrupt, &mut read)?;
             }
         }
@@ -60,7 +76,6 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     }
     let Some(mut mapping) = mapping else { return Err(Failure::Usage("expected logs or sessions".to_owned())) };
     mapping.end_of_scans();
-    let names: Vec<String> = args.inputs.iter().map(|path| name_of(path)).collect();
     finish(mapping, Finished { name: names.join(", "), read, ending, output: &args.output, voice: args.mapping.voice })
 }
 
@@ -77,22 +92,56 @@ fn refuse(mapping: &MappingArgs, policy: LivePolicy) -> Result<(), Failure> {
     Ok(())
 }
 
-fn input(path: &Path) -> Result<Input, Failure> {
+/// What lies at a path: a recording of several robots counts as a log of each.
+fn input<'a>(
+    path: &'a Path,
+    args: &MergeArgs,
+    interrupt: &Interrupt,
+) -> Result<Vec<(String, &'a Path, Input)>, Failure> {
+    let name = name_of(path);
     if !is_session(path)? {
-        return Ok(None);
+        let recording = match events::input(path)? {
+            Recorded::Recording(recording) if !args.source.has_robot() => recording,
+            log => return Ok(vec![(name, path, Input::Log(log, None))]),
+        };
+        let survey = looked_through(&name, &recording, args, interrupt)?;
+        let log = |survey| Recorded::Surveyed(recording.clone(), Box::new(survey));
+        let robots = survey.robots();
+        if robots.len() < 2 {
+            return Ok(vec![(name, path, Input::Log(log(survey), None))]);
+        }
+        let of_robot = |robot: Robot| {
+            (format!("{name}, {}", robot.shown()), path, Input::Log(log(survey.clone()), Some(robot.name)))
+        };
+        return Ok(robots.into_iter().map(of_robot).collect());
     }
     let (session, losses) = earlier_in_plane(path)?;
     if session.keyframes().is_empty() {
         return Err(Failure::Session { path: path.to_owned(), cause: "expected keyframes, found none".to_owned() });
     }
-    Ok(Some((session, losses)))
+    Ok(vec![(name, path, Input::Session(Box::new(session), losses))])
 }
 
-fn open(path: &Path, args: &MergeArgs, interrupt: &Interrupt) -> Result<Log, Failure> {
+fn looked_through(name: &str, recording: &Path, args: &MergeArgs, interrupt: &Interrupt) -> Result<Survey, Failure> {
+    let voice = args.mapping.voice;
+    let mut first_pass = FirstPass::new(interrupt, voice.quiet || voice.json);
+    let survey = Survey::watched(recording, &mut |messages| first_pass.look(name, messages));
+    let survey = survey.map_err(|cause| Failure::log(LogError::Recording { name: name.to_owned(), cause }))?;
+    survey.ok_or_else(|| Failure::log(LogError::Stopped { name: name.to_owned() }))
+}
+
+fn open(
+    (name, path): (&str, &Path),
+    log: Recorded,
+    robot: Option<&str>,
+    args: &MergeArgs,
+    interrupt: &Interrupt,
+) -> Result<Log, Failure> {
     let voice = args.mapping.voice;
     let mut first_pass = FirstPass::new(interrupt, voice.quiet || voice.json);
     let mut watch = |name: &str, messages| first_pass.look(name, messages);
-    Log::open_all(&[path.to_owned()], &args.source.choice(), &mut watch)
+    let source = robot.map_or_else(|| args.source.clone(), |robot| args.source.of_robot(robot));
+    Log::of(vec![(name.to_owned(), log)], &[path.to_owned()], &source.choice(), &mut watch)
 }
 
 fn map_log(mut log: Log, mapping: &mut Mapping, interrupt: &Interrupt, read: &mut Reading) -> Result<Ending, Failure> {

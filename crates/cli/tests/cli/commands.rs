@@ -90,8 +90,39 @@ fn the_laser_is_found_where_it_sits() {
         let [found, sigma] = ["value", "sigma"].map(|part| value[key][part].as_f64().unwrap());
         assert!((found - truth).abs() < within && (found - truth).abs() < 5.0 * sigma, "{key} {found} +- {sigma}");
     }
-    let words = text(&run(&["calibrate", log.to_str().unwrap(), "--quiet"]).stdout);
+    let file = folder.join("found.toml").display().to_string();
+    let words = text(&run(&["calibrate", log.to_str().unwrap(), "--quiet", "--apply", &file]).stdout);
     assert!(words.is_empty());
+
+    // the next run has the laser where it was found, of this log and of the same as a recording
+    let recorded = folder.join("offset.mcap").display().to_string();
+    assert_code(&run(&["convert", log.to_str().unwrap(), &recorded]), 0);
+    for (name, log) in [("clf", log.to_str().unwrap()), ("mcap", &recorded)] {
+        let value: serde_json::Value =
+            serde_json::from_slice(&run(&["info", log, "--calibration", &file, "--json"]).stdout).unwrap();
+        let mount = value["lasers"][0]["robot_from_laser"].as_array().unwrap();
+        let off_m = (mount[0].as_f64().unwrap() + 0.04).hypot(mount[1].as_f64().unwrap() - 0.03);
+        assert!(off_m < 0.01, "{name}: {mount:?}");
+        let out = folder.join(name);
+        assert_code(&run(&["map", log, "-o", out.to_str().unwrap(), "--calibration", &file, "--quiet"]), 0);
+        // what was taken out is not there any more
+        let again = run(&["calibrate", log, "--calibration", &file, "--json"]);
+        assert_code(&again, 0);
+        let again: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
+        for (key, expected, within) in
+            [("translation_scale", 1.0, 0.004), ("rotation_scale", 1.0, 0.004), ("drift_rad_per_m", 0.0, 0.004)]
+        {
+            let left = again[key]["value"].as_f64().unwrap() - expected;
+            assert!(left.abs() < within, "{name} {key}: {left}");
+        }
+    }
+    assert_refused(
+        &run(&["map", &recorded, "-o", "x", "--calibration", "none.toml"]),
+        2,
+        &["none.toml", "cannot read"],
+    );
+    fs::write(&file, "[laser]\nx_m = 1e9\n").unwrap();
+    assert_refused(&run(&["map", &recorded, "-o", "x", "--calibration", &file]), 2, &["found.toml"]);
 }
 
 #[test]

@@ -25,3 +25,4 @@ mod suite;
 mod support;
 mod wrong_fields;
 mod wrong_files;
+mod wrong_input;

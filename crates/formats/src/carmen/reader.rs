@@ -6,7 +6,6 @@ use super::models::{Geometry, ModelCache, same_mount};
 use super::params::{LaserParams, Params};
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
-use crate::jump::is_odometry_jump;
 use crate::lines::{Line, LineReader, MAX_LINE_BYTES};
 use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
 use mapwright_geom::{Pose2, Stamp};
@@ -204,7 +203,6 @@ enum RawLasers {
 struct Topic {
     report_index: usize,
     beams: Option<usize>,
-    odometry: Option<Odometry>,
 }
 
 impl Parser {
@@ -393,15 +391,13 @@ impl Parser {
     fn note_event(&mut self, tag: Tag, line: u64, stamp: Stamp, odom_from_robot: Option<Pose2>) {
         let topic = self.topics[tag.index()].get_or_insert_with(|| {
             self.report.topics.push(TopicReport { name: tag.name().to_owned(), ..TopicReport::default() });
-            Topic { report_index: self.report.topics.len() - 1, beams: None, odometry: None }
+            Topic { report_index: self.report.topics.len() - 1, beams: None }
         });
         let report = &mut self.report.topics[topic.report_index];
         report.events += 1;
         report.stamps.observe(line, stamp);
-        let Some(odom_from_robot) = odom_from_robot else { return };
-        let now = Odometry { stamp, odom_from_robot };
-        if topic.odometry.replace(now).is_some_and(|before| is_odometry_jump(&before, &now)) {
-            report.odometry_jumps.note(line);
+        if let Some(odom_from_robot) = odom_from_robot {
+            report.odometry.observe(line, Odometry { stamp, odom_from_robot });
         }
     }
 

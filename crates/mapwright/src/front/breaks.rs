@@ -3,7 +3,7 @@
 //! detection looks for a join ([`mapwright_loops::Closing`]).
 
 use super::insert::Intruders;
-use super::predict::Predictor;
+use super::predict::{BLIND_S, Predictor};
 use super::prepare::Preparation;
 use super::slip::SlipWatch;
 use super::track::Tracker;
@@ -11,7 +11,7 @@ use super::{FrontEnd, Matched, Prepared};
 use crate::settings::LivePolicy;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov3, Stamp, TangentMatrix, compose_covariance};
-use mapwright_record::{FragmentStart, Past};
+use mapwright_record::{FragmentStart, Past, Status};
 use mapwright_sensor::LaserScan;
 
 /// Nothing is matched against from such a standard deviation of the position on, metres: places that look alike lie as near as
@@ -21,7 +21,6 @@ const BREAK_SIGMA_M: f64 = 1.0;
 /// as many usual periods in which neither laser nor wheels said anything. While the wheels are read they are believed: there are logs with a
 /// scan every quarter of a minute.
 const BLIND_SCANS: u32 = 20;
-const BLIND_S: f64 = 4.0;
 /// After so many scans in a row that fit nowhere it is not where it is thought to be.
 const LOST_SCANS: u32 = 10;
 /// Variances of where it is then, m^2 and rad^2.
@@ -51,8 +50,7 @@ impl FrontEnd {
         }
         let (blank, blind_s) = self.tracker.blind(stamp);
         let silence_s = self.tracker.silence_s(stamp);
-        let is_blind = blank >= BLIND_SCANS && blind_s > BLIND_S
-            || silence_s > BLIND_S.max(f64::from(BLIND_SCANS) * self.predictor.period_s());
+        let is_blind = blank >= BLIND_SCANS && blind_s > BLIND_S || self.predictor.is_blind(silence_s);
         let may_have_strayed = prepared.step.after_gap || self.tracker.misfits() > 0;
         if self.tracker.misfits() >= LOST_SCANS {
             Some(FragmentStart::Lost)
@@ -81,6 +79,24 @@ impl FrontEnd {
         self.slips = SlipWatch::default();
         self.pose.switch_on();
         self.local_map.leave_all();
+    }
+
+    /// Over a gap by the stamps alone the scan says whether the robot is still where odometry has it: then there is no break. Else the
+    /// fragment begins.
+    pub(crate) fn bridge(
+        &mut self,
+        past: Past<'_>,
+        scan: &LaserScan,
+        prepared: &Prepared,
+        start: FragmentStart,
+    ) -> (Option<FragmentStart>, Option<Matched>) {
+        if start == FragmentStart::Blind && prepared.step.stalled {
+            let matched = self.track(past, scan, prepared).filter(|matched| matched.status == Status::Tracking);
+            if matched.is_some() {
+                return (None, matched);
+            }
+        }
+        (Some(start), self.leave())
     }
 
     /// What is known is not matched against any more.

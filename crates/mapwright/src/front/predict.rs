@@ -2,7 +2,7 @@
 
 use crate::settings::MotionSettings;
 use mapwright_geom::{Pose2, Stamp, Stored, stored};
-use mapwright_sensor::MotionModel;
+use mapwright_sensor::{MotionModel, Pace};
 
 /// The motion since the last scan, with standard deviations of its right-perturbation tangent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +15,8 @@ pub(crate) struct Step {
     pub(crate) from_odometry: bool,
     /// The scan before is longer ago than is usual.
     pub(crate) after_gap: bool,
+    /// It is so by the stamps alone: by odometry the robot is where it would be at the next scan.
+    pub(crate) stalled: bool,
 }
 
 /// How a robot turned out to have moved since the scan before.
@@ -31,6 +33,12 @@ pub(crate) enum Moved {
 
 /// From so many usual periods on, the time between two scans is a gap.
 const GAP_PERIODS: f64 = 8.0;
+/// Over a gap that would begin a fragment, in which odometry moved no farther than so many usual steps and after which a scan shows the
+/// same, the time is not believed: a clock was set, or the robot stood while nothing was recorded. Twice the root mean square bounds nearly every step of an even drive.
+const STALLED_STEPS: f64 = 2.0;
+/// After so many usual periods in which neither laser nor wheels said anything, and so many seconds, a robot may have been carried away.
+const BLIND_PERIODS: f64 = 20.0;
+pub(super) const BLIND_S: f64 = 4.0;
 /// How evenly a robot moves from scan to scan: how it speeds up, metres per second squared, over periods up to so many
 /// seconds; radians; and shares of translation and rotation.
 const STEADY_MPS2: f64 = 1.0;
@@ -52,11 +60,6 @@ const USUAL_AT_LEAST: [f64; 2] = [0.05, 0.1];
 const USUAL_WEIGHT: f64 = 0.01;
 /// Standard deviation of a heading of which nothing is known, radians: pi / sqrt(3).
 const ANY_HEADING_RAD: f64 = 1.8;
-/// Odometry that claims to have gone farther than this between two scans, metres, and faster than any robot that maps
-/// buildings drives, metres per second, has jumped and is not believed.
-const JUMP_M: f64 = 10.0;
-const JUMP_MPS: f64 = 3.0;
-
 /// Odometry is believed as it deserves: weight of the newest scan, how much worse than the model it may be at most, and
 /// the least share of a correction that is the scan's own.
 const WRONG_WEIGHT: f64 = 0.01;
@@ -85,9 +88,11 @@ pub(crate) struct Predictor {
     wrong: [[f64; 2]; 2],
     /// How fast the robot usually drives and turns, metres and radians per second.
     usual: [f64; 2],
+    /// How fast it drives and turns at most, by its odometry.
+    pace: Pace,
 }
 
-stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual });
+stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual, pace });
 
 impl Default for Predictor {
     fn default() -> Self {
@@ -99,6 +104,7 @@ impl Default for Predictor {
             period_s: 0.0,
             wrong: [[0.0; 2]; 2],
             usual: USUAL_AT_FIRST,
+            pace: Pace::default(),
         }
     }
 }
@@ -109,7 +115,7 @@ impl Predictor {
         let predictor = Self::take(from)?;
         let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
         let is_sound = twist.iter().chain(&wrong).chain([&predictor.period_s]).all(|number| number.abs() <= LARGEST);
-        is_sound.then_some(predictor)
+        (is_sound && predictor.pace.is_sound()).then_some(predictor)
     }
 
     /// Goes through an earlier scan again: where odometry had the robot, if there was any, and how it has moved since the scan before.
@@ -121,30 +127,35 @@ impl Predictor {
         odom_from_robot: Option<Pose2>,
         last_from_robot: Pose2,
     ) -> [f64; 3] {
-        let step = self.step(settings, stamp, odom_from_robot);
+        let step = self.step(settings, stamp, odom_from_robot, || false);
         let moved = if step.from_odometry { Moved::By(last_from_robot) } else { Moved::Matched(last_from_robot) };
         self.settle(stamp, odom_from_robot, moved);
         step.variances
     }
 
-    /// Usual time between two scans, seconds.
-    pub(crate) fn period_s(&self) -> f64 {
-        self.period_s
-    }
-
-    /// The motion from the last scan to this one.
-    pub(crate) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose2>) -> Step {
+    /// The motion from the last scan to this one; `is_alike` says whether it shows the same.
+    pub(crate) fn step(
+        &self,
+        settings: &MotionSettings,
+        stamp: Stamp,
+        odom_from_robot: Option<Pose2>,
+        is_alike: impl FnOnce() -> bool,
+    ) -> Step {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
         // Stamps may stand still or run backwards: then the time is not known and counts as one usual period.
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s } else { 0.1 };
         let increment = match (settings.use_odometry, self.odom_from_robot, odom_from_robot) {
-            (true, Some(last), Some(now)) => Some(last.between(now)).filter(|step| believable(*step, elapsed_s)),
+            (true, Some(last), Some(now)) => {
+                Some(last.between(now)).filter(|step| self.pace.believes(elapsed_s, *step))
+            }
             _ => None,
         };
         match increment {
             Some(last_from_robot) => {
                 let after_gap = self.is_gap(elapsed_s);
-                let steps = if after_gap { elapsed_s / (GAP_PERIODS * self.period_s) } else { 1.0 };
+                let stalled = self.is_blind(elapsed_s) && self.is_usual(last_from_robot) && is_alike();
+                let elapsed_s = if stalled { self.period_s } else { elapsed_s };
+                let steps = if after_gap && !stalled { elapsed_s / (GAP_PERIODS * self.period_s) } else { 1.0 };
                 let expected = odometry_variances(settings, last_from_robot, elapsed_s, steps);
                 let worse = |[was, expected]: [f64; 2]| match expected {
                     expected if expected > 0.0 => (was / expected).clamp(1.0, WORSE_AT_MOST),
@@ -152,7 +163,7 @@ impl Predictor {
                 };
                 let [translation, rotation] = self.wrong.map(worse);
                 let variances = [translation * expected[0], translation * expected[1], rotation * expected[2]];
-                Step { last_from_robot, variances, expected, from_odometry: true, after_gap }
+                Step { last_from_robot, variances, expected, from_odometry: true, after_gap, stalled }
             }
             None => self.constant_velocity(settings, elapsed_s),
         }
@@ -178,11 +189,23 @@ impl Predictor {
             expected: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
             from_odometry: false,
             after_gap: gap_s > 0.0,
+            stalled: false,
         }
     }
 
     fn is_gap(&self, elapsed_s: f64) -> bool {
         self.period_s > 0.0 && elapsed_s > GAP_PERIODS * self.period_s
+    }
+
+    /// Whether nothing was seen for so long that the robot may have been carried.
+    pub(super) fn is_blind(&self, seconds: f64) -> bool {
+        seconds > BLIND_S.max(BLIND_PERIODS * self.period_s)
+    }
+
+    /// Whether a motion is no more than what the robot makes from scan to scan.
+    fn is_usual(&self, motion: Pose2) -> bool {
+        let moved = [motion.x.hypot(motion.y), motion.theta.abs()];
+        (0..2).all(|axis| moved[axis] <= STALLED_STEPS * self.usual[axis] * self.period_s)
     }
 
     /// What the robot did instead if the wheels fail: they spin while it stands, they count but do not tell forwards from
@@ -193,6 +216,11 @@ impl Predictor {
         let reversed = Pose2::new(-said.x, -said.y, said.theta);
         let possible = step.from_odometry && said.x.hypot(said.y) <= FAILING_STEP_AT_MOST_M;
         [Some(stood), Some(reversed), self.twist.map(Pose2::exp)].into_iter().flatten().filter(move |_| possible)
+    }
+
+    /// Whether the robot can have made a motion of which odometry tells, in so many seconds.
+    pub(crate) fn believes(&self, elapsed_s: f64, motion: Pose2) -> bool {
+        self.pace.believes(elapsed_s, motion)
     }
 
     /// The robot's twist per second while it makes `step`.
@@ -222,6 +250,14 @@ impl Predictor {
     pub(crate) fn doubts_odometry(&self) -> bool {
         let [was, expected] = self.wrong[0];
         was > DOUBTED * expected
+    }
+
+    /// Where odometry has the robot after a scan without a reading: as far on as the robot has moved, where that is known.
+    fn odometry_after(&self, moved: Moved) -> Option<Pose2> {
+        match moved {
+            Moved::By(motion) | Moved::Matched(motion) => self.odom_from_robot.map(|last| last * motion),
+            Moved::AsBefore | Moved::Unknown => self.odom_from_robot,
+        }
     }
 
     /// Remembers a scan and how the robot turned out to have moved.
@@ -257,14 +293,11 @@ impl Predictor {
             self.period_s += weight * (elapsed_s - self.period_s);
         }
         self.stamp = Some(stamp);
-        if odom_from_robot.is_some() {
-            self.odom_from_robot = odom_from_robot;
+        if let (Some(last), Some(now)) = (self.odom_from_robot, odom_from_robot) {
+            self.pace.add(elapsed_s, last.between(now));
         }
+        self.odom_from_robot = odom_from_robot.or_else(|| self.odometry_after(moved));
     }
-}
-
-fn believable(step: Pose2, elapsed_s: f64) -> bool {
-    step.is_finite() && step.x.hypot(step.y) <= JUMP_M.max(JUMP_MPS * elapsed_s)
 }
 
 /// Variances of a motion by odometry, over a gap of so many steps as long as may be without being one: each adds its own.
@@ -301,7 +334,7 @@ mod tests {
         predictor.settle(Stamp(0), Some(odom_from_robot), Moved::By(Pose2::IDENTITY));
         for k in 1..4000_i64 {
             odom_from_robot = odom_from_robot * Pose2::new(0.1, 0.0, 0.0);
-            let step = predictor.step(&settings, Stamp(100_000_000 * k), Some(odom_from_robot));
+            let step = predictor.step(&settings, Stamp(100_000_000 * k), Some(odom_from_robot), || false);
             // A sequence of which the variance is one.
             let error = [1.4, -0.7, 0.2, -1.4, 0.9, -0.4][k as usize % 6] * worse * step.expected[0].sqrt();
             let gain = step.variances[0] / (step.variances[0] + scan_m2);
@@ -319,10 +352,10 @@ mod tests {
         predictor.settle(Stamp(0), Some(Pose2::IDENTITY), Moved::By(Pose2::IDENTITY));
         let is_believed = |after_s: f64, by_m: f64| {
             let stamp = Stamp::from_secs_f64(after_s);
-            predictor.step(&settings, stamp, Some(Pose2::new(by_m, 0.0, 0.0))).from_odometry
+            predictor.step(&settings, stamp, Some(Pose2::new(by_m, 0.0, 0.0)), || false).from_odometry
         };
-        assert!(is_believed(60.0, 45.0) && is_believed(0.1, 9.9), "a robot drove on");
-        assert!(!is_believed(0.1, 10.1) && !is_believed(60.0, 200.0) && !is_believed(-5.0, 12.0), "a jump");
+        assert!(is_believed(60.0, 45.0) && is_believed(0.1, 2.9), "a robot drove on");
+        assert!(!is_believed(0.1, 3.1) && !is_believed(60.0, 200.0) && !is_believed(-5.0, 12.0), "a jump");
         assert!(!is_believed(60.0, f64::NAN));
     }
 
@@ -334,7 +367,7 @@ mod tests {
         (0..50).for_each(|k| predictor.settle(Stamp(200_000_000 * k), None, Moved::Matched(motion)));
         let after_s = |seconds: f64| {
             let stamp = Stamp(200_000_000 * 49 + (seconds * 1e9) as i64);
-            predictor.step(&settings, stamp, None)
+            predictor.step(&settings, stamp, None, || false)
         };
         let (usual, burst, gap) = (after_s(0.2), after_s(0.001), after_s(2.4));
         for step in [usual, burst, gap] {
@@ -358,11 +391,11 @@ mod tests {
         let stamp = |k: i64| Stamp(100_000_000 * k);
         let at = |k: i64| Pose2::new(0.05 * k as f64, 0.0, 0.0);
         (0..50).for_each(|k| predictor.settle(stamp(k), Some(at(k)), Moved::By(Pose2::new(0.05, 0.0, 0.0))));
-        let gap = predictor.step(&settings, stamp(149), Some(at(149)));
+        let gap = predictor.step(&settings, stamp(149), Some(at(149)), || false);
         assert!(gap.from_odometry && gap.after_gap);
         let mut sum = mapwright_geom::Cov3::zeros();
         for k in 50..150 {
-            let step = predictor.step(&settings, stamp(k), Some(at(k)));
+            let step = predictor.step(&settings, stamp(k), Some(at(k)), || false);
             let noise = mapwright_geom::Cov3::from_diagonal(&step.variances.into());
             sum = mapwright_geom::compose_covariance(&sum, step.last_from_robot, &noise);
             predictor.settle(stamp(k), Some(at(k)), Moved::By(step.last_from_robot));
@@ -380,7 +413,8 @@ mod tests {
         let motion = Pose2::new(0.05, 0.0, 0.0);
         let stamp = |k: i64| Stamp(100_000_000 * k);
         (0..50).for_each(|k| predictor.settle(stamp(k), None, Moved::Matched(motion)));
-        let carried_m = |predictor: &Predictor| predictor.clone().step(&settings, stamp(60), None).last_from_robot.x;
+        let carried_m =
+            |predictor: &Predictor| predictor.clone().step(&settings, stamp(60), None, || false).last_from_robot.x;
         predictor.settle(stamp(50), None, Moved::AsBefore);
         assert!((carried_m(&predictor) - 0.05).abs() < 1e-12, "what was put right is no motion");
         predictor.settle(stamp(70), None, Moved::Matched(Pose2::new(1.0, 0.0, 0.0)));

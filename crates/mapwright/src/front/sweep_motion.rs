@@ -79,13 +79,19 @@ impl SweepMotion {
     ///
     /// A scan arrives when its sweep is over, and the wheels have been read on the way: then they say it. Otherwise the
     /// motion since the last scan is carried on, as `carried`. Turning is what a gyroscope says, where one was read on the way.
-    pub(super) fn twist(&self, scan: &LaserScan, step: Step, carried: [f64; 3]) -> [f64; 3] {
+    pub(super) fn twist(
+        &self,
+        scan: &LaserScan,
+        step: Step,
+        carried: [f64; 3],
+        believes: impl Fn(f64, Pose2) -> bool,
+    ) -> [f64; 3] {
         let sweep_s = scan.laser.beam_period_s * scan.ranges_m.len() as f64;
         // beams that are taken at once, or in an order that nobody knows
         if sweep_s.is_nan() || sweep_s <= 0.0 {
             return [0.0; 3];
         }
-        let read = if step.from_odometry { self.twist_read(scan, sweep_s) } else { None };
+        let read = if step.from_odometry { self.twist_read(scan, sweep_s, believes) } else { None };
         let [x, y, turning] = read.unwrap_or(carried);
         let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
         let twist = [x, y, self.turn_rates.mean(scan.stamp, end).unwrap_or(turning)];
@@ -95,13 +101,14 @@ impl SweepMotion {
     }
 
     /// By readings of the wheels from within the sweep.
-    fn twist_read(&self, scan: &LaserScan, sweep_s: f64) -> Option<[f64; 3]> {
+    fn twist_read(&self, scan: &LaserScan, sweep_s: f64, believes: impl Fn(f64, Pose2) -> bool) -> Option<[f64; 3]> {
         let odom_from_robot = scan.odom_from_robot.filter(|pose| pose.is_finite())?;
         let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
         let later = self.odometry.at_or_after(end)?;
         let elapsed_s = later.stamp.secs_since(scan.stamp);
         let says = elapsed_s >= COVERED_SHARE * sweep_s && elapsed_s <= sweep_s + ODOMETRY_JOINED_S;
-        says.then(|| odom_from_robot.between(later.odom_from_robot).log().map(|d| d / elapsed_s))
+        let motion = odom_from_robot.between(later.odom_from_robot);
+        (says && believes(elapsed_s, motion)).then(|| motion.log().map(|d| d / elapsed_s))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::terminal::{count, duration, grouped};
 use mapwright::{BeamCounts, LaserModel, LaserScan, Odometry, Pose2, Stamp, Sweep};
-use mapwright_formats::{LogEvent, is_odometry_jump};
+use mapwright_formats::{JumpWatch, LogEvent};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ pub(super) struct Contents {
 pub(super) struct Topic {
     /// In the order of the file. Twelve bytes an event are all that is kept of it.
     pub(super) stamps: Vec<Stamp>,
-    last: Option<Odometry>,
+    odometry: JumpWatch,
     path_m: f64,
     turned_rad: f64,
     poses: u64,
@@ -176,10 +176,8 @@ impl Topic {
         self.stamps.push(stamp);
         let Some(odom_from_robot) = odom_from_robot else { return };
         self.poses += 1;
-        let now = Odometry { stamp, odom_from_robot };
         // a jump is no path
-        if let Some(last) = self.last.replace(now).filter(|last| !is_odometry_jump(last, &now)) {
-            let step = last.odom_from_robot.between(odom_from_robot);
+        if let Some(step) = self.odometry.observe(self.poses, Odometry { stamp, odom_from_robot }) {
             self.path_m += step.x.hypot(step.y);
             self.turned_rad += step.theta.abs();
         }
