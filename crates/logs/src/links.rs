@@ -273,6 +273,19 @@ fn along<'a>(way: &[&'a Link]) -> Result<Pose3, Option<&'a Link>> {
     Ok(ancestor_from_frame)
 }
 
+/// What several trees say.
+pub(crate) fn joined(trees: &[(String, Links)]) -> Links {
+    let mut all = Links::default();
+    trees.iter().for_each(|(_, links)| all.merge(links.clone()));
+    all
+}
+
+/// The namespace of a topic: all before its last part.
+pub(crate) fn namespace(topic: &str) -> &str {
+    let topic = topic.trim_start_matches('/');
+    topic.rsplit_once('/').map_or("", |(namespace, _)| namespace)
+}
+
 /// The name without tf1's slashes.
 pub(crate) fn bare(frame: &str) -> &str {
     frame.trim_start_matches('/')

@@ -2,7 +2,7 @@
 
 use crate::channel::TopicKind;
 use crate::choice::Choice;
-use crate::links::Links;
+use crate::links::{Links, joined, namespace};
 use crate::survey::{Survey, TopicSurvey};
 use crate::words::grouped;
 use std::borrow::Cow;
@@ -28,12 +28,6 @@ impl Robot {
     pub fn shown(&self) -> &str {
         if self.name.is_empty() { "/" } else { &self.name }
     }
-}
-
-/// The namespace of a topic: all before its last part.
-pub(crate) fn namespace(topic: &str) -> &str {
-    let topic = topic.trim_start_matches('/');
-    topic.rsplit_once('/').map_or("", |(namespace, _)| namespace)
 }
 
 /// Whether a namespace is another one or lies within it.
@@ -138,13 +132,6 @@ impl Survey {
         let links = joined(&trees);
         Self { topics, links, trees, container: self.container.clone(), held_bytes: self.held_bytes }
     }
-}
-
-/// What several trees say.
-pub(crate) fn joined(trees: &[(String, Links)]) -> Links {
-    let mut all = Links::default();
-    trees.iter().for_each(|(_, links)| all.merge(links.clone()));
-    all
 }
 
 #[cfg(test)]

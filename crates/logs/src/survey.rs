@@ -2,8 +2,7 @@
 
 use crate::camera::CameraSurvey;
 use crate::channel::{Decoders, Messages, TopicKind};
-use crate::links::{Links, bare};
-use crate::robots::{joined, namespace};
+use crate::links::{Links, bare, joined, namespace};
 use crate::still::{Movement, Scenery};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_geom::Stamp;
