@@ -217,16 +217,16 @@ impl Usable {
 
     /// The first line, or the two of them.
     pub(crate) fn words(&self) -> String {
-        let mut why: Vec<&str> = self.reasons.iter().take(2).map(|reason| reason.words.as_str()).collect();
-        if why.is_empty() {
-            why.push(&self.well);
+        format!("{:<8} {}\n", self.word.name(), self.why())
+    }
+
+    fn why(&self) -> String {
+        let why: Vec<&str> = self.reasons.iter().take(2).map(|reason| reason.words.as_str()).collect();
+        match self.reasons.len() {
+            0 => self.well.clone(),
+            1 | 2 => why.join("; "),
+            all => format!("{}; and {} in report.json", why.join("; "), count(all as u64 - 2, "further reason")),
         }
-        let more = self.reasons.len().saturating_sub(2);
-        let mut text = format!("{:<8} {}", self.word.name(), why.join("; "));
-        if more > 0 {
-            text += &format!("; and {} in report.json", count(more as u64, "further reason"));
-        }
-        text.trim_end().to_owned() + "\n"
     }
 
     /// A map that cannot be used is a loss.
@@ -244,6 +244,7 @@ impl Usable {
         };
         json!({
             "word": self.word.name(),
+            "words": self.why(),
             "reasons": self.reasons.iter().map(reason).collect::<Vec<_>>(),
             "expected_error_m": self.expected_error_m,
         })
@@ -407,5 +408,94 @@ fn all_is_well(facts: &Facts) -> String {
                 facts.moved_mean_m
             )
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOUND: Facts = Facts {
+        scans: 5000,
+        keyframes: 1000,
+        degraded: 0.01,
+        lost: 0.0,
+        median_inlier_share: 0.98,
+        elsewhere: 0.0,
+        on_odometry: 0,
+        compared: 100,
+        misfits: 2,
+        moved_mean_m: 0.02,
+        moved_90_m: 0.03,
+        mean_sigma_m: 0.05,
+        worst_sigma_m: 0.1,
+        unheeded: 0,
+        turns_of_odometry: 1.01,
+        way_of_odometry: 0.99,
+        aside_deg: 0.2,
+    };
+
+    fn said(facts: Facts) -> (Usability, String) {
+        let usable = Usable::of(&facts);
+        (usable.word, usable.words())
+    }
+
+    #[test]
+    fn a_sound_map_is_good_and_says_why() {
+        assert_eq!(
+            said(SOUND),
+            (
+                Usability::Good,
+                "good     98 places seen again fit what was seen before, to 0.02 m in the mean\n".to_owned()
+            )
+        );
+        let once = Facts { compared: 0, misfits: 0, moved_mean_m: 0.0, ..SOUND };
+        assert!(said(once).1.contains("nothing was seen twice"));
+        assert!(Usable::of(&SOUND).loss().is_none());
+    }
+
+    #[test]
+    fn each_reason_is_told() {
+        let doubtful = [
+            (Facts { degraded: 0.2, ..SOUND }, "fit the map badly"),
+            (Facts { lost: 0.01, ..SOUND }, "fit nowhere"),
+            (Facts { elsewhere: 0.3, ..SOUND }, "in parts"),
+            (Facts { on_odometry: 1, ..SOUND }, "odometry alone holds 1 piece"),
+            (Facts { misfits: 10, ..SOUND }, "10 of 100 places do not fit"),
+            (Facts { moved_mean_m: 0.2, ..SOUND }, "0.20 m apart"),
+            (Facts { mean_sigma_m: 2.0, ..SOUND }, "certain to 2.0 m only"),
+            (Facts { unheeded: 3, ..SOUND }, "3 places looked like another"),
+            (Facts { turns_of_odometry: -0.9, ..SOUND }, "upside down"),
+            (Facts { turns_of_odometry: 0.8, ..SOUND }, "turn 0.80 times"),
+            (Facts { way_of_odometry: 1.3, ..SOUND }, "1.30 times the way"),
+            (Facts { aside_deg: 57.0, ..SOUND }, "57 deg beside"),
+        ];
+        for (facts, words) in doubtful {
+            let (word, told) = said(facts);
+            assert!(word == Usability::Check && told.contains(words), "{told}");
+            assert!(Usable::of(&facts).expected_error_m >= Usable::of(&SOUND).expected_error_m, "{told}");
+        }
+        let unusable = [
+            Facts { keyframes: 0, ..SOUND },
+            Facts { degraded: 0.6, ..SOUND },
+            Facts { lost: 0.3, ..SOUND },
+            Facts { misfits: 50, ..SOUND },
+            Facts { mean_sigma_m: 20.0, ..SOUND },
+        ];
+        for facts in unusable {
+            assert!(said(facts).0 == Usability::Unusable && Usable::of(&facts).loss().is_some(), "{facts:?}");
+        }
+    }
+
+    #[test]
+    fn the_gravest_two_reasons_come_first() {
+        let facts = Facts { degraded: 0.2, on_odometry: 1, unheeded: 2, misfits: 50, ..SOUND };
+        let (word, told) = said(facts);
+        assert!(word == Usability::Unusable && told.starts_with("unusable where it came again, 50 of 100"), "{told}");
+        assert!(told.contains("; and 2 further reasons in report.json"), "{told}");
+        let value = Usable::of(&facts).to_json();
+        assert_eq!(value["word"], "unusable");
+        assert_eq!(value["reasons"][0]["what"], "visits_contradict");
+        assert_eq!(value["reasons"][0]["evidence"]["misfits"], 50);
     }
 }

@@ -14,7 +14,11 @@ pub(super) fn block(report: &Value) -> String {
     };
     let reasons = verdict["reasons"].as_array().map_or(&[][..], Vec::as_slice);
     let items: String = reasons.iter().map(reason).collect();
-    let list = if items.is_empty() { String::new() } else { format!("<ul>{items}</ul>") };
+    let list = match verdict["words"].as_str() {
+        Some(words) if items.is_empty() => format!("<p>{}</p>", escaped(words)),
+        _ if items.is_empty() => String::new(),
+        _ => format!("<ul>{items}</ul>"),
+    };
     format!(
         "<section class=\"verdict {class}\" aria-label=\"Verdict\"><p class=\"word\"><span class=\"sign\" \
          aria-hidden=\"true\">{sign}</span>{}</p>{list}</section>\n",
@@ -24,8 +28,8 @@ pub(super) fn block(report: &Value) -> String {
 
 /// What it says, and what speaks for that.
 fn reason(reason: &Value) -> String {
-    let what = reason["what"].as_str().or_else(|| reason.as_str()).unwrap_or("no reason given");
-    let evidence = reason.as_object().into_iter().flatten().filter(|(key, value)| *key != "what" && !value.is_null());
+    let what = reason["words"].as_str().or_else(|| reason.as_str()).unwrap_or("no reason given");
+    let evidence = reason["evidence"].as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
     let evidence: Vec<String> =
         evidence.map(|(key, value)| format!("{} {}", key.replace('_', " "), plain(value))).collect();
     let evidence = if evidence.is_empty() {
@@ -54,10 +58,14 @@ mod tests {
 
     #[test]
     fn a_verdict_stands_with_its_reasons_and_their_evidence() {
-        let reasons = json!([{ "what": "walls <stand> twice", "doubled_share": 0.123456, "scans": 4, "none": null }]);
+        let reasons = json!([{
+            "words": "walls <stand> twice", "evidence": { "doubled_share": 0.123456, "scans": 4, "none": null },
+        }]);
         let html = block(&json!({ "verdict": { "word": "check", "reasons": reasons } }));
         assert!(html.contains("class=\"verdict check\""), "{html}");
         assert!(html.contains("walls &lt;stand&gt; twice <small>(doubled share 0.1235, scans 4)</small>"), "{html}");
+        let good = block(&json!({ "verdict": { "word": "good", "reasons": [], "words": "all fits" } }));
+        assert!(good.contains("<p>all fits</p>"), "{good}");
         assert!(block(&json!({})).is_empty() && block(&Value::Null).is_empty());
         assert!(block(&json!({ "verdict": { "word": "odd", "reasons": 3 } })).contains("unusable"));
     }

@@ -102,7 +102,7 @@ fn a_verdict_and_names_are_shown_as_text() {
     assert!(!page(&out, "without.html", &[]).1.contains("class=\"verdict") || report["verdict"].is_object());
     report["log"] = hostile.into();
     report["losses"] = serde_json::json!([hostile]);
-    let reason = serde_json::json!({ "what": "walls stand <twice>", "doubled_share": 0.25 });
+    let reason = serde_json::json!({ "words": "walls stand <twice>", "evidence": { "doubled_share": 0.25 } });
     report["verdict"] = serde_json::json!({ "word": "check", "reasons": [reason] });
     fs::write(out.join("report.json"), report.to_string()).unwrap();
     let html = page(&out, "with.html", &[]).1;
