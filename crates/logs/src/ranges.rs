@@ -39,10 +39,11 @@ impl RangeCheck {
             scan.ranges_m.iter_mut().for_each(|range_m| *range_m *= unit_m);
         }
         let least_m = scan.laser.range_min_m as f32;
-        let (mut usable, mut beyond) = (0_usize, 0_usize);
+        // counters as wide as ranges, so that several beams are compared at once
+        let (mut usable, mut beyond) = (0_u32, 0_u32);
         for &range_m in &scan.ranges_m {
-            usable += usize::from(range_m > least_m);
-            beyond += usize::from(range_m > METRES_MOST && range_m < f32::INFINITY);
+            usable += u32::from(range_m > least_m);
+            beyond += u32::from((range_m > METRES_MOST) & (range_m < f32::INFINITY));
         }
         if usable == 0 {
             self.report.blank.note(self.scans);
