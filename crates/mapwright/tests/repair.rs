@@ -79,7 +79,9 @@ fn a_scan_inserted_1_m_off_is_taken_out_without_a_trace() {
     let obstacles_before = obstacles(mapper.local_map());
     let right = mapper.trajectory().last().expect("scans").map_from_robot;
     // 1 m further on than it was taken: the corridor's walls fit, its end does not.
-    let wrong = mapper.add_scan(&moved(&before[before.len() - 1], Pose2::new(1.0, 0.0, 0.0)));
+    let last = &before[before.len() - 1];
+    let two_seconds_later = LaserScan { stamp: Stamp(last.stamp.0 + 2_000_000_000), ..last.clone() };
+    let wrong = mapper.add_scan(&moved(&two_seconds_later, Pose2::new(1.0, 0.0, 0.0)));
     let dropped = wrong.keyframe.expect("a keyframe");
     assert!((wrong.map_from_robot.distance(right) - 1.0).abs() < 0.1, "{:?} {:?}", wrong.map_from_robot, right);
     assert!(mapper.local_map().counts().to_bytes() != bytes_before);
