@@ -1,4 +1,5 @@
 //! Visits to the same places tell a map that is drawn over itself from a sound one.
+#![allow(clippy::expect_used, reason = "helpers of tests may, as tests may")]
 
 use mapwright::{Mapper, Settings, Visits};
 use mapwright_sim::{Drive, DriveSettings, OdometryNoise, worlds};
@@ -9,7 +10,7 @@ fn of_a_loop(wheels: f64, closes: bool) -> Visits {
     (settings.loops.by_pose, settings.loops.by_place) = (closes, closes);
     let odometry = OdometryNoise::default().times(wheels);
     let drive = DriveSettings { odometry, ..DriveSettings::long_drive(5) };
-    let mut mapper = Mapper::new(settings).unwrap();
+    let mut mapper = Mapper::new(settings).expect("valid");
     for scan in Drive::new(worlds::loop_of(5, 150.0).into(), drive).scans() {
         mapper.add_scan(&scan.scan);
     }
