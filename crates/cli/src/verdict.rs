@@ -265,7 +265,7 @@ fn percent(share: f64) -> String {
 }
 
 fn nothing(facts: &Facts) -> Option<Reason> {
-    (facts.keyframes < 2).then(|| Reason {
+    (facts.keyframes == 0).then(|| Reason {
         word: Usability::Unusable,
         what: "nothing_mapped",
         words: format!(
@@ -393,7 +393,7 @@ fn expected_error_m(facts: &Facts) -> Option<f64> {
         OF_DOUBTFUL_M * (facts.degraded + facts.lost),
         OF_ELSEWHERE_M * facts.elsewhere,
     ];
-    (facts.keyframes >= 2).then(|| parts_m.iter().map(|part_m| part_m * part_m).sum::<f64>().sqrt())
+    (facts.keyframes > 0).then(|| parts_m.iter().map(|part_m| part_m * part_m).sum::<f64>().sqrt())
 }
 
 /// Why nothing speaks against it.

@@ -230,12 +230,15 @@ impl Tracker {
     /// The scan against the local map, from the prediction and, where that is doubtful, from elsewhere. None without a map or
     /// without a hit.
     pub(super) fn track(&mut self, scene: &Scene<'_>, stamp: Stamp, predicted: Pose2) -> Option<Matched> {
-        if scene.next.index() == 0 || scene.points.is_empty() {
+        if scene.points.is_empty() {
             self.blank = self.blank.saturating_add(1);
             self.hear(stamp);
             return None;
         }
         self.see(stamp);
+        if scene.next.index() == 0 {
+            return None;
+        }
         let Scene { step, .. } = *scene;
         let widen = 1.0 + f64::from(self.misfits);
         let prior = Prior {
