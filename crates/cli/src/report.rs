@@ -191,7 +191,6 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
     if lost > 0 {
         losses.push(format!("{} not in the map, for they fit nowhere", count(lost, "scan")));
     }
-    losses.extend(mapping.turns.words());
     losses.extend(made.pieces.losses());
     let keyframes_left_out: usize = made.maps.iter().map(|map| map.keyframes_left_out.len()).sum();
     let cells_left_out: u64 = made.maps.iter().map(|map| map.cells_left_out).sum();
@@ -246,7 +245,7 @@ pub(crate) fn full_report(
 pub(crate) fn usable(mapping: &Mapping, made: &Made) -> Usable {
     let unknown = (Advice::default(), Visits::default());
     let (advice, visits) = made.maps.first().map_or((&unknown.0, unknown.1), |map| (&map.advice, map.visits));
-    Usable::of(&Facts::of(&mapping.tally, mapping.session(), advice, visits))
+    Usable::of(&Facts::of(&mapping.tally, &mapping.turns, mapping.session(), advice, visits))
 }
 
 /// Those of pieces that nothing holds to the first one.

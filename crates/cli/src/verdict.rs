@@ -3,6 +3,7 @@
 
 use crate::tally::Tally;
 use crate::terminal::count;
+use crate::turns::Turns;
 use mapwright::{Advice, Objection, Pose2, SeparateMap, Session, Status, Verdict as Judged, Visits};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -27,7 +28,7 @@ impl Usability {
 }
 
 /// What was seen of a run and its map.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub(crate) struct Facts {
     pub(crate) scans: u64,
     pub(crate) keyframes: usize,
@@ -53,10 +54,12 @@ pub(crate) struct Facts {
     pub(crate) turns_of_odometry: f64,
     pub(crate) way_of_odometry: f64,
     pub(crate) aside_deg: f64,
+    /// What to say where scans turn the other way than the wheels.
+    pub(crate) mirrored: Option<String>,
 }
 
 impl Facts {
-    pub(crate) fn of(tally: &Tally, session: &Session, advice: &Advice, visits: Visits) -> Self {
+    pub(crate) fn of(tally: &Tally, turns: &Turns, session: &Session, advice: &Advice, visits: Visits) -> Self {
         let (maps, pieces) = (session.maps(), session.pieces());
         let keyframes = session.keyframes().len();
         let first = maps.first().cloned().unwrap_or_default();
@@ -81,6 +84,7 @@ impl Facts {
             turns_of_odometry: odometry.turns,
             way_of_odometry: odometry.way,
             aside_deg: odometry.aside_rad.to_degrees(),
+            mirrored: turns.words(),
         }
     }
 }
@@ -198,6 +202,7 @@ impl Usable {
     pub(crate) fn of(facts: &Facts) -> Self {
         let mut reasons: Vec<Reason> = [
             nothing(facts),
+            mirrored(facts),
             doubtful(facts),
             lost(facts),
             in_pieces(facts),
@@ -277,6 +282,12 @@ fn nothing(facts: &Facts) -> Option<Reason> {
     })
 }
 
+fn mirrored(facts: &Facts) -> Option<Reason> {
+    let words = facts.mirrored.clone()?;
+    let evidence = json!({ "turns": facts.turns_of_odometry });
+    Some(Reason { word: Usability::Unusable, what: "mirrored", words, evidence })
+}
+
 fn doubtful(facts: &Facts) -> Option<Reason> {
     let share = facts.degraded + facts.lost;
     Some(Reason {
@@ -351,8 +362,8 @@ fn unheeded_places(facts: &Facts) -> Option<Reason> {
 
 fn odometry_off(facts: &Facts) -> Option<Reason> {
     let Facts { turns_of_odometry: turns, way_of_odometry: way, aside_deg, .. } = *facts;
-    let words = if turns < 0.0 {
-        "scans turn the other way than odometry: is the laser upside down?".to_owned()
+    let words = if facts.mirrored.is_some() {
+        return None;
     } else if aside_deg.abs() > ASIDE_DEG {
         format!(
             "scans say that the robot drives {aside_deg:.0} deg beside where odometry says: is the laser mounted so?"
@@ -433,6 +444,7 @@ mod tests {
         turns_of_odometry: 1.01,
         way_of_odometry: 0.99,
         aside_deg: 0.2,
+        mirrored: None,
     };
 
     fn said(facts: Facts) -> (Usability, String) {
@@ -465,17 +477,17 @@ mod tests {
             (Facts { moved_mean_m: 0.2, ..SOUND }, "0.20 m apart"),
             (Facts { mean_sigma_m: 2.0, ..SOUND }, "certain to 2.0 m only"),
             (Facts { unheeded: 3, ..SOUND }, "3 places looked like another"),
-            (Facts { turns_of_odometry: -0.9, ..SOUND }, "upside down"),
             (Facts { turns_of_odometry: 0.8, ..SOUND }, "turn 0.80 times"),
             (Facts { way_of_odometry: 1.3, ..SOUND }, "1.30 times the way"),
             (Facts { aside_deg: 57.0, ..SOUND }, "57 deg beside"),
         ];
         for (facts, words) in doubtful {
-            let (word, told) = said(facts);
+            let (word, told) = said(facts.clone());
             assert!(word == Usability::Check && told.contains(words), "{told}");
             assert!(Usable::of(&facts).expected_error_m >= Usable::of(&SOUND).expected_error_m, "{told}");
         }
         let unusable = [
+            Facts { mirrored: Some("scans turn the other way".to_owned()), ..SOUND },
             Facts { keyframes: 0, ..SOUND },
             Facts { degraded: 0.6, ..SOUND },
             Facts { lost: 0.3, ..SOUND },
@@ -483,14 +495,14 @@ mod tests {
             Facts { mean_sigma_m: 20.0, ..SOUND },
         ];
         for facts in unusable {
-            assert!(said(facts).0 == Usability::Unusable && Usable::of(&facts).loss().is_some(), "{facts:?}");
+            assert!(said(facts.clone()).0 == Usability::Unusable && Usable::of(&facts).loss().is_some(), "{facts:?}");
         }
     }
 
     #[test]
     fn the_gravest_two_reasons_come_first() {
         let facts = Facts { degraded: 0.2, on_odometry: 1, unheeded: 2, misfits: 50, ..SOUND };
-        let (word, told) = said(facts);
+        let (word, told) = said(facts.clone());
         assert!(word == Usability::Unusable && told.starts_with("unusable where it came again, 50 of 100"), "{told}");
         assert!(told.contains("; and 2 further reasons in report.json"), "{told}");
         let value = Usable::of(&facts).to_json();

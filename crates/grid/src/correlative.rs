@@ -16,7 +16,6 @@ use lattice::{Block, Lattice, Zone};
 use mapwright_geom::Pose2;
 use pyramid::{HeadingCells, Pyramid};
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
 /// Score cells a search may hold; a window that needs more is searched in steps of 2, 4 or 8 cells. About 27 MB in all.
 pub const MAX_SEARCH_CELLS: usize = 1 << 23;
@@ -49,13 +48,11 @@ pub struct SearchSettings {
     pub least_share: f64,
     /// Rivals that score less than this share of the best pose are not looked for, which makes clear cases cheap.
     pub least_rival_share: f64,
-    /// A search that would score more poses and blocks of poses than this is cut short and finds nothing.
-    pub most_scored: u64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0, least_rival_share: 0.0, most_scored: u64::MAX }
+        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0, least_rival_share: 0.0 }
     }
 }
 
@@ -144,8 +141,6 @@ pub struct CorrelativeSearch {
     heading: HeadingCells,
     blocks: Vec<Block>,
     stack: Vec<Block>,
-    open: BinaryHeap<Reverse<Block>>,
-    turned: Vec<HeadingCells>,
     scored: u64,
 }
 
@@ -159,9 +154,9 @@ impl CorrelativeSearch {
     /// The best pose of a window for end points in the robot's frame, metres, and its best rival where `separation` is
     /// given.
     ///
-    /// `None` where nothing reaches the least share, where the search was cut short ([`CorrelativeSearch::scored`] tells), where
-    /// no point is finite and within reach, where the window is not finite, lies beyond 10^6 m or, even in steps of 8 cells, takes more than [`MAX_SEARCH_CELLS`] or
-    /// [`MAX_SEARCH_BLOCKS`] (about 550 m of half width and reach together at 5 cm).
+    /// `None` where nothing reaches the least share, where no point is finite and within reach, where the window is not finite, lies
+    /// beyond 10^6 m or, even in steps of 8 cells, takes more than [`MAX_SEARCH_CELLS`] or [`MAX_SEARCH_BLOCKS`] (about 550 m of half
+    /// width and reach together at 5 cm).
     #[must_use]
     pub fn search(
         &mut self,
@@ -170,54 +165,26 @@ impl CorrelativeSearch {
         window: &SearchWindow,
         separation: Option<Separation>,
     ) -> Option<SearchResult> {
-        self.search_worth_rivals(map, points, window, separation, |_| true)
+        self.search_worth_rival(map, points, window, separation, |_| true)
     }
 
     /// As [`CorrelativeSearch::search`]; the rival is looked for only where `is_worth` says so of the best pose, for where that is
     /// refused for another reason nobody asks for its rival, and in a corridor that is most of the work.
     #[must_use]
-    pub fn search_worth_rivals(
+    pub fn search_worth_rival(
         &mut self,
         map: &LocalMap,
         points: &[[f64; 2]],
         window: &SearchWindow,
         separation: Option<Separation>,
         is_worth: impl FnOnce(&Peak) -> bool,
-    ) -> Option<SearchResult> {
-        self.search_among(map, points, window, separation, is_worth, |_| false)
-    }
-
-    /// As [`CorrelativeSearch::search`]; `go_on` hears of each rival, best first, and says whether the next one is looked
-    /// for, which is separated from the best pose and from all rivals before it.
-    #[must_use]
-    pub fn search_rivals(
-        &mut self,
-        map: &LocalMap,
-        points: &[[f64; 2]],
-        window: &SearchWindow,
-        separation: Option<Separation>,
-        go_on: impl FnMut(Peak) -> bool,
-    ) -> Option<SearchResult> {
-        self.search_among(map, points, window, separation, |_| true, go_on)
-    }
-
-    fn search_among(
-        &mut self,
-        map: &LocalMap,
-        points: &[[f64; 2]],
-        window: &SearchWindow,
-        separation: Option<Separation>,
-        is_worth: impl FnOnce(&Peak) -> bool,
-        mut go_on: impl FnMut(Peak) -> bool,
     ) -> Option<SearchResult> {
         self.scored = 0;
         let farthest_m = self.keep_usable(points)?;
         let lattice = Lattice::new(window, map.settings.resolution_m, farthest_m)?;
         let best = self.search_best(map, &lattice)?;
-        let rival = match separation.filter(|_| is_worth(&lattice.peak(&best))) {
-            Some(separation) => self.rivals_of(&lattice, &best, separation, |block| go_on(lattice.peak(block)))?,
-            None => None,
-        };
+        let separation = separation.filter(|_| is_worth(&lattice.peak(&best)));
+        let rival = separation.and_then(|separation| self.rival_of(&lattice, &best, separation));
         Some(SearchResult {
             best: lattice.peak(&best),
             rival: rival.map(|block| lattice.peak(&block)),
@@ -234,72 +201,17 @@ impl CorrelativeSearch {
         self.scored
     }
 
-    /// Whether the search has done all the work that it may do.
-    fn is_cut_short(&self) -> bool {
-        self.scored > self.settings.most_scored
-    }
-
     fn search_best(&mut self, map: &LocalMap, lattice: &Lattice) -> Option<Block> {
         self.heading.forget();
         self.pyramid.build(map, lattice, &self.points, self.settings.sigma_m);
         self.bound_blocks(lattice);
         let least = (self.settings.least_share * f64::from(self.full_score())).ceil() as u32;
-        self.descend(lattice, least, &[]).filter(|_| !self.is_cut_short())
+        self.descend(lattice, least, None)
     }
 
-    /// The first rival of the best pose, if there is one; nothing where the search was cut short.
-    fn rivals_of(
-        &mut self,
-        lattice: &Lattice,
-        best: &Block,
-        separation: Separation,
-        mut go_on: impl FnMut(&Block) -> bool,
-    ) -> Option<Option<Block>> {
+    fn rival_of(&mut self, lattice: &Lattice, best: &Block, separation: Separation) -> Option<Block> {
         let least = (self.settings.least_rival_share * f64::from(best.bound.0)).ceil() as u32;
-        let mut zones = vec![Zone::new(lattice, best, separation)];
-        let first = self.descend(lattice, least, &zones);
-        if let Some(rival) = first.filter(&mut go_on) {
-            zones.push(Zone::new(lattice, &rival, separation));
-            self.more_rivals(lattice, least, separation, zones, go_on);
-        }
-        (!self.is_cut_short()).then_some(first)
-    }
-
-    /// Best first: each block is looked into once for all rivals, where depth first it would be once for each.
-    fn more_rivals(
-        &mut self,
-        lattice: &Lattice,
-        least: u32,
-        separation: Separation,
-        mut zones: Vec<Zone>,
-        mut go_on: impl FnMut(&Block) -> bool,
-    ) {
-        self.open.clear();
-        self.turned.iter_mut().for_each(HeadingCells::forget);
-        let worth = self.blocks.iter().take_while(|block| block.bound.0 >= least);
-        self.open.extend(worth.copied().map(Reverse));
-        while let Some(Reverse(block)) = self.open.pop().filter(|_| !self.is_cut_short()) {
-            if zones.iter().any(|zone| zone.covers(lattice, &block)) {
-                continue;
-            }
-            if block.level == 0 {
-                if !go_on(&block) {
-                    break;
-                }
-                zones.push(Zone::new(lattice, &block, separation));
-            } else {
-                // Headings come in turn here: what falls where at each is kept.
-                let turned = block.heading as usize;
-                if self.turned.len() <= turned {
-                    self.turned.resize_with(turned + 1, HeadingCells::default);
-                }
-                std::mem::swap(&mut self.heading, &mut self.turned[turned]);
-                self.split(lattice, &block);
-                std::mem::swap(&mut self.heading, &mut self.turned[turned]);
-                let worth = self.stack.drain(..).filter(|block| block.bound.0 >= least);
-                self.open.extend(worth.map(Reverse));
-            }
-        }
+        self.descend(lattice, least, Some(&Zone::new(lattice, best, separation)))
     }
 
     fn full_score(&self) -> u32 {
@@ -334,17 +246,17 @@ impl CorrelativeSearch {
         self.blocks.sort_unstable();
     }
 
-    /// Depth first, better children first; the best pose outside the zones that scores at least `least`.
-    fn descend(&mut self, lattice: &Lattice, least: u32, excluded: &[Zone]) -> Option<Block> {
+    /// Depth first, better children first; the best pose outside the zone that scores at least `least`.
+    fn descend(&mut self, lattice: &Lattice, least: u32, excluded: Option<&Zone>) -> Option<Block> {
         let mut best: Option<Block> = None;
         for k in 0..self.blocks.len() {
-            if !self.blocks[k].may_beat(best.as_ref(), least) || self.is_cut_short() {
+            if !self.blocks[k].may_beat(best.as_ref(), least) {
                 break;
             }
             self.stack.push(self.blocks[k]);
             while let Some(block) = self.stack.pop() {
-                let hopeless = !block.may_beat(best.as_ref(), least) || self.is_cut_short();
-                if hopeless || excluded.iter().any(|zone| zone.covers(lattice, &block)) {
+                let hopeless = !block.may_beat(best.as_ref(), least);
+                if hopeless || excluded.is_some_and(|zone| zone.covers(lattice, &block)) {
                     continue;
                 }
                 if block.level == 0 {

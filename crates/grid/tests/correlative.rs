@@ -55,8 +55,8 @@ impl Exhaustive {
         Self { poses, middle, step_m, step_rad }
     }
 
-    /// The best pose and its `rivals`, each separated from the best and from those before it, best first.
-    fn check(&self, found: &SearchResult, rivals: &[Peak], full_turn: bool, separation: Separation) {
+    /// The best pose, and the best of those that are separated from it.
+    fn check(&self, found: &SearchResult, full_turn: bool, separation: Separation) {
         type Step = (Reverse<u32>, i32, i32, i32, i32);
         let separated = |a: &Step, b: &Step| {
             let turned = f64::from(a.2 - b.2) * self.step_rad;
@@ -70,24 +70,13 @@ impl Exhaustive {
             let y = self.middle.y + f64::from(j) * self.step_m;
             (score, Pose2::new(x, y, self.middle.theta + f64::from(k) * self.step_rad))
         };
-        let mut peaks = vec![self.poses[0]];
-        for pose in &self.poses {
-            if peaks.len() <= RIVALS && peaks.iter().all(|peak| separated(pose, peak)) {
-                peaks.push(*pose);
-            }
-        }
+        let best = &self.poses[0];
+        let rival = self.poses.iter().find(|pose| separated(pose, best));
         let as_found = |peak: &Peak| (peak.score, peak.world_from_robot);
-        assert_eq!(as_found(&found.best), expected(&peaks[0]));
-        assert_eq!(found.rival.as_ref().map(as_found), peaks.get(1).map(expected));
-        assert_eq!(
-            rivals.iter().map(as_found).collect::<Vec<_>>(),
-            peaks[1..].iter().map(expected).collect::<Vec<_>>()
-        );
+        assert_eq!(as_found(&found.best), expected(best));
+        assert_eq!(found.rival.as_ref().map(as_found), rival.map(expected));
     }
 }
-
-/// So many rivals are checked.
-const RIVALS: usize = 6;
 
 fn check_against_exhaustive(
     map: &LocalMap,
@@ -96,17 +85,17 @@ fn check_against_exhaustive(
     searcher: &mut CorrelativeSearch,
 ) {
     let separation = Separation { distance_m: 0.3, angle_rad: 0.2 };
-    let mut rivals = Vec::new();
-    let found = searcher.search_rivals(map, points, window, Some(separation), |rival| {
-        rivals.push(rival);
-        rivals.len() < RIVALS
-    });
-    let found = found.expect("there are points");
+    let found = searcher.search(map, points, window, Some(separation)).expect("there are points");
     let all = Exhaustive::new(map, points, window, searcher.settings.sigma_m, &found);
-    all.check(&found, &rivals, window.half_width_rad >= PI, separation);
-    assert_eq!(searcher.search(map, points, window, Some(separation)).expect("as before").rival, found.rival);
+    all.check(&found, window.half_width_rad >= PI, separation);
     let alone = searcher.search(map, points, window, None).expect("there are points");
     assert_eq!((alone.best, alone.rival), (found.best, None));
+    let mut asked = None;
+    let not_worth = searcher.search_worth_rival(map, points, window, Some(separation), |best| {
+        asked = Some(*best);
+        false
+    });
+    assert_eq!((not_worth.expect("as before"), asked), (alone, Some(found.best)));
 }
 
 fn points_in(range_m: f64, count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<[f64; 2]>> {

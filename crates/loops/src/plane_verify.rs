@@ -45,7 +45,7 @@ impl PlaneVerifier {
         self.searcher.settings.least_rival_share = LEAST_AMBIGUITY;
         let Self { settings, matcher, searcher, points } = self;
         let mut finding = None;
-        let found = searcher.search_worth_rivals(&target.map, points, window, Some(separation), |best| {
+        let found = searcher.search_worth_rival(&target.map, points, window, Some(separation), |best| {
             let refined = fit(settings, matcher, query, target, best.world_from_robot);
             finding.insert(refined).objection.is_none()
         });

@@ -104,8 +104,7 @@ impl FrontEnd {
     pub(crate) fn prepare(&mut self, scan: &LaserScan) -> Prepared {
         let refused = scan.laser.check(scan.ranges_m.len()).err();
         let odom_from_robot = self.preparation.odometry_of(scan);
-        let is_alike = || self.preparation.is_like_last(scan);
-        let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot, is_alike);
+        let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot);
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
         let place =
             Place { local_from_robot: predicted, odom_from_robot: self.pose.odom_from_robot() * step.last_from_robot };

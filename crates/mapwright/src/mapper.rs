@@ -119,9 +119,9 @@ impl Mapper {
         probe.end(Stage::Prepare);
         // 3. Match against the local map, with a guard; over a break nothing that is known is matched against.
         let start = self.front.find_break(self.store.past(), scan.stamp, &prepared, self.store.is_switched_on());
-        let (start, matched) = match start {
-            None => (None, self.front.track(self.store.past(), scan, &prepared)),
-            Some(start) => self.front.bridge(self.store.past(), scan, &prepared, start),
+        let matched = match start {
+            None => self.front.track(self.store.past(), scan, &prepared),
+            Some(_) => self.front.leave(),
         };
         probe.end(Stage::Match);
         self.front.settle(self.store.past(), scan, &prepared, matched.as_ref());

@@ -12,8 +12,9 @@ use mapwright_loops::{LEFT_M, PlaneSubmap, VerifySettings, views_along};
 use mapwright_record::{NodeId, Past, SeparateMap, Session};
 use std::collections::HashMap;
 
-/// Keyframes compared at most, evenly spread.
+/// Comparisons at most, and keyframes of which earlier visits are looked for at most, evenly spread.
 const COMPARED: usize = 120;
+const LOOKED_AT: usize = 1000;
 /// An earlier visit counts where it passed within so much, metres; one that looked elsewhere counts as farther, metres for a radian.
 const WITHIN_M: f64 = 1.5;
 const TURN_M: f64 = 0.5;
@@ -68,19 +69,22 @@ fn pairs(past: Past<'_>, nodes: &[NodeId]) -> Vec<[NodeId; 2]> {
     let square = |pose: Pose2| [pose.x, pose.y].map(|metres| (metres / WITHIN_M).floor() as i64);
     let mut squares: HashMap<[i64; 2], Vec<NodeId>> = HashMap::new();
     let mut pairs = Vec::new();
-    for &later in nodes {
+    let every = nodes.len().div_ceil(LOOKED_AT).max(1);
+    for (number, &later) in nodes.iter().enumerate() {
         let (pose, [x, y]) = (past.pose(later), square(past.pose(later)));
-        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [x + dx, y + dy]));
-        let earlier = around.filter_map(|square| squares.get(&square)).flatten().copied();
-        let away_m = |earlier: NodeId| {
-            let between = past.pose(earlier).between(pose);
-            between.x.hypot(between.y) + TURN_M * between.theta.abs()
-        };
-        let other_visit = earlier.filter(|&earlier| past.way_between_m(earlier, later) >= LEFT_M);
-        let nearest = other_visit
-            .map(|earlier| (away_m(earlier), earlier))
-            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        pairs.extend(nearest.filter(|&(away_m, _)| away_m <= WITHIN_M).map(|(_, earlier)| [earlier, later]));
+        if number.is_multiple_of(every) {
+            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [x + dx, y + dy]));
+            let earlier = around.filter_map(|square| squares.get(&square)).flatten().copied();
+            let away_m = |earlier: NodeId| {
+                let between = past.pose(earlier).between(pose);
+                between.x.hypot(between.y) + TURN_M * between.theta.abs()
+            };
+            let other_visit = earlier.filter(|&earlier| past.way_between_m(earlier, later) >= LEFT_M);
+            let nearest = other_visit
+                .map(|earlier| (away_m(earlier), earlier))
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            pairs.extend(nearest.filter(|&(away_m, _)| away_m <= WITHIN_M).map(|(_, earlier)| [earlier, later]));
+        }
         squares.entry([x, y]).or_default().push(later);
     }
     pairs

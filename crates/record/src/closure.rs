@@ -33,7 +33,8 @@ pub struct Evidence {
     pub points: u32,
     /// Score of the best pose, share of the full one.
     pub score: Option<f64>,
-    /// Score of the best pose elsewhere relative to that of the best one; 0.75 stands for that or less.
+    /// Score of the best pose elsewhere relative to that of the best one; 0.75 stands for that or less. None where
+    /// the fit was refused for what was seen there, whatever else might fit.
     pub ambiguity: Option<f64>,
     /// Share of the points that end in territory of the other submap, the better of both directions.
     pub overlap: Option<f64>,

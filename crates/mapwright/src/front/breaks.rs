@@ -11,7 +11,7 @@ use super::{FrontEnd, Matched, Prepared};
 use crate::settings::LivePolicy;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov3, Stamp, TangentMatrix, compose_covariance};
-use mapwright_record::{FragmentStart, Past, Status};
+use mapwright_record::{FragmentStart, Past};
 use mapwright_sensor::LaserScan;
 
 /// Nothing is matched against from such a standard deviation of the position on, metres: places that look alike lie as near as
@@ -79,24 +79,6 @@ impl FrontEnd {
         self.slips = SlipWatch::default();
         self.pose.switch_on();
         self.local_map.leave_all();
-    }
-
-    /// Over a gap by the stamps alone the scan says whether the robot is still where odometry has it: then there is no break. Else the
-    /// fragment begins.
-    pub(crate) fn bridge(
-        &mut self,
-        past: Past<'_>,
-        scan: &LaserScan,
-        prepared: &Prepared,
-        start: FragmentStart,
-    ) -> (Option<FragmentStart>, Option<Matched>) {
-        if start == FragmentStart::Blind && prepared.step.stalled {
-            let matched = self.track(past, scan, prepared).filter(|matched| matched.status == Status::Tracking);
-            if matched.is_some() {
-                return (None, matched);
-            }
-        }
-        (Some(start), self.leave())
     }
 
     /// What is known is not matched against any more.

@@ -15,8 +15,6 @@ pub(crate) struct Step {
     pub(crate) from_odometry: bool,
     /// The scan before is longer ago than is usual.
     pub(crate) after_gap: bool,
-    /// It is so by the stamps alone: by odometry the robot is where it would be at the next scan.
-    pub(crate) stalled: bool,
 }
 
 /// How a robot turned out to have moved since the scan before.
@@ -33,9 +31,6 @@ pub(crate) enum Moved {
 
 /// From so many usual periods on, the time between two scans is a gap.
 const GAP_PERIODS: f64 = 8.0;
-/// Over a gap that would begin a fragment, in which odometry moved no farther than so many usual steps and after which a scan shows the
-/// same, the time is not believed: a clock was set, or the robot stood while nothing was recorded. Twice the root mean square bounds nearly every step of an even drive.
-const STALLED_STEPS: f64 = 2.0;
 /// After so many usual periods in which neither laser nor wheels said anything, and so many seconds, a robot may have been carried away.
 const BLIND_PERIODS: f64 = 20.0;
 pub(super) const BLIND_S: f64 = 4.0;
@@ -127,20 +122,14 @@ impl Predictor {
         odom_from_robot: Option<Pose2>,
         last_from_robot: Pose2,
     ) -> [f64; 3] {
-        let step = self.step(settings, stamp, odom_from_robot, || false);
+        let step = self.step(settings, stamp, odom_from_robot);
         let moved = if step.from_odometry { Moved::By(last_from_robot) } else { Moved::Matched(last_from_robot) };
         self.settle(stamp, odom_from_robot, moved);
         step.variances
     }
 
-    /// The motion from the last scan to this one; `is_alike` says whether it shows the same.
-    pub(crate) fn step(
-        &self,
-        settings: &MotionSettings,
-        stamp: Stamp,
-        odom_from_robot: Option<Pose2>,
-        is_alike: impl FnOnce() -> bool,
-    ) -> Step {
+    /// The motion from the last scan to this one.
+    pub(crate) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose2>) -> Step {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
         // Stamps may stand still or run backwards: then the time is not known and counts as one usual period.
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s } else { 0.1 };
@@ -153,9 +142,7 @@ impl Predictor {
         match increment {
             Some(last_from_robot) => {
                 let after_gap = self.is_gap(elapsed_s);
-                let stalled = self.is_blind(elapsed_s) && self.is_usual(last_from_robot) && is_alike();
-                let elapsed_s = if stalled { self.period_s } else { elapsed_s };
-                let steps = if after_gap && !stalled { elapsed_s / (GAP_PERIODS * self.period_s) } else { 1.0 };
+                let steps = if after_gap { elapsed_s / (GAP_PERIODS * self.period_s) } else { 1.0 };
                 let expected = odometry_variances(settings, last_from_robot, elapsed_s, steps);
                 let worse = |[was, expected]: [f64; 2]| match expected {
                     expected if expected > 0.0 => (was / expected).clamp(1.0, WORSE_AT_MOST),
@@ -163,7 +150,7 @@ impl Predictor {
                 };
                 let [translation, rotation] = self.wrong.map(worse);
                 let variances = [translation * expected[0], translation * expected[1], rotation * expected[2]];
-                Step { last_from_robot, variances, expected, from_odometry: true, after_gap, stalled }
+                Step { last_from_robot, variances, expected, from_odometry: true, after_gap }
             }
             None => self.constant_velocity(settings, elapsed_s),
         }
@@ -189,7 +176,6 @@ impl Predictor {
             expected: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
             from_odometry: false,
             after_gap: gap_s > 0.0,
-            stalled: false,
         }
     }
 
@@ -200,12 +186,6 @@ impl Predictor {
     /// Whether nothing was seen for so long that the robot may have been carried.
     pub(super) fn is_blind(&self, seconds: f64) -> bool {
         seconds > BLIND_S.max(BLIND_PERIODS * self.period_s)
-    }
-
-    /// Whether a motion is no more than what the robot makes from scan to scan.
-    fn is_usual(&self, motion: Pose2) -> bool {
-        let moved = [motion.x.hypot(motion.y), motion.theta.abs()];
-        (0..2).all(|axis| moved[axis] <= STALLED_STEPS * self.usual[axis] * self.period_s)
     }
 
     /// What the robot did instead if the wheels fail: they spin while it stands, they count but do not tell forwards from
@@ -334,7 +314,7 @@ mod tests {
         predictor.settle(Stamp(0), Some(odom_from_robot), Moved::By(Pose2::IDENTITY));
         for k in 1..4000_i64 {
             odom_from_robot = odom_from_robot * Pose2::new(0.1, 0.0, 0.0);
-            let step = predictor.step(&settings, Stamp(100_000_000 * k), Some(odom_from_robot), || false);
+            let step = predictor.step(&settings, Stamp(100_000_000 * k), Some(odom_from_robot));
             // A sequence of which the variance is one.
             let error = [1.4, -0.7, 0.2, -1.4, 0.9, -0.4][k as usize % 6] * worse * step.expected[0].sqrt();
             let gain = step.variances[0] / (step.variances[0] + scan_m2);
@@ -352,7 +332,7 @@ mod tests {
         predictor.settle(Stamp(0), Some(Pose2::IDENTITY), Moved::By(Pose2::IDENTITY));
         let is_believed = |after_s: f64, by_m: f64| {
             let stamp = Stamp::from_secs_f64(after_s);
-            predictor.step(&settings, stamp, Some(Pose2::new(by_m, 0.0, 0.0)), || false).from_odometry
+            predictor.step(&settings, stamp, Some(Pose2::new(by_m, 0.0, 0.0))).from_odometry
         };
         assert!(is_believed(60.0, 45.0) && is_believed(0.1, 2.9), "a robot drove on");
         assert!(!is_believed(0.1, 3.1) && !is_believed(60.0, 200.0) && !is_believed(-5.0, 12.0), "a jump");
@@ -367,7 +347,7 @@ mod tests {
         (0..50).for_each(|k| predictor.settle(Stamp(200_000_000 * k), None, Moved::Matched(motion)));
         let after_s = |seconds: f64| {
             let stamp = Stamp(200_000_000 * 49 + (seconds * 1e9) as i64);
-            predictor.step(&settings, stamp, None, || false)
+            predictor.step(&settings, stamp, None)
         };
         let (usual, burst, gap) = (after_s(0.2), after_s(0.001), after_s(2.4));
         for step in [usual, burst, gap] {
@@ -391,11 +371,11 @@ mod tests {
         let stamp = |k: i64| Stamp(100_000_000 * k);
         let at = |k: i64| Pose2::new(0.05 * k as f64, 0.0, 0.0);
         (0..50).for_each(|k| predictor.settle(stamp(k), Some(at(k)), Moved::By(Pose2::new(0.05, 0.0, 0.0))));
-        let gap = predictor.step(&settings, stamp(149), Some(at(149)), || false);
+        let gap = predictor.step(&settings, stamp(149), Some(at(149)));
         assert!(gap.from_odometry && gap.after_gap);
         let mut sum = mapwright_geom::Cov3::zeros();
         for k in 50..150 {
-            let step = predictor.step(&settings, stamp(k), Some(at(k)), || false);
+            let step = predictor.step(&settings, stamp(k), Some(at(k)));
             let noise = mapwright_geom::Cov3::from_diagonal(&step.variances.into());
             sum = mapwright_geom::compose_covariance(&sum, step.last_from_robot, &noise);
             predictor.settle(stamp(k), Some(at(k)), Moved::By(step.last_from_robot));
@@ -413,8 +393,7 @@ mod tests {
         let motion = Pose2::new(0.05, 0.0, 0.0);
         let stamp = |k: i64| Stamp(100_000_000 * k);
         (0..50).for_each(|k| predictor.settle(stamp(k), None, Moved::Matched(motion)));
-        let carried_m =
-            |predictor: &Predictor| predictor.clone().step(&settings, stamp(60), None, || false).last_from_robot.x;
+        let carried_m = |predictor: &Predictor| predictor.clone().step(&settings, stamp(60), None).last_from_robot.x;
         predictor.settle(stamp(50), None, Moved::AsBefore);
         assert!((carried_m(&predictor) - 0.05).abs() < 1e-12, "what was put right is no motion");
         predictor.settle(stamp(70), None, Moved::Matched(Pose2::new(1.0, 0.0, 0.0)));

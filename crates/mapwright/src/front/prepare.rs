@@ -10,12 +10,6 @@ use std::sync::Arc;
 
 /// Beams a match uses at most.
 const MATCH_BEAMS: usize = 4096;
-/// Two ranges are alike within so many metres or such a share of them, from one scan to the next of a robot on the move; two scans where
-/// such a share of the beams is, of so many at least: with 0.7 robots that were carried to a place that looks alike are taken to have stood (`tests/carried.rs`).
-const ALIKE_M: f32 = 0.1;
-const ALIKE_SHARE_OF_RANGE: f32 = 0.05;
-const ALIKE_SHARE: f64 = 0.9;
-const ALIKE_BEAMS_AT_LEAST: usize = 16;
 /// Scans over which the share of isolated hits is averaged.
 const SCATTER_SCANS: f64 = 200.0;
 /// Four buildings with sound lasers have 0.6 to 4.8 %; 10 % of random readings make 13 %.
@@ -27,8 +21,6 @@ pub(crate) struct Preparation {
     motion: SweepMotion,
     dynamic: DynamicObjects,
     scatter: Scatter,
-    /// As the last scan was delivered.
-    last_ranges_m: Vec<f32>,
     sweep: Option<Sweep>,
     table: BeamTable,
     points: SweepPoints,
@@ -36,7 +28,7 @@ pub(crate) struct Preparation {
     thinned: Vec<[f64; 2]>,
 }
 
-stored!(Preparation { motion, dynamic, scatter, last_ranges_m; sweep, table, points, thinned });
+stored!(Preparation { motion, dynamic, scatter; sweep, table, points, thinned });
 
 impl Preparation {
     pub(super) fn add_odometry(&mut self, odometry: Odometry) {
@@ -67,25 +59,9 @@ impl Preparation {
         if self.thinned.is_empty() { &self.points.hits } else { &self.thinned }
     }
 
-    /// Whether a scan shows what the last one showed, beam by beam: the robot has not been elsewhere.
-    pub(super) fn is_like_last(&self, scan: &LaserScan) -> bool {
-        let beams = self.last_ranges_m.len();
-        if beams != scan.ranges_m.len() || beams < ALIKE_BEAMS_AT_LEAST {
-            return false;
-        }
-        let is_return = |range_m: f32| range_m.is_finite() && f64::from(range_m) < scan.laser.range_max_m;
-        let is_alike = |&(then, now): &(&f32, &f32)| match (is_return(*then), is_return(*now)) {
-            (true, true) => (then - now).abs() <= ALIKE_M.max(ALIKE_SHARE_OF_RANGE * then.abs()),
-            (was, is) => was == is,
-        };
-        let alike = self.last_ranges_m.iter().zip(&scan.ranges_m).filter(is_alike).count();
-        alike as f64 >= ALIKE_SHARE * beams as f64
-    }
-
     /// A scan that is refused as a whole.
     pub(super) fn refuse(&mut self, scan: &LaserScan) -> BeamCounts {
         self.points.clear();
-        self.last_ranges_m.clear();
         BeamCounts { refused: u32::try_from(scan.ranges_m.len()).unwrap_or(u32::MAX), ..BeamCounts::default() }
     }
 
@@ -102,7 +78,6 @@ impl Preparation {
     ) -> BeamCounts {
         let twist = self.motion.twist(scan, step, twist, believes);
         let limits = (settings.min_range_m, settings.max_range_m);
-        self.last_ranges_m.clone_from(&scan.ranges_m);
         let sweep = self.sweep.get_or_insert_with(|| Sweep::empty(&scan.laser));
         let mut beams = sweep.fill(scan, twist, limits);
         self.scatter.observe(sweep.isolated_share());
