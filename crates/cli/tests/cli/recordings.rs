@@ -2,31 +2,13 @@
 
 use crate::real_logs::shared_data;
 use crate::robot::Robot;
-use crate::support::{assert_code, assert_refused, folder, json, run, run_with_input, text};
+use crate::support::{apart_m, assert_code, assert_refused, folder, json, map, poses, run, run_with_input, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
 fn bag(name: &str) -> Option<String> {
     shared_data(&format!("ros_bags/{name}")).map(|path| path.display().to_string())
-}
-
-fn map(log: &str, out: &Path, more: &[&str]) -> Output {
-    run(&[&["map", log, "-o", out.to_str().unwrap()], more].concat())
-}
-
-/// Poses of a trajectory: stamp, x, y and the rest of the line as numbers.
-fn poses(out: &Path) -> Vec<Vec<f64>> {
-    let text = fs::read_to_string(out.join("trajectory.tum")).unwrap();
-    let lines = text.lines().filter(|line| !line.starts_with('#'));
-    lines.map(|line| line.split(' ').map(|word| word.parse().unwrap()).collect()).collect()
-}
-
-/// The largest distance between two trajectories' poses of the same scans.
-fn apart_m(a: &Path, b: &Path) -> f64 {
-    let (a, b) = (poses(a), poses(b));
-    assert!(!a.is_empty() && a.len() == b.len(), "{} and {} poses", a.len(), b.len());
-    a.iter().zip(&b).map(|(a, b)| (a[1] - b[1]).hypot(a[2] - b[2])).fold(0.0, f64::max)
 }
 
 /// ATE of a run's trajectory, metres.

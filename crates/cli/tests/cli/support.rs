@@ -118,3 +118,22 @@ pub(crate) fn small_log_in(folder: &Path) -> String {
     fs::write(&path, small_log()).unwrap();
     path.display().to_string()
 }
+
+/// Maps a log into a folder.
+pub(crate) fn map(log: &str, out: &Path, more: &[&str]) -> Output {
+    run(&[&["map", log, "-o", out.to_str().unwrap()], more].concat())
+}
+
+/// Poses of a trajectory: stamp, x, y and the rest of the line as numbers.
+pub(crate) fn poses(out: &Path) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(out.join("trajectory.tum")).unwrap();
+    let lines = text.lines().filter(|line| !line.starts_with('#'));
+    lines.map(|line| line.split(' ').map(|word| word.parse().unwrap()).collect()).collect()
+}
+
+/// The largest distance between two trajectories' poses of the same scans.
+pub(crate) fn apart_m(a: &Path, b: &Path) -> f64 {
+    let (a, b) = (poses(a), poses(b));
+    assert!(!a.is_empty() && a.len() == b.len(), "{} and {} poses", a.len(), b.len());
+    a.iter().zip(&b).map(|(a, b)| (a[1] - b[1]).hypot(a[2] - b[2])).fold(0.0, f64::max)
+}

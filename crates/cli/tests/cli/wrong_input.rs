@@ -1,6 +1,6 @@
 //! What recordings say wrongly: odometry, mountings, clocks and robots that are not what they seem, each in several formats.
 
-use crate::support::{assert_code, assert_refused, folder, json, run, text};
+use crate::support::{apart_m, assert_code, assert_refused, folder, json, map, poses, run, text};
 use mapwright_bags::{
     Bag1Compression, Bag1Writer, Connection, DefinitionFormat, Encoding, McapCompression, McapWriter,
 };
@@ -10,7 +10,7 @@ use mapwright_ros::messages::{Header, LaserScan, Odometry, TfMessage, Transform,
 use mapwright_ros::{Encoding as Layout, Field, builtin, encode};
 use mapwright_sensor::{LaserModel, LaserScan as Scan, Odometry as Reading};
 use mapwright_sim::{Drive, DriveSettings, Event, worlds};
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::Path;
 use std::process::Output;
 use std::sync::Arc;
@@ -183,23 +183,6 @@ fn write_carmen(log: &[Message], path: &Path) -> String {
     }
     drop(writer.finish().unwrap());
     path.display().to_string()
-}
-
-fn map(log: &str, out: &Path, more: &[&str]) -> Output {
-    run(&[&["map", log, "-o", out.to_str().unwrap()], more].concat())
-}
-
-fn poses(out: &Path) -> Vec<Vec<f64>> {
-    let text = fs::read_to_string(out.join("trajectory.tum")).unwrap();
-    let lines = text.lines().filter(|line| !line.starts_with('#'));
-    lines.map(|line| line.split(' ').map(|word| word.parse().unwrap()).collect()).collect()
-}
-
-/// The largest distance between two trajectories' poses of the same scans.
-fn apart_m(a: &Path, b: &Path) -> f64 {
-    let (a, b) = (poses(a), poses(b));
-    assert!(!a.is_empty() && a.len() == b.len(), "{} and {} poses", a.len(), b.len());
-    a.iter().zip(&b).map(|(a, b)| (a[1] - b[1]).hypot(a[2] - b[2])).fold(0.0, f64::max)
 }
 
 fn assert_says(output: &Output, says: &[&str]) {
