@@ -4,7 +4,7 @@
 mod support;
 
 use mapwright::{FragmentStart, Localisation, Mapper, Odometry, Pose2, Settings, Stamp, Status, Update};
-use mapwright_sim::{Kidnapping, TrueScan, kidnapping};
+use mapwright_sim::{Event, Kidnapping, TrueScan, kidnapping};
 use std::ops::RangeInclusive;
 use support::{in_parallel, is_right};
 
@@ -30,15 +30,25 @@ struct Seen {
 
 /// Maps until `until_s` after it was put down. For `blind_s` from one second after it was joined on, it sees nothing.
 fn arrive(case: &Kidnapping, until_s: f64, blind_s: f64) -> Seen {
-    arrive_by(case, case.drive().scans(), until_s, blind_s)
+    arrive_by(case, case.drive().scans().map(Event::Scan), until_s, blind_s)
 }
 
-/// The same of these scans.
-fn arrive_by(case: &Kidnapping, scans: impl Iterator<Item = TrueScan>, until_s: f64, blind_s: f64) -> Seen {
+/// The same of these events.
+fn arrive_by(case: &Kidnapping, events: impl Iterator<Item = Event>, until_s: f64, blind_s: f64) -> Seen {
     let mut mapper = Mapper::new(Settings::default()).expect("valid");
     let (mut known, mut made, mut seen) = (Vec::new(), Vec::new(), Seen::default());
     let since_s = |scan: &TrueScan| scan.scan.stamp.secs_since(case.put_down);
-    for scan in scans.take_while(|scan| since_s(scan) < until_s) {
+    for event in events {
+        let scan = match event {
+            Event::Scan(scan) => scan,
+            Event::Odometry(odometry) => {
+                mapper.add_odometry(&odometry);
+                continue;
+            }
+        };
+        if since_s(&scan) >= until_s {
+            break;
+        }
         let since_s = since_s(&scan);
         if seen.joined_s.is_some_and(|joined_s| (1.0..1.0 + blind_s).contains(&(since_s - joined_s))) {
             continue;
@@ -134,6 +144,21 @@ fn a_carried_robot_hears_its_wheels_however_they_are_handed_in() {
         (apart, mapper.trajectory().collect::<Vec<_>>())
     });
     assert!(ways[0].0 > 50 && ways[0] == ways[1], "{} and {} scans apart", ways[0].0, ways[1].0);
+}
+
+/// Neither scan nor motion of the wheels tells of it: they are read while it is carried, and say that it stands. That a laser is silent for
+/// so long while the robot stands is what tells.
+#[test]
+fn who_is_carried_while_only_the_wheels_are_read_is_joined_where_it_is() {
+    const SEEDS: [u64; 2] = [52_002, 52_003];
+    let results = in_parallel(SEEDS.len(), |k| {
+        let case = kidnapping(SEEDS[k]);
+        let home_s = case.home.expect("it comes there").secs_since(case.put_down);
+        let until_s = home_s + JOINED_WITHIN_S;
+        (home_s, arrive_by(&case, case.drive(), until_s, 0.0))
+    });
+    results.iter().for_each(|seen| println!("{seen:?}"));
+    assert!(results.iter().all(|(home_s, seen)| seen.is_joined(*home_s..=home_s + JOINED_WITHIN_S)));
 }
 
 /// What a covered laser sees is the beginning of a fragment; half a metre from a wall (63055) it fits that a little.
@@ -241,7 +266,7 @@ fn a_robot_that_stood_blind_is_where_it_was() {
             scan.scan.stamp.0 += if scan.scan.stamp >= from { PAUSE_NS } else { 0 };
             scan
         };
-        arrive_by(&case, case.drive().scans().map(later), 30.0, 0.0)
+        arrive_by(&case, case.drive().scans().map(later).map(Event::Scan), 30.0, 0.0)
     });
     results.iter().for_each(|seen| println!("{seen:?}"));
     assert!(results.iter().all(|seen| seen.is_joined(0.0..=5.0)), "{results:?}");

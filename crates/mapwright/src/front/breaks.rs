@@ -17,9 +17,9 @@ use mapwright_sensor::LaserScan;
 /// Nothing is matched against from such a standard deviation of the position on, metres: places that look alike lie as near as
 /// three of them. Gaps in logs of two buildings ask for 0.3 to 1.1 (docs/decisions/0024-fragments.md).
 const BREAK_SIGMA_M: f64 = 1.0;
-/// After so many scans in a row that saw nothing, and so many seconds, a robot may have been carried away, whatever its wheels say; and after
-/// as many usual periods in which neither laser nor wheels said anything. While the wheels are read they are believed: there are logs with a
-/// scan every quarter of a minute.
+/// After so many scans in a row that saw nothing, and so many seconds, a robot may have been carried away, whatever its wheels say; after as
+/// many usual periods in which neither laser nor wheels said anything; and after as many without a scan by which, as the wheels say, it
+/// stood. While they say that it drives they are believed: there are logs with a scan every metre, and a quarter of a minute between two.
 const BLIND_SCANS: u32 = 20;
 /// After so many scans in a row that fit nowhere it is not where it is thought to be.
 const LOST_SCANS: u32 = 10;
@@ -50,7 +50,11 @@ impl FrontEnd {
         }
         let (blank, blind_s) = self.tracker.blind(stamp);
         let silence_s = self.tracker.silence_s(stamp);
-        let is_blind = blank >= BLIND_SCANS && blind_s > BLIND_S || self.predictor.is_blind(silence_s);
+        // By the end; a robot that is lifted up does not drive.
+        let stood = !self.settings.keyframes.is_far(prepared.step.last_from_robot);
+        let is_blind = blank >= BLIND_SCANS && blind_s > BLIND_S
+            || self.predictor.is_blind(silence_s)
+            || stood && self.predictor.is_blind(blind_s);
         let may_have_strayed = prepared.step.after_gap || self.tracker.misfits() > 0;
         if self.tracker.misfits() >= LOST_SCANS {
             Some(FragmentStart::Lost)
