@@ -2,8 +2,8 @@
 
 use crate::failure::Failure;
 use crate::foreign::kind_at;
-use mapwright::{Candidate, Cov3, Cov6, Fragment, KeyframeId, Pose2, Pose3, Session, Verdict, WheelSlip};
-use mapwright_geom::Pose;
+use mapwright::{Candidate, Cov3, Cov6, EdgeKind, Fragment, KeyframeId, Pose2, Pose3, Session, Verdict, WheelSlip};
+use mapwright_geom::{Pose, Tangent};
 use mapwright_record::Measurement;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -54,6 +54,23 @@ pub(crate) struct CandidateRecord {
     /// The fragments of `from` and `to` where a break lies between them: as a closure it joins them. Older files have none.
     #[serde(default)]
     pub(crate) joins: Option<[FragmentRecord; 2]>,
+    /// Where the chain of edges gave way, if this is a closure that contradicted it. Older files have none.
+    #[serde(default)]
+    pub(crate) gave_way: Option<StrainedEdge>,
+}
+
+/// The edge of a chain that the final map contradicts most.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct StrainedEdge {
+    pub(crate) from: u32,
+    pub(crate) to: u32,
+    pub(crate) to_stamp_s: Option<f64>,
+    /// What it was made of.
+    pub(crate) kind: String,
+    /// How far the map differs from what it says, metres and radians, and by which chi-square.
+    pub(crate) metres: f64,
+    pub(crate) radians: f64,
+    pub(crate) chi2: f64,
 }
 
 /// A fragment of the map.
@@ -206,6 +223,37 @@ fn joins<M: Measurement>(candidate: &Candidate<M::Pose>, session: &Session<M>) -
     session.joined_fragments(ends).map(|both| both.map(record))
 }
 
+/// What a closure contradicts, if a true chain would be contradicted so much once in a thousand times: 99.9 % quantiles of chi-square.
+const fn improbable_chi2<P: Pose>() -> f64 {
+    if P::DIMENSION == 3 { 16.3 } else { 22.5 }
+}
+
+/// Of the edges between a closure's keyframes that are no closures the one that the map strains most, where the closure contradicted
+/// what they said together.
+fn gave_way<M: Measurement>(candidate: &Candidate<M::Pose>, session: &Session<M>) -> Option<StrainedEdge> {
+    let is_contradiction = candidate.evidence.cycle_chi2.is_some_and(|chi2| chi2 > improbable_chi2::<M::Pose>());
+    if candidate.verdict != Verdict::Accepted || !is_contradiction {
+        return None;
+    }
+    let within = place(session, candidate.from)..=place(session, candidate.to);
+    let poses = session.map_from_keyframe();
+    let chain = session.recorded_edges().iter().filter(|known| {
+        let is_of_chain = known.recorded.edge.kind != EdgeKind::Closure && !known.withdrawn;
+        is_of_chain && known.ends.iter().all(|end| within.contains(end))
+    });
+    let strained = chain.filter_map(|known| {
+        let [from, to] = known.ends;
+        let edge = &known.recorded.edge;
+        let is = poses.get(from as usize)?.between(*poses.get(to as usize)?);
+        let chi2 = edge.from_from_to.local(is).squared_by(&edge.information);
+        let by = edge.from_from_to.between(is);
+        let kind = if edge.kind == EdgeKind::Odometry { "odometry" } else { "match" };
+        let (to_stamp_s, kind) = (stamp_s(session, edge.to), kind.to_owned());
+        Some(StrainedEdge { from, to, to_stamp_s, kind, metres: by.length(), radians: by.angle(), chi2 })
+    });
+    strained.filter(|edge| edge.chi2.is_finite()).max_by(|a, b| a.chi2.total_cmp(&b.chi2).then(b.to.cmp(&a.to)))
+}
+
 fn record<M: Measurement<Pose: Recorded>>(candidate: &Candidate<M::Pose>, session: &Session<M>) -> CandidateRecord {
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
     let evidence = &candidate.evidence;
@@ -232,6 +280,7 @@ fn record<M: Measurement<Pose: Recorded>>(candidate: &Candidate<M::Pose>, sessio
         from_from_to: found.map(Recorded::in_plane),
         sigmas: found.and(Some(sigmas).filter(|sigmas| sigmas.iter().all(|sigma| sigma.is_finite()))),
         joins: joins(candidate, session),
+        gave_way: gave_way(candidate, session),
     }
 }
 
@@ -240,8 +289,8 @@ fn record<M: Measurement<Pose: Recorded>>(candidate: &Candidate<M::Pose>, sessio
 mod tests {
     use super::*;
     use mapwright::{
-        Cov3, Detection, Entry, Evidence, FragmentStart, Keyframe, LaserModel, Objection, Pose2, Run, RunId, Stamp,
-        Sweep,
+        Cov3, Detection, Edge, Entry, Evidence, FragmentStart, Keyframe, LaserModel, Objection, Pose2, RecordedEdge,
+        Run, RunId, Stamp, Sweep,
     };
     use std::sync::Arc;
 
@@ -295,6 +344,31 @@ mod tests {
             joins.map(|fragment| (fragment.start, fragment.stamp_s)),
             [("switched on".to_owned(), Some(0.0)), ("blind".to_owned(), Some(0.0))]
         );
+    }
+
+    #[test]
+    fn a_closure_that_contradicted_the_chain_names_the_edge_that_gave_way() {
+        let mut session = session(Verdict::Accepted);
+        let run = RunId::of_robot("a");
+        for to in 1..40 {
+            // All keyframes lie at the origin; the step to the twentieth says otherwise, and most surely.
+            let from_from_to = if to == 20 { Pose2::new(0.0, 0.1, 0.0) } else { Pose2::new(0.01, 0.0, 0.0) };
+            let (from, to) = (run.keyframe(to - 1), run.keyframe(to));
+            let information = Cov3::from_diagonal_element(100.0);
+            let edge = Edge { from, to, kind: EdgeKind::Odometry, from_from_to, information };
+            session.add(Entry::Edge(RecordedEdge { edge, candidate: None })).unwrap();
+        }
+        assert_eq!(
+            ClosureFile::of(&session).candidates[0].gave_way,
+            None,
+            "nothing says that the chain was contradicted"
+        );
+        let mut candidate = session.candidates()[0];
+        candidate.evidence.cycle_chi2 = Some(200.0);
+        session.add(Entry::Candidate(candidate)).unwrap();
+        let edge = ClosureFile::of(&session).candidates[1].gave_way.clone().unwrap();
+        assert_eq!((edge.from, edge.to, edge.kind.as_str()), (19, 20, "odometry"));
+        assert!((edge.metres - 0.1).abs() < 1e-12 && edge.radians.abs() < 1e-12 && (edge.chi2 - 1.0).abs() < 1e-9);
     }
 
     #[test]

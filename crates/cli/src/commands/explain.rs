@@ -148,7 +148,22 @@ fn in_words(candidate: &CandidateRecord) -> String {
     if let Some([x, y, theta]) = candidate.sigmas.filter(|_| candidate.from_from_to.is_some()) {
         let _ = write!(text, " +- {x:.3} m {y:.3} m {:.2} deg", theta.to_degrees());
     }
-    format!("{text}\n{}      {}\n", joins(candidate), evidence(candidate))
+    format!("{text}\n{}      {}\n{}", joins(candidate), evidence(candidate), gave_way(candidate))
+}
+
+/// Which edge of the chain gave way to a closure that contradicted it; empty where none did.
+fn gave_way(candidate: &CandidateRecord) -> String {
+    let Some(edge) = &candidate.gave_way else { return String::new() };
+    let what = if edge.kind == "odometry" { "odometry alone" } else { "a match" };
+    format!(
+        "      the chain gave way most at {} -> {}{}, {what}: by {:.3} m {:.2} deg, chi-square {:.1}\n",
+        edge.from,
+        edge.to,
+        at(edge.to_stamp_s),
+        edge.metres,
+        edge.radians.to_degrees(),
+        edge.chi2
+    )
 }
 
 fn evidence(candidate: &CandidateRecord) -> String {
