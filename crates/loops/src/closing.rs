@@ -292,7 +292,7 @@ impl<S: Submaps> Closing<S> {
         let targets =
             targets.into_iter().map(|target| (target, views_along(past, target.from, true, reach_m))).collect();
         let query = views_along(past, to, false, reach_m.min(query_m::<PoseOf<S>>()));
-        Some(Verification { to, query, targets, submaps })
+        Some(Verification::new(to, query, targets, submaps))
     }
 
     /// Standard deviations that a window is wide: more, the oftener nothing was seen of what should be near. What a chain states is what a cycle

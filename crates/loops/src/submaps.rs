@@ -34,7 +34,7 @@ pub trait Submaps: Clone + Debug + Send {
     /// What they are drawn from.
     type Measurement: Measurement;
     /// One of them.
-    type Submap;
+    type Submap: Clone + Debug + Send;
     /// What places look like.
     type Places: Clone + Debug + Default + Send + Stored;
 

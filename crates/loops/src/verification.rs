@@ -60,11 +60,12 @@ pub(crate) type Place<S> = (Target<PoseOf<S>>, Vec<View<<S as Submaps>::Measurem
 /// The present submap is looked for in old ones.
 #[derive(Debug, Clone)]
 pub struct Verification<S: Submaps> {
-    /// The newest keyframe, whose frame is that of the query.
-    pub(crate) to: NodeId,
-    pub(crate) query: Vec<View<S::Measurement>>,
-    pub(crate) targets: Vec<Place<S>>,
-    pub(crate) submaps: S,
+    /// What the present one is drawn from, and the old places that are left.
+    query: Vec<View<S::Measurement>>,
+    targets: std::vec::IntoIter<Place<S>>,
+    submaps: S,
+    drawn: Option<S::Submap>,
+    verified: Verified<PoseOf<S>>,
 }
 
 /// What was found.
@@ -79,16 +80,27 @@ pub struct Verified<P: Pose = Pose2> {
 }
 
 impl<S: Submaps> Verification<S> {
+    /// The newest keyframe `to`, in whose frame the query is, at these places.
+    pub(crate) fn new(to: NodeId, query: Vec<View<S::Measurement>>, targets: Vec<Place<S>>, submaps: S) -> Self {
+        let verified = Verified { to, findings: Vec::with_capacity(targets.len()), work: (query.len(), 0) };
+        Self { query, targets: targets.into_iter(), submaps, drawn: None, verified }
+    }
+
     /// Does the work.
     #[must_use]
     pub fn run(mut self) -> Verified<PoseOf<S>> {
-        let query = self.submaps.draw(&self.query);
-        let (mut work, mut findings) = ((self.query.len(), 0), Vec::new());
-        for (target, views) in &self.targets {
-            let submap = self.submaps.draw(views);
-            findings.push((*target, self.submaps.look_for(&query, &submap, &target.window)));
-            work = (work.0 + views.len(), work.1 + self.submaps.scored());
-        }
-        Verified { to: self.to, findings, work }
+        while self.advance() {}
+        self.verified
+    }
+
+    /// Looks at one place, which is as much as has to be done in one piece; whether others are left.
+    pub fn advance(&mut self) -> bool {
+        let Some((target, views)) = self.targets.next() else { return false };
+        let query = self.drawn.get_or_insert_with(|| self.submaps.draw(&self.query));
+        let submap = self.submaps.draw(&views);
+        self.verified.findings.push((target, self.submaps.look_for(query, &submap, &target.window)));
+        self.verified.work.0 += views.len();
+        self.verified.work.1 += self.submaps.scored();
+        self.targets.len() > 0
     }
 }

@@ -99,18 +99,22 @@ impl<M: Closes> BackEnd<M> {
         &mut self,
         store: &mut Store<M>,
         front: &mut impl Follows<M>,
-        outcome: &Outcome<M>,
+        outcome: Outcome<M>,
         correction: Correction,
     ) -> bool {
         let known = store.len();
         match outcome {
+            Outcome::Advanced(rest) => {
+                self.jobs.push_front(Job(Task::Verify(rest)));
+                false
+            }
             Outcome::Verified(verified) if verified.to.index() < known => {
-                let judged = cycles::judge(&mut self.closing, store, front, verified, correction);
+                let judged = cycles::judge(&mut self.closing, store, front, &verified, correction);
                 judged.solving.into_iter().for_each(|solving| self.push(Task::Solve(solving)));
                 judged.is_moved
             }
             Outcome::Solved(Some(solved)) if solved.map_from_keyframe.len() <= known => {
-                cycles::correct(&mut self.closing, store, front, solved)
+                cycles::correct(&mut self.closing, store, front, &solved)
             }
             _ => false,
         }

@@ -22,6 +22,8 @@ pub(crate) enum Task<M: Closes> {
 
 #[derive(Debug, Clone)]
 pub(crate) enum Outcome<M: Closes> {
+    /// Some places were looked at, others are left.
+    Advanced(Box<Verification<M::Submaps>>),
     Verified(Verified<M::Pose>),
     Solved(Option<Solved<M::Pose>>),
 }
@@ -31,7 +33,13 @@ impl<M: Closes> Job<M> {
     #[must_use]
     pub fn run(self) -> JobResult<M> {
         JobResult(match self.0 {
-            Task::Verify(verification) => Outcome::Verified(verification.run()),
+            Task::Verify(mut verification) => {
+                if verification.advance() {
+                    Outcome::Advanced(verification)
+                } else {
+                    Outcome::Verified(verification.run())
+                }
+            }
             Task::Solve(solving) => Outcome::Solved(solving.run()),
         })
     }

@@ -200,7 +200,7 @@ impl Mapper {
     /// Does the jobs at once, where they are not handed out.
     fn work_inline(&mut self) {
         while let Some(job) = self.back.next_inline() {
-            self.take_in(&job.run());
+            self.take_in(job.run());
         }
     }
 
@@ -209,7 +209,7 @@ impl Mapper {
         while let Some(job) = self.back.hand_out() {
             let result = job.run();
             self.back.came_back();
-            self.take_in(&result);
+            self.take_in(result);
         }
     }
 
@@ -224,14 +224,14 @@ impl Mapper {
     /// A result that does not belong to this mapper is left out.
     pub fn apply(&mut self, result: JobResult) -> Update {
         self.back.came_back();
-        self.take_in(&result);
+        self.take_in(result);
         self.report(Told::default())
     }
 
-    fn take_in(&mut self, result: &JobResult) {
+    fn take_in(&mut self, result: JobResult) {
         let Self { store, front, back, .. } = self;
         let correction = front.settings().loops.correction;
-        back.take_in(store, front, &result.0, correction);
+        back.take_in(store, front, result.0, correction);
     }
 
     fn status_of(&self, matched: Option<&Matched>) -> Status {

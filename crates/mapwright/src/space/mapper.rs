@@ -126,14 +126,14 @@ impl SpaceMapper {
     /// A result that does not belong to this mapper is left out.
     pub fn apply(&mut self, result: JobResult<SpaceSweep>) -> Update<SpaceSweep> {
         self.back.came_back();
-        self.take_in(&result);
+        self.take_in(result);
         self.report(Told::default())
     }
 
-    fn take_in(&mut self, result: &JobResult<SpaceSweep>) {
+    fn take_in(&mut self, result: JobResult<SpaceSweep>) {
         let Self { store, front, back, .. } = self;
         let correction = front.settings().loops.correction;
-        back.take_in(store, front, &result.0, correction);
+        back.take_in(store, front, result.0, correction);
     }
 
     /// Solves the graph where gravity says that the map leans.
@@ -149,7 +149,7 @@ impl SpaceMapper {
     /// Does the jobs at once, where they are not handed out.
     fn work_inline(&mut self) {
         while let Some(job) = self.back.next_inline() {
-            self.take_in(&job.run());
+            self.take_in(job.run());
         }
     }
 

@@ -21,7 +21,7 @@ impl SpaceMapper {
         while let Some(job) = self.back.hand_out() {
             let result = job.run();
             self.back.came_back();
-            self.take_in(&result);
+            self.take_in(result);
         }
         if !self.back.is_busy() {
             let mut state = vec![VERSION];
