@@ -45,7 +45,7 @@ impl Mapper {
             }
             self.front.take_in(self.store.past(), imported.first_edge, imported.is_first);
             self.newest = Newest { stamp: keyframe.stamp, status: Status::Tracking };
-            self.detect(true);
+            self.detect(true, true);
             self.work_all();
             told(self.report(Told { keyframe: self.store.past().newest(), ..Told::default() }))?;
         }
