@@ -136,7 +136,7 @@ impl Mapper {
         self.add_pose_of_scan(scan);
         probe.end(Stage::Insert);
         // 6. and 7. Detect and correct: jobs, done at once or handed out.
-        self.detect(keyframe.is_some(), false);
+        self.detect(keyframe.is_some(), None);
         probe.end(Stage::Close);
         // 8. Report.
         let status = self.status_of(matched.as_ref());
@@ -183,8 +183,8 @@ impl Mapper {
     }
 
     /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at. What is live is
-    /// matched against and need not be looked for, but where the newest keyframe `was_taken_in` from another session.
-    fn detect(&mut self, is_keyframe: bool, was_taken_in: bool) {
+    /// matched against and need not be looked for; not so the keyframes before `taken_in`, where another session begins that is taken in.
+    fn detect(&mut self, is_keyframe: bool, taken_in: Option<NodeId>) {
         let Self { store, front, back, .. } = self;
         let (past, anchor) = (store.past(), front.pose().anchor());
         let due = || back.closing.is_due(past) || anchor.is_some_and(|anchor| back.closing.is_unjudged(past, anchor));
@@ -192,7 +192,7 @@ impl Mapper {
             return;
         }
         let mut known = front.survey();
-        known.iter_mut().for_each(|place| place.live &= !was_taken_in);
+        known.iter_mut().for_each(|place| place.live &= taken_in.is_none_or(|first| place.first >= first));
         let submaps = front.submaps();
         let verification = back.closing.propose(past, &known, anchor, submaps);
         verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));

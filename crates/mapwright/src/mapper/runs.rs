@@ -7,7 +7,7 @@ use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Import, Store};
 use crate::told::{Newest, Told};
 use mapwright_geom::Stamp;
-use mapwright_record::{RunId, Session, Status, Update};
+use mapwright_record::{NodeId, RunId, Session, Status, Update};
 
 impl Mapper {
     /// A run of this robot begins, or of another one, somewhere: nobody knows where it stands, nor where its odometry has its origin.
@@ -34,8 +34,9 @@ impl Mapper {
     /// # Errors
     /// That of `told`.
     pub fn import<E>(&mut self, other: &Session, mut told: impl FnMut(Update) -> Result<(), E>) -> Result<(), E> {
-        let Some(first) = other.map_from_keyframe().first() else { return Ok(()) };
-        let local_from_other = self.front.pose().local_from_robot() * first.inverse();
+        let Some(begin) = other.map_from_keyframe().first() else { return Ok(()) };
+        let local_from_other = self.front.pose().local_from_robot() * begin.inverse();
+        let first = NodeId::at(self.store.len());
         let mut import = Import::new(&self.store, other, local_from_other);
         self.front.switch_on();
         while let Some(keyframe) = import.next() {
@@ -45,7 +46,7 @@ impl Mapper {
             }
             self.front.take_in(self.store.past(), imported.first_edge, imported.is_first);
             self.newest = Newest { stamp: keyframe.stamp, status: Status::Tracking };
-            self.detect(true, true);
+            self.detect(true, Some(first));
             self.work_all();
             told(self.report(Told { keyframe: self.store.past().newest(), ..Told::default() }))?;
         }
