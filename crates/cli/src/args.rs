@@ -268,8 +268,8 @@ pub(crate) struct MappingArgs {
     /// Turn the picture until walls are upright.
     #[arg(long, value_enum, default_value_t = Align::None)]
     pub(crate) align: Align,
-    /// Longest side of the picture in pixels, margins included; otherwise as suits the map.
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=16_000))]
+    /// The picture's longer side in pixels, margins included; otherwise as suits the map.
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(200..=16_000))]
     pub(crate) picture_side: Option<u16>,
     /// Predict with constant velocity even where the log has odometry.
     #[arg(long)]

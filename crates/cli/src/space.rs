@@ -131,6 +131,7 @@ struct Mapping {
     policy: crate::args::StampPolicy,
     progress: Progress,
 }
+    picture_side: Option<u16>,
 
 impl Mapping {
     fn begin(args: &MappingArgs, mut output: OutputFolder, length: u64) -> Result<Self, Failure> {
@@ -156,6 +157,7 @@ impl Mapping {
             policy: args.stamps,
             progress: Progress::new(Some(length), args.voice.quiet || args.voice.json),
         })
+            picture_side: args.picture_side,
     }
 
     fn add_cloud(&mut self, cloud: &Cloud) -> Result<(), Failure> {
@@ -195,7 +197,13 @@ impl Mapping {
         let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
         remove_outdated_maps(&mut self.output, 1);
-        picture::write(&mut self.output, source.sensor(), session, (&map, MAP_SHARE * resolution_m))?;
+        picture::write(
+            &mut self.output,
+            source.sensor(),
+            session,
+            (&map, MAP_SHARE * resolution_m),
+            self.picture_side,
+        )?;
         let beside = Beside::of(source, &way);
         let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
         let felt = Felt::of(source, &self.mapper);

@@ -13,6 +13,7 @@ pub(super) fn write(
     sensor: &SpaceSensor,
     session: &Session<SpaceSweep>,
     (map, point_m): (&MapPoints, f64),
+    side_px: Option<u16>,
 ) -> Result<(), Failure> {
     let way: Vec<Pose3> = session.trajectory().map(|pose| pose.map_from_robot).collect();
     let way_m: Vec<[f64; 3]> = way.iter().map(|pose| pose.translation.into()).collect();
@@ -21,6 +22,7 @@ pub(super) fn write(
     let closures_m: Vec<_> = closures.map(|(ends, _)| ends.map(|end| poses[end].translation.into())).collect();
     let up = up(sensor, map, &way, point_m);
     let (points_m, colours) = (&map.points_m, &map.colours);
+    let otherwise = SpacePicture::default();
     let picture = SpacePicture {
         points_m,
         colours,
@@ -28,7 +30,8 @@ pub(super) fn write(
         closures_m: &closures_m,
         up,
         point_m,
-        ..SpacePicture::default()
+        side_px: side_px.map_or(otherwise.side_px, usize::from),
+        ..otherwise
     };
     output.write("map.png", |writer| write_space_png(&picture, writer))
 }
