@@ -8,6 +8,7 @@ pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use crate::calibrated::Calibrated;
+use anstream::ColorChoice;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_clouds::CameraOptions;
@@ -28,10 +29,31 @@ const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("MAPWRIGHT_B
 #[command(name = "mapwright", version = VERSION, arg_required_else_help = true)]
 pub(crate) struct Args {
     #[command(subcommand)]
+    /// Colours in what is said: on terminals (unless NO_COLOR is set or TERM is dumb), always or never.
+    #[arg(long, value_enum, value_name = "WHEN", default_value_t = Colour::Auto, global = true, hide_default_value = true)]
+    color: Colour,
     pub(crate) command: Command,
 }
 
 #[derive(Debug, Subcommand)]
+impl Args {
+    /// Whether words have colours.
+    pub(crate) fn colour(&self) -> ColorChoice {
+        match self.color {
+            Colour::Auto => ColorChoice::Auto,
+            Colour::Always => ColorChoice::Always,
+            Colour::Never => ColorChoice::Never,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Colour {
+    Auto,
+    Always,
+    Never,
+}
+
 pub(crate) enum Command {
     /// Map a log: trajectory, map, picture, report.
     Map(MapArgs),
