@@ -8,6 +8,7 @@ pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use crate::calibrated::Calibrated;
+use crate::page::Beside;
 use anstream::ColorChoice;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
@@ -28,14 +29,13 @@ const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("MAPWRIGHT_B
 #[derive(Debug, Parser)]
 #[command(name = "mapwright", version = VERSION, arg_required_else_help = true)]
 pub(crate) struct Args {
-    #[command(subcommand)]
     /// Colours in what is said: on terminals (unless NO_COLOR is set or TERM is dumb), always or never.
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = Colour::Auto, global = true, hide_default_value = true)]
     color: Colour,
+    #[command(subcommand)]
     pub(crate) command: Command,
 }
 
-#[derive(Debug, Subcommand)]
 impl Args {
     /// Whether words have colours.
     pub(crate) fn colour(&self) -> ColorChoice {
@@ -54,6 +54,7 @@ enum Colour {
     Never,
 }
 
+#[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Map a log: trajectory, map, picture, report.
     Map(MapArgs),
@@ -491,15 +492,32 @@ pub(crate) struct ExplainArgs {
     pub(crate) json: bool,
 }
 
+/// What errors are shown beside.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct BesideArgs {
+    /// Reference trajectory to draw errors beside: TUM, stamp x y theta, or KITTI's 12 numbers, a row for each scan; or surveyed relations.
+    /// Otherwise the truth that a simulated run has left in its folder.
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+    /// Surveyed relations (Kümmerle et al. 2009) to tell errors beside, as `eval --relations` does.
+    #[arg(long, value_name = "FILE")]
+    relations: Option<PathBuf>,
+}
+
+impl BesideArgs {
+    /// Both files, where they were given.
+    pub(crate) fn of(&self) -> Beside<'_> {
+        Beside { reference: self.reference.as_ref(), relations: self.relations.as_ref() }
+    }
+}
+
 #[derive(Debug, ClapArgs)]
 pub(crate) struct ReportArgs {
     /// Folder of results of `mapwright map`, of the plane or of space.
     #[arg(value_name = "OUT")]
     pub(crate) results: PathBuf,
-    /// Reference trajectory to draw errors beside: TUM, stamp x y theta, or KITTI's 12 numbers, a row for each scan. Otherwise the truth that
-    /// a simulated run has left in its folder.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) reference: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) beside: BesideArgs,
     /// The page; otherwise report.html in the folder of results.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
@@ -513,9 +531,8 @@ pub(crate) struct CompareArgs {
     /// The other one.
     #[arg(value_name = "OUT2")]
     pub(crate) second: PathBuf,
-    /// Reference trajectory to draw the errors of both beside, as for `report`.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) reference: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) beside: BesideArgs,
     /// The page; otherwise compare.html in the present folder.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,

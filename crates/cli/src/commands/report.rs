@@ -13,7 +13,7 @@ use std::path::Path;
 const COMPARED: &str = "compare.html";
 
 pub(super) fn run(args: &ReportArgs) -> Result<Outcome, Failure> {
-    let page = report(&args.results, args.reference.as_ref())?;
+    let page = report(&args.results, args.beside.of())?;
     let beside = || {
         if args.results.is_dir() { args.results.join(PAGE) } else { args.results.with_file_name(PAGE) }
     };
@@ -21,7 +21,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Outcome, Failure> {
 }
 
 pub(super) fn run_compare(args: &CompareArgs) -> Result<Outcome, Failure> {
-    let page = compare([&args.first, &args.second], args.reference.as_ref())?;
+    let page = compare([&args.first, &args.second], args.beside.of())?;
     write(&page, args.output.as_deref().unwrap_or(Path::new(COMPARED)))
 }
 
