@@ -22,7 +22,6 @@ pub(super) fn write(
     let closures_m: Vec<_> = closures.map(|(ends, _)| ends.map(|end| poses[end].translation.into())).collect();
     let up = up(sensor, map, &way, point_m);
     let (points_m, colours) = (&map.points_m, &map.colours);
-    let otherwise = SpacePicture::default();
     let picture = SpacePicture {
         points_m,
         colours,
@@ -30,8 +29,7 @@ pub(super) fn write(
         closures_m: &closures_m,
         up,
         point_m,
-        side_px: side_px.map_or(otherwise.side_px, usize::from),
-        ..otherwise
+        side_px: side_px.map_or(SpacePicture::default().side_px, usize::from),
     };
     output.write("map.png", |writer| write_space_png(&picture, writer))
 }

@@ -419,7 +419,7 @@ impl Raster {
         let (du, dv) = (fixed(step[0]), fixed(step[1]));
         let enlarged = (1.0 / step[0].hypot(step[1])).clamp(1.0, 1e3);
         let steepness = (256.0 * enlarged).round() as i64;
-        let share = |w: i64| ((((w >> 8 & 255) - 128) * steepness >> 8) + 128).clamp(0, 256) as u32;
+        let share = |w: i64| (((((w >> 8 & 255) - 128) * steepness) >> 8) + 128).clamp(0, 256) as u32;
         for pixel in row {
             let (column, line) = (u >> 16, v >> 16);
             // One beyond each side, so that the map's edge fades into what is unseen.
