@@ -8,7 +8,6 @@ pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use crate::calibrated::Calibrated;
-use crate::page::Beside;
 use anstream::ColorChoice;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
@@ -498,17 +497,10 @@ pub(crate) struct BesideArgs {
     /// Reference trajectory to draw errors beside: TUM, stamp x y theta, or KITTI's 12 numbers, a row for each scan; or surveyed relations.
     /// Otherwise the truth that a simulated run has left in its folder.
     #[arg(long, value_name = "FILE")]
-    reference: Option<PathBuf>,
+    pub(crate) reference: Option<PathBuf>,
     /// Surveyed relations (Kümmerle et al. 2009) to tell errors beside, as `eval --relations` does.
     #[arg(long, value_name = "FILE")]
-    relations: Option<PathBuf>,
-}
-
-impl BesideArgs {
-    /// Both files, where they were given.
-    pub(crate) fn of(&self) -> Beside<'_> {
-        Beside { reference: self.reference.as_ref(), relations: self.relations.as_ref() }
-    }
+    pub(crate) relations: Option<PathBuf>,
 }
 
 #[derive(Debug, ClapArgs)]

@@ -3,7 +3,7 @@
 use super::canvas::{Canvas, Colour, blend};
 use super::confidence::{CERTAIN, PLACE, UNCERTAIN};
 use super::font;
-use super::picture::{END, INK, MARGIN_PX, START, way_colour};
+use super::palette::{END, INK, MARGIN_PX, START, way_colour};
 
 /// Height of a strip of one line, pixels.
 const STRIP_PX: usize = 28;

@@ -4,6 +4,7 @@ mod canvas;
 mod confidence;
 mod font;
 mod footer;
+mod palette;
 mod picture;
 mod plain;
 mod space;

@@ -4,22 +4,13 @@ use super::GridImage;
 use super::canvas::{Canvas, Colour, blend};
 use super::confidence::{Confidence, Tint, draw_place};
 use super::footer::{Footer, Item};
+use super::palette::{END, MARGIN_PX, START, UNSEEN, way_colour};
 use crate::error::FormatError;
 use mapwright_geom::{Pose2, sin_cos};
 use std::io::Write;
 
 const FREE: Colour = [253, 253, 250];
 const WALL: Colour = [24, 30, 42];
-pub(super) const UNSEEN: Colour = [196, 207, 220];
-pub(super) const INK: Colour = [52, 62, 78];
-pub(super) const START: Colour = [34, 150, 84];
-pub(super) const END: Colour = [212, 48, 40];
-
-/// The way's colours from first to last pose, all of them dark enough for a white ground.
-const WAY: [Colour; 5] = [[36, 20, 150], [126, 10, 168], [196, 54, 122], [232, 108, 72], [244, 156, 36]];
-
-/// Blank rim around the map, pixels.
-pub(super) const MARGIN_PX: usize = 24;
 
 /// Narrower pictures get margins for what stands below the map, pixels; smaller ones have a scale bar alone.
 pub(super) const LEGEND_PX: usize = 320;
@@ -511,13 +502,6 @@ impl Block {
     }
 }
 
-/// The way's colour at a share of its time.
-pub(super) fn way_colour(share: f32) -> Colour {
-    let at = share.clamp(0.0, 1.0) * (WAY.len() - 1) as f32;
-    let below = (at as usize).min(WAY.len() - 2);
-    blend(WAY[below], WAY[below + 1], at - below as f32)
-}
-
 fn draw_way(canvas: &mut Canvas, view: &View, way: &[[f64; 2]]) {
     let (Some(&first), Some(&last)) = (way.first(), way.last()) else { return };
     let half_width = 0.9 * pen_scale(canvas) as f32;
@@ -557,6 +541,7 @@ pub(super) fn pen_of(side_px: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::palette::INK;
     use super::*;
     use crate::UNKNOWN;
 

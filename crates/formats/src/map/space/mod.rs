@@ -9,7 +9,8 @@ pub use upright::upward;
 
 use super::canvas::{Canvas, Colour, blend};
 use super::footer::{Footer, Item};
-use super::picture::{END, LEGEND_PX, MARGIN_PX, START, encode, encode_as, pen_of, pen_scale, way_colour};
+use super::palette::{END, MARGIN_PX, START, way_colour};
+use super::picture::{LEGEND_PX, encode, encode_as, pen_of, pen_scale};
 use super::walls::dominant_wall_angle;
 use crate::error::FormatError;
 use mapwright_geom::sin_cos;
@@ -18,8 +19,8 @@ use section::Section;
 use std::io::Write;
 use vectors::{dot, horizontals, unit};
 
-const GROUND: Colour = super::picture::UNSEEN;
-const INK: Colour = super::picture::INK;
+const GROUND: Colour = super::palette::UNSEEN;
+const INK: Colour = super::palette::INK;
 const CLOSURE: Colour = [226, 30, 120];
 /// Between the two views, pixels.
 const GAP_PX: usize = 20;
