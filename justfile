@@ -41,7 +41,7 @@ demo *args:
 
 # the README's picture (Python with Pillow packs it losslessly)
 demo-picture: release
-    {{mapwright}} demo -o {{figures}}/demo --picture-side 1100
+    {{mapwright}} demo -o {{figures}}/demo
     python3 -c "from PIL import Image; Image.open('{{figures}}/demo/map.png').save('docs/demo.png', optimize=True)"
 
 # the optimised binary

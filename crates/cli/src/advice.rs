@@ -1,5 +1,6 @@
 //! How certain the map is and where to drive next, in words and for `report.json`.
 
+use crate::terminal::without_negative_zeros;
 use mapwright::{Advice, Place, SeparateMap, Session};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -48,12 +49,12 @@ pub(crate) fn words(advice: &Advice) -> String {
     )
 }
 
-/// Where to drive next, for people; empty where there is nothing to be gained.
-pub(crate) fn next_words(advice: &Advice) -> String {
+/// Where to drive next, for people, by the numbers in a picture; empty where there is nothing to be gained.
+pub(crate) fn next_words(advice: &Advice, picture: &str) -> String {
     let mut text = String::new();
     for (index, place) in advice.places.iter().enumerate() {
-        let head = if index == 0 { "next     where to drive next:" } else { "                            " };
-        let _ = writeln!(text, "{head} {}. {}", index + 1, words_of(advice, place));
+        let head = if index == 0 { "next     drive to" } else { "         or to" };
+        let _ = writeln!(text, "{head} place {} in {picture}, {}", index + 1, words_of(advice, place));
     }
     text
 }
@@ -61,8 +62,9 @@ pub(crate) fn next_words(advice: &Advice) -> String {
 fn words_of(advice: &Advice, place: &Place) -> String {
     let [x, y] = place.at;
     let way = place.way_m().map_or(String::new(), |way_m| format!(" ({way_m:.0} m along the known way)"));
-    format!(
-        "({x:.1}, {y:.1}), {:.0} m from here{way}: would bring the map's mean uncertainty from {:.3} to {:.3} m",
+    let words = format!(
+        "at ({x:.1}, {y:.1}), {:.0} m from here{way}: that would bring the map's mean uncertainty from {:.3} to {:.3} m",
         place.away_m, advice.mean_sigma_m, place.mean_sigma_after_m
-    )
+    );
+    without_negative_zeros(&words).into_owned()
 }

@@ -8,6 +8,7 @@ pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use crate::calibrated::Calibrated;
+use anstream::ColorChoice;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_clouds::CameraOptions;
@@ -27,8 +28,29 @@ const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("MAPWRIGHT_B
 #[derive(Debug, Parser)]
 #[command(name = "mapwright", version = VERSION, arg_required_else_help = true)]
 pub(crate) struct Args {
+    /// Colours in what is said: on terminals (unless NO_COLOR is set or TERM is dumb), always or never.
+    #[arg(long, value_enum, value_name = "WHEN", default_value_t = Colour::Auto, global = true, hide_default_value = true)]
+    color: Colour,
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+impl Args {
+    /// Whether words have colours.
+    pub(crate) fn colour(&self) -> ColorChoice {
+        match self.color {
+            Colour::Auto => ColorChoice::Auto,
+            Colour::Always => ColorChoice::Always,
+            Colour::Never => ColorChoice::Never,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Colour {
+    Auto,
+    Always,
+    Never,
 }
 
 #[derive(Debug, Subcommand)]
@@ -268,8 +290,8 @@ pub(crate) struct MappingArgs {
     /// Turn the picture until walls are upright.
     #[arg(long, value_enum, default_value_t = Align::None)]
     pub(crate) align: Align,
-    /// Longest side of the picture in pixels, margins included; otherwise as suits the map.
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=16_000))]
+    /// The picture's longer side in pixels, margins included; otherwise as suits the map.
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(200..=16_000))]
     pub(crate) picture_side: Option<u16>,
     /// Predict with constant velocity even where the log has odometry.
     #[arg(long)]
@@ -469,15 +491,25 @@ pub(crate) struct ExplainArgs {
     pub(crate) json: bool,
 }
 
+/// What errors are shown beside.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct BesideArgs {
+    /// Reference trajectory to draw errors beside: TUM, stamp x y theta, or KITTI's 12 numbers, a row for each scan; or surveyed relations.
+    /// Otherwise the truth that a simulated run has left in its folder.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Surveyed relations (Kümmerle et al. 2009) to tell errors beside, as `eval --relations` does.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) relations: Option<PathBuf>,
+}
+
 #[derive(Debug, ClapArgs)]
 pub(crate) struct ReportArgs {
     /// Folder of results of `mapwright map`, of the plane or of space.
     #[arg(value_name = "OUT")]
     pub(crate) results: PathBuf,
-    /// Reference trajectory to draw errors beside: TUM, stamp x y theta, or KITTI's 12 numbers, a row for each scan. Otherwise the truth that
-    /// a simulated run has left in its folder.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) reference: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) beside: BesideArgs,
     /// The page; otherwise report.html in the folder of results.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
@@ -491,9 +523,8 @@ pub(crate) struct CompareArgs {
     /// The other one.
     #[arg(value_name = "OUT2")]
     pub(crate) second: PathBuf,
-    /// Reference trajectory to draw the errors of both beside, as for `report`.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) reference: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) beside: BesideArgs,
     /// The page; otherwise compare.html in the present folder.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,

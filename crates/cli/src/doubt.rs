@@ -51,6 +51,8 @@ pub(crate) struct Doubts {
     open: Option<Spell>,
     first_lost: Option<DoubtfulScan>,
     last_stamp: Option<Stamp>,
+    /// Whether the last scan was tracked.
+    is_over: bool,
     last_gap: Option<Gap>,
 }
 
@@ -62,7 +64,8 @@ impl Doubts {
         if seconds > GAP_S {
             self.last_gap = Some(Gap { seconds, scan: update.scan });
         }
-        if update.status == Status::Tracking {
+        self.is_over = update.status == Status::Tracking;
+        if self.is_over {
             return;
         }
         let Update { scan, stamp, status, matched, refused, .. } = *update;
@@ -101,7 +104,12 @@ impl Doubts {
     /// For people; empty where every scan was tracked.
     pub(crate) fn words(&self) -> String {
         let (Some(first), Some(worst)) = (self.first, self.worst) else { return String::new() };
-        let mut text = format!("doubt    {} in {}\n", count(self.scans, "scan"), count(self.spells, "spell"));
+        let over = match self.spells {
+            _ if !self.is_over => "",
+            1 => "; tracking went on afterwards",
+            _ => "; each time tracking went on afterwards",
+        };
+        let mut text = format!("doubt    {} in {}{over}\n", count(self.scans, "scan"), count(self.spells, "spell"));
         let _ = writeln!(text, "         first: {}", first.words());
         if worst.first.scan != first.first.scan {
             let _ = writeln!(text, "         worst: {}", worst.words());
@@ -198,7 +206,7 @@ impl DoubtfulScan {
             why.push(format!("{:.1} s without a scan before scan {}", gap.seconds, grouped(gap.scan)));
         }
         if report.restarts > 0 {
-            why.push(format!("{} other starts tried", report.restarts));
+            why.push(format!("{} tried", count(u64::from(report.restarts), "other start")));
         }
         if report.searched {
             why.push("all poses around searched".to_owned());

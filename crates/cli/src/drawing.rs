@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::image::{map_image, without_outliers};
 use crate::output::OutputFolder;
 use mapwright::{CountGrid, GlobalMap, KeyframeId, Pose2, SeparateMap, Session, Settings, Sweep};
-use mapwright_formats::{GridImage, Picture, dominant_wall_angle, write_png};
+use mapwright_formats::{Frame, GridImage, Picture, dominant_wall_angle, write_png};
 use std::sync::Arc;
 
 /// What a picture shows of sweeps at these poses; those that are none are left out.
@@ -28,7 +28,7 @@ pub(crate) fn draw_believed(settings: &Settings, session: &Session, map: &Separa
     (counts.into_counts(), left_out)
 }
 
-/// The same map before and after, both turned so that the walls of the latter are upright.
+/// The same map before and after, in one frame, both turned so that the walls of the latter are upright.
 pub(crate) fn write_before_and_after(
     output: &mut OutputFolder,
     (settings, session): (&Settings, &Session),
@@ -36,14 +36,14 @@ pub(crate) fn write_before_and_after(
     side_px: Option<u16>,
 ) -> Result<(), Failure> {
     let image = |poses| map_image(&draw(settings, session.drawn(), poses), settings.map.passes_per_hit).image;
-    let (image_before, image_after): (GridImage, GridImage) = (image(before), image(after));
-    let level_rad = dominant_wall_angle(&image_after.wall_points_map(), image_after.resolution_m);
+    let whole: GridImage = image(after);
+    let level_rad = dominant_wall_angle(&whole.wall_points_map(), whole.resolution_m);
+    let (image_before, image_after) = (without_outliers(&image(before), before), without_outliers(&whole, after));
+    let frame = Frame::of(&image_before, before, level_rad).and(Frame::of(&image_after, after, level_rad));
     for (name, image, way) in [("before.png", image_before, before), ("after.png", image_after, after)] {
-        let mut picture = Picture { world_from_robot: way, level_rad, ..Picture::default() };
-        if let Some(side) = side_px.map(usize::from) {
-            (picture.min_side_px, picture.max_side_px) = (side / 2, side);
-        }
-        output.write(name, |writer| write_png(&without_outliers(&image, way), &picture, writer))?;
+        let side_px = side_px.map(usize::from);
+        let picture = Picture { world_from_robot: way, level_rad, frame: Some(frame), side_px, ..Picture::default() };
+        output.write(name, |writer| write_png(&image, &picture, writer))?;
     }
     Ok(())
 }

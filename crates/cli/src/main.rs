@@ -42,7 +42,9 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match commands::run(args::Args::parse().command) {
+    let args = args::Args::parse();
+    terminal::colour(args.colour());
+    match commands::run(args.command) {
         Ok(outcome) => outcome.exit_code(),
         Err(failure) => {
             terminal::complain(&failure);

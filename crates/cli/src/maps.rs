@@ -95,7 +95,7 @@ pub(crate) struct MapWriter<'a> {
     /// What the mapper has drawn already of a session of one map, if that is all of it.
     pub(crate) drawn: Option<&'a CountGrid>,
     pub(crate) turn_upright: bool,
-    /// Longest side of a picture, pixels.
+    /// Longer side of a picture, pixels, where it was asked for.
     pub(crate) picture_side: Option<u16>,
 }
 
@@ -141,11 +141,9 @@ impl MapWriter<'_> {
     }
 
     fn picture<'a>(&self, way: &'a [Pose2], wall_angle_rad: Option<f64>) -> Picture<'a> {
-        let picture = Picture { world_from_robot: way, level_rad: wall_angle_rad.unwrap_or(0.0), ..Picture::default() };
-        match self.picture_side.map(usize::from) {
-            Some(side) => Picture { min_side_px: side / 2, max_side_px: side, ..picture },
-            None => picture,
-        }
+        let level_rad = wall_angle_rad.unwrap_or(0.0);
+        let side_px = self.picture_side.map(usize::from);
+        Picture { world_from_robot: way, level_rad, side_px, ..Picture::default() }
     }
 }
 

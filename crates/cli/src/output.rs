@@ -71,6 +71,11 @@ impl OutputFolder {
         is_there
     }
 
+    /// The files that are begun, in order.
+    pub(crate) fn names(&self) -> &[Cow<'static, str>] {
+        &self.names
+    }
+
     /// Gives every file its name.
     pub(crate) fn commit(mut self) -> Result<Vec<Cow<'static, str>>, Failure> {
         for name in &self.names {

@@ -9,7 +9,9 @@ use crate::verdict::{Facts, Usable};
 use mapwright::{Advice, LocalMapReport, SeparateMap, Status, Visits};
 use mapwright_formats::{Noted, OddHeads, OdometryJump, RangeReport, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
+use std::borrow::Cow;
 use std::fmt::Write;
+use std::path::Path;
 
 /// What was read and what was dropped, with places and reasons.
 pub(crate) fn read_report(report: &ReadReport) -> Value {
@@ -268,8 +270,52 @@ fn live_report(report: LocalMapReport) -> Value {
     })
 }
 
-/// The last lines: what was made and how good it is.
-pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> String {
+/// What a run says at its end.
+pub(crate) struct LastWords<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) usable: &'a Usable,
+    pub(crate) made: &'a Made,
+    pub(crate) timing: &'a Value,
+    /// How a simulated run lies beside the truth.
+    pub(crate) truth: String,
+    pub(crate) losses: &'a [String],
+    pub(crate) odd: &'a [String],
+    /// What was used of a recording, and why.
+    pub(crate) used: String,
+    pub(crate) folder: &'a Path,
+}
+
+impl LastWords<'_> {
+    /// In the order in which one wants to know it: whether the map can be used; what was made and how good it is; what to do next; where it
+    /// is; and then details, of which some did no harm.
+    pub(crate) fn of(&self, mapping: &Mapping) -> String {
+        let numbers = numbers(self.name, mapping, self.made, self.timing);
+        let next = |(number, map): (usize, &MadeMap)| advice::next_words(&map.advice, &map_file(number, "png"));
+        let next: String = self.made.maps.iter().enumerate().map(next).collect();
+        let verdict = self.usable.words();
+        let lost = remarks(self.losses, &[]);
+        let (files, used, truth) = (written(self.folder, mapping.output.names()), &self.used, &self.truth);
+        let details = format!("{used}{}{}", mapping.tally.doubts.words(), remarks(&[], self.odd));
+        format!("{verdict}{numbers}{truth}{lost}{next}{files}{}", in_detail(&details))
+    }
+}
+
+/// Where the files are, and what shows them all.
+pub(crate) fn written(output: &Path, files: &[Cow<'static, str>]) -> String {
+    let folder = output.display();
+    format!(
+        "written  {folder}: {}\nlook     `mapwright report {folder}` makes one page of it to look at\n",
+        files.join(" ")
+    )
+}
+
+/// What follows when all that matters is said.
+pub(crate) fn in_detail(words: &str) -> String {
+    if words.is_empty() { String::new() } else { format!("\n{words}") }
+}
+
+/// What was made and how good it is.
+fn numbers(name: &str, mapping: &Mapping, made: &Made, timing: &Value) -> String {
     let tally = &mapping.tally;
     let all = mapping.session().scans().len() as u64;
     let over = match tally.scans {
@@ -278,7 +324,7 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
         new => format!(", {} of them mapped now", grouped(new)),
     };
     let keyframes = count(mapping.session().keyframes().len() as u64, "keyframe");
-    let mut text = format!("{}{over}, {:.0} m of path, {keyframes}\n", count(all, "scan"), made.path_m);
+    let mut text = format!("{name}: {}{over}, {:.0} m of path, {keyframes}\n", count(all, "scan"), made.path_m);
     text += &parts_words(mapping);
     for (number, map) in made.maps.iter().enumerate() {
         let name = if number == 0 { "map".to_owned() } else { format!("map-{}", number + 1) };
@@ -286,22 +332,23 @@ pub(crate) fn last_words(mapping: &Mapping, made: &Made, timing: &Value) -> Stri
         let _ = writeln!(text, "{name:<8} {width_m:.0} x {height_m:.0} m, {cell_m} m a cell");
     }
     text += &made.pieces.words();
-    text += &quality_words(tally);
     text += &made.maps.first().map(|map| advice::words(&map.advice)).unwrap_or_default();
-    text += &made.maps.iter().map(|map| advice::next_words(&map.advice)).collect::<String>();
+    text + &quality_words(tally) + &speed_words(mapping, timing)
+}
+
+fn speed_words(mapping: &Mapping, timing: &Value) -> String {
     let number = |key: &str| timing[key].as_f64().unwrap_or(0.0);
-    let _ = write!(text, "speed    {:.2} s", number("total_s"));
-    if tally.scans > 0 {
+    let mut text = format!("speed    {:.2} s", number("total_s"));
+    if mapping.tally.scans > 0 {
         let _ = write!(text, ", {} scans/s", grouped(number("scans_per_second") as u64));
     }
-    if tally.scans > 0 && mapping.parts.is_empty() {
+    if mapping.tally.scans > 0 && mapping.parts.is_empty() {
         let _ = write!(text, ", {} x real time", grouped(number("times_real_time") as u64));
     }
     if let Some(mib) = timing["peak_memory_mib"].as_f64() {
         let _ = write!(text, ", {mib:.0} MiB at most");
     }
-    text.push('\n');
-    text
+    text + "\n"
 }
 
 /// How scans have fitted, if any were mapped.
@@ -316,7 +363,7 @@ fn quality_words(tally: &Tally) -> String {
         let _ = write!(text, "; in the median {:.0} % of a scan's beams fit the map", 100.0 * share);
     }
     text.push('\n');
-    text + &tally.doubts.words()
+    text
 }
 
 /// Of each log or session of several: its name, how many keyframes it has, and which maps they are in.

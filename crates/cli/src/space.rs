@@ -25,6 +25,7 @@ use crate::maps::{remove_outdated_exports, remove_outdated_maps};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
+use crate::report::written;
 use crate::session::{SessionLog, earlier_in_space};
 use crate::stamps::Stamper;
 use crate::terminal::{say, say_json};
@@ -108,12 +109,13 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
     odd.extend(remove_outdated_exports(&mut mapping.output));
-    let words = report::to_words(&source, &mapping.tally, &results, &timing, &losses, &odd);
+    let written = written(args.output, mapping.output.names());
+    let words = report::to_words((&source, &mapping.tally, &results), (name, &timing), (&losses, &odd), &written);
     let files = mapping.output.commit()?;
     if args.mapping.voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
     } else if !args.mapping.voice.quiet {
-        say(&format!("{name}: {words}written  {}: {}\n", args.output.display(), files.join(" ")))?;
+        say(&words)?;
     }
     Ok(Outcome::of_losses(&losses))
 }
@@ -129,6 +131,7 @@ struct Mapping {
     online: Option<TumWriter<File>>,
     stamper: Stamper,
     policy: crate::args::StampPolicy,
+    picture_side: Option<u16>,
     progress: Progress,
 }
 
@@ -154,6 +157,7 @@ impl Mapping {
             online,
             stamper: Stamper::new(args.stamps),
             policy: args.stamps,
+            picture_side: args.picture_side,
             progress: Progress::new(Some(length), args.voice.quiet || args.voice.json),
         })
     }
@@ -195,7 +199,13 @@ impl Mapping {
         let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
         self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
         remove_outdated_maps(&mut self.output, 1);
-        picture::write(&mut self.output, source.sensor(), session, (&map, MAP_SHARE * resolution_m))?;
+        picture::write(
+            &mut self.output,
+            source.sensor(),
+            session,
+            (&map, MAP_SHARE * resolution_m),
+            self.picture_side,
+        )?;
         let beside = Beside::of(source, &way);
         let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
         let felt = Felt::of(source, &self.mapper);

@@ -1,12 +1,40 @@
 //! Words and numbers for people.
 
-use crate::failure::Failure;
-use std::io::{self, Write};
+mod lines;
 
-/// Writes to the standard output; a reader that went away early is no failure.
+use crate::failure::Failure;
+use anstream::{AutoStream, ColorChoice};
+pub(crate) use lines::without_negative_zeros;
+use lines::{ERROR, laid_out};
+use std::ffi::OsStr;
+use std::io::{self, IsTerminal, Write};
+use terminal_size::terminal_size_of;
+
+/// Columns of a terminal that does not say how wide it is.
+const USUAL_COLUMNS: usize = 100;
+
+/// Whether words have colours, from now on; by themselves they have some on a terminal, unless `NO_COLOR` is set or `TERM` is `dumb`.
+pub(crate) fn colour(choice: ColorChoice) {
+    choice.write_global();
+}
+
+/// Writes lines for people to the standard output: on a terminal wrapped at words, and in colours. A reader that went away early is no
+/// failure.
 pub(crate) fn say(text: &str) -> Result<(), Failure> {
+    let out = io::stdout();
+    let text = laid_out(text, columns_of(&out));
+    let mut out = AutoStream::auto(out).lock();
+    written(out.write_all(text.as_bytes()).and_then(|()| out.flush()))
+}
+
+/// Writes text for programs as it is.
+pub(crate) fn say_raw(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    written(out.write_all(text.as_bytes()).and_then(|()| out.flush()))
+}
+
+fn written(result: io::Result<()>) -> Result<(), Failure> {
+    match result {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::Stdout(error)),
         _ => Ok(()),
     }
@@ -14,12 +42,33 @@ pub(crate) fn say(text: &str) -> Result<(), Failure> {
 
 /// Writes a value as indented JSON.
 pub(crate) fn say_json(value: &serde_json::Value) -> Result<(), Failure> {
-    say(&format!("{value:#}\n"))
+    say_raw(&format!("{value:#}\n"))
 }
 
 /// Writes a failure to the standard error; nothing helps where even that fails.
 pub(crate) fn complain(failure: &Failure) {
-    let _ = writeln!(io::stderr().lock(), "mapwright: {failure}");
+    let err = io::stderr();
+    let text = laid_out(&format!("mapwright: {failure}\n"), columns_of(&err));
+    let text = text.replacen("mapwright:", &format!("{ERROR}mapwright:{ERROR:#}"), 1);
+    let _ = AutoStream::auto(err).lock().write_all(text.as_bytes());
+}
+
+/// Where lines of a terminal end; elsewhere, as in a file, they do not.
+#[cfg(unix)]
+fn columns_of(stream: &(impl IsTerminal + std::os::fd::AsFd)) -> Option<usize> {
+    let said = || terminal_size_of(stream).map_or(USUAL_COLUMNS, |(width, _)| usize::from(width.0));
+    stream.is_terminal().then(said)
+}
+
+#[cfg(windows)]
+fn columns_of(stream: &(impl IsTerminal + std::os::windows::io::AsHandle)) -> Option<usize> {
+    let said = || terminal_size_of(stream).map_or(USUAL_COLUMNS, |(width, _)| usize::from(width.0));
+    stream.is_terminal().then(said)
+}
+
+/// Whether the terminal understands nothing but text in lines.
+pub(crate) fn is_dumb() -> bool {
+    std::env::var_os("TERM").is_some_and(|term| term == OsStr::new("dumb"))
 }
 
 /// 1234567 as `1,234,567`.

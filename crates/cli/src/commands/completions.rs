@@ -2,14 +2,14 @@
 
 use crate::args::{Args, CompletionsArgs, ManArgs};
 use crate::failure::{Failure, Outcome};
-use crate::terminal::say;
+use crate::terminal::{say, say_raw};
 use clap::CommandFactory;
 use std::fs;
 
 pub(super) fn run(args: &CompletionsArgs) -> Result<Outcome, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Args::command(), "mapwright", &mut script);
-    say(&String::from_utf8_lossy(&script))?;
+    say_raw(&String::from_utf8_lossy(&script))?;
     Ok(Outcome::Done)
 }
 

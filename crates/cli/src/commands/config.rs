@@ -3,9 +3,9 @@
 use crate::args::SettingsArgs;
 use crate::failure::{Failure, Outcome};
 use crate::settings;
-use crate::terminal::say;
+use crate::terminal::say_raw;
 
 pub(super) fn run(args: &SettingsArgs) -> Result<Outcome, Failure> {
-    say(&settings::to_toml(&settings::load(args)?))?;
+    say_raw(&settings::to_toml(&settings::load(args)?))?;
     Ok(Outcome::Done)
 }

@@ -8,7 +8,7 @@ use crate::events::Interrupt;
 use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
-use crate::report;
+use crate::report::{self, LastWords};
 use crate::session::earlier_in_plane;
 use crate::simulated::{PEOPLE, office, true_relations};
 use crate::terminal::{say, say_json};
@@ -58,25 +58,35 @@ fn finish(
     let made = mapping.write_results()?;
     write_truth(&mut mapping, truth)?;
     let score = Score::of(&mapping, truth, args)?;
-    let mut losses = report::mapping_losses(&mapping, &made);
+    let mut lost = report::mapping_losses(&mapping, &made);
     if interrupted {
-        losses.push(format!("interrupted after {} scans", truth.len()));
+        lost.push(format!("interrupted after {} scans", truth.len()));
     }
     let usable = report::usable(&mapping, &made);
-    losses.extend(usable.loss());
+    let losses: Vec<_> = lost.iter().cloned().chain(usable.loss()).collect();
     let mut full = report::full_report(name, Value::Null, &mut mapping, &made, &usable, &losses);
     full["against_truth"] = score.to_json();
     mapping.output.write_json("report.json", &full)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;
-    let words = report::last_words(&mapping, &made, &timing) + &score.to_words() + &report::remarks(&losses, &[]);
+    let words = LastWords {
+        name,
+        usable: &usable,
+        made: &made,
+        timing: &timing,
+        truth: score.to_words(),
+        losses: &lost,
+        odd: &[],
+        used: String::new(),
+        folder: &args.output,
+    };
+    let words = words.of(&mapping);
     let files = mapping.output.commit()?;
     let voice = args.mapping.voice;
     if voice.json {
         say_json(&json!({ "files": files, "report": full, "timing": timing }))?;
     } else if !voice.quiet {
-        let (verdict, files) = (usable.words(), files.join(" "));
-        say(&format!("{verdict}{name}: {words}written  {}: {files}\n", args.output.display()))?;
+        say(&words)?;
     }
     Ok(Outcome::of_losses(&losses))
 }

@@ -16,7 +16,6 @@ use crate::space::{Disk, check_choice, plan_in_words};
 use crate::terminal::{count, grouped, say, say_json};
 use contents::Contents;
 use differences::{Differences, Steps};
-use mapwright_clouds::CameraOptions;
 use mapwright_logs::{Choice, Input, Links, LogError, LogReport, Plan, SpacePlan, Survey};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -27,7 +26,7 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome, Failure> {
     for path in &args.logs {
         let log = match Found::in_space(path, &args.source)? {
             Some(found) => found,
-            None => Found::at(path, &args.source, &mut links, &interrupt)?,
+            None => Found::at(path, args, &mut links, &interrupt)?,
         };
         if !args.json {
             say(&log.words)?;
@@ -77,13 +76,12 @@ impl Found {
         Ok(Some(Self { name, contents, steps, words, value, losses, is_of_space: true }))
     }
 
-    fn at(path: &Path, source: &SourceArgs, links: &mut Links, interrupt: &Interrupt) -> Result<Self, Failure> {
-        let choice = &source.choice();
+    fn at(path: &Path, args: &InfoArgs, links: &mut Links, interrupt: &Interrupt) -> Result<Self, Failure> {
         let name = name_of(path);
         match input(path)? {
-            Input::Recording(path) => Self::in_recording(name, &path, choice, &source.camera(), links, interrupt),
+            Input::Recording(path) => Self::in_recording(name, &path, args, links, interrupt),
             other => {
-                let mut found = Self::by_reading(name, other, path, choice, interrupt)?;
+                let mut found = Self::by_reading(name, other, path, &args.source.choice(), interrupt)?;
                 found.words = format!("{}: {}", found.name, found.words);
                 Ok(found)
             }
@@ -93,12 +91,12 @@ impl Found {
     fn in_recording(
         name: String,
         path: &Path,
-        choice: &Choice,
-        options: &CameraOptions,
+        args: &InfoArgs,
         links: &mut Links,
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
-        let mut first_pass = FirstPass::new(interrupt, false);
+        let choice = &args.source.choice();
+        let mut first_pass = FirstPass::new(interrupt, args.json);
         let survey = Survey::watched(path, &mut |messages| first_pass.look(&name, messages));
         drop(first_pass);
         let survey = survey.map_err(|cause| Failure::log(LogError::Recording { name: name.clone(), cause }))?;
@@ -108,7 +106,7 @@ impl Found {
         links.clone_from(&survey.links);
         let (words, plan) = (recorded::words(&name, &survey), Plan::of(&survey, choice));
         if SpacePlan::is_default(&survey, choice) {
-            let plan = SpacePlan::of(&survey, choice, options);
+            let plan = SpacePlan::of(&survey, choice, &args.source.camera());
             return Ok(match plan {
                 Ok(plan) => Self::messages_in_space(name, &survey, words, &plan),
                 Err(reason) => Self::refused(name, &survey, words, &reason),

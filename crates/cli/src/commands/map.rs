@@ -9,7 +9,7 @@ use crate::maps::remove_outdated_exports;
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
-use crate::report;
+use crate::report::{self, LastWords};
 use crate::session::{earlier_in_plane, to_go_on_with};
 use crate::space::{self, Disk, Sought, Source};
 use crate::terminal::{count, say, say_json};
@@ -78,13 +78,14 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     if is_empty && ending == Ending::OfLog {
         return Err(nothing_mapped(&name, &read, &mapping));
     }
-    let mut losses = read.losses();
-    losses.append(&mut mapping.earlier_losses);
-    losses.extend(report::mapping_losses(&mapping, &made));
+    let mut lost = read.losses();
+    lost.append(&mut mapping.earlier_losses);
+    lost.extend(report::mapping_losses(&mapping, &made));
     if ending == Ending::Interrupted {
-        losses.push(format!("interrupted after {}; the results are complete up to there", read.place()));
+        lost.push(format!("interrupted after {}; the results are complete up to there", read.place()));
     }
     let usable = report::usable(&mapping, &made);
+    let mut losses = lost.clone();
     losses.extend(usable.loss());
     let mut report = report::full_report(&name, read.to_json(), &mut mapping, &made, &usable, &losses);
     report["odd"] = json!(read.oddities());
@@ -93,12 +94,23 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     mapping.output.write_json("timing.json", &timing)?;
     let mut odd = read.oddities();
     odd.extend(remove_outdated_exports(&mut mapping.output));
-    let words = report::last_words(&mapping, &made, &timing) + &read.used() + &report::remarks(&losses, &odd);
+    let words = LastWords {
+        name: &name,
+        usable: &usable,
+        made: &made,
+        timing: &timing,
+        truth: String::new(),
+        losses: &lost,
+        odd: &odd,
+        used: read.used(),
+        folder: output,
+    };
+    let words = words.of(&mapping);
     let files = mapping.output.commit()?;
     if voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
     } else if !voice.quiet {
-        say(&format!("{}{name}: {words}written  {}: {}\n", usable.words(), output.display(), files.join(" ")))?;
+        say(&words)?;
     }
     Ok(Outcome::of_losses(&losses))
 }

@@ -1,10 +1,10 @@
 //! `mapwright report` and `mapwright compare`
 
-use crate::args::{CompareArgs, ReportArgs};
+use crate::args::{BesideArgs, CompareArgs, ReportArgs};
 use crate::failure::{Failure, Outcome};
 use crate::maps::PAGE;
 use crate::output::write_whole;
-use crate::page::{Page, compare, report};
+use crate::page::{Beside, Page, compare, report};
 use crate::terminal::{grouped, say};
 use std::io::Write;
 use std::path::Path;
@@ -13,16 +13,20 @@ use std::path::Path;
 const COMPARED: &str = "compare.html";
 
 pub(super) fn run(args: &ReportArgs) -> Result<Outcome, Failure> {
-    let page = report(&args.results, args.reference.as_ref())?;
-    let beside = || {
+    let page = report(&args.results, beside(&args.beside))?;
+    let in_folder = || {
         if args.results.is_dir() { args.results.join(PAGE) } else { args.results.with_file_name(PAGE) }
     };
-    write(&page, &args.output.clone().unwrap_or_else(beside))
+    write(&page, &args.output.clone().unwrap_or_else(in_folder))
 }
 
 pub(super) fn run_compare(args: &CompareArgs) -> Result<Outcome, Failure> {
-    let page = compare([&args.first, &args.second], args.reference.as_ref())?;
+    let page = compare([&args.first, &args.second], beside(&args.beside))?;
     write(&page, args.output.as_deref().unwrap_or(Path::new(COMPARED)))
+}
+
+fn beside(args: &BesideArgs) -> Beside<'_> {
+    Beside { reference: args.reference.as_ref(), relations: args.relations.as_ref() }
 }
 
 fn write(page: &Page, path: &Path) -> Result<Outcome, Failure> {

@@ -1,11 +1,12 @@
 //! Text that is safe in a page: escaped, as base64, as JSON within a script; and a template that is filled in.
 
+use crate::terminal::without_negative_zeros;
 use serde_json::Value;
 
-/// A text as content or quoted attribute of HTML.
+/// A text as content or quoted attribute of HTML; numbers that are rounded to zero have no sign.
 pub(super) fn escaped(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in without_negative_zeros(text).chars() {
         match c {
             '&' => safe.push_str("&amp;"),
             '<' => safe.push_str("&lt;"),
@@ -22,7 +23,7 @@ pub(super) fn escaped(text: &str) -> String {
 
 /// A value within `<script type="application/json">`: no text in it can end the script.
 pub(super) fn script_json(value: &Value) -> String {
-    value.to_string().replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
+    without_negative_zeros(&value.to_string()).replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
 }
 
 /// RFC 4648, section 4, with padding.
@@ -65,6 +66,12 @@ mod tests {
         let text = script_json(&value);
         assert!(!text.contains(['<', '>', '&']), "{text}");
         assert_eq!(serde_json::from_str::<Value>(&text).ok(), Some(value));
+    }
+
+    #[test]
+    fn zero_has_no_sign() {
+        assert_eq!(escaped("at -0.00, -0.01 m"), "at 0.00, -0.01 m");
+        assert_eq!(script_json(&json!(["x -0.0 m", -0.0, -0.5])), "[\"x 0.0 m\",0.0,-0.5]");
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod layers;
 mod numbers;
 mod plane;
 mod plot;
+mod relations;
 mod results;
 mod run;
 mod sections;
@@ -40,14 +41,21 @@ pub(crate) struct Page {
     pub(crate) losses: Vec<String>,
 }
 
+/// What errors are told beside: a trajectory, or relations, which may be given as either.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Beside<'a> {
+    pub(crate) reference: Option<&'a PathBuf>,
+    pub(crate) relations: Option<&'a PathBuf>,
+}
+
 /// The page of a folder of results, with errors beside a reference where there is one.
-pub(crate) fn report(folder: &Path, reference: Option<&PathBuf>) -> Result<Page, Failure> {
-    single::page(folder, reference)
+pub(crate) fn report(folder: &Path, beside: Beside<'_>) -> Result<Page, Failure> {
+    single::page(folder, beside)
 }
 
 /// The page of two folders of results side by side.
-pub(crate) fn compare(folders: [&Path; 2], reference: Option<&PathBuf>) -> Result<Page, Failure> {
-    sides::page(folders, reference)
+pub(crate) fn compare(folders: [&Path; 2], beside: Beside<'_>) -> Result<Page, Failure> {
+    sides::page(folders, beside)
 }
 
 /// Title, what stands below it, and what the script is told.

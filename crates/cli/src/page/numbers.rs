@@ -6,6 +6,7 @@ use super::plot::significant;
 use super::run::Run;
 use crate::closures::VerdictName;
 use crate::terminal::grouped;
+use mapwright_eval::RelationReport;
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -17,7 +18,8 @@ pub(super) struct Number {
 }
 
 /// All numbers of a run that are known of any.
-pub(super) fn of(run: &Run, errors: Option<&Errors>) -> Vec<Number> {
+pub(super) fn of(run: &Run, errors: Option<&Errors>, related: Option<&RelationReport>) -> Vec<Number> {
+    let related = related.and_then(|report| report.all);
     let (report, timing) = (&run.results.report, &run.results.timing);
     let number = |what, unit, value: Option<f64>| Number { what, unit, value };
     let counted = |what, value: usize| Number { what, unit: "", value: Some(value as f64) };
@@ -44,6 +46,8 @@ pub(super) fn of(run: &Run, errors: Option<&Errors>) -> Vec<Number> {
         number("uncertainty, worst", "m", report["certainty"]["worst_sigma_m"].as_f64()),
         number("ATE (rms)", "m", errors.and_then(Errors::ate_m)),
         number("RPE over 1 m (rms)", "m", errors.and_then(Errors::rpe_m)),
+        number("relation error, mean", "m", related.map(|errors| errors.translation_m.mean)),
+        number("relation error of heading, mean", "°", related.map(|errors| errors.rotation_deg.mean)),
         number("time taken", "s", timing["total_s"].as_f64()),
         number("speed", "scans/s", timing["scans_per_second"].as_f64()),
         number("times real time", "", timing["times_real_time"].as_f64()),

@@ -4,6 +4,7 @@
   const all = (selector, within) => Array.from((within || document).querySelectorAll(selector));
   const byId = (id) => document.getElementById(id);
   const root = document.documentElement;
+  const fixed = (value) => (Math.round(100 * value) / 100 + 0).toFixed(2); // zero has no sign
 
   // ---- layers
 
@@ -60,6 +61,34 @@
       return new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix.inverse());
     }
 
+    // What was done to this map is done to its like of the other run as well.
+    changed() {
+      this.keepInside();
+      this.show();
+      const coupled = byId("coupled");
+      if (!coupled || !coupled.checked) return;
+      for (const other of views) {
+        if (other !== this && other.svg.dataset.map === this.svg.dataset.map) other.follow(this);
+      }
+    }
+
+    // Shows the same place at the same scale; of maps of space, which have views at several places, the same share of the whole.
+    follow(other) {
+      const share = other.box.w / other.whole.w;
+      const middle = { x: other.box.x + other.box.w / 2, y: other.box.y + other.box.h / 2 };
+      let [w, x, y] = [this.whole.w * share, (middle.x / other.whole.w) * this.whole.w, (middle.y / other.whole.h) * this.whole.h];
+      if (this.origin && other.origin) {
+        const scale = this.perMetre / other.perMetre;
+        w = (this.box.w / this.unit()) * other.unit() * scale;
+        [x, y] = [0, 1].map((k) => this.origin[k] + ([middle.x, middle.y][k] - other.origin[k]) * scale);
+      }
+      w = share > 0.999 ? this.whole.w : Math.min(Math.max(w, this.whole.w / 60), this.whole.w);
+      const h = (this.whole.h * w) / this.whole.w;
+      this.box = { x: x - w / 2, y: y - h / 2, w, h };
+      this.keepInside();
+      this.show();
+    }
+
     zoom(factor, at) {
       const middle = at || { x: this.box.x + this.box.w / 2, y: this.box.y + this.box.h / 2 };
       const w = Math.min(Math.max(this.box.w / factor, this.whole.w / 60), this.whole.w);
@@ -70,15 +99,13 @@
         w,
         h: this.box.h * share,
       };
-      this.keepInside();
-      this.show();
+      this.changed();
     }
 
     move(dx, dy) {
       this.box.x += dx;
       this.box.y += dy;
-      this.keepInside();
-      this.show();
+      this.changed();
     }
 
     keepInside() {
@@ -97,7 +124,7 @@
     act(what) {
       if (what === "in") this.zoom(1.5);
       else if (what === "out") this.zoom(1 / 1.5);
-      else { this.box = { ...this.whole }; this.show(); }
+      else { this.box = { ...this.whole }; this.changed(); }
     }
 
     listen() {
@@ -135,7 +162,7 @@
       if (!this.origin) return;
       const at = this.place(event);
       const [x, y] = [(at.x - this.origin[0]) / this.perMetre, (this.origin[1] - at.y) / this.perMetre];
-      this.frame.querySelector(".at").textContent = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`;
+      this.frame.querySelector(".at").textContent = `x ${fixed(x)} m, y ${fixed(y)} m`;
     }
 
     listenToDrags() {
@@ -357,7 +384,7 @@
     const output = figure.querySelector("figcaption").appendChild(document.createElement("output"));
     const side = plot.closest(".side");
     const runs = side ? [side.dataset.name.toLowerCase()] : Object.keys(data);
-    const lines = all("path.line", plot).map((line) => line.getAttribute("d").slice(1).split("L").map((pair) => pair.split(" ").map(Number)));
+    const lines = all("path.line", plot).map((line) => line.getAttribute("d").split(/[ML]/).filter(Boolean).map((pair) => pair.split(" ").map(Number)));
     const cursor = plot.querySelector(".cursor");
     plot.addEventListener("pointermove", (event) => {
       const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(plot.getScreenCTM().inverse()).x;

@@ -23,10 +23,11 @@ pub(super) struct Plot<'a> {
     pub(super) lines: Vec<Line<'a>>,
 }
 
-/// Its name, and values at seconds since the begin.
+/// Its name, and values at seconds since the begin. Over a pause, from when to when, nothing is known and no line is drawn.
 pub(super) struct Line<'a> {
     pub(super) name: &'a str,
     pub(super) values: Vec<(f64, f64)>,
+    pub(super) pauses: Vec<[f64; 2]>,
 }
 
 impl Plot<'_> {
@@ -62,9 +63,17 @@ impl Plot<'_> {
 
     fn path(&self, line: &Line<'_>, top: f64) -> String {
         let mut text = String::new();
-        for (at, (t, value)) in peaks(&line.values, POINTS).into_iter().enumerate() {
+        let mut last: Option<f64> = None;
+        // Shorter pauses are no wider than a point of the line.
+        let is_seen = |[from, to]: &[f64; 2]| to - from >= self.length_s / POINTS as f64;
+        let is_over_pause = |before: f64, t: f64| line.pauses.iter().any(|p| is_seen(p) && before <= p[0] && p[1] <= t);
+        for (t, value) in peaks(&line.values, POINTS) {
             let y = TOP + (HEIGHT - TOP - BOTTOM) * (1.0 - (value / top).clamp(0.0, 1.0));
-            let _ = write!(text, "{}{:.1} {y:.1}", if at == 0 { "M" } else { "L" }, self.x(t));
+            let goes_on = last.is_some_and(|before| !is_over_pause(before, t));
+            // A line to where it begins shows a single point as a dot.
+            let begins = if goes_on { String::new() } else { format!("M{:.1} {y:.1}", self.x(t)) };
+            let _ = write!(text, "{begins}L{:.1} {y:.1}", self.x(t));
+            last = Some(t);
         }
         text
     }
@@ -179,11 +188,25 @@ mod tests {
 
     #[test]
     fn a_plot_has_a_line_a_title_and_words() {
-        let line = |name| Line { name, values: vec![(0.0, 1.0), (30.0, 4.0), (60.0, f64::NAN)] };
+        let values = vec![(0.0, 1.0), (30.0, 4.0), (60.0, f64::NAN)];
+        let line = |name| Line { name, values: values.clone(), pauses: Vec::new() };
         let plot = Plot { title: "a < b", unit: "m", length_s: 60.0, lines: vec![line("one"), line("two")] };
         let html = plot.to_html();
         assert!(html.contains("a &lt; b") && html.contains("one mean 2.50 m, at most 4.00 m; two mean"), "{html}");
         assert_eq!(html.matches("<path class=\"line ").count(), 2);
         assert!(Plot { lines: Vec::new(), ..plot }.to_html().is_empty());
+    }
+
+    #[test]
+    fn no_line_is_drawn_over_a_pause() {
+        let values: Vec<(f64, f64)> = (0..100).filter(|k| !(40..60).contains(k)).map(|k| (f64::from(k), 1.0)).collect();
+        let strokes = |pauses: Vec<[f64; 2]>| {
+            let lines = vec![Line { name: "one", values: values.clone(), pauses }];
+            let html = Plot { title: "errors", unit: "m", length_s: 99.0, lines }.to_html();
+            html.split_once("class=\"line line-0\" d=\"").unwrap().1.split_once('"').unwrap().0.matches('M').count()
+        };
+        assert_eq!(strokes(Vec::new()), 1);
+        assert_eq!(strokes(vec![[39.0, 60.0]]), 2);
+        assert_eq!(strokes(vec![[39.0, 39.1], [70.0, 70.1]]), 1, "what is narrower than a point is no gap");
     }
 }

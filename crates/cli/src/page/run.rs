@@ -8,6 +8,9 @@ use crate::session::{AnySession, settings_of};
 use mapwright::{Pose3, Settings, Stamp};
 use std::path::Path;
 
+/// A time without a scan is a pause when it is so many times as long as usual.
+const PAUSE: f64 = 10.0;
+
 /// A run, and all that is told of it.
 pub(super) struct Run {
     pub(super) name: String,
@@ -46,6 +49,16 @@ impl Run {
     /// From the first stamp to the last, seconds.
     pub(super) fn length_s(&self) -> f64 {
         self.drawn.way.iter().map(|pose| pose.stamp).max().map_or(0.0, |last| self.seconds(last))
+    }
+
+    /// Times without a scan that are far longer than usual, seconds.
+    pub(super) fn pauses(&self) -> Vec<[f64; 2]> {
+        let times: Vec<f64> = self.drawn.way.iter().map(|pose| self.seconds(pose.stamp)).collect();
+        let between = || times.windows(2).map(|pair| [pair[0], pair[1]]).filter(|[from, to]| to > from);
+        let mut lengths: Vec<f64> = between().map(|[from, to]| to - from).collect();
+        lengths.sort_unstable_by(f64::total_cmp);
+        let usual_s = lengths.get(lengths.len() / 2).copied().unwrap_or(0.0);
+        between().filter(|[from, to]| to - from > PAUSE * usual_s).collect()
     }
 
     pub(super) fn trajectory(&self) -> Vec<(Stamp, Pose3)> {

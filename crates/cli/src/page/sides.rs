@@ -5,34 +5,47 @@ use super::html::escaped;
 use super::run::Run;
 use super::sections::{data, layer_switches, maps, section};
 use super::single::{short_name, what_it_is};
-use super::{Page, closures, fill, inputs, numbers, settings, status, verdict};
+use super::{Beside, Page, closures, fill, inputs, numbers, relations, settings, status, verdict};
 use crate::failure::Failure;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
 const DETAIL: &str = include_str!("detail.html");
+/// The switch that the script asks when one of the maps was enlarged or moved.
+const COUPLED: &str = "<p class=\"coupled\"><label><input type=\"checkbox\" id=\"coupled\" checked=\"\"/> Enlarge and move both maps \
+                       together</label></p>\n";
 /// The runs' ids on the page, and what they are called.
 const IDS: [&str; 2] = ["a", "b"];
 const NAMES: [&str; 2] = ["A", "B"];
 
-pub(super) fn page(folders: [&Path; 2], reference: Option<&PathBuf>) -> Result<Page, Failure> {
+pub(super) fn page(folders: [&Path; 2], asked: Beside<'_>) -> Result<Page, Failure> {
+    let (reference, relations) = relations::told_apart(asked.reference, asked.relations)?;
     let [first, second] = folders.map(Run::read);
     let runs = [first?, second?];
     let both = [&runs[0], &runs[1]];
     let [a, b] = both.map(|run| beside(reference, run));
     let errors = [a?, b?];
+    let related = match &relations {
+        Some(relations) => [Some(relations.errors(both[0])?), Some(relations.errors(both[1])?)],
+        None => [None, None],
+    };
     let title = format!("{} and {}", both[0].results.folder.display(), both[1].results.folder.display());
     let mut body = format!("<header><h1>Two runs side by side</h1>\n{}</header>\n", each(|k| head(both[k], k)));
     body += &each(|k| verdict::block(&both[k].results.report));
-    let of = |k: usize| numbers::of(both[k], errors[k].as_ref().map(|(_, errors)| errors));
+    let of = |k: usize| numbers::of(both[k], errors[k].as_ref().map(|(_, errors)| errors), related[k].as_ref());
     body += &section("numbers", "In numbers", &numbers::table(NAMES, [&of(0), &of(1)]));
-    let map = format!("{}{}{DETAIL}", layer_switches(&both), each(|k| maps(both[k], IDS[k])));
+    let map = format!("{}{COUPLED}{}{DETAIL}", layer_switches(&both), each(|k| maps(both[k], IDS[k])));
     body += &section("map", "The maps", &map);
     body += &section("apart", "How far the two ways are apart", &apart(both));
     body += &section("closures", "Closures", &each(|k| closures::table(both[k], IDS[k])));
     if let [Some((reference, a)), Some((_, b))] = &errors {
         let runs = [(NAMES[0], both[0], a), (NAMES[1], both[1], b)];
         body += &section("errors", "Errors", &errors::plots(reference, &runs));
+    }
+    if let Some(relations) = &relations {
+        let table = |k: usize| related[k].as_ref().map_or_else(String::new, relations::table);
+        let content = relations::heading(relations) + &each(table);
+        body += &section("relations", "Errors beside surveyed relations", &content);
     }
     body += &section("over-the-run", "Over the run", &each(|k| status::over_the_run(both[k])));
     body += &section("settings", "Settings", &settings::differences(NAMES, both));
@@ -55,7 +68,7 @@ fn each(content: impl Fn(usize) -> String) -> String {
 }
 
 fn head(run: &Run, k: usize) -> String {
-    format!("<p><b>{}: {}</b></p><p class=\"note\">{}</p>", NAMES[k], escaped(short_name(&run.name)), what_it_is(run))
+    format!("<p><b>{}: {}</b></p><p class=\"note\">{}</p>", NAMES[k], escaped(&short_name(&run.name)), what_it_is(run))
 }
 
 /// The second way beside the first one.

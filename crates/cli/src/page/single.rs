@@ -4,29 +4,35 @@ use super::errors::{self, Reference};
 use super::html::escaped;
 use super::run::Run;
 use super::sections::{data, layer_switches, maps, section};
-use super::{Page, closures, fill, inputs, numbers, settings, status, verdict};
+use super::{Beside, Page, closures, fill, inputs, numbers, relations, settings, status, verdict};
 use crate::failure::Failure;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const DETAIL: &str = include_str!("detail.html");
 
-pub(super) fn page(folder: &Path, reference: Option<&PathBuf>) -> Result<Page, Failure> {
+pub(super) fn page(folder: &Path, beside: Beside<'_>) -> Result<Page, Failure> {
     let run = Run::read(folder)?;
+    let (reference, relations) = relations::told_apart(beside.reference, beside.relations)?;
+    let related = relations.as_ref().map(|relations| relations.errors(&run)).transpose()?;
     let reference = Reference::of(reference, &run)?;
     let errors = reference.as_ref().map(|reference| reference.errors(&run)).transpose()?;
     let mut body = format!(
         "<header><h1>{}</h1>\n<p class=\"note\">{}</p></header>\n",
-        escaped(short_name(&run.name)),
+        escaped(&short_name(&run.name)),
         what_it_is(&run)
     );
     body += &verdict::block(&run.results.report);
-    body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref())));
+    body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref(), related.as_ref())));
     let map = format!("{}<div class=\"beside\"><div>{}</div>{DETAIL}</div>", layer_switches(&[&run]), maps(&run, "a"));
     body += &section("map", "The map", &map);
     body += &section("closures", "Closures", &closures::table(&run, "a"));
     if let (Some(reference), Some(errors)) = (&reference, &errors) {
         body += &section("errors", "Errors", &errors::plots(&reference.name, &[("errors", &run, errors)]));
+    }
+    if let (Some(relations), Some(report)) = (&relations, &related) {
+        let content = relations::heading(relations) + &relations::table(report);
+        body += &section("relations", "Errors beside surveyed relations", &content);
     }
     body += &section("over-the-run", "Over the run", &status::over_the_run(&run));
     body += &section("input", "What was read, lost and odd", &inputs::block(&run));
@@ -41,7 +47,19 @@ pub(super) fn what_it_is(run: &Run) -> String {
     escaped(&format!("{}: {kind}; results in {}", run.name, run.results.folder.display()))
 }
 
-/// Without the folders of a path.
-pub(super) fn short_name(name: &str) -> &str {
-    name.rsplit('/').find(|part| !part.is_empty()).unwrap_or(name)
+/// Without the folders of paths.
+pub(super) fn short_name(name: &str) -> String {
+    let short = |name: &str| name.rsplit('/').find(|part| !part.is_empty()).unwrap_or(name).to_owned();
+    name.split(", ").map(short).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lose_their_folders() {
+        let names = ["/data/one.clf", "kitti/00/", "/data/one.clf, /data/two.bag, robot1", "demo, seed 5"];
+        assert_eq!(names.map(short_name), ["one.clf", "00", "one.clf, two.bag, robot1", "demo, seed 5"]);
+    }
 }

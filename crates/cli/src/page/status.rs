@@ -62,7 +62,7 @@ fn words(run: &Run) -> String {
 fn speed_and_memory(run: &Run) -> String {
     let Samples { speeds, memory } = Samples::of(run);
     let plot = |title, unit, values| {
-        let lines = vec![Line { name: title, values }];
+        let lines = vec![Line { name: title, values, pauses: Vec::new() }];
         Plot { title, unit, length_s: run.length_s(), lines }.to_html()
     };
     if speeds.is_empty() {

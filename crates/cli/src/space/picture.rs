@@ -13,6 +13,7 @@ pub(super) fn write(
     sensor: &SpaceSensor,
     session: &Session<SpaceSweep>,
     (map, point_m): (&MapPoints, f64),
+    side_px: Option<u16>,
 ) -> Result<(), Failure> {
     let way: Vec<Pose3> = session.trajectory().map(|pose| pose.map_from_robot).collect();
     let way_m: Vec<[f64; 3]> = way.iter().map(|pose| pose.translation.into()).collect();
@@ -28,7 +29,7 @@ pub(super) fn write(
         closures_m: &closures_m,
         up,
         point_m,
-        ..SpacePicture::default()
+        side_px: side_px.map_or(SpacePicture::default().side_px, usize::from),
     };
     output.write("map.png", |writer| write_space_png(&picture, writer))
 }

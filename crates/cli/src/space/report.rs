@@ -3,7 +3,7 @@
 use super::inertial::Felt;
 use super::simulated::AgainstTruth;
 use super::source::Source;
-use crate::report::remarks;
+use crate::report::{in_detail, remarks};
 use crate::status_runs::StatusRuns;
 use crate::terminal::{count, duration, grouped};
 use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
@@ -238,14 +238,27 @@ pub(super) fn to_json(
     report
 }
 
+/// What a run says at its end, in the order in which one wants to know it: what was made and how good it is, what was lost, where it is, and
+/// then details.
 pub(super) fn to_words(
-    source: &Source<'_>,
-    tally: &Tally,
-    results: &Results,
-    timing: &Value,
-    losses: &[String],
-    odd: &[String],
+    (source, tally, results): (&Source<'_>, &Tally, &Results),
+    (name, timing): (&str, &Value),
+    (losses, odd): (&[String], &[String]),
+    written: &str,
 ) -> String {
+    let (lines, mut said) = source.decisions_in_words();
+    said.extend_from_slice(odd);
+    let refused = results.beside.refused.iter().map(|refused| format!("beside   {refused}\n"));
+    let details = lines + &refused.collect::<String>() + &remarks(&[], &said);
+    format!(
+        "{name}: {}{}{written}{}",
+        numbers(source, tally, results, timing),
+        remarks(losses, &[]),
+        in_detail(&details)
+    )
+}
+
+fn numbers(source: &Source<'_>, tally: &Tally, results: &Results, timing: &Value) -> String {
     let ms = timing["total_s"].as_f64().unwrap_or(0.0) * 1e3 / tally.clouds.max(1) as f64;
     let mut words = format!(
         "{}, {} over {}; {:.1} m of way, {:.1} m of height\n",
@@ -263,13 +276,17 @@ pub(super) fn to_words(
         grouped(tally.status(Status::Lost)),
         100.0 * tally.median_inlier_share().unwrap_or(0.0)
     );
+    let loops = match results.candidates {
+        0 => "no candidate for a closure".to_owned(),
+        candidates => {
+            format!("{} of {}", count(results.closures as u64, "closure"), count(candidates as u64, "candidate"))
+        }
+    };
     words += &format!(
-        "map      {} in voxels from {:.2} m, {} keyframes, {} of {} candidates are closures; {ms:.1} ms a cloud\n",
+        "map      {} in voxels from {:.2} m, {}, {loops}; {ms:.1} ms a cloud\n",
         count(results.map_points as u64, "point"),
         results.resolution_m,
-        grouped(results.keyframes as u64),
-        results.closures,
-        results.candidates
+        count(results.keyframes as u64, "keyframe"),
     );
     words += &results.felt.as_ref().map_or_else(String::new, Felt::to_words);
     if let Some((file, errors)) = &results.beside.errors {
@@ -288,11 +305,5 @@ pub(super) fn to_words(
             );
         }
     }
-    for refused in &results.beside.refused {
-        words += &format!("beside   {refused}\n");
-    }
-    words += &results.truth.as_ref().map_or_else(String::new, AgainstTruth::to_words);
-    let (lines, mut said) = source.decisions_in_words();
-    said.extend_from_slice(odd);
-    words + &lines + &remarks(losses, &said)
+    words + &results.truth.as_ref().map_or_else(String::new, AgainstTruth::to_words)
 }

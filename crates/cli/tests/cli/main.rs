@@ -23,6 +23,7 @@ mod space;
 mod space_imu;
 mod suite;
 mod support;
+mod terminal;
 mod wrong_fields;
 mod wrong_files;
 mod wrong_input;

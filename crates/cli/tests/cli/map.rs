@@ -1,7 +1,7 @@
 //! `mapwright map` on logs that are as they should be.
 
 use crate::support::{
-    SAME_BYTES, assert_code, folder, json, run, run_with_input, small_log, small_log_in, spawn, text,
+    SAME_BYTES, assert_code, folder, json, picture_size, run, run_with_input, small_log, small_log_in, spawn, text,
 };
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -147,4 +147,15 @@ fn ctrl_c_leaves_the_complete_map_so_far() {
     assert_code(&output, 3);
     assert!(text(&output.stdout).contains("interrupted"));
     SAME_BYTES.iter().for_each(|name| assert!(out.join(name).exists(), "{name}"));
+}
+
+#[test]
+fn a_picture_has_the_side_that_is_asked_for() {
+    let folder = folder("picture_side");
+    let (log, out) = (small_log_in(&folder), folder.join("out"));
+    for more in [&["--picture-side", "900"][..], &["--picture-side", "1201", "--align", "walls"]] {
+        assert_code(&run(&[&["map", &log, "-o", out.to_str().unwrap(), "--quiet"], more].concat()), 0);
+        let longer = picture_size(&out.join("map.png")).into_iter().max().unwrap();
+        assert_eq!(longer.to_string(), more[1]);
+    }
 }

@@ -169,6 +169,38 @@ fn two_runs_stand_side_by_side() {
 }
 
 #[test]
+fn relations_are_scored_as_eval_does() {
+    let truth: Vec<Vec<f64>> = fs::read_to_string(office().join("truth.tum"))
+        .unwrap()
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| line.split(' ').map(|word| word.parse().unwrap()).collect())
+        .collect();
+    let relation = |[a, b]: [&Vec<f64>; 2]| {
+        let yaw = |pose: &Vec<f64>| 2.0 * pose[6].atan2(pose[7]);
+        let ([dx, dy], (s, c)) = ([b[1] - a[1], b[2] - a[2]], yaw(a).sin_cos());
+        let turn = (yaw(b) - yaw(a)).sin().atan2((yaw(b) - yaw(a)).cos());
+        format!("{:.6} {:.6} {} {} 0 0 0 {turn}\n", a[0], b[0], c * dx + s * dy, c * dy - s * dx)
+    };
+    let pairs =
+        (0..truth.len() - 900).step_by(400).flat_map(|k| [[&truth[k], &truth[k + 20]], [&truth[k], &truth[k + 900]]]);
+    let path = office().with_file_name("office.relations");
+    fs::write(&path, pairs.map(relation).collect::<String>()).unwrap();
+    let (relations, found) = (path.to_str().unwrap(), office().join("trajectory.tum"));
+    let judged = run(&["eval", found.to_str().unwrap(), "--relations", relations, "--json"]);
+    let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
+    let mean = judged[0]["all"]["translation_m"]["mean"].as_f64().unwrap();
+    assert!(mean > 0.0 && mean < 0.05, "{judged}");
+    for option in ["--reference", "--relations"] {
+        let html = page(office(), "related.html", &[option, relations]).1;
+        assert!(html.contains("id=\"relations\"") && html.contains(&format!("<td>{mean:.4} ± ")), "{option}: {mean}");
+        assert!(html.contains(&format!("{} relations used, 0 missing", judged[0]["used"])), "{judged}");
+        assert!(html.contains("id=\"errors\""), "the truth in the folder is shown as well");
+    }
+    assert!(!page(office(), "unrelated.html", &[]).1.contains("id=\"relations\""));
+}
+
+#[test]
 fn maps_of_space_have_pages_too() {
     let out = folder("page_space").join("out");
     assert_code(&run(&["demo", "--3d", "--seconds", "12", "-o", out.to_str().unwrap(), "--quiet"]), 0);
@@ -195,6 +227,40 @@ fn a_closure_is_clicked_and_a_layer_switched_in_a_browser() {
         browser.value("performance.getEntriesByType('resource').filter((r) => !r.name.startsWith('data:')).length"),
         0
     );
+}
+
+#[test]
+fn two_maps_move_together_until_they_are_told_not_to() {
+    let Some(chromium) = chromium() else {
+        eprintln!("two maps in a browser: skipped: no Chromium (MAPWRIGHT_CHROMIUM or chromium in PATH)");
+        return;
+    };
+    let path = office().with_file_name("coupled.html");
+    let [out, page] = [office(), &path].map(|path| path.to_str().unwrap());
+    assert_code(&run(&["compare", out, out, "-o", page]), 0);
+    let mut browser = Browser::open(&chromium, &folder("coupled_profile"), &path);
+    let boxes = |browser: &mut Browser| {
+        let of = |id: &str| format!("document.getElementById('map-{id}-0').getAttribute('viewBox')");
+        ["a", "b"].map(|id| {
+            let text = browser.text(&of(id));
+            text.split(' ').map(|number| number.parse::<f64>().unwrap()).collect::<Vec<_>>()
+        })
+    };
+    let are_alike = |[a, b]: &[Vec<f64>; 2]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.01 * a.abs().max(1.0));
+    let whole = boxes(&mut browser);
+    browser.click("[data-run=a] [data-zoom=in]");
+    browser.value("document.getElementById('map-b-0').focus()");
+    browser.key("+", 187, "+");
+    browser.key("ArrowRight", 39, "");
+    let enlarged = boxes(&mut browser);
+    assert!(are_alike(&enlarged) && enlarged[0][2] < 0.5 * whole[0][2], "{whole:?} {enlarged:?}");
+    browser.click("#coupled");
+    browser.click("[data-run=a] [data-zoom=in]");
+    let apart = boxes(&mut browser);
+    assert!(apart[1] == enlarged[1] && apart[0][2] < 0.8 * enlarged[0][2], "{enlarged:?} {apart:?}");
+    browser.click("#coupled");
+    browser.click("[data-run=a] [data-zoom=all]");
+    assert_eq!(boxes(&mut browser), whole);
 }
 
 fn layers_are_switched(browser: &mut Browser) {

@@ -1,6 +1,6 @@
 //! `mapwright demo --show`: what rights a loop, in errors and pictures.
 
-use crate::support::{assert_code, assert_refused, folder, run, text};
+use crate::support::{assert_code, assert_refused, folder, picture_size, run, text};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,9 @@ fn errors(folder: &Path, what: &str, seed: u64) -> Value {
     for name in ["before.png", "after.png"] {
         assert!(fs::read(out.join(name)).unwrap().starts_with(b"\x89PNG"), "{what}: {name}");
     }
-    assert_ne!(fs::read(out.join("before.png")).unwrap(), fs::read(out.join("after.png")).unwrap());
+    let [before, after] = ["before.png", "after.png"].map(|name| out.join(name));
+    assert_ne!(fs::read(&before).unwrap(), fs::read(&after).unwrap());
+    assert_eq!(picture_size(&before), picture_size(&after), "{what}: both are in one frame");
     let value: Value = serde_json::from_slice(&output.stdout).unwrap();
     value["errors"].clone()
 }
@@ -57,4 +59,9 @@ fn the_spread_is_shown_where_the_laser_knows_the_place_no_more() {
     // What is shown without a length: its wheels lead the robot so far astray that it would be lost.
     assert_code(&run(&["demo", "--show", "spread", "-o", out.to_str().unwrap()]), 0);
     assert!(out.join("after.png").exists());
+    let sized = ["demo", "--show", "spread", "--length", "60", "--picture-side", "777", "-o", out.to_str().unwrap()];
+    assert_code(&run(&sized), 0);
+    for name in ["before.png", "after.png"] {
+        assert_eq!(picture_size(&out.join(name)).iter().max(), Some(&777), "{name}");
+    }
 }

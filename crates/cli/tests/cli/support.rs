@@ -10,6 +10,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, OnceLock};
 
+/// Width and height of a PNG, pixels.
+pub(crate) fn picture_size(path: &Path) -> [u32; 2] {
+    let info = png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
+    let info = info.info();
+    [info.width, info.height]
+}
+
 /// All files of a run that must not differ from run to run.
 pub(crate) const SAME_BYTES: [&str; 9] = [
     "session.mapwright",

@@ -5,9 +5,9 @@ use super::{GridImage, font};
 use std::collections::BTreeMap;
 
 /// What free space turns to where the map is most uncertain.
-const UNCERTAIN: Colour = [255, 190, 92];
-const CERTAIN: Colour = [253, 253, 250];
-const PLACE: Colour = [24, 98, 196];
+pub(super) const UNCERTAIN: Colour = [255, 190, 92];
+pub(super) const CERTAIN: Colour = [253, 253, 250];
+pub(super) const PLACE: Colour = [24, 98, 196];
 /// What is no brighter in red than ground that was never seen is not tinted, and what is free is so in full.
 const UNSEEN_RED: f32 = 196.0;
 const FREE_RED: f32 = 253.0;
@@ -141,28 +141,6 @@ pub(super) fn draw_place(canvas: &mut Canvas, centre: [f32; 2], number: usize, p
     if left >= 0.0 && top >= 0.0 {
         canvas.text(&text, (left + 0.5) as usize, (top + 0.5) as usize, scale, [255; 3]);
     }
-}
-
-/// What the tint means, at the right end of the strip below the map; nothing where there is no room.
-pub(super) fn draw_legend(canvas: &mut Canvas, full_m: f32, margin_px: usize, pen: usize, ink: Colour) {
-    let scale = 2 * pen;
-    let labels = ["±0".to_owned(), format!("±{full_m} m")];
-    let [from_px, to_px] = labels.clone().map(|label| label.chars().count() * font::ADVANCE_PX * scale);
-    let (bar_px, gap_px) = (canvas.width / 10, 4 * pen);
-    let needed_px = from_px + bar_px + to_px + 2 * gap_px;
-    // The left half belongs to the scale bar.
-    let Some(left) = canvas.width.checked_sub(margin_px + needed_px).filter(|&left| left > canvas.width / 2) else {
-        return;
-    };
-    let height = font::HEIGHT_PX * scale;
-    let top = canvas.height.saturating_sub(margin_px / 2 + height);
-    canvas.text(&labels[0], left, top, scale, ink);
-    let bar = left + from_px + gap_px;
-    canvas.rectangle(bar - 1, top.saturating_sub(1), bar_px + 2, height + 2, ink);
-    for x in 0..bar_px {
-        canvas.rectangle(bar + x, top, 1, height, blend(CERTAIN, UNCERTAIN, x as f32 / bar_px as f32));
-    }
-    canvas.text(&labels[1], bar + bar_px + gap_px, top, scale, ink);
 }
 
 #[cfg(test)]

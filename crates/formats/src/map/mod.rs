@@ -3,13 +3,15 @@
 mod canvas;
 mod confidence;
 mod font;
+mod footer;
+mod palette;
 mod picture;
 mod plain;
 mod space;
 mod walls;
 
 pub use confidence::Confidence;
-pub use picture::{Picture, write_png};
+pub use picture::{Frame, Picture, write_png};
 pub use plain::{write_plain_png, write_world_file};
 pub use space::{SpacePicture, SpacePlacement, ViewPlacement, upward, write_bare_space_png, write_space_png};
 pub use walls::dominant_wall_angle;

@@ -1,25 +1,19 @@
 //! A picture of a map, with the way the robot went.
 
+use super::GridImage;
 use super::canvas::{Canvas, Colour, blend};
-use super::confidence::{Confidence, Tint, draw_legend, draw_place};
-use super::{GridImage, font};
+use super::confidence::{Confidence, Tint, draw_place};
+use super::footer::{Footer, Item};
+use super::palette::{END, MARGIN_PX, START, UNSEEN, way_colour};
 use crate::error::FormatError;
 use mapwright_geom::{Pose2, sin_cos};
 use std::io::Write;
 
 const FREE: Colour = [253, 253, 250];
 const WALL: Colour = [24, 30, 42];
-pub(super) const UNSEEN: Colour = [196, 207, 220];
-pub(super) const INK: Colour = [52, 62, 78];
-pub(super) const START: Colour = [34, 150, 84];
-pub(super) const END: Colour = [212, 48, 40];
 
-/// The way's colours from first to last pose, all of them dark enough for a white ground.
-const WAY: [Colour; 5] = [[36, 20, 150], [126, 10, 168], [196, 54, 122], [232, 108, 72], [244, 156, 36]];
-
-/// Blank rim around the map, pixels; the strip for the scale bar below.
-pub(super) const MARGIN_PX: usize = 24;
-pub(super) const STRIP_PX: usize = 28;
+/// Narrower pictures get margins for what stands below the map, pixels; smaller ones have a scale bar alone.
+pub(super) const LEGEND_PX: usize = 320;
 
 /// Largest factor by which small maps are enlarged.
 const MAX_ENLARGEMENT: usize = 16;
@@ -32,14 +26,47 @@ pub struct Picture<'a> {
     /// Direction in the map's own frame that becomes horizontal, radians, such as
     /// [`dominant_wall_angle`](super::dominant_wall_angle) finds; zero leaves the map as it is.
     pub level_rad: f64,
-    /// How certain the map is, as a tint of its free space with a legend beside the scale bar, and numbered places.
+    /// How certain the map is, as a tint of its free space, and numbered places.
     pub confidence: Option<Confidence<'a>>,
-    /// Whether a scale bar stands below the map.
+    /// Whether a scale bar stands below the map, and what the colours and marks stand for.
     pub scale_bar: bool,
+    /// What part of the world is shown; otherwise all that is known of the map, and the way.
+    pub frame: Option<Frame>,
+    /// The longer side, margins included, has exactly so many pixels; otherwise the scale is a whole number of pixels a cell, or of cells a
+    /// pixel, as the two sides below say.
+    pub side_px: Option<usize>,
     /// Smaller maps are enlarged by a whole factor until their longer side has so many pixels.
     pub min_side_px: usize,
     /// Larger maps are reduced by a whole factor until their longer side, margins included, has at most so many pixels.
     pub max_side_px: usize,
+}
+
+/// A part of the world, along axes that a picture turns to be level: least and greatest place on each, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    low_m: [f64; 2],
+    high_m: [f64; 2],
+}
+
+impl Frame {
+    /// What a picture of a map with the way shows by itself.
+    #[must_use]
+    pub fn of(map: &GridImage, world_from_robot: &[Pose2], level_rad: f64) -> Self {
+        let picture = Picture { level_rad, ..Picture::default() };
+        let view = View::of(map, &way_in_cells(map, world_from_robot), &picture);
+        let corner = view.corner_of_map(map);
+        let in_world = |place: [f64; 2]| [0, 1].map(|k: usize| (place[k] + corner[k]) * map.resolution_m);
+        Self { low_m: in_world(view.low), high_m: in_world(view.high) }
+    }
+
+    /// With all of another frame along the same axes.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            low_m: [0, 1].map(|k: usize| self.low_m[k].min(other.low_m[k])),
+            high_m: [0, 1].map(|k: usize| self.high_m[k].max(other.high_m[k])),
+        }
+    }
 }
 
 impl Default for Picture<'_> {
@@ -49,6 +76,8 @@ impl Default for Picture<'_> {
             level_rad: 0.0,
             confidence: None,
             scale_bar: true,
+            frame: None,
+            side_px: None,
             min_side_px: 800,
             max_side_px: 4096,
         }
@@ -56,7 +85,7 @@ impl Default for Picture<'_> {
 }
 
 /// Writes the known part of the map as a PNG: white free space, dark walls by probability, grey-blue where nothing has
-/// been seen, the way from dark blue to orange, a green disc at its start and a red one at its end.
+/// been seen, the way from dark blue to orange, a green disc at its start and a red one at its end. What they mean stands below it.
 ///
 /// The same map gives the same bytes.
 ///
@@ -66,18 +95,26 @@ impl Default for Picture<'_> {
 pub fn write_png(map: &GridImage, picture: &Picture<'_>, writer: impl Write) -> Result<(), FormatError> {
     map.validate()?;
     let way = way_in_cells(map, picture.world_from_robot);
-    let view = View::of(map, &way, picture);
+    let mut view = View::of(map, &way, picture);
     let tint = picture.confidence.as_ref().and_then(|confidence| Tint::of(map, confidence));
-    let mut canvas = view.paint(map, tint.as_ref(), picture.scale_bar);
+    let places = picture.confidence.map_or(&[][..], |confidence| confidence.places);
+    let footer = view.choose_scale(picture, |view, size_px| {
+        let [width_px, height_px] = size_px;
+        let pen = pen_of(width_px.max(height_px)).min(2);
+        let px_per_metre = view.px_per_cell / map.resolution_m;
+        let legend = [
+            (!way.is_empty()).then_some(Item::Way),
+            (!places.is_empty()).then_some(Item::Places),
+            tint.as_ref().map(|tint| Item::Uncertainty { full_m: tint.full_m }),
+        ];
+        let legend = legend.into_iter().flatten().filter(|_| width_px.max(height_px) >= LEGEND_PX);
+        let items = std::iter::once(Item::ScaleBar { px_per_metre }).chain(legend);
+        Footer::of(items.filter(|_| picture.scale_bar).collect(), width_px, pen)
+    });
+    let mut canvas = view.paint(map, tint.as_ref());
     draw_way(&mut canvas, &view, &way);
-    draw_places(&mut canvas, &view, map, picture.confidence.map_or(&[], |confidence| confidence.places));
-    if picture.scale_bar {
-        draw_scale_bar(&mut canvas, view.px_per_cell / map.resolution_m);
-        if let Some(tint) = tint {
-            let pen = pen_scale(&canvas).min(2);
-            draw_legend(&mut canvas, tint.full_m, MARGIN_PX, pen, INK);
-        }
-    }
+    draw_places(&mut canvas, &view, map, places);
+    footer.draw(&mut canvas);
     encode(&canvas, writer)
 }
 
@@ -118,6 +155,9 @@ struct View {
     cells_per_px: usize,
     turned: bool,
     known: Window,
+    /// Size of the picture, and where in it the map's upper left corner lies, pixels.
+    size_px: [usize; 2],
+    corner_px: [usize; 2],
 }
 
 /// A rectangle of cells, the upper bounds exclusive.
@@ -139,11 +179,24 @@ impl View {
             cells_per_px: 1,
             turned,
             known: Window { low: [map.width, map.height], high: [0, 0] },
+            size_px: [1, 1],
+            corner_px: [MARGIN_PX; 2],
         };
         view.include_known(map);
         way.iter().for_each(|&place| view.include(place));
-        view.choose_scale(picture);
+        if let Some(frame) = &picture.frame {
+            let corner = view.corner_of_map(map);
+            let in_cells = |world_m: [f64; 2]| [0, 1].map(|k: usize| world_m[k] / map.resolution_m - corner[k]);
+            (view.low, view.high) = (in_cells(frame.low_m), in_cells(frame.high_m));
+        }
         view
+    }
+
+    /// Where the map's own corner lies along the turned axes from the world's origin, cells.
+    fn corner_of_map(&self, map: &GridImage) -> [f64; 2] {
+        let Pose2 { x, y, theta } = map.world_from_map;
+        let (s, c) = sin_cos(-theta);
+        self.turn([c * x - s * y, s * x + c * y].map(|m| m / map.resolution_m))
     }
 
     /// A place in cells along the turned axes.
@@ -184,24 +237,83 @@ impl View {
         }
     }
 
-    fn choose_scale(&mut self, picture: &Picture<'_>) {
-        let side_cells = (self.high[0] - self.low[0]).max(self.high[1] - self.low[1]).max(1.0) as usize;
-        let room_px = picture.max_side_px.clamp(200, 16_384) - 2 * MARGIN_PX - STRIP_PX;
+    /// Chooses the scale so that the map and what stands below it have room, and lays both out. `footer` says what stands there of this view
+    /// in a picture of such a size.
+    fn choose_scale(&mut self, picture: &Picture<'_>, footer: impl Fn(&Self, [usize; 2]) -> Footer) -> Footer {
+        let longest_px = picture.side_px.unwrap_or(picture.max_side_px).clamp(100, 16_384);
+        let mut strip_px = 0;
+        loop {
+            match picture.side_px {
+                Some(_) => self.fill(longest_px, strip_px),
+                None => self.choose_whole_scale(picture.min_side_px, longest_px, strip_px),
+            }
+            let map_px = self.map_px();
+            let width_px = (map_px[0] + 2 * MARGIN_PX).max(LEGEND_PX.min(longest_px));
+            let below = footer(self, [width_px, map_px[1] + 2 * MARGIN_PX + strip_px]);
+            // More lines leave less room for the map, whose width may then need more lines; never fewer.
+            if below.height_px() > strip_px && strip_px < longest_px / 2 {
+                strip_px = below.height_px();
+                continue;
+            }
+            self.size_px = [width_px, map_px[1] + 2 * MARGIN_PX + strip_px];
+            if picture.side_px.is_some() {
+                let longer = usize::from(self.size_px[1] > self.size_px[0]);
+                self.size_px[longer] = longest_px;
+            }
+            self.corner_px = [(self.size_px[0].saturating_sub(map_px[0])) / 2, MARGIN_PX];
+            return below;
+        }
+    }
+
+    fn side_cells(&self) -> [f64; 2] {
+        [0, 1].map(|k: usize| (self.high[k] - self.low[k]).max(1.0))
+    }
+
+    fn map_px(&self) -> [usize; 2] {
+        self.side_cells().map(|cells| (cells * self.px_per_cell - 1e-6).ceil().max(1.0) as usize)
+    }
+
+    /// Room within the margins, pixels.
+    fn room_px(longest_px: usize, strip_px: usize) -> [f64; 2] {
+        [2 * MARGIN_PX, 2 * MARGIN_PX + strip_px].map(|taken| longest_px.saturating_sub(taken).max(1) as f64)
+    }
+
+    /// The scale at which the longer side is full.
+    fn fill(&mut self, longest_px: usize, strip_px: usize) {
+        let (room_px, cells) = (Self::room_px(longest_px, strip_px), self.side_cells());
+        self.px_per_cell = (room_px[0] / cells[0]).min(room_px[1] / cells[1]);
+        self.cells_per_px = (1.0 / self.px_per_cell).round().max(1.0) as usize;
+    }
+
+    /// A whole number of pixels a cell, or of cells a pixel.
+    fn choose_whole_scale(&mut self, min_side_px: usize, longest_px: usize, strip_px: usize) {
+        let [_, room_px] = Self::room_px(longest_px, strip_px).map(|px| px as usize);
+        let [width, height] = self.side_cells();
+        let side_cells = width.max(height) as usize;
         if side_cells > room_px {
             self.cells_per_px = side_cells.div_ceil(room_px);
             self.px_per_cell = 1.0 / self.cells_per_px as f64;
         } else {
-            let wanted = picture.min_side_px.div_ceil(side_cells).clamp(1, MAX_ENLARGEMENT);
+            let wanted = min_side_px.div_ceil(side_cells).clamp(1, MAX_ENLARGEMENT);
             self.px_per_cell = wanted.min(room_px / side_cells).max(1) as f64;
+            self.cells_per_px = 1;
         }
+    }
+
+    /// Whether each pixel of the picture is one of the raster, or each of the raster a square of them.
+    fn is_on_raster(&self) -> bool {
+        let px_per_raster = self.px_per_cell * self.cells_per_px as f64;
+        !self.turned
+            && px_per_raster.fract() == 0.0
+            && self.low.iter().chain(&self.high).all(|cells| cells.fract() == 0.0)
     }
 
     /// A place given in cells, in pixels of the picture.
     fn pixel(&self, place: [f64; 2]) -> [f32; 2] {
         let [a, b] = self.turn(place);
-        let margin = MARGIN_PX as f64;
-        let x = margin + (a - self.low[0]) * self.px_per_cell;
-        let y = margin + (self.high[1] - b) * self.px_per_cell;
+        let [left, top] = self.corner_px.map(|px| px as f64);
+        let x = left + (a - self.low[0]) * self.px_per_cell;
+        let y = top + (self.high[1] - b) * self.px_per_cell;
         [x as f32, y as f32]
     }
 
@@ -211,19 +323,18 @@ impl View {
         [c * a + s * b, c * b - s * a]
     }
 
-    /// Paints the map on a canvas with room for margins and scale bar.
-    fn paint(&self, map: &GridImage, tint: Option<&Tint>, scale_bar: bool) -> Canvas {
-        let side_px = |k: usize| ((self.high[k] - self.low[k]) * self.px_per_cell).ceil().max(1.0) as usize;
-        let (width_px, height_px) = (side_px(0), side_px(1));
-        let strip_px = if scale_bar { STRIP_PX } else { 0 };
-        let mut canvas = Canvas::new(width_px + 2 * MARGIN_PX, height_px + 2 * MARGIN_PX + strip_px, UNSEEN);
+    /// Paints the map on a canvas with room for margins and what stands below.
+    fn paint(&self, map: &GridImage, tint: Option<&Tint>) -> Canvas {
+        let mut canvas = Canvas::new(self.size_px[0], self.size_px[1], UNSEEN);
         let mut raster = Raster::of(map, self.known, self.cells_per_px);
         if let Some(tint) = tint {
             raster.tint(tint);
         }
-        for y in 0..height_px {
-            let row = &mut canvas.row(MARGIN_PX + y)[MARGIN_PX..MARGIN_PX + width_px];
-            self.paint_row(&raster, y, row);
+        let ([left, top], [width_px, height_px]) = (self.corner_px, self.map_px());
+        for y in 0..height_px.min(canvas.height.saturating_sub(top)) {
+            let row = &mut canvas.row(top + y)[left..];
+            let width_px = width_px.min(row.len());
+            self.paint_row(&raster, y, &mut row[..width_px]);
         }
         canvas
     }
@@ -236,10 +347,10 @@ impl View {
         let [u, v] = [(u - raster.corner[0]) * to_raster, (v - raster.corner[1]) * to_raster];
         let (s, c) = self.sin_cos;
         let [du, dv] = [c * step_cells * to_raster, -s * step_cells * to_raster];
-        if self.turned {
-            raster.sample_between(row, [u, v], [du, dv]);
-        } else {
+        if self.is_on_raster() {
             raster.sample_nearest(row, [u, v], du);
+        } else {
+            raster.sample_between(row, [u, v], [du, dv]);
         }
     }
 }
@@ -291,16 +402,20 @@ impl Raster {
         }
     }
 
-    /// Bilinear between the centres of pixels, in fixed point with 16 binary places.
+    /// Bilinear between the centres of pixels, in fixed point with 16 binary places. Enlarged, they are mixed over a pixel of the picture at
+    /// their edges alone: cells stay crisp at any angle.
     fn sample_between(&self, row: &mut [Colour], [u, v]: [f64; 2], step: [f64; 2]) {
         let fixed = |w: f64| (w * 65_536.0).round() as i64;
         let (mut u, mut v) = (fixed(u - 0.5), fixed(v - 0.5));
         let (du, dv) = (fixed(step[0]), fixed(step[1]));
+        let enlarged = (1.0 / step[0].hypot(step[1])).clamp(1.0, 1e3);
+        let steepness = (256.0 * enlarged).round() as i64;
+        let share = |w: i64| (((((w >> 8 & 255) - 128) * steepness) >> 8) + 128).clamp(0, 256) as u32;
         for pixel in row {
             let (column, line) = (u >> 16, v >> 16);
             // One beyond each side, so that the map's edge fades into what is unseen.
             if (-1..self.width as i64).contains(&column) && (-1..self.height as i64).contains(&line) {
-                *pixel = self.between(column, line, (u >> 8 & 255) as u32, (v >> 8 & 255) as u32);
+                *pixel = self.between(column, line, share(u), share(v));
             }
             u += du;
             v += dv;
@@ -387,13 +502,6 @@ impl Block {
     }
 }
 
-/// The way's colour at a share of its time.
-pub(super) fn way_colour(share: f32) -> Colour {
-    let at = share.clamp(0.0, 1.0) * (WAY.len() - 1) as f32;
-    let below = (at as usize).min(WAY.len() - 2);
-    blend(WAY[below], WAY[below + 1], at - below as f32)
-}
-
 fn draw_way(canvas: &mut Canvas, view: &View, way: &[[f64; 2]]) {
     let (Some(&first), Some(&last)) = (way.first(), way.last()) else { return };
     let half_width = 0.9 * pen_scale(canvas) as f32;
@@ -423,36 +531,17 @@ fn draw_places(canvas: &mut Canvas, view: &View, map: &GridImage, places: &[[f64
 
 /// How much larger lines and letters are drawn in large pictures.
 pub(super) fn pen_scale(canvas: &Canvas) -> usize {
-    (canvas.width.max(canvas.height) / 1200).max(1)
+    pen_of(canvas.width.max(canvas.height))
 }
 
-/// A bar of a round length, about a fifth of the picture wide, and its length beside it.
-pub(super) fn draw_scale_bar(canvas: &mut Canvas, px_per_metre: f64) {
-    let pen = pen_scale(canvas).min(2);
-    let length_m = round_length(0.2 * canvas.width as f64 / px_per_metre);
-    let length_px = ((length_m * px_per_metre).round() as usize).max(1);
-    let bottom = canvas.height - MARGIN_PX / 2;
-    canvas.rectangle(MARGIN_PX, bottom - 2 * pen, length_px, 2 * pen, INK);
-    for end in [MARGIN_PX, MARGIN_PX + length_px.saturating_sub(2 * pen)] {
-        canvas.rectangle(end, bottom - 8 * pen, 2 * pen, 8 * pen, INK);
-    }
-    let top = bottom - font::HEIGHT_PX * 2 * pen;
-    canvas.text(&length_label(length_m), MARGIN_PX + length_px + 8 * pen, top, 2 * pen, INK);
-}
-
-/// The largest of 1, 2 and 5 times a power of ten that does not exceed `limit_m`.
-fn round_length(limit_m: f64) -> f64 {
-    let powers = (-7..9).map(|p| 10_f64.powi(p));
-    let lengths = powers.flat_map(|p| [p, 2.0 * p, 5.0 * p]);
-    lengths.take_while(|&length| length <= limit_m).last().unwrap_or(1e-7)
-}
-
-fn length_label(length_m: f64) -> String {
-    if length_m >= 1000.0 { format!("{} km", length_m / 1000.0) } else { format!("{length_m} m") }
+/// The same by the longer side, pixels.
+pub(super) fn pen_of(side_px: usize) -> usize {
+    (side_px / 1200).max(1)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::palette::INK;
     use super::*;
     use crate::UNKNOWN;
 
@@ -523,8 +612,67 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_bar_has_a_round_length() {
-        assert_eq!([0.3, 7.3, 10.0, 49.0, 2600.0].map(round_length), [0.2, 5.0, 10.0, 20.0, 2000.0]);
-        assert_eq!([0.2, 20.0, 2000.0].map(length_label), ["0.2 m", "20 m", "2 km"]);
+    fn a_side_that_is_asked_for_is_the_longer_one_to_the_pixel() {
+        for (width, height) in [(104, 54), (54, 104), (100, 100), (7, 900), (900, 7), (2000, 1500)] {
+            let map = room(width.max(7), height.max(7));
+            let way = [Pose2::new(-0.5, -1.0, 0.0), Pose2::new(0.4, 0.4, 0.0)];
+            let seen_from = [([0.0, 0.0], 0.1)];
+            let confidence = Some(Confidence { seen_from: &seen_from, places: &[[0.2, 0.1]] });
+            for side_px in [100, 333, 800, 801, 1999] {
+                for level_rad in [0.0, 0.7] {
+                    let picture = Picture {
+                        world_from_robot: &way,
+                        confidence,
+                        level_rad,
+                        side_px: Some(side_px),
+                        ..Picture::default()
+                    };
+                    let (w, h, _) = decode(&draw(&map, &picture));
+                    assert_eq!(w.max(h), side_px, "{width} x {height}, {level_rad}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cells_stay_crisp_when_they_are_turned() {
+        let bare = Picture { scale_bar: false, level_rad: 0.3, ..Picture::default() };
+        let (_, _, pixels) = decode(&draw(&room(54, 44), &bare));
+        let shades: Vec<Colour> = [3, 97].map(shade).into_iter().chain([UNSEEN]).collect();
+        let pixels = pixels.as_chunks::<3>().0;
+        let mixed = pixels.iter().filter(|pixel| !shades.contains(pixel)).count();
+        // A wall of a cell is 15 pixels wide here and has two edges: blurred over whole cells a third of all would be mixed.
+        assert!(mixed * 14 < pixels.len(), "{mixed} of {}", pixels.len());
+    }
+
+    #[test]
+    fn maps_in_one_frame_have_pictures_of_one_size_that_lie_over_each_other() {
+        let (one, other) = (room(60, 40), GridImage { world_from_map: Pose2::new(2.0, -1.0, 0.3), ..room(30, 70) });
+        for level_rad in [0.0, 0.4] {
+            let frame = Frame::of(&one, &[], level_rad).and(Frame::of(&other, &[], level_rad));
+            let at = [Pose2::new(0.5, -0.5, 0.0)];
+            let [a, b] = [&one, &other].map(|map| {
+                let picture = Picture { world_from_robot: &at, level_rad, frame: Some(frame), ..Picture::default() };
+                decode(&draw(map, &picture))
+            });
+            assert_eq!((a.0, a.1), (b.0, b.1));
+            let discs = [&a, &b].map(|(_, _, pixels)| {
+                let end = |pixel: &[u8; 3]| (0..3).all(|k| pixel[k].abs_diff(END[k]) < 4);
+                pixels.as_chunks::<3>().0.iter().position(end)
+            });
+            assert!(discs[0].is_some() && discs[0] == discs[1], "{discs:?}");
+        }
+    }
+
+    #[test]
+    fn the_legend_stands_below_the_map() {
+        let way = [Pose2::new(-0.5, -1.0, 0.0), Pose2::new(0.4, 0.4, 0.0)];
+        let (width, height, pixels) =
+            decode(&draw(&room(104, 54), &Picture { world_from_robot: &way, ..Picture::default() }));
+        let strip = &pixels.as_chunks::<3>().0[(height - 40) * width..];
+        for colour in [START, END, INK, way_colour(0.5)] {
+            let near = |p: &&Colour| (0..3).all(|k| p[k].abs_diff(colour[k]) < 6);
+            assert!(strip.iter().filter(near).count() > 8, "{colour:?}");
+        }
     }
 }

@@ -8,8 +8,9 @@ mod vectors;
 pub use upright::upward;
 
 use super::canvas::{Canvas, Colour, blend};
-use super::font;
-use super::picture::{END, MARGIN_PX, START, STRIP_PX, draw_scale_bar, encode, encode_as, pen_scale, way_colour};
+use super::footer::{Footer, Item};
+use super::palette::{END, MARGIN_PX, START, way_colour};
+use super::picture::{LEGEND_PX, encode, encode_as, pen_of, pen_scale};
 use super::walls::dominant_wall_angle;
 use crate::error::FormatError;
 use mapwright_geom::sin_cos;
@@ -18,8 +19,8 @@ use section::Section;
 use std::io::Write;
 use vectors::{dot, horizontals, unit};
 
-const GROUND: Colour = super::picture::UNSEEN;
-const INK: Colour = super::picture::INK;
+const GROUND: Colour = super::palette::UNSEEN;
+const INK: Colour = super::palette::INK;
 const CLOSURE: Colour = [226, 30, 120];
 /// Between the two views, pixels.
 const GAP_PX: usize = 20;
@@ -70,7 +71,7 @@ impl Default for SpacePicture<'_> {
 /// Writes a map of space as a PNG: from above, and below that from the side, at the same scale, turned so that walls are
 /// parallel to the picture's sides. Ceilings and the walls nearest to the viewer are cut away (see the module `section`), depth is shown by
 /// light. Over it the way from dark blue to orange, a green disc at its start and a red one at its end, closures, the directions of the
-/// map's axes, a scale bar and what the colours stand for: heights above the map's origin.
+/// map's axes, a scale bar and what the colours stand for, heights above the map's origin among them.
 ///
 /// The same map gives the same bytes.
 ///
@@ -87,10 +88,7 @@ pub fn write_space_png(picture: &SpacePicture<'_>, writer: impl Write) -> Result
         view.draw_lines(&mut canvas, &scene);
         view.draw_axes(&mut canvas, &scene);
     }
-    draw_scale_bar(&mut canvas, f64::from(layout.px_per_metre));
-    if scene.colours.is_empty() {
-        draw_heights(&mut canvas, heights);
-    }
+    layout.sizes.footer(&scene, heights).draw(&mut canvas);
     encode(&canvas, writer)
 }
 
@@ -259,13 +257,63 @@ struct Layout {
     width: usize,
     height: usize,
     px_per_metre: f32,
+    sizes: Sizes,
     views: [View; 2],
 }
 
 impl Layout {
+    /// With as many lines below the views as their width needs.
     fn of(scene: &Scene<'_>, side_px: usize) -> Self {
+        let mut sizes = Sizes::of(scene, side_px, 0);
+        loop {
+            // The heights follow from what is shown; their words are no wider than these.
+            let needed_px = sizes.footer(scene, [-888.8, 888.8]).height_px();
+            if needed_px <= sizes.strip_px || sizes.strip_px >= side_px / 2 {
+                return Self::with(scene, sizes);
+            }
+            sizes = Sizes::of(scene, side_px, needed_px);
+        }
+    }
+
+    fn with(scene: &Scene<'_>, sizes: Sizes) -> Self {
+        let Sizes { px_per_metre, across_px, heights_px: [above_px, beside_px], .. } = sizes;
+        let (low, high) = (scene.low, scene.high);
+        let above = View {
+            vertical: 1,
+            origin: [low[0], high[1]],
+            corner: [MARGIN_PX, MARGIN_PX],
+            size: [across_px, above_px],
+            px_per_metre,
+            section: Section::from_above(&scene.points, &scene.way, low, high),
+        };
+        let beside = View {
+            vertical: 2,
+            origin: [low[0], high[2]],
+            corner: [MARGIN_PX, MARGIN_PX + above_px + GAP_PX],
+            size: [across_px, beside_px],
+            px_per_metre,
+            section: Section::from_side(&scene.way, low, high),
+        };
+        Self { width: sizes.width, height: sizes.height, px_per_metre, sizes, views: [above, beside] }
+    }
+}
+
+/// How large everything is in the picture, pixels.
+#[derive(Clone, Copy)]
+struct Sizes {
+    px_per_metre: f32,
+    width: usize,
+    height: usize,
+    across_px: usize,
+    /// Of the two views.
+    heights_px: [usize; 2],
+    strip_px: usize,
+}
+
+impl Sizes {
+    fn of(scene: &Scene<'_>, side_px: usize, strip_px: usize) -> Self {
         let room = |used: usize| side_px.saturating_sub(used).max(50) as f32;
-        let (across, down) = (2 * MARGIN_PX, 2 * MARGIN_PX + GAP_PX + STRIP_PX);
+        let (across, down) = (2 * MARGIN_PX, 2 * MARGIN_PX + GAP_PX + strip_px);
         let by_width = room(across) / scene.extent(0);
         let by_height = room(down) / (scene.extent(1) + scene.extent(2));
         let px_per_metre = by_width.min(by_height);
@@ -273,26 +321,22 @@ impl Layout {
         // What the longest side leaves, lest two roundings lose or win a pixel.
         let beside_px =
             if by_height <= by_width { (room(down) as usize).saturating_sub(side(1)).max(1) } else { side(2) };
-        let (low, high) = (scene.low, scene.high);
-        let above = View {
-            vertical: 1,
-            origin: [low[0], high[1]],
-            corner: [MARGIN_PX, MARGIN_PX],
-            size: [side(0), side(1)],
-            px_per_metre,
-            section: Section::from_above(&scene.points, &scene.way, low, high),
-        };
-        let beside = View {
-            vertical: 2,
-            origin: [low[0], high[2]],
-            corner: [MARGIN_PX, MARGIN_PX + side(1) + GAP_PX],
-            size: [side(0), beside_px],
-            px_per_metre,
-            section: Section::from_side(&scene.way, low, high),
-        };
-        // Room for scale bar and legend, however narrow the map.
-        let width = (side(0) + across).max(320.min(side_px));
-        Self { width, height: side(1) + beside_px + down, px_per_metre, views: [above, beside] }
+        // Room for what stands below, however narrow the map.
+        let width = (side(0) + across).max(LEGEND_PX.min(side_px));
+        let height = side(1) + beside_px + down;
+        Self { px_per_metre, width, height, across_px: side(0), heights_px: [side(1), beside_px], strip_px }
+    }
+
+    /// What stands below the views.
+    fn footer(&self, scene: &Scene<'_>, [low_m, high_m]: [f32; 2]) -> Footer {
+        let heights = Item::Heights { colour_at: |share| height_colour(share, [0.0, 1.0]), low_m, high_m };
+        let items = [
+            Some(Item::ScaleBar { px_per_metre: f64::from(self.px_per_metre) }),
+            (!scene.way.is_empty()).then_some(Item::Way),
+            (!scene.closures.is_empty()).then_some(Item::Lines(CLOSURE, "closures")),
+            scene.colours.is_empty().then_some(heights),
+        ];
+        Footer::of(items.into_iter().flatten().collect(), self.width, pen_of(self.width.max(self.height)).min(2))
     }
 }
 
@@ -418,28 +462,6 @@ fn height_colour(height_m: f32, [low, high]: [f32; 2]) -> Colour {
     let at = ((height_m - low) / (high - low)).clamp(0.0, 1.0) * (HEIGHTS.len() - 1) as f32;
     let below = (at as usize).min(HEIGHTS.len() - 2);
     blend(HEIGHTS[below], HEIGHTS[below + 1], at - below as f32)
-}
-
-/// What the colours stand for, at the lower right.
-fn draw_heights(canvas: &mut Canvas, [low, high]: [f32; 2]) {
-    let pen = pen_scale(canvas).min(2);
-    let (bar_px, tall_px) = (120 * pen, 8 * pen);
-    let labels = [low, high].map(|height| format!("{height:.1} m"));
-    let wide = |label: &str| label.len() * font::ADVANCE_PX * 2 * pen;
-    let bottom = canvas.height - MARGIN_PX / 2;
-    let top = bottom - font::HEIGHT_PX * 2 * pen;
-    let needed = wide(&labels[0]) + wide(&labels[1]) + bar_px + 16 * pen;
-    if needed + 2 * MARGIN_PX > canvas.width / 2 {
-        return;
-    }
-    let left = canvas.width - MARGIN_PX - needed;
-    canvas.text(&labels[0], left, top, 2 * pen, INK);
-    let bar = left + wide(&labels[0]) + 8 * pen;
-    for k in 0..bar_px {
-        let colour = height_colour(k as f32 / (bar_px - 1) as f32, [0.0, 1.0]);
-        canvas.rectangle(bar + k, bottom - tall_px - 2 * pen, 1, tall_px, colour);
-    }
-    canvas.text(&labels[1], bar + bar_px + 8 * pen, top, 2 * pen, INK);
 }
 
 #[cfg(test)]
