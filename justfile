@@ -48,6 +48,14 @@ demo-picture: release
 release:
     cargo build --release -p mapwright-cli
 
+# a Debian package, a static binary and a container image, as far as they can be built here, into target/package; or those that are named
+package *what:
+    scripts/package.sh {{what}}
+
+# intel and fr079 beside GMapping's poses, and the CPU that they take
+figures-beside: release
+    COMPARE_2D={{figures}}/compare_2d python3 scripts/compare_2d.py {{mapwright}} {{data}}
+
 # relation errors over 8 start poses; further arguments go to `mapwright map`
 figures-starts log *args: release
     #!/usr/bin/env bash

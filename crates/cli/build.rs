@@ -1,4 +1,5 @@
-//! What `mapwright --version` says besides the version: the commit, where git knows it, and the features.
+//! What `mapwright --version` says besides the version: the commit, where git or `MAPWRIGHT_COMMIT` (a build without git, as of
+//! the container image) knows it, and the features.
 #![allow(clippy::print_stdout, reason = "that is how cargo is told")]
 
 use std::env;
@@ -10,7 +11,9 @@ fn main() {
     if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
         println!("cargo::rerun-if-changed={log}");
     }
-    let commit = git(&["rev-parse", "--short=10", "HEAD"]).map(|commit| format!("commit {commit}"));
+    println!("cargo::rerun-if-env-changed=MAPWRIGHT_COMMIT");
+    let told = || env::var("MAPWRIGHT_COMMIT").ok().filter(|commit| !commit.is_empty());
+    let commit = git(&["rev-parse", "--short=10", "HEAD"]).or_else(told).map(|commit| format!("commit {commit}"));
     let sqlite = if env::var_os("CARGO_FEATURE_SQLITE").is_some() { "with sqlite" } else { "without sqlite" };
     let words: Vec<String> = commit.into_iter().chain([sqlite.to_owned()]).collect();
     println!("cargo::rustc-env=MAPWRIGHT_BUILD={}", words.join(", "));
