@@ -61,8 +61,8 @@ pub(crate) type Place<S> = (Target<PoseOf<S>>, Vec<View<<S as Submaps>::Measurem
 #[derive(Debug, Clone)]
 pub struct Verification<S: Submaps> {
     /// What the present one is drawn from, and the old places that are left.
-    query: Vec<View<S::Measurement>>,
-    targets: std::vec::IntoIter<Place<S>>,
+    pub(crate) query: Vec<View<S::Measurement>>,
+    pub(crate) targets: std::vec::IntoIter<Place<S>>,
     submaps: S,
     drawn: Option<S::Submap>,
     verified: Verified<PoseOf<S>>,

@@ -262,7 +262,7 @@ fn ways_compared<P: Pose>() -> [f64; 2] {
     let verification = closing.propose(way.past(), &known, None, Signposts::default()).expect("it may be there");
     let reach_m =
         |views: &[View<Reading<P>>]| views.iter().map(|view| view.submap_from_keyframe.length()).fold(0.0, f64::max);
-    [reach_m(&verification.query), reach_m(&verification.targets[0].1)]
+    [reach_m(&verification.query), reach_m(&verification.targets.as_slice()[0].1)]
 }
 
 #[test]
@@ -410,7 +410,7 @@ fn window_after<P: Pose>(looks: u32, closes: bool) -> f64 {
     }
     way.go_on(1);
     let verification = closing.propose(way.past(), &known, None, Signposts::default()).expect("it is nearby");
-    verification.targets[0].0.window.half_width_m
+    verification.targets.as_slice()[0].0.window.half_width_m
 }
 
 #[test]
