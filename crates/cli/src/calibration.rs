@@ -72,28 +72,18 @@ pub(crate) struct Calibration {
     pub(crate) stretches: usize,
 }
 
-/// One stretch: two scans of a run, and the laser's motion between them.
-#[derive(Debug, Clone, Copy)]
-struct Stretch<'a> {
-    wheels: &'a [Increment],
-    /// Places of both scans in the run: increment `k` leads from scan `k` to the next.
-    from: usize,
-    to: usize,
+/// One stretch: the wheels' increments and the laser's motion over all of them.
+#[derive(Debug, Clone)]
+struct Stretch {
+    increments: Vec<Pose2>,
+    /// The wheels' speed at both ends, per second.
+    twists_per_s: [[f64; 3]; 2],
     laser0_from_laser1: Pose2,
-}
-
-/// What the wheels say from one scan to the next.
-#[derive(Debug, Clone, Copy)]
-struct Increment {
-    step: Pose2,
-    /// Infinite where the stamps do not tell: then nobody knows where the robot was in between.
-    seconds: f64,
 }
 
 /// Estimates mount and wheels from scans that were tracked, in runs without a break.
 pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibration, String> {
-    let wheels: Vec<_> = runs.iter().map(|run| increments_of(run)).collect();
-    let stretches: Vec<_> = runs.iter().zip(&wheels).flat_map(|(run, wheels)| stretches_of(run, wheels)).collect();
+    let stretches: Vec<_> = runs.iter().flat_map(|run| stretches_of(run)).collect();
     let turned: f64 = stretches.iter().map(|s| s.laser0_from_laser1.theta.abs()).sum();
     if stretches.len() < STRETCHES_AT_LEAST || turned < TURN_AT_LEAST_RAD {
         return Err(format!(
@@ -127,70 +117,45 @@ pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibra
     })
 }
 
-fn increments_of(run: &[Sample]) -> Vec<Increment> {
-    let increment = |pair: &[Sample]| {
-        let seconds = pair[1].stamp.secs_since(pair[0].stamp);
-        let is_telling = seconds > 0.0 && seconds < SPEED_WITHIN_S;
-        let step = pair[0].odom_from_robot.between(pair[1].odom_from_robot);
-        Increment { step, seconds: if is_telling { seconds } else { f64::INFINITY } }
-    };
-    run.windows(2).map(increment).collect()
-}
-
-fn stretches_of<'a>(run: &[Sample], wheels: &'a [Increment]) -> Vec<Stretch<'a>> {
+fn stretches_of(run: &[Sample]) -> Vec<Stretch> {
     let mut stretches = Vec::new();
-    let (mut from, mut turned, mut driven_m) = (0, 0.0, 0.0);
-    for (k, Increment { step, .. }) in wheels.iter().enumerate() {
-        turned += step.theta.abs();
-        driven_m += step.x.hypot(step.y);
+    let (mut start, mut increments, mut turned, mut driven_m) = (0, Vec::new(), 0.0, 0.0);
+    for k in 1..run.len() {
+        let increment = run[k - 1].odom_from_robot.between(run[k].odom_from_robot);
+        turned += increment.theta.abs();
+        driven_m += increment.x.hypot(increment.y);
+        increments.push(increment);
         if turned >= STRETCH_RAD || driven_m >= STRETCH_M {
-            let to = k + 1;
-            let laser0_from_laser1 = run[from].map_from_laser.between(run[to].map_from_laser);
-            stretches.push(Stretch { wheels, from, to, laser0_from_laser1 });
-            (from, turned, driven_m) = (to, 0.0, 0.0);
+            let laser0_from_laser1 = run[start].map_from_laser.between(run[k].map_from_laser);
+            let twists_per_s = [start, k].map(|at| twist_per_s(run, at));
+            stretches.push(Stretch { increments: std::mem::take(&mut increments), twists_per_s, laser0_from_laser1 });
+            (start, turned, driven_m) = (k, 0.0, 0.0);
         }
     }
     stretches
 }
 
-impl Stretch<'_> {
+/// The wheels' speed around a sample, per second; zero where the stamps do not tell.
+fn twist_per_s(run: &[Sample], at: usize) -> [f64; 3] {
+    let (before, after) = (run[at.saturating_sub(1)], run[(at + 1).min(run.len() - 1)]);
+    let seconds = after.stamp.secs_since(before.stamp);
+    let telling = seconds > 0.0 && seconds < SPEED_WITHIN_S;
+    if telling { before.odom_from_robot.between(after.odom_from_robot).log().map(|v| v / seconds) } else { [0.0; 3] }
+}
+
+impl Stretch {
     /// Odometry put together anew with the wheels' errors taken out.
     fn robot_motion(&self, at: &Vector) -> Pose2 {
-        let between = self.wheels[self.from..self.to].iter();
-        between.fold(Pose2::IDENTITY, |sum, increment| sum * corrected(increment.step, at))
-    }
-
-    /// What the wheels say from a scan's stamp to so long after it, or before it where that is negative; between two scans the robot
-    /// drives evenly.
-    fn later(&self, scan: usize, seconds: f64, at: &Vector) -> Pose2 {
-        if seconds > 0.0 {
-            Self::walk(self.wheels.iter().skip(scan), seconds, at, |part| part)
-        } else {
-            Self::walk(self.wheels.iter().take(scan).rev(), -seconds, at, |part| part.inverse())
-        }
-    }
-
-    fn walk<'b>(
-        wheels: impl Iterator<Item = &'b Increment>,
-        mut left_s: f64,
-        at: &Vector,
-        turned: impl Fn(Pose2) -> Pose2,
-    ) -> Pose2 {
-        let mut motion = Pose2::IDENTITY;
-        for increment in wheels {
-            let share = if increment.seconds > left_s { left_s / increment.seconds } else { 1.0 };
-            motion = motion * turned(Pose2::exp(corrected(increment.step, at).log().map(|v| v * share)));
-            left_s -= increment.seconds;
-            if left_s <= 0.0 {
-                break;
-            }
-        }
-        motion
+        self.increments.iter().fold(Pose2::IDENTITY, |sum, step| {
+            let ahead = if step.x < 0.0 { -1.0 } else { 1.0 };
+            let drift = at[5] * ahead * step.x.hypot(step.y);
+            sum * Pose2::new(at[3] * step.x, at[3] * step.y, at[4] * step.theta + drift)
+        })
     }
 
     fn residual(&self, at: &Vector) -> [f64; RESIDUALS] {
         let robot_from_laser = Pose2::new(at[0], at[1], at[2]);
-        let [start, end] = [self.from, self.to].map(|scan| self.later(scan, at[6], at));
+        let [start, end] = self.twists_per_s.map(|twist| Pose2::exp(twist.map(|v| v * at[6])));
         let robot0_from_robot1 = start.inverse() * self.robot_motion(at) * end;
         let by_wheels = robot_from_laser.inverse() * robot0_from_robot1 * robot_from_laser;
         let error = self.laser0_from_laser1.between(by_wheels);
@@ -213,15 +178,8 @@ impl Stretch<'_> {
     }
 }
 
-/// A step with the wheels' errors taken out.
-fn corrected(step: Pose2, at: &Vector) -> Pose2 {
-    let ahead = if step.x < 0.0 { -1.0 } else { 1.0 };
-    let drift = at[5] * ahead * step.x.hypot(step.y);
-    Pose2::new(at[3] * step.x, at[3] * step.y, at[4] * step.theta + drift)
-}
-
 /// Standard deviation of each residual from its median absolute value.
-fn robust_scales(stretches: &[Stretch<'_>], at: &Vector) -> [f64; RESIDUALS] {
+fn robust_scales(stretches: &[Stretch], at: &Vector) -> [f64; RESIDUALS] {
     let residuals: Vec<_> = stretches.iter().map(|stretch| stretch.residual(at)).collect();
     std::array::from_fn(|k| {
         let mut sizes: Vec<_> = residuals.iter().map(|r| r[k].abs()).collect();
@@ -238,7 +196,7 @@ struct Normal {
 }
 
 impl Normal {
-    fn at(stretches: &[Stretch<'_>], at: &Vector, scales: &[f64; RESIDUALS]) -> Self {
+    fn at(stretches: &[Stretch], at: &Vector, scales: &[f64; RESIDUALS]) -> Self {
         let (mut hessian, mut gradient, mut gradient_spread) = (Matrix::zeros(), Vector::zeros(), Matrix::zeros());
         for together in stretches.chunks(CLUSTER) {
             let mut own = Vector::zeros();
