@@ -37,6 +37,7 @@ mod terminal;
 mod timing;
 mod turns;
 mod verdict;
+mod wheels;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -21,6 +21,7 @@ pub(crate) struct Tally {
     inlier_shares: Vec<u64>,
     matched: u64,
     restarted: u64,
+    by_odometry: u64,
     searched: u64,
     evaluations: u64,
     beams: BeamCounts,
@@ -41,6 +42,7 @@ impl Default for Tally {
             inlier_shares: vec![0; BINS + 1],
             matched: 0,
             restarted: 0,
+            by_odometry: 0,
             searched: 0,
             evaluations: 0,
             beams: BeamCounts::default(),
@@ -54,6 +56,7 @@ impl Tally {
     pub(crate) fn add(&mut self, update: &Update, by_odometry: bool) {
         self.scans += 1;
         self.by_status[update.status as usize] += 1;
+        self.by_odometry += u64::from(by_odometry);
         self.beams.add(&update.beams);
         let (first, last) = self.span.unwrap_or((update.stamp, update.stamp));
         self.span = Some((first.min(update.stamp), last.max(update.stamp)));
@@ -72,6 +75,11 @@ impl Tally {
         }
         self.doubts.add(update, by_odometry);
         self.runs.add(update.status, update.scan, update.stamp);
+    }
+
+    /// Share of the scans whose poses odometry predicted.
+    pub(crate) fn share_by_odometry(&self) -> f64 {
+        self.by_odometry as f64 / self.scans.max(1) as f64
     }
 
     /// Time between the earliest and the latest stamp, seconds.

@@ -4,6 +4,7 @@
 use crate::tally::Tally;
 use crate::terminal::count;
 use crate::turns::Turns;
+use crate::wheels::Wheels;
 use mapwright::{Advice, Objection, Pose2, SeparateMap, Session, Status, Verdict as Judged, Visits};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -54,6 +55,8 @@ pub(crate) struct Facts {
     pub(crate) turns_of_odometry: f64,
     pub(crate) way_of_odometry: f64,
     pub(crate) aside_deg: f64,
+    /// How far the point about which the wheels turn lies from where the map has the robot.
+    pub(crate) lever_m: f64,
     /// What to say where scans turn the other way than the wheels.
     pub(crate) mirrored: Option<String>,
 }
@@ -64,7 +67,7 @@ impl Facts {
         let keyframes = session.keyframes().len();
         let first = maps.first().cloned().unwrap_or_default();
         let in_first = first.keyframes.iter().map(ExactSizeIterator::len).sum::<usize>();
-        let odometry = OdometryBeside::of(session);
+        let wheels = Wheels::of(session);
         let hangs = |piece: &&usize| pieces.get(**piece).is_some_and(|piece| piece.link.is_some());
         Self {
             scans: tally.scans,
@@ -81,9 +84,11 @@ impl Facts {
             mean_sigma_m: advice.mean_sigma_m,
             worst_sigma_m: advice.worst_sigma_m,
             unheeded: unheeded(session, &first),
-            turns_of_odometry: odometry.turns,
-            way_of_odometry: odometry.way,
-            aside_deg: odometry.aside_rad.to_degrees(),
+            turns_of_odometry: wheels.turns,
+            way_of_odometry: wheels.way,
+            aside_deg: wheels.aside_rad.to_degrees(),
+            // what was predicted without odometry says nothing of it
+            lever_m: if tally.share_by_odometry() > ODOMETRY_SHARE { wheels.lever_m } else { 0.0 },
             mirrored: turns.words(),
         }
     }
@@ -107,57 +112,6 @@ fn unheeded(session: &Session, map: &SeparateMap) -> usize {
         Some(is_elsewhere(from, to, candidate.from_from_to?))
     };
     found.filter_map(says).filter(|&elsewhere| elsewhere).count()
-}
-
-/// Motions are compared over so much way, metres, or such a turn, radians, and at least so many of each; the median counts.
-const MOTION_M: f64 = 0.5;
-const MOTION_RAD: f64 = 0.3;
-const MOTIONS: usize = 20;
-
-/// The motion that the map says, beside what the wheels say; as equal where the robot has hardly moved.
-struct OdometryBeside {
-    turns: f64,
-    way: f64,
-    aside_rad: f64,
-}
-
-impl OdometryBeside {
-    fn of(session: &Session) -> Self {
-        let (mut turns, mut ways, mut asides) = (Vec::new(), Vec::new(), Vec::new());
-        let mut from: Option<(Pose2, Pose2)> = None;
-        for (scan, pose) in session.scans().iter().zip(session.trajectory()) {
-            let here = (scan.odom_from_robot, pose.map_from_robot);
-            let Some((odom_from_robot, map_from_robot)) = from else {
-                from = Some(here);
-                continue;
-            };
-            let (said, mapped) = (odom_from_robot.between(here.0), map_from_robot.between(here.1));
-            let way_m = said.x.hypot(said.y);
-            if said.theta.abs() >= MOTION_RAD {
-                turns.push(mapped.theta / said.theta);
-            } else if way_m >= MOTION_M {
-                ways.push(mapped.x.hypot(mapped.y) / way_m);
-                asides.push(wrapped(mapped.y.atan2(mapped.x) - said.y.atan2(said.x)));
-            } else {
-                continue;
-            }
-            from = Some(here);
-        }
-        Self {
-            turns: median(&mut turns).unwrap_or(1.0),
-            way: median(&mut ways).unwrap_or(1.0),
-            aside_rad: median(&mut asides).unwrap_or(0.0),
-        }
-    }
-}
-
-fn wrapped(angle_rad: f64) -> f64 {
-    angle_rad.sin().atan2(angle_rad.cos())
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().filter(|_| values.len() >= MOTIONS)
 }
 
 /// Why a map is not simply good.
@@ -197,6 +151,10 @@ const UNHEEDED: usize = 2;
 /// Share by which wheels and scans differ, and degrees.
 const ODOMETRY_OFF: f64 = 0.1;
 const ASIDE_DEG: f64 = 6.0;
+/// The robot turns so far from where the map has it, metres: as far as visits may be off each other.
+const LEVER_M: f64 = MOVED_M[0];
+/// Odometry has to predict so many of the scans before it says so.
+const ODOMETRY_SHARE: f64 = 0.9;
 
 impl Usable {
     pub(crate) fn of(facts: &Facts) -> Self {
@@ -361,7 +319,7 @@ fn unheeded_places(facts: &Facts) -> Option<Reason> {
 }
 
 fn odometry_off(facts: &Facts) -> Option<Reason> {
-    let Facts { turns_of_odometry: turns, way_of_odometry: way, aside_deg, .. } = *facts;
+    let Facts { turns_of_odometry: turns, way_of_odometry: way, aside_deg, lever_m, .. } = *facts;
     let words = if facts.mirrored.is_some() {
         return None;
     } else if aside_deg.abs() > ASIDE_DEG {
@@ -372,10 +330,15 @@ fn odometry_off(facts: &Facts) -> Option<Reason> {
         format!("scans turn {} times as far as odometry: are the laser's angles right?", rounded(turns))
     } else if (way - 1.0).abs() > ODOMETRY_OFF {
         format!("scans say {} times the way of odometry: are ranges and wheels right?", rounded(way))
+    } else if lever_m > LEVER_M {
+        format!(
+            "wheels and scans say that the robot turns about a point at least {lever_m:.2} m from where the log has it: does the laser sit where the log \
+             says? `mapwright calibrate` measures it"
+        )
     } else {
         return None;
     };
-    let evidence = json!({ "turns": turns, "way": way, "aside_deg": aside_deg });
+    let evidence = json!({ "turns": turns, "way": way, "aside_deg": aside_deg, "lever_m": lever_m });
     Some(Reason { word: Usability::Check, what: "odometry_disagrees", words, evidence })
 }
 
@@ -444,6 +407,7 @@ mod tests {
         turns_of_odometry: 1.01,
         way_of_odometry: 0.99,
         aside_deg: 0.2,
+        lever_m: 0.05,
         mirrored: None,
     };
 
@@ -480,6 +444,7 @@ mod tests {
             (Facts { turns_of_odometry: 0.8, ..SOUND }, "turn 0.80 times"),
             (Facts { way_of_odometry: 1.3, ..SOUND }, "1.30 times the way"),
             (Facts { aside_deg: 57.0, ..SOUND }, "57 deg beside"),
+            (Facts { lever_m: 0.21, ..SOUND }, "at least 0.21 m from"),
         ];
         for (facts, words) in doubtful {
             let (word, told) = said(facts.clone());

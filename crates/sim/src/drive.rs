@@ -101,6 +101,14 @@ impl Drive {
         Self { site, settings, scanner, past, scans_due: 0, odometry_due: 0 }
     }
 
+    /// The same with its laser there.
+    #[must_use]
+    pub fn with_mount(mut self, robot_from_laser: Pose2) -> Self {
+        Arc::make_mut(&mut self.settings.laser.model).robot_from_laser = robot_from_laser;
+        self.scanner = Scanner::new(self.settings.laser.clone());
+        self
+    }
+
     /// The scans alone.
     pub fn scans(self) -> impl Iterator<Item = TrueScan> {
         self.filter_map(|event| match event {

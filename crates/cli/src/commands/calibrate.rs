@@ -44,12 +44,8 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     progress.finish();
     let name = log.name();
     let losses = log.finish()?.losses();
-    if let Some(reason) = collector.turns.words() {
-        return Err(Failure::NotCalibrated { name, reason });
-    }
-    let presumed = collector.presumed.unwrap_or(Pose2::IDENTITY);
-    let found =
-        calibrate(&collector.runs, presumed).map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
+    let presumed = collector.presumed();
+    let found = collector.found().map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
     if let Some(path) = &args.apply {
         let upside_down = collector.upside_down.unwrap_or(false);
         let text = Calibrated::of(&found, upside_down).to_text(&name);
@@ -64,7 +60,7 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
 }
 
 /// Tracked scans in runs without a break; scans of a second laser are left to the mapper alone.
-struct Collector {
+pub(super) struct Collector {
     mapper: Mapper,
     odom_from_robot: Option<Pose2>,
     presumed: Option<Pose2>,
@@ -74,7 +70,7 @@ struct Collector {
 }
 
 impl Collector {
-    fn new(mapper: Mapper) -> Self {
+    pub(super) fn new(mapper: Mapper) -> Self {
         Self {
             mapper,
             odom_from_robot: None,
@@ -85,7 +81,7 @@ impl Collector {
         }
     }
 
-    fn add(&mut self, scan: &LaserScan) {
+    pub(super) fn add(&mut self, scan: &LaserScan) {
         let update = self.mapper.add_scan(scan);
         let mount = scan.laser.robot_from_laser;
         let odom_from_robot = scan.odom_from_robot.or(self.odom_from_robot);
@@ -100,6 +96,19 @@ impl Collector {
             }
             (_, _, Some(run)) if run.is_empty() => {}
             _ => self.runs.push(Vec::new()),
+        }
+    }
+
+    /// Where the log has the laser.
+    fn presumed(&self) -> Pose2 {
+        self.presumed.unwrap_or(Pose2::IDENTITY)
+    }
+
+    /// The calibration, or why there is none.
+    pub(super) fn found(&self) -> Result<Calibration, String> {
+        match self.turns.words() {
+            Some(mirrored) => Err(mirrored),
+            None => calibrate(&self.runs, self.presumed()),
         }
     }
 }

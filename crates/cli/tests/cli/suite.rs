@@ -238,3 +238,15 @@ fn drives_in_space_say_how_honest_the_covariances_are_whatever_the_threads() {
     }
     assert!(said(&one).contains("mean NEES from 4 to 8"));
 }
+
+#[test]
+fn calibrations_are_compared_with_the_mounts_that_are_known() {
+    let out = folder("suite_calibrations");
+    let output = run(&["suite", "calibrations", "--worlds", "1", "--seed", "3", "-o", out.to_str().unwrap()]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let world = &worlds(&out.join("calibrations.jsonl"))[0];
+    let off =
+        |k: usize| (world["found"]["Ok"][k]["value"].as_f64().unwrap() - world["truth"][k].as_f64().unwrap()).abs();
+    assert!(off(0) < 0.005 && off(1) < 0.005 && off(2) < 0.004 && off(3) < 0.02, "{world}");
+    assert!(said(&output).contains("yaw within 3 standard deviations"));
+}

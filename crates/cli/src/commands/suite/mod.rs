@@ -1,6 +1,7 @@
 //! `mapwright suite`: many simulated worlds mapped and measured against their truth.
 
 mod breaks;
+mod calibrations;
 mod floors;
 mod kidnapped;
 mod look_alike;
@@ -87,6 +88,9 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Verdicts(args) => {
             measure(&verdicts::Verdicts { settings: settings_of(&args.run)? }, seeds_of(args, 14), &args.run)
+        }
+        Suite::Calibrations(args) => {
+            measure(&calibrations::Calibrations { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
         }
         Suite::Breaks(args) => {
             let breaks = breaks::Breaks::prepare(args, settings_of(&args.worlds.run)?)?;
