@@ -153,7 +153,8 @@ def bag(path, name):
 
 
 def seconds_text(stamp_ns):
-    return f"{stamp_ns // SECOND}.{stamp_ns % SECOND // 1000:06d}"
+    us = microseconds(stamp_ns)
+    return f"{us // 1_000_000}.{us % 1_000_000:06d}"
 
 
 def compose(a, b):

@@ -1,8 +1,8 @@
 //! What reading logs has brought and lost, for report and people.
 
 use crate::report::{
-    heads_json, jump_oddity, range_losses, range_oddities, ranges_json, read_losses, read_oddities, read_report,
-    topic_oddities, topic_report,
+    far_origin, heads_json, jump_oddity, range_losses, range_oddities, ranges_json, read_losses, read_oddities,
+    read_report, topic_oddities, topic_report,
 };
 use crate::terminal::{count, grouped};
 use mapwright_bags::{Damages, ReadReport as Container};
@@ -277,9 +277,7 @@ fn recording_oddities(report: &RecordingReport) -> Vec<String> {
     };
     note(&stream.without_odometry, &behind);
     odd.extend(stream.first_clock_step.as_ref().map(|step| clock_words(step, stream.clock_steps)));
-    odd.extend(stream.odometry_origin_m.map(|[x, y]| {
-        format!("odometry's places lie far out: ({x:.2}, {y:.2}) m is subtracted from each, its first one there")
-    }));
+    odd.extend(stream.odometry_origin_m.map(far_origin));
     if let Some(first) = &stream.refused_turn_rates.first {
         odd.push(format!("turn rates left out: {}, first {first}", grouped(stream.refused_turn_rates.count)));
     }

@@ -33,6 +33,7 @@ pub(crate) fn read_report(report: &ReadReport) -> Value {
         "torn": report.tear.as_ref().map(ToString::to_string),
         "scan_poses_refused": noted(&report.refused_scan_poses),
         "odometry_never_moved": report.odometry_never_moved,
+        "odometry_origin_m": report.odometry_origin_m,
         "unstamped": noted(&report.unstamped),
         "non_finite_ranges": report.non_finite_ranges,
         "heads_that_contradict_themselves": heads_json(&report.odd_heads),
@@ -115,6 +116,11 @@ pub(crate) fn ranges_json(ranges: &RangeReport) -> Value {
     })
 }
 
+/// What is subtracted from odometry that lies too far out, in words.
+pub(crate) fn far_origin([x, y]: [f64; 2]) -> String {
+    format!("odometry's places lie far out: ({x:.2}, {y:.2}) m is subtracted from each, its first one there")
+}
+
 /// What is odd about a log without being a loss, in words.
 pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
     let mut odd = range_oddities(&report.odd_heads, &report.ranges, "line");
@@ -123,6 +129,7 @@ pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
         let why = "odometry never moves, though what is seen does: none is used, and poses are predicted by constant velocity";
         odd.push(why.to_owned());
     }
+    odd.extend(report.odometry_origin_m.map(far_origin));
     odd.extend(jump_oddity(&report.topics));
     odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {

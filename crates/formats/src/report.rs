@@ -113,6 +113,8 @@ pub struct ReadReport {
     pub drops: BTreeMap<DropReason, Drops>,
     /// Scans delivered without odometry because their pose was infinite or beyond 10^6 m.
     pub refused_scan_poses: Noted,
+    /// What is subtracted from the places of odometry, metres, where these lie too far out to be mapped in.
+    pub odometry_origin_m: Option<[f64; 2]>,
     /// Odometry never moved, though what is seen did: it was left out by whoever read the log.
     pub odometry_never_moved: bool,
     /// Events without a stamp of their own; they carry the one before.

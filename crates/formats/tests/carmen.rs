@@ -195,6 +195,23 @@ fn odd_ranges_are_delivered_raw_and_counted() {
 }
 
 #[test]
+fn odometry_far_out_is_used_relative_to_where_a_second_reading_confirms_it() {
+    let log = b"ODOM 448264.5 5411932.25 0.1 0 0 0 1 h 1\nFLASER 1 1.00 0 0 0 448264.5 5411932.25 0.1 2 h 2\n\
+        ODOM 448265.0 5411932.5 0.2 0 0 0 3 h 3\nODOM 1e7 0 0 0 0 0 4 h 4\n";
+    let (events, report) = read(log);
+    let [Event::Scan(scan), Event::Odometry(odometry)] = &events[..] else { panic!("{events:?}") };
+    assert_eq!(scan.odom_from_robot, Some(Pose2::new(0.0, 0.0, 0.1)));
+    assert_eq!(odometry.odom_from_robot, Pose2::new(0.5, 0.25, 0.2));
+    assert_eq!((report.odometry_origin_m, report.dropped_lines()), (Some([448_264.5, 5_411_932.25]), 2));
+    let robot_laser = "ROBOTLASER1 0 -1.57 3.14 3.14 80 0.01 0 2 1.0 1.0 0";
+    let line = |s: i32| format!("{robot_laser} 448264.6 5411932.25 0 448264.5 5411932.25 0 0 0 0 0 0 {s} h {s}\n");
+    let (events, _) = read((line(1) + &line(2)).as_bytes());
+    let [Event::Scan(first), Event::Scan(second)] = &events[..] else { panic!("{events:?}") };
+    assert!((second.laser.robot_from_laser.x - 0.1).abs() < 1e-6 && first.odom_from_robot.is_none());
+    assert_eq!(second.odom_from_robot, Some(Pose2::IDENTITY));
+}
+
+#[test]
 fn a_scan_survives_its_bad_pose_without_it() {
     let (events, report) = read(b"FLASER 1 1.00 0 0 0 1e9 0 0 1 h 1\nFLASER 1 1.00 0 0 0 nan nan nan 1 h 1\n");
     assert!(events.iter().all(|e| matches!(e, Event::Scan(s) if s.odom_from_robot.is_none())));

@@ -12,16 +12,13 @@ use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
 use mapwright_formats::TopicReport;
-use mapwright_geom::{Pose, Pose2, Pose3, Stamp};
+use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
-use mapwright_sensor::{LaserScan, Odometry, TurnRate, TurnRates};
+use mapwright_sensor::{FarOrigin, LaserScan, Odometry, TurnRate, TurnRates};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::path::Path;
-
-/// No coordinates of a place on earth are larger, metres: its girth is 4 * 10^7.
-const FAR_M: f64 = 1e8;
 
 /// An event of a recording.
 #[derive(Debug)]
@@ -51,7 +48,7 @@ pub(crate) struct Stream {
     uses: Vec<Option<Use>>,
     merger: Merger,
     turning: Turning,
-    origin: Origin,
+    origin: FarOrigin,
     corrected: Option<Corrected>,
     report: StreamReport,
     last_beams: Option<usize>,
@@ -73,7 +70,7 @@ impl Stream {
             maker: ScanMaker::new(&plan),
             merger: Merger::new(plan.odometry != OdometrySource::None),
             turning: Turning::default(),
-            origin: Origin::default(),
+            origin: FarOrigin::at_first_reading(),
             corrected: plan.calibration.map(Corrected::new),
             plan,
             decoders: Decoders::default(),
@@ -144,7 +141,7 @@ impl Stream {
                     merger.push_odometry(place, made.unwrap_or(reading));
                 };
                 let taken = take_odometry(source, messages, &message, &mut take, &mut self.origin);
-                self.report.odometry_origin_m = self.origin.at_m;
+                self.report.odometry_origin_m = self.origin.at_m();
                 (taken, &mut self.report)
             }
         };
@@ -310,7 +307,7 @@ fn take_odometry(
     messages: &mut Messages,
     message: &RawMessage<'_>,
     take: &mut impl FnMut(Odometry),
-    origin: &mut Origin,
+    origin: &mut FarOrigin,
 ) -> Result<bool, Problem> {
     let undecodable = |error: mapwright_ros::RosError| Problem::Undecodable(error.to_string());
     match (source, messages) {
@@ -342,58 +339,10 @@ fn reading(
     stamp: Stamp,
     odom_from_child: Option<Pose3>,
     child_from_robot: Pose3,
-    origin: &mut Origin,
+    origin: &mut FarOrigin,
 ) -> Result<Odometry, Problem> {
     let odom_from_robot = odom_from_child.map(|pose| planar(&(pose * child_from_robot)));
     let near = odom_from_robot.and_then(|said| origin.near(said));
     let unusable = || Problem::Unusable("expected a finite pose within 10^6 m with a direction".to_owned());
     near.map(|odom_from_robot| Odometry { stamp, odom_from_robot }).ok_or_else(unusable)
-}
-
-/// What odometry's places are relative to, where they lie too far out to be mapped in, as coordinates of UTM do.
-#[derive(Debug, Clone, Copy, Default)]
-struct Origin {
-    at_m: Option<[f64; 2]>,
-    has_readings: bool,
-    /// The reading before was refused, for it lay too far out.
-    was_far: bool,
-}
-
-impl Origin {
-    /// The pose relative to the origin, which the first reading becomes where that lies too far out, or two in a row: a single one is
-    /// a fault and refused.
-    fn near(&mut self, said: Pose2) -> Option<Pose2> {
-        let from_origin = |[x, y]: [f64; 2]| Pose2::new(said.x - x, said.y - y, said.theta);
-        let known = self.at_m.map_or(said, from_origin);
-        let is_first = !std::mem::replace(&mut self.has_readings, true);
-        if known.is_within_bounds() {
-            self.was_far = false;
-            return Some(known);
-        }
-        let is_place = said.is_finite() && said.x.abs().max(said.y.abs()) <= FAR_M;
-        if !is_place || !(is_first || self.was_far) {
-            self.was_far |= is_place;
-            return None;
-        }
-        self.was_far = false;
-        self.at_m = Some([said.x, said.y]);
-        Some(Pose2::new(0.0, 0.0, said.theta))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn places_far_out_are_used_from_the_first_on_and_a_single_one_is_a_fault() {
-        let near =
-            |origin: &mut Origin, x: f64| origin.near(Pose2::new(x, 5_572_094.25, 0.1)).map(|pose| [pose.x, pose.y]);
-        let mut utm = Origin::default();
-        assert_eq!([500_000.5, 500_001.0].map(|x| near(&mut utm, x)), [Some([0.0, 0.0]), Some([0.5, 0.0])]);
-        let mut origin = Origin::default();
-        let said = [0.0, 7e6, 1.0, 7e6, 7e6 + 2.0, f64::NAN, 1e9, 7e6 + 3.0].map(|x| Pose2::new(x, 0.0, 0.0));
-        let found = said.map(|said| origin.near(said).map(|pose| pose.x));
-        assert_eq!(found, [Some(0.0), None, Some(1.0), None, Some(0.0), None, None, Some(1.0)]);
-    }
 }

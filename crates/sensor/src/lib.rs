@@ -2,9 +2,11 @@
 //!
 //! - [`LaserModel`], [`LaserScan`], [`Odometry`], [`TurnRate`]: readings of the plane as they arrive.
 //! - [`Pace`]: how fast the robot drives, by its odometry, and which of its steps no robot can have made.
+//! - [`FarOrigin`]: what places that lie too far out are relative to.
 //! - [`SpaceSensor`], [`Cloud`], [`PinholeCamera`], [`DepthImage`], [`ImuReading`]: readings of space.
 
 mod cloud;
+mod far_origin;
 mod head;
 mod imu;
 mod motion;
@@ -15,6 +17,7 @@ mod space_sweep;
 mod turning;
 
 pub use cloud::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
+pub use far_origin::FarOrigin;
 pub use head::{Bearings, OddHead, RANGE_MAX_UNSAID_M, SWEEP_MOST_S, SaidBearings, settle_ranges, settle_times};
 pub use imu::{
     Down, DownEstimate, ImuPiece, ImuReading, ImuReadings, ImuTaken, STANDARD_GRAVITY_M_PER_S2, TURN_NOISE_RAD2_PER_S,

@@ -222,9 +222,11 @@ impl<'a> Tail<'a> {
 pub(super) enum PoseField {
     /// A pose.
     Usable(Pose2),
+    /// A pose beyond 10^6 m, as coordinates of UTM are.
+    Far(Pose2),
     /// All three are NaN: the log says that there is none.
     Absent,
-    /// Not finite, or beyond 10^6 m.
+    /// Not finite, or of no place on earth.
     Refused,
 }
 
@@ -234,6 +236,8 @@ impl PoseField {
         let within = |v: f64| v.abs() <= FARTHEST_M;
         if within(x) && within(y) && within(theta) {
             Self::Usable(Pose2::new(x, y, theta))
+        } else if x.is_finite() && y.is_finite() && within(theta) {
+            Self::Far(Pose2::new(x, y, theta))
         } else if x.is_nan() && y.is_nan() && theta.is_nan() {
             Self::Absent
         } else {

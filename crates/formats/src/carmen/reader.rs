@@ -9,7 +9,7 @@ use crate::excerpt::Excerpt;
 use crate::lines::{Line, LineReader, MAX_LINE_BYTES};
 use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{Bearings, LaserScan, OddHead, Odometry, RANGE_MAX_UNSAID_M, SaidBearings, TurnRate};
+use mapwright_sensor::{Bearings, FarOrigin, LaserScan, OddHead, Odometry, RANGE_MAX_UNSAID_M, SaidBearings, TurnRate};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
@@ -187,6 +187,7 @@ struct Parser {
     fullest_layout: [usize; Tag::COUNT],
     last_stamp: Stamp,
     raw_lasers: RawLasers,
+    origin: FarOrigin,
     report: ReadReport,
 }
 
@@ -222,6 +223,7 @@ impl Parser {
             fullest_layout,
             last_stamp: Stamp(0),
             raw_lasers: RawLasers::Undecided,
+            origin: FarOrigin::at_two_readings(),
             report,
         }
     }
@@ -280,7 +282,7 @@ impl Parser {
     fn read_odometry<'a>(&mut self, cursor: Cursor<'a>, line: Line<'a>) -> Result<Outcome, BadLine<'a>> {
         let tail = Tail::read(cursor, &[6, 5, 3], line.terminated)?;
         tail.not_shorter_than(&mut self.fullest_layout[Tag::Odometry.index()])?;
-        let PoseField::Usable(odom_from_robot) = tail.pose(0)? else {
+        let PoseField::Usable(odom_from_robot) = self.placed(tail.pose(0)?) else {
             return Err(refused_pose(tail.word(0)));
         };
         let stamp = self.stamp(line.number, tail.stamp);
@@ -347,11 +349,19 @@ impl Parser {
         sweep.geometry(beams, first_rad, step_rad, robot_from_laser)
     }
 
+    /// A pose relative to the origin, where odometry lies too far out.
+    fn placed(&mut self, pose: PoseField) -> PoseField {
+        let (PoseField::Usable(said) | PoseField::Far(said)) = pose else { return pose };
+        let near = self.origin.near(said);
+        self.report.odometry_origin_m = self.origin.at_m();
+        near.map_or(PoseField::Refused, PoseField::Usable)
+    }
+
     fn usable_pose(&mut self, line: u64, pose: PoseField) -> Option<Pose2> {
-        match pose {
+        match self.placed(pose) {
             PoseField::Usable(odom_from_robot) => Some(odom_from_robot),
             PoseField::Absent => None,
-            PoseField::Refused => {
+            PoseField::Far(_) | PoseField::Refused => {
                 self.report.refused_scan_poses.note(line);
                 None
             }
@@ -432,10 +442,12 @@ fn refused_pose(found: &[u8]) -> BadLine<'_> {
 /// Where the laser sits on the robot. A `PARAM` is preferred to the difference of the line's two rounded poses as long
 /// as they agree, and stands in where the robot's pose is absent; none where a pose is refused.
 fn mount(world_from_robot: PoseField, world_from_laser: PoseField, params: &LaserParams) -> Option<Pose2> {
-    let (PoseField::Usable(world_from_robot), PoseField::Usable(world_from_laser)) =
+    use PoseField::{Far, Usable};
+    let ((Usable(world_from_robot), Usable(world_from_laser)) | (Far(world_from_robot), Far(world_from_laser))) =
         (world_from_robot, world_from_laser)
     else {
-        let refused = world_from_robot == PoseField::Refused || world_from_laser == PoseField::Refused;
+        let is_refused = |pose| matches!(pose, PoseField::Refused | PoseField::Far(_));
+        let refused = is_refused(world_from_robot) || is_refused(world_from_laser);
         return (!refused).then_some(params.robot_from_laser);
     };
     let robot_from_laser = world_from_robot.between(world_from_laser);
