@@ -14,6 +14,8 @@ use nalgebra::{SMatrix, SVector};
 /// Residuals per stretch: x, y, heading.
 const RESIDUALS: usize = 3;
 const PARAMETERS: usize = 7;
+/// Those of the wheels.
+const WHEELS: std::ops::Range<usize> = 3..6;
 type Vector = SVector<f64, PARAMETERS>;
 type Matrix = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
@@ -154,9 +156,14 @@ impl Stretch {
     }
 
     fn residual(&self, at: &Vector) -> [f64; RESIDUALS] {
+        self.residual_of(at, self.robot_motion(at))
+    }
+
+    /// The same where the wheels' motion is known.
+    fn residual_of(&self, at: &Vector, motion: Pose2) -> [f64; RESIDUALS] {
         let robot_from_laser = Pose2::new(at[0], at[1], at[2]);
         let [start, end] = self.twists_per_s.map(|twist| Pose2::exp(twist.map(|v| v * at[6])));
-        let robot0_from_robot1 = start.inverse() * self.robot_motion(at) * end;
+        let robot0_from_robot1 = start.inverse() * motion * end;
         let by_wheels = robot_from_laser.inverse() * robot0_from_robot1 * robot_from_laser;
         let error = self.laser0_from_laser1.between(by_wheels);
         [error.x, error.y, error.theta]
@@ -165,11 +172,14 @@ impl Stretch {
     /// Derivative of each residual by each parameter, by central differences.
     fn jacobian(&self, at: &Vector) -> [Vector; RESIDUALS] {
         let mut rows = [Vector::zeros(); RESIDUALS];
+        let motion = self.robot_motion(at);
         for k in 0..PARAMETERS {
             let (mut ahead, mut behind) = (*at, *at);
             ahead[k] += STEP;
             behind[k] -= STEP;
-            let (ahead, behind) = (self.residual(&ahead), self.residual(&behind));
+            // Mount and lag change nothing of what the wheels say.
+            let motion_at = |at: &Vector| if WHEELS.contains(&k) { self.robot_motion(at) } else { motion };
+            let [ahead, behind] = [ahead, behind].map(|at| self.residual_of(&at, motion_at(&at)));
             for (row, (a, b)) in rows.iter_mut().zip(ahead.iter().zip(&behind)) {
                 row[k] = (a - b) / (2.0 * STEP);
             }
