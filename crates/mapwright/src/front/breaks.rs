@@ -3,7 +3,7 @@
 //! detection looks for a join ([`mapwright_loops::Closing`]).
 
 use super::insert::Intruders;
-use super::predict::{BLIND_S, Predictor};
+use super::predict::{BLIND_S, BLIND_SCANS, Predictor};
 use super::prepare::Preparation;
 use super::slip::SlipWatch;
 use super::track::Tracker;
@@ -17,10 +17,6 @@ use mapwright_sensor::LaserScan;
 /// Nothing is matched against from such a standard deviation of the position on, metres: places that look alike lie as near as
 /// three of them. Gaps in logs of two buildings ask for 0.3 to 1.1 (docs/decisions/0024-fragments.md).
 const BREAK_SIGMA_M: f64 = 1.0;
-/// After so many scans in a row that saw nothing, and so many seconds, a robot may have been carried away, whatever its wheels say; after as
-/// many usual periods in which neither laser nor wheels said anything; and after as many without a scan by which, as the wheels say, it
-/// stood. While they say that it drives they are believed: there are logs with a scan every metre, and a quarter of a minute between two.
-const BLIND_SCANS: u32 = 20;
 /// After so many scans in a row that fit nowhere it is not where it is thought to be.
 const LOST_SCANS: u32 = 10;
 /// Variances of where it is then, m^2 and rad^2.
@@ -50,7 +46,8 @@ impl FrontEnd {
         }
         let (blank, blind_s) = self.tracker.blind(stamp);
         let silence_s = self.tracker.silence_s(stamp);
-        // By the end; a robot that is lifted up does not drive.
+        // Without hits it may have been carried, whatever the wheels say; and where they said nothing either, or that it stands: while they say
+        // that it drives they are believed, for there are logs with a scan every metre, and a quarter of a minute between two.
         let stood = !self.settings.keyframes.is_far(prepared.step.last_from_robot);
         let is_blind = blank >= BLIND_SCANS && blind_s > BLIND_S
             || self.predictor.is_blind(silence_s)

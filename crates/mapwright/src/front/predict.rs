@@ -31,8 +31,8 @@ pub(crate) enum Moved {
 
 /// From so many usual periods on, the time between two scans is a gap.
 const GAP_PERIODS: f64 = 8.0;
-/// After so many usual periods in which neither laser nor wheels said anything, and so many seconds, a robot may have been carried away.
-const BLIND_PERIODS: f64 = 20.0;
+/// After so many scans that saw nothing, or usual periods in which nothing was said, and so many seconds, a robot may have been carried away.
+pub(super) const BLIND_SCANS: u32 = 20;
 pub(super) const BLIND_S: f64 = 4.0;
 /// How evenly a robot moves from scan to scan: how it speeds up, metres per second squared, over periods up to so many
 /// seconds; radians; and shares of translation and rotation.
@@ -185,7 +185,7 @@ impl Predictor {
 
     /// Whether nothing was seen for so long that the robot may have been carried.
     pub(super) fn is_blind(&self, seconds: f64) -> bool {
-        seconds > BLIND_S.max(BLIND_PERIODS * self.period_s)
+        seconds > BLIND_S.max(f64::from(BLIND_SCANS) * self.period_s)
     }
 
     /// What the robot did instead if the wheels fail: they spin while it stands, they count but do not tell forwards from
