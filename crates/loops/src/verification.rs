@@ -97,7 +97,7 @@ impl<S: Submaps> Verification<S> {
         self.verified
     }
 
-    /// Looks at places until [`SCORED_AT_ONCE`]; whether others are left.
+    /// Looks at places until `SCORED_AT_ONCE`; whether others are left.
     pub fn advance(&mut self) -> bool {
         let query = self.drawn.get_or_insert_with(|| self.submaps.draw(&self.query));
         let before = self.verified.work.1;
