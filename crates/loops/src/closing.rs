@@ -1,6 +1,7 @@
 //! Cycles: which old places to look for, and which findings to believe.
 
 use crate::cascade::Finding;
+use crate::solving::Scope;
 use crate::submaps::{PoseOf, Submaps, Window};
 use crate::verification::{Judged, Target, Verification, Verified};
 use crate::views::views_along;
@@ -97,6 +98,8 @@ const WAITING_AT_MOST: usize = 64;
 const STRAIN_M: f64 = 0.02;
 const LEVER_M: f64 = 5.0;
 const STRAINED_AT_MOST: usize = 12;
+/// and one in so many: as a map grows the whole of it is solved the more seldom, so that a scan costs the same.
+const STRAINED_OF: usize = 8;
 
 /// How cycles are looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,6 +150,8 @@ pub struct Closing<S: Submaps> {
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
+    /// Where what has just been joined begins.
+    joined: Option<NodeId>,
     /// Looks since the last closure that have seen nothing of the old places that the poses have nearby.
     unseen: u32,
     /// Pieces of the map that nothing joins.
@@ -187,6 +192,7 @@ impl<S: Submaps> Closing<S> {
             described_m: None,
             strained: 0,
             urgent: false,
+            joined: None,
             unseen: 0,
             apart: Apart::default(),
             locates: false,
@@ -515,6 +521,9 @@ impl<S: Submaps> Closing<S> {
 
     /// A candidate has become a closure, with this edge between these nodes.
     pub fn accepted(&mut self, past: Past<'_, S::Measurement>, [from, to]: [NodeId; 2], edge: &Edge<PoseOf<S>>) {
+        if self.is_between(from, to) {
+            self.joined = self.apart.misled(from.max(to));
+        }
         self.see_pieces(past);
         self.unseen = 0;
         self.supports.learn(from, to, supports::Found::Here);
@@ -523,13 +532,19 @@ impl<S: Submaps> Closing<S> {
         self.urgent |= error.length() + LEVER_M * error.angle() > STRAIN_M;
     }
 
-    /// Whether the graph is to be solved now; then it counts as solved.
-    pub fn take_solving_due(&mut self) -> bool {
-        let due = self.urgent || self.strained >= STRAINED_AT_MOST;
-        if due {
-            (self.urgent, self.strained) = (false, 0);
+    /// How the graph is to be solved now, if it is; then it counts as solved. There are so many closures.
+    pub fn take_solving_due(&mut self, closures: impl FnOnce() -> usize) -> Option<Scope> {
+        let joined = self.joined.take();
+        let is_crowded = self.strained >= STRAINED_AT_MOST && self.strained >= closures() / STRAINED_OF;
+        if !is_crowded && !self.urgent {
+            return None;
         }
-        due
+        self.urgent = false;
+        if let Some(first) = joined.filter(|_| !is_crowded) {
+            return Some(Scope::Joined(first.index()));
+        }
+        self.strained = 0;
+        Some(Scope::Whole)
     }
 
     /// A closure between two keyframes was none.

@@ -56,8 +56,9 @@ pub(crate) fn judge<S: Submaps>(
     }
     let settled = closing.settle_matches(store.past(), &closures);
     settled.into_iter().for_each(|edge| store.add_edge(edge, None));
-    let is_due = correction == Correction::Graph && closing.take_solving_due();
-    let solving = is_due.then(|| Solving { graph: store.graph(), closures: store.closures() });
+    let scope =
+        (correction == Correction::Graph).then(|| closing.take_solving_due(|| store.closures().len())).flatten();
+    let solving = scope.map(|scope| Solving { graph: store.graph(), closures: store.closures(), scope });
     Judged { solving, is_moved }
 }
 

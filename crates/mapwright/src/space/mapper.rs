@@ -7,7 +7,7 @@ use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Link, Store};
 use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Cov6, Pose3, Stamp};
-use mapwright_loops::{Solving, VerifySettings};
+use mapwright_loops::{Scope, Solving, VerifySettings};
 use mapwright_record::{KeyframeId, NodeId, RunId, Session, Status, Update};
 use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
 
@@ -141,7 +141,8 @@ impl SpaceMapper {
         let Self { store, front, back, level, .. } = self;
         let solves = front.settings().loops.correction == Correction::Graph;
         if solves && !back.is_busy() && level.is_leaning(store.session()) {
-            back.push(Task::Solve(Solving { graph: store.graph(), closures: store.closures() }));
+            let (graph, closures) = (store.graph(), store.closures());
+            back.push(Task::Solve(Solving { graph, closures, scope: Scope::Whole }));
             self.work_inline();
         }
     }
