@@ -13,6 +13,7 @@ mod events;
 mod failure;
 mod foreign;
 mod going_on;
+mod hanging;
 mod image;
 mod interrupt;
 mod mapping;

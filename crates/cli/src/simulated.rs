@@ -9,7 +9,7 @@ use mapwright::{
 use mapwright_eval::{
     Alignment, ErrorStats, EvalError, PosePair, Relation, RpeSettings, StampedPose, ate_of_pairs, space_errors,
 };
-use mapwright_geom::Pose;
+use mapwright_geom::{Pose, Tangent};
 use mapwright_record::Measurement;
 use mapwright_sim::space::{SpaceDrive, TrueCloud};
 use mapwright_sim::{Drive, DriveSettings, Event, HasScan, LaserSettings, TrueScan, worlds};
@@ -117,6 +117,8 @@ pub(crate) struct Closing {
     pub(crate) measured: PoseError,
     /// Where the final map has the two keyframes, against the truth.
     pub(crate) in_map: PoseError,
+    /// What was measured against the truth, by the uncertainty that the edge states.
+    pub(crate) stated_chi2: f64,
 }
 
 impl Closing {
@@ -344,7 +346,8 @@ impl<M: Measurement<Pose: Scored>> Simulated<M> {
         let closing = |([from, to], edge): ([usize; 2], &Edge<M::Pose>)| {
             let measured = PoseError::of(edge.from_from_to, self.true_between(from, to));
             let in_map = self.error_between(self.keyframe_poses(), from, to);
-            Closing { kind: edge.kind, from: from.min(to), to: from.max(to), measured, in_map }
+            let stated_chi2 = self.true_between(from, to).local(edge.from_from_to).squared_by(&edge.information);
+            Closing { kind: edge.kind, from: from.min(to), to: from.max(to), measured, in_map, stated_chi2 }
         };
         standing(self.session()).filter(|(ends, edge)| self.closes(*ends, edge)).map(closing).collect()
     }

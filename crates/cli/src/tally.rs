@@ -26,6 +26,10 @@ pub(crate) struct Tally {
     evaluations: u64,
     beams: BeamCounts,
     span: Option<(Stamp, Stamp)>,
+    /// When the robot's motion was known last, and the longest time between two such moments with scans between, seconds.
+    known: Option<Stamp>,
+    is_guess: bool,
+    guessed_s: f64,
 }
 
 /// Of scans that led to poses or measurements beyond what a session can hold.
@@ -47,6 +51,9 @@ impl Default for Tally {
             evaluations: 0,
             beams: BeamCounts::default(),
             span: None,
+            known: None,
+            is_guess: false,
+            guessed_s: 0.0,
         }
     }
 }
@@ -73,8 +80,25 @@ impl Tally {
             self.evaluations += u64::from(report.evaluations);
             self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
         }
+        self.see_guess(update, by_odometry);
         self.doubts.add(update, by_odometry);
         self.runs.add(update.status, update.scan, update.stamp);
+    }
+
+    /// A scan that nothing was matched with, and that no wheels predicted, says nothing of the motion.
+    fn see_guess(&mut self, update: &Update, by_odometry: bool) {
+        let is_guess = update.matched.is_none() && !by_odometry;
+        let since = self.known.filter(|_| is_guess || self.is_guess);
+        self.guessed_s = since.map_or(self.guessed_s, |since| self.guessed_s.max(update.stamp.secs_since(since)));
+        self.is_guess = is_guess;
+        if !is_guess || self.known.is_none() {
+            self.known = Some(update.stamp);
+        }
+    }
+
+    /// The longest time over which neither laser nor wheels said how the robot moves though scans came, seconds.
+    pub(crate) fn guessed_s(&self) -> f64 {
+        self.guessed_s
     }
 
     /// Share of the scans whose poses odometry predicted.

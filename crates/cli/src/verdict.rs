@@ -1,6 +1,7 @@
 //! Whether a map can be used: good, to be checked, or unusable, and why. What decides is told by the run and the map themselves, without
 //! a reference (docs/decisions/0027-verdict.md).
 
+use crate::hanging::Hanging;
 use crate::tally::Tally;
 use crate::terminal::count;
 use crate::turns::Turns;
@@ -41,6 +42,11 @@ pub(crate) struct Facts {
     pub(crate) elsewhere: f64,
     /// Pieces of the first map that odometry over a break alone holds.
     pub(crate) on_odometry: usize,
+    /// Share of the keyframes that a single step of odometry holds, and when that ended, seconds.
+    pub(crate) hanging: f64,
+    pub(crate) hanging_from_s: f64,
+    /// For how long neither laser nor wheels said how the robot moves, seconds.
+    pub(crate) guessed_s: f64,
     pub(crate) compared: usize,
     pub(crate) misfits: usize,
     pub(crate) moved_mean_m: f64,
@@ -68,6 +74,7 @@ impl Facts {
         let first = maps.first().cloned().unwrap_or_default();
         let in_first = first.keyframes.iter().map(ExactSizeIterator::len).sum::<usize>();
         let wheels = Wheels::of(session);
+        let hanging = Hanging::of(session);
         let hangs = |piece: &&usize| pieces.get(**piece).is_some_and(|piece| piece.link.is_some());
         Self {
             scans: tally.scans,
@@ -76,6 +83,9 @@ impl Facts {
             lost: tally.share(Status::Lost),
             median_inlier_share: tally.median_inlier_share().unwrap_or(0.0),
             elsewhere: keyframes.saturating_sub(in_first) as f64 / keyframes.max(1) as f64,
+            hanging: hanging.share,
+            hanging_from_s: hanging.from_s,
+            guessed_s: tally.guessed_s(),
             on_odometry: first.pieces.iter().filter(hangs).count(),
             compared: visits.compared,
             misfits: visits.misfits,
@@ -139,6 +149,10 @@ pub(crate) struct Usable {
 /// Share of the scans that fitted badly or nowhere.
 const DOUBTFUL: [f64; 2] = [0.08, 0.5];
 const LOST: [f64; 2] = [0.005, 0.2];
+/// Share of the keyframes that one step of odometry holds.
+const HANGING: [f64; 2] = [0.05, f64::INFINITY];
+/// Seconds without knowing how the robot moves: after so long a robot that sees nothing is blind (docs/decisions/0024-fragments.md).
+const GUESSED_S: [f64; 2] = [4.0, f64::INFINITY];
 /// Share of the comparisons of two visits that do not fit, of at least so many.
 const MISFITS: [f64; 2] = [0.04, 0.4];
 const MISFITS_AT_LEAST: usize = 2;
@@ -164,6 +178,8 @@ impl Usable {
             doubtful(facts),
             lost(facts),
             in_pieces(facts),
+            hangs(facts),
+            guessed(facts),
             misfits(facts),
             moved(facts),
             uncertain(facts),
@@ -275,6 +291,31 @@ fn in_pieces(facts: &Facts) -> Option<Reason> {
     };
     let evidence = json!({ "elsewhere": facts.elsewhere, "on_odometry": facts.on_odometry });
     Some(Reason { word: Usability::Check, what: "in_pieces", words, evidence })
+}
+
+fn hangs(facts: &Facts) -> Option<Reason> {
+    let Facts { hanging, hanging_from_s, .. } = *facts;
+    Some(Reason {
+        word: beyond(hanging, HANGING)?,
+        what: "hangs_on_odometry",
+        words: format!(
+            "{} of the map hangs on a single step of odometry, at {hanging_from_s:.1} s, in which no scan fitted",
+            percent(hanging)
+        ),
+        evidence: json!({ "share": hanging, "at_s": hanging_from_s, "bound": HANGING[0] }),
+    })
+}
+
+fn guessed(facts: &Facts) -> Option<Reason> {
+    Some(Reason {
+        word: beyond(facts.guessed_s, GUESSED_S)?,
+        what: "guessed",
+        words: format!(
+            "for {:.0} s neither laser nor wheels said how the robot moves: its poses there are guesses",
+            facts.guessed_s
+        ),
+        evidence: json!({ "longest_s": facts.guessed_s, "bound_s": GUESSED_S[0] }),
+    })
 }
 
 fn misfits(facts: &Facts) -> Option<Reason> {
@@ -397,6 +438,9 @@ mod tests {
         median_inlier_share: 0.98,
         elsewhere: 0.0,
         on_odometry: 0,
+        hanging: 0.001,
+        hanging_from_s: 70.0,
+        guessed_s: 0.5,
         compared: 100,
         misfits: 2,
         moved_mean_m: 0.02,
@@ -437,6 +481,8 @@ mod tests {
             (Facts { lost: 0.01, ..SOUND }, "fit nowhere"),
             (Facts { elsewhere: 0.3, ..SOUND }, "in parts"),
             (Facts { on_odometry: 1, ..SOUND }, "odometry alone holds 1 piece"),
+            (Facts { hanging: 0.3, ..SOUND }, "30 % of the map hangs on a single step of odometry, at 70.0 s"),
+            (Facts { guessed_s: 35.0, ..SOUND }, "for 35 s neither laser nor wheels"),
             (Facts { misfits: 10, ..SOUND }, "10 of 100 places do not fit"),
             (Facts { moved_mean_m: 0.2, ..SOUND }, "0.20 m apart"),
             (Facts { mean_sigma_m: 2.0, ..SOUND }, "certain to 2.0 m only"),

@@ -52,13 +52,15 @@ pub(super) struct Wrong {
     to: usize,
     measured: PoseError,
     in_map: PoseError,
+    /// What was measured against the truth, by the uncertainty that the edge states.
+    stated_chi2: f64,
 }
 
 impl Wrong {
     pub(super) fn among(closings: &[Closing]) -> Vec<Self> {
-        let wrong = |&Closing { kind, from, to, measured, in_map }: &Closing| {
+        let wrong = |&Closing { kind, from, to, measured, in_map, stated_chi2 }: &Closing| {
             let is_closure = kind == mapwright::EdgeKind::Closure;
-            Self { is_closure, from, to, measured, in_map }
+            Self { is_closure, from, to, measured, in_map, stated_chi2 }
         };
         closings.iter().filter(|closing| !closing.is_right()).map(wrong).collect()
     }
