@@ -65,12 +65,15 @@ fn report(policy: &str, name: &str, site: Site, scans: usize, breaks: usize) -> 
         }
         maps = mapper.session().maps().len();
     }
-    let tenth = times_us.len() / 10;
+    let tenth = (times_us.len() / 10).max(1);
     let [first, last] = [&times_us[..tenth], &times_us[times_us.len() - tenth..]].map(|part| {
         let mut sorted = part.to_vec();
         sorted.sort_by(f64::total_cmp);
         (sorted[sorted.len() * 95 / 100], part.iter().sum::<f64>() / part.len() as f64)
     });
+    let means: Vec<String> =
+        times_us.chunks(tenth).map(|part| format!("{:.0}", part.iter().sum::<f64>() / part.len() as f64)).collect();
+    println!("{policy}, {name}: means of the tenths {} us", means.join(", "));
     println!(
         "{policy}, {name}: {} scans; 95th percentile {:.0} us in the first tenth, {:.0} us in the last ({:+.0} %); mean {:.0} and {:.0} us; {breaks} breaks, {maps} map(s)",
         times_us.len(),
