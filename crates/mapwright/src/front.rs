@@ -141,6 +141,19 @@ impl FrontEnd {
         Some(matched)
     }
 
+    /// What the last scan is matched with.
+    fn scene(&self, past: Past<'_>, step: Step) -> Scene<'_> {
+        Scene {
+            settings: &self.settings,
+            map: &self.local_map.map,
+            points: self.preparation.match_points(),
+            predictor: &self.predictor,
+            local_from_last: self.pose.local_from_robot(),
+            step,
+            next: NodeId::at(past.local_from_keyframe.len()),
+        }
+    }
+
     /// Takes over the new pose and its covariance, now that it is known whether the match is believed.
     pub(crate) fn settle(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared, matched: Option<&Matched>) {
         let Prepared { step, predicted, odom_from_robot, .. } = *prepared;

@@ -8,6 +8,7 @@ use super::prepare::Preparation;
 use super::slip::SlipWatch;
 use super::track::Tracker;
 use super::{FrontEnd, Matched, Prepared};
+use crate::local_map::Frames;
 use crate::settings::LivePolicy;
 use crate::store::{NewKeyframe, Written};
 use mapwright_geom::{Cov3, Stamp, TangentMatrix, compose_covariance};
@@ -62,6 +63,13 @@ impl FrontEnd {
         } else {
             None
         }
+    }
+
+    /// Whether a robot that was blind is where its wheels say all the same: had it been carried, the scan would not fit just there.
+    pub(crate) fn is_where_wheels_say(&mut self, past: Past<'_>, prepared: &Prepared) -> bool {
+        let Prepared { step, predicted, .. } = *prepared;
+        self.local_map.meet(&self.settings, Frames::of(past), self.preparation.match_points(), predicted);
+        self.tracker.is_where_wheels_say(&self.scene(past, step), predicted)
     }
 
     /// Standard deviation of the predicted position relative to the newest keyframe, metres.

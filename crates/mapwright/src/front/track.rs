@@ -58,6 +58,8 @@ const SLIPPED_M: f64 = 0.3;
 const SLIPPED_AT_MOST_M: f64 = 0.5;
 /// From such shares of known and of fitting beams on a match judges odometry.
 const SURE_SHARE: f64 = 0.8;
+/// A robot that was blind is where its wheels say where the scan says so too, to a cell and so many radians.
+const THERE_RAD: f64 = 0.01;
 /// Weight of the newest scan in the usual share of fitting beams.
 const USUAL_WEIGHT: f64 = 0.05;
 /// What does not fit is not in the model, and what fits is as little to be trusted: the information falls with the square
@@ -300,6 +302,23 @@ impl Tracker {
             slip_corrected,
             on_odometry,
         })
+    }
+
+    /// Whether the scan fits as scans usually do, knows the pose by itself and finds it in the very place where the wheels say: a match from
+    /// elsewhere comes to rest nearby too, but not just there.
+    pub(super) fn is_where_wheels_say(&self, scene: &Scene<'_>, predicted: Pose2) -> bool {
+        if !scene.step.from_odometry || scene.predictor.doubts_odometry() {
+            return false;
+        }
+        let tail = scene.settings.motion.tail;
+        let prior = Prior { world_from_robot: predicted, variances: scene.step.variances, tail };
+        let (result, agreement) = self.refine(scene, &prior, predicted);
+        let fits = agreement.inlier_share() >= SURE_SHARE.max(self.usual_share - FALL_SHARE);
+        let is_sure = fits && agreement.known_share() >= SURE_SHARE;
+        let is_known = || constrained(&result.hessian, true).try_inverse().is_some();
+        let error = predicted.between(result.world_from_robot);
+        let is_there = error.x.hypot(error.y) <= scene.settings.map.resolution_m && error.theta.abs() <= THERE_RAD;
+        is_there && is_sure && is_known()
     }
 
     /// After a scan that did not fit, whatever is mapped may be in the wrong place and fit itself: doubt remains until a
