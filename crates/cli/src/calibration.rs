@@ -26,13 +26,15 @@ type Matrix = SMatrix<f64, PARAMETERS, PARAMETERS>;
 /// A stretch ends after this much turning of the laser, radians, or way of it, metres.
 const STRETCH_RAD: f64 = 0.4;
 const STRETCH_M: f64 = 0.5;
+/// The laser's motion over it is put together from so many parts at most.
+const PARTS: usize = 5;
 /// Residuals beyond so many robust standard deviations lose weight (Huber 1964).
 const HUBER: f64 = 1.345;
 /// Successive stretches whose residuals may have a cause in common.
 const CLUSTER: usize = 10;
 const ITERATIONS: usize = 30;
 /// The estimate stands still when no parameter changes by more.
-const STILL: f64 = 1e-7;
+const STILL: f64 = 1e-6;
 /// Steps for numerical derivatives; the model is smooth on this scale.
 const STEP: f64 = 1e-6;
 /// The same for the lag, seconds: poses are noisy, so that a speed is told over a while.
@@ -186,8 +188,22 @@ fn laser_before(run: &[Sample], at: usize, lag_s: f64) -> Pose2 {
 struct Look {
     /// What the wheels said.
     said: Pose2,
-    /// The laser's motion from scan to scan, with the lag and with somewhat less and more.
-    steps: [Vec<Pose2>; 3],
+    /// The laser's motion from part to part, with the lag and with somewhat less and more.
+    parts: [Vec<Part>; 3],
+}
+
+/// Part of the laser's motion; sine and cosine of its turn.
+struct Part {
+    laser0_from_laser1: Pose2,
+    sin: f64,
+    cos: f64,
+}
+
+impl Part {
+    fn of(laser0_from_laser1: Pose2) -> Self {
+        let (sin, cos) = laser0_from_laser1.theta.sin_cos();
+        Self { laser0_from_laser1, sin, cos }
+    }
 }
 
 impl Stretch<'_> {
@@ -196,31 +212,40 @@ impl Stretch<'_> {
     }
 
     fn look(&self, lag_s: f64) -> Look {
-        let steps = [0.0, -LAG_STEP_S, LAG_STEP_S].map(|more_s| {
-            let poses: Vec<_> = (self.from..=self.to).map(|k| laser_before(self.run, k, lag_s + more_s)).collect();
-            poses.windows(2).map(|pair| pair[0].between(pair[1])).collect()
+        let scans = self.to - self.from;
+        let count = scans.min(PARTS);
+        let parts = [0.0, -LAG_STEP_S, LAG_STEP_S].map(|more_s| {
+            let at = |part: usize| laser_before(self.run, self.from + part * scans / count, lag_s + more_s);
+            let mut before = at(0);
+            let mut part = |k| {
+                let from = std::mem::replace(&mut before, at(k));
+                Part::of(from.between(before))
+            };
+            (1..=count).map(&mut part).collect()
         });
-        Look { said: self.run[self.from].odom_from_robot.between(self.run[self.to].odom_from_robot), steps }
+        Look { said: self.run[self.from].odom_from_robot.between(self.run[self.to].odom_from_robot), parts }
     }
 }
 
-/// What wheels with these errors say of a laser's steps.
-fn predicted(at: &Vector, steps: &[Pose2]) -> Pose2 {
-    let robot_from_laser = Pose2::new(at[0], at[1], at[2]);
-    let laser_from_robot = robot_from_laser.inverse();
-    steps.iter().fold(Pose2::IDENTITY, |sum, step| {
-        let step = robot_from_laser * *step * laser_from_robot;
-        let (x_m, y_m) = (step.x / at[3], step.y / at[3]);
+/// What wheels with these errors say of a laser's motion.
+fn predicted(at: &Vector, parts: &[Part]) -> Pose2 {
+    let (sin, cos) = at[2].sin_cos();
+    parts.iter().fold(Pose2::IDENTITY, |sum, part| {
+        // robot_from_laser * laser0_from_laser1 * laser_from_robot
+        let Pose2 { x, y, theta } = part.laser0_from_laser1;
+        let ahead_m = cos * x - sin * y + at[0] - (part.cos * at[0] - part.sin * at[1]);
+        let left_m = sin * x + cos * y + at[1] - (part.sin * at[0] + part.cos * at[1]);
+        let (x_m, y_m) = (ahead_m / at[3], left_m / at[3]);
         let drift_rad = at[5] * x_m.hypot(y_m).copysign(x_m);
-        sum * Pose2::new(x_m, y_m, (step.theta - drift_rad) / at[4])
+        sum * Pose2::new(x_m, y_m, (theta - drift_rad) / at[4])
     })
 }
 
 impl Look {
     /// How far what was said lies from what was to be expected, and the derivative of each residual by each parameter.
     fn residual(&self, at: &Vector) -> ([f64; RESIDUALS], [Vector; RESIDUALS]) {
-        let [steps, sooner, later] = &self.steps;
-        let expected = predicted(at, steps);
+        let [parts, sooner, later] = &self.parts;
+        let expected = predicted(at, parts);
         let mut rows = [Vector::zeros(); RESIDUALS];
         for k in 0..PARAMETERS {
             let (change, per) = if k == LAG {
@@ -228,7 +253,7 @@ impl Look {
             } else {
                 let mut ahead = *at;
                 ahead[k] += STEP;
-                (expected.between(predicted(&ahead, steps)), STEP)
+                (expected.between(predicted(&ahead, parts)), STEP)
             };
             for (row, change) in rows.iter_mut().zip([change.x, change.y, change.theta]) {
                 row[k] = change / per;
