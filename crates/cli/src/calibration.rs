@@ -46,6 +46,8 @@ const TURN_AT_LEAST_RAD: f64 = 6.0;
 /// So long after a run's beginning the first stretch begins, and so long before its end the last one ends, seconds: where the robot
 /// was a lag before is known there.
 const MARGIN_S: f64 = 0.3;
+/// Where every tenth scan follows the one before after less than this share of the usual time, scans were stamped in bursts.
+const BURST: f64 = 0.25;
 /// No odometry lags by more, seconds.
 const LAG_AT_MOST_S: f64 = 5.0;
 /// Between scans farther apart nobody knows where the robot was, seconds.
@@ -87,8 +89,8 @@ pub(crate) struct Calibration {
     pub(crate) rotation_scale: Estimate,
     /// True turn per metre driven that the wheels do not report, radians per metre.
     pub(crate) drift_rad_per_m: Estimate,
-    /// Time by which odometry lags behind the laser, seconds.
-    pub(crate) lag_s: Estimate,
+    /// Time by which odometry lags behind the laser, seconds; none where stamps do not tell.
+    pub(crate) lag_s: Option<Estimate>,
     /// Stretches used.
     pub(crate) stretches: usize,
 }
@@ -105,12 +107,13 @@ pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibra
         ));
     }
     let mut at = Vector::from([presumed.x, presumed.y, presumed.theta, 1.0, 1.0, 0.0, 0.0]);
-    let mut normal = Normal::at(&stretches, &at);
+    let tells_time = tells_time(runs);
+    let mut normal = Normal::at(&stretches, &at, tells_time);
     for _ in 0..ITERATIONS {
         let step = normal.step().ok_or("the drive does not show all of mount and wheels: more turns are needed")?;
         at -= step;
         at[LAG] = at[LAG].clamp(-LAG_AT_MOST_S, LAG_AT_MOST_S);
-        normal = Normal::at(&stretches, &at);
+        normal = Normal::at(&stretches, &at, tells_time);
         if step.amax() < STILL {
             break;
         }
@@ -128,9 +131,18 @@ pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibra
         translation_scale: estimate(3),
         rotation_scale: estimate(4),
         drift_rad_per_m: estimate(5),
-        lag_s: estimate(LAG),
+        lag_s: tells_time.then(|| estimate(LAG)),
         stretches: stretches.len(),
     })
+}
+
+/// Whether stamps say when scans were taken: those of a logger that wrote them in bursts do not.
+fn tells_time(runs: &[Vec<Sample>]) -> bool {
+    let pairs = runs.iter().flat_map(|run| run.windows(2));
+    let mut apart_s: Vec<_> = pairs.map(|pair| pair[1].stamp.secs_since(pair[0].stamp)).collect();
+    apart_s.sort_unstable_by(f64::total_cmp);
+    let at = |share: usize| apart_s.get(apart_s.len() / share).copied().unwrap_or(0.0);
+    at(10) > BURST * at(2)
 }
 
 /// Part of a run, from one of its scans to another.
@@ -283,7 +295,7 @@ struct Normal {
 }
 
 impl Normal {
-    fn at(stretches: &[Stretch<'_>], at: &Vector) -> Self {
+    fn at(stretches: &[Stretch<'_>], at: &Vector, tells_time: bool) -> Self {
         let residuals: Vec<_> = stretches.iter().map(|stretch| stretch.look(at[LAG]).residual(at)).collect();
         let scales = robust_scales(&residuals);
         let zero = Matrix::zeros();
@@ -292,9 +304,12 @@ impl Normal {
             let mut own = Vector::zeros();
             for (residual, rows) in together {
                 for (k, ((row, residual), scale)) in rows.iter().zip(residual).zip(scales).enumerate() {
-                    let mut instrument = *row;
+                    let (mut instrument, mut row) = (*row, *row);
                     if k != HEADING {
                         instrument[LAG] = 0.0;
+                    }
+                    if !tells_time {
+                        (instrument[LAG], row[LAG]) = (0.0, 0.0);
                     }
                     let (sigmas, information) = (residual.abs() / scale, 1.0 / (scale * scale));
                     let product = instrument * row.transpose() * information;
@@ -307,6 +322,9 @@ impl Normal {
             }
             normal.gradient += own;
             normal.gradient_spread += own * own.transpose();
+        }
+        if !tells_time {
+            (normal.held[(LAG, LAG)], normal.bread[(LAG, LAG)]) = (1.0, 1.0);
         }
         normal
     }
@@ -372,7 +390,7 @@ mod tests {
             let off = (value - truth).abs();
             assert!(off < within && off < 3.0 * sigma, "{what}: {value} +- {sigma} instead of {truth}");
         };
-        near("lag", found.lag_s, 0.12, 0.01);
+        near("lag", found.lag_s.unwrap(), 0.12, 0.01);
         near("x", found.x_m, 0.2, 0.01);
         near("y", found.y_m, -0.1, 0.02);
         near("yaw", found.yaw_rad, 0.1, 0.003);
@@ -382,7 +400,7 @@ mod tests {
     #[test]
     fn a_match_that_follows_the_wheels_hides_no_lag() {
         let found = calibrate(&[scattered(Pose2::IDENTITY, 12, true)], Pose2::IDENTITY).unwrap();
-        let Estimate { value, sigma } = found.lag_s;
+        let Estimate { value, sigma } = found.lag_s.unwrap();
         assert!((value - 0.12).abs() < 0.01 && (value - 0.12).abs() < 3.0 * sigma, "{value} +- {sigma}");
     }
 
@@ -406,7 +424,18 @@ mod tests {
         near(found.translation_scale, 1.02);
         near(found.rotation_scale, 0.97);
         near(found.drift_rad_per_m, 0.01 * 1.02);
-        near(found.lag_s, 0.0);
+        near(found.lag_s.unwrap(), 0.0);
+    }
+
+    #[test]
+    fn stamps_in_bursts_tell_no_lag() {
+        let mut samples = scattered(Pose2::new(0.2, -0.1, 0.1), 0, false);
+        for (k, sample) in samples.iter_mut().enumerate() {
+            sample.stamp = Stamp((k / 4) as i64 * 400_000_000 + (k % 4) as i64 * 1_000_000);
+        }
+        let found = calibrate(&[samples], Pose2::IDENTITY).unwrap();
+        assert_eq!(found.lag_s, None);
+        assert!((found.x_m.value - 0.2).abs() < 3.0 * found.x_m.sigma, "{:?}", found.x_m);
     }
 
     #[test]

@@ -183,12 +183,14 @@ impl Collector {
 }
 
 fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
+    let lag = |lag: Estimate| format!("they lag {} ms", plus_minus(lag, 1000.0, 0));
+    let no_lag = || "the scans' stamps come in bursts and tell no lag".to_owned();
     let scale =
         |estimate: Estimate| format!("{:+.2} +- {:.2} %", 100.0 * (estimate.value - 1.0), 100.0 * estimate.sigma);
     format!(
         "{name}: {}\n\
          laser    x {} m, y {} m, yaw {} deg (the log says {:.3}, {:.3}, {:.2})\n\
-         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; they lag {} ms\n\
+         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; {}\n\
          from     {} stretches of half a metre or a turn of 23 deg; +- is one standard deviation\n",
         in_words(found),
         plus_minus(found.x_m, 1.0, 4),
@@ -200,7 +202,7 @@ fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
         scale(found.translation_scale),
         scale(found.rotation_scale),
         plus_minus(found.drift_rad_per_m, DEGREES, 3),
-        plus_minus(found.lag_s, 1000.0, 0),
+        found.lag_s.map_or_else(no_lag, lag),
         found.stretches
     )
 }
@@ -243,7 +245,7 @@ fn to_json(name: &str, found: &Calibration, presumed: Pose2) -> Value {
         "translation_scale": value(found.translation_scale),
         "rotation_scale": value(found.rotation_scale),
         "drift_rad_per_m": value(found.drift_rad_per_m),
-        "lag_s": value(found.lag_s),
+        "lag_s": found.lag_s.map(value),
         "stretches": found.stretches,
     })
 }

@@ -94,10 +94,11 @@ impl Measure for Calibrations {
             Ok(first) => pass(Some(Mounts::of(Pose2::IDENTITY, &first)))?.or(Ok(first)),
             Err(why) => Err(why),
         };
-        let found = found.map(|found| {
+        let found = found.and_then(|found| {
             let Calibration { x_m, y_m, yaw_rad, lag_s, .. } = found;
+            let lag_s = lag_s.ok_or("expected stamps that tell time, found bursts")?;
             let estimates = [x_m, y_m, yaw_rad, lag_s];
-            std::array::from_fn(|k| Found::of(estimates[k], truth[k]))
+            Ok(std::array::from_fn(|k| Found::of(estimates[k], truth[k])))
         });
         Ok(World { seed, site, truth, found })
     }
