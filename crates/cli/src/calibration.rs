@@ -46,7 +46,7 @@ const TURN_AT_LEAST_RAD: f64 = 6.0;
 /// So long after a run's beginning the first stretch begins, and so long before its end the last one ends, seconds: where the robot
 /// was a lag before is known there.
 const MARGIN_S: f64 = 0.3;
-/// Where every tenth scan follows the one before after less than this share of the usual time, scans were stamped in bursts.
+/// Where a tenth of the scans follow the one before within this share of what only a tenth take longer for, stamps come in bursts.
 const BURST: f64 = 0.25;
 /// No odometry lags by more, seconds.
 const LAG_AT_MOST_S: f64 = 5.0;
@@ -141,8 +141,8 @@ fn tells_time(runs: &[Vec<Sample>]) -> bool {
     let pairs = runs.iter().flat_map(|run| run.windows(2));
     let mut apart_s: Vec<_> = pairs.map(|pair| pair[1].stamp.secs_since(pair[0].stamp)).collect();
     apart_s.sort_unstable_by(f64::total_cmp);
-    let at = |share: usize| apart_s.get(apart_s.len() / share).copied().unwrap_or(0.0);
-    at(10) > BURST * at(2)
+    let tenth = |of_ten: usize| apart_s.get(of_ten * apart_s.len() / 10).copied().unwrap_or(0.0);
+    tenth(1) > BURST * tenth(9)
 }
 
 /// Part of a run, from one of its scans to another.
