@@ -368,7 +368,7 @@ mod tests {
         let mut samples = Vec::new();
         for (k, [moved, _]) in steps.iter().enumerate().skip(lag_steps) {
             let [_, said] = steps[k - lag_steps];
-            if (k - lag_steps) % STEPS == 0 {
+            if (k - lag_steps).is_multiple_of(STEPS) {
                 let map_from_laser = map_from_robot * robot_from_laser;
                 samples.push(Sample {
                     stamp: Stamp::from_secs_f64(STEP_S * k as f64),
