@@ -49,7 +49,7 @@ impl Calibrated {
                 translation_scale: found.translation_scale.value,
                 rotation_scale: found.rotation_scale.value,
                 drift_rad_per_m: found.drift_rad_per_m.value,
-                lag_s: found.lag_s.value,
+                lag_s: found.lag_s.map_or(0.0, |lag| lag.value),
             },
         }
     }

@@ -3,31 +3,68 @@
 use crate::args::CalibrateArgs;
 use crate::calibrated::Calibrated;
 use crate::calibration::{Calibration, Estimate, Sample, calibrate};
-use crate::events::Log;
+use crate::events::{Ending, Log};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::progress::{FirstPass, Progress};
 use crate::settings;
 use crate::terminal::{say, say_json};
 use crate::turns::Turns;
-use mapwright::{LaserScan, Mapper, Pose2, Status};
+use mapwright::{LaserModel, LaserScan, Mapper, Pose2, Status};
 use mapwright_formats::LogEvent;
 use serde_json::{Value, json};
 use std::fs;
+use std::sync::Arc;
 
 /// Values smaller than so many standard deviations may as well be zero.
 const CLEAR_SIGMAS: f64 = 3.0;
 
 pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
-    let mut collector = Collector::new(Mapper::new(settings::load(&args.settings)?)?);
     let interrupt = Interrupt::watch()?;
+    let first = pass(args, &interrupt, None)?;
+    let presumed = first.collector.presumed();
+    let Pass { name, outcome, ending, .. } = first;
+    let found = first.collector.found();
+    let mut found = found.map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
+    // Matches are drawn to where the mapper has the laser: once more, with the laser where it was found. A stream is gone.
+    let is_still_there = args.log.is_file() || args.log.is_dir();
+    if ending == Ending::OfLog && is_still_there {
+        let second = pass(args, &interrupt, Some(Mounts::of(presumed, &found)))?;
+        if let (Ending::OfLog, Ok(better)) = (second.ending, second.collector.found()) {
+            found = better;
+        }
+    }
+    if let Some(path) = &args.apply {
+        let upside_down = first.collector.upside_down.unwrap_or(false);
+        let text = Calibrated::of(&found, upside_down).to_text(&name);
+        fs::write(path, text).map_err(|cause| Failure::write(path, cause))?;
+    }
+    if args.voice.json {
+        say_json(&to_json(&name, &found, presumed))?;
+    } else if !args.voice.quiet {
+        say(&to_words(&name, &found, presumed))?;
+    }
+    Ok(outcome)
+}
+
+/// A log that was read once.
+struct Pass {
+    collector: Collector,
+    name: String,
+    ending: Ending,
+    outcome: Outcome,
+}
+
+/// Reads the log, with the laser where it was found before.
+fn pass(args: &CalibrateArgs, interrupt: &Interrupt, mounts: Option<Mounts>) -> Result<Pass, Failure> {
+    let mut collector = Collector::new(Mapper::new(settings::load(&args.settings)?)?, mounts);
     let quiet = args.voice.quiet || args.voice.json;
-    let mut first_pass = FirstPass::new(&interrupt, quiet);
+    let mut first_pass = FirstPass::new(interrupt, quiet);
     let logs = std::slice::from_ref(&args.log);
     let mut log = Log::open_all(logs, &args.source.choice(), &mut |name, messages| first_pass.look(name, messages))?;
     drop(first_pass);
     let mut progress = Progress::new(log.size_bytes(), quiet);
-    log.for_each(&interrupt, |event, position| {
+    let ending = log.for_each(interrupt, |event, position| {
         match event {
             LogEvent::Scan(scan) => {
                 collector.add(scan);
@@ -43,20 +80,26 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     })?;
     progress.finish();
     let name = log.name();
-    let losses = log.finish()?.losses();
-    let presumed = collector.presumed();
-    let found = collector.found().map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
-    if let Some(path) = &args.apply {
-        let upside_down = collector.upside_down.unwrap_or(false);
-        let text = Calibrated::of(&found, upside_down).to_text(&name);
-        fs::write(path, text).map_err(|cause| Failure::write(path, cause))?;
+    let outcome = Outcome::of_losses(&log.finish()?.losses());
+    Ok(Pass { collector, name, ending, outcome })
+}
+
+/// Where a log has its laser, and where it was found to sit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mounts {
+    said: Pose2,
+    found: Pose2,
+}
+
+impl Mounts {
+    /// What was found, where it clearly is something else than the log says.
+    pub(super) fn of(said: Pose2, found: &Calibration) -> Self {
+        let clear = |said: f64, Estimate { value, sigma }: Estimate| {
+            if (value - said).abs() > CLEAR_SIGMAS * sigma { value } else { said }
+        };
+        let [x, y] = [clear(said.x, found.x_m), clear(said.y, found.y_m)];
+        Self { said, found: Pose2::new(x, y, clear(said.theta, found.yaw_rad)) }
     }
-    if args.voice.json {
-        say_json(&to_json(&name, &found, presumed))?;
-    } else if !args.voice.quiet {
-        say(&to_words(&name, &found, presumed))?;
-    }
-    Ok(Outcome::of_losses(&losses))
 }
 
 /// Tracked scans in runs without a break; scans of a second laser are left to the mapper alone.
@@ -67,12 +110,18 @@ pub(super) struct Collector {
     upside_down: Option<bool>,
     runs: Vec<Vec<Sample>>,
     turns: Turns,
+    mounts: Option<Mounts>,
+    /// The log's laser of which the second was made, which sits where it was found.
+    moved: Option<[Arc<LaserModel>; 2]>,
 }
 
 impl Collector {
-    pub(super) fn new(mapper: Mapper) -> Self {
+    /// The mapper has a laser that a log has in one place in another.
+    pub(super) fn new(mapper: Mapper, mounts: Option<Mounts>) -> Self {
         Self {
             mapper,
+            mounts,
+            moved: None,
             odom_from_robot: None,
             presumed: None,
             upside_down: None,
@@ -82,6 +131,26 @@ impl Collector {
     }
 
     pub(super) fn add(&mut self, scan: &LaserScan) {
+        match self.moved(&scan.laser) {
+            Some(laser) => self.take(&LaserScan { laser, ..scan.clone() }),
+            None => self.take(scan),
+        }
+    }
+
+    /// The laser where it was found to sit, if it was looked for.
+    fn moved(&mut self, laser: &Arc<LaserModel>) -> Option<Arc<LaserModel>> {
+        let Mounts { found, .. } = self.mounts.filter(|mounts| mounts.said == laser.robot_from_laser)?;
+        let [_, moved] = match self.moved.take() {
+            Some(moved) if Arc::ptr_eq(&moved[0], laser) => self.moved.insert(moved),
+            _ => {
+                let moved = Arc::new(LaserModel { robot_from_laser: found, ..(**laser).clone() });
+                self.moved.insert([Arc::clone(laser), moved])
+            }
+        };
+        Some(Arc::clone(moved))
+    }
+
+    fn take(&mut self, scan: &LaserScan) {
         let update = self.mapper.add_scan(scan);
         let mount = scan.laser.robot_from_laser;
         let odom_from_robot = scan.odom_from_robot.or(self.odom_from_robot);
@@ -99,7 +168,7 @@ impl Collector {
         }
     }
 
-    /// Where the log has the laser.
+    /// Where the mapper has the laser.
     fn presumed(&self) -> Pose2 {
         self.presumed.unwrap_or(Pose2::IDENTITY)
     }
@@ -114,12 +183,14 @@ impl Collector {
 }
 
 fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
+    let lag = |lag: Estimate| format!("they lag {} ms", plus_minus(lag, 1000.0, 0));
+    let no_lag = || "the scans' stamps come in bursts and tell no lag".to_owned();
     let scale =
         |estimate: Estimate| format!("{:+.2} +- {:.2} %", 100.0 * (estimate.value - 1.0), 100.0 * estimate.sigma);
     format!(
         "{name}: {}\n\
          laser    x {} m, y {} m, yaw {} deg (the log says {:.3}, {:.3}, {:.2})\n\
-         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; they lag {} ms\n\
+         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; {}\n\
          from     {} stretches of half a metre or a turn of 23 deg; +- is one standard deviation\n",
         in_words(found),
         plus_minus(found.x_m, 1.0, 4),
@@ -131,7 +202,7 @@ fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
         scale(found.translation_scale),
         scale(found.rotation_scale),
         plus_minus(found.drift_rad_per_m, DEGREES, 3),
-        plus_minus(found.lag_s, 1000.0, 0),
+        found.lag_s.map_or_else(no_lag, lag),
         found.stretches
     )
 }
@@ -174,7 +245,7 @@ fn to_json(name: &str, found: &Calibration, presumed: Pose2) -> Value {
         "translation_scale": value(found.translation_scale),
         "rotation_scale": value(found.rotation_scale),
         "drift_rad_per_m": value(found.drift_rad_per_m),
-        "lag_s": value(found.lag_s),
+        "lag_s": found.lag_s.map(value),
         "stretches": found.stretches,
     })
 }

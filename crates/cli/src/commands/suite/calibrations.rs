@@ -3,7 +3,7 @@
 use super::Measure;
 use super::floors::Floor;
 use crate::calibration::{Calibration, Estimate};
-use crate::commands::calibrate::Collector;
+use crate::commands::calibrate::{Collector, Mounts};
 use crate::failure::Failure;
 use crate::simulated::{PEOPLE, office};
 use mapwright::{LaserModel, LaserScan, Mapper, Pose2, Settings};
@@ -81,16 +81,24 @@ impl Measure for Calibrations {
             1 => ("loop", Drive::new(worlds::loop_of(seed, 250.0).into(), DriveSettings::long_drive(seed))),
             _ => ("corridors", Drive::new(worlds::corridor_grid(seed, 400.0).into(), DriveSettings::long_drive(seed))),
         };
-        let mut collector = Collector::new(Mapper::new(self.settings)?);
         let scans = drive.with_mount(Pose2::new(x, y, yaw)).scans();
         let (scans, mut laser) = (scans.collect::<Vec<_>>(), None);
-        for scan in lagging(&scans, lag_s) {
-            collector.add(&as_if_at_the_centre(scan, &mut laser));
-        }
-        let found = collector.found().map(|found| {
+        let mut pass = |mounts| {
+            let mut collector = Collector::new(Mapper::new(self.settings)?, mounts);
+            for scan in lagging(&scans, lag_s) {
+                collector.add(&as_if_at_the_centre(scan, &mut laser));
+            }
+            Ok::<_, Failure>(collector.found())
+        };
+        let found = match pass(None)? {
+            Ok(first) => pass(Some(Mounts::of(Pose2::IDENTITY, &first)))?.or(Ok(first)),
+            Err(why) => Err(why),
+        };
+        let found = found.and_then(|found| {
             let Calibration { x_m, y_m, yaw_rad, lag_s, .. } = found;
+            let lag_s = lag_s.ok_or("expected stamps that tell time, found bursts")?;
             let estimates = [x_m, y_m, yaw_rad, lag_s];
-            std::array::from_fn(|k| Found::of(estimates[k], truth[k]))
+            Ok(std::array::from_fn(|k| Found::of(estimates[k], truth[k])))
         });
         Ok(World { seed, site, truth, found })
     }
