@@ -3,9 +3,11 @@
 use super::inertial::Felt;
 use super::simulated::AgainstTruth;
 use super::source::Source;
+use super::verdict::FitOfCloud;
 use crate::report::{in_detail, remarks};
 use crate::status_runs::StatusRuns;
 use crate::terminal::{count, duration, grouped};
+use crate::verdict::Usable;
 use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
 use mapwright_clouds::{Notes, ReferenceFrame};
 use mapwright_eval::{Alignment, RpeSettings, SegmentError, SpaceErrors, space_errors};
@@ -13,8 +15,10 @@ use serde_json::{Map, Value, json};
 
 /// Counts over all clouds.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Tally {
+pub(crate) struct Tally {
     pub(super) clouds: u64,
+    /// How each fits the map.
+    pub(super) fits: Vec<FitOfCloud>,
     by_status: [u64; 3],
     points: BeamCounts,
     inlier_shares: Vec<f32>,
@@ -25,8 +29,9 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    pub(super) fn add(&mut self, update: &Update<SpaceSweep>) {
+    pub(crate) fn add(&mut self, update: &Update<SpaceSweep>) {
         self.clouds += 1;
+        self.fits.push(FitOfCloud::of(update));
         self.by_status[update.status as usize] += 1;
         self.runs.add(update.status, update.scan, update.stamp);
         self.points.add(&update.beams);
@@ -173,11 +178,12 @@ pub(super) fn to_json(
     notes: &Notes,
     tally: &Tally,
     results: &Results,
-    losses: &[String],
+    (usable, losses): (&Usable, &[String]),
 ) -> Value {
     let (run_count, runs) = tally.runs.report();
     let BeamCounts { returns, no_return, too_near, not_a_number, refused, .. } = tally.points;
     let mut report = json!({
+        "verdict": usable.to_json(),
         "log": name,
         "recording": {
             "kind": source.kind(),
@@ -238,11 +244,11 @@ pub(super) fn to_json(
     report
 }
 
-/// What a run says at its end, in the order in which one wants to know it: what was made and how good it is, what was lost, where it is, and
-/// then details.
+/// What a run says at its end, in the order in which one wants to know it: whether the map can be used; what was made and how good it is, what was
+/// lost, where it is, and then details.
 pub(super) fn to_words(
     (source, tally, results): (&Source<'_>, &Tally, &Results),
-    (name, timing): (&str, &Value),
+    (name, timing, usable): (&str, &Value, &Usable),
     (losses, odd): (&[String], &[String]),
     written: &str,
 ) -> String {
@@ -251,7 +257,8 @@ pub(super) fn to_words(
     let refused = results.beside.refused.iter().map(|refused| format!("beside   {refused}\n"));
     let details = lines + &refused.collect::<String>() + &remarks(&[], &said);
     format!(
-        "{name}: {}{}{written}{}",
+        "{}{name}: {}{}{written}{}",
+        usable.words(),
         numbers(source, tally, results, timing),
         remarks(losses, &[]),
         in_detail(&details)
