@@ -50,6 +50,13 @@ impl Tally {
         self.by_status[status as usize]
     }
 
+    /// Of all beams that said something.
+    pub(super) fn no_return_share(&self) -> f64 {
+        let BeamCounts { returns, no_return, too_near, not_a_number, .. } = self.points;
+        let nothing = f64::from(no_return) + f64::from(not_a_number);
+        nothing / (nothing + f64::from(returns) + f64::from(too_near)).max(1.0)
+    }
+
     fn median_inlier_share(&self) -> Option<f32> {
         let mut shares = self.inlier_shares.clone();
         let middle = shares.len() / 2;

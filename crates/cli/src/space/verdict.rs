@@ -3,15 +3,19 @@
 use super::report::Tally;
 use crate::terminal::count;
 use crate::verdict::{Reason, Usability, Usable, beyond, doubtful, lost, uncertain, unheeded, unheeded_places};
-use mapwright::{EdgeKind, MatchReport, SpaceMapper, SpaceSweep, Stamp, Status, Update};
+use mapwright::{EdgeKind, MatchReport, Session, SpaceMapper, SpaceSweep, Stamp, Status, Update};
 use mapwright_geom::TangentMatrix;
+use nalgebra::Vector3;
 use serde::Serialize;
 use serde_json::json;
+use std::f64::consts::TAU;
 
 /// A match that was in doubt, so that other starts were tried, is doubtful still where a smaller share of the known points fits it.
 const CLEAR_SHARE: f64 = 0.94;
 /// So many doubtful clouds at least, before their share counts.
 const DOUBTFUL_AT_LEAST: usize = 3;
+/// and so many, before they make a map unusable: a few clouds tell too little.
+const UNUSABLE_AT_LEAST: usize = 10;
 /// So many times the usual time between two clouds is a pause.
 const PAUSE: f64 = 5.0;
 /// The first cloud after a pause fits by so much less than clouds usually do, or lies with less than such a share of it where something is
@@ -24,6 +28,11 @@ const JUMP_SIGMAS: f64 = 4.1;
 const JUMPS_SIGMAS: f64 = 2.0 * JUMP_SIGMAS;
 /// How far points lie off surfaces, the median of the clouds' medians, of how far the sensor sees.
 const OFF_SHARE: [f64; 2] = [0.005, f64::INFINITY];
+
+/// Directions around the sensor, and the share of them in which nothing was ever seen from which on it may be covered, where at least
+/// that share of its beams returned nothing: a sensor that looks one way has no beams there, open sky has some everywhere.
+const DIRECTIONS: usize = 72;
+const COVERED: f64 = 1.0 / 3.0;
 
 /// How a cloud fits the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +78,9 @@ pub(crate) struct Facts {
     /// How far points lie off surfaces, in the median, and how far the sensor sees, metres.
     off_m: f64,
     range_m: f64,
+    /// Share of the directions around the sensor in which nothing was ever seen, and of the beams that returned nothing.
+    unseen: f64,
+    no_return: f64,
     /// Of places of the map relative to where the robot is, metres.
     mean_sigma_m: f64,
     worst_sigma_m: f64,
@@ -91,6 +103,8 @@ impl Facts {
             jumps_sigmas: fits.iter().filter_map(FitOfCloud::jump_sigmas).collect(),
             off_m: median(fits.iter().filter_map(|fit| Some(fit.matched?.off_m))).unwrap_or(0.0),
             range_m: mapper.range_m().unwrap_or(0.0),
+            unseen: unseen(session),
+            no_return: tally.no_return_share(),
             mean_sigma_m: sigmas_m.iter().sum::<f64>() / sigmas_m.len().max(1) as f64,
             worst_sigma_m: sigmas_m.iter().copied().fold(0.0, f64::max),
             unheeded: session.maps().first().map_or(0, |map| unheeded(session, map)),
@@ -100,10 +114,15 @@ impl Facts {
 
     pub(crate) fn judged(&self) -> Usable {
         let share = |count: usize| count as f64 / self.clouds.max(1) as f64;
-        let counts = self.doubtful >= DOUBTFUL_AT_LEAST;
+        let counted = |reason: Option<Reason>| {
+            let most = if self.doubtful < UNUSABLE_AT_LEAST { Usability::Check } else { Usability::Unusable };
+            let reason = reason.filter(|_| self.doubtful >= DOUBTFUL_AT_LEAST)?;
+            Some(Reason { word: reason.word.min(most), ..reason })
+        };
         let reasons = [
-            doubtful(share(self.doubtful), "clouds").filter(|_| counts),
-            lost(share(self.lost), "clouds").filter(|_| counts),
+            counted(doubtful(share(self.doubtful), "clouds")),
+            counted(lost(share(self.lost), "clouds")),
+            self.covered(),
             self.paused(),
             self.jumped(),
             self.blurred(),
@@ -153,6 +172,18 @@ impl Facts {
         })
     }
 
+    fn covered(&self) -> Option<Reason> {
+        (self.unseen >= COVERED && self.no_return >= self.unseen).then(|| Reason {
+            word: Usability::Check,
+            what: "covered",
+            words: format!(
+                "over {:.0} degrees around the sensor nothing was ever seen, though beams go there: is it covered?",
+                360.0 * self.unseen
+            ),
+            evidence: json!({ "unseen": self.unseen, "no_return": self.no_return, "bound": COVERED }),
+        })
+    }
+
     /// Why nothing speaks against it, and what was not asked.
     fn all_is_well(&self) -> String {
         let loops = match self.closures {
@@ -164,6 +195,20 @@ impl Facts {
             self.mean_sigma_m
         )
     }
+}
+
+/// Share of the directions around the sensor in which no keyframe saw anything.
+fn unseen(session: &Session<SpaceSweep>) -> f64 {
+    let mut is_seen = [false; DIRECTIONS];
+    for keyframe in session.keyframes() {
+        let sensor_from_robot = keyframe.sweep.sensor.robot_from_sensor.inverse();
+        for point in keyframe.sweep.points_m() {
+            let at = sensor_from_robot.rotation * Vector3::from(point.map(f64::from)) + sensor_from_robot.translation;
+            let turns = at.y.atan2(at.x) / TAU + 0.5;
+            is_seen[((turns * DIRECTIONS as f64) as usize).min(DIRECTIONS - 1)] = true;
+        }
+    }
+    is_seen.iter().filter(|is_seen| !**is_seen).count() as f64 / DIRECTIONS as f64
 }
 
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
@@ -194,6 +239,8 @@ mod tests {
             jumps_sigmas: vec![5.0],
             off_m: 0.02,
             range_m: 10.0,
+            unseen: 0.0,
+            no_return: 0.4,
             mean_sigma_m: 0.02,
             worst_sigma_m: 0.05,
             unheeded: 0,
@@ -207,6 +254,8 @@ mod tests {
         assert!(good.word == Usability::Good && good.words().contains("3 loops closed; not asked"), "{}", good.words());
         let few = Facts { clouds: 20, doubtful: 2, lost: 1, ..sound() }.judged();
         assert!(few.word == Usability::Good, "{}", few.words());
+        let camera = Facts { unseen: 0.8, no_return: 0.3, ..sound() }.judged();
+        assert!(camera.word == Usability::Good, "{}", camera.words());
     }
 
     #[test]
@@ -214,12 +263,14 @@ mod tests {
         let cases = [
             (Facts { doubtful: 20, ..sound() }, Usability::Check, "20 % of the clouds fit the map badly"),
             (Facts { clouds: 20, doubtful: 3, ..sound() }, Usability::Check, "15 % of the clouds fit the map badly"),
+            (Facts { clouds: 10, doubtful: 9, ..sound() }, Usability::Check, "90 % of the clouds fit the map badly"),
             (Facts { doubtful: 60, ..sound() }, Usability::Unusable, "60 % of the clouds fit the map badly"),
             (Facts { doubtful: 3, lost: 1, ..sound() }, Usability::Check, "1.0 % of the clouds fit nowhere"),
             (Facts { pauses_s: vec![2.0, 6.0], ..sound() }, Usability::Check, "over a pause of 6.0 s"),
             (Facts { jumps_sigmas: vec![5.0, 7.0], ..sound() }, Usability::Check, "where 2 clouds were found"),
             (Facts { jumps_sigmas: vec![54.0], ..sound() }, Usability::Check, "54 standard deviations off"),
             (Facts { off_m: 0.2, ..sound() }, Usability::Check, "points lie 0.20 m off the surfaces"),
+            (Facts { unseen: 0.5, no_return: 0.5, ..sound() }, Usability::Check, "over 180 degrees around the sensor"),
             (Facts { mean_sigma_m: 2.0, ..sound() }, Usability::Check, "certain to 2.0 m only"),
             (Facts { unheeded: 2, ..sound() }, Usability::Check, "2 places looked like another"),
         ];

@@ -19,8 +19,9 @@ const RECORDED: usize = 4;
 const COARSE_M: f64 = 8.0;
 /// Noise on each range, metres.
 const NOISE_M: f64 = 0.3;
-/// Share of the points that are somewhere.
+/// Share of the points that are anywhere along their beams, nearer than so much, metres.
 const RANDOM: f64 = 0.3;
+const RANDOM_WITHIN_M: f64 = 20.0;
 /// A sensor is covered for so many of so many clouds.
 const COVERED: [usize; 2] = [12, 50];
 
@@ -101,9 +102,6 @@ impl Fault {
         settings
     }
 }
-
-/// Random points are nearer than this, metres.
-const RANDOM_WITHIN_M: f64 = 20.0;
 
 /// A building, driven through once and mapped with every fault.
 #[derive(Debug, Serialize)]
