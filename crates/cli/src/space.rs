@@ -8,6 +8,7 @@ mod report;
 mod seek;
 mod simulated;
 mod source;
+mod tally;
 mod verdict;
 
 pub(crate) use disk::Disk;
@@ -35,11 +36,11 @@ use inertial::Felt;
 use mapwright::{Cloud, Pose3, SpaceMapper, SpaceSweep, Stamp, Update};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
-pub(crate) use report::Tally;
 use report::{Beside, Results};
 use serde_json::json;
 use std::fs::File;
 use std::path::Path;
+pub(crate) use tally::Tally;
 pub(crate) use verdict::Facts as SpaceFacts;
 
 const ONLINE: &str = "trajectory_online.tum";

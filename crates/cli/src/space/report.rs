@@ -3,66 +3,14 @@
 use super::inertial::Felt;
 use super::simulated::AgainstTruth;
 use super::source::Source;
-use super::verdict::FitOfCloud;
+use super::tally::Tally;
 use crate::report::{in_detail, remarks};
-use crate::status_runs::StatusRuns;
 use crate::terminal::{count, duration, grouped};
 use crate::verdict::Usable;
-use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
+use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Verdict};
 use mapwright_clouds::{Notes, ReferenceFrame};
 use mapwright_eval::{Alignment, RpeSettings, SegmentError, SpaceErrors, space_errors};
 use serde_json::{Map, Value, json};
-
-/// Counts over all clouds.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Tally {
-    pub(super) clouds: u64,
-    /// How each fits the map.
-    pub(super) fits: Vec<FitOfCloud>,
-    by_status: [u64; 3],
-    points: BeamCounts,
-    inlier_shares: Vec<f32>,
-    restarted: u64,
-    evaluations: u64,
-    refused: std::collections::BTreeMap<String, u64>,
-    runs: StatusRuns,
-}
-
-impl Tally {
-    pub(crate) fn add(&mut self, update: &Update<SpaceSweep>) {
-        self.clouds += 1;
-        self.fits.push(FitOfCloud::of(update));
-        self.by_status[update.status as usize] += 1;
-        self.runs.add(update.status, update.scan, update.stamp);
-        self.points.add(&update.beams);
-        if let Some(matched) = &update.matched {
-            self.inlier_shares.push(matched.inlier_share as f32);
-            self.restarted += u64::from(matched.restarts > 0);
-            self.evaluations += u64::from(matched.evaluations);
-        }
-        let unwritten = update.unwritten.iter().map(ToString::to_string);
-        for reason in update.refused.map(str::to_owned).into_iter().chain(unwritten) {
-            *self.refused.entry(reason).or_default() += 1;
-        }
-    }
-
-    fn status(&self, status: Status) -> u64 {
-        self.by_status[status as usize]
-    }
-
-    /// Of all beams that said something.
-    pub(super) fn no_return_share(&self) -> f64 {
-        let BeamCounts { returns, no_return, too_near, not_a_number, .. } = self.points;
-        let nothing = f64::from(no_return) + f64::from(not_a_number);
-        nothing / (nothing + f64::from(returns) + f64::from(too_near)).max(1.0)
-    }
-
-    fn median_inlier_share(&self) -> Option<f32> {
-        let mut shares = self.inlier_shares.clone();
-        let middle = shares.len() / 2;
-        (!shares.is_empty()).then(|| *shares.select_nth_unstable_by(middle, f32::total_cmp).1)
-    }
-}
 
 /// What was made.
 #[derive(Debug, Clone)]

@@ -1,9 +1,9 @@
 //! Whether a map of space can be used, by what its run knows of itself (docs/decisions/0027-verdict.md).
 
-use super::report::Tally;
+use super::tally::{FitOfCloud, Tally};
 use crate::terminal::count;
 use crate::verdict::{Reason, Usability, Usable, beyond, doubtful, lost, uncertain, unheeded, unheeded_places};
-use mapwright::{EdgeKind, MatchReport, Session, SpaceMapper, SpaceSweep, Stamp, Status, Update};
+use mapwright::{EdgeKind, MatchReport, Session, SpaceMapper, SpaceSweep, Status};
 use mapwright_geom::TangentMatrix;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -34,19 +34,7 @@ const OFF_SHARE: [f64; 2] = [0.005, f64::INFINITY];
 const DIRECTIONS: usize = 72;
 const COVERED: f64 = 1.0 / 3.0;
 
-/// How a cloud fits the map.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FitOfCloud {
-    stamp: Stamp,
-    status: Status,
-    matched: Option<MatchReport>,
-}
-
 impl FitOfCloud {
-    pub(super) fn of(update: &Update<SpaceSweep>) -> Self {
-        Self { stamp: update.stamp, status: update.status, matched: update.matched }
-    }
-
     /// Whether it was in doubt, and fits no better than this.
     fn is_below(&self, clear_share: f64) -> bool {
         let is_unclear = |matched: MatchReport| matched.restarts > 0 && matched.inlier_share < clear_share;
@@ -229,6 +217,7 @@ fn loose_pauses_s(fits: &[FitOfCloud]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mapwright::Stamp;
 
     fn sound() -> Facts {
         Facts {
