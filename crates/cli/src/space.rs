@@ -8,6 +8,8 @@ mod report;
 mod seek;
 mod simulated;
 mod source;
+mod tally;
+mod verdict;
 
 pub(crate) use disk::Disk;
 pub(crate) use messages::plan_in_words;
@@ -34,10 +36,12 @@ use inertial::Felt;
 use mapwright::{Cloud, Pose3, SpaceMapper, SpaceSweep, Stamp, Update};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
-use report::{Beside, Results, Tally};
+use report::{Beside, Results};
 use serde_json::json;
 use std::fs::File;
 use std::path::Path;
+pub(crate) use tally::Tally;
+pub(crate) use verdict::Facts as SpaceFacts;
 
 const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
@@ -103,21 +107,24 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     }
     let results = mapping.write_results(&source)?;
     odd.extend(results.odd());
-    let mut report = report::to_json(name, &source, &notes, &mapping.tally, &results, &losses);
+    let usable = SpaceFacts::of(&mapping.tally, &mut mapping.mapper).judged();
+    let all_losses: Vec<String> = losses.iter().cloned().chain(usable.loss()).collect();
+    let mut report = report::to_json(name, &source, &notes, &mapping.tally, &results, (&usable, &all_losses));
     report["odd"] = json!(odd);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
     odd.extend(remove_outdated_exports(&mut mapping.output));
     let written = written(args.output, mapping.output.names());
-    let words = report::to_words((&source, &mapping.tally, &results), (name, &timing), (&losses, &odd), &written);
+    let words =
+        report::to_words((&source, &mapping.tally, &results), (name, &timing, &usable), (&losses, &odd), &written);
     let files = mapping.output.commit()?;
     if args.mapping.voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
     } else if !args.mapping.voice.quiet {
         say(&words)?;
     }
-    Ok(Outcome::of_losses(&losses))
+    Ok(Outcome::of_losses(&all_losses))
 }
 
 /// A mapper in space, and everything that is made of its updates.

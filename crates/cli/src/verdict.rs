@@ -6,7 +6,9 @@ use crate::tally::Tally;
 use crate::terminal::count;
 use crate::turns::Turns;
 use crate::wheels::Wheels;
-use mapwright::{Advice, Objection, Pose2, SeparateMap, Session, Status, Verdict as Judged, Visits};
+use mapwright::{Advice, Objection, SeparateMap, Session, Status, Verdict as Judged, Visits};
+use mapwright_geom::Pose;
+use mapwright_record::Measurement;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -108,16 +110,16 @@ impl Facts {
 const UNHEEDED_M: f64 = 1.0;
 
 /// Findings that nothing spoke against but the chain of edges, or that no other agreed with, and that the map says otherwise.
-fn unheeded(session: &Session, map: &SeparateMap) -> usize {
+pub(crate) fn unheeded<M: Measurement>(session: &Session<M>, map: &SeparateMap) -> usize {
     let poses = session.map_from_keyframe();
     let found = session.candidates().iter().filter(|candidate| {
         let (Judged::Waiting(why) | Judged::Refused(why)) = candidate.verdict else { return false };
         matches!(why, Objection::Alone | Objection::Improbable)
     });
-    let is_elsewhere = |from: usize, to: usize, found: Pose2| {
+    let is_elsewhere = |from: usize, to: usize, found: M::Pose| {
         map.has(from) && map.has(to) && poses[from].between(poses[to]).distance(found) > UNHEEDED_M
     };
-    let says = |candidate: &mapwright::Candidate| {
+    let says = |candidate: &mapwright::Candidate<M::Pose>| {
         let (from, to) = (session.place(candidate.from)?, session.place(candidate.to)?);
         Some(is_elsewhere(from, to, candidate.from_from_to?))
     };
@@ -127,11 +129,11 @@ fn unheeded(session: &Session, map: &SeparateMap) -> usize {
 /// Why a map is not simply good.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Reason {
-    word: Usability,
+    pub(crate) word: Usability,
     /// A name for programs.
-    what: &'static str,
-    words: String,
-    evidence: Value,
+    pub(crate) what: &'static str,
+    pub(crate) words: String,
+    pub(crate) evidence: Value,
 }
 
 /// Whether a map can be used.
@@ -172,26 +174,33 @@ const ODOMETRY_SHARE: f64 = 0.9;
 
 impl Usable {
     pub(crate) fn of(facts: &Facts) -> Self {
-        let mut reasons: Vec<Reason> = [
+        let reasons = [
             nothing(facts),
             mirrored(facts),
-            doubtful(facts),
-            lost(facts),
+            doubtful(facts.degraded + facts.lost, "scans"),
+            lost(facts.lost, "scans"),
             in_pieces(facts),
             hangs(facts),
             guessed(facts),
             misfits(facts),
             moved(facts),
-            uncertain(facts),
-            unheeded_places(facts),
+            uncertain(facts.mean_sigma_m, facts.worst_sigma_m),
+            unheeded_places(facts.unheeded),
             odometry_off(facts),
-        ]
-        .into_iter()
-        .flatten()
-        .collect();
+        ];
+        Self::by(reasons, expected_error_m(facts), all_is_well(facts))
+    }
+
+    /// By what speaks against a map, and what is said where nothing does.
+    pub(crate) fn by(
+        reasons: impl IntoIterator<Item = Option<Reason>>,
+        expected_error_m: Option<f64>,
+        well: String,
+    ) -> Self {
+        let mut reasons: Vec<Reason> = reasons.into_iter().flatten().collect();
         reasons.sort_by_key(|reason| std::cmp::Reverse(reason.word));
         let word = reasons.first().map_or(Usability::Good, |reason| reason.word);
-        Self { word, reasons, expected_error_m: expected_error_m(facts), well: all_is_well(facts) }
+        Self { word, reasons, expected_error_m, well }
     }
 
     /// The first line, or the two of them.
@@ -231,7 +240,7 @@ impl Usable {
 }
 
 /// The word for a value beyond one of two bounds.
-fn beyond(value: f64, [check, unusable]: [f64; 2]) -> Option<Usability> {
+pub(crate) fn beyond(value: f64, [check, unusable]: [f64; 2]) -> Option<Usability> {
     match value {
         value if value > unusable => Some(Usability::Unusable),
         value if value > check => Some(Usability::Check),
@@ -262,22 +271,22 @@ fn mirrored(facts: &Facts) -> Option<Reason> {
     Some(Reason { word: Usability::Unusable, what: "mirrored", words, evidence })
 }
 
-fn doubtful(facts: &Facts) -> Option<Reason> {
-    let share = facts.degraded + facts.lost;
+/// Of a share of what was mapped, `of` in the plural.
+pub(crate) fn doubtful(share: f64, of: &str) -> Option<Reason> {
     Some(Reason {
         word: beyond(share, DOUBTFUL)?,
         what: "doubtful_scans",
-        words: format!("{} of the scans fit the map badly", percent(share)),
+        words: format!("{} of the {of} fit the map badly", percent(share)),
         evidence: json!({ "share": share, "bounds": DOUBTFUL }),
     })
 }
 
-fn lost(facts: &Facts) -> Option<Reason> {
+pub(crate) fn lost(share: f64, of: &str) -> Option<Reason> {
     Some(Reason {
-        word: beyond(facts.lost, LOST)?,
+        word: beyond(share, LOST)?,
         what: "lost_scans",
-        words: format!("{} of the scans fit nowhere", percent(facts.lost)),
-        evidence: json!({ "share": facts.lost, "bounds": LOST }),
+        words: format!("{} of the {of} fit nowhere", percent(share)),
+        evidence: json!({ "share": share, "bounds": LOST }),
     })
 }
 
@@ -341,21 +350,21 @@ fn moved(facts: &Facts) -> Option<Reason> {
     })
 }
 
-fn uncertain(facts: &Facts) -> Option<Reason> {
+pub(crate) fn uncertain(mean_sigma_m: f64, worst_sigma_m: f64) -> Option<Reason> {
     Some(Reason {
-        word: beyond(facts.mean_sigma_m, SIGMA_M)?,
+        word: beyond(mean_sigma_m, SIGMA_M)?,
         what: "uncertain",
-        words: format!("it is certain to {:.1} m only, in the mean", facts.mean_sigma_m),
-        evidence: json!({ "mean_sigma_m": facts.mean_sigma_m, "worst_sigma_m": facts.worst_sigma_m, "bounds_m": SIGMA_M }),
+        words: format!("it is certain to {mean_sigma_m:.1} m only, in the mean"),
+        evidence: json!({ "mean_sigma_m": mean_sigma_m, "worst_sigma_m": worst_sigma_m, "bounds_m": SIGMA_M }),
     })
 }
 
-fn unheeded_places(facts: &Facts) -> Option<Reason> {
-    (facts.unheeded >= UNHEEDED).then(|| Reason {
+pub(crate) fn unheeded_places(findings: usize) -> Option<Reason> {
+    (findings >= UNHEEDED).then(|| Reason {
         word: Usability::Check,
         what: "recognised_elsewhere",
-        words: format!("{} looked like another than the map has there", count(facts.unheeded as u64, "place")),
-        evidence: json!({ "findings": facts.unheeded, "farther_than_m": UNHEEDED_M }),
+        words: format!("{} looked like another than the map has there", count(findings as u64, "place")),
+        evidence: json!({ "findings": findings, "farther_than_m": UNHEEDED_M }),
     })
 }
 

@@ -5,6 +5,7 @@
 //! kernel's width follows the residuals at each resolution: a tight one at a coarse resolution has no basin.
 
 use crate::eigen::axes;
+use crate::surfel::Surfel;
 use crate::surfel_map::{Level, Looked, SurfelMap};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
@@ -69,6 +70,8 @@ pub struct Fit {
     pub known_share: f64,
     /// Share of those that fit it.
     pub inlier_share: f64,
+    /// How far they lie off it, the median, metres.
+    pub off_m: f64,
     /// Evaluations of the objective.
     pub evaluations: u32,
 }
@@ -180,6 +183,7 @@ impl Matcher {
             points,
             known_share: share(at.known, points),
             inlier_share: share(at.fitting, at.known),
+            off_m: self.median_off_m(level, pose),
             evaluations: evaluations + 1,
         }
     }
@@ -335,21 +339,29 @@ impl Matcher {
 
     /// Squared width of the kernel: what residuals are like there, in standard deviations.
     fn width2(&mut self, level: &Level, pose: Pose3) -> f64 {
+        let median = self.median(level, pose, |surfel, off_m| f64::from(surfel.information) * off_m * off_m);
+        median.map_or(1.0, |median| (self.settings.kernel_medians.powi(2) * median).max(1.0))
+    }
+
+    fn median_off_m(&mut self, level: &Level, pose: Pose3) -> f64 {
+        self.median(level, pose, |_, off_m| off_m.abs()).unwrap_or(0.0)
+    }
+
+    /// The median of what is said of the points by their surfels, and by how far they lie off them, metres.
+    fn median(&mut self, level: &Level, pose: Pose3, of: impl Fn(&Surfel, f64) -> f64) -> Option<f64> {
         let rotation = pose.rotation.to_rotation_matrix();
         self.residuals.clear();
         for (point, looked) in self.points.iter().zip(&mut self.looked) {
             let at = rotation * Vector3::from(*point) + pose.translation;
             if let Some(surfel) = level.surfel_at(at.into(), looked) {
-                let off_m = surfel.off_m(at);
-                self.residuals.push((f64::from(surfel.information) * off_m * off_m) as f32);
+                self.residuals.push(of(surfel, surfel.off_m(at)) as f32);
             }
         }
         if self.residuals.is_empty() {
-            return 1.0;
+            return None;
         }
         let middle = self.residuals.len() / 2;
-        let median = f64::from(*self.residuals.select_nth_unstable_by(middle, f32::total_cmp).1);
-        (self.settings.kernel_medians.powi(2) * median).max(1.0)
+        Some(f64::from(*self.residuals.select_nth_unstable_by(middle, f32::total_cmp).1))
     }
 
     /// The objective by points and prior.

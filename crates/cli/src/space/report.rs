@@ -3,54 +3,14 @@
 use super::inertial::Felt;
 use super::simulated::AgainstTruth;
 use super::source::Source;
+use super::tally::Tally;
 use crate::report::{in_detail, remarks};
-use crate::status_runs::StatusRuns;
 use crate::terminal::{count, duration, grouped};
-use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Update, Verdict};
+use crate::verdict::Usable;
+use mapwright::{BeamCounts, EdgeKind, Pose3, Session, SpaceSweep, Stamp, Status, Verdict};
 use mapwright_clouds::{Notes, ReferenceFrame};
 use mapwright_eval::{Alignment, RpeSettings, SegmentError, SpaceErrors, space_errors};
 use serde_json::{Map, Value, json};
-
-/// Counts over all clouds.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Tally {
-    pub(super) clouds: u64,
-    by_status: [u64; 3],
-    points: BeamCounts,
-    inlier_shares: Vec<f32>,
-    restarted: u64,
-    evaluations: u64,
-    refused: std::collections::BTreeMap<String, u64>,
-    runs: StatusRuns,
-}
-
-impl Tally {
-    pub(super) fn add(&mut self, update: &Update<SpaceSweep>) {
-        self.clouds += 1;
-        self.by_status[update.status as usize] += 1;
-        self.runs.add(update.status, update.scan, update.stamp);
-        self.points.add(&update.beams);
-        if let Some(matched) = &update.matched {
-            self.inlier_shares.push(matched.inlier_share as f32);
-            self.restarted += u64::from(matched.restarts > 0);
-            self.evaluations += u64::from(matched.evaluations);
-        }
-        let unwritten = update.unwritten.iter().map(ToString::to_string);
-        for reason in update.refused.map(str::to_owned).into_iter().chain(unwritten) {
-            *self.refused.entry(reason).or_default() += 1;
-        }
-    }
-
-    fn status(&self, status: Status) -> u64 {
-        self.by_status[status as usize]
-    }
-
-    fn median_inlier_share(&self) -> Option<f32> {
-        let mut shares = self.inlier_shares.clone();
-        let middle = shares.len() / 2;
-        (!shares.is_empty()).then(|| *shares.select_nth_unstable_by(middle, f32::total_cmp).1)
-    }
-}
 
 /// What was made.
 #[derive(Debug, Clone)]
@@ -173,11 +133,12 @@ pub(super) fn to_json(
     notes: &Notes,
     tally: &Tally,
     results: &Results,
-    losses: &[String],
+    (usable, losses): (&Usable, &[String]),
 ) -> Value {
     let (run_count, runs) = tally.runs.report();
     let BeamCounts { returns, no_return, too_near, not_a_number, refused, .. } = tally.points;
     let mut report = json!({
+        "verdict": usable.to_json(),
         "log": name,
         "recording": {
             "kind": source.kind(),
@@ -238,11 +199,11 @@ pub(super) fn to_json(
     report
 }
 
-/// What a run says at its end, in the order in which one wants to know it: what was made and how good it is, what was lost, where it is, and
-/// then details.
+/// What a run says at its end, in the order in which one wants to know it: whether the map can be used; what was made and how good it is, what was
+/// lost, where it is, and then details.
 pub(super) fn to_words(
     (source, tally, results): (&Source<'_>, &Tally, &Results),
-    (name, timing): (&str, &Value),
+    (name, timing, usable): (&str, &Value, &Usable),
     (losses, odd): (&[String], &[String]),
     written: &str,
 ) -> String {
@@ -251,7 +212,8 @@ pub(super) fn to_words(
     let refused = results.beside.refused.iter().map(|refused| format!("beside   {refused}\n"));
     let details = lines + &refused.collect::<String>() + &remarks(&[], &said);
     format!(
-        "{name}: {}{}{written}{}",
+        "{}{name}: {}{}{written}{}",
+        usable.words(),
         numbers(source, tally, results, timing),
         remarks(losses, &[]),
         in_detail(&details)

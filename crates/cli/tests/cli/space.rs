@@ -77,7 +77,9 @@ fn the_demo_maps_a_building_and_knows_its_error() {
     for file in made.iter().chain(&["report.json"]) {
         assert!(fs::read(out.join(file)).unwrap() == fs::read(again.join(file)).unwrap(), "{file} differs");
     }
-    let truth = &json(&out.join("report.json"))["against_truth"];
+    let report = json(&out.join("report.json"));
+    assert_eq!(report["verdict"]["word"], "good", "{report}");
+    let truth = &report["against_truth"];
     let ate_rmse_m = truth["ate_rmse_m"].as_f64().unwrap();
     assert!(ate_rmse_m < 0.05 && truth["wrong_closings"] == 0 && truth["closures"] == 0, "{truth}");
     let path = |file: &str| out.join(file).display().to_string();
@@ -87,6 +89,29 @@ fn the_demo_maps_a_building_and_knows_its_error() {
     assert!((value[0]["ate"]["translation_m"]["rmse"].as_f64().unwrap() - ate_rmse_m).abs() < 1e-6, "{value}");
     let refused = run(&["demo", "--3d", "--show", "spread"]);
     assert_refused(&refused, 2, &["--3d", "--show"]);
+}
+
+#[test]
+fn the_demo_is_good_and_with_voxels_as_large_as_rooms_it_is_not() {
+    let folder = folder("demo_space_verdict");
+    let demo = |name: &str, settings: &[&str]| {
+        let out = folder.join(name);
+        let args = ["demo", "--3d", "--seed", "1", "--seconds", "20", "-o", out.to_str().unwrap()];
+        let output = run(&[args.as_slice(), settings].concat());
+        let said = text(&output.stdout);
+        let verdict = json(&out.join("report.json"))["verdict"].clone();
+        let word = verdict["word"].as_str().unwrap();
+        assert!(said.starts_with(word) && said.contains(verdict["words"].as_str().unwrap()), "{said}");
+        assert_code(&output, if word == "unusable" { 3 } else { 0 });
+        verdict
+    };
+    let good = demo("good", &[]);
+    assert!(good["word"] == "good" && good["words"].as_str().unwrap().contains("not asked: wheels"), "{good}");
+    let coarse = demo("coarse", &["--set", "space.resolution_m=8"]);
+    assert!(coarse["word"] == "check" || coarse["word"] == "unusable", "{coarse}");
+    let reasons = coarse["reasons"].as_array().unwrap();
+    let blurred = reasons.iter().find(|reason| reason["what"] == "blurred").unwrap();
+    assert!(blurred["evidence"]["off_m"].as_f64().unwrap() > 0.05, "{coarse}");
 }
 
 #[test]

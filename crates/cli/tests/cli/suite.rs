@@ -217,6 +217,33 @@ fn storeys_are_closed_and_compared_with_the_batch_solve() {
 }
 
 #[test]
+fn verdicts_in_space_are_compared_with_the_truth_fault_by_fault() {
+    let out = folder("suite_space_verdicts");
+    let small = ["suite", "verdicts", "--3d", "--beams", "8", "--seconds", "14", "--worlds", "1", "--seed", "4"];
+    let output = run(&[small.as_slice(), &["-o", out.to_str().unwrap()]].concat());
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let world = &worlds(&out.join("verdicts-3d.jsonl"))[0];
+    assert!(world["building"] == "two storeys" && world["with_odometry"] == true && world["clouds"] == 35, "{world}");
+    let runs = world["runs"].as_array().unwrap();
+    let of = |fault: &str| runs.iter().find(|run| run["fault"] == fault).unwrap();
+    let (none, covered, coarse) = (of("none"), of("sensor covered for 5 of 20 s"), of("voxels of 8 m"));
+    assert!(none["word"] == "good" && none["error_m"] == none["clean_m"], "{none}");
+    assert!(coarse["word"] != "good" && coarse["error_m"].as_f64() > none["error_m"].as_f64(), "{coarse}");
+    assert_eq!(
+        [none, covered, of("every 2nd cloud")].map(|run| run["facts"]["clouds"].as_u64().unwrap()),
+        [35, 35, 18]
+    );
+    let (words, summary) = (said(&output), json(&out.join("verdicts-3d.json")));
+    assert!(words.contains("\nnone  ") && words.contains("\nvoxels of 8 m  "), "{words}");
+    assert!(
+        summary["runs"] == 14
+            && summary["good"].as_u64() >= Some(1)
+            && summary["floors"].as_array().unwrap().len() == 2,
+        "{summary}"
+    );
+}
+
+#[test]
 fn drives_in_space_say_how_honest_the_covariances_are_whatever_the_threads() {
     let folder = folder("suite_drives");
     let drive = |name: &str, threads: &str| {

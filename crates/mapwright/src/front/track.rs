@@ -284,6 +284,7 @@ impl Tracker {
         let report = MatchReport {
             beams: scene.points.len() as u32,
             inlier_share: agreement.inlier_share(),
+            off_m: 0.0,
             known_share: agreement.known_share(),
             odometry_sigmas,
             evaluations,

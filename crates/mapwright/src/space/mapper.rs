@@ -195,4 +195,10 @@ impl SpaceMapper {
     pub fn resolution_m(&self) -> Option<f64> {
         self.front.scale().map(|scale| scale.resolution_m)
     }
+
+    /// How far the sensor sees, root mean square of the first such cloud's ranges, metres.
+    #[must_use]
+    pub fn range_m(&self) -> Option<f64> {
+        self.front.scale().map(|scale| scale.range_m)
+    }
 }

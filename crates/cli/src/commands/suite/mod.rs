@@ -3,6 +3,7 @@
 mod breaks;
 mod calibrations;
 mod floors;
+mod judged;
 mod kidnapped;
 mod look_alike;
 mod loops;
@@ -86,8 +87,13 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
             let noise = noise::Noise::read(args, settings_of(&args.run)?)?;
             measure(&noise, seeds_from(args.run.seed, args.seeds), &args.run)
         }
+        Suite::Verdicts(args) if args.space.space => {
+            let drives = space::Drives::new(&args.space.lidar, settings_of(&args.worlds.run)?);
+            measure(&space::Verdicts(drives), seeds_of(&args.worlds, 8), &args.worlds.run)
+        }
         Suite::Verdicts(args) => {
-            measure(&verdicts::Verdicts { settings: settings_of(&args.run)? }, seeds_of(args, 14), &args.run)
+            let settings = settings_of(&args.worlds.run)?;
+            measure(&verdicts::Verdicts { settings }, seeds_of(&args.worlds, 14), &args.worlds.run)
         }
         Suite::Calibrations(args) => {
             measure(&calibrations::Calibrations { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)

@@ -2,13 +2,14 @@
 
 use super::Measure;
 use super::floors::Floor;
+use super::judged::{self, Judged};
 use crate::failure::Failure;
 use crate::simulated::{PEOPLE, map_events, office, true_relations};
 use crate::tally::Tally;
 use crate::turns::Turns;
-use crate::verdict::{Facts, Usability, Usable};
+use crate::verdict::{Facts, Usable};
 use mapwright::{Advice, LaserModel, Pose2, Session, Settings, Stamp, Visits};
-use mapwright_eval::{ErrorStats, StampedPose, relation_errors};
+use mapwright_eval::{StampedPose, relation_errors};
 use mapwright_sim::{Drive, DriveSettings, Event, PerturbScans, TrueScan, worlds};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -19,8 +20,7 @@ pub(super) struct Verdicts {
 }
 
 /// What is done to a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fault {
     None,
     OdometryNoise15,
@@ -158,11 +158,9 @@ pub(super) struct World {
 
 #[derive(Debug, Serialize)]
 struct Run {
-    fault: Fault,
-    /// Mean relation error, metres, and that without the fault.
-    error_m: f64,
-    clean_m: f64,
-    word: Usability,
+    /// Of the mean relation error.
+    #[serde(flatten)]
+    judged: Judged,
     /// Of the verdict, metres.
     expected_error_m: Option<f64>,
     facts: Facts,
@@ -187,70 +185,35 @@ impl Measure for Verdicts {
         let mut runs: Vec<Run> = Vec::new();
         for fault in FAULTS {
             let (error_m, facts) = self.run(&fault.applied(&scans, seed), &truth)?;
-            let clean_m = runs.first().map_or(error_m, |clean| clean.error_m);
+            let clean_m = runs.first().map_or(error_m, |clean| clean.judged.error_m);
             let usable = Usable::of(&facts);
-            let (word, expected_error_m) = (usable.word, usable.expected_error_m);
-            runs.push(Run { fault, error_m, clean_m, word, expected_error_m, facts });
+            let judged = Judged { fault: fault.name(), error_m, clean_m, word: usable.word };
+            runs.push(Run { judged, expected_error_m: usable.expected_error_m, facts });
         }
         Ok(World { seed, site, runs })
     }
 
     fn line(world: &World) -> String {
-        let run = |run: &Run| {
-            let (fault, word) = (run.fault.name(), run.word.name());
-            format!("\n        {fault:<34} {word:8} {:7.3} m, {:7.1} times", run.error_m, run.times())
-        };
-        format!("{:6} {}{}", world.seed, world.site, world.runs.iter().map(run).collect::<String>())
+        let runs = world.runs.iter().map(|run| run.judged.line()).collect::<String>();
+        format!("{:6} {}{runs}", world.seed, world.site)
     }
 
     fn summary(&self, worlds: &[World]) -> (String, Value, Vec<Floor>) {
-        let runs: Vec<&Run> = worlds.iter().flat_map(|world| &world.runs).collect();
-        let mut words =
-            "fault                               error in the median, times that without    good  check  unusable\n"
-                .to_owned();
-        words += &FAULTS.iter().filter_map(|&fault| row(fault, &runs)).collect::<String>();
-        let good: Vec<&&Run> = runs.iter().filter(|run| run.word == Usability::Good).collect();
-        let bad: Vec<&&Run> = runs.iter().filter(|run| run.times() > BAD_TIMES).collect();
-        let right = good.iter().filter(|run| run.times() < GOOD_TIMES).count();
-        let told = bad.iter().filter(|run| run.word != Usability::Good).count();
-        let known = runs.iter().filter_map(|run| Some((run.expected_error_m?, run.error_m)));
+        let runs = || worlds.iter().flat_map(|world| &world.runs);
+        let (words, mut value, mut floors) = judged::summary(&runs().map(|run| &run.judged).collect::<Vec<_>>());
+        let known = runs().filter_map(|run| Some((run.expected_error_m?, run.judged.error_m)));
         let correlation = rank_correlation(&known.collect::<Vec<_>>());
-        let value = json!({
-            "runs": runs.len(), "good": good.len(), "good_and_right": right, "bad": bad.len(), "bad_and_told": told,
-            "rank_correlation": correlation,
-        });
-        let correlates = Floor {
+        value["rank_correlation"] = json!(correlation);
+        floors.push(Floor {
             what: "rank correlation of the expected error with the true one at least 0.6",
             found: format!("{correlation:.2}"),
             holds: correlation >= LEAST_CORRELATION,
-        };
-        let floors = vec![
-            Floor::share("95 % of the good ones below 3 times the error without the fault", 0.95, right, good.len()),
-            Floor::share("98 % of those beyond 10 times it not called good", 0.98, told, bad.len()),
-            correlates,
-        ];
+        });
         (words, value, floors)
     }
 }
 
-/// A map is good below so many times the error without the fault, and bad beyond so many.
-const GOOD_TIMES: f64 = 3.0;
-const BAD_TIMES: f64 = 10.0;
 const LEAST_CORRELATION: f64 = 0.6;
-
-impl Run {
-    fn times(&self) -> f64 {
-        self.error_m / self.clean_m.max(f64::MIN_POSITIVE)
-    }
-}
-
-fn row(fault: Fault, runs: &[&Run]) -> Option<String> {
-    let of: Vec<&&Run> = runs.iter().filter(|run| run.fault == fault).collect();
-    let times = ErrorStats::of(&of.iter().map(|run| run.times()).collect::<Vec<_>>())?.median;
-    let [good, check, unusable] = [Usability::Good, Usability::Check, Usability::Unusable]
-        .map(|word| of.iter().filter(|run| run.word == word).count());
-    Some(format!("{:<34}  {times:41.1}    {good:4}  {check:5}  {unusable:8}\n", fault.name()))
-}
 
 /// Spearman's: how far two orders are the same, -1 to 1; ties share their ranks.
 fn rank_correlation(pairs: &[(f64, f64)]) -> f64 {

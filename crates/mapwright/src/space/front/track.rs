@@ -146,7 +146,7 @@ impl Tracker {
         fit: &Fit,
         restarts: u32,
     ) -> Matched {
-        let Fit { known_share, inlier_share, .. } = *fit;
+        let Fit { known_share, inlier_share, off_m, .. } = *fit;
         let fits = if known_share < LEAST_KNOWN || inlier_share < LOST_SHARE {
             Status::Lost
         } else if inlier_share < DEGRADED_SHARE {
@@ -163,6 +163,7 @@ impl Tracker {
         let report = MatchReport {
             beams: fit.points,
             inlier_share,
+            off_m,
             known_share,
             odometry_sigmas: error.dot(&(prior.information * error)).sqrt(),
             evaluations: fit.evaluations,

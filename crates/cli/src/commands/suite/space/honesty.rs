@@ -2,28 +2,16 @@
 
 use super::super::Measure;
 use super::super::floors::{Floor, stats_in_words};
-use super::{Drives, EVERY};
+use super::{Drives, EVERY, WORLDS};
 use crate::failure::Failure;
 use crate::simulated::{Simulated, Taken};
 use mapwright::{Cov6, Pose3, SpaceMapper, SpaceSweep, Status, Update};
 use mapwright_eval::{ErrorStats, space_nees};
-use mapwright_sim::space::{SpaceSite, worlds};
 use serde::Serialize;
 use serde_json::{Value, json};
 
 /// Mean and median of the squared error over its variance lie within this where covariances are honest: 6 and 5.35 are expected.
 const HONEST: std::ops::RangeInclusive<f64> = 4.0..=8.0;
-
-/// A kind of world: its name, and the world of a seed.
-type Kind = (&'static str, fn(u64) -> SpaceSite);
-
-/// Worlds by turns.
-const WORLDS: [Kind; 4] = [
-    ("two storeys", worlds::two_storey),
-    ("courtyard", worlds::courtyard),
-    ("look-alike storeys", worlds::look_alike_storeys),
-    ("loops", worlds::loops_1km),
-];
 
 pub(in super::super) struct Honesty(pub(in super::super) Drives);
 

@@ -2,18 +2,31 @@
 
 mod closing;
 mod honesty;
+mod verdicts;
 
 pub(super) use closing::{LookAlikes, Loops};
 pub(super) use honesty::Honesty;
+pub(super) use verdicts::Verdicts;
 
 use crate::args::LidarArgs;
 use mapwright::Settings;
-use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, SpaceSite};
+use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, SpaceSite, worlds};
 
 /// Every so many-th cloud is mapped, of 10 a second.
 const EVERY: usize = 2;
 /// Directions in which the beams are taken a turn: as many as the slowest of today's lidars have.
 const COLUMNS: usize = 512;
+
+/// A kind of world: its name, and the world of a seed.
+type Kind = (&'static str, fn(u64) -> SpaceSite);
+
+/// Worlds by turns.
+const WORLDS: [Kind; 4] = [
+    ("two storeys", worlds::two_storey),
+    ("courtyard", worlds::courtyard),
+    ("look-alike storeys", worlds::look_alike_storeys),
+    ("loops", worlds::loops_1km),
+];
 
 /// How worlds are driven through, and mapped.
 pub(super) struct Drives {

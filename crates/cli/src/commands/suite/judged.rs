@@ -1,0 +1,88 @@
+//! Whether the words of verdicts are right, fault by fault.
+
+use super::floors::Floor;
+use crate::verdict::Usability;
+use mapwright_eval::ErrorStats;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// A map is good below so many times the error without the fault, and bad beyond so many.
+const GOOD_TIMES: f64 = 3.0;
+const BAD_TIMES: f64 = 10.0;
+
+/// A recording with a fault, and what was said of its map.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Judged {
+    pub(super) fault: &'static str,
+    /// The error, metres, and that without the fault.
+    pub(super) error_m: f64,
+    pub(super) clean_m: f64,
+    pub(super) word: Usability,
+}
+
+impl Judged {
+    fn times(&self) -> f64 {
+        self.error_m / self.clean_m.max(f64::MIN_POSITIVE)
+    }
+
+    pub(super) fn line(&self) -> String {
+        let Self { fault, error_m, word, .. } = self;
+        format!("\n        {fault:<34} {:8} {error_m:7.3} m, {:7.1} times", word.name(), self.times())
+    }
+}
+
+/// A table of the faults in the order of the first world's, the same for programs, and what must hold of the words.
+pub(super) fn summary(runs: &[&Judged]) -> (String, Value, Vec<Floor>) {
+    let mut faults: Vec<&str> = Vec::new();
+    for run in runs {
+        if !faults.contains(&run.fault) {
+            faults.push(run.fault);
+        }
+    }
+    let mut words =
+        "fault                               error in the median, times that without    good  check  unusable\n"
+            .to_owned();
+    words += &faults.iter().filter_map(|fault| row(fault, runs)).collect::<String>();
+    let good: Vec<_> = runs.iter().filter(|run| run.word == Usability::Good).collect();
+    let bad: Vec<_> = runs.iter().filter(|run| run.times() > BAD_TIMES).collect();
+    let right = good.iter().filter(|run| run.times() < GOOD_TIMES).count();
+    let told = bad.iter().filter(|run| run.word != Usability::Good).count();
+    let value = json!({
+        "runs": runs.len(), "good": good.len(), "good_and_right": right, "bad": bad.len(), "bad_and_told": told,
+    });
+    let floors = vec![
+        Floor::share("95 % of the good ones below 3 times the error without the fault", 0.95, right, good.len()),
+        Floor::share("98 % of those beyond 10 times it not called good", 0.98, told, bad.len()),
+    ];
+    (words, value, floors)
+}
+
+fn row(fault: &str, runs: &[&Judged]) -> Option<String> {
+    let of: Vec<_> = runs.iter().filter(|run| run.fault == fault).collect();
+    let times = ErrorStats::of(&of.iter().map(|run| run.times()).collect::<Vec<_>>())?.median;
+    let [good, check, unusable] = [Usability::Good, Usability::Check, Usability::Unusable]
+        .map(|word| of.iter().filter(|run| run.word == word).count());
+    Some(format!("{fault:<34}  {times:41.1}    {good:4}  {check:5}  {unusable:8}\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_counted_against_the_error_without_the_fault() {
+        let judged = |fault, error_m, word| Judged { fault, error_m, clean_m: 0.01, word };
+        let runs = [
+            judged("none", 0.01, Usability::Good),
+            judged("wrong", 0.2, Usability::Check),
+            judged("none", 0.02, Usability::Check),
+            judged("wrong", 0.15, Usability::Good),
+        ];
+        let (words, value, floors) = summary(&runs.iter().collect::<Vec<_>>());
+        assert_eq!(value, json!({ "runs": 4, "good": 2, "good_and_right": 1, "bad": 2, "bad_and_told": 1 }));
+        assert!(floors.iter().all(|floor| !floor.holds && floor.found.starts_with("50.0 %")), "{floors:?}");
+        let rows: Vec<&str> = words.lines().skip(1).collect();
+        assert!(rows[0].starts_with("none") && rows[0].ends_with("1      1         0"), "{words}");
+        assert!(rows[1].starts_with("wrong") && rows.len() == 2, "{words}");
+    }
+}

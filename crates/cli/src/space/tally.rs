@@ -1,0 +1,69 @@
+//! What the clouds of a run amount to.
+
+use crate::status_runs::StatusRuns;
+use mapwright::{BeamCounts, MatchReport, SpaceSweep, Stamp, Status, Update};
+
+/// How a cloud fits the map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FitOfCloud {
+    pub(super) stamp: Stamp,
+    pub(super) status: Status,
+    pub(super) matched: Option<MatchReport>,
+}
+
+impl FitOfCloud {
+    fn of(update: &Update<SpaceSweep>) -> Self {
+        Self { stamp: update.stamp, status: update.status, matched: update.matched }
+    }
+}
+
+/// Counts over all clouds.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Tally {
+    pub(super) clouds: u64,
+    /// How each fits the map.
+    pub(super) fits: Vec<FitOfCloud>,
+    by_status: [u64; 3],
+    pub(super) points: BeamCounts,
+    inlier_shares: Vec<f32>,
+    pub(super) restarted: u64,
+    pub(super) evaluations: u64,
+    pub(super) refused: std::collections::BTreeMap<String, u64>,
+    pub(super) runs: StatusRuns,
+}
+
+impl Tally {
+    pub(crate) fn add(&mut self, update: &Update<SpaceSweep>) {
+        self.clouds += 1;
+        self.fits.push(FitOfCloud::of(update));
+        self.by_status[update.status as usize] += 1;
+        self.runs.add(update.status, update.scan, update.stamp);
+        self.points.add(&update.beams);
+        if let Some(matched) = &update.matched {
+            self.inlier_shares.push(matched.inlier_share as f32);
+            self.restarted += u64::from(matched.restarts > 0);
+            self.evaluations += u64::from(matched.evaluations);
+        }
+        let unwritten = update.unwritten.iter().map(ToString::to_string);
+        for reason in update.refused.map(str::to_owned).into_iter().chain(unwritten) {
+            *self.refused.entry(reason).or_default() += 1;
+        }
+    }
+
+    pub(super) fn status(&self, status: Status) -> u64 {
+        self.by_status[status as usize]
+    }
+
+    /// Of all beams that said something.
+    pub(super) fn no_return_share(&self) -> f64 {
+        let BeamCounts { returns, no_return, too_near, not_a_number, .. } = self.points;
+        let nothing = f64::from(no_return) + f64::from(not_a_number);
+        nothing / (nothing + f64::from(returns) + f64::from(too_near)).max(1.0)
+    }
+
+    pub(super) fn median_inlier_share(&self) -> Option<f32> {
+        let mut shares = self.inlier_shares.clone();
+        let middle = shares.len() / 2;
+        (!shares.is_empty()).then(|| *shares.select_nth_unstable_by(middle, f32::total_cmp).1)
+    }
+}
