@@ -55,3 +55,52 @@ fn odometry_steps(session: &Session) -> Vec<bool> {
 fn places(session: &Session, edge: &mapwright::Edge) -> Option<[usize; 2]> {
     Some([session.place(edge.from)?, session.place(edge.to)?])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapwright::{
+        Cov3, Edge, Entry, Fragment, FragmentStart, Keyframe, LaserModel, Pose2, RecordedEdge, Run, RunId, Stamp, Sweep,
+    };
+    use std::sync::Arc;
+
+    /// Forty keyframes a second apart; odometry links each to the next, a match all but the pairs after `unmatched`.
+    fn session(unmatched: &[u32], closures: &[[u32; 2]], fragments: &[(u32, FragmentStart)]) -> Session {
+        let run = RunId::of_robot("a");
+        let mut session = Session::default();
+        session.add(Entry::Run(Run { id: run, settings: String::new() })).unwrap();
+        let sweep = Arc::new(Sweep::empty(&Arc::new(LaserModel::half_circle("front", 9))));
+        for seq in 0..40 {
+            let (id, sweep, stamp) = (run.keyframe(seq), Arc::clone(&sweep), Stamp::from_secs_f64(f64::from(seq)));
+            let keyframe = Keyframe { id, stamp, scan: u64::from(seq), sweep, hardly_fits: false };
+            session.add(Entry::Keyframe { keyframe: keyframe.into(), map_from_keyframe: Pose2::IDENTITY }).unwrap();
+        }
+        for &(first, start) in fragments {
+            session.add(Entry::Fragment(Fragment { first: run.keyframe(first), start })).unwrap();
+        }
+        let steps = |kind, left_out: &[u32]| -> Vec<([u32; 2], EdgeKind)> {
+            (0..39).filter(|from| !left_out.contains(from)).map(|from| ([from, from + 1], kind)).collect()
+        };
+        let closures = closures.iter().map(|&ends| (ends, EdgeKind::Closure)).collect();
+        for ([from, to], kind) in
+            [steps(EdgeKind::Odometry, &[]), steps(EdgeKind::Match, unmatched), closures].into_iter().flatten()
+        {
+            let (from, to) = (run.keyframe(from), run.keyframe(to));
+            let edge =
+                Edge { from, to, kind, from_from_to: Pose2::IDENTITY, information: Cov3::from_diagonal_element(100.0) };
+            session.add(Entry::Edge(RecordedEdge { edge, candidate: None })).unwrap();
+        }
+        session
+    }
+
+    #[test]
+    fn a_step_that_nothing_else_spans_holds_what_lies_behind_it() {
+        assert_eq!(Hanging::of(&Session::default()), Hanging::default());
+        assert_eq!(Hanging::of(&session(&[], &[], &[])), Hanging::default());
+        assert_eq!(Hanging::of(&session(&[9, 35], &[], &[])), Hanging { share: 0.25, from_s: 10.0 });
+        assert_eq!(Hanging::of(&session(&[9, 35], &[[5, 30]], &[])), Hanging { share: 0.1, from_s: 36.0 });
+        // What odometry says over a break is told of pieces.
+        let broken = session(&[9], &[], &[(0, FragmentStart::SwitchedOn), (10, FragmentStart::Blind)]);
+        assert_eq!(Hanging::of(&broken), Hanging::default());
+    }
+}

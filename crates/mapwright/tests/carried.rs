@@ -272,6 +272,31 @@ fn a_robot_that_stood_blind_is_where_it_was() {
     assert!(results.iter().all(|seen| seen.is_joined(0.0..=5.0)), "{results:?}");
 }
 
+/// A clock that is set forward by a minute, or a recording that was paused: neither laser nor wheels say anything, and then both go on where
+/// they were. Where the scan knows its place that is no break; along a bare wall it may be one.
+#[test]
+fn a_pause_after_which_scan_and_wheels_agree_is_no_break() {
+    const PAUSE_NS: i64 = 60_000_000_000;
+    let results = in_parallel(6, |k| {
+        let mut case = kidnapping(30_000 + k as u64);
+        case.settings.incidents.clear();
+        let from = Stamp((40 + 7 * k as i64) * 1_000_000_000);
+        (case.taken, case.put_down) = (from, Stamp(from.0 + PAUSE_NS));
+        let later = |stamp: &mut Stamp| stamp.0 += if *stamp >= from { PAUSE_NS } else { 0 };
+        let events = case.drive().map(|mut event| {
+            match &mut event {
+                Event::Scan(scan) => later(&mut scan.scan.stamp),
+                Event::Odometry(odometry) => later(&mut odometry.stamp),
+            }
+            event
+        });
+        arrive_by(&case, events, 30.0, 0.0)
+    });
+    results.iter().for_each(|seen| println!("{seen:?}"));
+    assert!(results.iter().all(|seen| seen.wrong == 0 && seen.misplaced == 0), "{results:?}");
+    assert!(results.iter().filter(|seen| seen.apart == 0).count() >= 4, "{results:?}");
+}
+
 /// Joined, it sees nothing for ten seconds while it drives on: what is mapped then is joined where it is as well.
 #[test]
 fn who_was_blind_on_arrival_comes_home_all_the_same() {
