@@ -190,6 +190,12 @@ impl Mapping {
         self.mapper.add_odometry(odometry);
     }
 
+    /// No more scans will come: old places are looked for anew.
+    pub(crate) fn look_again(&mut self) -> Result<(), Failure> {
+        let update = self.mapper.look_again();
+        self.log.add(update.entries)
+    }
+
     /// No more scans: takes the bar away.
     pub(crate) fn end_of_scans(&mut self) {
         self.clock.end_of_scans();

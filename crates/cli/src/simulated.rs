@@ -172,6 +172,7 @@ pub(crate) fn map_events<S: HasScan>(
             }
         }
     }
+    mapper.look_again();
     Ok(mapper.session().clone())
 }
 

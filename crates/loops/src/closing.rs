@@ -301,6 +301,27 @@ impl<S: Submaps> Closing<S> {
         Some(Verification::new(to, query, targets, submaps))
     }
 
+    /// A look at one old place from another, where the poses have them near each other: what they are uncertain by relative to the robot adds up.
+    #[must_use]
+    pub fn propose_again(
+        &self,
+        past: Past<'_, S::Measurement>,
+        known: &[KnownPlace<PoseOf<S>>],
+        [from, to]: [NodeId; 2],
+        submaps: S,
+    ) -> Option<Verification<S>> {
+        let [of_from, of_to] = [patch_of(known, from)?, patch_of(known, to)?];
+        let place = KnownPlace { covariance: of_from.covariance + of_to.covariance, live: false, ..*of_from };
+        let target = target(past, &place, from, to, Detection::Pose, WINDOW_SIGMAS);
+        if target.window.half_width_m > JOINED_WITHIN_M {
+            return None;
+        }
+        let reach_m = if target.window.half_width_m <= NARROW_M { NARROW_SUBMAP_M } else { SUBMAP_M };
+        let views = views_along(past, from, true, reach_m);
+        let query = views_along(past, to, false, reach_m.min(query_m::<PoseOf<S>>()));
+        Some(Verification::new(to, query, vec![(target, views)], submaps))
+    }
+
     /// Standard deviations that a window is wide: more, the oftener nothing was seen of what should be near. What a chain states is what a cycle
     /// is judged by all the same.
     fn window_sigmas(&self) -> f64 {

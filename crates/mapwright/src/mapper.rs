@@ -18,6 +18,7 @@ use mapwright_record::{
 use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
 
+mod again;
 mod checkpoint;
 mod runs;
 

@@ -65,7 +65,7 @@ impl Visits {
 }
 
 /// Keyframes with the nearest of an earlier visit.
-fn pairs(past: Past<'_>, nodes: &[NodeId]) -> Vec<[NodeId; 2]> {
+pub(crate) fn pairs(past: Past<'_>, nodes: &[NodeId]) -> Vec<[NodeId; 2]> {
     let square = |pose: Pose2| [pose.x, pose.y].map(|metres| (metres / WITHIN_M).floor() as i64);
     let mut squares: HashMap<[i64; 2], Vec<NodeId>> = HashMap::new();
     let mut pairs = Vec::new();

@@ -3,7 +3,7 @@
 
 mod support;
 
-use mapwright::{Candidate, Detection, Edge, EdgeKind, JobResult, Jobs, Mapper, Settings, Verdict};
+use mapwright::{Candidate, Detection, Edge, EdgeKind, JobResult, Jobs, Mapper, Pose2, Session, Settings, Verdict};
 use mapwright_sim::{DriveSettings, TrueScan, kidnapping, worlds};
 use std::collections::VecDeque;
 use std::thread;
@@ -136,4 +136,29 @@ fn results_of_another_run_are_left_out() {
         alone.add_scan(&scan.scan);
     });
     assert!(bytes(&young) == bytes(&alone));
+}
+
+/// Nobody has done the jobs while it drove, so that the map is drawn over itself where it comes back; what has changed is told.
+#[test]
+fn old_places_are_looked_for_anew_when_no_more_scans_come() {
+    let scans = drive();
+    let truth: Vec<Pose2> = scans.iter().map(|scan| scan.world_from_robot).collect();
+    let (mut mapper, mut told) = (mapper(Jobs::HandedOut), Session::default());
+    for scan in &scans {
+        told.add_all(mapper.add_scan(&scan.scan).entries).expect("entries fit to those before");
+    }
+    // By how much its end lies off, seen from its beginning.
+    let off_m = |mapper: &Mapper| {
+        let poses: Vec<Pose2> = mapper.trajectory().map(|pose| pose.map_from_robot).collect();
+        let [found, true_one] = [&poses, &truth].map(|poses| poses[0].between(poses[poses.len() - 1]));
+        found.distance(true_one)
+    };
+    let (open, before_m) = (closures(&mapper), off_m(&mapper));
+    told.add_all(mapper.look_again().entries).expect("entries fit to those before");
+    let (closed, after_m) = (closures(&mapper), off_m(&mapper));
+    assert!(open == 0 && closed > 0 && after_m < 0.3 * before_m, "{open}, {closed}: {before_m}, {after_m} m");
+    assert!(told.encode() == mapper.session().encode());
+    // Nothing is left to be found.
+    mapper.look_again();
+    assert_eq!((closures(&mapper), off_m(&mapper)), (closed, after_m));
 }

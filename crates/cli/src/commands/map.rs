@@ -71,6 +71,9 @@ pub(super) struct Finished<'a> {
 /// Writes the results and says what was made and lost.
 pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Outcome, Failure> {
     let Finished { name, read, ending, output, voice } = finished;
+    if ending == Ending::OfLog {
+        mapping.look_again()?;
+    }
     let made = mapping.write_results()?;
     // one cell is no map
     let cell_m = mapping.settings.map.resolution_m;

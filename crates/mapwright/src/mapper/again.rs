@@ -1,0 +1,77 @@
+//! Old places looked for anew, at a log's end: corrections have moved visits near each other that no window had reached.
+
+use super::Mapper;
+use crate::jobs::Task;
+use crate::settings::{Correction, LivePolicy};
+use crate::told::Told;
+use crate::visits::pairs;
+use mapwright_loops::{LEFT_M, SUBMAP_M, Scope, Solving};
+use mapwright_record::{EdgeKind, NodeId, Past, Update};
+
+/// Times at most that the whole map is looked at, and looks at most each time.
+const ROUNDS: usize = 3;
+const LOOKS: usize = 120;
+/// As far apart as two findings have to be that agree, metres of way.
+const EVERY_M: f64 = 2.0;
+
+impl Mapper {
+    /// For who has no more scans: looks at places that two visits have passed and that no edge links, judges what is found there as at any
+    /// time, and solves the graph, until nothing is found or three times. The update holds what has changed. A robot that is only located
+    /// moves nothing.
+    pub fn look_again(&mut self) -> Update {
+        self.work_all();
+        let settings = self.settings();
+        let looks = settings.loops.by_pose
+            && settings.loops.correction == Correction::Graph
+            && settings.live.policy == LivePolicy::Gated
+            && !self.store.is_fixed();
+        for _ in 0..if looks { ROUNDS } else { 0 } {
+            let before = self.store.closures().len();
+            self.look_once();
+            if self.store.closures().len() == before {
+                break;
+            }
+            let (graph, closures) = (self.store.graph(), self.store.closures());
+            self.back.push(Task::Solve(Solving { graph, closures, scope: Scope::Whole }));
+            self.work_all();
+        }
+        self.report(Told::default())
+    }
+
+    fn look_once(&mut self) {
+        let known = self.front.survey();
+        for [from, to] in unlinked(self.store.past()) {
+            let submaps = self.front.submaps();
+            let verification = self.back.closing.propose_again(self.store.past(), &known, [from, to], submaps);
+            verification.into_iter().for_each(|verification| self.back.push(Task::Verify(Box::new(verification))));
+            self.work_all();
+        }
+    }
+}
+
+/// Visits of the first map that lie beside each other without a match or a closure between them, evenly spread.
+fn unlinked(past: Past<'_>) -> Vec<[NodeId; 2]> {
+    let Some(map) = past.session.maps().into_iter().next() else { return Vec::new() };
+    let is_drawn = |place: &usize| past.drawn.get(*place).is_some_and(Option::is_some);
+    let nodes: Vec<NodeId> = map.places().filter(is_drawn).map(NodeId::at).collect();
+    let edges = past.session.edges().filter(|edge| edge.kind != EdgeKind::Odometry);
+    let ends = edges.filter_map(|edge| past.nodes([edge.from, edge.to]));
+    let mut links: Vec<[NodeId; 2]> = ends.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    links.retain(|&[from, to]| past.way_between_m(from, to) >= LEFT_M);
+    links.sort_unstable_by_key(|&[from, to]| (to, from));
+    let is_linked = |[earlier, later]: [NodeId; 2]| {
+        let begin = links.partition_point(|&[_, to]| to < later && past.way_between_m(to, later) > SUBMAP_M);
+        let near =
+            links[begin..].iter().take_while(|&&[_, to]| to <= later || past.way_between_m(to, later) <= SUBMAP_M);
+        near.into_iter().any(|&[from, _]| past.way_between_m(from, earlier) <= SUBMAP_M)
+    };
+    let mut last: Option<NodeId> = None;
+    let mut found = pairs(past, &nodes);
+    found.retain(|&pair| {
+        let is_new = last.is_none_or(|last| past.way_between_m(last, pair[1]) >= EVERY_M) && !is_linked(pair);
+        last = if is_new { Some(pair[1]) } else { last };
+        is_new
+    });
+    let every = found.len().div_ceil(LOOKS).max(1);
+    found.into_iter().step_by(every).collect()
+}
