@@ -72,7 +72,7 @@ mod tests {
         let sweep = Arc::new(Sweep::empty(&Arc::new(LaserModel::half_circle("front", 9))));
         for seq in 0..40 {
             let (id, sweep, stamp) = (run.keyframe(seq), Arc::clone(&sweep), Stamp::from_secs_f64(f64::from(seq)));
-            let keyframe = Keyframe { id, stamp, scan: u64::from(seq), sweep, hardly_fits: false };
+            let keyframe = Keyframe { id, stamp, scan: 0, sweep, hardly_fits: false };
             session.add(Entry::Keyframe { keyframe: keyframe.into(), map_from_keyframe: Pose2::IDENTITY }).unwrap();
         }
         for &(first, start) in fragments {
