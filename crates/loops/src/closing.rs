@@ -85,8 +85,9 @@ const AGREE_RAD: f64 = 0.03;
 /// and pairwise that the chain of edges is wrong.
 const UNCLEAR_AMBIGUITY: f64 = 0.95;
 const UNCLEAR_FRIENDS: usize = 3;
-/// They must come from places so far apart along the way, metres, and at most so far.
-const APART_M: f64 = 2.0;
+/// They must come from places so far apart along the way, metres,
+pub const APART_M: f64 = 2.0;
+/// and at most so far.
 const TOGETHER_M: f64 = 30.0;
 /// A robot that is only located in a map has nothing to lose that lasts but time: places are asked for at every keyframe, and two findings
 /// have to agree, so far apart, metres or radians.

@@ -16,7 +16,9 @@ mod verification;
 mod views;
 
 pub use cascade::{Finding, VerifySettings};
-pub use closing::{Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, is_old};
+pub use closing::{
+    APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, is_old,
+};
 pub use places::{PlaceHit, PlaceIndex};
 pub use plane::PlaneSubmaps;
 pub use plane_submap::{PlaneSubmap, PlaneSubmapSettings};

@@ -124,34 +124,13 @@ impl FrontEnd {
     pub(crate) fn track(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared) -> Option<Matched> {
         let Prepared { step, predicted, .. } = *prepared;
         self.local_map.meet(&self.settings, Frames::of(past), self.preparation.match_points(), predicted);
-        let Self { settings, preparation, predictor, tracker, pose, local_map, .. } = self;
-        let scene = Scene {
-            settings,
-            map: &local_map.map,
-            points: preparation.match_points(),
-            predictor,
-            local_from_last: pose.local_from_robot(),
-            step,
-            next: NodeId::at(past.local_from_keyframe.len()),
-        };
-        let matched = tracker.track(&scene, scan.stamp, predicted)?;
+        let scene =
+            Scene::new(&self.settings, &self.local_map, &self.preparation, &self.predictor, (past, &self.pose), step);
+        let matched = self.tracker.track(&scene, scan.stamp, predicted)?;
         if let Some((correction, variances)) = matched.on_odometry {
             self.predictor.observe(step, correction, variances);
         }
         Some(matched)
-    }
-
-    /// What the last scan is matched with.
-    fn scene(&self, past: Past<'_>, step: Step) -> Scene<'_> {
-        Scene {
-            settings: &self.settings,
-            map: &self.local_map.map,
-            points: self.preparation.match_points(),
-            predictor: &self.predictor,
-            local_from_last: self.pose.local_from_robot(),
-            step,
-            next: NodeId::at(past.local_from_keyframe.len()),
-        }
     }
 
     /// Takes over the new pose and its covariance, now that it is known whether the match is believed.
@@ -194,17 +173,9 @@ impl FrontEnd {
             self.slips.stop();
             return None;
         };
-        let local_from_robot = self.pose.local_from_robot();
-        let scene = Scene {
-            settings: &self.settings,
-            map: &self.local_map.map,
-            points: self.preparation.match_points(),
-            predictor: &self.predictor,
-            local_from_last: local_from_robot,
-            step,
-            next: NodeId::at(past.local_from_keyframe.len()),
-        };
-        self.slips.watch(&scene, &self.tracker, matched, local_from_robot, busy, is_closed_since)
+        let scene =
+            Scene::new(&self.settings, &self.local_map, &self.preparation, &self.predictor, (past, &self.pose), step);
+        self.slips.watch(&scene, &self.tracker, matched, self.pose.local_from_robot(), busy, is_closed_since)
     }
 
     /// Step 4: a keyframe, once the robot has moved enough and sees something.

@@ -119,11 +119,7 @@ impl Mapper {
         let prepared = self.front.prepare(scan);
         probe.end(Stage::Prepare);
         // 3. Match against the local map, with a guard; over a break nothing that is known is matched against.
-        let past = self.store.past();
-        let start = self.front.find_break(past, scan.stamp, &prepared, self.store.is_switched_on());
-        let start = start.filter(|start| {
-            *start != FragmentStart::Blind || !self.front.is_where_wheels_say(self.store.past(), &prepared)
-        });
+        let start = self.front.find_break(self.store.past(), scan.stamp, &prepared, self.store.is_switched_on());
         let matched = match start {
             None => self.front.track(self.store.past(), scan, &prepared),
             Some(_) => self.front.leave(),

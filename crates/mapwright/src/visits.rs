@@ -13,7 +13,7 @@ use mapwright_record::{NodeId, Past, SeparateMap, Session};
 use std::collections::HashMap;
 
 /// Comparisons at most, and keyframes of which earlier visits are looked for at most, evenly spread.
-const COMPARED: usize = 120;
+pub(crate) const COMPARED: usize = 120;
 const LOOKED_AT: usize = 1000;
 /// An earlier visit counts where it passed within so much, metres; one that looked elsewhere counts as farther, metres for a radian.
 const WITHIN_M: f64 = 1.5;

@@ -72,8 +72,8 @@ pub struct MatchReport {
     pub beams: u32,
     /// Share of those beams in known territory that fit the map, 0 to 1.
     pub inlier_share: f64,
-    /// How far those beams end off what the map has, the median, metres; in the plane it is not measured, and zero.
-    pub off_m: f64,
+    /// How far those beams end off what the map has, the median, metres; in the plane it is not measured.
+    pub off_m: Option<f64>,
     /// Share of the beams that end in territory the map knows, 0 to 1.
     pub known_share: f64,
     /// Distance between the match and odometry's prediction in standard deviations of the motion model.

@@ -25,7 +25,6 @@ pub(crate) struct Tally {
     pub(super) fits: Vec<FitOfCloud>,
     by_status: [u64; 3],
     pub(super) points: BeamCounts,
-    inlier_shares: Vec<f32>,
     pub(super) restarted: u64,
     pub(super) evaluations: u64,
     pub(super) refused: std::collections::BTreeMap<String, u64>,
@@ -40,7 +39,6 @@ impl Tally {
         self.runs.add(update.status, update.scan, update.stamp);
         self.points.add(&update.beams);
         if let Some(matched) = &update.matched {
-            self.inlier_shares.push(matched.inlier_share as f32);
             self.restarted += u64::from(matched.restarts > 0);
             self.evaluations += u64::from(matched.evaluations);
         }
@@ -61,9 +59,14 @@ impl Tally {
         nothing / (nothing + f64::from(returns) + f64::from(too_near)).max(1.0)
     }
 
-    pub(super) fn median_inlier_share(&self) -> Option<f32> {
-        let mut shares = self.inlier_shares.clone();
-        let middle = shares.len() / 2;
-        (!shares.is_empty()).then(|| *shares.select_nth_unstable_by(middle, f32::total_cmp).1)
+    pub(super) fn median_inlier_share(&self) -> Option<f64> {
+        median(self.fits.iter().filter_map(|fit| Some(fit.matched?.inlier_share)))
     }
+}
+
+/// The upper of the two in the middle, where there are two.
+pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

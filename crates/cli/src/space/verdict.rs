@@ -1,6 +1,6 @@
 //! Whether a map of space can be used, by what its run knows of itself (docs/decisions/0027-verdict.md).
 
-use super::tally::{FitOfCloud, Tally};
+use super::tally::{FitOfCloud, Tally, median};
 use crate::terminal::count;
 use crate::verdict::{Reason, Usability, Usable, beyond, doubtful, lost, uncertain, unheeded, unheeded_places};
 use mapwright::{EdgeKind, MatchReport, Session, SpaceMapper, SpaceSweep, Status};
@@ -89,7 +89,7 @@ impl Facts {
             lost: fits.iter().filter(|fit| fit.status == Status::Lost).count(),
             pauses_s: loose_pauses_s(fits),
             jumps_sigmas: fits.iter().filter_map(FitOfCloud::jump_sigmas).collect(),
-            off_m: median(fits.iter().filter_map(|fit| Some(fit.matched?.off_m))).unwrap_or(0.0),
+            off_m: median(fits.iter().filter_map(|fit| fit.matched?.off_m)).unwrap_or(0.0),
             range_m: mapper.range_m().unwrap_or(0.0),
             unseen: unseen(session),
             no_return: tally.no_return_share(),
@@ -199,12 +199,6 @@ fn unseen(session: &Session<SpaceSweep>) -> f64 {
     is_seen.iter().filter(|is_seen| !**is_seen).count() as f64 / DIRECTIONS as f64
 }
 
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied()
-}
-
 /// Pauses after which the first cloud may be anywhere.
 fn loose_pauses_s(fits: &[FitOfCloud]) -> Vec<f64> {
     let step_s = |pair: &[FitOfCloud]| pair[1].stamp.secs_since(pair[0].stamp);
@@ -275,7 +269,7 @@ mod tests {
         let matched = MatchReport {
             beams: 1000,
             inlier_share,
-            off_m: 0.01,
+            off_m: Some(0.01),
             known_share,
             odometry_sigmas,
             evaluations: 1,

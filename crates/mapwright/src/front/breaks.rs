@@ -6,7 +6,7 @@ use super::insert::Intruders;
 use super::predict::{BLIND_S, BLIND_SCANS, Predictor};
 use super::prepare::Preparation;
 use super::slip::SlipWatch;
-use super::track::Tracker;
+use super::track::{Scene, Tracker};
 use super::{FrontEnd, Matched, Prepared};
 use crate::local_map::Frames;
 use crate::settings::LivePolicy;
@@ -32,7 +32,7 @@ pub(crate) fn anywhere() -> Cov3 {
 impl FrontEnd {
     /// Why a fragment begins with this scan, if it does; `switched_on` where it does as soon as something is seen.
     pub(crate) fn find_break(
-        &self,
+        &mut self,
         past: Past<'_>,
         stamp: Stamp,
         prepared: &Prepared,
@@ -57,7 +57,7 @@ impl FrontEnd {
         if self.tracker.misfits() >= LOST_SCANS {
             Some(FragmentStart::Lost)
         } else if is_blind {
-            Some(FragmentStart::Blind)
+            (!self.is_where_wheels_say(past, prepared)).then_some(FragmentStart::Blind)
         } else if may_have_strayed && self.sigma_m(prepared) > BREAK_SIGMA_M {
             Some(FragmentStart::Uncertain)
         } else {
@@ -66,10 +66,12 @@ impl FrontEnd {
     }
 
     /// Whether a robot that was blind is where its wheels say all the same: had it been carried, the scan would not fit just there.
-    pub(crate) fn is_where_wheels_say(&mut self, past: Past<'_>, prepared: &Prepared) -> bool {
+    fn is_where_wheels_say(&mut self, past: Past<'_>, prepared: &Prepared) -> bool {
         let Prepared { step, predicted, .. } = *prepared;
         self.local_map.meet(&self.settings, Frames::of(past), self.preparation.match_points(), predicted);
-        self.tracker.is_where_wheels_say(&self.scene(past, step), predicted)
+        let scene =
+            Scene::new(&self.settings, &self.local_map, &self.preparation, &self.predictor, (past, &self.pose), step);
+        self.tracker.is_where_wheels_say(&scene, predicted)
     }
 
     /// Standard deviation of the predicted position relative to the newest keyframe, metres.

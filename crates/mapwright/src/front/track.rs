@@ -1,12 +1,15 @@
 //! Step 3: the match, and the guard that starts it again where it is in doubt.
 
+use super::RobotPose;
 use super::predict::{Predictor, Step};
+use super::prepare::Preparation;
+use crate::local_map::LocalMapping;
 use crate::settings::{Optimizer, Settings};
 use mapwright_geom::{Cov3, Pose2, Stamp, Stored};
 use mapwright_grid::{
     Agreement, CorrelativeSearch, LocalMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
 };
-use mapwright_record::{MatchReport, NodeId, Status};
+use mapwright_record::{MatchReport, NodeId, Past, Status};
 use nalgebra::Matrix3;
 
 /// Below this share of fitting beams, among those in known territory, a match is doubtful.
@@ -115,7 +118,27 @@ pub(super) struct Scene<'a> {
     pub(super) next: NodeId,
 }
 
-impl Scene<'_> {
+impl<'a> Scene<'a> {
+    /// The last scan and all that is known of it, with the pose before it.
+    pub(super) fn new(
+        settings: &'a Settings,
+        local_map: &'a LocalMapping,
+        preparation: &'a Preparation,
+        predictor: &'a Predictor,
+        (past, pose): (Past<'_>, &RobotPose),
+        step: Step,
+    ) -> Self {
+        Self {
+            settings,
+            map: &local_map.map,
+            points: preparation.match_points(),
+            predictor,
+            local_from_last: pose.local_from_robot(),
+            step,
+            next: NodeId::at(past.local_from_keyframe.len()),
+        }
+    }
+
     fn refine_with(&self, matcher: &Matcher, prior: &Prior, start: Pose2) -> (MatchResult, Agreement) {
         let (map, hits) = (self.map, self.points);
         let result = match self.settings.matching.optimizer {
@@ -284,7 +307,7 @@ impl Tracker {
         let report = MatchReport {
             beams: scene.points.len() as u32,
             inlier_share: agreement.inlier_share(),
-            off_m: 0.0,
+            off_m: None,
             known_share: agreement.known_share(),
             odometry_sigmas,
             evaluations,

@@ -4,15 +4,12 @@ use super::Mapper;
 use crate::jobs::Task;
 use crate::settings::{Correction, LivePolicy};
 use crate::told::Told;
-use crate::visits::pairs;
-use mapwright_loops::{LEFT_M, SUBMAP_M, Scope, Solving};
+use crate::visits::{COMPARED, pairs};
+use mapwright_loops::{APART_M, LEFT_M, SUBMAP_M, Scope, Solving};
 use mapwright_record::{EdgeKind, NodeId, Past, Update};
 
-/// Times at most that the whole map is looked at, and looks at most each time.
+/// Times at most that the whole map is looked at.
 const ROUNDS: usize = 3;
-const LOOKS: usize = 120;
-/// As far apart as two findings have to be that agree, metres of way.
-const EVERY_M: f64 = 2.0;
 
 impl Mapper {
     /// For who has no more scans: looks at places that two visits have passed and that no edge links, judges what is found there as at any
@@ -25,20 +22,16 @@ impl Mapper {
             && settings.loops.correction == Correction::Graph
             && settings.live.policy == LivePolicy::Gated
             && !self.store.is_fixed();
-        for _ in 0..if looks { ROUNDS } else { 0 } {
-            let before = self.store.closures().len();
-            self.look_once();
-            if self.store.closures().len() == before {
-                break;
-            }
-            let (graph, closures) = (self.store.graph(), self.store.closures());
-            self.back.push(Task::Solve(Solving { graph, closures, scope: Scope::Whole }));
-            self.work_all();
+        let mut rounds = 0;
+        while looks && rounds < ROUNDS && self.look_once() {
+            rounds += 1;
         }
         self.report(Told::default())
     }
 
-    fn look_once(&mut self) {
+    /// Whether anything was found, which the poses follow then.
+    fn look_once(&mut self) -> bool {
+        let before = self.store.closures().len();
         let known = self.front.survey();
         for [from, to] in unlinked(self.store.past()) {
             let submaps = self.front.submaps();
@@ -46,10 +39,18 @@ impl Mapper {
             verification.into_iter().for_each(|verification| self.back.push(Task::Verify(Box::new(verification))));
             self.work_all();
         }
+        let (graph, closures) = (self.store.graph(), self.store.closures());
+        let is_found = closures.len() > before;
+        if is_found {
+            self.back.push(Task::Solve(Solving { graph, closures, scope: Scope::Whole }));
+            self.work_all();
+        }
+        is_found
     }
 }
 
-/// Visits of the first map that lie beside each other without a match or a closure between them, evenly spread.
+/// Visits of the first map that lie beside each other without a match or a closure between them, as far apart along the way as two findings
+/// that agree have to be, and no more than are compared for the verdict.
 fn unlinked(past: Past<'_>) -> Vec<[NodeId; 2]> {
     let Some(map) = past.session.maps().into_iter().next() else { return Vec::new() };
     let is_drawn = |place: &usize| past.drawn.get(*place).is_some_and(Option::is_some);
@@ -68,10 +69,10 @@ fn unlinked(past: Past<'_>) -> Vec<[NodeId; 2]> {
     let mut last: Option<NodeId> = None;
     let mut found = pairs(past, &nodes);
     found.retain(|&pair| {
-        let is_new = last.is_none_or(|last| past.way_between_m(last, pair[1]) >= EVERY_M) && !is_linked(pair);
+        let is_new = last.is_none_or(|last| past.way_between_m(last, pair[1]) >= APART_M) && !is_linked(pair);
         last = if is_new { Some(pair[1]) } else { last };
         is_new
     });
-    let every = found.len().div_ceil(LOOKS).max(1);
+    let every = found.len().div_ceil(COMPARED).max(1);
     found.into_iter().step_by(every).collect()
 }

@@ -163,7 +163,7 @@ impl Tracker {
         let report = MatchReport {
             beams: fit.points,
             inlier_share,
-            off_m,
+            off_m: Some(off_m),
             known_share,
             odometry_sigmas: error.dot(&(prior.information * error)).sqrt(),
             evaluations: fit.evaluations,
