@@ -26,9 +26,8 @@ pub(crate) struct Tally {
     evaluations: u64,
     beams: BeamCounts,
     span: Option<(Stamp, Stamp)>,
-    /// When the robot's motion was known last, and the longest time between two such moments with scans between, seconds.
-    known: Option<Stamp>,
-    is_guess: bool,
+    /// The first of the scans in a row up to now whose poses are guesses, and the longest time that such a row took, seconds.
+    guessed_from: Option<Stamp>,
     guessed_s: f64,
 }
 
@@ -51,8 +50,7 @@ impl Default for Tally {
             evaluations: 0,
             beams: BeamCounts::default(),
             span: None,
-            known: None,
-            is_guess: false,
+            guessed_from: None,
             guessed_s: 0.0,
         }
     }
@@ -85,18 +83,15 @@ impl Tally {
         self.runs.add(update.status, update.scan, update.stamp);
     }
 
-    /// A scan that nothing was matched with, and that no wheels predicted, says nothing of the motion.
+    /// The pose of a scan that nothing was matched with, and that no wheels predicted, is a guess.
     fn see_guess(&mut self, update: &Update, by_odometry: bool) {
         let is_guess = update.matched.is_none() && !by_odometry;
-        let since = self.known.filter(|_| is_guess || self.is_guess);
-        self.guessed_s = since.map_or(self.guessed_s, |since| self.guessed_s.max(update.stamp.secs_since(since)));
-        self.is_guess = is_guess;
-        if !is_guess || self.known.is_none() {
-            self.known = Some(update.stamp);
-        }
+        self.guessed_from = self.guessed_from.or(Some(update.stamp)).filter(|_| is_guess);
+        let row_s = self.guessed_from.map_or(0.0, |from| update.stamp.secs_since(from));
+        self.guessed_s = self.guessed_s.max(row_s);
     }
 
-    /// The longest time over which neither laser nor wheels said how the robot moves though scans came, seconds.
+    /// The longest time over which scans came, but neither laser nor wheels said how the robot moves, seconds.
     pub(crate) fn guessed_s(&self) -> f64 {
         self.guessed_s
     }
@@ -181,5 +176,40 @@ impl Tally {
             "moving": self.beams.moving,
             "refused": self.beams.refused,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapwright::{LaserModel, LaserScan, Mapper, Settings};
+    use std::sync::Arc;
+
+    /// What is said of scans taken at these times, of which those at the `blank` ones see nothing.
+    fn guessed_s(times_s: &[f64], blank: impl Fn(f64) -> bool, by_odometry: bool) -> f64 {
+        let laser = Arc::new(LaserModel::half_circle("front", 181));
+        let (mut mapper, mut tally) = (Mapper::new(Settings::default()).unwrap(), Tally::default());
+        for &at_s in times_s {
+            let range_m = |beam: usize| if blank(at_s) { f32::INFINITY } else { 3.0 + 0.01 * (beam % 60) as f32 };
+            let scan = LaserScan {
+                stamp: Stamp::from_secs_f64(at_s),
+                laser: Arc::clone(&laser),
+                ranges_m: (0..181).map(range_m).collect(),
+                odom_from_robot: None,
+            };
+            tally.add(&mapper.add_scan(&scan), by_odometry);
+        }
+        tally.guessed_s()
+    }
+
+    #[test]
+    fn poses_are_guesses_where_scans_see_nothing_and_no_wheels_turn() {
+        let every_fifth: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k)).collect();
+        let blank = |at_s: f64| (5.0..15.1).contains(&at_s);
+        assert!((guessed_s(&every_fifth, blank, false) - 10.0).abs() < 0.3);
+        assert!(guessed_s(&every_fifth, blank, true) < 1e-9);
+        assert!(guessed_s(&every_fifth, |_| false, false) < 1e-9);
+        let with_gap: Vec<f64> = every_fifth.iter().copied().filter(|&at_s| !blank(at_s)).collect();
+        assert!(guessed_s(&with_gap, |_| false, false) < 1e-9, "no pose is told of a time without scans");
     }
 }

@@ -45,6 +45,9 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
         }
     }
     mapping.end_of_scans();
+    if !interrupt.came() {
+        mapping.look_again()?;
+    }
     finish(args, &name, mapping, &truth, interrupt.came())
 }
 
