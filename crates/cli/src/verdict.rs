@@ -6,7 +6,7 @@ use crate::tally::Tally;
 use crate::terminal::count;
 use crate::turns::Turns;
 use crate::wheels::Wheels;
-use mapwright::{Advice, Objection, SeparateMap, Session, Status, Verdict as Judged, Visits};
+use mapwright::{Advice, Objection, Pose2, SeparateMap, Session, Stamp, Status, Verdict as Judged, Visits};
 use mapwright_geom::Pose;
 use mapwright_record::Measurement;
 use serde::Serialize;
@@ -49,6 +49,8 @@ pub(crate) struct Facts {
     pub(crate) hanging_from_s: f64,
     /// For how long neither laser nor wheels said how the robot moves, seconds.
     pub(crate) guessed_s: f64,
+    /// The way from scan to scan, as a multiple of the way in the order of the stamps.
+    pub(crate) way_by_stamps: f64,
     pub(crate) compared: usize,
     pub(crate) misfits: usize,
     pub(crate) moved_mean_m: f64,
@@ -88,6 +90,7 @@ impl Facts {
             hanging: hanging.share,
             hanging_from_s: hanging.from_s,
             guessed_s: tally.guessed_s(),
+            way_by_stamps: way_by_stamps(session),
             on_odometry: first.pieces.iter().filter(hangs).count(),
             compared: visits.compared,
             misfits: visits.misfits,
@@ -104,6 +107,17 @@ impl Facts {
             mirrored: turns.words(),
         }
     }
+}
+
+/// Scans that come in another order than they were taken in lead to and fro. Where stamps alone are wrong, as of a logger that has set them in
+/// bursts, their order does.
+fn way_by_stamps(session: &Session) -> f64 {
+    let mut poses: Vec<(Stamp, Pose2)> = session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
+    let way_m = |poses: &[(Stamp, Pose2)]| poses.windows(2).map(|pair| pair[0].1.distance(pair[1].1)).sum::<f64>();
+    let in_log_m = way_m(&poses);
+    poses.sort_by_key(|(stamp, _)| *stamp);
+    let by_stamps_m = way_m(&poses);
+    if by_stamps_m > 0.0 { in_log_m / by_stamps_m } else { 1.0 }
 }
 
 /// A place that was recognised this far from where the map has it is not heeded, metres.
@@ -155,6 +169,8 @@ const LOST: [f64; 2] = [0.005, 0.2];
 const HANGING: [f64; 2] = [0.05, f64::INFINITY];
 /// Seconds without knowing how the robot moves: after so long a robot that sees nothing is blind (docs/decisions/0024-fragments.md).
 const GUESSED_S: [f64; 2] = [4.0, f64::INFINITY];
+/// The way as a multiple of that by stamps.
+const DISORDER: [f64; 2] = [1.1, f64::INFINITY];
 /// Share of the comparisons of two visits that do not fit, of at least so many.
 const MISFITS: [f64; 2] = [0.04, 0.4];
 const MISFITS_AT_LEAST: usize = 2;
@@ -182,6 +198,7 @@ impl Usable {
             in_pieces(facts),
             hangs(facts),
             guessed(facts),
+            disordered(facts),
             misfits(facts),
             moved(facts),
             uncertain(facts.mean_sigma_m, facts.worst_sigma_m),
@@ -327,6 +344,18 @@ fn guessed(facts: &Facts) -> Option<Reason> {
     })
 }
 
+fn disordered(facts: &Facts) -> Option<Reason> {
+    let way = facts.way_by_stamps;
+    Some(Reason {
+        word: beyond(way, DISORDER)?,
+        what: "disordered",
+        words: format!(
+            "the robot drives to and fro, {way:.2} times the way in the order of the stamps: are scans recorded late?"
+        ),
+        evidence: json!({ "way_by_stamps": way, "bound": DISORDER[0] }),
+    })
+}
+
 fn misfits(facts: &Facts) -> Option<Reason> {
     let share = facts.misfits as f64 / facts.compared.max(1) as f64;
     let word = beyond(share, MISFITS).filter(|_| facts.misfits >= MISFITS_AT_LEAST)?;
@@ -450,6 +479,7 @@ mod tests {
         hanging: 0.001,
         hanging_from_s: 70.0,
         guessed_s: 0.5,
+        way_by_stamps: 0.8,
         compared: 100,
         misfits: 2,
         moved_mean_m: 0.02,
@@ -492,6 +522,7 @@ mod tests {
             (Facts { on_odometry: 1, ..SOUND }, "odometry alone holds 1 piece"),
             (Facts { hanging: 0.3, ..SOUND }, "30 % of the map hangs on a single step of odometry, at 70.0 s"),
             (Facts { guessed_s: 35.0, ..SOUND }, "for 35 s neither laser nor wheels"),
+            (Facts { way_by_stamps: 1.466, ..SOUND }, "to and fro, 1.47 times the way"),
             (Facts { misfits: 10, ..SOUND }, "10 of 100 places do not fit"),
             (Facts { moved_mean_m: 0.2, ..SOUND }, "0.20 m apart"),
             (Facts { mean_sigma_m: 2.0, ..SOUND }, "certain to 2.0 m only"),
