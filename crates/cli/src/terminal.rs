@@ -13,9 +13,14 @@ use terminal_size::terminal_size_of;
 /// Columns of a terminal that does not say how wide it is.
 const USUAL_COLUMNS: usize = 100;
 
-/// Whether words have colours, from now on; by themselves they have some on a terminal, unless `NO_COLOR` is set or `TERM` is `dumb`.
+/// Whether words have colours, from now on; by themselves they have some on a terminal, unless `NO_COLOR` is set or `TERM` is `dumb`,
+/// which on servers that build software (`CI` is set) would count for nothing.
 pub(crate) fn colour(choice: ColorChoice) {
-    choice.write_global();
+    match choice {
+        ColorChoice::Auto if is_dumb() => ColorChoice::Never,
+        chosen => chosen,
+    }
+    .write_global();
 }
 
 /// Writes lines for people to the standard output: on a terminal wrapped at words, and in colours. A reader that went away early is no

@@ -10,7 +10,10 @@ fn on_terminal(command: &str, columns: usize, environment: &[(&str, &str)]) -> O
     let line = format!("stty cols {columns} rows 40; {command}");
     let mut script = Command::new("script");
     script.args(["-qec", &line, "/dev/null"]).stdin(Stdio::null());
-    script.env_remove("NO_COLOR").env_remove("CLICOLOR").env("TERM", "xterm");
+    for variable in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CI"] {
+        script.env_remove(variable);
+    }
+    script.env("TERM", "xterm");
     script.envs(environment.iter().copied());
     let Ok(output) = script.output() else {
         eprintln!("a terminal: skipped: no `script` of util-linux");
@@ -65,8 +68,8 @@ fn a_terminal_gets_lines_wrapped_at_words_and_a_coloured_verdict() {
     }
     let written = lines.iter().position(|line| line.starts_with("written  ")).unwrap();
     assert!(lines[written + 1].starts_with("         "), "{:?}", &lines[written..]);
-    for environment in [("NO_COLOR", "1"), ("TERM", "dumb")] {
-        let said = on_terminal(&format!("{command} 2>/dev/null"), 60, &[environment]).unwrap();
+    for environment in [&[("NO_COLOR", "1")][..], &[("TERM", "dumb")], &[("TERM", "dumb"), ("CI", "true")]] {
+        let said = on_terminal(&format!("{command} 2>/dev/null"), 60, environment).unwrap();
         assert!(said.starts_with("good     "), "{environment:?}: {said:?}");
     }
     let never = on_terminal(&format!("{command} --color never 2>/dev/null"), 60, &[]).unwrap();
