@@ -633,14 +633,17 @@ def microseconds(stamp_ns):
 
 
 def by_truth(rows, scans):
-    """The trajectory under the stamps that relations know: scan by scan where each has a pose, and else by the stamp as it was written."""
-    if len(rows) == len(scans):
+    """The trajectory under the stamps that relations know, scan by scan: by the stamp as it was written, of those that have the same in their order."""
+    truth = collections.defaultdict(collections.deque)
+    for event in scans:
+        truth[microseconds(event.stamp_ns)].append(event.truth_ns)
+    pairs = []
+    for stamp_ns, rest in rows:
+        same = truth[microseconds(stamp_ns)]
+        pairs.append((same.popleft() if same else None, rest))
+    if len(rows) == len(scans) and any(same for same in truth.values()):
+        # stamps were not kept as they were written
         pairs = [(event.truth_ns, rest) for (_, rest), event in zip(rows, scans)]
-    else:
-        truth = {}
-        for event in scans:
-            truth.setdefault(microseconds(event.stamp_ns), event.truth_ns)
-        pairs = [(truth.get(microseconds(stamp_ns)), rest) for stamp_ns, rest in rows]
     return [(truth_ns, rest) for truth_ns, rest in pairs if truth_ns is not None]
 
 

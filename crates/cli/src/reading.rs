@@ -1,8 +1,8 @@
 //! What reading logs has brought and lost, for report and people.
 
 use crate::report::{
-    far_origin, heads_json, jump_oddity, range_losses, range_oddities, ranges_json, read_losses, read_oddities,
-    read_report, topic_oddities, topic_report,
+    far_origin, heads_json, jump_oddity, order_json, order_oddity, range_losses, range_oddities, ranges_json,
+    read_losses, read_oddities, read_report, topic_oddities, topic_report,
 };
 use crate::terminal::{count, grouped};
 use mapwright_bags::{Damages, ReadReport as Container};
@@ -152,6 +152,7 @@ fn recording_json(report: &RecordingReport) -> Value {
     value["scans_without_odometry"] = noted_json(&stream.without_odometry);
     value["non_finite_ranges"] = json!(stream.non_finite_ranges);
     value["heads_that_contradict_themselves"] = heads_json(&stream.odd_heads);
+    value["order"] = order_json(stream.order);
     value["ranges"] = ranges_json(&stream.ranges);
     value["points_used"] = json!(stream.points_used);
     value["points_outside"] = json!(stream.points_outside);
@@ -263,12 +264,13 @@ fn recording_oddities(report: &RecordingReport) -> Vec<String> {
     odd.extend(range_oddities(&stream.odd_heads, &stream.ranges, "message"));
     odd.extend(stream.topics.iter().flat_map(|topic| topic_oddities(topic, "message")));
     odd.extend(jump_oddity(&stream.topics));
+    odd.extend(order_oddity(stream.order));
     let mut note = |noted: &Noted, what: &str| {
         if let Some(place) = noted.first_places.first() {
             odd.push(format!("{what}: {}, first message {place}", grouped(noted.count)));
         }
     };
-    note(&stream.late, "messages later than the window of 2 s allows, delivered when they came");
+    note(&stream.late, "messages later than the other topic's, by more than the window of 2 s");
     note(&stream.unstamped, "headers without a stamp, which have the time of recording instead");
     let behind = match stream.odometry_behind_s {
         Some(s) if s < 0.0 => "scans without odometry near them (of readings that are all later)".to_owned(),

@@ -7,7 +7,7 @@ use crate::tally::Tally;
 use crate::terminal::{count, duration, grouped};
 use crate::verdict::{Facts, Usable};
 use mapwright::{Advice, LocalMapReport, SeparateMap, Status, Visits};
-use mapwright_formats::{Noted, OddHeads, OdometryJump, RangeReport, ReadReport, TopicReport};
+use mapwright_formats::{Noted, OddHeads, OdometryJump, OrderReport, RangeReport, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 use std::fmt::Write;
@@ -38,9 +38,28 @@ pub(crate) fn read_report(report: &ReadReport) -> Value {
         "non_finite_ranges": report.non_finite_ranges,
         "heads_that_contradict_themselves": heads_json(&report.odd_heads),
         "ranges": ranges_json(&report.ranges),
+        "order": order_json(report.order),
         "other_lines": report.other_tags,
         "topics": report.topics.iter().map(topic_report).collect::<Vec<_>>(),
     })
+}
+
+/// In which order events were delivered.
+pub(crate) fn order_json(order: OrderReport) -> Value {
+    json!({ "disordered": order.disordered, "moved": order.moved, "way_as_arrived": order.ways[0], "way_by_stamps": order.ways[1] })
+}
+
+/// Events that were put in the order of their stamps, in words.
+pub(crate) fn order_oddity(order: OrderReport) -> Option<String> {
+    let OrderReport { moved, ways: [arrived, stamped], .. } = order;
+    let words = || {
+        let (events, times) = (grouped(moved), arrived / stamped);
+        format!(
+            "scans and readings were recorded in another order than they were taken in: {events} put before others by their stamps \
+             (as recorded the robot would go to and fro there, {times:.1} times the way)"
+        )
+    };
+    (moved > 0).then(words)
 }
 
 pub(crate) fn topic_report(topic: &TopicReport) -> Value {
@@ -131,6 +150,7 @@ pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
     }
     odd.extend(report.odometry_origin_m.map(far_origin));
     odd.extend(jump_oddity(&report.topics));
+    odd.extend(order_oddity(report.order));
     odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {
         odd.push(format!("ranges that are not finite: {}", grouped(report.non_finite_ranges)));

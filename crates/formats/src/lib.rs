@@ -39,7 +39,7 @@ pub use jump::{JumpWatch, OdometryJump};
 pub use map::{Confidence, Frame, GridImage, Picture, SpacePicture, UNKNOWN, dominant_wall_angle, upward};
 pub use map::{SpacePlacement, ViewPlacement, write_bare_space_png};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};
-pub use noted::{Noted, OddHeads, RangeReport};
+pub use noted::{Noted, OddHeads, OrderReport, RangeReport};
 pub use open::{LogStream, open_log};
 pub use pcd::write_pcd;
 pub use ply::{Disc, write_ply, write_ply_discs};

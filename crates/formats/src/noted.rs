@@ -41,6 +41,18 @@ impl OddHeads {
     }
 }
 
+/// Whether a log's events arrived in the order of their stamps, and what was made of it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct OrderReport {
+    /// Events that arrived after others of a later stamp, by a moment.
+    pub disordered: u64,
+    /// Events that were put before others which had arrived before them.
+    pub moved: u64,
+    /// The robot's way over all such events as they arrived, and by their stamps, metres and radians; where there is no
+    /// odometry, how far the ranges of successive scans differ, metres.
+    pub ways: [f64; 2],
+}
+
 /// Scans whose ranges say nothing, or are not in metres.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RangeReport {

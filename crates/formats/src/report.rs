@@ -3,7 +3,7 @@
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
 use crate::jump::JumpWatch;
-use crate::noted::{Noted, OddHeads, PLACES_KEPT, RangeReport};
+use crate::noted::{Noted, OddHeads, OrderReport, PLACES_KEPT, RangeReport};
 use crate::stamp_watch::StampWatch;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -125,6 +125,8 @@ pub struct ReadReport {
     pub odd_heads: OddHeads,
     /// Scans delivered whose ranges say nothing; noted by who takes the scans.
     pub ranges: RangeReport,
+    /// In which order the events were delivered; noted by who puts them in order.
+    pub order: OrderReport,
     /// Whether the file ended within a line that is lost for that reason.
     pub truncated_last_line: bool,
     /// Where a compressed stream was torn ([`FormatError::Torn`]).

@@ -16,9 +16,9 @@ pub enum StampStep {
     Backward,
 }
 
-/// Watches the stamps of one topic. Readings keep the order in which they arrived, whatever their stamps say; a stamp
-/// that repeats or steps backwards is counted and its place noted, never re-sorted: clocks are set, buses reorder, and
-/// on real logs the order of arrival is the better one.
+/// Watches the stamps of one topic. A stamp that repeats or steps backwards is counted and its place
+/// noted; the readers deliver what they read in the order in which it stands there. Whether that or the order of stamps is the better one depends
+/// on the log: clocks are set, buses reorder.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct StampWatch {
     last: Option<Stamp>,

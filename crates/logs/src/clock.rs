@@ -9,6 +9,13 @@ const JITTER_S: f64 = 1.0;
 const GAP_PERIODS: f64 = 8.0;
 /// Weight of the newest time in the usual one.
 const PERIOD_WEIGHT: f64 = 0.02;
+/// A stamp that steps back by more is no message that was recorded late; by less it is one, unless the ones after it stay behind for so
+/// long, seconds.
+pub(crate) const LATE_MOST_S: f64 = 5.0;
+/// So many messages at least stay behind when a clock was set back.
+const LATE_MESSAGES: u32 = 5;
+/// Clocks drift apart by at most so much, seconds in a second.
+const DRIFT: f64 = 1e-3;
 /// Two topics whose stamps lie so far apart at the time of their recording are stamped by different clocks, seconds: nothing is recorded
 /// so late.
 const APART_S: f64 = 60.0;
@@ -32,8 +39,21 @@ pub(crate) struct Clock {
     /// The last stamp, and when it was recorded.
     last: Option<(Stamp, Stamp)>,
     period_s: f64,
+    /// How much later than the first message the last was recorded, seconds after its stamp; and the least of all.
+    delay_s: f64,
+    least_delay_s: f64,
+    behind: Option<Behind>,
     /// What makes its stamps go on as if it had never been set, nanoseconds.
     shift_ns: i64,
+}
+
+/// Messages after a step back that are still behind.
+#[derive(Debug, Clone, Copy)]
+struct Behind {
+    messages: u32,
+    for_s: f64,
+    /// By at least so much, seconds.
+    by_s: f64,
 }
 
 impl Clock {
@@ -59,18 +79,48 @@ impl Clock {
     /// By how much the clock was set between two stamps, if it was.
     fn step_s(&mut self, by_stamps_s: f64, by_recorder_s: f64) -> Option<f64> {
         let passed_s = if by_recorder_s >= 0.0 { by_recorder_s } else { self.period_s };
+        self.delay_s += passed_s - by_stamps_s;
+        let later_s = self.delay_s - self.least_delay_s;
         let was_set_ahead = by_recorder_s >= 0.0
+            && later_s < -JITTER_S
             && by_stamps_s - by_recorder_s > JITTER_S
             && by_stamps_s > GAP_PERIODS * self.period_s
             && self.period_s > 0.0;
-        if by_stamps_s < -JITTER_S || was_set_ahead {
-            return Some(by_stamps_s - passed_s);
+        let was_set_back = by_stamps_s < -LATE_MOST_S || (by_stamps_s < -JITTER_S && by_recorder_s < -JITTER_S);
+        let set_by_s = if was_set_ahead || was_set_back {
+            Some(by_stamps_s - passed_s)
+        } else {
+            self.stays_behind_s(by_stamps_s, passed_s, later_s).map(|behind_s| -behind_s)
+        };
+        if let Some(by_s) = set_by_s {
+            self.behind = None;
+            self.delay_s += by_s;
         }
-        if by_stamps_s > 0.0 && (self.period_s == 0.0 || by_stamps_s < GAP_PERIODS * self.period_s) {
+        let drifted_s = if self.behind.is_none() { DRIFT * passed_s } else { 0.0 };
+        self.least_delay_s = (self.least_delay_s + drifted_s).min(self.delay_s);
+        let is_usual = self.period_s == 0.0 || by_stamps_s < GAP_PERIODS * self.period_s;
+        if set_by_s.is_none() && by_stamps_s > 0.0 && is_usual {
             let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
             self.period_s += weight * (by_stamps_s - self.period_s);
         }
-        None
+        set_by_s
+    }
+
+    /// By how much stamps have stayed behind since they stepped back, once that is no delay: one that is recorded late is followed by ones
+    /// that are not.
+    fn stays_behind_s(&mut self, by_stamps_s: f64, passed_s: f64, later_s: f64) -> Option<f64> {
+        if self.behind.is_none() && by_stamps_s < -JITTER_S {
+            self.behind = Some(Behind { messages: 0, for_s: -passed_s, by_s: later_s });
+        }
+        let behind = self.behind.as_mut()?;
+        if later_s <= JITTER_S {
+            self.behind = None;
+            return None;
+        }
+        behind.messages += 1;
+        behind.for_s += passed_s;
+        behind.by_s = behind.by_s.min(later_s);
+        (behind.messages >= LATE_MESSAGES && behind.for_s >= LATE_MOST_S).then_some(behind.by_s)
     }
 
     /// By how much another topic's first stamp lies ahead of this clock, where that is no delay.
@@ -133,6 +183,26 @@ mod tests {
         ] {
             assert!((followed(&stamps)[3] - stamps[3].0).abs() < 1e-6, "{stamps:?}");
         }
+    }
+
+    #[test]
+    fn messages_that_are_recorded_late_at_random_set_no_clock() {
+        let recorded = |k: u32| 50.0 + 0.2 * f64::from(k) + 1.9 * f64::from(k * k * 7919 % 101) / 101.0;
+        let mut late: Vec<_> = (0..400).map(|k| (100.0 + 0.2 * f64::from(k), recorded(k))).collect();
+        late.sort_by(|a, b| a.1.total_cmp(&b.1));
+        assert!(late.windows(2).any(|pair| pair[1].0 - pair[0].0 < -JITTER_S));
+        assert_eq!(followed(&late).map_ms(), late.iter().map(|pair| pair.0).collect::<Vec<_>>().map_ms());
+    }
+
+    #[test]
+    fn a_clock_that_was_set_back_by_no_more_than_a_delay_shows_when_none_catches_up() {
+        let stamps: Vec<_> =
+            (0..100).map(|k| 0.2 * f64::from(k)).map(|s| (s - if s > 9.9 { 3.0 } else { 0.0 }, s)).collect();
+        let repaired = followed(&stamps);
+        assert!(
+            (repaired[60] - stamps[60].0).abs() < 1e-6 && (repaired[99] - stamps[99].1).abs() < 1e-6,
+            "{repaired:?}"
+        );
     }
 
     #[test]

@@ -6,11 +6,12 @@ use crate::choice::{Choice, MountChoice, OdometryCalibration};
 use crate::corrected::Corrected;
 use crate::error::LogError;
 use crate::merge::WINDOW_S;
+use crate::order::{Event, Order};
 use crate::plan::Plan;
 use crate::ranges::RangeCheck;
 use crate::report::LogReport;
 use crate::scans::no_scan;
-use crate::stream::{Event, Stream};
+use crate::stream::Stream;
 use crate::survey::Survey;
 use crate::words::grouped;
 use mapwright_bags::BagError;
@@ -80,6 +81,10 @@ pub struct Drive {
     scan: LaserScan,
     odometry: Odometry,
     turn_rate: TurnRate,
+    /// Of the present log.
+    order: Order,
+    /// Buffers of scans that were handed out.
+    spare: Vec<Box<LaserScan>>,
     is_begun: bool,
     /// Of the present log.
     ranges: RangeCheck,
@@ -188,6 +193,8 @@ impl Drive {
             scan: no_scan(),
             odometry,
             turn_rate,
+            order: Order::default(),
+            spare: Vec::new(),
             is_begun: false,
             ranges: RangeCheck::new(choice.range_unit_m),
             range_unit_m: choice.range_unit_m,
@@ -251,7 +258,7 @@ impl Drive {
                 let is_read_once = matches!(part.reader, Reader::Carmen(..));
                 self.corrected = self.calibration.filter(|_| is_read_once).map(Corrected::new);
             }
-            if let Some(kind) = part.read(&mut self.scan, &mut self.odometry, &mut self.turn_rate)? {
+            if let Some(kind) = self.next_in_order()? {
                 if matches!(kind, Kind::Scan) && !self.ranges.take(&mut self.scan) {
                     continue;
                 }
@@ -266,6 +273,35 @@ impl Drive {
             self.end_part();
         }
         Ok(None)
+    }
+
+    /// The next event of the present log in its buffer, or none at the log's end.
+    fn next_in_order(&mut self) -> Result<Option<Kind>, LogError> {
+        let mut is_end = false;
+        loop {
+            match self.order.pop(is_end) {
+                Some(Event::Scan(mut scan)) => {
+                    std::mem::swap(&mut self.scan, &mut scan);
+                    self.spare.push(scan);
+                    return Ok(Some(Kind::Scan));
+                }
+                Some(Event::Odometry(odometry)) => {
+                    self.odometry = odometry;
+                    return Ok(Some(Kind::Odometry));
+                }
+                Some(Event::TurnRate(turn_rate)) => {
+                    self.turn_rate = turn_rate;
+                    return Ok(Some(Kind::TurnRate));
+                }
+                None if is_end => return Ok(None),
+                None => {}
+            }
+            let Some(part) = self.parts.front_mut() else { return Ok(None) };
+            match part.read(&mut self.spare)? {
+                Some(event) => self.order.push(event),
+                None => is_end = true,
+            }
+        }
     }
 
     /// Whether the log can follow the one before, as far as stamps say.
@@ -325,6 +361,7 @@ impl Drive {
                 Reader::Recording { .. } => return,
             };
             report.set_ranges(ranges.into_report());
+            report.set_order(std::mem::take(&mut self.order).report());
             self.reports.push((part.name, report));
         }
     }
@@ -367,36 +404,25 @@ impl Part {
         LogError::Recording { name: self.name.clone(), cause }
     }
 
-    fn read(
-        &mut self,
-        scan: &mut LaserScan,
-        odometry: &mut Odometry,
-        turn_rate: &mut TurnRate,
-    ) -> Result<Option<Kind>, LogError> {
+    /// The next event as it arrived; a scan is put into a buffer of those to spare.
+    fn read(&mut self, spare: &mut Vec<Box<LaserScan>>) -> Result<Option<Event>, LogError> {
         let event = match &mut self.reader {
             Reader::Recording { .. } => return Ok(None),
-            Reader::Stream(stream) => stream.next_event().map(|event| {
-                Ok(event.map(|event| match event {
-                    Event::Scan(next) => {
-                        *scan = next;
-                        Kind::Scan
-                    }
-                    Event::Odometry(next) => {
-                        *odometry = next;
-                        Kind::Odometry
-                    }
-                    Event::TurnRate(next) => {
-                        *turn_rate = next;
-                        Kind::TurnRate
+            Reader::Stream(stream) => stream.next_event().map(Ok),
+            Reader::Carmen(events, _) => {
+                let mut scan = spare.pop().unwrap_or_else(|| Box::new(no_scan()));
+                let mut odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
+                Ok(events.next(&mut scan, &mut odometry).map(|event| match event? {
+                    true => Some(Event::Scan(scan)),
+                    false => {
+                        spare.push(scan);
+                        Some(Event::Odometry(odometry))
                     }
                 }))
-            }),
-            Reader::Carmen(events, _) => Ok(events
-                .next(scan, odometry)
-                .map(|event| event.map(|is_scan| if is_scan { Kind::Scan } else { Kind::Odometry }))),
+            }
         };
         match event {
-            Ok(Ok(kind)) => Ok(kind),
+            Ok(Ok(event)) => Ok(event),
             Ok(Err(cause)) => Err(LogError::Carmen { name: self.name.clone(), cause }),
             Err(cause) => Err(self.failed(cause)),
         }

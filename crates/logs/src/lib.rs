@@ -7,11 +7,16 @@
 //!
 //! # Order
 //!
-//! One rule for all readers. Within a topic messages keep the order in which they arrived, whatever their stamps say.
-//! Across topics they are merged by the stamps of their headers, a scan by the end of its sweep, over a window of at most
-//! [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans. Stamps that step backwards are noted; messages that come later than the window allows are
-//! delivered when they come, and counted. A clock that is set while the log runs, by more than a second, counts as if it had not been: stamps stay as they are, and order
-//! and odometry go by what they would have been. So do two topics whose clocks differ by more than a minute. A header without a stamp has the time of its recording instead, and is counted.
+//! Topics of a recording are merged by the stamps of their headers, a scan by the end of its sweep, over a window of at most
+//! [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans; messages that come later than the window allows
+//! are counted. A clock that is set while the log runs counts as if it had not been: stamps stay as they are, and order
+//! and odometry go by what they would have been. So do two topics whose clocks differ by more than a minute. A stamp that steps back by more than
+//! a second and less than five is a message that was recorded late, unless the ones after it stay behind for five seconds. A header without a stamp has the time of its recording instead, and is counted.
+//!
+//! Then one rule for all readers: events keep the order in which they arrived, or have that of their stamps, whichever makes the robot's way shorter, over
+//! those of the last five seconds. Scans that were recorded late make it go to and fro as they arrived; stamps that were made late, as those of the
+//! Intel lab's log are, make it go to and fro by them. Where there is no odometry the scans themselves tell: successive ones look alike.
+//! Both ways are in the [report](OrderReport), as are stamps that step backwards.
 //!
 //! # Odometry of a scan
 //!
@@ -52,6 +57,7 @@ mod frames;
 mod links;
 mod merge;
 mod odometry;
+mod order;
 mod plan;
 mod ranges;
 mod report;
@@ -71,6 +77,7 @@ pub use clock::ClockStep;
 pub use drive::{Drive, Input};
 pub use error::LogError;
 pub use links::{Link, Links};
+pub use mapwright_formats::OrderReport;
 pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use odometry::OdometrySource;
 pub use plan::Plan;

@@ -3,7 +3,7 @@
 use crate::clock::ClockStep;
 use crate::plan::Plan;
 use crate::survey::Survey;
-use mapwright_formats::{Noted, OddHeads, RangeReport, TopicReport};
+use mapwright_formats::{Noted, OddHeads, OrderReport, RangeReport, TopicReport};
 
 /// Messages that could not be used.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -60,6 +60,8 @@ pub struct StreamReport {
     pub odd_heads: OddHeads,
     /// Scans whose ranges say nothing.
     pub ranges: RangeReport,
+    /// In which order scans and readings were delivered.
+    pub order: OrderReport,
     /// Points of clouds outside of the slice, and those that are not finite.
     pub points_outside: u64,
     /// Points of clouds that made a scan.
@@ -116,6 +118,22 @@ impl LogReport {
         match self {
             Self::Carmen(report) => &report.odd_heads,
             Self::Recording(report) => &report.stream.odd_heads,
+        }
+    }
+
+    /// In which order the log's events were delivered.
+    #[must_use]
+    pub fn order(&self) -> OrderReport {
+        match self {
+            Self::Carmen(report) => report.order,
+            Self::Recording(report) => report.stream.order,
+        }
+    }
+
+    pub(crate) fn set_order(&mut self, order: OrderReport) {
+        match self {
+            Self::Carmen(report) => report.order = order,
+            Self::Recording(report) => report.stream.order = order,
         }
     }
 

@@ -6,6 +6,7 @@ use crate::corrected::Corrected;
 use crate::links::{bare, stamp_or};
 use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
 use crate::odometry::OdometrySource;
+use crate::order::Event;
 use crate::plan::Plan;
 use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
@@ -19,14 +20,6 @@ use mapwright_sensor::{FarOrigin, LaserScan, Odometry, TurnRate, TurnRates};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::path::Path;
-
-/// An event of a recording.
-#[derive(Debug)]
-pub(crate) enum Event {
-    Scan(LaserScan),
-    Odometry(Odometry),
-    TurnRate(TurnRate),
-}
 
 /// What a connection is used for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -98,7 +91,7 @@ impl Stream {
                 return Ok(Some(Event::TurnRate(rate)));
             }
             if let Some((scan, _)) = self.turning.scan.take() {
-                return Ok(Some(Event::Scan(scan)));
+                return Ok(Some(Event::Scan(Box::new(scan))));
             }
             match self.merger.pop(self.is_end) {
                 Some(Turn::Scan(next)) => {

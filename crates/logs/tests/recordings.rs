@@ -158,17 +158,18 @@ fn scans_get_odometry_at_their_stamps_whatever_comes_first() {
     let mut recorder = Recorder::new("order.mcap");
     recorder.odometry("/odom", ms(5), ms(0), 0.0);
     recorder.scan(ms(60), ms(50), &[1.0; 3]);
-    recorder.scan(ms(70), ms(40), &[1.0; 4]); // steps back, and keeps its place
+    recorder.scan(ms(70), ms(40), &[1.0; 4]); // recorded after a later one: so the robot would go to and fro
     recorder.odometry("/odom", ms(300), ms(100), 1.0); // comes late, but within the window
     recorder.scan(ms(400), Stamp(0), &[1.0; 4]); // no stamp: the time of recording
     recorder.odometry("/odom", ms(500), ms(500), 2.0);
     recorder.scan(ms(9000), ms(9000), &[f32::NAN; 4]); // no odometry for so long
     let (scans, report) = read(recorder.finish());
-    assert_eq!(scans, [(50, Some(0.5)), (40, Some(0.4)), (400, Some(1.75)), (9000, None)]);
+    assert_eq!(scans, [(40, Some(0.4)), (50, Some(0.5)), (400, Some(1.75)), (9000, None)]);
     let stream = &report.stream;
     assert_eq!((stream.scans, stream.odometry, stream.unstamped.count, stream.late.count), (4, 3, 1, 0));
     assert_eq!((stream.without_odometry.count, stream.odometry_behind_s), (1, Some(8.5)));
     assert_eq!(stream.topics[0].stamps.backward.first_places, [3]);
+    assert_eq!((stream.order.disordered, stream.order.moved), (1, 1));
     assert_eq!(stream.topics[0].beam_count_changes.count, 1);
     assert_eq!(stream.non_finite_ranges, 4);
 }
