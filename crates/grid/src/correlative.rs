@@ -48,11 +48,14 @@ pub struct SearchSettings {
     pub least_share: f64,
     /// Rivals that score less than this share of the best pose are not looked for, which makes clear cases cheap.
     pub least_rival_share: f64,
+    /// Poses and blocks of poses that are scored at most. Where more were to be told apart nothing counts as found: what fits everywhere
+    /// alike takes millions, and its place is not known by the best of them.
+    pub scored_at_most: u64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0, least_rival_share: 0.0 }
+        Self { sigma_m: 0.1, reach_m: 30.0, least_share: 0.0, least_rival_share: 0.0, scored_at_most: u64::MAX }
     }
 }
 
@@ -154,7 +157,7 @@ impl CorrelativeSearch {
     /// The best pose of a window for end points in the robot's frame, metres, and its best rival where `separation` is
     /// given.
     ///
-    /// `None` where nothing reaches the least share, where no point is finite and within reach, where the window is not finite, lies
+    /// `None` where nothing reaches the least share, where more would have to be scored than the settings allow, where no point is finite and within reach, where the window is not finite, lies
     /// beyond 10^6 m or, even in steps of 8 cells, takes more than [`MAX_SEARCH_CELLS`] or [`MAX_SEARCH_BLOCKS`] (about 550 m of half
     /// width and reach together at 5 cm).
     #[must_use]
@@ -185,7 +188,7 @@ impl CorrelativeSearch {
         let best = self.search_best(map, &lattice)?;
         let separation = separation.filter(|_| is_worth(&lattice.peak(&best)));
         let rival = separation.and_then(|separation| self.rival_of(&lattice, &best, separation));
-        Some(SearchResult {
+        (self.scored <= self.settings.scored_at_most).then(|| SearchResult {
             best: lattice.peak(&best),
             rival: rival.map(|block| lattice.peak(&block)),
             points_used: self.points.len() as u32,
@@ -261,6 +264,9 @@ impl CorrelativeSearch {
                 }
                 if block.level == 0 {
                     best = Some(block);
+                } else if self.scored > self.settings.scored_at_most {
+                    self.stack.clear();
+                    return None;
                 } else {
                     self.split(lattice, &block);
                 }
@@ -322,6 +328,25 @@ mod tests {
         let side = 1 << doublings;
         let cells = (0..side * side).map(|k| (x * side + k % side, y * side + k / side));
         cells.filter_map(|(x, y)| map.field().nearest_cell(x, y)).map(|(d2, _)| scores[d2 as usize]).max().unwrap_or(0)
+    }
+
+    #[test]
+    fn a_search_that_takes_more_than_it_may_finds_nothing() {
+        let mut rng = Rng::new(5);
+        let map = random_map(&mut rng);
+        let points = random_points(&mut rng, 20, 3.0);
+        let whole = CorrelativeSearch::default().search(&map, &points, &window(1.0), None).unwrap();
+        let search = |scored_at_most| {
+            let settings = SearchSettings { scored_at_most, ..SearchSettings::default() };
+            let mut searcher = CorrelativeSearch::new(settings);
+            let found = searcher.search(&map, &points, &window(1.0), None);
+            (found.map(|found| found.best), searcher.scored())
+        };
+        assert_eq!(search(whole.scored), (Some(whole.best), whole.scored));
+        for most in [0, whole.scored / 2, whole.scored - 1] {
+            let (found, scored) = search(most);
+            assert!(found.is_none() && scored <= whole.scored, "{most}: {scored}");
+        }
     }
 
     #[test]

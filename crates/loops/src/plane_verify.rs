@@ -9,6 +9,9 @@ use mapwright_record::{Evidence, Objection};
 
 /// Rivals with a smaller share of the best score are not looked for.
 const LEAST_AMBIGUITY: f64 = 0.75;
+/// A submap that fits everywhere alike is nowhere: after so many poses and blocks nothing counts as found. On real logs one search in
+/// thousands gets there, and half of that is rare.
+const SCORED_AT_MOST: u64 = 300_000;
 
 /// Looks for submaps in others; keeps its buffers.
 #[derive(Debug, Clone, Default)]
@@ -43,6 +46,7 @@ impl PlaneVerifier {
         self.points.extend(query.hits.iter().step_by(every));
         self.searcher.settings.least_share = least_score;
         self.searcher.settings.least_rival_share = LEAST_AMBIGUITY;
+        self.searcher.settings.scored_at_most = SCORED_AT_MOST;
         let Self { settings, matcher, searcher, points } = self;
         let mut finding = None;
         let found = searcher.search_worth_rival(&target.map, points, window, Some(separation), |best| {
