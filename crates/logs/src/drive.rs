@@ -83,8 +83,8 @@ pub struct Drive {
     turn_rate: TurnRate,
     /// Of the present log.
     order: Order,
-    /// Buffers of scans that were handed out.
-    spare: Vec<Box<LaserScan>>,
+    /// The buffer of the scan that was handed out last.
+    spare: Option<LaserScan>,
     is_begun: bool,
     /// Of the present log.
     ranges: RangeCheck,
@@ -194,7 +194,7 @@ impl Drive {
             odometry,
             turn_rate,
             order: Order::default(),
-            spare: Vec::new(),
+            spare: None,
             is_begun: false,
             ranges: RangeCheck::new(choice.range_unit_m),
             range_unit_m: choice.range_unit_m,
@@ -282,7 +282,7 @@ impl Drive {
             match self.order.pop(is_end) {
                 Some(Event::Scan(mut scan)) => {
                     std::mem::swap(&mut self.scan, &mut scan);
-                    self.spare.push(scan);
+                    self.spare = Some(scan);
                     return Ok(Some(Kind::Scan));
                 }
                 Some(Event::Odometry(odometry)) => {
@@ -404,18 +404,18 @@ impl Part {
         LogError::Recording { name: self.name.clone(), cause }
     }
 
-    /// The next event as it arrived; a scan is put into a buffer of those to spare.
-    fn read(&mut self, spare: &mut Vec<Box<LaserScan>>) -> Result<Option<Event>, LogError> {
+    /// The next event as it arrived; a scan is put into the buffer to spare.
+    fn read(&mut self, spare: &mut Option<LaserScan>) -> Result<Option<Event>, LogError> {
         let event = match &mut self.reader {
             Reader::Recording { .. } => return Ok(None),
             Reader::Stream(stream) => stream.next_event().map(Ok),
             Reader::Carmen(events, _) => {
-                let mut scan = spare.pop().unwrap_or_else(|| Box::new(no_scan()));
+                let mut scan = spare.take().unwrap_or_else(no_scan);
                 let mut odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
                 Ok(events.next(&mut scan, &mut odometry).map(|event| match event? {
                     true => Some(Event::Scan(scan)),
                     false => {
-                        spare.push(scan);
+                        *spare = Some(scan);
                         Some(Event::Odometry(odometry))
                     }
                 }))

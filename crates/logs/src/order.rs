@@ -16,7 +16,7 @@ const MOST_APART_M: f32 = 0.5;
 /// An event of a log.
 #[derive(Debug)]
 pub(crate) enum Event {
-    Scan(Box<LaserScan>),
+    Scan(LaserScan),
     Odometry(Odometry),
     TurnRate(TurnRate),
 }
@@ -190,12 +190,12 @@ mod tests {
 
     fn scan(s: f64, x_m: Option<f64>, range_m: f32) -> Event {
         let odom_from_robot = x_m.map(|x| Pose2::new(x, 0.0, 0.0));
-        Event::Scan(Box::new(LaserScan {
+        Event::Scan(LaserScan {
             stamp: Stamp::from_secs_f64(s),
             odom_from_robot,
             ranges_m: vec![range_m; 3],
             ..no_scan()
-        }))
+        })
     }
 
     fn odometry(s: f64, x_m: f64) -> Event {

@@ -91,7 +91,7 @@ impl Stream {
                 return Ok(Some(Event::TurnRate(rate)));
             }
             if let Some((scan, _)) = self.turning.scan.take() {
-                return Ok(Some(Event::Scan(Box::new(scan))));
+                return Ok(Some(Event::Scan(scan)));
             }
             match self.merger.pop(self.is_end) {
                 Some(Turn::Scan(next)) => {
