@@ -89,6 +89,15 @@ pub(crate) fn grouped(number: u64) -> String {
     text
 }
 
+/// A small length, with as many digits as say something.
+pub(crate) fn metres(m: f64) -> String {
+    match m {
+        m if m < 0.0005 => "less than 0.001 m".to_owned(),
+        m if m < 0.01 => format!("{m:.3} m"),
+        m => format!("{m:.2} m"),
+    }
+}
+
 /// A time in the unit that suits it.
 pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
@@ -111,6 +120,7 @@ mod tests {
     #[test]
     fn numbers_read_well() {
         assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
+        assert_eq!([0.0, 0.0043, 0.0149].map(metres), ["less than 0.001 m", "0.004 m", "0.01 m"]);
         assert_eq!([12.34, 600.0, 7200.0].map(duration), ["12.3 s", "10 min", "2.0 h"]);
         assert_eq!([count(1, "scan"), count(2, "scan")], ["1 scan", "2 scans"]);
     }

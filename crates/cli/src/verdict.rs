@@ -3,7 +3,7 @@
 
 use crate::hanging::Hanging;
 use crate::tally::Tally;
-use crate::terminal::count;
+use crate::terminal::{count, metres};
 use crate::turns::Turns;
 use crate::wheels::Wheels;
 use mapwright::{Advice, Objection, Pose2, SeparateMap, Session, Stamp, Status, Verdict as Judged, Visits};
@@ -452,13 +452,13 @@ fn expected_error_m(facts: &Facts) -> Option<f64> {
 /// Why nothing speaks against it.
 fn all_is_well(facts: &Facts) -> String {
     match facts.compared {
-        0 => format!("nothing was seen twice; certain to {:.2} m in the mean", facts.mean_sigma_m),
+        0 => format!("nothing was seen twice; certain to {} in the mean", metres(facts.mean_sigma_m)),
         compared => {
             let fits = (compared - facts.misfits) as u64;
             format!(
-                "{} seen again fit what was seen before, to {:.2} m in the mean",
+                "{} seen again fit what was seen before, to {} in the mean",
                 count(fits, "place"),
-                facts.moved_mean_m
+                metres(facts.moved_mean_m)
             )
         }
     }

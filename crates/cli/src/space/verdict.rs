@@ -1,7 +1,7 @@
 //! Whether a map of space can be used, by what its run knows of itself (docs/decisions/0027-verdict.md).
 
 use super::tally::{FitOfCloud, Tally, median};
-use crate::terminal::count;
+use crate::terminal::{count, metres};
 use crate::verdict::{Reason, Usability, Usable, beyond, doubtful, lost, uncertain, unheeded, unheeded_places};
 use mapwright::{EdgeKind, MatchReport, Session, SpaceMapper, SpaceSweep, Status};
 use mapwright_geom::TangentMatrix;
@@ -179,8 +179,8 @@ impl Facts {
             closures => format!("{} closed", count(closures as u64, "loop")),
         };
         format!(
-            "clouds fit the map, certain to {:.2} m in the mean; {loops}; not asked: wheels, scale, how visits agree (`eval --revisits`)",
-            self.mean_sigma_m
+            "clouds fit the map, certain to {} in the mean; {loops}; not asked: wheels, scale, how visits agree (`eval --revisits`)",
+            metres(self.mean_sigma_m)
         )
     }
 }

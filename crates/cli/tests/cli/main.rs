@@ -17,6 +17,7 @@ mod real_logs;
 mod recordings;
 mod robot;
 mod runs;
+mod scripts;
 mod session;
 mod show;
 mod space;
