@@ -13,9 +13,11 @@ use crate::numbers::Numbers;
 use crate::pose::is_sound;
 use mapwright_geom::{Pose, Stamp, TangentMatrix};
 use mapwright_sensor::Sweep;
+use spells::Spell;
 use std::sync::Arc;
 
 mod pieces;
+mod spells;
 
 pub use pieces::{OdometryLink, Piece, SeparateMap};
 
@@ -443,21 +445,27 @@ impl<M: Measurement> Session<M> {
         self.checkpoint.as_ref()
     }
 
-    /// Where the robot was at every scan, in arrival order, with every correction made since.
+    /// Where the robot was at every scan, in arrival order, with every correction made since. Where it followed its odometry alone before a break,
+    /// the way is bent so that it ends where the map has the robot after it.
     pub fn trajectory(&self) -> impl ExactSizeIterator<Item = TrajectoryPose<M::Pose>> + '_ {
         let mut origins = self.odometry_origins.iter().peekable();
         let mut odom_from_start = M::Pose::identity();
+        let spells = self.spells();
         self.scans.iter().enumerate().map(move |(place, scan)| {
             let number = self.scan_numbers.number(place);
             while let Some(origin) = origins.next_if(|origin| origin.from_scan <= number) {
                 odom_from_start = origin.odom_from_start;
             }
-            let map_from_keyframe = scan.keyframe.and_then(|id| self.place(id)).map(|k| self.map_from_keyframe[k]);
-            let ScanPose { stamp, keyframe_from_robot, odom_from_robot, .. } = *scan;
-            let odom_from_robot = odom_from_start * odom_from_robot;
-            let map_from_robot = map_from_keyframe.map_or(keyframe_from_robot, |pose| pose * keyframe_from_robot);
-            TrajectoryPose { stamp, map_from_robot, odom_from_robot }
+            let odom_from_robot = odom_from_start * scan.odom_from_robot;
+            let map_from_robot = Spell::pose(&spells, place).unwrap_or_else(|| self.corrected(scan));
+            TrajectoryPose { stamp: scan.stamp, map_from_robot, odom_from_robot }
         })
+    }
+
+    /// Where the robot was at a scan by the keyframe that its pose was found from.
+    fn corrected(&self, scan: &ScanPose<M::Pose>) -> M::Pose {
+        let map_from_keyframe = scan.keyframe.and_then(|id| self.place(id)).map(|k| self.map_from_keyframe[k]);
+        map_from_keyframe.map_or(scan.keyframe_from_robot, |pose| pose * scan.keyframe_from_robot)
     }
 }
 

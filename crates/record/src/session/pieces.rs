@@ -120,7 +120,7 @@ impl<M: Measurement> Session<M> {
 }
 
 /// The fragments of a session in the order of the way.
-struct Layout {
+pub(super) struct Layout {
     fragments: Vec<Known>,
     pieces: usize,
 }
@@ -134,7 +134,7 @@ struct Known {
 }
 
 impl Layout {
-    fn of<M: Measurement>(session: &Session<M>) -> Self {
+    pub(super) fn of<M: Measurement>(session: &Session<M>) -> Self {
         let mut layout = Self { fragments: in_order(session), pieces: 0 };
         // Each fragment names an earlier one of its piece, the first one itself.
         let mut earlier: Vec<usize> = (0..layout.fragments.len()).collect();
@@ -196,6 +196,18 @@ impl Layout {
         let (sigma_m, sigma_rad) =
             (covariance.position_variance_m2().sqrt(), covariance.rotation_variance_rad2().sqrt());
         (sigma_m <= ODOMETRY_AT_MOST_M).then_some(Link { pieces: [from.piece, to.piece], sigma_m, sigma_rad })
+    }
+
+    /// The keyframes with which fragments begin that the robot reached unseen.
+    pub(super) fn over_breaks(&self) -> impl Iterator<Item = usize> {
+        let is_unseen = |known: &&Known| known.fragment.is_some_and(|fragment| fragment.start.is_break());
+        self.fragments.iter().filter(is_unseen).map(|known| known.keyframes.start)
+    }
+
+    /// Whether two keyframes are held together.
+    pub(super) fn is_one_piece(&self, keyframes: [usize; 2]) -> bool {
+        let [a, b] = keyframes.map(|keyframe| self.fragments.get(self.at(keyframe)).map(|known| known.piece));
+        a.is_some() && a == b
     }
 
     /// The fragment of a keyframe.
