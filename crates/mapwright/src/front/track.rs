@@ -48,9 +48,6 @@ const WEAK_SHARE: f64 = 0.01;
 /// The same without odometry: nothing holds a match then that sticks along a corridor to what was just drawn, and what it says
 /// of that direction is wrong by metres before a scan tells.
 const WEAK_SHARE_ALONE: f64 = 0.03;
-/// What contradicts odometry has to fit as well as usual, up to so much: a place in a map is seldom right and odometry
-/// that far wrong where the scan fits badly there too.
-const FAR_SHARE: f64 = 0.1;
 /// A match that fits so much less than usual may have been led astray, or have slipped.
 const FALL_SHARE: f64 = 0.05;
 /// Starts that are tried then, ahead and behind, metres.
@@ -282,7 +279,6 @@ impl Tracker {
             first_fits,
             prior,
             failures: scene.failures(&prior),
-            far_share: self.usual_share - FAR_SHARE,
             from_odometry: step.from_odometry,
         };
         if tried.doubtful() {
@@ -493,8 +489,6 @@ struct Tried {
     prior: Prior,
     /// Where the robot is if the wheels fail.
     failures: Vec<Prior>,
-    /// What contradicts odometry has to fit so well.
-    far_share: f64,
     from_odometry: bool,
 }
 
@@ -523,10 +517,7 @@ impl Tried {
 
     fn offer(&mut self, other: (MatchResult, Agreement)) {
         self.evaluations += other.0.evaluations;
-        let explains = |prior: &Prior| sigmas(prior, other.0.world_from_robot) <= DOUBT_SIGMAS;
-        let far = self.from_odometry && !explains(&self.prior) && !self.failures.iter().any(explains);
-        let believable = !far || other.1.inlier_share() >= self.far_share;
-        if believable && self.score(&other) < self.score(&self.best) {
+        if self.score(&other) < self.score(&self.best) {
             self.best = other;
         }
     }
