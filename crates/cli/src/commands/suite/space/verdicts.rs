@@ -8,8 +8,10 @@ use crate::failure::Failure;
 use crate::simulated::{Simulated, Taken};
 use crate::space::{SpaceFacts, Tally};
 use mapwright::{Cloud, Pose3, Settings, SpaceMapper, SpaceSweep};
+use mapwright_eval::EvalError;
 use mapwright_sim::Rng;
 use mapwright_sim::space::{SpaceDrive, TrueCloud};
+use nalgebra::Vector3;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -169,6 +171,30 @@ fn run(drive: &SpaceDrive, clouds: Vec<TrueCloud>, settings: &Settings) -> Resul
         tally.add(&mapper.add_cloud(&taken.cloud));
     }
     let facts = SpaceFacts::of(&tally, &mut mapper);
+    let driven_m = spread_m(&scans.iter().map(|scan| scan.world_from_robot.translation).collect::<Vec<_>>());
     let world: Simulated<SpaceSweep> = Simulated::of(mapper.session().clone(), scans);
-    Ok((world.trajectory_ate_m().map_err(|cause| cause.to_string())?, facts))
+    let error_m = match world.trajectory_ate_m() {
+        // the map has the robot in one place
+        Err(EvalError::NotAlignable { .. }) => driven_m,
+        error_m => error_m.map_err(|cause| cause.to_string())?,
+    };
+    Ok((error_m, facts))
+}
+
+/// Root of the mean square distance of places from their middle, metres.
+fn spread_m(places_m: &[Vector3<f64>]) -> f64 {
+    let count = places_m.len().max(1) as f64;
+    let middle_m = places_m.iter().sum::<Vector3<f64>>() / count;
+    (places_m.iter().map(|place_m| (place_m - middle_m).norm_squared()).sum::<f64>() / count).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_that_stays_is_off_by_what_it_drove() {
+        let way = [0.0, 2.0].map(|x| Vector3::new(x, 1.0, 0.0));
+        assert_eq!((spread_m(&way), spread_m(&way[..1]), spread_m(&[])), (1.0, 0.0, 0.0));
+    }
 }
