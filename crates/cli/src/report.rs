@@ -53,10 +53,12 @@ pub(crate) fn order_json(order: OrderReport) -> Value {
 pub(crate) fn order_oddity(order: OrderReport) -> Option<String> {
     let OrderReport { moved, ways: [arrived, stamped], .. } = order;
     let words = || {
-        let (events, times) = (grouped(moved), arrived / stamped);
+        // a stretch may cost no way at all, as where all of it is told apart by turns
+        let times = if stamped > 0.0 { format!(", {:.1} times the way", arrived / stamped) } else { String::new() };
         format!(
-            "scans and readings were recorded in another order than they were taken in: {events} put before others by their stamps \
-             (as recorded the robot would go to and fro there, {times:.1} times the way)"
+            "scans and readings were recorded in another order than they were taken in: {} put before others by their stamps \
+             (as recorded the robot would go to and fro there{times})",
+            grouped(moved)
         )
     };
     (moved > 0).then(words)

@@ -85,6 +85,8 @@ pub struct Drive {
     order: Order,
     /// The buffer of the scan that was handed out last.
     spare: Option<LaserScan>,
+    /// How the present log ended, until what was read before is handed out.
+    ended: Option<Result<(), LogError>>,
     is_begun: bool,
     /// Of the present log.
     ranges: RangeCheck,
@@ -195,6 +197,7 @@ impl Drive {
             turn_rate,
             order: Order::default(),
             spare: None,
+            ended: None,
             is_begun: false,
             ranges: RangeCheck::new(choice.range_unit_m),
             range_unit_m: choice.range_unit_m,
@@ -275,11 +278,10 @@ impl Drive {
         Ok(None)
     }
 
-    /// The next event of the present log in its buffer, or none at the log's end.
+    /// The next event of the present log in its buffer, or none at the log's end. Where a file fails, what was read before comes first.
     fn next_in_order(&mut self) -> Result<Option<Kind>, LogError> {
-        let mut is_end = false;
         loop {
-            match self.order.pop(is_end) {
+            match self.order.pop(self.ended.is_some()) {
                 Some(Event::Scan(mut scan)) => {
                     std::mem::swap(&mut self.scan, &mut scan);
                     self.spare = Some(scan);
@@ -293,13 +295,17 @@ impl Drive {
                     self.turn_rate = turn_rate;
                     return Ok(Some(Kind::TurnRate));
                 }
-                None if is_end => return Ok(None),
-                None => {}
+                None => {
+                    if let Some(ended) = self.ended.take() {
+                        return ended.map(|()| None);
+                    }
+                }
             }
             let Some(part) = self.parts.front_mut() else { return Ok(None) };
-            match part.read(&mut self.spare)? {
-                Some(event) => self.order.push(event),
-                None => is_end = true,
+            match part.read(&mut self.spare) {
+                Ok(Some(event)) => self.order.push(event),
+                Ok(None) => self.ended = Some(Ok(())),
+                Err(cause) => self.ended = Some(Err(cause)),
             }
         }
     }

@@ -1,10 +1,11 @@
 //! Whatever the bytes: no panic, and an answer.
-#![allow(clippy::explicit_write, clippy::unwrap_used, reason = "tests may")]
+#![allow(clippy::explicit_write, clippy::panic, clippy::unwrap_used, reason = "tests may")]
 
 use mapwright_logs::{Choice, Drive, Input};
 use std::fs;
-use std::io::Write as _;
+use std::io::{self, Read, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// `../shared/data` beside the workspace, or `MAPWRIGHT_DATA`.
 fn sample() -> Option<PathBuf> {
@@ -40,4 +41,34 @@ fn flipped_bytes_cost_messages_and_nothing_else() {
         while drive.next_event().unwrap().is_some() {}
         assert!(drive.into_reports().len() == 1);
     }
+}
+
+/// A file that fails behind these bytes.
+struct Failing<'a>(&'a [u8]);
+
+impl Read for Failing<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        match self.0.read(out)? {
+            0 => Err(io::Error::other("the disk is gone")),
+            got => Ok(got),
+        }
+    }
+}
+
+#[test]
+fn what_was_read_before_a_file_fails_is_handed_out_first() {
+    static LOG: OnceLock<String> = OnceLock::new();
+    let line = |k: u32| format!("FLASER 3 1 2 3 {0} 0 0 {0} 0 0 {1} h {1}\n", 0.1 * f64::from(k), 0.2 * f64::from(k));
+    let log = LOG.get_or_init(|| (0..50).map(line).collect());
+    let input = Input::Carmen(Box::new(Failing(log.as_bytes())));
+    let mut drive = Drive::open(vec![("failing".to_owned(), input)], &Choice::default()).unwrap();
+    let mut scans = 0;
+    let failed = loop {
+        match drive.next_event() {
+            Ok(Some(_)) => scans += 1,
+            Ok(None) => panic!("an end after {scans} scans"),
+            Err(failed) => break failed.to_string(),
+        }
+    };
+    assert!(scans == 50 && failed.contains("the disk is gone"), "{scans} scans, {failed}");
 }

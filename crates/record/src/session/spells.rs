@@ -8,7 +8,7 @@ use mapwright_geom::{Pose, TangentMatrix};
 /// A pose follows odometry where it lies no farther from where that says, metres and radians: what remains is rounding. A way is bent until it
 /// misses its end by no more.
 const ROUNDING: f64 = 1e-6;
-/// Corrections of a way at most; a quarter turn over some metres takes four.
+/// Corrections of a way at most; one that has not settled by then stays as odometry left it.
 const CORRECTIONS: usize = 20;
 
 /// Successive scans that followed odometry from the last match to a break.
