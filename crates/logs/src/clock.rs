@@ -72,7 +72,13 @@ impl Clock {
         (self.at(stamp), set_by_s)
     }
 
-    fn at(&self, stamp: Stamp) -> Stamp {
+    /// How many messages up to the last one step back, of which it is open whether they were recorded late or the clock was set.
+    pub(crate) fn undecided(&self) -> usize {
+        self.behind.map_or(0, |behind| behind.messages as usize)
+    }
+
+    /// A stamp on a clock that is never set.
+    pub(crate) fn at(&self, stamp: Stamp) -> Stamp {
         Stamp(stamp.0.saturating_add(self.shift_ns))
     }
 

@@ -11,7 +11,7 @@
 //! [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] messages and [`WINDOW_BYTES`] bytes of scans; messages that come later than the window allows
 //! are counted. A clock that is set while the log runs counts as if it had not been: stamps stay as they are, and order
 //! and odometry go by what they would have been. So do two topics whose clocks differ by more than a minute. A stamp that steps back by more than
-//! a second and less than five is a message that was recorded late, unless the ones after it stay behind for five seconds. A header without a stamp has the time of its recording instead, and is counted.
+//! a second and less than five is a message that was recorded late, unless the ones after it stay behind for five seconds; until that is known it waits, within the window's messages and bytes. A header without a stamp has the time of its recording instead, and is counted.
 //!
 //! Then one rule for all readers: events keep the order in which they arrived, or have that of their stamps, whichever makes the robot's way shorter, over
 //! those of the last five seconds. Scans that were recorded late make it go to and fro as they arrived; stamps that were made late, as those of the

@@ -94,12 +94,23 @@ impl Merger {
 
     pub(crate) fn push_scan(&mut self, place: u64, scan: Taken) {
         self.scan_bytes += scan.held_bytes();
+        let undecided = self.scans_clock.undecided();
         let (at, set_by_s) = self.scans_clock.follow(scan.scan.stamp, self.recorded, &self.odometry_clock);
         self.scans.push_back(Waiting { recorded: self.now, place, at, item: scan });
+        if set_by_s.is_some() {
+            let clock = &self.scans_clock;
+            self.scans
+                .iter_mut()
+                .rev()
+                .skip(1)
+                .take(undecided)
+                .for_each(|late| late.at = clock.at(late.item.scan.stamp));
+        }
         self.clock_set = set_by_s.map(|by_s| (false, by_s)).or(self.clock_set);
     }
 
     pub(crate) fn push_odometry(&mut self, place: u64, odometry: Odometry) {
+        let undecided = self.odometry_clock.undecided();
         let (at, set_by_s) = self.odometry_clock.follow(odometry.stamp, self.recorded, &self.scans_clock);
         let odom_from_robot = odometry.odom_from_robot;
         let is_anew = self
@@ -108,6 +119,13 @@ impl Merger {
         let reading = Reading { at, odom_from_robot, is_anew };
         self.last_pushed = Some(reading);
         self.odometry.push_back(Waiting { recorded: self.now, place, at, item: (odometry, reading) });
+        if set_by_s.is_some() {
+            let clock = &self.odometry_clock;
+            self.odometry.iter_mut().rev().skip(1).take(undecided).for_each(|late| {
+                late.at = clock.at(late.item.0.stamp);
+                late.item.1.at = late.at;
+            });
+        }
         self.clock_set = set_by_s.map(|by_s| (true, by_s)).or(self.clock_set);
     }
 
@@ -126,6 +144,10 @@ impl Merger {
 
     /// The next in order, where it is certain or has waited long enough; at the recording's end in any case.
     pub(crate) fn pop(&mut self, is_end: bool) -> Option<Turn> {
+        let is_open = self.scans_clock.undecided() + self.odometry_clock.undecided() > 0;
+        if is_open && !is_end && !self.is_full() {
+            return None;
+        }
         let is_due = |recorded| is_end || self.is_due(recorded);
         let is_scan = match (self.scans.front(), self.odometry.front()) {
             (Some(scan), Some(odometry)) => end_of(scan) < odometry.at,
@@ -137,10 +159,11 @@ impl Merger {
     }
 
     fn is_due(&self, recorded: Stamp) -> bool {
-        self.is_alone
-            || self.now.secs_since(recorded) > WINDOW_S
-            || self.scans.len() + self.odometry.len() > WINDOW_MESSAGES
-            || self.scan_bytes > WINDOW_BYTES
+        self.is_alone || self.now.secs_since(recorded) > WINDOW_S || self.is_full()
+    }
+
+    fn is_full(&self) -> bool {
+        self.scans.len() + self.odometry.len() > WINDOW_MESSAGES || self.scan_bytes > WINDOW_BYTES
     }
 
     fn pop_scan(&mut self) -> Option<Next<Taken>> {
@@ -293,6 +316,29 @@ mod tests {
         merger.push_odometry(2, odometry(60, 0.0));
         let Some(Turn::Odometry(next)) = merger.pop(true) else { panic!() };
         assert!(next.is_late);
+    }
+
+    #[test]
+    fn a_scan_that_steps_back_waits_until_it_is_known_whether_it_was_late() {
+        // scans and odometry five times a second, of which scans are 2 s early from the second second on
+        let mut merger = Merger::default();
+        let mut poses = Vec::new();
+        let mut take = |merger: &mut Merger, is_end: bool| {
+            while let Some(turn) = merger.pop(is_end) {
+                if let Turn::Scan(next) = turn {
+                    poses.push(merger.odom_from_robot(next.at).map(|pose| (10.0 * pose.x).round() as i64));
+                }
+            }
+        };
+        for k in 0..60 {
+            let ms = 200 * k;
+            merger.at(Stamp(ms * 1_000_000));
+            merger.push_odometry(2 * k as u64, odometry(ms, ms as f64 / 1e3));
+            merger.push_scan(2 * k as u64 + 1, scan(if k < 10 { ms } else { ms - 2000 }));
+            take(&mut merger, false);
+        }
+        take(&mut merger, true);
+        assert_eq!(poses, (0..60).map(|k| Some(2 * k)).collect::<Vec<_>>());
     }
 
     #[test]

@@ -436,6 +436,8 @@ fn clocks_that_are_set_or_differ_and_scans_that_are_late_leave_the_trajectory_as
             ("all_back", set("", -3600.0, 20.0, true), set_says("was set back by 36")),
             ("all_back_a_little", set("", -5.0, 20.0, true), set_says("was set back by 5")),
             ("scans_back", set("/scan", -7.0, 20.0, false), set_says("of /scan was set back by 7.0 s")),
+            ("scans_back_a_little", set("/scan", -3.0, 20.0, false), set_says("of /scan was set back by 3.0 s")),
+            ("odometry_back_a_little", set("/odom", -1.5, 20.0, false), set_says("of /odom was set back by 1.5 s")),
             ("odometry_back", set("/odom", -10_800.0, 20.0, false), set_says("of /odom was set back by 10800.0 s")),
             ("another_zone", set("/scan", 10_800.0, 0.0, false), set_says("10800.0 s ahead of the other")),
             ("late", late(), vec![]),
