@@ -136,13 +136,14 @@ pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibra
     })
 }
 
-/// Whether stamps say when scans were taken: those of a logger that wrote them in bursts do not.
+/// Whether stamps tell a lag: those of a logger that wrote them in bursts do not say when scans were taken, and between scans far apart
+/// nobody knows where the robot was.
 fn tells_time(runs: &[Vec<Sample>]) -> bool {
     let pairs = runs.iter().flat_map(|run| run.windows(2));
     let mut apart_s: Vec<_> = pairs.map(|pair| pair[1].stamp.secs_since(pair[0].stamp)).collect();
     apart_s.sort_unstable_by(f64::total_cmp);
     let tenth = |of_ten: usize| apart_s.get(of_ten * apart_s.len() / 10).copied().unwrap_or(0.0);
-    tenth(1) > BURST * tenth(9)
+    tenth(1) > BURST * tenth(9) && tenth(5) <= KNOWN_WITHIN_S
 }
 
 /// Part of a run, from one of its scans to another.
@@ -432,6 +433,18 @@ mod tests {
         let mut samples = scattered(Pose2::new(0.2, -0.1, 0.1), 0, false);
         for (k, sample) in samples.iter_mut().enumerate() {
             sample.stamp = Stamp((k / 4) as i64 * 400_000_000 + (k % 4) as i64 * 1_000_000);
+        }
+        let found = calibrate(&[samples], Pose2::IDENTITY).unwrap();
+        assert_eq!(found.lag_s, None);
+        assert!((found.x_m.value - 0.2).abs() < 3.0 * found.x_m.sigma, "{:?}", found.x_m);
+    }
+
+    #[test]
+    fn scans_seconds_apart_tell_no_lag() {
+        let mut samples = scattered(Pose2::new(0.2, -0.1, 0.1), 0, false);
+        // as a logger with stamps in whole seconds writes them
+        for (k, sample) in samples.iter_mut().enumerate() {
+            sample.stamp = Stamp((6 * k + usize::from(k % 3 == 0)) as i64 * 1_000_000_000);
         }
         let found = calibrate(&[samples], Pose2::IDENTITY).unwrap();
         assert_eq!(found.lag_s, None);

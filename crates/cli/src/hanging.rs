@@ -1,9 +1,9 @@
-//! What holds a map together by a single step of odometry: where that step is wrong the map is bent, and nothing else in it tells.
+//! What holds a map together by a single step: where that is wrong the map is bent, and nothing else in it tells.
 
-use mapwright::{EdgeKind, Session};
+use mapwright::{EdgeKind, Session, Stamp};
 
-/// The largest part of a map that hangs on one such step.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+/// The largest part of a map that hangs on one step.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub(crate) struct Hanging {
     /// Share of the keyframes on the smaller of the two sides.
     pub(crate) share: f64,
@@ -12,23 +12,35 @@ pub(crate) struct Hanging {
 }
 
 impl Hanging {
-    /// Looks at the steps from each keyframe to the next that no match and no closure spans. Over breaks [`Session::pieces`] says what
-    /// holds.
-    pub(crate) fn of(session: &Session) -> Self {
-        let keyframes = session.keyframes();
-        let spanned = spanned(session);
+    /// By the steps of odometry from each keyframe to the next that no match and no closure spans. Over breaks [`Session::pieces`] says
+    /// what holds.
+    pub(crate) fn on_odometry(session: &Session) -> Self {
+        let spanned = spanned(session, |kind| kind != EdgeKind::Odometry);
         let is_odometry = odometry_steps(session);
-        let steps = (1..keyframes.len()).filter(|&to| is_odometry[to] && !spanned[to]);
+        let steps = (1..session.keyframes().len()).filter(|&to| is_odometry[to] && !spanned[to]);
+        Self::behind(session, steps)
+    }
+
+    /// By where the robot was found again at these times, which no closure spans: matches from there on are with what is known there, and
+    /// would be in a wrong place too.
+    pub(crate) fn on_findings(session: &Session, found_again: &[Stamp]) -> Self {
+        let spanned = spanned(session, |kind| kind == EdgeKind::Closure);
+        let first_from = |found: &Stamp| session.keyframes().iter().position(|keyframe| keyframe.stamp >= *found);
+        Self::behind(session, found_again.iter().filter_map(first_from).filter(|&to| !spanned[to]))
+    }
+
+    fn behind(session: &Session, steps: impl Iterator<Item = usize>) -> Self {
+        let keyframes = session.keyframes();
         let smaller = |to: usize| to.min(keyframes.len() - to);
         let Some(worst) = steps.max_by_key(|&to| smaller(to)) else { return Self::default() };
         Self { share: smaller(worst) as f64 / keyframes.len() as f64, from_s: keyframes[worst].stamp.as_secs_f64() }
     }
 }
 
-/// For each keyframe, by its place, whether a match or a closure leads from one before to it or beyond.
-fn spanned(session: &Session) -> Vec<bool> {
+/// For each keyframe, by its place, whether an edge of such a kind leads from one before to it or beyond.
+fn spanned(session: &Session, counts: impl Fn(EdgeKind) -> bool) -> Vec<bool> {
     let mut begun = vec![0_i64; session.keyframes().len() + 1];
-    for edge in session.edges().filter(|edge| edge.kind != EdgeKind::Odometry) {
+    for edge in session.edges().filter(|edge| counts(edge.kind)) {
         let Some([a, b]) = places(session, edge) else { continue };
         begun[a.min(b) + 1] += 1;
         begun[a.max(b) + 1] -= 1;
@@ -95,12 +107,24 @@ mod tests {
 
     #[test]
     fn a_step_that_nothing_else_spans_holds_what_lies_behind_it() {
-        assert_eq!(Hanging::of(&Session::default()), Hanging::default());
-        assert_eq!(Hanging::of(&session(&[], &[], &[])), Hanging::default());
-        assert_eq!(Hanging::of(&session(&[9, 35], &[], &[])), Hanging { share: 0.25, from_s: 10.0 });
-        assert_eq!(Hanging::of(&session(&[9, 35], &[[5, 30]], &[])), Hanging { share: 0.1, from_s: 36.0 });
+        assert_eq!(Hanging::on_odometry(&Session::default()), Hanging::default());
+        assert_eq!(Hanging::on_odometry(&session(&[], &[], &[])), Hanging::default());
+        assert_eq!(Hanging::on_odometry(&session(&[9, 35], &[], &[])), Hanging { share: 0.25, from_s: 10.0 });
+        assert_eq!(Hanging::on_odometry(&session(&[9, 35], &[[5, 30]], &[])), Hanging { share: 0.1, from_s: 36.0 });
         // What odometry says over a break is told of pieces.
         let broken = session(&[9], &[], &[(0, FragmentStart::SwitchedOn), (10, FragmentStart::Blind)]);
-        assert_eq!(Hanging::of(&broken), Hanging::default());
+        assert_eq!(Hanging::on_odometry(&broken), Hanging::default());
+    }
+
+    #[test]
+    fn so_does_a_place_where_the_robot_was_found_again_unless_a_closure_says_it_is_right() {
+        let found = [Stamp::from_secs_f64(9.5), Stamp::from_secs_f64(35.0)];
+        assert_eq!(Hanging::on_findings(&Session::default(), &found), Hanging::default());
+        assert_eq!(Hanging::on_findings(&session(&[], &[], &[]), &[]), Hanging::default());
+        assert_eq!(Hanging::on_findings(&session(&[], &[], &[]), &found), Hanging { share: 0.25, from_s: 10.0 });
+        let closed = session(&[], &[[5, 30]], &[]);
+        assert_eq!(Hanging::on_findings(&closed, &found), Hanging { share: 0.125, from_s: 35.0 });
+        // After the last keyframe nothing hangs on it.
+        assert_eq!(Hanging::on_findings(&closed, &[Stamp::from_secs_f64(40.0)]), Hanging::default());
     }
 }

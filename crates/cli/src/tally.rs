@@ -3,14 +3,14 @@
 use crate::doubt::Doubts;
 use crate::status_runs::StatusRuns;
 use crate::terminal::grouped;
-use mapwright::{BeamCounts, Stamp, Status, Update};
+use mapwright::{BeamCounts, DOUBT_SIGMAS, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// Bins of the inlier shares.
 const BINS: usize = 1000;
 
-/// Counts over all updates; memory is bounded.
+/// Counts over all updates; memory grows with the times that the robot was found again, and with nothing else.
 #[derive(Debug, Clone)]
 pub(crate) struct Tally {
     pub(crate) scans: u64,
@@ -29,6 +29,9 @@ pub(crate) struct Tally {
     /// The first of the scans in a row up to now whose poses are guesses, and the longest time that such a row took, seconds.
     guessed_from: Option<Stamp>,
     guessed_s: f64,
+    /// Whether the scan before was lost.
+    was_lost: bool,
+    found_again: Vec<Stamp>,
 }
 
 /// Of scans that led to poses or measurements beyond what a session can hold.
@@ -52,6 +55,8 @@ impl Default for Tally {
             span: None,
             guessed_from: None,
             guessed_s: 0.0,
+            was_lost: false,
+            found_again: Vec::new(),
         }
     }
 }
@@ -79,6 +84,7 @@ impl Tally {
             self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
         }
         self.see_guess(update, by_odometry);
+        self.see_finding(update);
         self.doubts.add(update, by_odometry);
         self.runs.add(update.status, update.scan, update.stamp);
     }
@@ -89,6 +95,20 @@ impl Tally {
         self.guessed_from = self.guessed_from.or(Some(update.stamp)).filter(|_| is_guess);
         let row_s = self.guessed_from.map_or(0.0, |from| update.stamp.secs_since(from));
         self.guessed_s = self.guessed_s.max(row_s);
+    }
+
+    /// A robot that was lost is found where it was not expected.
+    fn see_finding(&mut self, update: &Update) {
+        let is_elsewhere = update.matched.as_ref().is_some_and(|report| report.odometry_sigmas > DOUBT_SIGMAS);
+        let is_lost = update.status == Status::Lost;
+        if std::mem::replace(&mut self.was_lost, is_lost) && !is_lost && is_elsewhere {
+            self.found_again.push(update.stamp);
+        }
+    }
+
+    /// When the robot was found again after scans that fitted nowhere, elsewhere than was predicted.
+    pub(crate) fn found_again(&self) -> &[Stamp] {
+        &self.found_again
     }
 
     /// The longest time over which scans came, but neither laser nor wheels said how the robot moves, seconds.

@@ -44,9 +44,10 @@ pub(crate) struct Facts {
     pub(crate) elsewhere: f64,
     /// Pieces of the first map that odometry over a break alone holds.
     pub(crate) on_odometry: usize,
-    /// Share of the keyframes that a single step of odometry holds, and when that ended, seconds.
-    pub(crate) hanging: f64,
-    pub(crate) hanging_from_s: f64,
+    /// What a single step of odometry holds.
+    pub(crate) hanging: Hanging,
+    /// The same of a place where the robot was found again.
+    pub(crate) on_finding: Hanging,
     /// For how long neither laser nor wheels said how the robot moves, seconds.
     pub(crate) guessed_s: f64,
     /// The way from scan to scan, as a multiple of the way in the order of the stamps.
@@ -78,7 +79,6 @@ impl Facts {
         let first = maps.first().cloned().unwrap_or_default();
         let in_first = first.keyframes.iter().map(ExactSizeIterator::len).sum::<usize>();
         let wheels = Wheels::of(session);
-        let hanging = Hanging::of(session);
         let hangs = |piece: &&usize| pieces.get(**piece).is_some_and(|piece| piece.link.is_some());
         Self {
             scans: tally.scans,
@@ -87,8 +87,8 @@ impl Facts {
             lost: tally.share(Status::Lost),
             median_inlier_share: tally.median_inlier_share().unwrap_or(0.0),
             elsewhere: keyframes.saturating_sub(in_first) as f64 / keyframes.max(1) as f64,
-            hanging: hanging.share,
-            hanging_from_s: hanging.from_s,
+            hanging: Hanging::on_odometry(session),
+            on_finding: Hanging::on_findings(session, tally.found_again()),
             guessed_s: tally.guessed_s(),
             way_by_stamps: way_by_stamps(session),
             on_odometry: first.pieces.iter().filter(hangs).count(),
@@ -165,7 +165,7 @@ pub(crate) struct Usable {
 /// Share of the scans that fitted badly or nowhere.
 const DOUBTFUL: [f64; 2] = [0.08, 0.5];
 const LOST: [f64; 2] = [0.005, 0.2];
-/// Share of the keyframes that one step of odometry holds.
+/// Share of the keyframes that one step holds.
 const HANGING: [f64; 2] = [0.05, f64::INFINITY];
 /// Seconds without knowing how the robot moves: after so long a robot that sees nothing is blind (docs/decisions/0024-fragments.md).
 const GUESSED_S: [f64; 2] = [4.0, f64::INFINITY];
@@ -197,6 +197,7 @@ impl Usable {
             lost(facts.lost, "scans"),
             in_pieces(facts),
             hangs(facts),
+            found_elsewhere(facts),
             guessed(facts),
             disordered(facts),
             misfits(facts),
@@ -320,15 +321,29 @@ fn in_pieces(facts: &Facts) -> Option<Reason> {
 }
 
 fn hangs(facts: &Facts) -> Option<Reason> {
-    let Facts { hanging, hanging_from_s, .. } = *facts;
+    let Hanging { share, from_s } = facts.hanging;
     Some(Reason {
-        word: beyond(hanging, HANGING)?,
+        word: beyond(share, HANGING)?,
         what: "hangs_on_odometry",
         words: format!(
-            "{} of the map hangs on a single step of odometry, at {hanging_from_s:.1} s, in which no scan fitted",
-            percent(hanging)
+            "{} of the map hangs on a single step of odometry, at {from_s:.1} s, in which no scan fitted",
+            percent(share)
         ),
-        evidence: json!({ "share": hanging, "at_s": hanging_from_s, "bound": HANGING[0] }),
+        evidence: json!({ "share": share, "at_s": from_s, "bound": HANGING[0] }),
+    })
+}
+
+fn found_elsewhere(facts: &Facts) -> Option<Reason> {
+    let Hanging { share, from_s } = facts.on_finding;
+    Some(Reason {
+        word: beyond(share, HANGING)?,
+        what: "found_elsewhere",
+        words: format!(
+            "{} of the map hangs on where the robot was found again at {from_s:.1} s, not where it was expected, and no place seen before and after \
+             says so too",
+            percent(share)
+        ),
+        evidence: json!({ "share": share, "at_s": from_s, "bound": HANGING[0] }),
     })
 }
 
@@ -411,7 +426,7 @@ fn odometry_off(facts: &Facts) -> Option<Reason> {
         format!("scans say {} times the way of odometry: are ranges and wheels right?", rounded(way))
     } else if lever_m > LEVER_M {
         format!(
-            "wheels and scans say that the robot turns about a point at least {lever_m:.2} m from where the log has it: does the laser sit where the log \
+            "wheels and scans say that the robot turns about a point {lever_m:.2} m from where the log has it: does the laser sit where the log \
              says? `mapwright calibrate` measures it"
         )
     } else {
@@ -476,8 +491,8 @@ mod tests {
         median_inlier_share: 0.98,
         elsewhere: 0.0,
         on_odometry: 0,
-        hanging: 0.001,
-        hanging_from_s: 70.0,
+        hanging: Hanging { share: 0.001, from_s: 70.0 },
+        on_finding: Hanging { share: 0.001, from_s: 80.0 },
         guessed_s: 0.5,
         way_by_stamps: 0.8,
         compared: 100,
@@ -520,7 +535,14 @@ mod tests {
             (Facts { lost: 0.01, ..SOUND }, "fit nowhere"),
             (Facts { elsewhere: 0.3, ..SOUND }, "in parts"),
             (Facts { on_odometry: 1, ..SOUND }, "odometry alone holds 1 piece"),
-            (Facts { hanging: 0.3, ..SOUND }, "30 % of the map hangs on a single step of odometry, at 70.0 s"),
+            (
+                Facts { hanging: Hanging { share: 0.3, from_s: 70.0 }, ..SOUND },
+                "30 % of the map hangs on a single step of odometry, at 70.0 s",
+            ),
+            (
+                Facts { on_finding: Hanging { share: 0.2, from_s: 80.0 }, ..SOUND },
+                "20 % of the map hangs on where the robot was found again at 80.0 s",
+            ),
             (Facts { guessed_s: 35.0, ..SOUND }, "for 35 s neither laser nor wheels"),
             (Facts { way_by_stamps: 1.466, ..SOUND }, "to and fro, 1.47 times the way"),
             (Facts { misfits: 10, ..SOUND }, "10 of 100 places do not fit"),
@@ -530,7 +552,7 @@ mod tests {
             (Facts { turns_of_odometry: 0.8, ..SOUND }, "turn 0.80 times"),
             (Facts { way_of_odometry: 1.3, ..SOUND }, "1.30 times the way"),
             (Facts { aside_deg: 57.0, ..SOUND }, "57 deg beside"),
-            (Facts { lever_m: 0.21, ..SOUND }, "at least 0.21 m from"),
+            (Facts { lever_m: 0.21, ..SOUND }, "0.21 m from"),
         ];
         for (facts, words) in doubtful {
             let (word, told) = said(facts.clone());

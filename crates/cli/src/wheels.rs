@@ -3,16 +3,17 @@
 use crate::calibration::{Sample, calibrate};
 use mapwright::{Pose2, Session};
 
-/// Motions are compared over so much way, metres, or such a turn, radians, and at least so many of each; the median counts.
+/// Motions are compared over so much way, metres, or such a turn, radians; the median counts.
 const MOTION_M: f64 = 0.5;
 const MOTION_RAD: f64 = 0.3;
-const MOTIONS: usize = 20;
-/// The point about which the robot turns is looked for in stretches of so many scans, evenly spread, of so many scans at most: more say
-/// nothing new, and a run costs the same however long it was.
+/// What differs by less than so many standard deviations may do so by chance.
+const SIGMAS: f64 = 3.0;
+/// The point about which the robot turns is looked for in stretches of so many scans, those with most turning, of so many scans at most:
+/// more say little that is new, and a run costs the same however long it was.
 const STRETCH: usize = 100;
 const LOOKED_AT: usize = 2000;
 
-/// The motion that the map says, beside what the wheels say; as equal where the robot has hardly moved.
+/// The motion that the map says, beside what the wheels say; as equal where it may differ by chance.
 pub(crate) struct Wheels {
     /// As multiples of what the wheels say.
     pub(crate) turns: f64,
@@ -45,12 +46,10 @@ impl Wheels {
         let length = |pose: Pose2| pose.x.hypot(pose.y);
         let aside =
             |motion: &&Motion| wrapped(motion.mapped.y.atan2(motion.mapped.x) - motion.said.y.atan2(motion.said.x));
-        let turns = median(turning.iter().map(|motion| motion.mapped.theta / motion.said.theta).collect());
-        let way = median(straight.iter().map(|motion| length(motion.mapped) / length(motion.said)).collect());
         Self {
-            turns: turns.unwrap_or(1.0),
-            way: way.unwrap_or(1.0),
-            aside_rad: median(straight.iter().map(aside).collect()).unwrap_or(0.0),
+            turns: median(turning.iter().map(|motion| motion.mapped.theta / motion.said.theta).collect(), 1.0),
+            way: median(straight.iter().map(|motion| length(motion.mapped) / length(motion.said)).collect(), 1.0),
+            aside_rad: median(straight.iter().map(aside).collect(), 0.0),
             lever_m: lever_m(&scans).unwrap_or(0.0),
         }
     }
@@ -69,23 +68,38 @@ fn motions(scans: &[Sample]) -> Vec<Motion> {
     motions
 }
 
-/// How far the point that moves as the wheels say lies from where the map has the robot, metres; the nearest that can be within three
-/// standard deviations. The robot as it was mapped takes the place of the laser in the calibration.
+/// How far the point that moves as the wheels say lies from where the map has the robot, metres, or none where that may be chance. The
+/// robot as it was mapped takes the place of the laser in the calibration.
 fn lever_m(scans: &[Sample]) -> Option<f64> {
-    let every = scans.len().div_ceil(LOOKED_AT).max(1);
-    let runs: Vec<Vec<Sample>> = scans.chunks(STRETCH).step_by(every).map(<[Sample]>::to_vec).collect();
+    let turned = |run: &[Sample]| -> f64 {
+        let steps = run.windows(2).map(|pair| pair[0].map_from_laser.between(pair[1].map_from_laser));
+        steps.map(|step| step.theta.abs()).sum()
+    };
+    let mut runs: Vec<_> = scans.chunks(STRETCH).map(|run| (turned(run), run)).collect();
+    runs.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let runs: Vec<Vec<Sample>> = runs.iter().take(LOOKED_AT / STRETCH).map(|(_, run)| run.to_vec()).collect();
     let found = calibrate(&runs, Pose2::IDENTITY).ok()?;
     let sigma_m = found.x_m.sigma.hypot(found.y_m.sigma);
-    Some((found.x_m.value.hypot(found.y_m.value) - 3.0 * sigma_m).max(0.0)).filter(|lever_m| lever_m.is_finite())
+    let lever_m = found.x_m.value.hypot(found.y_m.value);
+    lever_m.is_finite().then(|| if lever_m > SIGMAS * sigma_m { lever_m } else { 0.0 })
 }
 
 fn wrapped(angle_rad: f64) -> f64 {
     angle_rad.sin().atan2(angle_rad.cos())
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+/// The median, or `equal` where that lies between the values that the median of what was drawn from may have by chance: so many to
+/// both sides of the middle as a fair coin would throw (order statistics).
+fn median(mut values: Vec<f64>, equal: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().filter(|_| values.len() >= MOTIONS)
+    let half = 0.5 * values.len() as f64;
+    let first = half - SIGMAS * (0.5 * half).sqrt();
+    if values.is_empty() || first < 0.0 {
+        return equal;
+    }
+    let first = first as usize;
+    let by_chance = values[first]..=values[values.len() - 1 - first];
+    if by_chance.contains(&equal) { equal } else { values[values.len() / 2] }
 }
 
 #[cfg(test)]
@@ -124,6 +138,19 @@ mod tests {
             let found = lever_m(&driven(Pose2::new(off[0], off[1], 0.0), lag_s, scale)).unwrap();
             assert!((found - off[0].hypot(off[1])).abs() < 0.02, "{off:?} {lag_s} {scale}: {found}");
         }
+    }
+
+    #[test]
+    fn a_median_is_told_from_chance() {
+        let from = |first: i32, count: i32| (first..first + count).map(f64::from).collect();
+        assert_eq!(median(from(0, 0), 1.0), 1.0);
+        // That all of nine lie to one side of what is equal happens by chance in one drive of 256.
+        assert_eq!(median(from(1, 8), 0.0), 0.0);
+        assert_eq!(median(from(1, 9), 0.0), 5.0);
+        assert_eq!(median(from(0, 9), 0.0), 0.0);
+        // So does it that only 35 of a hundred lie to one side, or fewer.
+        assert_eq!(median(from(-35, 100), 0.0), 0.0);
+        assert_eq!(median(from(-34, 100), 0.0), 16.0);
     }
 
     #[test]

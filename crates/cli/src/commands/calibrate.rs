@@ -184,7 +184,7 @@ impl Collector {
 
 fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
     let lag = |lag: Estimate| format!("they lag {} ms", plus_minus(lag, 1000.0, 0));
-    let no_lag = || "the scans' stamps come in bursts and tell no lag".to_owned();
+    let no_lag = || "the scans' stamps come in bursts or seconds apart, and tell no lag".to_owned();
     let scale =
         |estimate: Estimate| format!("{:+.2} +- {:.2} %", 100.0 * (estimate.value - 1.0), 100.0 * estimate.sigma);
     format!(
