@@ -3,7 +3,7 @@
 use crate::doubt::Doubts;
 use crate::status_runs::StatusRuns;
 use crate::terminal::grouped;
-use mapwright::{BeamCounts, DOUBT_SIGMAS, Stamp, Status, Update};
+use mapwright::{BeamCounts, DOUBT_SIGMAS, MatchReport, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -97,16 +97,17 @@ impl Tally {
         self.guessed_s = self.guessed_s.max(row_s);
     }
 
-    /// A robot that was lost is found where it was not expected.
+    /// A robot that was lost is found where it was not expected, or where nothing that was mapped before confirms it.
     fn see_finding(&mut self, update: &Update) {
-        let is_elsewhere = update.matched.as_ref().is_some_and(|report| report.odometry_sigmas > DOUBT_SIGMAS);
+        let is_unsure = |report: &MatchReport| report.odometry_sigmas > DOUBT_SIGMAS || report.unconfirmed;
         let is_lost = update.status == Status::Lost;
-        if std::mem::replace(&mut self.was_lost, is_lost) && !is_lost && is_elsewhere {
+        let was_lost = std::mem::replace(&mut self.was_lost, is_lost);
+        if was_lost && !is_lost && update.matched.as_ref().is_some_and(is_unsure) {
             self.found_again.push(update.stamp);
         }
     }
 
-    /// When the robot was found again after scans that fitted nowhere, elsewhere than was predicted.
+    /// When the robot was found again after scans that fitted nowhere, elsewhere than was predicted or unconfirmed.
     pub(crate) fn found_again(&self) -> &[Stamp] {
         &self.found_again
     }

@@ -130,6 +130,9 @@ impl FrontEnd {
         if let Some((correction, variances)) = matched.on_odometry {
             self.predictor.observe(step, correction, variances);
         }
+        if matched.reversed {
+            self.predictor.catch_reversed();
+        }
         Some(matched)
     }
 

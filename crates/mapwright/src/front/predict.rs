@@ -17,6 +17,14 @@ pub(crate) struct Step {
     pub(crate) after_gap: bool,
 }
 
+impl Step {
+    /// The same with the way back.
+    pub(crate) fn reversed(&self) -> Pose2 {
+        let Pose2 { x, y, theta } = self.last_from_robot;
+        Pose2::new(-x, -y, theta)
+    }
+}
+
 /// How a robot turned out to have moved since the scan before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Moved {
@@ -85,9 +93,11 @@ pub(crate) struct Predictor {
     usual: [f64; 2],
     /// How fast it drives and turns at most, by its odometry.
     pace: Pace,
+    /// The wheels have been seen to count a way back as one ahead.
+    reverses: bool,
 }
 
-stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual, pace });
+stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual, pace, reverses });
 
 impl Default for Predictor {
     fn default() -> Self {
@@ -100,6 +110,7 @@ impl Default for Predictor {
             wrong: [[0.0; 2]; 2],
             usual: USUAL_AT_FIRST,
             pace: Pace::default(),
+            reverses: false,
         }
     }
 }
@@ -189,13 +200,19 @@ impl Predictor {
     }
 
     /// What the robot did instead if the wheels fail: they spin while it stands, they count but do not tell forwards from
-    /// backwards, or it went on as before. Nothing where `step` is not the wheels' or is long.
+    /// backwards, or it went on as before. Nothing where `step` is not the wheels', or where it is long and they were never caught.
     pub(crate) fn failures(&self, step: Step) -> impl Iterator<Item = Pose2> + use<> {
         let said = step.last_from_robot;
         let stood = Pose2::new(0.0, 0.0, said.theta);
-        let reversed = Pose2::new(-said.x, -said.y, said.theta);
-        let possible = step.from_odometry && said.x.hypot(said.y) <= FAILING_STEP_AT_MOST_M;
-        [Some(stood), Some(reversed), self.twist.map(Pose2::exp)].into_iter().flatten().filter(move |_| possible)
+        let is_short = said.x.hypot(said.y) <= FAILING_STEP_AT_MOST_M;
+        let possible = step.from_odometry && (is_short || self.reverses);
+        let failures = [Some(stood), Some(step.reversed()), self.twist.map(Pose2::exp)];
+        failures.into_iter().flatten().filter(move |_| possible)
+    }
+
+    /// The wheels told a way back as one ahead.
+    pub(crate) fn catch_reversed(&mut self) {
+        self.reverses = true;
     }
 
     /// Whether the robot can have made a motion of which odometry tells, in so many seconds.
@@ -323,6 +340,24 @@ mod tests {
             ratio = (step.variances[0] / step.expected[0]).sqrt();
         }
         ratio
+    }
+
+    #[test]
+    fn long_steps_of_wheels_fail_only_where_they_were_caught() {
+        let mut predictor = Predictor::default();
+        predictor.settle(Stamp(0), Some(Pose2::IDENTITY), Moved::By(Pose2::new(0.1, 0.0, 0.0)));
+        let step = |predictor: &Predictor, ahead_m: f64| {
+            let settings = Settings::default().motion;
+            predictor.step(&settings, Stamp(1_000_000_000), Some(Pose2::new(ahead_m, 0.0, 0.1)))
+        };
+        let [short, long] = [0.4, 0.6].map(|ahead_m| step(&predictor, ahead_m));
+        let ahead_m = |predictor: &Predictor, step| predictor.failures(step).map(|moved| moved.x).collect::<Vec<_>>();
+        assert_eq!(ahead_m(&predictor, short), [0.0, -0.4, 0.1]);
+        assert!(ahead_m(&predictor, long).is_empty());
+        predictor.catch_reversed();
+        assert_eq!(ahead_m(&predictor, long), [0.0, -0.6, 0.1]);
+        let unheard = predictor.step(&Settings::default().motion, Stamp(1_000_000_000), None);
+        assert!(!unheard.from_odometry && ahead_m(&predictor, unheard).is_empty());
     }
 
     #[test]

@@ -81,6 +81,8 @@ pub(crate) struct Matched {
     pub(super) slip_corrected: bool,
     /// Where the scan knows the pose by itself: what it corrects odometry by, and to what variances.
     pub(super) on_odometry: Option<([f64; 3], [f64; 3])>,
+    /// And there the wheels told a way back as one ahead.
+    pub(super) reversed: bool,
 }
 
 impl Matched {
@@ -148,8 +150,12 @@ impl<'a> Scene<'a> {
 
     /// Where the robot is if the wheels fail.
     fn failures(&self, prior: &Prior) -> Vec<Prior> {
-        let at = |last_from_robot: Pose2| Prior { world_from_robot: self.local_from_last * last_from_robot, ..*prior };
-        self.predictor.failures(self.step).map(at).collect()
+        self.predictor.failures(self.step).map(|moved| self.after(moved, prior)).collect()
+    }
+
+    /// Where it is after another motion.
+    fn after(&self, last_from_robot: Pose2, prior: &Prior) -> Prior {
+        Prior { world_from_robot: self.local_from_last * last_from_robot, ..*prior }
     }
 }
 
@@ -293,6 +299,7 @@ impl Tracker {
         let slip_corrected = self.restart_slipped(scene, &mut tried);
         self.observe_share(&tried.best.1);
         let on_odometry = self.on_odometry(&tried, step);
+        let reversed = on_odometry.is_some() && tried.is_likelier(&scene.after(step.reversed(), &tried.prior));
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
         let odometry_sigmas = sigmas(&prior, result.world_from_robot);
         let unconfirmed = self.unconfirmed(scene.next, &agreement);
@@ -321,6 +328,7 @@ impl Tracker {
             report,
             slip_corrected,
             on_odometry,
+            reversed,
         })
     }
 
@@ -513,6 +521,12 @@ impl Tried {
     fn motion_cost(&self, world_from_robot: Pose2) -> f64 {
         let failed = self.failures.iter().map(|failure| failure.cost(world_from_robot) + FAILURE_COST);
         failed.fold(self.prior.cost(world_from_robot), f64::min)
+    }
+
+    /// Whether the robot moved so rather than as odometry says.
+    fn is_likelier(&self, failure: &Prior) -> bool {
+        let at = self.best.0.world_from_robot;
+        self.from_odometry && failure.cost(at) + FAILURE_COST < self.prior.cost(at)
     }
 
     fn offer(&mut self, other: (MatchResult, Agreement)) {
