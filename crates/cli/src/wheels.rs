@@ -81,7 +81,8 @@ fn lever_m(scans: &[Sample]) -> Option<f64> {
     let found = calibrate(&runs, Pose2::IDENTITY).ok()?;
     let sigma_m = found.x_m.sigma.hypot(found.y_m.sigma);
     let lever_m = found.x_m.value.hypot(found.y_m.value);
-    lever_m.is_finite().then(|| if lever_m > SIGMAS * sigma_m { lever_m } else { 0.0 })
+    let told_m = if lever_m > SIGMAS * sigma_m { lever_m } else { 0.0 };
+    lever_m.is_finite().then_some(told_m)
 }
 
 fn wrapped(angle_rad: f64) -> f64 {
