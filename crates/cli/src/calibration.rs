@@ -54,7 +54,7 @@ const LAG_AT_MOST_S: f64 = 5.0;
 const KNOWN_WITHIN_S: f64 = 2.0;
 /// What matches are off by alike all over a drive: position, metres, and heading, radians (docs/decisions/0028-calibration.md).
 const ALIKE_M: f64 = 0.0015;
-const ALIKE_RAD: f64 = 0.0003;
+const ALIKE_RAD: f64 = 0.0006;
 /// Matches are drawn to where a laser mounted as presumed would be, by this share of what is wrong with that.
 const PULL: f64 = 0.02;
 

@@ -21,12 +21,12 @@ impl Hanging {
         Self::behind(session, steps)
     }
 
-    /// By where the robot was found again at these times, which no closure spans: matches from there on are with what is known there, and
-    /// would be in a wrong place too.
-    pub(crate) fn on_findings(session: &Session, found_again: &[Stamp]) -> Self {
+    /// By where spells of doubt ([`crate::tally::Tally::doubted`]) began and ended that no closure spans: matches from there on are with what
+    /// is known around, and would be in a wrong place too.
+    pub(crate) fn on_doubt(session: &Session, doubted: &[Stamp]) -> Self {
         let spanned = spanned(session, |kind| kind == EdgeKind::Closure);
-        let first_from = |found: &Stamp| session.keyframes().iter().position(|keyframe| keyframe.stamp >= *found);
-        Self::behind(session, found_again.iter().filter_map(first_from).filter(|&to| !spanned[to]))
+        let first_from = |stamp: &Stamp| session.keyframes().iter().position(|keyframe| keyframe.stamp >= *stamp);
+        Self::behind(session, doubted.iter().filter_map(first_from).filter(|&to| !spanned[to]))
     }
 
     fn behind(session: &Session, steps: impl Iterator<Item = usize>) -> Self {
@@ -117,14 +117,14 @@ mod tests {
     }
 
     #[test]
-    fn so_does_a_place_where_the_robot_was_found_again_unless_a_closure_says_it_is_right() {
-        let found = [Stamp::from_secs_f64(9.5), Stamp::from_secs_f64(35.0)];
-        assert_eq!(Hanging::on_findings(&Session::default(), &found), Hanging::default());
-        assert_eq!(Hanging::on_findings(&session(&[], &[], &[]), &[]), Hanging::default());
-        assert_eq!(Hanging::on_findings(&session(&[], &[], &[]), &found), Hanging { share: 0.25, from_s: 10.0 });
+    fn so_does_a_spell_of_doubt_unless_a_closure_spans_it() {
+        let doubted = [Stamp::from_secs_f64(9.5), Stamp::from_secs_f64(35.0)];
+        assert_eq!(Hanging::on_doubt(&Session::default(), &doubted), Hanging::default());
+        assert_eq!(Hanging::on_doubt(&session(&[], &[], &[]), &[]), Hanging::default());
+        assert_eq!(Hanging::on_doubt(&session(&[], &[], &[]), &doubted), Hanging { share: 0.25, from_s: 10.0 });
         let closed = session(&[], &[[5, 30]], &[]);
-        assert_eq!(Hanging::on_findings(&closed, &found), Hanging { share: 0.125, from_s: 35.0 });
+        assert_eq!(Hanging::on_doubt(&closed, &doubted), Hanging { share: 0.125, from_s: 35.0 });
         // After the last keyframe nothing hangs on it.
-        assert_eq!(Hanging::on_findings(&closed, &[Stamp::from_secs_f64(40.0)]), Hanging::default());
+        assert_eq!(Hanging::on_doubt(&closed, &[Stamp::from_secs_f64(40.0)]), Hanging::default());
     }
 }

@@ -3,14 +3,14 @@
 use crate::doubt::Doubts;
 use crate::status_runs::StatusRuns;
 use crate::terminal::grouped;
-use mapwright::{BeamCounts, DOUBT_SIGMAS, MatchReport, Stamp, Status, Update};
+use mapwright::{BeamCounts, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// Bins of the inlier shares.
 const BINS: usize = 1000;
 
-/// Counts over all updates; memory grows with the times that the robot was found again, and with nothing else.
+/// Counts over all updates; memory grows with the spells of doubt, and with nothing else.
 #[derive(Debug, Clone)]
 pub(crate) struct Tally {
     pub(crate) scans: u64,
@@ -29,9 +29,8 @@ pub(crate) struct Tally {
     /// The first of the scans in a row up to now whose poses are guesses, and the longest time that such a row took, seconds.
     guessed_from: Option<Stamp>,
     guessed_s: f64,
-    /// Whether the scan before was lost.
-    was_lost: bool,
-    found_again: Vec<Stamp>,
+    is_doubted: bool,
+    doubted: Vec<Stamp>,
 }
 
 /// Of scans that led to poses or measurements beyond what a session can hold.
@@ -55,8 +54,8 @@ impl Default for Tally {
             span: None,
             guessed_from: None,
             guessed_s: 0.0,
-            was_lost: false,
-            found_again: Vec::new(),
+            is_doubted: false,
+            doubted: Vec::new(),
         }
     }
 }
@@ -84,7 +83,7 @@ impl Tally {
             self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
         }
         self.see_guess(update, by_odometry);
-        self.see_finding(update);
+        self.see_doubt(update);
         self.doubts.add(update, by_odometry);
         self.runs.add(update.status, update.scan, update.stamp);
     }
@@ -97,19 +96,18 @@ impl Tally {
         self.guessed_s = self.guessed_s.max(row_s);
     }
 
-    /// A robot that was lost is found where it was not expected, or where nothing that was mapped before confirms it.
-    fn see_finding(&mut self, update: &Update) {
-        let is_unsure = |report: &MatchReport| report.odometry_sigmas > DOUBT_SIGMAS || report.unconfirmed;
-        let is_lost = update.status == Status::Lost;
-        let was_lost = std::mem::replace(&mut self.was_lost, is_lost);
-        if was_lost && !is_lost && update.matched.as_ref().is_some_and(is_unsure) {
-            self.found_again.push(update.stamp);
+    /// A spell of scans that hardly fitted, and of those after them that nothing mapped before confirms, begins or ends.
+    fn see_doubt(&mut self, update: &Update) {
+        let is_doubted =
+            update.matched.as_ref().is_some_and(|report| report.unconfirmed) || update.status == Status::Lost;
+        if std::mem::replace(&mut self.is_doubted, is_doubted) != is_doubted {
+            self.doubted.push(update.stamp);
         }
     }
 
-    /// When the robot was found again after scans that fitted nowhere, elsewhere than was predicted or unconfirmed.
-    pub(crate) fn found_again(&self) -> &[Stamp] {
-        &self.found_again
+    /// When such spells began and ended: within one the robot may have been found in a wrong place.
+    pub(crate) fn doubted(&self) -> &[Stamp] {
+        &self.doubted
     }
 
     /// The longest time over which scans came, but neither laser nor wheels said how the robot moves, seconds.

@@ -18,6 +18,10 @@ pub(crate) struct Step {
 }
 
 impl Step {
+    fn is_short(&self) -> bool {
+        self.last_from_robot.x.hypot(self.last_from_robot.y) <= FAILING_STEP_AT_MOST_M
+    }
+
     /// The same with the way back.
     pub(crate) fn reversed(&self) -> Pose2 {
         let Pose2 { x, y, theta } = self.last_from_robot;
@@ -204,10 +208,14 @@ impl Predictor {
     pub(crate) fn failures(&self, step: Step) -> impl Iterator<Item = Pose2> + use<> {
         let said = step.last_from_robot;
         let stood = Pose2::new(0.0, 0.0, said.theta);
-        let is_short = said.x.hypot(said.y) <= FAILING_STEP_AT_MOST_M;
-        let possible = step.from_odometry && (is_short || self.reverses);
+        let possible = step.from_odometry && (step.is_short() || self.reverses);
         let failures = [Some(stood), Some(step.reversed()), self.twist.map(Pose2::exp)];
         failures.into_iter().flatten().filter(move |_| possible)
+    }
+
+    /// Whether wheels that were caught tell of a long step: in the wrong place a scan may well fit.
+    pub(crate) fn may_be_reversed(&self, step: Step) -> bool {
+        self.reverses && step.from_odometry && !step.is_short()
     }
 
     /// The wheels told a way back as one ahead.
@@ -353,8 +361,9 @@ mod tests {
         let [short, long] = [0.4, 0.6].map(|ahead_m| step(&predictor, ahead_m));
         let ahead_m = |predictor: &Predictor, step| predictor.failures(step).map(|moved| moved.x).collect::<Vec<_>>();
         assert_eq!(ahead_m(&predictor, short), [0.0, -0.4, 0.1]);
-        assert!(ahead_m(&predictor, long).is_empty());
+        assert!(ahead_m(&predictor, long).is_empty() && !predictor.may_be_reversed(long));
         predictor.catch_reversed();
+        assert!(predictor.may_be_reversed(long) && !predictor.may_be_reversed(short));
         assert_eq!(ahead_m(&predictor, long), [0.0, -0.6, 0.1]);
         let unheard = predictor.step(&Settings::default().motion, Stamp(1_000_000_000), None);
         assert!(!unheard.from_odometry && ahead_m(&predictor, unheard).is_empty());

@@ -287,8 +287,11 @@ impl Tracker {
             failures: scene.failures(&prior),
             from_odometry: step.from_odometry,
         };
-        if tried.doubtful() {
+        let doubtful = tried.doubtful();
+        if doubtful || scene.predictor.may_be_reversed(step) {
             self.restart_failures(scene, &mut tried);
+        }
+        if doubtful {
             self.restart_headings(scene, &prior, &mut tried);
         }
         if tried.best.1.inlier_share() < DOUBT_SHARE {
