@@ -204,21 +204,43 @@ mod tests {
     use mapwright::{LaserModel, LaserScan, Mapper, Settings};
     use std::sync::Arc;
 
-    /// What is said of scans taken at these times, of which those at the `blank` ones see nothing.
-    fn guessed_s(times_s: &[f64], blank: impl Fn(f64) -> bool, by_odometry: bool) -> f64 {
+    /// What is noted of scans taken at these times, with such ranges of each beam.
+    fn tally(times_s: &[f64], range_m: impl Fn(f64, usize) -> f32, by_odometry: bool) -> Tally {
         let laser = Arc::new(LaserModel::half_circle("front", 181));
         let (mut mapper, mut tally) = (Mapper::new(Settings::default()).unwrap(), Tally::default());
         for &at_s in times_s {
-            let range_m = |beam: usize| if blank(at_s) { f32::INFINITY } else { 3.0 + 0.01 * (beam % 60) as f32 };
             let scan = LaserScan {
                 stamp: Stamp::from_secs_f64(at_s),
                 laser: Arc::clone(&laser),
-                ranges_m: (0..181).map(range_m).collect(),
+                ranges_m: (0..181).map(|beam| range_m(at_s, beam)).collect(),
                 odom_from_robot: None,
             };
             tally.add(&mapper.add_scan(&scan), by_odometry);
         }
-        tally.guessed_s()
+        tally
+    }
+
+    /// A wall that is not smooth.
+    fn wall_m(beam: usize) -> f32 {
+        3.0 + 0.01 * (beam % 60) as f32
+    }
+
+    fn guessed_s(times_s: &[f64], blank: impl Fn(f64) -> bool, by_odometry: bool) -> f64 {
+        let range_m = |at_s: f64, beam: usize| if blank(at_s) { f32::INFINITY } else { wall_m(beam) };
+        tally(times_s, range_m, by_odometry).guessed_s()
+    }
+
+    #[test]
+    fn a_spell_of_doubt_is_noted_from_the_first_scan_that_hardly_fits_to_the_first_that_is_confirmed() {
+        let every_fifth: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k)).collect();
+        let seen = |covered: fn(f64) -> bool| {
+            let range_m = |at_s: f64, beam: usize| if covered(at_s) && beam % 5 > 0 { 1.0 } else { wall_m(beam) };
+            tally(&every_fifth, range_m, false).doubted().to_vec()
+        };
+        let stamps = |seconds: &[f64]| seconds.iter().map(|&at_s| Stamp::from_secs_f64(at_s)).collect::<Vec<_>>();
+        assert_eq!(seen(|_| false), []);
+        assert_eq!(seen(|at_s| (5.0..5.5).contains(&at_s)), stamps(&[5.0, 5.6]));
+        assert_eq!(seen(|at_s| at_s > 19.5), stamps(&[19.6]));
     }
 
     #[test]
