@@ -37,6 +37,16 @@ impl Reading {
         })
     }
 
+    /// Scans that were left out because their ranges are in no metres.
+    pub(crate) fn scans_left_out(&self) -> u64 {
+        let of = |report: &LogReport| match report {
+            LogReport::Carmen(report) => report.ranges.beyond_reach.count,
+            LogReport::Recording(report) => report.stream.ranges.beyond_reach.count,
+            _ => 0,
+        };
+        self.logs.iter().map(|(_, report)| of(report)).sum()
+    }
+
     /// What is odd without being a loss, in words.
     pub(crate) fn oddities(&self) -> Vec<String> {
         self.of_each(|report| match report {

@@ -272,11 +272,13 @@ pub(crate) fn full_report(
     })
 }
 
-/// Whether the map can be used.
-pub(crate) fn usable(mapping: &Mapping, made: &Made) -> Usable {
+/// Whether the map can be used; so many scans were left out before any was mapped.
+pub(crate) fn usable(mapping: &Mapping, made: &Made, left_out: u64) -> Usable {
     let unknown = (Advice::default(), Visits::default());
     let (advice, visits) = made.maps.first().map_or((&unknown.0, unknown.1), |map| (&map.advice, map.visits));
-    Usable::of(&Facts::of(&mapping.tally, &mapping.turns, mapping.session(), advice, visits))
+    let tally = &mapping.tally;
+    let unused = tally.share_unused(left_out);
+    Usable::of(&Facts { unused, ..Facts::of(tally, &mapping.turns, mapping.session(), advice, visits) })
 }
 
 /// Those of pieces that nothing holds to the first one.

@@ -135,6 +135,12 @@ impl Tally {
         self.count(status) as f64 / self.scans.max(1) as f64
     }
 
+    /// Share of the scans that could not be used: those that were refused, and so many that were left out before.
+    pub(crate) fn share_unused(&self, left_out: u64) -> f64 {
+        let refused: u64 = self.refused.values().sum();
+        (left_out + refused) as f64 / (left_out + self.scans).max(1) as f64
+    }
+
     /// Median over the matched scans of the share of beams that fit the map.
     pub(crate) fn median_inlier_share(&self) -> Option<f64> {
         let half = self.matched.div_ceil(2);
@@ -234,7 +240,8 @@ mod tests {
     fn a_spell_of_doubt_is_noted_from_the_first_scan_that_hardly_fits_to_the_first_that_is_confirmed() {
         let every_fifth: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k)).collect();
         let seen = |covered: fn(f64) -> bool| {
-            let range_m = |at_s: f64, beam: usize| if covered(at_s) && beam % 5 > 0 { 1.0 } else { wall_m(beam) };
+            let range_m =
+                |at_s: f64, beam: usize| if covered(at_s) && !beam.is_multiple_of(5) { 1.0 } else { wall_m(beam) };
             tally(&every_fifth, range_m, false).doubted().to_vec()
         };
         let stamps = |seconds: &[f64]| seconds.iter().map(|&at_s| Stamp::from_secs_f64(at_s)).collect::<Vec<_>>();

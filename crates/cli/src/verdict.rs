@@ -36,6 +36,8 @@ impl Usability {
 pub(crate) struct Facts {
     pub(crate) scans: u64,
     pub(crate) keyframes: usize,
+    /// Share of the scans in the log that could not be used.
+    pub(crate) unused: f64,
     /// Shares of the scans.
     pub(crate) degraded: f64,
     pub(crate) lost: f64,
@@ -82,6 +84,7 @@ impl Facts {
         let hangs = |piece: &&usize| pieces.get(**piece).is_some_and(|piece| piece.link.is_some());
         Self {
             scans: tally.scans,
+            unused: tally.share_unused(0),
             keyframes,
             degraded: tally.share(Status::Degraded),
             lost: tally.share(Status::Lost),
@@ -162,7 +165,7 @@ pub(crate) struct Usable {
 }
 
 /// Bounds: beyond the first a map is to be checked, beyond the second it cannot be used (docs/decisions/0027-verdict.md).
-/// Share of the scans that fitted badly or nowhere.
+/// Share of the scans that fitted badly or nowhere, or could not be used.
 const DOUBTFUL: [f64; 2] = [0.08, 0.5];
 const LOST: [f64; 2] = [0.005, 0.2];
 /// Share of the keyframes that one step holds.
@@ -194,6 +197,7 @@ impl Usable {
     pub(crate) fn of(facts: &Facts) -> Self {
         let reasons = [
             nothing(facts),
+            unused(facts.unused),
             mirrored(facts),
             doubtful(facts.degraded + facts.lost, "scans"),
             lost(facts.lost, "scans"),
@@ -282,6 +286,15 @@ fn nothing(facts: &Facts) -> Option<Reason> {
             count(facts.scans, "scan")
         ),
         evidence: json!({ "keyframes": facts.keyframes, "scans": facts.scans }),
+    })
+}
+
+fn unused(share: f64) -> Option<Reason> {
+    Some(Reason {
+        word: beyond(share, DOUBTFUL)?,
+        what: "unused_scans",
+        words: format!("{} of the scans could not be used", percent(share)),
+        evidence: json!({ "share": share, "bounds": DOUBTFUL }),
     })
 }
 
@@ -487,6 +500,7 @@ mod tests {
     const SOUND: Facts = Facts {
         scans: 5000,
         keyframes: 1000,
+        unused: 0.001,
         degraded: 0.01,
         lost: 0.0,
         median_inlier_share: 0.98,
@@ -535,6 +549,7 @@ mod tests {
             (Facts { degraded: 0.2, ..SOUND }, "fit the map badly"),
             (Facts { lost: 0.01, ..SOUND }, "fit nowhere"),
             (Facts { elsewhere: 0.3, ..SOUND }, "in parts"),
+            (Facts { unused: 0.2, ..SOUND }, "20 % of the scans could not be used"),
             (Facts { on_odometry: 1, ..SOUND }, "odometry alone holds 1 piece"),
             (
                 Facts { hanging: Hanging { share: 0.3, from_s: 70.0 }, ..SOUND },

@@ -65,7 +65,7 @@ fn finish(
     if interrupted {
         lost.push(format!("interrupted after {} scans", truth.len()));
     }
-    let usable = report::usable(&mapping, &made);
+    let usable = report::usable(&mapping, &made, 0);
     let losses: Vec<_> = lost.iter().cloned().chain(usable.loss()).collect();
     let mut full = report::full_report(name, Value::Null, &mut mapping, &made, &usable, &losses);
     full["against_truth"] = score.to_json();

@@ -87,7 +87,7 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     if ending == Ending::Interrupted {
         lost.push(format!("interrupted after {}; the results are complete up to there", read.place()));
     }
-    let usable = report::usable(&mapping, &made);
+    let usable = report::usable(&mapping, &made, read.scans_left_out());
     let mut losses = lost.clone();
     losses.extend(usable.loss());
     let mut report = report::full_report(&name, read.to_json(), &mut mapping, &made, &usable, &losses);
