@@ -21,12 +21,12 @@ impl Hanging {
         Self::behind(session, steps)
     }
 
-    /// By where spells of doubt ([`crate::tally::Tally::doubted`]) began and ended that no closure spans: matches from there on are with what
+    /// By where the robot may have strayed in spells of doubt ([`crate::tally::Tally::strayed`]), from and to where no closure spans it: matches from there on are with what
     /// is known around, and would be in a wrong place too.
-    pub(crate) fn on_doubt(session: &Session, doubted: &[Stamp]) -> Self {
+    pub(crate) fn on_doubt(session: &Session, strayed: &[Stamp]) -> Self {
         let spanned = spanned(session, |kind| kind == EdgeKind::Closure);
         let first_from = |stamp: &Stamp| session.keyframes().iter().position(|keyframe| keyframe.stamp >= *stamp);
-        Self::behind(session, doubted.iter().filter_map(first_from).filter(|&to| !spanned[to]))
+        Self::behind(session, strayed.iter().filter_map(first_from).filter(|&to| !spanned[to]))
     }
 
     fn behind(session: &Session, steps: impl Iterator<Item = usize>) -> Self {

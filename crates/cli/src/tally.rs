@@ -3,7 +3,7 @@
 use crate::doubt::Doubts;
 use crate::status_runs::StatusRuns;
 use crate::terminal::grouped;
-use mapwright::{BeamCounts, Stamp, Status, Update};
+use mapwright::{BeamCounts, DOUBT_SIGMAS, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -29,8 +29,10 @@ pub(crate) struct Tally {
     /// The first of the scans in a row up to now whose poses are guesses, and the longest time that such a row took, seconds.
     guessed_from: Option<Stamp>,
     guessed_s: f64,
+    /// Within a spell of doubt, and within one in which the robot may have strayed.
     is_doubted: bool,
-    doubted: Vec<Stamp>,
+    strays: bool,
+    strayed: Vec<Stamp>,
 }
 
 /// Of scans that led to poses or measurements beyond what a session can hold.
@@ -55,7 +57,8 @@ impl Default for Tally {
             guessed_from: None,
             guessed_s: 0.0,
             is_doubted: false,
-            doubted: Vec::new(),
+            strays: false,
+            strayed: Vec::new(),
         }
     }
 }
@@ -96,18 +99,25 @@ impl Tally {
         self.guessed_s = self.guessed_s.max(row_s);
     }
 
-    /// A spell of scans that hardly fitted, and of those after them that nothing mapped before confirms, begins or ends.
+    /// Scans that hardly fitted, and those after them that nothing mapped before confirms, are a spell of doubt; one in which a scan
+    /// was lost, or contradicted its prediction, may end in a wrong place.
     fn see_doubt(&mut self, update: &Update) {
-        let is_doubted =
-            update.matched.as_ref().is_some_and(|report| report.unconfirmed) || update.status == Status::Lost;
-        if std::mem::replace(&mut self.is_doubted, is_doubted) != is_doubted {
-            self.doubted.push(update.stamp);
+        let report = update.matched.as_ref();
+        let is_lost = update.status == Status::Lost;
+        let was_doubted = self.is_doubted;
+        self.is_doubted = is_lost || report.is_some_and(|report| report.unconfirmed);
+        let contradicts = report.is_some_and(|report| report.odometry_sigmas > DOUBT_SIGMAS);
+        let began = !self.strays && (self.is_doubted || was_doubted) && (is_lost || contradicts);
+        let ended = self.strays && !self.is_doubted;
+        self.strays = self.is_doubted && (self.strays || began);
+        if began || ended {
+            self.strayed.push(update.stamp);
         }
     }
 
-    /// When such spells began and ended: within one the robot may have been found in a wrong place.
-    pub(crate) fn doubted(&self) -> &[Stamp] {
-        &self.doubted
+    /// From when to when the robot may have strayed so.
+    pub(crate) fn strayed(&self) -> &[Stamp] {
+        &self.strayed
     }
 
     /// The longest time over which scans came, but neither laser nor wheels said how the robot moves, seconds.
@@ -237,17 +247,19 @@ mod tests {
     }
 
     #[test]
-    fn a_spell_of_doubt_is_noted_from_the_first_scan_that_hardly_fits_to_the_first_that_is_confirmed() {
+    fn a_spell_of_doubt_in_which_a_scan_was_lost_is_noted_until_a_scan_is_confirmed() {
         let every_fifth: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k)).collect();
-        let seen = |covered: fn(f64) -> bool| {
+        let seen = |covered: fn(f64) -> bool, of_five: usize| {
             let range_m =
-                |at_s: f64, beam: usize| if covered(at_s) && !beam.is_multiple_of(5) { 1.0 } else { wall_m(beam) };
-            tally(&every_fifth, range_m, false).doubted().to_vec()
+                |at_s: f64, beam: usize| if covered(at_s) && beam % 5 >= of_five { 1.0 } else { wall_m(beam) };
+            tally(&every_fifth, range_m, false).strayed().to_vec()
         };
         let stamps = |seconds: &[f64]| seconds.iter().map(|&at_s| Stamp::from_secs_f64(at_s)).collect::<Vec<_>>();
-        assert_eq!(seen(|_| false), []);
-        assert_eq!(seen(|at_s| (5.0..5.5).contains(&at_s)), stamps(&[5.0, 5.6]));
-        assert_eq!(seen(|at_s| at_s > 19.5), stamps(&[19.6]));
+        assert_eq!(seen(|_| false, 1), []);
+        assert_eq!(seen(|at_s| (5.0..5.5).contains(&at_s), 1), stamps(&[5.0, 5.6]));
+        assert_eq!(seen(|at_s| at_s > 19.5, 1), stamps(&[19.6]));
+        // Half of the beams fit: doubted, but neither lost nor elsewhere.
+        assert_eq!(seen(|at_s| (5.0..5.5).contains(&at_s), 3), []);
     }
 
     #[test]

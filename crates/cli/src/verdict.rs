@@ -91,7 +91,7 @@ impl Facts {
             median_inlier_share: tally.median_inlier_share().unwrap_or(0.0),
             elsewhere: keyframes.saturating_sub(in_first) as f64 / keyframes.max(1) as f64,
             hanging: Hanging::on_odometry(session),
-            on_doubt: Hanging::on_doubt(session, tally.doubted()),
+            on_doubt: Hanging::on_doubt(session, tally.strayed()),
             guessed_s: tally.guessed_s(),
             way_by_stamps: way_by_stamps(session),
             on_odometry: first.pieces.iter().filter(hangs).count(),
