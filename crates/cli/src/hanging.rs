@@ -21,12 +21,12 @@ impl Hanging {
         Self::behind(session, steps)
     }
 
-    /// By where the robot may have strayed in spells of doubt ([`crate::tally::Tally::strayed`]), from and to where no closure spans it: matches from there on are with what
-    /// is known around, and would be in a wrong place too.
-    pub(crate) fn on_doubt(session: &Session, strayed: &[Stamp]) -> Self {
+    /// By where a lost robot was found unconfirmed or elsewhere than was predicted ([`crate::tally::Tally::found`]), which no closure
+    /// spans: matches from there on are with what is known around, and would be in a wrong place too.
+    pub(crate) fn on_finding(session: &Session, found: &[Stamp]) -> Self {
         let spanned = spanned(session, |kind| kind == EdgeKind::Closure);
         let first_from = |stamp: &Stamp| session.keyframes().iter().position(|keyframe| keyframe.stamp >= *stamp);
-        Self::behind(session, strayed.iter().filter_map(first_from).filter(|&to| !spanned[to]))
+        Self::behind(session, found.iter().filter_map(first_from).filter(|&to| !spanned[to]))
     }
 
     fn behind(session: &Session, steps: impl Iterator<Item = usize>) -> Self {
@@ -117,14 +117,14 @@ mod tests {
     }
 
     #[test]
-    fn so_does_a_spell_of_doubt_unless_a_closure_spans_it() {
-        let doubted = [Stamp::from_secs_f64(9.5), Stamp::from_secs_f64(35.0)];
-        assert_eq!(Hanging::on_doubt(&Session::default(), &doubted), Hanging::default());
-        assert_eq!(Hanging::on_doubt(&session(&[], &[], &[]), &[]), Hanging::default());
-        assert_eq!(Hanging::on_doubt(&session(&[], &[], &[]), &doubted), Hanging { share: 0.25, from_s: 10.0 });
+    fn so_does_where_a_lost_robot_was_found_unless_a_closure_spans_it() {
+        let found = [Stamp::from_secs_f64(9.5), Stamp::from_secs_f64(35.0)];
+        assert_eq!(Hanging::on_finding(&Session::default(), &found), Hanging::default());
+        assert_eq!(Hanging::on_finding(&session(&[], &[], &[]), &[]), Hanging::default());
+        assert_eq!(Hanging::on_finding(&session(&[], &[], &[]), &found), Hanging { share: 0.25, from_s: 10.0 });
         let closed = session(&[], &[[5, 30]], &[]);
-        assert_eq!(Hanging::on_doubt(&closed, &doubted), Hanging { share: 0.125, from_s: 35.0 });
+        assert_eq!(Hanging::on_finding(&closed, &found), Hanging { share: 0.125, from_s: 35.0 });
         // After the last keyframe nothing hangs on it.
-        assert_eq!(Hanging::on_doubt(&closed, &[Stamp::from_secs_f64(40.0)]), Hanging::default());
+        assert_eq!(Hanging::on_finding(&closed, &[Stamp::from_secs_f64(40.0)]), Hanging::default());
     }
 }

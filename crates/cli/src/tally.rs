@@ -3,14 +3,14 @@
 use crate::doubt::Doubts;
 use crate::status_runs::StatusRuns;
 use crate::terminal::grouped;
-use mapwright::{BeamCounts, DOUBT_SIGMAS, Stamp, Status, Update};
+use mapwright::{BeamCounts, DOUBT_SIGMAS, MatchReport, Stamp, Status, Update};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// Bins of the inlier shares.
 const BINS: usize = 1000;
 
-/// Counts over all updates; memory grows with the spells of doubt, and with nothing else.
+/// Counts over all updates; memory grows with the times that a lost robot was found, and with nothing else.
 #[derive(Debug, Clone)]
 pub(crate) struct Tally {
     pub(crate) scans: u64,
@@ -29,10 +29,9 @@ pub(crate) struct Tally {
     /// The first of the scans in a row up to now whose poses are guesses, and the longest time that such a row took, seconds.
     guessed_from: Option<Stamp>,
     guessed_s: f64,
-    /// Within a spell of doubt, and within one in which the robot may have strayed.
-    is_doubted: bool,
-    strays: bool,
-    strayed: Vec<Stamp>,
+    /// Whether the scan before was lost.
+    was_lost: bool,
+    found: Vec<Stamp>,
 }
 
 /// Of scans that led to poses or measurements beyond what a session can hold.
@@ -56,9 +55,8 @@ impl Default for Tally {
             span: None,
             guessed_from: None,
             guessed_s: 0.0,
-            is_doubted: false,
-            strays: false,
-            strayed: Vec::new(),
+            was_lost: false,
+            found: Vec::new(),
         }
     }
 }
@@ -86,7 +84,7 @@ impl Tally {
             self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
         }
         self.see_guess(update, by_odometry);
-        self.see_doubt(update);
+        self.see_finding(update);
         self.doubts.add(update, by_odometry);
         self.runs.add(update.status, update.scan, update.stamp);
     }
@@ -99,25 +97,19 @@ impl Tally {
         self.guessed_s = self.guessed_s.max(row_s);
     }
 
-    /// Scans that hardly fitted, and those after them that nothing mapped before confirms, are a spell of doubt; one in which a scan
-    /// was lost, or contradicted its prediction, may end in a wrong place.
-    fn see_doubt(&mut self, update: &Update) {
-        let report = update.matched.as_ref();
+    /// A robot that was lost is found elsewhere than was predicted, or where nothing that was mapped before confirms it.
+    fn see_finding(&mut self, update: &Update) {
         let is_lost = update.status == Status::Lost;
-        let was_doubted = self.is_doubted;
-        self.is_doubted = is_lost || report.is_some_and(|report| report.unconfirmed);
-        let contradicts = report.is_some_and(|report| report.odometry_sigmas > DOUBT_SIGMAS);
-        let began = !self.strays && (self.is_doubted || was_doubted) && (is_lost || contradicts);
-        let ended = self.strays && !self.is_doubted;
-        self.strays = self.is_doubted && (self.strays || began);
-        if began || ended {
-            self.strayed.push(update.stamp);
+        let was_lost = std::mem::replace(&mut self.was_lost, is_lost);
+        let is_unsure = |report: &MatchReport| report.odometry_sigmas > DOUBT_SIGMAS || report.unconfirmed;
+        if was_lost && !is_lost && update.matched.as_ref().is_some_and(is_unsure) {
+            self.found.push(update.stamp);
         }
     }
 
-    /// From when to when the robot may have strayed so.
-    pub(crate) fn strayed(&self) -> &[Stamp] {
-        &self.strayed
+    /// When that was.
+    pub(crate) fn found(&self) -> &[Stamp] {
+        &self.found
     }
 
     /// The longest time over which scans came, but neither laser nor wheels said how the robot moves, seconds.
@@ -247,19 +239,26 @@ mod tests {
     }
 
     #[test]
-    fn a_spell_of_doubt_in_which_a_scan_was_lost_is_noted_until_a_scan_is_confirmed() {
+    fn a_lost_robot_that_is_found_unconfirmed_is_noted() {
         let every_fifth: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k)).collect();
-        let seen = |covered: fn(f64) -> bool, of_five: usize| {
-            let range_m =
-                |at_s: f64, beam: usize| if covered(at_s) && beam % 5 >= of_five { 1.0 } else { wall_m(beam) };
-            tally(&every_fifth, range_m, false).strayed().to_vec()
+        // So many of five beams see the wall at a time.
+        let found = |of_five: fn(f64) -> usize| {
+            let range_m = |at_s: f64, beam: usize| if beam % 5 >= of_five(at_s) { 1.0 } else { wall_m(beam) };
+            tally(&every_fifth, range_m, false).found().to_vec()
         };
-        let stamps = |seconds: &[f64]| seconds.iter().map(|&at_s| Stamp::from_secs_f64(at_s)).collect::<Vec<_>>();
-        assert_eq!(seen(|_| false, 1), []);
-        assert_eq!(seen(|at_s| (5.0..5.5).contains(&at_s), 1), stamps(&[5.0, 5.6]));
-        assert_eq!(seen(|at_s| at_s > 19.5, 1), stamps(&[19.6]));
-        // Half of the beams fit: doubted, but neither lost nor elsewhere.
-        assert_eq!(seen(|at_s| (5.0..5.5).contains(&at_s), 3), []);
+        assert_eq!(found(|_| 5), []);
+        let lost = |at_s: f64| if (5.0..5.5).contains(&at_s) { 1 } else { 5 };
+        assert_eq!(found(lost), []);
+        let then_doubted = |at_s: f64| {
+            if (5.0..5.5).contains(&at_s) {
+                1
+            } else if (5.5..5.9).contains(&at_s) {
+                2
+            } else {
+                5
+            }
+        };
+        assert_eq!(found(then_doubted), [Stamp::from_secs_f64(5.6)]);
     }
 
     #[test]

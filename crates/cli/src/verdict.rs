@@ -48,8 +48,8 @@ pub(crate) struct Facts {
     pub(crate) on_odometry: usize,
     /// What a single step of odometry holds.
     pub(crate) hanging: Hanging,
-    /// What a spell of doubt holds.
-    pub(crate) on_doubt: Hanging,
+    /// What a place where a lost robot was found holds.
+    pub(crate) on_finding: Hanging,
     /// For how long neither laser nor wheels said how the robot moves, seconds.
     pub(crate) guessed_s: f64,
     /// The way from scan to scan, as a multiple of the way in the order of the stamps.
@@ -91,7 +91,7 @@ impl Facts {
             median_inlier_share: tally.median_inlier_share().unwrap_or(0.0),
             elsewhere: keyframes.saturating_sub(in_first) as f64 / keyframes.max(1) as f64,
             hanging: Hanging::on_odometry(session),
-            on_doubt: Hanging::on_doubt(session, tally.strayed()),
+            on_finding: Hanging::on_finding(session, tally.found()),
             guessed_s: tally.guessed_s(),
             way_by_stamps: way_by_stamps(session),
             on_odometry: first.pieces.iter().filter(hangs).count(),
@@ -170,8 +170,8 @@ const DOUBTFUL: [f64; 2] = [0.08, 0.5];
 const LOST: [f64; 2] = [0.005, 0.2];
 /// Share of the keyframes that one step holds.
 const HANGING: [f64; 2] = [0.05, f64::INFINITY];
-/// The same of a spell of doubt; real logs have none (docs/decisions/0027-verdict.md).
-const DOUBTED: [f64; 2] = [0.01, f64::INFINITY];
+/// The same of where a lost robot was found; real logs have none (docs/decisions/0027-verdict.md).
+const FOUND: [f64; 2] = [0.01, f64::INFINITY];
 /// Seconds without knowing how the robot moves: after so long a robot that sees nothing is blind (docs/decisions/0024-fragments.md).
 const GUESSED_S: [f64; 2] = [4.0, f64::INFINITY];
 /// The way as a multiple of that by stamps.
@@ -203,7 +203,7 @@ impl Usable {
             lost(facts.lost, "scans"),
             in_pieces(facts),
             hangs(facts),
-            hangs_on_doubt(facts),
+            hangs_on_finding(facts),
             guessed(facts),
             disordered(facts),
             misfits(facts),
@@ -348,16 +348,16 @@ fn hangs(facts: &Facts) -> Option<Reason> {
     })
 }
 
-fn hangs_on_doubt(facts: &Facts) -> Option<Reason> {
-    let Hanging { share, from_s } = facts.on_doubt;
+fn hangs_on_finding(facts: &Facts) -> Option<Reason> {
+    let Hanging { share, from_s } = facts.on_finding;
     Some(Reason {
-        word: beyond(share, DOUBTED)?,
-        what: "hangs_on_doubt",
+        word: beyond(share, FOUND)?,
+        what: "hangs_on_finding",
         words: format!(
-            "{} of the map hangs on scans that hardly fitted, at {from_s:.1} s, and no place seen before and after them says that the robot was there",
+            "{} of the map hangs on where the robot, lost before, was found at {from_s:.1} s, and no place seen before and after says that it was there",
             percent(share)
         ),
-        evidence: json!({ "share": share, "at_s": from_s, "bound": DOUBTED[0] }),
+        evidence: json!({ "share": share, "at_s": from_s, "bound": FOUND[0] }),
     })
 }
 
@@ -507,7 +507,7 @@ mod tests {
         elsewhere: 0.0,
         on_odometry: 0,
         hanging: Hanging { share: 0.001, from_s: 70.0 },
-        on_doubt: Hanging { share: 0.001, from_s: 80.0 },
+        on_finding: Hanging { share: 0.001, from_s: 80.0 },
         guessed_s: 0.5,
         way_by_stamps: 0.8,
         compared: 100,
@@ -556,8 +556,8 @@ mod tests {
                 "30 % of the map hangs on a single step of odometry, at 70.0 s",
             ),
             (
-                Facts { on_doubt: Hanging { share: 0.2, from_s: 80.0 }, ..SOUND },
-                "20 % of the map hangs on scans that hardly fitted, at 80.0 s",
+                Facts { on_finding: Hanging { share: 0.2, from_s: 80.0 }, ..SOUND },
+                "20 % of the map hangs on where the robot, lost before, was found at 80.0 s",
             ),
             (Facts { guessed_s: 35.0, ..SOUND }, "for 35 s neither laser nor wheels"),
             (Facts { way_by_stamps: 1.466, ..SOUND }, "to and fro, 1.47 times the way"),
