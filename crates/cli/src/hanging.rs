@@ -1,6 +1,6 @@
 //! What holds a map together by a single step: where that is wrong the map is bent, and nothing else in it tells.
 
-use mapwright::{EdgeKind, Session, Stamp};
+use mapwright::{EdgeKind, Session};
 
 /// The largest part of a map that hangs on one step.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
@@ -23,9 +23,9 @@ impl Hanging {
 
     /// By where a lost robot was found unconfirmed or elsewhere than was predicted ([`crate::tally::Tally::found`]), which no closure
     /// spans: matches from there on are with what is known around, and would be in a wrong place too.
-    pub(crate) fn on_finding(session: &Session, found: &[Stamp]) -> Self {
+    pub(crate) fn on_finding(session: &Session, found: &[u64]) -> Self {
         let spanned = spanned(session, |kind| kind == EdgeKind::Closure);
-        let first_from = |stamp: &Stamp| session.keyframes().iter().position(|keyframe| keyframe.stamp >= *stamp);
+        let first_from = |scan: &u64| session.keyframes().iter().position(|keyframe| keyframe.scan >= *scan);
         Self::behind(session, found.iter().filter_map(first_from).filter(|&to| !spanned[to]))
     }
 
@@ -72,11 +72,12 @@ fn places(session: &Session, edge: &mapwright::Edge) -> Option<[usize; 2]> {
 mod tests {
     use super::*;
     use mapwright::{
-        Cov3, Edge, Entry, Fragment, FragmentStart, Keyframe, LaserModel, Pose2, RecordedEdge, Run, RunId, Stamp, Sweep,
+        Cov3, Edge, Entry, Fragment, FragmentStart, Keyframe, LaserModel, Pose2, RecordedEdge, Run, RunId, ScanPose,
+        Stamp, Sweep,
     };
     use std::sync::Arc;
 
-    /// Forty keyframes a second apart; odometry links each to the next, a match all but the pairs after `unmatched`.
+    /// Forty keyframes a second and five scans apart; odometry links each to the next, a match all but the pairs after `unmatched`.
     fn session(unmatched: &[u32], closures: &[[u32; 2]], fragments: &[(u32, FragmentStart)]) -> Session {
         let run = RunId::of_robot("a");
         let mut session = Session::default();
@@ -84,7 +85,10 @@ mod tests {
         let sweep = Arc::new(Sweep::empty(&Arc::new(LaserModel::half_circle("front", 9))));
         for seq in 0..40 {
             let (id, sweep, stamp) = (run.keyframe(seq), Arc::clone(&sweep), Stamp::from_secs_f64(f64::from(seq)));
-            let keyframe = Keyframe { id, stamp, scan: 0, sweep, hardly_fits: false };
+            let pose = Pose2::IDENTITY;
+            let scan = ScanPose { stamp, keyframe: None, keyframe_from_robot: pose, odom_from_robot: pose };
+            (0..5).for_each(|_| session.add(Entry::Scan(scan)).unwrap());
+            let keyframe = Keyframe { id, stamp, scan: 5 * u64::from(seq), sweep, hardly_fits: false };
             session.add(Entry::Keyframe { keyframe: keyframe.into(), map_from_keyframe: Pose2::IDENTITY }).unwrap();
         }
         for &(first, start) in fragments {
@@ -118,13 +122,13 @@ mod tests {
 
     #[test]
     fn so_does_where_a_lost_robot_was_found_unless_a_closure_spans_it() {
-        let found = [Stamp::from_secs_f64(9.5), Stamp::from_secs_f64(35.0)];
+        let found = [47, 175];
         assert_eq!(Hanging::on_finding(&Session::default(), &found), Hanging::default());
         assert_eq!(Hanging::on_finding(&session(&[], &[], &[]), &[]), Hanging::default());
         assert_eq!(Hanging::on_finding(&session(&[], &[], &[]), &found), Hanging { share: 0.25, from_s: 10.0 });
         let closed = session(&[], &[[5, 30]], &[]);
         assert_eq!(Hanging::on_finding(&closed, &found), Hanging { share: 0.125, from_s: 35.0 });
         // After the last keyframe nothing hangs on it.
-        assert_eq!(Hanging::on_finding(&closed, &[Stamp::from_secs_f64(40.0)]), Hanging::default());
+        assert_eq!(Hanging::on_finding(&closed, &[200]), Hanging::default());
     }
 }

@@ -31,7 +31,7 @@ pub(crate) struct Tally {
     guessed_s: f64,
     /// Whether the scan before was lost.
     was_lost: bool,
-    found: Vec<Stamp>,
+    found: Vec<u64>,
 }
 
 /// Of scans that led to poses or measurements beyond what a session can hold.
@@ -103,12 +103,12 @@ impl Tally {
         let was_lost = std::mem::replace(&mut self.was_lost, is_lost);
         let is_unsure = |report: &MatchReport| report.odometry_sigmas > DOUBT_SIGMAS || report.unconfirmed;
         if was_lost && !is_lost && update.matched.as_ref().is_some_and(is_unsure) {
-            self.found.push(update.stamp);
+            self.found.push(update.scan);
         }
     }
 
-    /// When that was.
-    pub(crate) fn found(&self) -> &[Stamp] {
+    /// The numbers of the scans in which that was.
+    pub(crate) fn found(&self) -> &[u64] {
         &self.found
     }
 
@@ -246,9 +246,9 @@ mod tests {
             let range_m = |at_s: f64, beam: usize| if beam % 5 >= of_five(at_s) { 1.0 } else { wall_m(beam) };
             tally(&every_fifth, range_m, false).found().to_vec()
         };
-        assert_eq!(found(|_| 5), []);
+        assert!(found(|_| 5).is_empty());
         let lost = |at_s: f64| if (5.0..5.5).contains(&at_s) { 1 } else { 5 };
-        assert_eq!(found(lost), []);
+        assert!(found(lost).is_empty());
         let then_doubted = |at_s: f64| {
             if (5.0..5.5).contains(&at_s) {
                 1
@@ -258,7 +258,17 @@ mod tests {
                 5
             }
         };
-        assert_eq!(found(then_doubted), [Stamp::from_secs_f64(5.6)]);
+        assert_eq!(found(then_doubted), [28], "5.6 s");
+    }
+
+    #[test]
+    fn scans_that_are_refused_or_left_out_before_are_not_used() {
+        let every_fifth: Vec<f64> = (0..10).map(|k| 0.2 * f64::from(k)).collect();
+        let mut tally = tally(&every_fifth, |_, beam| wall_m(beam), false);
+        assert!(tally.share_unused(0).abs() < 1e-9 && (tally.share_unused(30) - 0.75).abs() < 1e-9);
+        tally.refused.insert("a reason", 5);
+        assert!((tally.share_unused(0) - 0.5).abs() < 1e-9 && (tally.share_unused(10) - 0.75).abs() < 1e-9);
+        assert!(Tally::default().share_unused(0).abs() < 1e-9);
     }
 
     #[test]

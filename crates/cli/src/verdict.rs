@@ -202,7 +202,7 @@ impl Usable {
             doubtful(facts.degraded + facts.lost, "scans"),
             lost(facts.lost, "scans"),
             in_pieces(facts),
-            hangs(facts),
+            hangs_on_odometry(facts),
             hangs_on_finding(facts),
             guessed(facts),
             disordered(facts),
@@ -290,12 +290,7 @@ fn nothing(facts: &Facts) -> Option<Reason> {
 }
 
 fn unused(share: f64) -> Option<Reason> {
-    Some(Reason {
-        word: beyond(share, DOUBTFUL)?,
-        what: "unused_scans",
-        words: format!("{} of the scans could not be used", percent(share)),
-        evidence: json!({ "share": share, "bounds": DOUBTFUL }),
-    })
+    of_share("unused_scans", share, DOUBTFUL, "of the scans could not be used")
 }
 
 fn mirrored(facts: &Facts) -> Option<Reason> {
@@ -306,20 +301,19 @@ fn mirrored(facts: &Facts) -> Option<Reason> {
 
 /// Of a share of what was mapped, `of` in the plural.
 pub(crate) fn doubtful(share: f64, of: &str) -> Option<Reason> {
-    Some(Reason {
-        word: beyond(share, DOUBTFUL)?,
-        what: "doubtful_scans",
-        words: format!("{} of the {of} fit the map badly", percent(share)),
-        evidence: json!({ "share": share, "bounds": DOUBTFUL }),
-    })
+    of_share("doubtful_scans", share, DOUBTFUL, &format!("of the {of} fit the map badly"))
 }
 
 pub(crate) fn lost(share: f64, of: &str) -> Option<Reason> {
+    of_share("lost_scans", share, LOST, &format!("of the {of} fit nowhere"))
+}
+
+fn of_share(what: &'static str, share: f64, bounds: [f64; 2], words: &str) -> Option<Reason> {
     Some(Reason {
-        word: beyond(share, LOST)?,
-        what: "lost_scans",
-        words: format!("{} of the {of} fit nowhere", percent(share)),
-        evidence: json!({ "share": share, "bounds": LOST }),
+        word: beyond(share, bounds)?,
+        what,
+        words: format!("{} {words}", percent(share)),
+        evidence: json!({ "share": share, "bounds": bounds }),
     })
 }
 
@@ -335,29 +329,24 @@ fn in_pieces(facts: &Facts) -> Option<Reason> {
     Some(Reason { word: Usability::Check, what: "in_pieces", words, evidence })
 }
 
-fn hangs(facts: &Facts) -> Option<Reason> {
-    let Hanging { share, from_s } = facts.hanging;
-    Some(Reason {
-        word: beyond(share, HANGING)?,
-        what: "hangs_on_odometry",
-        words: format!(
-            "{} of the map hangs on a single step of odometry, at {from_s:.1} s, in which no scan fitted",
-            percent(share)
-        ),
-        evidence: json!({ "share": share, "at_s": from_s, "bound": HANGING[0] }),
-    })
+fn hangs_on_odometry(facts: &Facts) -> Option<Reason> {
+    let words = ["a single step of odometry", "in which no scan fitted"];
+    hangs("hangs_on_odometry", facts.hanging, HANGING, words)
 }
 
 fn hangs_on_finding(facts: &Facts) -> Option<Reason> {
-    let Hanging { share, from_s } = facts.on_finding;
+    let words =
+        ["where the robot, lost before, was found", "and no place seen before and after says that it was there"];
+    hangs("hangs_on_finding", facts.on_finding, FOUND, words)
+}
+
+fn hangs(what: &'static str, hanging: Hanging, bounds: [f64; 2], [on, why]: [&str; 2]) -> Option<Reason> {
+    let Hanging { share, from_s } = hanging;
     Some(Reason {
-        word: beyond(share, FOUND)?,
-        what: "hangs_on_finding",
-        words: format!(
-            "{} of the map hangs on where the robot, lost before, was found at {from_s:.1} s, and no place seen before and after says that it was there",
-            percent(share)
-        ),
-        evidence: json!({ "share": share, "at_s": from_s, "bound": FOUND[0] }),
+        word: beyond(share, bounds)?,
+        what,
+        words: format!("{} of the map hangs on {on}, at {from_s:.1} s, {why}", percent(share)),
+        evidence: json!({ "share": share, "at_s": from_s, "bound": bounds[0] }),
     })
 }
 
@@ -557,7 +546,7 @@ mod tests {
             ),
             (
                 Facts { on_finding: Hanging { share: 0.2, from_s: 80.0 }, ..SOUND },
-                "20 % of the map hangs on where the robot, lost before, was found at 80.0 s",
+                "20 % of the map hangs on where the robot, lost before, was found, at 80.0 s, and no place",
             ),
             (Facts { guessed_s: 35.0, ..SOUND }, "for 35 s neither laser nor wheels"),
             (Facts { way_by_stamps: 1.466, ..SOUND }, "to and fro, 1.47 times the way"),

@@ -89,8 +89,8 @@ fn wrapped(angle_rad: f64) -> f64 {
     angle_rad.sin().atan2(angle_rad.cos())
 }
 
-/// The median, or `equal` where that lies between the values that the median of what was drawn from may have by chance: so many to
-/// both sides of the middle as a fair coin would throw (order statistics).
+/// The median, or `equal` where that lies within the median's confidence interval by order statistics: of so many values no more lie to
+/// one side of their true median than a fair coin would show heads, within [`SIGMAS`] standard deviations.
 fn median(mut values: Vec<f64>, equal: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let half = 0.5 * values.len() as f64;

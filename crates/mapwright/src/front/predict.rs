@@ -22,7 +22,7 @@ impl Step {
         self.last_from_robot.x.hypot(self.last_from_robot.y) <= FAILING_STEP_AT_MOST_M
     }
 
-    /// The same with the way back.
+    /// The same motion, driven backwards.
     pub(crate) fn reversed(&self) -> Pose2 {
         let Pose2 { x, y, theta } = self.last_from_robot;
         Pose2::new(-x, -y, theta)
