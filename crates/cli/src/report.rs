@@ -118,6 +118,7 @@ pub(crate) fn range_oddities(heads: &OddHeads, ranges: &RangeReport, place: &str
         })
         .collect();
     odd.extend(ranges.limits.clone());
+    odd.extend(ranges.codes.clone());
     let blank = "scans of which not one range can be used (0, negative, no number or nearer than the laser's least)";
     odd.extend(note(&ranges.blank, blank, "scan"));
     odd
@@ -134,6 +135,7 @@ pub(crate) fn ranges_json(ranges: &RangeReport) -> Value {
         "largest_beyond_reach": ranges.largest,
         "blank": scans(&ranges.blank),
         "limits": ranges.limits,
+        "codes": ranges.codes,
     })
 }
 

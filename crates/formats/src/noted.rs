@@ -64,4 +64,6 @@ pub struct RangeReport {
     pub blank: Noted,
     /// What is odd about the ranges' limits, in words.
     pub limits: Option<String>,
+    /// Readings that are taken for no return, in words.
+    pub codes: Option<String>,
 }

@@ -5,7 +5,7 @@ use crate::chain::Chain;
 use crate::choice::{Choice, MountChoice, OdometryCalibration};
 use crate::corrected::Corrected;
 use crate::error::LogError;
-use crate::merge::WINDOW_S;
+use crate::merge::{WINDOW_MESSAGES, WINDOW_S};
 use crate::order::{Event, Order};
 use crate::plan::Plan;
 use crate::ranges::RangeCheck;
@@ -58,6 +58,9 @@ impl Input {
 /// been, seconds.
 const PAUSE_MOST_S: f64 = 3600.0;
 
+/// So many scans are looked at before the first of them is handed out.
+const SCANS_AHEAD: usize = 100;
+
 /// A log of the drive.
 #[derive(Debug)]
 struct Part {
@@ -83,8 +86,13 @@ pub struct Drive {
     turn_rate: TurnRate,
     /// Of the present log.
     order: Order,
-    /// The buffer of the scan that was handed out last.
-    spare: Option<LaserScan>,
+    /// Events of the present log that were read ahead, in order, and how many of them are scans.
+    ahead: VecDeque<Event>,
+    scans_ahead: usize,
+    /// Buffers of scans that were handed out.
+    spare: Vec<LaserScan>,
+    /// Nothing is left to be put in order.
+    is_read: bool,
     /// How the present log ended, until what was read before is handed out.
     ended: Option<Result<(), LogError>>,
     is_begun: bool,
@@ -196,7 +204,10 @@ impl Drive {
             odometry,
             turn_rate,
             order: Order::default(),
-            spare: None,
+            ahead: VecDeque::new(),
+            scans_ahead: 0,
+            spare: Vec::new(),
+            is_read: false,
             ended: None,
             is_begun: false,
             ranges: RangeCheck::new(choice.range_unit_m),
@@ -280,32 +291,47 @@ impl Drive {
 
     /// The next event of the present log in its buffer, or none at the log's end. Where a file fails, what was read before comes first.
     fn next_in_order(&mut self) -> Result<Option<Kind>, LogError> {
-        loop {
-            match self.order.pop(self.ended.is_some()) {
-                Some(Event::Scan(mut scan)) => {
-                    std::mem::swap(&mut self.scan, &mut scan);
-                    self.spare = Some(scan);
-                    return Ok(Some(Kind::Scan));
-                }
-                Some(Event::Odometry(odometry)) => {
-                    self.odometry = odometry;
-                    return Ok(Some(Kind::Odometry));
-                }
-                Some(Event::TurnRate(turn_rate)) => {
-                    self.turn_rate = turn_rate;
-                    return Ok(Some(Kind::TurnRate));
-                }
-                None => {
-                    if let Some(ended) = self.ended.take() {
-                        return ended.map(|()| None);
-                    }
-                }
+        self.read_ahead();
+        let Some(event) = self.ahead.pop_front() else {
+            return self.ended.take().unwrap_or(Ok(())).map(|()| None);
+        };
+        Ok(Some(match event {
+            Event::Scan(scan) => {
+                self.scans_ahead -= 1;
+                self.spare.push(std::mem::replace(&mut self.scan, scan));
+                Kind::Scan
             }
-            let Some(part) = self.parts.front_mut() else { return Ok(None) };
-            match part.read(&mut self.spare) {
-                Ok(Some(event)) => self.order.push(event),
-                Ok(None) => self.ended = Some(Ok(())),
-                Err(cause) => self.ended = Some(Err(cause)),
+            Event::Odometry(odometry) => {
+                self.odometry = odometry;
+                Kind::Odometry
+            }
+            Event::TurnRate(turn_rate) => {
+                self.turn_rate = turn_rate;
+                Kind::TurnRate
+            }
+        }))
+    }
+
+    /// Reads until so many scans wait that what they have in common is known.
+    fn read_ahead(&mut self) {
+        while !self.is_read && self.scans_ahead < SCANS_AHEAD && self.ahead.len() < WINDOW_MESSAGES {
+            if let Some(event) = self.order.pop(self.ended.is_some()) {
+                if let Event::Scan(scan) = &event {
+                    self.scans_ahead += 1;
+                    self.ranges.look_ahead(scan);
+                }
+                self.ahead.push_back(event);
+            } else if self.ended.is_some() {
+                self.is_read = true;
+                self.ranges.end();
+            } else if let Some(part) = self.parts.front_mut() {
+                match part.read(&mut self.spare) {
+                    Ok(Some(event)) => self.order.push(event),
+                    Ok(None) => self.ended = Some(Ok(())),
+                    Err(cause) => self.ended = Some(Err(cause)),
+                }
+            } else {
+                self.is_read = true;
             }
         }
     }
@@ -357,7 +383,9 @@ impl Drive {
     }
 
     fn end_part(&mut self) {
-        self.is_begun = false;
+        (self.is_begun, self.is_read) = (false, false);
+        self.ahead.clear();
+        self.scans_ahead = 0;
         if let Some(part) = self.parts.pop_front() {
             self.before = self.latest.take().map(|latest| (part.name.clone(), latest)).or(self.before.take());
             let ranges = std::mem::replace(&mut self.ranges, RangeCheck::new(self.range_unit_m));
@@ -410,18 +438,18 @@ impl Part {
         LogError::Recording { name: self.name.clone(), cause }
     }
 
-    /// The next event as it arrived; a scan is put into the buffer to spare.
-    fn read(&mut self, spare: &mut Option<LaserScan>) -> Result<Option<Event>, LogError> {
+    /// The next event as it arrived; a scan is put into a buffer to spare.
+    fn read(&mut self, spare: &mut Vec<LaserScan>) -> Result<Option<Event>, LogError> {
         let event = match &mut self.reader {
             Reader::Recording { .. } => return Ok(None),
             Reader::Stream(stream) => stream.next_event().map(Ok),
             Reader::Carmen(events, _) => {
-                let mut scan = spare.take().unwrap_or_else(no_scan);
+                let mut scan = spare.pop().unwrap_or_else(no_scan);
                 let mut odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
                 Ok(events.next(&mut scan, &mut odometry).map(|event| match event? {
                     true => Some(Event::Scan(scan)),
                     false => {
-                        *spare = Some(scan);
+                        spare.push(scan);
                         Some(Event::Odometry(odometry))
                     }
                 }))

@@ -1,7 +1,7 @@
 //! Whether a scan's ranges are metres, and say anything.
 
 use mapwright_formats::RangeReport;
-use mapwright_sensor::{LaserModel, LaserScan, RANGE_MAX_UNSAID_M};
+use mapwright_sensor::{FoundCodes, LaserModel, LaserScan, NoReturnCodes, RANGE_MAX_UNSAID_M};
 use std::sync::Arc;
 
 /// No laser of the plane has half of its returns beyond, and no robot has half of them within a seventh of this many
@@ -18,12 +18,36 @@ pub(crate) struct RangeCheck {
     scans: u64,
     /// The laser of the scan before as the log has it, and as it is used.
     known: Option<[Arc<LaserModel>; 2]>,
+    codes: NoReturnCodes,
     report: RangeReport,
 }
 
 impl RangeCheck {
     pub(crate) fn new(unit_m: Option<f64>) -> Self {
-        Self { unit_m: unit_m.unwrap_or(1.0), scans: 0, known: None, report: RangeReport::default() }
+        let (codes, report) = (NoReturnCodes::default(), RangeReport::default());
+        Self { unit_m: unit_m.unwrap_or(1.0), scans: 0, known: None, codes, report }
+    }
+
+    /// Looks at a scan some time before it is [taken](Self::take): codes for no return are known by then.
+    pub(crate) fn look_ahead(&mut self, scan: &LaserScan) {
+        let unit_m = self.unit_m as f32;
+        let before = self.codes.found();
+        self.codes.observe(scan.ranges_m.iter().map(|&range| range * unit_m));
+        self.codes_changed(before);
+    }
+
+    /// No scan is to come that was not looked at.
+    pub(crate) fn end(&mut self) {
+        let before = self.codes.found();
+        self.codes.judge();
+        self.codes_changed(before);
+    }
+
+    /// The laser that is used is made anew where what is known of codes is another than before.
+    fn codes_changed(&mut self, before: Option<FoundCodes>) {
+        if self.codes.found().map(|found| found.from_m) != before.map(|found| found.from_m) {
+            self.known = None;
+        }
     }
 
     pub(crate) fn into_report(self) -> RangeReport {
@@ -78,9 +102,23 @@ impl RangeCheck {
                 if let Some(used) = self.used(&said) {
                     scan.laser = Arc::new(used);
                 }
+                if let Some(used) = self.below_codes(&scan.laser) {
+                    scan.laser = Arc::new(used);
+                }
                 self.known = Some([said, Arc::clone(&scan.laser)]);
             }
         }
+    }
+
+    /// Another laser, where readings below its largest range say that nothing returned.
+    fn below_codes(&mut self, laser: &LaserModel) -> Option<LaserModel> {
+        let FoundCodes { from_m, share } = self.codes.found().filter(|found| found.from_m < laser.range_max_m)?;
+        self.report.codes = Some(format!(
+            "readings from {from_m:.3} m on, {:.1} % of all, are the same to the millimetre on many beams: no surface, this \
+             laser's code for no return, used as such",
+            100.0 * share
+        ));
+        Some(LaserModel { range_max_m: from_m, ..laser.clone() })
     }
 
     /// Another laser, where this one's limits of range are not in metres. With them a unit holds for both limits.

@@ -10,6 +10,7 @@ mod far_origin;
 mod head;
 mod imu;
 mod motion;
+mod no_return_codes;
 mod pace;
 mod prepared;
 mod scan;
@@ -24,6 +25,7 @@ pub use imu::{
     Turned,
 };
 pub use motion::{Decomposed, MotionModel};
+pub use no_return_codes::{FoundCodes, NoReturnCodes};
 pub use pace::Pace;
 pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};

@@ -113,7 +113,7 @@ impl Sweep {
     pub fn isolated_share(&self) -> f64 {
         let returns = self.codes.iter().filter(|&&code| is_return(code)).count();
         let reach = self.isolated_reach();
-        let isolated = (0..self.codes.len()).filter(|&beam| is_isolated(&self.codes, beam, reach)).count();
+        let isolated = (0..self.codes.len()).filter(|&beam| is_isolated(&self.codes, beam, &reach)).count();
         if returns == 0 { 0.0 } else { isolated as f64 / returns as f64 }
     }
 
@@ -123,7 +123,7 @@ impl Sweep {
         let (before, reach) = (self.codes.clone(), self.isolated_reach());
         let mut dropped = 0;
         for beam in 0..before.len() {
-            if is_isolated(&before, beam, reach) {
+            if is_isolated(&before, beam, &reach) {
                 self.codes[beam] = BEAM_DROPPED;
                 dropped += 1;
             }
@@ -131,9 +131,32 @@ impl Sweep {
         dropped
     }
 
-    /// A neighbour is at about the same range within so many steps at least.
-    fn isolated_reach(&self) -> i32 {
-        (ISOLATED_M / self.step_m) as i32
+    fn isolated_reach(&self) -> Neighbourhood {
+        let step = self.reading_step();
+        Neighbourhood { least_steps: (ISOLATED_M / self.step_m) as i32, beams: 2 * step + step / 2 }
+    }
+
+    /// Beams from one that has a reading to the next, the median: 1 but for lidars whose readings are put into a finer grid of bearings
+    /// than they measure, which leaves most of its beams without a reading.
+    #[must_use]
+    pub fn reading_step(&self) -> usize {
+        let dropped = self.codes.iter().filter(|&&code| code == BEAM_DROPPED).count();
+        if dropped * 2 < self.codes.len() {
+            return 1;
+        }
+        let mut gaps = [0_usize; READING_STEP_MOST];
+        let (mut last, mut seen) = (None, 0);
+        for (beam, _) in self.codes.iter().enumerate().filter(|&(_, &code)| code != BEAM_DROPPED) {
+            if let Some(last) = last.replace(beam) {
+                gaps[(beam - last).min(READING_STEP_MOST) - 1] += 1;
+                seen += 1;
+            }
+        }
+        let mut below = 0;
+        gaps.iter().position(|&count| {
+            below += count;
+            2 * below >= seen
+        }).map_or(1, |step| step + 1)
     }
 
     /// The same sweep with every beam dropped: it says where the laser was and nothing of what it saw.
@@ -150,6 +173,13 @@ impl Sweep {
         self.codes.iter().all(|&code| code == BEAM_DROPPED)
     }
 
+    /// Range of the farthest return in metres; 0 without any.
+    #[must_use]
+    pub fn farthest_m(&self) -> f64 {
+        let farthest = self.codes.iter().fold(0, |most, &code| if code == BEAM_NO_RETURN { most } else { most.max(code) });
+        f64::from(farthest) * self.step_m
+    }
+
     /// Range of a return in metres, or `None` for a beam that is none.
     #[must_use]
     pub fn range_m(&self, beam: usize) -> Option<f64> {
@@ -163,26 +193,37 @@ impl Sweep {
 /// A neighbour is at about the same range within this, metres, or within this share of the range.
 const ISOLATED_M: f64 = 0.15;
 const ISOLATED_SHARE: f64 = 0.1;
+/// No grid of bearings is so many times finer than the readings put into it; longer gaps count as such.
+const READING_STEP_MOST: usize = 32;
+
+/// Where the neighbours of a return are looked for.
+struct Neighbourhood {
+    /// Steps of range to either side, at least.
+    least_steps: i32,
+    /// Beams to either side.
+    beams: usize,
+}
 
 fn is_return(code: u16) -> bool {
     code != BEAM_DROPPED && code != BEAM_NO_RETURN
 }
 
 #[inline]
-fn is_isolated(codes: &[u16], beam: usize, least_reach: i32) -> bool {
+fn is_isolated(codes: &[u16], beam: usize, reach: &Neighbourhood) -> bool {
     // Most have a near neighbour at once.
     let next = codes.get(beam + 1).filter(|&&next| is_return(next));
-    let is_near = next.is_some_and(|&next| i32::from(next.abs_diff(codes[beam])) <= least_reach);
-    is_return(codes[beam]) && !is_near && is_alone(codes, beam, least_reach)
+    let is_near = next.is_some_and(|&next| i32::from(next.abs_diff(codes[beam])) <= reach.least_steps);
+    is_return(codes[beam]) && !is_near && is_alone(codes, beam, reach)
 }
 
 #[inline(never)]
-fn is_alone(codes: &[u16], beam: usize, least_reach: i32) -> bool {
+fn is_alone(codes: &[u16], beam: usize, reach: &Neighbourhood) -> bool {
     let code = i32::from(codes[beam]);
-    let reach = least_reach.max((ISOLATED_SHARE * f64::from(code)) as i32);
-    let near = |&other: &u16| is_return(other) && (i32::from(other) - code).abs() <= reach;
-    let around = [beam + 1, beam.wrapping_sub(1), beam + 2, beam.wrapping_sub(2)];
-    !around.into_iter().any(|other| codes.get(other).is_some_and(near))
+    let steps = reach.least_steps.max((ISOLATED_SHARE * f64::from(code)) as i32);
+    let near = |&other: &u16| is_return(other) && (i32::from(other) - code).abs() <= steps;
+    let before = &codes[beam.saturating_sub(reach.beams)..beam];
+    let after = &codes[(beam + 1).min(codes.len())..codes.len().min(beam + 1 + reach.beams)];
+    !before.iter().chain(after).any(near)
 }
 
 /// The finest step of the ladder 1, 2, 5 mm, 1, 2, 5 cm... with which a code reaches `range_max_m`.
@@ -252,21 +293,23 @@ pub struct SweepPoints {
     pub free_ends: Vec<[f64; 2]>,
     /// Where the beams start.
     pub origin: [f64; 2],
-    /// Angle between neighbouring beams, radians.
+    /// Angle between neighbouring beams that have a reading, radians.
     pub beam_step_rad: f64,
     /// Hits in a row that may lie off a surface without ending it: random readings of a laser that scatters.
     pub misses: u32,
 }
 
 impl SweepPoints {
-    /// Computes the end points; `free_range_m` bounds the free space of beams that returned nothing.
+    /// Computes the end points. Beams that returned nothing show free space up to `free_range_m`, and never farther than the
+    /// laser sees: its largest range, and the farthest return of this sweep.
     pub fn fill(&mut self, sweep: &Sweep, table: &mut BeamTable, free_range_m: f64) {
+        let free_range_m = free_range_m.min(sweep.laser.range_max_m).min(sweep.farthest_m());
         self.hits.clear();
         self.normals.clear();
         self.free_ends.clear();
         let robot_from_laser = sweep.laser.robot_from_laser;
         self.origin = [robot_from_laser.x, robot_from_laser.y];
-        self.beam_step_rad = sweep.laser.angle_step_rad.abs();
+        self.beam_step_rad = sweep.laser.angle_step_rad.abs() * sweep.reading_step() as f64;
         self.misses = u32::from(sweep.scatters);
         let moving = sweep.twist_per_s != [0.0; 3];
         let directions = table.directions(&sweep.laser, sweep.codes.len());
