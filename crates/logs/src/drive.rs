@@ -5,7 +5,7 @@ use crate::chain::Chain;
 use crate::choice::{Choice, MountChoice, OdometryCalibration};
 use crate::corrected::Corrected;
 use crate::error::LogError;
-use crate::merge::{WINDOW_MESSAGES, WINDOW_S};
+use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 use crate::order::{Event, Order};
 use crate::plan::Plan;
 use crate::ranges::RangeCheck;
@@ -86,9 +86,10 @@ pub struct Drive {
     turn_rate: TurnRate,
     /// Of the present log.
     order: Order,
-    /// Events of the present log that were read ahead, in order, and how many of them are scans.
+    /// Events of the present log that were read ahead, in order; how many of them are scans, and their bytes.
     ahead: VecDeque<Event>,
     scans_ahead: usize,
+    bytes_ahead: usize,
     /// Buffers of scans that were handed out.
     spare: Vec<LaserScan>,
     /// Nothing is left to be put in order.
@@ -206,6 +207,7 @@ impl Drive {
             order: Order::default(),
             ahead: VecDeque::new(),
             scans_ahead: 0,
+            bytes_ahead: 0,
             spare: Vec::new(),
             is_read: false,
             ended: None,
@@ -295,6 +297,7 @@ impl Drive {
         let Some(event) = self.ahead.pop_front() else {
             return self.ended.take().unwrap_or(Ok(())).map(|()| None);
         };
+        self.bytes_ahead -= event.held_bytes();
         Ok(Some(match event {
             Event::Scan(scan) => {
                 self.scans_ahead -= 1;
@@ -314,12 +317,14 @@ impl Drive {
 
     /// Reads until so many scans wait that what they have in common is known.
     fn read_ahead(&mut self) {
-        while !self.is_read && self.scans_ahead < SCANS_AHEAD && self.ahead.len() < WINDOW_MESSAGES {
+        let has_room = |it: &Self| it.ahead.len() < WINDOW_MESSAGES && it.bytes_ahead < WINDOW_BYTES;
+        while !self.is_read && self.scans_ahead < SCANS_AHEAD && has_room(self) {
             if let Some(event) = self.order.pop(self.ended.is_some()) {
                 if let Event::Scan(scan) = &event {
                     self.scans_ahead += 1;
                     self.ranges.look_ahead(scan);
                 }
+                self.bytes_ahead += event.held_bytes();
                 self.ahead.push_back(event);
             } else if self.ended.is_some() {
                 self.is_read = true;
@@ -385,7 +390,7 @@ impl Drive {
     fn end_part(&mut self) {
         (self.is_begun, self.is_read) = (false, false);
         self.ahead.clear();
-        self.scans_ahead = 0;
+        (self.scans_ahead, self.bytes_ahead) = (0, 0);
         if let Some(part) = self.parts.pop_front() {
             self.before = self.latest.take().map(|latest| (part.name.clone(), latest)).or(self.before.take());
             let ranges = std::mem::replace(&mut self.ranges, RangeCheck::new(self.range_unit_m));

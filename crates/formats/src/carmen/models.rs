@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 /// Mounts that differ by less, in metres and radians, are one: the poses in a line are rounded.
-const SAME_MOUNT: f64 = 1e-3;
+pub(super) const SAME_MOUNT: f64 = 1e-3;
 
 /// Models kept for sharing; a log with more of them is broken or hostile.
 const MODELS_KEPT: usize = 64;

@@ -2,7 +2,7 @@
 
 use super::Tag;
 use super::fields::{BadLine, Cursor, PoseField, Tail};
-use super::models::{Geometry, ModelCache, same_mount};
+use super::models::{Geometry, ModelCache, SAME_MOUNT, same_mount};
 use super::params::{LaserParams, Params};
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
@@ -54,6 +54,9 @@ pub struct CarmenReader<R> {
 
 /// So many `RAWLASER` lines at most are read ahead until one with a pose comes: CARMEN's programs write one with each.
 const RAW_AHEAD: usize = 64;
+
+/// No laser sits farther from the origin of a robot that drives indoors, metres.
+const MOUNT_MOST_M: f64 = 1.0;
 
 /// So many bytes of lines are kept meanwhile: as many as one line may have.
 const BYTES_AHEAD: usize = MAX_LINE_BYTES;
@@ -187,6 +190,8 @@ struct Parser {
     fullest_layout: [usize; Tag::COUNT],
     last_stamp: Stamp,
     raw_lasers: RawLasers,
+    /// Whether the first `FLASER` line was asked where the laser sits.
+    is_mount_settled: bool,
     origin: FarOrigin,
     report: ReadReport,
 }
@@ -223,6 +228,7 @@ impl Parser {
             fullest_layout,
             last_stamp: Stamp(0),
             raw_lasers: RawLasers::Undecided,
+            is_mount_settled: false,
             origin: FarOrigin::at_two_readings(),
             report,
         }
@@ -298,10 +304,35 @@ impl Parser {
         let tail = Tail::read(cursor, &[6, 3], line.terminated)?;
         tail.not_shorter_than(&mut self.fullest_layout[tag.index()])?;
         let pose = tail.pose(tail.numbers() - 3)?;
+        if tag == Tag::FrontLaser && tail.numbers() == 6 && !self.is_mount_settled {
+            self.settle_mount(line.number, pose, tail.pose(0)?);
+        }
         let laser = if tag == Tag::RearLaser { &self.params.rear } else { &self.params.front };
         let geometry = Geometry::conventional(self.scan.ranges_m.len(), laser);
         self.scan.odom_from_robot = self.usable_pose(line.number, pose);
         Ok(self.finish_scan(tag, geometry, tail.stamp, non_finite, line.number))
+    }
+
+    /// Where no parameter says where the front laser sits, the first line's two poses do: that of the laser straight ahead of the robot's
+    /// or behind it. In logs that a mapper has corrected the first pose is the mapper's, and turned against odometry's or the same.
+    fn settle_mount(&mut self, line: u64, robot: PoseField, laser: PoseField) {
+        self.is_mount_settled = true;
+        let front = &mut self.params.front;
+        let (PoseField::Usable(world_from_robot), PoseField::Usable(world_from_laser)) = (robot, laser) else { return };
+        let said = world_from_robot.between(world_from_laser);
+        let is_on_axis = said.y.abs() <= 2.0 * SAME_MOUNT && said.theta.abs() <= SAME_MOUNT;
+        if front.mount_given || !is_on_axis || !(2.0 * SAME_MOUNT..=MOUNT_MOST_M).contains(&said.x.abs()) {
+            return;
+        }
+        let ahead_m = (said.x / SAME_MOUNT).round() * SAME_MOUNT;
+        front.robot_from_laser = Pose2::new(ahead_m, 0.0, 0.0);
+        front.mount_given = true;
+        let words = format!(
+            "FLASER's two poses say that the laser sits {:.3} m {} the robot's origin: used as its mounting",
+            ahead_m.abs(),
+            if ahead_m > 0.0 { "ahead of" } else { "behind" }
+        );
+        self.report.odd_heads.note(line, OddHead { what: "mounting", words });
     }
 
     /// The newer lines, which say themselves how the beams lie.
