@@ -6,7 +6,7 @@ use crate::tally::Tally;
 use crate::terminal::{count, metres};
 use crate::turns::Turns;
 use crate::wheels::Wheels;
-use mapwright::{Advice, Objection, Pose2, SeparateMap, Session, Stamp, Status, Verdict as Judged, Visits};
+use mapwright::{Advice, EdgeKind, Objection, Pose2, SeparateMap, Session, Stamp, Status, Verdict as Judged, Visits};
 use mapwright_geom::Pose;
 use mapwright_record::Measurement;
 use serde::Serialize;
@@ -54,6 +54,9 @@ pub(crate) struct Facts {
     pub(crate) guessed_s: f64,
     /// The way from scan to scan, as a multiple of the way in the order of the stamps.
     pub(crate) way_by_stamps: f64,
+    /// Loop closures of the first map, and motions of which wheels and scans both tell: what tests a map in which no two visits can be compared.
+    pub(crate) closures: usize,
+    pub(crate) wheel_motions: usize,
     pub(crate) compared: usize,
     pub(crate) misfits: usize,
     pub(crate) moved_mean_m: f64,
@@ -95,6 +98,9 @@ impl Facts {
             guessed_s: tally.guessed_s(),
             way_by_stamps: way_by_stamps(session),
             on_odometry: first.pieces.iter().filter(hangs).count(),
+            closures: session.edges().filter(|edge| edge.kind == EdgeKind::Closure).count(),
+            // what was predicted without odometry says nothing of it
+            wheel_motions: if tally.share_by_odometry() > ODOMETRY_SHARE { wheels.motions } else { 0 },
             compared: visits.compared,
             misfits: visits.misfits,
             moved_mean_m: visits.mean_m,
@@ -105,7 +111,6 @@ impl Facts {
             turns_of_odometry: wheels.turns,
             way_of_odometry: wheels.way,
             aside_deg: wheels.aside_rad.to_degrees(),
-            // what was predicted without odometry says nothing of it
             lever_m: if tally.share_by_odometry() > ODOMETRY_SHARE { wheels.lever_m } else { 0.0 },
             mirrored: turns.words(),
         }
@@ -153,6 +158,31 @@ pub(crate) struct Reason {
     pub(crate) evidence: Value,
 }
 
+impl Reason {
+    /// What it is about, in two or three words.
+    fn short(&self) -> &str {
+        match self.what {
+            "nothing_mapped" => "nothing mapped",
+            "unused_scans" => "unused scans",
+            "mirrored" => "mirrored scans",
+            "doubtful_scans" => "scans that fit badly",
+            "lost_scans" => "scans that fit nowhere",
+            "in_pieces" => "a map in parts",
+            "hangs_on_odometry" => "a step of odometry",
+            "hangs_on_finding" => "an unconfirmed relocalisation",
+            "guessed" => "guessed poses",
+            "disordered" => "scans out of order",
+            "visits_contradict" => "contradicting visits",
+            "visits_apart" => "walls apart",
+            "uncertain" => "uncertain places",
+            "recognised_elsewhere" => "places recognised elsewhere",
+            "odometry_disagrees" => "odometry against scans",
+            "untested" => "nothing tested",
+            other => other,
+        }
+    }
+}
+
 /// Whether a map can be used.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Usable {
@@ -181,7 +211,7 @@ const MISFITS: [f64; 2] = [0.04, 0.4];
 const MISFITS_AT_LEAST: usize = 2;
 /// By how much visits are off each other in the mean, metres.
 const MOVED_M: [f64; 2] = [0.1, f64::INFINITY];
-/// Standard deviation of the keyframes relative to where the map begins, in the mean, metres.
+/// Standard deviation of the keyframes relative to where the map begins: at worst, and in the mean, metres.
 const SIGMA_M: [f64; 2] = [1.0, 10.0];
 /// Places recognised elsewhere.
 const UNHEEDED: usize = 2;
@@ -190,6 +220,8 @@ const ODOMETRY_OFF: f64 = 0.1;
 const ASIDE_DEG: f64 = 6.0;
 /// The robot turns so far from where the map has it, metres: as far as visits may be off each other.
 const LEVER_M: f64 = MOVED_M[0];
+/// Motions of half a metre or 0.3 rad that wheels and scans have to agree on before they bear each other out.
+const MOTIONS_AT_LEAST: usize = 3;
 /// Odometry has to predict so many of the scans before it says so.
 const ODOMETRY_SHARE: f64 = 0.9;
 
@@ -211,6 +243,7 @@ impl Usable {
             uncertain(facts.mean_sigma_m, facts.worst_sigma_m),
             unheeded_places(facts.unheeded),
             odometry_off(facts),
+            untested(facts),
         ];
         Self::by(reasons, expected_error_m(facts), all_is_well(facts))
     }
@@ -237,7 +270,10 @@ impl Usable {
         match self.reasons.len() {
             0 => self.well.clone(),
             1 | 2 => why.join("; "),
-            all => format!("{}; and {} in report.json", why.join("; "), count(all as u64 - 2, "further reason")),
+            _ => {
+                let others: Vec<&str> = self.reasons[2..].iter().map(|reason| reason.short()).collect();
+                format!("{}; and {} in report.json: {}", why.join("; "), count(others.len() as u64, "further reason"), others.join(", "))
+            }
         }
     }
 
@@ -397,11 +433,17 @@ fn moved(facts: &Facts) -> Option<Reason> {
     })
 }
 
+/// Parts that are uncertain make a map one to be checked; it cannot be used where most of it is.
 pub(crate) fn uncertain(mean_sigma_m: f64, worst_sigma_m: f64) -> Option<Reason> {
+    let [check_m, unusable_m] = SIGMA_M;
+    let is_unusable = mean_sigma_m > unusable_m;
+    let worst = beyond(worst_sigma_m, [check_m, f64::INFINITY])?;
+    let (sigma_m, which) =
+        if mean_sigma_m > check_m { (mean_sigma_m, "in the mean") } else { (worst_sigma_m, "at worst") };
     Some(Reason {
-        word: beyond(mean_sigma_m, SIGMA_M)?,
+        word: if is_unusable { Usability::Unusable } else { worst },
         what: "uncertain",
-        words: format!("it is certain to {mean_sigma_m:.1} m only, in the mean"),
+        words: format!("it is certain to {sigma_m:.1} m only, {which}"),
         evidence: json!({ "mean_sigma_m": mean_sigma_m, "worst_sigma_m": worst_sigma_m, "bounds_m": SIGMA_M }),
     })
 }
@@ -439,6 +481,21 @@ fn odometry_off(facts: &Facts) -> Option<Reason> {
     Some(Reason { word: Usability::Check, what: "odometry_disagrees", words, evidence })
 }
 
+/// Nothing has tested the map: no place was seen twice, none was recognised, and no wheels bear out how the robot moved.
+fn untested(facts: &Facts) -> Option<Reason> {
+    let is_tested = facts.compared > facts.misfits || facts.closures > 0 || facts.wheel_motions >= MOTIONS_AT_LEAST;
+    (!is_tested && facts.keyframes > 0).then(|| Reason {
+        word: Usability::Check,
+        what: "untested",
+        words: match facts.scans {
+            1 => "one scan tells nothing: nothing tests the map".to_owned(),
+            _ if facts.compared > 0 => "nothing bears out the map: where it came again nothing fits what was seen before".to_owned(),
+            _ => "nothing tests the map: no place was seen twice, and no wheels bear out how the robot moved".to_owned(),
+        },
+        evidence: json!({ "closures": facts.closures, "wheel_motions": facts.wheel_motions, "bound": MOTIONS_AT_LEAST }),
+    })
+}
+
 fn rounded(times: f64) -> String {
     format!("{times:.2}")
 }
@@ -469,8 +526,12 @@ fn expected_error_m(facts: &Facts) -> Option<f64> {
 
 /// Why nothing speaks against it.
 fn all_is_well(facts: &Facts) -> String {
+    let certain = || format!("certain to {} in the mean", metres(facts.mean_sigma_m));
     match facts.compared {
-        0 => format!("nothing was seen twice; certain to {} in the mean", metres(facts.mean_sigma_m)),
+        0 if facts.closures > 0 => {
+            format!("{} recognised where the map has them; {}", count(facts.closures as u64, "old place"), certain())
+        }
+        0 => format!("wheels and scans agree; nothing was seen twice; {}", certain()),
         compared => {
             let fits = (compared - facts.misfits) as u64;
             format!(
@@ -499,6 +560,8 @@ mod tests {
         on_finding: Hanging { share: 0.001, from_s: 80.0 },
         guessed_s: 0.5,
         way_by_stamps: 0.8,
+        closures: 30,
+        wheel_motions: 500,
         compared: 100,
         misfits: 2,
         moved_mean_m: 0.02,
@@ -527,9 +590,20 @@ mod tests {
                 "good     98 places seen again fit what was seen before, to 0.02 m in the mean\n".to_owned()
             )
         );
-        let once = Facts { compared: 0, misfits: 0, moved_mean_m: 0.0, ..SOUND };
+        let once = Facts { compared: 0, misfits: 0, moved_mean_m: 0.0, closures: 0, ..SOUND };
         assert!(said(once).1.contains("nothing was seen twice"));
+        assert!(said(Facts { closures: 2, ..once.clone() }).1.contains("2 old places recognised"));
         assert!(Usable::of(&SOUND).loss().is_none());
+    }
+
+    #[test]
+    fn good_means_that_something_was_tested() {
+        let once = Facts { compared: 0, misfits: 0, moved_mean_m: 0.0, closures: 0, wheel_motions: 0, ..SOUND };
+        assert_eq!(said(Facts { wheel_motions: 3, ..once.clone() }).0, Usability::Good);
+        let (word, told) = said(once.clone());
+        assert!(word == Usability::Check && told.contains("no wheels"), "{told}");
+        let (word, told) = said(Facts { scans: 1, keyframes: 1, ..once });
+        assert!(word == Usability::Check && told.contains("one scan"), "{told}");
     }
 
     #[test]
@@ -552,7 +626,8 @@ mod tests {
             (Facts { way_by_stamps: 1.466, ..SOUND }, "to and fro, 1.47 times the way"),
             (Facts { misfits: 10, ..SOUND }, "10 of 100 places do not fit"),
             (Facts { moved_mean_m: 0.2, ..SOUND }, "0.20 m apart"),
-            (Facts { mean_sigma_m: 2.0, ..SOUND }, "certain to 2.0 m only"),
+            (Facts { mean_sigma_m: 2.0, worst_sigma_m: 4.0, ..SOUND }, "certain to 2.0 m only, in the mean"),
+            (Facts { worst_sigma_m: 2.451, ..SOUND }, "certain to 2.5 m only, at worst"),
             (Facts { unheeded: 3, ..SOUND }, "3 places looked like another"),
             (Facts { turns_of_odometry: 0.8, ..SOUND }, "turn 0.80 times"),
             (Facts { way_of_odometry: 1.3, ..SOUND }, "1.30 times the way"),
@@ -570,7 +645,7 @@ mod tests {
             Facts { degraded: 0.6, ..SOUND },
             Facts { lost: 0.3, ..SOUND },
             Facts { misfits: 50, ..SOUND },
-            Facts { mean_sigma_m: 20.0, ..SOUND },
+            Facts { mean_sigma_m: 20.0, worst_sigma_m: 40.0, ..SOUND },
         ];
         for facts in unusable {
             assert!(said(facts.clone()).0 == Usability::Unusable && Usable::of(&facts).loss().is_some(), "{facts:?}");
@@ -582,7 +657,8 @@ mod tests {
         let facts = Facts { degraded: 0.2, on_odometry: 1, unheeded: 2, misfits: 50, ..SOUND };
         let (word, told) = said(facts.clone());
         assert!(word == Usability::Unusable && told.starts_with("unusable where it came again, 50 of 100"), "{told}");
-        assert!(told.contains("; and 2 further reasons in report.json"), "{told}");
+        let others = "; and 2 further reasons in report.json: a map in parts, places recognised elsewhere";
+        assert!(told.contains(others), "{told}");
         let value = Usable::of(&facts).to_json();
         assert_eq!(value["word"], "unusable");
         assert_eq!(value["reasons"][0]["what"], "visits_contradict");

@@ -15,6 +15,8 @@ const LOOKED_AT: usize = 2000;
 
 /// The motion that the map says, beside what the wheels say; as equal where it may differ by chance.
 pub(crate) struct Wheels {
+    /// How many motions were compared.
+    pub(crate) motions: usize,
     /// As multiples of what the wheels say.
     pub(crate) turns: f64,
     pub(crate) way: f64,
@@ -47,6 +49,7 @@ impl Wheels {
         let aside =
             |motion: &&Motion| wrapped(motion.mapped.y.atan2(motion.mapped.x) - motion.said.y.atan2(motion.said.x));
         Self {
+            motions: motions.len(),
             turns: median(turning.iter().map(|motion| motion.mapped.theta / motion.said.theta).collect(), 1.0),
             way: median(straight.iter().map(|motion| length(motion.mapped) / length(motion.said)).collect(), 1.0),
             aside_rad: median(straight.iter().map(aside).collect(), 0.0),

@@ -16,7 +16,7 @@ use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
 use slip::SlipWatch;
 use std::sync::Arc;
-use track::{Scene, Tracker};
+use track::{Scene, Tracker, translation_axes};
 
 mod breaks;
 mod checkpoint;
@@ -142,7 +142,8 @@ impl FrontEnd {
         let believed = matched.filter(|matched| matched.is_believed());
         let supplier = believed.and_then(Matched::supplier);
         let anchor = supplier.filter(|&node| self.local_map.is_live(node));
-        let noise = Cov3::from_diagonal(&step.variances.into());
+        let weakest = believed.map_or(0.0, |matched| translation_axes(&matched.information).0[0]);
+        let noise = Cov3::from_diagonal(&self.predictor.noise(step, weakest).into());
         let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);

@@ -116,6 +116,7 @@ impl Facts {
             self.blurred(),
             uncertain(self.mean_sigma_m, self.worst_sigma_m),
             unheeded_places(self.unheeded),
+            self.untested(),
         ];
         Usable::by(reasons, None, self.all_is_well())
     }
@@ -157,6 +158,16 @@ impl Facts {
                 self.off_m
             ),
             evidence: json!({ "off_m": self.off_m, "range_m": self.range_m, "bound": OFF_SHARE[0] }),
+        })
+    }
+
+    /// A single cloud is laid on nothing.
+    fn untested(&self) -> Option<Reason> {
+        (self.clouds == 1).then(|| Reason {
+            word: Usability::Check,
+            what: "untested",
+            words: "one cloud tells nothing: nothing tests the map".to_owned(),
+            evidence: json!({ "clouds": self.clouds }),
         })
     }
 

@@ -99,9 +99,11 @@ pub(crate) struct Predictor {
     pace: Pace,
     /// The wheels have been seen to count a way back as one ahead.
     reverses: bool,
+    /// Scans in a row of which the velocity alone says how far the robot went.
+    carried_scans: f64,
 }
 
-stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual, pace, reverses });
+stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual, pace, reverses, carried_scans });
 
 impl Default for Predictor {
     fn default() -> Self {
@@ -115,6 +117,7 @@ impl Default for Predictor {
             usual: USUAL_AT_FIRST,
             pace: Pace::default(),
             reverses: false,
+            carried_scans: 0.0,
         }
     }
 }
@@ -124,7 +127,7 @@ impl Predictor {
     pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
         let predictor = Self::take(from)?;
         let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
-        let is_sound = twist.iter().chain(&wrong).chain([&predictor.period_s]).all(|number| number.abs() <= LARGEST);
+        let is_sound = twist.iter().chain(&wrong).chain([&predictor.period_s, &predictor.carried_scans]).all(|number| number.abs() <= LARGEST);
         (is_sound && predictor.pace.is_sound()).then_some(predictor)
     }
 
@@ -169,6 +172,16 @@ impl Predictor {
             }
             None => self.constant_velocity(settings, elapsed_s),
         }
+    }
+
+    /// Variances of a motion, as poses add them up, after a match with such information along its weaker direction. A velocity that is wrong stays so
+    /// until a scan tells: over `n` scans in a row it errs by `n` times as much, not by the root of it.
+    pub(crate) fn noise(&mut self, step: Step, weakest: f64) -> [f64; 3] {
+        let [x, y, rotation] = step.variances;
+        let is_told = weakest * x > 1.0;
+        self.carried_scans = if step.from_odometry || is_told { 0.0 } else { (self.carried_scans + 1.0).min(LARGEST) };
+        let grown = 2.0 * self.carried_scans.max(1.0) - 1.0;
+        [grown * x, grown * y, rotation]
     }
 
     /// The motion as before. Scans come at an even rate even where their stamps come in bursts, so a motion is
