@@ -77,6 +77,24 @@ fn front_and_rear_lasers_sit_where_the_parameters_say() {
 }
 
 #[test]
+fn a_front_laser_sits_where_its_first_line_has_it_unless_a_parameter_says() {
+    let line = |laser: &str| format!("FLASER 3 1 2 3 {laser} 5 6 0.5 1 host 1\n");
+    let ahead = Pose2::new(5.0, 6.0, 0.5) * Pose2::new(0.25, 0.0, 0.0);
+    let of = |pose: Pose2| format!("{:.6} {:.6} {:.6}", pose.x, pose.y, pose.theta);
+    let (events, report) = read(line(&of(ahead)).as_bytes());
+    assert_eq!(events.len(), 1);
+    let words: Vec<_> = report.odd_heads.iter().map(|(words, _)| words.to_owned()).collect();
+    assert!(words.iter().any(|words| words.contains("0.250 m ahead")), "{words:?}");
+    assert_eq!(only_scan(&line(&of(ahead))).laser.robot_from_laser, Pose2::new(0.25, 0.0, 0.0));
+    let said = format!("PARAM robot_frontlaser_offset 0.1 1 host 1\n{}", line(&of(ahead)));
+    assert_eq!(only_scan(&said).laser.robot_from_laser.x, 0.1);
+    // The pose of a mapper, turned, aside or far away, is no mounting.
+    for pose in [Pose2::new(5.2, 6.0, 0.6), Pose2::new(5.0, 6.3, 0.5), Pose2::new(50.0, 6.0, 0.5), Pose2::new(5.0, 6.0, 0.5)] {
+        assert_eq!(only_scan(&line(&of(pose))).laser.robot_from_laser, Pose2::IDENTITY);
+    }
+}
+
+#[test]
 fn a_robot_laser_says_itself_how_it_looks_at_the_world() {
     let scan = &scans(SMALL_LOG)[3];
     assert_eq!((scan.laser.angle_min_rad, scan.laser.angle_step_rad, scan.laser.range_max_m), (-1.57, 0.785, 50.0));

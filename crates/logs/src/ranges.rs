@@ -192,6 +192,27 @@ mod tests {
     }
 
     #[test]
+    fn codes_for_no_return_are_known_before_the_first_scan_is_taken() {
+        let mut check = RangeCheck::new(None);
+        let ranges = |k: usize| -> Vec<f32> {
+            (0..180).map(|beam| if (beam + k) % 10 == 0 { 8.183 } else { 1.0 + 0.03 * beam as f32 + 0.011 * k as f32 }).collect()
+        };
+        let scans: Vec<_> = (0..20).map(|k| scan(&ranges(k), 80.0)).collect();
+        scans.iter().for_each(|scan| check.look_ahead(scan));
+        check.end();
+        let mut first = scans[0].clone();
+        assert!(check.take(&mut first) && (first.laser.range_max_m - 8.1825).abs() < 1e-9);
+        assert!(check.into_report().codes.unwrap().contains("8.183 m"));
+        // Where the head says that they are beyond, nothing is to be said.
+        let mut known = RangeCheck::new(None);
+        let mut scans: Vec<_> = (0..20).map(|k| scan(&ranges(k), 8.0)).collect();
+        scans.iter().for_each(|scan| known.look_ahead(scan));
+        known.end();
+        assert!(known.take(&mut scans[0]) && scans[0].laser.range_max_m == 8.0);
+        assert_eq!(known.into_report(), RangeReport::default());
+    }
+
+    #[test]
     fn scans_without_a_range_are_counted() {
         let mut check = RangeCheck::new(None);
         for ranges in [[0.0; 3], [f32::NAN; 3], [-1.0, 0.0, 0.01], [f32::INFINITY; 3]] {

@@ -494,6 +494,45 @@ mod tests {
         assert!(!free.is_blank(), "a beam without a return has seen free space");
     }
 
+    fn prepared(ranges_m: Vec<f32>, range_max_m: f64) -> (Sweep, SweepPoints) {
+        let laser = Arc::new(LaserModel { range_max_m, ..LaserModel::half_circle("front", ranges_m.len()) });
+        let scan = LaserScan { stamp: mapwright_geom::Stamp(0), laser, ranges_m, odom_from_robot: None };
+        let (sweep, _) = Sweep::from_scan(&scan, [0.0; 3]);
+        let mut points = SweepPoints::default();
+        points.fill(&sweep, &mut BeamTable::default(), 6.0);
+        (sweep, points)
+    }
+
+    #[test]
+    fn beams_without_return_clear_no_farther_than_the_laser_sees() {
+        let free_m = |ranges_m: [f32; 3], range_max_m: f64| {
+            let (_, points) = prepared(ranges_m.to_vec(), range_max_m);
+            points.free_ends.iter().map(|[x, y]| x.hypot(*y)).collect::<Vec<_>>()
+        };
+        let is_near = |found: Vec<f64>, expected: &[f64]| {
+            found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9)
+        };
+        assert!(is_near(free_m([20.0, f32::INFINITY, 3.0], 30.0), &[6.0]), "as far as is asked for");
+        assert!(is_near(free_m([3.0, f32::INFINITY, 3.5], 3.5), &[3.0, 3.0]), "as far as returns of this sweep go");
+        assert!(is_near(free_m([9.0, 2.0, f32::INFINITY], 80.0), &[6.0]));
+        assert!(is_near(free_m([f32::INFINITY; 3], 3.5), &[0.0; 3]), "a laser that sees nothing clears nothing");
+    }
+
+    #[test]
+    fn readings_in_a_finer_grid_of_bearings_are_as_good_as_in_their_own() {
+        let wall: Vec<f32> = (0..180).map(|beam| 2.0 + 0.001 * beam as f32).collect();
+        let mut fine = vec![0.0; 180 * 9 / 2];
+        // every fourth or fifth of the grid's beams
+        wall.iter().enumerate().for_each(|(beam, &range_m)| fine[beam * 9 / 2] = range_m);
+        let ((own, own_points), (mut sparse, points)) = (prepared(wall, 80.0), prepared(fine, 80.0));
+        assert_eq!((own.reading_step(), own.isolated_share()), (1, 0.0));
+        assert!((4..=5).contains(&sparse.reading_step()) && sparse.isolated_share() == 0.0);
+        assert!((points.beam_step_rad / own_points.beam_step_rad - 1.0).abs() < 0.15);
+        sparse.codes[90] = 60;
+        assert_eq!(sparse.drop_isolated(), 1, "one that stands alone is told all the same");
+        assert_eq!(prepared(vec![0.0; 9], 80.0).0.reading_step(), 1);
+    }
+
     #[test]
     fn normals_point_to_where_the_surface_was_seen_from() {
         let along = |k: i32| -1.0 + 0.04 * f64::from(k);

@@ -20,6 +20,7 @@ mod runs;
 mod scripts;
 mod session;
 mod show;
+mod small_robots;
 mod space;
 mod space_imu;
 mod suite;
