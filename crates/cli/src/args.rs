@@ -314,6 +314,11 @@ pub(crate) struct Voice {
     pub(crate) quiet: bool,
 }
 
+/// Whether the command is asked to say what it says as JSON: a failure too.
+pub(crate) fn asks_for_json() -> bool {
+    std::env::args_os().any(|arg| arg == "--json")
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum StampPolicy {
     Log,
@@ -464,6 +469,9 @@ pub(crate) struct PerturbArgs {
     /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 impl PerturbArgs {
@@ -513,6 +521,9 @@ pub(crate) struct ReportArgs {
     /// The page; otherwise report.html in the folder of results.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, ClapArgs)]
@@ -528,6 +539,9 @@ pub(crate) struct CompareArgs {
     /// The page; otherwise compare.html in the present folder.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, ClapArgs)]

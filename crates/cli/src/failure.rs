@@ -97,10 +97,15 @@ impl Failure {
 
     /// Wrong settings are wrong usage.
     pub(crate) fn exit_code(&self) -> ExitCode {
-        ExitCode::from(match self {
+        ExitCode::from(self.code())
+    }
+
+    /// The number that the command ends with.
+    pub(crate) fn code(&self) -> u8 {
+        match self {
             Self::Config { .. } | Self::Settings(_) | Self::Usage(_) => 2,
             _ => 1,
-        })
+        }
     }
 }
 

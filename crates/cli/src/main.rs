@@ -49,6 +49,10 @@ fn main() -> ExitCode {
     match commands::run(args.command) {
         Ok(outcome) => outcome.exit_code(),
         Err(failure) => {
+            if args::asks_for_json() {
+                let value = serde_json::json!({ "error": failure.to_string(), "exit_code": failure.code() });
+                let _ = terminal::say_json(&value); // nothing helps where even that fails
+            }
             terminal::complain(&failure);
             failure.exit_code()
         }

@@ -118,12 +118,12 @@ impl Mapping {
         self.turns.add(&update, scan.odom_from_robot.or(self.last_odometry), &scan.laser);
         if let Some(online) = &mut self.online {
             let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
-            written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+            written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause)).inspect_err(|_| self.output.failed_to_write())?;
         }
         self.local_map = update.local_map;
         self.clock.scan(update.scan);
         self.progress.scan(update.stamp, position);
-        self.log.add(update.entries)
+        self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())
     }
 
     /// One event of a log through the mapper.

@@ -1,6 +1,7 @@
 //! The folder of results: files appear under their names only when all of them are complete.
 
 use crate::failure::Failure;
+use crate::session::SESSION;
 use mapwright_formats::FormatError;
 use std::borrow::Cow;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -10,7 +11,8 @@ use std::path::{Path, PathBuf};
 /// Held while a folder is being filled; the system lets go of it when a run is killed.
 const LOCK: &str = ".mapwright.lock";
 
-/// A folder that is being filled, by one run at a time. Dropped without [`OutputFolder::commit`], it leaves nothing behind.
+/// A folder that is being filled, by one run at a time. Dropped without [`OutputFolder::commit`], it leaves nothing behind, but where a file
+/// could not be written what was mapped: `--continue` goes on with that.
 #[derive(Debug)]
 pub(crate) struct OutputFolder {
     folder: PathBuf,
@@ -19,6 +21,8 @@ pub(crate) struct OutputFolder {
     /// Files of an earlier run that this one has none of.
     outdated: Vec<String>,
     committed: bool,
+    /// A file could not be written, as on a full disk.
+    is_unwritten: bool,
     /// The lock, for as long as the file is open.
     _lock: File,
 }
@@ -34,7 +38,7 @@ impl OutputFolder {
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
         let _lock = lock(folder)?;
         let (names, outdated) = (Vec::new(), Vec::new());
-        Ok(Self { folder: folder.to_owned(), made, names, outdated, committed: false, _lock })
+        Ok(Self { folder: folder.to_owned(), made, names, outdated, committed: false, is_unwritten: false, _lock })
     }
 
     /// Begins a file; it takes its name at [`OutputFolder::commit`].
@@ -54,7 +58,13 @@ impl OutputFolder {
         let name = name.into();
         let mut writer = BufWriter::with_capacity(1 << 16, self.begin(name.clone())?);
         let written = write(&mut writer).and_then(|()| Ok(writer.flush()?));
+        self.is_unwritten |= written.is_err();
         written.map_err(|cause| Failure::write(self.path(&name), cause))
+    }
+
+    /// A file that the caller writes could not be written.
+    pub(crate) fn failed_to_write(&mut self) {
+        self.is_unwritten = true;
     }
 
     /// Writes a value as indented JSON.
@@ -161,7 +171,8 @@ pub(crate) fn write_whole<T>(
 impl Drop for OutputFolder {
     fn drop(&mut self) {
         // Nothing helps where cleaning up fails as well.
-        for name in self.names.iter().filter(|_| !self.committed) {
+        let is_kept = |name: &str| self.is_unwritten && name == SESSION;
+        for name in self.names.iter().filter(|name| !self.committed && !is_kept(name)) {
             let _ = fs::remove_file(self.part(name));
         }
         let _ = fs::remove_file(self.folder.join(LOCK));
@@ -171,5 +182,29 @@ impl Drop for OutputFolder {
         if self.made {
             let _ = fs::remove_dir(&self.folder);
         }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_mapped_stays_where_another_file_cannot_be_written() {
+        let folder = std::env::temp_dir().join(format!("mapwright-output-{}", std::process::id()));
+        for is_full in [false, true] {
+            let _ = fs::remove_dir_all(&folder);
+            let mut output = OutputFolder::create(&folder).unwrap();
+            output.begin(SESSION).unwrap().write_all(b"a session").unwrap();
+            if is_full {
+                let full = |_: &mut BufWriter<File>| Err(std::io::Error::from(std::io::ErrorKind::StorageFull).into());
+                assert!(output.write("map.pgm", full).is_err());
+            }
+            drop(output);
+            let left: Vec<_> = fs::read_dir(&folder).into_iter().flatten().map(|file| file.unwrap().file_name()).collect();
+            assert_eq!(left.len(), usize::from(is_full), "{left:?}");
+        }
+        fs::remove_dir_all(&folder).unwrap();
     }
 }

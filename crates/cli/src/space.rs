@@ -178,7 +178,7 @@ impl Mapping {
         }
         self.clock.scan(update.scan);
         self.progress.scan(update.stamp, self.tally.clouds);
-        self.log.add(update.entries)
+        self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())
     }
 
     fn end_of_clouds(&mut self) {

@@ -79,6 +79,9 @@ pub(crate) struct ConvertArgs {
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+    /// One JSON object instead of words.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Formats that logs are written in.

@@ -5,8 +5,9 @@ use crate::events::Log;
 use crate::failure::{Failure, Outcome};
 use crate::output::write_whole;
 use crate::report::remarks;
-use crate::terminal::{count, say};
+use crate::terminal::{count, say, say_json};
 use mapwright_exports::{EventCounts, EventWriter, ExportError};
+use serde_json::json;
 use std::io::{Seek, Write};
 
 pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
@@ -27,6 +28,13 @@ pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
     let mut oddities = reading.oddities();
     if counts.left_out > 0 {
         oddities.push(format!("{} have no place in CARMEN logs", count(counts.left_out, "turn rate")));
+    }
+    if args.json {
+        say_json(&json!({
+            "file": args.output, "scans": counts.scans, "odometry": counts.odometry, "turn_rates": counts.turn_rates,
+            "left_out": counts.left_out, "lost": losses, "odd": oddities,
+        }))?;
+        return Ok(Outcome::of_losses(&losses));
     }
     let remarks = remarks(&losses, &oddities);
     say(&format!("{}: {what}\n{remarks}", args.output.display()))?;

@@ -7,11 +7,12 @@ use crate::events::{Log, input, name_of};
 use crate::failure::{Failure, Outcome};
 use crate::reading::Reading;
 use crate::recorded::{Missing, Recorded};
-use crate::terminal::{count, say};
+use crate::terminal::{count, say, say_json};
 use mapwright_formats::{CarmenWriter, LogEvent};
 use mapwright_geom::Pose2;
 use mapwright_sensor::LaserScan;
 use mapwright_sim::{Event, HasScan, PerturbScans};
+use serde_json::json;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
@@ -29,7 +30,7 @@ fn streamed(args: &PerturbArgs) -> Result<Outcome, Failure> {
     let all = scans.by_ref().map(|scan| Marked { scan, is_missing: false });
     let written = write_harder(all, args)?;
     let losses = scans.finish()?.losses();
-    say(&format!("{}: {}\n", args.output.display(), count(written, "scan")))?;
+    tell(args, written, "", &losses)?;
     Ok(Outcome::of_losses(&losses))
 }
 
@@ -52,9 +53,17 @@ fn with_gaps(args: &PerturbArgs) -> Result<Outcome, Failure> {
         Event::Scan(scan) => Some(Marked { scan: with_odometry(scan, odom_from_robot), is_missing }),
     });
     let written = write_harder(scans, args)?;
-    let taken_out = missing.words(args.gap.len());
-    say(&format!("{}: {}; {taken_out}\n", args.output.display(), count(written, "scan")))?;
-    Ok(Outcome::of_losses(&log.reading.losses()))
+    let losses = log.reading.losses();
+    tell(args, written, &format!("; {}", missing.words(args.gap.len())), &losses)?;
+    Ok(Outcome::of_losses(&losses))
+}
+
+/// Says what was written.
+fn tell(args: &PerturbArgs, scans: u64, taken_out: &str, losses: &[String]) -> Result<(), Failure> {
+    if args.json {
+        return say_json(&json!({ "file": args.output, "scans": scans, "lost": losses }));
+    }
+    say(&format!("{}: {}{taken_out}\n", args.output.display(), count(scans, "scan")))
 }
 
 /// A scan, and whether it lies in a gap.

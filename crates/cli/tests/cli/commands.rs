@@ -275,3 +275,24 @@ fn completions_manual_pages_and_the_version_know_every_command() {
     let version = text(&run(&["--version"]).stdout);
     assert!(version.starts_with("mapwright 0.") && version.contains("sqlite)"), "{version}");
 }
+
+#[test]
+fn what_is_said_and_what_fails_is_said_as_json_too() {
+    let folder = folder("json");
+    let log = small_log_in(&folder);
+    let file = |name: &str| folder.join(name).display().to_string();
+    let value = |args: &[&str], code: i32| -> serde_json::Value {
+        let output = run(args);
+        assert_code(&output, code);
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    assert!(value(&["convert", &log, &file("a.mcap"), "--json"], 0)["scans"].as_u64() > Some(10));
+    assert!(value(&["perturb", &log, "-o", &file("a.clf"), "--every", "2", "--json"], 0)["scans"].as_u64() > Some(5));
+    assert_code(&run(&["map", &log, "-o", &file("out")]), 0);
+    for command in [&["report", &file("out")][..], &["compare", &file("out"), &file("out"), "-o", &file("both.html")]] {
+        let said = value(&[command, &["--json"]].concat(), 0);
+        assert!(said["bytes"].as_u64() > Some(1000) && said["file"].as_str().unwrap().ends_with(".html"), "{said}");
+    }
+    let failed = value(&["map", &file("nothing.clf"), "-o", &file("none"), "--json"], 1);
+    assert!(failed["error"].as_str().unwrap().contains("nothing.clf") && failed["exit_code"] == 1, "{failed}");
+}

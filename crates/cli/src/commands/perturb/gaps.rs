@@ -7,10 +7,11 @@ use crate::failure::{Failure, Outcome};
 use crate::reading::{Reading, found_instead};
 use crate::recorded::{Missing, Recorded};
 use crate::report::remarks;
-use crate::terminal::{count, say};
+use crate::terminal::{count, say, say_json};
 use mapwright_formats::{CarmenReader, CarmenWriter, FormatError, LogEvent, ReadReport, open_log};
 use mapwright_logs::{Input, LogReport};
 use mapwright_sim::{Event, EventTime};
+use serde_json::json;
 use std::io::{Read, Write};
 
 pub(super) fn run(args: &PerturbArgs) -> Result<Outcome, Failure> {
@@ -110,6 +111,10 @@ fn tell(
 ) -> Result<Outcome, Failure> {
     let losses = reading.losses();
     let no_place = (turn_rates > 0).then(|| format!("{} have no place in CARMEN logs", count(turn_rates, "turn rate")));
+    if args.json {
+        say_json(&json!({ "file": args.output, "scans": scans, "lost": losses, "odd": no_place }))?;
+        return Ok(Outcome::of_losses(&losses));
+    }
     let remarks = remarks(&losses, no_place.as_slice());
     let taken_out = missing.words(args.gap.len());
     say(&format!("{}: {}; {taken_out}\n{remarks}", args.output.display(), count(scans, "scan")))?;
