@@ -132,6 +132,7 @@ pub(crate) fn plan_json(plan: &Plan) -> Value {
     let reasons: Vec<_> = plan.reasons.iter().map(|(what, why)| json!({ "what": what, "why": why })).collect();
     json!({
         "scans": plan.scans,
+        "lasers": plan.lasers().collect::<Vec<_>>(),
         "robot_frame": plan.robot_frame,
         "sensor_frame": plan.sensor_frame,
         "reasons": reasons,

@@ -2,6 +2,7 @@
 
 use mapwright_formats::RangeReport;
 use mapwright_sensor::{LaserModel, LaserScan, RANGE_MAX_UNSAID_M};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// No laser of the plane has half of its returns beyond, and no robot has half of them within a seventh of this many
@@ -10,20 +11,23 @@ const METRES_MOST: f32 = 150.0;
 /// No laser of the plane reaches farther, metres; a larger limit of range is one in another unit.
 const REACH_MOST_M: f64 = 1000.0;
 
+/// Lasers of a log that are known by their scans before.
+const LASERS_KNOWN: usize = 8;
+
 /// Looks at the ranges of each scan of a log.
 #[derive(Debug, Clone)]
 pub(crate) struct RangeCheck {
     /// What one stands for, metres.
     unit_m: f64,
     scans: u64,
-    /// The laser of the scan before as the log has it, and as it is used.
-    known: Option<[Arc<LaserModel>; 2]>,
+    /// The lasers of the scans before as the log has them, and as they are used.
+    known: VecDeque<[Arc<LaserModel>; 2]>,
     report: RangeReport,
 }
 
 impl RangeCheck {
     pub(crate) fn new(unit_m: Option<f64>) -> Self {
-        Self { unit_m: unit_m.unwrap_or(1.0), scans: 0, known: None, report: RangeReport::default() }
+        Self { unit_m: unit_m.unwrap_or(1.0), scans: 0, known: VecDeque::new(), report: RangeReport::default() }
     }
 
     pub(crate) fn into_report(self) -> RangeReport {
@@ -67,18 +71,19 @@ impl RangeCheck {
 
     /// The scan's laser as it is used.
     fn laser(&mut self, scan: &mut LaserScan) {
-        match &self.known {
-            Some([said, used]) if Arc::ptr_eq(said, &scan.laser) => {
+        match self.known.iter().find(|[said, _]| Arc::ptr_eq(said, &scan.laser)) {
+            Some([said, used]) => {
                 if !Arc::ptr_eq(said, used) {
                     scan.laser = Arc::clone(used);
                 }
             }
-            _ => {
+            None => {
                 let said = Arc::clone(&scan.laser);
                 if let Some(used) = self.used(&said) {
                     scan.laser = Arc::new(used);
                 }
-                self.known = Some([said, Arc::clone(&scan.laser)]);
+                self.known.truncate(LASERS_KNOWN - 1);
+                self.known.push_front([said, Arc::clone(&scan.laser)]);
             }
         }
     }
