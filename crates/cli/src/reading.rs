@@ -60,12 +60,15 @@ impl Reading {
     pub(crate) fn used(&self) -> String {
         let mut text = String::new();
         for (name, report) in &self.logs {
-            if let LogReport::Recording(report) = report {
-                if self.logs.len() > 1 {
-                    let _ = writeln!(text, "log      {name}");
-                }
-                text += &plan_words(&report.plan);
+            let used = match report {
+                LogReport::Recording(report) => plan_words(&report.plan),
+                LogReport::Carmen(report) => lasers_of_carmen(report),
+                _ => String::new(),
+            };
+            if self.logs.len() > 1 && !used.is_empty() {
+                let _ = writeln!(text, "log      {name}");
             }
+            text += &used;
         }
         for note in &self.notes {
             let _ = writeln!(text, "joined   {note}");
@@ -120,6 +123,16 @@ fn found_in_carmen(report: &ReadReport) -> String {
         found.push(format!("{} dropped, first {first}", report.dropped_lines()));
     }
     found.join(", ")
+}
+
+/// The lasers of a CARMEN log that has several.
+fn lasers_of_carmen(report: &ReadReport) -> String {
+    let scans: Vec<_> = report.topics.iter().filter(|topic| topic.name != "ODOM").collect();
+    if scans.len() < 2 {
+        return String::new();
+    }
+    let each = scans.iter().map(|topic| format!("{} ({})", topic.name, count(topic.events, "scan")));
+    format!("scans    {}: all mapped\n", each.collect::<Vec<_>>().join(", "))
 }
 
 /// A plan as lines.

@@ -52,7 +52,8 @@ impl Directions {
             let in_laser = (at as f64 + 0.5) * step_rad;
             sector(mounting.robot_from_laser.theta + if mounting.inverted { -in_laser } else { in_laser })
         };
-        let mut new: Vec<usize> = (0..SECTORS).filter(sees).map(in_robot).filter(|at| !self.seen.contains(at)).collect();
+        let mut new: Vec<usize> =
+            (0..SECTORS).filter(sees).map(in_robot).filter(|at| !self.seen.contains(at)).collect();
         new.sort_unstable();
         new.dedup();
         if new.len() < NEW_SECTORS {

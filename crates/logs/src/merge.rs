@@ -187,7 +187,8 @@ impl Merger {
             (None, Some(odometry)) => (None, odometry.recorded),
             (None, None) => return None,
         };
-        let all_wait = self.lasers.iter().all(|laser| !laser.waiting.is_empty()) && (self.is_alone || odometry.is_some());
+        let all_wait =
+            self.lasers.iter().all(|laser| !laser.waiting.is_empty()) && (self.is_alone || odometry.is_some());
         if !(all_wait || is_end || self.is_due(recorded)) {
             return None;
         }

@@ -230,7 +230,8 @@ fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[Strin
     ];
     for (further, why) in &lasers.further {
         reasons.push(("scans", further.words(&format!("mapped too, {why}"))));
-        reasons.push(("mounting", mounting_words(survey, further.topic.frame(), &further.place, &further.mount, false)));
+        reasons
+            .push(("mounting", mounting_words(survey, further.topic.frame(), &further.place, &further.mount, false)));
         let of_this = Plan::deskew(further.topic, &found.source, turning.as_ref());
         reasons.extend((of_this != motion).then(|| ("motion", format!("{}: {of_this}", further.topic.name))));
     }

@@ -192,8 +192,7 @@ impl FrontEnd {
     ) -> Option<NewKeyframe> {
         let local_from_robot = self.pose.local_from_robot();
         let newest = newest_of(past, &scan.laser);
-        let moved =
-            newest.is_none_or(|node| self.settings.keyframes.is_far(past.pose(node).between(local_from_robot)));
+        let moved = newest.is_none_or(|node| self.settings.keyframes.is_far(past.pose(node).between(local_from_robot)));
         let lost = matched.is_some_and(|matched| !matched.is_believed());
         if !moved || lost || self.preparation.points().hits.is_empty() {
             return None;

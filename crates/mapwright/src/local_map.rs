@@ -175,7 +175,10 @@ impl LocalMapping {
         for key in (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y))) {
             for &other in self.areas.get(&key).into_iter().flatten() {
                 let pose = frames.world_from_robot[other.index()];
-                if at.distance(pose) <= SAME_VIEW_M && at.between(pose).theta.abs() <= SAME_VIEW_RAD && is_of_one_laser(other) {
+                if at.distance(pose) <= SAME_VIEW_M
+                    && at.between(pose).theta.abs() <= SAME_VIEW_RAD
+                    && is_of_one_laser(other)
+                {
                     (alike, oldest) = (alike + 1, oldest.min(other));
                 }
             }

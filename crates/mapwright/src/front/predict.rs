@@ -107,19 +107,7 @@ pub(crate) struct Predictor {
     reverses: bool,
 }
 
-stored!(Predictor {
-    odom_from_robot,
-    stamp,
-    twist,
-    laser,
-    last,
-    after_gap,
-    period_s,
-    wrong,
-    usual,
-    pace,
-    reverses
-});
+stored!(Predictor { odom_from_robot, stamp, twist, laser, last, after_gap, period_s, wrong, usual, pace, reverses });
 
 /// The last scan of a laser, and how the robot has moved since, where that is known. Scans of several lasers come at no even rate, so that
 /// motions are compared by stamps; and between two lasers' scans, which may be taken at once, a motion says nothing of a speed.
@@ -156,7 +144,8 @@ impl Predictor {
         let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
         let moved = predictor.last.iter().flatten().filter_map(|last| last.then_from_last);
         let moved: Vec<f64> = moved.flat_map(|moved| [moved.x, moved.y]).collect();
-        let is_sound = twist.iter().chain(&moved).chain(&wrong).chain([&predictor.period_s]).all(|number| number.abs() <= LARGEST);
+        let is_sound =
+            twist.iter().chain(&moved).chain(&wrong).chain([&predictor.period_s]).all(|number| number.abs() <= LARGEST);
         (is_sound && predictor.pace.is_sound()).then_some(predictor)
     }
 
