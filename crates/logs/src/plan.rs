@@ -15,6 +15,10 @@ use std::collections::BTreeMap;
 /// The most by which a scan plane may be tilted against the robot's, degrees.
 pub(crate) const TILT_MOST_DEG: f64 = 5.0;
 
+/// No two lasers sit so near to each other and look so much the same way, metres and radians.
+const SAME_PLACE_M: f64 = 0.02;
+const SAME_PLACE_RAD: f64 = 0.02;
+
 /// Where a sensor's scans go.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Mount {
@@ -176,6 +180,10 @@ impl<'a> Lasers<'a> {
         if is_asked(other.topic, choice) {
             return Ok("as asked for".to_owned());
         }
+        let mut used = std::iter::once(chosen).chain(self.further.iter().map(|(further, _)| further));
+        if let Some(same) = used.find(|used| used.is_of_one_laser_with(other)) {
+            return Err(format!("it has scans of the laser of {}", same.topic.name));
+        }
         let new = other.adds_to(seen);
         new.map(|degrees| format!("it sees {degrees} deg around the robot that the others do not")).ok_or_else(|| {
             let also = self.names().map(|name| format!(" --topic {name}")).collect::<String>();
@@ -203,6 +211,14 @@ impl Candidate<'_> {
     fn words(&self, why: &str) -> String {
         let TopicSurvey { name, type_name, shape, .. } = self.topic;
         format!("{name} ({type_name}, {} messages, {shape}): {why}", grouped(self.topic.usable()))
+    }
+
+    /// Whether both are scans of one laser, as one topic may have another's filtered: in one frame, or from one place that looks one way.
+    fn is_of_one_laser_with(&self, other: &Self) -> bool {
+        let (Mount::Planar(a), Mount::Planar(b)) = (&self.mount, &other.mount) else { return false };
+        let apart = a.robot_from_laser.between(b.robot_from_laser);
+        let is_one_place = apart.x.hypot(apart.y) <= SAME_PLACE_M && apart.theta.abs() <= SAME_PLACE_RAD;
+        self.topic.frame() == other.topic.frame() || is_one_place && a.inverted == b.inverted
     }
 
     /// The directions that it adds to those that are seen, degrees.

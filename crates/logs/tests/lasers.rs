@@ -156,6 +156,16 @@ fn a_laser_whose_place_is_unknown_or_that_sees_nothing_else_is_left_out_and_that
     assert_eq!(above.lasers().count(), 1);
     let words = "it sees no direction that the others do not; to map it too: --topic /front/scan --topic /rear/scan";
     assert!(why(&above, "scans").contains(words), "{}", why(&above, "scans"));
+    // a topic of the same laser that shows more of its beams
+    let mut recorder = Recorder::new("filtered.mcap", &BOTH);
+    for k in 0..40 {
+        recorder.odometry(100 * k);
+        recorder.scan("/filtered", "front", 100 * k, if k % 8 == 0 { 0.3 } else { 2.0 });
+        recorder.scan("/scan", "front", 100 * k, 2.0);
+    }
+    let filtered = plan(&recorder.finish(), &[]);
+    assert_eq!(filtered.lasers().collect::<Vec<_>>(), ["/filtered"]);
+    assert!(why(&filtered, "scans").contains("/scan: it has scans of the laser of /filtered"), "{filtered:?}");
     let covered = plan(&front_and_rear("covered.mcap", &BOTH, 0.3), &[]);
     assert_eq!(covered.lasers().count(), 1, "the rear one sees the robot alone");
 }
