@@ -207,7 +207,8 @@ pub(crate) struct LocaliseArgs {
 /// What to use of a recording instead of what would be found.
 #[derive(Debug, Clone, Default, ClapArgs)]
 pub(crate) struct SourceArgs {
-    /// Topic to use, of scans or of odometry (of transforms, to take odometry from them); may be repeated.
+    /// Topic to use, of scans or of odometry (of transforms, to take odometry from them); may be repeated, also for several lasers of one
+    /// robot.
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
     /// The robot's frame.
@@ -346,8 +347,8 @@ pub(crate) struct InfoArgs {
 #[derive(Debug, ClapArgs)]
 #[command(group = clap::ArgGroup::new("truth").required(true))]
 pub(crate) struct EvalArgs {
-    /// Trajectories (TUM, stamp x y theta, or KITTI's 12 numbers); of several, mean and worst are printed as well. With `--revisits`
-    /// folders of results of `mapwright map`.
+    /// Trajectories (TUM, stamp x y theta, or KITTI's 12 numbers), or folders of results of `mapwright map`, of which `trajectory.tum` is
+    /// read; of several, mean and worst are printed as well. With `--revisits` folders.
     #[arg(required = true)]
     pub(crate) trajectories: Vec<PathBuf>,
     /// Surveyed relations (Kümmerle et al. 2009): t1 t2 x y z roll pitch yaw.
@@ -363,9 +364,10 @@ pub(crate) struct EvalArgs {
     /// Judge this trajectory of the robot (TUM) on the same clouds instead, paired by stamps; may be given several times.
     #[arg(long, value_name = "FILE", requires = "revisits")]
     pub(crate) trajectory: Vec<PathBuf>,
-    /// Clouds of different visits lie so many scans apart in order, at least.
-    #[arg(long, value_name = "SCANS", default_value_t = 60, requires = "revisits")]
-    pub(crate) apart: u64,
+    /// Clouds of different visits lie so many scans apart in order, at least; unless said, as many as it takes to drive twice the distance
+    /// of --within, and 60 at most.
+    #[arg(long, value_name = "SCANS", requires = "revisits")]
+    pub(crate) apart: Option<u64>,
     /// and less than so many metres in place.
     #[arg(long, value_name = "M", default_value_t = 5.0, value_parser = parse_reach, requires = "revisits")]
     pub(crate) within: f64,

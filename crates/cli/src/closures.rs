@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::foreign::kind_at;
+use crate::session::{AnySession, is_session, read_any_session};
 use mapwright::{Candidate, Cov3, Cov6, EdgeKind, Fragment, KeyframeId, Pose2, Pose3, Session, Verdict, WheelSlip};
 use mapwright_geom::{Pose, Tangent};
 use mapwright_record::Measurement;
@@ -133,7 +134,7 @@ pub(crate) struct EvidenceRecord {
 
 impl ClosureFile {
     /// All candidates of a session in the order they were looked at.
-    pub(crate) fn of(session: &Session) -> Self {
+    pub(crate) fn of<M: Measurement<Pose: Recorded>>(session: &Session<M>) -> Self {
         let slips = session.slips().iter().map(|&WheelSlip { scan, from, metres }| SlipRecord {
             from: place(session, from),
             from_stamp_s: stamp_s(session, from),
@@ -143,8 +144,15 @@ impl ClosureFile {
         Self { keyframes: session.keyframes().len(), candidates: records(session), slips: slips.collect() }
     }
 
-    /// Reads the file, or that of a folder of results.
+    /// Reads the file, or that of a folder of results; of one without it, as runs in space leave it, what its session says.
     pub(crate) fn read(path: &Path) -> Result<Self, Failure> {
+        let is_without = path.is_dir() && !path.join(CLOSURES).exists();
+        if is_without && is_session(path)? {
+            return Ok(match read_any_session(path)?.0 {
+                AnySession::Plane(session) => Self::of(&session),
+                AnySession::Space(session) => Self::of(&session),
+            });
+        }
         let path = if path.is_dir() { path.join(CLOSURES) } else { path.to_owned() };
         let text = fs::read(&path).map_err(|error| Failure::open(&path, error))?;
         let file: Self = serde_json::from_slice(&text).map_err(|error| not_closures(&path, &error))?;

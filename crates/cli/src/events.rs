@@ -127,7 +127,8 @@ pub(crate) fn input(path: &Path) -> Result<Input, Failure> {
         return streamed(File::open(path).map_err(failed)?, path, metadata.is_file());
     }
     let names = names_in(path);
-    if !mapwright_bags::FolderContents::of(&names).parts.is_empty() {
+    let is_results = names.iter().any(|name| name == "session.mapwright");
+    if !is_results && !mapwright_bags::FolderContents::of(&names).parts.is_empty() {
         return Ok(Input::Recording(path.to_owned()));
     }
     Err(Failure::open(path, folder_in_words(path, &names)))

@@ -60,12 +60,15 @@ impl Reading {
     pub(crate) fn used(&self) -> String {
         let mut text = String::new();
         for (name, report) in &self.logs {
-            if let LogReport::Recording(report) = report {
-                if self.logs.len() > 1 {
-                    let _ = writeln!(text, "log      {name}");
-                }
-                text += &plan_words(&report.plan);
+            let used = match report {
+                LogReport::Recording(report) => plan_words(&report.plan),
+                LogReport::Carmen(report) => lasers_of_carmen(report),
+                _ => String::new(),
+            };
+            if self.logs.len() > 1 && !used.is_empty() {
+                let _ = writeln!(text, "log      {name}");
             }
+            text += &used;
         }
         for note in &self.notes {
             let _ = writeln!(text, "joined   {note}");
@@ -122,6 +125,16 @@ fn found_in_carmen(report: &ReadReport) -> String {
     found.join(", ")
 }
 
+/// The lasers of a CARMEN log that has several.
+fn lasers_of_carmen(report: &ReadReport) -> String {
+    let scans: Vec<_> = report.topics.iter().filter(|topic| topic.name != "ODOM").collect();
+    if scans.len() < 2 {
+        return String::new();
+    }
+    let each = scans.iter().map(|topic| format!("{} ({})", topic.name, count(topic.events, "scan")));
+    format!("scans    {}: all mapped\n", each.collect::<Vec<_>>().join(", "))
+}
+
 /// A plan as lines.
 pub(crate) fn plan_words(plan: &Plan) -> String {
     let used = plan.reasons.iter().map(|(what, why)| format!("{what:<9}{why}\n"));
@@ -132,6 +145,7 @@ pub(crate) fn plan_json(plan: &Plan) -> Value {
     let reasons: Vec<_> = plan.reasons.iter().map(|(what, why)| json!({ "what": what, "why": why })).collect();
     json!({
         "scans": plan.scans,
+        "lasers": plan.lasers().collect::<Vec<_>>(),
         "robot_frame": plan.robot_frame,
         "sensor_frame": plan.sensor_frame,
         "reasons": reasons,

@@ -56,6 +56,19 @@ pub(crate) fn paired_stamps(
     estimate: &[Stamp],
     max_difference_s: f64,
 ) -> Result<Vec<[usize; 2]>, EvalError> {
+    let pairs = nearest_pairs(reference, estimate, max_difference_s);
+    if pairs.is_empty() {
+        return Err(EvalError::NoMatchingStamps {
+            reference: reference.len(),
+            estimate: estimate.len(),
+            max_difference_s,
+            offset_s: clock_offset_s(reference, estimate, max_difference_s),
+        });
+    }
+    Ok(pairs)
+}
+
+fn nearest_pairs(reference: &[Stamp], estimate: &[Stamp], max_difference_s: f64) -> Vec<[usize; 2]> {
     let reference_is_shorter = estimate.len() > reference.len();
     let (shorter, longer) = if reference_is_shorter { (reference, estimate) } else { (estimate, reference) };
     let nearest = NearestStamp::new(longer);
@@ -65,15 +78,45 @@ pub(crate) fn paired_stamps(
         let near = stamp.0.abs_diff(longer[other].0) <= max_difference_ns;
         near.then_some(if reference_is_shorter { [index, other] } else { [other, index] })
     };
-    let pairs: Vec<_> = shorter.iter().enumerate().filter_map(pair).collect();
-    if pairs.is_empty() {
-        return Err(EvalError::NoMatchingStamps {
-            reference: reference.len(),
-            estimate: estimate.len(),
-            max_difference_s,
-        });
+    shorter.iter().enumerate().filter_map(pair).collect()
+}
+
+/// So large a share of the shorter trajectory's stamps has partners once a constant offset is taken off.
+const OFFSET_SHARE: f64 = 0.9;
+/// Of fewer poses any offset explains all.
+const OFFSET_POSES: usize = 10;
+/// Leap seconds between atomic time or GPS and UTC, and hours between time zones, seconds.
+const KNOWN_OFFSETS_S: [i64; 2] = [37, 18];
+const ZONES_H: i64 = 14;
+
+/// By how much the clock of the estimate is ahead of the reference's, seconds, where one offset explains nearly all stamps: that of the
+/// first stamps or of the last, or one that clocks are known to differ by.
+#[must_use]
+pub fn clock_offset_s(reference: &[Stamp], estimate: &[Stamp], max_difference_s: f64) -> Option<f64> {
+    let ends = |stamps: &[Stamp]| Some([stamps.iter().min()?.0, stamps.iter().max()?.0]);
+    let (of_reference, of_estimate) = (ends(reference)?, ends(estimate)?);
+    let by_ends = (0..2).map(|end| of_estimate[end].saturating_sub(of_reference[end]));
+    let zones = (1..=ZONES_H).map(|hours| 3600 * hours);
+    let known = KNOWN_OFFSETS_S.into_iter().chain(zones).flat_map(|s| [s, -s]).map(|s| s * 1_000_000_000);
+    let shorter = reference.len().min(estimate.len());
+    if shorter < OFFSET_POSES {
+        return None;
     }
-    Ok(pairs)
+    let least = OFFSET_SHARE * shorter as f64;
+    let explains = |offset_ns: &i64| {
+        let shifted: Vec<Stamp> = estimate.iter().map(|stamp| Stamp(stamp.0.saturating_sub(*offset_ns))).collect();
+        nearest_pairs(reference, &shifted, max_difference_s).len() as f64 >= least
+    };
+    // a known one is exact
+    let offset_ns = known.chain(by_ends).filter(|offset_ns| *offset_ns != 0).find(explains)?;
+    Some(offset_ns as f64 * 1e-9)
+}
+
+/// The same in words.
+#[must_use]
+pub fn offset_words(seconds: f64) -> String {
+    let which = if seconds > 0.0 { "later" } else { "earlier" };
+    format!("all its stamps are {:.3} s {which} than the reference's, so that the clocks differ by that", seconds.abs())
 }
 
 /// The pairs without NaN or infinity, and how many had to go.
@@ -163,6 +206,21 @@ mod tests {
         assert_eq!(paired(&[0, 50, 50, 90], &[50]), [(2, 0)]);
         assert_eq!(paired(&[50, 60, 0, 50], &[50]), [(0, 0)]);
         assert_eq!(paired(&[60, 50, 0, 50], &[55]), [(0, 0)]);
+    }
+
+    #[test]
+    fn clocks_that_differ_by_a_constant_are_named() {
+        let every = |first_ms: i64, count: i64| (0..count).map(|k| Stamp((first_ms + 100 * k) * 1_000_000)).collect();
+        let reference: Vec<Stamp> = every(1_000_000, 200);
+        let offset_s = |first_ms: i64, count: i64| clock_offset_s(&reference, &every(first_ms, count), 0.01);
+        assert_eq!(offset_s(1_037_000, 200), Some(37.0));
+        assert_eq!(offset_s(1_003_000 - 7_200_000, 150), Some(-7200.0), "a time zone, begun 3 s later");
+        assert_eq!(offset_s(1_000_000 + 86_400_000, 150), Some(86_400.0), "both begin at once");
+        assert_eq!(offset_s(1_000_050, 3), None, "too few to tell");
+        let slower: Vec<Stamp> = (0..200).map(|k| Stamp(1_100_000_000_000 + 137_000_000 * k)).collect();
+        assert_eq!(clock_offset_s(&reference, &slower, 0.01), None, "of another rate");
+        let words = paired_stamps(&reference, &every(1_037_000, 200), 0.01).unwrap_err().to_string();
+        assert!(words.contains("found none: all its stamps are 37.000 s later than the reference's"), "{words}");
     }
 
     #[test]

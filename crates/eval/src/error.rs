@@ -7,7 +7,8 @@ pub enum EvalError {
     /// No two stamps of the trajectories are near enough.
     #[error(
         "expected stamps of the estimate ({estimate} poses) within {max_difference_s} s of the reference's \
-         ({reference} poses), found none"
+         ({reference} poses), found none{}",
+        .offset_s.map_or_else(String::new, |seconds| format!(": {}", crate::offset_words(seconds)))
     )]
     NoMatchingStamps {
         /// Poses in the reference.
@@ -16,6 +17,8 @@ pub enum EvalError {
         estimate: usize,
         /// How far apart stamps may be, seconds.
         max_difference_s: f64,
+        /// By how much all stamps of the estimate are later, seconds, where the clocks differ by a constant.
+        offset_s: Option<f64>,
     },
     /// All matched poses contain NaN or infinity.
     #[error("expected finite poses, found none among {pairs} matched pairs")]

@@ -43,7 +43,7 @@ mod series;
 mod space;
 mod stats;
 
-pub use associate::{MAX_STAMP_DIFFERENCE_S, PosePair, StampedPose, associate};
+pub use associate::{MAX_STAMP_DIFFERENCE_S, PosePair, StampedPose, associate, clock_offset_s, offset_words};
 pub use ate::{Alignment, Ate, Similarity2, align, ate, ate_of_pairs};
 pub use error::EvalError;
 pub use map_score::{CellImage, CellState, MapScore, score_map};

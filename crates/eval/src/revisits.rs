@@ -32,6 +32,9 @@ const LOOSEST_M: f64 = 0.05;
 /// Two registrations are told apart where one explains so much more, share of the points.
 const BETTER_SHARE: f64 = 0.01;
 
+/// Scans of different visits are so far apart in order at most.
+const APART_AT_MOST: u64 = 60;
+
 /// A scan whose cloud may be registered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RevisitScan {
@@ -57,11 +60,20 @@ pub struct RevisitSettings {
 }
 
 impl RevisitSettings {
+    /// Scans apart that belong to different visits, where the robot drives so far from scan to scan: on the way it can have left the place
+    /// and come back, or 60 scans where it is slow.
+    #[must_use]
+    pub fn apart_for(step_m: f64, within_m: f64) -> u64 {
+        // a NaN and a robot that stands are slow
+        let scans = (2.0 * within_m / step_m).ceil();
+        if scans < APART_AT_MOST as f64 { (scans as u64).max(1) } else { APART_AT_MOST }
+    }
+
     /// 60 scans apart and less than 5 m, for a sensor with such root mean square of its ranges, and such noise there, metres.
     #[must_use]
     pub fn for_range(range_m: f64, noise_m: f64) -> Self {
         let resolution_m = (FINEST_SHARE * range_m).max(1e-3);
-        Self { apart: 60, within_m: 5.0, maps: SurfelMapSettings { resolution_m, levels: LEVELS, noise_m } }
+        Self { apart: APART_AT_MOST, within_m: 5.0, maps: SurfelMapSettings { resolution_m, levels: LEVELS, noise_m } }
     }
 }
 

@@ -95,6 +95,16 @@ fn a_front_laser_sits_where_its_first_line_has_it_unless_a_parameter_says() {
 }
 
 #[test]
+fn a_rear_laser_without_parameters_sits_where_its_lines_say() {
+    let mount = |x: f64, theta: f64| {
+        scans(&format!("RLASER 2 1 2 {x} 2 {theta} 1 2 0 12.5 host 0.1\n"))[0].laser.robot_from_laser
+    };
+    let [behind, corrected] = [mount(0.7, PI), mount(0.7, 0.1)];
+    assert!(behind.distance(Pose2::new(-0.3, 0.0, 0.0)) < 1e-9 && behind.theta.cos() < -0.999, "{behind:?}");
+    assert!(corrected.distance(Pose2::IDENTITY) < 1e-9 && corrected.theta.cos() < -0.999, "another pose of the robot");
+}
+
+#[test]
 fn a_robot_laser_says_itself_how_it_looks_at_the_world() {
     let scan = &scans(SMALL_LOG)[3];
     assert_eq!((scan.laser.angle_min_rad, scan.laser.angle_step_rad, scan.laser.range_max_m), (-1.57, 0.785, 50.0));

@@ -43,7 +43,8 @@ impl SliceBounds {
 /// What overrides what would be found.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Choice {
-    /// Topics to use: one of scans, one of odometry (or of transforms, to take odometry from them), in any order.
+    /// Topics to use: one of scans, or those of several lasers of one robot, and one of odometry (or of transforms, to take odometry from
+    /// them), in any order.
     pub topics: Vec<String>,
     /// The robot's frame.
     pub frame: Option<String>,

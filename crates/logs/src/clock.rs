@@ -34,7 +34,7 @@ pub struct ClockStep {
 }
 
 /// The clock of one topic.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Clock {
     /// The last stamp, and when it was recorded.
     last: Option<(Stamp, Stamp)>,

@@ -18,6 +18,11 @@
 //! Intel lab's log are, make it go to and fro by them. Where there is no odometry the scans themselves tell: successive ones look alike.
 //! Both ways are in the [report](OrderReport), as are stamps that step backwards.
 //!
+//! # Several lasers
+//!
+//! Planar lasers of one robot whose places on it are known are mapped together, where each sees directions that those before it do not; or those
+//! that are asked for by their topics. Each scan has its own stamp and its laser's mounting.
+//!
 //! # Odometry of a scan
 //!
 //! It is the reading of the scan's stamp, which is that of its first beam, or else interpolated there between the readings
@@ -51,6 +56,7 @@ mod channel;
 mod choice;
 mod clock;
 mod corrected;
+mod directions;
 mod drive;
 mod error;
 mod frames;
@@ -80,7 +86,7 @@ pub use links::{Link, Links};
 pub use mapwright_formats::OrderReport;
 pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
 pub use odometry::OdometrySource;
-pub use plan::Plan;
+pub use plan::{FurtherLaser, Plan};
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
 pub use robots::Robot;
 pub use space::{ImuSource, SpaceEvent, SpacePlan, SpaceStream};

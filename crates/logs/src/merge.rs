@@ -1,4 +1,4 @@
-//! Two topics in the order of their stamps, over a bounded window. Clocks that are set on the way, or differ, count as if they were not.
+//! Scans of one or several lasers and odometry in the order of their stamps, over a bounded window. Clocks that are set on the way, or differ, count as if they were not.
 
 use crate::clock::{Arrival, Clock};
 use crate::scans::{Taken, end_of as scan_end};
@@ -54,10 +54,27 @@ pub(crate) enum Turn {
     Odometry(Next<Odometry>),
 }
 
-/// Scans and odometry that wait for each other.
+/// Whose clock turned out to have been set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// One of the plan's lasers, from 0.
+    Laser(usize),
+    Odometry,
+}
+
+/// Scans of one laser that wait.
 #[derive(Debug, Default)]
+struct LaserQueue {
+    waiting: VecDeque<Waiting<Taken>>,
+    clock: Clock,
+    /// The last that was delivered.
+    last: Option<Stamp>,
+}
+
+/// Scans and odometry that wait for each other.
+#[derive(Debug)]
 pub(crate) struct Merger {
-    scans: VecDeque<Waiting<Taken>>,
+    lasers: Vec<LaserQueue>,
     odometry: VecDeque<Waiting<(Odometry, Reading)>>,
     /// Delivered readings of the last [`WINDOW_S`], in their order.
     past: VecDeque<Reading>,
@@ -65,11 +82,10 @@ pub(crate) struct Merger {
     older: VecDeque<Reading>,
     pace: Pace,
     last_pushed: Option<Reading>,
-    scans_clock: Clock,
     odometry_clock: Clock,
     arrival: Arrival,
-    /// A clock that turned out to have been set: whether odometry's, and by how many seconds.
-    clock_set: Option<(bool, f64)>,
+    /// A clock that turned out to have been set, and by how many seconds.
+    clock_set: Option<(Source, f64)>,
     recorded: Stamp,
     now: Stamp,
     /// Bytes of the scans that wait.
@@ -80,10 +96,24 @@ pub(crate) struct Merger {
 }
 
 impl Merger {
-    /// For scans alone, or with odometry for them to wait for.
-    pub(crate) fn new(has_odometry: bool) -> Self {
-        let older = VecDeque::with_capacity(if has_odometry { OLDER_KEPT } else { 0 });
-        Self { is_alone: !has_odometry, older, ..Self::default() }
+    /// For scans of so many lasers, alone or with odometry for them to wait for.
+    pub(crate) fn new(lasers: usize, has_odometry: bool) -> Self {
+        Self {
+            lasers: std::iter::repeat_with(LaserQueue::default).take(lasers.max(1)).collect(),
+            odometry: VecDeque::new(),
+            past: VecDeque::new(),
+            older: VecDeque::with_capacity(if has_odometry { OLDER_KEPT } else { 0 }),
+            pace: Pace::default(),
+            last_pushed: None,
+            odometry_clock: Clock::default(),
+            arrival: Arrival::default(),
+            clock_set: None,
+            recorded: Stamp(0),
+            now: Stamp(0),
+            scan_bytes: 0,
+            is_alone: !has_odometry,
+            last_scan: None,
+        }
     }
 
     /// The time at which the newest message of any topic was recorded.
@@ -94,24 +124,23 @@ impl Merger {
 
     pub(crate) fn push_scan(&mut self, place: u64, scan: Taken) {
         self.scan_bytes += scan.held_bytes();
-        let undecided = self.scans_clock.undecided();
-        let (at, set_by_s) = self.scans_clock.follow(scan.scan.stamp, self.recorded, &self.odometry_clock);
-        self.scans.push_back(Waiting { recorded: self.now, place, at, item: scan });
+        let at_laser = scan.laser.min(self.lasers.len() - 1);
+        let beside = if self.is_alone && at_laser > 0 { self.lasers[0].clock.clone() } else { Clock::default() };
+        let other = if self.is_alone { &beside } else { &self.odometry_clock };
+        let LaserQueue { waiting, clock, .. } = &mut self.lasers[at_laser];
+        let undecided = clock.undecided();
+        let (at, set_by_s) = clock.follow(scan.scan.stamp, self.recorded, other);
+        waiting.push_back(Waiting { recorded: self.now, place, at, item: scan });
         if set_by_s.is_some() {
-            let clock = &self.scans_clock;
-            self.scans
-                .iter_mut()
-                .rev()
-                .skip(1)
-                .take(undecided)
-                .for_each(|late| late.at = clock.at(late.item.scan.stamp));
+            let late = waiting.iter_mut().rev().skip(1).take(undecided);
+            late.for_each(|late| late.at = clock.at(late.item.scan.stamp));
         }
-        self.clock_set = set_by_s.map(|by_s| (false, by_s)).or(self.clock_set);
+        self.clock_set = set_by_s.map(|by_s| (Source::Laser(at_laser), by_s)).or(self.clock_set);
     }
 
     pub(crate) fn push_odometry(&mut self, place: u64, odometry: Odometry) {
         let undecided = self.odometry_clock.undecided();
-        let (at, set_by_s) = self.odometry_clock.follow(odometry.stamp, self.recorded, &self.scans_clock);
+        let (at, set_by_s) = self.odometry_clock.follow(odometry.stamp, self.recorded, &self.lasers[0].clock);
         let odom_from_robot = odometry.odom_from_robot;
         let is_anew = self
             .last_pushed
@@ -126,17 +155,18 @@ impl Merger {
                 late.item.1.at = late.at;
             });
         }
-        self.clock_set = set_by_s.map(|by_s| (true, by_s)).or(self.clock_set);
+        self.clock_set = set_by_s.map(|by_s| (Source::Odometry, by_s)).or(self.clock_set);
     }
 
-    /// Whether the clock of odometry, else that of the scans, turned out to have been set since this was asked last, and by how much, seconds.
-    pub(crate) fn take_clock_set(&mut self) -> Option<(bool, f64)> {
+    /// Whose clock turned out to have been set since this was asked last, and by how much, seconds.
+    pub(crate) fn take_clock_set(&mut self) -> Option<(Source, f64)> {
         self.clock_set.take()
     }
 
     /// Bytes held by what waits.
     pub(crate) fn held_bytes(&self) -> usize {
-        let waiting = self.scans.capacity() * size_of::<Waiting<Taken>>();
+        let capacity: usize = self.lasers.iter().map(|laser| laser.waiting.capacity()).sum();
+        let waiting = capacity * size_of::<Waiting<Taken>>();
         let odometry = self.odometry.capacity() * size_of::<Waiting<(Odometry, Reading)>>();
         let past = (self.past.capacity() + self.older.capacity()) * size_of::<Reading>();
         self.scan_bytes + waiting + odometry + past
@@ -144,33 +174,45 @@ impl Merger {
 
     /// The next in order, where it is certain or has waited long enough; at the recording's end in any case.
     pub(crate) fn pop(&mut self, is_end: bool) -> Option<Turn> {
-        let is_open = self.scans_clock.undecided() + self.odometry_clock.undecided() > 0;
-        if is_open && !is_end && !self.is_full() {
+        let undecided: usize = self.lasers.iter().map(|laser| laser.clock.undecided()).sum();
+        if undecided + self.odometry_clock.undecided() > 0 && !is_end && !self.is_full() {
             return None;
         }
-        let is_due = |recorded| is_end || self.is_due(recorded);
-        let is_scan = match (self.scans.front(), self.odometry.front()) {
-            (Some(scan), Some(odometry)) => end_of(scan) < odometry.at,
-            (Some(scan), None) if is_due(scan.recorded) => true,
-            (None, Some(odometry)) if is_due(odometry.recorded) => false,
-            _ => return None,
+        let scans = self.lasers.iter().enumerate().filter_map(|(at, laser)| Some((at, laser.waiting.front()?)));
+        let scan = scans.min_by_key(|(_, scan)| end_of(scan));
+        let odometry = self.odometry.front();
+        let (laser, recorded) = match (scan, odometry) {
+            (Some((_, scan)), Some(odometry)) if end_of(scan) >= odometry.at => (None, odometry.recorded),
+            (Some((laser, scan)), _) => (Some(laser), scan.recorded),
+            (None, Some(odometry)) => (None, odometry.recorded),
+            (None, None) => return None,
         };
-        if is_scan { self.pop_scan().map(Turn::Scan) } else { self.pop_odometry().map(Turn::Odometry) }
+        let all_wait =
+            self.lasers.iter().all(|laser| !laser.waiting.is_empty()) && (self.is_alone || odometry.is_some());
+        if !(all_wait || is_end || self.is_due(recorded)) {
+            return None;
+        }
+        match laser {
+            Some(laser) => self.pop_scan(laser).map(Turn::Scan),
+            None => self.pop_odometry().map(Turn::Odometry),
+        }
     }
 
     fn is_due(&self, recorded: Stamp) -> bool {
-        self.is_alone || self.now.secs_since(recorded) > WINDOW_S || self.is_full()
+        self.now.secs_since(recorded) > WINDOW_S || self.is_full()
     }
 
     fn is_full(&self) -> bool {
-        self.scans.len() + self.odometry.len() > WINDOW_MESSAGES || self.scan_bytes > WINDOW_BYTES
+        let scans: usize = self.lasers.iter().map(|laser| laser.waiting.len()).sum();
+        scans + self.odometry.len() > WINDOW_MESSAGES || self.scan_bytes > WINDOW_BYTES
     }
 
-    fn pop_scan(&mut self) -> Option<Next<Taken>> {
-        let end = end_of(self.scans.front()?);
-        let Waiting { place, at, item, .. } = self.scans.pop_front()?;
+    fn pop_scan(&mut self, laser: usize) -> Option<Next<Taken>> {
+        let LaserQueue { waiting, last, .. } = self.lasers.get_mut(laser)?;
+        let end = end_of(waiting.front()?);
+        let Waiting { place, at, item, .. } = waiting.pop_front()?;
         self.scan_bytes = self.scan_bytes.saturating_sub(item.held_bytes());
-        let steps_back = self.last_scan.is_some_and(|last| at < last);
+        let steps_back = last.replace(at).is_some_and(|last| at < last);
         let is_late = !steps_back && self.past.back().is_some_and(|odometry| end < odometry.at);
         self.last_scan = Some(at);
         Some(Next { place, at, is_late, item })
@@ -275,7 +317,7 @@ mod tests {
 
     #[test]
     fn topics_are_merged_by_stamps_and_each_keeps_its_own_order() {
-        let mut merger = Merger::default();
+        let mut merger = Merger::new(1, true);
         merger.push_scan(1, scan(100));
         merger.push_scan(2, scan(90)); // steps back and keeps its place
         merger.push_odometry(3, odometry(50, 0.0));
@@ -287,7 +329,7 @@ mod tests {
 
     #[test]
     fn a_scan_comes_when_its_sweep_is_over() {
-        let mut merger = Merger::default();
+        let mut merger = Merger::new(1, true);
         let laser = mapwright_sensor::LaserModel { beam_period_s: 0.01, ..(*no_scan().laser).clone() };
         let slow = LaserScan { stamp: Stamp(0), ranges_m: vec![1.0; 10], laser: laser.into(), odom_from_robot: None };
         merger.push_scan(1, slow.into());
@@ -296,8 +338,27 @@ mod tests {
     }
 
     #[test]
+    fn scans_of_two_lasers_come_in_the_order_of_their_stamps() {
+        let by = |laser: usize, ms: i64| Taken { laser, ..scan(ms) };
+        for has_odometry in [true, false] {
+            let mut merger = Merger::new(2, has_odometry);
+            merger.push_scan(1, by(0, 100));
+            merger.push_scan(2, by(0, 200));
+            if has_odometry {
+                merger.push_odometry(3, odometry(400, 0.0));
+            }
+            assert!(drain(&mut merger, false).is_empty(), "the rear laser may still say something");
+            merger.push_scan(4, by(1, 130));
+            merger.push_scan(5, by(1, 230));
+            assert_eq!(drain(&mut merger, false), [-100, -130, -200]);
+            merger.at(Stamp(3_000_000_000));
+            assert_eq!(drain(&mut merger, false), [-230], "nobody waits for ever");
+        }
+    }
+
+    #[test]
     fn the_reading_of_the_scans_own_stamp_counts_wherever_it_stands() {
-        let mut merger = Merger::default();
+        let mut merger = Merger::new(1, true);
         for (ms, x) in [(50, 0.0), (300, 1.0), (100, 2.0), (200, 3.0)] {
             merger.push_odometry(1, odometry(ms, x));
         }
@@ -307,7 +368,7 @@ mod tests {
 
     #[test]
     fn nobody_waits_longer_than_the_window_and_who_comes_later_is_late() {
-        let mut merger = Merger::default();
+        let mut merger = Merger::new(1, true);
         merger.at(Stamp(0));
         merger.push_scan(1, scan(100));
         assert!(drain(&mut merger, false).is_empty());
@@ -321,7 +382,7 @@ mod tests {
     #[test]
     fn a_scan_that_steps_back_waits_until_it_is_known_whether_it_was_late() {
         // scans and odometry five times a second, of which scans are 2 s early from the second second on
-        let mut merger = Merger::default();
+        let mut merger = Merger::new(1, true);
         let mut poses = Vec::new();
         let mut take = |merger: &mut Merger, is_end: bool| {
             while let Some(turn) = merger.pop(is_end) {
@@ -343,7 +404,7 @@ mod tests {
 
     #[test]
     fn no_more_messages_wait_than_the_window_holds() {
-        let mut merger = Merger::default();
+        let mut merger = Merger::new(1, true);
         for place in 0..3 * WINDOW_MESSAGES as i64 {
             merger.push_odometry(place as u64, odometry(place, 0.0));
             drain(&mut merger, false);
@@ -353,7 +414,7 @@ mod tests {
 
     #[test]
     fn odometry_is_interpolated_at_the_scans_stamp_or_is_the_one_before() {
-        let mut merger = Merger::default();
+        let mut merger = Merger::new(1, true);
         for (ms, x) in [(0, 0.0), (100, 1.0), (200, 3.0), (9000, 5.0)] {
             merger.push_odometry(1, odometry(ms, x));
         }
@@ -365,7 +426,7 @@ mod tests {
         assert_eq!(x_at(&merger, -1), None);
         drain(&mut merger, true);
         assert_eq!(x_at(&merger, 20_000), None, "too old");
-        let mut sparse = Merger::default();
+        let mut sparse = Merger::new(1, true);
         sparse.push_odometry(1, odometry(0, 1.0));
         sparse.push_odometry(2, odometry(5000, 9.0));
         assert!(matches!(sparse.pop(true), Some(Turn::Odometry(_))));

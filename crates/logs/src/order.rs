@@ -52,14 +52,15 @@ impl Event {
 #[derive(Debug, Clone, Copy)]
 enum Sight<'a> {
     Pose(Pose2),
-    Ranges(&'a [f32]),
+    /// By which laser, and what.
+    Ranges(&'a str, &'a [f32]),
 }
 
 impl<'a> Sight<'a> {
     fn of(event: &'a Event) -> Option<Self> {
         match (event.pose(), event) {
             (Some(pose), _) => Some(Self::Pose(pose)),
-            (None, Event::Scan(scan)) => Some(Self::Ranges(&scan.ranges_m)),
+            (None, Event::Scan(scan)) => Some(Self::Ranges(&scan.laser.name, &scan.ranges_m)),
             _ => None,
         }
     }
@@ -71,7 +72,7 @@ impl<'a> Sight<'a> {
                 let step = a.between(b);
                 step.x.hypot(step.y) + METRES_PER_RAD * step.theta.abs()
             }
-            (Self::Ranges(a), Self::Ranges(b)) if a.len() == b.len() && !a.is_empty() => {
+            (Self::Ranges(by, a), Self::Ranges(other, b)) if by == other && a.len() == b.len() && !a.is_empty() => {
                 let apart = |(a, b): (&f32, &f32)| f64::from((a - b).abs().min(MOST_APART_M));
                 a.iter().zip(b).map(apart).sum::<f64>() / a.len() as f64
             }

@@ -2,6 +2,7 @@
 
 use crate::channel::TopicKind;
 use crate::choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
+use crate::directions::Directions;
 use crate::frames::{Place, list, place, placed_by_hand};
 use crate::odometry::{self, OdometrySource};
 use crate::survey::{Survey, TopicSurvey, same_name};
@@ -13,6 +14,10 @@ use std::collections::BTreeMap;
 
 /// The most by which a scan plane may be tilted against the robot's, degrees.
 pub(crate) const TILT_MOST_DEG: f64 = 5.0;
+
+/// No two lasers sit so near to each other and look so much the same way, metres and radians.
+const SAME_PLACE_M: f64 = 0.02;
+const SAME_PLACE_RAD: f64 = 0.02;
 
 /// Where a sensor's scans go.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +35,8 @@ pub struct Plan {
     pub scans: String,
     /// What kind of scans.
     pub kind: TopicKind,
+    /// Lasers of the same robot that are mapped with it.
+    pub further: Vec<FurtherLaser>,
     /// Heights of the slice, for clouds.
     pub slice: Option<SliceBounds>,
     /// The robot's frame.
@@ -50,6 +57,15 @@ pub struct Plan {
     pub(crate) transforms: Vec<String>,
     /// Mountings by the scans' frames.
     pub(crate) mounts: BTreeMap<String, Mount>,
+}
+
+/// A laser beside the first.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FurtherLaser {
+    /// The topic of its scans.
+    pub topic: String,
+    /// What kind of scans.
+    pub kind: TopicKind,
 }
 
 /// A topic of scans that can be used.
@@ -80,7 +96,6 @@ impl Plan {
             let wanted = (candidate.topic.kind == TopicKind::Cloud) == choice.slice.is_some();
             (!wanted, candidate.place.assumed.is_some(), u64::MAX - candidate.topic.usable())
         });
-        let others: Vec<_> = candidates.iter().skip(1).map(|candidate| candidate.topic.name.clone()).collect();
         if let Some(chosen) = candidates.first()
             && choice.slice.is_some()
             && chosen.topic.kind != TopicKind::Cloud
@@ -89,10 +104,16 @@ impl Plan {
             let reasons = refused.iter().map(|reason| format!("; {reason}")).collect::<String>();
             return Err(format!("--slice makes scans of point clouds: expected such, found {found}{reasons}"));
         }
-        match candidates.into_iter().next() {
-            Some(chosen) => Ok(decide(survey, choice, chosen, &others, &refused)),
+        let mut candidates = candidates.into_iter();
+        match candidates.next() {
+            Some(chosen) => Ok(decide(survey, choice, Lasers::of(chosen, candidates, choice), &refused)),
             None => Err(refused.join("; ")),
         }
+    }
+
+    /// The topics of all lasers that are used.
+    pub fn lasers(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(self.scans.as_str()).chain(self.further.iter().map(|further| further.topic.as_str()))
     }
 
     /// Scans say when their beams were taken, or whether they do not.
@@ -115,24 +136,121 @@ impl Plan {
     }
 }
 
-fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[String], refused: &[String]) -> Plan {
-    let Candidate { topic, place, mount } = chosen;
-    let found = odometry::find(survey, &place, choice);
-    let (turning, why_turning) = turning::find(survey, topic, &place, choice);
-    let is_asked = choice.topics.iter().any(|name| same_name(name, &topic.name));
-    let why = match (is_asked, others) {
-        (true, _) => "as asked for".to_owned(),
-        (_, []) => "the only topic of scans that can be mapped with".to_owned(),
-        (_, others) => format!("the most scans; not used: {}", list(others.iter().map(String::as_str))),
-    };
-    let count = grouped(topic.usable());
+/// The lasers that are mapped together.
+struct Lasers<'a> {
+    chosen: Candidate<'a>,
+    /// The others, and why.
+    further: Vec<(Candidate<'a>, String)>,
+    /// Those that are not, and why.
+    unused: Vec<String>,
+}
+
+impl<'a> Lasers<'a> {
+    /// Beside the chosen one those on the same robot that see other directions, or that are asked for.
+    fn of(chosen: Candidate<'a>, others: impl Iterator<Item = Candidate<'a>>, choice: &Choice) -> Self {
+        let mut lasers = Self { chosen, further: Vec::new(), unused: Vec::new() };
+        let mut seen = Directions::default();
+        lasers.chosen.adds_to(&mut seen);
+        for other in others {
+            match lasers.why_further(&other, choice, &mut seen) {
+                Ok(why) => lasers.further.push((other, why)),
+                Err(why) => lasers.unused.push(format!("{}: {why}", other.topic.name)),
+            }
+        }
+        lasers
+    }
+
+    /// Why another laser is mapped with those before it, or why not.
+    fn why_further(&self, other: &Candidate<'a>, choice: &Choice, seen: &mut Directions) -> Result<String, String> {
+        let chosen = &self.chosen;
+        if !(chosen.topic.kind.is_planar() && other.topic.kind.is_planar()) {
+            return Err("not a planar laser beside another".to_owned());
+        }
+        if choice.mount.is_some() {
+            return Err("a mounting that is asked for is that of one laser".to_owned());
+        }
+        for candidate in [chosen, other] {
+            if candidate.place.assumed.is_some() {
+                return Err(format!("nothing says where '{}' sits on the robot", candidate.topic.frame()));
+            }
+        }
+        if chosen.place.robot_frame != other.place.robot_frame {
+            return Err(format!("it sits on '{}', not on '{}'", other.place.robot_frame, chosen.place.robot_frame));
+        }
+        if is_asked(other.topic, choice) {
+            return Ok("as asked for".to_owned());
+        }
+        let mut used = std::iter::once(chosen).chain(self.further.iter().map(|(further, _)| further));
+        if let Some(same) = used.find(|used| used.is_of_one_laser_with(other)) {
+            return Err(format!("it has scans of the laser of {}", same.topic.name));
+        }
+        let new = other.adds_to(seen);
+        new.map(|degrees| format!("it sees {degrees} deg around the robot that the others do not")).ok_or_else(|| {
+            let also = self.names().map(|name| format!(" --topic {name}")).collect::<String>();
+            format!("it sees no direction that the others do not; to map it too:{also} --topic {}", other.topic.name)
+        })
+    }
+
+    fn names(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(&self.chosen).chain(self.further.iter().map(|(other, _)| other)).map(|c| c.topic.name.as_str())
+    }
+
+    /// The first, as it is chosen among the others.
+    fn why_chosen(&self, choice: &Choice) -> String {
+        let why = match self.further.len() + self.unused.len() {
+            _ if is_asked(self.chosen.topic, choice) => "as asked for",
+            0 => "the only topic of scans that can be mapped with",
+            _ => "the most scans",
+        };
+        let not_used = list(self.unused.iter().map(String::as_str));
+        if self.unused.is_empty() { why.to_owned() } else { format!("{why}; not used: {not_used}") }
+    }
+}
+
+impl Candidate<'_> {
+    fn words(&self, why: &str) -> String {
+        let TopicSurvey { name, type_name, shape, .. } = self.topic;
+        format!("{name} ({type_name}, {} messages, {shape}): {why}", grouped(self.topic.usable()))
+    }
+
+    /// Whether both are scans of one laser, as one topic may have another's filtered: in one frame, or from one place that looks one way.
+    fn is_of_one_laser_with(&self, other: &Self) -> bool {
+        let (Mount::Planar(a), Mount::Planar(b)) = (&self.mount, &other.mount) else { return false };
+        let apart = a.robot_from_laser.between(b.robot_from_laser);
+        let is_one_place = apart.x.hypot(apart.y) <= SAME_PLACE_M && apart.theta.abs() <= SAME_PLACE_RAD;
+        self.topic.frame() == other.topic.frame() || is_one_place && a.inverted == b.inverted
+    }
+
+    /// The directions that it adds to those that are seen, degrees.
+    fn adds_to(&self, seen: &mut Directions) -> Option<usize> {
+        let Mount::Planar(mounting) = &self.mount else { return None };
+        seen.add(&self.topic.reach, mounting)
+    }
+}
+
+fn is_asked(topic: &TopicSurvey, choice: &Choice) -> bool {
+    choice.topics.iter().any(|name| same_name(name, &topic.name))
+}
+
+fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[String]) -> Plan {
+    let Candidate { topic, place, mount } = &lasers.chosen;
+    let found = odometry::find(survey, place, choice);
+    let (turning, why_turning) = turning::find(survey, topic, place, choice);
+    let motion = Plan::deskew(topic, &found.source, turning.as_ref());
     let mut reasons = vec![
-        ("scans", format!("{} ({}, {count} messages, {}): {why}", topic.name, topic.type_name, topic.shape)),
+        ("scans", lasers.chosen.words(&lasers.why_chosen(choice))),
         ("robot", format!("'{}', {}", place.robot_frame, place.reason)),
-        ("mounting", mounting_words(survey, topic.frame(), &place, &mount, choice.mount.is_some())),
+        ("mounting", mounting_words(survey, topic.frame(), place, mount, choice.mount.is_some())),
         ("odometry", found.reason.clone()),
-        ("motion", Plan::deskew(topic, &found.source, turning.as_ref())),
+        ("motion", motion.clone()),
     ];
+    for (further, why) in &lasers.further {
+        reasons.push(("scans", further.words(&format!("mapped too, {why}"))));
+        reasons
+            .push(("mounting", mounting_words(survey, further.topic.frame(), &further.place, &further.mount, false)));
+        let of_this = Plan::deskew(further.topic, &found.source, turning.as_ref());
+        reasons.extend((of_this != motion).then(|| ("motion", format!("{}: {of_this}", further.topic.name))));
+    }
     reasons.extend(why_turning.map(|why| ("turning", why)));
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
     let depth = survey.topics.iter().filter(|topic| topic.is_depth && topic.usable() > 0);
@@ -140,7 +258,32 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         let count = grouped(topic.usable());
         ("refused", format!("{}: {count} images of depth; `--space` maps these instead", topic.name))
     }));
-    let mut mounts = BTreeMap::from([(topic.frame().to_owned(), mount)]);
+    let mut mounts = BTreeMap::new();
+    for laser in std::iter::once(&lasers.chosen).chain(lasers.further.iter().map(|(further, _)| further)) {
+        mounts_of(laser, survey, choice, &mut mounts);
+    }
+    let further = lasers.further.iter().map(|(other, _)| other.topic);
+    Plan {
+        scans: topic.name.clone(),
+        kind: topic.kind,
+        further: further.map(|topic| FurtherLaser { topic: topic.name.clone(), kind: topic.kind }).collect(),
+        slice: choice.slice.filter(|_| topic.kind == TopicKind::Cloud),
+        robot_frame: place.robot_frame.clone(),
+        sensor_frame: topic.frame().to_owned(),
+        calibration: choice.odometry.filter(|_| found.source != OdometrySource::None),
+        odometry: found.source,
+        turning,
+        transforms: transform_topics(survey),
+        reasons,
+        assumed: place.assumed.iter().cloned().chain(found.assumed).collect(),
+        mounts,
+    }
+}
+
+/// Mountings by the frames of a laser's scans.
+fn mounts_of(laser: &Candidate<'_>, survey: &Survey, choice: &Choice, mounts: &mut BTreeMap<String, Mount>) {
+    let Candidate { topic, place, mount } = laser;
+    mounts.insert(topic.frame().to_owned(), *mount);
     for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
         let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
         if let Some(by_hand) = by_hand(choice) {
@@ -150,20 +293,6 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         {
             mounts.insert(frame.clone(), mount);
         }
-    }
-    Plan {
-        scans: topic.name.clone(),
-        kind: topic.kind,
-        slice: choice.slice.filter(|_| topic.kind == TopicKind::Cloud),
-        robot_frame: place.robot_frame.clone(),
-        sensor_frame: topic.frame().to_owned(),
-        calibration: choice.odometry.filter(|_| found.source != OdometrySource::None),
-        odometry: found.source,
-        turning,
-        transforms: transform_topics(survey),
-        reasons,
-        assumed: place.assumed.into_iter().chain(found.assumed).collect(),
-        mounts,
     }
 }
 
@@ -234,7 +363,7 @@ fn mount_of(kind: TopicKind, place: &Place) -> Result<Mount, String> {
 
 /// Topics of scans that can be used, and why others cannot.
 fn candidates<'a>(survey: &'a Survey, choice: &Choice) -> Result<(Vec<Candidate<'a>>, Vec<String>), String> {
-    let asked = |topic: &&TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
+    let asked = |topic: &&TopicSurvey| is_asked(topic, choice);
     let mut all: Vec<_> = survey.topics.iter().filter(|topic| topic.kind.is_scans()).collect();
     if all.iter().any(asked) {
         all.retain(asked);

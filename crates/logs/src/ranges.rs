@@ -2,6 +2,7 @@
 
 use mapwright_formats::RangeReport;
 use mapwright_sensor::{FoundCodes, LaserModel, LaserScan, NoReturnCodes, RANGE_MAX_UNSAID_M};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// No laser of the plane has half of its returns beyond, and no robot has half of them within a seventh of this many
@@ -10,43 +11,53 @@ const METRES_MOST: f32 = 150.0;
 /// No laser of the plane reaches farther, metres; a larger limit of range is one in another unit.
 const REACH_MOST_M: f64 = 1000.0;
 
+/// Lasers of a log that are known by their scans before.
+const LASERS_KNOWN: usize = 8;
+
 /// Looks at the ranges of each scan of a log.
 #[derive(Debug, Clone)]
 pub(crate) struct RangeCheck {
     /// What one stands for, metres.
     unit_m: f64,
     scans: u64,
-    /// The laser of the scan before as the log has it, and as it is used.
-    known: Option<[Arc<LaserModel>; 2]>,
-    codes: NoReturnCodes,
+    /// The lasers of the scans before as the log has them, and as they are used.
+    known: VecDeque<[Arc<LaserModel>; 2]>,
+    /// By the lasers' names.
+    codes: Vec<(String, NoReturnCodes)>,
     report: RangeReport,
 }
 
 impl RangeCheck {
     pub(crate) fn new(unit_m: Option<f64>) -> Self {
-        let (codes, report) = (NoReturnCodes::default(), RangeReport::default());
-        Self { unit_m: unit_m.unwrap_or(1.0), scans: 0, known: None, codes, report }
+        let (known, codes, report) = (VecDeque::new(), Vec::new(), RangeReport::default());
+        Self { unit_m: unit_m.unwrap_or(1.0), scans: 0, known, codes, report }
     }
 
     /// Looks at a scan some time before it is [taken](Self::take): codes for no return are known by then.
     pub(crate) fn look_ahead(&mut self, scan: &LaserScan) {
         let unit_m = self.unit_m as f32;
-        let before = self.codes.found();
-        self.codes.observe(scan.ranges_m.iter().map(|&range| range * unit_m));
-        self.codes_changed(before);
+        let name = &scan.laser.name;
+        let known = self.codes.iter().position(|(of, _)| of == name);
+        if known.is_none() && self.codes.len() < LASERS_KNOWN {
+            self.codes.push((name.clone(), NoReturnCodes::default()));
+        }
+        let at = known.unwrap_or(self.codes.len() - 1);
+        let (_, codes) = &mut self.codes[at];
+        let before = codes.found();
+        codes.observe(scan.ranges_m.iter().map(|&range| range * unit_m));
+        if is_other(before, codes.found()) {
+            self.known.clear();
+        }
     }
 
     /// No scan is to come that was not looked at.
     pub(crate) fn end(&mut self) {
-        let before = self.codes.found();
-        self.codes.judge();
-        self.codes_changed(before);
-    }
-
-    /// The laser that is used is made anew where what is known of codes is another than before.
-    fn codes_changed(&mut self, before: Option<FoundCodes>) {
-        if self.codes.found().map(|found| found.from_m) != before.map(|found| found.from_m) {
-            self.known = None;
+        for (_, codes) in &mut self.codes {
+            let before = codes.found();
+            codes.judge();
+            if is_other(before, codes.found()) {
+                self.known.clear();
+            }
         }
     }
 
@@ -91,13 +102,13 @@ impl RangeCheck {
 
     /// The scan's laser as it is used.
     fn laser(&mut self, scan: &mut LaserScan) {
-        match &self.known {
-            Some([said, used]) if Arc::ptr_eq(said, &scan.laser) => {
+        match self.known.iter().find(|[said, _]| Arc::ptr_eq(said, &scan.laser)) {
+            Some([said, used]) => {
                 if !Arc::ptr_eq(said, used) {
                     scan.laser = Arc::clone(used);
                 }
             }
-            _ => {
+            None => {
                 let said = Arc::clone(&scan.laser);
                 if let Some(used) = self.used(&said) {
                     scan.laser = Arc::new(used);
@@ -105,14 +116,16 @@ impl RangeCheck {
                 if let Some(used) = self.below_codes(&scan.laser) {
                     scan.laser = Arc::new(used);
                 }
-                self.known = Some([said, Arc::clone(&scan.laser)]);
+                self.known.truncate(LASERS_KNOWN - 1);
+                self.known.push_front([said, Arc::clone(&scan.laser)]);
             }
         }
     }
 
     /// Another laser, where readings below its largest range say that nothing returned.
     fn below_codes(&mut self, laser: &LaserModel) -> Option<LaserModel> {
-        let FoundCodes { from_m, share } = self.codes.found().filter(|found| found.from_m < laser.range_max_m)?;
+        let (_, codes) = self.codes.iter().find(|(of, _)| *of == laser.name)?;
+        let FoundCodes { from_m, share } = codes.found().filter(|found| found.from_m < laser.range_max_m)?;
         self.report.codes = Some(format!(
             "readings from {from_m:.3} m on, {:.1} % of all, are the same to the millimetre on many beams: no surface, this \
              laser's code for no return, used as such",
@@ -140,6 +153,11 @@ impl RangeCheck {
         };
         Some(LaserModel { range_min_m, range_max_m, ..said.clone() })
     }
+}
+
+/// Whether what is known of a laser's codes is another than before, so that the laser that is used is made anew.
+fn is_other(before: Option<FoundCodes>, now: Option<FoundCodes>) -> bool {
+    before.map(|found| found.from_m) != now.map(|found| found.from_m)
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ pub struct StreamReport {
     pub odometry: u64,
     /// Turn rates delivered.
     pub turn_rates: u64,
-    /// The topics used: that of scans, then that of odometry where there is one. Places are numbers of messages.
+    /// The topics used: that of scans, that of odometry where there is one, those of further lasers. Places are numbers of messages.
     pub topics: Vec<TopicReport>,
     /// Messages delivered after others of a later stamp, for they came later than the window allows.
     pub late: Noted,

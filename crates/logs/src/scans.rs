@@ -25,6 +25,8 @@ pub(crate) enum Problem {
 #[derive(Debug)]
 pub(crate) struct Taken {
     pub(crate) scan: SensorScan,
+    /// Which of the plan's lasers took it, from 0.
+    pub(crate) laser: usize,
     /// Points of the slice in the robot's frame at their times, where a cloud says these; the scan is then empty.
     pub(crate) points: Vec<TimedPoint>,
 }
@@ -38,7 +40,7 @@ pub(crate) struct TimedPoint {
 
 impl From<SensorScan> for Taken {
     fn from(scan: SensorScan) -> Self {
-        Self { scan, points: Vec::new() }
+        Self { scan, laser: 0, points: Vec::new() }
     }
 }
 
@@ -148,12 +150,12 @@ impl ScanMaker {
             }
         }
         let scan = SensorScan { stamp, laser, ranges_m: Vec::new(), odom_from_robot: None };
-        Ok(Taken { scan, points })
+        Ok(Taken { scan, laser: 0, points })
     }
 
     /// The scan, with the motion undone that the robot made between its stamp and each point, given its twist per second.
     pub(crate) fn finish(&mut self, taken: Taken, twist_per_s: Option<[f64; 3]>) -> SensorScan {
-        let Taken { scan, points } = taken;
+        let Taken { scan, points, .. } = taken;
         if !scan.ranges_m.is_empty() {
             return scan;
         }

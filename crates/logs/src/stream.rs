@@ -4,10 +4,10 @@ use crate::channel::{Decoders, Messages};
 use crate::clock::ClockStep;
 use crate::corrected::Corrected;
 use crate::links::{bare, stamp_or};
-use crate::merge::{Merger, Next, Turn, WINDOW_MESSAGES};
+use crate::merge::{Merger, Next, Source, Turn, WINDOW_MESSAGES};
 use crate::odometry::OdometrySource;
 use crate::order::Event;
-use crate::plan::Plan;
+use crate::plan::{FurtherLaser, Plan};
 use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
@@ -24,7 +24,8 @@ use std::path::Path;
 /// What a connection is used for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Use {
-    Scans,
+    /// Of one of the plan's lasers, from 0.
+    Scans(usize),
     Odometry,
     Turning,
     Nothing,
@@ -44,7 +45,8 @@ pub(crate) struct Stream {
     origin: FarOrigin,
     corrected: Option<Corrected>,
     report: StreamReport,
-    last_beams: Option<usize>,
+    /// By laser, the beams of the last scan.
+    last_beams: Vec<Option<usize>>,
     is_end: bool,
 }
 
@@ -57,11 +59,12 @@ impl Stream {
             OdometrySource::Topic { name, .. } => topics.push(named(name)),
             OdometrySource::Transforms { parent, child, .. } => topics.push(named(&format!("{parent} -> {child}"))),
         }
+        topics.extend(plan.further.iter().map(|further| named(&further.topic)));
         Ok(Self {
             recording: Recording::open(path)?,
             survey,
             maker: ScanMaker::new(&plan),
-            merger: Merger::new(plan.odometry != OdometrySource::None),
+            merger: Merger::new(1 + plan.further.len(), plan.odometry != OdometrySource::None),
             turning: Turning::default(),
             origin: FarOrigin::at_first_reading(),
             corrected: plan.calibration.map(Corrected::new),
@@ -69,7 +72,7 @@ impl Stream {
             decoders: Decoders::default(),
             uses: Vec::new(),
             report: StreamReport { topics, ..StreamReport::default() },
-            last_beams: None,
+            last_beams: Vec::new(),
             is_end: false,
         })
     }
@@ -123,7 +126,10 @@ impl Stream {
         let messages = self.decoders.of(message.connection);
         let (taken, report) = match used {
             Use::Turning => (self.turning.take(&self.plan, messages, &message), &mut self.report),
-            Use::Scans => (take_scan(&mut self.maker, messages, &message, &mut self.merger, place), &mut self.report),
+            Use::Scans(laser) => {
+                let taken = take_scan(&mut self.maker, messages, &message, (laser, place), &mut self.merger);
+                (taken, &mut self.report)
+            }
             _ => {
                 let (source, merger) = (&self.plan.odometry, &mut self.merger);
                 let mut take = |reading: Odometry| {
@@ -138,9 +144,9 @@ impl Stream {
                 (taken, &mut self.report)
             }
         };
-        if let Some((is_odometry, by_s)) = self.merger.take_clock_set() {
+        if let Some((source, by_s)) = self.merger.take_clock_set() {
             report.clock_steps += 1;
-            let topic = report.topics.get(usize::from(is_odometry));
+            let topic = report.topics.get(topic_of(source, &self.plan));
             let name = topic.map_or_else(String::new, |topic| topic.name.clone());
             let is_first = topic.is_some_and(|topic| topic.events == 0);
             report.first_clock_step.get_or_insert(ClockStep { name, place, by_s, is_first });
@@ -159,7 +165,7 @@ impl Stream {
 
     fn scan(&mut self, next: Next<Taken>) -> LaserScan {
         let Next { place, at, is_late, item } = next;
-        let (first, last) = item.span();
+        let (laser, (first, last)) = (item.laser, item.span());
         let turning = self.turning.rates.mean(first, last);
         let read = self.merger.twist_per_s(at);
         let twist_per_s = turning.map_or(read, |turning| {
@@ -181,14 +187,17 @@ impl Stream {
             report.odometry_behind_s = report.odometry_behind_s.or(behind_s);
         }
         report.non_finite_ranges += scan.ranges_m.iter().filter(|range_m| !range_m.is_finite()).count() as u64;
-        if let Some(topic) = report.topics.first_mut() {
+        if self.last_beams.len() <= laser {
+            self.last_beams.resize(laser + 1, None);
+        }
+        let last_beams = self.last_beams[laser].replace(scan.ranges_m.len());
+        if let Some(topic) = report.topics.get_mut(topic_of(Source::Laser(laser), &self.plan)) {
             topic.events += 1;
             topic.stamps.observe(place, scan.stamp);
-            if self.last_beams.is_some_and(|beams| beams != scan.ranges_m.len()) {
+            if last_beams.is_some_and(|beams| beams != scan.ranges_m.len()) {
                 topic.beam_count_changes.note(place);
             }
         }
-        self.last_beams = Some(scan.ranges_m.len());
         scan
     }
 
@@ -204,6 +213,15 @@ impl Stream {
             topic.odometry.observe(place, item);
         }
         item
+    }
+}
+
+/// Where a topic stands in the report: the first laser, odometry where there is one, further lasers.
+fn topic_of(source: Source, plan: &Plan) -> usize {
+    match source {
+        Source::Laser(0) => 0,
+        Source::Odometry => 1,
+        Source::Laser(further) => further + usize::from(plan.odometry != OdometrySource::None),
     }
 }
 
@@ -267,8 +285,11 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &Plan) -> Us
             }
         };
         let is_turning = plan.turning.as_ref().is_some_and(|turning| same_name(&turning.name, &connection.topic));
+        let is_further = |further: &FurtherLaser| kind == further.kind && same_name(&further.topic, &connection.topic);
         if kind == plan.kind && same_name(&plan.scans, &connection.topic) {
-            Use::Scans
+            Use::Scans(0)
+        } else if let Some(further) = plan.further.iter().position(is_further) {
+            Use::Scans(further + 1)
         } else if is_odometry {
             Use::Odometry
         } else if is_turning && kind == crate::TopicKind::Imu {
@@ -284,10 +305,10 @@ fn take_scan(
     maker: &mut ScanMaker,
     messages: &mut Messages,
     message: &RawMessage<'_>,
+    (laser, place): (usize, u64),
     merger: &mut Merger,
-    place: u64,
 ) -> Result<bool, Problem> {
-    let mut taken = maker.scan(messages, message.data, place)?;
+    let mut taken = Taken { laser, ..maker.scan(messages, message.data, place)? };
     let (stamp, is_unstamped) = stamp_or(taken.scan.stamp, message.log_stamp);
     taken.scan.stamp = stamp;
     merger.push_scan(place, taken);

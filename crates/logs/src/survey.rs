@@ -2,12 +2,13 @@
 
 use crate::camera::CameraSurvey;
 use crate::channel::{Decoders, Messages, TopicKind};
+use crate::directions::Reach;
 use crate::links::{Links, bare, joined, namespace};
 use crate::still::{Movement, Scenery};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_geom::Stamp;
-use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, Odometry};
-use mapwright_ros::{Cloud, DepthNumbers, RosError};
+use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, LaserScan, Odometry};
+use mapwright_ros::{Cloud, DepthNumbers, Mounting, RosError};
 use mapwright_sensor::settle_times;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,6 +17,8 @@ use std::path::Path;
 const FRAMES_KEPT: usize = 16;
 /// Who watches is told after so many messages.
 const WATCHED_EVERY: u64 = 64;
+/// Of so many scans one is looked at for the directions in which its laser sees.
+const REACH_EVERY: u64 = 8;
 /// Topics of which the messages are looked at.
 const TOPICS_KEPT: usize = 4096;
 
@@ -56,6 +59,8 @@ pub struct TopicSurvey {
     pub(crate) movement: Movement,
     /// Of planar scans.
     pub(crate) scenery: Scenery,
+    /// Of planar scans.
+    pub(crate) reach: Reach,
 }
 
 impl TopicSurvey {
@@ -78,6 +83,7 @@ impl TopicSurvey {
             points: [0, 0],
             movement: Movement::default(),
             scenery: Scenery::default(),
+            reach: Reach::default(),
         }
     }
 
@@ -132,6 +138,14 @@ impl TopicSurvey {
         self.points = [u64::from(image.width) * u64::from(image.height), u64::from(image.height)];
     }
 
+    fn see_directions(&mut self, scan: &LaserScan<'_>) {
+        if self.messages % REACH_EVERY == 1
+            && let Ok((laser, _)) = scan.laser(&Mounting::IDENTITY)
+        {
+            self.reach.see(&laser, scan.ranges.iter());
+        }
+    }
+
     /// Looks into a message; what is wrong with it, if anything.
     fn look(&mut self, messages: &mut Messages, data: &[u8], trees: &mut Trees) -> Result<(), String> {
         let words = |error: RosError| error.to_string();
@@ -142,6 +156,7 @@ impl TopicSurvey {
                 self.header(&scan.header);
                 self.has_times |= scan.beam_period_s().0 > 0.0;
                 self.scenery.see(scan.ranges.iter());
+                self.see_directions(&scan);
                 if is_first {
                     self.shape = format!("{} beams", scan.ranges.len());
                 }
@@ -151,6 +166,9 @@ impl TopicSurvey {
                 self.header(&scan.header);
                 let (beams, period_s) = (scan.ranges.len(), f64::from(scan.scan_time));
                 self.has_times |= settle_times(f64::from(scan.time_increment), period_s, beams).0 > 0.0;
+                if self.messages % REACH_EVERY == 1 {
+                    self.see_directions(&scan.with_ranges(&scan.first_echoes()));
+                }
                 if is_first {
                     let echoes = scan.most_echoes();
                     self.shape = format!("{beams} beams of up to {echoes} echoes, of which the nearest counts");

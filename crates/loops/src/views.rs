@@ -5,10 +5,10 @@ use mapwright_record::{Measurement, NodeId, Past};
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
-/// Views of a submap lie so far apart at least: metres or radians.
+/// Views of a submap by one sensor lie so far apart at least: metres or radians.
 const VIEW_M: f64 = 0.4;
 const VIEW_RAD: f64 = 0.35;
-/// Views of a submap at most, to one side.
+/// Views of a submap by one sensor at most, to one side.
 const VIEWS_AT_MOST: usize = 40;
 
 /// What a submap is made of: a keyframe's measurement at its place.
@@ -18,6 +18,13 @@ pub struct View<M: Measurement = Sweep> {
     pub sweep: Arc<M>,
     /// Where from.
     pub submap_from_keyframe: M::Pose,
+}
+
+/// What was taken of one sensor: how many views, and where the last one was.
+struct Taken<'a, M: Measurement> {
+    last: &'a M,
+    at: M::Pose,
+    views: usize,
 }
 
 /// Keyframes along the way around `at`, as [`views`], by the length of the way.
@@ -40,18 +47,22 @@ pub fn views<M: Measurement>(
     let submap_from_local = past.local_from_keyframe[at].inverse();
     let mut views = Vec::new();
     let mut side = |nodes: &mut dyn Iterator<Item = (usize, f64)>| {
-        let (mut way_m, mut last, mut taken) = (0.0, None::<M::Pose>, 0);
+        let (mut way_m, mut sensors) = (0.0, Vec::<Taken<'_, M>>::new());
         for (node, step_m) in nodes {
             way_m += step_m;
-            if way_m > reach_m || taken >= VIEWS_AT_MOST {
+            let is_full = !sensors.is_empty() && sensors.iter().all(|sensor| sensor.views >= VIEWS_AT_MOST);
+            if way_m > reach_m || is_full {
                 break;
             }
+            let Some(sweep) = past.drawn[node].as_ref() else { continue };
             let pose = past.local_from_keyframe[node];
             let far = |last: M::Pose| last.distance(pose) >= VIEW_M || last.between(pose).angle() >= VIEW_RAD;
-            if let Some(sweep) = past.drawn[node].as_ref().filter(|_| last.is_none_or(far)) {
-                (last, taken) = (Some(pose), taken + 1);
-                views.push(View { sweep: Arc::clone(sweep), submap_from_keyframe: submap_from_local * pose });
+            match sensors.iter_mut().find(|sensor| sensor.last.is_of_one_sensor_with(sweep)) {
+                Some(sensor) if sensor.views >= VIEWS_AT_MOST || !far(sensor.at) => continue,
+                Some(sensor) => (sensor.at, sensor.views) = (pose, sensor.views + 1),
+                None => sensors.push(Taken { last: sweep, at: pose, views: 1 }),
             }
+            views.push(View { sweep: Arc::clone(sweep), submap_from_keyframe: submap_from_local * pose });
         }
     };
     side(&mut (0..=at).rev().map(|node| (node, if node == at { 0.0 } else { step_m(node + 1) })));

@@ -11,7 +11,7 @@ use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::LocalMap;
 use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings};
 use mapwright_record::{Beams, LeftOutReason, LocalMapReport, NodeId, Past};
-use mapwright_sensor::{BeamCounts, LaserScan, Odometry, Sweep, TurnRate};
+use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
 use slip::SlipWatch;
@@ -22,6 +22,7 @@ mod breaks;
 mod checkpoint;
 mod dynamic;
 mod insert;
+mod lasers;
 mod pose;
 mod predict;
 mod prepare;
@@ -104,6 +105,7 @@ impl FrontEnd {
     pub(crate) fn prepare(&mut self, scan: &LaserScan) -> Prepared {
         let refused = scan.laser.check(scan.ranges_m.len()).err();
         let odom_from_robot = self.preparation.odometry_of(scan);
+        self.predictor.turn_to(self.preparation.turn_to(&scan.laser));
         let step = self.predictor.step(&self.settings.motion, scan.stamp, odom_from_robot);
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
         let place =
@@ -190,8 +192,8 @@ impl FrontEnd {
         matched: Option<&Matched>,
     ) -> Option<NewKeyframe> {
         let local_from_robot = self.pose.local_from_robot();
-        let newest = past.local_from_keyframe.last();
-        let moved = newest.is_none_or(|newest| self.settings.keyframes.is_far(newest.between(local_from_robot)));
+        let newest = newest_of(past, &scan.laser);
+        let moved = newest.is_none_or(|node| self.settings.keyframes.is_far(past.pose(node).between(local_from_robot)));
         let lost = matched.is_some_and(|matched| !matched.is_believed());
         if !moved || lost || self.preparation.points().hits.is_empty() {
             return None;
@@ -261,6 +263,17 @@ impl FrontEnd {
     pub(crate) fn local_map_report(&self) -> LocalMapReport {
         self.local_map.report()
     }
+}
+
+/// Keyframes of other lasers that may have come since the newest one of a laser.
+const OTHERS_SINCE: usize = 64;
+
+/// The newest keyframe of a laser in the present fragment, for each laser sees other walls; none where it is long ago.
+fn newest_of(past: Past<'_>, laser: &LaserModel) -> Option<NodeId> {
+    let session = past.session;
+    let first = session.fragments().last().and_then(|fragment| session.place(fragment.first)).unwrap_or(0);
+    let own = |node: &usize| session.keyframes()[*node].sweep.laser.is_one_with(laser);
+    (first..session.keyframes().len()).rev().take(OTHERS_SINCE).find(own).map(NodeId::at)
 }
 
 impl Follows<Sweep> for FrontEnd {

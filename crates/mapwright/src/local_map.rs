@@ -5,7 +5,7 @@ use crate::settings::{LivePolicy, Settings};
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::{Change, LocalMap, LocalMapSettings};
 use mapwright_loops::KnownPlace;
-use mapwright_record::{LocalMapReport, NodeId, Past};
+use mapwright_record::{LocalMapReport, Measurement, NodeId, Past};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use rustc_hash::FxHashMap;
 use std::collections::VecDeque;
@@ -170,10 +170,15 @@ impl LocalMapping {
         self.views[node.index()].area = (x, y);
         self.areas.entry((x, y)).or_default().push(node);
         let (mut alike, mut oldest) = (0, node);
+        let seen = |node: NodeId| frames.drawn[node.index()].as_ref();
+        let is_of_one_laser = |other| seen(node).zip(seen(other)).is_none_or(|(a, b)| a.is_of_one_sensor_with(b));
         for key in (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y))) {
             for &other in self.areas.get(&key).into_iter().flatten() {
                 let pose = frames.world_from_robot[other.index()];
-                if at.distance(pose) <= SAME_VIEW_M && at.between(pose).theta.abs() <= SAME_VIEW_RAD {
+                if at.distance(pose) <= SAME_VIEW_M
+                    && at.between(pose).theta.abs() <= SAME_VIEW_RAD
+                    && is_of_one_laser(other)
+                {
                     (alike, oldest) = (alike + 1, oldest.min(other));
                 }
             }

@@ -106,7 +106,9 @@ impl Mapper {
         self.front.add_turn_rate(rate)
     }
 
-    /// One scan through the pipeline.
+    /// One scan through the pipeline; of a robot with several lasers those of all in turn, each with its own [`LaserModel`].
+    ///
+    /// [`LaserModel`]: mapwright_sensor::LaserModel
     pub fn add_scan(&mut self, scan: &LaserScan) -> Update {
         self.add_scan_probed(scan, &mut NoProbe)
     }

@@ -34,6 +34,11 @@ pub trait Measurement: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// The sensor that took it.
     fn sensor(&self) -> &Arc<Self::Sensor>;
 
+    /// Whether both are of one sensor, of a robot that may have several that look different ways.
+    fn is_of_one_sensor_with(&self, _other: &Self) -> bool {
+        true
+    }
+
     /// Appends a sensor's bytes.
     fn put_sensor(sensor: &Self::Sensor, out: &mut Vec<u8>);
 

@@ -1,13 +1,16 @@
 //! Readings as they arrive from a log or a driver.
 
 use crate::head::{RANGE_MAX_UNSAID_M, SWEEP_MOST_S};
-use mapwright_geom::{Pose2, Stamp, stored};
+use mapwright_geom::{Pose2, Stamp, stored, wrap_angle};
 use std::sync::Arc;
+
+/// Two lasers of one name look different ways from here on, radians: no mount is said, or measured, so wrongly.
+const SAME_WAY_RAD: f64 = std::f64::consts::FRAC_PI_4;
 
 /// How a planar laser looks at the world. Shared by all scans it takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LaserModel {
-    /// Name for reports, such as `FLASER` or a topic.
+    /// Name for reports, such as `FLASER` or a topic; it tells the lasers of a robot apart.
     pub name: String,
     /// Bearing of the first beam in the laser's frame, radians.
     pub angle_min_rad: f64,
@@ -67,6 +70,15 @@ impl LaserModel {
         Ok(())
     }
 
+    /// Whether scans of both are one stream, of one laser: they have one name and look the same way, whatever else has changed; or
+    /// they sit in one place and begin with the same bearing, as where a log has a laser's scans under two names.
+    #[must_use]
+    pub fn is_one_with(&self, other: &Self) -> bool {
+        let place = |laser: &Self| (laser.robot_from_laser, laser.inverted, laser.angle_min_rad);
+        let turned_rad = wrap_angle(self.robot_from_laser.theta - other.robot_from_laser.theta);
+        (self.name == other.name && turned_rad.abs() <= SAME_WAY_RAD) || place(self) == place(other)
+    }
+
     /// Bearing of a beam in the robot's frame, radians.
     #[must_use]
     pub fn bearing_in_robot(&self, beam: usize) -> f64 {
@@ -109,3 +121,24 @@ pub struct Odometry {
 }
 
 stored!(Odometry { stamp, odom_from_robot });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lasers_are_told_apart_by_name_and_mount() {
+        let front = LaserModel::half_circle("front", 181);
+        let mounted = |laser: &LaserModel, x: f64, theta: f64| LaserModel {
+            robot_from_laser: Pose2::new(x, 0.0, theta),
+            ..laser.clone()
+        };
+        let rear = mounted(&LaserModel::half_circle("rear", 181), -0.3, 3.1);
+        assert!(!front.is_one_with(&rear) && !rear.is_one_with(&front));
+        assert!(front.is_one_with(&LaserModel::half_circle("front", 90)), "fewer beams");
+        assert!(front.is_one_with(&LaserModel::half_circle("ROBOTLASER1", 181)), "one laser under two names");
+        assert!(front.is_one_with(&mounted(&front, 0.1, 0.2)), "a mount that is put right");
+        assert!(!front.is_one_with(&mounted(&front, -0.3, 3.1)), "two of one name look different ways");
+        assert!(front.is_one_with(&mounted(&front, 0.0, std::f64::consts::TAU - 0.1)));
+    }
+}

@@ -40,9 +40,12 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
         fs::write(path, text).map_err(|cause| Failure::write(path, cause))?;
     }
     if args.voice.json {
-        say_json(&to_json(&name, &found, presumed))?;
+        let mut value = to_json(&name, &found, presumed);
+        value["laser"] = json!(first.collector.laser.as_ref().map(|laser| &laser.name));
+        value["lasers_left_out"] = json!(first.collector.left_out);
+        say_json(&value)?;
     } else if !args.voice.quiet {
-        say(&to_words(&name, &found, presumed))?;
+        say(&(to_words(&name, &found, presumed) + &first.collector.which()))?;
     }
     Ok(outcome)
 }
@@ -102,11 +105,14 @@ impl Mounts {
     }
 }
 
-/// Tracked scans in runs without a break; scans of a second laser are left to the mapper alone.
+/// Tracked scans of the log's first laser in runs without a break; those of others, whose mounts may be as wrong, are left out.
 pub(super) struct Collector {
     mapper: Mapper,
     odom_from_robot: Option<Pose2>,
     presumed: Option<Pose2>,
+    /// The laser that is calibrated, as the log has it, and the names of those that are not.
+    laser: Option<Arc<LaserModel>>,
+    left_out: Vec<String>,
     upside_down: Option<bool>,
     runs: Vec<Vec<Sample>>,
     turns: Turns,
@@ -124,6 +130,8 @@ impl Collector {
             moved: None,
             odom_from_robot: None,
             presumed: None,
+            laser: None,
+            left_out: Vec::new(),
             upside_down: None,
             runs: vec![Vec::new()],
             turns: Turns::default(),
@@ -131,6 +139,12 @@ impl Collector {
     }
 
     pub(super) fn add(&mut self, scan: &LaserScan) {
+        if !self.laser.get_or_insert_with(|| Arc::clone(&scan.laser)).is_one_with(&scan.laser) {
+            if !self.left_out.contains(&scan.laser.name) {
+                self.left_out.push(scan.laser.name.clone());
+            }
+            return;
+        }
         match self.moved(&scan.laser) {
             Some(laser) => self.take(&LaserScan { laser, ..scan.clone() }),
             None => self.take(scan),
@@ -171,6 +185,18 @@ impl Collector {
     /// Where the mapper has the laser.
     fn presumed(&self) -> Pose2 {
         self.presumed.unwrap_or(Pose2::IDENTITY)
+    }
+
+    /// Which of several lasers it is; empty of one alone.
+    fn which(&self) -> String {
+        match &self.laser {
+            Some(laser) if !self.left_out.is_empty() => format!(
+                "of       {}, the first of the robot's lasers; left out: {} (--topic chooses another)\n",
+                laser.name,
+                self.left_out.join(", ")
+            ),
+            _ => String::new(),
+        }
     }
 
     /// The calibration, or why there is none.

@@ -10,13 +10,19 @@ use crate::report::remarks;
 use crate::terminal::{count, grouped, say, say_json};
 use mapwright_eval::{
     Alignment, Ate, ErrorStats, MAX_STAMP_DIFFERENCE_S, PoseErrors, Relation, RelationReport, Rpe, RpeSettings,
-    StampedPose, ate, relation_errors, rpe,
+    StampedPose, ate, clock_offset_s, offset_words, relation_errors, rpe,
 };
 use mapwright_formats::{FormatError, LogStream, open_log, read_relations, read_trajectory};
+use mapwright_geom::Stamp;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::fs::File;
 use std::path::Path;
+
+/// What is read of a folder of results.
+const TRAJECTORY: &str = "trajectory.tum";
+/// Where a smaller share of the poses has a partner, clocks that differ by a constant are looked for.
+const MATCHED_SHARE: f64 = 0.9;
 
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
     if args.revisits {
@@ -93,8 +99,13 @@ impl Matches {
         )
     }
 
-    /// Less than half of them.
-    pub(super) fn few(&self, path: &Path) -> Option<String> {
+    /// Less than half of them, or less than there are once the clocks agree.
+    pub(super) fn few(&self, path: &Path, reference: &[Stamp], estimate: &[Stamp]) -> Option<String> {
+        if (self.pairs as f64) < MATCHED_SHARE * self.of() as f64
+            && let Some(offset_s) = clock_offset_s(reference, estimate, MAX_STAMP_DIFFERENCE_S)
+        {
+            return Some(format!("{}: only {}: {}", path.display(), self.words(), offset_words(offset_s)));
+        }
         let are_few = 2 * self.pairs < self.of();
         are_few.then(|| {
             format!("{}: only {}: are the clocks of both the same, and the drives?", path.display(), self.words())
@@ -186,7 +197,8 @@ fn by_reference(args: &EvalArgs, reference: &[StampedPose]) -> Result<Outcome, F
         let relative = rpe(reference, &estimate, &settings).map_err(score)?;
         let pairs = absolute.translation_m.count + absolute.not_finite;
         let matches = Matches { pairs, reference: reference.len(), estimate: estimate.len() };
-        losses.extend(matches.few(path));
+        let stamps = |poses: &[StampedPose]| poses.iter().map(|pose| pose.stamp).collect::<Vec<_>>();
+        losses.extend(matches.few(path, &stamps(reference), &stamps(&estimate)));
         if !args.json {
             say(&reference_words(path, &matches, &absolute, &relative))?;
         }
@@ -250,6 +262,8 @@ fn read_poses(path: &Path) -> Result<Vec<StampedPose>, Failure> {
 }
 
 fn open<T>(path: &Path, read: impl FnOnce(LogStream<File>) -> Result<T, FormatError>) -> Result<T, Failure> {
+    let in_folder = path.join(TRAJECTORY);
+    let path = if path.is_dir() { &in_folder } else { path };
     let file = File::open(path).map_err(|error| Failure::open(path, error))?;
     open_log(file).and_then(read).map_err(|cause| match kind_at(path).filter(|kind| !kind.is_trajectory()) {
         Some(kind) => Failure::Log(kind.instead(&path.display().to_string(), "rows of a trajectory or of relations")),

@@ -48,6 +48,8 @@ fn summary(file: &ClosureFile, shown: usize) -> String {
     let mut text = format!("{} among {keyframes}", count(all as u64, "candidate"));
     if all > 0 {
         let _ = write!(text, ": {}", counted.join(", "));
+    } else {
+        text += ": nowhere did the robot come near a place that it had left, or see one that looked like it";
     }
     let stands = |candidate: &&CandidateRecord| candidate.joins.is_some() && candidate.verdict == VerdictName::Accepted;
     if file.candidates.iter().any(|candidate| candidate.joins.is_some()) {

@@ -37,7 +37,8 @@ pub(super) fn run(args: &OptimizeArgs) -> Result<Outcome, Failure> {
     if args.voice.json {
         say_json(&to_json(args, &size, &solution, solve_s, &losses, &oddities))?;
     } else if !args.voice.quiet {
-        say(&(to_words(args, &size, &solution, solve_s) + &remarks(&losses, &oddities)))?;
+        let written = format!("written to {}\n", args.output.display());
+        say(&(to_words(args, &size, &solution, solve_s) + &remarks(&losses, &oddities) + &written))?;
     }
     Ok(Outcome::of_losses(&losses))
 }
@@ -216,6 +217,7 @@ fn to_json(
 ) -> Value {
     json!({
         "graph": args.graph.display().to_string(),
+        "written": args.output.display().to_string(),
         "dimensions": size.dimensions,
         "vertices": size.vertices,
         "edges": size.edges,

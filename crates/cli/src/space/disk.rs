@@ -1,6 +1,7 @@
 //! A folder or file on disk, as readers of clouds ask for it.
 
 use crate::failure::Failure;
+use crate::session::SESSION;
 use mapwright_clouds::{Folder, Recording, recognise};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -30,7 +31,8 @@ impl Disk {
             let root = path.parent().unwrap_or(Path::new("")).to_owned();
             return Ok(Some(Self { path: path.to_owned(), root, names: vec![name] }));
         }
-        if !path.is_dir() {
+        // what was exported into a folder of results is no recording
+        if !path.is_dir() || path.join(SESSION).exists() {
             return Ok(None);
         }
         let mut names = Vec::new();

@@ -27,7 +27,7 @@ fn a_square_is_closed_and_told_about() {
     let output = optimized(&folder, SQUARE, &[]);
     assert_code(&output, 0);
     let said = text(&output.stdout);
-    ["2D, 4 vertices, 4 edges, 1 of them closures", "chi-square", "iteration"]
+    ["2D, 4 vertices, 4 edges, 1 of them closures", "chi-square", "iteration", "written to", "out.g2o"]
         .iter()
         .for_each(|what| assert!(said.contains(what), "{said}"));
     let written = fs::read_to_string(folder.join("out.g2o")).unwrap();

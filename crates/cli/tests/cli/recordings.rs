@@ -72,7 +72,7 @@ fn carmen_and_a_bag_of_the_same_drive_agree_and_their_input_is_compared() {
 
     let info = run(&["info", &carmen, &log]);
     assert_code(&info, 0);
-    assert_says(&info, &["differ   scans: 913", "as well: 913 of 913", "largest range: 80.0000 and 81.0000 m"]);
+    assert_says(&info, &["same     scans: 913", "as well: 913 of 913", "largest range: 80.0000 and 81.0000 m"]);
     let value: serde_json::Value = serde_json::from_slice(&run(&["info", &carmen, &log, "--json"]).stdout).unwrap();
     let most_m = value["differences"]["odometry_step_most_m"].as_f64().unwrap();
     assert!((0.2..0.3).contains(&most_m), "{most_m} m");

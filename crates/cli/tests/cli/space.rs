@@ -212,8 +212,15 @@ fn revisits_judge_a_map_and_other_trajectories_on_its_clouds() {
     assert!(other["pairs"].as_u64() > Some(0) && (median_m(&other) - 0.1).abs() < 0.03, "{other}");
     assert_eq!((&other["trajectory"], &other["clouds_of"]), (&path.clone().into(), &out.clone().into()));
     let said = text(&eval(&["--apart", "4"]).stdout);
-    assert!(said.contains("of different visits registered,") && said.contains("median 0.0"), "{said}");
+    assert!(
+        said.contains("of different visits (4 scans and more apart) registered,") && said.contains("median 0.0"),
+        "{said}"
+    );
     assert_refused(&eval(&[]), 1, &["expected clouds 60 scans and more apart", "found none"]);
+    // a run in space leaves no closures.json
+    let explained = run(&["explain", &out]);
+    assert_code(&explained, 0);
+    assert!(text(&explained.stdout).starts_with("0 candidates among"), "{explained:?}");
     let rows = format!("{recording}/poses_cam0.txt");
     assert_refused(&eval(&["--trajectory", &rows]), 1, &["poses_cam0.txt", "expected stamps"]);
     let plane = folder.join("plane").display().to_string();

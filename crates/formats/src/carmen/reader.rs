@@ -165,6 +165,10 @@ impl<R: Read> CarmenReader<R> {
     }
 }
 
+/// A rear laser sits no farther from the robot's centre, metres, and looks back within 30 degrees.
+const REAR_AT_MOST_M: f64 = 2.0;
+const REAR_COSINE: f64 = -0.866;
+
 /// Which buffer holds the event.
 #[derive(Debug, Clone, Copy)]
 enum EventKind {
@@ -307,8 +311,12 @@ impl Parser {
         if tag == Tag::FrontLaser && tail.numbers() == 6 && !self.is_mount_settled {
             self.settle_mount(line.number, pose, tail.pose(0)?);
         }
-        let laser = if tag == Tag::RearLaser { &self.params.rear } else { &self.params.front };
-        let geometry = Geometry::conventional(self.scan.ranges_m.len(), laser);
+        let laser = if tag == Tag::RearLaser { self.params.rear } else { self.params.front };
+        let mut geometry = Geometry::conventional(self.scan.ranges_m.len(), &laser);
+        if tag == Tag::RearLaser && !laser.mount_given && tail.numbers() == 6 {
+            let said = mount(pose, tail.pose(0)?, &laser);
+            geometry.robot_from_laser = said.filter(looks_back).unwrap_or(laser.robot_from_laser);
+        }
         self.scan.odom_from_robot = self.usable_pose(line.number, pose);
         Ok(self.finish_scan(tag, geometry, tail.stamp, non_finite, line.number))
     }
@@ -464,6 +472,12 @@ impl Parser {
             ),
         });
     }
+}
+
+/// Whether a rear laser can sit so: an `RLASER` line whose two poses are those of laser and robot says where it sits; in logs that were
+/// corrected the first is another pose of the robot.
+fn looks_back(robot_from_laser: &Pose2) -> bool {
+    robot_from_laser.x.hypot(robot_from_laser.y) <= REAR_AT_MOST_M && robot_from_laser.theta.cos() < REAR_COSINE
 }
 
 fn refused_pose(found: &[u8]) -> BadLine<'_> {

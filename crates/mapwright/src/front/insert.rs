@@ -1,5 +1,6 @@
 //! Step 4: what of a scan a keyframe shows.
 
+use super::lasers::PerLaser;
 use super::prepare::Preparation;
 use mapwright_geom::{Pose2, stored};
 use mapwright_grid::LocalMap;
@@ -14,8 +15,8 @@ const INTRUDED_AT_MOST: u32 = 16;
 /// Tells people in the way from a world that has changed.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Intruders {
-    /// Keyframes in a row with somebody in the way.
-    in_a_row: u32,
+    /// By laser, keyframes in a row with somebody in the way.
+    in_a_row: PerLaser<u32>,
 }
 
 stored!(Intruders { in_a_row });
@@ -28,8 +29,9 @@ impl Intruders {
         let mut intruders = Vec::new();
         let _ = map.agreement_of_each(hits, local_from_robot, |hit| intruders.push(hit));
         let many = intruders.len() as f64 >= INTRUDER_SHARE * hits.len() as f64;
-        self.in_a_row = if many { self.in_a_row + 1 } else { 0 };
-        if !many || self.in_a_row > INTRUDED_AT_MOST {
+        let in_a_row = self.in_a_row.of(scan.laser());
+        *in_a_row = if many { *in_a_row + 1 } else { 0 };
+        if !many || *in_a_row > INTRUDED_AT_MOST {
             return None;
         }
         let hits: Vec<u32> = (0..sweep.codes.len()).filter(|&b| sweep.range_m(b).is_some()).map(|b| b as u32).collect();

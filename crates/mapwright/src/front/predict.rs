@@ -1,5 +1,6 @@
 //! Prediction: where the robot should be before its scan is looked at.
 
+use super::lasers::{LaserId, PerLaser};
 use crate::settings::MotionSettings;
 use mapwright_geom::{Pose2, Stamp, Stored, stored};
 use mapwright_sensor::{MotionModel, Pace};
@@ -15,6 +16,8 @@ pub(crate) struct Step {
     pub(crate) from_odometry: bool,
     /// The scan before is longer ago than is usual.
     pub(crate) after_gap: bool,
+    /// How many times the usual motion from scan to scan it would be, had the robot gone on as before.
+    periods: f64,
 }
 
 impl Step {
@@ -85,8 +88,11 @@ const LARGEST: f64 = 1e3;
 pub(crate) struct Predictor {
     odom_from_robot: Option<Pose2>,
     stamp: Option<Stamp>,
-    /// Motion from scan to scan: the last one; without odometry its translation is averaged.
+    /// Motion from scan to scan: the last one; without odometry its translation is averaged. Of several lasers, in a usual period.
     twist: Option<[f64; 3]>,
+    /// The laser of the present scan, and the last scan of each.
+    laser: LaserId,
+    last: PerLaser<Option<LastScan>>,
     /// The last scan came after a gap.
     after_gap: bool,
     /// Running mean of the time between scans.
@@ -103,7 +109,17 @@ pub(crate) struct Predictor {
     carried_scans: f64,
 }
 
-stored!(Predictor { odom_from_robot, stamp, twist, after_gap, period_s, wrong, usual, pace, reverses, carried_scans });
+stored!(Predictor { odom_from_robot, stamp, twist, laser, last, after_gap, period_s, wrong, usual, pace, reverses, carried_scans });
+
+/// The last scan of a laser, and how the robot has moved since, where that is known. Scans of several lasers come at no even rate, so that
+/// motions are compared by stamps; and between two lasers' scans, which may be taken at once, a motion says nothing of a speed.
+#[derive(Debug, Clone, Copy)]
+struct LastScan {
+    stamp: Stamp,
+    then_from_last: Option<Pose2>,
+}
+
+stored!(LastScan { stamp, then_from_last });
 
 impl Default for Predictor {
     fn default() -> Self {
@@ -111,6 +127,8 @@ impl Default for Predictor {
             odom_from_robot: None,
             stamp: None,
             twist: None,
+            laser: LaserId::default(),
+            last: PerLaser::default(),
             after_gap: false,
             period_s: 0.0,
             wrong: [[0.0; 2]; 2],
@@ -127,7 +145,10 @@ impl Predictor {
     pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
         let predictor = Self::take(from)?;
         let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
-        let is_sound = twist.iter().chain(&wrong).chain([&predictor.period_s, &predictor.carried_scans]).all(|number| number.abs() <= LARGEST);
+        let moved = predictor.last.iter().flatten().filter_map(|last| last.then_from_last);
+        let moved: Vec<f64> = moved.flat_map(|moved| [moved.x, moved.y]).collect();
+        let is_sound =
+            twist.iter().chain(&moved).chain(&wrong).chain([&predictor.period_s, &predictor.carried_scans]).all(|number| number.abs() <= LARGEST);
         (is_sound && predictor.pace.is_sound()).then_some(predictor)
     }
 
@@ -146,11 +167,38 @@ impl Predictor {
         step.variances
     }
 
+    /// The next scan is of this laser.
+    pub(super) fn turn_to(&mut self, laser: LaserId) {
+        self.laser = laser;
+        self.last.of(laser);
+    }
+
+    /// Whether scans of several lasers come in turn.
+    fn has_several(&self) -> bool {
+        self.last.iter().flatten().count() > usize::from(self.last.get(self.laser).is_some_and(Option::is_some))
+    }
+
+    /// The usual periods from the last scan to one: one, for scans of a laser come at an even rate; of several by their stamps. Where these make
+    /// a gap, or run backwards by more than lasers may differ in the order of their scans, they say nothing.
+    fn periods(&self, stamp: Stamp) -> f64 {
+        let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
+        let periods = elapsed_s / self.period_s;
+        if self.has_several() && periods.abs() <= GAP_PERIODS { periods } else { 1.0 }
+    }
+
+    /// The motion since the last scan of the same laser, where others came between, and the time since, seconds.
+    fn since_own(&self, stamp: Stamp, last_from_robot: Pose2) -> Option<(Pose2, f64)> {
+        let own = self.last.get(self.laser).copied().flatten()?;
+        Some((own.then_from_last? * last_from_robot, stamp.secs_since(own.stamp)))
+    }
+
     /// The motion from the last scan to this one.
     pub(crate) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose2>) -> Step {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
-        // Stamps may stand still or run backwards: then the time is not known and counts as one usual period.
-        let elapsed_s = if elapsed_s > 0.0 { elapsed_s } else { 0.1 };
+        // Stamps may stand still or run backwards: then the time is not known and counts as one usual period. Lasers may sweep at once.
+        let least_s = if self.has_several() { 0.0 } else { 0.1 };
+        let elapsed_s = if elapsed_s > 0.0 { elapsed_s } else { least_s };
+        let periods = self.periods(stamp);
         let increment = match (settings.use_odometry, self.odom_from_robot, odom_from_robot) {
             (true, Some(last), Some(now)) => {
                 Some(last.between(now)).filter(|step| self.pace.believes(elapsed_s, *step))
@@ -168,9 +216,9 @@ impl Predictor {
                 };
                 let [translation, rotation] = self.wrong.map(worse);
                 let variances = [translation * expected[0], translation * expected[1], rotation * expected[2]];
-                Step { last_from_robot, variances, expected, from_odometry: true, after_gap }
+                Step { last_from_robot, variances, expected, from_odometry: true, after_gap, periods }
             }
-            None => self.constant_velocity(settings, elapsed_s),
+            None => self.constant_velocity(settings, elapsed_s, periods),
         }
     }
 
@@ -187,9 +235,9 @@ impl Predictor {
     /// The motion as before. Scans come at an even rate even where their stamps come in bursts, so a motion is
     /// carried from scan to scan, over gaps too, for many of them are a logger that was late: a gap of several periods
     /// adds as much uncertainty as the robot usually drives and turns in it, and nothing else.
-    fn constant_velocity(&self, settings: &MotionSettings, elapsed_s: f64) -> Step {
+    fn constant_velocity(&self, settings: &MotionSettings, elapsed_s: f64, periods: f64) -> Step {
         let gap_s = if elapsed_s > GAP_PERIODS * self.period_s { elapsed_s - self.period_s } else { 0.0 };
-        let carried = self.twist.unwrap_or([0.0; 3]);
+        let carried = self.twist.unwrap_or([0.0; 3]).map(|part| periods * part);
         let (translation, rotation) = (carried[0].hypot(carried[1]), carried[2].abs());
         let steady_m = STEADY_MPS2 * self.period_s.min(STEADY_AT_MOST_S).powi(2);
         let [share_t, share_r] = STEADY_SHARE;
@@ -204,6 +252,7 @@ impl Predictor {
             expected: [sigma_t * sigma_t, sigma_t * sigma_t, sigma_r * sigma_r],
             from_odometry: false,
             after_gap: gap_s > 0.0,
+            periods,
         }
     }
 
@@ -222,7 +271,8 @@ impl Predictor {
         let said = step.last_from_robot;
         let stood = Pose2::new(0.0, 0.0, said.theta);
         let possible = step.from_odometry && (step.is_short() || self.reverses);
-        let failures = [Some(stood), Some(step.reversed()), self.twist.map(Pose2::exp)];
+        let went_on = self.twist.map(|twist| Pose2::exp(twist.map(|part| step.periods * part)));
+        let failures = [Some(stood), Some(step.reversed()), went_on];
         failures.into_iter().flatten().filter(move |_| possible)
     }
 
@@ -243,8 +293,10 @@ impl Predictor {
 
     /// The robot's twist per second while it makes `step`.
     pub(crate) fn twist(&self, stamp: Stamp, step: Step) -> [f64; 3] {
-        let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
-        if elapsed_s > 1e-3 && elapsed_s < 1.0 { step.last_from_robot.log().map(|d| d / elapsed_s) } else { [0.0; 3] }
+        let since_last = || (step.last_from_robot, self.stamp.map_or(0.0, |last| stamp.secs_since(last)));
+        let own = if self.has_several() { self.since_own(stamp, step.last_from_robot) } else { None };
+        let (motion, elapsed_s) = own.unwrap_or_else(since_last);
+        if elapsed_s > 1e-3 && elapsed_s < 1.0 { motion.log().map(|d| d / elapsed_s) } else { [0.0; 3] }
     }
 
     /// A match that knew the pose by itself, to these variances, has moved the prediction by `correction`.
@@ -282,6 +334,9 @@ impl Predictor {
     pub(crate) fn settle(&mut self, stamp: Stamp, odom_from_robot: Option<Pose2>, moved: Moved) {
         let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
         let after_gap = elapsed_s > GAP_PERIODS * self.period_s && self.period_s > 0.0;
+        let driven = moved;
+        let moved = if self.has_several() { self.in_a_period(stamp, driven) } else { driven };
+        self.note_last(stamp, driven);
         match moved {
             // What was driven in a gap is no motion from scan to scan; where gaps are usual it is all there is.
             Moved::Matched(_) if after_gap && !self.after_gap && self.twist.is_some() => {}
@@ -314,7 +369,33 @@ impl Predictor {
         if let (Some(last), Some(now)) = (self.odom_from_robot, odom_from_robot) {
             self.pace.add(elapsed_s, last.between(now));
         }
-        self.odom_from_robot = odom_from_robot.or_else(|| self.odometry_after(moved));
+        self.odom_from_robot = odom_from_robot.or_else(|| self.odometry_after(driven));
+    }
+
+    /// The same in one usual period, by the last scan of the same laser; as before where there is none, or its stamp is no earlier.
+    fn in_a_period(&self, stamp: Stamp, moved: Moved) -> Moved {
+        let by_period = |motion: Pose2| {
+            let (motion, elapsed_s) = self.since_own(stamp, motion)?;
+            let periods = self.period_s / elapsed_s;
+            (elapsed_s > 0.0 && self.period_s > 0.0).then(|| Pose2::exp(motion.log().map(|part| periods * part)))
+        };
+        match moved {
+            Moved::By(motion) => by_period(motion).map_or(Moved::AsBefore, Moved::By),
+            Moved::Matched(motion) => by_period(motion).map_or(Moved::AsBefore, Moved::Matched),
+            Moved::AsBefore | Moved::Unknown => moved,
+        }
+    }
+
+    fn note_last(&mut self, stamp: Stamp, moved: Moved) {
+        let by = match moved {
+            Moved::By(motion) | Moved::Matched(motion) => Some(motion),
+            Moved::AsBefore | Moved::Unknown => None,
+        };
+        *self.last.of(self.laser) = None;
+        for last in self.last.iter_mut().flatten() {
+            last.then_from_last = last.then_from_last.zip(by).map(|(then, by)| then * by);
+        }
+        *self.last.of(self.laser) = Some(LastScan { stamp, then_from_last: Some(Pose2::IDENTITY) });
     }
 }
 

@@ -1,6 +1,7 @@
 //! Step 1: returns and free space as points, without what is no return and what moves; the motion during the sweep undone.
 
 use super::dynamic::{DynamicObjects, Place};
+use super::lasers::{LaserId, Lasers, PerLaser};
 use super::predict::Step;
 use super::sweep_motion::SweepMotion;
 use crate::settings::ScanSettings;
@@ -19,16 +20,28 @@ const SCATTER_SHARE: f64 = 0.08;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Preparation {
     motion: SweepMotion,
-    dynamic: DynamicObjects,
-    scatter: Scatter,
+    lasers: Lasers,
+    /// That of the present scan,
+    laser: LaserId,
+    /// and what is known of each.
+    known: PerLaser<Known>,
     sweep: Option<Sweep>,
-    table: BeamTable,
     points: SweepPoints,
     /// End points for matching where there are more than [`MATCH_BEAMS`], else empty.
     thinned: Vec<[f64; 2]>,
 }
 
-stored!(Preparation { motion, dynamic, scatter; sweep, table, points, thinned });
+stored!(Preparation { motion, lasers, laser, known; sweep, points, thinned });
+
+/// What scans of one laser have shown.
+#[derive(Debug, Clone, Default)]
+struct Known {
+    dynamic: DynamicObjects,
+    scatter: Scatter,
+    table: BeamTable,
+}
+
+stored!(Known { dynamic, scatter; table });
 
 impl Preparation {
     pub(super) fn add_odometry(&mut self, odometry: Odometry) {
@@ -59,6 +72,17 @@ impl Preparation {
         if self.thinned.is_empty() { &self.points.hits } else { &self.thinned }
     }
 
+    /// Which laser a scan is of: the present one from now on.
+    pub(super) fn turn_to(&mut self, laser: &Arc<LaserModel>) -> LaserId {
+        self.laser = self.lasers.of(laser);
+        self.laser
+    }
+
+    /// The laser of the present scan.
+    pub(super) fn laser(&self) -> LaserId {
+        self.laser
+    }
+
     /// A scan that is refused as a whole.
     pub(super) fn refuse(&mut self, scan: &LaserScan) -> BeamCounts {
         self.points.clear();
@@ -80,17 +104,18 @@ impl Preparation {
         let limits = (settings.min_range_m, settings.max_range_m);
         let sweep = self.sweep.get_or_insert_with(|| Sweep::empty(&scan.laser));
         let mut beams = sweep.fill(scan, twist, limits);
-        self.scatter.observe(sweep.isolated_share());
-        if self.scatter.is_noisy() {
+        let Known { dynamic, scatter, table } = self.known.of(self.laser);
+        scatter.observe(sweep.isolated_share());
+        if scatter.is_noisy() {
             beams.isolated = sweep.drop_isolated();
             beams.returns -= beams.isolated;
         }
-        self.points.fill(sweep, &mut self.table, settings.free_range_m);
+        self.points.fill(sweep, table, settings.free_range_m);
         if let Some(place) = place {
-            beams.moving = self.dynamic.drop_from(sweep, &self.points, scan.stamp, place);
+            beams.moving = dynamic.drop_from(sweep, &self.points, scan.stamp, place);
             if beams.moving > 0 {
                 beams.returns -= beams.moving;
-                self.points.fill(sweep, &mut self.table, settings.free_range_m);
+                self.points.fill(sweep, table, settings.free_range_m);
             }
         }
         self.thinned.clear();
@@ -103,12 +128,12 @@ impl Preparation {
 
     /// Where the scan was taken, now that it is known: the next ones are compared with it.
     pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place) {
-        self.dynamic.remember(laser, stamp, place);
+        self.known.of(self.laser).dynamic.remember(laser, stamp, place);
     }
 
     /// The robot is elsewhere than thought: the next scans are not compared with those before.
     pub(super) fn forget_scans(&mut self) {
-        self.dynamic.forget();
+        self.known.iter_mut().for_each(|known| known.dynamic.forget());
     }
 }
 

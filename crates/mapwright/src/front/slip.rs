@@ -4,6 +4,7 @@
 //! back from decimetres away: it fits nearly as well where the wheels have it. But it goes on fitting a little less than
 //! usual, and each such scan fits better in one and the same place ahead or behind. Their likelihood ratios add up.
 
+use super::lasers::PerLaser;
 use super::track::{INDEPENDENT_BEAMS, Matched, Scene, Tracker, translation_axes};
 use crate::store::Slipped;
 use mapwright_geom::{Cov3, Pose2, Stored, stored};
@@ -43,7 +44,7 @@ const FOUND_RAD: f64 = 0.01;
 /// Watches how scans fit, for slips that single scans do not show.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SlipWatch {
-    usual_share: f64,
+    usual_share: PerLaser<f64>,
     watch: Option<Watch>,
 }
 
@@ -115,7 +116,8 @@ impl SlipWatch {
         is_closed_since: impl Fn(NodeId) -> bool,
     ) -> Option<Slipped> {
         let share = matched.agreement.inlier_share();
-        let falls = self.usual_share - share > BEHIND_SHARE;
+        let usual_share = self.usual_share.of(scene.laser);
+        let falls = *usual_share - share > BEHIND_SHARE;
         let moved_m = scene.step.last_from_robot.x.hypot(scene.step.last_from_robot.y);
         let Some(watch) = &mut self.watch else {
             if falls {
@@ -125,7 +127,7 @@ impl SlipWatch {
                 watch.look_along(scene, tracker, local_from_robot);
                 self.watch = Some(watch);
             } else if matched.agreement.known_share() > 0.5 {
-                self.usual_share += USUAL_FIT_WEIGHT * (share - self.usual_share);
+                *usual_share += USUAL_FIT_WEIGHT * (share - *usual_share);
             }
             return None;
         };
@@ -133,7 +135,7 @@ impl SlipWatch {
         watch.unseen_m += moved_m;
         watch.fitting_m = if falls { 0.0 } else { watch.fitting_m + moved_m };
         if watch.fitting_m > LAPSE_M || watch.way_m > WATCH_M {
-            self.usual_share = share;
+            *usual_share = share;
             self.watch = None;
             return None;
         }
@@ -162,7 +164,8 @@ impl SlipWatch {
         let prior = Prior { world_from_robot: there, variances, tail: scene.settings.motion.tail };
         let (found, agreement) = tracker.refine(scene, &prior, there);
         let found = found.world_from_robot;
-        if found.distance(there) > 2.0 * FOUND_M || agreement.inlier_share() < self.usual_share - BEHIND_SHARE {
+        let usual_share = self.usual_share.get(scene.laser).copied().unwrap_or_default();
+        if found.distance(there) > 2.0 * FOUND_M || agreement.inlier_share() < usual_share - BEHIND_SHARE {
             return None;
         }
         let slip = at.between(found);

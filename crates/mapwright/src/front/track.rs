@@ -1,6 +1,7 @@
 //! Step 3: the match, and the guard that starts it again where it is in doubt.
 
 use super::RobotPose;
+use super::lasers::{LaserId, PerLaser};
 use super::predict::{Predictor, Step};
 use super::prepare::Preparation;
 use crate::local_map::LocalMapping;
@@ -113,6 +114,8 @@ pub(super) struct Scene<'a> {
     /// Where the robot was at the scan before, and its motion since.
     pub(super) local_from_last: Pose2,
     pub(super) step: Step,
+    /// The laser that took the scan.
+    pub(super) laser: LaserId,
     /// The keyframe that comes next.
     pub(super) next: NodeId,
 }
@@ -134,6 +137,7 @@ impl<'a> Scene<'a> {
             predictor,
             local_from_last: pose.local_from_robot(),
             step,
+            laser: preparation.laser(),
             next: NodeId::at(past.local_from_keyframe.len()),
         }
     }
@@ -164,8 +168,8 @@ impl<'a> Scene<'a> {
 pub(crate) struct Tracker {
     pub(super) matcher: Matcher,
     searcher: CorrelativeSearch,
-    /// Running mean of the share of fitting beams.
-    usual_share: f64,
+    /// By laser, running mean of the share of fitting beams.
+    usual_share: PerLaser<f64>,
     /// Scans in a row that were not believed.
     misfits: u32,
     /// The first keyframe made in doubt, until a match confirms where the robot is.
@@ -183,7 +187,7 @@ impl Tracker {
         Self {
             matcher: Matcher { settings: settings.matcher() },
             searcher: CorrelativeSearch::default(),
-            usual_share: 0.0,
+            usual_share: PerLaser::default(),
             misfits: 0,
             doubted_from: None,
             seen: None,
@@ -194,15 +198,17 @@ impl Tracker {
     }
 
     pub(super) fn put(&self, out: &mut Vec<u8>) {
-        (self.usual_share, self.misfits, self.doubted_from, self.seen).put(out);
+        self.usual_share.put(out);
+        (self.misfits, self.doubted_from, self.seen).put(out);
         (self.blank, self.heard, self.silence_s).put(out);
     }
 
     /// Goes on as it was, after so many keyframes.
     pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: usize) -> Option<Self> {
-        let (usual_share, misfits, doubted_from, seen): (f64, u32, Option<NodeId>, _) = Stored::take(from)?;
+        let usual_share = PerLaser::<f64>::take(from)?;
+        let (misfits, doubted_from, seen): (u32, Option<NodeId>, _) = Stored::take(from)?;
         let (blank, heard, silence_s): (u32, _, f64) = Stored::take(from)?;
-        let is_sound = (0.0..=1.0).contains(&usual_share)
+        let is_sound = usual_share.iter().all(|share| (0.0..=1.0).contains(share))
             && silence_s >= 0.0
             && misfits <= MISFITS_AT_MOST
             && doubted_from.is_none_or(|from| from.index() <= keyframes);
@@ -300,7 +306,7 @@ impl Tracker {
         self.restart_finely(scene, &prior, &mut tried);
         self.restart_nearby(scene, &prior, &mut tried);
         let slip_corrected = self.restart_slipped(scene, &mut tried);
-        self.observe_share(&tried.best.1);
+        self.observe_share(scene.laser, &tried.best.1);
         let on_odometry = self.on_odometry(&tried, step);
         let reversed = on_odometry.is_some() && tried.is_likelier(&scene.after(step.reversed(), &tried.prior));
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
@@ -344,7 +350,7 @@ impl Tracker {
         let tail = scene.settings.motion.tail;
         let prior = Prior { world_from_robot: predicted, variances: scene.step.variances, tail };
         let (result, agreement) = self.refine(scene, &prior, predicted);
-        let fits = agreement.inlier_share() >= SURE_SHARE.max(self.usual_share - FALL_SHARE);
+        let fits = agreement.inlier_share() >= SURE_SHARE.max(self.usual_share(scene.laser) - FALL_SHARE);
         let is_sure = fits && agreement.known_share() >= SURE_SHARE;
         let is_known = || constrained(&result.hessian, true).try_inverse().is_some();
         let error = predicted.between(result.world_from_robot);
@@ -383,7 +389,7 @@ impl Tracker {
     /// fits less than usual it is started again without, for with sound odometry it is near.
     fn restart_finely(&self, scene: &Scene<'_>, prior: &Prior, tried: &mut Tried) {
         let sound = tried.from_odometry && !scene.predictor.doubts_odometry();
-        if sound && self.usual_share - tried.best.1.inlier_share() > FALL_SHARE {
+        if sound && self.usual_share(scene.laser) - tried.best.1.inlier_share() > FALL_SHARE {
             let settings = MatcherSettings { capture_sigma_m: self.matcher.settings.sigma_m, ..self.matcher.settings };
             tried.restarts += 1;
             tried.offer(scene.refine_with(&Matcher { settings }, prior, prior.world_from_robot));
@@ -408,7 +414,7 @@ impl Tracker {
     /// whether one was taken.
     fn restart_slipped(&self, scene: &Scene<'_>, tried: &mut Tried) -> bool {
         let share = tried.best.1.inlier_share();
-        let drop = self.usual_share - share;
+        let drop = self.usual_share(scene.laser) - share;
         if drop <= FALL_SHARE || share < DOUBT_SHARE {
             return false;
         }
@@ -450,10 +456,15 @@ impl Tracker {
     }
 
     /// The share of fitting beams that is usual here and now.
-    fn observe_share(&mut self, agreement: &Agreement) {
+    fn observe_share(&mut self, laser: LaserId, agreement: &Agreement) {
         if agreement.known_share() > 0.5 {
-            self.usual_share += USUAL_WEIGHT * (agreement.inlier_share() - self.usual_share);
+            let usual = self.usual_share.of(laser);
+            *usual += USUAL_WEIGHT * (agreement.inlier_share() - *usual);
         }
+    }
+
+    fn usual_share(&self, laser: LaserId) -> f64 {
+        self.usual_share.get(laser).copied().unwrap_or_default()
     }
 
     /// On doubt the match is started again from other headings; a wrong heading is how matches fail.

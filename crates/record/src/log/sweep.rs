@@ -38,6 +38,10 @@ impl Measurement for Sweep {
         &self.laser
     }
 
+    fn is_of_one_sensor_with(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.laser, &other.laser) || self.laser.is_one_with(&other.laser)
+    }
+
     fn put_sensor(laser: &LaserModel, out: &mut Vec<u8>) {
         put_laser(laser, out);
     }

@@ -90,7 +90,7 @@ impl<M: Measurement> Session<M> {
         Layout::of(self).pieces(self)
     }
 
-    /// The maps that the pieces make, in the order of the way; at least one, be it empty.
+    /// The maps that the pieces make, that of the most keyframes first and else in the order of the way; at least one, be it empty.
     #[must_use]
     pub fn maps(&self) -> Vec<SeparateMap> {
         let layout = Layout::of(self);
@@ -112,6 +112,8 @@ impl<M: Measurement> Session<M> {
             let ranges = layout.fragments.iter().filter(|known| map.pieces.contains(&known.piece));
             map.keyframes = ranges.map(|known| known.keyframes.clone()).collect();
         }
+        let keyframes = |map: &SeparateMap| map.keyframes.iter().map(|range| range.len()).sum::<usize>();
+        maps.sort_by_key(|map| std::cmp::Reverse(keyframes(map)));
         if maps.is_empty() {
             maps.push(SeparateMap::default());
         }

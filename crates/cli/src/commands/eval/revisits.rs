@@ -5,7 +5,7 @@ use crate::args::EvalArgs;
 use crate::failure::{Failure, Outcome};
 use crate::session::{AnySession, read_any_session};
 use crate::terminal::{count, say, say_json};
-use mapwright::{Pose3, Session, SpaceSweep, Stamp};
+use mapwright::{Pose3, Session, SpaceSweep, Stamp, TrajectoryPose};
 use mapwright_eval::{RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
 use mapwright_formats::read_space_trajectory;
 use serde_json::{Value, json};
@@ -19,11 +19,11 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
         losses.extend(lost);
         if args.trajectory.is_empty() {
             let report = clouds.judge(results, None)?;
-            told(args, &mut values, results, results, &report)?;
+            told(args, &mut values, (results, &clouds), results, &report)?;
         }
         for path in &args.trajectory {
             let report = clouds.judge(path, Some(&poses(path)?))?;
-            told(args, &mut values, path, results, &report)?;
+            told(args, &mut values, (results, &clouds), path, &report)?;
         }
     }
     if args.json {
@@ -37,15 +37,17 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
 fn told(
     args: &EvalArgs,
     values: &mut Vec<Value>,
+    (results, clouds): (&Path, &Clouds),
     path: &Path,
-    results: &Path,
     report: &RevisitReport,
 ) -> Result<(), Failure> {
     if args.json {
-        values.push(to_json(path, results, report));
+        let mut value = to_json(path, results, report);
+        value["scans_apart"] = json!(clouds.settings.apart);
+        values.push(value);
         return Ok(());
     }
-    say(&words(path, report))
+    say(&words(path, clouds.settings.apart, report))
 }
 
 fn poses(path: &Path) -> Result<Vec<(Stamp, Pose3)>, Failure> {
@@ -90,7 +92,7 @@ impl Clouds {
         let sweep = first.ok_or_else(|| refused("expected keyframes with points, found none"))?;
         let range_m = rms_range_m(sweep);
         let settings = RevisitSettings {
-            apart: args.apart,
+            apart: args.apart.unwrap_or_else(|| RevisitSettings::apart_for(mean_step_m(&trajectory), args.within)),
             within_m: args.within,
             ..RevisitSettings::for_range(range_m, sweep.sensor.sigma_m(range_m))
         };
@@ -107,13 +109,20 @@ impl Clouds {
     }
 }
 
+/// How far the robot drives from scan to scan, metres.
+fn mean_step_m(trajectory: &[TrajectoryPose<Pose3>]) -> f64 {
+    let steps_m = trajectory.windows(2).map(|pair| pair[0].map_from_robot.distance(pair[1].map_from_robot));
+    steps_m.sum::<f64>() / trajectory.len().saturating_sub(1).max(1) as f64
+}
+
 fn rms_range_m(sweep: &SpaceSweep) -> f64 {
     let square = |point: [f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
     (sweep.points_m().map(square).sum::<f64>() / sweep.points.len().max(1) as f64).sqrt()
 }
 
-fn words(path: &Path, report: &RevisitReport) -> String {
-    let mut text = format!("{}: {} of different visits registered", path.display(), count(report.pairs as u64, "pair"));
+fn words(path: &Path, apart: u64, report: &RevisitReport) -> String {
+    let (pairs, apart) = (count(report.pairs as u64, "pair"), count(apart, "scan"));
+    let mut text = format!("{}: {pairs} of different visits ({apart} and more apart) registered", path.display());
     text += &format!(
         ", {} left out as too little fits, {} as a direction is left open\n",
         report.not_fitting, report.loose

@@ -6,7 +6,8 @@ use crate::failure::{Failure, Outcome};
 use crate::terminal::{count, say, say_json};
 use mapwright_eval::{PoseErrors, RpeSettings, SegmentError, SpaceErrors, space_errors};
 use mapwright_formats::{SpaceTrajectory, read_space_trajectory, read_stamps};
-use mapwright_geom::Stamp;
+use mapwright_geom::{Pose3, Stamp};
+use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -84,7 +85,10 @@ pub(super) fn compare(args: &EvalArgs, trajectories: &Trajectories) -> Result<Ou
             .map_err(|cause| Failure::Score { path: path.clone(), cause })?;
         let pairs = errors.pairs + errors.not_finite;
         let matches = Matches { pairs, reference: reference.len(), estimate: estimate.poses.len() };
-        losses.extend(matches.few(path));
+        let stamps = |poses: &[(Stamp, Pose3)]| poses.iter().map(|pose| pose.0).collect::<Vec<_>>();
+        losses.extend(matches.few(path, &stamps(reference), &stamps(&estimate.poses)));
+        let reread = space_errors(reference, &w_first(&estimate.poses), alignment(args.alignment), &settings);
+        losses.extend(reread.ok().and_then(|reread| order_of_quaternions(path, &errors, &reread)));
         if !args.json {
             say(&words(path, &matches, *by_number, &errors))?;
         }
@@ -97,6 +101,28 @@ pub(super) fn compare(args: &EvalArgs, trajectories: &Trajectories) -> Result<Ou
         say_json(&Value::Array(values))?;
     }
     warn(args, &losses)
+}
+
+/// The poses, had their quaternions been written with w first.
+fn w_first(poses: &[(Stamp, Pose3)]) -> Vec<(Stamp, Pose3)> {
+    let reread = |pose: &Pose3| {
+        let [w, x, y, z]: [f64; 4] = pose.rotation.coords.into();
+        Pose3 { rotation: UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)), ..*pose }
+    };
+    poses.iter().map(|(stamp, pose)| (*stamp, reread(pose))).collect()
+}
+
+/// Rotations that are wrong by so many times less with w first were written so.
+const W_FIRST_BETTER: f64 = 4.0;
+
+fn order_of_quaternions(path: &Path, read: &SpaceErrors, reread: &SpaceErrors) -> Option<String> {
+    let [as_read, w_first] = [read, reread].map(|errors| errors.absolute.rotation_deg.rmse);
+    (W_FIRST_BETTER * w_first < as_read).then(|| {
+        format!(
+            "{}: its quaternions have w first, expected x y z w: read so, its rotations are off by {w_first:.1} deg, not by {as_read:.1} deg",
+            path.display()
+        )
+    })
 }
 
 fn words(path: &Path, matches: &Matches, by_number: bool, errors: &SpaceErrors) -> String {

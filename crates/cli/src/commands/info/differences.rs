@@ -1,6 +1,6 @@
 //! How the input of two logs differs.
 
-use super::contents::Contents;
+use super::contents::{Contents, Laser};
 use crate::terminal::{count, duration, grouped};
 use mapwright::{Pose2, Stamp};
 use mapwright_formats::LogEvent;
@@ -39,7 +39,8 @@ pub(super) struct Log<'a> {
 /// What differs between two logs.
 #[derive(Debug, Default)]
 pub(super) struct Differences {
-    words: Vec<String>,
+    /// Whether it is the same in both, and what.
+    words: Vec<(bool, String)>,
     /// Scans of the log with fewer that are in the other as well.
     common: u64,
     of: u64,
@@ -64,17 +65,28 @@ impl Differences {
             let span_s = log.contents.lasers.first().map_or(0.0, |laser| laser.topic.span_s());
             format!("{} over {}", count(log.steps.scans.len() as u64, "scan"), duration(span_s))
         };
-        self.words.push(format!("scans: {} in {}, {} in {}", scans(a), a.name, scans(b), b.name));
+        let same = scans(a) == scans(b);
+        self.words.push((same, format!("scans: {} in {}, {} in {}", scans(a), a.name, scans(b), b.name)));
         let odometry = |log: &Log<'_>| grouped(log.contents.odometry.stamps.len() as u64);
-        self.words.push(format!("readings of odometry beside scans: {} and {}", odometry(a), odometry(b)));
+        let same = odometry(a) == odometry(b);
+        self.words.push((same, format!("readings of odometry beside scans: {} and {}", odometry(a), odometry(b))));
     }
 
     fn lasers(&mut self, a: &Log<'_>, b: &Log<'_>) {
-        let (Some(first), Some(second)) = (a.contents.lasers.first(), b.contents.lasers.first()) else { return };
+        for (first, second) in a.contents.lasers.iter().zip(&b.contents.lasers) {
+            self.laser(first, second);
+        }
+        let [a, b] = [a, b].map(|log| log.contents.lasers.len());
+        if a != b {
+            self.words.push((false, format!("lasers: {a} and {b}")));
+        }
+    }
+
+    fn laser(&mut self, first: &Laser, second: &Laser) {
         let (a, b) = (&first.model, &second.model);
         let mut differ = |what: &str, values: [f64; 2], unit: &str| {
             if (values[0] - values[1]).abs() > 1e-4 {
-                self.words.push(format!("{what}: {:.4} and {:.4} {unit}", values[0], values[1]));
+                self.words.push((false, format!("{what}: {:.4} and {:.4} {unit}", values[0], values[1])));
             }
         };
         differ("beams", [first.beams.1 as f64, second.beams.1 as f64], "");
@@ -112,30 +124,31 @@ impl Differences {
             before = now;
         }
         let (common, of) = (grouped(self.common), grouped(self.of));
-        self.words.push(format!("scans of {} that are in {} as well: {common} of {of}", fewer.name, more.name));
+        let words = format!("scans of {} that are in {} as well: {common} of {of}", fewer.name, more.name);
+        self.words.push((self.common == self.of, words));
         if self.common > 0 {
             // stamps are written to the microsecond
             self.words.push(if self.stamps_most_s < 5e-7 {
-                "their stamps are the same".to_owned()
+                (true, "their stamps".to_owned())
             } else {
-                format!("their stamps differ by up to {:.6} s", self.stamps_most_s)
+                (false, format!("their stamps, by up to {:.6} s", self.stamps_most_s))
             });
         }
         if self.steps > 0 {
             self.steps_mean = self.steps_mean.map(|sum| sum / self.steps as f64);
             let ([most_m, most_rad], [mean_m, mean_rad]) = (self.steps_most, self.steps_mean);
             if most_m < 5e-4 && most_rad.to_degrees() < 5e-3 {
-                self.words.push("odometry from scan to scan is the same".to_owned());
+                self.words.push((true, "odometry from scan to scan".to_owned()));
                 return;
             }
-            self.words.push(format!(
-                "odometry from scan to scan differs by up to {most_m:.3} m and {:.2} deg, in the mean by {mean_m:.4} m and \
-                 {:.3} deg",
+            let words = format!(
+                "odometry from scan to scan, by up to {most_m:.3} m and {:.2} deg, in the mean by {mean_m:.4} m and {:.3} deg",
                 most_rad.to_degrees(),
                 mean_rad.to_degrees()
-            ));
+            );
+            self.words.push((false, words));
         } else {
-            self.words.push("odometry cannot be compared: not both have it at common scans".to_owned());
+            self.words.push((false, "odometry, which cannot be compared: not both have it at common scans".to_owned()));
         }
     }
 
@@ -150,15 +163,18 @@ impl Differences {
     }
 
     pub(super) fn to_words(&self) -> String {
-        self.words.iter().fold(String::new(), |mut text, word| {
-            let _ = writeln!(text, "differ   {word}");
+        self.words.iter().fold(String::new(), |mut text, (same, word)| {
+            let _ = writeln!(text, "{:<9}{word}", if *same { "same" } else { "differ" });
             text
         })
     }
 
     pub(super) fn to_json(&self) -> Value {
+        let words =
+            |same: bool| self.words.iter().filter(|(is, _)| *is == same).map(|(_, word)| word).collect::<Vec<_>>();
         json!({
-            "words": self.words,
+            "differ": words(false),
+            "same": words(true),
             "common_scans": self.common,
             "of_scans": self.of,
             "stamps_most_s": self.stamps_most_s,
