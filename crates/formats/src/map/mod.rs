@@ -4,17 +4,21 @@ mod canvas;
 mod confidence;
 mod font;
 mod footer;
+mod frame;
 mod palette;
 mod picture;
 mod plain;
+mod raster;
 mod space;
+mod view;
 mod walls;
 
 pub use confidence::Confidence;
-pub use picture::{Frame, Picture, write_png};
+pub use frame::Frame;
+pub use picture::{Picture, PlanePlacement, write_bare_png, write_png};
 pub use plain::{write_plain_png, write_world_file};
 pub use space::{SpacePicture, SpacePlacement, ViewPlacement, upward, write_bare_space_png, write_space_png};
-pub use walls::dominant_wall_angle;
+pub use walls::{dominant_wall_angle, wall_direction};
 
 use crate::error::FormatError;
 use mapwright_geom::Pose2;
