@@ -120,10 +120,12 @@ impl MapWriter<'_> {
             side_px: self.picture_side.map(usize::from),
             ..Picture::default()
         };
+        let frame = Frame::of(image, &picture);
+        let picture = Picture { frame: Some(frame), ..picture };
         output.write(map_file(number, "png"), |writer| write_png(image, &picture, writer))?;
         Ok(MadeMap {
             cells: [image.width, image.height],
-            sides_m: Frame::of(image, &picture).sides_m(),
+            sides_m: frame.sides_m(),
             cells_left_out: drawn.cells_left_out,
             keyframes_left_out,
             wall_angle_rad,

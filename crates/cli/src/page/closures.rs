@@ -69,7 +69,7 @@ fn row(run: &Run, id: &str, number: usize) -> String {
 
 /// Of driving since the begin.
 fn time(run: &Run, stamp_s: Option<f64>) -> String {
-    stamp_s.map_or("?".to_owned(), |stamp_s| format!("{:.1} s", run.seconds(Stamp::from_secs_f64(stamp_s)) + 0.0))
+    stamp_s.map_or("?".to_owned(), |stamp_s| format!("{:.1} s", run.seconds(Stamp::from_secs_f64(stamp_s)).max(0.0)))
 }
 
 /// What was decided and why, as a sentence.

@@ -75,9 +75,11 @@ fn figure(
         max_side_px,
         ..Picture::default()
     };
+    let frame = Frame::of(&drawn.image, &picture);
+    let picture = Picture { frame: Some(frame), ..picture };
     let mut png = Vec::new();
     let placement = write_bare_png(&drawn.image, &picture, &mut png)?;
-    let [width_m, height_m] = Frame::of(&drawn.image, &picture).sides_m();
+    let [width_m, height_m] = frame.sides_m();
     let cell_m = drawn.image.resolution_m;
     let turned = match level_rad.to_degrees() {
         0.0 => String::new(),

@@ -18,6 +18,8 @@ const BAR: f32 = 96.0;
 const STROKE: f32 = 24.0;
 /// Radius of a mark.
 const MARK: f32 = 5.5;
+/// The widest item, but for what is said in words.
+const WIDEST: f32 = 310.0;
 /// A unit of letters: the tall ones are twelve widths of a pen high.
 const UNIT: f32 = 0.8;
 
@@ -145,9 +147,11 @@ pub(super) struct Footer {
 }
 
 impl Footer {
-    /// Items from left to right, line by line; one that is wider than the picture is left out.
+    /// Items from left to right, line by line; one that is wider than the picture even with the thinnest pen is left out.
     pub(super) fn of(items: Vec<Item>, width_px: usize, pen: f32) -> Self {
         let room = width_px.saturating_sub(2 * MARGIN_PX) as f32;
+        // In a tall picture letters are smaller rather than an item left out.
+        let pen = pen.min(room / WIDEST).max(1.0);
         let (mut placed, mut line, mut end) = (Vec::new(), 0, 0.0);
         for item in items {
             let width = item.width(width_px, pen);
@@ -224,7 +228,7 @@ mod tests {
             let mut lines = 0;
             for width_px in (60..3000).rev().step_by(3) {
                 let footer = Footer::of(items(), width_px, pen);
-                let ends = footer.placed.iter().map(|(item, _, left)| left + item.width(width_px, pen));
+                let ends = footer.placed.iter().map(|(item, _, left)| left + item.width(width_px, footer.pen));
                 let room_px = width_px.saturating_sub(2 * MARGIN_PX) as f32;
                 assert!(ends.fold(0.0, f32::max) <= room_px, "{width_px}");
                 lines = lines.max(footer.lines);

@@ -231,7 +231,7 @@ pub(super) fn pen_of(side_px: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::super::canvas::Colour;
-    use super::super::palette::{FREE, INK, MARGIN_PX, UNSEEN, WALL};
+    use super::super::palette::{INK, MARGIN_PX, UNSEEN};
     use super::super::raster::shade;
     use super::*;
     use crate::UNKNOWN;
@@ -422,7 +422,8 @@ mod tests {
                 let pixels = pixels.as_chunks::<3>().0;
                 // across the middle: the left wall and the right one
                 let row = &pixels[h / 2 * w..][..w];
-                let half = (u32::from(FREE[0]) + u32::from(WALL[0])) / 2;
+                // nearer to a wall's colour than to any ground's, which is mixed in where the picture is turned
+                let half = u32::from(UNSEEN[0] - 45);
                 let runs: Vec<usize> = row
                     .chunk_by(|a, b| (u32::from(a[0]) < half) == (u32::from(b[0]) < half))
                     .filter(|run| u32::from(run[0][0]) < half)

@@ -107,7 +107,8 @@ impl Raster {
         let thick = self.thick_walls(side);
         let drawn = self.pixels.clone();
         let before = (side - 1) / 2;
-        for at in (0..drawn.len()).filter(|&at| self.walls[at] && !thick[at] && self.hangs_together(at)) {
+        let is_thin = |&at: &usize| self.walls[at] && !thick[at] && self.hangs_together(at);
+        for at in (0..drawn.len()).filter(is_thin).collect::<Vec<_>>() {
             let (x, y) = (at % self.width, at / self.width);
             let (left, low) = (x.saturating_sub(before), y.saturating_sub(before));
             for y in low..(y + side - before).min(self.height) {

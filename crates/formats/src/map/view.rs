@@ -84,7 +84,9 @@ impl View {
 
     fn bounds_of(&self, map: &GridImage, frame: &Frame) -> Bounds {
         let corner = self.corner_of_map(map);
-        let in_cells = |world_m: [f64; 2]| [0, 1].map(|k: usize| world_m[k] / map.resolution_m - corner[k]);
+        // A frame that was whole cells is so again.
+        let whole = |cells: f64| if (cells - cells.round()).abs() < 1e-6 { cells.round() } else { cells };
+        let in_cells = |world_m: [f64; 2]| [0, 1].map(|k: usize| whole(world_m[k] / map.resolution_m - corner[k]));
         Bounds { low: in_cells(frame.low_m), high: in_cells(frame.high_m) }
     }
 
@@ -168,7 +170,8 @@ impl View {
                 strip_px = below.height_px();
                 continue;
             }
-            self.size_px = [width_px, map_px[1] + 2 * MARGIN_PX + strip_px];
+            // At a smaller scale fewer lines may do in the end.
+            self.size_px = [width_px, map_px[1] + 2 * MARGIN_PX + below.height_px()];
             if picture.side_px.is_some() {
                 let longer = usize::from(self.size_px[1] > self.size_px[0]);
                 self.size_px[longer] = longest_px;
