@@ -51,8 +51,8 @@ page-picture: release
     {{mapwright}} map {{data}}/intel.clf.bz2 -o {{figures}}/intel --quiet
     {{mapwright}} report {{figures}}/intel
     chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --window-size=1280,1000 --virtual-time-budget=3000 \
-        --screenshot={{figures}}/report.png "file://$(realpath {{figures}})/intel/report.html#closure=a-1"
-    python3 -c "from PIL import Image; Image.open('{{figures}}/report.png').convert('RGB').quantize(128).save('docs/images/report.png', optimize=True)"
+        --screenshot={{figures}}/report.png "file://$(realpath {{figures}})/intel/report.html#closure=a-2"
+    python3 -c "from PIL import Image; Image.open('{{figures}}/report.png').convert('RGB').quantize(256, method=Image.Quantize.MAXCOVERAGE).save('docs/images/report.png', optimize=True)"
 
 # the optimised binary
 release:

@@ -7,6 +7,9 @@ use mapwright::{CountGrid, GlobalMap, KeyframeId, Pose2, SeparateMap, Session, S
 use mapwright_formats::{Frame, Picture, wall_direction, write_png};
 use std::sync::Arc;
 
+/// Walls that are turned by less are level, for directions are found to a tenth of a degree: cells stay crisp.
+const LEVEL_RAD: f64 = 0.15 * std::f64::consts::PI / 180.0;
+
 /// What a picture shows of sweeps at these poses; those that are none are left out.
 pub(crate) fn draw(settings: &Settings, drawn: &[Option<Arc<Sweep>>], map_from_keyframe: &[Pose2]) -> CountGrid {
     let mut map = GlobalMap::without_normals(settings);
@@ -54,7 +57,8 @@ fn picture<'a>(drawn: &'a MapImage, way: &'a [Pose2], level_rad: f64) -> Picture
     Picture { world_from_robot: way, seen: Some(&drawn.seen), level_rad, ..Picture::default() }
 }
 
-/// The direction of a map's walls in its own frame, radians, where they have one.
+/// The direction of a map's walls in its own frame, radians, where they have one; zero where they are level as well as can be found.
 pub(crate) fn wall_angle(drawn: &MapImage) -> Option<f64> {
-    wall_direction(&drawn.image.wall_points_map(), drawn.image.resolution_m)
+    let angle_rad = wall_direction(&drawn.image.wall_points_map(), drawn.image.resolution_m)?;
+    Some(if angle_rad.abs() < LEVEL_RAD { 0.0 } else { angle_rad })
 }

@@ -313,7 +313,8 @@ fn drives_of_different_years_have_charts_of_what_was_driven() {
     let shifted = |line: &str| {
         let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
         let count = words.len();
-        let stamps = if count > 4 && !line.starts_with('#') { [count - 3, count - 1].to_vec() } else { Vec::new() };
+        let stamps =
+            if count > 4 && !line.starts_with(['#', 'P']) { [count - 3, count - 1].to_vec() } else { Vec::new() };
         for at in stamps {
             if let Ok(seconds) = words[at].parse::<f64>() {
                 words[at] = format!("{:.6}", seconds + 3.2e8);
@@ -324,7 +325,7 @@ fn drives_of_different_years_have_charts_of_what_was_driven() {
     fs::write(&later, text(small_log()).lines().map(shifted).collect::<String>()).unwrap();
     let out = folder.join("out");
     let [first, second, both] = [&log, &later, &out].map(|path| path.to_str().unwrap());
-    let code = run(&["map", first, second, "-o", both, "--quiet"]).status.code();
+    let code = run(&["merge", first, second, "-o", both, "--quiet"]).status.code();
     assert!(code == Some(0) || code == Some(3), "{code:?}");
     let html = page(&out, "years.html", &[]).1;
     let length_s: f64 =
