@@ -51,7 +51,8 @@ pub(super) fn of(run: &Run, errors: Option<&Errors>, related: Option<&RelationRe
         number("relation error of heading, mean", "°", related.map(|errors| errors.rotation_deg.mean)),
         number("time taken", "s", timing["total_s"].as_f64()),
         number("speed", "scans/s", timing["scans_per_second"].as_f64()),
-        number("times real time", "", timing["times_real_time"].as_f64()),
+        // Of drives of different days it would count the days between them.
+        number("times real time", "", timing["times_real_time"].as_f64().filter(|_| run.clock.drives() < 2)),
         number("memory, most", "MiB", timing["peak_memory_mib"].as_f64()),
     ]
 }

@@ -12,9 +12,9 @@ use mapwright_formats::{FormatError, Frame, Picture, write_bare_png};
 use mapwright_sensor::{BeamTable, SweepPoints};
 use serde_json::Value;
 
-/// Longest side of the picture of the first map and of the others, pixels.
-const FIRST_SIDE_PX: usize = 1800;
-const OTHER_SIDE_PX: usize = 700;
+/// Longest side of the picture of the first map and of the others, at least where a whole number of pixels a cell gives it, and at most; pixels.
+const FIRST_SIDE_PX: [usize; 2] = [800, 1800];
+const OTHER_SIDE_PX: [usize; 2] = [400, 700];
 
 /// What a page shows of a session. Maps are turned until the direction that is given is level, or as the run has turned them.
 pub(super) fn draw(
@@ -65,13 +65,13 @@ fn figure(
     level_rad: f64,
 ) -> Result<Figure, FormatError> {
     let drawn = map_image(&draw_map(settings, session, map), settings.map.passes_per_hit);
-    let max_side_px = if number == 0 { FIRST_SIDE_PX } else { OTHER_SIDE_PX };
+    let [min_side_px, max_side_px] = if number == 0 { FIRST_SIDE_PX } else { OTHER_SIDE_PX };
     let picture = Picture {
         world_from_robot: way,
         level_rad,
         seen: Some(&drawn.seen),
         scale_bar: false,
-        min_side_px: 0,
+        min_side_px,
         max_side_px,
         ..Picture::default()
     };

@@ -1,4 +1,5 @@
-//! Letters of strokes, for scale bar and legend: they can be drawn at any size, and their edges are smooth. Our own drawing.
+//! Letters of strokes, for scale bar and legend: they can be drawn at any size, and their edges are smooth. They are drawn
+//! for mapwright and have its licences.
 //!
 //! Units: small letters are 10 high, tall ones 15, digits 14; the feet stand at 0.
 

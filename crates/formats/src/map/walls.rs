@@ -9,8 +9,8 @@ const POINTS_USED: usize = 4096;
 /// Bins on either side of the centre; what lies farther out is left aside.
 const HALF_BINS: usize = 4096;
 
-/// The projections are so many times as concentrated along walls as in the direction in the middle of all, or there are no walls: points
-/// without a direction reach 1.1, a hall with a single straight wall 1.5 (`fn concentration`).
+/// Walls have a direction where projections along it are so many times as concentrated as in the median of all directions: discs of random points
+/// and trees reach 1.2, buildings (intel, fr079, acapulco, edmonton, fhw) 1.4 to 1.9, clutter with a wall of a fifth of its points 1.8.
 const DISTINCT: f32 = 1.25;
 
 /// The angle of the walls against the x axis, modulo a quarter turn, in `[-pi/4, pi/4)`; zero where there are no points.
