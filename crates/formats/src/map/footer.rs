@@ -5,7 +5,7 @@ use super::confidence::{CERTAIN, UNCERTAIN, draw_place};
 use super::font;
 use super::palette::{END, INK, MARGIN_PX, START, UNSEEN, way_colour};
 
-/// Lengths are widths of a pen, which is a pixel wide in small pictures ([`super::picture::pen_of`]).
+/// Lengths are widths of a pen, which is a pixel wide in small pictures ([`super::options::pen_of`]).
 /// Height of a strip of one line.
 const STRIP: f32 = 30.0;
 /// From one line to the next, and between two items of a line.
@@ -268,7 +268,7 @@ mod tests {
     #[test]
     fn letters_are_as_high_in_proportion_in_every_picture() {
         for side_px in [800_usize, 4000] {
-            let pen = super::super::picture::pen_of(side_px);
+            let pen = super::super::options::pen_of(side_px);
             let mut canvas = Canvas::new(side_px, side_px, [255; 3]);
             Footer::of(vec![Item::Lines(START, "closures")], side_px, pen).draw(&mut canvas);
             let is_ink = |y: &usize| canvas.pixels[y * side_px..][..side_px].iter().any(|p| p[0] < 120 && p[1] < 120);

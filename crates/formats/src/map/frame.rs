@@ -1,8 +1,6 @@
 //! Which part of a map a picture shows: its walls and the way, without the rays that leave through doors and windows.
 
 use super::GridImage;
-use super::picture::Picture;
-use super::view::View;
 
 /// Squares along the map's longer side, in which walls are looked for.
 const SQUARES: usize = 128;
@@ -23,13 +21,6 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// What a picture shows by itself: the map's walls and the way with a rim, as far as something is known there. Walls are what several
-    /// readings tell of and what hangs together; without any, all that is known is shown.
-    #[must_use]
-    pub fn of(map: &GridImage, picture: &Picture<'_>) -> Self {
-        View::of(map, picture).frame(map)
-    }
-
     /// With all of another frame along the same axes.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
@@ -43,6 +34,31 @@ impl Frame {
     #[must_use]
     pub fn sides_m(&self) -> [f64; 2] {
         [0, 1].map(|k: usize| self.high_m[k] - self.low_m[k])
+    }
+}
+
+/// Where a view has what: a pixel is `px_from_map * p + offset_px`, downwards from the picture's upper left corner, of a place `p` in the
+/// frame of the map, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewPlacement {
+    /// Pixels along x and y for each metre along the map's axes.
+    pub px_from_map: [[f64; 3]; 2],
+    /// Where the map's origin is, pixels.
+    pub offset_px: [f64; 2],
+}
+
+/// A rectangle of cells, the upper bounds exclusive.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Window {
+    pub(super) low: [usize; 2],
+    pub(super) high: [usize; 2],
+}
+
+impl Window {
+    /// Row by row, that of the smallest y first.
+    pub(super) fn rows<'a, T>(&self, cells: &'a [T], width: usize) -> impl Iterator<Item = &'a [T]> {
+        let Self { low: [u0, v0], high: [u1, v1] } = *self;
+        (v0..v1).map(move |v| &cells[v * width..][u0..u1])
     }
 }
 
@@ -82,7 +98,7 @@ impl Bounds {
     }
 }
 
-/// The cells of walls that hang together, columns and rows; `seen` as in [`Picture::seen`].
+/// The cells of walls that hang together, columns and rows; `seen` as in [`super::Picture::seen`].
 pub(super) fn wall_cells(map: &GridImage, seen: Option<&[u8]>) -> Vec<[usize; 2]> {
     let is_wall = |&at: &usize| {
         let cell = map.cells[at];

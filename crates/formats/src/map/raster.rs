@@ -2,8 +2,8 @@
 
 use super::canvas::{Colour, blend};
 use super::confidence::Tint;
+use super::frame::Window;
 use super::palette::{FREE, UNSEEN, WALL};
-use super::view::Window;
 use super::{FREE_UP_TO, GridImage, OCCUPIED_FROM};
 
 /// Shares in which cells are shown are told in so many parts.

@@ -4,9 +4,9 @@ use super::GridImage;
 use super::canvas::{Canvas, Colour};
 use super::confidence::Tint;
 use super::footer::Footer;
-use super::frame::{Bounds, Frame, wall_cells};
+use super::frame::{Bounds, Frame, Window, wall_cells};
+use super::options::{LEGEND_PX, Picture, pen_of};
 use super::palette::{MARGIN_PX, UNSEEN};
-use super::picture::{LEGEND_PX, Picture, pen_of};
 use super::raster::{Raster, Shades};
 use mapwright_geom::{Pose2, sin_cos};
 
@@ -34,21 +34,6 @@ pub(super) struct View {
     /// Size of the picture, and where in it the map's upper left corner lies, pixels.
     size_px: [usize; 2],
     corner_px: [usize; 2],
-}
-
-/// A rectangle of cells, the upper bounds exclusive.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Window {
-    pub(super) low: [usize; 2],
-    pub(super) high: [usize; 2],
-}
-
-impl Window {
-    /// Row by row, that of the smallest y first.
-    pub(super) fn rows<'a, T>(&self, cells: &'a [T], width: usize) -> impl Iterator<Item = &'a [T]> {
-        let Self { low: [u0, v0], high: [u1, v1] } = *self;
-        (v0..v1).map(move |v| &cells[v * width..][u0..u1])
-    }
 }
 
 impl View {

@@ -9,8 +9,10 @@ pub use upright::upward;
 
 use super::canvas::{Canvas, Colour, blend};
 use super::footer::{Footer, Item};
+use super::frame::ViewPlacement;
+use super::options::{LEGEND_PX, pen_of, pen_scale};
 use super::palette::{END, MARGIN_PX, START, way_colour};
-use super::picture::{LEGEND_PX, encode, encode_as, pen_of, pen_scale};
+use super::picture::{encode, encode_as};
 use super::walls::dominant_wall_angle;
 use crate::error::FormatError;
 use mapwright_geom::sin_cos;
@@ -116,16 +118,6 @@ pub struct SpacePlacement {
     pub px_per_metre: f64,
     /// The view from above and the one from the side.
     pub views: [ViewPlacement; 2],
-}
-
-/// Where a view has what: a pixel is `px_from_map * p + offset_px`, downwards from the picture's upper left corner, of a place `p` in the
-/// frame of the map, metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewPlacement {
-    /// Pixels along x and y for each metre along the map's axes.
-    pub px_from_map: [[f64; 3]; 2],
-    /// Where the map's origin is, pixels.
-    pub offset_px: [f64; 2],
 }
 
 impl SpacePlacement {
