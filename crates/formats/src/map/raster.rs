@@ -110,9 +110,10 @@ impl Raster {
         let is_thin = |&at: &usize| self.walls[at] && !thick[at] && self.hangs_together(at);
         for at in (0..drawn.len()).filter(is_thin).collect::<Vec<_>>() {
             let (x, y) = (at % self.width, at / self.width);
-            let (left, low) = (x.saturating_sub(before), y.saturating_sub(before));
-            for y in low..(y + side - before).min(self.height) {
-                for pixel in &mut self.pixels[y * self.width..][left..(x + side - before).min(self.width)] {
+            let left = x.saturating_sub(before).min(self.width - side);
+            let low = y.saturating_sub(before).min(self.height - side);
+            for y in low..low + side {
+                for pixel in &mut self.pixels[y * self.width..][left..left + side] {
                     if lightness(*pixel) > lightness(drawn[at]) {
                         *pixel = drawn[at];
                     }

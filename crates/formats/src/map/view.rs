@@ -16,6 +16,8 @@ const MAX_ENLARGEMENT: usize = 16;
 /// A wall is at least so wide, pixels, and so many widths of a pen, for large pictures are looked at small.
 const WALL_PX: f32 = 2.0;
 const WALL_PEN: f32 = 1.2;
+/// So much of the margins is painted as well, pixels.
+const BLEED_PX: usize = 2;
 
 /// Which part of the map is shown, how it is turned, and how large.
 #[derive(Debug, Clone, Copy)]
@@ -239,7 +241,9 @@ impl View {
         if let Some(tint) = tint {
             raster.tint(tint);
         }
-        let ([left, top], [width_px, height_px]) = (self.corner_px, self.map_px());
+        // With a little of the margins, for walls at the edge that were made wider.
+        let [left, top] = self.corner_px.map(|px| px.saturating_sub(BLEED_PX));
+        let [width_px, height_px] = self.map_px().map(|px| px + 2 * BLEED_PX);
         for y in 0..height_px.min(canvas.height.saturating_sub(top)) {
             let row = &mut canvas.row(top + y)[left..];
             let width_px = width_px.min(row.len());
@@ -250,9 +254,10 @@ impl View {
 
     fn paint_row(&self, raster: &Raster, y: usize, row: &mut [Colour]) {
         let step_cells = 1.0 / self.px_per_cell;
-        let b = self.high[1] - (y as f64 + 0.5) * step_cells;
+        let bleed_cells = BLEED_PX as f64 * step_cells;
+        let b = self.high[1] + bleed_cells - (y as f64 + 0.5) * step_cells;
         let to_raster = 1.0 / raster.cells_per_px as f64;
-        let [u, v] = self.turn_back([self.low[0] + 0.5 * step_cells, b]);
+        let [u, v] = self.turn_back([self.low[0] - bleed_cells + 0.5 * step_cells, b]);
         let [u, v] = [(u - raster.corner[0]) * to_raster, (v - raster.corner[1]) * to_raster];
         let (s, c) = self.sin_cos;
         let [du, dv] = [c * step_cells * to_raster, -s * step_cells * to_raster];
