@@ -59,7 +59,8 @@ pub(crate) fn next_words(advice: &Advice, picture: &str) -> String {
     text
 }
 
-fn words_of(advice: &Advice, place: &Place) -> String {
+/// What a place is and what would be gained there.
+pub(crate) fn words_of(advice: &Advice, place: &Place) -> String {
     let [x, y] = place.at;
     let way = place.way_m().map_or(String::new(), |way_m| format!(" ({way_m:.0} m along the known way)"));
     let words = format!(

@@ -288,8 +288,9 @@ pub(crate) struct MappingArgs {
     /// Stamps of the trajectories: the log's own, or made to increase.
     #[arg(long, value_enum, default_value_t = StampPolicy::Log)]
     pub(crate) stamps: StampPolicy,
-    /// Turn the picture until walls are upright.
-    #[arg(long, value_enum, default_value_t = Align::None)]
+    /// How `map.png` is turned: until its walls are upright, where they have a direction; or as the map lies. All other files keep the
+    /// map's frame.
+    #[arg(long, value_enum, default_value_t = Align::Walls)]
     pub(crate) align: Align,
     /// The picture's longer side in pixels, margins included; otherwise as suits the map.
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(200..=16_000))]

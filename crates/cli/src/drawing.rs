@@ -1,11 +1,14 @@
 //! Maps of keyframes at any poses, and their pictures.
 
 use crate::failure::Failure;
-use crate::image::{map_image, without_outliers};
+use crate::image::{MapImage, map_image};
 use crate::output::OutputFolder;
 use mapwright::{CountGrid, GlobalMap, KeyframeId, Pose2, SeparateMap, Session, Settings, Sweep};
-use mapwright_formats::{Frame, GridImage, Picture, dominant_wall_angle, write_png};
+use mapwright_formats::{Frame, Picture, wall_direction, write_png};
 use std::sync::Arc;
+
+/// Walls that are turned by less are level, for directions are found to a tenth of a degree: cells stay crisp.
+const LEVEL_RAD: f64 = 0.15 * std::f64::consts::PI / 180.0;
 
 /// What a picture shows of sweeps at these poses; those that are none are left out.
 pub(crate) fn draw(settings: &Settings, drawn: &[Option<Arc<Sweep>>], map_from_keyframe: &[Pose2]) -> CountGrid {
@@ -35,15 +38,27 @@ pub(crate) fn write_before_and_after(
     [before, after]: [&[Pose2]; 2],
     side_px: Option<u16>,
 ) -> Result<(), Failure> {
-    let image = |poses| map_image(&draw(settings, session.drawn(), poses), settings.map.passes_per_hit).image;
-    let whole: GridImage = image(after);
-    let level_rad = dominant_wall_angle(&whole.wall_points_map(), whole.resolution_m);
-    let (image_before, image_after) = (without_outliers(&image(before), before), without_outliers(&whole, after));
-    let frame = Frame::of(&image_before, before, level_rad).and(Frame::of(&image_after, after, level_rad));
-    for (name, image, way) in [("before.png", image_before, before), ("after.png", image_after, after)] {
-        let side_px = side_px.map(usize::from);
-        let picture = Picture { world_from_robot: way, level_rad, frame: Some(frame), side_px, ..Picture::default() };
-        output.write(name, |writer| write_png(&image, &picture, writer))?;
+    let drawn = |poses| map_image(&draw(settings, session.drawn(), poses), settings.map.passes_per_hit);
+    let [drawn_before, drawn_after]: [MapImage; 2] = [drawn(before), drawn(after)];
+    let level_rad = wall_angle(&drawn_after).unwrap_or(0.0);
+    let side_px = side_px.map(usize::from);
+    let pictures = [(&drawn_before, before), (&drawn_after, after)];
+    let pictures = pictures.map(|(drawn, way)| (drawn, picture(drawn, way, level_rad)));
+    let [frame_before, frame_after] = pictures.map(|(drawn, picture)| Frame::of(&drawn.image, &picture));
+    let frame = Some(frame_before.and(frame_after));
+    for (name, (drawn, picture)) in ["before.png", "after.png"].into_iter().zip(pictures) {
+        let picture = Picture { frame, side_px, ..picture };
+        output.write(name, |writer| write_png(&drawn.image, &picture, writer))?;
     }
     Ok(())
+}
+
+fn picture<'a>(drawn: &'a MapImage, way: &'a [Pose2], level_rad: f64) -> Picture<'a> {
+    Picture { world_from_robot: way, seen: Some(&drawn.seen), level_rad, ..Picture::default() }
+}
+
+/// The direction of a map's walls in its own frame, radians, where they have one; zero where they are level as well as can be found.
+pub(crate) fn wall_angle(drawn: &MapImage) -> Option<f64> {
+    let angle_rad = wall_direction(&drawn.image.wall_points_map(), drawn.image.resolution_m)?;
+    Some(if angle_rad.abs() < LEVEL_RAD { 0.0 } else { angle_rad })
 }

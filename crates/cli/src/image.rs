@@ -9,10 +9,6 @@ use std::ops::Range;
 const MAX_CELLS: u64 = 100_000_000;
 /// Shares of the cells cut away on each side until a map fits.
 const CUTS: [f64; 6] = [0.001, 0.01, 0.05, 0.15, 0.3, 0.45];
-/// Share of the known cells on each side that the picture may leave out.
-const PICTURE_CUT: f64 = 0.002;
-/// Cells kept around what the picture shows.
-const PICTURE_MARGIN: usize = 10;
 
 /// A rectangle of cells.
 type Window = [Range<i32>; 2];
@@ -21,6 +17,8 @@ type Window = [Range<i32>; 2];
 #[derive(Debug)]
 pub(crate) struct MapImage {
     pub(crate) image: GridImage,
+    /// How many readings tell of each of its cells, at most 255.
+    pub(crate) seen: Vec<u8>,
     /// Known cells beyond the file's bounds.
     pub(crate) cells_left_out: u64,
 }
@@ -30,12 +28,13 @@ pub(crate) fn map_image(counts: &CountGrid, passes_per_hit: u32) -> MapImage {
     let (window, known) = bounds(counts);
     let window = if cells_of(&window) > MAX_CELLS { dense_window(counts) } else { window };
     let [width, height] = [0, 1].map(|k: usize| window[k].len().max(1));
-    let mut cells = vec![UNKNOWN; width * height];
+    let (mut cells, mut seen) = (vec![UNKNOWN; width * height], vec![0; width * height]);
     let mut drawn = 0;
     for (x, y, hits, passes) in counts.known_cells() {
         if window[0].contains(&x) && window[1].contains(&y) {
-            cells[(y - window[1].start) as usize * width + (x - window[0].start) as usize] =
-                percent(hits, passes, passes_per_hit);
+            let at = (y - window[1].start) as usize * width + (x - window[0].start) as usize;
+            cells[at] = percent(hits, passes, passes_per_hit);
+            seen[at] = hits.saturating_add(passes).min(255) as u8;
             drawn += 1;
         }
     }
@@ -43,7 +42,7 @@ pub(crate) fn map_image(counts: &CountGrid, passes_per_hit: u32) -> MapImage {
     let corner_m = |k: usize| f64::from(window[k].start) * resolution_m;
     let world_from_map = Pose2::new(corner_m(0), corner_m(1), 0.0);
     let image = GridImage { width, height, resolution_m, world_from_map, cells };
-    MapImage { image, cells_left_out: known - drawn }
+    MapImage { image, seen, cells_left_out: known - drawn }
 }
 
 /// Occupied from 65 on exactly where the mapper sees an obstacle: hits times `passes_per_hit` reach the passes. Below,
@@ -101,52 +100,6 @@ fn first_beyond<'a>(mut lines: impl Iterator<Item = (&'a i32, &'a u64)>, budget:
     })
 }
 
-/// The part of a map worth looking at: without the last few cells on each side, and with the whole way.
-pub(crate) fn without_outliers(map: &GridImage, world_from_robot: &[Pose2]) -> GridImage {
-    let mut lines = [vec![0_u64; map.width], vec![0_u64; map.height]];
-    for (y, row) in map.cells.chunks_exact(map.width).enumerate() {
-        for (x, &cell) in row.iter().enumerate() {
-            let known = u64::from(cell != UNKNOWN);
-            lines[0][x] += known;
-            lines[1][y] += known;
-        }
-    }
-    let way = way_window(map, world_from_robot);
-    let window = [0, 1].map(|k: usize| {
-        let by_line = lines[k].iter().enumerate().map(|(line, &cells)| (line as i32, cells)).collect();
-        let dense = dense_range(&by_line, PICTURE_CUT);
-        let low = (dense.start as usize).min(way[k].start).saturating_sub(PICTURE_MARGIN);
-        low..((dense.end as usize).max(way[k].end) + PICTURE_MARGIN).min(lines[k].len())
-    });
-    cropped(map, &window)
-}
-
-/// The cells the robot went through, as far as they are on the map.
-fn way_window(map: &GridImage, world_from_robot: &[Pose2]) -> [Range<usize>; 2] {
-    let sides = [map.width, map.height];
-    let mut window = [sides[0]..0, sides[1]..0];
-    for pose in world_from_robot {
-        let place_m = [pose.x - map.world_from_map.x, pose.y - map.world_from_map.y];
-        for k in 0..2 {
-            let cell = ((place_m[k] / map.resolution_m).max(0.0) as usize).min(sides[k] - 1);
-            window[k] = window[k].start.min(cell)..window[k].end.max(cell + 1);
-        }
-    }
-    window
-}
-
-fn cropped(map: &GridImage, [columns, rows]: &[Range<usize>; 2]) -> GridImage {
-    let lines = map.cells.chunks_exact(map.width).skip(rows.start).take(rows.len());
-    let corner_m = [columns.start, rows.start].map(|cell| cell as f64 * map.resolution_m);
-    GridImage {
-        width: columns.len(),
-        height: rows.len(),
-        resolution_m: map.resolution_m,
-        world_from_map: Pose2::new(map.world_from_map.x + corner_m[0], map.world_from_map.y + corner_m[1], 0.0),
-        cells: lines.flat_map(|row| &row[columns.clone()]).copied().collect(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -159,23 +112,5 @@ mod tests {
             }
         }
         assert_eq!((percent(0, 9, 5), percent(9, 0, 5)), (0, 100));
-    }
-
-    #[test]
-    fn a_few_far_cells_do_not_widen_the_picture() {
-        let mut map = GridImage {
-            width: 400,
-            height: 100,
-            resolution_m: 0.1,
-            world_from_map: Pose2::new(-5.0, 2.0, 0.0),
-            cells: vec![UNKNOWN; 40_000],
-        };
-        for y in 20..90 {
-            map.cells[y * 400 + 30..y * 400 + 120].fill(0);
-        }
-        map.cells[50 * 400 + 399] = 100;
-        let shown = without_outliers(&map, &[Pose2::new(9.0, 5.0, 0.0)]);
-        assert_eq!((shown.width, shown.height), (131, 90));
-        assert!((shown.world_from_map.x - -3.0).abs() < 1e-9 && (shown.world_from_map.y - 3.0).abs() < 1e-9);
     }
 }

@@ -1,17 +1,14 @@
 //! The maps of a session: what each file shows, and what it is called.
 
 use crate::advice::{numbered, seen_from};
-use crate::drawing::draw_believed;
+use crate::drawing::{draw_believed, wall_angle};
 use crate::failure::Failure;
-use crate::image::{MapImage, map_image, without_outliers};
+use crate::image::{MapImage, map_image};
 use crate::output::OutputFolder;
 use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings, Visits};
-use mapwright_formats::{Confidence, GridImage, Picture, dominant_wall_angle};
-use mapwright_formats::{write_map_yaml, write_pgm, write_png};
+use mapwright_formats::{Confidence, Frame, Picture, write_map_yaml, write_pgm, write_png};
 use serde_json::{Value, json};
 
-/// The way's length is summed over steps of at least so much, so that standing still adds nothing, metres.
-const PATH_STEP_M: f64 = 0.05;
 /// What `mapwright report` makes of a folder.
 pub(crate) const PAGE: &str = "report.html";
 /// What there is of each map.
@@ -107,22 +104,29 @@ impl MapWriter<'_> {
         (number, map): (usize, &SeparateMap),
         way: &[Pose2],
     ) -> Result<MadeMap, Failure> {
-        let (MapImage { image, cells_left_out }, keyframes_left_out) = self.render(map);
+        let (drawn, keyframes_left_out) = self.render(map);
+        let image = &drawn.image;
         let pgm = map_file(number, "pgm");
-        output.write(pgm.clone(), |writer| write_pgm(&image, writer))?;
-        output.write(map_file(number, "yaml"), |writer| write_map_yaml(&image, &pgm, writer))?;
-        let wall_angle = |image: &GridImage| dominant_wall_angle(&image.wall_points_map(), image.resolution_m);
-        let wall_angle_rad = self.turn_upright.then(|| wall_angle(&image));
+        output.write(pgm.clone(), |writer| write_pgm(image, writer))?;
+        output.write(map_file(number, "yaml"), |writer| write_map_yaml(image, &pgm, writer))?;
+        let wall_angle_rad = if self.turn_upright { wall_angle(&drawn) } else { None };
         let advice = Advice::of_map(self.session, map);
         let (seen_from, places) = (seen_from(self.session, map, &advice), numbered(&advice));
-        let confidence = Confidence { seen_from: &seen_from, places: &places };
-        let picture = Picture { confidence: Some(confidence), ..self.picture(way, wall_angle_rad) };
-        let shown = without_outliers(&image, way);
-        output.write(map_file(number, "png"), |writer| write_png(&shown, &picture, writer))?;
+        let picture = Picture {
+            world_from_robot: way,
+            level_rad: wall_angle_rad.unwrap_or(0.0),
+            seen: Some(&drawn.seen),
+            confidence: Some(Confidence { seen_from: &seen_from, places: &places }),
+            side_px: self.picture_side.map(usize::from),
+            ..Picture::default()
+        };
+        let frame = Frame::of(image, &picture);
+        let picture = Picture { frame: Some(frame), ..picture };
+        output.write(map_file(number, "png"), |writer| write_png(image, &picture, writer))?;
         Ok(MadeMap {
             cells: [image.width, image.height],
-            sides_m: [shown.width, shown.height].map(|cells| cells as f64 * image.resolution_m),
-            cells_left_out,
+            sides_m: frame.sides_m(),
+            cells_left_out: drawn.cells_left_out,
             keyframes_left_out,
             wall_angle_rad,
             advice,
@@ -139,15 +143,9 @@ impl MapWriter<'_> {
         let (counts, left_out) = draw_believed(self.settings, self.session, map);
         (map_image(&counts, passes_per_hit), left_out)
     }
-
-    fn picture<'a>(&self, way: &'a [Pose2], wall_angle_rad: Option<f64>) -> Picture<'a> {
-        let level_rad = wall_angle_rad.unwrap_or(0.0);
-        let side_px = self.picture_side.map(usize::from);
-        Picture { world_from_robot: way, level_rad, side_px, ..Picture::default() }
-    }
 }
 
-/// The ways of the robot within each map, and their length, metres; what lies between two maps is no way.
+/// The ways of the robot within each map, and their length over all poses, metres; what lies between two maps is no way.
 pub(crate) fn ways(session: &Session, maps: &[SeparateMap]) -> (Vec<Vec<Pose2>>, f64) {
     let map_of = |place: usize| maps.iter().position(|map| map.has(place));
     let by_place: Vec<usize> = (0..session.keyframes().len()).map(|place| map_of(place).unwrap_or(0)).collect();
@@ -157,13 +155,8 @@ pub(crate) fn ways(session: &Session, maps: &[SeparateMap]) -> (Vec<Vec<Pose2>>,
         let place = scan.keyframe.and_then(|id| session.place(id));
         let map = place.and_then(|place| by_place.get(place).copied()).unwrap_or(0);
         let pose = pose.map_from_robot;
-        match last.filter(|(of, _)| *of == map).map(|(_, last)| pose.distance(last)) {
-            Some(step_m) if step_m < PATH_STEP_M => {}
-            step_m => {
-                length_m += step_m.unwrap_or(0.0);
-                last = Some((map, pose));
-            }
-        }
+        length_m += last.filter(|(of, _)| *of == map).map_or(0.0, |(_, last)| pose.distance(last));
+        last = Some((map, pose));
         ways[map].push(pose);
     }
     (ways, length_m)

@@ -36,8 +36,10 @@ pub use error::FormatError;
 pub use excerpt::Excerpt;
 pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_kitti, write_stamps};
 pub use jump::{JumpWatch, OdometryJump};
-pub use map::{Confidence, Frame, GridImage, Picture, SpacePicture, UNKNOWN, dominant_wall_angle, upward};
-pub use map::{SpacePlacement, ViewPlacement, write_bare_space_png};
+pub use map::{
+    Confidence, Frame, GridImage, Picture, PlanePlacement, SpacePicture, UNKNOWN, dominant_wall_angle, upward,
+};
+pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
 pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};
 pub use noted::{Noted, OddHeads, OrderReport, RangeReport};
 pub use open::{LogStream, open_log};

@@ -3,7 +3,7 @@
 mod show;
 mod space;
 
-use crate::args::{Align, DemoArgs, MappingArgs};
+use crate::args::DemoArgs;
 use crate::events::Interrupt;
 use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
@@ -24,13 +24,13 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     if args.space {
         return space::run(args);
     }
-    let mapping_args = MappingArgs { align: Align::Walls, ..args.mapping.clone() };
-    settings_of(&mapping_args)?;
+    let mapping_args = &args.mapping;
+    settings_of(mapping_args)?;
     let interrupt = Interrupt::watch()?;
     let earlier = mapping_args.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
     let output = OutputFolder::create(&args.output)?;
     let name = format!("simulated office floor, seed {}", args.seed);
-    let mut mapping = Mapping::begin(&mapping_args, output, None, earlier)?;
+    let mut mapping = Mapping::begin(mapping_args, output, None, earlier)?;
     let mut truth = Vec::new();
     for event in office(args.seed, PEOPLE) {
         match event {

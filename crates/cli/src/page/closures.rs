@@ -4,6 +4,7 @@ use super::html::escaped;
 use super::run::Run;
 use crate::closures::{CandidateRecord, VerdictName};
 use crate::terminal::count;
+use mapwright::Stamp;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -57,7 +58,7 @@ fn row(run: &Run, id: &str, number: usize) -> String {
     format!(
         "<tr data-row=\"{id}-{number}\"><td><button type=\"button\" class=\"choose\" data-run=\"{id}\" \
          data-closure=\"{number}\" aria-label=\"Show candidate {n}, {verdict}\">{n}</button></td>\
-         <td><span class=\"key {verdict}\">{verdict}</span>{}</td><td>{} → {}</td><td>{times}</td><td>{}</td></tr>\n",
+         <td><span class=\"key {verdict}\">{verdict}</span>{}</td><td>{} → {}</td><td>{times}</td><td class=\"why\">{}</td></tr>\n",
         if candidate.joins.is_some() { " (join)" } else { "" },
         candidate.from,
         candidate.to,
@@ -66,9 +67,9 @@ fn row(run: &Run, id: &str, number: usize) -> String {
     )
 }
 
-/// Since the begin.
+/// Of driving since the begin.
 fn time(run: &Run, stamp_s: Option<f64>) -> String {
-    stamp_s.map_or("?".to_owned(), |stamp_s| format!("{:.1} s", stamp_s - run.begin().as_secs_f64() + 0.0))
+    stamp_s.map_or("?".to_owned(), |stamp_s| format!("{:.1} s", run.seconds(Stamp::from_secs_f64(stamp_s)).max(0.0)))
 }
 
 /// What was decided and why, as a sentence.

@@ -20,10 +20,21 @@ pub(super) struct Drawn {
     pub(super) candidates: Vec<CandidateRecord>,
     /// Where something begins after a break, and how, in words.
     pub(super) breaks: Vec<(usize, &'static str)>,
+    /// Where to drive next, the best first, by the numbers in `map.png`.
+    pub(super) next: Vec<NextPlace>,
     pub(super) slips: usize,
     pub(super) maps: usize,
     pub(super) figures: Vec<Figure>,
     pub(super) overlays: Overlays,
+}
+
+/// A place whose visit would make a map more certain.
+#[derive(Debug, Clone)]
+pub(super) struct NextPlace {
+    pub(super) map: usize,
+    pub(super) place: [f64; 3],
+    /// Where it is, and what would be gained.
+    pub(super) words: String,
 }
 
 /// Where the robot was at a scan.
@@ -80,6 +91,7 @@ pub(super) fn drawn<M: Measurement<Pose: Recorded>>(
         breaks,
         keyframes,
         candidates,
+        next: Vec::new(),
         slips: session.slips().len(),
         maps: maps.len(),
         figures,

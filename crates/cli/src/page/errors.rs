@@ -142,7 +142,7 @@ pub(super) fn plots(reference: &str, runs: &[(&str, &Run, &Errors)]) -> String {
         let lines = runs.iter().map(|(name, run, errors)| Line {
             name,
             values: pick(errors).iter().map(|error| (run.seconds(error.stamp), value(error))).collect(),
-            pauses: run.pauses(),
+            pauses: run.clock.pauses(),
         });
         Plot { title, unit, length_s, lines: lines.collect() }.to_html()
     };

@@ -14,6 +14,8 @@ pub(super) struct Figure {
     pub(super) px_per_metre: f64,
     /// From above; of maps of space from the side as well.
     pub(super) views: Vec<ViewPlacement>,
+    /// The direction in the frame of a map of the plane that is level in the picture, radians; none of maps of space.
+    pub(super) level_rad: Option<f64>,
     /// Whether it has colours of its own; otherwise it is grey.
     pub(super) is_coloured: bool,
 }

@@ -14,6 +14,13 @@ use std::fmt::Write;
 const TOLERANCE_PX: f64 = 0.3;
 /// Coordinates of lines are whole numbers of such a share of a pixel.
 const FINE: f64 = 10.0;
+/// Shapes of marks, about their middle.
+pub(super) const START: &str = "M-7 7L0 -8L7 7Z";
+pub(super) const END: &str = "M-6 -6H6V6H-6Z";
+pub(super) const BREAK: &str = "M-7 -7H7L0 8Z";
+pub(super) const JOIN: &str = "M0 -7L7 0L0 7L-7 0Z";
+pub(super) const CLOSURE: &str = "M-5 0A5 5 0 1 0 5 0A5 5 0 1 0 -5 0Z";
+pub(super) const NEXT: &str = "M-9 0A9 9 0 1 0 9 0A9 9 0 1 0 -9 0Z";
 /// Steps of the scale of uncertainty.
 const STEPS: usize = 5;
 /// The scale of uncertainty ends here at least, metres, as in `map.png`.
@@ -40,6 +47,7 @@ pub(super) fn svg(run: &Run, figure: &Figure, id: &str) -> String {
         text += &path(&run.drawn, figure.map, &place);
         text += &doubt(&run.drawn, figure.map, &place);
         text += &closures(&run.drawn, figure.map, &place);
+        text += &next(&run.drawn, figure.map, &place);
     }
     text += "<g class=\"here\" hidden=\"\"><circle r=\"7\"/></g>\n</svg>\n";
     text
@@ -54,7 +62,8 @@ pub(super) fn map_name(map: usize) -> String {
 fn origin(figure: &Figure) -> String {
     match &figure.views[..] {
         [ViewPlacement { offset_px: [x, y], .. }] => {
-            format!(" data-origin=\"{},{}\"", rounded(*x), rounded(*y))
+            let turned_rad = figure.level_rad.unwrap_or(0.0);
+            format!(" data-origin=\"{},{}\" data-turned=\"{turned_rad}\"", rounded(*x), rounded(*y))
         }
         _ => String::new(),
     }
@@ -107,8 +116,8 @@ fn path(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     let _ = write!(text, "<path class=\"rim\" d=\"{d}\"/><path class=\"way\" d=\"{d}\"/>");
     let way = pixels(&of_map);
     if let (Some(first), Some(last)) = (way.first(), way.last()) {
-        text += &marker("start", *first, "start of the way", "M-7 7L0 -8L7 7Z");
-        text += &marker("end", *last, "end of the way", "M-6 -6H6V6H-6Z");
+        text += &marker("start", *first, "start of the way", START);
+        text += &marker("end", *last, "end of the way", END);
     }
     text + "</g>\n"
 }
@@ -139,8 +148,24 @@ fn doubt(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     for (keyframe, start) in &drawn.breaks {
         if let Some(known) = drawn.keyframes.get(*keyframe).filter(|known| known.map == map) {
             let title = format!("a fragment begins here after a break: {start}");
-            text += &marker("break", place(known.place), &title, "M0 -8L8 0L0 8L-8 0Z");
+            text += &marker("break", place(known.place), &title, BREAK);
         }
+    }
+    text + "</g>\n"
+}
+
+/// Numbered places to drive to, the first on top.
+fn next(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
+    let mut text = String::from("<g class=\"layer-next\">");
+    let of_map = drawn.next.iter().filter(|next| next.map == map).enumerate();
+    for (number, next) in of_map.collect::<Vec<_>>().into_iter().rev() {
+        let [x, y] = place(next.place).map(rounded);
+        let _ = write!(
+            text,
+            "<g class=\"mark next\" transform=\"translate({x} {y})\"><path d=\"{NEXT}\"/><text>{}</text><title>{}</title></g>",
+            number + 1,
+            escaped(&next.words)
+        );
     }
     text + "</g>\n"
 }
@@ -166,7 +191,7 @@ fn closures(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
 
 fn closure(number: usize, class: &str, ends: [[f64; 2]; 2]) -> String {
     let [[x1, y1], [x2, y2]] = ends.map(|end| end.map(rounded));
-    let shape = if class == "join" { "M0 -7L7 0L0 7L-7 0Z" } else { "M-5 0A5 5 0 1 0 5 0A5 5 0 1 0 -5 0Z" };
+    let shape = if class == "join" { JOIN } else { CLOSURE };
     format!(
         "<g class=\"closure {class}\" data-closure=\"{number}\"><path class=\"link\" d=\"M{x1} {y1}L{x2} {y2}\"/>\
          <g class=\"mark\" transform=\"translate({} {})\"><path d=\"{shape}\"/></g></g>",

@@ -3,6 +3,7 @@
 //! What is told stands in the HTML and is drawn as SVG, so that it can be read without a script as well; the script (`page.js`) enlarges
 //! maps, switches layers and lays submaps over each other.
 
+mod clock;
 mod closures;
 mod drawn;
 mod errors;

@@ -28,7 +28,8 @@ pub(super) fn of(run: &Run, errors: Option<&Errors>, related: Option<&RelationRe
     let inliers = report["matches"]["median_inlier_share"].as_f64();
     vec![
         counted(if run.drawn.is_space { "clouds" } else { "scans" }, run.drawn.way.len()),
-        number("length of the log", "s", Some(run.length_s())),
+        number("length of the log", "s", Some(run.clock.driven_s())),
+        counted("drives", run.clock.drives()),
         number("path", "m", report["path_m"].as_f64()),
         number("height climbed", "m", report["climbed_m"].as_f64()),
         counted("keyframes", run.drawn.keyframes.len()),
@@ -50,7 +51,8 @@ pub(super) fn of(run: &Run, errors: Option<&Errors>, related: Option<&RelationRe
         number("relation error of heading, mean", "°", related.map(|errors| errors.rotation_deg.mean)),
         number("time taken", "s", timing["total_s"].as_f64()),
         number("speed", "scans/s", timing["scans_per_second"].as_f64()),
-        number("times real time", "", timing["times_real_time"].as_f64()),
+        // Of drives of different days it would count the days between them.
+        number("times real time", "", timing["times_real_time"].as_f64().filter(|_| run.clock.drives() < 2)),
         number("memory, most", "MiB", timing["peak_memory_mib"].as_f64()),
     ]
 }
@@ -65,9 +67,10 @@ fn share(report: &Value, status: &str) -> Option<f64> {
 impl Number {
     /// Counts of what is usually not there are told only where it is.
     fn is_told(&self) -> bool {
-        let is_exception =
-            ["breaks", "of them joins over breaks", "wheel slips corrected", "maps", "lost"].contains(&self.what);
-        self.value.is_some_and(|value| !is_exception || value > f64::from(u8::from(self.what == "maps")))
+        let is_exception = ["breaks", "of them joins over breaks", "wheel slips corrected", "maps", "drives", "lost"]
+            .contains(&self.what);
+        let usual = f64::from(u8::from(["maps", "drives"].contains(&self.what)));
+        self.value.is_some_and(|value| !is_exception || value > usual)
     }
 
     fn in_words(&self) -> String {

@@ -25,6 +25,7 @@
       this.box = { ...this.whole };
       this.perMetre = Number(svg.dataset.perMetre);
       this.origin = svg.dataset.origin ? svg.dataset.origin.split(",").map(Number) : null;
+      this.turned = Number(svg.dataset.turned || 0);
       this.listen();
       this.show();
     }
@@ -161,7 +162,9 @@
     tellPlace(event) {
       if (!this.origin) return;
       const at = this.place(event);
-      const [x, y] = [(at.x - this.origin[0]) / this.perMetre, (this.origin[1] - at.y) / this.perMetre];
+      const [right, up] = [(at.x - this.origin[0]) / this.perMetre, (this.origin[1] - at.y) / this.perMetre];
+      const [s, c] = [Math.sin(this.turned), Math.cos(this.turned)];
+      const [x, y] = [c * right - s * up, s * right + c * up];
       this.frame.querySelector(".at").textContent = `x ${fixed(x)} m, y ${fixed(y)} m`;
     }
 

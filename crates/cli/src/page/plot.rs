@@ -5,10 +5,10 @@ use super::thinning::peaks;
 use std::fmt::Write;
 
 /// The drawing's width and height, and the room for the numbers on the left and below; units of the drawing.
-const WIDTH: f64 = 720.0;
+pub(super) const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 170.0;
-const LEFT: f64 = 56.0;
-const RIGHT: f64 = 8.0;
+pub(super) const LEFT: f64 = 56.0;
+pub(super) const RIGHT: f64 = 8.0;
 const BOTTOM: f64 = 22.0;
 const TOP: f64 = 8.0;
 /// Points of a line at most.
@@ -57,10 +57,6 @@ impl Plot<'_> {
         text + "<line class=\"cursor\" y1=\"0\" y2=\"148\" hidden=\"\"/></svg></figure>\n"
     }
 
-    fn x(&self, seconds: f64) -> f64 {
-        LEFT + (WIDTH - LEFT - RIGHT) * (seconds / self.length_s.max(1e-9)).clamp(0.0, 1.0)
-    }
-
     fn path(&self, line: &Line<'_>, top: f64) -> String {
         let mut text = String::new();
         let mut last: Option<f64> = None;
@@ -71,8 +67,8 @@ impl Plot<'_> {
             let y = TOP + (HEIGHT - TOP - BOTTOM) * (1.0 - (value / top).clamp(0.0, 1.0));
             let goes_on = last.is_some_and(|before| !is_over_pause(before, t));
             // A line to where it begins shows a single point as a dot.
-            let begins = if goes_on { String::new() } else { format!("M{:.1} {y:.1}", self.x(t)) };
-            let _ = write!(text, "{begins}L{:.1} {y:.1}", self.x(t));
+            let begins = if goes_on { String::new() } else { format!("M{:.1} {y:.1}", x(t, self.length_s)) };
+            let _ = write!(text, "{begins}L{:.1} {y:.1}", x(t, self.length_s));
             last = Some(t);
         }
         text
@@ -94,27 +90,7 @@ impl Plot<'_> {
                 number(value, step),
             );
         }
-        text + &self.times()
-    }
-
-    fn times(&self) -> String {
-        let (unit_s, unit) = time_unit(self.length_s);
-        let length = self.length_s / unit_s;
-        let step = round_step(length, 8.0);
-        let count = (length / step).floor() as usize;
-        let mut text = String::new();
-        for k in 0..=count.min(20) {
-            let value = k as f64 * step;
-            let x = self.x(value * unit_s);
-            let unit = if k == 0 { format!(" {unit}") } else { String::new() };
-            let _ = write!(
-                text,
-                "<text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}{unit}</text>",
-                HEIGHT - 6.0,
-                number(value, step)
-            );
-        }
-        text
+        text + &times(self.length_s, HEIGHT - 6.0)
     }
 
     /// What each line says, for who does not see it.
@@ -139,6 +115,30 @@ impl Plot<'_> {
         };
         self.lines.iter().enumerate().map(entry).collect()
     }
+}
+
+/// Where a time is, of all drawings over time.
+pub(super) fn x(seconds: f64, length_s: f64) -> f64 {
+    LEFT + (WIDTH - LEFT - RIGHT) * (seconds / length_s.max(1e-9)).clamp(0.0, 1.0)
+}
+
+/// The numbers along the time axis, their feet at `y`.
+pub(super) fn times(length_s: f64, y: f64) -> String {
+    let (unit_s, unit) = time_unit(length_s);
+    let step = round_step(length_s / unit_s, 8.0);
+    let count = (length_s / unit_s / step).floor() as usize;
+    let mut text = String::new();
+    for k in 0..=count.min(20) {
+        let value = k as f64 * step;
+        let x = x(value * unit_s, length_s);
+        let unit = if k == 0 { format!(" {unit}") } else { String::new() };
+        let _ = write!(
+            text,
+            "<text class=\"tick\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}{unit}</text>",
+            number(value, step)
+        );
+    }
+    text
 }
 
 /// Seconds in the unit that suits a time, and its name.

@@ -1,5 +1,6 @@
 //! A run as pages show it.
 
+use super::clock::Clock;
 use super::drawn::Drawn;
 use super::results::Results;
 use super::{plane, space};
@@ -8,24 +9,23 @@ use crate::session::{AnySession, settings_of};
 use mapwright::{Pose3, Settings, Stamp};
 use std::path::Path;
 
-/// A time without a scan is a pause when it is so many times as long as usual.
-const PAUSE: f64 = 10.0;
-
 /// A run, and all that is told of it.
 pub(super) struct Run {
     pub(super) name: String,
     pub(super) results: Results,
     pub(super) settings: Option<Settings>,
     pub(super) drawn: Drawn,
+    pub(super) clock: Clock,
 }
 
 impl Run {
-    pub(super) fn read(path: &Path) -> Result<Self, Failure> {
+    /// Maps of the plane are turned until the direction that is given is level, or as the run has turned them.
+    pub(super) fn read(path: &Path, level_rad: Option<f64>) -> Result<Self, Failure> {
         let results = Results::read(path)?;
         let (settings, drawn) = match &results.session {
             AnySession::Plane(session) => {
                 let settings = settings_of(session, path)?;
-                (settings, plane::draw(session, &settings, &results.report)?)
+                (settings, plane::draw(session, &settings, &results.report, level_rad)?)
             }
             AnySession::Space(session) => {
                 let settings = settings_of(session, path)?;
@@ -33,32 +33,23 @@ impl Run {
             }
         };
         let settings = Some(settings).filter(|_| !drawn.way.is_empty());
-        Ok(Self { name: results.name(), results, settings, drawn })
+        let clock = Clock::of(&drawn.way.iter().map(|pose| pose.stamp).collect::<Vec<_>>());
+        Ok(Self { name: results.name(), results, settings, drawn, clock })
     }
 
-    /// The stamp that times on the page are counted from.
-    pub(super) fn begin(&self) -> Stamp {
-        self.drawn.way.iter().map(|pose| pose.stamp).min().unwrap_or(Stamp(0))
-    }
-
-    /// Seconds since the begin.
+    /// Seconds of driving before a stamp.
     pub(super) fn seconds(&self, stamp: Stamp) -> f64 {
-        stamp.secs_since(self.begin())
+        self.clock.seconds(stamp)
     }
 
-    /// From the first stamp to the last, seconds.
+    /// The same of a place on the way.
+    pub(super) fn seconds_at(&self, place: usize) -> f64 {
+        self.drawn.way.get(place).map_or(f64::NAN, |pose| self.clock.at(place, pose.stamp))
+    }
+
+    /// Where the time axis ends.
     pub(super) fn length_s(&self) -> f64 {
-        self.drawn.way.iter().map(|pose| pose.stamp).max().map_or(0.0, |last| self.seconds(last))
-    }
-
-    /// Times without a scan that are far longer than usual, seconds.
-    pub(super) fn pauses(&self) -> Vec<[f64; 2]> {
-        let times: Vec<f64> = self.drawn.way.iter().map(|pose| self.seconds(pose.stamp)).collect();
-        let between = || times.windows(2).map(|pair| [pair[0], pair[1]]).filter(|[from, to]| to > from);
-        let mut lengths: Vec<f64> = between().map(|[from, to]| to - from).collect();
-        lengths.sort_unstable_by(f64::total_cmp);
-        let usual_s = lengths.get(lengths.len() / 2).copied().unwrap_or(0.0);
-        between().filter(|[from, to]| to - from > PAUSE * usual_s).collect()
+        self.clock.length_s()
     }
 
     pub(super) fn trajectory(&self) -> Vec<(Stamp, Pose3)> {

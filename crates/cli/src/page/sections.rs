@@ -7,6 +7,8 @@ use super::layers::{self, map_name};
 use super::plot::significant;
 use super::run::Run;
 use super::{closures, thinning};
+use crate::closures::VerdictName;
+use mapwright::Status;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -20,25 +22,84 @@ pub(super) fn section(id: &str, title: &str, content: &str) -> String {
     )
 }
 
-/// Switches of the layers and what their signs mean.
+/// Switches of the layers, each with all of its marks and what they mean.
 pub(super) fn layer_switches(runs: &[&Run]) -> String {
     let any = |has: &dyn Fn(&Run) -> bool| runs.iter().any(|run| has(run));
-    let has_sigmas = any(&|run| layers::limits_m(&run.drawn.keyframes).is_some());
-    let mut switches = vec![
-        ("path", "Path", true, "<i class=\"swatch way\"></i>"),
-        ("closures", "Closures and joins", true, "<i class=\"swatch accepted\"></i><i class=\"swatch join\"></i>"),
-        ("doubt", "Doubt and breaks", true, "<i class=\"swatch degraded\"></i><i class=\"swatch break\"></i>"),
-        ("refused", "Refused and waiting", false, "<i class=\"swatch refused\"></i>"),
+    let verdict = |verdict| any(&|run| run.drawn.candidates.iter().any(|c| c.verdict == verdict));
+    let status = |status| any(&|run| run.drawn.way.iter().any(|pose| pose.status == status));
+    let shown = |is_shown: bool, text: String| if is_shown { text } else { String::new() };
+    let sign = |class: &str, shape: &str, name: &str| {
+        format!(
+            "<svg class=\"sign {class}\" viewBox=\"-10 -10 20 20\" aria-hidden=\"true\"><path d=\"{shape}\"/></svg>{name}"
+        )
+    };
+    let stroke = |class: &str, name: &str| format!("<i class=\"swatch {class}\"></i>{name}");
+    let joins =
+        any(&|run| run.drawn.candidates.iter().any(|c| c.joins.is_some() && c.verdict == VerdictName::Accepted));
+    let switches = [
+        (
+            "path",
+            true,
+            stroke("way", "Way, from")
+                + &sign("start", layers::START, "its start to")
+                + &sign("end", layers::END, "its end"),
+        ),
+        (
+            "closures",
+            true,
+            shown(verdict(VerdictName::Accepted), sign("accepted", layers::CLOSURE, "Closures"))
+                + &shown(joins, sign("join", layers::JOIN, "Joins over breaks")),
+        ),
+        (
+            "doubt",
+            true,
+            shown(status(Status::Degraded), stroke("degraded", "Degraded"))
+                + &shown(status(Status::Lost), stroke("lost", "Lost"))
+                + &shown(any(&|run| !run.drawn.breaks.is_empty()), sign("break", layers::BREAK, "Begin after a break")),
+        ),
+        ("next", true, shown(any(&|run| !run.drawn.next.is_empty()), sign("next", layers::NEXT, "Drive here next"))),
+        (
+            "refused",
+            false,
+            shown(verdict(VerdictName::Refused), stroke("refused", "Refused"))
+                + &shown(verdict(VerdictName::Waiting), stroke("waiting", "Waiting"))
+                + &shown(verdict(VerdictName::Withdrawn), stroke("withdrawn", "Withdrawn")),
+        ),
+        (
+            "uncertainty",
+            false,
+            shown(any(&|run| layers::limits_m(&run.drawn.keyframes).is_some()), "Uncertainty".to_owned()),
+        ),
     ];
-    if has_sigmas {
-        switches.push(("uncertainty", "Uncertainty", false, ""));
-    }
-    let switch = |(layer, name, is_on, sign): (&str, &str, bool, &str)| {
+    let switch = |(layer, is_on, signs): (&str, bool, String)| {
         let checked = if is_on { " checked=\"\"" } else { "" };
-        format!("<label><input type=\"checkbox\" data-layer=\"{layer}\"{checked}/> {sign}{name}</label>\n")
+        let hidden = if signs.is_empty() { " hidden=\"\"" } else { "" };
+        format!("<label{hidden}><input type=\"checkbox\" data-layer=\"{layer}\"{checked}/> {signs}</label>\n")
     };
     let switches: String = switches.into_iter().map(switch).collect();
     format!("<fieldset class=\"layers\"><legend>Layers</legend>\n{switches}{}</fieldset>\n", scale(runs))
+}
+
+/// The places that would make the maps more certain, by their numbers.
+pub(super) fn drive_next(run: &Run) -> String {
+    if run.drawn.next.is_empty() {
+        let why = if run.drawn.is_space {
+            "Maps of space have no advice yet."
+        } else {
+            "No place would make the map much more certain."
+        };
+        return format!("<p>{why}</p>\n");
+    }
+    let mut text = String::new();
+    for of_map in run.drawn.next.chunk_by(|a, b| a.map == b.map) {
+        let _ = match of_map[0].map {
+            0 => write!(text, "<ol class=\"next\">"),
+            map => write!(text, "<p>{}</p><ol class=\"next\">", map_name(map)),
+        };
+        of_map.iter().for_each(|next| _ = write!(text, "<li>{}.</li>", escaped(&next.words)));
+        text += "</ol>\n";
+    }
+    text
 }
 
 /// What the steps of uncertainty stand for.
@@ -89,8 +150,7 @@ pub(super) fn data(run: &Run) -> Value {
 
 /// Times in tenths of a second, and where the robot was in each view of its map: whole pixels.
 fn way(run: &Run) -> Value {
-    let timed: Vec<(f64, f64)> =
-        run.drawn.way.iter().enumerate().map(|(k, p)| (run.seconds(p.stamp), k as f64)).collect();
+    let timed: Vec<(f64, f64)> = (0..run.drawn.way.len()).map(|k| (run.seconds_at(k), k as f64)).collect();
     let mut told: Vec<Value> = Vec::new();
     for (seconds, k) in thinning::peaks(&timed, WAY_POINTS) {
         let pose = run.drawn.way[k as usize];

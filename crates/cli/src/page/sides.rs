@@ -3,7 +3,7 @@
 use super::errors::{self, Errors, Reference};
 use super::html::escaped;
 use super::run::Run;
-use super::sections::{data, layer_switches, maps, section};
+use super::sections::{data, drive_next, layer_switches, maps, section};
 use super::single::{short_name, what_it_is};
 use super::{Beside, Page, closures, fill, inputs, numbers, relations, settings, status, verdict};
 use crate::failure::Failure;
@@ -20,8 +20,10 @@ const NAMES: [&str; 2] = ["A", "B"];
 
 pub(super) fn page(folders: [&Path; 2], asked: Beside<'_>) -> Result<Page, Failure> {
     let (reference, relations) = relations::told_apart(asked.reference, asked.relations)?;
-    let [first, second] = folders.map(Run::read);
-    let runs = [first?, second?];
+    let first = Run::read(folders[0], None)?;
+    // Both maps lie the same way.
+    let second = Run::read(folders[1], first.drawn.figures.first().and_then(|figure| figure.level_rad))?;
+    let runs = [first, second];
     let both = [&runs[0], &runs[1]];
     let [a, b] = both.map(|run| beside(reference, run));
     let errors = [a?, b?];
@@ -32,10 +34,11 @@ pub(super) fn page(folders: [&Path; 2], asked: Beside<'_>) -> Result<Page, Failu
     let title = format!("{} and {}", both[0].results.folder.display(), both[1].results.folder.display());
     let mut body = format!("<header><h1>Two runs side by side</h1>\n{}</header>\n", each(|k| head(both[k], k)));
     body += &each(|k| verdict::block(&both[k].results.report));
-    let of = |k: usize| numbers::of(both[k], errors[k].as_ref().map(|(_, errors)| errors), related[k].as_ref());
-    body += &section("numbers", "In numbers", &numbers::table(NAMES, [&of(0), &of(1)]));
     let map = format!("{}{COUPLED}{}{DETAIL}", layer_switches(&both), each(|k| maps(both[k], IDS[k])));
     body += &section("map", "The maps", &map);
+    body += &section("next", "Where to drive next", &each(|k| drive_next(both[k])));
+    let of = |k: usize| numbers::of(both[k], errors[k].as_ref().map(|(_, errors)| errors), related[k].as_ref());
+    body += &section("numbers", "In numbers", &numbers::table(NAMES, [&of(0), &of(1)]));
     body += &section("apart", "How far the two ways are apart", &apart(both));
     body += &section("closures", "Closures", &each(|k| closures::table(both[k], IDS[k])));
     if let [Some((reference, a)), Some((_, b))] = &errors {

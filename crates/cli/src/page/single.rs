@@ -3,7 +3,7 @@
 use super::errors::{self, Reference};
 use super::html::escaped;
 use super::run::Run;
-use super::sections::{data, layer_switches, maps, section};
+use super::sections::{data, drive_next, layer_switches, maps, section};
 use super::{Beside, Page, closures, fill, inputs, numbers, relations, settings, status, verdict};
 use crate::failure::Failure;
 use serde_json::json;
@@ -12,7 +12,7 @@ use std::path::Path;
 const DETAIL: &str = include_str!("detail.html");
 
 pub(super) fn page(folder: &Path, beside: Beside<'_>) -> Result<Page, Failure> {
-    let run = Run::read(folder)?;
+    let run = Run::read(folder, None)?;
     let (reference, relations) = relations::told_apart(beside.reference, beside.relations)?;
     let related = relations.as_ref().map(|relations| relations.errors(&run)).transpose()?;
     let reference = Reference::of(reference, &run)?;
@@ -23,9 +23,10 @@ pub(super) fn page(folder: &Path, beside: Beside<'_>) -> Result<Page, Failure> {
         what_it_is(&run)
     );
     body += &verdict::block(&run.results.report);
-    body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref(), related.as_ref())));
     let map = format!("{}<div class=\"beside\"><div>{}</div>{DETAIL}</div>", layer_switches(&[&run]), maps(&run, "a"));
     body += &section("map", "The map", &map);
+    body += &section("next", "Where to drive next", &drive_next(&run));
+    body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref(), related.as_ref())));
     body += &section("closures", "Closures", &closures::table(&run, "a"));
     if let (Some(reference), Some(errors)) = (&reference, &errors) {
         body += &section("errors", "Errors", &errors::plots(&reference.name, &[("errors", &run, errors)]));

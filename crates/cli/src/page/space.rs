@@ -67,6 +67,7 @@ fn figure(map: &MapPoints, way: &[Pose3], up: [f64; 3], point_m: f64) -> Result<
         size_px: placement.size_px,
         px_per_metre: placement.px_per_metre,
         views: placement.views.to_vec(),
+        level_rad: None,
         is_coloured: true,
     })
 }

@@ -1,22 +1,24 @@
 //! Speed, memory and status over the run.
 
-use super::plot::{Line, Plot};
+use super::plot::{LEFT, Line, Plot, RIGHT, WIDTH, times, x};
 use super::run::Run;
 use crate::terminal::{count, grouped};
 use mapwright::Status;
 use serde_json::Value;
 use std::fmt::Write;
 
-/// The drawing's width and height, and where it begins, as in plots.
-const WIDTH: f64 = 720.0;
-const LEFT: f64 = 56.0;
-const RIGHT: f64 = 8.0;
 /// A run of scans is so wide at least, or nobody would see it.
 const LEAST_WIDTH: f64 = 1.5;
 
 /// All of it, of one run.
 pub(super) fn over_the_run(run: &Run) -> String {
-    strip(run) + &speed_and_memory(run)
+    let drives = match run.clock.drives() {
+        0 | 1 => String::new(),
+        drives => {
+            format!("<p class=\"note\">Time is that of {drives} drives; what lies between them is left out.</p>\n")
+        }
+    };
+    format!("{drives}<div class=\"plots over\">{}{}</div>\n", strip(run), speed_and_memory(run))
 }
 
 /// How scans fitted, along the time.
@@ -26,17 +28,19 @@ fn strip(run: &Run) -> String {
         "<figure class=\"plot\"><figcaption>Status<span class=\"key tracking\">tracking</span>\
          <span class=\"key degraded\">degraded</span><span class=\"key lost\">lost</span>\
          <span class=\"note\">{words}</span></figcaption>\
-         <svg viewBox=\"0 0 {WIDTH} 30\" role=\"img\" aria-label=\"Status over the run: {words}\" \
+         <svg viewBox=\"0 0 {WIDTH} 48\" role=\"img\" aria-label=\"Status over the run: {words}\" \
          data-plot=\"{LEFT},{},{}\"><rect class=\"tracking\" x=\"{LEFT}\" y=\"4\" width=\"{}\" height=\"22\"/>",
         WIDTH - RIGHT,
         run.length_s(),
         WIDTH - LEFT - RIGHT
     );
-    let x = |seconds: f64| LEFT + (WIDTH - LEFT - RIGHT) * (seconds / run.length_s().max(1e-9)).clamp(0.0, 1.0);
+    let x = |seconds: f64| x(seconds, run.length_s());
+    let mut place = 0;
     for same in run.drawn.way.chunk_by(|a, b| a.status == b.status) {
-        let (status, first, last) = (same[0].status, same[0].stamp, same[same.len() - 1].stamp);
+        let (status, first, last) = (same[0].status, place, place + same.len() - 1);
+        place += same.len();
         if status != Status::Tracking {
-            let (from, to) = (x(run.seconds(first)), x(run.seconds(last)));
+            let (from, to) = (x(run.seconds_at(first)), x(run.seconds_at(last)));
             let (y, height) = if status == Status::Lost { (0, 30) } else { (4, 22) };
             let _ = write!(
                 text,
@@ -46,6 +50,11 @@ fn strip(run: &Run) -> String {
             );
         }
     }
+    for [from, to] in run.clock.cuts() {
+        let (from, to) = (x(from), x(to));
+        let _ = write!(text, "<rect class=\"cut\" x=\"{from:.1}\" y=\"0\" width=\"{:.1}\" height=\"30\"/>", to - from);
+    }
+    text += &times(run.length_s(), 44.0);
     text + "<line class=\"cursor\" y1=\"0\" y2=\"30\" hidden=\"\"/></svg></figure>\n"
 }
 
@@ -62,13 +71,13 @@ fn words(run: &Run) -> String {
 fn speed_and_memory(run: &Run) -> String {
     let Samples { speeds, memory } = Samples::of(run);
     let plot = |title, unit, values| {
-        let lines = vec![Line { name: title, values, pauses: Vec::new() }];
+        let lines = vec![Line { name: title, values, pauses: run.clock.cuts() }];
         Plot { title, unit, length_s: run.length_s(), lines }.to_html()
     };
     if speeds.is_empty() {
         return "<p class=\"note\">How fast it was along the way was not recorded by this run.</p>\n".to_owned();
     }
-    format!("<div class=\"plots\">{}{}</div>\n", plot("Speed", "scans/s", speeds), plot("Memory", "MiB", memory))
+    plot("Speed", "scans/s", speeds) + &plot("Memory", "MiB", memory)
 }
 
 /// What `timing.json` says along the way: scans a second and MiB, over seconds of the log.
@@ -88,7 +97,7 @@ impl Samples {
         let way = &run.drawn.way;
         let time = |scan: f64| {
             let at = way.partition_point(|pose| (pose.scan as f64) < scan);
-            way.get(at).map_or(f64::NAN, |pose| run.seconds(pose.stamp))
+            run.seconds_at(at)
         };
         let (at, spent) = (scans.windows(2), elapsed_s.windows(2));
         let speed = |(scans, spent): (&[f64], &[f64])| {

@@ -3,7 +3,7 @@
 use super::html::escaped;
 use serde_json::Value;
 
-/// The verdict with its reasons and their evidence; empty where the report has none.
+/// The verdict with its reasons; empty where the report has none.
 pub(super) fn block(report: &Value) -> String {
     let verdict = &report["verdict"];
     let Some(word) = verdict["word"].as_str() else { return String::new() };
@@ -26,29 +26,10 @@ pub(super) fn block(report: &Value) -> String {
     )
 }
 
-/// What it says, and what speaks for that.
+/// What it says; the values that it was judged by stand in `report.json`.
 fn reason(reason: &Value) -> String {
     let what = reason["words"].as_str().or_else(|| reason.as_str()).unwrap_or("no reason given");
-    let evidence = reason["evidence"].as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
-    let evidence: Vec<String> =
-        evidence.map(|(key, value)| format!("{} {}", key.replace('_', " "), plain(value))).collect();
-    let evidence = if evidence.is_empty() {
-        String::new()
-    } else {
-        format!(" <small>({})</small>", escaped(&evidence.join(", ")))
-    };
-    format!("<li>{}{evidence}</li>", escaped(what))
-}
-
-/// A number with a few digits, a text without its quotes.
-fn plain(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Number(number) if !number.is_i64() && !number.is_u64() => {
-            number.as_f64().map_or_else(|| number.to_string(), |number| format!("{}", (number * 1e4).round() / 1e4))
-        }
-        other => other.to_string(),
-    }
+    format!("<li>{}</li>", escaped(what))
 }
 
 #[cfg(test)]
@@ -57,13 +38,13 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_verdict_stands_with_its_reasons_and_their_evidence() {
+    fn a_verdict_stands_with_its_reasons_in_words() {
         let reasons = json!([{
             "words": "walls <stand> twice", "evidence": { "doubled_share": 0.123456, "scans": 4, "none": null },
         }]);
         let html = block(&json!({ "verdict": { "word": "check", "reasons": reasons } }));
         assert!(html.contains("class=\"verdict check\""), "{html}");
-        assert!(html.contains("walls &lt;stand&gt; twice <small>(doubled share 0.1235, scans 4)</small>"), "{html}");
+        assert!(html.contains("<li>walls &lt;stand&gt; twice</li>") && !html.contains("share"), "{html}");
         let good = block(&json!({ "verdict": { "word": "good", "reasons": [], "words": "all fits" } }));
         assert!(good.contains("<p>all fits</p>"), "{good}");
         assert!(block(&json!({})).is_empty() && block(&Value::Null).is_empty());

@@ -188,3 +188,36 @@ fn a_picture_has_the_side_that_is_asked_for() {
         assert_eq!(longer.to_string(), more[1]);
     }
 }
+
+#[test]
+fn the_picture_alone_is_turned_upright() {
+    let folder = folder("upright");
+    let (log, out) = (small_log_in(&folder), |name: &str| folder.join(name));
+    let map = |name: &str, more: &[&str]| {
+        let fixed =
+            ["map", &log, "-o", out(name).to_str().unwrap(), "--quiet", "--start", "0,0,0.4"].map(str::to_owned);
+        let arguments: Vec<&str> = fixed.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        assert_code(&run(&arguments), 0);
+        json(&out(name).join("report.json"))["map"]["wall_angle_rad"].as_f64()
+    };
+    let (turned, left) = (map("turned", &[]), map("left", &["--align", "none"]));
+    assert!(turned.is_some_and(|angle_rad| angle_rad.abs() > 0.05) && left.is_none(), "{turned:?} {left:?}");
+    let same = |file: &str| fs::read(out("turned").join(file)).unwrap() == fs::read(out("left").join(file)).unwrap();
+    assert!(["map.pgm", "map.yaml", "trajectory.tum", "graph.g2o"].into_iter().all(same) && !same("map.png"));
+}
+
+#[test]
+fn the_length_of_the_way_is_that_of_the_trajectory() {
+    let folder = folder("way_length");
+    let (log, out) = (small_log_in(&folder), folder.join("out"));
+    assert_code(&run(&["map", &log, "-o", out.to_str().unwrap(), "--quiet"]), 0);
+    let rows = fs::read_to_string(out.join("trajectory.tum")).unwrap();
+    let place = |row: &str| {
+        let numbers: Vec<f64> = row.split(' ').map(|number| number.parse().unwrap()).collect();
+        [numbers[1], numbers[2]]
+    };
+    let places: Vec<[f64; 2]> = rows.lines().filter(|row| !row.starts_with('#')).map(place).collect();
+    let length_m: f64 = places.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum();
+    let told_m = json(&out.join("report.json"))["path_m"].as_f64().unwrap();
+    assert!((told_m - length_m).abs() < 1e-3 * length_m, "{told_m} m beside {length_m} m");
+}

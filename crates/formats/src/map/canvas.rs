@@ -1,7 +1,5 @@
 //! Drawing into a picture. Plain arithmetic only, so that the same map gives the same bytes everywhere.
 
-use super::font;
-
 /// Red, green, blue.
 pub(super) type Colour = [u8; 3];
 
@@ -54,21 +52,56 @@ impl Canvas {
         self.stroke(centre, centre, radius, colour);
     }
 
+    /// A filled square with a white rim; `half` is half its side.
+    pub(super) fn square(&mut self, centre: [f32; 2], half: f32, colour: Colour) {
+        for (half, colour) in [(1.35 * half, [255; 3]), (half, colour)] {
+            let [left, top] = centre.map(|at| (at - half).round().max(0.0) as usize);
+            let [right, bottom] = centre.map(|at| (at + half).round().max(0.0) as usize);
+            self.rectangle(left, top, right.saturating_sub(left), bottom.saturating_sub(top), colour);
+        }
+    }
+
+    /// A filled triangle that points upwards, with a white rim; `half` is half its base.
+    pub(super) fn triangle(&mut self, [x, y]: [f32; 2], half: f32, colour: Colour) {
+        for (half, colour) in [(1.5 * half, [255; 3]), (half, colour)] {
+            let bottom = y + 0.8 * half;
+            for row in clip(y - half, bottom, self.height) {
+                // The sides rise by 1.8 halves over one.
+                let middle = row as f32 + 0.5;
+                let reach = ((middle - (y - half)) / 1.8).min(half);
+                if reach > 0.0 && middle <= bottom {
+                    let left = (x - reach).round().max(0.0) as usize;
+                    let right = (x + reach).round().max(0.0) as usize;
+                    self.rectangle(left, row, right.saturating_sub(left), 1, colour);
+                }
+            }
+        }
+    }
+
     /// An upright filled rectangle.
     pub(super) fn rectangle(&mut self, left: usize, top: usize, width: usize, height: usize, colour: Colour) {
-        let columns = left.min(self.width)..(left + width).min(self.width);
-        for y in top.min(self.height)..(top + height).min(self.height) {
+        let columns = left.min(self.width)..left.saturating_add(width).min(self.width);
+        for y in top.min(self.height)..top.saturating_add(height).min(self.height) {
             self.row(y)[columns.clone()].fill(colour);
         }
     }
 
-    /// Text whose letters are `scale` times five by seven pixels.
-    pub(super) fn text(&mut self, text: &str, left: usize, top: usize, scale: usize, colour: Colour) {
-        for (index, letter) in text.chars().enumerate() {
-            for (row, bits) in font::glyph(letter).into_iter().enumerate() {
-                for column in (0..5).filter(|c| bits >> (4 - c) & 1 == 1) {
-                    let x = left + (index * font::ADVANCE_PX + column) * scale;
-                    self.rectangle(x, top + row * scale, scale, scale, colour);
+    /// Strokes of one letter: where they meet they cover no more than one of them.
+    pub(super) fn strokes_as_one(&mut self, strokes: &[[[f32; 2]; 2]], half_width: f32, colour: Colour) {
+        let reach = half_width + 1.0;
+        let bounds = |k: usize| {
+            let along = || strokes.iter().flatten().map(|place| place[k]);
+            [along().fold(f32::INFINITY, f32::min) - reach, along().fold(f32::NEG_INFINITY, f32::max) + reach]
+        };
+        let [[left, right], [top, bottom]] = [bounds(0), bounds(1)];
+        for y in clip(top, bottom, self.height) {
+            let columns = clip(left, right, self.width);
+            for (x, pixel) in columns.clone().zip(&mut self.row(y)[columns]) {
+                let centre = [x as f32 + 0.5, y as f32 + 0.5];
+                let away = strokes.iter().map(|[from, to]| distance_to_segment(centre, *from, *to));
+                let cover = half_width + 0.5 - away.fold(f32::INFINITY, f32::min);
+                if cover > 0.0 {
+                    *pixel = blend(*pixel, colour, cover.min(1.0));
                 }
             }
         }
@@ -114,6 +147,11 @@ mod tests {
         assert_eq!(canvas.pixels[5 * 40 + 30], [0; 3]);
         canvas.stroke([-1e9, -1e9], [1e9, 1e9], 2.0, [9; 3]);
         canvas.stroke([f32::NAN, 0.0], [3.0, f32::INFINITY], 2.0, [9; 3]);
-        canvas.text("12.5 km", 30, 25, 3, [1; 3]);
+        canvas.text("12.5 km", [30.0, 45.0], 3.0, [1; 3]);
+        canvas.text("12.5 km", [-1e9, f32::NAN], 3.0, [1; 3]);
+        canvas.strokes_as_one(&[], 1.0, [1; 3]);
+        canvas.square([-1e9, f32::NAN], 1e9, [1; 3]);
+        canvas.triangle([f32::NAN, 1e30], f32::INFINITY, [1; 3]);
+        canvas.square([1e30, f32::INFINITY], f32::INFINITY, [1; 3]);
     }
 }

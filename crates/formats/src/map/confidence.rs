@@ -1,7 +1,7 @@
 //! How certain the map is, as a tint of its free space, and numbered places.
 
+use super::GridImage;
 use super::canvas::{Canvas, Colour, blend};
-use super::{GridImage, font};
 use std::collections::BTreeMap;
 
 /// What free space turns to where the map is most uncertain.
@@ -132,15 +132,9 @@ fn full(worst_m: f32) -> f32 {
 }
 
 /// A numbered disc.
-pub(super) fn draw_place(canvas: &mut Canvas, centre: [f32; 2], number: usize, pen: usize) {
-    let scale = 2 * pen;
-    let text = number.to_string();
-    canvas.marker(centre, 9.0 * pen as f32, PLACE);
-    let half = |px: usize| (px * scale) as f32 / 2.0;
-    let [left, top] = [centre[0] - half(font::ADVANCE_PX * text.len() - 1), centre[1] - half(font::HEIGHT_PX)];
-    if left >= 0.0 && top >= 0.0 {
-        canvas.text(&text, (left + 0.5) as usize, (top + 0.5) as usize, scale, [255; 3]);
-    }
+pub(super) fn draw_place(canvas: &mut Canvas, centre: [f32; 2], number: usize, pen: f32) {
+    canvas.marker(centre, 10.0 * pen, PLACE);
+    canvas.text_about(&number.to_string(), centre, 0.85 * pen, [255; 3]);
 }
 
 #[cfg(test)]

@@ -1,22 +1,27 @@
 //! The strip below a picture: a scale bar, and what its colours and marks stand for.
 
 use super::canvas::{Canvas, Colour, blend};
-use super::confidence::{CERTAIN, PLACE, UNCERTAIN};
+use super::confidence::{CERTAIN, UNCERTAIN, draw_place};
 use super::font;
-use super::palette::{END, INK, MARGIN_PX, START, way_colour};
+use super::palette::{END, INK, MARGIN_PX, START, UNSEEN, way_colour};
 
-/// Height of a strip of one line, pixels.
-const STRIP_PX: usize = 28;
-/// From one line to the next, and between two items of a line, in widths of a pen.
-const LINE: usize = 22;
-const GAP: usize = 28;
+/// Lengths are widths of a pen, which is a pixel wide in small pictures ([`super::options::pen_of`]).
+/// Height of a strip of one line.
+const STRIP: f32 = 30.0;
+/// From one line to the next, and between two items of a line.
+const LINE: f32 = 26.0;
+const GAP: f32 = 28.0;
 /// Between the parts of an item.
-const SPACE: usize = 6;
+const SPACE: f32 = 7.0;
 /// Length of a bar of colours, and of a stroke.
-const BAR: usize = 96;
-const STROKE: usize = 24;
+const BAR: f32 = 96.0;
+const STROKE: f32 = 24.0;
 /// Radius of a mark.
-const MARK: usize = 5;
+const MARK: f32 = 5.5;
+/// The widest item, but for what is said in words.
+const WIDEST: f32 = 310.0;
+/// A unit of letters: the tall ones are twelve widths of a pen high.
+const UNIT: f32 = 0.8;
 
 /// What can stand there.
 #[derive(Debug, Clone)]
@@ -27,8 +32,12 @@ pub(super) enum Item {
     Way,
     /// A numbered place.
     Places,
+    /// How often something was seen: from what is hardly seen on the ground of what never was to what is white.
+    Seen,
     /// The tint of free space, and where it is full, metres.
     Uncertainty { full_m: f32 },
+    /// By how much the picture is turned against the map's own frame, anticlockwise, radians.
+    Turned { by_rad: f64 },
     /// Lines of a colour, by name.
     Lines(Colour, &'static str),
     /// Heights as colours, from the lowest to the highest, metres.
@@ -38,53 +47,52 @@ pub(super) enum Item {
 /// A piece of an item.
 enum Part {
     Text(String),
-    Mark(Colour, &'static str),
+    Start,
+    End,
+    Place,
     Bar(fn(f32) -> Colour),
     Stroke(Colour),
-    Ruler(usize),
+    Ruler(f32),
 }
 
 impl Part {
-    fn width(&self, pen: usize) -> usize {
+    /// Pixels.
+    fn width(&self, pen: f32) -> f32 {
         match self {
-            Self::Text(text) => text_width(text, pen),
-            Self::Mark(_, "") => 2 * MARK * pen,
-            Self::Mark(..) => 4 * MARK * pen,
+            Self::Text(text) => font::width_px(text, UNIT * pen),
+            Self::Start | Self::End => 2.0 * MARK * pen,
+            Self::Place => 3.6 * MARK * pen,
             Self::Bar(_) => BAR * pen,
             Self::Stroke(_) => STROKE * pen,
             Self::Ruler(length_px) => *length_px,
         }
     }
 
-    /// On the line whose letters have their feet at `bottom`.
-    fn draw(&self, canvas: &mut Canvas, left: usize, bottom: usize, pen: usize) {
-        let tall = font::HEIGHT_PX * 2 * pen;
-        let top = bottom.saturating_sub(tall);
-        let middle = (top + tall / 2) as f32;
+    /// On the line whose letters have their feet at `foot`.
+    fn draw(&self, canvas: &mut Canvas, left: f32, foot: f32, pen: f32) {
+        let unit = UNIT * pen;
+        let tall = font::TALL * unit;
+        let width = self.width(pen);
+        let centre = [left + 0.5 * width, foot - 0.45 * tall];
         match self {
-            Self::Text(text) => canvas.text(text, left, top, 2 * pen, INK),
-            Self::Mark(colour, text) => {
-                let centre = [left as f32 + 0.5 * self.width(pen) as f32, middle];
-                let radius = if text.is_empty() { MARK * pen } else { 2 * MARK * pen - pen };
-                canvas.marker(centre, radius as f32, *colour);
-                let letter = left + self.width(pen).saturating_sub(5 * 2 * pen) / 2;
-                canvas.text(text, letter, top, 2 * pen, [255; 3]);
-            }
+            Self::Text(text) => canvas.text(text, [left, foot], unit, INK),
+            Self::Start => canvas.triangle(centre, 1.2 * MARK * pen, START),
+            Self::End => canvas.square(centre, MARK * pen, END),
+            Self::Place => draw_place(canvas, centre, 1, 0.9 * pen),
             Self::Bar(colour_at) => {
-                let length = self.width(pen);
-                canvas.rectangle(left.saturating_sub(1), top.saturating_sub(1), length + 2, tall + 2, INK);
-                for x in 0..length {
-                    canvas.rectangle(left + x, top, 1, tall, colour_at(x as f32 / length as f32));
+                let [x, y, length, height] = [left, foot - tall, width, tall].map(whole);
+                let rim = whole(pen);
+                canvas.rectangle(x.saturating_sub(rim), y.saturating_sub(rim), length + 2 * rim, height + 2 * rim, INK);
+                for at in 0..length {
+                    canvas.rectangle(x + at, y, 1, height, colour_at(at as f32 / length as f32));
                 }
             }
-            Self::Stroke(colour) => {
-                let ends = [left, left + self.width(pen)].map(|x| [x as f32, middle]);
-                canvas.stroke(ends[0], ends[1], 1.2 * pen as f32, *colour);
-            }
+            Self::Stroke(colour) => canvas.stroke([left, centre[1]], [left + width, centre[1]], 1.2 * pen, *colour),
             Self::Ruler(length_px) => {
-                canvas.rectangle(left, bottom.saturating_sub(2 * pen), *length_px, 2 * pen, INK);
-                for end in [left, left + length_px.saturating_sub(2 * pen)] {
-                    canvas.rectangle(end, bottom.saturating_sub(8 * pen), 2 * pen, 8 * pen, INK);
+                let [x, bottom, length, thick, high] = [left, foot, *length_px, 2.0 * pen, 9.0 * pen].map(whole);
+                canvas.rectangle(x, bottom.saturating_sub(thick), length, thick, INK);
+                for end in [x, x + length.saturating_sub(thick)] {
+                    canvas.rectangle(end, bottom.saturating_sub(high), thick, high, INK);
                 }
             }
         }
@@ -97,18 +105,21 @@ impl Item {
         match *self {
             Self::ScaleBar { px_per_metre } => {
                 let length_m = round_length(0.2 * width_px as f64 / px_per_metre);
-                let length_px = ((length_m * px_per_metre).round() as usize).max(1);
+                let length_px = ((length_m * px_per_metre).round() as f32).max(1.0);
                 vec![Part::Ruler(length_px), text(&length_label(length_m))]
             }
-            Self::Way => {
-                vec![Part::Mark(START, ""), text("start"), Part::Bar(way_colour), text("end"), Part::Mark(END, "")]
-            }
-            Self::Places => vec![Part::Mark(PLACE, "1"), text("drive here next")],
+            Self::Way => vec![Part::Start, text("start"), Part::Bar(way_colour), text("end"), Part::End],
+            Self::Places => vec![Part::Place, text("drive here next")],
+            Self::Seen => vec![text("seen once"), Part::Bar(|share| blend(UNSEEN, CERTAIN, share)), text("often")],
             Self::Uncertainty { full_m } => vec![
                 text("known to ±0"),
                 Part::Bar(|share| blend(CERTAIN, UNCERTAIN, share)),
                 text(&format!("±{full_m} m")),
             ],
+            Self::Turned { by_rad } => {
+                let side = if by_rad > 0.0 { "anticlockwise" } else { "clockwise" };
+                vec![text(&format!("turned {:.1}° {side}", by_rad.to_degrees().abs()))]
+            }
             Self::Lines(colour, name) => vec![Part::Stroke(colour), text(name)],
             Self::Heights { colour_at, low_m, high_m } => {
                 // Zero has no sign.
@@ -118,10 +129,10 @@ impl Item {
         }
     }
 
-    fn width(&self, width_px: usize, pen: usize) -> usize {
+    fn width(&self, width_px: usize, pen: f32) -> f32 {
         let parts = self.parts(width_px);
-        let gaps = parts.len().saturating_sub(1) * SPACE * pen;
-        parts.iter().map(|part| part.width(pen)).sum::<usize>() + gaps
+        let gaps = parts.len().saturating_sub(1) as f32 * SPACE * pen;
+        parts.iter().map(|part| part.width(pen)).sum::<f32>() + gaps
     }
 }
 
@@ -129,25 +140,27 @@ impl Item {
 #[derive(Debug, Clone)]
 pub(super) struct Footer {
     /// Each item with its line and its left end, pixels.
-    placed: Vec<(Item, usize, usize)>,
+    placed: Vec<(Item, usize, f32)>,
     width_px: usize,
     lines: usize,
-    pen: usize,
+    pen: f32,
 }
 
 impl Footer {
-    /// Items from left to right, line by line; one that is wider than the picture is left out.
-    pub(super) fn of(items: Vec<Item>, width_px: usize, pen: usize) -> Self {
-        let room = width_px.saturating_sub(2 * MARGIN_PX);
-        let (mut placed, mut line, mut end) = (Vec::new(), 0, 0);
+    /// Items from left to right, line by line; one that is wider than the picture even with the thinnest pen is left out.
+    pub(super) fn of(items: Vec<Item>, width_px: usize, pen: f32) -> Self {
+        let room = width_px.saturating_sub(2 * MARGIN_PX) as f32;
+        // In a tall picture letters are smaller rather than an item left out.
+        let pen = pen.min(room / WIDEST).max(1.0);
+        let (mut placed, mut line, mut end) = (Vec::new(), 0, 0.0);
         for item in items {
             let width = item.width(width_px, pen);
             if width > room {
                 continue;
             }
-            let mut left = if end == 0 { 0 } else { end + GAP * pen };
+            let mut left = if end == 0.0 { 0.0 } else { end + GAP * pen };
             if left + width > room {
-                (line, left) = (line + 1, 0);
+                (line, left) = (line + 1, 0.0);
             }
             end = left + width;
             placed.push((item, line, left));
@@ -160,26 +173,27 @@ impl Footer {
     pub(super) fn height_px(&self) -> usize {
         match self.lines {
             0 => 0,
-            lines => STRIP_PX + (lines - 1) * LINE * self.pen,
+            lines => whole((STRIP + (lines - 1) as f32 * LINE) * self.pen),
         }
     }
 
     /// Draws it at the picture's lower edge.
     pub(super) fn draw(&self, canvas: &mut Canvas) {
-        let last = canvas.height.saturating_sub(MARGIN_PX / 2);
+        let last = canvas.height.saturating_sub(MARGIN_PX) as f32 + 0.3 * STRIP * self.pen.min(1.0);
         for (item, line, left) in &self.placed {
-            let bottom = last.saturating_sub((self.lines - 1 - line) * LINE * self.pen);
-            let mut left = MARGIN_PX + left;
+            let foot = last - (self.lines - 1 - line) as f32 * LINE * self.pen;
+            let mut left = MARGIN_PX as f32 + left;
             for part in item.parts(self.width_px) {
-                part.draw(canvas, left, bottom, self.pen);
+                part.draw(canvas, left, foot, self.pen);
                 left += part.width(self.pen) + SPACE * self.pen;
             }
         }
     }
 }
 
-fn text_width(text: &str, pen: usize) -> usize {
-    (text.chars().count() * font::ADVANCE_PX).saturating_sub(1) * 2 * pen
+/// The nearest whole number of pixels.
+fn whole(px: f32) -> usize {
+    px.round().max(0.0) as usize
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that does not exceed `limit_m`.
@@ -195,6 +209,7 @@ fn length_label(length_m: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::confidence::PLACE;
     use super::*;
 
     #[test]
@@ -207,35 +222,58 @@ mod tests {
     fn items_take_as_many_lines_as_they_need_and_stay_within_the_picture() {
         let items =
             || vec![Item::ScaleBar { px_per_metre: 20.0 }, Item::Way, Item::Places, Item::Uncertainty { full_m: 0.5 }];
-        assert_eq!(Footer::of(items(), 1600, 1).lines, 1);
-        assert_eq!(Footer::of(vec![], 1600, 1).height_px(), 0);
-        let mut lines = 0;
-        for width_px in (60..1200).rev() {
-            let footer = Footer::of(items(), width_px, 1);
-            let ends = footer.placed.iter().map(|(item, _, left)| left + item.width(width_px, 1));
-            assert!(ends.max().unwrap_or(0) + 2 * MARGIN_PX <= width_px.max(2 * MARGIN_PX));
-            lines = lines.max(footer.lines);
+        assert_eq!(Footer::of(items(), 1600, 1.0).lines, 1);
+        assert_eq!(Footer::of(vec![], 1600, 1.0).height_px(), 0);
+        for pen in [1.0, 2.5] {
+            let mut lines = 0;
+            for width_px in (60..3000).rev().step_by(3) {
+                let footer = Footer::of(items(), width_px, pen);
+                let ends = footer.placed.iter().map(|(item, _, left)| left + item.width(width_px, footer.pen));
+                let room_px = width_px.saturating_sub(2 * MARGIN_PX) as f32;
+                assert!(ends.fold(0.0, f32::max) <= room_px, "{width_px}");
+                lines = lines.max(footer.lines);
+            }
+            assert_eq!(lines, 4);
         }
-        assert_eq!(lines, 4);
     }
 
     #[test]
     fn every_word_has_its_letters_and_is_seen() {
-        let items = [Item::Way, Item::Places, Item::Uncertainty { full_m: 0.5 }, Item::Lines(START, "closures")];
+        let items = [
+            Item::Way,
+            Item::Places,
+            Item::Seen,
+            Item::Uncertainty { full_m: 0.5 },
+            Item::Lines(START, "closures"),
+            Item::Turned { by_rad: 0.5 },
+            Item::Turned { by_rad: -0.123 },
+        ];
         let heights = Item::Heights { colour_at: |_| START, low_m: -0.04, high_m: 2.5 };
         let words = items.iter().chain([&heights]).flat_map(|item| item.parts(800));
         for part in words {
             let Part::Text(text) = part else { continue };
             assert!(!text.contains("-0.0"), "{text}");
             for letter in text.chars().filter(|letter| *letter != ' ') {
-                assert!(font::glyph(letter) != [0; font::HEIGHT_PX], "{letter:?} of {text:?}");
+                assert!(font::is_known(letter), "{letter:?} of {text:?}");
             }
         }
-        let mut canvas = Canvas::new(800, 100, [255; 3]);
-        Footer::of(items.to_vec(), 800, 1).draw(&mut canvas);
+        let mut canvas = Canvas::new(800, 200, [255; 3]);
+        Footer::of(items.to_vec(), 800, 1.0).draw(&mut canvas);
         for colour in [START, END, PLACE, INK, UNCERTAIN] {
             let near = |p: &&Colour| (0..3).all(|k| p[k].abs_diff(colour[k]) < 8);
             assert!(canvas.pixels.iter().filter(near).count() > 10, "{colour:?}");
+        }
+    }
+
+    #[test]
+    fn letters_are_as_high_in_proportion_in_every_picture() {
+        for side_px in [800_usize, 4000] {
+            let pen = super::super::options::pen_of(side_px);
+            let mut canvas = Canvas::new(side_px, side_px, [255; 3]);
+            Footer::of(vec![Item::Lines(START, "closures")], side_px, pen).draw(&mut canvas);
+            let is_ink = |y: &usize| canvas.pixels[y * side_px..][..side_px].iter().any(|p| p[0] < 120 && p[1] < 120);
+            let rows = (0..side_px).filter(is_ink).count();
+            assert!((0.01..0.03).contains(&(rows as f64 / side_px as f64)), "{rows} of {side_px}");
         }
     }
 }

@@ -4,17 +4,23 @@ mod canvas;
 mod confidence;
 mod font;
 mod footer;
+mod frame;
+mod options;
 mod palette;
 mod picture;
 mod plain;
+mod raster;
 mod space;
+mod view;
 mod walls;
 
 pub use confidence::Confidence;
-pub use picture::{Frame, Picture, write_png};
+pub use frame::{Frame, ViewPlacement};
+pub use options::Picture;
+pub use picture::{PlanePlacement, write_bare_png, write_png};
 pub use plain::{write_plain_png, write_world_file};
-pub use space::{SpacePicture, SpacePlacement, ViewPlacement, upward, write_bare_space_png, write_space_png};
-pub use walls::dominant_wall_angle;
+pub use space::{SpacePicture, SpacePlacement, upward, write_bare_space_png, write_space_png};
+pub use walls::{dominant_wall_angle, wall_direction};
 
 use crate::error::FormatError;
 use mapwright_geom::Pose2;

@@ -3,12 +3,14 @@
 use super::canvas::{Colour, blend};
 
 pub(super) const UNSEEN: Colour = [196, 207, 220];
+pub(super) const FREE: Colour = [253, 253, 250];
+pub(super) const WALL: Colour = [24, 30, 42];
 pub(super) const INK: Colour = [52, 62, 78];
 pub(super) const START: Colour = [34, 150, 84];
 pub(super) const END: Colour = [212, 48, 40];
 
-/// The way's colours from first to last pose, all of them dark enough for a white ground.
-const WAY: [Colour; 5] = [[36, 20, 150], [126, 10, 168], [196, 54, 122], [232, 108, 72], [244, 156, 36]];
+/// The way's colours from first to last pose, all of them dark enough for a white ground, and none of them the orange of what is uncertain.
+const WAY: [Colour; 5] = [[18, 58, 150], [70, 44, 168], [126, 26, 160], [176, 20, 124], [206, 24, 76]];
 
 /// Blank rim around the map, pixels.
 pub(super) const MARGIN_PX: usize = 24;

@@ -1,91 +1,29 @@
 //! A picture of a map, with the way the robot went.
 
 use super::GridImage;
-use super::canvas::{Canvas, Colour, blend};
-use super::confidence::{Confidence, Tint, draw_place};
+use super::canvas::Canvas;
+use super::confidence::{Tint, draw_place};
 use super::footer::{Footer, Item};
-use super::palette::{END, MARGIN_PX, START, UNSEEN, way_colour};
+use super::frame::{Frame, ViewPlacement};
+use super::options::{LEGEND_PX, Picture, in_cells, pen_of, pen_scale};
+use super::palette::{END, START, way_colour};
+use super::raster::Shades;
+use super::view::View;
 use crate::error::FormatError;
-use mapwright_geom::{Pose2, sin_cos};
 use std::io::Write;
 
-const FREE: Colour = [253, 253, 250];
-const WALL: Colour = [24, 30, 42];
-
-/// Narrower pictures get margins for what stands below the map, pixels; smaller ones have a scale bar alone.
-pub(super) const LEGEND_PX: usize = 320;
-
-/// Largest factor by which small maps are enlarged.
-const MAX_ENLARGEMENT: usize = 16;
-
-/// What is drawn besides the map, and how large.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Picture<'a> {
-    /// Poses in the order of time, drawn as a line whose colour changes along it.
-    pub world_from_robot: &'a [Pose2],
-    /// Direction in the map's own frame that becomes horizontal, radians, such as
-    /// [`dominant_wall_angle`](super::dominant_wall_angle) finds; zero leaves the map as it is.
-    pub level_rad: f64,
-    /// How certain the map is, as a tint of its free space, and numbered places.
-    pub confidence: Option<Confidence<'a>>,
-    /// Whether a scale bar stands below the map, and what the colours and marks stand for.
-    pub scale_bar: bool,
-    /// What part of the world is shown; otherwise all that is known of the map, and the way.
-    pub frame: Option<Frame>,
-    /// The longer side, margins included, has exactly so many pixels; otherwise the scale is a whole number of pixels a cell, or of cells a
-    /// pixel, as the two sides below say.
-    pub side_px: Option<usize>,
-    /// Smaller maps are enlarged by a whole factor until their longer side has so many pixels.
-    pub min_side_px: usize,
-    /// Larger maps are reduced by a whole factor until their longer side, margins included, has at most so many pixels.
-    pub max_side_px: usize,
-}
-
-/// A part of the world, along axes that a picture turns to be level: least and greatest place on each, metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
-    low_m: [f64; 2],
-    high_m: [f64; 2],
-}
-
 impl Frame {
-    /// What a picture of a map with the way shows by itself.
+    /// What a picture shows by itself: the map's walls and the way with a rim, as far as something is known there. Walls are what several
+    /// readings tell of and what hangs together; without any, all that is known is shown.
     #[must_use]
-    pub fn of(map: &GridImage, world_from_robot: &[Pose2], level_rad: f64) -> Self {
-        let picture = Picture { level_rad, ..Picture::default() };
-        let view = View::of(map, &way_in_cells(map, world_from_robot), &picture);
-        let corner = view.corner_of_map(map);
-        let in_world = |place: [f64; 2]| [0, 1].map(|k: usize| (place[k] + corner[k]) * map.resolution_m);
-        Self { low_m: in_world(view.low), high_m: in_world(view.high) }
-    }
-
-    /// With all of another frame along the same axes.
-    #[must_use]
-    pub fn and(self, other: Self) -> Self {
-        Self {
-            low_m: [0, 1].map(|k: usize| self.low_m[k].min(other.low_m[k])),
-            high_m: [0, 1].map(|k: usize| self.high_m[k].max(other.high_m[k])),
-        }
+    pub fn of(map: &GridImage, picture: &Picture<'_>) -> Self {
+        View::of(map, picture).frame(map)
     }
 }
 
-impl Default for Picture<'_> {
-    fn default() -> Self {
-        Self {
-            world_from_robot: &[],
-            level_rad: 0.0,
-            confidence: None,
-            scale_bar: true,
-            frame: None,
-            side_px: None,
-            min_side_px: 800,
-            max_side_px: 4096,
-        }
-    }
-}
-
-/// Writes the known part of the map as a PNG: white free space, dark walls by probability, grey-blue where nothing has
-/// been seen, the way from dark blue to orange, a green disc at its start and a red one at its end. What they mean stands below it.
+/// Writes a part of the map as a PNG: white free space, dark walls by probability and at least two pixels wide, grey-blue where nothing has
+/// been seen and paler where little was, the way from dark blue to red, a green triangle at its start and a red square at its end. What they mean
+/// stands below it, and by how much the picture is turned.
 ///
 /// The same map gives the same bytes.
 ///
@@ -94,28 +32,77 @@ impl Default for Picture<'_> {
 /// As [`GridImage::validate`]; [`FormatError::Png`].
 pub fn write_png(map: &GridImage, picture: &Picture<'_>, writer: impl Write) -> Result<(), FormatError> {
     map.validate()?;
-    let way = way_in_cells(map, picture.world_from_robot);
-    let mut view = View::of(map, &way, picture);
+    let mut view = View::of(map, picture);
+    let way = picture.way_in_cells(map);
+    let shades = Shades::of(map, picture.seen_of(map), view.shown);
     let tint = picture.confidence.as_ref().and_then(|confidence| Tint::of(map, confidence));
     let places = picture.confidence.map_or(&[][..], |confidence| confidence.places);
     let footer = view.choose_scale(picture, |view, size_px| {
         let [width_px, height_px] = size_px;
-        let pen = pen_of(width_px.max(height_px)).min(2);
         let px_per_metre = view.px_per_cell / map.resolution_m;
         let legend = [
             (!way.is_empty()).then_some(Item::Way),
             (!places.is_empty()).then_some(Item::Places),
             tint.as_ref().map(|tint| Item::Uncertainty { full_m: tint.full_m }),
+            shades.fades().then_some(Item::Seen),
+            view.turned().then_some(Item::Turned { by_rad: -picture.level_rad }),
         ];
         let legend = legend.into_iter().flatten().filter(|_| width_px.max(height_px) >= LEGEND_PX);
         let items = std::iter::once(Item::ScaleBar { px_per_metre }).chain(legend);
-        Footer::of(items.filter(|_| picture.scale_bar).collect(), width_px, pen)
+        Footer::of(items.filter(|_| picture.scale_bar).collect(), width_px, pen_of(width_px.max(height_px)))
     });
-    let mut canvas = view.paint(map, tint.as_ref());
+    let mut canvas = view.paint(map, &shades, tint.as_ref());
     draw_way(&mut canvas, &view, &way);
     draw_places(&mut canvas, &view, map, places);
     footer.draw(&mut canvas);
     encode(&canvas, writer)
+}
+
+/// Where a picture of a map of the plane has what.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanePlacement {
+    /// Width and height, pixels.
+    pub size_px: [usize; 2],
+    /// The picture's scale.
+    pub px_per_metre: f64,
+    /// Where it has the places of the world; the third coordinate says nothing.
+    pub view: ViewPlacement,
+}
+
+/// Writes the same picture in grey with nothing drawn over the map, for who draws over it, and says where it has what.
+///
+/// # Errors
+///
+/// As [`write_png`].
+pub fn write_bare_png(
+    map: &GridImage,
+    picture: &Picture<'_>,
+    writer: impl Write,
+) -> Result<PlanePlacement, FormatError> {
+    map.validate()?;
+    let mut view = View::of(map, picture);
+    let shades = Shades::of(map, picture.seen_of(map), view.shown);
+    view.choose_scale(picture, |_, [width_px, _]| Footer::of(Vec::new(), width_px, 1.0));
+    let canvas = view.paint(map, &shades, None);
+    let grey = |pixel: &[u8; 3]| {
+        ((77 * u32::from(pixel[0]) + 150 * u32::from(pixel[1]) + 29 * u32::from(pixel[2])) >> 8) as u8
+    };
+    let pixels: Vec<u8> = canvas.pixels.iter().map(grey).collect();
+    write_pixels(
+        (canvas.width, canvas.height, &pixels),
+        png::ColorType::Grayscale,
+        png::Compression::Balanced,
+        writer,
+    )?;
+    let map_from_world = map.world_from_map.inverse();
+    let pixel = |place: [f64; 2]| view.exact_pixel(map_from_world.transform(place).map(|m| m / map.resolution_m));
+    let (origin, along) = (pixel([0.0; 2]), [pixel([1.0, 0.0]), pixel([0.0, 1.0])]);
+    let row = |k: usize| [along[0][k] - origin[k], along[1][k] - origin[k], 0.0];
+    Ok(PlanePlacement {
+        size_px: [canvas.width, canvas.height],
+        px_per_metre: view.px_per_cell / map.resolution_m,
+        view: ViewPlacement { px_from_map: [row(0), row(1)], offset_px: origin },
+    })
 }
 
 /// Writes what was drawn as a PNG.
@@ -125,386 +112,27 @@ pub(super) fn encode(canvas: &Canvas, writer: impl Write) -> Result<(), FormatEr
 
 /// The same with more time for fewer bytes.
 pub(super) fn encode_as(canvas: &Canvas, compression: png::Compression, writer: impl Write) -> Result<(), FormatError> {
-    let mut encoder = png::Encoder::new(writer, canvas.width as u32, canvas.height as u32);
-    encoder.set_color(png::ColorType::Rgb);
+    write_pixels((canvas.width, canvas.height, canvas.pixels.as_flattened()), png::ColorType::Rgb, compression, writer)
+}
+
+fn write_pixels(
+    (width, height, bytes): (usize, usize, &[u8]),
+    colours: png::ColorType,
+    compression: png::Compression,
+    writer: impl Write,
+) -> Result<(), FormatError> {
+    let mut encoder = png::Encoder::new(writer, width as u32, height as u32);
+    encoder.set_color(colours);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(compression);
     let mut image = encoder.write_header()?;
-    image.write_image_data(canvas.pixels.as_flattened())?;
+    image.write_image_data(bytes)?;
     Ok(image.finish()?)
-}
-
-/// The poses' places in cells from the map's corner; what is not finite or far off the map is left out.
-fn way_in_cells(map: &GridImage, world_from_robot: &[Pose2]) -> Vec<[f64; 2]> {
-    let map_from_world = map.world_from_map.inverse();
-    let far = 4.0 * (map.width + map.height) as f64;
-    let in_cells = |pose: &Pose2| map_from_world.transform([pose.x, pose.y]).map(|v| v / map.resolution_m);
-    world_from_robot.iter().map(in_cells).filter(|p| p.iter().all(|v| v.abs() <= far)).collect()
-}
-
-/// Which part of the map is shown, how it is turned, and how large.
-#[derive(Debug, Clone, Copy)]
-struct View {
-    /// Sine and cosine of the turn from cells to picture.
-    sin_cos: (f64, f64),
-    /// Least and greatest place shown, in cells along the turned axes.
-    low: [f64; 2],
-    high: [f64; 2],
-    px_per_cell: f64,
-    /// Cells that share a pixel of the raster.
-    cells_per_px: usize,
-    turned: bool,
-    known: Window,
-    /// Size of the picture, and where in it the map's upper left corner lies, pixels.
-    size_px: [usize; 2],
-    corner_px: [usize; 2],
-}
-
-/// A rectangle of cells, the upper bounds exclusive.
-#[derive(Debug, Clone, Copy)]
-struct Window {
-    low: [usize; 2],
-    high: [usize; 2],
-}
-
-impl View {
-    fn of(map: &GridImage, way: &[[f64; 2]], picture: &Picture<'_>) -> Self {
-        let turned = picture.level_rad.is_finite() && picture.level_rad != 0.0;
-        let sin_cos = if turned { sin_cos(-picture.level_rad) } else { (0.0, 1.0) };
-        let mut view = Self {
-            sin_cos,
-            low: [f64::INFINITY; 2],
-            high: [f64::NEG_INFINITY; 2],
-            px_per_cell: 1.0,
-            cells_per_px: 1,
-            turned,
-            known: Window { low: [map.width, map.height], high: [0, 0] },
-            size_px: [1, 1],
-            corner_px: [MARGIN_PX; 2],
-        };
-        view.include_known(map);
-        way.iter().for_each(|&place| view.include(place));
-        if let Some(frame) = &picture.frame {
-            let corner = view.corner_of_map(map);
-            let in_cells = |world_m: [f64; 2]| [0, 1].map(|k: usize| world_m[k] / map.resolution_m - corner[k]);
-            (view.low, view.high) = (in_cells(frame.low_m), in_cells(frame.high_m));
-        }
-        view
-    }
-
-    /// Where the map's own corner lies along the turned axes from the world's origin, cells.
-    fn corner_of_map(&self, map: &GridImage) -> [f64; 2] {
-        let Pose2 { x, y, theta } = map.world_from_map;
-        let (s, c) = sin_cos(-theta);
-        self.turn([c * x - s * y, s * x + c * y].map(|m| m / map.resolution_m))
-    }
-
-    /// A place in cells along the turned axes.
-    fn turn(&self, [u, v]: [f64; 2]) -> [f64; 2] {
-        let (s, c) = self.sin_cos;
-        [c * u - s * v, s * u + c * v]
-    }
-
-    fn include(&mut self, place: [f64; 2]) {
-        let turned = self.turn(place);
-        for k in 0..2 {
-            self.low[k] = self.low[k].min(turned[k].floor());
-            self.high[k] = self.high[k].max(turned[k].ceil());
-        }
-    }
-
-    /// Makes room for every known cell, or for the whole map where none is.
-    fn include_known(&mut self, map: &GridImage) {
-        for (v, row) in map.cells.chunks_exact(map.width).enumerate() {
-            let known = |cell: &u8| *cell <= 100;
-            if let (Some(first), Some(last)) = (row.iter().position(known), row.iter().rposition(known)) {
-                self.include_cells(Window { low: [first, v], high: [last + 1, v + 1] });
-            }
-        }
-        if self.known.low[0] >= self.known.high[0] {
-            self.include_cells(Window { low: [0, 0], high: [map.width, map.height] });
-        }
-    }
-
-    fn include_cells(&mut self, cells: Window) {
-        for k in 0..2 {
-            self.known.low[k] = self.known.low[k].min(cells.low[k]);
-            self.known.high[k] = self.known.high[k].max(cells.high[k]);
-        }
-        let Window { low: [u0, v0], high: [u1, v1] } = cells;
-        for [u, v] in [[u0, v0], [u1, v0], [u0, v1], [u1, v1]] {
-            self.include([u as f64, v as f64]);
-        }
-    }
-
-    /// Chooses the scale so that the map and what stands below it have room, and lays both out. `footer` says what stands there of this view
-    /// in a picture of such a size.
-    fn choose_scale(&mut self, picture: &Picture<'_>, footer: impl Fn(&Self, [usize; 2]) -> Footer) -> Footer {
-        let longest_px = picture.side_px.unwrap_or(picture.max_side_px).clamp(100, 16_384);
-        let mut strip_px = 0;
-        loop {
-            match picture.side_px {
-                Some(_) => self.fill(longest_px, strip_px),
-                None => self.choose_whole_scale(picture.min_side_px, longest_px, strip_px),
-            }
-            let map_px = self.map_px();
-            let width_px = (map_px[0] + 2 * MARGIN_PX).max(LEGEND_PX.min(longest_px));
-            let below = footer(self, [width_px, map_px[1] + 2 * MARGIN_PX + strip_px]);
-            // More lines leave less room for the map, whose width may then need more lines; never fewer.
-            if below.height_px() > strip_px && strip_px < longest_px / 2 {
-                strip_px = below.height_px();
-                continue;
-            }
-            self.size_px = [width_px, map_px[1] + 2 * MARGIN_PX + strip_px];
-            if picture.side_px.is_some() {
-                let longer = usize::from(self.size_px[1] > self.size_px[0]);
-                self.size_px[longer] = longest_px;
-            }
-            self.corner_px = [(self.size_px[0].saturating_sub(map_px[0])) / 2, MARGIN_PX];
-            return below;
-        }
-    }
-
-    fn side_cells(&self) -> [f64; 2] {
-        [0, 1].map(|k: usize| (self.high[k] - self.low[k]).max(1.0))
-    }
-
-    fn map_px(&self) -> [usize; 2] {
-        self.side_cells().map(|cells| (cells * self.px_per_cell - 1e-6).ceil().max(1.0) as usize)
-    }
-
-    /// Room within the margins, pixels.
-    fn room_px(longest_px: usize, strip_px: usize) -> [f64; 2] {
-        [2 * MARGIN_PX, 2 * MARGIN_PX + strip_px].map(|taken| longest_px.saturating_sub(taken).max(1) as f64)
-    }
-
-    /// The scale at which the longer side is full.
-    fn fill(&mut self, longest_px: usize, strip_px: usize) {
-        let (room_px, cells) = (Self::room_px(longest_px, strip_px), self.side_cells());
-        self.px_per_cell = (room_px[0] / cells[0]).min(room_px[1] / cells[1]);
-        self.cells_per_px = (1.0 / self.px_per_cell).round().max(1.0) as usize;
-    }
-
-    /// A whole number of pixels a cell, or of cells a pixel.
-    fn choose_whole_scale(&mut self, min_side_px: usize, longest_px: usize, strip_px: usize) {
-        let [_, room_px] = Self::room_px(longest_px, strip_px).map(|px| px as usize);
-        let [width, height] = self.side_cells();
-        let side_cells = width.max(height) as usize;
-        if side_cells > room_px {
-            self.cells_per_px = side_cells.div_ceil(room_px);
-            self.px_per_cell = 1.0 / self.cells_per_px as f64;
-        } else {
-            let wanted = min_side_px.div_ceil(side_cells).clamp(1, MAX_ENLARGEMENT);
-            self.px_per_cell = wanted.min(room_px / side_cells).max(1) as f64;
-            self.cells_per_px = 1;
-        }
-    }
-
-    /// Whether each pixel of the picture is one of the raster, or each of the raster a square of them.
-    fn is_on_raster(&self) -> bool {
-        let px_per_raster = self.px_per_cell * self.cells_per_px as f64;
-        !self.turned
-            && px_per_raster.fract() == 0.0
-            && self.low.iter().chain(&self.high).all(|cells| cells.fract() == 0.0)
-    }
-
-    /// A place given in cells, in pixels of the picture.
-    fn pixel(&self, place: [f64; 2]) -> [f32; 2] {
-        let [a, b] = self.turn(place);
-        let [left, top] = self.corner_px.map(|px| px as f64);
-        let x = left + (a - self.low[0]) * self.px_per_cell;
-        let y = top + (self.high[1] - b) * self.px_per_cell;
-        [x as f32, y as f32]
-    }
-
-    /// The place in cells of a place along the turned axes.
-    fn turn_back(&self, [a, b]: [f64; 2]) -> [f64; 2] {
-        let (s, c) = self.sin_cos;
-        [c * a + s * b, c * b - s * a]
-    }
-
-    /// Paints the map on a canvas with room for margins and what stands below.
-    fn paint(&self, map: &GridImage, tint: Option<&Tint>) -> Canvas {
-        let mut canvas = Canvas::new(self.size_px[0], self.size_px[1], UNSEEN);
-        let mut raster = Raster::of(map, self.known, self.cells_per_px);
-        if let Some(tint) = tint {
-            raster.tint(tint);
-        }
-        let ([left, top], [width_px, height_px]) = (self.corner_px, self.map_px());
-        for y in 0..height_px.min(canvas.height.saturating_sub(top)) {
-            let row = &mut canvas.row(top + y)[left..];
-            let width_px = width_px.min(row.len());
-            self.paint_row(&raster, y, &mut row[..width_px]);
-        }
-        canvas
-    }
-
-    fn paint_row(&self, raster: &Raster, y: usize, row: &mut [Colour]) {
-        let step_cells = 1.0 / self.px_per_cell;
-        let b = self.high[1] - (y as f64 + 0.5) * step_cells;
-        let to_raster = 1.0 / raster.cells_per_px as f64;
-        let [u, v] = self.turn_back([self.low[0] + 0.5 * step_cells, b]);
-        let [u, v] = [(u - raster.corner[0]) * to_raster, (v - raster.corner[1]) * to_raster];
-        let (s, c) = self.sin_cos;
-        let [du, dv] = [c * step_cells * to_raster, -s * step_cells * to_raster];
-        if self.is_on_raster() {
-            raster.sample_nearest(row, [u, v], du);
-        } else {
-            raster.sample_between(row, [u, v], [du, dv]);
-        }
-    }
-}
-
-/// A window of the map in colours, perhaps reduced; row of the smallest y first.
-#[derive(Debug)]
-struct Raster {
-    width: usize,
-    height: usize,
-    cells_per_px: usize,
-    /// Where in the map its lower left corner lies, cells.
-    corner: [f64; 2],
-    pixels: Vec<Colour>,
-}
-
-impl Raster {
-    fn of(map: &GridImage, window: Window, cells_per_px: usize) -> Self {
-        let shades: [Colour; 256] = std::array::from_fn(|cell| shade(cell as u8));
-        let Window { low: [u0, v0], high: [u1, v1] } = window;
-        let rows: Vec<&[u8]> = (v0..v1).map(|v| &map.cells[v * map.width..][u0..u1]).collect();
-        let (width, height) = ((u1 - u0).div_ceil(cells_per_px), (v1 - v0).div_ceil(cells_per_px));
-        let pixels = if cells_per_px == 1 {
-            rows.into_iter().flatten().map(|&cell| shades[usize::from(cell)]).collect()
-        } else {
-            let reduce = |rows: &[&[u8]]| reduced_row(rows, cells_per_px, &shades);
-            rows.chunks(cells_per_px).flat_map(reduce).collect()
-        };
-        Self { width, height, cells_per_px, corner: [u0 as f64, v0 as f64], pixels }
-    }
-
-    fn tint(&mut self, tint: &Tint) {
-        let cells_per_px = self.cells_per_px as f64;
-        for (y, row) in self.pixels.chunks_exact_mut(self.width.max(1)).enumerate() {
-            tint.apply(row, [self.corner[0], self.corner[1] + y as f64 * cells_per_px], cells_per_px);
-        }
-    }
-
-    /// Cells as crisp squares, along a row of the map.
-    fn sample_nearest(&self, row: &mut [Colour], [u, v]: [f64; 2], du: f64) {
-        if v < 0.0 || v >= self.height as f64 {
-            return;
-        }
-        let cells = &self.pixels[v as usize * self.width..][..self.width];
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let u = u + x as f64 * du;
-            if u >= 0.0 && u < self.width as f64 {
-                *pixel = cells[u as usize];
-            }
-        }
-    }
-
-    /// Bilinear between the centres of pixels, in fixed point with 16 binary places. Enlarged, they are mixed over a pixel of the picture at
-    /// their edges alone: cells stay crisp at any angle.
-    fn sample_between(&self, row: &mut [Colour], [u, v]: [f64; 2], step: [f64; 2]) {
-        let fixed = |w: f64| (w * 65_536.0).round() as i64;
-        let (mut u, mut v) = (fixed(u - 0.5), fixed(v - 0.5));
-        let (du, dv) = (fixed(step[0]), fixed(step[1]));
-        let enlarged = (1.0 / step[0].hypot(step[1])).clamp(1.0, 1e3);
-        let steepness = (256.0 * enlarged).round() as i64;
-        let share = |w: i64| (((((w >> 8 & 255) - 128) * steepness) >> 8) + 128).clamp(0, 256) as u32;
-        for pixel in row {
-            let (column, line) = (u >> 16, v >> 16);
-            // One beyond each side, so that the map's edge fades into what is unseen.
-            if (-1..self.width as i64).contains(&column) && (-1..self.height as i64).contains(&line) {
-                *pixel = self.between(column, line, share(u), share(v));
-            }
-            u += du;
-            v += dv;
-        }
-    }
-
-    fn between(&self, column: i64, line: i64, right: u32, up: u32) -> Colour {
-        let [a, b] = self.pair(column, line);
-        let [c, d] = self.pair(column, line + 1);
-        if a == b && a == c && a == d {
-            return a;
-        }
-        let mix = |k: usize| {
-            let low = u32::from(a[k]) * (256 - right) + u32::from(b[k]) * right;
-            let high = u32::from(c[k]) * (256 - right) + u32::from(d[k]) * right;
-            ((low * (256 - up) + high * up + (1 << 15)) >> 16) as u8
-        };
-        [mix(0), mix(1), mix(2)]
-    }
-
-    /// The pixels at a column and the one to its right; unseen beyond the map.
-    fn pair(&self, column: i64, line: i64) -> [Colour; 2] {
-        if line < 0 || line >= self.height as i64 {
-            return [UNSEEN; 2];
-        }
-        let cells = &self.pixels[line as usize * self.width..][..self.width];
-        let at = |column: i64| usize::try_from(column).ok().and_then(|c| cells.get(c)).copied().unwrap_or(UNSEEN);
-        [at(column), at(column + 1)]
-    }
-}
-
-/// Rows of cells as one row of pixels.
-fn reduced_row(rows: &[&[u8]], cells_per_px: usize, shades: &[Colour; 256]) -> Vec<Colour> {
-    let width = rows.first().map_or(0, |row| row.len().div_ceil(cells_per_px));
-    let mut blocks = vec![Block::default(); width];
-    for row in rows {
-        for (block, cells) in blocks.iter_mut().zip(row.chunks(cells_per_px)) {
-            cells.iter().for_each(|&cell| block.add(cell));
-        }
-    }
-    blocks.iter().map(|block| block.colour(cells_per_px, shades)).collect()
-}
-
-/// The colour of a cell: from free to wall along a smooth step, so that doubtful cells show as such.
-fn shade(cell: u8) -> Colour {
-    if cell > 100 {
-        return UNSEEN;
-    }
-    let t = ((f32::from(cell) - 15.0) / 75.0).clamp(0.0, 1.0);
-    blend(FREE, WALL, t * t * (3.0 - 2.0 * t))
-}
-
-/// The cells that share a pixel.
-#[derive(Debug, Clone, Copy, Default)]
-struct Block {
-    known: u32,
-    unseen: u32,
-    sum: u64,
-    most: u8,
-}
-
-impl Block {
-    fn add(&mut self, cell: u8) {
-        if cell > 100 {
-            self.unseen += 1;
-        } else {
-            self.known += 1;
-            self.sum += u64::from(cell);
-            self.most = self.most.max(cell);
-        }
-    }
-
-    /// The mean of what is known, drawn to its most occupied cell so that thin walls survive, over what is unseen.
-    fn colour(&self, cells_per_px: usize, shades: &[Colour; 256]) -> Colour {
-        if self.known == 0 {
-            return UNSEEN;
-        }
-        let mean = shades[(self.sum / u64::from(self.known)) as usize];
-        let wall = self.most >= super::OCCUPIED_FROM;
-        let known = if wall { blend(mean, shades[usize::from(self.most)], 0.7) } else { mean };
-        // A row of cells across the pixel is enough to make it known.
-        let share = if self.unseen == 0 { 1.0 } else { self.known as f32 / cells_per_px as f32 };
-        blend(UNSEEN, known, share.min(1.0))
-    }
 }
 
 fn draw_way(canvas: &mut Canvas, view: &View, way: &[[f64; 2]]) {
     let (Some(&first), Some(&last)) = (way.first(), way.last()) else { return };
-    let half_width = 0.9 * pen_scale(canvas) as f32;
+    let half_width = 0.9 * pen_scale(canvas);
     let mut from = view.pixel(first);
     for (index, &place) in way.iter().enumerate() {
         let to = view.pixel(place);
@@ -515,35 +143,29 @@ fn draw_way(canvas: &mut Canvas, view: &View, way: &[[f64; 2]]) {
             from = to;
         }
     }
-    canvas.marker(view.pixel(first), 5.0 * half_width, START);
-    canvas.marker(view.pixel(last), 5.0 * half_width, END);
+    canvas.triangle(view.pixel(first), 6.5 * half_width, START);
+    canvas.square(view.pixel(last), 5.0 * half_width, END);
 }
 
 /// The last place first, so that the first one lies on top.
 fn draw_places(canvas: &mut Canvas, view: &View, map: &GridImage, places: &[[f64; 2]]) {
     let pen = pen_scale(canvas);
     for (index, &[x, y]) in places.iter().enumerate().rev() {
-        for &place in &way_in_cells(map, &[Pose2 { x, y, theta: 0.0 }]) {
+        for &place in &in_cells(map, std::iter::once([x, y])) {
             draw_place(canvas, view.pixel(place), index + 1, pen);
         }
     }
 }
 
-/// How much larger lines and letters are drawn in large pictures.
-pub(super) fn pen_scale(canvas: &Canvas) -> usize {
-    pen_of(canvas.width.max(canvas.height))
-}
-
-/// The same by the longer side, pixels.
-pub(super) fn pen_of(side_px: usize) -> usize {
-    (side_px / 1200).max(1)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::palette::INK;
+    use super::super::canvas::Colour;
+    use super::super::confidence::Confidence;
+    use super::super::palette::{INK, MARGIN_PX, UNSEEN};
+    use super::super::raster::shade;
     use super::*;
     use crate::UNKNOWN;
+    use mapwright_geom::Pose2;
 
     fn decode(bytes: &[u8]) -> (usize, usize, Vec<u8>) {
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
@@ -586,7 +208,7 @@ mod tests {
         let (width, height, _) = decode(&draw(&room(104, 54), &bare));
         assert_eq!((width, height), (800 + 2 * MARGIN_PX, 400 + 2 * MARGIN_PX));
         let (width, height, pixels) = decode(&draw(&room(6_004, 3_004), &bare));
-        assert!(width <= 4096 && height <= 4096 && width > 2900);
+        assert!(width <= 2400 && height <= 2400 && width > 1900);
         let dark = pixels.chunks(3).filter(|p| p[0] < 120).count();
         assert!(dark > 2 * (width + height) - 400, "thin walls survive reduction: {dark}");
     }
@@ -649,7 +271,8 @@ mod tests {
     fn maps_in_one_frame_have_pictures_of_one_size_that_lie_over_each_other() {
         let (one, other) = (room(60, 40), GridImage { world_from_map: Pose2::new(2.0, -1.0, 0.3), ..room(30, 70) });
         for level_rad in [0.0, 0.4] {
-            let frame = Frame::of(&one, &[], level_rad).and(Frame::of(&other, &[], level_rad));
+            let bare = Picture { level_rad, ..Picture::default() };
+            let frame = Frame::of(&one, &bare).and(Frame::of(&other, &bare));
             let at = [Pose2::new(0.5, -0.5, 0.0)];
             let [a, b] = [&one, &other].map(|map| {
                 let picture = Picture { world_from_robot: &at, level_rad, frame: Some(frame), ..Picture::default() };
@@ -673,6 +296,93 @@ mod tests {
         for colour in [START, END, INK, way_colour(0.5)] {
             let near = |p: &&Colour| (0..3).all(|k| p[k].abs_diff(colour[k]) < 6);
             assert!(strip.iter().filter(near).count() > 8, "{colour:?}");
+        }
+    }
+
+    /// The same room with a ray through its wall that ends far away, and how many readings tell of each cell: of the room many, of the ray one.
+    fn with_a_stray_ray(width: usize) -> (GridImage, Vec<u8>) {
+        let (inner, [columns, rows]) = (room(104, 54), [104, 54]);
+        let (mut cells, mut seen) = (vec![UNKNOWN; width * rows], vec![0; width * rows]);
+        for at in 0..columns * rows {
+            let to = at / columns * width + at % columns;
+            cells[to] = inner.cells[at];
+            seen[to] = if cells[to] == UNKNOWN { 0 } else { 40 };
+        }
+        let ray = 27 * width + columns - 3..28 * width - 1;
+        cells[ray.clone()].fill(3);
+        seen[ray.clone()].fill(1);
+        (cells[ray.end], seen[ray.end]) = (100, 1);
+        (GridImage { width, cells, ..inner }, seen)
+    }
+
+    #[test]
+    fn a_stray_ray_neither_widens_the_picture_nor_outshouts_the_walls() {
+        let (map, seen) = with_a_stray_ray(900);
+        let plain = room(104, 54);
+        let of = |map: &GridImage, seen| Frame::of(map, &Picture { seen, ..Picture::default() }).sides_m();
+        let [alone, with] = [of(&plain, None), of(&map, Some(&seen[..]))];
+        assert!((0..2).all(|k| with[k] < 1.1 * alone[k]), "{with:?} beside {alone:?}");
+        // where readings are not told it is but one cell of all
+        assert!(of(&map, None)[0] < 1.1 * alone[0]);
+        let frame = Some(Frame { low_m: [-50.0; 2], high_m: [50.0; 2] });
+        let picture = Picture { seen: Some(&seen), frame, scale_bar: false, ..Picture::default() };
+        let (_, _, pixels) = decode(&draw(&map, &picture));
+        let near = |wanted: Colour| {
+            let alike = |p: &&Colour| (0..3).all(|k| p[k].abs_diff(wanted[k]) < 4);
+            pixels.as_chunks::<3>().0.iter().filter(alike).count()
+        };
+        let pale = super::super::canvas::blend(UNSEEN, shade(3), 1.0 / 8.0);
+        assert!(near(shade(3)) > 4000 && near(pale) > 700, "{} {}", near(shade(3)), near(pale));
+    }
+
+    #[test]
+    fn a_way_beyond_the_walls_is_shown() {
+        let (map, seen) = with_a_stray_ray(900);
+        let far = map.world_from_map.transform([40.0, 1.35]);
+        let way = [map.world_from_map.transform([2.0, 1.35]), far].map(|[x, y]| Pose2::new(x, y, 0.0));
+        let picture = Picture { world_from_robot: &way, seen: Some(&seen), ..Picture::default() };
+        assert!(Frame::of(&map, &picture).sides_m()[0] > 39.0);
+    }
+
+    #[test]
+    fn walls_are_two_pixels_wide_at_any_scale() {
+        for (width, height) in [(1500, 900), (2300, 1300), (6004, 3004)] {
+            for level_rad in [0.0, 0.2] {
+                let bare = Picture { scale_bar: false, level_rad, ..Picture::default() };
+                let (w, h, pixels) = decode(&draw(&room(width, height), &bare));
+                let pixels = pixels.as_chunks::<3>().0;
+                // across the middle: the left wall and the right one
+                let row = &pixels[h / 2 * w..][..w];
+                // nearer to a wall's colour than to any ground's, which is mixed in where the picture is turned
+                let half = u32::from(UNSEEN[0] - 45);
+                let runs: Vec<usize> = row
+                    .chunk_by(|a, b| (u32::from(a[0]) < half) == (u32::from(b[0]) < half))
+                    .filter(|run| u32::from(run[0][0]) < half)
+                    .map(<[Colour]>::len)
+                    .collect();
+                assert!(runs.len() == 2 && runs.iter().all(|&px| (2..=6).contains(&px)), "{width}: {runs:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_bare_picture_says_where_the_map_has_what() {
+        for level_rad in [0.0, 0.4] {
+            let map = room(104, 54);
+            let picture = Picture { level_rad, scale_bar: false, ..Picture::default() };
+            let mut png = Vec::new();
+            let placed = write_bare_png(&map, &picture, &mut png).unwrap();
+            let (width, height, grey) = decode(&png);
+            assert!([width, height] == placed.size_px && grey.len() == width * height);
+            let at = |cell: [f64; 2]| {
+                let place = map.world_from_map.transform(cell.map(|cells| cells * map.resolution_m));
+                let pixel = [0, 1].map(|k| {
+                    let [x, y, _] = placed.view.px_from_map[k];
+                    placed.view.offset_px[k] + x * place[0] + y * place[1]
+                });
+                grey[pixel[1] as usize * width + pixel[0] as usize]
+            };
+            assert!(at([2.5, 27.5]) < 60 && at([50.5, 51.5]) < 60 && at([50.5, 27.5]) > 240, "{level_rad}");
         }
     }
 }

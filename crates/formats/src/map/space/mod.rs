@@ -9,8 +9,10 @@ pub use upright::upward;
 
 use super::canvas::{Canvas, Colour, blend};
 use super::footer::{Footer, Item};
+use super::frame::ViewPlacement;
+use super::options::{LEGEND_PX, pen_of, pen_scale};
 use super::palette::{END, MARGIN_PX, START, way_colour};
-use super::picture::{LEGEND_PX, encode, encode_as, pen_of, pen_scale};
+use super::picture::{encode, encode_as};
 use super::walls::dominant_wall_angle;
 use crate::error::FormatError;
 use mapwright_geom::sin_cos;
@@ -21,7 +23,7 @@ use vectors::{dot, horizontals, unit};
 
 const GROUND: Colour = super::palette::UNSEEN;
 const INK: Colour = super::palette::INK;
-const CLOSURE: Colour = [226, 30, 120];
+const CLOSURE: Colour = [224, 122, 16];
 /// Between the two views, pixels.
 const GAP_PX: usize = 20;
 /// An arrow of the axes, and that much around its foot.
@@ -70,7 +72,7 @@ impl Default for SpacePicture<'_> {
 
 /// Writes a map of space as a PNG: from above, and below that from the side, at the same scale, turned so that walls are
 /// parallel to the picture's sides. Ceilings and the walls nearest to the viewer are cut away (see the module `section`), depth is shown by
-/// light. Over it the way from dark blue to orange, a green disc at its start and a red one at its end, closures, the directions of the
+/// light. Over it the way from dark blue to red, a green triangle at its start and a red square at its end, closures, the directions of the
 /// map's axes, a scale bar and what the colours stand for, heights above the map's origin among them.
 ///
 /// The same map gives the same bytes.
@@ -116,16 +118,6 @@ pub struct SpacePlacement {
     pub px_per_metre: f64,
     /// The view from above and the one from the side.
     pub views: [ViewPlacement; 2],
-}
-
-/// Where a view has what: a pixel is `px_from_map * p + offset_px`, downwards from the picture's upper left corner, of a place `p` in the
-/// frame of the map, metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewPlacement {
-    /// Pixels along x and y for each metre along the map's axes.
-    pub px_from_map: [[f64; 3]; 2],
-    /// Where the map's origin is, pixels.
-    pub offset_px: [f64; 2],
 }
 
 impl SpacePlacement {
@@ -336,7 +328,7 @@ impl Sizes {
             (!scene.closures.is_empty()).then_some(Item::Lines(CLOSURE, "closures")),
             scene.colours.is_empty().then_some(heights),
         ];
-        Footer::of(items.into_iter().flatten().collect(), self.width, pen_of(self.width.max(self.height)).min(2))
+        Footer::of(items.into_iter().flatten().collect(), self.width, pen_of(self.width.max(self.height)))
     }
 }
 
@@ -387,7 +379,7 @@ impl View {
     }
 
     fn draw_lines(&self, canvas: &mut Canvas, scene: &Scene<'_>) {
-        let pen = pen_scale(canvas) as f32;
+        let pen = pen_scale(canvas);
         for [from, to] in &scene.closures {
             canvas.stroke(self.pixel(*from), self.pixel(*to), 0.8 * pen, CLOSURE);
         }
@@ -397,13 +389,13 @@ impl View {
         // A white rim first, so that the way stands out from points of any colour.
         strokes.iter().for_each(|&(from, to, _)| canvas.stroke(from, to, 2.2 * pen, [255; 3]));
         strokes.iter().for_each(|&(from, to, colour)| canvas.stroke(from, to, 1.2 * pen, colour));
-        canvas.marker(first, 4.5 * pen, START);
-        canvas.marker(last, 4.5 * pen, END);
+        canvas.triangle(first, 5.5 * pen, START);
+        canvas.square(last, 4.5 * pen, END);
     }
 
     /// The map's axes as arrows, but for one that points to the viewer.
     fn draw_axes(&self, canvas: &mut Canvas, scene: &Scene<'_>) {
-        let centre = self.corner.map(|corner| corner as f32 + 1.5 * ARROW_PX * pen_scale(canvas) as f32);
+        let centre = self.corner.map(|corner| corner as f32 + 1.5 * ARROW_PX * pen_scale(canvas));
         // The rims of all first, so that none covers another.
         for (rim_px, colour) in [(2.0, GROUND), (0.0, INK)] {
             for (axis, name) in ["x", "y", "z"].iter().enumerate() {
@@ -435,7 +427,7 @@ fn draw_arrow(canvas: &mut Canvas, centre: [f32; 2], along: [f32; 2], name: &str
         return;
     }
     let pen = pen_scale(canvas);
-    let (length, half_width) = (ARROW_PX * pen as f32, (1.0 + rim_px) * pen as f32);
+    let (length, half_width) = (ARROW_PX * pen, (1.0 + rim_px) * pen);
     let end = [0, 1].map(|k| centre[k] + length * along[k]);
     canvas.stroke(centre, end, half_width, colour);
     for side in [-0.5, 0.5] {
@@ -443,13 +435,11 @@ fn draw_arrow(canvas: &mut Canvas, centre: [f32; 2], along: [f32; 2], name: &str
         let barb = [0, 1].map(|k| end[k] + 0.25 * length * back[k] / seen);
         canvas.stroke(end, barb, half_width, colour);
     }
-    let middle = [0, 1].map(|k| end[k] + 13.0 * pen as f32 * along[k] / seen);
+    let middle = [0, 1].map(|k| end[k] + 13.0 * pen * along[k] / seen);
     if rim_px > 0.0 {
-        canvas.stroke(middle, middle, 8.0 * pen as f32, colour);
+        canvas.stroke(middle, middle, 8.0 * pen, colour);
     }
-    let half_letter = [5, 7].map(|px| (px * pen) as f32);
-    let [left, top] = [0, 1].map(|k| (middle[k] - half_letter[k]).max(0.0) as usize);
-    canvas.text(name, left, top, 2 * pen, colour);
+    canvas.text_about(name, middle, 0.85 * pen, colour);
 }
 
 /// Fine pixels of a point's side: neighbours touch, those at the far corners of their cubes as well.
