@@ -186,6 +186,7 @@ impl Tally {
             (beams.not_a_number, "are no numbers"),
             (beams.isolated, "stand alone"),
             (beams.moving, "met what moves"),
+            (beams.on_robot, "met what travels with the robot"),
             (beams.refused, "are of scans that were refused"),
         ];
         let there = kinds.iter().filter(|(number, _)| *number > 0);
@@ -201,6 +202,7 @@ impl Tally {
             "not_a_number": self.beams.not_a_number,
             "isolated": self.beams.isolated,
             "moving": self.beams.moving,
+            "on_robot": self.beams.on_robot,
             "refused": self.beams.refused,
         })
     }

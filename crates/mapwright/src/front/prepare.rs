@@ -1,7 +1,9 @@
 //! Step 1: returns and free space as points, without what is no return and what moves; the motion during the sweep undone.
 
-use super::dynamic::{DynamicObjects, Place};
+use super::dynamic::DynamicObjects;
+use super::on_robot::OnRobot;
 use super::predict::Step;
+use super::seen::Place;
 use super::sweep_motion::SweepMotion;
 use crate::settings::ScanSettings;
 use mapwright_geom::{Pose2, Stamp, stored};
@@ -20,6 +22,7 @@ const SCATTER_SHARE: f64 = 0.08;
 pub(crate) struct Preparation {
     motion: SweepMotion,
     dynamic: DynamicObjects,
+    on_robot: OnRobot,
     scatter: Scatter,
     sweep: Option<Sweep>,
     table: BeamTable,
@@ -28,7 +31,7 @@ pub(crate) struct Preparation {
     thinned: Vec<[f64; 2]>,
 }
 
-stored!(Preparation { motion, dynamic, scatter; sweep, table, points, thinned });
+stored!(Preparation { motion, dynamic, on_robot, scatter; sweep, table, points, thinned });
 
 impl Preparation {
     pub(super) fn add_odometry(&mut self, odometry: Odometry) {
@@ -86,6 +89,14 @@ impl Preparation {
             beams.returns -= beams.isolated;
         }
         self.points.fill(sweep, &mut self.table, settings.free_range_m);
+        if settings.drop_moving {
+            let directions = self.table.directions(&sweep.laser, sweep.codes.len());
+            beams.on_robot = self.on_robot.drop_from(sweep, &self.points, directions);
+            if beams.on_robot > 0 {
+                beams.returns -= beams.on_robot;
+                self.points.fill(sweep, &mut self.table, settings.free_range_m);
+            }
+        }
         if let Some(place) = place {
             beams.moving = self.dynamic.drop_from(sweep, &self.points, scan.stamp, place);
             if beams.moving > 0 {
@@ -101,14 +112,16 @@ impl Preparation {
         beams
     }
 
-    /// Where the scan was taken, now that it is known: the next ones are compared with it.
-    pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place) {
+    /// Where the scan was taken, now that it is known, and whether by wheels that are sound: the next ones are compared with it.
+    pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place, by_wheels: bool) {
         self.dynamic.remember(laser, stamp, place);
+        self.on_robot.remember(laser, stamp, place, by_wheels);
     }
 
     /// The robot is elsewhere than thought: the next scans are not compared with those before.
     pub(super) fn forget_scans(&mut self) {
         self.dynamic.forget();
+        self.on_robot.forget_scans();
     }
 }
 
