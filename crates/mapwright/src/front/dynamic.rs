@@ -105,7 +105,7 @@ impl DynamicObjects {
 
 /// The hits of everything that is near enough and no larger than what moves: rows of hits that are near each other, but for
 /// what is seen through a gap.
-fn things(hits: &[[f64; 2]], origin: [f64; 2]) -> impl Iterator<Item = Range<usize>> + '_ {
+pub(super) fn things(hits: &[[f64; 2]], origin: [f64; 2]) -> impl Iterator<Item = Range<usize>> + '_ {
     let mut end = 0;
     let rows = std::iter::from_fn(move || {
         let first = end;

@@ -91,7 +91,7 @@ impl Preparation {
         self.points.fill(sweep, &mut self.table, settings.free_range_m);
         if settings.drop_moving {
             let directions = self.table.directions(&sweep.laser, sweep.codes.len());
-            beams.on_robot = self.on_robot.drop_from(sweep, &self.points, directions);
+            beams.on_robot = self.on_robot.drop_from(sweep, &self.points, directions, place.is_some());
             if beams.on_robot > 0 {
                 beams.returns -= beams.on_robot;
                 self.points.fill(sweep, &mut self.table, settings.free_range_m);

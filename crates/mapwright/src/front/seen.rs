@@ -84,7 +84,6 @@ fn is_same(a: &Arc<LaserModel>, b: &Arc<LaserModel>) -> bool {
     Arc::ptr_eq(a, b) || a == b
 }
 
-
 impl Memory {
     pub(super) fn newest(&self) -> Option<&Seen> {
         self.0.back()
@@ -110,7 +109,12 @@ impl Memory {
 
 impl Seen {
     /// This scan and one that the same laser took after such a motion; none of another laser.
-    pub(super) fn beside<'a>(&'a self, laser: &Arc<LaserModel>, now: &'a [f32], before_from_now: Pose2) -> Option<Pair<'a>> {
+    pub(super) fn beside<'a>(
+        &'a self,
+        laser: &Arc<LaserModel>,
+        now: &'a [f32],
+        before_from_now: Pose2,
+    ) -> Option<Pair<'a>> {
         let is_alike = is_same(&self.laser, laser) && self.ranges.len() == now.len();
         let bearings = Bearings::of(laser, now.len()).filter(|_| is_alike)?;
         Some(Pair { bearings, before: &self.ranges, now, before_from_now })

@@ -1,4 +1,4 @@
-//! A hall whose ends a short-sighted laser does not see from its middle.
+//! A hall whose ends a short-sighted laser does not see from its middle, though it sees always some of what stands along its walls.
 
 use crate::band::WALL_M;
 use crate::build::{Builder, Frame};
@@ -30,7 +30,7 @@ pub fn hall(seed: u64) -> Site {
                 (rng.uniform(0.6, 1.6), rng.uniform(0.35, 0.6))
             };
             builder.solid(box_in(&wall, at_m, 0.5 * (depth_m + WALL_M), along_m, depth_m));
-            at_m += rng.uniform(2.5, 6.0);
+            at_m += rng.uniform(1.5, 3.0);
         }
     }
     Site { world: builder.build(), route: Route::new(waypoints) }

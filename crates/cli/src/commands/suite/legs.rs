@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::verdict::{Usability, Usable};
 use mapwright::{Settings, Stamp};
 use mapwright_eval::{Alignment, PosePair, ate_of_pairs};
-use mapwright_sim::{Drive, DriveSettings, Event, Incident, LaserSettings, RobotSettings, Rng, Site, worlds};
+use mapwright_sim::{Drive, DriveSettings, Event, Incident, LaserSettings, Rng, RobotSettings, Site, worlds};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -182,7 +182,8 @@ impl Measure for Legs {
         let within = worlds.iter().filter(|world| world.error_m < MOST_ERROR_M).count();
         let wrong = worlds.iter().filter(|world| world.is_silently_wrong()).count();
         let clean_within = worlds.iter().filter(|world| world.clean_m < MOST_ERROR_M).count();
-        let words = row("clean", &clean) + &row("pushed", &pushed)
+        let words = row("clean", &clean)
+            + &row("pushed", &pushed)
             + &format!("clean    {}\n", super::floors::percent(clean_within, worlds.len()) + " below 0.05 m");
         let value = json!({
             "wheels": self.wheels,
