@@ -35,9 +35,9 @@ const BEFORE: f32 = -9.0;
 const AT_FIRST: f32 = -2.0;
 const AT_FIRST_M: f64 = 1.0;
 const STRIDE_M: f64 = 0.3;
-/// From such odds on a hit is dropped: where wheels are sound there is time to be sure, for what is seen from nearby alone, as glass is
-/// beside a robot, seems to travel with it for as long as it is; where nothing but matches says how the robot moves, to leave out a thing
-/// that stands costs a few beams, and to match one that travels with the robot holds it back.
+/// From such odds on a hit is dropped: where wheels are sound there is time to be sure, for what is seen from nearby alone seems to
+/// travel with the robot as far as it reaches; where nothing but matches says how the robot moves, to leave out a thing that stands
+/// costs a few beams, and to match one that travels with the robot holds it back.
 const DROPPED: f32 = 12.0;
 const DROPPED_ALONE: f32 = -3.0;
 /// Where more than this share of all hits would go, those that are rather on the robot than not go alone.
