@@ -118,6 +118,10 @@ suite-look-alike *args: release
 suite-offices *args: release
     {{mapwright}} suite offices -o {{figures}}/suite {{args}}
 
+# 100 robots that somebody pushes: legs and posts left out, nothing wrong called good
+suite-legs *args: release
+    {{mapwright}} suite legs -o {{figures}}/suite {{args}}
+
 # 100 robots carried away: noticed, written while lost, home found
 suite-kidnapped *args: release
     {{mapwright}} suite kidnapped -o {{figures}}/suite {{args}}

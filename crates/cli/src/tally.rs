@@ -22,6 +22,9 @@ pub(crate) struct Tally {
     matched: u64,
     restarted: u64,
     by_odometry: u64,
+    /// Matches that contradict the motion before, where no wheels say how the robot moves, and by how many deviations at most.
+    against: u64,
+    against_sigmas: f64,
     searched: u64,
     evaluations: u64,
     beams: BeamCounts,
@@ -49,6 +52,8 @@ impl Default for Tally {
             matched: 0,
             restarted: 0,
             by_odometry: 0,
+            against: 0,
+            against_sigmas: 0.0,
             searched: 0,
             evaluations: 0,
             beams: BeamCounts::default(),
@@ -81,6 +86,10 @@ impl Tally {
             self.restarted += u64::from(report.restarts > 0);
             self.searched += u64::from(report.searched);
             self.evaluations += u64::from(report.evaluations);
+            if !by_odometry && report.odometry_sigmas > DOUBT_SIGMAS {
+                self.against += 1;
+                self.against_sigmas = self.against_sigmas.max(report.odometry_sigmas);
+            }
             self.inlier_shares[(report.inlier_share.clamp(0.0, 1.0) * BINS as f64) as usize] += 1;
         }
         self.see_guess(update, by_odometry);
@@ -120,6 +129,18 @@ impl Tally {
     /// Share of the scans whose poses odometry predicted.
     pub(crate) fn share_by_odometry(&self) -> f64 {
         self.by_odometry as f64 / self.scans.max(1) as f64
+    }
+
+    /// Matches that contradict the motion before, where no wheels say how the robot moves, as a share of the scans, and by how many
+    /// deviations at most.
+    pub(crate) fn against_velocity(&self) -> (f64, f64) {
+        (self.against as f64 / self.scans.max(1) as f64, self.against_sigmas)
+    }
+
+    /// Share of the returns that met what travels with the robot.
+    pub(crate) fn share_on_robot(&self) -> f64 {
+        let BeamCounts { returns, on_robot, .. } = self.beams;
+        f64::from(on_robot) / (f64::from(returns) + f64::from(on_robot)).max(1.0)
     }
 
     /// Time between the earliest and the latest stamp, seconds.
@@ -186,6 +207,7 @@ impl Tally {
             (beams.not_a_number, "are no numbers"),
             (beams.isolated, "stand alone"),
             (beams.moving, "met what moves"),
+            (beams.on_robot, "met what travels with the robot"),
             (beams.refused, "are of scans that were refused"),
         ];
         let there = kinds.iter().filter(|(number, _)| *number > 0);
@@ -201,6 +223,7 @@ impl Tally {
             "not_a_number": self.beams.not_a_number,
             "isolated": self.beams.isolated,
             "moving": self.beams.moving,
+            "on_robot": self.beams.on_robot,
             "refused": self.beams.refused,
         })
     }

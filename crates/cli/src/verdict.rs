@@ -52,6 +52,11 @@ pub(crate) struct Facts {
     pub(crate) on_finding: Hanging,
     /// For how long neither laser nor wheels said how the robot moves, seconds.
     pub(crate) guessed_s: f64,
+    /// Share of the scans whose matches contradict the motion before, where no wheels say how the robot moves, by how many deviations at
+    /// most, and the share of the returns that met what travels with the robot.
+    pub(crate) against_velocity: f64,
+    pub(crate) against_sigmas: f64,
+    pub(crate) on_robot: f64,
     /// The way from scan to scan, as a multiple of the way in the order of the stamps.
     pub(crate) way_by_stamps: f64,
     /// Loop closures of the first map, and motions of which wheels and scans both tell: what tests a map in which no two visits can be compared.
@@ -96,6 +101,9 @@ impl Facts {
             hanging: Hanging::on_odometry(session),
             on_finding: Hanging::on_finding(session, tally.found()),
             guessed_s: tally.guessed_s(),
+            against_velocity: tally.against_velocity().0,
+            against_sigmas: tally.against_velocity().1,
+            on_robot: tally.share_on_robot(),
             way_by_stamps: way_by_stamps(session),
             on_odometry: first.pieces.iter().filter(hangs).count(),
             closures: session.edges().filter(|edge| edge.kind == EdgeKind::Closure).count(),
@@ -204,6 +212,10 @@ const HANGING: [f64; 2] = [0.05, f64::INFINITY];
 const FOUND: [f64; 2] = [0.01, f64::INFINITY];
 /// Seconds without knowing how the robot moves: after so long a robot that sees nothing is blind (docs/decisions/0024-fragments.md).
 const GUESSED_S: [f64; 2] = [4.0, f64::INFINITY];
+/// Share of the scans whose matches contradict the motion before, without wheels; where such a share of the returns travels with the robot
+/// each counts, for the first may have been matched before that was known.
+const ON_ROBOT: f64 = 0.02;
+const AGAINST_VELOCITY: [f64; 2] = [0.02, f64::INFINITY];
 /// The way as a multiple of that by stamps.
 const DISORDER: [f64; 2] = [1.1, f64::INFINITY];
 /// Share of the comparisons of two visits that do not fit, of at least so many.
@@ -237,6 +249,7 @@ impl Usable {
             hangs_on_odometry(facts),
             hangs_on_finding(facts),
             guessed(facts),
+            held_back(facts),
             disordered(facts),
             misfits(facts),
             moved(facts),
@@ -395,6 +408,21 @@ fn guessed(facts: &Facts) -> Option<Reason> {
             facts.guessed_s
         ),
         evidence: json!({ "longest_s": facts.guessed_s, "bound_s": GUESSED_S[0] }),
+    })
+}
+
+fn held_back(facts: &Facts) -> Option<Reason> {
+    let (share, sigmas) = (facts.against_velocity, facts.against_sigmas);
+    let bounds = if facts.on_robot > ON_ROBOT { [0.0, AGAINST_VELOCITY[1]] } else { AGAINST_VELOCITY };
+    Some(Reason {
+        word: beyond(share, bounds)?,
+        what: "against_velocity",
+        words: format!(
+            "{} of the scans say that the robot suddenly moves otherwise, by up to {sigmas:.0} sigmas, and no wheels do: does something that \
+             travels with it hold its matches back?",
+            percent(share)
+        ),
+        evidence: json!({ "share": share, "sigmas": sigmas, "bound": bounds[0], "on_robot": facts.on_robot }),
     })
 }
 
@@ -559,6 +587,9 @@ mod tests {
         hanging: Hanging { share: 0.001, from_s: 70.0 },
         on_finding: Hanging { share: 0.001, from_s: 80.0 },
         guessed_s: 0.5,
+        against_velocity: 0.004,
+        against_sigmas: 5.0,
+        on_robot: 0.001,
         way_by_stamps: 0.8,
         closures: 30,
         wheel_motions: 500,
@@ -623,6 +654,11 @@ mod tests {
                 "20 % of the map hangs on where the robot, lost before, was found, at 80.0 s, and no place",
             ),
             (Facts { guessed_s: 35.0, ..SOUND }, "for 35 s neither laser nor wheels"),
+            (
+                Facts { against_velocity: 0.048, against_sigmas: 7.2, ..SOUND },
+                "4.8 % of the scans say that the robot suddenly",
+            ),
+            (Facts { on_robot: 0.1, ..SOUND }, "by up to 5 sigmas, and no wheels do"),
             (Facts { way_by_stamps: 1.466, ..SOUND }, "to and fro, 1.47 times the way"),
             (Facts { misfits: 10, ..SOUND }, "10 of 100 places do not fit"),
             (Facts { moved_mean_m: 0.2, ..SOUND }, "0.20 m apart"),

@@ -5,7 +5,6 @@ use crate::cycles::Follows;
 use crate::local_map::{Frames, LocalMapping};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Slipped, Written};
-use dynamic::Place;
 use insert::Intruders;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::LocalMap;
@@ -14,6 +13,7 @@ use mapwright_record::{Beams, LeftOutReason, LocalMapReport, NodeId, Past};
 use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
+use seen::Place;
 use slip::SlipWatch;
 use std::sync::Arc;
 use track::{Scene, Tracker, translation_axes};
@@ -23,10 +23,12 @@ mod checkpoint;
 mod dynamic;
 mod insert;
 mod lasers;
+mod on_robot;
 mod pose;
 mod predict;
 mod prepare;
 mod resume;
+mod seen;
 mod slip;
 mod sweep_motion;
 mod track;
@@ -110,7 +112,7 @@ impl FrontEnd {
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
         let place =
             Place { local_from_robot: predicted, odom_from_robot: self.pose.odom_from_robot() * step.last_from_robot };
-        let sound = self.settings.scan.drop_moving && step.from_odometry && !self.predictor.doubts_odometry();
+        let sound = self.settings.scan.drop_moving && self.has_sound_wheels(step);
         let beams = if refused.is_some() {
             self.preparation.refuse(scan)
         } else {
@@ -162,8 +164,12 @@ impl FrontEnd {
         } else {
             let place =
                 Place { local_from_robot: self.pose.local_from_robot(), odom_from_robot: self.pose.odom_from_robot() };
-            self.preparation.remember(&scan.laser, scan.stamp, place);
+            self.preparation.remember(&scan.laser, scan.stamp, place, self.has_sound_wheels(step));
         }
+    }
+
+    fn has_sound_wheels(&self, step: Step) -> bool {
+        step.from_odometry && !self.predictor.doubts_odometry()
     }
 
     /// A slip of the wheels that the scans tell together; nothing is told where the robot may be elsewhere (`matched` is none then).

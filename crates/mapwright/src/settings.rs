@@ -212,7 +212,7 @@ section! {
     ScanSettings, "scan" {
         min_range_m: f64 = 0.0, 0.0..=100.0, "m", "returns nearer than this are dropped, beside the laser's own minimum";
         max_range_m: f64 = 80.0, 0.1..=10_000.0, "m", "readings from here on are no returns, beside the laser's own maximum";
-        drop_moving: bool = true, 0..=1, "", "what moves while it is seen, as people do, is neither matched nor drawn";
+        drop_moving: bool = true, 0..=1, "", "what moves while it is seen, as people do, and what travels with the robot is neither matched nor drawn";
         free_range_m: f64 = 6.0, 0.0..=100.0, "m", "a beam without return clears free space up to here";
     }
 }

@@ -20,7 +20,7 @@ fn check(mapper: &mut Mapper, scan: &LaserScan) {
     let counts = update.beams;
     let beams =
         counts.returns + counts.no_return + counts.too_near + counts.not_a_number + counts.isolated + counts.moving;
-    let beams = beams + counts.refused;
+    let beams = beams + counts.on_robot + counts.refused;
     assert_eq!(beams as usize, scan.ranges_m.len());
 }
 

@@ -26,6 +26,8 @@ pub struct BeamCounts {
     pub isolated: u32,
     /// Returns from things that move.
     pub moving: u32,
+    /// Returns from what travels with the robot: its own body, who pushes it.
+    pub on_robot: u32,
 }
 
 impl BeamCounts {
@@ -37,6 +39,7 @@ impl BeamCounts {
         self.not_a_number = self.not_a_number.saturating_add(other.not_a_number);
         self.isolated = self.isolated.saturating_add(other.isolated);
         self.moving = self.moving.saturating_add(other.moving);
+        self.on_robot = self.on_robot.saturating_add(other.on_robot);
         self.refused = self.refused.saturating_add(other.refused);
     }
 }

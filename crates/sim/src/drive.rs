@@ -3,7 +3,7 @@
 use crate::laser::{LaserSettings, Scanner};
 use crate::odometry::{OdometryNoise, Wheels};
 use crate::rng::Rng;
-use crate::robot::{Incident, Robot, RobotSettings, Step, TICK_NS, TICK_S, interpolate};
+use crate::robot::{Incident, Robot, RobotSettings, Step, TICK_NS, TICK_S, interpolate, legs};
 use crate::route::Site;
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_sensor::{LaserScan, Odometry};
@@ -150,6 +150,9 @@ impl Drive {
                 && time_s < to_s
             {
                 moment = moment.with_person(self.scanner.person(world_from_laser, bearing_rad, distance_m, radius_m));
+            }
+            for leg in legs(incident, world_from_robot, time_s).into_iter().flatten() {
+                moment = moment.with_person(leg);
             }
         }
         let mut rng = Rng::keyed(self.settings.seed ^ 0x006c_6173_6572, index);

@@ -1,9 +1,10 @@
 //! The robot's body: follows a route with bounded speeds, and may come to harm.
 
-use crate::math::{Point, add, advance, atan2, distance, dot, lerp, scale, sub, unit};
+use crate::math::{Point, add, advance, atan2, distance, dot, lerp, rotate, scale, sub, unit};
 use crate::route::Route;
-use crate::shape::Segment;
-use mapwright_geom::{Pose2, wrap_angle};
+use crate::shape::{Circle, Segment};
+use mapwright_geom::{Pose2, sin_cos, wrap_angle};
+use std::f64::consts::TAU;
 
 /// Step of the simulation, nanoseconds: 50 Hz, whatever the rates of the sensors.
 pub(crate) const TICK_NS: i64 = 20_000_000;
@@ -124,6 +125,19 @@ pub enum Incident {
         /// Radius of the person, metres.
         radius_m: f64,
     },
+    /// Somebody walks behind the robot and pushes it all the way: two legs side by side that swing in turn.
+    Pushed {
+        /// Distance of the legs' middle from the robot's centre where both are level, metres.
+        distance_m: f64,
+        /// Radius of a leg, metres.
+        radius_m: f64,
+        /// Between the legs' centres, metres.
+        apart_m: f64,
+        /// How far a leg swings ahead and back, metres.
+        swing_m: f64,
+        /// How often each of them does, per second.
+        strides_per_s: f64,
+    },
 }
 
 impl Incident {
@@ -134,6 +148,18 @@ impl Incident {
             _ => None,
         }
     }
+}
+
+/// The legs of who pushes a robot that is here, where an incident is that.
+pub(crate) fn legs(incident: &Incident, world_from_robot: Pose2, time_s: f64) -> Option<[Circle; 2]> {
+    let Incident::Pushed { distance_m, radius_m, apart_m, swing_m, strides_per_s } = *incident else { return None };
+    let (swing, _) = sin_cos(TAU * strides_per_s * time_s);
+    let leg = |side: f64| {
+        let in_robot = [-distance_m + side * swing_m * swing, 0.5 * side * apart_m];
+        let away = rotate(in_robot, world_from_robot.theta);
+        Circle { center: add([world_from_robot.x, world_from_robot.y], away), radius_m }
+    };
+    Some([1.0, -1.0].map(leg))
 }
 
 /// One step: from here, with constant speed and turn rate, both as they are and as the wheels report them.

@@ -55,6 +55,24 @@ fn a_missed_floor_ends_with_three() {
     assert!(said.contains("ratio at most 1.3 in every world: 0.0 % (0 of 1), MISSED"), "{said}");
 }
 
+/// The legs of who pushes are left out; where they are matched the robot stands still in its own map.
+#[test]
+fn who_pushes_a_robot_without_wheels_does_not_hold_it_back() {
+    let folder = folder("suite_legs");
+    let map = |name: &str, drop_moving: &str, code: i32| {
+        let out = folder.join(name);
+        let set = format!("scan.drop_moving={drop_moving}");
+        let output =
+            run(&["suite", "legs", "--seed", "102", "--worlds", "1", "--set", &set, "-o", out.to_str().unwrap()]);
+        assert_code(&output, code);
+        let world = worlds(&out.join("legs.jsonl")).remove(0);
+        assert!(world["clean_m"].as_f64().unwrap() < 0.01, "{world}");
+        world["error_m"].as_f64().unwrap()
+    };
+    let (left_out, matched) = (map("left_out", "true", 0), map("matched", "false", 3));
+    assert!(left_out < 0.01 && matched > 0.5, "{left_out} m, {matched} m");
+}
+
 #[test]
 fn look_alikes_count_wrong_edges_and_true_returns() {
     let out = folder("suite_look_alike");

@@ -3,10 +3,9 @@
 //! A scan is compared with one half a second older: a small thing that stands where space was free then, or that has drawn
 //! back from where it stood, moves.
 
-use mapwright_geom::{Pose2, Stamp, Stored, stored};
-use mapwright_sensor::{BEAM_DROPPED, BEAM_NO_RETURN, LaserModel, Sweep, SweepPoints};
-use std::collections::VecDeque;
-use std::f64::consts::TAU;
+use super::seen::{Memory, Place, Ranges, Seen, measure};
+use mapwright_geom::{Stamp, Stored};
+use mapwright_sensor::{BEAM_DROPPED, LaserModel, Sweep, SweepPoints};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -17,20 +16,10 @@ const MOST_AGE_S: f64 = 1.5;
 /// nor farther from it than this, metres and radians.
 const COMPARED_M: f64 = 1.0;
 const COMPARED_RAD: f64 = 1.0;
-/// Scans are remembered so far apart, seconds, and so many of them.
+/// Scans are remembered so far apart, seconds.
 const EVERY_S: f64 = 0.05;
-const REMEMBERED: usize = 32;
 /// Only what is so near covers enough of the view to do harm, metres.
 const COVERING_M: f64 = 6.0;
-/// So far in front of what was seen there before, or behind it, something has moved, metres.
-const MARGIN_M: f64 = 0.1;
-/// Nobody draws back farther than this meanwhile, metres.
-const DRAWN_BACK_M: f64 = 1.5;
-/// Bearings are uncertain by so much, radians, but at least by so many beams.
-const BEARING_RAD: f64 = 0.03;
-const BEARING_BEAMS: usize = 2;
-/// Of many beams that look there so many are looked at.
-const LOOKED_AT: usize = 16;
 /// A thing is what lies so near to its neighbours in the sweep, metres, and is no larger than this.
 const GAP_M: f64 = 0.25;
 const LARGEST_M: f64 = 1.2;
@@ -42,38 +31,10 @@ const ASKED: usize = 8;
 /// Where a larger share of all returns would be gone, it is the robot that is elsewhere than thought.
 const MOST_SHARE: f64 = 0.6;
 
-/// A scan that is remembered.
-#[derive(Debug, Clone)]
-struct Seen {
-    stamp: Stamp,
-    place: Place,
-    laser: Arc<LaserModel>,
-    ranges: Ranges,
-}
-
-/// Where a scan was taken.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
-    pub(super) local_from_robot: Pose2,
-    pub(super) odom_from_robot: Pose2,
-}
-
-impl Place {
-    /// The motion since another place: its heading as matched, its way as the wheels say, for who follows the robot holds its
-    /// matches back.
-    fn since(self, before: Self) -> Pose2 {
-        let Pose2 { x, y, .. } = before.odom_from_robot.between(self.odom_from_robot);
-        Pose2::new(x, y, before.local_from_robot.between(self.local_from_robot).theta)
-    }
-}
-
-/// Distance by beam: where something is, infinity where nothing is, not a number where nothing is known.
-type Ranges = Vec<f32>;
-
 /// Scans of the last seconds.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DynamicObjects {
-    seen: VecDeque<Seen>,
+    seen: Memory,
     /// Of the present scan, if it was measured.
     ranges: Ranges,
     measured: bool,
@@ -81,52 +42,28 @@ pub(super) struct DynamicObjects {
     moving: Vec<usize>,
 }
 
-stored!(Place { local_from_robot, odom_from_robot });
-
 /// A scan that was measured and not remembered yet is forgotten.
 impl Stored for DynamicObjects {
     fn put(&self, out: &mut Vec<u8>) {
-        self.seen.len().put(out);
-        let mut last: Option<&Arc<LaserModel>> = None;
-        for seen in &self.seen {
-            let is_new = !last.is_some_and(|last| is_same(last, &seen.laser));
-            is_new.then(|| LaserModel::clone(&seen.laser)).put(out);
-            (seen.stamp, seen.place).put(out);
-            seen.ranges.put(out);
-            last = Some(&seen.laser);
-        }
+        self.seen.put(out);
     }
 
     fn take(from: &mut &[u8]) -> Option<Self> {
-        let count = usize::take(from).filter(|count| *count <= REMEMBERED)?;
-        let (mut seen, mut last) = (VecDeque::new(), None);
-        for _ in 0..count {
-            let laser = <Option<LaserModel> as Stored>::take(from)?.map(Arc::new).or(last)?;
-            let ((stamp, place), ranges) = (Stored::take(from)?, Stored::take(from)?);
-            last = Some(Arc::clone(&laser));
-            seen.push_back(Seen { stamp, place, laser, ranges });
-        }
-        Some(Self { seen, ..Self::default() })
+        Some(Self { seen: Memory::take(from)?, ..Self::default() })
     }
-}
-
-fn is_same(a: &Arc<LaserModel>, b: &Arc<LaserModel>) -> bool {
-    Arc::ptr_eq(a, b) || a == b
 }
 
 impl DynamicObjects {
     /// Drops the beams that end on what moves; how many they are.
     pub(super) fn drop_from(&mut self, sweep: &mut Sweep, points: &SweepPoints, stamp: Stamp, place: Place) -> u32 {
-        self.measure(sweep);
+        measure(sweep, &mut self.ranges);
+        self.measured = true;
         let fits = |seen: &&Seen| (LEAST_AGE_S..=MOST_AGE_S).contains(&stamp.secs_since(seen.stamp));
-        let Some(before) = self.seen.iter().rev().find(fits) else { return 0 };
+        let Some(before) = self.seen.back_in_time().find(fits) else { return 0 };
         let before_from_now = place.since(before.place);
         let far = before_from_now.x.hypot(before_from_now.y) > COMPARED_M || before_from_now.theta.abs() > COMPARED_RAD;
-        if far || !is_same(&before.laser, &sweep.laser) || before.ranges.len() != self.ranges.len() {
-            return 0;
-        }
-        let Some(bearings) = Bearings::of(&sweep.laser, sweep.codes.len()) else { return 0 };
-        let pair = Pair { bearings, before: &before.ranges, now: &self.ranges, before_from_now };
+        let pair = before.beside(&sweep.laser, &self.ranges, before_from_now);
+        let Some(pair) = pair.filter(|_| !far) else { return 0 };
         self.moving.clear();
         for thing in things(&points.hits, points.origin) {
             let asked = thing.clone().step_by((thing.len() / ASKED).max(1));
@@ -146,32 +83,17 @@ impl DynamicObjects {
         self.moving.len() as u32
     }
 
-    fn measure(&mut self, sweep: &Sweep) {
-        let step_m = sweep.step_m as f32;
-        self.ranges.clear();
-        self.ranges.extend(sweep.codes.iter().map(|&code| match code {
-            BEAM_DROPPED => f32::NAN,
-            BEAM_NO_RETURN => f32::INFINITY,
-            _ => f32::from(code) * step_m,
-        }));
-        self.measured = true;
-    }
-
     /// Remembers the present scan, if it was measured, now that it is known where it was taken.
     pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place) {
         if !std::mem::take(&mut self.measured) {
             return;
         }
-        if self.seen.back().is_some_and(|last| stamp < last.stamp) {
+        if self.seen.newest().is_some_and(|last| stamp < last.stamp) {
             self.seen.clear();
         }
-        if self.seen.back().is_some_and(|last| stamp.secs_since(last.stamp) < EVERY_S) {
-            return;
+        if self.seen.newest().is_none_or(|last| stamp.secs_since(last.stamp) >= EVERY_S) {
+            self.seen.keep(laser, stamp, place, &self.ranges);
         }
-        let old = if self.seen.len() >= REMEMBERED { self.seen.pop_front() } else { None };
-        let mut ranges = old.map_or_else(Vec::new, |seen| seen.ranges);
-        ranges.clone_from(&self.ranges);
-        self.seen.push_back(Seen { stamp, place, laser: Arc::clone(laser), ranges });
     }
 
     /// It is no longer known where the robot is.
@@ -183,7 +105,7 @@ impl DynamicObjects {
 
 /// The hits of everything that is near enough and no larger than what moves: rows of hits that are near each other, but for
 /// what is seen through a gap.
-fn things(hits: &[[f64; 2]], origin: [f64; 2]) -> impl Iterator<Item = Range<usize>> + '_ {
+pub(super) fn things(hits: &[[f64; 2]], origin: [f64; 2]) -> impl Iterator<Item = Range<usize>> + '_ {
     let mut end = 0;
     let rows = std::iter::from_fn(move || {
         let first = end;
@@ -205,87 +127,6 @@ fn things(hits: &[[f64; 2]], origin: [f64; 2]) -> impl Iterator<Item = Range<usi
     rows.filter(small)
 }
 
-/// Which beam looks where.
-#[derive(Debug, Clone, Copy)]
-struct Bearings {
-    robot_from_laser: Pose2,
-    inverted: bool,
-    angle_min_rad: f64,
-    angle_step_rad: f64,
-    beams: usize,
-    /// Beams to either side that may look there as well.
-    around: usize,
-}
-
-impl Bearings {
-    fn of(laser: &LaserModel, beams: usize) -> Option<Self> {
-        let step_rad = laser.angle_step_rad.abs();
-        (step_rad > 1e-6).then(|| Self {
-            robot_from_laser: laser.robot_from_laser,
-            inverted: laser.inverted,
-            angle_min_rad: laser.angle_min_rad,
-            angle_step_rad: laser.angle_step_rad,
-            beams,
-            around: ((BEARING_RAD / step_rad) as usize).max(BEARING_BEAMS),
-        })
-    }
-
-    /// Distance of a point in the robot's frame, and the beams that look there.
-    fn look(&self, point: [f64; 2]) -> Option<(f64, Range<usize>)> {
-        let Pose2 { x, y, theta, .. } = self.robot_from_laser;
-        let (dx, dy) = (point[0] - x, point[1] - y);
-        let in_laser = dy.atan2(dx) - theta;
-        let in_laser = if self.inverted { -in_laser } else { in_laser };
-        let turned = (in_laser - self.angle_min_rad) * self.angle_step_rad.signum();
-        let turns = (turned / TAU).floor();
-        let beam = ((turned - turns * TAU) / self.angle_step_rad.abs() + 0.5) as usize;
-        let around = beam.saturating_sub(self.around)..(beam + self.around + 1).min(self.beams);
-        (beam < self.beams).then(|| ((dx * dx + dy * dy).sqrt(), around))
-    }
-}
-
-/// A scan and an earlier one.
-struct Pair<'a> {
-    bearings: Bearings,
-    before: &'a [f32],
-    now: &'a [f32],
-    before_from_now: Pose2,
-}
-
-impl Pair<'_> {
-    /// Whether what a beam ends on was not there before.
-    fn has_moved(&self, hit: [f64; 2]) -> bool {
-        let Some((away_m, around)) = self.bearings.look(self.before_from_now.transform(hit)) else { return false };
-        let (nearest, farthest) = extremes(&self.before[around]);
-        nearest > away_m + MARGIN_M
-            || (farthest + MARGIN_M < away_m
-                && away_m < farthest + DRAWN_BACK_M
-                && self.is_gone(hit, farthest / away_m))
-    }
-
-    /// Whether what stood before the hit, on such a share of the way to it from where the earlier scan was taken, is there no
-    /// longer.
-    fn is_gone(&self, hit: [f64; 2], share: f64) -> bool {
-        let Pose2 { x, y, .. } = self.bearings.robot_from_laser;
-        let origin = self.before_from_now.inverse().transform([x, y]);
-        let stood = [0, 1].map(|k| origin[k] + share * (hit[k] - origin[k]));
-        let Some((away_m, around)) = self.bearings.look(stood) else { return false };
-        extremes(&self.now[around]).0 > away_m + MARGIN_M
-    }
-}
-
-/// The nearest and the farthest, of many beams evenly chosen ones; not a number where one of them is not known.
-fn extremes(ranges: &[f32]) -> (f64, f64) {
-    let (mut nearest, mut farthest) = (f32::INFINITY, 0.0_f32);
-    for &range in ranges.iter().step_by((ranges.len() / LOOKED_AT).max(1)) {
-        if range.is_nan() {
-            return (f64::NAN, f64::NAN);
-        }
-        (nearest, farthest) = (nearest.min(range), farthest.max(range));
-    }
-    (f64::from(nearest), f64::from(farthest))
-}
-
 fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
 }
@@ -293,6 +134,7 @@ fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mapwright_geom::Pose2;
     use mapwright_sensor::{BeamTable, LaserScan};
 
     /// A round thing: where, metres, and its radius.
@@ -392,9 +234,9 @@ mod tests {
         dynamic.drop_from(&mut sweep, &SweepPoints::default(), scan.stamp, place);
         for (second, remembered) in [(0.0, 1), (0.1, 1), (0.2, 1)] {
             dynamic.remember(&laser, Stamp::from_secs_f64(second), place);
-            assert_eq!(dynamic.seen.len(), remembered, "{second} s");
+            assert_eq!(dynamic.seen.back_in_time().count(), remembered, "{second} s");
         }
-        assert_eq!(dynamic.seen[0].stamp, Stamp(0));
+        assert_eq!(dynamic.seen.newest().map(|seen| seen.stamp), Some(Stamp(0)));
     }
 
     #[test]

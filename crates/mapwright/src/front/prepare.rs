@@ -1,8 +1,10 @@
 //! Step 1: returns and free space as points, without what is no return and what moves; the motion during the sweep undone.
 
-use super::dynamic::{DynamicObjects, Place};
+use super::dynamic::DynamicObjects;
 use super::lasers::{LaserId, Lasers, PerLaser};
+use super::on_robot::OnRobot;
 use super::predict::Step;
+use super::seen::Place;
 use super::sweep_motion::SweepMotion;
 use crate::settings::ScanSettings;
 use mapwright_geom::{Pose2, Stamp, stored};
@@ -37,11 +39,12 @@ stored!(Preparation { motion, lasers, laser, known; sweep, points, thinned });
 #[derive(Debug, Clone, Default)]
 struct Known {
     dynamic: DynamicObjects,
+    on_robot: OnRobot,
     scatter: Scatter,
     table: BeamTable,
 }
 
-stored!(Known { dynamic, scatter; table });
+stored!(Known { dynamic, on_robot, scatter; table });
 
 impl Preparation {
     pub(super) fn add_odometry(&mut self, odometry: Odometry) {
@@ -104,13 +107,21 @@ impl Preparation {
         let limits = (settings.min_range_m, settings.max_range_m);
         let sweep = self.sweep.get_or_insert_with(|| Sweep::empty(&scan.laser));
         let mut beams = sweep.fill(scan, twist, limits);
-        let Known { dynamic, scatter, table } = self.known.of(self.laser);
+        let Known { dynamic, on_robot, scatter, table } = self.known.of(self.laser);
         scatter.observe(sweep.isolated_share());
         if scatter.is_noisy() {
             beams.isolated = sweep.drop_isolated();
             beams.returns -= beams.isolated;
         }
         self.points.fill(sweep, table, settings.free_range_m);
+        if settings.drop_moving {
+            let directions = table.directions(&sweep.laser, sweep.codes.len());
+            beams.on_robot = on_robot.drop_from(sweep, &self.points, directions, place.is_some());
+            if beams.on_robot > 0 {
+                beams.returns -= beams.on_robot;
+                self.points.fill(sweep, table, settings.free_range_m);
+            }
+        }
         if let Some(place) = place {
             beams.moving = dynamic.drop_from(sweep, &self.points, scan.stamp, place);
             if beams.moving > 0 {
@@ -126,14 +137,19 @@ impl Preparation {
         beams
     }
 
-    /// Where the scan was taken, now that it is known: the next ones are compared with it.
-    pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place) {
-        self.known.of(self.laser).dynamic.remember(laser, stamp, place);
+    /// Where the scan was taken, now that it is known, and whether by wheels that are sound: the next ones are compared with it.
+    pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place, by_wheels: bool) {
+        let known = self.known.of(self.laser);
+        known.dynamic.remember(laser, stamp, place);
+        known.on_robot.remember(laser, stamp, place, by_wheels);
     }
 
     /// The robot is elsewhere than thought: the next scans are not compared with those before.
     pub(super) fn forget_scans(&mut self) {
-        self.known.iter_mut().for_each(|known| known.dynamic.forget());
+        self.known.iter_mut().for_each(|known| {
+            known.dynamic.forget();
+            known.on_robot.forget_scans();
+        });
     }
 }
 

@@ -3,6 +3,7 @@
 mod corridor;
 mod corridor_grid;
 mod growing;
+mod hall;
 mod look_alike;
 mod loops;
 mod office;
@@ -11,6 +12,7 @@ mod rooms;
 pub use corridor::{CorridorWalls, corridor, grand_loop};
 pub use corridor_grid::corridor_grid;
 pub use growing::growing_building;
+pub use hall::hall;
 pub use look_alike::{Alias, LookAlike, LookAlikeKind, look_alike};
 pub use loops::loop_of;
 pub use office::office_floor;

@@ -1,13 +1,32 @@
 //! Whether the words of verdicts are right, fault by fault.
 
 use super::floors::Floor;
-use crate::verdict::Usability;
+use crate::failure::Failure;
+use crate::simulated::map_events;
+use crate::tally::Tally;
+use crate::turns::Turns;
+use crate::verdict::{Facts, Usability};
+use mapwright::{Advice, Session, Settings, Visits};
 use mapwright_eval::ErrorStats;
+use mapwright_sim::{Event, TrueScan};
 use serde::Serialize;
 use serde_json::{Value, json};
 
+/// Maps what was recorded; the session and what its verdict is made of.
+pub(super) fn map(events: impl Iterator<Item = Event>, settings: &Settings) -> Result<(Session, Facts), Failure> {
+    let (mut tally, mut turns) = (Tally::default(), Turns::default());
+    let session: Session = map_events(events, settings, |_, update, scan: &TrueScan| {
+        tally.add(update, scan.scan.odom_from_robot.is_some());
+        turns.add(update, scan.scan.odom_from_robot, &scan.scan.laser);
+    })?;
+    let first = session.maps().into_iter().next().unwrap_or_default();
+    let (advice, visits) = (Advice::of_map(&session, &first), Visits::of_map(&session, &first, settings));
+    let facts = Facts::of(&tally, &turns, &session, &advice, visits);
+    Ok((session, facts))
+}
+
 /// A map is good below so many times the error without the fault, and bad beyond so many.
-const GOOD_TIMES: f64 = 3.0;
+pub(super) const GOOD_TIMES: f64 = 3.0;
 const BAD_TIMES: f64 = 10.0;
 
 /// A recording with a fault, and what was said of its map.

@@ -5,6 +5,7 @@ mod calibrations;
 mod floors;
 mod judged;
 mod kidnapped;
+mod legs;
 mod look_alike;
 mod loops;
 mod nested;
@@ -82,6 +83,10 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
             let settings = settings_of(&args.worlds.run)?;
             let offices = offices::Offices { people: args.people as usize, settings };
             measure(&offices, seeds_of(&args.worlds, 50), &args.worlds.run)
+        }
+        Suite::Legs(args) => {
+            let settings = settings_of(&args.worlds.run)?;
+            measure(&legs::Legs { wheels: args.wheels, settings }, seeds_of(&args.worlds, 100), &args.worlds.run)
         }
         Suite::Noise(args) => {
             let noise = noise::Noise::read(args, settings_of(&args.run)?)?;

@@ -4,11 +4,9 @@ use super::Measure;
 use super::floors::Floor;
 use super::judged::{self, Judged};
 use crate::failure::Failure;
-use crate::simulated::{PEOPLE, map_events, office, true_relations};
-use crate::tally::Tally;
-use crate::turns::Turns;
+use crate::simulated::{PEOPLE, office, true_relations};
 use crate::verdict::{Facts, Usable};
-use mapwright::{Advice, LaserModel, Pose2, Session, Settings, Stamp, Visits};
+use mapwright::{LaserModel, Pose2, Settings, Stamp};
 use mapwright_eval::{StampedPose, relation_errors};
 use mapwright_sim::{Drive, DriveSettings, Event, PerturbScans, TrueScan, worlds};
 use serde::Serialize;
@@ -235,15 +233,7 @@ fn ranks(pairs: &[(f64, f64)], of: impl Fn(&(f64, f64)) -> f64) -> Vec<f64> {
 
 impl Verdicts {
     fn run(&self, scans: &[TrueScan], truth: &[StampedPose]) -> Result<(f64, Facts), Failure> {
-        let (mut tally, mut turns) = (Tally::default(), Turns::default());
-        let events = scans.iter().cloned().map(Event::Scan);
-        let session: Session = map_events(events, &self.settings, |_, update, scan: &TrueScan| {
-            tally.add(update, scan.scan.odom_from_robot.is_some());
-            turns.add(update, scan.scan.odom_from_robot, &scan.scan.laser);
-        })?;
-        let map = session.maps().into_iter().next().unwrap_or_default();
-        let (advice, visits) = (Advice::of_map(&session, &map), Visits::of_map(&session, &map, &self.settings));
-        let facts = Facts::of(&tally, &turns, &session, &advice, visits);
+        let (session, facts) = judged::map(scans.iter().cloned().map(Event::Scan), &self.settings)?;
         let of_scans: std::collections::HashSet<Stamp> = scans.iter().map(|scan| scan.scan.stamp).collect();
         let kept: Vec<StampedPose> = truth.iter().filter(|pose| of_scans.contains(&pose.stamp)).copied().collect();
         let poses: Vec<StampedPose> = session
