@@ -505,7 +505,9 @@ impl<S: Submaps> Closing<S> {
         let sigma_m = self.doubt() * target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
         let is_vouched = !is_misled && sigma_m <= WIDEST_M || self.locates && joins;
-        let enough = if any_clear && is_vouched { 1 } else { UNCLEAR_FRIENDS };
+        // Where the submap holds all of the other piece no other place of it can be meant.
+        let is_whole = || joins && self.apart.is_within(past, target.from, SUBMAP_M);
+        let enough = if any_clear && (is_vouched || is_whole()) { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
             if self.waiting.len() > WAITING_AT_MOST {

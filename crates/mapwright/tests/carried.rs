@@ -161,6 +161,41 @@ fn who_is_carried_while_only_the_wheels_are_read_is_joined_where_it_is() {
     assert!(results.iter().all(|(home_s, seen)| seen.is_joined(*home_s..=home_s + JOINED_WITHIN_S)));
 }
 
+/// A recording whose scans come three seconds after what the wheels said at the time. Neither says anything while the robot is carried, and then
+/// the wheels have driven on by themselves: that they were silent tells of the scan after it, not of the older ones that come meanwhile.
+#[test]
+fn who_is_carried_in_a_gap_is_joined_where_it_is_though_scans_come_late() {
+    const LATE_S: f64 = 3.0;
+    const SEEDS: [u64; 2] = [52_002, 52_003];
+    let results = in_parallel(SEEDS.len(), |k| {
+        let case = kidnapping(SEEDS[k]);
+        let is_read = |stamp: Stamp| stamp < case.taken || stamp >= case.put_down;
+        let driven =
+            |stamp: Stamp, pose: Pose2| if stamp < case.put_down { pose } else { pose * Pose2::new(3.0, 0.0, 0.0) };
+        let mut events: Vec<(f64, Event)> = Vec::new();
+        for event in case.drive() {
+            match event {
+                Event::Scan(mut scan) => {
+                    let stamp = scan.scan.stamp;
+                    scan.scan.odom_from_robot = scan.scan.odom_from_robot.map(|pose| driven(stamp, pose));
+                    events.push((stamp.as_secs_f64() + LATE_S, Event::Scan(scan)));
+                }
+                Event::Odometry(mut odometry) if is_read(odometry.stamp) => {
+                    odometry.odom_from_robot = driven(odometry.stamp, odometry.odom_from_robot);
+                    events.push((odometry.stamp.as_secs_f64(), Event::Odometry(odometry)));
+                }
+                Event::Odometry(_) => {}
+            }
+        }
+        events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let home_s = case.home.expect("it comes there").secs_since(case.put_down);
+        let until_s = home_s + JOINED_WITHIN_S;
+        (home_s, arrive_by(&case, events.into_iter().map(|(_, event)| event), until_s, 0.0))
+    });
+    results.iter().for_each(|seen| println!("{seen:?}"));
+    assert!(results.iter().all(|(home_s, seen)| seen.is_joined(*home_s..=home_s + JOINED_WITHIN_S)));
+}
+
 /// What a covered laser sees is the beginning of a fragment; half a metre from a wall (63055) it fits that a little.
 #[test]
 fn what_a_covered_laser_saw_does_not_keep_a_robot_from_home() {

@@ -80,3 +80,44 @@ fn fr079_with_every_sixth_scan_is_mapped_too() {
     let (_, value) = evaluated(&out, &relations);
     assert!(mean_m(&value) < 0.06, "{} m", mean_m(&value));
 }
+
+/// Maps the logs of a folder of `cases` in a row.
+fn mapped_case(case: &str, logs: &[&str]) -> Option<PathBuf> {
+    let logs = logs.iter().map(|log| shared_data(&format!("cases/{case}/{log}"))).collect::<Option<Vec<_>>>()?;
+    let out = folder(case);
+    let mut args = vec!["map"];
+    args.extend(logs.iter().map(|log| log.to_str().unwrap()));
+    let output = run(&[&args[..], &["-o", out.to_str().unwrap()]].concat());
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    Some(out)
+}
+
+fn report_of(out: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(out.join("report.json")).unwrap()).unwrap()
+}
+
+/// The recording's scans lag behind its odometry, which says nothing for 20 s of a gap in which the robot is carried back to where it came from:
+/// it drives to and fro along three metres of a hall.
+#[test]
+fn a_robot_that_was_carried_back_in_a_gap_is_joined_where_it_is() {
+    let Some(out) = mapped_case("carried_in_gap_hall", &["carried_in_gap_hall.clf.gz"]) else { return };
+    let report = report_of(&out);
+    let pieces = report["pieces"].as_array().unwrap();
+    let starts: Vec<_> = pieces.iter().flat_map(|piece| piece["fragments"].as_array().unwrap()).collect();
+    assert!(starts.iter().any(|fragment| fragment["start"] == "blind"), "{starts:?}");
+    let trajectory = std::fs::read_to_string(out.join("trajectory.tum")).unwrap();
+    let place = |line: &str| line.split(' ').skip(1).take(2).map(|word| word.parse().unwrap()).collect::<Vec<f64>>();
+    let places: Vec<_> = trajectory.lines().map(place).collect();
+    let away_m = |a: &[f64], b: &[f64]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    let farthest_m = places.iter().flat_map(|a| places.iter().map(move |b| away_m(a, b))).fold(0.0, f64::max);
+    assert!(pieces.len() > 1 || farthest_m < 3.5, "{farthest_m} m");
+}
+
+/// Between two logs the robot was lifted and turned, which its odometry tells the other way.
+#[test]
+fn a_robot_that_was_lifted_and_turned_is_not_said_to_be_upside_down() {
+    let Some(out) = mapped_case("carried_spin", &["before.clf.gz", "after.clf.gz"]) else { return };
+    let verdict = &report_of(&out)["verdict"];
+    assert_ne!(verdict["word"], "unusable", "{verdict}");
+    assert!(verdict["reasons"].as_array().unwrap().iter().all(|reason| reason["what"] != "mirrored"), "{verdict}");
+}

@@ -27,6 +27,11 @@ impl Apart {
         Self { fragments }
     }
 
+    #[cfg(test)]
+    pub(super) fn of_fragments(fragments: &[(NodeId, usize)]) -> Self {
+        Self { fragments: fragments.to_vec() }
+    }
+
     /// Whether the newest fragment is of another piece than the first.
     pub(super) fn is_newest(&self) -> bool {
         self.fragments.last().is_some_and(|(_, piece)| *piece != 0)
@@ -35,6 +40,16 @@ impl Apart {
     /// Whether two keyframes are of different pieces.
     pub(super) fn is_between(&self, from: NodeId, to: NodeId) -> bool {
         self.piece(from) != self.piece(to)
+    }
+
+    /// Whether all of a keyframe's piece lies within so much way of it, metres.
+    pub(super) fn is_within<M: Measurement>(&self, past: Past<'_, M>, node: NodeId, reach_m: f64) -> bool {
+        let end = self.end(node);
+        let Some((first, piece)) = self.fragments[..end].last() else { return false };
+        let next = self.fragments.get(end).map_or(past.way_m.len(), |(next, _)| next.index());
+        let is_alone = self.fragments.iter().filter(|(_, of)| of == piece).count() == 1;
+        let reaches = |other: NodeId| past.way_between_m(node, other) <= reach_m;
+        is_alone && reaches(*first) && next.checked_sub(1).is_some_and(|last| reaches(NodeId::at(last)))
     }
 
     /// The keyframe that odometry has led to wrongly where `to` is elsewhere: the first one of its piece, on the way back.

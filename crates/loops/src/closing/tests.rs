@@ -422,3 +422,17 @@ fn windows_grow_while_nothing_is_seen_of_places_nearby_until_a_closure() {
     }
     assert!((window_after::<Pose3>(8, false) - window_after::<Pose3>(0, false)).abs() < 1e-9);
 }
+
+/// Pieces of one fragment each, begun by the keyframes 0, 10 and 25: what was mapped before 10 may be all within a submap.
+#[test]
+fn a_submap_holds_a_piece_that_is_all_within_reach() {
+    let way = Way::<Pose2>::there_and_back(31);
+    let node = NodeId::new;
+    let apart = Apart::of_fragments(&[(node(0), 0), (node(10), 1), (node(25), 2)]);
+    let holds = |at: u32, reach_m: f64| apart.is_within(way.past(), node(at), reach_m);
+    assert!(holds(4, 5.0) && !holds(4, 4.9) && !holds(0, 8.0) && holds(9, 9.0));
+    assert!(holds(17, 7.0) && !holds(17, 6.9) && holds(28, 3.0) && !holds(24, 8.0));
+    // A piece of two fragments lies on both sides of a break.
+    let joined = Apart::of_fragments(&[(node(0), 0), (node(10), 1), (node(25), 0)]);
+    assert!(!joined.is_within(way.past(), node(4), 8.0) && joined.is_within(way.past(), node(17), 8.0));
+}

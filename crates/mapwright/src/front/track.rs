@@ -177,9 +177,10 @@ pub(crate) struct Tracker {
     /// The last scan that saw something, and how many have seen nothing since.
     seen: Option<Stamp>,
     blank: u32,
-    /// The last reading of the wheels or scan, and the longest time without either since a scan saw something, seconds.
+    /// The last reading of the wheels or scan, and the longest time without either that no scan has ended yet: readings may be told
+    /// before scans that are older.
     heard: Option<Stamp>,
-    silence_s: f64,
+    silence: Option<(Stamp, Stamp)>,
 }
 
 impl Tracker {
@@ -193,23 +194,22 @@ impl Tracker {
             seen: None,
             blank: 0,
             heard: None,
-            silence_s: 0.0,
+            silence: None,
         }
     }
 
     pub(super) fn put(&self, out: &mut Vec<u8>) {
         self.usual_share.put(out);
         (self.misfits, self.doubted_from, self.seen).put(out);
-        (self.blank, self.heard, self.silence_s).put(out);
+        (self.blank, self.heard, self.silence).put(out);
     }
 
     /// Goes on as it was, after so many keyframes.
     pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: usize) -> Option<Self> {
         let usual_share = PerLaser::<f64>::take(from)?;
         let (misfits, doubted_from, seen): (u32, Option<NodeId>, _) = Stored::take(from)?;
-        let (blank, heard, silence_s): (u32, _, f64) = Stored::take(from)?;
+        let (blank, heard, silence): (u32, _, _) = Stored::take(from)?;
         let is_sound = usual_share.iter().all(|share| (0.0..=1.0).contains(share))
-            && silence_s >= 0.0
             && misfits <= MISFITS_AT_MOST
             && doubted_from.is_none_or(|from| from.index() <= keyframes);
         is_sound.then(|| Self {
@@ -219,7 +219,7 @@ impl Tracker {
             seen,
             blank,
             heard,
-            silence_s,
+            silence,
             ..Self::new(settings)
         })
     }
@@ -231,13 +231,19 @@ impl Tracker {
 
     /// A reading of the wheels, or a scan.
     pub(super) fn hear(&mut self, stamp: Stamp) {
-        self.silence_s = self.silence_s.max(self.heard.map_or(0.0, |heard| stamp.secs_since(heard)));
+        let longest_s = self.silence.map_or(0.0, |(from, to)| to.secs_since(from));
+        if let Some(heard) = self.heard.filter(|heard| stamp.secs_since(*heard) > longest_s) {
+            self.silence = Some((heard, stamp));
+        }
         self.heard = self.heard.max(Some(stamp));
     }
 
     /// The longest time up to now in which neither the wheels nor the laser said anything, since a scan saw something, seconds.
     pub(super) fn silence_s(&self, stamp: Stamp) -> f64 {
-        self.silence_s.max(self.heard.map_or(0.0, |heard| stamp.secs_since(heard)))
+        let until_now = self.heard.map(|heard| (heard, stamp));
+        let seconds =
+            |(from, to): (Stamp, Stamp)| to.min(stamp).secs_since(self.seen.map_or(from, |seen| from.max(seen)));
+        self.silence.into_iter().chain(until_now).map(seconds).fold(0.0, f64::max)
     }
 
     /// Scans in a row before this one that saw nothing, and the time since one did, seconds.
@@ -258,7 +264,8 @@ impl Tracker {
     }
 
     fn see(&mut self, stamp: Stamp) {
-        (self.seen, self.blank, self.heard, self.silence_s) = (Some(stamp), 0, self.heard.max(Some(stamp)), 0.0);
+        (self.seen, self.blank, self.heard) = (Some(stamp), 0, self.heard.max(Some(stamp)));
+        self.silence = self.silence.filter(|(_, to)| *to > stamp);
     }
 
     /// The scan against the local map, from the prediction and, where that is doubtful, from elsewhere. None without a map or

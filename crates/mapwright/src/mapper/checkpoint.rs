@@ -11,7 +11,7 @@ use mapwright_geom::is_in_place;
 use mapwright_record::{NodeId, Past, Update};
 
 /// Of the bytes; another one's are not read.
-const VERSION: u8 = 5;
+const VERSION: u8 = 6;
 
 impl Mapper {
     /// Takes down what keyframes and edges do not say, where a run stops: [`Mapper::resume`] goes on with it to the same poses, bit
