@@ -11,7 +11,7 @@ use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::LocalMap;
 use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings};
 use mapwright_record::{Beams, LeftOutReason, LocalMapReport, NodeId, Past};
-use mapwright_sensor::{BeamCounts, LaserScan, Odometry, Sweep, TurnRate};
+use mapwright_sensor::{BeamCounts, LaserScan, Odometry, Sweep, SweepPoints, TurnRate};
 use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
 use slip::SlipWatch;
@@ -82,6 +82,11 @@ impl FrontEnd {
 
     pub(crate) fn pose(&self) -> &RobotPose {
         &self.pose
+    }
+
+    /// The newest scan's points, in the robot's frame.
+    pub(crate) fn points(&self) -> &SweepPoints {
+        self.preparation.points()
     }
 
     /// How submaps are drawn and looked for.

@@ -5,6 +5,7 @@ mod calibrations;
 mod floors;
 mod judged;
 mod kidnapped;
+mod localise;
 mod look_alike;
 mod loops;
 mod nested;
@@ -77,6 +78,9 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Kidnapped(args) => {
             measure(&kidnapped::Kidnapped { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
+        }
+        Suite::Localise(args) => {
+            measure(&localise::Localise { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
         }
         Suite::Offices(args) => {
             let settings = settings_of(&args.worlds.run)?;
