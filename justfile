@@ -114,6 +114,10 @@ suite-nested *args: release
 suite-look-alike *args: release
     {{mapwright}} suite look-alike -o {{figures}}/suite {{args}}
 
+# 100 robots located in a finished map, half of them where two places look alike: after how long, and how often wrongly
+suite-localise *args: release
+    {{mapwright}} suite localise -o {{figures}}/suite {{args}}
+
 # 50 office floors with people in them: the error
 suite-offices *args: release
     {{mapwright}} suite offices -o {{figures}}/suite {{args}}

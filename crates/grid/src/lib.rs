@@ -1,5 +1,6 @@
 //! Two-dimensional maps and the matching of scans against them.
 
+mod beams;
 mod correlative;
 mod counts;
 mod field;
@@ -8,6 +9,7 @@ mod matcher;
 mod survivors;
 mod tiles;
 
+pub use beams::BeamAgreement;
 pub use correlative::{
     CorrelativeSearch, MAX_SEARCH_BLOCKS, MAX_SEARCH_CELLS, Peak, SearchResult, SearchSettings, SearchWindow,
     Separation,

@@ -89,10 +89,6 @@ const UNCLEAR_FRIENDS: usize = 3;
 pub const APART_M: f64 = 2.0;
 /// and at most so far.
 const TOGETHER_M: f64 = 30.0;
-/// A robot that is only located in a map has nothing to lose that lasts but time: places are asked for at every keyframe, and two findings
-/// have to agree, so far apart, metres or radians.
-const LOCATED_APART_M: f64 = 0.2;
-const LOCATED_APART_RAD: f64 = 0.5;
 /// Findings that wait at most.
 const WAITING_AT_MOST: usize = 64;
 /// A closure that moves nothing farther than this may wait for others, metres; a turn moves what is so far away, metres.
@@ -157,8 +153,6 @@ pub struct Closing<S: Submaps> {
     unseen: u32,
     /// Pieces of the map that nothing joins.
     apart: Apart,
-    /// Whether the robot is only located in what is known, which stays where it is.
-    locates: bool,
 }
 
 /// What a finding makes of candidates: its own, and those that have waited and agree with it.
@@ -196,22 +190,14 @@ impl<S: Submaps> Closing<S> {
             joined: None,
             unseen: 0,
             apart: Apart::default(),
-            locates: false,
         }
     }
 
-    /// Describes all places by what they look like, at once: a robot that is switched on may be at any of them. What is known stays where it
-    /// is where it is only `located` there.
-    pub fn switch_on(&mut self, past: Past<'_, S::Measurement>, submaps: &S, located: bool) {
-        self.locates |= located;
+    /// Describes all places by what they look like, at once: a robot that is switched on may be at any of them.
+    pub fn switch_on(&mut self, past: Past<'_, S::Measurement>, submaps: &S) {
         if self.settings.by_place {
             self.remember_places(past, submaps, usize::MAX);
         }
-    }
-
-    /// Whether it looks for a robot that is only to be located.
-    fn is_locating(&self) -> bool {
-        self.locates && self.is_apart()
     }
 
     /// A fragment begins after a break, or what leads over one was withdrawn.
@@ -258,7 +244,7 @@ impl<S: Submaps> Closing<S> {
     /// Whether it is time to look for old places.
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
-        past.way_m.last().is_some_and(|now| self.is_locating() || now - self.checked_m >= CHECK_EVERY_M)
+        past.way_m.last().is_some_and(|now| now - self.checked_m >= CHECK_EVERY_M)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -286,7 +272,7 @@ impl<S: Submaps> Closing<S> {
             self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !by_pose || is_apart;
             let every_m = if is_apart { APART_M } else { ASK_BY_PLACE_EVERY_M };
-            if needed && (self.is_locating() || self.checked_m - self.asked_m >= every_m) {
+            if needed && self.checked_m - self.asked_m >= every_m {
                 self.asked_m = self.checked_m;
                 targets.extend(self.alike(past, to, known, &submaps));
             }
@@ -504,7 +490,7 @@ impl<S: Submaps> Closing<S> {
         let any_clear = is_clear(judged.verdict) || friends.iter().any(|&k| is_clear(candidates[k as usize].verdict));
         let sigma_m = self.doubt() * target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
-        let is_vouched = !is_misled && sigma_m <= WIDEST_M || self.locates && joins;
+        let is_vouched = !is_misled && sigma_m <= WIDEST_M;
         // Where the submap holds all of the other piece no other place of it can be meant.
         let is_whole = || joins && self.apart.is_within(past, target.from, SUBMAP_M);
         let enough = if any_clear && (is_vouched || is_whole()) { 1 } else { UNCLEAR_FRIENDS };
@@ -529,13 +515,7 @@ impl<S: Submaps> Closing<S> {
         judged: &Judged<PoseOf<S>>,
     ) -> Vec<u32> {
         let Some(found) = judged.from_from_to else { return Vec::new() };
-        let is_apart = |other: NodeId| {
-            let turned_rad = past.pose(other).between(past.pose(judged.to)).angle();
-            match past.way_between_m(other, judged.to) {
-                way_m if self.locates => way_m >= LOCATED_APART_M || turned_rad >= LOCATED_APART_RAD,
-                way_m => way_m >= APART_M,
-            }
-        };
+        let is_apart = |other: NodeId| past.way_between_m(other, judged.to) >= APART_M;
         let says_the_same = |&number: &u32| {
             let other = says(past, &candidates[number as usize]);
             other.is_some_and(|other| is_apart(other.1) && is_alike(past, other, (judged.from, judged.to, found)))

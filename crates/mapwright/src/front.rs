@@ -10,7 +10,7 @@ use mapwright_geom::{Cov3, Pose2};
 use mapwright_grid::LocalMap;
 use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings};
 use mapwright_record::{Beams, LeftOutReason, LocalMapReport, NodeId, Past};
-use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
+use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, SweepPoints, TurnRate};
 use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
 use seen::Place;
@@ -85,6 +85,11 @@ impl FrontEnd {
 
     pub(crate) fn pose(&self) -> &RobotPose {
         &self.pose
+    }
+
+    /// The newest scan's points, in the robot's frame.
+    pub(crate) fn points(&self) -> &SweepPoints {
+        self.preparation.points()
     }
 
     /// How submaps are drawn and looked for.

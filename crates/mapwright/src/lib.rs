@@ -23,6 +23,7 @@ mod cycles;
 mod front;
 mod jobs;
 mod local_map;
+mod locate;
 mod mapper;
 mod patches;
 mod probe;
@@ -40,9 +41,10 @@ struct ReadmeExamples;
 pub use advice::{Advice, Place};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use jobs::{Job, JobResult};
+pub use locate::{Location, Withdrawal};
 pub use mapper::Mapper;
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
-pub use mapwright_grid::{CountGrid, LocalMap};
+pub use mapwright_grid::{BeamAgreement, CountGrid, LocalMap};
 pub use mapwright_record::{
     Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart,
     Gravity, Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection,

@@ -3,6 +3,7 @@
 use crate::back::BackEnd;
 use crate::front::{BEFORE, FrontEnd, Matched, Prepared};
 use crate::jobs::{Job, JobResult, Task};
+use crate::locate::{Location, Locator, Seen, Withdrawal};
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::render::GlobalMap;
 use crate::settings::{Settings, SettingsError};
@@ -29,6 +30,8 @@ pub struct Mapper {
     front: FrontEnd,
     back: BackEnd,
     newest: Newest,
+    /// Where a robot that is only located is in the finished map.
+    locator: Option<Box<Locator>>,
 }
 
 impl Mapper {
@@ -59,6 +62,7 @@ impl Mapper {
             front: FrontEnd::new(settings, map_from_robot),
             back: BackEnd::new(&settings),
             newest: Newest { stamp: Stamp(0), status: Status::Tracking },
+            locator: None,
         })
     }
 
@@ -82,7 +86,7 @@ impl Mapper {
         let restored = checkpoint.and_then(|checkpoint| checkpoint::restore(settings, &store, &checkpoint.state));
         let (store, back, front) = restored.unwrap_or_else(|| Self::made_again(settings, store));
         let newest = Newest { stamp, status: Status::Tracking };
-        Ok(Self { store, front, back, newest })
+        Ok(Self { store, front, back, newest, locator: None })
     }
 
     /// What keyframes, edges and the last scans say.
@@ -138,8 +142,12 @@ impl Mapper {
         self.front.follow(self.store.past(), keyframe.is_some());
         self.add_pose_of_scan(scan);
         probe.end(Stage::Insert);
-        // 6. and 7. Detect and correct: jobs, done at once or handed out.
-        self.detect(keyframe.is_some(), None);
+        // 6. and 7. Detect and correct: jobs, done at once or handed out. What is finished is not corrected: there the robot is located.
+        if self.locator.is_some() {
+            self.locate(start.is_some(), matched.as_ref());
+        } else {
+            self.detect(keyframe.is_some(), None);
+        }
         probe.end(Stage::Close);
         // 8. Report.
         let status = self.status_of(matched.as_ref());
@@ -183,6 +191,28 @@ impl Mapper {
             self.store.see_odometry(own_from_robot, pose.odom_from_robot());
         }
         self.store.add_scan(scan.stamp, pose.local_from_robot(), pose.odom_from_robot());
+    }
+
+    /// The newest scan as the finished map has it; over a break nothing is known of where the robot is.
+    fn locate(&mut self, is_break: bool, matched: Option<&Matched>) {
+        let Self { front, locator, .. } = self;
+        let Some(locator) = locator else { return };
+        let is_believed = matched.is_none_or(Matched::is_believed);
+        let local_from_robot = front.pose().local_from_robot();
+        locator.see(&Seen { local_from_robot, points: front.points(), is_break, is_believed });
+    }
+
+    /// Where the robot is likeliest to be in the finished map, and the evidence; none where nothing is known, and of a mapper that is not
+    /// [localising](Mapper::localising).
+    #[must_use]
+    pub fn location(&self) -> Option<Location> {
+        self.locator.as_ref()?.location()
+    }
+
+    /// Why the newest scan has withdrawn what was said of where the robot is in the finished map, if it has.
+    #[must_use]
+    pub fn withdrawal(&self) -> Option<Withdrawal> {
+        self.locator.as_ref()?.withdrawal()
     }
 
     /// Looks for old places from time to time, and at once where a match is supported by one that nobody has looked at. What is live is
@@ -248,12 +278,17 @@ impl Mapper {
         let pose = self.front.pose();
         let robot = Whereabouts {
             pose,
-            local_from_robot: pose.local_from_robot(),
+            map_from_robot: self.store.map_from_local() * pose.local_from_robot(),
             covariance: pose.covariance(self.store.past()),
             localisation: self.back.localisation(),
             local_map: self.front.local_map_report(),
         };
-        told::update(&mut self.store, robot, self.newest, told)
+        let newest = self.newest;
+        let mut update = told::update(&mut self.store, robot, newest, told);
+        if let Some(locator) = &self.locator {
+            locator.report(&mut update);
+        }
+        update
     }
 
     /// The settings in force.

@@ -26,9 +26,9 @@ pub(crate) struct Told {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Whereabouts<'a, P: Pose> {
     pub(crate) pose: &'a RobotPose<P>,
-    /// At the newest stamp, in the front end's frame.
-    pub(crate) local_from_robot: P,
-    /// Of that, relative to the anchor.
+    /// At the newest stamp, in the map.
+    pub(crate) map_from_robot: P,
+    /// Of that, relative to the anchor, of which the map is made where there is none.
     pub(crate) covariance: P::Matrix,
     pub(crate) localisation: Localisation,
     pub(crate) local_map: LocalMapReport,
@@ -42,8 +42,7 @@ pub(crate) fn update<M: Measurement>(
     told: Told,
 ) -> Update<M> {
     let (entries, unwritten) = store.take_fresh();
-    let Whereabouts { pose, local_from_robot, covariance, localisation, local_map } = robot;
-    let map_from_robot = store.map_from_local() * local_from_robot;
+    let Whereabouts { pose, map_from_robot, covariance, localisation, local_map } = robot;
     let odom_from_robot = pose.odom_from_robot();
     Update {
         scan: store.next_scan().saturating_sub(1),

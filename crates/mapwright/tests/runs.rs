@@ -3,7 +3,10 @@
 
 mod support;
 
-use mapwright::{Entry, FragmentStart, Localisation, Mapper, Pose2, RunId, Session, Settings, Stamp, Status, Update};
+use mapwright::{
+    Entry, FragmentStart, Localisation, Mapper, Pose2, RunId, Session, Settings, Stamp, Status, Update, Withdrawal,
+};
+use mapwright_sim::worlds::{Relocalisation, TwiceTheSame, relocalisation};
 use mapwright_sim::{DriveSettings, TrueScan, worlds};
 use std::collections::BTreeMap;
 use support::{in_parallel, mapper, recording};
@@ -171,4 +174,59 @@ fn a_robot_is_located_in_a_map_that_stays_as_it_is() {
     }
     println!("{located} of {} scans located, {wrong} wrongly", second.len());
     assert!(located * 2 > second.len() && wrong == 0);
+}
+
+/// What was said of the scans of a later drive in the map of a first one.
+#[derive(Debug, Default)]
+struct Said {
+    /// The first scan that was located.
+    first: Option<usize>,
+    located: usize,
+    wrong: usize,
+    /// The longest stretch of scans that were located wrongly.
+    wrong_at_a_stretch: usize,
+    taken_back: Vec<Withdrawal>,
+    /// Whether the last scan is located, and rightly.
+    is_found: bool,
+}
+
+/// Locates the later drive in the map of so many scans of the first.
+fn located(case: &Relocalisation, mapped: usize) -> Said {
+    let first: Vec<TrueScan> = case.mapping_drive().scans().take(mapped).collect();
+    let map = map(&first);
+    let begin = map.session().trajectory().next().expect("a scan").map_from_robot;
+    let world_from_map = first[0].world_from_robot * begin.inverse();
+    let mut mapper = Mapper::localising(Settings::default(), map.session().clone()).expect("valid");
+    let (mut said, mut stretch) = (Said::default(), 0);
+    for (number, scan) in case.later_drive().scans().enumerate() {
+        let update = mapper.add_scan(&scan.scan);
+        said.taken_back.extend(mapper.withdrawal());
+        let error = scan.world_from_robot.between(world_from_map * update.map_from_robot);
+        let is_right = error.x.hypot(error.y) <= 2.0 * RIGHT_M && error.theta.abs() <= 2.0 * RIGHT_RAD;
+        let is_located = update.localisation == Localisation::Joined && update.status != Status::Lost;
+        said.is_found = is_located && is_right;
+        stretch = if is_located && !is_right { stretch + 1 } else { 0 };
+        said.wrong_at_a_stretch = said.wrong_at_a_stretch.max(stretch);
+        if is_located {
+            said.first.get_or_insert(number);
+            said.located += 1;
+            said.wrong += usize::from(!is_right);
+        }
+    }
+    println!("{:?}: {said:?}", case.twice);
+    said
+}
+
+#[test]
+fn where_two_ends_of_a_room_look_alike_the_robot_is_located_once_it_has_left() {
+    let said = in_parallel(2, |k| {
+        let case = relocalisation(6 * k as u64);
+        assert_eq!(case.twice, TwiceTheSame::EndsOfRoom);
+        located(&case, usize::MAX)
+    });
+    for said in said {
+        assert!(said.is_found && said.wrong == 0, "{said:?}");
+        // It begins by driving to the other end and back, where nothing tells them apart.
+        assert!(said.first.is_some_and(|first| first > 100), "{said:?}");
+    }
 }

@@ -98,7 +98,7 @@ pub struct Update<M: Measurement = Sweep> {
     pub stamp: Stamp,
     /// Pose of the robot in the map.
     pub map_from_robot: M::Pose,
-    /// Covariance of the pose relative to `anchor` (right perturbation; m^2, m rad, rad^2).
+    /// Covariance of the pose relative to `anchor`, without one relative to the map (right perturbation; m^2, m rad, rad^2).
     pub covariance: <M::Pose as Pose>::Matrix,
     /// Keyframe that supplied most of the matched points.
     pub anchor: Option<KeyframeId>,

@@ -173,7 +173,7 @@ fn evidence(candidate: &CandidateRecord) -> String {
     let mut parts = vec![count(u64::from(evidence.points), "point")];
     let numbers = [
         ("score", evidence.score),
-        ("runner-up", evidence.ambiguity),
+        ("share of it that the runner-up scores", evidence.ambiguity),
         ("overlap", evidence.overlap),
         ("inliers", evidence.inlier_share),
         ("contradiction", evidence.contradiction),

@@ -8,21 +8,26 @@ use crate::progress::{FirstPass, Progress};
 use crate::session::earlier_in_plane;
 use crate::settings;
 use crate::terminal::{count, say, say_json};
-use mapwright::{Localisation, Mapper, Status, Update};
+use mapwright::{Localisation, Location, Mapper, Status, Update, Withdrawal};
 use mapwright_formats::{FormatError, LogEvent, TumWriter};
 use serde_json::json;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 
 /// How a scan was located.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct Counts {
     scans: u64,
     located: u64,
     /// The scan at which the robot was located first, and seconds since the first scan.
     first: Option<(u64, f64)>,
     lost_again: u64,
+    /// Where a finding was taken back: the scan, seconds since the first scan, and why.
+    taken_back: Vec<(u64, f64, Withdrawal)>,
 }
+
+/// Findings that were taken back are named one by one up to here.
+const NAMED: usize = 5;
 
 /// Where poses go.
 enum Poses<'a> {
@@ -56,9 +61,9 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<Outcome, Failure> {
                 LogEvent::Scan(scan) => {
                     let update = mapper.add_scan(scan);
                     let began = *began.get_or_insert(update.stamp);
-                    counts.add(&update, update.stamp.secs_since(began));
+                    counts.add(&update, update.stamp.secs_since(began), mapper.withdrawal());
                     progress.scan(update.stamp, position);
-                    poses.add(&update).map_err(failed)?;
+                    poses.add(&update, mapper.location().as_ref()).map_err(failed)?;
                 }
                 LogEvent::Odometry(odometry) => mapper.add_odometry(odometry),
                 LogEvent::TurnRate(rate) => {
@@ -88,13 +93,22 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<Outcome, Failure> {
     Ok(Outcome::of_losses(&losses))
 }
 
+fn words_of(why: Withdrawal) -> &'static str {
+    match why {
+        Withdrawal::Contradicted => "what was seen since contradicts the map there",
+        Withdrawal::Overtaken => "another place explains the scans as well or better",
+        Withdrawal::Break => "the robot may have been carried",
+    }
+}
+
 /// Whether the robot is known to be where it is said to be.
 fn is_located(update: &Update) -> bool {
     update.localisation == Localisation::Joined && update.status != Status::Lost
 }
 
 impl Counts {
-    fn add(&mut self, update: &Update, elapsed_s: f64) {
+    fn add(&mut self, update: &Update, elapsed_s: f64, withdrawal: Option<Withdrawal>) {
+        self.taken_back.extend(withdrawal.map(|why| (self.scans, elapsed_s, why)));
         if is_located(update) {
             self.located += 1;
             self.first.get_or_insert((self.scans, elapsed_s));
@@ -105,27 +119,42 @@ impl Counts {
     }
 
     fn losses(&self) -> Vec<String> {
-        match self.first {
-            None => vec!["the robot was nowhere recognised in the map".to_owned()],
-            Some(_) if self.lost_again > 0 => vec![format!(
+        let Some((first, _)) = self.first else {
+            return vec!["the robot was nowhere recognised in the map".to_owned()];
+        };
+        let mut losses = Vec::new();
+        if first > 0 {
+            losses.push(format!("{} not located before the robot was found", count(first, "scan")));
+        }
+        if self.lost_again > 0 {
+            losses.push(format!(
                 "{} not located after the robot had been found: it was lost again",
                 count(self.lost_again, "scan")
-            )],
-            Some(_) => Vec::new(),
+            ));
         }
+        losses
     }
 
     fn words(&self) -> String {
-        let Self { scans, located, first, .. } = *self;
-        let mut text = format!("{} of {} located\n", count(located, "scan"), count(scans, "scan"));
+        let Self { scans, located, first, taken_back, .. } = self;
+        let mut text = format!("{} of {} located\n", count(*located, "scan"), count(*scans, "scan"));
         if let Some((scan, elapsed_s)) = first {
             text += &format!("found    at scan {scan}, {elapsed_s:.1} s after the first\n");
+        }
+        for (scan, elapsed_s, why) in taken_back.iter().take(NAMED) {
+            text += &format!("withdrawn at scan {scan}, {elapsed_s:.1} s after the first: {}\n", words_of(*why));
+        }
+        if taken_back.len() > NAMED {
+            text += &format!("withdrawn {} more times\n", taken_back.len() - NAMED);
         }
         text
     }
 
-    fn to_json(self, name: &str, losses: &[String]) -> serde_json::Value {
-        let Self { scans, located, first, lost_again } = self;
+    fn to_json(&self, name: &str, losses: &[String]) -> serde_json::Value {
+        let Self { scans, located, first, lost_again, taken_back } = self;
+        let withdrawn = taken_back
+            .iter()
+            .map(|(scan, seconds, why)| json!({ "scan": scan, "seconds": seconds, "why": words_of(*why) }));
         json!({
             "log": name,
             "scans": scans,
@@ -133,6 +162,7 @@ impl Counts {
             "first_scan_located": first.map(|(scan, _)| scan),
             "seconds_until_located": first.map(|(_, elapsed_s)| elapsed_s),
             "not_located_afterwards": lost_again,
+            "withdrawn": withdrawn.collect::<Vec<_>>(),
             "losses": losses,
         })
     }
@@ -143,13 +173,13 @@ impl Poses<'_> {
         match self {
             Self::Csv(writer) => Ok(writeln!(
                 writer,
-                "stamp_s,located,x_m,y_m,heading_rad,sigma_x_m,sigma_y_m,sigma_heading_rad,inlier_share,status"
+                "stamp_s,located,x_m,y_m,heading_rad,sigma_x_m,sigma_y_m,sigma_heading_rad,inlier_share,status,lead_nats"
             )?),
             Self::Tum(_) => Ok(()),
         }
     }
 
-    fn add(&mut self, update: &Update) -> Result<(), FormatError> {
+    fn add(&mut self, update: &Update, location: Option<&Location>) -> Result<(), FormatError> {
         let (pose, is_located) = (update.map_from_robot, is_located(update));
         match self {
             Self::Tum(writer) if is_located => writer.write_planar(update.stamp, pose)?,
@@ -164,8 +194,10 @@ impl Poses<'_> {
                 } else {
                     write!(writer, ",,,,,,")?;
                 }
-                let share = update.matched.map(|matched| format!("{:.3}", matched.inlier_share)).unwrap_or_default();
-                writeln!(writer, ",{share},{}", update.status.name())?;
+                let matched = update.matched.filter(|_| is_located);
+                let share = matched.map(|matched| format!("{:.3}", matched.inlier_share)).unwrap_or_default();
+                let lead = location.map(|at| format!("{:.1}", at.nats - at.rival_nats)).unwrap_or_default();
+                writeln!(writer, ",{share},{},{lead}", update.status.name())?;
             }
         }
         Ok(())

@@ -131,7 +131,7 @@ fn numbers(candidate: &CandidateRecord) -> Vec<[String; 2]> {
     }
     let shares = [
         ("score", evidence.score),
-        ("runner-up", evidence.ambiguity),
+        ("runner-up, of the score", evidence.ambiguity),
         ("overlap", evidence.overlap),
         ("inliers", evidence.inlier_share),
         ("contradiction", evidence.contradiction),

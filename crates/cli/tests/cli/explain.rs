@@ -40,7 +40,7 @@ fn candidates_are_told_with_verdict_reason_and_numbers() {
         "score 0.81",
         "cycle chi-square 2.5",
         "refused, another pose fits nearly as well: 1",
-        "runner-up 0.97",
+        "score 0.60, share of it that the runner-up scores 0.97",
         "1 slip of the wheels",
         "30 (61.500 s): 0.400 m, settled by scan 211",
     ];

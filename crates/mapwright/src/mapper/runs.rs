@@ -3,6 +3,7 @@
 
 use super::Mapper;
 use crate::front::anywhere;
+use crate::locate::Locator;
 use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Import, Store};
 use crate::told::{Newest, Told};
@@ -14,15 +15,15 @@ impl Mapper {
     /// Its first scan begins a fragment, which is [apart](mapwright_record::Localisation) until the robot comes to a place that is
     /// known and recognises it. The update holds the beginning of the run; a robot that had runs before gets the next number.
     pub fn switch_on(&mut self, robot: RunId) -> Update {
-        self.begin_run(robot, false);
+        self.begin_run(robot);
+        let submaps = self.front.submaps();
+        self.back.closing.switch_on(self.store.past(), &submaps);
         self.report(Told::default())
     }
 
-    fn begin_run(&mut self, robot: RunId, is_located: bool) {
+    fn begin_run(&mut self, robot: RunId) {
         self.store.switch_on(robot, self.settings().to_text());
         self.front.switch_on();
-        let submaps = self.front.submaps();
-        self.back.closing.switch_on(self.store.past(), &submaps, is_located);
     }
 
     /// Takes in a session that was mapped apart, of this robot or another one: its keyframes one after the other, as if they were made
@@ -57,8 +58,10 @@ impl Mapper {
     }
 
     /// A mapper that finds a robot in the map of a session, where it may be anywhere, and tracks it there. What the session has mapped
-    /// stays where it is: closures move what was mapped since alone. Keyframes are made as ever, for what has changed or was not
-    /// known is tracked by them, so that memory grows with the way; write them down, and the session is continued.
+    /// stays where it is, and that alone says where the robot is ([`Mapper::location`]): it is [apart](mapwright_record::Localisation) and
+    /// lost until one place leads all rivals, and again where what it sees contradicts that place ([`Mapper::withdrawal`]). Keyframes are made
+    /// as ever, to tell how the robot moves where the map is not known or has changed, so that memory grows with the way; they are a
+    /// fragment of their own.
     ///
     /// # Errors
     /// A setting outside its range.
@@ -71,8 +74,9 @@ impl Mapper {
         store.fix();
         let (store, back, front) = Self::made_again(settings, store);
         let newest = Newest { stamp: Stamp(0), status: Status::Tracking };
-        let mut mapper = Self { store, front, back, newest };
-        mapper.begin_run(run, true);
+        let locator = Some(Box::new(Locator::new(&settings, store.session())));
+        let mut mapper = Self { store, front, back, newest, locator };
+        mapper.begin_run(run);
         Ok(mapper)
     }
 }

@@ -157,7 +157,7 @@ impl SpaceMapper {
     fn report(&mut self, told: Told) -> Update<SpaceSweep> {
         let robot = Whereabouts {
             pose: self.front.pose(),
-            local_from_robot: self.front.local_from_robot(),
+            map_from_robot: self.store.map_from_local() * self.front.local_from_robot(),
             covariance: self.front.covariance(self.store.past()),
             localisation: self.back.localisation(),
             local_map: self.front.local_map_report(),

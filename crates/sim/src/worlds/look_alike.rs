@@ -106,31 +106,31 @@ struct Plan {
 
 /// What stands still; built once, it may be put up as often as liked.
 #[derive(Default)]
-struct Shapes {
-    segments: Vec<Segment>,
-    circles: Vec<Circle>,
+pub(super) struct Shapes {
+    pub(super) segments: Vec<Segment>,
+    pub(super) circles: Vec<Circle>,
 }
 
 impl Shapes {
-    fn of(builder: Builder) -> Self {
+    pub(super) fn of(builder: Builder) -> Self {
         let world = builder.build();
         Self { segments: world.segments().to_vec(), circles: world.circles().to_vec() }
     }
 
     /// Puts up a copy, turned by quarters of a turn about the origin, then moved.
-    fn put_up(&mut self, module: &Self, quarters: usize, moved: Point) {
+    pub(super) fn put_up(&mut self, module: &Self, quarters: usize, moved: Point) {
         let place = |p: Point| add(turned(p, quarters), moved);
         self.segments.extend(module.segments.iter().map(|s| Segment { a: place(s.a), b: place(s.b) }));
         self.circles.extend(module.circles.iter().map(|c| Circle { center: place(c.center), ..*c }));
     }
 
-    fn polyline(&mut self, points: &[Point]) {
+    pub(super) fn polyline(&mut self, points: &[Point]) {
         self.segments.extend(points.windows(2).map(|pair| Segment { a: pair[0], b: pair[1] }));
     }
 }
 
 /// Exactly: no copy may differ by rounding of a sine.
-fn turned([x, y]: Point, quarters: usize) -> Point {
+pub(super) fn turned([x, y]: Point, quarters: usize) -> Point {
     match quarters % 4 {
         0 => [x, y],
         1 => [-y, x],
@@ -140,7 +140,7 @@ fn turned([x, y]: Point, quarters: usize) -> Point {
 }
 
 /// A corridor along x from `from_m` to `to_m` around y = `y_m`, walls with niches and pillars and what stands there.
-fn corridor_module(builder: &mut Builder, [from_m, to_m]: [f64; 2], y_m: f64, half_m: f64, rng: &mut Rng) {
+pub(super) fn corridor_module(builder: &mut Builder, [from_m, to_m]: [f64; 2], y_m: f64, half_m: f64, rng: &mut Rng) {
     builder.reserve(&[[from_m, y_m], [to_m, y_m]]);
     for side in [-1.0, 1.0] {
         let wall_m = y_m + side * half_m;
@@ -271,7 +271,7 @@ fn repeated_rooms(rng: &mut Rng) -> Plan {
 }
 
 /// From the right end of a row of rooms down, back, and up to its left end.
-fn way_back(end_m: f64, [left_m, right_m]: [f64; 2], low_m: f64, half_m: f64, rng: &mut Rng) -> Shapes {
+pub(super) fn way_back(end_m: f64, [left_m, right_m]: [f64; 2], low_m: f64, half_m: f64, rng: &mut Rng) -> Shapes {
     let mut builder = Builder::new();
     builder.polyline(&[[left_m - half_m, half_m], [0.0, half_m]]);
     builder.polyline(&[[end_m, half_m], [right_m + half_m, half_m]]);
@@ -293,7 +293,7 @@ fn way_back(end_m: f64, [left_m, right_m]: [f64; 2], low_m: f64, half_m: f64, rn
 }
 
 /// One room above a corridor along x, and the corridor before it.
-fn room_module(way: &[Point; 3], width_m: f64, depth_m: f64, half_m: f64, rng: &mut Rng) -> Shapes {
+pub(super) fn room_module(way: &[Point; 3], width_m: f64, depth_m: f64, half_m: f64, rng: &mut Rng) -> Shapes {
     let mut builder = Builder::new();
     builder.reserve(way);
     builder.reserve(&[[0.0, 0.0], [width_m, 0.0]]);

@@ -8,6 +8,7 @@ mod look_alike;
 mod loops;
 mod office;
 mod rooms;
+mod twice_the_same;
 
 pub use corridor::{CorridorWalls, corridor, grand_loop};
 pub use corridor_grid::corridor_grid;
@@ -17,6 +18,7 @@ pub use look_alike::{Alias, LookAlike, LookAlikeKind, look_alike};
 pub use loops::loop_of;
 pub use office::office_floor;
 pub use rooms::{rooms, three_rooms};
+pub use twice_the_same::{Relocalisation, TwiceTheSame, relocalisation};
 
 use crate::math::{Point, distance};
 

@@ -6,6 +6,7 @@ mod floors;
 mod judged;
 mod kidnapped;
 mod legs;
+mod localise;
 mod look_alike;
 mod loops;
 mod nested;
@@ -78,6 +79,9 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Kidnapped(args) => {
             measure(&kidnapped::Kidnapped { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
+        }
+        Suite::Localise(args) => {
+            measure(&localise::Localise { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
         }
         Suite::Offices(args) => {
             let settings = settings_of(&args.worlds.run)?;
