@@ -146,6 +146,8 @@ pub(crate) struct Locator {
     hypotheses: Vec<Hypothesis>,
     is_located: bool,
     withdrawal: Option<Withdrawal>,
+    /// A finding was withdrawn, and none has held since.
+    was_wrong: bool,
     local_from_last: Option<Pose2>,
     /// Motion since the whole map was searched, metres and radians; none before the first time.
     since_search: Option<[f64; 2]>,
@@ -171,6 +173,7 @@ impl Locator {
             hypotheses: Vec::new(),
             is_located: false,
             withdrawal: None,
+            was_wrong: false,
             local_from_last: None,
             since_search: None,
             agreement: BeamAgreement::default(),
@@ -244,6 +247,7 @@ impl Locator {
         if std::mem::take(&mut self.is_located) {
             self.withdrawal = Some(Withdrawal::Break);
         }
+        self.was_wrong = false;
         self.views.clear();
         self.hypotheses.clear();
         (self.local_from_last, self.since_search) = (None, None);
@@ -353,7 +357,16 @@ impl Locator {
             self.is_located = false;
             self.withdrawal = Some(Withdrawal::Overtaken);
         }
-        self.is_located |= lead >= DECIDED_NATS && best.against().0 > -DECIDED_NATS;
+        self.was_wrong |= self.withdrawal.is_some();
+        let is_decided = lead >= self.needed_nats() && best.against().0 > -DECIDED_NATS;
+        self.was_wrong &= !is_decided;
+        self.is_located |= is_decided;
+    }
+
+    /// By how much a place has to lead. Where a finding did not hold the robot may have left what is mapped, as likely as it is anywhere in it: a
+    /// single place has the prior of one in so many then, and the best of so many wrong ones leads by as much.
+    fn needed_nats(&self) -> f64 {
+        DECIDED_NATS + if self.was_wrong { self.finished.places().ln() } else { 0.0 }
     }
 
     /// Of hypotheses that have come to the same place the best stays.

@@ -112,6 +112,12 @@ impl FinishedMap {
         Self { map, cell_m, low, width, height, scores, stands }
     }
 
+    /// How many places a robot may stand at that are told apart, one at least.
+    pub(super) fn places(&self) -> f64 {
+        let area_m2 = self.stands.len() as f64 * self.cell_m * self.cell_m;
+        (area_m2 / (PEAK_M * PEAK_M) * TAU / PEAK_RAD).max(1.0)
+    }
+
     /// Poses at which points in the robot's frame may have been seen, the likeliest first: peaks of how many end at obstacles, over all poses.
     pub(super) fn peaks(&self, points: &[[f64; 2]]) -> Vec<Pose2> {
         let most_m = middle_range_m(points).max(SEARCH_REACH_M);
