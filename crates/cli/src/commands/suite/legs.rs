@@ -102,7 +102,7 @@ fn on_robot(seed: u64, rng: &mut Rng) -> Vec<Incident> {
         swing_m,
         strides_per_s: rng.uniform(0.6, 0.95),
     }];
-    let posts = if seed % 2 == 0 { 0 } else { 1 + rng.below(4) };
+    let posts = if seed.is_multiple_of(2) { 0 } else { 1 + rng.below(4) };
     things.extend((0..posts).map(|_| Incident::Blocked {
         from_s: 0.0,
         to_s: f64::INFINITY,
