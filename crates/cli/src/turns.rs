@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn many_turns_tell_that_scans_turn_the_other_way_and_a_single_one_does_not() {
-        let way = [1.5, -1.5, 1.5, 1.5, -1.5, 0.3];
+        let way = [1.5, -1.5, 1.5, 1.5, -1.5, 1.5];
         for step_rad in [0.05, 0.75] {
             assert!(turned(&way, step_rad, |_| -1.0).is_against(), "{step_rad}");
             assert!(!turned(&way, step_rad, |_| 1.0).is_against(), "{step_rad}");
