@@ -40,7 +40,7 @@ impl Event {
     }
 
     /// Bytes held beside the value itself.
-    fn held_bytes(&self) -> usize {
+    pub(crate) fn held_bytes(&self) -> usize {
         match self {
             Self::Scan(scan) => size_of::<LaserScan>() + scan.ranges_m.capacity() * size_of::<f32>(),
             _ => 0,
