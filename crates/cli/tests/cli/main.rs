@@ -9,6 +9,7 @@ mod doubt;
 mod explain;
 mod export;
 mod export_space;
+mod lag;
 mod map;
 mod optimize;
 mod page;
