@@ -2,6 +2,7 @@
 
 mod export;
 mod suite;
+mod switched;
 mod values;
 
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
@@ -252,6 +253,7 @@ impl SourceArgs {
             robot: self.robot.clone(),
             mount: self.mount.or_else(|| self.calibration.map(|found| found.mount())),
             odometry: self.calibration.map(|found| found.odometry()),
+            odometry_as_stamped: false,
         }
     }
 

@@ -66,6 +66,17 @@ impl Calibrated {
         )
     }
 
+    /// All that it says, in a line.
+    pub(crate) fn in_words(self) -> String {
+        let Laser { x_m, y_m, yaw_rad, upside_down } = self.laser;
+        let Wheels { translation_scale, rotation_scale, drift_rad_per_m, lag_s } = self.odometry;
+        let flipped = if upside_down { ",flipped" } else { "" };
+        format!(
+            "laser {x_m},{y_m},{yaw_rad}{flipped}; odometry scales {translation_scale}, {rotation_scale}, drift {drift_rad_per_m} rad/m, \
+             lag {lag_s} s"
+        )
+    }
+
     /// What a file says; what is wrong with it, in words.
     pub(crate) fn read(path: &str) -> Result<Self, String> {
         let text = fs::read_to_string(Path::new(path)).map_err(|error| format!("cannot read it: {error}"))?;

@@ -7,7 +7,8 @@
 //!
 //! The wheels' report is what is predicted, because it is what is noisy: noise in what is predicted *from* makes whatever is
 //! estimated too small. For the same reason lag is told by headings alone: along a corridor a match is what the wheels had
-//! predicted, as if they had no lag. Gauss-Newton with Huber weights; the uncertainty is the sandwich
+//! predicted, as if they had no lag. Levenberg-Marquardt with Huber weights, from the heading that the wheels' ways suggest; then, with the
+//! lag, Newton's steps, which must converge to something that a robot can have, or nothing is said. The uncertainty is the sandwich
 //! `B^-1 (sum Z^T W r r^T W Z) B^-T` over groups of successive stretches, which stays honest where residuals are neither equal
 //! nor normal nor independent of their neighbours, and what is alike all over the drive, which no scatter shows, beside it.
 
@@ -30,19 +31,36 @@ const STRETCH_M: f64 = 0.5;
 const PARTS: usize = 5;
 /// Residuals beyond so many robust standard deviations lose weight (Huber 1964).
 const HUBER: f64 = 1.345;
-/// Successive stretches whose residuals may have a cause in common.
+/// Successive stretches whose residuals may have a cause in common, at most; of a short drive fewer, so that there are so many groups.
 const CLUSTER: usize = 10;
+const CLUSTERS_LEAST: usize = 3 * PARAMETERS;
 const ITERATIONS: usize = 30;
-/// The estimate stands still when no parameter changes by more.
+/// Damping at first, relative to each parameter's own information; what a step that makes things better or worse multiplies it by; and the
+/// damping with which no step is left.
+const DAMPING: f64 = 1e-3;
+const DAMPING_LESS: f64 = 0.1;
+const DAMPING_MORE: f64 = 10.0;
+const DAMPING_MOST: f64 = 1e8;
+/// One step changes the parameters by so much at most: metres, radians, scales, radians a metre and seconds.
+const STEP_MOST: [f64; PARAMETERS] = [0.3, 0.3, 0.3, 0.1, 0.1, 0.3, 0.3];
+/// The estimate stands still when no parameter changes by more, or by more than so much of its deviation.
 const STILL: f64 = 1e-6;
+const STILL_SIGMAS: f64 = 0.1;
 /// Steps for numerical derivatives; the model is smooth on this scale.
 const STEP: f64 = 1e-6;
 /// The same for the lag, seconds: poses are noisy, so that a speed is told over a while.
 const LAG_STEP_S: f64 = 0.1;
-/// Stretches without which nothing is said.
+/// Stretches without which nothing is said; of a drive with fewer they are shorter, down to such a share.
 const STRETCHES_AT_LEAST: usize = 30;
+const SHORTEST: f64 = 0.25;
 /// Turning in all without which the mount's position does not show, radians.
-const TURN_AT_LEAST_RAD: f64 = 6.0;
+const TURN_AT_LEAST_RAD: f64 = 2.0;
+/// A laser sits at most so far from the point about which its robot turns, metres, and what wheels say is within such a factor of the truth.
+const MOUNT_MOST_M: f64 = 20.0;
+const SCALES: std::ops::RangeInclusive<f64> = 0.2..=5.0;
+/// A place less certain than a robot is large, metres, and a heading less certain than that, radians, are none.
+const SIGMA_MOST_M: f64 = 0.3;
+const SIGMA_MOST_RAD: f64 = 0.2;
 /// So long after a run's beginning the first stretch begins, and so long before its end the last one ends, seconds: where the robot
 /// was a lag before is known there.
 const MARGIN_S: f64 = 0.3;
@@ -95,30 +113,33 @@ pub(crate) struct Calibration {
     pub(crate) stretches: usize,
 }
 
+impl Calibration {
+    /// Of odometry that was put right by so much before.
+    pub(crate) fn lagging(self, by_s: f64) -> Self {
+        let lag_s = self.lag_s.map(|lag| Estimate { value: lag.value + by_s, ..lag });
+        Self { lag_s, ..self }
+    }
+}
+
 /// Estimates mount and wheels from scans that were tracked, in runs without a break; the mapper had the laser where it is presumed.
 pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibration, String> {
-    let stretches: Vec<_> = runs.iter().flat_map(|run| stretches_of(run)).collect();
+    let stretches = stretches_of_all(runs);
     let turned: f64 = stretches.iter().map(|s| s.laser0_from_laser1().theta.abs()).sum();
     if stretches.len() < STRETCHES_AT_LEAST || turned < TURN_AT_LEAST_RAD {
         return Err(format!(
-            "expected at least {STRETCHES_AT_LEAST} stretches of driving with odometry and a full turn of the robot in \
-             all, found {} stretches and {turned:.1} rad",
+            "expected at least {STRETCHES_AT_LEAST} stretches of {:.2} m or {:.0} deg, driven with odometry and tracked, and {TURN_AT_LEAST_RAD:.0} \
+             rad of turning in all, found {} stretches and {turned:.1} rad",
+            SHORTEST * STRETCH_M,
+            (SHORTEST * STRETCH_RAD).to_degrees(),
             stretches.len()
         ));
     }
-    let mut at = Vector::from([presumed.x, presumed.y, presumed.theta, 1.0, 1.0, 0.0, 0.0]);
     let tells_time = tells_time(runs);
-    let mut normal = Normal::at(&stretches, &at, tells_time);
-    for _ in 0..ITERATIONS {
-        let step = normal.step().ok_or("the drive does not show all of mount and wheels: more turns are needed")?;
-        at -= step;
-        at[LAG] = at[LAG].clamp(-LAG_AT_MOST_S, LAG_AT_MOST_S);
-        normal = Normal::at(&stretches, &at, tells_time);
-        if step.amax() < STILL {
-            break;
-        }
-    }
-    let covariance = normal.covariance().ok_or("the estimate is not determined")?;
+    let heading_rad = heading_suggested(&stretches).unwrap_or(presumed.theta);
+    let start = Vector::from([presumed.x, presumed.y, heading_rad, 1.0, 1.0, 0.0, 0.0]);
+    let (mut at, covariance) = solved(&stretches, damped(&stretches, start), tells_time)?;
+    // as near to what is presumed as the circle allows
+    at[2] = presumed.theta + wrapped(at[2] - presumed.theta);
     let estimate = |k: usize| Estimate { value: at[k], sigma: covariance[(k, k)].max(0.0).sqrt() };
     let of_mount = |k: usize, presumed: f64, alike: f64| {
         let Estimate { value, sigma } = estimate(k);
@@ -134,6 +155,94 @@ pub(crate) fn calibrate(runs: &[Vec<Sample>], presumed: Pose2) -> Result<Calibra
         lag_s: tells_time.then(|| estimate(LAG)),
         stretches: stretches.len(),
     })
+}
+
+/// The laser's heading by which the directions of its ways are those of the wheels': the mean over stretches that lead ahead, weighed by
+/// both ways. None where none do.
+fn heading_suggested(stretches: &[Stretch<'_>]) -> Option<f64> {
+    let (mut sin, mut cos) = (0.0, 0.0);
+    for stretch in stretches {
+        let (seen, said) = (stretch.laser0_from_laser1(), stretch.said());
+        if seen.theta.abs() < 0.5 * STRETCH_RAD {
+            // of the complex numbers said * conj(seen)
+            cos += said.x * seen.x + said.y * seen.y;
+            sin += said.y * seen.x - said.x * seen.y;
+        }
+    }
+    (f64::hypot(sin, cos) > 0.0).then(|| sin.atan2(cos))
+}
+
+/// From a start that may be far off to where the residuals are least, as if nothing lagged (Levenberg-Marquardt).
+fn damped(stretches: &[Stretch<'_>], start: Vector) -> Vector {
+    let (mut at, mut damping) = (start, DAMPING);
+    let mut normal = Normal::at(stretches, &at, false);
+    for _ in 0..ITERATIONS {
+        let Some(step) = normal.step(damping) else { break };
+        let next = at - step;
+        if step.iter().all(|v| v.is_finite())
+            && cost(stretches, &next, normal.scales) <= cost(stretches, &at, normal.scales)
+        {
+            at = next;
+            normal = Normal::at(stretches, &at, false);
+            damping *= DAMPING_LESS;
+            if step.amax() < STILL {
+                break;
+            }
+        } else {
+            damping *= DAMPING_MORE;
+            if damping > DAMPING_MOST {
+                break;
+            }
+        }
+    }
+    at
+}
+
+/// Huber's cost of all residuals.
+fn cost(stretches: &[Stretch<'_>], at: &Vector, scales: [f64; RESIDUALS]) -> f64 {
+    let of_one = |stretch: &Stretch<'_>| {
+        let errors = stretch.look(at[LAG]).error(at);
+        let sigmas = errors.iter().zip(scales).map(|(error, scale)| error.abs() / scale);
+        sigmas.map(|s| if s <= HUBER { 0.5 * s * s } else { HUBER * (s - 0.5 * HUBER) }).sum::<f64>()
+    };
+    stretches.iter().map(of_one).sum()
+}
+
+/// The solution near a start, and its covariance; or why there is none.
+fn solved(stretches: &[Stretch<'_>], start: Vector, tells_time: bool) -> Result<(Vector, Matrix), String> {
+    let undetermined = || "the drive does not show all of mount and wheels: more turns are needed".to_owned();
+    let (mut at, mut is_still) = (start, false);
+    let mut normal = Normal::at(stretches, &at, tells_time);
+    for _ in 0..ITERATIONS {
+        let step = normal.step(0.0).ok_or_else(undetermined)?;
+        let most = step.iter().zip(STEP_MOST).map(|(step, most)| step.abs() / most).fold(1.0, f64::max);
+        at -= step / most;
+        at[LAG] = at[LAG].clamp(-LAG_AT_MOST_S, LAG_AT_MOST_S);
+        normal = Normal::at(stretches, &at, tells_time);
+        let sigmas = normal.covariance().map_or(Vector::zeros(), |covariance| covariance.diagonal().map(f64::sqrt));
+        is_still = step.iter().zip(&sigmas).all(|(step, sigma)| step.abs() < STILL.max(STILL_SIGMAS * sigma));
+        if step.amax() < STILL {
+            break;
+        }
+    }
+    let covariance = normal.covariance().ok_or_else(undetermined)?;
+    let [sigma_x_m, sigma_y_m, sigma_rad] = [0, 1, 2].map(|k| covariance[(k, k)].sqrt());
+    // a NaN is nothing that is known
+    if !(sigma_x_m.max(sigma_y_m) <= SIGMA_MOST_M && sigma_rad <= SIGMA_MOST_RAD) {
+        return Err(undetermined());
+    }
+    let is_possible = at[0].hypot(at[1]) <= MOUNT_MOST_M && SCALES.contains(&at[3]) && SCALES.contains(&at[4]);
+    if !is_still || !is_possible {
+        return Err(
+            "wheels and scans do not agree on any place of the laser: are odometry and the laser's angles right?"
+                .to_owned(),
+        );
+    }
+    Ok((at, covariance))
+}
+
+fn wrapped(angle_rad: f64) -> f64 {
+    angle_rad.sin().atan2(angle_rad.cos())
 }
 
 /// Whether stamps tell a lag: those of a logger that wrote them in bursts do not say when scans were taken, and between scans far apart
@@ -154,7 +263,19 @@ struct Stretch<'a> {
     to: usize,
 }
 
-fn stretches_of(run: &[Sample]) -> Vec<Stretch<'_>> {
+/// Those of all runs, as long as there are enough of them, else shorter.
+fn stretches_of_all(runs: &[Vec<Sample>]) -> Vec<Stretch<'_>> {
+    let mut share = 1.0;
+    loop {
+        let stretches: Vec<_> = runs.iter().flat_map(|run| stretches_of(run, share)).collect();
+        if stretches.len() >= 2 * STRETCHES_AT_LEAST || share <= SHORTEST {
+            return stretches;
+        }
+        share *= 0.5;
+    }
+}
+
+fn stretches_of(run: &[Sample], share: f64) -> Vec<Stretch<'_>> {
     let (Some(first), Some(last)) = (run.first(), run.last()) else { return Vec::new() };
     let inside = |sample: &Sample| {
         sample.stamp.secs_since(first.stamp) >= MARGIN_S && last.stamp.secs_since(sample.stamp) >= MARGIN_S
@@ -169,7 +290,7 @@ fn stretches_of(run: &[Sample]) -> Vec<Stretch<'_>> {
         let step = run[to - 1].map_from_laser.between(run[to].map_from_laser);
         turned += step.theta.abs();
         driven_m += step.x.hypot(step.y);
-        if turned >= STRETCH_RAD || driven_m >= STRETCH_M {
+        if turned >= share * STRETCH_RAD || driven_m >= share * STRETCH_M {
             stretches.push(Stretch { run, from, to });
             (start, turned, driven_m) = (Some(to), 0.0, 0.0);
         }
@@ -224,6 +345,11 @@ impl Stretch<'_> {
         self.run[self.from].map_from_laser.between(self.run[self.to].map_from_laser)
     }
 
+    /// The robot's motion by the wheels.
+    fn said(&self) -> Pose2 {
+        self.run[self.from].odom_from_robot.between(self.run[self.to].odom_from_robot)
+    }
+
     fn look(&self, lag_s: f64) -> Look {
         let scans = self.to - self.from;
         let count = scans.min(PARTS);
@@ -236,7 +362,7 @@ impl Stretch<'_> {
             };
             (1..=count).map(&mut part).collect()
         });
-        Look { said: self.run[self.from].odom_from_robot.between(self.run[self.to].odom_from_robot), parts }
+        Look { said: self.said(), parts }
     }
 }
 
@@ -255,6 +381,11 @@ fn predicted(at: &Vector, parts: &[Part]) -> Pose2 {
 }
 
 impl Look {
+    fn error(&self, at: &Vector) -> [f64; RESIDUALS] {
+        let error = self.said.between(predicted(at, &self.parts[0]));
+        [error.x, error.y, error.theta]
+    }
+
     /// How far what was said lies from what was to be expected, and the derivative of each residual by each parameter.
     fn residual(&self, at: &Vector) -> ([f64; RESIDUALS], [Vector; RESIDUALS]) {
         let [parts, sooner, later] = &self.parts;
@@ -293,6 +424,9 @@ struct Normal {
     held: Matrix,
     bread: Matrix,
     gradient_spread: Matrix,
+    /// Groups of stretches that the spread is of.
+    groups: usize,
+    scales: [f64; RESIDUALS],
 }
 
 impl Normal {
@@ -300,8 +434,10 @@ impl Normal {
         let residuals: Vec<_> = stretches.iter().map(|stretch| stretch.look(at[LAG]).residual(at)).collect();
         let scales = robust_scales(&residuals);
         let zero = Matrix::zeros();
-        let mut normal = Self { gradient: Vector::zeros(), held: zero, bread: zero, gradient_spread: zero };
-        for together in residuals.chunks(CLUSTER) {
+        let mut normal =
+            Self { gradient: Vector::zeros(), held: zero, bread: zero, gradient_spread: zero, groups: 0, scales };
+        for together in residuals.chunks((residuals.len() / CLUSTERS_LEAST).clamp(1, CLUSTER)) {
+            normal.groups += 1;
             let mut own = Vector::zeros();
             for (residual, rows) in together {
                 for (k, ((row, residual), scale)) in rows.iter().zip(residual).zip(scales).enumerate() {
@@ -330,134 +466,24 @@ impl Normal {
         normal
     }
 
-    fn step(&self) -> Option<Vector> {
-        let step = self.held.lu().solve(&self.gradient)?;
+    fn step(&self, damping: f64) -> Option<Vector> {
+        let mut damped = self.held;
+        for k in 0..PARAMETERS {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        let step = damped.lu().solve(&self.gradient)?;
         step.iter().all(|v| v.is_finite()).then_some(step)
     }
 
+    /// The sandwich; a few groups scatter less about an estimate that was made of them than about the truth.
     fn covariance(&self) -> Option<Matrix> {
         let inverse = self.bread.try_inverse()?;
-        Some(inverse * self.gradient_spread * inverse.transpose())
+        let groups = self.groups as f64;
+        let unbiased = groups / (groups - PARAMETERS as f64);
+        Some(inverse * self.gradient_spread * inverse.transpose() * unbiased)
     }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests may")]
-mod tests {
-    use super::*;
-    use mapwright_sim::Rng;
-
-    /// So many steps from scan to scan, each so long, seconds.
-    const STEPS: usize = 10;
-    const STEP_S: f64 = 0.01;
-    const SCANS: usize = 4000;
-
-    /// A drive with turns to both sides whose wheels scatter and lag by so many steps; along its way a match says what the wheels do,
-    /// if asked for, as in a corridor.
-    fn scattered(robot_from_laser: Pose2, lag_steps: usize, in_corridor: bool) -> Vec<Sample> {
-        let mut rng = Rng::new(7);
-        let steps: Vec<[Pose2; 2]> = (0..STEPS * SCANS)
-            .map(|k| {
-                let at_s = STEP_S * k as f64;
-                let ahead_m = STEP_S * (0.3 + 0.2 * (0.9 * at_s).sin());
-                let turn_rad = STEP_S * 0.8 * (0.3 * at_s).sin().powi(5);
-                let said = Pose2::new(ahead_m * 1.02 + rng.normal(0.002), 0.0, turn_rad * 0.97 + rng.normal(0.0025));
-                [Pose2::new(ahead_m, 0.0, turn_rad), said]
-            })
-            .collect();
-        let [mut map_from_robot, mut odom_from_robot] = [Pose2::IDENTITY; 2];
-        let mut samples = Vec::new();
-        for (k, [moved, _]) in steps.iter().enumerate().skip(lag_steps) {
-            let [_, said] = steps[k - lag_steps];
-            if (k - lag_steps).is_multiple_of(STEPS) {
-                let map_from_laser = map_from_robot * robot_from_laser;
-                samples.push(Sample {
-                    stamp: Stamp::from_secs_f64(STEP_S * k as f64),
-                    odom_from_robot,
-                    map_from_laser,
-                });
-            }
-            let ahead_m = if in_corridor { said.x } else { moved.x };
-            map_from_robot = map_from_robot * Pose2::new(ahead_m, 0.0, moved.theta);
-            odom_from_robot = odom_from_robot * said;
-        }
-        samples
-    }
-
-    #[test]
-    fn scatter_of_the_wheels_makes_nothing_smaller() {
-        let found = calibrate(&[scattered(Pose2::new(0.2, -0.1, 0.1), 12, false)], Pose2::IDENTITY).unwrap();
-        let near = |what: &str, Estimate { value, sigma }: Estimate, truth: f64, within: f64| {
-            let off = (value - truth).abs();
-            assert!(off < within && off < 3.0 * sigma, "{what}: {value} +- {sigma} instead of {truth}");
-        };
-        near("lag", found.lag_s.unwrap(), 0.12, 0.01);
-        near("x", found.x_m, 0.2, 0.01);
-        near("y", found.y_m, -0.1, 0.02);
-        near("yaw", found.yaw_rad, 0.1, 0.003);
-        near("scale of turns", found.rotation_scale, 1.0 / 0.97, 0.006);
-    }
-
-    #[test]
-    fn a_match_that_follows_the_wheels_hides_no_lag() {
-        let found = calibrate(&[scattered(Pose2::IDENTITY, 12, true)], Pose2::IDENTITY).unwrap();
-        let Estimate { value, sigma } = found.lag_s.unwrap();
-        assert!((value - 0.12).abs() < 0.01 && (value - 0.12).abs() < 3.0 * sigma, "{value} +- {sigma}");
-    }
-
-    #[test]
-    fn what_was_put_in_comes_out() {
-        let robot_from_laser = Pose2::new(-0.04, 0.03, 0.02);
-        let (mut world_from_robot, mut odom_from_robot) = (Pose2::IDENTITY, Pose2::IDENTITY);
-        let mut run = Vec::new();
-        for k in 0..2000 {
-            let stamp = Stamp(i64::from(k) * 100_000_000);
-            run.push(Sample { stamp, odom_from_robot, map_from_laser: world_from_robot * robot_from_laser });
-            let (turn, ahead_m) = (0.06 * (f64::from(k) * 0.02).sin(), 0.05 + 0.03 * (f64::from(k) * 0.031).sin());
-            world_from_robot = world_from_robot * Pose2::new(ahead_m, 0.0, turn);
-            odom_from_robot = odom_from_robot * Pose2::new(ahead_m / 1.02, 0.0, (turn - 0.01 * ahead_m) / 0.97);
-        }
-        let found = calibrate(&[run], Pose2::IDENTITY).unwrap();
-        let near = |estimate: Estimate, value: f64| assert!((estimate.value - value).abs() < 1e-3, "{estimate:?}");
-        near(found.x_m, -0.04);
-        near(found.y_m, 0.03);
-        near(found.yaw_rad, 0.02);
-        near(found.translation_scale, 1.02);
-        near(found.rotation_scale, 0.97);
-        near(found.drift_rad_per_m, 0.01 * 1.02);
-        near(found.lag_s.unwrap(), 0.0);
-    }
-
-    #[test]
-    fn stamps_in_bursts_tell_no_lag() {
-        let mut samples = scattered(Pose2::new(0.2, -0.1, 0.1), 0, false);
-        for (k, sample) in samples.iter_mut().enumerate() {
-            sample.stamp = Stamp((k / 4) as i64 * 400_000_000 + (k % 4) as i64 * 1_000_000);
-        }
-        let found = calibrate(&[samples], Pose2::IDENTITY).unwrap();
-        assert_eq!(found.lag_s, None);
-        assert!((found.x_m.value - 0.2).abs() < 3.0 * found.x_m.sigma, "{:?}", found.x_m);
-    }
-
-    #[test]
-    fn scans_seconds_apart_tell_no_lag() {
-        let mut samples = scattered(Pose2::new(0.2, -0.1, 0.1), 0, false);
-        // as a logger with stamps in whole seconds writes them
-        for (k, sample) in samples.iter_mut().enumerate() {
-            sample.stamp = Stamp((6 * k + usize::from(k % 3 == 0)) as i64 * 1_000_000_000);
-        }
-        let found = calibrate(&[samples], Pose2::IDENTITY).unwrap();
-        assert_eq!(found.lag_s, None);
-        assert!((found.x_m.value - 0.2).abs() < 3.0 * found.x_m.sigma, "{:?}", found.x_m);
-    }
-
-    #[test]
-    fn a_drive_without_turns_is_refused_in_words() {
-        let sample = |k: i32| Pose2::new(0.05 * f64::from(k), 0.0, 0.0);
-        let stamp = |k: i32| Stamp(i64::from(k) * 100_000_000);
-        let run = (0..2000)
-            .map(|k| Sample { stamp: stamp(k), odom_from_robot: sample(k), map_from_laser: sample(k) })
-            .collect();
-        assert!(calibrate(&[run], Pose2::IDENTITY).unwrap_err().contains("full turn"));
-    }
-}
+mod tests;

@@ -27,9 +27,10 @@ pub(crate) enum Ending {
 }
 
 impl Log {
-    /// Opens a log, or the standard input for `-`, and takes what is found in it.
+    /// Opens a log, or the standard input for `-`, and takes what is found in it, with the stamps that it has.
     pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
-        Self::open_all(&[path.to_owned()], &Choice::default(), &mut |_, _| true)
+        let choice = Choice { odometry_as_stamped: true, ..Choice::default() };
+        Self::open_all(&[path.to_owned()], &choice, &mut |_, _| true)
     }
 
     /// Opens logs of one drive; while recordings are looked through, `watch` hears their names and how many messages were.
@@ -62,6 +63,11 @@ impl Log {
     /// Name for reports.
     pub(crate) fn name(&self) -> String {
         self.names.join(", ")
+    }
+
+    /// By how much odometry was found to lag behind the scans, seconds, and was put right.
+    pub(crate) fn lag_s(&self) -> f64 {
+        self.drive.lag().map_or(0.0, |lag| lag.lag_s)
     }
 
     /// The next event, or none at the end of the last log.

@@ -22,6 +22,7 @@ use mapwright::{
 };
 use mapwright_formats::{LogEvent, TumWriter};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
 
@@ -31,6 +32,8 @@ const ONLINE: &str = "trajectory_online.tum";
 pub(crate) struct Mapping {
     mapper: Mapper,
     pub(crate) settings: Settings,
+    /// What was switched on the command line beside them.
+    pub(crate) switched: BTreeMap<&'static str, String>,
     log: SessionLog,
     /// What was lost of the session that is gone on with.
     pub(crate) earlier_losses: Vec<String>,
@@ -91,6 +94,7 @@ impl Mapping {
         Ok(Self {
             mapper,
             settings,
+            switched: BTreeMap::new(),
             log,
             earlier_losses,
             local_map: LocalMapReport::default(),

@@ -1,8 +1,8 @@
 //! What reading logs has brought and lost, for report and people.
 
 use crate::report::{
-    far_origin, heads_json, jump_oddity, order_json, order_oddity, range_losses, range_oddities, ranges_json,
-    read_losses, read_oddities, read_report, topic_oddities, topic_report,
+    far_origin, heads_json, jump_oddity, mount_oddity, order_json, range_losses, range_oddities, ranges_json,
+    read_losses, read_oddities, read_report, time_oddities, topic_oddities, topic_report,
 };
 use crate::terminal::{count, grouped};
 use mapwright_bags::{Damages, ReadReport as Container};
@@ -288,7 +288,8 @@ fn recording_oddities(report: &RecordingReport) -> Vec<String> {
     odd.extend(range_oddities(&stream.odd_heads, &stream.ranges, "message"));
     odd.extend(stream.topics.iter().flat_map(|topic| topic_oddities(topic, "message")));
     odd.extend(jump_oddity(&stream.topics));
-    odd.extend(order_oddity(stream.order));
+    odd.extend(time_oddities(stream.order));
+    odd.extend(mount_oddity(stream.moved_mount));
     let mut note = |noted: &Noted, what: &str| {
         if let Some(place) = noted.first_places.first() {
             odd.push(format!("{what}: {}, first message {place}", grouped(noted.count)));

@@ -21,7 +21,8 @@ pub(crate) struct Recorded {
 impl Recorded {
     /// Reads what was found at a path.
     pub(crate) fn read(input: Input, path: &Path) -> Result<Self, Failure> {
-        let mut log = Log::of(vec![(name_of(path), input)], &[path.to_owned()], &Choice::default(), &mut |_, _| true)?;
+        let as_stamped = Choice { odometry_as_stamped: true, ..Choice::default() };
+        let mut log = Log::of(vec![(name_of(path), input)], &[path.to_owned()], &as_stamped, &mut |_, _| true)?;
         let (mut events, mut turn_rates) = (Vec::new(), 0);
         while let Some(event) = log.next_event()? {
             match event {

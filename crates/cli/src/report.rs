@@ -6,7 +6,7 @@ use crate::maps::{MadeMap, map_file};
 use crate::tally::Tally;
 use crate::terminal::{count, duration, grouped};
 use crate::verdict::{Facts, Usable};
-use mapwright::{Advice, LocalMapReport, SeparateMap, Status, Visits};
+use mapwright::{Advice, LocalMapReport, Pose2, SeparateMap, Status, Visits};
 use mapwright_formats::{Noted, OddHeads, OdometryJump, OrderReport, RangeReport, ReadReport, TopicReport};
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
@@ -46,11 +46,46 @@ pub(crate) fn read_report(report: &ReadReport) -> Value {
 
 /// In which order events were delivered.
 pub(crate) fn order_json(order: OrderReport) -> Value {
-    json!({ "disordered": order.disordered, "moved": order.moved, "way_as_arrived": order.ways[0], "way_by_stamps": order.ways[1] })
+    json!({
+        "disordered": order.disordered,
+        "moved": order.moved,
+        "way_as_arrived": order.ways[0],
+        "way_by_stamps": order.ways[1],
+        "odometry_lag_s": order.lag_s.map(|[lag_s, _]| lag_s),
+        "odometry_lag_sigma_s": order.lag_s.map(|[_, sigma_s]| sigma_s),
+        "beams_at_once": order.at_once,
+    })
+}
+
+/// That the robot's origin is another one than the log's, in words.
+pub(crate) fn mount_oddity(moved: Option<[Pose2; 2]>) -> Option<String> {
+    let [said, used] = moved?;
+    let said_from_used = said * used.inverse();
+    let (off_m, turned_deg) = (said_from_used.x.hypot(said_from_used.y), said_from_used.theta.to_degrees());
+    let place = |at: Pose2| format!("x {:.4} m, y {:.4} m, yaw {:.2} deg", at.x, at.y, at.theta.to_degrees());
+    (off_m > 1e-6 || turned_deg.abs() > 1e-4).then(|| {
+        format!(
+            "the laser is taken to sit at {}, as asked for, not at {}, where the log has it: poses are of a point {off_m:.3} m from the log's \
+             robot, turned by {turned_deg:.2} deg",
+            place(used),
+            place(said)
+        )
+    })
+}
+
+/// What is odd about the times of a log's events, in words.
+pub(crate) fn time_oddities(order: OrderReport) -> Vec<String> {
+    let lag = order.lag_s.map(|[lag_s, sigma_s]| {
+        let which = if lag_s > 0.0 { "behind" } else { "ahead of" };
+        format!("odometry is {:.2} s {which} the scans (+- {sigma_s:.2}, by their turns): corrected", lag_s.abs())
+    });
+    let at_once = "undoing the motion during the sweeps by odometry makes successive scans less alike: it is left out, and all beams of a \
+                   scan count as taken at once";
+    lag.into_iter().chain(order.at_once.then(|| at_once.to_owned())).chain(order_oddity(order)).collect()
 }
 
 /// Events that were put in the order of their stamps, in words.
-pub(crate) fn order_oddity(order: OrderReport) -> Option<String> {
+fn order_oddity(order: OrderReport) -> Option<String> {
     let OrderReport { moved, ways: [arrived, stamped], .. } = order;
     let words = || {
         // a stretch may cost no way at all, as where all of it is told apart by turns
@@ -152,9 +187,10 @@ pub(crate) fn read_oddities(report: &ReadReport) -> Vec<String> {
         let why = "odometry never moves, though what is seen does: none is used, and poses are predicted by constant velocity";
         odd.push(why.to_owned());
     }
+    odd.extend(mount_oddity(report.moved_mount));
     odd.extend(report.odometry_origin_m.map(far_origin));
     odd.extend(jump_oddity(&report.topics));
-    odd.extend(order_oddity(report.order));
+    odd.extend(time_oddities(report.order));
     odd.extend(note(&report.unstamped, "lines without a stamp of their own", "line"));
     if report.non_finite_ranges > 0 {
         odd.push(format!("ranges that are not finite: {}", grouped(report.non_finite_ranges)));
@@ -257,6 +293,7 @@ pub(crate) fn full_report(
         "log": name,
         "log_seconds": mapping.tally.log_s(),
         "settings": mapping.settings,
+        "command_line": mapping.switched,
         "read": read,
         "beams": mapping.tally.beam_report(),
         "keyframes": session.keyframes().len(),

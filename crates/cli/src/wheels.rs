@@ -52,7 +52,7 @@ impl Wheels {
             motions: motions.len(),
             turns: median(turning.iter().map(|motion| motion.mapped.theta / motion.said.theta).collect(), 1.0),
             way: median(straight.iter().map(|motion| length(motion.mapped) / length(motion.said)).collect(), 1.0),
-            aside_rad: median(straight.iter().map(aside).collect(), 0.0),
+            aside_rad: median_direction(straight.iter().map(aside).collect()),
             lever_m: lever_m(&scans).unwrap_or(0.0),
         }
     }
@@ -106,6 +106,18 @@ fn median(mut values: Vec<f64>, equal: f64) -> f64 {
     if by_chance.contains(&equal) { equal } else { values[values.len() / 2] }
 }
 
+/// The median of directions, radians: of their deviations from the mean direction, so that it does not matter where the circle is cut.
+/// Zero where the median may be so by chance, or where the directions prefer none (Rayleigh's test).
+fn median_direction(directions_rad: Vec<f64>) -> f64 {
+    let (sin, cos) = directions_rad.iter().fold((0.0, 0.0), |(sin, cos), at| (sin + at.sin(), cos + at.cos()));
+    if f64::hypot(sin, cos) < SIGMAS * (directions_rad.len() as f64).sqrt() {
+        return 0.0;
+    }
+    let mean_rad = sin.atan2(cos);
+    let beside = directions_rad.iter().map(|at| wrapped(at - mean_rad)).collect();
+    wrapped(mean_rad + median(beside, wrapped(-mean_rad)))
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests may")]
 mod tests {
@@ -155,6 +167,32 @@ mod tests {
         // So does it that only 35 of a hundred lie to one side, or fewer.
         assert_eq!(median(from(-35, 100), 0.0), 0.0);
         assert_eq!(median(from(-34, 100), 0.0), 16.0);
+    }
+
+    #[test]
+    fn a_median_direction_does_not_depend_on_where_the_circle_is_cut() {
+        // scattered evenly within 2 degrees
+        let around =
+            |middle_deg: f64| (-20..=20).map(|k| wrapped((middle_deg + 0.1 * f64::from(k)).to_radians())).collect();
+        for middle_deg in [180.0, 179.5, -179.0, 135.0, -90.0, 10.0] {
+            let off_deg = wrapped(median_direction(around(middle_deg)) - f64::to_radians(middle_deg)).to_degrees();
+            assert!(off_deg.abs() < 1e-6, "{middle_deg}: {off_deg}");
+        }
+        assert_eq!(median_direction(around(0.2)), 0.0, "that may be chance");
+        assert_eq!(median_direction((0..60).map(f64::from).collect()), 0.0, "all around the circle");
+        assert_eq!(median_direction(Vec::new()), 0.0);
+    }
+
+    #[test]
+    fn a_robot_mapped_the_wrong_way_round_is_told() {
+        for turned_deg in [135.0_f64, 180.0] {
+            let scans = driven(Pose2::new(0.0, 0.0, turned_deg.to_radians()), 0.0, 1.0);
+            let motions = motions(&scans);
+            let aside =
+                |motion: &Motion| wrapped(motion.mapped.y.atan2(motion.mapped.x) - motion.said.y.atan2(motion.said.x));
+            let found = median_direction(motions.iter().map(aside).collect());
+            assert!((found.abs().to_degrees() - turned_deg).abs() < 3.0, "{turned_deg}: {}", found.to_degrees());
+        }
     }
 
     #[test]

@@ -41,7 +41,7 @@ impl OddHeads {
     }
 }
 
-/// Whether a log's events arrived in the order of their stamps, and what was made of it.
+/// Whether a log's events arrived in the order of their stamps, and what was made of it; and of the times themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct OrderReport {
     /// Events that arrived after others of a later stamp, by a moment.
@@ -51,6 +51,10 @@ pub struct OrderReport {
     /// The robot's way over all such events as they arrived, and by their stamps, metres and radians; where there is no
     /// odometry, how far the ranges of successive scans differ, metres.
     pub ways: [f64; 2],
+    /// By how much odometry was found to lag behind the scans, and the standard deviation of that, seconds; it was put right.
+    pub lag_s: Option<[f64; 2]>,
+    /// Undoing the motion during the sweeps made successive scans less alike: their beams count as taken at once.
+    pub at_once: bool,
 }
 
 /// Scans whose ranges say nothing, or are not in metres.

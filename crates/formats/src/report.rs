@@ -5,6 +5,7 @@ use crate::excerpt::Excerpt;
 use crate::jump::JumpWatch;
 use crate::noted::{Noted, OddHeads, OrderReport, PLACES_KEPT, RangeReport};
 use crate::stamp_watch::StampWatch;
+use mapwright_geom::Pose2;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -127,6 +128,8 @@ pub struct ReadReport {
     pub ranges: RangeReport,
     /// In which order the events were delivered; noted by who puts them in order.
     pub order: OrderReport,
+    /// Where the log has the laser, and where it is asked for instead; noted by who puts it there.
+    pub moved_mount: Option<[Pose2; 2]>,
     /// Whether the file ended within a line that is lost for that reason.
     pub truncated_last_line: bool,
     /// Where a compressed stream was torn ([`FormatError::Torn`]).

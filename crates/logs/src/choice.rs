@@ -16,6 +16,12 @@ pub struct OdometryCalibration {
     pub lag_s: f64,
 }
 
+impl OdometryCalibration {
+    pub(crate) fn of_lag(lag_s: f64) -> Self {
+        Self { translation_scale: 1.0, rotation_scale: 1.0, drift_rad_per_m: 0.0, lag_s }
+    }
+}
+
 /// Where a planar laser sits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MountChoice {
@@ -56,8 +62,10 @@ pub struct Choice {
     pub robot: Option<String>,
     /// Where the planar laser sits on the robot, whatever the log says.
     pub mount: Option<MountChoice>,
-    /// What is wrong with odometry.
+    /// What is wrong with odometry; else by how much it lags is learnt from the log.
     pub odometry: Option<OdometryCalibration>,
+    /// Odometry keeps its stamps, and lasers the times of their beams, whatever scans say.
+    pub odometry_as_stamped: bool,
 }
 
 impl Choice {

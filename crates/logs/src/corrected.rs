@@ -3,22 +3,17 @@
 use crate::choice::OdometryCalibration;
 use mapwright_geom::{Pose2, Stamp};
 
-/// Scans nearer in time say nothing about the speed between them, and those farther apart as little, seconds: loggers stamp in bursts.
-const SPEED_WITHIN_S: std::ops::Range<f64> = 0.02..2.0;
-
 /// Puts odometry together anew, step by step.
 #[derive(Debug, Clone)]
 pub(crate) struct Corrected {
     calibration: OdometryCalibration,
     /// The last pose as said, and as it should be.
     last: Option<[Pose2; 2]>,
-    /// The last scan with odometry of its own.
-    last_scan: Option<(Stamp, Pose2)>,
 }
 
 impl Corrected {
     pub(crate) fn new(calibration: OdometryCalibration) -> Self {
-        Self { calibration, last: None, last_scan: None }
+        Self { calibration, last: None }
     }
 
     /// When a reading with this stamp was true.
@@ -39,18 +34,6 @@ impl Corrected {
         self.last = Some([said, corrected]);
         corrected
     }
-
-    /// The same for a scan that carries odometry of its own, which lags behind.
-    pub(crate) fn pose_of_scan(&mut self, stamp: Stamp, said: Pose2) -> Pose2 {
-        let corrected = self.pose(said);
-        let Some((before_stamp, before)) = self.last_scan.replace((stamp, corrected)) else { return corrected };
-        let elapsed_s = stamp.secs_since(before_stamp);
-        if !SPEED_WITHIN_S.contains(&elapsed_s) {
-            return corrected;
-        }
-        let share = self.calibration.lag_s / elapsed_s;
-        corrected * Pose2::exp(before.between(corrected).log().map(|part| part * share))
-    }
 }
 
 #[cfg(test)]
@@ -65,12 +48,7 @@ mod tests {
         let (mut said, mut truth) = (Pose2::new(3.0, 1.0, 0.5), Pose2::new(3.0, 1.0, 0.5));
         for k in 0..200_i64 {
             let (turn, ahead_m) = (0.05 * (k as f64 * 0.1).sin(), 0.1);
-            let stamp = Stamp(k * 200_000_000);
-            let found = corrected.clone().pose_of_scan(stamp, said);
             assert!(corrected.pose(said).distance(truth) < 1e-9);
-            corrected.last_scan = Some((stamp, truth));
-            let later_m = if k > 0 { 0.05 * 1.02 } else { 0.0 };
-            assert!((found.distance(truth) - later_m).abs() < 1e-3, "{k}: half a step on");
             said = said * Pose2::new(ahead_m, 0.0, turn);
             truth = truth * Pose2::new(1.02 * ahead_m, 0.0, 0.97 * turn + 0.01 * ahead_m);
         }

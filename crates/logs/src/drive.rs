@@ -5,7 +5,10 @@ use crate::chain::Chain;
 use crate::choice::{Choice, MountChoice, OdometryCalibration};
 use crate::corrected::Corrected;
 use crate::error::LogError;
+use crate::lag::Lag;
+use crate::lagging::{AtOnce, Lagging, Timing, is_learnt};
 use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
+use crate::odometry::OdometrySource;
 use crate::order::{Event, Order};
 use crate::plan::Plan;
 use crate::ranges::RangeCheck;
@@ -15,7 +18,7 @@ use crate::stream::Stream;
 use crate::survey::Survey;
 use crate::words::grouped;
 use mapwright_bags::BagError;
-use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, open_log};
+use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, OrderReport, open_log};
 use mapwright_geom::{Pose2, Stamp};
 use mapwright_sensor::{LaserModel, LaserScan, Odometry, TurnRate};
 use std::cell::Cell;
@@ -71,7 +74,7 @@ struct Part {
 #[derive(Debug)]
 enum Reader {
     Carmen(Box<CarmenEvents<LogStream<Counted>>>, Rc<Cell<u64>>),
-    Recording { path: PathBuf, survey: Box<Survey>, plan: Box<Plan> },
+    Recording { path: PathBuf, survey: Box<Survey>, plan: Box<Plan>, timing: Timing },
     Stream(Box<Stream>),
 }
 
@@ -86,6 +89,13 @@ pub struct Drive {
     turn_rate: TurnRate,
     /// Of the present log.
     order: Order,
+    /// By how much its odometry lags, and what waits for that; and lasers whose motion is not undone.
+    lagging: Lagging,
+    timing: Timing,
+    at_once: AtOnce,
+    is_learnt: bool,
+    /// Of the first log that says.
+    lag: Option<Lag>,
     /// Events of the present log that were read ahead, in order; how many of them are scans, and their bytes.
     ahead: VecDeque<Event>,
     scans_ahead: usize,
@@ -117,6 +127,11 @@ struct ByHand {
 }
 
 impl ByHand {
+    /// Where the log has the laser.
+    fn said_mount(&self) -> Option<Pose2> {
+        self.said_and_used.as_ref().map(|[said, _]| said.robot_from_laser)
+    }
+
     fn put(&mut self, laser: &mut Arc<LaserModel>) {
         if let Some([said, used]) = &self.said_and_used {
             if said == laser {
@@ -190,8 +205,14 @@ impl Drive {
             }
             links = Some(survey.links.clone());
             let plan = Plan::of(&survey, choice);
-            let plan = plan.map_err(|reason| LogError::refused(&name, &reason))?;
-            let reader = Reader::Recording { path, survey, plan: Box::new(plan) };
+            let mut plan = plan.map_err(|reason| LogError::refused(&name, &reason))?;
+            let timing = if is_learnt(choice) && plan.odometry != OdometrySource::None {
+                Timing::of_recording(&path, &survey, &plan).map_err(failed)?
+            } else {
+                Timing::default()
+            };
+            plan.calibration = plan.calibration.or(timing.lag.map(|lag| OdometryCalibration::of_lag(lag.lag_s)));
+            let reader = Reader::Recording { path, survey, plan: Box::new(plan), timing };
             parts.push_back(Part { name, reader });
         }
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
@@ -205,6 +226,11 @@ impl Drive {
             odometry,
             turn_rate,
             order: Order::default(),
+            lagging: Lagging::default(),
+            timing: Timing::default(),
+            at_once: AtOnce::default(),
+            is_learnt: is_learnt(choice),
+            lag: None,
             ahead: VecDeque::new(),
             scans_ahead: 0,
             bytes_ahead: 0,
@@ -268,11 +294,14 @@ impl Drive {
     fn advance(&mut self) -> Result<Option<Kind>, LogError> {
         while let Some(part) = self.parts.front_mut() {
             if !self.is_begun {
-                part.begin()?;
+                self.timing = part.begin()?;
                 self.chain.begin(&part.name);
                 self.is_begun = true;
                 let is_read_once = matches!(part.reader, Reader::Carmen(..));
-                self.corrected = self.calibration.filter(|_| is_read_once).map(Corrected::new);
+                let calibration = self.calibration.filter(|_| is_read_once);
+                self.corrected = calibration.map(Corrected::new);
+                let lag_s = calibration.map(|calibration| calibration.lag_s);
+                self.lagging = Lagging::of(lag_s, self.is_learnt && is_read_once);
             }
             if let Some(kind) = self.next_in_order()? {
                 if matches!(kind, Kind::Scan) && !self.ranges.take(&mut self.scan) {
@@ -281,6 +310,9 @@ impl Drive {
                 self.follow(&kind)?;
                 if let (Kind::Scan, Some(mount)) = (&kind, &mut self.mount) {
                     mount.put(&mut self.scan.laser);
+                }
+                if matches!(kind, Kind::Scan) && self.timing().at_once {
+                    self.at_once.put(&mut self.scan.laser);
                 }
                 self.correct(&kind);
                 self.chain(&kind);
@@ -319,13 +351,17 @@ impl Drive {
     fn read_ahead(&mut self) {
         let has_room = |it: &Self| it.ahead.len() < WINDOW_MESSAGES && it.bytes_ahead < WINDOW_BYTES;
         while !self.is_read && self.scans_ahead < SCANS_AHEAD && has_room(self) {
-            if let Some(event) = self.order.pop(self.ended.is_some()) {
-                if let Event::Scan(scan) = &event {
-                    self.scans_ahead += 1;
-                    self.ranges.look_ahead(scan);
-                }
+            if let Some(event) = self.lagging.pop() {
+                self.scans_ahead += usize::from(matches!(event, Event::Scan(_)));
                 self.bytes_ahead += event.held_bytes();
                 self.ahead.push_back(event);
+            } else if let Some(event) = self.order.pop(self.ended.is_some()) {
+                if let Event::Scan(scan) = &event {
+                    self.ranges.look_ahead(scan);
+                }
+                self.lagging.push(event);
+            } else if self.ended.is_some() && !self.lagging.is_over() {
+                self.lagging.end();
             } else if self.ended.is_some() {
                 self.is_read = true;
                 self.ranges.end();
@@ -358,17 +394,22 @@ impl Drive {
         Err(LogError::NotOneDrive { name, before, why: pause_words(pause_s) })
     }
 
+    /// What is known of the times of the present log.
+    fn timing(&self) -> Timing {
+        if self.lagging.timing == Timing::default() { self.timing } else { self.lagging.timing }
+    }
+
+    /// By how much odometry was found to lag, and was put right, in the first log that was begun and says.
+    #[must_use]
+    pub fn lag(&self) -> Option<Lag> {
+        self.lag.or_else(|| self.timing().lag.filter(|_| self.is_learnt))
+    }
+
     fn correct(&mut self, kind: &Kind) {
         let Some(corrected) = &mut self.corrected else { return };
         match kind {
-            Kind::Scan => {
-                let stamp = self.scan.stamp;
-                self.scan.odom_from_robot = self.scan.odom_from_robot.map(|said| corrected.pose_of_scan(stamp, said));
-            }
-            Kind::Odometry => {
-                self.odometry.odom_from_robot = corrected.pose(self.odometry.odom_from_robot);
-                self.odometry.stamp = corrected.stamp(self.odometry.stamp);
-            }
+            Kind::Scan => self.scan.odom_from_robot = self.scan.odom_from_robot.map(|said| corrected.pose(said)),
+            Kind::Odometry => self.odometry.odom_from_robot = corrected.pose(self.odometry.odom_from_robot),
             Kind::TurnRate => {}
         }
     }
@@ -391,16 +432,28 @@ impl Drive {
         (self.is_begun, self.is_read) = (false, false);
         self.ahead.clear();
         (self.scans_ahead, self.bytes_ahead) = (0, 0);
+        let timing = if self.is_learnt { self.timing() } else { Timing::default() };
+        self.lag = self.lag.or(timing.lag);
+        (self.timing, self.lagging) = (Timing::default(), Lagging::default());
         if let Some(part) = self.parts.pop_front() {
             self.before = self.latest.take().map(|latest| (part.name.clone(), latest)).or(self.before.take());
             let ranges = std::mem::replace(&mut self.ranges, RangeCheck::new(self.range_unit_m));
+            let said_mount = match &part.reader {
+                Reader::Stream(stream) => stream.said_mount(),
+                _ => self.mount.as_ref().and_then(ByHand::said_mount),
+            };
             let mut report = match part.reader {
                 Reader::Carmen(reader, _) => LogReport::Carmen(Box::new(reader.into_report())),
                 Reader::Stream(stream) => LogReport::Recording(Box::new(stream.into_report())),
                 Reader::Recording { .. } => return,
             };
             report.set_ranges(ranges.into_report());
-            report.set_order(std::mem::take(&mut self.order).report());
+            let Timing { lag, at_once } = timing;
+            if let (Some(by_hand), Some(said)) = (&self.mount, said_mount) {
+                report.set_moved_mount([said, by_hand.choice.robot_from_laser]);
+            }
+            let lag_s = lag.map(|lag| [lag.lag_s, lag.sigma_s]);
+            report.set_order(OrderReport { lag_s, at_once, ..std::mem::take(&mut self.order).report() });
             self.reports.push((part.name, report));
         }
     }
@@ -430,13 +483,12 @@ fn pause_words(pause_s: f64) -> String {
 }
 
 impl Part {
-    /// Opens a recording for its second pass.
-    fn begin(&mut self) -> Result<(), LogError> {
-        if let Reader::Recording { path, survey, plan } = &self.reader {
-            let stream = Stream::open(path, (**survey).clone(), (**plan).clone());
-            self.reader = Reader::Stream(Box::new(stream.map_err(|cause| self.failed(cause))?));
-        }
-        Ok(())
+    /// Opens a recording for its second pass; what is known of its times.
+    fn begin(&mut self) -> Result<Timing, LogError> {
+        let Reader::Recording { path, survey, plan, timing } = &self.reader else { return Ok(Timing::default()) };
+        let (stream, timing) = (Stream::open(path, (**survey).clone(), (**plan).clone()), *timing);
+        self.reader = Reader::Stream(Box::new(stream.map_err(|cause| self.failed(cause))?));
+        Ok(timing)
     }
 
     fn failed(&self, cause: BagError) -> LogError {

@@ -29,6 +29,10 @@
 //! before and after it, where these are at most [`WINDOW_S`] seconds apart; else it is the one before, unless that is older than that; else
 //! there is none.
 //!
+//! Odometry that clearly lags behind the scans, or runs ahead of them, is put at the time at which it was true before that ([`LagEstimator`]): of a recording
+//! the first minutes are read once more for it, events of a CARMEN log are held back until it is known. A lag that is given
+//! ([`OdometryCalibration`]) counts instead, and [`Choice::odometry_as_stamped`] leaves stamps alone.
+//!
 //! # Motion within a scan
 //!
 //! Beams of a laser keep their times (`time_increment`, the stamp being that of the first), and the mapper undoes the motion
@@ -60,6 +64,8 @@ mod directions;
 mod drive;
 mod error;
 mod frames;
+mod lag;
+mod lagging;
 mod links;
 mod merge;
 mod odometry;
@@ -82,6 +88,7 @@ pub use choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
 pub use clock::ClockStep;
 pub use drive::{Drive, Input};
 pub use error::LogError;
+pub use lag::{Lag, LagEstimator};
 pub use links::{Link, Links};
 pub use mapwright_formats::OrderReport;
 pub use merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};

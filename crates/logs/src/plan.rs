@@ -8,7 +8,7 @@ use crate::odometry::{self, OdometrySource};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::turning::{self, TurningSource};
 use crate::words::{grouped, with_damage};
-use mapwright_geom::Pose3;
+use mapwright_geom::{Pose2, Pose3};
 use mapwright_ros::Mounting;
 use std::collections::BTreeMap;
 
@@ -51,6 +51,8 @@ pub struct Plan {
     pub reasons: Vec<(&'static str, String)>,
     /// What had to be assumed, in words.
     pub assumed: Vec<String>,
+    /// Where the recording has the planar laser, where another place is asked for.
+    pub(crate) said_mount: Option<Pose2>,
     /// What is taken out of odometry.
     pub(crate) calibration: Option<OdometryCalibration>,
     /// The topics of the robot's transforms.
@@ -73,6 +75,8 @@ struct Candidate<'a> {
     topic: &'a TopicSurvey,
     place: Place,
     mount: Mount,
+    /// Where the recording has it, where another place is asked for.
+    said_mount: Option<Pose2>,
 }
 
 impl Plan {
@@ -233,7 +237,7 @@ fn is_asked(topic: &TopicSurvey, choice: &Choice) -> bool {
 }
 
 fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[String]) -> Plan {
-    let Candidate { topic, place, mount } = &lasers.chosen;
+    let Candidate { topic, place, mount, said_mount } = &lasers.chosen;
     let found = odometry::find(survey, place, choice);
     let (turning, why_turning) = turning::find(survey, topic, place, choice);
     let motion = Plan::deskew(topic, &found.source, turning.as_ref());
@@ -268,6 +272,7 @@ fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[Strin
         kind: topic.kind,
         further: further.map(|topic| FurtherLaser { topic: topic.name.clone(), kind: topic.kind }).collect(),
         slice: choice.slice.filter(|_| topic.kind == TopicKind::Cloud),
+        said_mount: *said_mount,
         robot_frame: place.robot_frame.clone(),
         sensor_frame: topic.frame().to_owned(),
         calibration: choice.odometry.filter(|_| found.source != OdometrySource::None),
@@ -282,7 +287,7 @@ fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[Strin
 
 /// Mountings by the frames of a laser's scans.
 fn mounts_of(laser: &Candidate<'_>, survey: &Survey, choice: &Choice, mounts: &mut BTreeMap<String, Mount>) {
-    let Candidate { topic, place, mount } = laser;
+    let Candidate { topic, place, mount, .. } = laser;
     mounts.insert(topic.frame().to_owned(), *mount);
     for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
         let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
@@ -415,12 +420,17 @@ fn candidate<'a>(
         if topic.kind == TopicKind::Cloud {
             return Err("a mounting is asked for, which is for planar lasers, found point clouds".to_owned());
         }
+        let said = place(&survey.links, topic.frame(), moved, choice).ok().filter(|said| said.assumed.is_none());
+        let said_mount = said.and_then(|said| match mount_of(topic.kind, &said) {
+            Ok(Mount::Planar(mounting)) => Some(mounting.robot_from_laser),
+            _ => None,
+        });
         let place = placed_by_hand(&survey.links, topic.frame(), moved, choice);
-        return Ok(Candidate { topic, place, mount });
+        return Ok(Candidate { topic, place, mount, said_mount });
     }
     let place = place(&survey.links, topic.frame(), moved, choice)?;
     let mount = mount_of(topic.kind, &place)?;
-    Ok(Candidate { topic, place, mount })
+    Ok(Candidate { topic, place, mount, said_mount: None })
 }
 
 /// There is nothing of what is expected: what is there instead.

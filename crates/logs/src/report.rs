@@ -4,6 +4,7 @@ use crate::clock::ClockStep;
 use crate::plan::Plan;
 use crate::survey::Survey;
 use mapwright_formats::{Noted, OddHeads, OrderReport, RangeReport, TopicReport};
+use mapwright_geom::Pose2;
 
 /// Messages that could not be used.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -62,6 +63,8 @@ pub struct StreamReport {
     pub ranges: RangeReport,
     /// In which order scans and readings were delivered.
     pub order: OrderReport,
+    /// Where the log has the laser, and where it is asked for instead.
+    pub moved_mount: Option<[Pose2; 2]>,
     /// Points of clouds outside of the slice, and those that are not finite.
     pub points_outside: u64,
     /// Points of clouds that made a scan.
@@ -127,6 +130,13 @@ impl LogReport {
         match self {
             Self::Carmen(report) => report.order,
             Self::Recording(report) => report.stream.order,
+        }
+    }
+
+    pub(crate) fn set_moved_mount(&mut self, said_and_used: [Pose2; 2]) {
+        match self {
+            Self::Carmen(report) => report.moved_mount = Some(said_and_used),
+            Self::Recording(report) => report.stream.moved_mount = Some(said_and_used),
         }
     }
 

@@ -13,7 +13,7 @@ use crate::scans::{Problem, ScanMaker, Taken};
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
 use mapwright_formats::TopicReport;
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
 use mapwright_sensor::{FarOrigin, LaserScan, Odometry, TurnRate, TurnRates};
@@ -80,6 +80,11 @@ impl Stream {
     /// How much of the recording was read, from 0 to 1.
     pub(crate) fn share(&self) -> f64 {
         self.report.messages as f64 / self.survey.container.messages.max(1) as f64
+    }
+
+    /// Where the recording has the laser, where another place is asked for.
+    pub(crate) fn said_mount(&self) -> Option<Pose2> {
+        self.plan.said_mount
     }
 
     pub(crate) fn into_report(mut self) -> RecordingReport {

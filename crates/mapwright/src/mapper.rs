@@ -96,7 +96,7 @@ impl Mapper {
         (store, back, front)
     }
 
-    /// Remembers a reading of the wheels: for scans within 2 s of it that carry none of their own, and for the robot's motion
+    /// Remembers a reading of the wheels: for scans up to 2 s later that carry none of their own, and for the robot's motion
     /// during a sweep.
     ///
     /// Hand in what was read during a sweep before its scan, as it arrives from a robot.

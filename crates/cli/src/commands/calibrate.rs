@@ -25,13 +25,13 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let presumed = first.collector.presumed();
     let Pass { name, outcome, ending, .. } = first;
     let found = first.collector.found();
-    let mut found = found.map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?;
+    let mut found = found.map_err(|reason| Failure::NotCalibrated { name: name.clone(), reason })?.lagging(first.lag_s);
     // Matches are drawn to where the mapper has the laser: once more, with the laser where it was found. A stream is gone.
     let is_still_there = args.log.is_file() || args.log.is_dir();
     if ending == Ending::OfLog && is_still_there {
         let second = pass(args, &interrupt, Some(Mounts::of(presumed, &found)))?;
         if let (Ending::OfLog, Ok(better)) = (second.ending, second.collector.found()) {
-            found = better;
+            found = better.lagging(second.lag_s);
         }
     }
     if let Some(path) = &args.apply {
@@ -56,6 +56,8 @@ struct Pass {
     name: String,
     ending: Ending,
     outcome: Outcome,
+    /// By how much odometry was found to lag, seconds, and was put right before the mapper had it.
+    lag_s: f64,
 }
 
 /// Reads the log, with the laser where it was found before.
@@ -82,9 +84,9 @@ fn pass(args: &CalibrateArgs, interrupt: &Interrupt, mounts: Option<Mounts>) -> 
         Ok(())
     })?;
     progress.finish();
-    let name = log.name();
+    let (name, lag_s) = (log.name(), log.lag_s());
     let outcome = Outcome::of_losses(&log.finish()?.losses());
-    Ok(Pass { collector, name, ending, outcome })
+    Ok(Pass { collector, name, ending, outcome, lag_s })
 }
 
 /// Where a log has its laser, and where it was found to sit.
@@ -217,7 +219,7 @@ fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
         "{name}: {}\n\
          laser    x {} m, y {} m, yaw {} deg (the log says {:.3}, {:.3}, {:.2})\n\
          wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; {}\n\
-         from     {} stretches of half a metre or a turn of 23 deg; +- is one standard deviation\n",
+         from     {} stretches of half a metre or a turn of 23 deg at most; +- is one standard deviation\n",
         in_words(found),
         plus_minus(found.x_m, 1.0, 4),
         plus_minus(found.y_m, 1.0, 4),

@@ -7,11 +7,13 @@ use crate::output::write_whole;
 use crate::report::remarks;
 use crate::terminal::{count, say, say_json};
 use mapwright_exports::{EventCounts, EventWriter, ExportError};
+use mapwright_logs::Choice;
 use serde_json::json;
 use std::io::{Seek, Write};
 
 pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
-    let mut log = Log::open_all(std::slice::from_ref(&args.log), &args.source.choice(), &mut |_, _| true)?;
+    let choice = Choice { odometry_as_stamped: true, ..args.source.choice() };
+    let mut log = Log::open_all(std::slice::from_ref(&args.log), &choice, &mut |_, _| true)?;
     let unwritten = |cause: ExportError| Failure::write_in_words(&args.output, &cause);
     let counts = write_whole(&args.output, |file| match args.format() {
         LogFormat::Carmen => pour(&mut log, EventWriter::carmen(file), unwritten),

@@ -49,6 +49,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let mut went_on = earlier.as_ref().filter(|_| args.goes_on).map(|(session, _)| GoesOn::with(session));
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes(), earlier)?;
     mapping.clock = clock;
+    mapping.switched = args.source.switched(args.mapping.start);
     let ending = log.for_each(&interrupt, |event, position| {
         let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&event, &mut mapping));
         if is_new? { mapping.take(event, position) } else { Ok(()) }

@@ -41,7 +41,9 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     let mut mapping: Option<Mapping> = None;
     let begin = |output: &Path, earlier| {
         let output = OutputFolder::create(output)?;
-        Mapping::begin(&args.mapping, output, None, earlier)
+        let mut begun = Mapping::begin(&args.mapping, output, None, earlier)?;
+        begun.switched = args.source.switched(args.mapping.start);
+        Ok::<_, Failure>(begun)
     };
     let mut read = Reading { logs: Vec::new(), notes: Vec::new() };
     let mut ending = Ending::OfLog;

@@ -9,6 +9,7 @@ mod doubt;
 mod explain;
 mod export;
 mod export_space;
+mod lag;
 mod lasers;
 mod map;
 mod optimize;

@@ -55,10 +55,10 @@ impl Preparation {
         self.motion.add_turn_rate(rate)
     }
 
-    /// Odometry's pose at a scan: its own, or the last reading where that is not too old.
+    /// Odometry's pose at a scan: its own, or what readings say of that time.
     pub(super) fn odometry_of(&self, scan: &LaserScan) -> Option<Pose2> {
         let own = scan.odom_from_robot.filter(|pose| pose.is_finite());
-        own.or_else(|| self.motion.fresh_odometry(scan.stamp))
+        own.or_else(|| self.motion.odometry_at(scan.stamp))
     }
 
     /// What was seen, as a keyframe keeps it; none before the first scan.

@@ -10,7 +10,7 @@ const SWEEP_MOTION_M: f64 = 5.0;
 const SWEEP_TURN_RAD: f64 = 3.0;
 /// Readings of the wheels that are kept: more than the longest usual sweep has.
 const ODOMETRY_READINGS: usize = 128;
-/// The last reading counts for a scan that has none of its own up to so many seconds before or after it.
+/// The last reading counts for a scan that has none of its own up to so many seconds after it.
 const FRESH_S: f64 = 2.0;
 /// Wheels that were read for less of the sweep than this say too little of it.
 const COVERED_SHARE: f64 = 0.4;
@@ -48,10 +48,24 @@ impl RecentOdometry {
         self.0.push_back(odometry);
     }
 
-    /// The last reading, where it is not too old to say where the robot is at `stamp`.
-    fn fresh_at(&self, stamp: Stamp) -> Option<Pose2> {
-        let fresh = |odometry: &&Odometry| stamp.secs_since(odometry.stamp).abs() <= FRESH_S;
-        self.0.back().filter(fresh).map(|odometry| odometry.odom_from_robot)
+    /// Where the robot was at `stamp`: between the readings around it, or as the last one before says where that is not too old. A reading
+    /// from after it says where the robot was later.
+    fn at(&self, stamp: Stamp) -> Option<Pose2> {
+        let mut after: Option<&Odometry> = None;
+        for reading in self.0.iter().rev() {
+            if reading.stamp > stamp {
+                after = Some(reading);
+                continue;
+            }
+            let since_s = stamp.secs_since(reading.stamp);
+            let apart_s = after.map_or(f64::INFINITY, |after| after.stamp.secs_since(reading.stamp));
+            if let Some(after) = after.filter(|_| apart_s <= ODOMETRY_JOINED_S) {
+                let step = reading.odom_from_robot.between(after.odom_from_robot).log();
+                return Some(reading.odom_from_robot * Pose2::exp(step.map(|part| part * since_s / apart_s)));
+            }
+            return (since_s <= FRESH_S).then_some(reading.odom_from_robot);
+        }
+        None
     }
 
     /// The first reading from `stamp` on, or the last one before.
@@ -70,9 +84,9 @@ impl SweepMotion {
         self.turn_rates.add(*rate)
     }
 
-    /// The last pose by the wheels, where it is not too old to say where the robot is at `stamp`.
-    pub(super) fn fresh_odometry(&self, stamp: Stamp) -> Option<Pose2> {
-        self.odometry.fresh_at(stamp)
+    /// The pose by the wheels at `stamp`, where their readings say it.
+    pub(super) fn odometry_at(&self, stamp: Stamp) -> Option<Pose2> {
+        self.odometry.at(stamp)
     }
 
     /// The robot's twist per second during the sweep, which begins at the scan's stamp.
@@ -120,8 +134,24 @@ mod tests {
     fn wheels_that_fell_silent_say_nothing() {
         let mut recent = RecentOdometry::default();
         recent.add(Odometry { stamp: Stamp::from_secs_f64(10.0), odom_from_robot: Pose2::IDENTITY });
-        let known = |s: f64| recent.fresh_at(Stamp::from_secs_f64(s)).is_some();
-        assert_eq!([0.0, 9.0, 11.9, 12.1, 1e6].map(known), [false, true, true, false, false]);
+        let known = |s: f64| recent.at(Stamp::from_secs_f64(s)).is_some();
+        assert_eq!([0.0, 9.0, 10.0, 11.9, 12.1, 1e6].map(known), [false, false, true, true, false, false]);
+    }
+
+    #[test]
+    fn a_scan_between_two_readings_lies_between_them() {
+        let mut recent = RecentOdometry::default();
+        let mut read = |s: f64, x_m: f64| {
+            let odom_from_robot = Pose2::new(x_m, 0.0, 0.0);
+            recent.add(Odometry { stamp: Stamp::from_secs_f64(s), odom_from_robot });
+        };
+        read(10.0, 1.0);
+        read(10.5, 2.0);
+        read(13.0, 3.0);
+        let x_m = |s: f64| recent.at(Stamp::from_secs_f64(s)).map(|pose| (1e6 * pose.x).round() / 1e6);
+        assert_eq!([9.9, 10.0, 10.25, 10.5].map(x_m), [None, Some(1.0), Some(1.5), Some(2.0)]);
+        // over a gap as the last one said, for as long as that counts
+        assert_eq!([12.0, 12.9, 13.1].map(x_m), [Some(2.0), None, Some(3.0)]);
     }
 
     #[test]
