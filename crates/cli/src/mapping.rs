@@ -122,7 +122,9 @@ impl Mapping {
         self.turns.add(&update, scan.odom_from_robot.or(self.last_odometry), &scan.laser);
         if let Some(online) = &mut self.online {
             let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
-            written.map_err(|cause| Failure::write(self.output.path(ONLINE), cause)).inspect_err(|_| self.output.failed_to_write())?;
+            written
+                .map_err(|cause| Failure::write(self.output.path(ONLINE), cause))
+                .inspect_err(|_| self.output.failed_to_write())?;
         }
         self.local_map = update.local_map;
         self.clock.scan(update.scan);

@@ -202,7 +202,8 @@ mod tests {
                 assert!(output.write("map.pgm", full).is_err());
             }
             drop(output);
-            let left: Vec<_> = fs::read_dir(&folder).into_iter().flatten().map(|file| file.unwrap().file_name()).collect();
+            let left: Vec<_> =
+                fs::read_dir(&folder).into_iter().flatten().map(|file| file.unwrap().file_name()).collect();
             assert_eq!(left.len(), usize::from(is_full), "{left:?}");
         }
         fs::remove_dir_all(&folder).unwrap();

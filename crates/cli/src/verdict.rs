@@ -285,7 +285,12 @@ impl Usable {
             1 | 2 => why.join("; "),
             _ => {
                 let others: Vec<&str> = self.reasons[2..].iter().map(|reason| reason.short()).collect();
-                format!("{}; and {} in report.json: {}", why.join("; "), count(others.len() as u64, "further reason"), others.join(", "))
+                format!(
+                    "{}; and {} in report.json: {}",
+                    why.join("; "),
+                    count(others.len() as u64, "further reason"),
+                    others.join(", ")
+                )
             }
         }
     }

@@ -89,7 +89,9 @@ fn a_front_laser_sits_where_its_first_line_has_it_unless_a_parameter_says() {
     let said = format!("PARAM robot_frontlaser_offset 0.1 1 host 1\n{}", line(&of(ahead)));
     assert_eq!(only_scan(&said).laser.robot_from_laser.x, 0.1);
     // The pose of a mapper, turned, aside or far away, is no mounting.
-    for pose in [Pose2::new(5.2, 6.0, 0.6), Pose2::new(5.0, 6.3, 0.5), Pose2::new(50.0, 6.0, 0.5), Pose2::new(5.0, 6.0, 0.5)] {
+    for pose in
+        [Pose2::new(5.2, 6.0, 0.6), Pose2::new(5.0, 6.3, 0.5), Pose2::new(50.0, 6.0, 0.5), Pose2::new(5.0, 6.0, 0.5)]
+    {
         assert_eq!(only_scan(&line(&of(pose))).laser.robot_from_laser, Pose2::IDENTITY);
     }
 }

@@ -82,7 +82,10 @@ impl NoReturnCodes {
                 let band = mm.saturating_sub(BAND_MM)..=mm;
                 let from = band.into_iter().find(|&other| self.is_code(other, least / 4 + 1))?;
                 let all: u64 = self.counts[from..].iter().map(|&(count, _)| u64::from(count)).sum();
-                return Some(FoundCodes { from_m: (from as f64 - 0.5) * 1e-3, share: all as f64 / self.readings as f64 });
+                return Some(FoundCodes {
+                    from_m: (from as f64 - 0.5) * 1e-3,
+                    share: all as f64 / self.readings as f64,
+                });
             }
         }
         None
@@ -109,7 +112,8 @@ mod tests {
         for sweep in 0..sweeps {
             let ranges: Vec<_> = (0..180)
                 .map(|beam| {
-                    let range_m = 0.5 + 7.0 * ((sweep as f32 * 0.37 + beam as f32 * 0.11).sin()).abs() + 0.003 * beam as f32;
+                    let range_m =
+                        0.5 + 7.0 * ((sweep as f32 * 0.37 + beam as f32 * 0.11).sin()).abs() + 0.003 * beam as f32;
                     if range_m < most_m { (range_m * steps_per_m).round() / steps_per_m } else { code_m(beam + sweep) }
                 })
                 .collect();

@@ -156,10 +156,12 @@ impl Sweep {
             }
         }
         let mut below = 0;
-        gaps.iter().position(|&count| {
-            below += count;
-            2 * below >= seen
-        }).map_or(1, |step| step + 1)
+        gaps.iter()
+            .position(|&count| {
+                below += count;
+                2 * below >= seen
+            })
+            .map_or(1, |step| step + 1)
     }
 
     /// The same sweep with every beam dropped: it says where the laser was and nothing of what it saw.
@@ -179,7 +181,8 @@ impl Sweep {
     /// Range of the farthest return in metres; 0 without any.
     #[must_use]
     pub fn farthest_m(&self) -> f64 {
-        let farthest = self.codes.iter().fold(0, |most, &code| if code == BEAM_NO_RETURN { most } else { most.max(code) });
+        let farthest =
+            self.codes.iter().fold(0, |most, &code| if code == BEAM_NO_RETURN { most } else { most.max(code) });
         f64::from(farthest) * self.step_m
     }
 

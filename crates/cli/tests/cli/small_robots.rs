@@ -37,7 +37,8 @@ fn way_m(out: &Path) -> f64 {
 #[test]
 fn a_laser_that_sees_three_and_a_half_metres_maps_a_building() {
     let case = "cases/short_range_lidar/tb3_3m5";
-    let (Some(log), Some(truth)) = (shared_data(&format!("{case}.bag")), shared_data(&format!("{case}.truth.tum"))) else {
+    let (Some(log), Some(truth)) = (shared_data(&format!("{case}.bag")), shared_data(&format!("{case}.truth.tum")))
+    else {
         return;
     };
     let (out, report) = mapped("short_range", &log);

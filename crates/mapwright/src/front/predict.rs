@@ -109,7 +109,20 @@ pub(crate) struct Predictor {
     carried_scans: f64,
 }
 
-stored!(Predictor { odom_from_robot, stamp, twist, laser, last, after_gap, period_s, wrong, usual, pace, reverses, carried_scans });
+stored!(Predictor {
+    odom_from_robot,
+    stamp,
+    twist,
+    laser,
+    last,
+    after_gap,
+    period_s,
+    wrong,
+    usual,
+    pace,
+    reverses,
+    carried_scans
+});
 
 /// The last scan of a laser, and how the robot has moved since, where that is known. Scans of several lasers come at no even rate, so that
 /// motions are compared by stamps; and between two lasers' scans, which may be taken at once, a motion says nothing of a speed.
@@ -147,8 +160,12 @@ impl Predictor {
         let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
         let moved = predictor.last.iter().flatten().filter_map(|last| last.then_from_last);
         let moved: Vec<f64> = moved.flat_map(|moved| [moved.x, moved.y]).collect();
-        let is_sound =
-            twist.iter().chain(&moved).chain(&wrong).chain([&predictor.period_s, &predictor.carried_scans]).all(|number| number.abs() <= LARGEST);
+        let is_sound = twist
+            .iter()
+            .chain(&moved)
+            .chain(&wrong)
+            .chain([&predictor.period_s, &predictor.carried_scans])
+            .all(|number| number.abs() <= LARGEST);
         (is_sound && predictor.pace.is_sound()).then_some(predictor)
     }
 
