@@ -445,8 +445,11 @@ fn disordered(facts: &Facts) -> Option<Reason> {
 
 fn misfits(facts: &Facts) -> Option<Reason> {
     let share = facts.misfits as f64 / facts.compared.max(1) as f64;
-    let word = beyond(share, MISFITS).filter(|_| facts.misfits >= MISFITS_AT_LEAST)?;
     let (misfits, compared) = (facts.misfits, facts.compared);
+    let few = misfits < MISFITS_AT_LEAST;
+    // one that does not fit beside others that do may be a room that has changed
+    let word = beyond(share, MISFITS).filter(|_| !few || misfits == compared)?;
+    let word = if few { Usability::Check } else { word };
     Some(Reason {
         word,
         what: "visits_contradict",
@@ -666,6 +669,7 @@ mod tests {
             (Facts { on_robot: 0.1, ..SOUND }, "by up to 5 sigmas, and no wheels do"),
             (Facts { way_by_stamps: 1.466, ..SOUND }, "to and fro, 1.47 times the way"),
             (Facts { misfits: 10, ..SOUND }, "10 of 100 places do not fit"),
+            (Facts { compared: 1, misfits: 1, ..SOUND }, "1 of 1 places do not fit"),
             (Facts { moved_mean_m: 0.2, ..SOUND }, "0.20 m apart"),
             (Facts { mean_sigma_m: 2.0, worst_sigma_m: 4.0, ..SOUND }, "certain to 2.0 m only, in the mean"),
             (Facts { worst_sigma_m: 2.451, ..SOUND }, "certain to 2.5 m only, at worst"),

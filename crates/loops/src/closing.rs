@@ -458,8 +458,10 @@ impl<S: Submaps> Closing<S> {
         let joins = self.apart.is_between(target.from, to);
         let is_match = target.detection == Detection::Match;
         let may_wait = joins || doubts_chain::<PoseOf<S>>() && !is_match;
-        let most_chi2 =
-            if joins || is_match { improbable_match_chi2::<PoseOf<S>>() } else { improbable_chi2::<PoseOf<S>>() };
+        // Where the submap holds all of the other piece no other place of it can be meant: a finding is judged as within a fragment.
+        let is_whole = joins && self.apart.is_within(past, target.from, SUBMAP_M);
+        let is_strict = is_match || joins && !is_whole;
+        let most_chi2 = if is_strict { improbable_match_chi2::<PoseOf<S>>() } else { improbable_chi2::<PoseOf<S>>() };
         judged.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
         let unclear = finding.objection == Some(Objection::Ambiguous)
             && judged.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);
@@ -491,9 +493,7 @@ impl<S: Submaps> Closing<S> {
         let sigma_m = self.doubt() * target.covariance.position_variance_m2().sqrt();
         let sure = sigma_m < SURE_M && !unclear;
         let is_vouched = !is_misled && sigma_m <= WIDEST_M;
-        // Where the submap holds all of the other piece no other place of it can be meant.
-        let is_whole = || joins && self.apart.is_within(past, target.from, SUBMAP_M);
-        let enough = if any_clear && (is_vouched || is_whole()) { 1 } else { UNCLEAR_FRIENDS };
+        let enough = if any_clear && (is_vouched || is_whole) { 1 } else { UNCLEAR_FRIENDS };
         if friends.len() < enough && (is_misled || !sure) {
             self.waiting.push(number);
             if self.waiting.len() > WAITING_AT_MOST {
