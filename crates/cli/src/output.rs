@@ -1,7 +1,6 @@
 //! The folder of results: files appear under their names only when all of them are complete.
 
 use crate::failure::Failure;
-use crate::session::SESSION;
 use mapwright_formats::FormatError;
 use std::borrow::Cow;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -21,8 +20,9 @@ pub(crate) struct OutputFolder {
     /// Files of an earlier run that this one has none of.
     outdated: Vec<String>,
     committed: bool,
-    /// A file could not be written, as on a full disk.
+    /// A file could not be written, as on a full disk; and what stays then.
     is_unwritten: bool,
+    kept: Option<Cow<'static, str>>,
     /// The lock, for as long as the file is open.
     _lock: File,
 }
@@ -38,7 +38,16 @@ impl OutputFolder {
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
         let _lock = lock(folder)?;
         let (names, outdated) = (Vec::new(), Vec::new());
-        Ok(Self { folder: folder.to_owned(), made, names, outdated, committed: false, is_unwritten: false, _lock })
+        Ok(Self {
+            folder: folder.to_owned(),
+            made,
+            names,
+            outdated,
+            committed: false,
+            is_unwritten: false,
+            kept: None,
+            _lock,
+        })
     }
 
     /// Begins a file; it takes its name at [`OutputFolder::commit`].
@@ -60,6 +69,12 @@ impl OutputFolder {
         let written = write(&mut writer).and_then(|()| Ok(writer.flush()?));
         self.is_unwritten |= written.is_err();
         written.map_err(|cause| Failure::write(self.path(&name), cause))
+    }
+
+    /// Begins a file that stays as it is where another one cannot be written.
+    pub(crate) fn begin_kept(&mut self, name: &'static str) -> Result<File, Failure> {
+        self.kept = Some(Cow::Borrowed(name));
+        self.begin(name)
     }
 
     /// A file that the caller writes could not be written.
@@ -171,7 +186,7 @@ pub(crate) fn write_whole<T>(
 impl Drop for OutputFolder {
     fn drop(&mut self) {
         // Nothing helps where cleaning up fails as well.
-        let is_kept = |name: &str| self.is_unwritten && name == SESSION;
+        let is_kept = |name: &Cow<'static, str>| self.is_unwritten && self.kept.as_ref() == Some(name);
         for name in self.names.iter().filter(|name| !self.committed && !is_kept(name)) {
             let _ = fs::remove_file(self.part(name));
         }
@@ -196,7 +211,7 @@ mod tests {
         for is_full in [false, true] {
             let _ = fs::remove_dir_all(&folder);
             let mut output = OutputFolder::create(&folder).unwrap();
-            output.begin(SESSION).unwrap().write_all(b"a session").unwrap();
+            output.begin_kept("session.mapwright").unwrap().write_all(b"a session").unwrap();
             if is_full {
                 let full = |_: &mut BufWriter<File>| Err(std::io::Error::from(std::io::ErrorKind::StorageFull).into());
                 assert!(output.write("map.pgm", full).is_err());

@@ -33,7 +33,7 @@ impl<M: Measurement> SessionLog<M> {
         let mut log = Self {
             session: earlier.cloned().unwrap_or_default(),
             writer: earlier.map_or_else(LogWriter::new, LogWriter::resume),
-            file: output.begin(SESSION)?,
+            file: output.begin_kept(SESSION)?,
             path: output.path(SESSION),
             unwritten: earlier.map_or_else(Vec::new, Session::encode),
             written: Instant::now(),

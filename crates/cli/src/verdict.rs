@@ -630,8 +630,8 @@ mod tests {
             )
         );
         let once = Facts { compared: 0, misfits: 0, moved_mean_m: 0.0, closures: 0, ..SOUND };
-        assert!(said(once).1.contains("nothing was seen twice"));
-        assert!(said(Facts { closures: 2, ..once.clone() }).1.contains("2 old places recognised"));
+        assert!(said(once.clone()).1.contains("nothing was seen twice"));
+        assert!(said(Facts { closures: 2, ..once }).1.contains("2 old places recognised"));
         assert!(Usable::of(&SOUND).loss().is_none());
     }
 

@@ -223,7 +223,7 @@ impl LagEstimator {
         let before = self.headings.get(after.checked_sub(1)?)?;
         let apart_s = after_it.at_s - before.at_s;
         let share = (at_s - before.at_s) / apart_s;
-        (apart_s <= JOINED_S).then(|| before.rad + share * (after_it.rad - before.rad))
+        (apart_s <= JOINED_S).then_some(before.rad + share * (after_it.rad - before.rad))
     }
 }
 

@@ -212,11 +212,14 @@ mod tests {
     #[test]
     fn codes_for_no_return_are_known_before_the_first_scan_is_taken() {
         let mut check = RangeCheck::new(None);
-        let ranges = |k: usize| -> Vec<f32> {
-            (0..180)
-                .map(|beam| if (beam + k) % 10 == 0 { 8.183 } else { 1.0 + 0.03 * beam as f32 + 0.011 * k as f32 })
-                .collect()
-        };
+        let ranges =
+            |k: usize| -> Vec<f32> {
+                (0..180)
+                    .map(|beam| {
+                        if (beam + k).is_multiple_of(10) { 8.183 } else { 1.0 + 0.03 * beam as f32 + 0.011 * k as f32 }
+                    })
+                    .collect()
+            };
         let scans: Vec<_> = (0..20).map(|k| scan(&ranges(k), 80.0)).collect();
         scans.iter().for_each(|scan| check.look_ahead(scan));
         check.end();
