@@ -22,6 +22,8 @@ pub(crate) const DECIDED_NATS: f64 = 7.0;
 /// A hypothesis that is so far behind the best does not come back.
 const HOPELESS_NATS: f64 = 25.0;
 const HYPOTHESES_AT_MOST: usize = 40;
+/// Share of what was seen on the last metres that ends in known territory, at least (as of loop closures).
+const LEAST_OVERLAP: f64 = 0.5;
 /// Nearer than this, metres and radians, two are one.
 const SAME: [f64; 2] = [0.2, 0.1];
 /// `ln p(beam | right) / p(beam | wrong)` of a beam that ends close to an obstacle, near to one, in free space, and behind a wall. At the right
@@ -353,20 +355,34 @@ impl Locator {
         let lead = best.sum() - self.rival_nats();
         let [same_m, same_rad] = [Separation::default().distance_m, Separation::default().angle_rad];
         let is_other = before.is_none_or(|before| is_elsewhere(before, best.map_from_robot, [same_m, same_rad]));
-        if self.is_located && (is_other || lead <= 0.0) {
+        if self.is_located && (is_other || lead < DECIDED_NATS) {
             self.is_located = false;
             self.withdrawal = Some(Withdrawal::Overtaken);
         }
         self.was_wrong |= self.withdrawal.is_some();
-        let is_decided = lead >= self.needed_nats() && best.against().0 > -DECIDED_NATS;
+        let is_decided =
+            lead >= self.needed_nats() && best.against().0 > -DECIDED_NATS && self.is_on_known_ground(best);
         self.was_wrong &= !is_decided;
         self.is_located |= is_decided;
     }
 
-    /// By how much a place has to lead. Where a finding did not hold the robot may have left what is mapped, as likely as it is anywhere in it: a
-    /// single place has the prior of one in so many then, and the best of so many wrong ones leads by as much.
+    /// By how much a place has to lead. The robot may be where nothing is mapped, and of so many places the best wrong one leads by the logarithm
+    /// of their number. Where a finding did not hold, what was learnt of the robot's whereabouts counts against another place as well.
     fn needed_nats(&self) -> f64 {
-        DECIDED_NATS + if self.was_wrong { self.finished.places().ln() } else { 0.0 }
+        let prior = self.finished.places().ln();
+        DECIDED_NATS + if self.was_wrong { 2.0 * prior } else { prior }
+    }
+
+    /// Whether the map says something about what was seen on the last metres, as it has to of any place that is recognised.
+    fn is_on_known_ground(&self, best: &Hypothesis) -> bool {
+        let Some(newest) = self.views.back() else { return false };
+        let map_from_local = best.map_from_robot * newest.local_from_robot.inverse();
+        let (mut all, mut known) = (0, 0);
+        for view in self.views.iter().rev().take((QUERY_M / VIEW_M) as usize) {
+            let agreement = self.finished.map.beams(view.origin, &view.points, map_from_local * view.local_from_robot);
+            (all, known) = (all + agreement.all(), known + agreement.all() - agreement.unknown);
+        }
+        f64::from(known) >= LEAST_OVERLAP * f64::from(all)
     }
 
     /// Of hypotheses that have come to the same place the best stays.

@@ -22,7 +22,9 @@ const SWING_M: f64 = 0.2;
 const LOOK_M: f64 = 0.1;
 const TURNING_M_PER_RAD: f64 = 0.5;
 /// Scans are remembered after this much motion.
-const EVERY_M: f64 = 0.05;
+const EVERY_M: f64 = 0.08;
+/// and after this much where wheels are sound and nothing is suspected, metres.
+const CALM_EVERY_M: f64 = 0.25;
 /// A look compares with the newest scan after which the robot moved so far: farther than a foot that rests on the floor stays in its
 /// place among those of the other steps.
 const COMPARED_M: f64 = 0.4;
@@ -56,8 +58,9 @@ const LEAST_SURE: f32 = -12.0;
 const HALF_M: f64 = 10.0;
 /// Where more than this share of what is farther away is elsewhere as well, the robot is not where it is thought to be.
 const MOST_SHARE: f64 = 0.2;
-/// So many of those hits are asked.
-const ASKED: usize = 64;
+/// So many of those hits are asked, and of the near ones.
+const ASKED: usize = 32;
+const NEAR_ASKED: usize = 64;
 
 /// What was seen of late near the robot, and where in its frame things travel with it.
 #[derive(Debug, Clone, Default)]
@@ -119,10 +122,13 @@ impl OnRobot {
         self.far.clear();
         let small: Vec<_> =
             if self.odds.is_empty() { things(&points.hits, points.origin).collect() } else { Vec::new() };
+        // a cell in the corner of the square
+        let farthest_m = 1.5 * REACH_M + points.origin[0].hypot(points.origin[1]);
         let beams = self.ranges.iter().zip(directions).enumerate().filter(|(_, (range_m, _))| range_m.is_finite());
         for (number, ((beam, (&range_m, direction)), &hit)) in beams.zip(&points.hits).enumerate() {
-            let place = [0, 1].map(|axis| points.origin[axis] + f64::from(range_m) * direction[axis]);
-            match cell_of(place) {
+            let range_m = f64::from(range_m);
+            let place = [0, 1].map(|axis| points.origin[axis] + range_m * direction[axis]);
+            match if range_m <= farthest_m { cell_of(place) } else { None } {
                 Some(cell) => {
                     let is_small = small.iter().any(|thing| thing.contains(&number));
                     self.near.push(Near { beam, is_small, place, cell, hit });
@@ -155,7 +161,7 @@ impl OnRobot {
         if self.odds.is_empty() {
             let is_near = |near: &&Near| near.is_small && near.place[0].hypot(near.place[1]) <= AT_FIRST_M;
             let first = self.near.iter().filter(is_near);
-            self.odds = counts(first.map(|near| (near.cell, false)), STRIDE_M).map(begin).collect();
+            self.odds = counts(first.map(|near| (near.cell, false)), STRIDE_M).into_iter().map(begin).collect();
         }
         let since = |seen: &Seen| {
             if by_wheels {
@@ -165,22 +171,26 @@ impl OnRobot {
             }
         };
         let step_m = self.seen.newest().map(|seen| moved_m(since(seen)));
-        if step_m.is_some_and(|step_m| step_m < EVERY_M) {
+        let is_suspected = self.odds.iter().any(|odds| *odds > 0.0);
+        let every_m = if by_wheels && !is_suspected { CALM_EVERY_M } else { EVERY_M };
+        if step_m.is_some_and(|step_m| step_m < every_m) {
             return;
         }
         let before = self.seen.back_in_time().find(|seen| moved_m(since(seen)) >= COMPARED_M);
-        if let (Some(before), Some(step_m)) = (before, step_m) {
+        let is_asked = !self.near.is_empty() || is_suspected;
+        if let (Some(before), Some(step_m), true) = (before, step_m, is_asked) {
             let before_from_now = since(before);
             let pair = before.beside(laser, &self.ranges, before_from_now);
             if let Some(pair) = pair.filter(|pair| self.is_there(pair)) {
-                let said = self.near.iter().filter_map(|near| {
+                let asked = self.near.iter().step_by(self.near.len().div_ceil(NEAR_ASKED).max(1));
+                let said = asked.filter_map(|near| {
                     let shifted = distance(before_from_now.transform(near.hit), near.hit) >= SHIFTED_M;
-                    let moved = shifted.then(|| pair.has_moved(near.hit))?;
-                    (moved || pair.was_there(near.hit)).then_some((near.cell, moved))
+                    let moved = if shifted { pair.what_became_of(near.hit)? } else { return None };
+                    Some((near.cell, moved))
                 });
                 let said = counts(said, SWING_M);
                 let seen = counts(self.near.iter().map(|near| (near.cell, true)), SWING_M);
-                add(&mut self.odds, said.zip(seen), step_m);
+                add(&mut self.odds, said.into_iter().zip(seen), step_m);
             }
         }
         self.seen.keep(laser, stamp, place, &self.ranges);
@@ -200,19 +210,36 @@ impl OnRobot {
     }
 }
 
-/// How many hits around a cell say that they were there, and that they moved, cell by cell.
-fn counts(said: impl Iterator<Item = ([usize; 2], bool)>, around_m: f64) -> impl Iterator<Item = [u16; 2]> {
+/// Of each cell, how many hits say that they were there, and that they moved.
+type Counts = [[u16; 2]; CELLS * CELLS];
+
+/// How many hits around a cell say so, cell by cell: sums over squares, along rows and then along columns.
+fn counts(said: impl Iterator<Item = ([usize; 2], bool)>, around_m: f64) -> Counts {
     let around = (around_m / CELL_M).round() as usize;
-    let mut counts = vec![[0_u16; 2]; CELLS * CELLS];
-    for ([x, y], moved) in said {
-        for y in y.saturating_sub(around)..=(y + around).min(CELLS - 1) {
-            for x in x.saturating_sub(around)..=(x + around).min(CELLS - 1) {
-                let count = &mut counts[index([x, y])][usize::from(moved)];
-                *count = count.saturating_add(1);
+    let mut counts = [[0_u16; 2]; CELLS * CELLS];
+    for (cell, moved) in said {
+        let count = &mut counts[index(cell)][usize::from(moved)];
+        *count = count.saturating_add(1);
+    }
+    sum_along(&sum_along(&counts, 1, CELLS, around), CELLS, 1, around)
+}
+
+/// Sums over so many neighbours to either side, `step` apart, along lines that are `line` apart.
+fn sum_along(counts: &Counts, step: usize, line: usize, around: usize) -> Counts {
+    let mut sums = [[0_u16; 2]; CELLS * CELLS];
+    let add = |sum: [u16; 2], count: [u16; 2]| [0, 1].map(|k| sum[k].saturating_add(count[k]));
+    for from in (0..CELLS).map(|number| number * line) {
+        for at in 0..CELLS {
+            let count = counts[from + at * step];
+            if count != [0; 2] {
+                for near in at.saturating_sub(around)..=(at + around).min(CELLS - 1) {
+                    let sum = &mut sums[from + near * step];
+                    *sum = add(*sum, count);
+                }
             }
         }
     }
-    counts.into_iter()
+    sums
 }
 
 /// What the first scan says of a cell.

@@ -184,17 +184,24 @@ impl Pair<'_> {
     pub(super) fn has_moved(&self, hit: [f64; 2]) -> bool {
         let Some((away_m, around)) = self.bearings.look(self.before_from_now.transform(hit)) else { return false };
         let (nearest, farthest) = extremes(&self.before[around]);
+        self.is_news(hit, away_m, nearest, farthest)
+    }
+
+    /// Whether what a beam ends on was not there before, or was; none where that is not known.
+    pub(super) fn what_became_of(&self, hit: [f64; 2]) -> Option<bool> {
+        let (away_m, around) = self.bearings.look(self.before_from_now.transform(hit))?;
+        let (nearest, farthest) = extremes(&self.before[around]);
+        if self.is_news(hit, away_m, nearest, farthest) {
+            return Some(true);
+        }
+        (nearest <= away_m + MARGIN_M && farthest >= away_m - MARGIN_M).then_some(false)
+    }
+
+    fn is_news(&self, hit: [f64; 2], away_m: f64, nearest: f64, farthest: f64) -> bool {
         nearest > away_m + MARGIN_M
             || (farthest + MARGIN_M < away_m
                 && away_m < farthest + DRAWN_BACK_M
                 && self.is_gone(hit, farthest / away_m))
-    }
-
-    /// Whether what a beam ends on was there before.
-    pub(super) fn was_there(&self, hit: [f64; 2]) -> bool {
-        let Some((away_m, around)) = self.bearings.look(self.before_from_now.transform(hit)) else { return false };
-        let (nearest, farthest) = extremes(&self.before[around]);
-        nearest <= away_m + MARGIN_M && farthest >= away_m - MARGIN_M
     }
 
     /// Whether what stood before the hit, on such a share of the way to it from where the earlier scan was taken, is there no
