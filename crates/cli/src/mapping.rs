@@ -211,7 +211,10 @@ impl Mapping {
     /// Writes trajectories and maps.
     pub(crate) fn write_results(&mut self) -> Result<Made, Failure> {
         if let Some(online) = self.online.take() {
-            online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+            online
+                .finish()
+                .map_err(|cause| Failure::write(self.output.path(ONLINE), cause))
+                .inspect_err(|_| self.output.failed_to_write())?;
         }
         self.log.add(self.mapper.checkpoint().entries)?;
         self.write_trajectory()?;

@@ -59,9 +59,9 @@ const BENT: [f64; 2] = [0.002, 0.0015];
 const MATCH_SHARE: f64 = 0.1;
 const KNOWN_SIGMA: [f64; 2] = [0.004, 0.001];
 /// A match is of the beams that end where something is known, as far as the place may be off, so many standard deviations. It is followed
-/// where such a share of these fits.
+/// where such a share of these fits: elsewhere the front end knows better how the robot moves.
 const FOLLOWED_SIGMAS: f64 = 3.0;
-const FOLLOWED_INLIER_SHARE: f64 = 0.5;
+const FOLLOWED_INLIER_SHARE: f64 = 0.85;
 
 /// What is said of where the robot is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -201,7 +201,11 @@ impl Locator {
 
     /// What an update says of the newest scan, by the finished map alone.
     pub(crate) fn report(&self, update: &mut Update) {
-        let Some(Location { map_from_robot, covariance, agreement, .. }) = self.location().filter(|_| self.is_located)
+        // Where the map says little of a scan, or contradicts it, it does not say where the robot is.
+        let is_clear =
+            |at: &Location| at.agreement.known_share() >= KNOWN_SHARE && at.agreement.inlier_share() >= DOUBT_SHARE;
+        let Some(Location { map_from_robot, covariance, agreement, .. }) =
+            self.location().filter(|at| self.is_located && is_clear(at))
         else {
             (update.localisation, update.status) = (Localisation::Apart, Status::Lost);
             return;
@@ -209,10 +213,6 @@ impl Locator {
         update.localisation = Localisation::Joined;
         (update.map_from_robot, update.covariance, update.anchor) = (map_from_robot, covariance, None);
         update.map_from_odom = map_from_robot * update.odom_from_robot.inverse();
-        let is_clear = agreement.known_share() >= KNOWN_SHARE && agreement.inlier_share() >= DOUBT_SHARE;
-        if update.status == Status::Tracking && !is_clear {
-            update.status = Status::Degraded;
-        }
         if let Some(matched) = &mut update.matched {
             (matched.inlier_share, matched.known_share) = (agreement.inlier_share(), agreement.known_share());
         }
@@ -430,10 +430,17 @@ impl Hypothesis {
         let variances = [0, 1, 2].map(|axis| self.covariance[(axis, axis)]);
         let prior = Prior { world_from_robot: self.map_from_robot, variances, tail: 1e8 };
         let within_m = FOLLOWED_SIGMAS * self.covariance.position_variance_m2().sqrt();
+        let all = hits.len();
         let hits = finished.map.known_points(hits, self.map_from_robot, within_m);
+        if (hits.len() as f64) < LEAST_OVERLAP * all as f64 {
+            return;
+        }
         let found = matcher.gauss_newton(&finished.map, &hits, &prior, self.map_from_robot);
         let agreement = finished.map.agreement(&hits, found.world_from_robot);
-        let follows = agreement.fitting > 0 && agreement.inlier_share() >= FOLLOWED_INLIER_SHARE;
+        let moved = self.map_from_robot.between(found.world_from_robot);
+        let is_near = moved.x.hypot(moved.y) <= within_m + finished.map.settings.resolution_m
+            && moved.theta.abs() <= FOLLOWED_SIGMAS * variances[2].sqrt();
+        let follows = is_near && agreement.fitting > 0 && agreement.inlier_share() >= FOLLOWED_INLIER_SHARE;
         let information = self.covariance.try_inverse().map(|prior| prior + found.hessian * MATCH_SHARE);
         let Some(covariance) = information.filter(|_| follows).and_then(|matrix| matrix.try_inverse()) else { return };
         let [m, rad] = KNOWN_SIGMA;

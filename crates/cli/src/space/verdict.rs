@@ -265,7 +265,7 @@ mod tests {
             (Facts { jumps_sigmas: vec![54.0], ..sound() }, Usability::Check, "54 standard deviations off"),
             (Facts { off_m: 0.2, ..sound() }, Usability::Check, "points lie 0.20 m off the surfaces"),
             (Facts { unseen: 0.5, no_return: 0.5, ..sound() }, Usability::Check, "over 180 degrees around the sensor"),
-            (Facts { mean_sigma_m: 2.0, ..sound() }, Usability::Check, "certain to 2.0 m only"),
+            (Facts { mean_sigma_m: 2.0, worst_sigma_m: 4.0, ..sound() }, Usability::Check, "certain to 2.0 m only"),
             (Facts { unheeded: 2, ..sound() }, Usability::Check, "2 places looked like another"),
         ];
         for (facts, word, words) in cases {
