@@ -78,7 +78,8 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
     let made = mapping.write_results()?;
     // one cell is no map
     let cell_m = mapping.settings.map.resolution_m;
-    let is_empty = made.maps.iter().all(|map| map.sides_m.iter().all(|side_m| *side_m <= cell_m));
+    let is_empty = mapping.session().keyframes().is_empty()
+        || made.maps.iter().all(|map| map.sides_m.iter().all(|side_m| *side_m <= cell_m));
     if is_empty && ending == Ending::OfLog {
         return Err(nothing_mapped(&name, &read, &mapping));
     }
