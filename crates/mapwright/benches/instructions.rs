@@ -23,7 +23,7 @@ const MATCH: u64 = 312;
 const INSERT: u64 = 1_951;
 const FIELD_UPDATE: u64 = 1_839;
 const SEARCH: u64 = 25_483;
-const WHOLE_LOG: u64 = 110_816;
+const WHOLE_LOG: u64 = 90_934;
 /// More than this times as many are too many.
 const TOLERANCE: f64 = 1.1;
 

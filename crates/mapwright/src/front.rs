@@ -169,7 +169,12 @@ impl FrontEnd {
         } else {
             let place =
                 Place { local_from_robot: self.pose.local_from_robot(), odom_from_robot: self.pose.odom_from_robot() };
-            self.preparation.remember(&scan.laser, scan.stamp, place, self.has_sound_wheels(step));
+            let motion = match self.has_sound_wheels(step) {
+                true => on_robot::Motion::ByWheels,
+                false if weakest * step.variances[0] > 1.0 => on_robot::Motion::ByScans,
+                false => on_robot::Motion::Guessed,
+            };
+            self.preparation.remember(scan.stamp, place, motion, self.settings.scan.drop_moving);
         }
     }
 

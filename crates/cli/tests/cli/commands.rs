@@ -110,7 +110,7 @@ fn the_laser_is_found_where_it_sits() {
         assert_code(&again, 0);
         let again: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
         for (key, expected, within) in
-            [("translation_scale", 1.0, 0.004), ("rotation_scale", 1.0, 0.006), ("drift_rad_per_m", 0.0, 0.004)]
+            [("translation_scale", 1.0, 0.004), ("rotation_scale", 1.0, 0.004), ("drift_rad_per_m", 0.0, 0.004)]
         {
             let left = again[key]["value"].as_f64().unwrap() - expected;
             assert!(left.abs() < within, "{name} {key}: {left}");

@@ -8,8 +8,7 @@
 use super::dynamic::things;
 use super::seen::{Memory, Pair, Place, Ranges, Seen, measure};
 use mapwright_geom::{Pose2, Stamp, Stored};
-use mapwright_sensor::{BEAM_DROPPED, LaserModel, Sweep, SweepPoints};
-use std::sync::Arc;
+use mapwright_sensor::{BEAM_DROPPED, Sweep, SweepPoints};
 
 /// Who pushes a robot walks within an arm and a stride, and no part of it reaches farther, metres.
 const REACH_M: f64 = 1.5;
@@ -21,10 +20,8 @@ const SWING_M: f64 = 0.2;
 /// A look is a scan after this much motion, metres; a radian of turning moves what is half a metre away by half a metre.
 const LOOK_M: f64 = 0.1;
 const TURNING_M_PER_RAD: f64 = 0.5;
-/// Scans are remembered after this much motion.
+/// Scans are remembered after this much motion; as far apart as they are compared where wheels are sound and nothing is suspected.
 const EVERY_M: f64 = 0.08;
-/// and after this much where wheels are sound and nothing is suspected, metres.
-const CALM_EVERY_M: f64 = 0.25;
 /// A look compares with the newest scan after which the robot moved so far: farther than a foot that rests on the floor stays in its
 /// place among those of the other steps.
 const COMPARED_M: f64 = 0.4;
@@ -38,13 +35,10 @@ const AT_FIRST: f32 = -2.0;
 const AT_FIRST_M: f64 = 1.0;
 const STRIDE_M: f64 = 0.3;
 /// From such odds on a hit is dropped: where wheels are sound there is time to be sure, for what is seen from nearby alone seems to
-/// travel with the robot as far as it reaches; where nothing but matches says how the robot moves, to leave out a thing that stands
-/// costs a few beams, and to match one that travels with the robot holds it back.
+/// travel with the robot as far as it reaches; where nothing but matches says how the robot moves, to match a thing that travels with it
+/// holds it back, and it goes from even odds on.
 const DROPPED: f32 = 12.0;
-const DROPPED_ALONE: f32 = -3.0;
-/// Where more than this share of all hits would go, those that are rather on the robot than not go alone.
-const MOST_DROPPED: f64 = 0.5;
-const PROBABLE: f32 = 0.0;
+const DROPPED_ALONE: f32 = 0.0;
 /// What a look adds where all hits lie in what was free, and where all were there before: twelve times likelier of what is on the robot,
 /// as its cells are found free nearly always, and seven times less.
 const MOVED: f32 = 2.5;
@@ -70,11 +64,36 @@ pub(super) struct OnRobot {
     by_wheels: bool,
     /// Log odds by cell, beyond those of which nothing is known; empty before the first look.
     odds: Vec<f32>,
+    /// Whether any cell has odds beyond those of which nothing is known.
+    is_suspicious: bool,
     /// Of the present scan, if it was measured.
     ranges: Ranges,
     near: Vec<Near>,
     far: Vec<[f64; 2]>,
     measured: bool,
+}
+
+/// How it is known how the robot moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Motion {
+    /// By sound wheels.
+    ByWheels,
+    /// By a match that told it in all directions.
+    ByScans,
+    /// Along a direction in which nothing was told the robot is taken to go on as before: nothing is learnt of what goes with it.
+    Guessed,
+}
+
+/// A scan when it is known where it was taken.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Present<'a> {
+    pub(super) sweep: &'a Sweep,
+    pub(super) points: &'a SweepPoints,
+    /// Of its beams.
+    pub(super) directions: &'a [[f64; 2]],
+    pub(super) stamp: Stamp,
+    pub(super) place: Place,
+    pub(super) known: Motion,
 }
 
 /// A near hit.
@@ -102,7 +121,8 @@ impl Stored for OnRobot {
         let (by_wheels, odds): (bool, Vec<f32>) = Stored::take(from)?;
         let is_sound = odds.is_empty() || odds.len() == CELLS * CELLS;
         let is_odds = |odds: &f32| (LEAST_SURE - BEFORE..=SUREST - BEFORE).contains(odds);
-        (is_sound && odds.iter().all(is_odds)).then(|| Self { seen, by_wheels, odds, ..Self::default() })
+        let is_suspicious = is_any_above(&odds);
+        (is_sound && odds.iter().all(is_odds)).then(|| Self { seen, by_wheels, odds, is_suspicious, ..Self::default() })
     }
 }
 
@@ -116,8 +136,27 @@ impl OnRobot {
         directions: &[[f64; 2]],
         by_wheels: bool,
     ) -> u32 {
+        self.measured = !by_wheels || self.odds.is_empty() || self.is_suspicious;
+        if !self.measured {
+            return 0;
+        }
+        self.gather(sweep, points, directions);
+        let dropped = |from: f32| {
+            let odds = &self.odds;
+            self.near.iter().filter(move |near| odds.get(index(near.cell)).is_some_and(|odds| odds + BEFORE > from))
+        };
+        let from = if by_wheels { DROPPED } else { DROPPED_ALONE };
+        let mut count = 0;
+        for near in dropped(from) {
+            sweep.codes[near.beam] = BEAM_DROPPED;
+            count += 1;
+        }
+        count
+    }
+
+    /// What is near in a sweep, and what is farther away.
+    fn gather(&mut self, sweep: &Sweep, points: &SweepPoints, directions: &[[f64; 2]]) {
         measure(sweep, &mut self.ranges);
-        self.measured = true;
         self.near.clear();
         self.far.clear();
         let small: Vec<_> =
@@ -136,32 +175,24 @@ impl OnRobot {
                 None => self.far.push(hit),
             }
         }
-        let dropped = |from: f32| {
-            let odds = &self.odds;
-            self.near.iter().filter(move |near| odds.get(index(near.cell)).is_some_and(|odds| odds + BEFORE > from))
-        };
-        let from = if by_wheels { DROPPED } else { DROPPED_ALONE };
-        let many = dropped(from).count() as f64 > MOST_DROPPED * points.hits.len() as f64;
-        let mut count = 0;
-        for near in dropped(if many { from.max(PROBABLE) } else { from }) {
-            sweep.codes[near.beam] = BEAM_DROPPED;
-            count += 1;
-        }
-        count
     }
 
-    /// Looks at the present scan, if it was measured, now that it is known where it was taken, and whether the wheels say so.
-    pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place, by_wheels: bool) {
-        if !std::mem::take(&mut self.measured) {
-            return;
-        }
-        if by_wheels != std::mem::replace(&mut self.by_wheels, by_wheels) {
+    /// Looks at the present scan, now that it is known where it was taken, and what says so.
+    pub(super) fn remember(&mut self, seen: &Present<'_>) {
+        let &Present { sweep, points, directions, stamp, place, known } = seen;
+        let by_wheels = known == Motion::ByWheels;
+        let measured = std::mem::take(&mut self.measured);
+        if by_wheels != std::mem::replace(&mut self.by_wheels, by_wheels) || known == Motion::Guessed {
             self.seen.clear();
+        }
+        if known == Motion::Guessed || self.odds.is_empty() && !measured {
+            return;
         }
         if self.odds.is_empty() {
             let is_near = |near: &&Near| near.is_small && near.place[0].hypot(near.place[1]) <= AT_FIRST_M;
             let first = self.near.iter().filter(is_near);
             self.odds = counts(first.map(|near| (near.cell, false)), STRIDE_M).into_iter().map(begin).collect();
+            self.is_suspicious = is_any_above(&self.odds);
         }
         let since = |seen: &Seen| {
             if by_wheels {
@@ -171,11 +202,15 @@ impl OnRobot {
             }
         };
         let step_m = self.seen.newest().map(|seen| moved_m(since(seen)));
-        let is_suspected = self.odds.iter().any(|odds| *odds > 0.0);
-        let every_m = if by_wheels && !is_suspected { CALM_EVERY_M } else { EVERY_M };
+        let is_suspected = self.is_suspicious;
+        let every_m = if by_wheels && !is_suspected { COMPARED_M } else { EVERY_M };
         if step_m.is_some_and(|step_m| step_m < every_m) {
             return;
         }
+        if !measured {
+            self.gather(sweep, points, directions);
+        }
+        let laser = &sweep.laser;
         let before = self.seen.back_in_time().find(|seen| moved_m(since(seen)) >= COMPARED_M);
         let is_asked = !self.near.is_empty() || is_suspected;
         if let (Some(before), Some(step_m), true) = (before, step_m, is_asked) {
@@ -189,8 +224,11 @@ impl OnRobot {
                     Some((near.cell, moved))
                 });
                 let said = counts(said, SWING_M);
-                let seen = counts(self.near.iter().map(|near| (near.cell, true)), SWING_M);
+                // only where something is known does an empty cell say anything
+                let near = self.near.iter().filter(|_| is_suspected);
+                let seen = counts(near.map(|near| (near.cell, true)), SWING_M);
                 add(&mut self.odds, said.into_iter().zip(seen), step_m);
+                self.is_suspicious = is_any_above(&self.odds);
             }
         }
         self.seen.keep(laser, stamp, place, &self.ranges);
@@ -217,6 +255,10 @@ type Counts = [[u16; 2]; CELLS * CELLS];
 fn counts(said: impl Iterator<Item = ([usize; 2], bool)>, around_m: f64) -> Counts {
     let around = (around_m / CELL_M).round() as usize;
     let mut counts = [[0_u16; 2]; CELLS * CELLS];
+    let mut said = said.peekable();
+    if said.peek().is_none() {
+        return counts;
+    }
     for (cell, moved) in said {
         let count = &mut counts[index(cell)][usize::from(moved)];
         *count = count.saturating_add(1);
@@ -227,14 +269,13 @@ fn counts(said: impl Iterator<Item = ([usize; 2], bool)>, around_m: f64) -> Coun
 /// Sums over so many neighbours to either side, `step` apart, along lines that are `line` apart.
 fn sum_along(counts: &Counts, step: usize, line: usize, around: usize) -> Counts {
     let mut sums = [[0_u16; 2]; CELLS * CELLS];
-    let add = |sum: [u16; 2], count: [u16; 2]| [0, 1].map(|k| sum[k].saturating_add(count[k]));
     for from in (0..CELLS).map(|number| number * line) {
         for at in 0..CELLS {
             let count = counts[from + at * step];
             if count != [0; 2] {
                 for near in at.saturating_sub(around)..=(at + around).min(CELLS - 1) {
                     let sum = &mut sums[from + near * step];
-                    *sum = add(*sum, count);
+                    *sum = [sum[0].saturating_add(count[0]), sum[1].saturating_add(count[1])];
                 }
             }
         }
@@ -264,6 +305,10 @@ fn add(odds: &mut [f32], said: impl Iterator<Item = ([u16; 2], [u16; 2])>, step_
     }
 }
 
+fn is_any_above(odds: &[f32]) -> bool {
+    odds.iter().any(|odds| *odds > 0.0)
+}
+
 fn moved_m(motion: Pose2) -> f64 {
     motion.x.hypot(motion.y) + TURNING_M_PER_RAD * motion.theta.abs()
 }
@@ -286,8 +331,9 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 #[allow(clippy::unwrap_used, reason = "tests may")]
 mod tests {
     use super::*;
-    use mapwright_sensor::{BeamTable, LaserScan};
+    use mapwright_sensor::{BeamTable, LaserModel, LaserScan};
     use std::ops::Range;
+    use std::sync::Arc;
 
     /// A round thing: where, metres, and its radius.
     type Round = ([f64; 2], f64);
@@ -335,7 +381,9 @@ mod tests {
             let directions = table.directions(&laser, BEAMS);
             let dropped = on.drop_from(&mut sweep, &points, directions, by_wheels) as usize;
             let pose = Pose2::new(x, 0.0, 0.0);
-            on.remember(&laser, stamp, Place { local_from_robot: pose, odom_from_robot: pose }, by_wheels);
+            let place = Place { local_from_robot: pose, odom_from_robot: pose };
+            let known = if by_wheels { Motion::ByWheels } else { Motion::ByScans };
+            on.remember(&Present { sweep: &sweep, points: &points, directions, stamp, place, known });
             let is_on = |beam: &usize| range(&carried, *beam) <= range(&all, *beam) && range(&carried, *beam) < 2.0;
             let gone = |beam: &usize| sweep.codes[*beam] == BEAM_DROPPED;
             let ends: Vec<usize> =
@@ -355,11 +403,7 @@ mod tests {
             for [gone, others, left] in &seen[until..] {
                 assert!(*gone > 40 && *left <= 6 && *others <= 4, "wheels {by_wheels}: {seen:?}");
             }
-            assert_eq!(
-                seen[1][0] > 0,
-                !by_wheels,
-                "without wheels they are suspected from the first scan on: {seen:?}"
-            );
+            assert_eq!(seen[1][0], 0, "nothing is dropped on suspicion alone: {seen:?}");
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::dynamic::DynamicObjects;
 use super::lasers::{LaserId, Lasers, PerLaser};
-use super::on_robot::OnRobot;
+use super::on_robot::{Motion, OnRobot, Present};
 use super::predict::Step;
 use super::seen::Place;
 use super::sweep_motion::SweepMotion;
@@ -137,11 +137,16 @@ impl Preparation {
         beams
     }
 
-    /// Where the scan was taken, now that it is known, and whether by wheels that are sound: the next ones are compared with it.
-    pub(super) fn remember(&mut self, laser: &Arc<LaserModel>, stamp: Stamp, place: Place, by_wheels: bool) {
-        let known = self.known.of(self.laser);
-        known.dynamic.remember(laser, stamp, place);
-        known.on_robot.remember(laser, stamp, place, by_wheels);
+    /// Where the scan was taken, now that it is known, and what says so: the next ones are compared with it.
+    pub(super) fn remember(&mut self, stamp: Stamp, place: Place, motion: Motion, drops_moving: bool) {
+        let Some(sweep) = &self.sweep else { return };
+        let Known { dynamic, on_robot, table, .. } = self.known.of(self.laser);
+        dynamic.remember(&sweep.laser, stamp, place);
+        if drops_moving && !self.points.hits.is_empty() {
+            let directions = table.directions(&sweep.laser, sweep.codes.len());
+            let points = &self.points;
+            on_robot.remember(&Present { sweep, points, directions, stamp, place, known: motion });
+        }
     }
 
     /// The robot is elsewhere than thought: the next scans are not compared with those before.
