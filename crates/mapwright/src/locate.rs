@@ -8,7 +8,6 @@
 
 mod finished;
 
-use crate::front::{DOUBT_SHARE, KNOWN_SHARE};
 use crate::settings::Settings;
 use finished::{FinishedMap, is_elsewhere, middle_range_m};
 use mapwright_geom::{Cov3, Pose2, TangentMatrix, compose_covariance};
@@ -151,6 +150,8 @@ pub(crate) struct Locator {
     /// A finding was withdrawn, and none has held since.
     was_wrong: bool,
     local_from_last: Option<Pose2>,
+    /// Way, a radian of turning a metre, on which every scan has agreed with the map where the robot is thought to be, metres.
+    followed_m: f64,
     /// Motion since the whole map was searched, metres and radians; none before the first time.
     since_search: Option<[f64; 2]>,
     agreement: BeamAgreement,
@@ -178,6 +179,7 @@ impl Locator {
             was_wrong: false,
             local_from_last: None,
             since_search: None,
+            followed_m: 0.0,
             agreement: BeamAgreement::default(),
         }
     }
@@ -201,12 +203,10 @@ impl Locator {
 
     /// What an update says of the newest scan, by the finished map alone.
     pub(crate) fn report(&self, update: &mut Update) {
-        // Where the map says little of a scan, or contradicts it, it does not say where the robot is.
-        let is_clear =
-            |at: &Location| at.agreement.known_share() >= KNOWN_SHARE && at.agreement.inlier_share() >= DOUBT_SHARE;
-        let Some(Location { map_from_robot, covariance, agreement, .. }) =
-            self.location().filter(|at| self.is_located && is_clear(at))
-        else {
+        // Where the map says little of a scan, or contradicts it, it does not say where the robot is; who comes back from there is where the
+        // map says once that has held for the length of a view.
+        let is_told = self.is_located && self.followed_m >= VIEW_M;
+        let Some(Location { map_from_robot, covariance, agreement, .. }) = self.location().filter(|_| is_told) else {
             (update.localisation, update.status) = (Localisation::Apart, Status::Lost);
             return;
         };
@@ -233,7 +233,8 @@ impl Locator {
             return;
         }
         if let Some(best) = self.hypotheses.first_mut() {
-            best.follow(&self.finished, &self.matcher, &seen.points.hits);
+            let follows = best.follow(&self.finished, &self.matcher, &seen.points.hits);
+            self.followed_m = if follows { self.followed_m + moved[0] + moved[1] } else { 0.0 };
             self.agreement = self.finished.map.beams(seen.points.origin, &seen.points.hits, best.map_from_robot);
         }
         let Some(weight) = self.weight_of_view(seen) else { return };
@@ -425,15 +426,15 @@ impl Hypothesis {
         self.covariance = compose_covariance(&self.covariance, last_from_robot, &bent);
     }
 
-    /// A scan says where in its place the robot is.
-    fn follow(&mut self, finished: &FinishedMap, matcher: &Matcher, hits: &[[f64; 2]]) {
+    /// A scan says where in its place the robot is; whether it does.
+    fn follow(&mut self, finished: &FinishedMap, matcher: &Matcher, hits: &[[f64; 2]]) -> bool {
         let variances = [0, 1, 2].map(|axis| self.covariance[(axis, axis)]);
         let prior = Prior { world_from_robot: self.map_from_robot, variances, tail: 1e8 };
         let within_m = FOLLOWED_SIGMAS * self.covariance.position_variance_m2().sqrt();
         let all = hits.len();
         let hits = finished.map.known_points(hits, self.map_from_robot, within_m);
         if (hits.len() as f64) < LEAST_OVERLAP * all as f64 {
-            return;
+            return false;
         }
         let found = matcher.gauss_newton(&finished.map, &hits, &prior, self.map_from_robot);
         let agreement = finished.map.agreement(&hits, found.world_from_robot);
@@ -442,10 +443,13 @@ impl Hypothesis {
             && moved.theta.abs() <= FOLLOWED_SIGMAS * variances[2].sqrt();
         let follows = is_near && agreement.fitting > 0 && agreement.inlier_share() >= FOLLOWED_INLIER_SHARE;
         let information = self.covariance.try_inverse().map(|prior| prior + found.hessian * MATCH_SHARE);
-        let Some(covariance) = information.filter(|_| follows).and_then(|matrix| matrix.try_inverse()) else { return };
+        let Some(covariance) = information.filter(|_| follows).and_then(|matrix| matrix.try_inverse()) else {
+            return false;
+        };
         let [m, rad] = KNOWN_SIGMA;
         self.map_from_robot = found.world_from_robot;
         self.covariance = covariance + Cov3::from_diagonal(&[m * m, m * m, rad * rad].into());
+        true
     }
 }
 
