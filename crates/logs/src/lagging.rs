@@ -97,6 +97,8 @@ pub(crate) struct Lagging {
     learning: Option<Box<LagEstimator>>,
     without: usize,
     pub(crate) timing: Timing,
+    /// The lag is given, not learnt: it is that of the readings as well, which are nearer to each other than scans.
+    is_given: bool,
     /// Odometry of the scans, in the order of their stamps; whether it begins anew there.
     readings: VecDeque<(Odometry, bool)>,
     pace: Pace,
@@ -107,7 +109,8 @@ impl Lagging {
     /// Of a log whose lag is given, or learnt, or none.
     pub(crate) fn of(choice: Option<f64>, learns: bool) -> Self {
         let lag = choice.filter(|lag_s| *lag_s != 0.0).map(|lag_s| Lag { lag_s, sigma_s: 0.0 });
-        Self { learning: learns.then(Box::default), timing: Timing { lag, at_once: false }, ..Self::default() }
+        let timing = Timing { lag, at_once: false };
+        Self { learning: learns.then(Box::default), timing, is_given: lag.is_some(), ..Self::default() }
     }
 
     /// The log has ended.
@@ -129,6 +132,9 @@ impl Lagging {
             if let Some(reading) = reading_of(scan) {
                 self.remember(reading);
             }
+        }
+        if let (Event::Odometry(reading), true) = (&event, self.is_given) {
+            self.remember(*reading);
         }
         self.held.push_back(event);
         let is_full = self.held.len() >= HELD_MOST || self.bytes > WINDOW_BYTES || self.without > SCANS_WITHOUT;

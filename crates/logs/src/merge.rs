@@ -352,7 +352,8 @@ mod tests {
             merger.push_scan(5, by(1, 230));
             assert_eq!(drain(&mut merger, false), [-100, -130, -200]);
             merger.at(Stamp(3_000_000_000));
-            assert_eq!(drain(&mut merger, false), [-230], "nobody waits for ever");
+            let left: &[i64] = if has_odometry { &[-230, 400] } else { &[-230] };
+            assert_eq!(drain(&mut merger, false), left, "nobody waits for ever, no reading either");
         }
     }
 
