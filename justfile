@@ -122,6 +122,10 @@ suite-localise *args: release
 suite-offices *args: release
     {{mapwright}} suite offices -o {{figures}}/suite {{args}}
 
+# 50 drives through apartments with cheap lasers, on wheels and by hand
+suite-homes *args: release
+    {{mapwright}} suite homes -o {{figures}}/suite {{args}}
+
 # 100 robots that somebody pushes: legs and posts left out, nothing wrong called good
 suite-legs *args: release
     {{mapwright}} suite legs -o {{figures}}/suite {{args}}

@@ -62,6 +62,47 @@ pub(crate) fn furnish(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
     (0..bits).for_each(|_| clutter(builder, room, rng));
 }
 
+/// Fills a room of a home as its size suggests: bath, kitchen, bedroom or living room.
+pub(crate) fn furnish_home(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
+    let area_m2 = room.area_m2();
+    match rng.below(3) {
+        _ if area_m2 < 9.0 => bath(builder, room, rng),
+        0 if area_m2 < 16.0 => kitchen(builder, room, rng),
+        0 | 1 => living_room(builder, room, rng),
+        _ => bedroom(builder, room, rng),
+    }
+    (0..1 + rng.below(4)).for_each(|_| clutter(builder, room, rng));
+}
+
+/// Pieces with their backs to the walls: length and depth of each, metres.
+fn along_walls(builder: &mut Builder, room: &Inside, pieces: &[[f64; 2]], rng: &mut Rng) {
+    pieces.iter().for_each(|&[length_m, depth_m]| against_wall(builder, room, length_m, depth_m, rng));
+}
+
+fn bath(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
+    along_walls(builder, room, &[[1.7, 0.75], [0.6, 0.6], [rng.uniform(0.5, 0.9), 0.45]], rng);
+    builder.round(room.any_point(0.4, rng), 0.2);
+}
+
+fn kitchen(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
+    let counter_m = rng.uniform(0.5, 0.8) * room.width_m.max(room.depth_m);
+    along_walls(builder, room, &[[counter_m, 0.6], [rng.uniform(1.0, 2.0), 0.6], [0.6, 0.65]], rng);
+    meeting(builder, room, rng);
+}
+
+fn living_room(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
+    let sofa = [rng.uniform(1.6, 2.4), rng.uniform(0.8, 1.0)];
+    let shelves = [[rng.uniform(0.8, 2.2), 0.35], [rng.uniform(0.6, 1.5), 0.4]];
+    along_walls(builder, room, &[sofa, shelves[0], shelves[1], [0.8, 0.8]], rng);
+    meeting(builder, room, rng);
+}
+
+fn bedroom(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
+    let bed = [rng.uniform(0.9, 1.8), 2.0];
+    along_walls(builder, room, &[bed, [rng.uniform(1.0, 2.2), 0.6], [0.45, 0.4], [0.8, 0.45]], rng);
+    desk(builder, room, DeskStyle::draw(rng), rng);
+}
+
 /// Desks at the walls or in pairs, chairs, shelves.
 fn office(builder: &mut Builder, room: &Inside, rng: &mut Rng) {
     let style = DeskStyle::draw(rng);

@@ -3,7 +3,7 @@
 use super::without_repeats;
 use crate::band::WALL_M;
 use crate::build::{Builder, Frame, Gap};
-use crate::furnish::{Inside, furnish};
+use crate::furnish::{Inside, furnish, furnish_home};
 use crate::math::{Point, add, scale};
 use crate::rng::Rng;
 use crate::route::{Route, Site};
@@ -12,7 +12,8 @@ use crate::route::{Route, Site};
 #[must_use]
 pub fn rooms(seed: u64) -> Site {
     let mut rng = Rng::keyed(seed, 0x0072_6f6f_6d73);
-    let suite = Suite::draw(&mut rng);
+    let (columns, rows) = (3 + rng.below(2), 3 + rng.below(2));
+    let suite = Suite::draw([columns, rows], [3.8, 7.5], &mut rng);
     let mut builder = Builder::new();
     suite.build_walls(&mut builder);
     let waypoints = without_repeats(suite.stroll(4 * suite.hubs.len(), &mut rng));
@@ -22,6 +23,20 @@ pub fn rooms(seed: u64) -> Site {
         furnish(&mut builder, &inside, &mut rng);
         furnish(&mut builder, &inside, &mut rng);
     }
+    Site { world: builder.build(), route: Route::new(waypoints) }
+}
+
+/// An apartment of 2 to 3 by 2 to 3 small rooms full of furniture, and a drive through the doors that are known least.
+#[must_use]
+pub fn home(seed: u64) -> Site {
+    let mut rng = Rng::keyed(seed, 0x686f_6d65);
+    let (columns, rows) = (2 + rng.below(2), 2 + rng.below(2));
+    let suite = Suite::draw([columns, rows], [2.6, 5.2], &mut rng);
+    let mut builder = Builder::new();
+    suite.build_walls(&mut builder);
+    let waypoints = without_repeats(suite.stroll(5 * suite.hubs.len(), &mut rng));
+    builder.reserve(&waypoints);
+    (0..suite.hubs.len()).for_each(|room| furnish_home(&mut builder, &suite.inside(room), &mut rng));
     Site { world: builder.build(), route: Route::new(waypoints) }
 }
 
@@ -93,9 +108,10 @@ struct Link {
 }
 
 impl Suite {
-    fn draw(rng: &mut Rng) -> Self {
-        let columns_m = edges(3 + rng.below(2), rng);
-        let rows_m = edges(3 + rng.below(2), rng);
+    /// So many columns and rows, each so wide, metres, at least and at most.
+    fn draw([columns, rows]: [usize; 2], widths_m: [f64; 2], rng: &mut Rng) -> Self {
+        let columns_m = edges(columns, widths_m, rng);
+        let rows_m = edges(rows, widths_m, rng);
         let mut suite = Self { columns_m, rows_m, hubs: vec![], doors: vec![] };
         suite.hubs = (0..suite.columns() * suite.rows()).map(|room| suite.hub(room, rng)).collect();
         suite.doors = suite.all_doors(rng);
@@ -202,11 +218,11 @@ impl Suite {
     }
 }
 
-/// Edges of so many columns or rows, 3.8 to 7.5 m apart.
-fn edges(count: usize, rng: &mut Rng) -> Vec<f64> {
+/// Edges of so many columns or rows, so far apart, metres.
+fn edges(count: usize, [least_m, most_m]: [f64; 2], rng: &mut Rng) -> Vec<f64> {
     let mut edges = vec![0.0];
     for k in 0..count {
-        edges.push(edges[k] + rng.uniform(3.8, 7.5));
+        edges.push(edges[k] + rng.uniform(least_m, most_m));
     }
     edges
 }

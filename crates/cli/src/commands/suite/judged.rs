@@ -5,12 +5,13 @@ use crate::failure::Failure;
 use crate::simulated::map_events;
 use crate::tally::Tally;
 use crate::turns::Turns;
-use crate::verdict::{Facts, Usability};
-use mapwright::{Advice, Session, Settings, Visits};
-use mapwright_eval::ErrorStats;
+use crate::verdict::{Facts, Usability, Usable};
+use mapwright::{Advice, Session, Settings, Stamp, Visits};
+use mapwright_eval::{Alignment, ErrorStats, PosePair, ate_of_pairs};
 use mapwright_sim::{Event, TrueScan};
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// Maps what was recorded; the session and what its verdict is made of.
 pub(super) fn map(events: impl Iterator<Item = Event>, settings: &Settings) -> Result<(Session, Facts), Failure> {
@@ -23,6 +24,40 @@ pub(super) fn map(events: impl Iterator<Item = Event>, settings: &Settings) -> R
     let (advice, visits) = (Advice::of_map(&session, &first), Visits::of_map(&session, &first, settings));
     let facts = Facts::of(&tally, &turns, &session, &advice, visits);
     Ok((session, facts))
+}
+
+/// Maps what was recorded beside the truth: ATE of all scans, aligned rigidly, rmse in metres, and what is said of the map.
+pub(super) fn map_beside_truth(
+    name: &str,
+    events: impl Iterator<Item = Event>,
+    settings: &Settings,
+) -> Result<(f64, Usable), Failure> {
+    let mut truth = BTreeMap::new();
+    let events = events.inspect(|event| {
+        if let Event::Scan(scan) = event {
+            truth.insert(scan.scan.stamp, scan.world_from_robot);
+        }
+    });
+    let (session, facts) = map(events, settings)?;
+    let pair = |(stamp, map_from_robot): (Stamp, _)| {
+        Some(PosePair { stamp, world_from_robot: *truth.get(&stamp)?, map_from_robot })
+    };
+    let pairs: Vec<PosePair> =
+        session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).filter_map(pair).collect();
+    let failure = |cause: String| Failure::World { name: name.to_owned(), reason: cause };
+    let errors = ate_of_pairs(&pairs, Alignment::Rigid).map_err(|cause| failure(cause.to_string()))?;
+    Ok((errors.translation_m.rmse, Usable::of(&facts)))
+}
+
+/// The same without the wheels' readings.
+pub(super) fn without_wheels(events: impl Iterator<Item = Event>) -> impl Iterator<Item = Event> {
+    events.filter_map(|event| match event {
+        Event::Odometry(_) => None,
+        Event::Scan(mut scan) => {
+            scan.scan.odom_from_robot = None;
+            Some(Event::Scan(scan))
+        }
+    })
 }
 
 /// A map is good below so many times the error without the fault, and bad beyond so many.

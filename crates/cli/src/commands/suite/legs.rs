@@ -2,15 +2,13 @@
 
 use super::Measure;
 use super::floors::{Floor, stats};
-use super::judged::{self, GOOD_TIMES};
+use super::judged::{GOOD_TIMES, map_beside_truth, without_wheels};
 use crate::failure::Failure;
 use crate::verdict::{Usability, Usable};
-use mapwright::{Settings, Stamp};
-use mapwright_eval::{Alignment, PosePair, ate_of_pairs};
+use mapwright::Settings;
 use mapwright_sim::{Drive, DriveSettings, Event, Incident, LaserSettings, Rng, RobotSettings, Site, worlds};
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -77,17 +75,9 @@ impl Pushed {
         Self { name, site: Arc::new(site), settings, on_robot }
     }
 
-    /// Without the wheels' readings where they are not wanted.
-    fn events(&self, on_robot: &[Incident], wheels: bool) -> impl Iterator<Item = Event> + use<> {
+    fn drive(&self, on_robot: &[Incident]) -> Drive {
         let settings = DriveSettings { incidents: on_robot.to_vec(), ..self.settings.clone() };
-        Drive::new(Arc::clone(&self.site), settings).filter_map(move |event| match event {
-            Event::Odometry(_) if !wheels => None,
-            Event::Scan(mut scan) if !wheels => {
-                scan.scan.odom_from_robot = None;
-                Some(Event::Scan(scan))
-            }
-            event => Some(event),
-        })
+        Drive::new(Arc::clone(&self.site), settings)
     }
 }
 
@@ -115,21 +105,10 @@ fn on_robot(seed: u64, rng: &mut Rng) -> Vec<Incident> {
 
 impl Legs {
     fn run(&self, pushed: &Pushed, on_robot: &[Incident]) -> Result<(f64, Usable), Failure> {
-        let mut truth = BTreeMap::new();
-        let events = pushed.events(on_robot, self.wheels).inspect(|event| {
-            if let Event::Scan(scan) = event {
-                truth.insert(scan.scan.stamp, scan.world_from_robot);
-            }
-        });
-        let (session, facts) = judged::map(events, &self.settings)?;
-        let pair = |(stamp, map_from_robot): (Stamp, _)| {
-            Some(PosePair { stamp, world_from_robot: *truth.get(&stamp)?, map_from_robot })
-        };
-        let pairs: Vec<PosePair> =
-            session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).filter_map(pair).collect();
-        let failure = |cause: String| Failure::World { name: format!("{} pushed", pushed.name), reason: cause };
-        let errors = ate_of_pairs(&pairs, Alignment::Rigid).map_err(|cause| failure(cause.to_string()))?;
-        Ok((errors.translation_m.rmse, Usable::of(&facts)))
+        let drive = pushed.drive(on_robot);
+        let events: Box<dyn Iterator<Item = Event>> =
+            if self.wheels { Box::new(drive) } else { Box::new(without_wheels(drive)) };
+        map_beside_truth(&format!("{} pushed", pushed.name), events, &self.settings)
     }
 }
 

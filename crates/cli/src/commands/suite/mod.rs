@@ -3,6 +3,7 @@
 mod breaks;
 mod calibrations;
 mod floors;
+mod homes;
 mod judged;
 mod kidnapped;
 mod legs;
@@ -87,6 +88,9 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
             let settings = settings_of(&args.worlds.run)?;
             let offices = offices::Offices { people: args.people as usize, settings };
             measure(&offices, seeds_of(&args.worlds, 50), &args.worlds.run)
+        }
+        Suite::Homes(args) => {
+            measure(&homes::Homes { settings: settings_of(&args.run)? }, seeds_of(args, 50), &args.run)
         }
         Suite::Legs(args) => {
             let settings = settings_of(&args.worlds.run)?;
