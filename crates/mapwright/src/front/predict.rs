@@ -25,6 +25,11 @@ impl Step {
         self.last_from_robot.x.hypot(self.last_from_robot.y) <= FAILING_STEP_AT_MOST_M
     }
 
+    /// The same with another motion.
+    pub(super) fn by(self, last_from_robot: Pose2) -> Self {
+        Self { last_from_robot, ..self }
+    }
+
     /// The same motion, driven backwards.
     pub(crate) fn reversed(&self) -> Pose2 {
         let Pose2 { x, y, theta } = self.last_from_robot;

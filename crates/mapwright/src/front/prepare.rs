@@ -27,13 +27,15 @@ pub(crate) struct Preparation {
     laser: LaserId,
     /// and what is known of each.
     known: PerLaser<Known>,
+    /// The middle of the last sweep in the frame of its scan, if the scan before was the same laser's and where it was taken is known.
+    last_middle: Option<Pose2>,
     sweep: Option<Sweep>,
     points: SweepPoints,
     /// End points for matching where there are more than [`MATCH_BEAMS`], else empty.
     thinned: Vec<[f64; 2]>,
 }
 
-stored!(Preparation { motion, lasers, laser, known; sweep, points, thinned });
+stored!(Preparation { motion, lasers, laser, known, last_middle; sweep, points, thinned });
 
 /// What scans of one laser have shown.
 #[derive(Debug, Clone, Default)]
@@ -77,8 +79,11 @@ impl Preparation {
 
     /// Which laser a scan is of: the present one from now on.
     pub(super) fn turn_to(&mut self, laser: &Arc<LaserModel>) -> LaserId {
-        self.laser = self.lasers.of(laser);
-        self.laser
+        let of = self.lasers.of(laser);
+        if of != std::mem::replace(&mut self.laser, of) {
+            self.last_middle = None;
+        }
+        of
     }
 
     /// The laser of the present scan.
@@ -129,16 +134,41 @@ impl Preparation {
                 self.points.fill(sweep, table, settings.free_range_m);
             }
         }
+        self.thin();
+        beams
+    }
+
+    /// Undoes the motion during the sweep anew, by another twist per second.
+    pub(super) fn undo_motion(&mut self, settings: &ScanSettings, stamp: Stamp, twist: [f64; 3]) {
+        let Some(sweep) = &mut self.sweep else { return };
+        sweep.twist_per_s = self.motion.turned(stamp, sweep.laser.beam_period_s * sweep.codes.len() as f64, twist);
+        self.points.fill(sweep, &mut self.known.of(self.laser).table, settings.free_range_m);
+        self.thin();
+    }
+
+    fn thin(&mut self) {
         self.thinned.clear();
         let every = self.points.hits.len().div_ceil(MATCH_BEAMS);
         if every > 1 {
             self.thinned.extend(self.points.hits.iter().step_by(every));
         }
-        beams
+    }
+
+    /// The middle of the present sweep in the frame of its scan; none of beams that are taken at once.
+    pub(super) fn middle(&self) -> Option<Pose2> {
+        let sweep = self.sweep.as_ref()?;
+        let half_s = 0.5 * sweep.laser.beam_period_s * sweep.codes.len() as f64;
+        (half_s > 0.0).then(|| Pose2::exp(sweep.twist_per_s.map(|rate| rate * half_s)))
+    }
+
+    /// That of the last sweep.
+    pub(super) fn last_middle(&self) -> Option<Pose2> {
+        self.last_middle
     }
 
     /// Where the scan was taken, now that it is known, and what says so: the next ones are compared with it.
     pub(super) fn remember(&mut self, stamp: Stamp, place: Place, motion: Motion, drops_moving: bool) {
+        self.last_middle = self.middle();
         let Some(sweep) = &self.sweep else { return };
         let Known { dynamic, on_robot, table, .. } = self.known.of(self.laser);
         dynamic.remember(&sweep.laser, stamp, place);
@@ -151,6 +181,7 @@ impl Preparation {
 
     /// The robot is elsewhere than thought: the next scans are not compared with those before.
     pub(super) fn forget_scans(&mut self) {
+        self.last_middle = None;
         self.known.iter_mut().for_each(|known| {
             known.dynamic.forget();
             known.on_robot.forget_scans();

@@ -106,9 +106,13 @@ impl SweepMotion {
             return [0.0; 3];
         }
         let read = if step.from_odometry { self.twist_read(scan, sweep_s, believes) } else { None };
-        let [x, y, turning] = read.unwrap_or(carried);
-        let end = Stamp(scan.stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
-        let twist = [x, y, self.turn_rates.mean(scan.stamp, end).unwrap_or(turning)];
+        self.turned(scan.stamp, sweep_s, read.unwrap_or(carried))
+    }
+
+    /// With the turning that a gyroscope says; nothing where that is more than a robot can.
+    pub(super) fn turned(&self, stamp: Stamp, sweep_s: f64, [x, y, turning]: [f64; 3]) -> [f64; 3] {
+        let end = Stamp(stamp.0.saturating_add(Stamp::from_secs_f64(sweep_s).0));
+        let twist = [x, y, self.turn_rates.mean(stamp, end).unwrap_or(turning)];
         let credible =
             twist[0].hypot(twist[1]) * sweep_s <= SWEEP_MOTION_M && twist[2].abs() * sweep_s <= SWEEP_TURN_RAD;
         if credible { twist } else { [0.0; 3] }

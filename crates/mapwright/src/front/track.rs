@@ -365,6 +365,17 @@ impl Tracker {
         is_there && is_sure && is_known()
     }
 
+    /// Where a scan is by a match from the prediction alone, if it fits there.
+    pub(super) fn glance(&self, scene: &Scene<'_>, predicted: Pose2) -> Option<Pose2> {
+        if scene.points.is_empty() || scene.next.index() == 0 {
+            return None;
+        }
+        let tail = scene.settings.motion.tail;
+        let prior = Prior { world_from_robot: predicted, variances: scene.step.variances, tail };
+        let (result, agreement) = self.refine(scene, &prior, predicted);
+        (agreement.inlier_share() >= DOUBT_SHARE).then_some(result.world_from_robot)
+    }
+
     /// After a scan that did not fit, whatever is mapped may be in the wrong place and fit itself: doubt remains until a
     /// match is supplied by what was mapped before, or the robot has gone far.
     fn unconfirmed(&mut self, next: NodeId, agreement: &Agreement) -> bool {
