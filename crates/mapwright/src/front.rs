@@ -31,6 +31,7 @@ mod resume;
 mod seen;
 mod slip;
 mod sweep_motion;
+mod sweep_twist;
 mod track;
 
 pub(crate) use breaks::anywhere;
@@ -133,9 +134,7 @@ impl FrontEnd {
     pub(crate) fn track(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared) -> Option<Matched> {
         let Prepared { step, predicted, .. } = *prepared;
         self.local_map.meet(&self.settings, Frames::of(past), self.preparation.match_points(), predicted);
-        if let Some(twist) = self.twist_by_scan(past, scan, prepared) {
-            self.preparation.undo_motion(&self.settings.scan, scan.stamp, twist);
-        }
+        self.undo_motion_by_match(past, scan, prepared);
         let scene =
             Scene::new(&self.settings, &self.local_map, &self.preparation, &self.predictor, (past, &self.pose), step);
         let matched = self.tracker.track(&scene, scan.stamp, predicted)?;
@@ -148,19 +147,18 @@ impl FrontEnd {
         Some(matched)
     }
 
-    /// Twist per second by a first match, where no wheels say how the robot moves during the sweep: the motion up to the scan before says
-    /// too little of who walks and turns. It is taken from the middle of a sweep to the middle of the next one, for these hardly depend on
-    /// the twist by which the motion was undone.
-    fn twist_by_scan(&self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared) -> Option<[f64; 3]> {
+    /// A first match tells the motion during a sweep whose beams were not taken at once, and the motion is undone anew.
+    fn undo_motion_by_match(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared) {
         let Prepared { step, predicted, .. } = *prepared;
-        let last_from_middle = self.preparation.last_middle().filter(|_| !step.from_odometry)?;
-        let now_from_middle = self.preparation.middle()?;
+        let Some(elapsed_s) = self.predictor.moving_s(scan.stamp).filter(|_| self.preparation.can_be_told()) else {
+            return;
+        };
         let scene =
             Scene::new(&self.settings, &self.local_map, &self.preparation, &self.predictor, (past, &self.pose), step);
-        let found = self.tracker.glance(&scene, predicted)?;
+        let Some(found) = self.tracker.glance(&scene, predicted) else { return };
         let last_from_now = self.pose.local_from_robot().between(found);
-        let between_middles = last_from_middle.inverse() * last_from_now * now_from_middle;
-        Some(self.predictor.twist(scan.stamp, step.by(between_middles)))
+        let by_wheels = step.from_odometry.then_some(step.last_from_robot);
+        self.preparation.undo_motion(&self.settings.scan, scan.stamp, elapsed_s, last_from_now, by_wheels);
     }
 
     /// Takes over the new pose and its covariance, now that it is known whether the match is believed.

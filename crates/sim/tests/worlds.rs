@@ -3,7 +3,8 @@
 
 use mapwright_geom::Pose2;
 use mapwright_sim::worlds::{
-    CorridorWalls, corridor, corridor_grid, grand_loop, growing_building, loop_of, office_floor, rooms, three_rooms,
+    CorridorWalls, corridor, corridor_grid, grand_loop, growing_building, home, loop_of, office_floor, rooms,
+    three_rooms,
 };
 use mapwright_sim::{
     Door, Drive, DriveSettings, Event, Incident, LaserSettings, OdometryNoise, Revisits, Schedule, Segment, Site,
@@ -19,6 +20,7 @@ fn all(seed: u64) -> Vec<(&'static str, Site)> {
     vec![
         ("office", office_floor(seed)),
         ("rooms", rooms(seed)),
+        ("home", home(seed)),
         ("corridor", corridor(seed, CorridorWalls::Features)),
         ("featureless", corridor(seed, CorridorWalls::Featureless)),
         ("three rooms", three_rooms(seed)),

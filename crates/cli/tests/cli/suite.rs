@@ -73,6 +73,23 @@ fn who_pushes_a_robot_without_wheels_does_not_hold_it_back() {
     assert!(left_out < 0.01 && matched > 0.5, "{left_out} m, {matched} m");
 }
 
+/// Two apartments on wheels and two by hand. By the motion before alone the hand's sweeps are undone to 0.034 and 0.067 m.
+#[test]
+fn homes_are_mapped_on_wheels_and_by_hand() {
+    let out = folder("suite_homes");
+    let output = run(&["suite", "homes", "--seed", "2000", "--worlds", "4", "-o", out.to_str().unwrap()]);
+    assert_code(&output, 0);
+    let worlds = worlds(&out.join("homes.jsonl"));
+    let kinds: Vec<(bool, f64)> =
+        worlds.iter().map(|world| (world["by_hand"] == true, world["reach_m"].as_f64().unwrap())).collect();
+    assert_eq!(kinds, [(false, 3.5), (false, 8.0), (true, 3.5), (true, 8.0)]);
+    for world in &worlds {
+        assert!(world["error_m"].as_f64().unwrap() < 0.025 && world["word"] == "good", "{world}");
+    }
+    let summary = json(&out.join("homes.json"));
+    assert!(summary["silently_wrong"] == 0 && summary["by"]["by hand"]["median_m"].as_f64() < Some(0.025), "{summary}");
+}
+
 #[test]
 fn look_alikes_count_wrong_edges_and_true_returns() {
     let out = folder("suite_look_alike");

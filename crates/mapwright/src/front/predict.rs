@@ -25,11 +25,6 @@ impl Step {
         self.last_from_robot.x.hypot(self.last_from_robot.y) <= FAILING_STEP_AT_MOST_M
     }
 
-    /// The same with another motion.
-    pub(super) fn by(self, last_from_robot: Pose2) -> Self {
-        Self { last_from_robot, ..self }
-    }
-
     /// The same motion, driven backwards.
     pub(crate) fn reversed(&self) -> Pose2 {
         let Pose2 { x, y, theta } = self.last_from_robot;
@@ -49,6 +44,8 @@ pub(crate) enum Moved {
     Unknown,
 }
 
+/// A motion in such a time says how the robot moves, seconds.
+const MOVING_S: std::ops::Range<f64> = 1e-3..1.0;
 /// From so many usual periods on, the time between two scans is a gap.
 const GAP_PERIODS: f64 = 8.0;
 /// After so many scans that saw nothing, or usual periods in which nothing was said, and so many seconds, a robot may have been carried away.
@@ -318,7 +315,12 @@ impl Predictor {
         let since_last = || (step.last_from_robot, self.stamp.map_or(0.0, |last| stamp.secs_since(last)));
         let own = if self.has_several() { self.since_own(stamp, step.last_from_robot) } else { None };
         let (motion, elapsed_s) = own.unwrap_or_else(since_last);
-        if elapsed_s > 1e-3 && elapsed_s < 1.0 { motion.log().map(|d| d / elapsed_s) } else { [0.0; 3] }
+        if MOVING_S.contains(&elapsed_s) { motion.log().map(|d| d / elapsed_s) } else { [0.0; 3] }
+    }
+
+    /// The time since the last scan, seconds, if the motion in it says how the robot moves.
+    pub(super) fn moving_s(&self, stamp: Stamp) -> Option<f64> {
+        self.stamp.map(|last| stamp.secs_since(last)).filter(|elapsed_s| MOVING_S.contains(elapsed_s))
     }
 
     /// A match that knew the pose by itself, to these variances, has moved the prediction by `correction`.

@@ -6,6 +6,7 @@ use super::on_robot::{Motion, OnRobot, Present};
 use super::predict::Step;
 use super::seen::Place;
 use super::sweep_motion::SweepMotion;
+use super::sweep_twist::{Glance, SweepTwist};
 use crate::settings::ScanSettings;
 use mapwright_geom::{Pose2, Stamp, stored};
 use mapwright_sensor::{BeamCounts, BeamTable, LaserModel, LaserScan, Odometry, Sweep, SweepPoints, TurnRate};
@@ -27,15 +28,15 @@ pub(crate) struct Preparation {
     laser: LaserId,
     /// and what is known of each.
     known: PerLaser<Known>,
-    /// The middle of the last sweep in the frame of its scan, if the scan before was the same laser's and where it was taken is known.
-    last_middle: Option<Pose2>,
+    /// What the last sweeps have told of the motion during them, where the scan before was the same laser's.
+    sweep_twist: SweepTwist,
     sweep: Option<Sweep>,
     points: SweepPoints,
     /// End points for matching where there are more than [`MATCH_BEAMS`], else empty.
     thinned: Vec<[f64; 2]>,
 }
 
-stored!(Preparation { motion, lasers, laser, known, last_middle; sweep, points, thinned });
+stored!(Preparation { motion, lasers, laser, known, sweep_twist; sweep, points, thinned });
 
 /// What scans of one laser have shown.
 #[derive(Debug, Clone, Default)]
@@ -81,7 +82,7 @@ impl Preparation {
     pub(super) fn turn_to(&mut self, laser: &Arc<LaserModel>) -> LaserId {
         let of = self.lasers.of(laser);
         if of != std::mem::replace(&mut self.laser, of) {
-            self.last_middle = None;
+            self.sweep_twist.forget();
         }
         of
     }
@@ -138,10 +139,25 @@ impl Preparation {
         beams
     }
 
-    /// Undoes the motion during the sweep anew, by another twist per second.
-    pub(super) fn undo_motion(&mut self, settings: &ScanSettings, stamp: Stamp, twist: [f64; 3]) {
-        let Some(sweep) = &mut self.sweep else { return };
-        sweep.twist_per_s = self.motion.turned(stamp, sweep.laser.beam_period_s * sweep.codes.len() as f64, twist);
+    /// Whether a first match can tell the motion during the present sweep.
+    pub(super) fn can_be_told(&self) -> bool {
+        self.sweep_twist.is_known() && !self.points.hits.is_empty() && self.middle().is_some()
+    }
+
+    /// Undoes the motion during the sweep anew, as a first match tells it: the motion from the last scan, and what the wheels say of it.
+    pub(super) fn undo_motion(
+        &mut self,
+        settings: &ScanSettings,
+        stamp: Stamp,
+        elapsed_s: f64,
+        last_from_now: Pose2,
+        by_wheels: Option<Pose2>,
+    ) {
+        let (Some(middle), Some(sweep)) = (self.middle(), &mut self.sweep) else { return };
+        let seen = Glance { last_from_now, by_wheels, middle, twist: sweep.twist_per_s, elapsed_s };
+        let Some(twist) = self.sweep_twist.of(&seen) else { return };
+        let sweep_s = sweep.laser.beam_period_s * sweep.codes.len() as f64;
+        sweep.twist_per_s = self.motion.turned(stamp, sweep_s, twist);
         self.points.fill(sweep, &mut self.known.of(self.laser).table, settings.free_range_m);
         self.thin();
     }
@@ -155,20 +171,16 @@ impl Preparation {
     }
 
     /// The middle of the present sweep in the frame of its scan; none of beams that are taken at once.
-    pub(super) fn middle(&self) -> Option<Pose2> {
+    fn middle(&self) -> Option<Pose2> {
         let sweep = self.sweep.as_ref()?;
         let half_s = 0.5 * sweep.laser.beam_period_s * sweep.codes.len() as f64;
         (half_s > 0.0).then(|| Pose2::exp(sweep.twist_per_s.map(|rate| rate * half_s)))
     }
 
-    /// That of the last sweep.
-    pub(super) fn last_middle(&self) -> Option<Pose2> {
-        self.last_middle
-    }
-
     /// Where the scan was taken, now that it is known, and what says so: the next ones are compared with it.
     pub(super) fn remember(&mut self, stamp: Stamp, place: Place, motion: Motion, drops_moving: bool) {
-        self.last_middle = self.middle();
+        let middle = self.middle();
+        self.sweep_twist.remember(middle);
         let Some(sweep) = &self.sweep else { return };
         let Known { dynamic, on_robot, table, .. } = self.known.of(self.laser);
         dynamic.remember(&sweep.laser, stamp, place);
@@ -181,7 +193,7 @@ impl Preparation {
 
     /// The robot is elsewhere than thought: the next scans are not compared with those before.
     pub(super) fn forget_scans(&mut self) {
-        self.last_middle = None;
+        self.sweep_twist.forget();
         self.known.iter_mut().for_each(|known| {
             known.dynamic.forget();
             known.on_robot.forget_scans();
