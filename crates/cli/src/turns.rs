@@ -8,8 +8,8 @@ const STRETCH_RAD: f64 = 0.1;
 /// A turn is one way round at one place: it ends where the robot has driven on so far, metres. Of one turn a robot that was lifted, or whose
 /// wheels spun, may tell anything; it counts as so much, radians, however long it is.
 const TURN_M: f64 = 1.0;
-const TURN_RAD: f64 = 0.3;
-/// So much has to be turned in all, radians, before anything is said: ten stretches, of four turns at least.
+const TURN_RAD: f64 = 0.5;
+/// So much has to be turned in all, radians, before anything is said: ten stretches, of two turns at least.
 const TURNED_AT_LEAST_RAD: f64 = 1.0;
 /// Scans turn the other way where they are off by so much less then, in squares: by half as much. Of mapped drives in four buildings
 /// they are off by four to seven times as much.
