@@ -12,8 +12,9 @@ use crate::route::{Route, Site};
 #[must_use]
 pub fn rooms(seed: u64) -> Site {
     let mut rng = Rng::keyed(seed, 0x0072_6f6f_6d73);
-    let (columns, rows) = (3 + rng.below(2), 3 + rng.below(2));
-    let suite = Suite::draw([columns, rows], [3.8, 7.5], &mut rng);
+    let columns_m = edges(3 + rng.below(2), [3.8, 7.5], &mut rng);
+    let rows_m = edges(3 + rng.below(2), [3.8, 7.5], &mut rng);
+    let suite = Suite::draw(columns_m, rows_m, &mut rng);
     let mut builder = Builder::new();
     suite.build_walls(&mut builder);
     let waypoints = without_repeats(suite.stroll(4 * suite.hubs.len(), &mut rng));
@@ -31,7 +32,9 @@ pub fn rooms(seed: u64) -> Site {
 pub fn home(seed: u64) -> Site {
     let mut rng = Rng::keyed(seed, 0x686f_6d65);
     let (columns, rows) = (2 + rng.below(2), 2 + rng.below(2));
-    let suite = Suite::draw([columns, rows], [2.6, 5.2], &mut rng);
+    let columns_m = edges(columns, [2.6, 5.2], &mut rng);
+    let rows_m = edges(rows, [2.6, 5.2], &mut rng);
+    let suite = Suite::draw(columns_m, rows_m, &mut rng);
     let mut builder = Builder::new();
     suite.build_walls(&mut builder);
     let waypoints = without_repeats(suite.stroll(5 * suite.hubs.len(), &mut rng));
@@ -108,10 +111,8 @@ struct Link {
 }
 
 impl Suite {
-    /// So many columns and rows, each so wide, metres, at least and at most.
-    fn draw([columns, rows]: [usize; 2], widths_m: [f64; 2], rng: &mut Rng) -> Self {
-        let columns_m = edges(columns, widths_m, rng);
-        let rows_m = edges(rows, widths_m, rng);
+    /// Rooms between these edges, metres.
+    fn draw(columns_m: Vec<f64>, rows_m: Vec<f64>, rng: &mut Rng) -> Self {
         let mut suite = Self { columns_m, rows_m, hubs: vec![], doors: vec![] };
         suite.hubs = (0..suite.columns() * suite.rows()).map(|room| suite.hub(room, rng)).collect();
         suite.doors = suite.all_doors(rng);
