@@ -129,15 +129,31 @@ impl<P: Pose> KnownPlace<P> {
     }
 }
 
+/// Length of a robot's way when old places were looked for last, and asked for by what they look like, metres.
+#[derive(Debug, Clone, Copy, Default)]
+struct Looks {
+    checked_m: f64,
+    asked_m: f64,
+}
+
+impl Looks {
+    /// Whether these are of the robot whose way is so long.
+    fn is_at(self, way_m: f64) -> bool {
+        run_of(self.checked_m) == run_of(way_m)
+    }
+}
+
 /// What is known of cycles beside the candidates, which are the session's.
 #[derive(Debug, Clone)]
 pub struct Closing<S: Submaps> {
     settings: ClosingSettings,
     /// Findings that wait for company, numbers of candidates.
     waiting: Vec<u32>,
-    /// Length of way when old places were looked for last, and asked for by what they look like, metres.
-    checked_m: f64,
-    asked_m: f64,
+    /// How old places were looked for by the robot whose keyframe is the newest, and by others that drive at the same time.
+    looks: Looks,
+    others: Vec<Looks>,
+    /// Whether robots drive at the same time: then each looks for what the others have mapped.
+    takes_turns: bool,
     /// Old places that the matches of late were supported by or that closures led to.
     supports: Supports<PoseOf<S>>,
     places: S::Places,
@@ -179,8 +195,9 @@ impl<S: Submaps> Closing<S> {
         Self {
             settings,
             waiting: Vec::new(),
-            checked_m: 0.0,
-            asked_m: 0.0,
+            looks: Looks::default(),
+            others: Vec::new(),
+            takes_turns: false,
             supports: Supports::default(),
             places: S::Places::default(),
             described: 0,
@@ -237,14 +254,26 @@ impl<S: Submaps> Closing<S> {
             self.supports.learn(from, to, found);
         }
         self.supports.forget(past.way_m);
-        (self.checked_m, self.asked_m) = (past.length_m(), past.length_m());
+        self.looks = Looks { checked_m: past.length_m(), asked_m: past.length_m() };
         self.see_pieces(past);
+    }
+
+    /// The newest keyframe is of the robot whose way is so long: what it has looked for, where that is another one than before.
+    fn turn_to(&mut self, way_m: f64) {
+        if self.looks.is_at(way_m) {
+            return;
+        }
+        let known = self.others.iter().position(|looks| looks.is_at(way_m));
+        self.takes_turns |= known.is_some();
+        let looks = known.map(|at| self.others.swap_remove(at)).unwrap_or_default();
+        self.others.push(std::mem::replace(&mut self.looks, looks));
     }
 
     /// Whether it is time to look for old places.
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
-        past.way_m.last().is_some_and(|now| now - self.checked_m >= CHECK_EVERY_M)
+        let looks = |now_m: f64| [self.looks].iter().chain(&self.others).find(|looks| looks.is_at(now_m)).copied();
+        past.way_m.last().is_some_and(|&now_m| now_m - looks(now_m).unwrap_or_default().checked_m >= CHECK_EVERY_M)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -257,7 +286,8 @@ impl<S: Submaps> Closing<S> {
         submaps: S,
     ) -> Option<Verification<S>> {
         let to = past.newest()?;
-        self.checked_m = past.way_m[to.index()];
+        self.turn_to(past.way_m[to.index()]);
+        self.looks.checked_m = past.way_m[to.index()];
         self.supports.forget(past.way_m);
         let ClosingSettings { by_pose, by_place, .. } = self.settings;
         let supporting = support.filter(|_| by_pose).and_then(|from| self.supporting(past, to, from, known));
@@ -266,14 +296,14 @@ impl<S: Submaps> Closing<S> {
         targets.extend(supporting);
         let widest_m =
             known.iter().filter(|place| !place.live).map(|place| window_m(place, window_sigmas)).fold(0.0, f64::max);
-        let is_apart = self.is_apart();
+        let is_apart = self.is_apart() || self.takes_turns && self.apart.are_several();
         if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose || is_apart) {
             // Before they are needed, and a few at a time, for this is done within a scan.
             self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !by_pose || is_apart;
             let every_m = if is_apart { APART_M } else { ASK_BY_PLACE_EVERY_M };
-            if needed && self.checked_m - self.asked_m >= every_m {
-                self.asked_m = self.checked_m;
+            if needed && self.looks.checked_m - self.looks.asked_m >= every_m {
+                self.looks.asked_m = self.looks.checked_m;
                 targets.extend(self.alike(past, to, known, &submaps));
             }
         }
@@ -297,7 +327,7 @@ impl<S: Submaps> Closing<S> {
         [from, to]: [NodeId; 2],
         submaps: S,
     ) -> Option<Verification<S>> {
-        let [of_from, of_to] = [patch_of(known, from)?, patch_of(known, to)?];
+        let [of_from, of_to] = [patch_of(past, known, from)?, patch_of(past, known, to)?];
         let place = KnownPlace { covariance: of_from.covariance + of_to.covariance, live: false, ..*of_from };
         let target = target(past, &place, from, to, Detection::Pose, WINDOW_SIGMAS);
         if target.window.half_width_m > JOINED_WITHIN_M {
@@ -339,7 +369,7 @@ impl<S: Submaps> Closing<S> {
             return None;
         }
         self.supports.ask(from, to);
-        let Some(place) = patch_of(known, from) else {
+        let Some(place) = patch_of(past, known, from) else {
             self.supports.learn(from, to, supports::Found::Not);
             return None;
         };
@@ -423,7 +453,7 @@ impl<S: Submaps> Closing<S> {
         let window_sigmas = self.window_sigmas();
         let found = submaps.alike(&mut self.places, &views_along(past, to, false, DESCRIBED_M), ALIKE, left);
         let target = |(from, window)| {
-            let place = patch_of(known, from).filter(|place| !place.live)?;
+            let place = patch_of(past, known, from).filter(|place| !place.live)?;
             let most_m = SEEN_WITHIN_M + 2.0 * window_sigmas * sigmas(place).0;
             let is_near = self.apart.is_between(from, to) || past.pose(from).distance(past.pose(to)) <= most_m;
             let covariance = place.covariance;
@@ -436,7 +466,7 @@ impl<S: Submaps> Closing<S> {
     fn remember_places(&mut self, past: Past<'_, S::Measurement>, submaps: &S, at_most: usize) {
         let end = past.way_m.len().min(self.described.saturating_add(at_most));
         for (node, &way_m) in NodeId::first(end).zip(past.way_m).skip(self.described) {
-            if self.described_m.is_none_or(|last_m| way_m - last_m >= DESCRIBE_EVERY_M) {
+            if self.described_m.is_none_or(|last_m| (way_m - last_m).abs() >= DESCRIBE_EVERY_M) {
                 self.described_m = Some(way_m);
                 submaps.remember(&mut self.places, node, &views_along(past, node, false, DESCRIBED_M));
             }
@@ -563,6 +593,15 @@ impl<S: Submaps> Closing<S> {
     }
 }
 
+/// The way of each run begins this much farther than that of the one before it, metres: more than any robot drives.
+pub const RUN_WAY_M: f64 = 1e6;
+
+/// Which run a keyframe is of, by the length of way up to it.
+#[must_use]
+pub fn run_of(way_m: f64) -> u64 {
+    (way_m / RUN_WAY_M) as u64
+}
+
 /// Whether there is so much way between two keyframes that the one is an old place to the other.
 #[must_use]
 pub fn is_old<M: Measurement>(past: Past<'_, M>, from: NodeId, to: NodeId) -> bool {
@@ -622,9 +661,18 @@ fn window_m<P: Pose>(place: &KnownPlace<P>, window_sigmas: f64) -> f64 {
     WINDOW_M + window_sigmas * sigmas(place).0
 }
 
-/// The patch that tells how certain a place is: the one that began last before it.
-fn patch_of<P: Pose>(known: &[KnownPlace<P>], node: NodeId) -> Option<&KnownPlace<P>> {
-    known.iter().filter(|patch| patch.first <= node).max_by_key(|patch| patch.first)
+/// The patch that tells how certain a place is: the one that began last before it on the robot's way.
+fn patch_of<'a, M: Measurement>(
+    past: Past<'_, M>,
+    known: &'a [KnownPlace<M::Pose>],
+    node: NodeId,
+) -> Option<&'a KnownPlace<M::Pose>> {
+    let way_m = |node: NodeId| past.way_m[node.index()];
+    let is_before = |patch: &&KnownPlace<M::Pose>| patch.first <= node && way_m(patch.first) <= way_m(node);
+    let last = |a: &&KnownPlace<M::Pose>, b: &&KnownPlace<M::Pose>| {
+        way_m(a.first).total_cmp(&way_m(b.first)).then(a.first.cmp(&b.first))
+    };
+    known.iter().filter(is_before).max_by(last)
 }
 
 /// A place is looked for where the poses say it is.

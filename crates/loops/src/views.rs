@@ -30,21 +30,20 @@ struct Taken<'a, M: Measurement> {
 /// Keyframes along the way around `at`, as [`views`], by the length of the way.
 #[must_use]
 pub fn views_along<M: Measurement>(past: Past<'_, M>, at: NodeId, both_sides: bool, reach_m: f64) -> Vec<View<M>> {
-    views(past, at, both_sides, reach_m, |node| past.way_m[node] - past.way_m[node - 1])
+    views(past, at, both_sides, reach_m, |from, to| past.way_m[to] - past.way_m[from])
 }
 
 /// Keyframes up to so many metres along the way around `at`, in its frame, before it and, if so wished, after it; `step_m` is the
-/// way to a keyframe from the one before.
+/// way from a keyframe to the next.
 #[must_use]
 pub fn views<M: Measurement>(
     past: Past<'_, M>,
     at: NodeId,
     both_sides: bool,
     reach_m: f64,
-    step_m: impl Fn(usize) -> f64,
+    step_m: impl Fn(usize, usize) -> f64,
 ) -> Vec<View<M>> {
-    let at = at.index();
-    let submap_from_local = past.local_from_keyframe[at].inverse();
+    let submap_from_local = past.pose(at).inverse();
     let mut views = Vec::new();
     let mut side = |nodes: &mut dyn Iterator<Item = (usize, f64)>| {
         let (mut way_m, mut sensors) = (0.0, Vec::<Taken<'_, M>>::new());
@@ -65,9 +64,14 @@ pub fn views<M: Measurement>(
             views.push(View { sweep: Arc::clone(sweep), submap_from_keyframe: submap_from_local * pose });
         }
     };
-    side(&mut (0..=at).rev().map(|node| (node, if node == at { 0.0 } else { step_m(node + 1) })));
+    let back = std::iter::successors(Some((at, 0.0)), |&(node, _)| {
+        past.before(node).map(|before| (before, step_m(before.index(), node.index())))
+    });
+    side(&mut back.map(|(node, step_m)| (node.index(), step_m)));
     if both_sides {
-        side(&mut (at + 1..past.local_from_keyframe.len()).map(|node| (node, step_m(node))));
+        let next = |node: NodeId| past.after(node).map(|next| (next, step_m(node.index(), next.index())));
+        let ahead = std::iter::successors(next(at), |&(node, _)| next(node));
+        side(&mut ahead.map(|(node, step_m)| (node.index(), step_m)));
     }
     views
 }

@@ -42,14 +42,14 @@ pub use advice::{Advice, Place};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use jobs::{Job, JobResult};
 pub use locate::{Location, Withdrawal};
-pub use mapper::Mapper;
+pub use mapper::{Adopted, Mapper};
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{BeamAgreement, CountGrid, LocalMap};
 pub use mapwright_record::{
-    Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart,
+    Adoption, Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart,
     Gravity, Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection,
     OdometryLink, OdometryOrigin, Piece, RecordedEdge, Run, RunId, ScanPose, SeparateMap, Session, SessionEdge,
-    Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip,
+    Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip, groups,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use mapwright_sensor::{Cloud, DepthImage, ImuReading, ImuTaken, PinholeCamera, SpaceSensor, SpaceSweep};

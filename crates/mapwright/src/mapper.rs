@@ -19,9 +19,12 @@ use mapwright_record::{
 use mapwright_sensor::{LaserScan, Odometry, TurnRate};
 use std::sync::Arc;
 
+mod adopt;
 mod again;
 mod checkpoint;
 mod runs;
+
+pub use adopt::Adopted;
 
 /// Builds a map one scan at a time.
 #[derive(Debug, Clone)]
@@ -226,6 +229,12 @@ impl Mapper {
         }
         let mut known = front.survey();
         known.iter_mut().for_each(|place| place.live &= taken_in.is_none_or(|first| place.first >= first));
+        self.look(known, anchor);
+    }
+
+    fn look(&mut self, known: Vec<KnownPlace>, anchor: Option<NodeId>) {
+        let Self { store, front, back, .. } = self;
+        let past = store.past();
         let submaps = front.submaps();
         let verification = back.closing.propose(past, &known, anchor, submaps);
         verification.into_iter().for_each(|verification| back.push(Task::Verify(Box::new(verification))));

@@ -4,7 +4,7 @@
 use crate::patches::Spacing;
 use mapwright_geom::{Pose, Stamp, TangentMatrix};
 use mapwright_graph::{Edge as GraphEdge, Gravity as GraphGravity, PoseGraph, Vertex};
-use mapwright_loops::Judged;
+use mapwright_loops::{Judged, RUN_WAY_M, run_of};
 use mapwright_record::{
     Beams, Candidate, Edge, EdgeKind, Entry, EntryError, Fragment, FragmentStart, Gravity, Keyframe, KeyframeId,
     LeftOut, LeftOutReason, Measurement, NodeId, OdometryOrigin, Past, RecordedEdge, Run, RunId, ScanPose, Session,
@@ -13,10 +13,12 @@ use mapwright_record::{
 use mapwright_sensor::{DownEstimate, Sweep};
 use std::sync::Arc;
 
+mod adopt;
 mod checkpoint;
 mod import;
 mod new;
 
+pub(crate) use adopt::Adopted;
 pub(crate) use import::Import;
 pub(crate) use new::{Link, NewKeyframe, Slipped, Written};
 
@@ -201,7 +203,11 @@ impl<M: Measurement> Store<M> {
         let mut edges = vec![self.edge(last, node, EdgeKind::Odometry, information_of(&new.odometry))];
         let mut known = vec![(last, if over_break.is_some() { new.odometry } else { new.fused })];
         let step = self.local_from_keyframe[last.index()].between(new.local_from_keyframe);
-        let step_m = if over_break.is_some() { FARTHEST_WAY_M } else { step.length() };
+        let step_m = match over_break {
+            Some(FragmentStart::SwitchedOn) => next_run_m(&self.way_m) - self.way_m[last.index()],
+            Some(_) => FARTHEST_WAY_M,
+            None => step.length(),
+        };
         if let Some((anchor, information)) = new.matched.filter(|&(anchor, _)| anchor < node) {
             let edge = self.edge(anchor, node, EdgeKind::Match, information);
             if links(self.past(), anchor) {
@@ -432,18 +438,28 @@ pub(crate) fn way_m<M: Measurement>(session: &Session<M>) -> Vec<f64> {
     for known in session.recorded_edges().iter().filter(|known| known.recorded.edge.kind == EdgeKind::Odometry) {
         steps_m[known.ends[1] as usize] = known.recorded.edge.from_from_to.length();
     }
-    for first in session.fragments().iter().filter_map(|fragment| session.place(fragment.first)) {
+    let mut begins_run = vec![false; steps_m.len()];
+    for fragment in session.fragments() {
+        let Some(first) = session.place(fragment.first) else { continue };
         steps_m[first] = FARTHEST_WAY_M;
+        begins_run[first] = fragment.start == FragmentStart::SwitchedOn;
     }
-    steps_m.first_mut().into_iter().for_each(|first| *first = 0.0);
-    let mut sum_m = 0.0;
-    steps_m
-        .iter()
-        .map(|step_m| {
-            sum_m += step_m;
-            sum_m
-        })
-        .collect()
+    let mut way_m: Vec<f64> = Vec::with_capacity(steps_m.len());
+    for (place, (step_m, begins_run)) in steps_m.into_iter().zip(begins_run).enumerate() {
+        let before_m = session.before(place).and_then(|before| way_m.get(before).copied());
+        way_m.push(match before_m {
+            None => 0.0,
+            Some(_) if begins_run => next_run_m(&way_m),
+            Some(before_m) => before_m + step_m,
+        });
+    }
+    way_m
+}
+
+/// Where the way of a run begins that comes after all these.
+fn next_run_m(way_m: &[f64]) -> f64 {
+    let runs = way_m.iter().map(|&way_m| run_of(way_m)).max().map_or(0, |last| last + 1);
+    runs as f64 * RUN_WAY_M
 }
 
 fn information_of<C: TangentMatrix>(covariance: &C) -> C {

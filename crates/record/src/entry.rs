@@ -14,6 +14,8 @@ use std::sync::Arc;
 pub enum Entry<M: Measurement = Sweep> {
     /// A run begins: what comes next was recorded by this robot.
     Run(Run),
+    /// What comes next is of this run again, which has begun before: of several robots that drive at the same time.
+    BackTo(RunId),
     /// A scan was taken in.
     Scan(ScanPose<M::Pose>),
     /// A keyframe was made.

@@ -4,6 +4,7 @@
 //! the file of a session holds them in order. A keyframe is immutable; poses live apart from it, and every map is a function of
 //! both.
 
+mod adoption;
 mod closure;
 mod entry;
 mod error;
@@ -21,6 +22,7 @@ mod samples;
 mod session;
 mod update;
 
+pub use adoption::{Adoption, Grows, groups, place_of};
 pub use closure::{Candidate, Detection, Evidence, Objection, Verdict};
 pub use entry::{
     Checkpoint, Entry, Fragment, FragmentStart, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot,

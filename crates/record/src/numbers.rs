@@ -14,6 +14,11 @@ impl Numbers {
         self.leaps.is_empty()
     }
 
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
     /// The number that comes next.
     pub(crate) fn next(&self) -> u64 {
         self.number(self.count)

@@ -36,6 +36,18 @@ impl<M: Measurement> Past<'_, M> {
         self.local_from_keyframe.len().checked_sub(1).map(NodeId::at)
     }
 
+    /// The keyframe before this one on the robot's way ([`Session::before`]).
+    #[must_use]
+    pub fn before(self, node: NodeId) -> Option<NodeId> {
+        self.session.before(node.index()).map(NodeId::at)
+    }
+
+    /// The keyframe after this one on the robot's way, if there is one yet ([`Session::after`]).
+    #[must_use]
+    pub fn after(self, node: NodeId) -> Option<NodeId> {
+        self.session.after(node.index()).map(NodeId::at).filter(|&next| self.has(next))
+    }
+
     /// Where a keyframe is in the front end's frame.
     #[must_use]
     pub fn pose(self, node: NodeId) -> M::Pose {

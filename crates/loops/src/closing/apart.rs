@@ -6,8 +6,16 @@ use mapwright_record::{Measurement, NodeId, Past};
 /// Which fragments are held together ([`mapwright_record::Session::pieces`]).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Apart {
-    /// The keyframe that each fragment begins with, and the piece that it is of; none where there is but one piece.
-    fragments: Vec<(NodeId, usize)>,
+    /// Keyframes that follow each other within a fragment; none where there is but one piece.
+    stretches: Vec<Stretch>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    first: NodeId,
+    piece: usize,
+    /// Which of the stretches comes before it on the robot's way.
+    before: Option<usize>,
 }
 
 impl Apart {
@@ -17,24 +25,32 @@ impl Apart {
         if !session.fragments().iter().any(|fragment| session.is_break(fragment)) {
             return Self::default();
         }
-        let pieces = session.pieces();
-        let mut fragments = Vec::new();
-        for (piece, of) in pieces.iter().enumerate().filter(|_| pieces.len() > 1) {
-            let places = of.fragments.iter().filter_map(|fragment| session.place(fragment.first));
-            fragments.extend(places.map(|place| (NodeId::at(place), piece)));
+        let mut apart = Self { stretches: Vec::new() };
+        let known = session.stretches();
+        if known.iter().all(|(_, piece)| *piece == 0) {
+            return apart;
         }
-        fragments.sort_unstable();
-        Self { fragments }
+        for (range, piece) in known {
+            let before = session.before(range.start).and_then(|before| apart.of_node(NodeId::at(before)));
+            apart.stretches.push(Stretch { first: NodeId::at(range.start), piece, before });
+        }
+        apart
     }
 
     #[cfg(test)]
     pub(super) fn of_fragments(fragments: &[(NodeId, usize)]) -> Self {
-        Self { fragments: fragments.to_vec() }
+        let stretch = |(at, &(first, piece)): (usize, &(NodeId, usize))| Stretch { first, piece, before: at.checked_sub(1) };
+        Self { stretches: fragments.iter().enumerate().map(stretch).collect() }
     }
 
     /// Whether the newest fragment is of another piece than the first.
     pub(super) fn is_newest(&self) -> bool {
-        self.fragments.last().is_some_and(|(_, piece)| *piece != 0)
+        self.stretches.last().is_some_and(|newest| newest.piece != 0)
+    }
+
+    /// Whether there is more than one piece.
+    pub(super) fn are_several(&self) -> bool {
+        !self.stretches.is_empty()
     }
 
     /// Whether two keyframes are of different pieces.
@@ -44,28 +60,27 @@ impl Apart {
 
     /// Whether all of a keyframe's piece lies within so much way of it, metres.
     pub(super) fn is_within<M: Measurement>(&self, past: Past<'_, M>, node: NodeId, reach_m: f64) -> bool {
-        let end = self.end(node);
-        let Some((first, piece)) = self.fragments[..end].last() else { return false };
-        let next = self.fragments.get(end).map_or(past.way_m.len(), |(next, _)| next.index());
-        let is_alone = self.fragments.iter().filter(|(_, of)| of == piece).count() == 1;
+        let Some(piece) = self.piece(node) else { return false };
         let reaches = |other: NodeId| past.way_between_m(node, other) <= reach_m;
-        is_alone && reaches(*first) && next.checked_sub(1).is_some_and(|last| reaches(NodeId::at(last)))
+        let ends = self.stretches.iter().skip(1).map(|next| next.first.index()).chain([past.way_m.len()]);
+        let mut of_piece = self.stretches.iter().zip(ends).filter(|(known, _)| known.piece == piece);
+        of_piece.all(|(known, end)| reaches(known.first) && end.checked_sub(1).is_some_and(|last| reaches(NodeId::at(last))))
     }
 
     /// The keyframe that odometry has led to wrongly where `to` is elsewhere: the first one of its piece, on the way back.
     pub(super) fn misled(&self, to: NodeId) -> Option<NodeId> {
-        let piece = self.piece(to)?;
-        let before = self.fragments[..self.end(to)].iter().rev();
-        before.take_while(|(_, of)| *of == piece).last().map(|(first, _)| *first)
+        let at = self.of_node(to)?;
+        let piece = self.stretches[at].piece;
+        let back = std::iter::successors(Some(at), |&at| self.stretches[at].before);
+        back.map(|at| self.stretches[at]).take_while(|known| known.piece == piece).last().map(|known| known.first)
     }
 
     fn piece(&self, node: NodeId) -> Option<usize> {
-        self.fragments[..self.end(node)].last().map(|(_, piece)| *piece)
+        self.of_node(node).map(|at| self.stretches[at].piece)
     }
 
-    /// How many fragments have begun up to a keyframe.
-    fn end(&self, node: NodeId) -> usize {
-        self.fragments.partition_point(|(first, _)| *first <= node)
+    fn of_node(&self, node: NodeId) -> Option<usize> {
+        self.stretches.partition_point(|known| known.first <= node).checked_sub(1)
     }
 }
 
@@ -76,10 +91,11 @@ mod tests {
     #[test]
     fn pieces_are_told_apart_and_which_link_is_wrong() {
         let node = NodeId::new;
-        let apart = Apart { fragments: vec![(node(0), 0), (node(10), 1), (node(20), 2), (node(30), 2), (node(40), 0)] };
+        let fragments = [(node(0), 0), (node(10), 1), (node(20), 2), (node(30), 2), (node(40), 0)];
+        let apart = Apart::of_fragments(&fragments);
         assert!(apart.is_between(node(9), node(10)) && apart.is_between(node(25), node(12)));
         assert!(!apart.is_between(node(20), node(39)) && !apart.is_between(node(5), node(99)));
-        assert!(!apart.is_newest() && Apart { fragments: apart.fragments[..4].to_vec() }.is_newest());
+        assert!(!apart.is_newest() && Apart::of_fragments(&fragments[..4]).is_newest());
         // What links the fragments of one piece is not what has misled.
         assert_eq!([12, 25, 35].map(|to| apart.misled(node(to))), [Some(node(10)), Some(node(20)), Some(node(20))]);
         let whole = Apart::default();

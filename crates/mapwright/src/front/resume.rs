@@ -110,8 +110,9 @@ impl Links {
     /// The keyframe that they lead to, as a local map takes it in.
     fn earlier(&self, past: Past<'_>, node: NodeId) -> Earlier {
         let (keyframes, at) = (past.session.keyframes(), node.index());
-        let step_m = if at == 0 { 0.0 } else { past.way_m[at] - past.way_m[at - 1] };
-        let before = at.checked_sub(1).map_or(0, |before| keyframes[before].scan);
+        let before = past.before(node).map(NodeId::index);
+        let step_m = before.map_or(0.0, |before| past.way_m[at] - past.way_m[before]);
+        let before = before.map_or(0, |before| keyframes[before].scan);
         Earlier {
             node,
             links: self.all(past, node),
@@ -137,10 +138,11 @@ impl<P: Pose> Links<P> {
     /// What a keyframe is linked with: the one before by wheels and scan together, and the one it was matched with.
     pub(crate) fn all<M: Measurement<Pose = P>>(&self, past: Past<'_, M>, node: NodeId) -> Vec<(NodeId, P::Matrix)> {
         let mut all = Vec::new();
-        if let Some(before) = node.before().filter(|_| self.odometry.is_some()) {
+        let before = past.before(node);
+        if let Some(before) = before.filter(|_| self.odometry.is_some()) {
             all.push((before, self.fused()));
         }
-        if let Some((anchor, edge)) = self.matched.filter(|(anchor, _)| anchor.next() != node) {
+        if let Some((anchor, edge)) = self.matched.filter(|(anchor, _)| Some(*anchor) != before) {
             let away_m = past.pose(anchor).distance(past.pose(node));
             all.push((anchor, covariance(&edge.information) + map_floor::<P::Matrix>(away_m)));
         }

@@ -1,6 +1,6 @@
 //! Another session, keyframe by keyframe with what belongs to each, in the order in which it was mapped.
 
-use super::{FARTHEST_WAY_M, Store, information_of};
+use super::{FARTHEST_WAY_M, Store, information_of, next_run_m};
 use mapwright_geom::Pose;
 use mapwright_record::{
     Candidate, Edge, EdgeKind, Entry, Fragment, FragmentStart, Keyframe, KeyframeId, LeftOut, Measurement, NodeId,
@@ -99,7 +99,11 @@ impl<'a, M: Measurement> Import<'a, M> {
         let step_m = of_kind(EdgeKind::Odometry).filter(|_| !is_first).map(|edge| edge.from_from_to.length());
         let is_closed = of_kind(EdgeKind::Closure).is_some();
         let before_m = store.way_m.last().copied();
-        store.way_m.push(before_m.map_or(0.0, |before_m| before_m + step_m.unwrap_or(FARTHEST_WAY_M)));
+        store.way_m.push(match before_m {
+            None => 0.0,
+            Some(_) if place == 0 => next_run_m(&store.way_m),
+            Some(before_m) => before_m + step_m.unwrap_or(FARTHEST_WAY_M),
+        });
         Some(Imported { first_edge, is_first, is_closed })
     }
 

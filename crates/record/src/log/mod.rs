@@ -36,6 +36,7 @@
 //! | 14 odometry origin | the first scan it holds for u64, pose |
 //! | 13 snapshot | number u32, and to the end: keyframe u32, map from keyframe |
 //! | 16 gravity | keyframe u32, down in its frame 3 f64, standard deviation f64 |
+//! | 17 return to a run | number of the run u32 |
 //! | 15 checkpoint | what the mapper knew then, to the end; of use only to the same version of it, where nothing came after and nothing was lost |
 //!
 //! A pose is x, y, heading (f64), in space x, y, z and a unit quaternion i, j, k, w; a matrix all of its rows.

@@ -195,6 +195,7 @@ impl<M: Measurement> LogReader<M> {
     fn take(&mut self, kind: Kind, cursor: &mut Cursor<'_>) -> Result<Option<PartLost>, EntryError> {
         match kind {
             Kind::Run => self.run(cursor)?,
+            Kind::BackTo => self.back_to(cursor)?,
             Kind::Sensor => self.sensor(cursor)?,
             Kind::Scan => self.scan(cursor)?,
             Kind::Keyframe => self.keyframe(cursor)?,
@@ -224,6 +225,12 @@ impl<M: Measurement> LogReader<M> {
         self.session.add(Entry::Run(Run { id, settings }))?;
         count(&mut self.runs, number);
         Ok(())
+    }
+
+    fn back_to(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
+        let run = self.known_run(cursor)?;
+        cursor.end()?;
+        self.session.add(Entry::BackTo(run))
     }
 
     fn sensor(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
@@ -389,10 +396,14 @@ impl<M: Measurement> LogReader<M> {
 
     /// A keyframe by its run and its place in the run's order.
     fn name(&self, cursor: &mut Cursor<'_>) -> Result<KeyframeId, EntryError> {
+        let run = self.known_run(cursor)?;
+        Ok(run.keyframe(cursor.u32("a keyframe's place in its run")?))
+    }
+
+    fn known_run(&self, cursor: &mut Cursor<'_>) -> Result<RunId, EntryError> {
         let number = cursor.u32("the number of a run")?;
         let run = self.runs.place(u64::from(number)).and_then(|place| self.session.runs().nth(place));
-        let run = run.ok_or_else(|| missing("the number of a run", number))?;
-        Ok(run.id.keyframe(cursor.u32("a keyframe's place in its run")?))
+        run.map(|run| run.id).ok_or_else(|| missing("the number of a run", number))
     }
 }
 

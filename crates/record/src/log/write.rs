@@ -6,7 +6,7 @@ use super::{CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, Kind, NONE, SESSI
 use crate::closure::{Candidate, Evidence, Verdict};
 use crate::entry::{Entry, Fragment, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip};
 use crate::error::{EntryError, unless};
-use crate::id::KeyframeId;
+use crate::id::{KeyframeId, RunId};
 use crate::keyframe::{Keyframe, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
@@ -107,6 +107,7 @@ impl<M: Measurement> LogWriter<M> {
     fn write(&mut self, out: &mut Vec<u8>, entry: &Entry<M>) -> Result<(), EntryError> {
         match entry {
             Entry::Run(run) => self.run(out, run),
+            Entry::BackTo(run) => self.back_to(out, *run),
             Entry::Scan(scan) => self.scan(out, scan),
             Entry::Keyframe { keyframe, map_from_keyframe } => self.keyframe(out, keyframe, *map_from_keyframe),
             Entry::Fragment(fragment) => self.fragment(out, *fragment),
@@ -160,6 +161,15 @@ impl<M: Measurement> LogWriter<M> {
             out.extend_from_slice(run.settings.as_bytes());
         })?;
         self.names.begin(run.id);
+        Ok(())
+    }
+
+    fn back_to(&mut self, out: &mut Vec<u8>, run: RunId) -> Result<(), EntryError> {
+        let number = self.names.run_number(run);
+        let number =
+            number.ok_or_else(|| EntryError { expected: "a run that has begun", found: format!("{run:?}") })?;
+        put_entry(out, Kind::BackTo, |out| put_u32(out, number as u32))?;
+        self.names.go_back_to(run);
         Ok(())
     }
 
@@ -403,10 +413,12 @@ impl<M: Measurement> Whole<'_, M> {
         let session = self.session;
         for (place, (keyframe, pose)) in session.keyframes().iter().zip(session.map_from_keyframe()).enumerate() {
             self.runs_from(place);
+            self.go_back_to(Some(keyframe.id.run()));
             self.scans_before(keyframe.scan);
             self.put(&Entry::Keyframe { keyframe: Arc::clone(keyframe), map_from_keyframe: *pose });
         }
         self.runs_from(session.keyframes().len());
+        self.go_back_to(session.present_run());
         self.scans_before(u64::MAX);
         session.fragments().iter().for_each(|fragment| self.put(&Entry::Fragment(*fragment)));
         session.candidates().iter().for_each(|candidate| self.put(&Entry::Candidate(*candidate)));
@@ -435,6 +447,12 @@ impl<M: Measurement> Whole<'_, M> {
             session.runs().nth(self.runs).into_iter().for_each(|run| self.put(&Entry::Run(run.clone())));
             self.runs += 1;
         }
+    }
+
+    /// What comes next is of this run.
+    fn go_back_to(&mut self, run: Option<RunId>) {
+        let other = run.filter(|run| self.writer.names.present() != Some(*run));
+        other.into_iter().for_each(|run| self.put(&Entry::BackTo(run)));
     }
 
     /// Scans that were there before a keyframe of this one; so they hang on keyframes before it.

@@ -109,6 +109,7 @@ impl<M: Measurement> Session<M> {
     pub fn add(&mut self, entry: Entry<M>) -> Result<(), EntryError> {
         match entry {
             Entry::Run(run) => self.begin(run),
+            Entry::BackTo(run) => self.go_back_to(run),
             Entry::Scan(scan) => self.add_scan(self.scan_numbers.next(), scan),
             Entry::Keyframe { keyframe, map_from_keyframe } => {
                 self.is_next(&keyframe)?;
@@ -153,6 +154,10 @@ impl<M: Measurement> Session<M> {
         self.runs.push(run);
         self.checkpoint = None;
         Ok(())
+    }
+
+    fn go_back_to(&mut self, run: RunId) -> Result<(), EntryError> {
+        unless("a run that has begun", self.names.go_back_to(run), || format!("{run:?}"))
     }
 
     /// Adds a scan with the next number, or with a later one where a log has lost some.
@@ -305,6 +310,25 @@ impl<M: Measurement> Session<M> {
     #[must_use]
     pub fn place(&self, id: KeyframeId) -> Option<usize> {
         self.names.place(id)
+    }
+
+    /// The run of the keyframe that comes next; none before the first.
+    #[must_use]
+    pub fn present_run(&self) -> Option<RunId> {
+        self.names.present()
+    }
+
+    /// The place of the keyframe that stands before the one at this place on the robot's way: keyframes of robots that drive at the same time
+    /// may stand between them.
+    #[must_use]
+    pub fn before(&self, place: usize) -> Option<usize> {
+        self.names.before(place)
+    }
+
+    /// The place of the keyframe that follows on the robot's way, if there is one yet.
+    #[must_use]
+    pub fn after(&self, place: usize) -> Option<usize> {
+        self.names.after(place)
     }
 
     /// The place among [`Session::scans`] of the scan with this number, as [`Keyframe::scan`] gives it.

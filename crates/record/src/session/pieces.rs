@@ -69,16 +69,16 @@ impl<M: Measurement> Session<M> {
     /// The fragments of two keyframes, by their places, if a break lies between these: a closure there is a join.
     #[must_use]
     pub fn joined_fragments(&self, keyframes: [usize; 2]) -> Option<[Fragment; 2]> {
-        let begun = |place: usize| {
-            let firsts = self.fragments.iter().filter_map(|fragment| Some((self.place(fragment.first)?, fragment)));
-            firsts.filter(|(first, _)| *first <= place).max_by_key(|(first, _)| *first).map(|(_, fragment)| *fragment)
-        };
-        let [earlier, later] = [keyframes[0].min(keyframes[1]), keyframes[0].max(keyframes[1])];
-        let lies_between = |first: usize| earlier < first && first <= later;
-        let is_between = |fragment: &&Fragment| self.place(fragment.first).is_some_and(lies_between);
-        let is_over_break = self.fragments.iter().filter(is_between).any(|fragment| self.is_break(fragment));
-        let [a, b] = keyframes.map(begun);
-        is_over_break.then_some([a?, b?])
+        let way = Ways::of(self);
+        let ends = keyframes.map(|place| way.at(place));
+        let fragment = |at: usize| way.fragments.get(at)?.fragment;
+        way.is_break_between(ends).then_some([fragment(ends[0])?, fragment(ends[1])?])
+    }
+
+    /// The piece that each stretch of keyframes is of, by their places, in order: within one no fragment begins, and no other robot's come.
+    #[must_use]
+    pub fn stretches(&self) -> Vec<(Range<usize>, usize)> {
+        Layout::of(self).stretches()
     }
 
     /// The pieces that the map consists of, in the order of the way; one without fragments where the session has none.
@@ -109,8 +109,8 @@ impl<M: Measurement> Session<M> {
             maps[map].pieces.push(piece);
         }
         for map in &mut maps {
-            let ranges = layout.fragments.iter().filter(|known| map.pieces.contains(&known.piece));
-            map.keyframes = ranges.map(|known| known.keyframes.clone()).collect();
+            let is_of_map = |at: usize| layout.piece(at).is_some_and(|piece| map.pieces.contains(&piece));
+            map.keyframes = layout.ways.stretches().filter(|(at, _)| is_of_map(*at)).map(|(_, range)| range).collect();
         }
         let keyframes = |map: &SeparateMap| map.keyframes.iter().map(|range| range.len()).sum::<usize>();
         maps.sort_by_key(|map| std::cmp::Reverse(keyframes(map)));
@@ -121,50 +121,130 @@ impl<M: Measurement> Session<M> {
     }
 }
 
-/// The fragments of a session in the order of the way.
-pub(super) struct Layout {
+/// The fragments of a session, and which keyframes are of each: of robots that drive at the same time those between which others stand.
+struct Ways {
+    /// In the order of their first keyframes.
     fragments: Vec<Known>,
-    pieces: usize,
+    /// From this keyframe on all are of this fragment, in order.
+    stretches: Vec<(usize, usize)>,
+    keyframes: usize,
 }
 
-/// A fragment, its keyframes, and the piece that it is of.
+/// A fragment.
 struct Known {
     fragment: Option<Fragment>,
-    is_break: bool,
-    keyframes: Range<usize>,
-    piece: usize,
+    first: usize,
+    /// Fragments with one number follow each other without a break.
+    unbroken: usize,
+}
+
+impl Ways {
+    fn of<M: Measurement>(session: &Session<M>) -> Self {
+        let mut firsts: Vec<(usize, Option<Fragment>)> = session
+            .fragments
+            .iter()
+            .filter_map(|fragment| Some((session.place(fragment.first)?, Some(*fragment))))
+            .collect();
+        firsts.sort_by_key(|(first, _)| *first);
+        if firsts.is_empty() && !session.keyframes.is_empty() {
+            firsts.push((0, None));
+        }
+        let mut ways = Self { fragments: Vec::new(), stretches: Vec::new(), keyframes: session.keyframes.len() };
+        let mut returns = session.names.returns().peekable();
+        let mut breaks = 0;
+        for (first, fragment) in firsts {
+            while let Some(place) = returns.next_if(|place| *place < first) {
+                ways.go_on(session, place);
+            }
+            returns.next_if_eq(&first);
+            let is_break = fragment
+                .is_some_and(|fragment| fragment.start.is_break() || fragment.start == FragmentStart::SwitchedOn);
+            let before = session.before(first).filter(|_| !ways.fragments.is_empty()).map(|before| ways.at(before));
+            let followed = before.filter(|_| !is_break).and_then(|at| ways.fragments.get(at));
+            let unbroken = followed.map_or(breaks, |known| known.unbroken);
+            breaks += usize::from(followed.is_none());
+            // Those that stand before the first one belong to it.
+            ways.stretches.push((if ways.fragments.is_empty() { 0 } else { first }, ways.fragments.len()));
+            ways.fragments.push(Known { fragment, first, unbroken });
+        }
+        returns.for_each(|place| ways.go_on(session, place));
+        ways
+    }
+
+    /// A run goes on here, in the fragment in which it was.
+    fn go_on<M: Measurement>(&mut self, session: &Session<M>, place: usize) {
+        let at = session.before(place).map_or(0, |before| self.at(before));
+        if !self.fragments.is_empty() {
+            self.stretches.push((place, at));
+        }
+    }
+
+    /// The fragment of a keyframe.
+    fn at(&self, keyframe: usize) -> usize {
+        let begun = self.stretches.partition_point(|(first, _)| *first <= keyframe);
+        self.stretches.get(begun.saturating_sub(1)).map_or(0, |(_, fragment)| *fragment)
+    }
+
+    /// Fragments, and keyframes of each that stand one after the other, in order.
+    fn stretches(&self) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
+        let ends = self.stretches.iter().skip(1).map(|(first, _)| *first).chain([self.keyframes]);
+        self.stretches.iter().zip(ends).map(|(&(first, fragment), end)| (fragment, first..end))
+    }
+
+    fn is_break_between(&self, ends: [usize; 2]) -> bool {
+        let [a, b] = ends.map(|at| self.fragments.get(at).map(|known| known.unbroken));
+        a != b
+    }
+}
+
+/// The fragments, and the piece that each is of.
+pub(super) struct Layout {
+    ways: Ways,
+    piece_of: Vec<usize>,
+    pieces: usize,
 }
 
 impl Layout {
     pub(super) fn of<M: Measurement>(session: &Session<M>) -> Self {
-        let mut layout = Self { fragments: in_order(session), pieces: 0 };
+        let ways = Ways::of(session);
         // Each fragment names an earlier one of its piece, the first one itself.
-        let mut earlier: Vec<usize> = (0..layout.fragments.len()).collect();
+        let mut earlier: Vec<usize> = (0..ways.fragments.len()).collect();
         for known in session.edges.iter().filter(|known| !known.withdrawn) {
-            let ends = known.ends.map(|end| layout.at(end as usize));
-            if known.recorded.edge.kind == EdgeKind::Closure || !layout.is_break_between(ends) {
+            let ends = known.ends.map(|end| ways.at(end as usize));
+            if known.recorded.edge.kind == EdgeKind::Closure || !ways.is_break_between(ends) {
                 let [a, b] = ends.map(|at| root(&earlier, at));
                 earlier[a.max(b)] = a.min(b);
             }
         }
         let mut pieces: Vec<usize> = Vec::new();
-        for (at, known) in layout.fragments.iter_mut().enumerate() {
+        let mut piece_of = Vec::new();
+        for at in 0..ways.fragments.len() {
             let root = root(&earlier, at);
-            known.piece = pieces.iter().position(|&first| first == root).unwrap_or(pieces.len());
-            if known.piece == pieces.len() {
+            let piece = pieces.iter().position(|&first| first == root).unwrap_or(pieces.len());
+            piece_of.push(piece);
+            if piece == pieces.len() {
                 pieces.push(root);
             }
         }
-        layout.pieces = pieces.len();
-        layout
+        Self { ways, piece_of, pieces: pieces.len() }
+    }
+
+    fn piece(&self, fragment: usize) -> Option<usize> {
+        self.piece_of.get(fragment).copied()
+    }
+
+    /// The piece of each stretch of keyframes that stand one after the other, and where that begins, in order.
+    pub(super) fn stretches(&self) -> Vec<(Range<usize>, usize)> {
+        self.ways.stretches().filter_map(|(at, range)| Some((range, self.piece(at)?))).collect()
     }
 
     fn pieces<M: Measurement>(&self, session: &Session<M>) -> Vec<Piece> {
         let mut pieces = vec![Piece { fragments: Vec::new(), keyframes: 0, link: None }; self.pieces];
-        for known in &self.fragments {
-            let piece = &mut pieces[known.piece];
-            piece.fragments.extend(known.fragment);
-            piece.keyframes += known.keyframes.len();
+        for (known, &piece) in self.ways.fragments.iter().zip(&self.piece_of) {
+            pieces[piece].fragments.extend(known.fragment);
+        }
+        for (range, piece) in self.stretches() {
+            pieces[piece].keyframes += range.len();
         }
         let links: Vec<Link> = session.edges.iter().filter_map(|known| self.link(known)).collect();
         let mut is_placed = vec![false; pieces.len()];
@@ -188,38 +268,28 @@ impl Layout {
             return None;
         }
         let ends = known.ends.map(|end| end as usize);
-        let [a, b] = ends.map(|end| self.at(end));
-        let (from, to) = (self.fragments.get(a)?, self.fragments.get(b)?);
+        let [a, b] = ends.map(|end| self.ways.at(end));
+        let (to, pieces) = (self.ways.fragments.get(b)?, [self.piece(a)?, self.piece(b)?]);
         let is_uncertain = to.fragment.is_some_and(|fragment| fragment.start == FragmentStart::Uncertain);
-        if !is_uncertain || ends[1] != to.keyframes.start || from.piece == to.piece {
+        if !is_uncertain || ends[1] != to.first || pieces[0] == pieces[1] {
             return None;
         }
         let covariance = known.recorded.edge.information.inverted()?;
         let (sigma_m, sigma_rad) =
             (covariance.position_variance_m2().sqrt(), covariance.rotation_variance_rad2().sqrt());
-        (sigma_m <= ODOMETRY_AT_MOST_M).then_some(Link { pieces: [from.piece, to.piece], sigma_m, sigma_rad })
+        (sigma_m <= ODOMETRY_AT_MOST_M).then_some(Link { pieces, sigma_m, sigma_rad })
     }
 
     /// The keyframes with which fragments begin that the robot reached unseen.
     pub(super) fn over_breaks(&self) -> impl Iterator<Item = usize> {
         let is_unseen = |known: &&Known| known.fragment.is_some_and(|fragment| fragment.start.is_break());
-        self.fragments.iter().filter(is_unseen).map(|known| known.keyframes.start)
+        self.ways.fragments.iter().filter(is_unseen).map(|known| known.first)
     }
 
     /// Whether two keyframes are held together.
     pub(super) fn is_one_piece(&self, keyframes: [usize; 2]) -> bool {
-        let [a, b] = keyframes.map(|keyframe| self.fragments.get(self.at(keyframe)).map(|known| known.piece));
+        let [a, b] = keyframes.map(|keyframe| self.piece(self.ways.at(keyframe)));
         a.is_some() && a == b
-    }
-
-    /// The fragment of a keyframe.
-    fn at(&self, keyframe: usize) -> usize {
-        self.fragments.partition_point(|known| known.keyframes.start <= keyframe).saturating_sub(1)
-    }
-
-    fn is_break_between(&self, [a, b]: [usize; 2]) -> bool {
-        let between = self.fragments.get(a.min(b) + 1..=a.max(b)).unwrap_or_default();
-        between.iter().any(|known| known.is_break)
     }
 }
 
@@ -237,29 +307,6 @@ fn next(links: &[Link], is_placed: &[bool]) -> Option<(usize, OdometryLink)> {
     let [a, b] = link.pieces;
     let (piece, to) = if is_placed[a] { (b, a) } else { (a, b) };
     Some((piece, OdometryLink { to, sigma_m: link.sigma_m, sigma_rad: link.sigma_rad }))
-}
-
-/// All keyframes by fragment; those that stand before the first one belong to it.
-fn in_order<M: Measurement>(session: &Session<M>) -> Vec<Known> {
-    let mut firsts: Vec<(usize, Option<Fragment>)> = session
-        .fragments
-        .iter()
-        .filter_map(|fragment| Some((session.place(fragment.first)?, Some(*fragment))))
-        .collect();
-    firsts.sort_by_key(|(first, _)| *first);
-    if firsts.is_empty() && !session.keyframes.is_empty() {
-        firsts.push((0, None));
-    }
-    let end = |at: usize| firsts.get(at + 1).map_or(session.keyframes.len(), |(next, _)| *next);
-    let known = |(at, &(first, fragment)): (usize, &(usize, Option<Fragment>))| Known {
-        fragment,
-        is_break: at > 0
-            && fragment
-                .is_some_and(|fragment| fragment.start.is_break() || fragment.start == FragmentStart::SwitchedOn),
-        keyframes: if at == 0 { 0 } else { first }..end(at),
-        piece: 0,
-    };
-    firsts.iter().enumerate().map(known).collect()
 }
 
 fn root(earlier: &[usize], mut at: usize) -> usize {
