@@ -9,13 +9,17 @@
 
 mod bytes;
 mod chain;
+mod inbox;
 mod keys;
 mod message;
 mod node;
 mod record;
+mod solution;
+mod team;
 
 pub use chain::Chain;
 pub use keys::{Member, Roster, RosterError, Secret};
 pub use message::{MESSAGE_AT_MOST, RECORDS_AT_MOST, Refusal};
 pub use node::{Node, NodeSettings, Outgoing};
+pub use team::Team;
 pub use record::{ChainId, Equivocation, Hash, Kind, PAYLOAD_AT_MOST, Record};

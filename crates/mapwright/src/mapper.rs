@@ -278,6 +278,11 @@ impl Mapper {
         back.take_in(store, front, result.0, correction);
     }
 
+    /// What has changed since the last update: of a mapper that was just made the beginning of its run.
+    pub fn news(&mut self) -> Update {
+        self.report(Told::default())
+    }
+
     fn status_of(&self, matched: Option<&Matched>) -> Status {
         let is_first = self.store.next_scan() == 1;
         matched.map_or(if is_first { Status::Tracking } else { Status::Degraded }, |matched| matched.status)

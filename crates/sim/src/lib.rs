@@ -19,6 +19,7 @@
 //! - [`PerturbScans`], [`in_gaps`]: harder versions of any recording, real ones included.
 //! - [`Revisits`]: which times of a drive truly see the same place.
 //! - [`worlds::look_alike`]: buildings made to deceive. [`kidnapping`]: robots carried away.
+//! - [`Radio`]: what robots hear of each other: lost, late, twice, out of order.
 //! - [`space`]: worlds with storeys, lidars, depth cameras and drives in space.
 //! - [`failed_match_cases`]: 200 recordings in which a match must fail.
 
@@ -34,6 +35,7 @@ mod laser;
 mod math;
 mod odometry;
 mod perturb;
+mod radio;
 mod rng;
 mod robot;
 mod route;
@@ -51,6 +53,7 @@ pub use laser::LaserSettings;
 pub use math::Point;
 pub use odometry::OdometryNoise;
 pub use perturb::{HasScan, PerturbScans};
+pub use radio::{Arrival, Radio, RadioSettings};
 pub use rng::Rng;
 pub use robot::{Incident, RobotSettings};
 pub use route::{Route, Site};

@@ -6,6 +6,7 @@ use super::{
     CHECKSUM_BYTES, ENTRY_HEADER_BYTES, ENTRY_VERSION, HEADER_BYTES, Kind, LogError, LogLoss, LogReport, NONE,
     SESSION_MAGIC, Sensors, VERSION, v1,
 };
+use crate::adoption::Grows;
 use crate::closure::{Candidate, Evidence};
 use crate::entry::{
     Checkpoint, Entry, Fragment, Gravity, OdometryOrigin, RecordedEdge, Run, ScanPose, Snapshot, WheelSlip,
@@ -119,6 +120,8 @@ struct LogReader<M: Measurement> {
     sensors: Sensors<M>,
     /// Sensors since the last entry that is none: the keyframe they were written for is missing.
     open_sensors: usize,
+    /// What was taken in since somebody asked, where somebody does.
+    told: Option<Vec<Entry<M>>>,
 }
 
 impl<M: Measurement> LogReader<M> {
@@ -132,6 +135,20 @@ impl<M: Measurement> LogReader<M> {
             sensor_numbers: Numbers::default(),
             sensors: Sensors(Vec::new()),
             open_sensors: 0,
+            told: None,
+        }
+    }
+
+    fn add(&mut self, entry: Entry<M>) -> Result<(), EntryError> {
+        let told = self.told.is_some().then(|| entry.clone());
+        self.session.add(entry)?;
+        told.into_iter().for_each(|entry| self.tell(|| entry));
+        Ok(())
+    }
+
+    fn tell(&mut self, entry: impl FnOnce() -> Entry<M>) {
+        if let Some(told) = &mut self.told {
+            told.push(entry());
         }
     }
 
@@ -210,7 +227,7 @@ impl<M: Measurement> LogReader<M> {
             Kind::WheelSlip => self.wheel_slip(cursor)?,
             Kind::OdometryOrigin => self.odometry_origin(cursor)?,
             Kind::Gravity => self.gravity(cursor)?,
-            Kind::Checkpoint => self.session.add(Entry::Checkpoint(Checkpoint { state: cursor.rest().into() }))?,
+            Kind::Checkpoint => self.add(Entry::Checkpoint(Checkpoint { state: cursor.rest().into() }))?,
         }
         Ok(None)
     }
@@ -222,7 +239,7 @@ impl<M: Measurement> LogReader<M> {
         let robot = u128::from_le_bytes(cursor.array("a run's robot")?);
         let id = RunId { robot, session: cursor.u32("a run's session")? };
         let settings = text(cursor.rest(), "a run's settings")?;
-        self.session.add(Entry::Run(Run { id, settings }))?;
+        self.add(Entry::Run(Run { id, settings }))?;
         count(&mut self.runs, number);
         Ok(())
     }
@@ -230,7 +247,7 @@ impl<M: Measurement> LogReader<M> {
     fn back_to(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
         let run = self.known_run(cursor)?;
         cursor.end()?;
-        self.session.add(Entry::BackTo(run))
+        self.add(Entry::BackTo(run))
     }
 
     fn sensor(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
@@ -252,7 +269,9 @@ impl<M: Measurement> LogReader<M> {
             odom_from_robot: cursor.pose()?,
         };
         cursor.end()?;
-        self.session.add_scan(u64::from(number), scan)
+        self.session.add_scan(u64::from(number), scan)?;
+        self.tell(|| Entry::Scan(scan));
+        Ok(())
     }
 
     fn keyframe(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
@@ -266,7 +285,9 @@ impl<M: Measurement> LogReader<M> {
         let known = self.sensor_numbers.place(u64::from(sensor)).and_then(|place| self.sensors.0.get(place));
         let known = known.ok_or_else(|| missing("the number of a sensor", sensor))?;
         let sweep = Arc::new(M::take(known, cursor.rest())?);
-        self.session.add_keyframe(Arc::new(Keyframe { id, stamp, scan, sweep, hardly_fits }), map_from_keyframe)?;
+        let keyframe = Arc::new(Keyframe { id, stamp, scan, sweep, hardly_fits });
+        self.session.add_keyframe(Arc::clone(&keyframe), map_from_keyframe)?;
+        self.tell(|| Entry::Keyframe { keyframe, map_from_keyframe });
         count(&mut self.keyframes, number);
         Ok(())
     }
@@ -275,7 +296,7 @@ impl<M: Measurement> LogReader<M> {
         let first = self.known_keyframe(cursor)?;
         let start = cursor.coded("why a fragment begins, 0 to 2")?;
         cursor.end()?;
-        self.session.add(Entry::Fragment(Fragment { first, start }))
+        self.add(Entry::Fragment(Fragment { first, start }))
     }
 
     fn edge(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
@@ -289,7 +310,7 @@ impl<M: Measurement> LogReader<M> {
         let (from_from_to, information) = (cursor.pose()?, cursor.matrix::<M::Pose>()?);
         cursor.end()?;
         let edge = Edge { from, to, kind, from_from_to, information };
-        self.session.add(Entry::Edge(RecordedEdge { edge, candidate }))?;
+        self.add(Entry::Edge(RecordedEdge { edge, candidate }))?;
         count(&mut self.edges, number);
         Ok(())
     }
@@ -298,13 +319,13 @@ impl<M: Measurement> LogReader<M> {
         let number = self.known_edge(cursor)?;
         let (from_from_to, information) = (cursor.pose()?, cursor.matrix::<M::Pose>()?);
         cursor.end()?;
-        self.session.add(Entry::Remeasured { number, from_from_to, information })
+        self.add(Entry::Remeasured { number, from_from_to, information })
     }
 
     fn withdrawn(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
         let number = self.known_edge(cursor)?;
         cursor.end()?;
-        self.session.add(Entry::Withdrawn { number })
+        self.add(Entry::Withdrawn { number })
     }
 
     fn candidate(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
@@ -317,7 +338,7 @@ impl<M: Measurement> LogReader<M> {
         let covariance = cursor.matrix::<M::Pose>()?;
         cursor.end()?;
         let candidate = Candidate { from, to, detection, evidence, verdict, from_from_to, covariance };
-        self.session.add(Entry::Candidate(candidate))?;
+        self.add(Entry::Candidate(candidate))?;
         count(&mut self.candidates, number);
         Ok(())
     }
@@ -327,7 +348,7 @@ impl<M: Measurement> LogReader<M> {
         let number = session_number(&self.candidates, number, "the number of a candidate")?;
         let (verdict, agreeing) = (take_verdict(cursor)?, cursor.u32("how many candidates agree")?);
         cursor.end()?;
-        self.session.add(Entry::Verdict { number, verdict, agreeing })
+        self.add(Entry::Verdict { number, verdict, agreeing })
     }
 
     fn left_out(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
@@ -339,13 +360,13 @@ impl<M: Measurement> LogReader<M> {
         } else {
             Beams::These(beams(cursor.rest())?)
         };
-        self.session.add(Entry::LeftOut(LeftOut { keyframe, beams, reason }))
+        self.add(Entry::LeftOut(LeftOut { keyframe, beams, reason }))
     }
 
     fn odometry_origin(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
         let (from_scan, odom_from_start) = (cursor.u64("the first scan of an origin")?, cursor.pose()?);
         cursor.end()?;
-        self.session.add(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))
+        self.add(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))
     }
 
     fn gravity(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
@@ -353,14 +374,14 @@ impl<M: Measurement> LogReader<M> {
         let mut number = || cursor.f64("where down is, and how surely");
         let (down_in_keyframe, sigma_rad) = ([number()?, number()?, number()?], number()?);
         cursor.end()?;
-        self.session.add(Entry::Gravity(Gravity { keyframe, down_in_keyframe, sigma_rad }))
+        self.add(Entry::Gravity(Gravity { keyframe, down_in_keyframe, sigma_rad }))
     }
 
     fn wheel_slip(&mut self, cursor: &mut Cursor<'_>) -> Result<(), EntryError> {
         let scan = cursor.u64("a slip's scan")?;
         let (from, metres) = (self.name(cursor)?, cursor.f64("a slip's length")?);
         cursor.end()?;
-        self.session.add(Entry::WheelSlip(WheelSlip { scan, from, metres }))
+        self.add(Entry::WheelSlip(WheelSlip { scan, from, metres }))
     }
 
     /// Each pose stands for itself: those of keyframes that were lost are left out, and the others count.
@@ -376,7 +397,7 @@ impl<M: Measurement> LogReader<M> {
                 Err(cause) => PartLost::add(&mut lost, cause, before - cursor.left_bytes()),
             }
         }
-        self.session.add(Entry::Snapshot(Snapshot { number, map_from_keyframe }))?;
+        self.add(Entry::Snapshot(Snapshot { number, map_from_keyframe }))?;
         Ok(lost)
     }
 
@@ -404,6 +425,85 @@ impl<M: Measurement> LogReader<M> {
         let number = cursor.u32("the number of a run")?;
         let run = self.runs.place(u64::from(number)).and_then(|place| self.session.runs().nth(place));
         run.map(|run| run.id).ok_or_else(|| missing("the number of a run", number))
+    }
+}
+
+/// Reads a log as it comes, entry by entry, into a session of its own.
+///
+/// Entries may be handed over as they are as well ([`Grows::write`]), in between: of a log of which a reader has a part from elsewhere.
+/// [`LogWriter::skip`](super::LogWriter) leaves these out.
+pub struct EntryReader<M: Measurement = mapwright_sensor::Sweep>(LogReader<M>);
+
+impl<M: Measurement> Default for EntryReader<M> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<M: Measurement> EntryReader<M> {
+    /// Nothing was read yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self(LogReader { told: Some(Vec::new()), ..LogReader::new() })
+    }
+
+    /// The next bytes: whole entries, without the head of a file. What they hold, in order.
+    ///
+    /// # Errors
+    /// The first thing that is no entry or does not fit. What came before it is in the session.
+    pub fn read(&mut self, bytes: &[u8]) -> Result<Vec<Entry<M>>, LogLoss> {
+        let (mut report, mut at) = (LogReport::new(VERSION), 0);
+        while at < bytes.len() {
+            match Frame::at(bytes, at) {
+                Ok(frame) => {
+                    self.0.take_frame(&frame, at, &mut report);
+                    at = frame.end;
+                }
+                Err(Damage { cause: EntryError { expected, found }, .. }) => {
+                    let bytes = bytes.len() - at;
+                    return Err(LogLoss { offset_bytes: at, bytes, entry: None, expected, found });
+                }
+            }
+            if let Some(loss) = report.losses.pop() {
+                return Err(loss);
+            }
+        }
+        Ok(self.0.told.replace(Vec::new()).unwrap_or_default())
+    }
+}
+
+impl<M: Measurement> Grows<M> for EntryReader<M> {
+    fn session(&self) -> &Session<M> {
+        &self.0.session
+    }
+
+    /// As if it had been read.
+    fn write(&mut self, entry: Entry<M>) -> bool {
+        let (counted, sensor) = match &entry {
+            Entry::Run(_) => (Some(Kind::Run), None),
+            Entry::Keyframe { keyframe, .. } => (Some(Kind::Keyframe), Some(Arc::clone(keyframe.sweep.sensor()))),
+            Entry::Edge(_) => (Some(Kind::Edge), None),
+            Entry::Candidate(_) => (Some(Kind::Candidate), None),
+            _ => (None, None),
+        };
+        if self.0.session.add(entry).is_err() {
+            return false;
+        }
+        if let Some(sensor) = sensor.filter(|sensor| self.0.sensors.place(sensor).is_none()) {
+            let number = self.0.sensor_numbers.next();
+            self.0.sensors.0.push(sensor);
+            count(&mut self.0.sensor_numbers, number);
+        }
+        let numbers = match counted {
+            Some(Kind::Run) => &mut self.0.runs,
+            Some(Kind::Keyframe) => &mut self.0.keyframes,
+            Some(Kind::Edge) => &mut self.0.edges,
+            Some(Kind::Candidate) => &mut self.0.candidates,
+            _ => return true,
+        };
+        let number = numbers.next();
+        count(numbers, number);
+        true
     }
 }
 

@@ -89,6 +89,17 @@ impl<M: Measurement> LogWriter<M> {
         self.write_snapshot_if(out, |writer, bytes| writer.since_snapshot_bytes >= bytes)
     }
 
+    /// Counts an entry that the reader has from elsewhere ([`EntryReader`](super::EntryReader)) as written.
+    ///
+    /// # Errors
+    /// As [`LogWriter::append`].
+    pub fn skip(&mut self, entry: &Entry<M>) -> Result<(), EntryError> {
+        let mut elsewhere = Vec::new();
+        self.write(&mut elsewhere, entry)?;
+        self.since_snapshot_bytes += elsewhere.len();
+        Ok(())
+    }
+
     /// Appends what was kept back. The writer may go on after it.
     pub fn finish(&mut self, out: &mut Vec<u8>) {
         self.begin(out);

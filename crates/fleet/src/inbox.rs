@@ -1,0 +1,114 @@
+//! What the records of all robots hold, read as they come.
+
+use crate::chain::Chain;
+use crate::message::Refusal;
+use crate::record::{ChainId, Kind};
+use crate::solution::{NoStep, SolutionId, Solutions, Step};
+use mapwright::{Entry, groups};
+use mapwright_record::EntryReader;
+use std::collections::BTreeMap;
+
+/// Bytes that a payload may have once it is unpacked.
+const UNPACKED_AT_MOST: usize = 1 << 23;
+
+/// Packs a payload.
+pub(crate) fn pack(bytes: &[u8]) -> Vec<u8> {
+    // In memory, at a level that there is, it cannot fail.
+    zstd::bulk::compress(bytes, 9).unwrap_or_default()
+}
+
+fn unpack(bytes: &[u8]) -> Option<Vec<u8>> {
+    zstd::bulk::decompress(bytes, UNPACKED_AT_MOST).ok()
+}
+
+/// What was read of one chain.
+#[derive(Default)]
+struct Read {
+    /// Records so far.
+    records: u32,
+    reader: EntryReader,
+    groups: Vec<Box<[Entry]>>,
+    /// Unpacked steps of solutions, by their records; they are dropped once nobody reads them any more.
+    steps: BTreeMap<u32, Vec<u8>>,
+    /// A payload could not be read: what comes after it hangs in the air.
+    is_broken: bool,
+}
+
+/// What was read of all chains.
+#[derive(Default)]
+pub(crate) struct Inbox {
+    chains: BTreeMap<ChainId, Read>,
+}
+
+impl Inbox {
+    /// Reads what has come; what cannot be read, and of whom.
+    pub(crate) fn read(
+        &mut self,
+        chains: &BTreeMap<ChainId, Chain>,
+        solutions: &mut Solutions,
+    ) -> Vec<(Refusal, Option<u16>)> {
+        let mut refused = Vec::new();
+        for (&id, chain) in chains {
+            let read = self.chains.entry(id).or_default();
+            while let Some(record) = chain.records().get(read.records as usize) {
+                let seq = read.records;
+                read.records += 1;
+                let payload = unpack(&record.payload);
+                let is_read = payload.is_some_and(|payload| match record.kind {
+                    Kind::Entries => read.entries(&payload),
+                    Kind::Solution => read.solution(SolutionId { chain: id, begin: seq }, payload, solutions),
+                });
+                if !is_read {
+                    refused.push((Refusal::BadPayload, Some(id.rank)));
+                }
+            }
+        }
+        refused
+    }
+
+    /// A group of a chain, by its number.
+    pub(crate) fn group(&self, chain: ChainId, number: usize) -> Option<&[Entry]> {
+        self.chains.get(&chain)?.groups.get(number).map(|group| &group[..])
+    }
+
+    /// How many groups of each chain there are.
+    pub(crate) fn groups(&self) -> impl Iterator<Item = (ChainId, usize)> {
+        self.chains.iter().map(|(chain, read)| (*chain, read.groups.len()))
+    }
+
+    /// The steps of a record of a solution; empty ones for a record of something else, none where it is not there.
+    ///
+    /// # Errors
+    /// It could not be read.
+    pub(crate) fn steps(&self, chain: ChainId, seq: u32) -> Result<Option<Vec<u8>>, NoStep> {
+        let Some(read) = self.chains.get(&chain).filter(|read| seq < read.records) else { return Ok(None) };
+        Ok(Some(read.steps.get(&seq).cloned().unwrap_or_default()))
+    }
+}
+
+impl Read {
+    fn entries(&mut self, payload: &[u8]) -> bool {
+        if self.is_broken {
+            return false;
+        }
+        match self.reader.read(payload) {
+            Ok(entries) => {
+                self.groups.extend(groups(&entries).map(Box::from));
+                true
+            }
+            Err(_) => {
+                self.is_broken = true;
+                false
+            }
+        }
+    }
+
+    fn solution(&mut self, id: SolutionId, payload: Vec<u8>, solutions: &mut Solutions) -> bool {
+        if let Ok(Some(Step::Begin(begin))) = Step::take(&mut &payload[..]) {
+            solutions.add(id, begin);
+        } else {
+            self.steps.insert(id.begin, payload);
+        }
+        true
+    }
+}

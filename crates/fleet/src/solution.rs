@@ -1,0 +1,290 @@
+//! The solution: what the robot that solves has found, as records of its own, and what everybody makes of them.
+//!
+//! A solution is a stream of steps over its records: a group of a robot's entries is taken in, with the pose that its keyframe gets, or entries
+//! follow that were found. It begins with its term, and with the solution of another robot that it goes on with, up to which record. Of all
+//! solutions the one of the highest term counts, among equals that of the first robot: a function of the records alone, so that all who hold
+//! the same records have the same map, to the byte.
+
+use crate::bytes::Cursor;
+use crate::inbox::Inbox;
+use crate::record::ChainId;
+use mapwright::{Adoption, Pose2, Session};
+use mapwright_record::{EntryReader, Grows};
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
+/// Where a solution stands: in which chain, and with which record it begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct SolutionId {
+    pub(crate) chain: ChainId,
+    pub(crate) begin: u32,
+}
+
+/// How a solution begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Begin {
+    pub(crate) term: u64,
+    /// The solution that it goes on with, and the first record of that which it does not.
+    pub(crate) base: Option<(SolutionId, u32)>,
+}
+
+/// A step.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Step<'a> {
+    Begin(Begin),
+    TakeIn(ChainId, Option<Pose2>),
+    Found(&'a [u8]),
+}
+
+impl Step<'_> {
+    pub(crate) fn put(&self, out: &mut Vec<u8>) {
+        let put_chain = |out: &mut Vec<u8>, chain: ChainId| {
+            out.extend_from_slice(&chain.rank.to_le_bytes());
+            out.extend_from_slice(&chain.session.to_le_bytes());
+        };
+        match self {
+            Self::Begin(Begin { term, base }) => {
+                out.push(1);
+                out.extend_from_slice(&term.to_le_bytes());
+                out.push(u8::from(base.is_some()));
+                if let Some((id, end)) = base {
+                    put_chain(out, id.chain);
+                    out.extend_from_slice(&id.begin.to_le_bytes());
+                    out.extend_from_slice(&end.to_le_bytes());
+                }
+            }
+            Self::TakeIn(chain, pose) => {
+                out.push(2);
+                put_chain(out, *chain);
+                out.push(u8::from(pose.is_some()));
+                if let Some(Pose2 { x, y, theta }) = pose {
+                    [x, y, theta].into_iter().for_each(|number| out.extend_from_slice(&number.to_le_bytes()));
+                }
+            }
+            Self::Found(bytes) => {
+                out.push(3);
+                out.extend_from_slice(&(bytes.len() as u32).to_le_bytes());
+                out.extend_from_slice(bytes);
+            }
+        }
+    }
+
+    /// The next step of these bytes, if all of it is there.
+    ///
+    /// # Errors
+    /// They begin with no step.
+    pub(crate) fn take<'a>(bytes: &mut &'a [u8]) -> Result<Option<Step<'a>>, NoStep> {
+        let mut cursor = Cursor(bytes);
+        let step = match cursor.u8() {
+            None => None,
+            Some(1) => begin(&mut cursor).map(Step::Begin),
+            Some(2) => take_in(&mut cursor),
+            Some(3) => cursor.u32().and_then(|count| cursor.take(count as usize)).map(Step::Found),
+            Some(_) => return Err(NoStep),
+        };
+        if step.is_some() {
+            *bytes = cursor.0;
+        }
+        Ok(step)
+    }
+}
+
+/// A step is no longer than this, bytes.
+const LEFT_AT_MOST: usize = 1 << 26;
+
+/// Bytes that are no step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct NoStep;
+
+fn chain(cursor: &mut Cursor<'_>) -> Option<ChainId> {
+    Some(ChainId { rank: cursor.u16()?, session: cursor.u32()? })
+}
+
+fn begin(cursor: &mut Cursor<'_>) -> Option<Begin> {
+    let term = cursor.u64()?;
+    let base = match cursor.u8()? {
+        0 => None,
+        _ => Some((SolutionId { chain: chain(cursor)?, begin: cursor.u32()? }, cursor.u32()?)),
+    };
+    Some(Begin { term, base })
+}
+
+fn take_in<'a>(cursor: &mut Cursor<'_>) -> Option<Step<'a>> {
+    let chain = chain(cursor)?;
+    let pose = match cursor.u8()? {
+        0 => None,
+        _ => Some(Pose2 { x: cursor.f64()?, y: cursor.f64()?, theta: cursor.f64()? }),
+    };
+    Some(Step::TakeIn(chain, pose))
+}
+
+/// The solutions that are known by their beginnings.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Solutions {
+    known: BTreeMap<SolutionId, Begin>,
+    /// Solutions that hold what cannot be.
+    broken: Vec<SolutionId>,
+}
+
+impl Solutions {
+    pub(crate) fn add(&mut self, id: SolutionId, begin: Begin) {
+        self.known.insert(id, begin);
+    }
+
+    pub(crate) fn break_off(&mut self, id: SolutionId) {
+        self.broken.push(id);
+    }
+
+    /// Whether it is known.
+    pub(crate) fn has(&self, id: SolutionId) -> bool {
+        self.known.contains_key(&id)
+    }
+
+    pub(crate) fn get(&self, id: SolutionId) -> Option<&Begin> {
+        self.known.get(&id)
+    }
+
+    /// The one that counts.
+    pub(crate) fn best(&self, is_trusted: impl Fn(u16) -> bool) -> Option<(SolutionId, Begin)> {
+        let usable = self.known.iter().filter(|(id, _)| !self.broken.contains(id) && is_trusted(id.chain.rank));
+        let usable = usable.filter(|(_, begin)| self.path(begin).is_some());
+        usable.max_by_key(|(id, begin)| (begin.term, Reverse(**id))).map(|(id, begin)| (*id, *begin))
+    }
+
+    /// The parts of other solutions that one begins with, in order; none where one of them is not there, or the term is not the next one: so
+    /// nobody can claim a term that all others would have to yield to.
+    fn path(&self, begin: &Begin) -> Option<Vec<(SolutionId, u32)>> {
+        let (mut path, mut next, mut term) = (Vec::new(), begin.base, begin.term);
+        while let Some((id, end)) = next {
+            let base = self.known.get(&id)?;
+            (term == base.term.checked_add(1)?).then_some(())?;
+            path.push((id, end));
+            (next, term) = (base.base, base.term);
+        }
+        path.reverse();
+        (term == 1).then_some(path)
+    }
+
+    /// Where the records of one end: with the next one of the same chain.
+    fn end(&self, id: SolutionId) -> u32 {
+        let after = (std::ops::Bound::Excluded(id), std::ops::Bound::Unbounded);
+        let next = self.known.range(after).next().filter(|(next, _)| next.chain == id.chain);
+        next.map_or(u32::MAX, |(next, _)| next.begin)
+    }
+
+    /// The map of a solution, of which nothing was read yet.
+    pub(crate) fn replay(&self, id: SolutionId, begin: &Begin) -> Option<Replay> {
+        let mut parts: Vec<Part> = self.path(begin)?.into_iter().map(|(id, end)| Part { id, end: Some(end) }).collect();
+        parts.push(Part { id, end: None });
+        let next = parts.first()?.id.begin + 1;
+        Some(Replay { id, parts, at: 0, next, ..Replay::default() })
+    }
+}
+
+/// Records of a solution up to one.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    id: SolutionId,
+    end: Option<u32>,
+}
+
+/// A solution as far as its records, and those of the robots, are there.
+#[derive(Default)]
+pub(crate) struct Replay {
+    pub(crate) id: SolutionId,
+    parts: Vec<Part>,
+    /// Which part is read, and its next record.
+    at: usize,
+    next: u32,
+    /// Steps that were not made yet, and whether the first of them takes in what is not there yet.
+    left: Vec<u8>,
+    is_blocked: bool,
+    reader: EntryReader,
+    pub(crate) adoptions: BTreeMap<ChainId, Adoption>,
+    /// How many groups of each chain were taken in.
+    pub(crate) taken: BTreeMap<ChainId, usize>,
+}
+
+impl Default for SolutionId {
+    fn default() -> Self {
+        Self { chain: ChainId { rank: 0, session: 0 }, begin: 0 }
+    }
+}
+
+impl Replay {
+    pub(crate) fn session(&self) -> &Session {
+        self.reader.session()
+    }
+
+    /// How far it was read: up to which record of which solution; none where a step waits for what is not there yet.
+    pub(crate) fn reached(&self) -> Option<(SolutionId, u32)> {
+        let part = self.parts.get(self.at).filter(|_| !self.is_blocked)?;
+        Some((part.id, self.next))
+    }
+
+    /// The same up to before the record at which it waits, to be read anew.
+    pub(crate) fn before_block(&self) -> Option<Self> {
+        let mut parts = self.parts.get(..=self.at)?.to_vec();
+        parts.last_mut()?.end = Some(self.next.checked_sub(1)?);
+        let next = parts.first()?.id.begin + 1;
+        Some(Self { id: self.id, parts, next, ..Self::default() })
+    }
+
+    /// Reads on; whether the map has changed.
+    ///
+    /// # Errors
+    /// A step that cannot be made by any reader.
+    pub(crate) fn advance(&mut self, solutions: &Solutions, inbox: &Inbox) -> Result<bool, NoStep> {
+        let mut has_changed = self.make_steps(inbox)?;
+        while let Some(&Part { id, end }) = self.parts.get(self.at).filter(|_| !self.is_blocked) {
+            let end = end.unwrap_or(u32::MAX).min(solutions.end(id));
+            if self.next >= end {
+                let Some(part) = self.parts.get(self.at + 1) else { break };
+                (self.at, self.next) = (self.at + 1, part.id.begin + 1);
+                // Who goes on did not know how that step ends.
+                self.left.clear();
+                continue;
+            }
+            let Some(steps) = inbox.steps(id.chain, self.next)? else { break };
+            self.next += 1;
+            self.left.extend_from_slice(&steps);
+            if self.left.len() > LEFT_AT_MOST {
+                return Err(NoStep);
+            }
+            has_changed |= self.make_steps(inbox)?;
+        }
+        Ok(has_changed)
+    }
+
+    fn make_steps(&mut self, inbox: &Inbox) -> Result<bool, NoStep> {
+        let left = std::mem::take(&mut self.left);
+        let (mut rest, mut has_changed) = (&left[..], false);
+        self.is_blocked = false;
+        loop {
+            let before = rest;
+            let Some(step) = Step::take(&mut rest)? else { break };
+            if !self.make(&step, inbox)? {
+                (rest, self.is_blocked) = (before, true);
+                break;
+            }
+            has_changed = true;
+        }
+        self.left = rest.to_vec();
+        Ok(has_changed)
+    }
+
+    /// Whether the step could be made: what it takes in may not be there yet.
+    fn make(&mut self, step: &Step<'_>, inbox: &Inbox) -> Result<bool, NoStep> {
+        match step {
+            Step::Begin(_) => Err(NoStep),
+            Step::TakeIn(chain, pose) => {
+                let taken = self.taken.entry(*chain).or_default();
+                let Some(group) = inbox.group(*chain, *taken) else { return Ok(false) };
+                *taken += 1;
+                self.adoptions.entry(*chain).or_default().take_in(&mut self.reader, group, *pose);
+                Ok(true)
+            }
+            Step::Found(bytes) => self.reader.read(bytes).map(|_| true).map_err(|_| NoStep),
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! One map of all robots.
+
+use crate::chain::Chain;
+use crate::inbox::{Inbox, pack};
+use crate::message::Refusal;
+use crate::node::{Node, Outgoing};
+use crate::record::{ChainId, Kind};
+use crate::solution::{Begin, Replay, SolutionId, Solutions, Step};
+use mapwright::{Adoption, Entry, Mapper, Pose2, RunId, Session, Settings, SettingsError, Stamp, Update};
+use mapwright_record::LogWriter;
+use std::collections::BTreeMap;
+
+/// What was mapped is told after so many keyframes, or so many seconds.
+const TOLD_KEYFRAMES: usize = 4;
+const TOLD_S: f64 = 2.0;
+/// Bytes of steps that make a record of the solution.
+const STEPS_BYTES: usize = 1 << 15;
+/// Bytes of steps in one record at most.
+const STEPS_AT_MOST: usize = 1 << 19;
+/// Keyframes that are taken in of one robot before it is another one's turn.
+const TURN: usize = 8;
+/// A step that waits for records which nobody has sent for so long is given up, seconds.
+const BLOCKED_S: f64 = 10.0;
+/// What the mapper of all is called.
+const TEAM: &str = "the team";
+/// When nothing has come for so long, the poses are handed out as they are, seconds,
+const SETTLED_S: f64 = 1.0;
+/// and old places are looked for anew.
+const LOOKED_AGAIN_S: f64 = 3.0;
+
+/// A robot's part in a team: what it maps is told, and what all have mapped becomes one map.
+///
+/// Hand in every [`Update`] of the robot's mapper ([`Team::tell`]), every message that comes ([`Team::receive`]), and send what
+/// [`Team::poll`] gives. [`Team::work`] does what may take longer: of the robot that solves, the search for places among the maps of others.
+pub struct Team {
+    node: Node,
+    settings: Settings,
+    writer: LogWriter,
+    untold: Vec<u8>,
+    untold_keyframes: usize,
+    untold_since: Option<Stamp>,
+    /// Entries that could not be told, for they are more than a robot may say.
+    unsaid: u64,
+    inbox: Inbox,
+    solutions: Solutions,
+    replay: Option<Replay>,
+    solving: Option<Solving>,
+    blocked_since: Option<Stamp>,
+}
+
+/// The solution that this robot works on.
+struct Solving {
+    id: SolutionId,
+    mapper: Mapper,
+    writer: LogWriter,
+    adoptions: BTreeMap<ChainId, Adoption>,
+    taken: BTreeMap<ChainId, usize>,
+    /// Whose turn it is.
+    turn: ChainId,
+    steps: Vec<u8>,
+    last_new: Stamp,
+    last_said: Stamp,
+    is_settled: bool,
+    has_looked_again: bool,
+}
+
+impl Team {
+    /// A robot that maps with these settings.
+    ///
+    /// # Errors
+    /// A setting outside its range.
+    pub fn new(node: Node, settings: Settings) -> Result<Self, SettingsError> {
+        settings.validate()?;
+        Ok(Self {
+            node,
+            settings,
+            writer: LogWriter::resume(&Session::default()),
+            untold: Vec::new(),
+            untold_keyframes: 0,
+            untold_since: None,
+            unsaid: 0,
+            inbox: Inbox::default(),
+            solutions: Solutions::default(),
+            replay: None,
+            solving: None,
+            blocked_since: None,
+        })
+    }
+
+    /// The protocol's side.
+    #[must_use]
+    pub fn node(&self) -> &Node {
+        &self.node
+    }
+
+    /// Entries of this robot that others will never hear of, for they are more than a robot may say.
+    #[must_use]
+    pub fn unsaid(&self) -> u64 {
+        self.unsaid
+    }
+
+    /// Whether this robot solves.
+    #[must_use]
+    pub fn is_solving(&self) -> bool {
+        self.solving.is_some()
+    }
+
+    /// Tells what the robot's mapper has said. Where it was at scans between keyframes, and corrections of its own, are of no use to others.
+    pub fn tell(&mut self, now: Stamp, update: &Update) {
+        for entry in &update.entries {
+            match entry {
+                Entry::Scan(_) | Entry::OdometryOrigin(_) | Entry::Snapshot(_) | Entry::Checkpoint(_) => continue,
+                Entry::Keyframe { .. } => self.untold_keyframes += 1,
+                _ => {}
+            }
+            if self.writer.append(&mut self.untold, entry).is_err() {
+                self.unsaid += 1;
+            }
+            self.untold_since.get_or_insert(now);
+        }
+        if self.untold_keyframes >= TOLD_KEYFRAMES {
+            self.say();
+        }
+    }
+
+    fn say(&mut self) {
+        let untold = std::mem::take(&mut self.untold);
+        (self.untold_keyframes, self.untold_since) = (0, None);
+        if !untold.is_empty() && !self.node.publish(Kind::Entries, pack(&untold)) {
+            self.unsaid += 1;
+        }
+    }
+
+    /// Takes in a message.
+    pub fn receive(&mut self, now: Stamp, bytes: &[u8]) {
+        self.node.receive(now, bytes);
+    }
+
+    /// What is to be sent now; asked often, some ten times a second.
+    pub fn poll(&mut self, now: Stamp) -> Vec<Outgoing> {
+        if self.untold_since.is_some_and(|since| now.secs_since(since) >= TOLD_S) {
+            self.say();
+        }
+        self.node.poll(now)
+    }
+
+    /// Says what is left to be said, where nothing more will come.
+    pub fn finish(&mut self) {
+        self.say();
+    }
+
+    /// The map of all robots, as far as it is known here.
+    #[must_use]
+    pub fn map(&self) -> Option<&Session> {
+        self.replay.as_ref().map(Replay::session)
+    }
+
+    /// Where the robot's own map lies in the map of all: by the newest keyframe that is in both. None until one is.
+    #[must_use]
+    pub fn map_from_own(&self, own: &Session) -> Option<Pose2> {
+        let map = self.map()?;
+        let places = own.keyframes().iter().zip(own.map_from_keyframe()).rev();
+        let mut known = places.filter_map(|(keyframe, own)| Some((map.place(keyframe.id)?, *own)));
+        known.next().and_then(|(place, own)| Some(*map.map_from_keyframe().get(place)? * own.inverse()))
+    }
+
+    /// Reads what has come, and, where it is this robot that solves, takes in so many keyframes; whether there was anything to do.
+    pub fn work(&mut self, now: Stamp, keyframes: usize) -> bool {
+        let refused = self.inbox.read(self.node.chains(), &mut self.solutions);
+        refused.into_iter().for_each(|(why, of)| self.node.refuse(why, of));
+        let mut has_worked = self.follow();
+        if self.node.leader(now) == Some(self.node.me().rank) {
+            has_worked |= self.solve(now, keyframes);
+        } else {
+            self.solving = None;
+        }
+        has_worked
+    }
+
+    /// Reads the solution that counts.
+    fn follow(&mut self) -> bool {
+        let Some((id, begin)) = self.solutions.best(|rank| !self.is_equivocator(rank)) else { return false };
+        if self.replay.as_ref().is_none_or(|replay| replay.id != id) {
+            self.replay = self.solutions.replay(id, &begin);
+        }
+        let Some(replay) = &mut self.replay else { return false };
+        match replay.advance(&self.solutions, &self.inbox) {
+            Ok(has_changed) => has_changed,
+            Err(_) => {
+                self.node.refuse(Refusal::BadPayload, Some(id.chain.rank));
+                self.solutions.break_off(id);
+                self.replay = None;
+                true
+            }
+        }
+    }
+
+    fn is_equivocator(&self, rank: u16) -> bool {
+        self.node.equivocators().any(|(of, _)| of == rank)
+    }
+
+    fn solve(&mut self, now: Stamp, keyframes: usize) -> bool {
+        let best = self.solutions.best(|rank| !self.is_equivocator(rank)).map(|(id, _)| id);
+        let is_current = |solving: &Solving| best == Some(solving.id) || !self.solutions.has(solving.id);
+        if self.solving.as_ref().is_some_and(is_current) {
+            // It goes on.
+        } else if !self.begin(now) {
+            return false;
+        }
+        let Some(solving) = &mut self.solving else { return false };
+        let has_worked = solving.work(&self.inbox, now, keyframes);
+        for steps in solving.take_steps(now) {
+            self.node.publish(Kind::Solution, pack(&steps));
+        }
+        has_worked
+    }
+
+    /// Goes on with the solution that counts; where a step of it waits for what nobody may have any more, after a while with what was before.
+    fn begin(&mut self, now: Stamp) -> bool {
+        let Some((mapper, base)) = self.mapper_of_solution(now) else { return false };
+        let before = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
+        let Some(term) = before.checked_add(1) else { return false };
+        let (adoptions, taken) = self.replay.as_ref().map(|known| (known.adoptions.clone(), known.taken.clone())).unwrap_or_default();
+        let me = self.node.me();
+        let begin = self.node.chains().get(&me).map_or(0, Chain::next);
+        let mut steps = Vec::new();
+        Step::Begin(Begin { term, base }).put(&mut steps);
+        if !self.node.publish(Kind::Solution, pack(&steps)) {
+            return false;
+        }
+        let writer = self.replay.as_ref().map_or_else(|| LogWriter::resume(&Session::default()), |known| LogWriter::resume(known.session()));
+        let mut solving = Solving {
+            id: SolutionId { chain: me, begin },
+            mapper,
+            writer,
+            adoptions,
+            taken,
+            turn: me,
+            steps: Vec::new(),
+            last_new: now,
+            last_said: now,
+            is_settled: true,
+            has_looked_again: true,
+        };
+        let update = solving.mapper.news();
+        solving.find(&update.entries);
+        self.solving = Some(solving);
+        true
+    }
+
+    /// A mapper that goes on with the solution that counts, and how far that was read.
+    fn mapper_of_solution(&mut self, now: Stamp) -> Option<(Mapper, Option<(SolutionId, u32)>)> {
+        let Some(replay) = &self.replay else {
+            let mapper = Mapper::of_run(self.settings, RunId::of_robot(TEAM), Pose2::IDENTITY).ok()?;
+            return Some((mapper, None));
+        };
+        let Some(reached) = replay.reached() else {
+            let since = *self.blocked_since.get_or_insert(now);
+            if now.secs_since(since) >= BLOCKED_S {
+                self.blocked_since = None;
+                self.replay = replay.before_block();
+            }
+            return None;
+        };
+        self.blocked_since = None;
+        let mapper = Mapper::resume(self.settings, replay.session().clone()).ok()?;
+        Some((mapper, Some(reached)))
+    }
+}
+
+impl Solving {
+    /// Takes in so many keyframes, of each robot some in turn; whether there was anything to do.
+    fn work(&mut self, inbox: &Inbox, now: Stamp, keyframes: usize) -> bool {
+        let mut left = keyframes;
+        while left > 0
+            && let Some(chain) = self.next_chain(inbox)
+        {
+            let first = self.taken.get(&chain).copied().unwrap_or(0);
+            for number in first..first + TURN.min(left) {
+                let Some(group) = inbox.group(chain, number) else { break };
+                self.take_in(chain, group);
+                left -= 1;
+            }
+            (self.last_new, self.is_settled, self.has_looked_again) = (now, false, false);
+        }
+        let still_s = now.secs_since(self.last_new);
+        if left < keyframes || still_s < SETTLED_S {
+            return left < keyframes;
+        }
+        if !self.has_looked_again && still_s >= LOOKED_AGAIN_S {
+            (self.has_looked_again, self.is_settled) = (true, false);
+            let update = self.mapper.look_again();
+            self.find(&update.entries);
+        }
+        if !self.is_settled {
+            self.is_settled = true;
+            let mut found = Vec::new();
+            self.writer.finish(&mut found);
+            self.put_found(&found);
+            return true;
+        }
+        false
+    }
+
+    /// The next chain in turn of which something is left.
+    fn next_chain(&mut self, inbox: &Inbox) -> Option<ChainId> {
+        let has_more = |&(chain, groups): &(ChainId, usize)| groups > self.taken.get(&chain).copied().unwrap_or(0);
+        let after = inbox.groups().filter(has_more).find(|(chain, _)| *chain > self.turn);
+        let (chain, _) = after.or_else(|| inbox.groups().find(has_more))?;
+        self.turn = chain;
+        Some(chain)
+    }
+
+    fn take_in(&mut self, chain: ChainId, group: &[Entry]) {
+        let adopted = self.mapper.adopt(group, self.adoptions.entry(chain).or_default());
+        *self.taken.entry(chain).or_default() += 1;
+        Step::TakeIn(chain, adopted.map_from_keyframe).put(&mut self.steps);
+        let (own, found) = adopted.update.entries.split_at(adopted.own.min(adopted.update.entries.len()));
+        for entry in own {
+            // What the session has taken the writer takes as well.
+            let _ = self.writer.skip(entry);
+        }
+        self.find(found);
+    }
+
+    fn find(&mut self, entries: &[Entry]) {
+        let mut found = Vec::new();
+        for entry in entries {
+            let _ = self.writer.append(&mut found, entry);
+        }
+        self.put_found(&found);
+    }
+
+    fn put_found(&mut self, found: &[u8]) {
+        if !found.is_empty() {
+            Step::Found(found).put(&mut self.steps);
+        }
+    }
+
+    /// The steps that are due to be told.
+    fn take_steps(&mut self, now: Stamp) -> Vec<Vec<u8>> {
+        let is_due = self.steps.len() >= STEPS_BYTES || now.secs_since(self.last_said) >= TOLD_S || self.is_settled;
+        if self.steps.is_empty() || !is_due {
+            return Vec::new();
+        }
+        self.last_said = now;
+        std::mem::take(&mut self.steps).chunks(STEPS_AT_MOST).map(<[u8]>::to_vec).collect()
+    }
+}
