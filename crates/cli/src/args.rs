@@ -1,11 +1,13 @@
 //! What can be asked for.
 
 mod export;
+mod fleet;
 mod suite;
 mod switched;
 mod values;
 
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
+pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use crate::calibrated::Calibrated;
@@ -62,6 +64,8 @@ pub(crate) enum Command {
     Merge(MergeArgs),
     /// Where the robot of a log is in a finished map, which stays as it is.
     Localise(LocaliseArgs),
+    /// Several robots with one map, made while they drive.
+    Fleet(FleetArgs),
     /// What is in a log, and everything odd about it.
     Info(InfoArgs),
     /// Score trajectories against surveyed relations or a reference trajectory.

@@ -8,6 +8,7 @@ mod demo;
 mod eval;
 mod explain;
 mod export;
+mod fleet;
 mod info;
 mod localise;
 mod map;
@@ -26,6 +27,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Map(args) => map::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Localise(args) => localise::run(&args),
+        Command::Fleet(args) => fleet::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

@@ -1,0 +1,13 @@
+//! `mapwright fleet`
+
+mod simulate;
+mod team;
+
+use crate::args::{FleetArgs, FleetCommand};
+use crate::failure::{Failure, Outcome};
+
+pub(super) fn run(args: &FleetArgs) -> Result<Outcome, Failure> {
+    match &args.command {
+        FleetCommand::Simulate(args) => simulate::run(args),
+    }
+}

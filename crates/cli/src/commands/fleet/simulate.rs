@@ -1,0 +1,299 @@
+//! `mapwright fleet simulate`
+
+use super::team::{Robot, Simulated};
+use crate::args::FleetSimulateArgs;
+use crate::events::{Ending, Interrupt, Log, name_of};
+use crate::failure::{Failure, Outcome};
+use crate::maps::{MapWriter, remove_outdated_maps};
+use crate::output::OutputFolder;
+use crate::progress::FirstPass;
+use crate::settings;
+use crate::terminal::{count, say, say_json};
+use mapwright::{LaserScan, Odometry, Pose2, Session, Settings, Stamp, TurnRate};
+use mapwright_formats::{LogEvent, TumWriter};
+use mapwright_sim::RadioSettings;
+use serde_json::{Value, json};
+
+/// Robots hear and work so often, seconds.
+const STEP_S: f64 = 0.1;
+/// After the logs robots have so long to agree, seconds.
+const AGREE_S: f64 = 600.0;
+/// Whether they agree is asked so often, steps.
+const ASKED_EVERY: u64 = 20;
+
+/// What a log says.
+enum Event {
+    Scan(LaserScan),
+    Odometry(Odometry),
+    TurnRate(TurnRate),
+}
+
+impl Event {
+    fn stamp(&self) -> Stamp {
+        match self {
+            Self::Scan(scan) => scan.stamp,
+            Self::Odometry(odometry) => odometry.stamp,
+            Self::TurnRate(rate) => rate.stamp,
+        }
+    }
+}
+
+pub(super) fn run(args: &FleetSimulateArgs) -> Result<Outcome, Failure> {
+    let settings = settings::load(&args.settings)?;
+    let interrupt = Interrupt::watch()?;
+    refuse(args)?;
+    let mut logs = Vec::new();
+    for path in &args.logs {
+        let quiet = args.voice.quiet || args.voice.json;
+        let mut first_pass = FirstPass::new(&interrupt, quiet);
+        let mut log = Log::open_all(std::slice::from_ref(path), &args.source.choice(), &mut |name, messages| {
+            first_pass.look(name, messages)
+        })?;
+        let mut events = Vec::new();
+        let ending = log.for_each(&interrupt, |event, _| {
+            match event {
+                LogEvent::Scan(scan) => events.push(Event::Scan(scan.clone())),
+                LogEvent::Odometry(odometry) => events.push(Event::Odometry(*odometry)),
+                LogEvent::TurnRate(rate) => events.push(Event::TurnRate(*rate)),
+                _ => {}
+            }
+            Ok(())
+        })?;
+        if ending == Ending::Interrupted {
+            return Err(Failure::Usage("interrupted before all logs were read; nothing was written".to_owned()));
+        }
+        if !events.iter().any(|event| matches!(event, Event::Scan(_))) {
+            return Err(Failure::NoScan { name: name_of(path), found: "none".to_owned() });
+        }
+        logs.push(events);
+    }
+    let names = names(args);
+    let radio = RadioSettings { loss: args.loss, doubled: 0.05, delay_s: [0.005, 0.2], seed: args.seed };
+    let mut team = Simulated::new(&names, settings, radio)?;
+    team.split = args.split;
+    let ended = drive(&mut team, &logs, args, &interrupt);
+    let output = OutputFolder::create(&args.output)?;
+    report(args, settings, &team, &ended, output)
+}
+
+fn refuse(args: &FleetSimulateArgs) -> Result<(), Failure> {
+    let robots = args.logs.len();
+    let wrong = args.dies.iter().map(|(robot, _)| *robot).find(|robot| !(1..=robots).contains(robot));
+    if let Some(robot) = wrong {
+        return Err(Failure::Usage(format!("--dies: expected a robot from 1 to {robots}, found {robot}")));
+    }
+    if let Some((first, _)) = args.split.filter(|(first, _)| !(1..robots).contains(first)) {
+        return Err(Failure::Usage(format!("--split: expected 1 to {} robots, found {first}", robots - 1)));
+    }
+    Ok(())
+}
+
+/// Robots are called by their logs, in their order.
+fn names(args: &FleetSimulateArgs) -> Vec<String> {
+    let digits = args.logs.len().to_string().len();
+    let stem = |path: &std::path::Path| {
+        let name = path.file_name().map_or_else(|| "log".to_owned(), |name| name.to_string_lossy().into_owned());
+        name.split('.').next().unwrap_or("log").to_owned()
+    };
+    args.logs.iter().enumerate().map(|(k, path)| format!("{:0digits$}-{}", k + 1, stem(path))).collect()
+}
+
+/// How a simulation ended.
+struct Ended {
+    /// Seconds that the logs took, and until all agreed after them; none where they did not.
+    drove_s: f64,
+    agreed_s: Option<f64>,
+    interrupted: bool,
+}
+
+fn drive(team: &mut Simulated, logs: &[Vec<Event>], args: &FleetSimulateArgs, interrupt: &Interrupt) -> Ended {
+    let mut next = vec![0; logs.len()];
+    let begins: Vec<Stamp> = logs.iter().map(|log| log.iter().map(Event::stamp).min().unwrap_or(Stamp(0))).collect();
+    let (mut step, mut drove_s) = (0_u64, None);
+    loop {
+        let seconds = step as f64 * STEP_S;
+        let now = Stamp((seconds * 1e9) as i64);
+        for (robot, log) in logs.iter().enumerate() {
+            let dies_s = args.dies.iter().filter(|(who, _)| *who == robot + 1).map(|(_, at_s)| *at_s);
+            if dies_s.fold(f64::INFINITY, f64::min) <= seconds {
+                team.robots[robot].is_alive = false;
+                next[robot] = log.len();
+            }
+            while let Some(event) = log.get(next[robot])
+                && event.stamp().secs_since(begins[robot]) <= seconds
+            {
+                team.map(robot, now, |mapper| match event {
+                    Event::Scan(scan) => Some(mapper.add_scan(scan)),
+                    Event::Odometry(odometry) => {
+                        mapper.add_odometry(odometry);
+                        None
+                    }
+                    Event::TurnRate(rate) => {
+                        mapper.add_turn_rate(rate);
+                        None
+                    }
+                });
+                next[robot] += 1;
+                if next[robot] == log.len() {
+                    team.map(robot, now, |mapper| Some(mapper.look_again()));
+                    team.robots[robot].team.finish();
+                }
+            }
+        }
+        let has_worked = team.step(now, seconds);
+        note_joins(team, seconds);
+        step += 1;
+        let has_driven = next.iter().zip(logs).all(|(next, log)| *next == log.len());
+        let end_s = *drove_s.get_or_insert_with(|| if has_driven { seconds } else { f64::INFINITY });
+        if end_s.is_infinite() {
+            drove_s = None;
+        } else if !has_worked && step.is_multiple_of(ASKED_EVERY) && is_over(team, seconds - end_s) {
+            return Ended { drove_s: end_s, agreed_s: Some(seconds - end_s), interrupted: false };
+        }
+        if interrupt.came() || drove_s.is_some_and(|end_s| seconds - end_s > AGREE_S) {
+            return Ended { drove_s: drove_s.unwrap_or(seconds), agreed_s: None, interrupted: interrupt.came() };
+        }
+    }
+}
+
+/// All have the same map, and none is about to look for old places once more.
+fn is_over(team: &Simulated, since_end_s: f64) -> bool {
+    since_end_s >= 10.0 && team.is_agreed()
+}
+
+fn note_joins(team: &mut Simulated, seconds: f64) {
+    for robot in &mut team.robots {
+        let is_one = || robot.team.map().is_some_and(|map| map.runs().len() > 2 && map.pieces().len() == 1);
+        if robot.joined_s.is_none() && (seconds % 5.0) < STEP_S && is_one() {
+            robot.joined_s = Some(seconds);
+        }
+    }
+}
+
+fn report(
+    args: &FleetSimulateArgs,
+    settings: Settings,
+    team: &Simulated,
+    ended: &Ended,
+    mut output: OutputFolder,
+) -> Result<Outcome, Failure> {
+    let map = team.robots.iter().filter(|robot| robot.is_alive).find_map(|robot| robot.team.map());
+    let mut losses = Vec::new();
+    if ended.interrupted {
+        losses.push("interrupted; the results are those up to there".to_owned());
+    } else if ended.agreed_s.is_none() {
+        losses.push(format!("robots do not have the same map {AGREE_S} s after the end"));
+    }
+    let mut pieces = 0;
+    if let Some(map) = map {
+        pieces = write_map(settings, map, team, &mut output)?;
+        if pieces > 1 {
+            losses.push(format!("the robots' maps are {pieces} that nothing joins"));
+        }
+    } else {
+        losses.push("no robot has a map of all".to_owned());
+    }
+    let keyframes: usize = team.robots.iter().map(|robot| robot.mapper.keyframes().len()).sum();
+    let (messages, sent_bytes) = team.radio.sent();
+    let said: usize = team.robots.first().map_or(0, |robot| {
+        robot.team.node().chains().values().map(|chain| chain.bytes() + 133 * chain.records().len()).sum()
+    });
+    let robots: Vec<Value> = team.robots.iter().map(robot_json).collect();
+    let value = json!({
+        "robots": robots,
+        "pieces": pieces,
+        "drove_s": ended.drove_s,
+        "agreed_s": ended.agreed_s,
+        "keyframes": keyframes,
+        "said_bytes_per_keyframe": said as f64 / keyframes.max(1) as f64,
+        "sent": { "messages": messages, "bytes": sent_bytes },
+        "loss": args.loss,
+        "losses": losses,
+    });
+    output.write_json("fleet.json", &value)?;
+    let words = words(team, ended, &value, &losses);
+    output.commit()?;
+    if args.voice.json {
+        say_json(&value)?;
+    } else if !args.voice.quiet {
+        say(&words)?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
+/// The session, its maps, and where each robot was; how many maps there are.
+fn write_map(
+    settings: Settings,
+    map: &Session,
+    team: &Simulated,
+    output: &mut OutputFolder,
+) -> Result<usize, Failure> {
+    use std::io::Write as _;
+    output.write("session.mapwright", |writer| Ok(writer.write_all(&map.encode())?))?;
+    let maps = map.maps();
+    let writer = MapWriter { settings: &settings, session: map, drawn: None, turn_upright: true, picture_side: None };
+    for (number, separate) in maps.iter().enumerate() {
+        writer.write(output, (number, separate), &[])?;
+    }
+    remove_outdated_maps(output, maps.len());
+    let mut all: Vec<(Stamp, Pose2)> = Vec::new();
+    for robot in &team.robots {
+        let own = robot.mapper.session();
+        let pose = |scan: &mapwright::ScanPose| {
+            let map_from_keyframe = map.map_from_keyframe().get(map.place(scan.keyframe?)?)?;
+            Some((scan.stamp, *map_from_keyframe * scan.keyframe_from_robot))
+        };
+        let poses: Vec<(Stamp, Pose2)> = own.scans().iter().filter_map(pose).collect();
+        write_poses(output, format!("trajectory-{}.tum", robot.name), &poses)?;
+        all.extend(poses);
+    }
+    all.sort_by_key(|(stamp, _)| *stamp);
+    write_poses(output, "trajectory.tum".to_owned(), &all)?;
+    Ok(maps.len())
+}
+
+fn write_poses(output: &mut OutputFolder, name: String, poses: &[(Stamp, Pose2)]) -> Result<(), Failure> {
+    output.write(name, |writer| {
+        let mut tum = TumWriter::new(writer);
+        poses.iter().try_for_each(|(stamp, pose)| tum.write_planar(*stamp, *pose))?;
+        tum.finish().map(drop)
+    })
+}
+
+fn robot_json(robot: &Robot) -> Value {
+    let refused = robot.team.node().refused();
+    let refused: Vec<Value> = refused
+        .map(|(why, of, times)| json!({ "why": why.words(), "of": of, "times": times }))
+        .collect();
+    json!({
+        "name": robot.name,
+        "alive": robot.is_alive,
+        "solves": robot.team.is_solving(),
+        "keyframes": robot.mapper.keyframes().len(),
+        "one_map_s": robot.joined_s,
+        "cpu_map_s": robot.mapped.as_secs_f64(),
+        "cpu_team_s": robot.shared.as_secs_f64(),
+        "refused": refused,
+    })
+}
+
+fn words(team: &Simulated, ended: &Ended, value: &Value, losses: &[String]) -> String {
+    let mut lines = Vec::new();
+    for robot in &team.robots {
+        let role = if robot.team.is_solving() { ", solves" } else { "" };
+        let life = if robot.is_alive { "" } else { ", died" };
+        let joined = robot.joined_s.map_or("never one map".to_owned(), |s| format!("one map after {s:.0} s"));
+        lines.push(format!(
+            "{}: {}, {joined}, CPU {:.1} s for its own map, {:.1} s for the team{role}{life}",
+            robot.name,
+            count(robot.mapper.keyframes().len() as u64, "keyframe"),
+            robot.mapped.as_secs_f64(),
+            robot.shared.as_secs_f64(),
+        ));
+    }
+    let agreed = ended.agreed_s.map_or("not agreed".to_owned(), |s| format!("agreed {s:.0} s later"));
+    lines.push(format!("drove for {:.0} s, {agreed}", ended.drove_s));
+    lines.push(format!("said {:.0} bytes a keyframe", value["said_bytes_per_keyframe"].as_f64().unwrap_or(0.0)));
+    lines.extend(losses.iter().map(|loss| format!("! {loss}")));
+    lines.join("\n") + "\n"
+}

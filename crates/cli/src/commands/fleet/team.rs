@@ -1,0 +1,131 @@
+//! Robots of one team in one process, and the simulated air between them.
+
+use crate::failure::Failure;
+use mapwright::{Mapper, Pose2, RunId, Session, Settings, Stamp, Update};
+use mapwright_fleet::{Node, NodeSettings, Roster, RosterError, Secret, Team};
+use mapwright_sim::{Radio, RadioSettings, Rng};
+use std::time::{Duration, Instant};
+
+/// A robot: its own mapper, and its part in the team.
+pub(super) struct Robot {
+    pub(super) name: String,
+    pub(super) mapper: Mapper,
+    pub(super) team: Team,
+    pub(super) is_alive: bool,
+    /// CPU of its own map, and of what it does for the team.
+    pub(super) mapped: Duration,
+    pub(super) shared: Duration,
+    /// When its own map and that of the team became one, seconds.
+    pub(super) joined_s: Option<f64>,
+}
+
+/// Robots and the air.
+pub(super) struct Simulated {
+    pub(super) robots: Vec<Robot>,
+    pub(super) radio: Radio,
+    /// The first so many do not hear the others between these times, seconds.
+    pub(super) split: Option<(usize, [f64; 2])>,
+}
+
+/// Keyframes that the robot that solves takes in at a time.
+const KEYFRAMES_AT_ONCE: usize = 256;
+
+impl Simulated {
+    pub(super) fn new(names: &[String], settings: Settings, radio: RadioSettings) -> Result<Self, Failure> {
+        let secrets: Vec<Secret> = (0..names.len()).map(|k| secret(radio.seed, k)).collect();
+        let roster = || roster(names, &secrets);
+        let robot = |(name, secret): (&String, &Secret)| {
+            let roster = roster().map_err(|cause| Failure::Usage(cause.to_string()))?;
+            let node = Node::new(NodeSettings::default(), roster, name, secret.clone(), 0);
+            let node = node.ok_or_else(|| Failure::Usage(format!("expected {name} in the team")))?;
+            let mapper = Mapper::of_run(settings, RunId::of_robot(name), Pose2::IDENTITY)?;
+            Ok(Robot {
+                name: name.clone(),
+                mapper,
+                team: Team::new(node, settings)?,
+                is_alive: true,
+                mapped: Duration::ZERO,
+                shared: Duration::ZERO,
+                joined_s: None,
+            })
+        };
+        let robots = names.iter().zip(&secrets).map(robot).collect::<Result<_, Failure>>()?;
+        Ok(Self { robots, radio: Radio::new(radio), split: None })
+    }
+
+    /// A robot's mapper is told something, and tells the team.
+    pub(super) fn map(&mut self, robot: usize, now: Stamp, tell: impl FnOnce(&mut Mapper) -> Option<Update>) {
+        let Some(robot) = self.robots.get_mut(robot).filter(|robot| robot.is_alive) else { return };
+        let begin = Instant::now();
+        let update = tell(&mut robot.mapper);
+        robot.mapped += begin.elapsed();
+        let begin = Instant::now();
+        update.into_iter().for_each(|update| robot.team.tell(now, &update));
+        robot.shared += begin.elapsed();
+    }
+
+    /// All say what they have to say, hear what has arrived, and work; whether anyone had something to do.
+    pub(super) fn step(&mut self, now: Stamp, seconds: f64) -> bool {
+        let side = |split: Option<(usize, [f64; 2])>, robot: usize| {
+            split.is_some_and(|(first, [from, to])| (from..to).contains(&seconds) && robot < first)
+        };
+        for from in 0..self.robots.len() {
+            let robot = &mut self.robots[from];
+            if !robot.is_alive {
+                continue;
+            }
+            for out in robot.team.poll(now) {
+                for to in (0..self.robots.len()).filter(|to| *to != from) {
+                    let rank = self.robots[to].team.node().me().rank;
+                    if out.to.is_none_or(|wanted| wanted == rank) {
+                        let is_in_reach = side(self.split, from) == side(self.split, to);
+                        self.radio.send(now, to, &out.bytes, is_in_reach);
+                    }
+                }
+            }
+        }
+        for arrival in self.radio.receive(now) {
+            if let Some(robot) = self.robots.get_mut(arrival.to).filter(|robot| robot.is_alive) {
+                let begin = Instant::now();
+                robot.team.receive(now, &arrival.bytes);
+                robot.shared += begin.elapsed();
+            }
+        }
+        let mut has_worked = false;
+        for robot in self.robots.iter_mut().filter(|robot| robot.is_alive) {
+            let begin = Instant::now();
+            has_worked |= robot.team.work(now, KEYFRAMES_AT_ONCE);
+            robot.shared += begin.elapsed();
+        }
+        has_worked
+    }
+
+    /// Whether all who live have the same map, to the byte, and all that any of them has mapped is in it.
+    pub(super) fn is_agreed(&self) -> bool {
+        let mut alive = self.robots.iter().filter(|robot| robot.is_alive);
+        let Some(first) = alive.next().and_then(|robot| robot.team.map()) else { return false };
+        let has_all = |robot: &Robot| robot.mapper.keyframes().last().is_none_or(|last| first.place(last.id).is_some());
+        let is_counted = |other: &Session| {
+            (other.keyframes().len(), other.recorded_edges().len(), other.corrections())
+                == (first.keyframes().len(), first.recorded_edges().len(), first.corrections())
+        };
+        let alive: Vec<&Robot> = self.robots.iter().filter(|robot| robot.is_alive).collect();
+        let maps: Option<Vec<&Session>> = alive.iter().map(|robot| robot.team.map()).collect();
+        maps.is_some_and(|maps| {
+            alive.iter().all(|robot| has_all(robot))
+                && maps.iter().all(|map| is_counted(map))
+                && maps.iter().skip(1).all(|map| map.encode() == first.encode())
+        })
+    }
+}
+
+fn secret(seed: u64, robot: usize) -> Secret {
+    let mut rng = Rng::keyed(seed, robot as u64);
+    let mut bytes = [0; 32];
+    bytes.chunks_mut(8).for_each(|chunk| chunk.copy_from_slice(&rng.next_u64().to_le_bytes()));
+    Secret::from_bytes(&bytes)
+}
+
+fn roster(names: &[String], secrets: &[Secret]) -> Result<Roster, RosterError> {
+    Roster::new(names.iter().cloned().zip(secrets.iter().map(Secret::public)))
+}
