@@ -103,7 +103,13 @@ impl Record {
         Some(Self { kind, payload: from.take(bytes)?.into(), signature })
     }
 
-    /// Bytes that it takes in a message.
+    /// Bytes that it takes in a message of its own.
+    #[must_use]
+    pub fn message_bytes(&self) -> usize {
+        15 + self.wire_bytes()
+    }
+
+    /// Bytes that it takes in a message beside others.
     pub(crate) fn wire_bytes(&self) -> usize {
         5 + SIGNATURE_BYTES + self.payload.len()
     }

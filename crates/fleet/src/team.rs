@@ -6,17 +6,21 @@ use crate::message::Refusal;
 use crate::node::{Node, Outgoing};
 use crate::record::{ChainId, Kind};
 use crate::solution::{Begin, Replay, SolutionId, Solutions, Step};
-use mapwright::{Adoption, Entry, Mapper, Pose2, RunId, Session, Settings, SettingsError, Stamp, Update};
+use mapwright::{Adoption, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update};
 use mapwright_record::LogWriter;
 use std::collections::BTreeMap;
 
 /// What was mapped is told after so many keyframes, or so many seconds.
 const TOLD_KEYFRAMES: usize = 4;
 const TOLD_S: f64 = 2.0;
+/// Poses are told in steps of a metre or a radian divided by this: 2^20.
+const POSE_STEPS: f64 = 1_048_576.0;
 /// Bytes of steps that make a record of the solution.
 const STEPS_BYTES: usize = 1 << 15;
 /// Bytes of steps in one record at most.
 const STEPS_AT_MOST: usize = 1 << 19;
+/// Corrections take at most this share of what is told.
+const SNAPSHOTS: f64 = 0.2;
 /// Keyframes that are taken in of one robot before it is another one's turn.
 const TURN: usize = 8;
 /// A step that waits for records which nobody has sent for so long is given up, seconds.
@@ -113,7 +117,7 @@ impl Team {
                 Entry::Keyframe { .. } => self.untold_keyframes += 1,
                 _ => {}
             }
-            if self.writer.append(&mut self.untold, entry).is_err() {
+            if self.writer.append(&mut self.untold, &rounded(entry)).is_err() {
                 self.unsaid += 1;
             }
             self.untold_since.get_or_insert(now);
@@ -229,6 +233,7 @@ impl Team {
             return false;
         }
         let writer = self.replay.as_ref().map_or_else(|| LogWriter::resume(&Session::default()), |known| LogWriter::resume(known.session()));
+        let writer = writer.with_snapshots_of(SNAPSHOTS);
         let mut solving = Solving {
             id: SolutionId { chain: me, begin },
             mapper,
@@ -266,6 +271,40 @@ impl Team {
         let mapper = Mapper::resume(self.settings, replay.session().clone()).ok()?;
         Some((mapper, Some(reached)))
     }
+}
+
+/// An entry as others are told it: poses to a millionth of a metre, information and covariances in single precision. More is noise, and
+/// takes most of a message.
+fn rounded(entry: &Entry) -> Entry {
+    let mut entry = entry.clone();
+    match &mut entry {
+        Entry::Keyframe { map_from_keyframe, .. } => round_pose(map_from_keyframe),
+        Entry::Edge(RecordedEdge { edge, .. }) => {
+            round_pose(&mut edge.from_from_to);
+            round_matrix(&mut edge.information);
+        }
+        Entry::Remeasured { from_from_to, information, .. } => {
+            round_pose(from_from_to);
+            round_matrix(information);
+        }
+        Entry::Candidate(candidate) => {
+            candidate.from_from_to.iter_mut().for_each(round_pose);
+            round_matrix(&mut candidate.covariance);
+        }
+        Entry::Snapshot(snapshot) => snapshot.map_from_keyframe.iter_mut().for_each(|(_, pose)| round_pose(pose)),
+        _ => {}
+    }
+    entry
+}
+
+fn round_pose(pose: &mut Pose2) {
+    for number in [&mut pose.x, &mut pose.y, &mut pose.theta] {
+        *number = (*number * POSE_STEPS).round() / POSE_STEPS;
+    }
+}
+
+fn round_matrix(matrix: &mut Cov3) {
+    matrix.iter_mut().for_each(|number| *number = f64::from(*number as f32));
 }
 
 impl Solving {

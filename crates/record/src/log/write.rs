@@ -35,6 +35,8 @@ pub struct LogWriter<M: Measurement = Sweep> {
     sensors: Sensors<M>,
     kept_back: Option<KeptBack<M>>,
     since_snapshot_bytes: usize,
+    /// Bytes of other entries for each one of snapshots, at least.
+    per_snapshot_byte: f64,
 }
 
 /// Snapshots that are not written yet, merged.
@@ -73,7 +75,14 @@ impl<M: Measurement> LogWriter<M> {
             sensors: Sensors::of(session),
             kept_back: None,
             since_snapshot_bytes: 0,
+            per_snapshot_byte: 1.0,
         }
+    }
+
+    /// Snapshots take at most this share of the log, above zero, instead of half of it.
+    #[must_use]
+    pub fn with_snapshots_of(self, share: f64) -> Self {
+        Self { per_snapshot_byte: 1.0 / share.clamp(1e-3, 1.0) - 1.0, ..self }
     }
 
     /// Appends an entry's bytes, or keeps it back if it is a snapshot.
@@ -86,7 +95,9 @@ impl<M: Measurement> LogWriter<M> {
         self.begin(out);
         self.write(out, entry)?;
         self.since_snapshot_bytes += out.len() - before;
-        self.write_snapshot_if(out, |writer, bytes| writer.since_snapshot_bytes >= bytes)
+        self.write_snapshot_if(out, |writer, bytes| {
+            writer.since_snapshot_bytes as f64 >= writer.per_snapshot_byte * bytes as f64
+        })
     }
 
     /// Counts an entry that the reader has from elsewhere ([`EntryReader`](super::EntryReader)) as written.

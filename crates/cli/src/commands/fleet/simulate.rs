@@ -10,6 +10,7 @@ use crate::progress::FirstPass;
 use crate::settings;
 use crate::terminal::{count, say, say_json};
 use mapwright::{LaserScan, Odometry, Pose2, Session, Settings, Stamp, TurnRate};
+use mapwright_fleet::{Chain, Kind, Record};
 use mapwright_formats::{LogEvent, TumWriter};
 use mapwright_sim::RadioSettings;
 use serde_json::{Value, json};
@@ -195,9 +196,13 @@ fn report(
     }
     let keyframes: usize = team.robots.iter().map(|robot| robot.mapper.keyframes().len()).sum();
     let (messages, sent_bytes) = team.radio.sent();
-    let said: usize = team.robots.first().map_or(0, |robot| {
-        robot.team.node().chains().values().map(|chain| chain.bytes() + 133 * chain.records().len()).sum()
-    });
+    let said = |kind: Kind| -> usize {
+        let chains = team.robots.first().into_iter().flat_map(|robot| robot.team.node().chains().values());
+        let records = chains.flat_map(Chain::records).filter(|record| record.kind == kind);
+        records.map(Record::message_bytes).sum()
+    };
+    let per_keyframe = |bytes: usize| bytes as f64 / keyframes.max(1) as f64;
+    let (mapped, solved) = (per_keyframe(said(Kind::Entries)), per_keyframe(said(Kind::Solution)));
     let robots: Vec<Value> = team.robots.iter().map(robot_json).collect();
     let value = json!({
         "robots": robots,
@@ -205,7 +210,7 @@ fn report(
         "drove_s": ended.drove_s,
         "agreed_s": ended.agreed_s,
         "keyframes": keyframes,
-        "said_bytes_per_keyframe": said as f64 / keyframes.max(1) as f64,
+        "bytes_per_keyframe": { "mapped": mapped, "solution": solved },
         "sent": { "messages": messages, "bytes": sent_bytes },
         "loss": args.loss,
         "losses": losses,
@@ -293,7 +298,8 @@ fn words(team: &Simulated, ended: &Ended, value: &Value, losses: &[String]) -> S
     }
     let agreed = ended.agreed_s.map_or("not agreed".to_owned(), |s| format!("agreed {s:.0} s later"));
     lines.push(format!("drove for {:.0} s, {agreed}", ended.drove_s));
-    lines.push(format!("said {:.0} bytes a keyframe", value["said_bytes_per_keyframe"].as_f64().unwrap_or(0.0)));
+    let bytes = |of: &str| value["bytes_per_keyframe"][of].as_f64().unwrap_or(0.0);
+    lines.push(format!("told {:.0} bytes a keyframe, {:.0} of them of the solution", bytes("mapped") + bytes("solution"), bytes("solution")));
     lines.extend(losses.iter().map(|loss| format!("! {loss}")));
     lines.join("\n") + "\n"
 }
