@@ -1,10 +1,11 @@
 //! What the records of all robots hold, read as they come.
 
 use crate::chain::Chain;
+use crate::keys::Roster;
 use crate::message::Refusal;
 use crate::record::{ChainId, Kind};
 use crate::solution::{NoStep, SolutionId, Solutions, Step};
-use mapwright::{Entry, groups};
+use mapwright::{Entry, RunId, groups};
 use mapwright_record::EntryReader;
 use std::collections::BTreeMap;
 
@@ -35,12 +36,19 @@ struct Read {
 }
 
 /// What was read of all chains.
-#[derive(Default)]
 pub(crate) struct Inbox {
+    /// By their places in the roster, what keyframes call the robots.
+    robots: Vec<u128>,
     chains: BTreeMap<ChainId, Read>,
 }
 
 impl Inbox {
+    /// Nothing was read yet of the robots of this team.
+    pub(crate) fn new(roster: &Roster) -> Self {
+        let robots = roster.members().iter().map(|member| RunId::of_robot(&member.name).robot).collect();
+        Self { robots, chains: BTreeMap::new() }
+    }
+
     /// Reads what has come; what cannot be read, and of whom.
     pub(crate) fn read(
         &mut self,
@@ -55,7 +63,7 @@ impl Inbox {
                 read.records += 1;
                 let payload = unpack(&record.payload);
                 let is_read = payload.is_some_and(|payload| match record.kind {
-                    Kind::Entries => read.entries(&payload),
+                    Kind::Entries => read.entries(&payload, self.robots.get(usize::from(id.rank)).copied()),
                     Kind::Solution => read.solution(SolutionId { chain: id, begin: seq }, payload, solutions),
                 });
                 if !is_read {
@@ -87,16 +95,18 @@ impl Inbox {
 }
 
 impl Read {
-    fn entries(&mut self, payload: &[u8]) -> bool {
+    /// Entries of the robot itself: it cannot speak for others.
+    fn entries(&mut self, payload: &[u8], robot: Option<u128>) -> bool {
         if self.is_broken {
             return false;
         }
+        let is_own = |entry: &Entry| !matches!(entry, Entry::Run(run) if Some(run.id.robot) != robot);
         match self.reader.read(payload) {
-            Ok(entries) => {
+            Ok(entries) if entries.iter().all(is_own) => {
                 self.groups.extend(groups(&entries).map(Box::from));
                 true
             }
-            Err(_) => {
+            _ => {
                 self.is_broken = true;
                 false
             }

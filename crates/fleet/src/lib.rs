@@ -18,7 +18,7 @@ mod solution;
 mod team;
 
 pub use chain::Chain;
-pub use keys::{Member, Roster, RosterError, Secret};
+pub use keys::{Member, Roster, RosterError, SIGNATURE_BYTES, Secret};
 pub use message::{MESSAGE_AT_MOST, RECORDS_AT_MOST, Refusal};
 pub use node::{Node, NodeSettings, Outgoing};
 pub use team::Team;

@@ -15,14 +15,14 @@ pub const MESSAGE_AT_MOST: usize = (1 << 20) + (1 << 16);
 /// Records that one answer holds.
 pub const RECORDS_AT_MOST: usize = 64;
 /// Chains that a beat may name.
-pub const CHAINS_AT_MOST: usize = 4096;
+pub(crate) const CHAINS_AT_MOST: usize = 4096;
 
 const MAGIC: [u8; 4] = *b"MWF\x01";
 const DOMAIN: &[u8] = b"mapwright fleet beat 1\n";
 
 /// A robot is alive, and holds so much.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Beat {
+pub(crate) struct Beat {
     /// Who says so.
     pub from: ChainId,
     /// Counts up in a session.

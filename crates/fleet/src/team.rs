@@ -76,18 +76,18 @@ impl Team {
     pub fn new(node: Node, settings: Settings) -> Result<Self, SettingsError> {
         settings.validate()?;
         Ok(Self {
-            node,
             settings,
             writer: LogWriter::resume(&Session::default()),
             untold: Vec::new(),
             untold_keyframes: 0,
             untold_since: None,
             unsaid: 0,
-            inbox: Inbox::default(),
+            inbox: Inbox::new(node.roster()),
             solutions: Solutions::default(),
             replay: None,
             solving: None,
             blocked_since: None,
+            node,
         })
     }
 

@@ -273,7 +273,9 @@ impl<S: Submaps> Closing<S> {
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
         let looks = |now_m: f64| [self.looks].iter().chain(&self.others).find(|looks| looks.is_at(now_m)).copied();
-        past.way_m.last().is_some_and(|&now_m| now_m - looks(now_m).unwrap_or_default().checked_m >= CHECK_EVERY_M)
+        // Once the maps of robots that drive at the same time are one, a look says little that the one before it did not.
+        let every_m = if self.takes_turns && !self.apart.are_several() { ASK_BY_PLACE_EVERY_M } else { CHECK_EVERY_M };
+        past.way_m.last().is_some_and(|&now_m| now_m - looks(now_m).unwrap_or_default().checked_m >= every_m)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that

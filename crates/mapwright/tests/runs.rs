@@ -4,7 +4,7 @@
 mod support;
 
 use mapwright::{
-    Entry, FragmentStart, Localisation, Mapper, Pose2, RunId, Session, Settings, Stamp, Status, Update, Withdrawal,
+    Adoption, Entry, FragmentStart, Localisation, Mapper, Pose2, RunId, Session, Settings, Stamp, Status, Update, Withdrawal, groups,
 };
 use mapwright_sim::worlds::{Relocalisation, TwiceTheSame, relocalisation};
 use mapwright_sim::{DriveSettings, TrueScan, worlds};
@@ -122,6 +122,55 @@ fn sessions_that_were_mapped_apart_become_one_map() {
         (session.pieces().len(), wrong)
     });
     assert_eq!(joined, [(1, 0); 2]);
+}
+
+/// Robots that drive at the same time, whose mappers tell what they have found every so many scans.
+#[test]
+fn robots_that_take_turns_have_one_map() {
+    let drives = [drive(3, 0, 0), drive(3, 4, 0)];
+    let mut robots = [0, 1].map(|k| {
+        let run = RunId::of_robot(&format!("robot {k}"));
+        (Mapper::of_run(Settings::default(), run, Pose2::IDENTITY).expect("valid"), Adoption::default())
+    });
+    let mut team = Mapper::of_run(Settings::default(), RunId::of_robot("all"), Pose2::IDENTITY).expect("valid");
+    let mut updates = vec![team.news()];
+    let scans = drives.iter().map(Vec::len).max().unwrap_or(0);
+    for first in (0..scans).step_by(40) {
+        for ((mapper, adoption), drive) in robots.iter_mut().zip(&drives) {
+            let part = drive.iter().skip(first).take(40);
+            let told: Vec<Entry> = part.flat_map(|scan| mapper.add_scan(&scan.scan).entries).collect();
+            for group in groups(&told) {
+                let adopted = team.adopt(group, adoption);
+                assert_eq!(adopted.refused, 0);
+                updates.push(adopted.update);
+            }
+        }
+    }
+    let session = team.session();
+    assert_eq!(replayed(updates), *session);
+    let (read, report) = Session::read(&session.encode()).expect("a session");
+    assert!(report.is_whole() && &read == session);
+    // Each keeps its names and its way, and what both have mapped is one map, as right as one robot's.
+    for (mapper, _) in &robots {
+        let mut way = Vec::new();
+        for keyframe in mapper.keyframes() {
+            way.push(session.place(keyframe.id).expect("it is there"));
+        }
+        assert!(way.windows(2).all(|pair| session.before(pair[1]) == Some(pair[0]) && session.after(pair[0]) == Some(pair[1])));
+    }
+    let kept: usize = robots.iter().map(|(mapper, _)| mapper.keyframes().len()).sum();
+    let truth = |keyframe: &mapwright::Keyframe| {
+        let robot = robots.iter().position(|(mapper, _)| mapper.session().place(keyframe.id).is_some()).expect("whose");
+        let own = robots[robot].0.session().place(keyframe.id).expect("there");
+        drives[robot][robots[robot].0.keyframes()[own].scan as usize].world_from_robot
+    };
+    let (keyframes, poses) = (session.keyframes(), session.map_from_keyframe());
+    let is_wrong = |at: &usize| {
+        let error = truth(&keyframes[0]).between(truth(&keyframes[*at])).between(poses[0].between(poses[*at]));
+        error.x.hypot(error.y) > RIGHT_M || error.theta.abs() > RIGHT_RAD
+    };
+    let wrong = (0..poses.len()).filter(is_wrong).count();
+    assert_eq!((keyframes.len(), session.pieces().len(), wrong), (kept, 1, 0));
 }
 
 #[test]

@@ -46,6 +46,45 @@ fn poses(path: &Path) -> Vec<String> {
 }
 
 #[test]
+fn robots_that_drive_at_the_same_time_share_one_map() {
+    let folder = folder("fleet");
+    let logs = [(0, "a.clf"), (2, "b.clf")].map(|(at, name)| write(&folder, name, &drive(5, at, 100 * at as i64)));
+    let (team, path) = out(&folder, "team");
+    let output = run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--loss", "0.3"]);
+    assert_code(&output, 0);
+    let said = text(&output.stdout);
+    assert!(said.contains("1-a: ") && said.contains("solves") && said.contains("bytes a keyframe"), "{said}");
+    let report = json(&team.join("fleet.json"));
+    assert_eq!((report["pieces"].as_u64(), report["losses"].as_array().map(Vec::len)), (Some(1), Some(0)), "{report}");
+    assert!(report["agreed_s"].as_f64().unwrap() < 30.0 && report["robots"][1]["one_map_s"].as_f64().is_some());
+    // The session is one like any other, and holds what both have mapped.
+    let exported = out(&folder, "map.pgm").1;
+    assert_code(&run(&["export", &path, "--to", "pgm", "-o", &exported]), 0);
+    let robots = [0, 1].map(|robot| report["robots"][robot]["keyframes"].as_u64().unwrap());
+    assert_eq!(report["keyframes"].as_u64(), Some(robots.iter().sum()));
+    for name in ["map.png", "map.pgm", "map.yaml", "trajectory.tum", "trajectory-1-a.tum", "trajectory-2-b.tum"] {
+        assert!(team.join(name).metadata().unwrap().len() > 100, "{name}");
+    }
+    // The same seed, the same bytes; a robot of another building has a map of its own, and that is said.
+    let (again, path) = out(&folder, "again");
+    assert_code(&run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--loss", "0.3", "--quiet"]), 0);
+    assert_eq!(fs::read(team.join("session.mapwright")).unwrap(), fs::read(again.join("session.mapwright")).unwrap());
+    let other = write(&folder, "other.clf", &drive(11, 1, 900));
+    let path = out(&folder, "apart").1;
+    let output = run(&["fleet", "simulate", &logs[0], &other, "-o", &path]);
+    assert_code(&output, 3);
+    assert!(text(&output.stdout).contains("2 that nothing joins"));
+    // One that dies leaves what it has said.
+    let (died, path) = out(&folder, "died");
+    assert_code(&run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--dies", "1@40"]), 0);
+    let report = json(&died.join("fleet.json"));
+    assert_eq!((report["robots"][0]["alive"].as_bool(), report["robots"][1]["solves"].as_bool()), (Some(false), Some(true)));
+    let refused = run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--dies", "3@4"]);
+    assert_refused(&refused, 2, &["--dies", "1 to 2", "3"]);
+    assert_refused(&run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--loss", "1.5"]), 2, &["0 to 0.95"]);
+}
+
+#[test]
 fn logs_and_sessions_of_one_building_become_one_map() {
     let folder = folder("merge");
     let [first, second] =
