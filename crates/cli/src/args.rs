@@ -2,12 +2,14 @@
 
 mod export;
 mod fleet;
+mod merge_maps;
 mod suite;
 mod switched;
 mod values;
 
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
+pub(crate) use merge_maps::MergeMapsArgs;
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use crate::calibrated::Calibrated;
@@ -62,6 +64,8 @@ pub(crate) enum Command {
     Map(MapArgs),
     /// One map of several logs or sessions, of one robot or of several, wherever each began.
     Merge(MergeArgs),
+    /// Two finished maps as one, of robots that share nothing else: where the one lies in the other is found, or refused with the reason.
+    MergeMaps(MergeMapsArgs),
     /// Where the robot of a log is in a finished map, which stays as it is.
     Localise(LocaliseArgs),
     /// Several robots with one map, made while they drive.

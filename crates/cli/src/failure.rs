@@ -64,6 +64,8 @@ pub(crate) enum Failure {
     Session { path: PathBuf, cause: String },
     #[error("{name}: {reason}")]
     World { name: String, reason: String },
+    #[error("{first} and {second} are not joined: {why}")]
+    NotJoined { first: String, second: String, why: String },
     #[error("cannot write to the standard output: {0}")]
     Stdout(std::io::Error),
     #[error("cannot watch for signals: {0}")]

@@ -77,6 +77,16 @@ pub enum FormatError {
         /// What it should be.
         expected: &'static str,
     },
+    /// A map's YAML or image that is none, or lacks something.
+    #[error("{place}: expected {expected}, found {found}")]
+    MapFile {
+        /// What of it.
+        place: String,
+        /// What should have been there.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
     /// The picture could not be encoded.
     #[error("the PNG encoder failed: {0}")]
     Png(#[from] png::EncodingError),

@@ -9,6 +9,7 @@
 //! - [`write_kitti`], [`write_csv`]: trajectories for other tools; of space [`write_space_kitti`], [`write_space_csv`].
 //! - [`GridImage`]: maps as PGM with YAML for Nav2 ([`write_pgm`], [`write_map_yaml`]) and as a picture to look at
 //!   ([`write_png`]), or with a world file ([`write_plain_png`], [`write_world_file`]).
+//! - [`read_map_yaml`], [`read_map_image`]: such maps of any robot, PGM or PNG.
 //! - [`SpacePicture`]: maps of space from above and from the side ([`write_space_png`]).
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
@@ -37,10 +38,13 @@ pub use excerpt::Excerpt;
 pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_kitti, write_stamps};
 pub use jump::{JumpWatch, OdometryJump};
 pub use map::{
-    Confidence, Frame, GridImage, Picture, PlanePlacement, SpacePicture, UNKNOWN, dominant_wall_angle, upward,
+    Confidence, Frame, GridImage, MAX_MAP_CELLS, MapDescription, MapMode, Picture, PlanePlacement, SpacePicture,
+    UNKNOWN, dominant_wall_angle, read_map_image, read_map_yaml, upward,
 };
 pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
-pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};
+pub use map::{
+    write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_tinted_png, write_world_file,
+};
 pub use noted::{Noted, OddHeads, OrderReport, RangeReport};
 pub use open::{LogStream, open_log};
 pub use pcd::write_pcd;

@@ -1,5 +1,6 @@
 //! Two-dimensional maps and the matching of scans against them.
 
+mod align;
 mod beams;
 mod correlative;
 mod counts;
@@ -9,6 +10,9 @@ mod matcher;
 mod survivors;
 mod tiles;
 
+pub use align::{
+    Alignment, Evidence, JoinError, MapError, Occupancy, OccupancyMap, Refusal, Source, WallAgreement, align, join,
+};
 pub use beams::BeamAgreement;
 pub use correlative::{
     CorrelativeSearch, MAX_SEARCH_BLOCKS, MAX_SEARCH_CELLS, Peak, SearchResult, SearchSettings, SearchWindow,

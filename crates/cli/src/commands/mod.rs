@@ -13,6 +13,7 @@ mod info;
 mod localise;
 mod map;
 mod merge;
+mod merge_maps;
 mod optimize;
 mod perturb;
 mod report;
@@ -26,6 +27,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
     match command {
         Command::Map(args) => map::run(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::MergeMaps(args) => merge_maps::run(&args),
         Command::Localise(args) => localise::run(&args),
         Command::Fleet(args) => fleet::run(&args),
         Command::Info(args) => info::run(&args),

@@ -2,6 +2,7 @@
 
 mod canvas;
 mod confidence;
+mod description;
 mod font;
 mod footer;
 mod frame;
@@ -10,15 +11,18 @@ mod palette;
 mod picture;
 mod plain;
 mod raster;
+mod read;
 mod space;
 mod view;
 mod walls;
 
 pub use confidence::Confidence;
+pub use description::{MapDescription, MapMode, read_map_yaml};
 pub use frame::{Frame, ViewPlacement};
 pub use options::Picture;
 pub use picture::{PlanePlacement, write_bare_png, write_png};
-pub use plain::{write_plain_png, write_world_file};
+pub use plain::{write_plain_png, write_tinted_png, write_world_file};
+pub use read::{MAX_MAP_CELLS, read_map_image};
 pub use space::{SpacePicture, SpacePlacement, upward, write_bare_space_png, write_space_png};
 pub use walls::{dominant_wall_angle, wall_direction};
 

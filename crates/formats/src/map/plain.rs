@@ -1,9 +1,15 @@
 //! The map as a plain image with a world file, for programs that know places: QGIS, GDAL.
 
-use super::{GridImage, shades};
+use super::canvas::{Colour, blend};
+use super::palette::{FREE, UNSEEN, WALL};
+use super::{FREE_UP_TO, GridImage, OCCUPIED_FROM, shades};
 use crate::error::FormatError;
 use mapwright_geom::sin_cos;
 use std::io::Write;
+
+/// How much of its colour a free cell has, and a wall.
+const FREE_TINT: f32 = 0.22;
+const WALL_TINT: f32 = 0.85;
 
 /// Writes the map as a grey PNG of one pixel a cell, nothing drawn into it: the pixels of
 /// [`write_pgm`](super::write_pgm), 0 occupied, 254 free, 205 unknown, the row of the largest y on top.
@@ -13,19 +19,54 @@ use std::io::Write;
 /// As [`GridImage::validate`]; [`FormatError::Png`], [`FormatError::Io`].
 pub fn write_plain_png(map: &GridImage, mut writer: impl Write) -> Result<(), FormatError> {
     map.validate()?;
-    let too_large =
-        |_| FormatError::MapGeometry { what: "side", value: map.width as f64, expected: "cells below 2^32" };
-    let [width, height] = [u32::try_from(map.width).map_err(too_large)?, u32::try_from(map.height).map_err(too_large)?];
     let shade = shades();
     let rows = map.cells.chunks_exact(map.width).rev();
     let pixels: Vec<u8> = rows.flatten().map(|&cell| shade[usize::from(cell)]).collect();
-    let mut encoder = png::Encoder::new(&mut writer, width, height);
-    encoder.set_color(png::ColorType::Grayscale);
+    write_pixels(map, png::ColorType::Grayscale, &pixels, &mut writer)?;
+    Ok(writer.flush()?)
+}
+
+/// Writes the map as a PNG of one pixel a cell, each in the colour that its entry of `tints` names: walls in the colour itself, free cells in
+/// a pale one; an entry that is no colour's leaves a cell grey. The row of the largest y is on top.
+///
+/// # Errors
+///
+/// As [`GridImage::validate`]; [`FormatError::CellCount`] where the tints are not as many as the cells; [`FormatError::Png`],
+/// [`FormatError::Io`].
+pub fn write_tinted_png(
+    map: &GridImage,
+    tints: &[u8],
+    colours: &[Colour],
+    mut writer: impl Write,
+) -> Result<(), FormatError> {
+    map.validate()?;
+    let (width, height, expected) = (map.width, map.height, map.cells.len() as u128);
+    if tints.len() != map.cells.len() {
+        return Err(FormatError::CellCount { width, height, expected, found: tints.len() });
+    }
+    let pixel = |(&cell, &tint): (&u8, &u8)| match (cell, colours.get(usize::from(tint))) {
+        (0..=FREE_UP_TO, Some(&colour)) => blend(FREE, colour, FREE_TINT),
+        (0..=FREE_UP_TO, None) => FREE,
+        (OCCUPIED_FROM..=100, Some(&colour)) => blend(WALL, colour, WALL_TINT),
+        (OCCUPIED_FROM..=100, None) => WALL,
+        _ => UNSEEN,
+    };
+    let rows = map.cells.chunks_exact(width).zip(tints.chunks_exact(width)).rev();
+    let pixels: Vec<u8> = rows.flat_map(|(cells, tints)| cells.iter().zip(tints).flat_map(pixel)).collect();
+    write_pixels(map, png::ColorType::Rgb, &pixels, &mut writer)?;
+    Ok(writer.flush()?)
+}
+
+fn write_pixels(map: &GridImage, colour: png::ColorType, pixels: &[u8], writer: impl Write) -> Result<(), FormatError> {
+    let too_large =
+        |_| FormatError::MapGeometry { what: "side", value: map.width as f64, expected: "cells below 2^32" };
+    let [width, height] = [u32::try_from(map.width).map_err(too_large)?, u32::try_from(map.height).map_err(too_large)?];
+    let mut encoder = png::Encoder::new(writer, width, height);
+    encoder.set_color(colour);
     encoder.set_depth(png::BitDepth::Eight);
     let mut png = encoder.write_header()?;
-    png.write_image_data(&pixels)?;
-    png.finish()?;
-    Ok(writer.flush()?)
+    png.write_image_data(pixels)?;
+    Ok(png.finish()?)
 }
 
 /// Writes the world file (`.pgw`) of [`write_plain_png`]'s image, six lines: the step in x and y from a pixel to the one
