@@ -1,4 +1,4 @@
-//! Two-dimensional maps and the matching of scans against them.
+//! Two-dimensional maps, the matching of scans against them, and of finished maps against each other.
 
 mod align;
 mod beams;

@@ -12,6 +12,7 @@ mod export_space;
 mod lag;
 mod lasers;
 mod map;
+mod merge_maps;
 mod optimize;
 mod page;
 mod pieces;

@@ -43,30 +43,33 @@ pub fn join(a: &OccupancyMap, b: &OccupancyMap, a_from_b: Pose2) -> Result<(Occu
     let cells_from_b = Cells::of(a, b, a_from_b);
     let (mut joined, offset) = canvas(a, &cells_from_b)?;
     let mut sources = vec![Source::Neither; joined.cells.len()];
+    let maps = [a, b];
     for v in 0..joined.height {
         for u in 0..joined.width {
             let in_a = [u as i64 + offset[0], v as i64 + offset[1]];
-            let of_a = a.cell(in_a[0], in_a[1]);
-            let of_b = b.at(cells_from_b.back([in_a[0] as f64 + 0.5, in_a[1] as f64 + 0.5]));
+            let in_b = cells_from_b.back(in_a.map(|cells| cells as f64 + 0.5)).map(|cells| cells.floor() as i64);
             let at = v * joined.width + u;
-            (joined.cells[at], sources[at]) = combined(a, in_a, of_a, of_b);
+            (joined.cells[at], sources[at]) = combined(maps, [in_a, in_b], b.cell(in_b[0], in_b[1]));
         }
     }
     // Walls one cell thick have gaps where they are sampled aslant: each of their cells is drawn as well.
     for (at, _) in b.cells.iter().enumerate().filter(|(_, cell)| **cell == Occupancy::Occupied) {
-        let centre = [at % b.width, at / b.width].map(|cells| cells as f64 + 0.5);
-        let in_a = cells_from_b.forward(centre).map(|cells| cells.floor() as i64);
+        let in_b = [at % b.width, at / b.width];
+        let in_a = cells_from_b.forward(in_b.map(|cells| cells as f64 + 0.5)).map(|cells| cells.floor() as i64);
         let [u, v] = [0, 1].map(|k: usize| (in_a[k] - offset[k]).max(0) as usize);
         let at = v * joined.width + u;
         if u < joined.width && v < joined.height && joined.cells[at] != Occupancy::Occupied {
-            (joined.cells[at], sources[at]) = combined(a, in_a, a.cell(in_a[0], in_a[1]), Occupancy::Occupied);
+            let cells = [in_a, in_b.map(|cells| cells as i64)];
+            (joined.cells[at], sources[at]) = combined(maps, cells, Occupancy::Occupied);
         }
     }
     Ok((joined, sources))
 }
 
-fn combined(a: &OccupancyMap, in_a: [i64; 2], of_a: Occupancy, of_b: Occupancy) -> (Occupancy, Source) {
+/// What both say of a place, given by its cell in each.
+fn combined([a, b]: [&OccupancyMap; 2], [in_a, in_b]: [[i64; 2]; 2], of_b: Occupancy) -> (Occupancy, Source) {
     use Occupancy::{Free, Occupied, Unknown};
+    let of_a = a.cell(in_a[0], in_a[1]);
     match (of_a, of_b) {
         (Unknown, Unknown) => (Unknown, Source::Neither),
         (known, Unknown) => (known, Source::A),
@@ -75,14 +78,15 @@ fn combined(a: &OccupancyMap, in_a: [i64; 2], of_a: Occupancy, of_b: Occupancy) 
         (Unknown, known) => (known, Source::B),
         (Free, Free) | (Occupied, Occupied) => (of_a, Source::Both),
         (Free, Occupied) if is_beside_wall(a, in_a) => (Free, Source::Both),
+        (Occupied, Free) if is_beside_wall(b, in_b) => (Occupied, Source::Both),
         (Free, Occupied) | (Occupied, Free) => (Occupied, Source::Contradicted),
     }
 }
 
-fn is_beside_wall(a: &OccupancyMap, [u, v]: [i64; 2]) -> bool {
+fn is_beside_wall(map: &OccupancyMap, [u, v]: [i64; 2]) -> bool {
     let reach = -SAME_WALL_CELLS..=SAME_WALL_CELLS;
     let within = |dx: i64, dy: i64| dx * dx + dy * dy <= SAME_WALL_CELLS * SAME_WALL_CELLS;
-    reach.clone().any(|dy| reach.clone().any(|dx| within(dx, dy) && a.is_occupied(u + dx, v + dy)))
+    reach.clone().any(|dy| reach.clone().any(|dx| within(dx, dy) && map.is_occupied(u + dx, v + dy)))
 }
 
 /// From cells of the one map to cells of the other, both from their corners.
@@ -90,18 +94,19 @@ struct Cells {
     a_from_b: Pose2,
     b_from_a: Pose2,
     sides_m: [f64; 2],
+    /// Least and greatest cells of the first map at which the second knows anything.
     corners: [[f64; 2]; 2],
 }
 
 impl Cells {
     fn of(a: &OccupancyMap, b: &OccupancyMap, a_from_b: Pose2) -> Self {
         let a_from_b = a.world_from_map.inverse() * a_from_b * b.world_from_map;
-        let [width, height] = [b.width, b.height].map(|cells| cells as f64);
         let sides_m = [a.resolution_m, b.resolution_m];
         let mut cells = Self { a_from_b, b_from_a: a_from_b.inverse(), sides_m, corners: [[0.0; 2]; 2] };
-        let corners = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|corner| cells.forward(corner));
+        let corners: Vec<[f64; 2]> = known_ends(b).map(|corner| cells.forward(corner)).collect();
+        let Some(&first) = corners.first() else { return cells };
         let bound = |pick: fn(f64, f64) -> f64| {
-            [0, 1].map(|k: usize| corners.iter().map(|corner| corner[k]).fold(corners[0][k], pick))
+            [0, 1].map(|k: usize| corners.iter().map(|corner| corner[k]).fold(first[k], pick))
         };
         cells.corners = [bound(f64::min), bound(f64::max)];
         cells
@@ -114,6 +119,17 @@ impl Cells {
     fn back(&self, cell_a: [f64; 2]) -> [f64; 2] {
         self.b_from_a.transform(cell_a.map(|cells| cells * self.sides_m[0])).map(|m| m / self.sides_m[1])
     }
+}
+
+/// The corners of what is known in each row.
+fn known_ends(map: &OccupancyMap) -> impl Iterator<Item = [f64; 2]> {
+    let known = |cell: &Occupancy| *cell != Occupancy::Unknown;
+    let of_row = move |(y, row): (usize, &[Occupancy])| {
+        let ends = row.iter().position(known).zip(row.iter().rposition(known));
+        ends.map(|(first, last)| [[first, y], [last + 1, y], [first, y + 1], [last + 1, y + 1]])
+    };
+    let rows = map.cells.chunks_exact(map.width.max(1)).enumerate();
+    rows.filter_map(of_row).flatten().map(|corner| corner.map(|cells| cells as f64))
 }
 
 /// A map for both, nothing in it, and where in the first one's cells it begins.

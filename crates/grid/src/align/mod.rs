@@ -9,6 +9,8 @@ mod fft;
 mod fine;
 mod join;
 mod judge;
+#[cfg(test)]
+mod tests;
 mod walls;
 
 pub use join::{JoinError, Source, join};
@@ -31,12 +33,13 @@ const FIRST_LOOK: usize = 2_000;
 const LAST_LOOK: usize = 40_000;
 /// Another pose is one by which walls lie farther off than so many cells (rms): within that the optimum is the same.
 const ANOTHER_POSE_CELLS: f64 = 10.0;
-/// Both maps have at least so many cells of wall where they overlap, and know so many cells: less is a corner, and any room has one.
-const LEAST_WALL_CELLS: f64 = 100.0;
-const LEAST_OVERLAP_CELLS: f64 = 1_000.0;
-/// For another pose speaks at most this share of the wall that speaks for the best one. Measured: 0.05 to 0.5 where maps of one building
-/// lie right, above 0.66 for most pairs of different buildings, near 1 in buildings that look alike at both ends.
-const MOST_OF_RIVAL: f64 = 0.6;
+/// Both maps have at least so many cells of wall where they overlap, and know so many cells: 10 m and 10 m2 in maps of the usual 0.05 m. With
+/// less, a room was laid askew into another part of itself.
+const LEAST_WALL_CELLS: f64 = 200.0;
+const LEAST_OVERLAP_CELLS: f64 = 4_000.0;
+/// For another pose speaks at most this share of the wall that speaks for the best one: twice as much must speak for that. Measured: 0.04 to
+/// 0.5 where maps of one building lie right, nearly always above 0.6 for maps of different buildings, near 1 where both ends look alike.
+const MOST_OF_RIVAL: f64 = 0.5;
 
 /// What a map says of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
