@@ -170,9 +170,11 @@ def unrelated(data, count):
     pairs = [(a, b) for (of_a, a), (of_b, b) in itertools.permutations(names, 2) if of_a != of_b]
     random.Random(1).shuffle(pairs)
     reasons, wrong, seconds = {}, [], []
-    for a, b in pairs[:count]:
-        found, why, took = joined(a, b)
+    for number, (a, b) in enumerate(pairs[:count]):
+        found, why, took = joined(a, b, "unrelated")
         seconds.append(took)
+        if number % 20 == 19:
+            print(f"{number + 1} pairs, {len(wrong)} joined", flush=True)
         if found is not None:
             wrong.append((a, b))
             print(f"joined: {a} {b} support {found['support_m']:.0f} m share {found['share']:.2f}")

@@ -15,8 +15,10 @@ use std::f64::consts::TAU;
 const STEPS_CELLS: [f64; 12] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 24.0, 32.0, 48.0];
 /// Work in numbers of pixels times stages that is always worth a finer step, about a second;
 const CHEAP: f64 = 3e8;
-/// and what a search may take at most, before steps get longer than [`COMFORTABLE_CELLS`].
+/// what it may take before steps get longer than [`COMFORTABLE_CELLS`],
 const AFFORDABLE: f64 = 3e9;
+/// and at most: a square of 500 m in cells of 0.05 m takes half of it.
+const MOST: f64 = 1.5e10;
 /// Steps that no building suffers from: 0.4 m in maps of the usual 0.05 m.
 const COMFORTABLE_CELLS: f64 = 8.0;
 /// A wall is felt so many steps away: half a step is lost to the lattice of shifts, as much to that of headings.
@@ -65,7 +67,7 @@ impl Lattice {
 
     /// Whether the search is within its means.
     pub(super) fn is_affordable(&self) -> bool {
-        self.work() <= AFFORDABLE
+        self.work() <= MOST
     }
 
     fn heading(&self, number: usize) -> f64 {

@@ -112,7 +112,7 @@ pub enum MapError {
     TooManyWalls,
     /// Walls spread so far apart that not all headings and shifts can be tried.
     #[error(
-        "expected maps whose walls lie within some thousand cells, found walls so far apart that not all headings and shifts can be tried"
+        "expected walls within about 10,000 x 10,000 cells, found walls so far apart that not all headings and shifts can be tried"
     )]
     TooLarge,
 }
