@@ -3,6 +3,7 @@
 mod export;
 mod fleet;
 mod merge_maps;
+mod rendezvous;
 mod suite;
 mod switched;
 mod values;
@@ -10,6 +11,7 @@ mod values;
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
 pub(crate) use merge_maps::MergeMapsArgs;
+pub(crate) use rendezvous::RendezvousArgs;
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
 use crate::calibrated::Calibrated;
@@ -97,6 +99,8 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Many simulated worlds mapped and measured against their truth; exit code 3 where a floor is missed.
     Suite(SuiteArgs),
+    /// Robots that see each other: their relative poses with covariances, from sightings and odometry (UTIAS MRCLAM).
+    Rendezvous(RendezvousArgs),
     /// What a shell needs to complete commands and options, on the standard output.
     Completions(CompletionsArgs),
     /// Manual pages: mapwright.1, mapwright-map.1 and so on.

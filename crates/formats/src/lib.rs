@@ -6,6 +6,7 @@
 //! - [`open_log`]: plain, gzip and bzip2 streams, told by their first bytes.
 //! - [`CarmenReader`], [`CarmenWriter`]: CARMEN logs.
 //! - [`TumWriter`], [`TrajectoryReader`], [`read_relations`]: trajectories and relations as text.
+//! - [`read_mrclam_odometry`], [`read_mrclam_measurements`]: logs of robots that see each other.
 //! - [`write_kitti`], [`write_csv`]: trajectories for other tools; of space [`write_space_kitti`], [`write_space_csv`].
 //! - [`GridImage`]: maps as PGM with YAML for Nav2 ([`write_pgm`], [`write_map_yaml`]) and as a picture to look at
 //!   ([`write_png`]), or with a world file ([`write_plain_png`], [`write_world_file`]).
@@ -21,6 +22,7 @@ mod export;
 mod jump;
 mod lines;
 mod map;
+mod mrclam;
 mod noted;
 mod number;
 mod open;
@@ -44,6 +46,10 @@ pub use map::{
 pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
 pub use map::{
     write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_tinted_png, write_world_file,
+pub use map::{write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_world_file};
+pub use mrclam::{
+    MrclamPose, MrclamRows, MrclamSighting, MrclamVelocity, read_mrclam_barcodes, read_mrclam_measurements,
+    read_mrclam_odometry, read_mrclam_truth,
 };
 pub use noted::{Noted, OddHeads, OrderReport, RangeReport};
 pub use open::{LogStream, open_log};

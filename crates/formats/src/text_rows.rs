@@ -98,6 +98,16 @@ impl<'a> Row<'a> {
         Ok(numbers)
     }
 
+    /// Numbers from a column on, which need not be finite.
+    pub(crate) fn any_numbers<const N: usize>(&self, column: usize) -> Result<[f64; N], FormatError> {
+        let mut numbers = [0.0; N];
+        for (offset, number) in numbers.iter_mut().enumerate() {
+            let at = column + offset;
+            *number = parse_f64(self.words[at]).ok_or_else(|| self.bad(at, "a number"))?;
+        }
+        Ok(numbers)
+    }
+
     fn number(&self, column: usize) -> Result<f64, FormatError> {
         let number = parse_f64(self.words[column]).filter(|v| v.is_finite());
         number.ok_or_else(|| self.bad(column, "a finite number"))

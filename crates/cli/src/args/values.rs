@@ -107,3 +107,7 @@ pub(super) fn parse_length(text: &str) -> Result<f64, String> {
 pub(super) fn parse_reach(text: &str) -> Result<f64, String> {
     within(text, 0.1..=1000.0, "a distance from 0.1 to 1000 m")
 }
+
+pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
+    within(text, 1e-6..=1e6, "a number from 0.000001 to 1000000")
+}

@@ -16,6 +16,7 @@ mod merge;
 mod merge_maps;
 mod optimize;
 mod perturb;
+mod rendezvous;
 mod report;
 mod suite;
 
@@ -43,6 +44,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Export(args) => export::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Suite(args) => suite::run(&args),
+        Command::Rendezvous(args) => rendezvous::run(&args),
         Command::Completions(args) => completions::run(&args),
         Command::Man(args) => completions::run_man(&args),
     }
