@@ -134,9 +134,15 @@ mod tests {
 
     #[test]
     fn rows_are_read_and_what_is_odd_is_counted() {
-        let text = "# Time [s]    Subject #\n1248444189.599 \t  14 \t  3.787 \t -0.257\n5 14 nan 0\n1248444190.5 5 1 0.5\n";
+        let text =
+            "# Time [s]    Subject #\n1248444189.599 \t  14 \t  3.787 \t -0.257\n5 14 nan 0\n1248444190.5 5 1 0.5\n";
         let read = read_mrclam_measurements(text.as_bytes()).unwrap();
-        let first = MrclamSighting { stamp: Stamp(1_248_444_189_599_000_000), barcode: 14, range_m: 3.787, bearing_rad: -0.257 };
+        let first = MrclamSighting {
+            stamp: Stamp(1_248_444_189_599_000_000),
+            barcode: 14,
+            range_m: 3.787,
+            bearing_rad: -0.257,
+        };
         assert_eq!(read.rows[0], first);
         assert_eq!((read.rows.len(), read.not_finite, read.unsorted), (2, 1, 1));
         assert_eq!(read_mrclam_barcodes(&b"# x\n  1 \t   5\n  2 14\n"[..]).unwrap(), [[1, 5], [2, 14]]);
@@ -145,7 +151,10 @@ mod tests {
     #[test]
     fn errors_say_the_line_what_was_expected_and_what_was_found() {
         let fails = |text: &str| read_mrclam_odometry(text.as_bytes()).unwrap_err().to_string();
-        assert_eq!(fails("1 2 3\n1 2\n"), "line 2: expected stamp, forward velocity, angular velocity, found 2 columns: `1 2`");
+        assert_eq!(
+            fails("1 2 3\n1 2\n"),
+            "line 2: expected stamp, forward velocity, angular velocity, found 2 columns: `1 2`"
+        );
         assert_eq!(fails("1 2 3\n1 x 3\n"), "line 2: expected a number in column 2, found `x`");
         let barcode = read_mrclam_measurements(&b"1 2.5 3 4\n"[..]).unwrap_err().to_string();
         assert_eq!(barcode, "line 1: expected a whole number in column 2, found `2.5`");

@@ -12,7 +12,7 @@ const MUTUAL_S: f64 = 1.0;
 /// Odometry's heading may err by so much between a sighting and the moment, radians: beyond, its errors are no longer small angles.
 const WIDEST_WALK_RAD: f64 = 0.2;
 /// Most sightings of a window; more of one sensor within seconds say the same.
-const MOST_ENTRIES: usize = 40;
+const MOST_ENTRIES: usize = 24;
 /// Share of sightings that are wrong: another barcode read, another robot seen.
 const WRONG_SHARE: f64 = 0.02;
 /// A waiting group is tried again when the robots moved by this factor more than at the last trial.
@@ -101,28 +101,13 @@ pub struct PairResult {
 /// All encounters of two robots, `a` the lower number; only sightings of this pair are looked at.
 #[must_use]
 pub fn meet(
-    [a, b]: [RobotId; 2],
+    pair: [RobotId; 2],
     sightings: &[Sighting],
-    [of_a, of_b]: [&DeadReckoning; 2],
+    wheels: [&DeadReckoning; 2],
     settings: &Settings,
 ) -> PairResult {
-    let is_of_pair = |s: &&Sighting| [(a, Some(b)), (b, Some(a))].contains(&(s.observer, s.observed));
-    let mut of_pair: Vec<Sighting> = sightings.iter().filter(is_of_pair).copied().collect();
-    of_pair.sort_by_key(|sighting| sighting.stamp);
-    let wheels = Wheels { of_a, of_b };
-    let mut result = PairResult { sightings: of_pair.len(), ..PairResult::default() };
-    let mut usable = Vec::new();
-    for (index, sighting) in of_pair.iter().enumerate() {
-        let is_reached = of_a.at(sighting.stamp).is_some() && of_b.at(sighting.stamp).is_some();
-        match (sighting.is_sound(), is_reached) {
-            (false, _) => result.refused.push((index, RefusalReason::Unsound)),
-            (true, false) => result.refused.push((index, RefusalReason::NoOdometry)),
-            (true, true) => usable.push((index, *sighting)),
-        }
-    }
-    let farthest_m = usable.iter().filter_map(|(_, s)| s.range_m).fold(1.0, f64::max);
-    let outliers = Outliers { share: settings.wrong_share, range_m: farthest_m };
-    let mut table = Table { a, b, usable, wheels, settings, outliers, fate: vec![Fate::Unused; of_pair.len()] };
+    let mut result = PairResult::default();
+    let mut table = Table::new(pair, sightings, wheels, settings, &mut result);
     table.mutual(&mut result);
     table.gathered(&mut result);
     table.settle(&mut result);
@@ -138,26 +123,52 @@ enum Fate {
     Waiting(WaitReason),
 }
 
+/// A sighting with its place in the pair's list.
+type Numbered = (usize, Sighting);
+
 /// One pair at work.
 struct Table<'a> {
     a: RobotId,
     b: RobotId,
-    usable: Vec<(usize, Sighting)>,
+    usable: Vec<Numbered>,
     wheels: Wheels<'a>,
     settings: &'a Settings,
     outliers: Outliers,
     fate: Vec<Fate>,
 }
 
-impl Table<'_> {
+impl<'a> Table<'a> {
+    fn new(
+        [a, b]: [RobotId; 2],
+        sightings: &[Sighting],
+        [of_a, of_b]: [&'a DeadReckoning; 2],
+        settings: &'a Settings,
+        result: &mut PairResult,
+    ) -> Self {
+        let is_of_pair = |s: &&Sighting| [(a, Some(b)), (b, Some(a))].contains(&(s.observer, s.observed));
+        let mut of_pair: Vec<Sighting> = sightings.iter().filter(is_of_pair).copied().collect();
+        of_pair.sort_by_key(|sighting| sighting.stamp);
+        let wheels = Wheels { of_a, of_b };
+        result.sightings = of_pair.len();
+        let mut usable = Vec::new();
+        for (index, sighting) in of_pair.iter().enumerate() {
+            let is_reached = of_a.at(sighting.stamp).is_some() && of_b.at(sighting.stamp).is_some();
+            match (sighting.is_sound(), is_reached) {
+                (false, _) => result.refused.push((index, RefusalReason::Unsound)),
+                (true, false) => result.refused.push((index, RefusalReason::NoOdometry)),
+                (true, true) => usable.push((index, *sighting)),
+            }
+        }
+        let farthest_m = usable.iter().filter_map(|(_, s)| s.range_m).fold(1.0, f64::max);
+        let outliers = Outliers { share: settings.wrong_share, range_m: farthest_m };
+        Self { a, b, usable, wheels, settings, outliers, fate: vec![Fate::Unused; of_pair.len()] }
+    }
+
     /// One encounter for each sighting by `a` beside which there is one by `b`.
     fn mutual(&mut self, result: &mut PairResult) {
         let mut modes = Vec::new();
-        for (one, two) in self.mutual_pairs() {
-            let stamp = between(one.1.stamp, two.1.stamp);
-            let chosen = self.around(stamp, [one.0, two.0]);
-            let Some(window) = Window::new(self.a, stamp, &chosen, self.wheels) else { continue };
-            match one_answer(&window, &self.settings.noise, &self.outliers) {
+        for [one, two] in self.mutual_pairs() {
+            match self.answer_beside([one, two]) {
                 Ok(mode) => {
                     self.mark(&mode);
                     let is_held = |index| !mode.refused.contains(&index);
@@ -171,12 +182,18 @@ impl Table<'_> {
         self.add(modes, Kind::Mutual, result);
     }
 
+    fn answer_beside(&self, [one, two]: [Numbered; 2]) -> Result<Mode, WaitReason> {
+        let stamp = between(one.1.stamp, two.1.stamp);
+        let chosen = self.around(stamp, [one.0, two.0]);
+        let window = Window::new(self.a, stamp, &chosen, self.wheels).ok_or(WaitReason::Open)?;
+        one_answer(&window, &self.settings.noise, &self.outliers)
+    }
+
     /// Each sighting by `a` with a bearing, and the one by `b` nearest to it, if it is near enough.
-    fn mutual_pairs(&self) -> Vec<((usize, Sighting), (usize, Sighting))> {
-        let has_bearing = |of: RobotId| {
-            move |(_, sighting): &&(usize, Sighting)| sighting.observer == of && sighting.bearing_rad.is_some()
-        };
-        let by_b: Vec<&(usize, Sighting)> = self.usable.iter().filter(has_bearing(self.b)).collect();
+    fn mutual_pairs(&self) -> Vec<[Numbered; 2]> {
+        let has_bearing =
+            |of: RobotId| move |(_, sighting): &&Numbered| sighting.observer == of && sighting.bearing_rad.is_some();
+        let by_b: Vec<&Numbered> = self.usable.iter().filter(has_bearing(self.b)).collect();
         let mut pairs = Vec::new();
         for one in self.usable.iter().filter(has_bearing(self.a)) {
             let apart_s = |two: &Sighting| two.stamp.secs_since(one.1.stamp).abs();
@@ -185,7 +202,7 @@ impl Table<'_> {
             let nearest = beside.min_by(|two, other| apart_s(&two.1).total_cmp(&apart_s(&other.1)));
             let has_range = |two: &Sighting| one.1.range_m.or(two.range_m).is_some();
             if let Some(two) = nearest.filter(|two| apart_s(&two.1) <= self.settings.mutual_s && has_range(&two.1)) {
-                pairs.push((*one, **two));
+                pairs.push([*one, **two]);
             }
         }
         pairs
@@ -198,20 +215,19 @@ impl Table<'_> {
     }
 
     /// Sightings around a moment, the denser the nearer, and those that must be there.
-    fn around(&self, stamp: Stamp, always: [usize; 2]) -> Vec<(usize, Sighting)> {
+    fn around(&self, stamp: Stamp, always: [usize; 2]) -> Vec<Numbered> {
         let reach_s = self.reach_s();
-        let near = |(_, sighting): &&(usize, Sighting)| sighting.stamp.secs_since(stamp).abs() <= reach_s;
-        let mut by_time: Vec<(usize, Sighting)> = self.usable.iter().filter(near).copied().collect();
+        let near = |(_, sighting): &&Numbered| sighting.stamp.secs_since(stamp).abs() <= reach_s;
+        let mut by_time: Vec<Numbered> = self.usable.iter().filter(near).copied().collect();
         let apart_s = |sighting: &Sighting| sighting.stamp.secs_since(stamp);
         by_time.sort_by(|one, two| apart_s(&one.1).abs().total_cmp(&apart_s(&two.1).abs()));
         let half_life_s = self.settings.noise.likeness.half_life_s;
-        let mut chosen: Vec<(usize, Sighting)> = Vec::new();
+        let mut chosen: Vec<Numbered> = Vec::new();
         for (index, sighting) in by_time {
             let at_s = apart_s(&sighting);
             let spacing_s = (0.5 * at_s.abs()).min(0.5 * half_life_s);
-            let is_close = |other: &Sighting| {
-                other.observer == sighting.observer && (apart_s(other) - at_s).abs() < spacing_s
-            };
+            let is_close =
+                |other: &Sighting| other.observer == sighting.observer && (apart_s(other) - at_s).abs() < spacing_s;
             let is_needed = always.contains(&index);
             if is_needed || chosen.len() < MOST_ENTRIES && !chosen.iter().any(|(_, other)| is_close(other)) {
                 chosen.push((index, sighting));
@@ -243,11 +259,11 @@ impl Table<'_> {
 
     /// What is left is gathered until it has one answer; what odometry no longer connects goes on waiting.
     fn gathered(&mut self, result: &mut PairResult) {
-        let left: Vec<(usize, Sighting)> = self.usable.iter().filter(|(index, _)| self.is_free(*index)).copied().collect();
+        let left: Vec<Numbered> = self.usable.iter().filter(|(index, _)| self.is_free(*index)).copied().collect();
         let (mut group, mut tried_m, mut modes) = (Vec::new(), 0.0, Vec::new());
         let reach_s = self.reach_s();
         for next in left {
-            let is_connected = |(_, old): &(usize, Sighting)| next.1.stamp.secs_since(old.stamp) <= reach_s;
+            let is_connected = |(_, old): &Numbered| next.1.stamp.secs_since(old.stamp) <= reach_s;
             group.retain(is_connected);
             group.push(next);
             let moved_m = self.moved_m(&group);
@@ -275,14 +291,14 @@ impl Table<'_> {
         matches!(self.fate[index], Fate::Unused | Fate::Waiting(_))
     }
 
-    fn try_group(&self, group: &[(usize, Sighting)], stamp: Stamp) -> Result<Mode, WaitReason> {
+    fn try_group(&self, group: &[Numbered], stamp: Stamp) -> Result<Mode, WaitReason> {
         let thinned = thinned(group);
         let window = Window::new(self.a, stamp, &thinned, self.wheels).ok_or(WaitReason::Open)?;
         one_answer(&window, &self.settings.noise, &self.outliers)
     }
 
     /// How far the robots drove between the first and the last sighting: that of them that did more.
-    fn moved_m(&self, group: &[(usize, Sighting)]) -> f64 {
+    fn moved_m(&self, group: &[Numbered]) -> f64 {
         let (Some((_, first)), Some((_, last))) = (group.first(), group.last()) else { return 0.0 };
         let way_m = |wheels: &DeadReckoning| {
             let ends = wheels.at(first.stamp).zip(wheels.at(last.stamp));
@@ -292,7 +308,7 @@ impl Table<'_> {
     }
 
     /// Over less the sightings' own errors turn the way by more than is near to certain.
-    fn least_motion_m(&self, group: &[(usize, Sighting)]) -> f64 {
+    fn least_motion_m(&self, group: &[Numbered]) -> f64 {
         let across_m = |sighting: &Sighting| match sighting.bearing_rad {
             Some(_) => sighting.bearing_sigma_rad * sighting.range_m.unwrap_or(1.0),
             None => sighting.range_sigma_m,
@@ -360,7 +376,7 @@ fn between(one: Stamp, two: Stamp) -> Stamp {
 }
 
 /// At most so many of a group, evenly, with its ends.
-fn thinned(group: &[(usize, Sighting)]) -> Vec<(usize, Sighting)> {
+fn thinned(group: &[Numbered]) -> Vec<Numbered> {
     if group.len() <= MOST_ENTRIES {
         return group.to_vec();
     }

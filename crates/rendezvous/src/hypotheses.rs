@@ -8,14 +8,16 @@ use std::f64::consts::{PI, TAU};
 
 /// The best mode is the answer where all others together have less than this share of the probability.
 const MOST_OF_RIVALS: f64 = 0.01;
-/// A mode is as good as normal while its directions are known to so much, radians; three times that stay within half a turn.
-const WIDEST_RAD: f64 = 0.35;
+/// A mode is as good as normal while its directions are known to so much, radians; a sine differs from its angle by 4 % at twice that.
+const WIDEST_RAD: f64 = 0.25;
 /// Directions tried where none is measured.
 const DIRECTIONS: usize = 10;
 /// Sightings of each observer from which searches begin, the nearest: one may be wrong.
 const FIRST: usize = 3;
 /// Modes nearer than this are one, in standard deviations squared.
 const SAME_MODE: f64 = 4.0;
+/// Starts nearer than this are one, metres and radians.
+const SAME_START: [f64; 2] = [0.5, 0.2];
 /// Ranges tried where none is measured, metres.
 const RANGES_M: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
@@ -40,6 +42,8 @@ pub enum WaitReason {
         /// How many.
         modes: usize,
     },
+    /// Nothing fits: odometry of one of the robots failed between the sightings, or several of them are wrong.
+    Inconsistent,
     /// No relative pose follows: the sightings leave a direction open.
     Open,
 }
@@ -63,8 +67,12 @@ pub(crate) fn one_answer(window: &Window, noise: &Noise, outliers: &Outliers) ->
         let alive = modes.iter().filter(|mode| against(mode) > MOST_OF_RIVALS / modes.len() as f64).count();
         return Err(WaitReason::Ambiguous { modes: alive });
     }
+    if best.is_inconsistent() {
+        return Err(WaitReason::Inconsistent);
+    }
     let heading_rad = best.covariance[(2, 2)].sqrt();
-    let across_rad = mapwright_geom::TangentMatrix::position_variance_m2(&best.covariance).sqrt() / best.a_from_b.x.hypot(best.a_from_b.y).max(1.0);
+    let across_rad = mapwright_geom::TangentMatrix::position_variance_m2(&best.covariance).sqrt()
+        / best.a_from_b.x.hypot(best.a_from_b.y).max(1.0);
     if heading_rad.max(across_rad) > WIDEST_RAD {
         return Err(WaitReason::Vague { heading_rad });
     }
@@ -93,6 +101,12 @@ fn starts(window: &Window) -> Vec<Pose2> {
     starts
 }
 
+/// From both the same hill is climbed.
+fn is_near(one: Pose2, two: Pose2) -> bool {
+    let apart = one.between(two);
+    apart.x.hypot(apart.y) < SAME_START[0] && apart.theta.abs() < SAME_START[1]
+}
+
 fn nearest(window: &Window, is_by_a: bool) -> Vec<Entry> {
     let mut entries: Vec<Entry> = window.entries.iter().filter(|entry| entry.is_by_a == is_by_a).copied().collect();
     entries.sort_by(|one, two| one.after_s.abs().total_cmp(&two.after_s.abs()));
@@ -111,7 +125,10 @@ fn push_starts(window: &Window, by_a: Option<&Entry>, by_b: Option<&Entry>, star
             for by_b_rad in bearings(by_b) {
                 let (s, c) = by_a_rad.sin_cos();
                 let a_from_b = Pose2::new(range_m * c, range_m * s, by_a_rad + PI - by_b_rad);
-                starts.push(window.carried_to_now(a_from_b, of_a, of_b));
+                let start = window.carried_to_now(a_from_b, of_a, of_b);
+                if !starts.iter().any(|known| is_near(*known, start)) {
+                    starts.push(start);
+                }
             }
         }
     }

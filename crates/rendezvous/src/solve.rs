@@ -13,6 +13,9 @@ const LONGEST_STEP: [f64; 3] = [1.0, 1.0, 0.5];
 /// A direction whose share of a sighting's redundancy is smaller says nothing.
 const LEAST_REDUNDANCY: f64 = 1e-6;
 
+/// Quantile of the normal distribution, standard deviations.
+const ONE_IN_A_THOUSAND: f64 = 3.09;
+
 /// How often sightings are of something else, and where those would lie.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Outliers {
@@ -36,6 +39,15 @@ pub(crate) struct Mode {
     pub(crate) chi2: f64,
     /// Measured numbers less the pose's three.
     pub(crate) freedom: usize,
+}
+
+impl Mode {
+    /// Whether residuals are larger than one in a thousand right ones has them: Wilson and Hilferty's quantile of chi-square.
+    pub(crate) fn is_inconsistent(&self) -> bool {
+        let freedom = self.freedom as f64;
+        let spread = 2.0 / (9.0 * freedom);
+        self.freedom > 0 && self.chi2 > freedom * (1.0 - spread + ONE_IN_A_THOUSAND * spread.sqrt()).powi(3)
+    }
 }
 
 /// Climbs from a start; none where the sightings leave a direction open.
@@ -112,7 +124,13 @@ impl Weighed {
         let normal = Matrix3::from_fn(|row, column| 0.5 * (normal[(row, column)] + normal[(column, row)]));
         let gradient: DVector<f64> = &weighed * linearised.residuals();
         let covariance = normal.cholesky()?.inverse();
-        Some(Self { linearised, information, log_determinant, covariance, gradient: Vector3::from_fn(|k, _| gradient[k]) })
+        Some(Self {
+            linearised,
+            information,
+            log_determinant,
+            covariance,
+            gradient: Vector3::from_fn(|k, _| gradient[k]),
+        })
     }
 }
 
@@ -152,7 +170,8 @@ impl Fit {
         pulled: &DVector<f64>,
         outliers: &Outliers,
     ) -> Option<f64> {
-        let rows: Vec<usize> = (0..self.linearised.rows.len()).filter(|i| self.linearised.rows[*i].entry == entry).collect();
+        let rows: Vec<usize> =
+            (0..self.linearised.rows.len()).filter(|i| self.linearised.rows[*i].entry == entry).collect();
         // In units of the extent over which wrong ones lie; a missing one has redundancy 0.
         let unit = |k: usize| rows.get(k).map_or(0.0, |i| outliers.extent(self.linearised.rows[*i].kind));
         let of = |j: usize, k: usize| match (rows.get(j), rows.get(k)) {

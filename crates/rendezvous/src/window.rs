@@ -139,10 +139,11 @@ impl Window {
         covariance
     }
 
-    /// One column for each independent error of odometry with standard deviation 1: three a robot and stretch between stamps.
+    /// One column for each independent error of odometry with standard deviation 1: three a robot and stretch between stamps, and
+    /// the drift of each robot, which goes the other way before the moment.
     fn odometry_columns(&self, rows: &[Row], noise: &OdometryNoise) -> DMatrix<f64> {
         let stretches: Vec<_> = [0, 1].into_iter().flat_map(|robot| self.stretches(robot)).collect();
-        let mut columns = DMatrix::zeros(rows.len(), 3 * stretches.len());
+        let mut columns = DMatrix::zeros(rows.len(), 3 * stretches.len() + 2);
         for (number, stretch) in stretches.iter().enumerate() {
             let [position_m2, heading_rad2] = noise.after(stretch.seconds, stretch.way_m, stretch.turned_rad);
             let sigmas = Vector3::new(position_m2.sqrt(), position_m2.sqrt(), heading_rad2.sqrt());
@@ -156,6 +157,8 @@ impl Window {
                     for k in 0..3 {
                         columns[(i, 3 * number + k)] = carried[k] * sigmas[k];
                     }
+                    let drifted_rad = noise.drift_rad_per_s * stretch.seconds * stretch.sign;
+                    columns[(i, 3 * stretches.len() + stretch.robot)] += carried[2] * drifted_rad;
                 }
             }
         }

@@ -20,11 +20,11 @@ pub(crate) struct RendezvousArgs {
     #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = parse_positive)]
     pub(crate) range_sigma: f64,
     /// Standard deviation of bearings, radians.
-    #[arg(long, value_name = "RAD", default_value_t = 0.01, value_parser = parse_positive)]
+    #[arg(long, value_name = "RAD", default_value_t = 0.011, value_parser = parse_positive)]
     pub(crate) bearing_sigma: f64,
-    /// Variances of odometry as a multiple of those of small robots on wheels; otherwise learnt from the sightings.
-    #[arg(long, value_name = "FACTOR", value_parser = parse_positive)]
-    pub(crate) odometry_noise: Option<f64>,
+    /// Variances of odometry as a multiple of those of small robots that report the velocities they were told to drive.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_positive)]
+    pub(crate) odometry_noise: f64,
     #[command(flatten)]
     pub(crate) voice: Voice,
 }

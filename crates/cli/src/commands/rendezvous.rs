@@ -1,5 +1,6 @@
 //! `mapwright rendezvous`
 
+mod archive;
 mod data;
 mod score;
 mod words;
@@ -26,8 +27,6 @@ struct Meetings {
     unknown_barcodes: usize,
     /// Sightings of robots that see themselves.
     of_itself: usize,
-    odometry_factor: f64,
-    is_learnt: bool,
 }
 
 pub(super) fn run(args: &RendezvousArgs) -> Result<Outcome, Failure> {
@@ -47,19 +46,16 @@ pub(super) fn run(args: &RendezvousArgs) -> Result<Outcome, Failure> {
 
 fn meet_all(set: &DataSet, args: &RendezvousArgs) -> Meetings {
     let (sightings, unknown_barcodes, of_itself) = sightings(set, args);
-    let settings = |factor: f64| Settings {
-        mutual_s: args.within,
-        noise: Noise { odometry: OdometryNoise::default().scaled(factor), ..Noise::default() },
-        ..Settings::default()
-    };
+    let odometry = OdometryNoise::default().scaled(args.odometry_noise);
+    let settings =
+        Settings { mutual_s: args.within, noise: Noise { odometry, ..Noise::default() }, ..Settings::default() };
     let pairs = pairs(&set.robots);
-    let factor = args.odometry_noise.unwrap_or(1.0);
     let meet = |[one, two]: [&Robot; 2]| Pair {
         robots: [one.id, two.id],
-        result: meet([one.id, two.id], &sightings, [&one.wheels, &two.wheels], &settings(factor)),
+        result: meet([one.id, two.id], &sightings, [&one.wheels, &two.wheels], &settings),
     };
     let pairs = pairs.into_iter().map(meet).collect();
-    Meetings { pairs, unknown_barcodes, of_itself, odometry_factor: factor, is_learnt: args.odometry_noise.is_none() }
+    Meetings { pairs, unknown_barcodes, of_itself }
 }
 
 fn pairs(robots: &[Robot]) -> Vec<[&Robot; 2]> {

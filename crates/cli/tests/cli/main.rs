@@ -18,6 +18,7 @@ mod page;
 mod pieces;
 mod real_logs;
 mod recordings;
+mod rendezvous;
 mod robot;
 mod runs;
 mod scripts;

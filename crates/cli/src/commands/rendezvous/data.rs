@@ -1,5 +1,6 @@
 //! Files of a data set of several robots, from a folder or an archive.
 
+use super::archive;
 use crate::failure::Failure;
 use mapwright_formats::{
     FormatError, MrclamPose, MrclamRows, MrclamSighting, MrclamVelocity, read_mrclam_barcodes,
@@ -98,7 +99,8 @@ fn read_robot(files: &Files, id: RobotId, losses: &mut Vec<String>) -> Result<Op
 }
 
 fn push_losses<T>(name: &str, rows: &MrclamRows<T>, losses: &mut Vec<String>) {
-    let what = [(rows.not_finite, "not finite, left out"), (rows.unsorted, "with a stamp before an earlier row's, sorted in")];
+    let what =
+        [(rows.not_finite, "not finite, left out"), (rows.unsorted, "with a stamp before an earlier row's, sorted in")];
     for (count, what) in what.into_iter().filter(|(count, _)| *count > 0) {
         losses.push(format!("{name}: {} {what}", crate::terminal::count(count as u64, "row")));
     }
@@ -116,7 +118,9 @@ impl Files {
         if path.is_dir() {
             return Ok(Self::Folder(path.to_owned()));
         }
-        Err(Failure::open(path, "expected a folder"))
+        let file = File::open(path).map_err(|error| Failure::open(path, error))?;
+        let contents = archive::read(BufReader::new(file)).map_err(|reason| Failure::open(path, reason))?;
+        Ok(Self::Archive(path.to_owned(), contents))
     }
 
     fn name(&self, file: &str) -> String {

@@ -47,11 +47,13 @@ impl Scores {
 
 impl Score {
     fn of(name: &'static str, encounters: &[&Encounter], set: &DataSet) -> Self {
-        let truth = |id: RobotId, stamp: Stamp| set.robots.iter().find(|robot| robot.id == id)?.truth.as_ref()?.at(stamp);
+        let truth =
+            |id: RobotId, stamp: Stamp| set.robots.iter().find(|robot| robot.id == id)?.truth.as_ref()?.at(stamp);
         let (mut metres, mut degrees, mut inside, mut nees) = (Vec::new(), Vec::new(), 0, Nees::default());
         let bound = chi_square_quantile(0.95, 3.0).unwrap_or(f64::NAN);
         for encounter in encounters {
-            let Some((of_a, of_b)) = truth(encounter.a, encounter.stamp).zip(truth(encounter.b, encounter.stamp)) else {
+            let Some((of_a, of_b)) = truth(encounter.a, encounter.stamp).zip(truth(encounter.b, encounter.stamp))
+            else {
                 continue;
             };
             let a_from_b = of_a.between(of_b);

@@ -12,8 +12,6 @@ use std::collections::BTreeMap;
 
 pub(super) fn to_words(args: &RendezvousArgs, set: &DataSet, meetings: &Meetings, scores: &Scores) -> String {
     let mut text = format!("{}: {}\n", args.data.display(), count(set.robots.len() as u64, "robot"));
-    let how = if meetings.is_learnt { "learnt from the sightings" } else { "as given" };
-    text += &format!("odometry's variances are {:.3} times those of small robots on wheels, {how}\n", meetings.odometry_factor);
     text += "pair    sightings  mutual  gathered  joins  refused  waiting\n";
     for pair in &meetings.pairs {
         let [a, b] = pair.robots;
@@ -39,7 +37,8 @@ fn score_table(scores: &Scores) -> String {
     if scores.0.is_empty() {
         return String::new();
     }
-    let mut text = "beside the truth  scored  translation: median, 95 %   rotation: median, 95 %   NEES  within 95 %\n".to_owned();
+    let mut text =
+        "beside the truth  scored  translation: median, 95 %   rotation: median, 95 %   NEES  within 95 %\n".to_owned();
     for score in scores.0.iter() {
         text += &match &score.errors {
             Some(e) => format!(
@@ -99,6 +98,7 @@ fn wait_word(reason: WaitReason) -> &'static str {
         WaitReason::Unidentified => "wait: of whom is not known",
         WaitReason::LittleMotion { .. } => "wait for motion",
         WaitReason::Vague { .. } => "wait: heading still vague",
+        WaitReason::Inconsistent => "wait: odometry and sightings contradict each other",
         WaitReason::Ambiguous { .. } => "wait: several headings fit",
         _ => "wait: heading open",
     }
@@ -109,8 +109,6 @@ pub(super) fn to_json(args: &RendezvousArgs, set: &DataSet, meetings: &Meetings,
     json!({
         "data": args.data.display().to_string(),
         "robots": set.robots.len(),
-        "odometry_factor": meetings.odometry_factor,
-        "odometry_learnt": meetings.is_learnt,
         "pairs": pairs,
         "scores": scores.0.iter().map(score_json).collect::<Vec<_>>(),
         "unknown_barcodes": meetings.unknown_barcodes,
