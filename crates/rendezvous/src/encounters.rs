@@ -79,6 +79,8 @@ pub enum RefusalReason {
     Unsound,
     /// A robot that sees itself.
     Itself,
+    /// One of the two is none of the robots.
+    Stranger,
     /// Odometry of one of both does not reach its stamp.
     NoOdometry,
     /// The other sightings contradict it: another barcode, another robot.
@@ -96,6 +98,40 @@ pub struct PairResult {
     pub waiting: Vec<(usize, WaitReason)>,
     /// Sightings of the pair.
     pub sightings: usize,
+}
+
+/// What came of the sightings of several robots.
+#[derive(Debug, Clone, Default)]
+pub struct Meetings {
+    /// Each pair of robots, the lower number first, in order.
+    pub pairs: Vec<([RobotId; 2], PairResult)>,
+    /// Sightings that belong to no pair, by their place in the list: of robots that nobody knows, or that see themselves.
+    pub refused: Vec<(usize, RefusalReason)>,
+    /// Sightings that wait for somebody to say whom they are of, by their place in the list.
+    pub waiting: Vec<(usize, WaitReason)>,
+}
+
+/// All encounters of several robots; each number once.
+#[must_use]
+pub fn meet_all(robots: &[(RobotId, &DeadReckoning)], sightings: &[Sighting], settings: &Settings) -> Meetings {
+    let mut meetings = Meetings::default();
+    let is_known = |id: RobotId| robots.iter().any(|(known, _)| *known == id);
+    for (place, sighting) in sightings.iter().enumerate() {
+        match sighting.observed {
+            None => meetings.waiting.push((place, WaitReason::Unidentified)),
+            Some(id) if id == sighting.observer => meetings.refused.push((place, RefusalReason::Itself)),
+            Some(id) if is_known(id) && is_known(sighting.observer) => {}
+            Some(_) => meetings.refused.push((place, RefusalReason::Stranger)),
+        }
+    }
+    let mut sorted = robots.to_vec();
+    sorted.sort_by_key(|(id, _)| *id);
+    for (place, (a, of_a)) in sorted.iter().enumerate() {
+        for (b, of_b) in &sorted[place + 1..] {
+            meetings.pairs.push(([*a, *b], meet([*a, *b], sightings, [of_a, of_b], settings)));
+        }
+    }
+    meetings
 }
 
 /// All encounters of two robots, `a` the lower number; only sightings of this pair are looked at.

@@ -53,8 +53,8 @@ impl Mode {
 /// Climbs from a start; none where the sightings leave a direction open.
 pub(crate) fn climb(window: &Window, start: Pose2, noise: &Noise, outliers: &Outliers) -> Option<Mode> {
     let (mut window, mut refused, mut a_from_b) = (window.clone(), Vec::new(), start);
-    let mut of_refused = 0.0;
-    loop {
+    let (mut of_refused, all) = (0.0, window.entries.len());
+    while 2 * refused.len() <= all {
         let fit = fit(&window, a_from_b, noise)?;
         a_from_b = fit.a_from_b;
         let Some((worst, log_density)) = fit.worst(&window, outliers) else {
@@ -67,6 +67,7 @@ pub(crate) fn climb(window: &Window, start: Pose2, noise: &Noise, outliers: &Out
         refused.push(window.entries[worst].index);
         window = window.without(worst);
     }
+    None // what most sightings contradict is no mode
 }
 
 struct Fit {

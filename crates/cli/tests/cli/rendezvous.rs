@@ -32,7 +32,10 @@ fn two_robots_that_face_each_other_know_where_they_are() {
     assert_code(&output, 0);
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let (pair, scores) = (&value["pairs"][0], &value["scores"][0]);
-    assert_eq!((pair["mutual"].as_u64(), pair["joins"].as_u64(), pair["waiting"].as_u64()), (Some(10), Some(1), Some(0)));
+    assert_eq!(
+        (pair["mutual"].as_u64(), pair["joins"].as_u64(), pair["waiting"].as_u64()),
+        (Some(10), Some(1), Some(0))
+    );
     assert!(scores["translation_m"]["median"].as_f64().unwrap() < 1e-3, "{scores}");
     assert_eq!(scores["within_95"].as_f64(), Some(1.0));
     let rows = fs::read_to_string(table).unwrap();

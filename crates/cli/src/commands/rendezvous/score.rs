@@ -1,6 +1,6 @@
 //! Encounters beside motion capture.
 
-use super::Meetings;
+use super::Outcomes;
 use super::data::DataSet;
 use mapwright_eval::{ErrorStats, Nees, chi_square_quantile};
 use mapwright_geom::Stamp;
@@ -28,7 +28,7 @@ pub(super) struct Errors {
 pub(super) struct Scores(pub(super) Vec<Score>);
 
 impl Scores {
-    pub(super) fn of(set: &DataSet, meetings: &Meetings) -> Self {
+    pub(super) fn of(set: &DataSet, outcomes: &Outcomes) -> Self {
         if set.robots.iter().all(|robot| robot.truth.is_none()) {
             return Self(Vec::new());
         }
@@ -38,7 +38,7 @@ impl Scores {
             ("joins", |encounter| encounter.is_join),
         ];
         let score = |(name, is_of): (&'static str, fn(&Encounter) -> bool)| {
-            let encounters: Vec<&Encounter> = meetings.encounters().filter(|encounter| is_of(encounter)).collect();
+            let encounters: Vec<&Encounter> = outcomes.encounters().filter(|encounter| is_of(encounter)).collect();
             Score::of(name, &encounters, set)
         };
         Self(rows.into_iter().map(score).collect())

@@ -1,21 +1,19 @@
 //! What is said of encounters.
 
-use super::Meetings;
+use super::Outcomes;
 use super::data::DataSet;
 use super::score::{Score, Scores};
 use crate::args::RendezvousArgs;
 use crate::report::remarks;
 use crate::terminal::count;
-use mapwright_rendezvous::{Kind, PairResult, RefusalReason, WaitReason};
+use mapwright_rendezvous::{Kind, PairResult, RefusalReason, RobotId, WaitReason};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-pub(super) fn to_words(args: &RendezvousArgs, set: &DataSet, meetings: &Meetings, scores: &Scores) -> String {
+pub(super) fn to_words(args: &RendezvousArgs, set: &DataSet, outcomes: &Outcomes, scores: &Scores) -> String {
     let mut text = format!("{}: {}\n", args.data.display(), count(set.robots.len() as u64, "robot"));
     text += "pair    sightings  mutual  gathered  joins  refused  waiting\n";
-    for pair in &meetings.pairs {
-        let [a, b] = pair.robots;
-        let r = &pair.result;
+    for ([a, b], r) in &outcomes.meetings.pairs {
         let of = |kind: Kind| r.encounters.iter().filter(|encounter| encounter.kind == kind).count();
         let joins = r.encounters.iter().filter(|encounter| encounter.is_join).count();
         text += &format!(
@@ -30,7 +28,7 @@ pub(super) fn to_words(args: &RendezvousArgs, set: &DataSet, meetings: &Meetings
             reasons(r),
         );
     }
-    text + &score_table(scores) + &remarks(&set.losses, &oddities(meetings))
+    text + &score_table(scores) + &remarks(&set.losses, &oddities(outcomes))
 }
 
 fn score_table(scores: &Scores) -> String {
@@ -58,14 +56,15 @@ fn score_table(scores: &Scores) -> String {
     text
 }
 
-fn oddities(meetings: &Meetings) -> Vec<String> {
+fn oddities(outcomes: &Outcomes) -> Vec<String> {
     let mut odd = Vec::new();
-    if meetings.unknown_barcodes > 0 {
-        let sightings = count(meetings.unknown_barcodes as u64, "sighting");
+    if outcomes.unknown_barcodes > 0 {
+        let sightings = count(outcomes.unknown_barcodes as u64, "sighting");
         odd.push(format!("{sightings} of barcodes that nobody has, left out"));
     }
-    if meetings.of_itself > 0 {
-        odd.push(format!("{} of a robot by itself, left out", count(meetings.of_itself as u64, "sighting")));
+    if !outcomes.meetings.refused.is_empty() {
+        let sightings = count(outcomes.meetings.refused.len() as u64, "sighting");
+        odd.push(format!("{sightings} of a robot by itself, left out"));
     }
     odd
 }
@@ -104,30 +103,30 @@ fn wait_word(reason: WaitReason) -> &'static str {
     }
 }
 
-pub(super) fn to_json(args: &RendezvousArgs, set: &DataSet, meetings: &Meetings, scores: &Scores) -> Value {
-    let pairs: Vec<Value> = meetings.pairs.iter().map(pair_json).collect();
+pub(super) fn to_json(args: &RendezvousArgs, set: &DataSet, outcomes: &Outcomes, scores: &Scores) -> Value {
+    let pairs: Vec<Value> = outcomes.meetings.pairs.iter().map(|(robots, result)| pair_json(*robots, result)).collect();
     json!({
         "data": args.data.display().to_string(),
         "robots": set.robots.len(),
         "pairs": pairs,
         "scores": scores.0.iter().map(score_json).collect::<Vec<_>>(),
-        "unknown_barcodes": meetings.unknown_barcodes,
-        "of_itself": meetings.of_itself,
+        "unknown_barcodes": outcomes.unknown_barcodes,
+        "of_itself": outcomes.meetings.refused.len(),
         "losses": set.losses,
     })
 }
 
-fn pair_json(pair: &super::Pair) -> Value {
-    let of = |kind: Kind| pair.result.encounters.iter().filter(|encounter| encounter.kind == kind).count();
+fn pair_json(robots: [RobotId; 2], result: &PairResult) -> Value {
+    let of = |kind: Kind| result.encounters.iter().filter(|encounter| encounter.kind == kind).count();
     json!({
-        "robots": pair.robots,
-        "sightings": pair.result.sightings,
+        "robots": robots,
+        "sightings": result.sightings,
         "mutual": of(Kind::Mutual),
         "gathered": of(Kind::Gathered),
-        "joins": pair.result.encounters.iter().filter(|encounter| encounter.is_join).count(),
-        "refused": pair.result.refused.len(),
-        "waiting": pair.result.waiting.len(),
-        "reasons": counted(&pair.result),
+        "joins": result.encounters.iter().filter(|encounter| encounter.is_join).count(),
+        "refused": result.refused.len(),
+        "waiting": result.waiting.len(),
+        "reasons": counted(result),
     })
 }
 
