@@ -32,16 +32,15 @@ impl Scores {
         if set.robots.iter().all(|robot| robot.truth.is_none()) {
             return Self(Vec::new());
         }
-        let rows: [(&'static str, fn(&Encounter) -> bool); 3] = [
-            ("mutual", |encounter| encounter.kind == Kind::Mutual),
-            ("gathered", |encounter| encounter.kind == Kind::Gathered),
-            ("joins", |encounter| encounter.is_join),
-        ];
-        let score = |(name, is_of): (&'static str, fn(&Encounter) -> bool)| {
+        let score = |name: &'static str, is_of: fn(&Encounter) -> bool| {
             let encounters: Vec<&Encounter> = outcomes.encounters().filter(|encounter| is_of(encounter)).collect();
             Score::of(name, &encounters, set)
         };
-        Self(rows.into_iter().map(score).collect())
+        Self(vec![
+            score("mutual", |encounter| encounter.kind == Kind::Mutual),
+            score("gathered", |encounter| encounter.kind == Kind::Gathered),
+            score("joins", |encounter| encounter.is_join),
+        ])
     }
 }
 
