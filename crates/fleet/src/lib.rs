@@ -21,5 +21,5 @@ pub use chain::Chain;
 pub use keys::{Member, Roster, RosterError, SIGNATURE_BYTES, Secret};
 pub use message::{MESSAGE_AT_MOST, RECORDS_AT_MOST, Refusal};
 pub use node::{Node, NodeSettings, Outgoing};
-pub use team::Team;
 pub use record::{ChainId, Equivocation, Hash, Kind, PAYLOAD_AT_MOST, Record};
+pub use team::Team;

@@ -63,8 +63,18 @@ impl Beat {
 pub(crate) enum Message {
     Beat(Beat),
     /// Who is asked for which records of a chain, from the first on.
-    Ask { from: u16, to: u16, chain: ChainId, first: u32, count: u32 },
-    Records { chain: ChainId, first: u32, records: Vec<Record> },
+    Ask {
+        from: u16,
+        to: u16,
+        chain: ChainId,
+        first: u32,
+        count: u32,
+    },
+    Records {
+        chain: ChainId,
+        first: u32,
+        records: Vec<Record>,
+    },
     Equivocation(Box<Equivocation>),
 }
 

@@ -79,7 +79,14 @@ pub(crate) fn hash_of(bytes: &[u8]) -> Hash {
 }
 
 impl Record {
-    pub(crate) fn sign(secret: &Secret, chain: ChainId, seq: u32, previous: &Hash, kind: Kind, payload: Vec<u8>) -> Self {
+    pub(crate) fn sign(
+        secret: &Secret,
+        chain: ChainId,
+        seq: u32,
+        previous: &Hash,
+        kind: Kind,
+        payload: Vec<u8>,
+    ) -> Self {
         let head = head(chain, seq, previous, kind, &hash_of(&payload), payload.len() as u32);
         Self { kind, payload: payload.into(), signature: secret.sign(&head) }
     }

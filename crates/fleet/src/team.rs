@@ -6,7 +6,9 @@ use crate::message::Refusal;
 use crate::node::{Node, Outgoing};
 use crate::record::{ChainId, Kind};
 use crate::solution::{Begin, Replay, SolutionId, Solutions, Step};
-use mapwright::{Adoption, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update};
+use mapwright::{
+    Adoption, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update,
+};
 use mapwright_record::LogWriter;
 use std::collections::BTreeMap;
 
@@ -28,9 +30,9 @@ const BLOCKED_S: f64 = 10.0;
 /// What the mapper of all is called.
 const TEAM: &str = "the team";
 /// When nothing has come for so long, the poses are handed out as they are, seconds,
-const SETTLED_S: f64 = 1.0;
+const SETTLED_S: f64 = 5.0;
 /// and old places are looked for anew.
-const LOOKED_AGAIN_S: f64 = 3.0;
+const LOOKED_AGAIN_S: f64 = 10.0;
 
 /// A robot's part in a team: what it maps is told, and what all have mapped becomes one map.
 ///
@@ -224,7 +226,8 @@ impl Team {
         let Some((mapper, base)) = self.mapper_of_solution(now) else { return false };
         let before = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
         let Some(term) = before.checked_add(1) else { return false };
-        let (adoptions, taken) = self.replay.as_ref().map(|known| (known.adoptions.clone(), known.taken.clone())).unwrap_or_default();
+        let (adoptions, taken) =
+            self.replay.as_ref().map(|known| (known.adoptions.clone(), known.taken.clone())).unwrap_or_default();
         let me = self.node.me();
         let begin = self.node.chains().get(&me).map_or(0, Chain::next);
         let mut steps = Vec::new();
@@ -232,7 +235,10 @@ impl Team {
         if !self.node.publish(Kind::Solution, pack(&steps)) {
             return false;
         }
-        let writer = self.replay.as_ref().map_or_else(|| LogWriter::resume(&Session::default()), |known| LogWriter::resume(known.session()));
+        let writer = self
+            .replay
+            .as_ref()
+            .map_or_else(|| LogWriter::resume(&Session::default()), |known| LogWriter::resume(known.session()));
         let writer = writer.with_snapshots_of(SNAPSHOTS);
         let mut solving = Solving {
             id: SolutionId { chain: me, begin },

@@ -22,7 +22,8 @@ struct Robot {
 fn robots(count: usize) -> Vec<Robot> {
     let site = std::sync::Arc::new(worlds::office_floor(3));
     let robot = |k: usize| {
-        let settings = DriveSettings { start_waypoint: 4 * k, duration_s: 150.0, seed: k as u64, ..DriveSettings::default() };
+        let settings =
+            DriveSettings { start_waypoint: 4 * k, duration_s: 150.0, seed: k as u64, ..DriveSettings::default() };
         let scans = Drive::new(std::sync::Arc::clone(&site), settings).scans().collect();
         let mapper = Mapper::of_run(Settings::default(), RunId::of_robot(&name(k)), Pose2::IDENTITY).expect("valid");
         let team = Team::new(node(count, k, 0), Settings::default()).expect("valid");
@@ -53,7 +54,9 @@ fn drive(robots: &mut [Robot], loss: f64, dies: Option<(usize, i64)>) -> i64 {
         }
         for from in (0..robots.len()).filter(|&k| robots[k].is_alive).collect::<Vec<_>>() {
             for out in robots[from].team.poll(at(tick)) {
-                for to in (0..robots.len()).filter(|to| *to != from && out.to.is_none_or(|wanted| usize::from(wanted) == *to)) {
+                for to in
+                    (0..robots.len()).filter(|to| *to != from && out.to.is_none_or(|wanted| usize::from(wanted) == *to))
+                {
                     air.send(at(tick), to, &out.bytes, true);
                 }
             }
@@ -76,9 +79,10 @@ fn drive(robots: &mut [Robot], loss: f64, dies: Option<(usize, i64)>) -> i64 {
 fn is_agreed(robots: &[Robot]) -> bool {
     let alive: Vec<&Robot> = robots.iter().filter(|robot| robot.is_alive).collect();
     let maps: Option<Vec<Vec<u8>>> = alive.iter().map(|robot| robot.team.map().map(Session::encode)).collect();
-    let has_all = |map: &Session| alive.iter().all(|r| r.mapper.keyframes().last().is_some_and(|last| map.place(last.id).is_some()));
-    maps.is_some_and(|maps| maps.windows(2).all(|pair| pair[0] == pair[1]))
-        && alive[0].team.map().is_some_and(has_all)
+    let has_all = |map: &Session| {
+        alive.iter().all(|r| r.mapper.keyframes().last().is_some_and(|last| map.place(last.id).is_some()))
+    };
+    maps.is_some_and(|maps| maps.windows(2).all(|pair| pair[0] == pair[1])) && alive[0].team.map().is_some_and(has_all)
 }
 
 /// Keyframes that are wrong relative to the first one.
@@ -118,7 +122,8 @@ fn the_map_goes_on_when_the_robot_that_solves_dies() {
     let mut robots = robots(3);
     drive(&mut robots, 0.1, Some((0, 700)));
     let map = robots[1].team.map().expect("a map");
-    let of_dead = map.keyframes().iter().filter(|keyframe| keyframe.id.robot == RunId::of_robot(&name(0)).robot).count();
+    let of_dead =
+        map.keyframes().iter().filter(|keyframe| keyframe.id.robot == RunId::of_robot(&name(0)).robot).count();
     assert_eq!((map.pieces().len(), misplaced(&robots, map)), (1, 0));
     assert!(of_dead > 20 && robots[1].team.is_solving(), "{of_dead} keyframes of the dead robot");
 }

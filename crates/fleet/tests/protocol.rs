@@ -35,7 +35,9 @@ fn exchange(
 /// What a node holds, as one value.
 fn held(node: &Node) -> Vec<(ChainId, u32, Vec<u8>)> {
     let chains = node.chains().iter().filter(|(_, chain)| chain.next() > 0);
-    chains.map(|(id, chain)| (*id, chain.next(), chain.records().iter().flat_map(|r| r.payload.to_vec()).collect())).collect()
+    chains
+        .map(|(id, chain)| (*id, chain.next(), chain.records().iter().flat_map(|r| r.payload.to_vec()).collect()))
+        .collect()
 }
 
 #[test]
@@ -79,7 +81,10 @@ fn all_who_live_end_with_the_same_records() {
             let first = nodes.iter().position(Option::is_some).map(|rank| rank as u16);
             assert!(loss > 0.5 || leader == first, "seed {seed}: {leader:?}, not {first:?}");
             assert_eq!(node.equivocators().count(), 0);
-            assert_eq!(node.refused().map(|(_, _, times)| times).sum::<u64>(), node.refused().filter(|(why, ..)| *why == Refusal::Replayed).map(|(_, _, times)| times).sum::<u64>());
+            assert_eq!(
+                node.refused().map(|(_, _, times)| times).sum::<u64>(),
+                node.refused().filter(|(why, ..)| *why == Refusal::Replayed).map(|(_, _, times)| times).sum::<u64>()
+            );
         }
     }
 }

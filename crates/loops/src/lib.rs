@@ -17,8 +17,8 @@ mod views;
 
 pub use cascade::{Finding, VerifySettings};
 pub use closing::{
-    APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, RUN_WAY_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, is_old,
-    run_of,
+    APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, RUN_WAY_M, SUBMAP_M, WINDOW_M, WINDOW_RAD,
+    is_old, run_of,
 };
 pub use places::{PlaceHit, PlaceIndex};
 pub use plane::PlaneSubmaps;

@@ -88,15 +88,27 @@ fn main() {
     }
     println!("whole: {:.2} s", begin.elapsed().as_secs_f64());
     let each = events.len().div_ceil(parts);
-    let mut robots: Vec<Robot<'_>> = events.chunks(each).enumerate().map(|(k, events)| {
-        let run = RunId::of_robot(&format!("robot {k}"));
-        let mapper = Mapper::of_run(Settings::default(), run, Pose2::IDENTITY).expect("valid");
-        Robot { mapper, adoption: Adoption::default(), events, untold: Vec::new() }
-    }).collect();
-    let ends: Vec<Stamp> = events.chunks(each).map(|part| part.iter().rev().find_map(|event| match event {
-        Event::Scan(scan) => Some(scan.stamp),
-        Event::Odometry(_) => None,
-    }).expect("scans")).collect();
+    let mut robots: Vec<Robot<'_>> = events
+        .chunks(each)
+        .enumerate()
+        .map(|(k, events)| {
+            let run = RunId::of_robot(&format!("robot {k}"));
+            let mapper = Mapper::of_run(Settings::default(), run, Pose2::IDENTITY).expect("valid");
+            Robot { mapper, adoption: Adoption::default(), events, untold: Vec::new() }
+        })
+        .collect();
+    let ends: Vec<Stamp> = events
+        .chunks(each)
+        .map(|part| {
+            part.iter()
+                .rev()
+                .find_map(|event| match event {
+                    Event::Scan(scan) => Some(scan.stamp),
+                    Event::Odometry(_) => None,
+                })
+                .expect("scans")
+        })
+        .collect();
     let mut team = Mapper::of_run(Settings::default(), RunId::of_robot("team"), Pose2::IDENTITY).expect("valid");
     let (mut driven_s, mut adopted_s, mut refused, mut one) = (0.0, 0.0, 0, None);
     loop {
@@ -121,12 +133,21 @@ fn main() {
     }
     let begin = Instant::now();
     team.look_again();
-    println!("driven {driven_s:.2} s, adopted {adopted_s:.2} s, looked again {:.2} s, {refused} refused, {} keyframes, one piece after {one:?}, pieces {}",
-        begin.elapsed().as_secs_f64(), team.keyframes().len(), team.session().pieces().len());
+    println!(
+        "driven {driven_s:.2} s, adopted {adopted_s:.2} s, looked again {:.2} s, {refused} refused, {} keyframes, one piece after {one:?}, pieces {}",
+        begin.elapsed().as_secs_f64(),
+        team.keyframes().len(),
+        team.session().pieces().len()
+    );
     let part = |stamp: Stamp| ends.iter().position(|end| stamp <= *end);
-    let across: Vec<Relation> = relations.iter().copied().filter(|relation| part(relation.from) != part(relation.to)).collect();
-    let whole_poses: Vec<StampedPose> = whole.trajectory().map(|pose| StampedPose { stamp: pose.stamp, world_from_robot: pose.map_from_robot }).collect();
-    let team_poses: Vec<StampedPose> = robots.iter().flat_map(|robot| poses(robot.mapper.session(), team.session())).collect();
+    let across: Vec<Relation> =
+        relations.iter().copied().filter(|relation| part(relation.from) != part(relation.to)).collect();
+    let whole_poses: Vec<StampedPose> = whole
+        .trajectory()
+        .map(|pose| StampedPose { stamp: pose.stamp, world_from_robot: pose.map_from_robot })
+        .collect();
+    let team_poses: Vec<StampedPose> =
+        robots.iter().flat_map(|robot| poses(robot.mapper.session(), team.session())).collect();
     for (name, relations) in [("all", &relations), ("across", &across)] {
         let [a, b] = [&whole_poses, &team_poses].map(|poses| {
             let report = relation_errors(poses, relations);

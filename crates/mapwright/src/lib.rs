@@ -46,10 +46,10 @@ pub use mapper::{Adopted, Mapper};
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{BeamAgreement, CountGrid, LocalMap};
 pub use mapwright_record::{
-    Adoption, Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment, FragmentStart,
-    Gravity, Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport, Objection,
-    OdometryLink, OdometryOrigin, Piece, RecordedEdge, Run, RunId, ScanPose, SeparateMap, Session, SessionEdge,
-    Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip, groups,
+    Adoption, Beams, Candidate, Checkpoint, Detection, Edge, EdgeKind, Entry, EntryError, Evidence, Fragment,
+    FragmentStart, Gravity, Keyframe, KeyframeId, LeftOut, LeftOutReason, LocalMapReport, Localisation, MatchReport,
+    Objection, OdometryLink, OdometryOrigin, Piece, RecordedEdge, Run, RunId, ScanPose, SeparateMap, Session,
+    SessionEdge, Snapshot, Status, TrajectoryPose, Update, Verdict, WheelSlip, groups,
 };
 pub use mapwright_sensor::{BeamCounts, LaserModel, LaserScan, Odometry, Sweep, TurnRate};
 pub use mapwright_sensor::{Cloud, DepthImage, ImuReading, ImuTaken, PinholeCamera, SpaceSensor, SpaceSweep};

@@ -4,7 +4,8 @@
 mod support;
 
 use mapwright::{
-    Adoption, Entry, FragmentStart, Localisation, Mapper, Pose2, RunId, Session, Settings, Stamp, Status, Update, Withdrawal, groups,
+    Adoption, Entry, FragmentStart, Localisation, Mapper, Pose2, RunId, Session, Settings, Stamp, Status, Update,
+    Withdrawal, groups,
 };
 use mapwright_sim::worlds::{Relocalisation, TwiceTheSame, relocalisation};
 use mapwright_sim::{DriveSettings, TrueScan, worlds};
@@ -156,7 +157,10 @@ fn robots_that_take_turns_have_one_map() {
         for keyframe in mapper.keyframes() {
             way.push(session.place(keyframe.id).expect("it is there"));
         }
-        assert!(way.windows(2).all(|pair| session.before(pair[1]) == Some(pair[0]) && session.after(pair[0]) == Some(pair[1])));
+        assert!(
+            way.windows(2)
+                .all(|pair| session.before(pair[1]) == Some(pair[0]) && session.after(pair[0]) == Some(pair[1]))
+        );
     }
     let kept: usize = robots.iter().map(|(mapper, _)| mapper.keyframes().len()).sum();
     let truth = |keyframe: &mapwright::Keyframe| {

@@ -48,7 +48,14 @@ impl Radio {
     /// Nothing is under way.
     #[must_use]
     pub fn new(settings: RadioSettings) -> Self {
-        Self { settings, rng: Rng::keyed(settings.seed, 0x7261_6469), under_way: BTreeMap::new(), sent: 0, sent_bytes: 0, carried: 0 }
+        Self {
+            settings,
+            rng: Rng::keyed(settings.seed, 0x7261_6469),
+            under_way: BTreeMap::new(),
+            sent: 0,
+            sent_bytes: 0,
+            carried: 0,
+        }
     }
 
     /// Sends a message to one robot; `is_in_reach` says whether that hears the sender now. It counts as sent all the same.

@@ -78,7 +78,10 @@ fn robots_that_drive_at_the_same_time_share_one_map() {
     let (died, path) = out(&folder, "died");
     assert_code(&run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--dies", "1@40"]), 0);
     let report = json(&died.join("fleet.json"));
-    assert_eq!((report["robots"][0]["alive"].as_bool(), report["robots"][1]["solves"].as_bool()), (Some(false), Some(true)));
+    assert_eq!(
+        (report["robots"][0]["alive"].as_bool(), report["robots"][1]["solves"].as_bool()),
+        (Some(false), Some(true))
+    );
     let refused = run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--dies", "3@4"]);
     assert_refused(&refused, 2, &["--dies", "1 to 2", "3"]);
     assert_refused(&run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--loss", "1.5"]), 2, &["0 to 0.95"]);

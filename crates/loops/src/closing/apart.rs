@@ -39,7 +39,8 @@ impl Apart {
 
     #[cfg(test)]
     pub(super) fn of_fragments(fragments: &[(NodeId, usize)]) -> Self {
-        let stretch = |(at, &(first, piece)): (usize, &(NodeId, usize))| Stretch { first, piece, before: at.checked_sub(1) };
+        let stretch =
+            |(at, &(first, piece)): (usize, &(NodeId, usize))| Stretch { first, piece, before: at.checked_sub(1) };
         Self { stretches: fragments.iter().enumerate().map(stretch).collect() }
     }
 
@@ -64,7 +65,9 @@ impl Apart {
         let reaches = |other: NodeId| past.way_between_m(node, other) <= reach_m;
         let ends = self.stretches.iter().skip(1).map(|next| next.first.index()).chain([past.way_m.len()]);
         let mut of_piece = self.stretches.iter().zip(ends).filter(|(known, _)| known.piece == piece);
-        of_piece.all(|(known, end)| reaches(known.first) && end.checked_sub(1).is_some_and(|last| reaches(NodeId::at(last))))
+        of_piece.all(|(known, end)| {
+            reaches(known.first) && end.checked_sub(1).is_some_and(|last| reaches(NodeId::at(last)))
+        })
     }
 
     /// The keyframe that odometry has led to wrongly where `to` is elsewhere: the first one of its piece, on the way back.

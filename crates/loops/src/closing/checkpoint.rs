@@ -28,7 +28,8 @@ impl<S: Submaps> Closing<S> {
         let places = S::Places::take(from)?;
         let is_sound = waiting.iter().all(|&number| (number as usize) < past.session.candidates().len())
             && S::remembered(&places).iter().all(|&node| past.has(node));
-        let known = Self { waiting, looks: Looks { checked_m, asked_m }, described, described_m, ..Self::new(settings) };
+        let known =
+            Self { waiting, looks: Looks { checked_m, asked_m }, described, described_m, ..Self::new(settings) };
         is_sound.then_some(Self { strained, urgent, unseen, supports, apart, places, ..known })
     }
 }

@@ -159,7 +159,7 @@ fn drive(team: &mut Simulated, logs: &[Vec<Event>], args: &FleetSimulateArgs, in
 
 /// All have the same map, and none is about to look for old places once more.
 fn is_over(team: &Simulated, since_end_s: f64) -> bool {
-    since_end_s >= 10.0 && team.is_agreed()
+    since_end_s >= 15.0 && team.is_agreed()
 }
 
 fn note_joins(team: &mut Simulated, seconds: f64) {
@@ -227,12 +227,7 @@ fn report(
 }
 
 /// The session, its maps, and where each robot was; how many maps there are.
-fn write_map(
-    settings: Settings,
-    map: &Session,
-    team: &Simulated,
-    output: &mut OutputFolder,
-) -> Result<usize, Failure> {
+fn write_map(settings: Settings, map: &Session, team: &Simulated, output: &mut OutputFolder) -> Result<usize, Failure> {
     use std::io::Write as _;
     output.write("session.mapwright", |writer| Ok(writer.write_all(&map.encode())?))?;
     let maps = map.maps();
@@ -267,9 +262,8 @@ fn write_poses(output: &mut OutputFolder, name: String, poses: &[(Stamp, Pose2)]
 
 fn robot_json(robot: &Robot) -> Value {
     let refused = robot.team.node().refused();
-    let refused: Vec<Value> = refused
-        .map(|(why, of, times)| json!({ "why": why.words(), "of": of, "times": times }))
-        .collect();
+    let refused: Vec<Value> =
+        refused.map(|(why, of, times)| json!({ "why": why.words(), "of": of, "times": times })).collect();
     json!({
         "name": robot.name,
         "alive": robot.is_alive,
@@ -299,7 +293,11 @@ fn words(team: &Simulated, ended: &Ended, value: &Value, losses: &[String]) -> S
     let agreed = ended.agreed_s.map_or("not agreed".to_owned(), |s| format!("agreed {s:.0} s later"));
     lines.push(format!("drove for {:.0} s, {agreed}", ended.drove_s));
     let bytes = |of: &str| value["bytes_per_keyframe"][of].as_f64().unwrap_or(0.0);
-    lines.push(format!("told {:.0} bytes a keyframe, {:.0} of them of the solution", bytes("mapped") + bytes("solution"), bytes("solution")));
+    lines.push(format!(
+        "told {:.0} bytes a keyframe, {:.0} of them of the solution",
+        bytes("mapped") + bytes("solution"),
+        bytes("solution")
+    ));
     lines.extend(losses.iter().map(|loss| format!("! {loss}")));
     lines.join("\n") + "\n"
 }
