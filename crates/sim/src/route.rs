@@ -1,9 +1,10 @@
 //! Where to drive: a world together with a way through it.
 
-use crate::math::{Point, distance};
+use crate::math::{Point, add, atan2, distance, scale, sub, unit};
 use crate::rng::Rng;
 use crate::shape::Segment;
 use crate::world::{Door, Schedule, Walker, World};
+use mapwright_geom::Pose2;
 
 /// Waypoints to be driven in order, metres in the world.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +52,15 @@ pub struct Site {
 }
 
 impl Site {
+    /// So many metres along the first leg of the route, looking along it; negative ones lie before its beginning.
+    #[must_use]
+    pub fn start(&self, along_m: f64) -> Pose2 {
+        let (Some(from), Some(to)) = (self.route.waypoint(0), self.route.waypoint(1)) else { return Pose2::IDENTITY };
+        let along = unit(sub(to, from));
+        let [x, y] = add(from, scale(along, along_m));
+        Pose2::new(x, y, atan2(along[1], along[0]))
+    }
+
     /// The same with `count` people walking to and fro on stretches of the route, at 0.7 to 1.4 m/s.
     #[must_use]
     pub fn with_people(mut self, count: usize, seed: u64) -> Self {

@@ -164,6 +164,16 @@ impl World {
         self
     }
 
+    /// The same with its doors standing still: open those that are shut at times only.
+    pub(crate) fn with_doors_settled(mut self) -> Self {
+        for door in &mut self.doors {
+            if door.shut_when != Schedule::Always {
+                door.shut_when = Schedule::During(Vec::new());
+            }
+        }
+        self
+    }
+
     /// The same with people added.
     #[must_use]
     pub fn with_walkers(mut self, walkers: impl IntoIterator<Item = Walker>) -> Self {
@@ -254,6 +264,14 @@ pub struct Moment<'a> {
 }
 
 impl Moment<'_> {
+    /// The same with other round things in it, such as robots.
+    #[must_use]
+    pub fn with_others(mut self, others: impl IntoIterator<Item = Circle>) -> Self {
+        others.into_iter().for_each(|other| self.admit(Mover::Person(other)));
+        self.movers.sort_by(|a, b| a.0.total_cmp(&b.0));
+        self
+    }
+
     /// The same with one more person in it.
     #[must_use]
     pub fn with_person(mut self, person: Circle) -> Self {

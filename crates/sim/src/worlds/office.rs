@@ -8,6 +8,9 @@ use crate::math::{Point, add, distance, lerp, scale, sub, unit};
 use crate::rng::Rng;
 use crate::route::{Route, Site};
 
+/// Area of [`large_office`], square metres.
+const LARGE_M2: f64 = 2800.0;
+
 /// A floor of 34 to 45 by 26 to 34 m and a drive of several hundred metres through it: twice around the main ring,
 /// through every corridor across, in and out of many rooms, back to where it began.
 #[must_use]
@@ -24,6 +27,27 @@ pub fn office_floor(seed: u64) -> Site {
     Site { world: builder.build(), route: Route::new(waypoints) }
 }
 
+/// A floor of 62 to 70 by about 42 m, 2,800 m² in all, for several robots to explore: some ninety rooms around a ring of corridors
+/// with three corridors across and one along the middle. Doors stand as they are: open, or shut for good. Its route is the middle
+/// corridor, from where a corridor across meets it.
+#[must_use]
+pub fn large_office(seed: u64) -> Site {
+    let mut rng = Rng::keyed(seed, 0x6c61_7267_656f);
+    let plan = Plan::draw_large(&mut rng);
+    let mut builder = Builder::new();
+    plan.build_outer_walls(&mut builder, &mut rng);
+    let rooms = plan.build_rooms(&mut builder, &mut rng);
+    let half_m = 0.5 * plan.corridor_m;
+    plan.corridors().iter().for_each(|ends| builder.reserve(ends));
+    rooms.iter().for_each(|room| builder.reserve(&room.way_in(half_m)));
+    rooms.iter().for_each(|room| room.furnish(&mut builder, &mut rng));
+    plan.furnish_corridors(&mut builder, &mut rng);
+    let (ring, y_m) = (plan.ring(), plan.middle_y_m.first().copied().unwrap_or(0.0));
+    let meeting_m = plan.across_x_m[rng.below(plan.across_x_m.len())];
+    let route = Route::new(vec![[meeting_m, y_m], [ring[1][0], y_m], [ring[0][0], y_m]]);
+    Site { world: builder.build().with_doors_settled(), route }
+}
+
 /// The measures of a floor, metres; the origin is its lower left corner.
 struct Plan {
     width_m: f64,
@@ -33,6 +57,8 @@ struct Plan {
     corridor_m: f64,
     /// Middle lines of the corridors across.
     across_x_m: Vec<f64>,
+    /// Middle lines of the corridors along, inside the ring.
+    middle_y_m: Vec<f64>,
 }
 
 impl Plan {
@@ -48,7 +74,19 @@ impl Plan {
             vec![rng.uniform(0.36, 0.64)]
         };
         let across_x_m = shares.into_iter().map(|share| start_m + share * inner_m).collect();
-        Self { width_m, height_m, depth_m, corridor_m, across_x_m }
+        Self { width_m, height_m, depth_m, corridor_m, across_x_m, middle_y_m: Vec::new() }
+    }
+
+    fn draw_large(rng: &mut Rng) -> Self {
+        let width_m = rng.uniform(62.0, 70.0);
+        let height_m = LARGE_M2 / width_m;
+        let depth_m = [(); 4].map(|()| rng.uniform(4.6, 6.2));
+        let corridor_m = rng.uniform(1.9, 2.4);
+        let inner_m = width_m - depth_m[1] - depth_m[3] - 2.0 * corridor_m;
+        let start_m = depth_m[3] + corridor_m;
+        let across_x_m = [0.25, 0.5, 0.75].map(|share| start_m + (share + rng.uniform(-0.04, 0.04)) * inner_m).to_vec();
+        let middle_y_m = vec![0.5 * (height_m + depth_m[0] - depth_m[2]) + rng.uniform(-0.6, 0.6)];
+        Self { width_m, height_m, depth_m, corridor_m, across_x_m, middle_y_m }
     }
 
     /// Corners of the ring's middle line, counter-clockwise from the lower left.
@@ -122,11 +160,25 @@ impl Plan {
     fn inner_blocks(&self) -> Vec<[Point; 2]> {
         let half_m = 0.5 * self.corridor_m;
         let [lower_left, _, upper_right, _] = self.ring();
-        let lefts = std::iter::once(lower_left[0]).chain(self.across_x_m.iter().copied());
-        let rights = self.across_x_m.iter().copied().chain([upper_right[0]]);
-        let block =
-            |(left, right)| [[left + half_m, lower_left[1] + half_m], [right - half_m, upper_right[1] - half_m]];
-        lefts.zip(rights).map(block).collect()
+        let between = |first_m: f64, middles_m: &[f64], last_m: f64| {
+            let lows = std::iter::once(first_m).chain(middles_m.iter().copied());
+            lows.zip(middles_m.iter().copied().chain([last_m])).collect::<Vec<_>>()
+        };
+        let columns = between(lower_left[0], &self.across_x_m, upper_right[0]);
+        let rows = between(lower_left[1], &self.middle_y_m, upper_right[1]);
+        let block = |(left, right): (f64, f64), (low, high): (f64, f64)| {
+            [[left + half_m, low + half_m], [right - half_m, high - half_m]]
+        };
+        rows.iter().flat_map(|&row| columns.iter().map(move |&column| block(column, row))).collect()
+    }
+
+    /// Ends of the middle lines of all corridors.
+    fn corridors(&self) -> Vec<[Point; 2]> {
+        let ring = self.ring();
+        let mut corridors: Vec<[Point; 2]> = (0..4).map(|k| [ring[k], ring[(k + 1) % 4]]).collect();
+        corridors.extend(self.across_x_m.iter().map(|&x| [[x, ring[0][1]], [x, ring[2][1]]]));
+        corridors.extend(self.middle_y_m.iter().map(|&y| [[ring[0][0], y], [ring[1][0], y]]));
+        corridors
     }
 
     /// Two rows of rooms back to back.
@@ -145,10 +197,7 @@ impl Plan {
     }
 
     fn furnish_corridors(&self, builder: &mut Builder, rng: &mut Rng) {
-        let ring = self.ring();
-        let mut corridors: Vec<[Point; 2]> = (0..4).map(|k| [ring[k], ring[(k + 1) % 4]]).collect();
-        corridors.extend(self.across_x_m.iter().map(|&x| [[x, ring[0][1]], [x, ring[2][1]]]));
-        for [a, b] in corridors {
+        for [a, b] in self.corridors() {
             let pieces = 2 + (distance(a, b) / 6.0) as usize;
             for _ in 0..pieces {
                 let side = if rng.chance(0.5) { 1.0 } else { -1.0 };
