@@ -1,0 +1,510 @@
+//! Robots share the exploration of what their common map does not show yet.
+
+use crate::assign::{Candidate, Strategy, Weights, assign};
+use crate::frontier::{Frontier, Views, frontiers};
+use crate::map::OccupancyMap;
+use crate::places::{Ending, Limits, Places, WhyLeft};
+use crate::travel::{Terrain, Travel, corners_m};
+use mapwright_geom::Pose2;
+use std::collections::BTreeMap;
+
+/// How robots explore.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExploreSettings {
+    /// Who goes where.
+    pub strategy: Strategy,
+    /// A robot that was not heard for so long has no part in it any more, seconds; what it was to do is given to others.
+    pub silent_after_s: f64,
+    /// With nothing to change, plans are made anew after so long, seconds.
+    pub renew_after_s: f64,
+    /// A robot that has arrived waits so long for the map to show what it sees, seconds.
+    pub look_s: f64,
+    /// How often robots try to get to a place that they made no progress towards.
+    pub tries: u32,
+    /// How often robots look from a place without seeing anything new.
+    pub looks: u32,
+    /// How often something new may be seen at one place: a map that bends shows old things anew.
+    pub visits: u32,
+    /// A second of way costs as much as so many square metres of new area.
+    pub m2_per_s: f64,
+}
+
+impl Default for ExploreSettings {
+    fn default() -> Self {
+        Self {
+            strategy: Strategy::Greedy,
+            silent_after_s: 3.0,
+            renew_after_s: 3.0,
+            look_s: 2.0,
+            tries: 3,
+            looks: 2,
+            visits: 20,
+            m2_per_s: 1.0,
+        }
+    }
+}
+
+/// A robot as it last said it was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Explorer {
+    /// Its number, unlike any other's.
+    pub id: u32,
+    /// Where it is in the map.
+    pub map_from_robot: Pose2,
+    /// When it last said so, seconds.
+    pub heard_s: f64,
+    /// Radius of the circle that it needs, metres.
+    pub radius_m: f64,
+    /// How fast it drives, m/s.
+    pub speed_m_per_s: f64,
+    /// How far its sensor sees, metres.
+    pub reach_m: f64,
+}
+
+impl Explorer {
+    fn at_m(&self) -> [f64; 2] {
+        [self.map_from_robot.x, self.map_from_robot.y]
+    }
+}
+
+/// What a robot is to do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Order {
+    /// Which robot.
+    pub robot: u32,
+    /// Where it is to go, metres in the map; none where nothing is left for it.
+    pub goal_m: Option<[f64; 2]>,
+    /// The way there.
+    pub path_m: Vec<[f64; 2]>,
+}
+
+/// A frontier to which no robot is sent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Left {
+    /// Its middle, metres in the map.
+    pub at_m: [f64; 2],
+    /// Its length, metres.
+    pub length_m: f64,
+    /// Why.
+    pub why: WhyLeft,
+}
+
+/// Who goes where, and what is left.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Decision {
+    /// One for each robot that was heard, in the order of the robots.
+    pub orders: Vec<Order>,
+    /// Every frontier to which no robot is sent.
+    pub left: Vec<Left>,
+    /// Nothing is left that any robot could do.
+    pub done: bool,
+}
+
+/// A robot on its way.
+#[derive(Debug, Clone)]
+struct Errand {
+    robot: u32,
+    /// Middle of the frontier, and where to look at it from.
+    frontier_m: [f64; 2],
+    goal_m: [f64; 2],
+    /// It fails then.
+    deadline_s: f64,
+    /// So near it has come, in metres of way, and when; further than that is no progress.
+    nearest_m: f64,
+    nearer_s: f64,
+    arrived_s: Option<f64>,
+    path_m: Vec<[f64; 2]>,
+}
+
+/// A robot may change its mind so often before an errand of its is ended.
+const MOST_CHANGES: u32 = 3;
+/// A robot fails that takes so many times as long as the way takes at its speed, on top of what it takes to notice that it is stuck.
+const SLOW_TIMES: f64 = 3.0;
+
+/// Sends robots to the frontiers of a map until there are none left.
+///
+/// **It ends.** Each robot has at most one errand, and each errand has a deadline. A robot changes its mind (exchanges an errand for a better
+/// one, or drops it) three times at most; then it is bound, and its errand can only end. An errand that ends is booked at its frontier's
+/// place: *seen* (the frontier is gone), *nothing new* (it was looked at and is still there) or *stuck* (no progress until the deadline,
+/// or no way any more). Each place is booked at most `visits + looks + tries` times, plus once for each robot that was on its way there,
+/// for then it is barred; places lie three robot radii apart, so a map of bounded extent has boundedly many. Hence the number of errands
+/// still to come falls with each that ends, whatever robots, map and frontiers do; and where no errand is under way, either one is given
+/// or [`Decision::done`] is said: what is barred for a time only is let out when nothing else is left.
+#[derive(Debug, Clone, Default)]
+pub struct Exploration {
+    settings: ExploreSettings,
+    places: Places,
+    errands: Vec<Errand>,
+    /// How often robots have changed their minds since an errand of theirs was booked.
+    changes: BTreeMap<u32, u32>,
+    left: Vec<Left>,
+    /// How far robots see in the middle: a running value.
+    sight_m: Option<f64>,
+    planned_s: Option<f64>,
+    plans: u32,
+}
+
+/// What a plan is made of.
+struct Ground<'a> {
+    map: &'a OccupancyMap,
+    robots: &'a [Explorer],
+    now_s: f64,
+}
+
+/// Where the robots can drive.
+struct Reach {
+    /// Of the narrowest robot.
+    terrain: Terrain,
+    /// Of each robot.
+    travel: Vec<Travel>,
+}
+
+/// Where to look at a frontier from, and how long a robot takes to get there.
+#[derive(Clone, Copy)]
+struct Chosen<'a> {
+    frontier: &'a Frontier,
+    stand: usize,
+    seconds: f64,
+}
+
+impl Exploration {
+    /// Nothing explored yet.
+    #[must_use]
+    pub fn new(settings: ExploreSettings) -> Self {
+        Self { settings, ..Self::default() }
+    }
+
+    /// Plans that were made, as opposed to decisions that left everything as it was.
+    #[must_use]
+    pub fn plans(&self) -> u32 {
+        self.plans
+    }
+
+    /// Errands that have ended.
+    #[must_use]
+    pub fn errands_ended(&self) -> u32 {
+        self.places.booked()
+    }
+
+    /// Who goes where now. To be called every second or so; plans anew only where something has happened.
+    pub fn decide(&mut self, map: &OccupancyMap, robots: &[Explorer], now_s: f64) -> Decision {
+        let heard = |robot: &&Explorer| {
+            now_s - robot.heard_s < self.settings.silent_after_s && robot.map_from_robot.is_finite()
+        };
+        let robots: Vec<Explorer> = robots.iter().filter(heard).copied().collect();
+        let before = self.errands.len();
+        self.errands.retain(|errand| robots.iter().any(|robot| robot.id == errand.robot));
+        let lost = before != self.errands.len();
+        if robots.is_empty() {
+            return Decision::default();
+        }
+        let ground = Ground { map, robots: &robots, now_s };
+        let sight_m = self.sight_m(&ground);
+        let found = frontiers(map, sight_m);
+        let ended = self.end_errands(&ground, &found);
+        let idle = self.errands.len() < robots.len();
+        let old = self.planned_s.is_none_or(|planned_s| now_s - planned_s >= self.settings.renew_after_s);
+        if lost || ended || old || (idle && self.planned_s.is_none()) {
+            self.plan(&ground, &found, sight_m);
+        }
+        self.decision(&robots)
+    }
+
+    fn decision(&self, robots: &[Explorer]) -> Decision {
+        let order = |robot: &Explorer| {
+            let errand = self.errands.iter().find(|errand| errand.robot == robot.id);
+            let path_m = errand.map_or(Vec::new(), |errand| errand.path_m.clone());
+            Order { robot: robot.id, goal_m: errand.map(|errand| errand.goal_m), path_m }
+        };
+        let done = self.errands.is_empty() && !robots.is_empty() && !self.is_waiting();
+        Decision { orders: robots.iter().map(order).collect(), left: self.left.clone(), done }
+    }
+
+    /// Frontiers this near to each other are one place, metres.
+    fn same_m(ground: &Ground<'_>) -> f64 {
+        let widest = ground.robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
+        (3.0 * widest).max(3.0 * ground.map.resolution_m())
+    }
+
+    /// How far robots see in the middle. The half-life is some ten plans.
+    fn sight_m(&mut self, ground: &Ground<'_>) -> f64 {
+        let views = Views::new(ground.map);
+        for robot in ground.robots {
+            let Some(cell) = ground.map.index_of(robot.at_m()) else { continue };
+            let now_m = views.sight_m(cell, robot.reach_m);
+            let before_m = self.sight_m.unwrap_or(now_m);
+            self.sight_m = Some(before_m + 0.05 * (now_m - before_m));
+        }
+        self.sight_m.unwrap_or(0.0).max(10.0 * ground.map.resolution_m())
+    }
+
+    /// A robot that gets no nearer for so long is stuck, seconds: the time to drive as far as one sees and back.
+    fn patience_s(sight_m: f64, robot: &Explorer) -> f64 {
+        4.0 * sight_m / robot.speed_m_per_s.max(1e-3)
+    }
+
+    /// Books errands whose frontier is gone, or that have been looked at long enough. Whether there were any.
+    fn end_errands(&mut self, ground: &Ground<'_>, found: &[Frontier]) -> bool {
+        let same_m = Self::same_m(ground);
+        let (look_s, now_s) = (self.settings.look_s, ground.now_s);
+        let mut ended = Vec::new();
+        for errand in &mut self.errands {
+            let Some(robot) = ground.robots.iter().find(|robot| robot.id == errand.robot) else { continue };
+            if nearest_frontier(ground.map, found, errand.frontier_m, same_m).is_none() {
+                ended.push((errand.clone(), Ending::Seen));
+                continue;
+            }
+            let away_m = (robot.at_m()[0] - errand.goal_m[0]).hypot(robot.at_m()[1] - errand.goal_m[1]);
+            if away_m <= robot.radius_m.max(2.0 * ground.map.resolution_m()) {
+                let arrived_s = *errand.arrived_s.get_or_insert(now_s);
+                if now_s - arrived_s >= look_s {
+                    ended.push((errand.clone(), Ending::NothingNew));
+                }
+            }
+        }
+        for (errand, ending) in &ended {
+            self.end(errand, *ending, same_m, now_s, 0.0);
+        }
+        !ended.is_empty()
+    }
+
+    fn end(&mut self, errand: &Errand, ending: Ending, same_m: f64, now_s: f64, age_s: f64) {
+        self.places.book(errand.frontier_m, same_m, ending, now_s, age_s);
+        self.errands.retain(|other| other.robot != errand.robot);
+        self.changes.remove(&errand.robot);
+    }
+
+    fn is_bound(&self, robot: u32) -> bool {
+        self.changes.get(&robot).is_some_and(|changes| *changes >= MOST_CHANGES)
+    }
+
+    /// Gives robots their errands.
+    fn plan(&mut self, ground: &Ground<'_>, found: &[Frontier], sight_m: f64) {
+        (self.planned_s, self.plans) = (Some(ground.now_s), self.plans + 1);
+        let Some(reach) = Reach::of(ground) else { return };
+        self.end_stuck(ground, &reach.travel, sight_m);
+        self.give(ground, found, &reach, sight_m);
+        // Who was bound to what it cannot reach any more is free now.
+        for _ in ground.robots {
+            if !self.errands.is_empty() || !self.is_waiting() {
+                break;
+            }
+            self.give(ground, found, &reach, sight_m);
+        }
+        if self.errands.is_empty() && self.left.iter().any(|left| matches!(left.why, WhyLeft::Blacklisted { .. })) {
+            self.places.let_out();
+            self.give(ground, found, &reach, sight_m);
+        }
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.left.iter().any(|left| left.why == WhyLeft::Waiting)
+    }
+
+    /// The watchdog: books errands without progress.
+    fn end_stuck(&mut self, ground: &Ground<'_>, travel: &[Travel], sight_m: f64) {
+        let mut stuck = Vec::new();
+        for errand in &mut self.errands {
+            let Some(k) = ground.robots.iter().position(|robot| robot.id == errand.robot) else { continue };
+            let robot = &ground.robots[k];
+            let left_m = ground.map.index_of(errand.goal_m).and_then(|cell| travel[k].cost_m(cell));
+            if left_m.is_some_and(|left_m| left_m < errand.nearest_m - robot.radius_m) {
+                (errand.nearest_m, errand.nearer_s) = (left_m.unwrap_or(0.0), ground.now_s);
+            }
+            let patience_s = Self::patience_s(sight_m, robot);
+            if ground.now_s - errand.nearer_s > patience_s || ground.now_s > errand.deadline_s {
+                stuck.push((errand.clone(), patience_s));
+            }
+        }
+        for (errand, patience_s) in stuck {
+            self.end(&errand, Ending::Stuck, Self::same_m(ground), ground.now_s, 2.0 * patience_s);
+        }
+    }
+
+    fn give(&mut self, ground: &Ground<'_>, found: &[Frontier], reach: &Reach, sight_m: f64) {
+        let mut views = Views::new(ground.map);
+        let weights = self.weights(ground, sight_m);
+        let (candidates, looks) = self.candidates(ground, found, reach, &mut views, sight_m);
+        let (blocks, robots) = (views.blocks(), ground.robots.len());
+        let goals =
+            assign(self.settings.strategy, &candidates, robots, weights, blocks, |block| views.unknown_m2(block));
+        for (k, goal) in goals.iter().enumerate() {
+            let chosen = goal.and_then(|goal| {
+                let (frontier, stand) = looks[goal];
+                Some(Chosen { frontier: &found[frontier], stand, seconds: candidates[goal].seconds[k]? })
+            });
+            self.set_errand(ground, k, chosen, &reach.travel[k], sight_m);
+        }
+        let is_taken = |goal: usize| goals.contains(&Some(goal));
+        for (_, &(number, _)) in looks.iter().enumerate().filter(|&(goal, _)| !is_taken(goal)) {
+            self.left.push(left(ground.map, &found[number], WhyLeft::Waiting));
+        }
+    }
+
+    fn weights(&self, ground: &Ground<'_>, sight_m: f64) -> Weights {
+        let speed = ground.robots.iter().map(|robot| robot.speed_m_per_s).fold(0.0, f64::max).max(1e-3);
+        Weights {
+            m2_per_s: self.settings.m2_per_s,
+            most_m2: sight_m * sight_m,
+            loyal_m2: self.settings.m2_per_s * 0.5 * sight_m / speed,
+            least_m2: least_m2(ground),
+        }
+    }
+
+    /// Frontiers that robots may be sent to, with the number of each and where to look from; why the others are left is noted.
+    fn candidates(
+        &mut self,
+        ground: &Ground<'_>,
+        found: &[Frontier],
+        reach: &Reach,
+        views: &mut Views<'_>,
+        sight_m: f64,
+    ) -> (Vec<Candidate>, Vec<(usize, usize)>) {
+        let held: Vec<(usize, usize, bool)> = self.held(ground, found);
+        let (mut candidates, mut looks) = (Vec::new(), Vec::new());
+        self.left.clear();
+        for (number, frontier) in found.iter().enumerate() {
+            let holder = held.iter().find(|(_, of, _)| *of == number);
+            match self.judge(ground, frontier, reach, views, sight_m) {
+                Ok((stand, blocks)) => {
+                    let seconds = |(k, robot): (usize, &Explorer)| {
+                        let bound = held.iter().any(|&(held_by, of, bound)| held_by == k && bound && of != number);
+                        let cost_m = if bound { None } else { reach.travel[k].cost_m(stand) };
+                        Some(cost_m? / robot.speed_m_per_s.max(1e-3))
+                    };
+                    let seconds = ground.robots.iter().enumerate().map(seconds).collect();
+                    let held_by = holder.map(|holder| holder.0);
+                    let bound = holder.filter(|holder| holder.2).map(|holder| holder.0);
+                    candidates.push(Candidate { blocks, seconds, held_by, bound });
+                    looks.push((number, stand));
+                }
+                Err(why) => self.left.push(left(ground.map, frontier, why)),
+            }
+        }
+        (candidates, looks)
+    }
+
+    /// Where to look at a frontier from and what is to be seen there, or why no robot is sent.
+    fn judge(
+        &self,
+        ground: &Ground<'_>,
+        frontier: &Frontier,
+        reach: &Reach,
+        views: &mut Views<'_>,
+        sight_m: f64,
+    ) -> Result<(usize, Vec<u32>), WhyLeft> {
+        let map = ground.map;
+        if frontier.length_m(map) < reach.terrain.radius_m() {
+            return Err(WhyLeft::TooSmall { new_m2: 0.0 });
+        }
+        let limits = Limits { tries: self.settings.tries, looks: self.settings.looks, visits: self.settings.visits };
+        if let Some(why) = self.places.barred(map.center_m(frontier.middle), Self::same_m(ground), ground.now_s, limits)
+        {
+            return Err(why);
+        }
+        let stand = frontier.stand(map, &reach.terrain).ok_or(WhyLeft::TooNarrow)?;
+        if reach.travel.iter().all(|travel| travel.cost_m(stand).is_none()) {
+            return Err(WhyLeft::Unreachable);
+        }
+        let reach_m = ground.robots.iter().map(|robot| robot.reach_m).fold(0.0, f64::max);
+        let blocks = views.seen_from(stand, reach_m, sight_m);
+        let new_m2 = blocks.iter().map(|&block| views.unknown_m2(block)).sum::<f64>();
+        if new_m2 < least_m2(ground) { Err(WhyLeft::TooSmall { new_m2 }) } else { Ok((stand, blocks)) }
+    }
+
+    /// Robots with the numbers of the frontiers that they are on their way to, and whether they may not change their mind any more.
+    fn held(&self, ground: &Ground<'_>, found: &[Frontier]) -> Vec<(usize, usize, bool)> {
+        let held = |errand: &Errand| {
+            let robot = ground.robots.iter().position(|robot| robot.id == errand.robot)?;
+            let frontier = nearest_frontier(ground.map, found, errand.frontier_m, Self::same_m(ground))?;
+            Some((robot, frontier, self.is_bound(errand.robot)))
+        };
+        self.errands.iter().filter_map(held).collect()
+    }
+
+    fn set_errand(&mut self, ground: &Ground<'_>, k: usize, chosen: Option<Chosen<'_>>, travel: &Travel, sight_m: f64) {
+        let robot = &ground.robots[k];
+        let before = self.errands.iter().position(|errand| errand.robot == robot.id);
+        let before = before.map(|place| self.errands.remove(place));
+        let Some(Chosen { frontier, stand, seconds }) = chosen else {
+            return self.drop_errand(ground, robot, before, sight_m);
+        };
+        let path_m = corners_m(ground.map, &travel.path(ground.map, stand));
+        let (frontier_m, goal_m) = (ground.map.center_m(frontier.middle), ground.map.center_m(stand));
+        let same_m = Self::same_m(ground);
+        let is_same = |errand: &Errand| {
+            frontier.cells.iter().any(|&cell| apart_m(ground.map.center_m(cell), errand.frontier_m) <= same_m)
+        };
+        let errand = match before {
+            // Its clock goes on. Where to look from may have moved with the frontier; that is no progress.
+            Some(errand) if is_same(&errand) => Errand { goal_m, path_m, ..errand },
+            before => {
+                self.drop_errand(ground, robot, before, sight_m);
+                Errand {
+                    robot: robot.id,
+                    frontier_m,
+                    goal_m,
+                    deadline_s: ground.now_s + SLOW_TIMES * seconds + Self::patience_s(sight_m, robot),
+                    nearest_m: f64::INFINITY,
+                    nearer_s: ground.now_s,
+                    arrived_s: None,
+                    path_m,
+                }
+            }
+        };
+        self.errands.push(errand);
+    }
+
+    /// A change of mind, or, where the robot may change it no more, an end.
+    fn drop_errand(&mut self, ground: &Ground<'_>, robot: &Explorer, errand: Option<Errand>, sight_m: f64) {
+        let Some(errand) = errand else { return };
+        if self.is_bound(errand.robot) {
+            let age_s = 2.0 * Self::patience_s(sight_m, robot);
+            self.end(&errand, Ending::Stuck, Self::same_m(ground), ground.now_s, age_s);
+        } else {
+            *self.changes.entry(errand.robot).or_insert(0) += 1;
+        }
+    }
+}
+
+impl Reach {
+    fn of(ground: &Ground<'_>) -> Option<Self> {
+        let mut terrains: Vec<Terrain> = Vec::new();
+        for robot in ground.robots {
+            if terrains.iter().all(|terrain| terrain.radius_m() != robot.radius_m) {
+                terrains.push(Terrain::new(ground.map, robot.radius_m));
+            }
+        }
+        let travel = |robot: &Explorer| {
+            let terrain = terrains.iter().find(|terrain| terrain.radius_m() == robot.radius_m)?;
+            Some(Travel::from(ground.map, terrain, robot.at_m()))
+        };
+        let travel = ground.robots.iter().map(travel).collect::<Option<_>>()?;
+        let terrain = terrains.into_iter().min_by(|a, b| a.radius_m().total_cmp(&b.radius_m()))?;
+        Some(Self { terrain, travel })
+    }
+}
+
+/// What is not worth a robot's way: no more area than the narrowest robot stands on, square metres.
+fn least_m2(ground: &Ground<'_>) -> f64 {
+    let narrowest_m = ground.robots.iter().map(|robot| robot.radius_m).fold(f64::INFINITY, f64::min);
+    std::f64::consts::PI * narrowest_m * narrowest_m
+}
+
+fn left(map: &OccupancyMap, frontier: &Frontier, why: WhyLeft) -> Left {
+    Left { at_m: map.center_m(frontier.middle), length_m: frontier.length_m(map), why }
+}
+
+fn apart_m(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// The frontier with the cell nearest to a point, within a distance.
+fn nearest_frontier(map: &OccupancyMap, found: &[Frontier], point_m: [f64; 2], within_m: f64) -> Option<usize> {
+    let away_m = |frontier: &Frontier| {
+        let cells = frontier.cells.iter().map(|&cell| apart_m(map.center_m(cell), point_m));
+        cells.fold(f64::INFINITY, f64::min)
+    };
+    let nearest = found.iter().enumerate().map(|(number, frontier)| (number, away_m(frontier)));
+    nearest.filter(|(_, away_m)| *away_m <= within_m).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, _)| number)
+}

@@ -1,0 +1,178 @@
+//! Exploration ends, whatever robots and maps do, and says why what is left is left.
+#![allow(clippy::unwrap_used, reason = "tests may")]
+
+use mapwright_explore::{Cell, Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Strategy, WhyLeft};
+use mapwright_geom::Pose2;
+use mapwright_sim::Rng;
+
+const SIDE: usize = 120;
+const CELL_M: f64 = 0.1;
+
+/// Rooms of random widths with doors, some of them too narrow; robots see so far as walls let them.
+struct World {
+    walls: Vec<bool>,
+    seen: Vec<bool>,
+    robots: Vec<Explorer>,
+}
+
+impl World {
+    fn new(seed: u64, robots: usize) -> Self {
+        let mut rng = Rng::keyed(seed, 1);
+        let mut walls = vec![false; SIDE * SIDE];
+        for at in (0..SIDE).step_by(30).chain([SIDE - 3]) {
+            for along in 0..SIDE {
+                (0..2).for_each(|k| {
+                    walls[(at + k) * SIDE + along] = true;
+                    walls[along * SIDE + at + k] = true;
+                });
+            }
+        }
+        for (column, row) in (0..4).flat_map(|column| (0..4).map(move |row| (column, row))) {
+            let door = 4 + rng.below(8);
+            let from = 8 + rng.below(8);
+            for k in from..from + door {
+                if column < 3 && rng.chance(0.97) {
+                    (0..2).for_each(|w| walls[(row * 30 + k) * SIDE + column * 30 + 30 + w] = false);
+                }
+                if row < 3 {
+                    (0..2).for_each(|w| walls[(row * 30 + 30 + w) * SIDE + column * 30 + k] = false);
+                }
+            }
+        }
+        let robot = |id: usize| Explorer {
+            id: id as u32,
+            map_from_robot: Pose2::new(1.0 + 0.6 * (id % 3) as f64, 1.0 + 0.6 * (id / 3) as f64, 0.0),
+            heard_s: 0.0,
+            radius_m: 0.2,
+            speed_m_per_s: 0.5,
+            reach_m: 5.0,
+        };
+        Self { walls, seen: vec![false; SIDE * SIDE], robots: (0..robots).map(robot).collect() }
+    }
+
+    fn look(&mut self) {
+        for robot in &self.robots {
+            for ray in 0..180 {
+                let (sin, cos) = (f64::from(ray) * std::f64::consts::TAU / 180.0).sin_cos();
+                for step in 0..100 {
+                    let along_m = 0.05 * f64::from(step);
+                    let (x, y) = (robot.map_from_robot.x + along_m * cos, robot.map_from_robot.y + along_m * sin);
+                    let at = (y / CELL_M) as usize * SIDE + (x / CELL_M) as usize;
+                    self.seen[at] = true;
+                    if self.walls[at] {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    fn map(&self) -> OccupancyMap {
+        let cell = |(&wall, &seen): (&bool, &bool)| match (seen, wall) {
+            (false, _) => Cell::Unknown,
+            (true, true) => Cell::Occupied,
+            (true, false) => Cell::Free,
+        };
+        OccupancyMap::new([0.0; 2], CELL_M, SIDE, self.walls.iter().zip(&self.seen).map(cell).collect()).unwrap()
+    }
+
+    /// Drives a second along the ways; some robots do not.
+    fn drive(&mut self, decision: &Decision, now_s: f64, stands: impl Fn(u32) -> bool) {
+        for order in &decision.orders {
+            let robot = self.robots.iter_mut().find(|robot| robot.id == order.robot).unwrap();
+            let mut left_m = if stands(robot.id) { 0.0 } else { robot.speed_m_per_s };
+            for &[x, y] in &order.path_m {
+                let here = robot.map_from_robot;
+                let leg_m = (x - here.x).hypot(y - here.y);
+                let share = (left_m / leg_m.max(1e-9)).min(1.0);
+                robot.map_from_robot = Pose2::new(here.x + share * (x - here.x), here.y + share * (y - here.y), 0.0);
+                left_m -= share * leg_m;
+            }
+        }
+        self.robots.iter_mut().for_each(|robot| robot.heard_s = now_s + 1.0);
+    }
+}
+
+/// The second at which it is done, and what was said then.
+fn explore(
+    world: &mut World,
+    strategy: Strategy,
+    seed: u64,
+    stands: impl Fn(u32) -> bool,
+    flips: bool,
+) -> (u32, Decision) {
+    let settings = ExploreSettings { strategy, renew_after_s: 2.0, visits: 5, ..ExploreSettings::default() };
+    let mut exploration = Exploration::new(settings);
+    let mut rng = Rng::keyed(seed, 2);
+    for second in 0..20_000 {
+        world.look();
+        if flips {
+            // A map that bends forgets what it has shown.
+            (0..20).for_each(|_| world.seen[rng.below(SIDE * SIDE)] = false);
+        }
+        let decision = exploration.decide(&world.map(), &world.robots, f64::from(second));
+        if decision.done {
+            return (second, decision);
+        }
+        world.drive(&decision, f64::from(second), &stands);
+    }
+    panic!("seed {seed}: never ends");
+}
+
+#[test]
+fn every_building_is_explored_to_its_end() {
+    for seed in 0..6 {
+        for (strategy, robots) in
+            [(Strategy::Greedy, 1), (Strategy::Greedy, 4), (Strategy::Hungarian, 3), (Strategy::Nearest, 2)]
+        {
+            let mut world = World::new(seed, robots);
+            let (_, decision) = explore(&mut world, strategy, seed, |_| false, false);
+            for left in &decision.left {
+                let may_be_tried = matches!(left.why, WhyLeft::Waiting | WhyLeft::Blacklisted { .. });
+                assert!(!may_be_tried, "seed {seed}: {left:?}");
+            }
+            // The room that the robots start in, at least.
+            assert!(world.seen[15 * SIDE + 15]);
+        }
+    }
+}
+
+#[test]
+fn it_ends_with_robots_that_do_not_move_and_maps_that_do() {
+    for seed in 0..2 {
+        let (_, decision) = explore(&mut World::new(seed, 3), Strategy::Greedy, seed, |_| true, false);
+        assert!(decision.left.iter().any(|left| matches!(left.why, WhyLeft::GivenUp { times: 3.. })));
+    }
+    explore(&mut World::new(0, 2), Strategy::Greedy, 0, |id| id == 0, true);
+}
+
+#[test]
+fn many_are_faster_than_one() {
+    let seconds = |robots: usize| -> u32 {
+        (0..4).map(|seed| explore(&mut World::new(seed, robots), Strategy::Greedy, seed, |_| false, false).0).sum()
+    };
+    let (one, four) = (seconds(1), seconds(4));
+    assert!(f64::from(one) > 1.5 * f64::from(four), "{one} s, {four} s");
+}
+
+#[test]
+fn a_silent_robots_work_is_given_away_within_five_seconds() {
+    let mut world = World::new(3, 2);
+    let mut exploration = Exploration::new(ExploreSettings::default());
+    world.look();
+    let map = world.map();
+    let goals =
+        |decision: &Decision| decision.orders.iter().map(|order| (order.robot, order.goal_m)).collect::<Vec<_>>();
+    let before = goals(&exploration.decide(&map, &world.robots, 0.0));
+    assert_eq!(before.len(), 2);
+    let lost = before[0].1.unwrap();
+    let mut taken = false;
+    for second in 1..=5 {
+        world.robots[1].heard_s = f64::from(second);
+        let decision = exploration.decide(&map, &world.robots, f64::from(second));
+        let after = goals(&decision);
+        let waits = decision.left.iter().any(|left| left.why == WhyLeft::Waiting);
+        taken |= after.len() == 1 && after[0].0 == 1 && (after[0].1 == Some(lost) || waits);
+    }
+    assert!(taken, "{before:?}");
+}
