@@ -82,6 +82,8 @@ pub(crate) enum Command {
     Config(SettingsArgs),
     /// Map a simulated office floor and compare with the truth; needs no data.
     Demo(DemoArgs),
+    /// Simulated robots share the exploration of an office floor: map, curve of the area seen, what is left and why.
+    Explore(ExploreArgs),
     /// Optimise a pose graph in g2o's format, of the plane or of space.
     Optimize(OptimizeArgs),
     /// A harder version of a log: fewer scans, gaps, random beams, worse odometry.
@@ -457,6 +459,32 @@ pub(crate) enum Show {
     FalseClosure,
     /// Wheels that turn too much; then the closure's error spread backwards over the loop.
     Spread,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ExploreArgs {
+    /// How many robots; they start together.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub(crate) robots: u32,
+    /// Which floor and noise.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Each robot goes to the frontier nearest to it, whatever the others do: to compare with.
+    #[arg(long)]
+    pub(crate) uncoordinated: bool,
+    /// Scans are drawn where they were truly taken, instead of where each robot's own mapping has them.
+    #[arg(long)]
+    pub(crate) true_poses: bool,
+    /// The last robot is switched off then, seconds, and stands in the way.
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) dies: Option<f64>,
+    /// Folder for the results; made if need be.
+    #[arg(short, long, value_name = "FOLDER", default_value = "mapwright-explore")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    #[command(flatten)]
+    pub(crate) voice: Voice,
 }
 
 #[derive(Debug, ClapArgs)]

@@ -10,6 +10,7 @@ mod commands;
 mod doubt;
 mod drawing;
 mod events;
+mod exploring;
 mod failure;
 mod foreign;
 mod going_on;

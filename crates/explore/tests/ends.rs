@@ -1,5 +1,5 @@
 //! Exploration ends, whatever robots and maps do, and says why what is left is left.
-#![allow(clippy::unwrap_used, reason = "tests may")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests may")]
 
 use mapwright_explore::{Cell, Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Strategy, WhyLeft};
 use mapwright_geom::Pose2;

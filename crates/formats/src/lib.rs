@@ -50,6 +50,7 @@ pub use map::{
 pub use mrclam::{
     MrclamPose, MrclamRows, MrclamSighting, MrclamVelocity, read_mrclam_barcodes, read_mrclam_measurements,
     read_mrclam_odometry, read_mrclam_truth,
+    write_map_yaml, write_pgm, write_plain_png, write_png, write_rgb_png, write_space_png, write_world_file,
 };
 pub use noted::{Noted, OddHeads, OrderReport, RangeReport};
 pub use open::{LogStream, open_log};

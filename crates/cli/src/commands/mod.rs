@@ -7,6 +7,7 @@ mod convert;
 mod demo;
 mod eval;
 mod explain;
+mod explore;
 mod export;
 mod fleet;
 mod info;
@@ -36,6 +37,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Config(args) => config::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Explore(args) => explore::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Perturb(args) => perturb::run(&args),
         Command::Explain(args) => explain::run(&args),

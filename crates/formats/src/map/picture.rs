@@ -115,6 +115,19 @@ pub(super) fn encode_as(canvas: &Canvas, compression: png::Compression, writer: 
     write_pixels((canvas.width, canvas.height, canvas.pixels.as_flattened()), png::ColorType::Rgb, compression, writer)
 }
 
+/// Writes a picture of three bytes a pixel, red, green and blue, the top row first.
+///
+/// # Errors
+///
+/// [`FormatError::CellCount`] where the bytes are not three for each pixel; [`FormatError::Io`].
+pub fn write_rgb_png(width: usize, height: usize, rgb: &[u8], writer: impl Write) -> Result<(), FormatError> {
+    let (expected, found) = (width as u128 * height as u128, rgb.len() / 3);
+    if !rgb.len().is_multiple_of(3) || expected != found as u128 || found == 0 {
+        return Err(FormatError::CellCount { width, height, expected: expected.max(1), found });
+    }
+    write_pixels((width, height, rgb), png::ColorType::Rgb, png::Compression::Fast, writer)
+}
+
 fn write_pixels(
     (width, height, bytes): (usize, usize, &[u8]),
     colours: png::ColorType,

@@ -2,6 +2,7 @@
 
 mod breaks;
 mod calibrations;
+mod explore;
 mod floors;
 mod homes;
 mod judged;
@@ -91,6 +92,11 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Homes(args) => {
             measure(&homes::Homes { settings: settings_of(&args.run)? }, seeds_of(args, 50), &args.run)
+        }
+        Suite::Explore(args) => {
+            let settings = settings_of(&args.worlds.run)?;
+            let explore = explore::Explore { slam: !args.true_poses, hungarian: args.hungarian, settings };
+            measure(&explore, seeds_of(&args.worlds, 20), &args.worlds.run)
         }
         Suite::Legs(args) => {
             let settings = settings_of(&args.worlds.run)?;
