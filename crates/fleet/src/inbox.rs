@@ -4,7 +4,7 @@ use crate::chain::Chain;
 use crate::keys::Roster;
 use crate::message::Refusal;
 use crate::record::{ChainId, Kind};
-use crate::solution::{NoStep, SolutionId, Solutions, Step};
+use crate::steps::{Begin, NoStep, SolutionId, Step};
 use mapwright::{Entry, RunId, groups};
 use mapwright_record::EntryReader;
 use std::collections::BTreeMap;
@@ -35,6 +35,15 @@ struct Read {
     is_broken: bool,
 }
 
+/// What has come.
+#[derive(Default)]
+pub(crate) struct News {
+    /// Solutions that have begun.
+    pub(crate) begun: Vec<(SolutionId, Begin)>,
+    /// What cannot be read, and of whom.
+    pub(crate) refused: Vec<(Refusal, Option<u16>)>,
+}
+
 /// What was read of all chains.
 pub(crate) struct Inbox {
     /// By their places in the roster, what keyframes call the robots.
@@ -49,13 +58,9 @@ impl Inbox {
         Self { robots, chains: BTreeMap::new() }
     }
 
-    /// Reads what has come; what cannot be read, and of whom.
-    pub(crate) fn read(
-        &mut self,
-        chains: &BTreeMap<ChainId, Chain>,
-        solutions: &mut Solutions,
-    ) -> Vec<(Refusal, Option<u16>)> {
-        let mut refused = Vec::new();
+    /// Reads what has come.
+    pub(crate) fn read(&mut self, chains: &BTreeMap<ChainId, Chain>) -> News {
+        let mut news = News::default();
         for (&id, chain) in chains {
             let read = self.chains.entry(id).or_default();
             while let Some(record) = chain.records().get(read.records as usize) {
@@ -64,14 +69,14 @@ impl Inbox {
                 let payload = unpack(&record.payload);
                 let is_read = payload.is_some_and(|payload| match record.kind {
                     Kind::Entries => read.entries(&payload, self.robots.get(usize::from(id.rank)).copied()),
-                    Kind::Solution => read.solution(SolutionId { chain: id, begin: seq }, payload, solutions),
+                    Kind::Solution => read.solution(SolutionId { chain: id, begin: seq }, payload, &mut news.begun),
                 });
                 if !is_read {
-                    refused.push((Refusal::BadPayload, Some(id.rank)));
+                    news.refused.push((Refusal::BadPayload, Some(id.rank)));
                 }
             }
         }
-        refused
+        news
     }
 
     /// A group of a chain, by its number.
@@ -113,9 +118,9 @@ impl Read {
         }
     }
 
-    fn solution(&mut self, id: SolutionId, payload: Vec<u8>, solutions: &mut Solutions) -> bool {
+    fn solution(&mut self, id: SolutionId, payload: Vec<u8>, begun: &mut Vec<(SolutionId, Begin)>) -> bool {
         if let Ok(Some(Step::Begin(begin))) = Step::take(&mut &payload[..]) {
-            solutions.add(id, begin);
+            begun.push((id, begin));
         } else {
             self.steps.insert(id.begin, payload);
         }

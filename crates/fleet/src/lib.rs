@@ -15,6 +15,7 @@ mod message;
 mod node;
 mod record;
 mod solution;
+mod steps;
 mod team;
 
 pub use chain::Chain;

@@ -15,7 +15,7 @@ pub type Hash = [u8; 32];
 const DOMAIN: &[u8] = b"mapwright fleet record 1\n";
 
 /// Which robot's records, of which of its sessions: each of them is a chain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct ChainId {
     /// The robot's place in the roster.
     pub rank: u16,
@@ -57,7 +57,7 @@ pub struct Record {
     pub kind: Kind,
     /// The bytes.
     pub payload: Arc<[u8]>,
-    /// The robot's, of the record's [`head`].
+    /// The robot's, of what is signed: whose record it is, which one, what came before it, and what it carries.
     pub signature: [u8; SIGNATURE_BYTES],
 }
 

@@ -1,11 +1,12 @@
 //! One map of all robots.
 
 use crate::chain::Chain;
-use crate::inbox::{Inbox, pack};
+use crate::inbox::{Inbox, News, pack};
 use crate::message::Refusal;
 use crate::node::{Node, Outgoing};
 use crate::record::{ChainId, Kind};
-use crate::solution::{Begin, Replay, SolutionId, Solutions, Step};
+use crate::solution::{Replay, Solutions};
+use crate::steps::{Begin, SolutionId, Step};
 use mapwright::{
     Adoption, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update,
 };
@@ -172,7 +173,8 @@ impl Team {
 
     /// Reads what has come, and, where it is this robot that solves, takes in so many keyframes; whether there was anything to do.
     pub fn work(&mut self, now: Stamp, keyframes: usize) -> bool {
-        let refused = self.inbox.read(self.node.chains(), &mut self.solutions);
+        let News { begun, refused } = self.inbox.read(self.node.chains());
+        begun.into_iter().for_each(|(id, begin)| self.solutions.add(id, begin));
         refused.into_iter().for_each(|(why, of)| self.node.refuse(why, of));
         let mut has_worked = self.follow();
         if self.node.leader(now) == Some(self.node.me().rank) {

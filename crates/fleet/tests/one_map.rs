@@ -1,5 +1,5 @@
 //! Robots of one team end with one map, the same to the byte, and it is right.
-#![allow(clippy::expect_used, reason = "a test may fail loudly")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
 
 mod support;
 

@@ -1,5 +1,5 @@
 //! What robots hold in the end, whatever the radio does to their messages, and what is refused.
-#![allow(clippy::expect_used, reason = "a test may fail loudly")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
 
 mod support;
 

@@ -45,12 +45,12 @@ pub use map::{
 };
 pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
 pub use map::{
-    write_map_yaml, write_pgm, write_plain_png, write_png, write_space_png, write_tinted_png, write_world_file,
+    write_map_yaml, write_pgm, write_plain_png, write_png, write_rgb_png, write_space_png, write_tinted_png,
+    write_world_file,
 };
 pub use mrclam::{
     MrclamPose, MrclamRows, MrclamSighting, MrclamVelocity, read_mrclam_barcodes, read_mrclam_measurements,
     read_mrclam_odometry, read_mrclam_truth,
-    write_map_yaml, write_pgm, write_plain_png, write_png, write_rgb_png, write_space_png, write_world_file,
 };
 pub use noted::{Noted, OddHeads, OrderReport, RangeReport};
 pub use open::{LogStream, open_log};

@@ -6,7 +6,7 @@
 //!
 //! After so many keyframes each tells what it has mapped since, in turn. Relations across parts are scored, beside the whole log's error on
 //! the same ones.
-#![allow(clippy::print_stdout, clippy::expect_used, reason = "an example prints what it measures")]
+#![allow(clippy::print_stdout, clippy::expect_used, clippy::panic, reason = "an example prints what it measures")]
 
 use mapwright::{Adoption, Entry, Mapper, Pose2, RunId, Session, Settings, Stamp, groups};
 use mapwright_eval::{Relation, StampedPose, relation_errors};

@@ -20,11 +20,9 @@ pub use confidence::Confidence;
 pub use description::{MapDescription, MapMode, read_map_yaml};
 pub use frame::{Frame, ViewPlacement};
 pub use options::Picture;
-pub use picture::{PlanePlacement, write_bare_png, write_png};
+pub use picture::{PlanePlacement, write_bare_png, write_png, write_rgb_png};
 pub use plain::{write_plain_png, write_tinted_png, write_world_file};
 pub use read::{MAX_MAP_CELLS, read_map_image};
-pub use picture::{PlanePlacement, write_bare_png, write_png, write_rgb_png};
-pub use plain::{write_plain_png, write_world_file};
 pub use space::{SpacePicture, SpacePlacement, upward, write_bare_space_png, write_space_png};
 pub use walls::{dominant_wall_angle, wall_direction};
 

@@ -110,7 +110,7 @@ struct Ended {
 fn drive(team: &mut Simulated, logs: &[Vec<Event>], args: &FleetSimulateArgs, interrupt: &Interrupt) -> Ended {
     let mut next = vec![0; logs.len()];
     let begins: Vec<Stamp> = logs.iter().map(|log| log.iter().map(Event::stamp).min().unwrap_or(Stamp(0))).collect();
-    let (mut step, mut drove_s) = (0_u64, None);
+    let (mut step, mut drove_s) = (0_u64, None::<f64>);
     loop {
         let seconds = step as f64 * STEP_S;
         let now = Stamp((seconds * 1e9) as i64);
@@ -145,10 +145,14 @@ fn drive(team: &mut Simulated, logs: &[Vec<Event>], args: &FleetSimulateArgs, in
         note_joins(team, seconds);
         step += 1;
         let has_driven = next.iter().zip(logs).all(|(next, log)| *next == log.len());
-        let end_s = *drove_s.get_or_insert_with(|| if has_driven { seconds } else { f64::INFINITY });
-        if end_s.is_infinite() {
-            drove_s = None;
-        } else if !has_worked && step.is_multiple_of(ASKED_EVERY) && is_over(team, seconds - end_s) {
+        if has_driven {
+            drove_s = drove_s.or(Some(seconds));
+        }
+        let asks = !has_worked && step.is_multiple_of(ASKED_EVERY);
+        if let Some(end_s) = drove_s
+            && asks
+            && is_over(team, seconds - end_s)
+        {
             return Ended { drove_s: end_s, agreed_s: Some(seconds - end_s), interrupted: false };
         }
         if interrupt.came() || drove_s.is_some_and(|end_s| seconds - end_s > AGREE_S) {
