@@ -85,8 +85,8 @@ def main():
         print(f"{name} in {parts}: all {count} relations {team:.4f} m (whole log {whole:.4f}, ratio {team / whole:.3f}); "
               f"{count_across} between robots {team_across:.4f} ({whole_across:.4f}, {team_across / whole_across:.3f}); "
               f"{said['pieces']} map, agreed after {said['agreed_s']} s, {told['mapped']:.0f} + {told['solution']:.0f} bytes a keyframe, "
-              f"team {', '.join(format(robot['cpu_team_s'], '.1f') for robot in said['robots'])} s beside "
-              f"{', '.join(format(robot['cpu_map_s'], '.1f') for robot in said['robots'])} s of mapping")
+              f"team {', '.join(format(robot['team_s'], '.1f') for robot in said['robots'])} s beside "
+              f"{', '.join(format(robot['map_s'], '.1f') for robot in said['robots'])} s of mapping")
 
 
 main()

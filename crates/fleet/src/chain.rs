@@ -38,7 +38,7 @@ impl Chain {
         self.records.len() as u32
     }
 
-    /// Bytes of all payloads.
+    /// Bytes of all records, as in messages of their own.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.bytes
@@ -77,7 +77,7 @@ impl Chain {
     }
 
     pub(crate) fn push(&mut self, head: &[u8], record: Record) {
-        self.bytes += record.payload.len();
+        self.bytes += record.message_bytes();
         self.hashes.push(hash_of(head));
         self.records.push(record);
     }

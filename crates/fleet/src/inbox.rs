@@ -8,9 +8,13 @@ use crate::steps::{Begin, NoStep, SolutionId, Step};
 use mapwright::{Entry, RunId, groups};
 use mapwright_record::EntryReader;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Bytes that a payload may have once it is unpacked.
 const UNPACKED_AT_MOST: usize = 1 << 23;
+
+/// Bytes of a chain's entries once they are unpacked: four times what a robot may say.
+const UNPACKED_IN_ALL: usize = 1 << 30;
 
 /// Packs a payload.
 pub(crate) fn pack(bytes: &[u8]) -> Vec<u8> {
@@ -29,8 +33,10 @@ struct Read {
     records: u32,
     reader: EntryReader,
     groups: Vec<Box<[Entry]>>,
-    /// Unpacked steps of solutions, by their records; they are dropped once nobody reads them any more.
-    steps: BTreeMap<u32, Vec<u8>>,
+    /// Bytes of entries so far, unpacked.
+    unpacked: usize,
+    /// Steps of solutions, packed, by their records.
+    steps: BTreeMap<u32, Arc<[u8]>>,
     /// A payload could not be read: what comes after it hangs in the air.
     is_broken: bool,
 }
@@ -69,7 +75,11 @@ impl Inbox {
                 let payload = unpack(&record.payload);
                 let is_read = payload.is_some_and(|payload| match record.kind {
                     Kind::Entries => read.entries(&payload, self.robots.get(usize::from(id.rank)).copied()),
-                    Kind::Solution => read.solution(SolutionId { chain: id, begin: seq }, payload, &mut news.begun),
+                    Kind::Solution => {
+                        let id = SolutionId { chain: id, begin: seq };
+                        read.solution(id, &payload, &record.payload, &mut news.begun);
+                        true
+                    }
                 });
                 if !is_read {
                     news.refused.push((Refusal::BadPayload, Some(id.rank)));
@@ -95,13 +105,16 @@ impl Inbox {
     /// It could not be read.
     pub(crate) fn steps(&self, chain: ChainId, seq: u32) -> Result<Option<Vec<u8>>, NoStep> {
         let Some(read) = self.chains.get(&chain).filter(|read| seq < read.records) else { return Ok(None) };
-        Ok(Some(read.steps.get(&seq).cloned().unwrap_or_default()))
+        let Some(packed) = read.steps.get(&seq) else { return Ok(Some(Vec::new())) };
+        unpack(packed).map(Some).ok_or(NoStep)
     }
 }
 
 impl Read {
     /// Entries of the robot itself: it cannot speak for others.
     fn entries(&mut self, payload: &[u8], robot: Option<u128>) -> bool {
+        self.unpacked = self.unpacked.saturating_add(payload.len());
+        self.is_broken |= self.unpacked > UNPACKED_IN_ALL;
         if self.is_broken {
             return false;
         }
@@ -118,12 +131,11 @@ impl Read {
         }
     }
 
-    fn solution(&mut self, id: SolutionId, payload: Vec<u8>, begun: &mut Vec<(SolutionId, Begin)>) -> bool {
+    fn solution(&mut self, id: SolutionId, payload: &[u8], packed: &Arc<[u8]>, begun: &mut Vec<(SolutionId, Begin)>) {
         if let Ok(Some(Step::Begin(begin))) = Step::take(&mut &payload[..]) {
             begun.push((id, begin));
         } else {
-            self.steps.insert(id.begin, payload);
+            self.steps.insert(id.begin, Arc::clone(packed));
         }
-        true
     }
 }

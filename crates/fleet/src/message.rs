@@ -201,6 +201,8 @@ pub enum Refusal {
     TooMuch,
     /// A payload that does not hold what it says.
     BadPayload,
+    /// Entries that do not fit the map of all, as of a run whose name is there already.
+    Unfitting,
 }
 
 impl Refusal {
@@ -218,6 +220,7 @@ impl Refusal {
             Self::Equivocator => "of a robot that contradicts itself",
             Self::TooMuch => "more than a robot may send",
             Self::BadPayload => "a payload that cannot be read",
+            Self::Unfitting => "entries that do not fit the map of all",
         }
     }
 }

@@ -10,6 +10,9 @@ use crate::record::{ChainId, Equivocation, Kind, PAYLOAD_AT_MOST, Record};
 use mapwright_geom::Stamp;
 use std::collections::BTreeMap;
 
+/// Times that a robot may have been switched on: no robot can take up the room of others.
+const SESSIONS_AT_MOST: usize = 64;
+
 /// How a node behaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NodeSettings {
@@ -19,7 +22,7 @@ pub struct NodeSettings {
     pub lease_s: f64,
     /// What was asked for and did not come is asked for again after so long, seconds.
     pub ask_again_s: f64,
-    /// Bytes of payload that one robot may have said in all.
+    /// Bytes of records that one robot may have said in all.
     pub bytes_at_most: usize,
 }
 
@@ -69,6 +72,7 @@ pub struct Node {
     /// Robots that have said two things, with the proof.
     equivocators: BTreeMap<u16, Equivocation>,
     refused: BTreeMap<(Refusal, Option<u16>), u64>,
+    early: u64,
     outbox: Vec<Outgoing>,
     beats: u64,
     last_beat: Option<Stamp>,
@@ -94,6 +98,7 @@ impl Node {
             asked: BTreeMap::new(),
             equivocators: BTreeMap::new(),
             refused: BTreeMap::new(),
+            early: 0,
             outbox: Vec::new(),
             beats: 0,
             last_beat: None,
@@ -122,6 +127,12 @@ impl Node {
     /// What was not used: why, of whom where that is known, how often.
     pub fn refused(&self) -> impl Iterator<Item = (Refusal, Option<&str>, u64)> {
         self.refused.iter().map(|(&(why, of), &times)| (why, of.and_then(|rank| self.roster.name(rank)), times))
+    }
+
+    /// Messages with records before which some are missing: these are asked for, and what came too early is dropped.
+    #[must_use]
+    pub fn early(&self) -> u64 {
+        self.early
     }
 
     /// Robots that have told different robots different things, with the proof.
@@ -257,7 +268,8 @@ impl Node {
         if self.equivocators.contains_key(&chain.rank) {
             return Err((Refusal::Equivocator, Some(chain.rank)));
         }
-        if !self.chains.contains_key(&chain) && self.chains.len() >= CHAINS_AT_MOST {
+        let sessions = || self.chains.keys().filter(|known| known.rank == chain.rank).count();
+        if !self.chains.contains_key(&chain) && sessions() >= SESSIONS_AT_MOST {
             return Err((Refusal::TooMuch, Some(chain.rank)));
         }
         let (roster, at_most) = (&self.roster, self.settings.bytes_at_most);
@@ -272,7 +284,7 @@ impl Node {
                 if is_own {
                     return Err((Refusal::OwnName, None));
                 }
-                let Some(after) = left.checked_sub(record.payload.len().max(1)) else {
+                let Some(after) = left.checked_sub(record.message_bytes()) else {
                     return Err((Refusal::TooMuch, Some(chain.rank)));
                 };
                 left = after;
@@ -286,8 +298,10 @@ impl Node {
             }
             match added {
                 Added::New | Added::Known => {}
-                // It is asked for.
-                Added::Gap => return Ok(()),
+                Added::Gap => {
+                    self.early += 1;
+                    return Ok(());
+                }
                 Added::Forged => return Err((Refusal::Forged, Some(chain.rank))),
                 Added::Equivocates(proof) => return self.convict(*proof),
             }

@@ -81,10 +81,8 @@ fn all_who_live_end_with_the_same_records() {
             let first = nodes.iter().position(Option::is_some).map(|rank| rank as u16);
             assert!(loss > 0.5 || leader == first, "seed {seed}: {leader:?}, not {first:?}");
             assert_eq!(node.equivocators().count(), 0);
-            assert_eq!(
-                node.refused().map(|(_, _, times)| times).sum::<u64>(),
-                node.refused().filter(|(why, ..)| *why == Refusal::Replayed).map(|(_, _, times)| times).sum::<u64>()
-            );
+            let is_late = |(why, ..): (Refusal, Option<&str>, u64)| why == Refusal::Replayed;
+            assert!(node.refused().all(is_late), "seed {seed}: {:?}", node.refused().collect::<Vec<_>>());
         }
     }
 }
@@ -97,14 +95,7 @@ fn who_tells_two_things_is_found_out_by_all() {
     liar.poll(at(1)).iter().for_each(|out| a.receive(at(1), &out.bytes));
     twin.poll(at(1)).iter().for_each(|out| b.receive(at(1), &out.bytes));
     assert_eq!(a.equivocators().count() + b.equivocators().count(), 0);
-    twin.poll(at(2)).clear();
-    // What b holds reaches a: both are signed by one robot for one place.
-    let chain = liar.me();
-    let mut asks = a.clone();
-    for out in b.poll(at(2)) {
-        asks.receive(at(2), &out.bytes);
-    }
-    let _ = chain;
+    // What the other one was told reaches a: both are signed by one robot for one place.
     let mut later = node(3, 2, 0);
     assert!(later.publish(Kind::Entries, vec![2; 10]));
     later.poll(at(3)).iter().for_each(|out| a.receive(at(3), &out.bytes));

@@ -11,9 +11,11 @@ use mapwright_record::{Candidate, Detection, Edge, Evidence, Measurement, NodeId
 
 mod apart;
 mod checkpoint;
+mod looks;
 mod supports;
 
 use apart::Apart;
+use looks::{Looked, Looks};
 use supports::{Supports, agree, is_left};
 
 /// Old places are looked for after so much travel, metres.
@@ -129,31 +131,14 @@ impl<P: Pose> KnownPlace<P> {
     }
 }
 
-/// Length of a robot's way when old places were looked for last, and asked for by what they look like, metres.
-#[derive(Debug, Clone, Copy, Default)]
-struct Looks {
-    checked_m: f64,
-    asked_m: f64,
-}
-
-impl Looks {
-    /// Whether these are of the robot whose way is so long.
-    fn is_at(self, way_m: f64) -> bool {
-        run_of(self.checked_m) == run_of(way_m)
-    }
-}
-
 /// What is known of cycles beside the candidates, which are the session's.
 #[derive(Debug, Clone)]
 pub struct Closing<S: Submaps> {
     settings: ClosingSettings,
     /// Findings that wait for company, numbers of candidates.
     waiting: Vec<u32>,
-    /// How old places were looked for by the robot whose keyframe is the newest, and by others that drive at the same time.
+    /// When old places were looked for.
     looks: Looks,
-    others: Vec<Looks>,
-    /// Whether robots drive at the same time: then each looks for what the others have mapped.
-    takes_turns: bool,
     /// Old places that the matches of late were supported by or that closures led to.
     supports: Supports<PoseOf<S>>,
     places: S::Places,
@@ -196,8 +181,6 @@ impl<S: Submaps> Closing<S> {
             settings,
             waiting: Vec::new(),
             looks: Looks::default(),
-            others: Vec::new(),
-            takes_turns: false,
             supports: Supports::default(),
             places: S::Places::default(),
             described: 0,
@@ -254,28 +237,17 @@ impl<S: Submaps> Closing<S> {
             self.supports.learn(from, to, found);
         }
         self.supports.forget(past.way_m);
-        self.looks = Looks { checked_m: past.length_m(), asked_m: past.length_m() };
+        self.looks = Looks::of(Looked { checked_m: past.length_m(), asked_m: past.length_m() });
         self.see_pieces(past);
-    }
-
-    /// The newest keyframe is of the robot whose way is so long: what it has looked for, where that is another one than before.
-    fn turn_to(&mut self, way_m: f64) {
-        if self.looks.is_at(way_m) {
-            return;
-        }
-        let known = self.others.iter().position(|looks| looks.is_at(way_m));
-        self.takes_turns |= known.is_some();
-        let looks = known.map(|at| self.others.swap_remove(at)).unwrap_or_default();
-        self.others.push(std::mem::replace(&mut self.looks, looks));
     }
 
     /// Whether it is time to look for old places.
     #[must_use]
     pub fn is_due(&self, past: Past<'_, S::Measurement>) -> bool {
-        let looks = |now_m: f64| [self.looks].iter().chain(&self.others).find(|looks| looks.is_at(now_m)).copied();
         // Once the maps of robots that drive at the same time are one, a look says little that the one before it did not.
-        let every_m = if self.takes_turns && !self.apart.are_several() { ASK_BY_PLACE_EVERY_M } else { CHECK_EVERY_M };
-        past.way_m.last().is_some_and(|&now_m| now_m - looks(now_m).unwrap_or_default().checked_m >= every_m)
+        let every_m =
+            if self.looks.takes_turns && !self.apart.are_several() { ASK_BY_PLACE_EVERY_M } else { CHECK_EVERY_M };
+        past.way_m.last().is_some_and(|&now_m| self.looks.since_m(now_m) >= every_m)
     }
 
     /// The old places that the newest keyframe may have come back to, as work to be done; `support` is the keyframe that
@@ -288,8 +260,8 @@ impl<S: Submaps> Closing<S> {
         submaps: S,
     ) -> Option<Verification<S>> {
         let to = past.newest()?;
-        self.turn_to(past.way_m[to.index()]);
-        self.looks.checked_m = past.way_m[to.index()];
+        self.looks.turn_to(past.way_m[to.index()]);
+        self.looks.present.checked_m = past.way_m[to.index()];
         self.supports.forget(past.way_m);
         let ClosingSettings { by_pose, by_place, .. } = self.settings;
         let supporting = support.filter(|_| by_pose).and_then(|from| self.supporting(past, to, from, known));
@@ -298,14 +270,14 @@ impl<S: Submaps> Closing<S> {
         targets.extend(supporting);
         let widest_m =
             known.iter().filter(|place| !place.live).map(|place| window_m(place, window_sigmas)).fold(0.0, f64::max);
-        let is_apart = self.is_apart() || self.takes_turns && self.apart.are_several();
+        let is_apart = self.is_apart() || self.looks.takes_turns && self.apart.are_several();
         if by_place && (widest_m > 0.5 * WIDEST_M || !by_pose || is_apart) {
             // Before they are needed, and a few at a time, for this is done within a scan.
             self.remember_places(past, &submaps, DESCRIBED_AT_ONCE);
             let needed = widest_m > WIDEST_M || !by_pose || is_apart;
             let every_m = if is_apart { APART_M } else { ASK_BY_PLACE_EVERY_M };
-            if needed && self.looks.checked_m - self.looks.asked_m >= every_m {
-                self.looks.asked_m = self.looks.checked_m;
+            if needed && self.looks.present.checked_m - self.looks.present.asked_m >= every_m {
+                self.looks.present.asked_m = self.looks.present.checked_m;
                 targets.extend(self.alike(past, to, known, &submaps));
             }
         }

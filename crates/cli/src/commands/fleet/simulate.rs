@@ -274,9 +274,10 @@ fn robot_json(robot: &Robot) -> Value {
         "solves": robot.team.is_solving(),
         "keyframes": robot.mapper.keyframes().len(),
         "one_map_s": robot.joined_s,
-        "cpu_map_s": robot.mapped.as_secs_f64(),
-        "cpu_team_s": robot.shared.as_secs_f64(),
+        "map_s": robot.mapped.as_secs_f64(),
+        "team_s": robot.shared.as_secs_f64(),
         "refused": refused,
+        "early": robot.team.node().early(),
     })
 }
 
@@ -287,7 +288,7 @@ fn words(team: &Simulated, ended: &Ended, value: &Value, losses: &[String]) -> S
         let life = if robot.is_alive { "" } else { ", died" };
         let joined = robot.joined_s.map_or("never one map".to_owned(), |s| format!("one map after {s:.0} s"));
         lines.push(format!(
-            "{}: {}, {joined}, CPU {:.1} s for its own map, {:.1} s for the team{role}{life}",
+            "{}: {}, {joined}, took {:.1} s for its own map, {:.1} s for the team{role}{life}",
             robot.name,
             count(robot.mapper.keyframes().len() as u64, "keyframe"),
             robot.mapped.as_secs_f64(),

@@ -12,7 +12,7 @@ pub(super) struct Robot {
     pub(super) mapper: Mapper,
     pub(super) team: Team,
     pub(super) is_alive: bool,
-    /// CPU of its own map, and of what it does for the team.
+    /// Time that its own map takes, and what it does for the team; elapsed, so that other work on the computer counts too.
     pub(super) mapped: Duration,
     pub(super) shared: Duration,
     /// When its own map and that of the team became one, seconds.
