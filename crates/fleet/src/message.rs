@@ -203,6 +203,8 @@ pub enum Refusal {
     BadPayload,
     /// Entries that do not fit the map of all, as of a run whose name is there already.
     Unfitting,
+    /// What it says of its way does not fit what it has seen.
+    Contradicted,
 }
 
 impl Refusal {
@@ -221,6 +223,7 @@ impl Refusal {
             Self::TooMuch => "more than a robot may send",
             Self::BadPayload => "a payload that cannot be read",
             Self::Unfitting => "entries that do not fit the map of all",
+            Self::Contradicted => "says of its way what its readings contradict",
         }
     }
 }

@@ -65,8 +65,8 @@ struct Solving {
     /// Whose turn it is.
     turn: ChainId,
     steps: Vec<u8>,
-    /// Whose entries did not fit, once each.
-    unfitting: Vec<u16>,
+    /// What was refused of whom, once each.
+    refused: Vec<(Refusal, u16)>,
     last_new: Stamp,
     last_said: Stamp,
     is_settled: bool,
@@ -219,8 +219,8 @@ impl Team {
         }
         let Some(solving) = &mut self.solving else { return false };
         let has_worked = solving.work(&self.inbox, now, keyframes);
-        for rank in solving.unfitting.drain(..) {
-            self.node.refuse(Refusal::Unfitting, Some(rank));
+        for (why, rank) in solving.refused.drain(..) {
+            self.node.refuse(why, Some(rank));
         }
         for steps in solving.take_steps(now) {
             self.node.publish(Kind::Solution, pack(&steps));
@@ -255,7 +255,7 @@ impl Team {
             taken,
             turn: me,
             steps: Vec::new(),
-            unfitting: Vec::new(),
+            refused: Vec::new(),
             last_new: now,
             last_said: now,
             is_settled: true,
@@ -367,7 +367,9 @@ impl Solving {
     fn take_in(&mut self, chain: ChainId, group: &[Entry]) {
         let adopted = self.mapper.adopt(group, self.adoptions.entry(chain).or_default());
         *self.taken.entry(chain).or_default() += 1;
-        self.unfitting.extend(std::iter::repeat_n(chain.rank, adopted.refused));
+        self.refused.extend(std::iter::repeat_n((Refusal::Unfitting, chain.rank), adopted.refused));
+        let contradicted = usize::from(adopted.is_contradicted) + adopted.contradicted;
+        self.refused.extend(std::iter::repeat_n((Refusal::Contradicted, chain.rank), contradicted));
         Step::TakeIn(chain, adopted.map_from_keyframe).put(&mut self.steps);
         let (own, found) = adopted.update.entries.split_at(adopted.own.min(adopted.update.entries.len()));
         for entry in own {

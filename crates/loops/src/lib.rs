@@ -4,6 +4,7 @@
 //! written once for the plane and for space, over [`Pose`](mapwright_geom::Pose) and the trait [`Submaps`].
 
 mod cascade;
+mod claims;
 mod closing;
 mod places;
 mod plane;
@@ -16,6 +17,7 @@ mod verification;
 mod views;
 
 pub use cascade::{Finding, VerifySettings};
+pub use claims::{COMPARED_M, look_where_said};
 pub use closing::{
     APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, RUN_WAY_M, SUBMAP_M, WINDOW_M, WINDOW_RAD,
     is_old, run_of,

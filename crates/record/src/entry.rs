@@ -114,6 +114,8 @@ pub enum FragmentStart {
     Blind,
     /// Scans fitted nowhere for a while.
     Lost,
+    /// What the robot saw there does not fit what it saw on the way, where it says it was: said by who has taken its keyframes in.
+    Contradicted,
 }
 
 impl FragmentStart {
@@ -121,7 +123,7 @@ impl FragmentStart {
     /// with a robot that was switched on, [`crate::Session::is_break`] knows whether anything was mapped before.
     #[must_use]
     pub fn is_break(self) -> bool {
-        matches!(self, Self::Uncertain | Self::Blind | Self::Lost)
+        matches!(self, Self::Uncertain | Self::Blind | Self::Lost | Self::Contradicted)
     }
 
     /// Lower-case name for reports.
@@ -134,6 +136,7 @@ impl FragmentStart {
             Self::Uncertain => "uncertain",
             Self::Blind => "blind",
             Self::Lost => "lost",
+            Self::Contradicted => "contradicted by what was seen",
         }
     }
 }

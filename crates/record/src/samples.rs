@@ -154,6 +154,7 @@ impl Story {
                 FragmentStart::Uncertain,
                 FragmentStart::Blind,
                 FragmentStart::Lost,
+                FragmentStart::Contradicted,
             ],
             a,
         );

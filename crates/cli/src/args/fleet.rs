@@ -1,6 +1,7 @@
 //! `mapwright fleet`.
 
 use super::{SettingsArgs, SourceArgs, Voice};
+use crate::commands::Lie;
 use clap::{Args as ClapArgs, Subcommand};
 use std::path::PathBuf;
 
@@ -37,6 +38,10 @@ pub(crate) struct FleetSimulateArgs {
     /// The first so many robots and the others do not hear each other between these times, seconds.
     #[arg(long, value_name = "ROBOTS@FROM:TO", value_parser = parse_split)]
     pub(crate) split: Option<(usize, [f64; 2])>,
+    /// A robot lies: the number of its log, from 1, about what (offset, rotation, scaled, replay, forged), and from how many seconds on; may be
+    /// repeated.
+    #[arg(long, value_name = "ROBOT:LIE@S", value_parser = parse_lie)]
+    pub(crate) lies: Vec<(usize, Lie, f64)>,
     /// Everything random is drawn from it.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
@@ -62,6 +67,17 @@ fn seconds(text: &str) -> Result<f64, String> {
 fn parse_death(text: &str) -> Result<(usize, f64), String> {
     let (robot, at) = text.split_once('@').ok_or_else(|| format!("expected ROBOT@SECONDS, found {text:?}"))?;
     Ok((number(robot, "the number of a log, from 1")?, seconds(at)?))
+}
+
+fn parse_lie(text: &str) -> Result<(usize, Lie, f64), String> {
+    let expected = || format!("expected ROBOT:LIE@SECONDS, found {text:?}");
+    let (robot, rest) = text.split_once(':').ok_or_else(expected)?;
+    let (name, at) = rest.split_once('@').ok_or_else(expected)?;
+    let lie = Lie::ALL
+        .into_iter()
+        .find(|lie| lie.name() == name)
+        .ok_or_else(|| format!("expected {}, found {name:?}", Lie::ALL.map(Lie::name).join(", ")))?;
+    Ok((number(robot, "the number of a log, from 1")?, lie, seconds(at)?))
 }
 
 fn parse_split(text: &str) -> Result<(usize, [f64; 2]), String> {

@@ -5,8 +5,8 @@ use crate::front::anywhere;
 
 use crate::told::{Newest, Told};
 use mapwright_geom::Pose2;
-use mapwright_loops::run_of;
-use mapwright_record::{Adoption, Entry, Status, Update};
+use mapwright_loops::{COMPARED_M, look_where_said, run_of};
+use mapwright_record::{Adoption, EdgeKind, Entry, NodeId, Objection, Status, Update};
 
 /// What came of a group of another mapper's entries.
 #[derive(Debug, Clone)]
@@ -15,6 +15,10 @@ pub struct Adopted {
     pub map_from_keyframe: Option<Pose2>,
     /// Entries of the group that do not fit this session.
     pub refused: usize,
+    /// Whether what its robot says of how it came there was contradicted by what it saw,
+    pub is_contradicted: bool,
+    /// and how many other edges of the group were.
+    pub contradicted: usize,
     /// How many of the update's entries are the group's own; the others are what was found.
     pub own: usize,
     /// What changed.
@@ -30,7 +34,10 @@ impl Mapper {
     pub fn adopt(&mut self, group: &[Entry], adoption: &mut Adoption) -> Adopted {
         let crate::store::Adopted { map_from_keyframe, told, refused, keyframe } =
             self.store.adopt(group, adoption, &anywhere());
-        if let Some(adopted) = keyframe {
+        let (mut is_contradicted, mut contradicted) = (false, 0);
+        if let Some(mut adopted) = keyframe {
+            (is_contradicted, contradicted) = self.contradict(adopted.first_edge, adopted.is_first);
+            adopted.is_first |= is_contradicted;
             if adopted.is_first || adopted.is_closed {
                 self.back.closing.see_pieces(self.store.past());
             }
@@ -43,7 +50,43 @@ impl Mapper {
         self.work_all();
         let keyframe = keyframe.and_then(|_| self.store.past().newest());
         let update = self.report(Told { keyframe, ..Told::default() });
-        Adopted { map_from_keyframe, refused, own: told, update }
+        Adopted { map_from_keyframe, refused, is_contradicted, contradicted, own: told, update }
+    }
+
+    /// What a robot says of its own way counts where what it saw bears it out: otherwise the newest keyframe begins a fragment that may lie
+    /// anywhere, and edges that lead elsewhere say nothing. Whether the way was contradicted, and how many edges.
+    fn contradict(&mut self, first_edge: usize, is_first: bool) -> (bool, usize) {
+        let Some(to) = self.store.past().newest() else { return (false, 0) };
+        let is_contradicted = !is_first && self.is_way_contradicted(to);
+        if is_contradicted {
+            self.store.contradict(first_edge, &anywhere());
+        }
+        let mut edges = 0;
+        for (number, ends, kind, from_from_to) in self.store.edges_since(first_edge) {
+            let is_wrong = match kind {
+                EdgeKind::Odometry => false,
+                EdgeKind::Match if self.store.is_over_break(ends) => true,
+                EdgeKind::Match if self.store.past().way_between_m(ends[0], ends[1]) <= COMPARED_M => false,
+                EdgeKind::Match | EdgeKind::Closure => self.is_contradicted(ends, from_from_to, true),
+            };
+            if is_wrong {
+                self.store.disbelieve(number);
+                edges += 1;
+            }
+        }
+        (is_contradicted, edges)
+    }
+
+    fn is_way_contradicted(&self, to: NodeId) -> bool {
+        let past = self.store.past();
+        let Some(before) = past.before(to) else { return false };
+        self.is_contradicted([before, to], past.pose(before).between(past.pose(to)), false)
+    }
+
+    fn is_contradicted(&self, ends: [NodeId; 2], from_from_to: Pose2, both_sides: bool) -> bool {
+        let mut submaps = self.front.submaps();
+        let finding = look_where_said(self.store.past(), ends, from_from_to, both_sides, &mut submaps);
+        finding.is_some_and(|finding| finding.objection == Some(Objection::NoMatch))
     }
 
     /// Looks for the newest keyframe among the places of other runs.

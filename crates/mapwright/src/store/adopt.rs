@@ -3,7 +3,10 @@
 use super::{FARTHEST_WAY_M, Store, information_of, next_run_m};
 use crate::store::import::Imported;
 use mapwright_geom::Pose;
-use mapwright_record::{Adoption, EdgeKind, Entry, FragmentStart, Grows, Measurement, NodeId, Session, place_of};
+use mapwright_record::{
+    Adoption, EdgeKind, Entry, Fragment, FragmentStart, Grows, Measurement, NodeId, Objection, Session, Verdict,
+    place_of,
+};
 
 impl<M: Measurement> Grows<M> for Store<M> {
     fn session(&self) -> &Session<M> {
@@ -14,6 +17,9 @@ impl<M: Measurement> Grows<M> for Store<M> {
         Self::write(self, entry)
     }
 }
+
+/// What becomes of a robot's own closure that its readings contradict.
+const WITHDRAWN: Verdict = Verdict::Withdrawn(Objection::NoMatch);
 
 /// What came of a group of entries.
 pub(crate) struct Adopted<P> {
@@ -74,5 +80,44 @@ impl<M: Measurement> Store<M> {
             self.add_edge(edge, None);
         }
         Imported { first_edge, is_first, is_closed }
+    }
+
+    /// Edges that were taken in from a number on, with their ends.
+    pub(crate) fn edges_since(&self, first: usize) -> Vec<(usize, [NodeId; 2], EdgeKind, M::Pose)> {
+        let known = self.session.recorded_edges().iter().enumerate().skip(first);
+        let stands = known.filter(|(_, known)| !known.withdrawn);
+        stands
+            .map(|(number, known)| {
+                let edge = &known.recorded.edge;
+                (number, known.ends.map(NodeId::new), edge.kind, edge.from_from_to)
+            })
+            .collect()
+    }
+
+    /// Whether two keyframes are of fragments between which there is a break.
+    pub(crate) fn is_over_break(&self, ends: [NodeId; 2]) -> bool {
+        self.session.joined_fragments(ends.map(NodeId::index)).is_some()
+    }
+
+    /// What the robot says of how it came to the newest keyframe counts no more than a break: it may have come from anywhere within `apart`.
+    pub(crate) fn contradict(&mut self, first_edge: usize, apart: &<M::Pose as Pose>::Matrix) {
+        let Some(node) = self.past().newest() else { return };
+        self.write(Entry::Fragment(Fragment { first: self.id(node), start: FragmentStart::Contradicted }));
+        for (number, [_, to], kind, from_from_to) in self.edges_since(first_edge) {
+            if to == node && kind == EdgeKind::Odometry {
+                let information = information_of(apart);
+                self.write(Entry::Remeasured { number: number as u32, from_from_to, information });
+            } else if to == node && kind == EdgeKind::Match {
+                self.withdraw(number, WITHDRAWN);
+            }
+        }
+        if let Some(way_m) = self.way_m.last_mut() {
+            *way_m += FARTHEST_WAY_M;
+        }
+    }
+
+    /// An edge that another robot told says nothing.
+    pub(crate) fn disbelieve(&mut self, number: usize) {
+        self.withdraw(number, WITHDRAWN);
     }
 }

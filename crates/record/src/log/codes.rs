@@ -32,7 +32,8 @@ pub(super) enum Kind {
 coded!(Kind: Run = 1, Sensor = 2, Scan = 3, Keyframe = 4, Fragment = 5, Edge = 6, Remeasured = 7, Withdrawn = 8,
     Candidate = 9, Verdict = 10, LeftOut = 11, WheelSlip = 12, Snapshot = 13, OdometryOrigin = 14,
     Checkpoint = 15, Gravity = 16, BackTo = 17);
-coded!(FragmentStart: SwitchedOn = 0, Relocalised = 1, Resumed = 2, Uncertain = 3, Blind = 4, Lost = 5);
+coded!(FragmentStart: SwitchedOn = 0, Relocalised = 1, Resumed = 2, Uncertain = 3, Blind = 4, Lost = 5,
+    Contradicted = 6);
 coded!(EdgeKind: Odometry = 0, Match = 1, Closure = 2);
 coded!(Detection: Pose = 0, Place = 1, Match = 2);
 coded!(Objection: NoMatch = 1, LittleOverlap = 2, Ambiguous = 3, Unconstrained = 4, Contradiction = 5, Improbable = 6,

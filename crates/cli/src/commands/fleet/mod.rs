@@ -1,7 +1,10 @@
 //! `mapwright fleet`
 
+mod liar;
 mod simulate;
 mod team;
+
+pub(crate) use liar::Lie;
 
 use crate::args::{FleetArgs, FleetCommand};
 use crate::failure::{Failure, Outcome};

@@ -1,5 +1,6 @@
 //! `mapwright fleet simulate`
 
+use super::liar::Liar;
 use super::team::{Robot, Simulated};
 use crate::args::FleetSimulateArgs;
 use crate::events::{Ending, Interrupt, Log, name_of};
@@ -72,6 +73,9 @@ pub(super) fn run(args: &FleetSimulateArgs) -> Result<Outcome, Failure> {
     let radio = RadioSettings { loss: args.loss, doubled: 0.05, delay_s: [0.005, 0.2], seed: args.seed };
     let mut team = Simulated::new(&names, settings, radio)?;
     team.split = args.split;
+    for &(robot, lie, from_s) in &args.lies {
+        team.robots[robot - 1].liar = Some(Liar::new(lie, from_s, args.seed));
+    }
     let ended = drive(&mut team, &logs, args, &interrupt);
     let output = OutputFolder::create(&args.output)?;
     report(args, settings, &team, &ended, output)
@@ -82,6 +86,10 @@ fn refuse(args: &FleetSimulateArgs) -> Result<(), Failure> {
     let wrong = args.dies.iter().map(|(robot, _)| *robot).find(|robot| !(1..=robots).contains(robot));
     if let Some(robot) = wrong {
         return Err(Failure::Usage(format!("--dies: expected a robot from 1 to {robots}, found {robot}")));
+    }
+    let wrong = args.lies.iter().map(|(robot, ..)| *robot).find(|robot| !(1..=robots).contains(robot));
+    if let Some(robot) = wrong {
+        return Err(Failure::Usage(format!("--lies: expected a robot from 1 to {robots}, found {robot}")));
     }
     if let Some((first, _)) = args.split.filter(|(first, _)| !(1..robots).contains(first)) {
         return Err(Failure::Usage(format!("--split: expected 1 to {} robots, found {first}", robots - 1)));

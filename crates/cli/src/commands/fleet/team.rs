@@ -1,5 +1,6 @@
 //! Robots of one team in one process, and the simulated air between them.
 
+use super::liar::Liar;
 use crate::failure::Failure;
 use mapwright::{Mapper, Pose2, RunId, Session, Settings, Stamp, Update};
 use mapwright_fleet::{Node, NodeSettings, Roster, RosterError, Secret, Team};
@@ -15,6 +16,8 @@ pub(super) struct Robot {
     /// Time that its own map takes, and what it does for the team; elapsed, so that other work on the computer counts too.
     pub(super) mapped: Duration,
     pub(super) shared: Duration,
+    /// What it tells is not what it has mapped.
+    pub(super) liar: Option<Liar>,
     /// When its own map and that of the team became one, seconds.
     pub(super) joined_s: Option<f64>,
 }
@@ -44,6 +47,7 @@ impl Simulated {
                 mapper,
                 team: Team::new(node, settings)?,
                 is_alive: true,
+                liar: None,
                 mapped: Duration::ZERO,
                 shared: Duration::ZERO,
                 joined_s: None,
@@ -60,7 +64,11 @@ impl Simulated {
         let update = tell(&mut robot.mapper);
         robot.mapped += begin.elapsed();
         let begin = Instant::now();
-        update.into_iter().for_each(|update| robot.team.tell(now, &update));
+        if let Some(update) = update {
+            let told =
+                robot.liar.as_mut().map(|liar| liar.tell(now.secs_since(Stamp(0)), &update, robot.mapper.session()));
+            robot.team.tell(now, &told.unwrap_or(update));
+        }
         robot.shared += begin.elapsed();
     }
 
