@@ -205,6 +205,8 @@ pub enum Refusal {
     Unfitting,
     /// What it says of its way does not fit what it has seen.
     Contradicted,
+    /// A map of all that does not follow from what it is made of.
+    Untrue,
 }
 
 impl Refusal {
@@ -224,6 +226,7 @@ impl Refusal {
             Self::BadPayload => "a payload that cannot be read",
             Self::Unfitting => "entries that do not fit the map of all",
             Self::Contradicted => "says of its way what its readings contradict",
+            Self::Untrue => "a map of all that does not follow from what all have seen",
         }
     }
 }

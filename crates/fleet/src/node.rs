@@ -8,7 +8,7 @@ use crate::keys::{Roster, Secret};
 use crate::message::{Beat, CHAINS_AT_MOST, MESSAGE_AT_MOST, Message, RECORDS_AT_MOST, Refusal};
 use crate::record::{ChainId, Equivocation, Kind, PAYLOAD_AT_MOST, Record};
 use mapwright_geom::Stamp;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Times that a robot may have been switched on: no robot can take up the room of others.
 const SESSIONS_AT_MOST: usize = 64;
@@ -71,6 +71,8 @@ pub struct Node {
     asked: BTreeMap<ChainId, Asked>,
     /// Robots that have said two things, with the proof.
     equivocators: BTreeMap<u16, Equivocation>,
+    /// Robots that have found what is not so.
+    distrusted: BTreeSet<u16>,
     refused: BTreeMap<(Refusal, Option<u16>), u64>,
     early: u64,
     outbox: Vec<Outgoing>,
@@ -97,6 +99,7 @@ impl Node {
             peers,
             asked: BTreeMap::new(),
             equivocators: BTreeMap::new(),
+            distrusted: BTreeSet::new(),
             refused: BTreeMap::new(),
             early: 0,
             outbox: Vec::new(),
@@ -147,12 +150,24 @@ impl Node {
         rank == self.me.rank || heard.is_some_and(|heard| now.secs_since(heard) <= self.settings.lease_s)
     }
 
+    /// Whether what a robot finds as the one that solves is used.
+    #[must_use]
+    pub fn is_trusted(&self, rank: u16) -> bool {
+        !self.equivocators.contains_key(&rank) && !self.distrusted.contains(&rank)
+    }
+
+    /// What it has found is not so.
+    pub(crate) fn distrust(&mut self, rank: u16) {
+        self.refuse(Refusal::Untrue, Some(rank));
+        self.distrusted.insert(rank);
+    }
+
     /// Who solves: of those alive the first in the roster. None until one lease has passed since this robot was switched on, for it has not
     /// heard of others yet.
     #[must_use]
     pub fn leader(&self, now: Stamp) -> Option<u16> {
         let begun = self.begun?;
-        let trusted = |rank: &u16| !self.equivocators.contains_key(rank);
+        let trusted = |rank: &u16| self.is_trusted(*rank);
         let first = (0..self.peers.len() as u16).filter(trusted).find(|rank| self.is_alive(*rank, now))?;
         (first != self.me.rank || now.secs_since(begun) >= self.settings.lease_s).then_some(first)
     }

@@ -8,7 +8,7 @@
 use crate::inbox::Inbox;
 use crate::record::ChainId;
 use crate::steps::{Begin, NoStep, SolutionId, Step};
-use mapwright::{Adoption, Session};
+use mapwright::{Adoption, EdgeKind, Entry, FragmentStart, RecordedEdge, Session};
 use mapwright_record::{EntryReader, Grows};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -76,6 +76,25 @@ impl Solutions {
         parts.push(Part { id, end: None });
         let next = parts.first()?.id.begin + 1;
         Some(Replay { id, parts, at: 0, next, ..Replay::default() })
+    }
+}
+
+/// Whether it is for the robot that solves to say: closures and what becomes of them, where keyframes lie, and what of ways and matches is
+/// contradicted. What odometry says within a fragment stands.
+fn may_be_found(session: &Session, entry: &Entry) -> bool {
+    let edge = |number: u32| session.recorded_edges().get(number as usize);
+    let is_over_break = |ends: [u32; 2]| session.joined_fragments(ends.map(|end| end as usize)).is_some();
+    match entry {
+        Entry::Run(_) | Entry::Candidate(_) | Entry::Verdict { .. } | Entry::Snapshot(_) => true,
+        Entry::Fragment(fragment) => fragment.start == FragmentStart::Contradicted,
+        Entry::Edge(RecordedEdge { edge, .. }) => {
+            let ends = session.place(edge.from).zip(session.place(edge.to));
+            edge.kind == EdgeKind::Closure || ends.is_some_and(|(a, b)| session.joined_fragments([a, b]).is_some())
+        }
+        Entry::Withdrawn { number } => edge(*number)
+            .is_some_and(|known| known.recorded.edge.kind != EdgeKind::Odometry || is_over_break(known.ends)),
+        Entry::Remeasured { number, .. } => edge(*number).is_some_and(|known| is_over_break(known.ends)),
+        _ => false,
     }
 }
 
@@ -176,7 +195,11 @@ impl Replay {
                 self.adoptions.entry(*chain).or_default().take_in(&mut self.reader, group, *pose);
                 Ok(true)
             }
-            Step::Found(bytes) => self.reader.read(bytes).map(|_| true).map_err(|_| NoStep),
+            Step::Found(bytes) => {
+                let found = self.reader.read(bytes).map_err(|_| NoStep)?;
+                let session = self.reader.session();
+                if found.iter().all(|entry| may_be_found(session, entry)) { Ok(true) } else { Err(NoStep) }
+            }
         }
     }
 }

@@ -8,7 +8,8 @@ use crate::record::{ChainId, Kind};
 use crate::solution::{Replay, Solutions};
 use crate::steps::{Begin, SolutionId, Step};
 use mapwright::{
-    Adoption, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update,
+    Adoption, Audit, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update,
+    audit,
 };
 use mapwright_record::LogWriter;
 use std::collections::BTreeMap;
@@ -34,6 +35,10 @@ const TEAM: &str = "the team";
 const SETTLED_S: f64 = 5.0;
 /// and old places are looked for anew.
 const LOOKED_AGAIN_S: f64 = 10.0;
+/// When nothing has come for so long, others look at what the robot that solves has found, seconds.
+const AUDITED_S: f64 = 8.0;
+/// and keyframes may lie so far from where they have them, metres: as far as two findings that agree.
+const MOVED_AT_MOST_M: f64 = 0.2;
 
 /// A robot's part in a team: what it maps is told, and what all have mapped becomes one map.
 ///
@@ -53,6 +58,10 @@ pub struct Team {
     replay: Option<Replay>,
     solving: Option<Solving>,
     blocked_since: Option<Stamp>,
+    /// When the map of all has changed last, and whether it was looked at since.
+    changed: Stamp,
+    is_audited: bool,
+    falsify: Option<fn(&mut Entry)>,
 }
 
 /// The solution that this robot works on.
@@ -71,6 +80,7 @@ struct Solving {
     last_said: Stamp,
     is_settled: bool,
     has_looked_again: bool,
+    falsify: Option<fn(&mut Entry)>,
 }
 
 impl Team {
@@ -92,6 +102,9 @@ impl Team {
             replay: None,
             solving: None,
             blocked_since: None,
+            changed: Stamp(0),
+            is_audited: true,
+            falsify: None,
             node,
         })
     }
@@ -179,6 +192,10 @@ impl Team {
         begun.into_iter().for_each(|(id, begin)| self.solutions.add(id, begin));
         refused.into_iter().for_each(|(why, of)| self.node.refuse(why, of));
         let mut has_worked = self.follow();
+        if has_worked {
+            (self.changed, self.is_audited) = (now, false);
+        }
+        has_worked |= self.audit(now);
         if self.node.leader(now) == Some(self.node.me().rank) {
             has_worked |= self.solve(now, keyframes);
         } else {
@@ -189,7 +206,7 @@ impl Team {
 
     /// Reads the solution that counts.
     fn follow(&mut self) -> bool {
-        let Some((id, begin)) = self.solutions.best(|rank| !self.is_equivocator(rank)) else { return false };
+        let Some((id, begin)) = self.solutions.best(|rank| self.node.is_trusted(rank)) else { return false };
         if self.replay.as_ref().is_none_or(|replay| replay.id != id) {
             self.replay = self.solutions.replay(id, &begin);
         }
@@ -205,12 +222,40 @@ impl Team {
         }
     }
 
-    fn is_equivocator(&self, rank: u16) -> bool {
-        self.node.equivocators().any(|(of, _)| of == rank)
+    /// Looks at what another robot has found, once nothing new has come for a while; whether that was refused. All who hold the same records come
+    /// to the same result.
+    fn audit(&mut self, now: Stamp) -> bool {
+        let Some(replay) = self.replay.as_ref().filter(|_| !self.is_audited) else { return false };
+        let of = replay.id.chain.rank;
+        if of == self.node.me().rank || now.secs_since(self.changed) < AUDITED_S {
+            return false;
+        }
+        self.is_audited = true;
+        let Audit { contradictions: [all, borne_out], moved_m, .. } = audit(&self.settings, replay.session());
+        if std::env::var_os("MW_AUDIT").is_some() {
+            eprintln!("audit by {} of {of}: {all} {borne_out} {moved_m:?}", self.node.me().rank);
+        }
+        let is_untrue = 2 * borne_out > all || moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
+        if is_untrue {
+            self.node.distrust(of);
+            self.replay = None;
+        }
+        is_untrue
+    }
+
+    /// Whether the map of all was looked at as it is, where it is another robot that solves.
+    #[must_use]
+    pub fn has_audited(&self) -> bool {
+        self.is_audited || self.solving.is_some()
+    }
+
+    /// For simulations of robots that lie: what this one finds as the robot that solves goes through here before it is told.
+    pub fn falsify(&mut self, falsify: fn(&mut Entry)) {
+        self.falsify = Some(falsify);
     }
 
     fn solve(&mut self, now: Stamp, keyframes: usize) -> bool {
-        let best = self.solutions.best(|rank| !self.is_equivocator(rank)).map(|(id, _)| id);
+        let best = self.solutions.best(|rank| self.node.is_trusted(rank)).map(|(id, _)| id);
         let is_current = |solving: &Solving| best == Some(solving.id) || !self.solutions.has(solving.id);
         if self.solving.as_ref().is_some_and(is_current) {
             // It goes on.
@@ -260,6 +305,7 @@ impl Team {
             last_said: now,
             is_settled: true,
             has_looked_again: true,
+            falsify: self.falsify,
         };
         let update = solving.mapper.news();
         solving.find(&update.entries);
@@ -382,7 +428,9 @@ impl Solving {
     fn find(&mut self, entries: &[Entry]) {
         let mut found = Vec::new();
         for entry in entries {
-            let _ = self.writer.append(&mut found, entry);
+            let mut entry = entry.clone();
+            self.falsify.iter().for_each(|falsify| falsify(&mut entry));
+            let _ = self.writer.append(&mut found, &entry);
         }
         self.put_found(&found);
     }

@@ -18,6 +18,7 @@
 //! ```
 
 mod advice;
+mod audit;
 mod back;
 mod cycles;
 mod front;
@@ -39,6 +40,7 @@ mod visits;
 struct ReadmeExamples;
 
 pub use advice::{Advice, Place};
+pub use audit::{Audit, audit};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use jobs::{Job, JobResult};
 pub use locate::{Location, Withdrawal};

@@ -1,6 +1,6 @@
 //! A robot that lies: its own map is right, what it tells the others is not.
 
-use mapwright::{Entry, Keyframe, Pose2, RecordedEdge, Session, Sweep, Update};
+use mapwright::{EdgeKind, Entry, Keyframe, Pose2, RecordedEdge, Session, Sweep, Update};
 use mapwright_sensor::BEAM_NO_RETURN;
 use mapwright_sim::{Rng, Site, worlds};
 use std::f64::consts::FRAC_PI_6;
@@ -19,10 +19,13 @@ pub(crate) enum Lie {
     Replay,
     /// It says that it sees a building that is not there.
     Forged,
+    /// As the robot that solves it says that closures, and half of all keyframes, lie 10 m from where they are.
+    Solution,
 }
 
 impl Lie {
-    pub(crate) const ALL: [Self; 5] = [Self::Offset, Self::Rotation, Self::Scaled, Self::Replay, Self::Forged];
+    pub(crate) const ALL: [Self; 6] =
+        [Self::Offset, Self::Rotation, Self::Scaled, Self::Replay, Self::Forged, Self::Solution];
 
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -31,6 +34,7 @@ impl Lie {
             Self::Scaled => "scaled",
             Self::Replay => "replay",
             Self::Forged => "forged",
+            Self::Solution => "solution",
         }
     }
 }
@@ -38,6 +42,22 @@ impl Lie {
 /// How much farther than it drives it says that it does.
 const SCALE: f64 = 1.1;
 const OFFSET_M: f64 = 10.0;
+
+/// What a robot that lies about its solution says instead of what it has found.
+pub(crate) fn falsify_found(entry: &mut Entry) {
+    let aside = Pose2::new(OFFSET_M, 0.0, 0.0);
+    match entry {
+        Entry::Edge(RecordedEdge { edge, .. }) if edge.kind == EdgeKind::Closure => {
+            edge.from_from_to = edge.from_from_to * aside;
+        }
+        Entry::Candidate(candidate) => candidate.from_from_to = candidate.from_from_to.map(|found| found * aside),
+        Entry::Snapshot(snapshot) => {
+            let half = snapshot.map_from_keyframe.iter_mut().filter(|(id, _)| id.seq % 400 >= 200);
+            half.for_each(|(_, pose)| *pose = aside * *pose);
+        }
+        _ => {}
+    }
+}
 
 /// A robot that lies from some time on.
 #[derive(Debug, Clone)]
@@ -103,7 +123,7 @@ impl Liar {
         let aside = match self.lie {
             Lie::Offset => Pose2::new(OFFSET_M, 0.0, 0.0),
             Lie::Rotation => Pose2::new(0.0, 0.0, FRAC_PI_6),
-            Lie::Scaled | Lie::Replay | Lie::Forged => Pose2::IDENTITY,
+            _ => Pose2::IDENTITY,
         };
         self.moved = map_from_keyframe * aside * map_from_keyframe.inverse();
     }
@@ -133,7 +153,7 @@ impl Liar {
                 let pose = self.made_up.start(0.0) * begin.inverse() * map_from_keyframe;
                 Some(Arc::new(self.made_up_sweep(&keyframe.sweep, pose)))
             }
-            Lie::Offset | Lie::Rotation | Lie::Scaled => None,
+            _ => None,
         };
         if let Some(sweep) = sweep {
             let Keyframe { id, stamp, scan, hardly_fits, .. } = **keyframe;

@@ -1,6 +1,6 @@
 //! `mapwright fleet simulate`
 
-use super::liar::Liar;
+use super::liar::{Liar, Lie, falsify_found};
 use super::team::{Robot, Simulated};
 use crate::args::FleetSimulateArgs;
 use crate::events::{Ending, Interrupt, Log, name_of};
@@ -74,7 +74,11 @@ pub(super) fn run(args: &FleetSimulateArgs) -> Result<Outcome, Failure> {
     let mut team = Simulated::new(&names, settings, radio)?;
     team.split = args.split;
     for &(robot, lie, from_s) in &args.lies {
-        team.robots[robot - 1].liar = Some(Liar::new(lie, from_s, args.seed));
+        let robot = &mut team.robots[robot - 1];
+        robot.liar = Some(Liar::new(lie, from_s, args.seed));
+        if lie == Lie::Solution {
+            robot.team.falsify(falsify_found);
+        }
     }
     let ended = drive(&mut team, &logs, args, &interrupt);
     let output = OutputFolder::create(&args.output)?;
@@ -190,7 +194,8 @@ fn report(
     ended: &Ended,
     mut output: OutputFolder,
 ) -> Result<Outcome, Failure> {
-    let map = team.robots.iter().filter(|robot| robot.is_alive).find_map(|robot| robot.team.map());
+    let honest = team.robots.iter().filter(|robot| robot.is_honest());
+    let map = honest.filter(|robot| robot.is_alive).find_map(|robot| robot.team.map());
     let mut losses = Vec::new();
     if ended.interrupted {
         losses.push("interrupted; the results are those up to there".to_owned());

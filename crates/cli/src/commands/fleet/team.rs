@@ -22,6 +22,12 @@ pub(super) struct Robot {
     pub(super) joined_s: Option<f64>,
 }
 
+impl Robot {
+    pub(super) fn is_honest(&self) -> bool {
+        self.liar.is_none()
+    }
+}
+
 /// Robots and the air.
 pub(super) struct Simulated {
     pub(super) robots: Vec<Robot>,
@@ -108,22 +114,20 @@ impl Simulated {
         has_worked
     }
 
-    /// Whether all who live have the same map, to the byte, and all that any of them has mapped is in it.
+    /// Whether all who live and do not lie have the same map, to the byte, have looked at it again, and all that any of them has mapped is in it.
     pub(super) fn is_agreed(&self) -> bool {
-        let mut alive = self.robots.iter().filter(|robot| robot.is_alive);
-        let Some(first) = alive.next().and_then(|robot| robot.team.map()) else { return false };
-        let has_all = |robot: &Robot| robot.mapper.keyframes().last().is_none_or(|last| first.place(last.id).is_some());
-        let is_counted = |other: &Session| {
+        let honest: Vec<&Robot> = self.robots.iter().filter(|robot| robot.is_alive && robot.is_honest()).collect();
+        let maps: Option<Vec<&Session>> = honest.iter().map(|robot| robot.team.map()).collect();
+        let Some((maps, first)) = maps.and_then(|maps| Some((maps.clone(), *maps.first()?))) else { return false };
+        let has_all =
+            |robot: &&Robot| robot.mapper.keyframes().last().is_none_or(|last| first.place(last.id).is_some());
+        let is_counted = |other: &&Session| {
             (other.keyframes().len(), other.recorded_edges().len(), other.corrections())
                 == (first.keyframes().len(), first.recorded_edges().len(), first.corrections())
         };
-        let alive: Vec<&Robot> = self.robots.iter().filter(|robot| robot.is_alive).collect();
-        let maps: Option<Vec<&Session>> = alive.iter().map(|robot| robot.team.map()).collect();
-        maps.is_some_and(|maps| {
-            alive.iter().all(|robot| has_all(robot))
-                && maps.iter().all(|map| is_counted(map))
-                && maps.iter().skip(1).all(|map| map.encode() == first.encode())
-        })
+        honest.iter().all(|robot| has_all(robot) && robot.team.has_audited())
+            && maps.iter().all(is_counted)
+            && maps.iter().skip(1).all(|map| map.encode() == first.encode())
     }
 }
 

@@ -1,0 +1,87 @@
+//! Whether the map that another robot says it has found is one: who holds the readings looks again at what it is made of.
+
+use crate::settings::Settings;
+use crate::store::Store;
+use mapwright_geom::Pose2;
+use mapwright_grid::Matcher;
+use mapwright_loops::{PlaneSubmaps, Scope, Solving, VerifySettings, look_where_said};
+use mapwright_record::{EdgeKind, FragmentStart, NodeId, Objection, RunId, Session};
+
+/// What speaks against a map ([`audit`]).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Audit {
+    /// Closures that were looked at, and those that the readings contradict.
+    pub closures: [usize; 2],
+    /// Ways to keyframes, and matches, that were called contradicted, and those of them that the readings bear out.
+    pub contradictions: [usize; 2],
+    /// How far keyframes lie from where the closures that hold have them, each piece of the map by itself: mean, metres. None where that cannot be
+    /// said.
+    pub moved_m: Option<f64>,
+}
+
+/// Looks at each closure again, and at each way that was called contradicted, and solves the graph once more with the closures that hold.
+#[must_use]
+pub fn audit(settings: &Settings, session: &Session) -> Audit {
+    let store = Store::resume(session.clone(), RunId::of_robot("audit"), String::new());
+    let matcher = Matcher { settings: settings.matcher() };
+    let mut submaps = PlaneSubmaps::new(settings.submaps(), VerifySettings::default(), matcher.settings);
+    let mut is_contradicted = |ends: [NodeId; 2], said: Pose2, both_sides: bool| {
+        let finding = look_where_said(store.past(), ends, said, both_sides, &mut submaps);
+        finding.map(|finding| finding.objection == Some(Objection::NoMatch))
+    };
+    let mut audit = Audit::default();
+    let (mut graph, mut holding) = (store.graph(), store.closures());
+    for (number, known) in session.recorded_edges().iter().enumerate() {
+        let edge = &known.recorded.edge;
+        let ends = known.ends.map(NodeId::new);
+        let is_called = known.withdrawn && edge.kind == EdgeKind::Match && !store.is_over_break(ends);
+        if !is_called && (known.withdrawn || edge.kind != EdgeKind::Closure) {
+            continue;
+        }
+        let looked = is_contradicted(ends, edge.from_from_to, true);
+        if is_called {
+            audit.contradictions[0] += usize::from(looked.is_some());
+            audit.contradictions[1] += usize::from(looked == Some(false));
+            continue;
+        }
+        audit.closures[0] += usize::from(looked.is_some());
+        if looked == Some(true) {
+            audit.closures[1] += 1;
+            graph.edges[number].information.fill(0.0);
+            holding.retain(|closure| *closure != number);
+        }
+    }
+    for fragment in session.fragments().iter().filter(|fragment| fragment.start == FragmentStart::Contradicted) {
+        let Some((first, edge)) = session.place(fragment.first).and_then(|first| {
+            let number = store.odometry_to(NodeId::at(first))?;
+            Some((first, session.recorded_edges().get(number)?))
+        }) else {
+            continue;
+        };
+        let ends = [NodeId::new(edge.ends[0]), NodeId::at(first)];
+        let looked = is_contradicted(ends, edge.recorded.edge.from_from_to, false);
+        audit.contradictions[0] += usize::from(looked.is_some());
+        audit.contradictions[1] += usize::from(looked == Some(false));
+    }
+    let solved = Solving { graph, closures: holding, scope: Scope::Whole }.run();
+    audit.moved_m = solved.and_then(|solved| moved_m(session, &solved.map_from_keyframe));
+    audit
+}
+
+/// Mean distance of keyframes from where others have them, with the middle keyframe of each piece where it is.
+fn moved_m(session: &Session, elsewhere: &[Pose2]) -> Option<f64> {
+    let here = session.map_from_keyframe();
+    let stretches = session.stretches();
+    let (mut sum_m, mut count) = (0.0, 0_usize);
+    let pieces = stretches.iter().map(|(_, piece)| *piece).max()?;
+    for piece in 0..=pieces {
+        let of_piece = || stretches.iter().filter(|(_, of)| *of == piece).flat_map(|(range, _)| range.clone());
+        let middle = of_piece().nth(of_piece().count() / 2)?;
+        let here_from_there = *here.get(middle)? * elsewhere.get(middle)?.inverse();
+        for place in of_piece() {
+            sum_m += here.get(place)?.distance(here_from_there * *elsewhere.get(place)?);
+            count += 1;
+        }
+    }
+    (count > 0).then(|| sum_m / count as f64)
+}
