@@ -232,9 +232,6 @@ impl Team {
         }
         self.is_audited = true;
         let Audit { contradictions: [all, borne_out], moved_m, .. } = audit(&self.settings, replay.session());
-        if std::env::var_os("MW_AUDIT").is_some() {
-            eprintln!("audit by {} of {of}: {all} {borne_out} {moved_m:?}", self.node.me().rank);
-        }
         let is_untrue = 2 * borne_out > all || moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
         if is_untrue {
             self.node.distrust(of);

@@ -35,7 +35,7 @@ const NARROW_M: f64 = 0.5;
 const SEEN_WITHIN_M: f64 = 4.0;
 const SEEN_ABOVE_M: f64 = 1.5;
 /// The search's window in standard deviations, to which comes what is added for the model's sake.
-const WINDOW_SIGMAS: f64 = 3.0;
+pub(crate) const WINDOW_SIGMAS: f64 = 3.0;
 /// See above, metres,
 pub const WINDOW_M: f64 = 0.3;
 /// and radians.

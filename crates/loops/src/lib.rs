@@ -17,7 +17,7 @@ mod verification;
 mod views;
 
 pub use cascade::{Finding, VerifySettings};
-pub use claims::{COMPARED_M, look_where_said};
+pub use claims::{SaidAndSeen, fit_where_said, look_where_said};
 pub use closing::{
     APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, RUN_WAY_M, SUBMAP_M, WINDOW_M, WINDOW_RAD,
     is_old, run_of,

@@ -50,6 +50,10 @@ impl Submaps for PlaneSubmaps {
         self.verifier.look_for(query, target, &SearchWindow { world_from_robot, half_width_m, half_width_rad })
     }
 
+    fn fit_at(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, target_from_query: Pose2) -> Finding {
+        self.verifier.fit_at(query, target, target_from_query)
+    }
+
     fn scored(&self) -> u64 {
         self.verifier.scored()
     }

@@ -37,6 +37,12 @@ impl PlaneVerifier {
         self.searcher.scored()
     }
 
+    /// What fits of `query` in `target` about a pose.
+    #[must_use]
+    pub fn fit_at(&self, query: &PlaneSubmap, target: &PlaneSubmap, target_from_query: Pose2) -> Finding {
+        fit(&self.settings, &self.matcher, query, target, target_from_query)
+    }
+
     /// Looks for `query` in `target` at the poses of a window.
     #[must_use]
     pub fn look_for(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, window: &SearchWindow) -> Finding {

@@ -190,6 +190,12 @@ impl Submaps for SpaceSubmaps {
         Finding { target_from_query: Some(target_from_query), covariance, evidence, objection }
     }
 
+    fn fit_at(&mut self, query: &SpaceSubmap, target: &SpaceSubmap, target_from_query: Pose3) -> Finding<Pose3> {
+        let half_width_m = self.map.resolution_m;
+        let window = Window { target_from_query, half_width_m, half_height_m: half_width_m, half_width_rad: 0.0 };
+        self.look_for(query, target, &window)
+    }
+
     fn scored(&self) -> u64 {
         self.scored
     }

@@ -52,6 +52,15 @@ pub trait Submaps: Clone + Debug + Send {
         window: &Window<PoseOf<Self>>,
     ) -> Finding<PoseOf<Self>>;
 
+    /// One in another about where it is said to be, and nowhere else: what fits there. It is not searched for.
+    #[must_use]
+    fn fit_at(
+        &mut self,
+        query: &Self::Submap,
+        target: &Self::Submap,
+        target_from_query: PoseOf<Self>,
+    ) -> Finding<PoseOf<Self>>;
+
     /// Poses and blocks of poses that the last search scored: most of its work.
     #[must_use]
     fn scored(&self) -> u64;

@@ -4,7 +4,7 @@ use crate::settings::Settings;
 use crate::store::Store;
 use mapwright_geom::Pose2;
 use mapwright_grid::Matcher;
-use mapwright_loops::{PlaneSubmaps, Scope, Solving, VerifySettings, look_where_said};
+use mapwright_loops::{PlaneSubmaps, Scope, Solving, VerifySettings, fit_where_said, look_where_said};
 use mapwright_record::{EdgeKind, FragmentStart, NodeId, Objection, RunId, Session};
 
 /// What speaks against a map ([`audit`]).
@@ -25,10 +25,6 @@ pub fn audit(settings: &Settings, session: &Session) -> Audit {
     let store = Store::resume(session.clone(), RunId::of_robot("audit"), String::new());
     let matcher = Matcher { settings: settings.matcher() };
     let mut submaps = PlaneSubmaps::new(settings.submaps(), VerifySettings::default(), matcher.settings);
-    let mut is_contradicted = |ends: [NodeId; 2], said: Pose2, both_sides: bool| {
-        let finding = look_where_said(store.past(), ends, said, both_sides, &mut submaps);
-        finding.map(|finding| finding.objection == Some(Objection::NoMatch))
-    };
     let mut audit = Audit::default();
     let (mut graph, mut holding) = (store.graph(), store.closures());
     for (number, known) in session.recorded_edges().iter().enumerate() {
@@ -38,14 +34,15 @@ pub fn audit(settings: &Settings, session: &Session) -> Audit {
         if !is_called && (known.withdrawn || edge.kind != EdgeKind::Closure) {
             continue;
         }
-        let looked = is_contradicted(ends, edge.from_from_to, true);
+        let finding = look_where_said(store.past(), ends, edge.from_from_to, &mut submaps);
+        let is_wrong = finding.objection == Some(Objection::NoMatch);
         if is_called {
-            audit.contradictions[0] += usize::from(looked.is_some());
-            audit.contradictions[1] += usize::from(looked == Some(false));
+            audit.contradictions[0] += 1;
+            audit.contradictions[1] += usize::from(!is_wrong);
             continue;
         }
-        audit.closures[0] += usize::from(looked.is_some());
-        if looked == Some(true) {
+        audit.closures[0] += 1;
+        if is_wrong {
             audit.closures[1] += 1;
             graph.edges[number].information.fill(0.0);
             holding.retain(|closure| *closure != number);
@@ -58,10 +55,10 @@ pub fn audit(settings: &Settings, session: &Session) -> Audit {
         }) else {
             continue;
         };
-        let ends = [NodeId::new(edge.ends[0]), NodeId::at(first)];
-        let looked = is_contradicted(ends, edge.recorded.edge.from_from_to, false);
-        audit.contradictions[0] += usize::from(looked.is_some());
-        audit.contradictions[1] += usize::from(looked == Some(false));
+        let said = Some(edge.recorded.edge.from_from_to);
+        let Some(fit) = fit_where_said(store.past(), NodeId::at(first), said, &mut submaps) else { continue };
+        audit.contradictions[0] += 1;
+        audit.contradictions[1] += usize::from(fit.bears_out());
     }
     let solved = Solving { graph, closures: holding, scope: Scope::Whole }.run();
     audit.moved_m = solved.and_then(|solved| moved_m(session, &solved.map_from_keyframe));

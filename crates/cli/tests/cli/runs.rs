@@ -88,6 +88,68 @@ fn robots_that_drive_at_the_same_time_share_one_map() {
 }
 
 #[test]
+fn others_are_not_misled_by_a_robot_that_lies() {
+    let folder = folder("liars");
+    let logs = [(0, "a.clf"), (2, "b.clf"), (4, "c.clf")]
+        .map(|(at, name)| write(&folder, name, &drive(5, at, 100 * at as i64)));
+    let simulate = |name: &str, lies: &[&str]| {
+        let (team, path) = out(&folder, name);
+        let lies = lies.iter().flat_map(|lie| ["--lies", lie]);
+        let args = ["fleet", "simulate", &logs[0], &logs[1], &logs[2], "-o", &path].into_iter().chain(lies);
+        let output = run(&args.collect::<Vec<_>>());
+        assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
+        let refused = |why: &str, of: u64| -> u64 {
+            let report = json(&team.join("fleet.json"));
+            let robots = report["robots"].as_array().unwrap().clone();
+            let refused = robots.iter().flat_map(|robot| robot["refused"].as_array().unwrap().clone());
+            let of_it = refused.filter(|row| row["why"].as_str().unwrap().contains(why) && row["of"] == logs_name(of));
+            of_it.map(|row| row["times"].as_u64().unwrap()).sum()
+        };
+        (positions(&team, &["1-a", "2-b", "3-c"]), refused("its readings contradict", 2), refused("does not follow", 1))
+    };
+    let honest = simulate("honest", &[]);
+    assert_eq!((honest.1, honest.2), (0, 0));
+    for lie in ["offset", "rotation", "scaled", "replay", "forged"] {
+        let (lied, contradicted, _) = simulate(lie, &[&format!("2:{lie}@20")]);
+        for robot in [0, 2] {
+            let off_m = farthest_m(&lied[robot], &honest.0[robot]);
+            assert!(off_m < 0.05, "{lie}: robot {robot} {off_m} m off");
+        }
+        assert!(contradicted > 0 || lie == "scaled", "{lie}");
+    }
+    // The robot that solves lies about what it has found: others refuse that, and go on without it.
+    let (lied, _, untrue) = simulate("solution", &["1:solution@0"]);
+    assert!(untrue == 2 && farthest_m(&lied[1], &honest.0[1]) < 0.05, "{untrue}");
+    let path = out(&folder, "none").1;
+    let refused = run(&["fleet", "simulate", &logs[0], &logs[1], "-o", &path, "--lies", "2:nonsense@4"]);
+    assert_refused(&refused, 2, &["offset", "nonsense"]);
+}
+
+fn logs_name(robot: u64) -> String {
+    ["1-a", "2-b", "3-c"][robot as usize - 1].to_owned()
+}
+
+/// Where each robot was.
+fn positions(team: &Path, robots: &[&str]) -> Vec<Vec<[f64; 2]>> {
+    let read = |robot: &&str| {
+        let poses = poses(&team.join(format!("trajectory-{robot}.tum")));
+        poses
+            .iter()
+            .map(|pose| {
+                let mut numbers = pose.split(' ').map(|number| number.parse().unwrap());
+                [numbers.next().unwrap(), numbers.next().unwrap()]
+            })
+            .collect()
+    };
+    robots.iter().map(read).collect()
+}
+
+fn farthest_m(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
+}
+
+#[test]
 fn logs_and_sessions_of_one_building_become_one_map() {
     let folder = folder("merge");
     let [first, second] =

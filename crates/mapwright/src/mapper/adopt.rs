@@ -5,7 +5,7 @@ use crate::front::anywhere;
 
 use crate::told::{Newest, Told};
 use mapwright_geom::Pose2;
-use mapwright_loops::{COMPARED_M, look_where_said, run_of};
+use mapwright_loops::{SUBMAP_M, fit_where_said, look_where_said, run_of};
 use mapwright_record::{Adoption, EdgeKind, Entry, NodeId, Objection, Status, Update};
 
 /// What came of a group of another mapper's entries.
@@ -66,8 +66,8 @@ impl Mapper {
             let is_wrong = match kind {
                 EdgeKind::Odometry => false,
                 EdgeKind::Match if self.store.is_over_break(ends) => true,
-                EdgeKind::Match if self.store.past().way_between_m(ends[0], ends[1]) <= COMPARED_M => false,
-                EdgeKind::Match | EdgeKind::Closure => self.is_contradicted(ends, from_from_to, true),
+                EdgeKind::Match if self.store.past().way_between_m(ends[0], ends[1]) <= SUBMAP_M => false,
+                EdgeKind::Match | EdgeKind::Closure => self.is_edge_contradicted(ends, from_from_to),
             };
             if is_wrong {
                 self.store.disbelieve(number);
@@ -78,15 +78,13 @@ impl Mapper {
     }
 
     fn is_way_contradicted(&self, to: NodeId) -> bool {
-        let past = self.store.past();
-        let Some(before) = past.before(to) else { return false };
-        self.is_contradicted([before, to], past.pose(before).between(past.pose(to)), false)
+        let fit = fit_where_said(self.store.past(), to, None, &mut self.front.submaps());
+        fit.is_some_and(|fit| !fit.bears_out())
     }
 
-    fn is_contradicted(&self, ends: [NodeId; 2], from_from_to: Pose2, both_sides: bool) -> bool {
-        let mut submaps = self.front.submaps();
-        let finding = look_where_said(self.store.past(), ends, from_from_to, both_sides, &mut submaps);
-        finding.is_some_and(|finding| finding.objection == Some(Objection::NoMatch))
+    fn is_edge_contradicted(&self, ends: [NodeId; 2], from_from_to: Pose2) -> bool {
+        let finding = look_where_said(self.store.past(), ends, from_from_to, &mut self.front.submaps());
+        finding.objection == Some(Objection::NoMatch)
     }
 
     /// Looks for the newest keyframe among the places of other runs.
