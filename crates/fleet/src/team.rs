@@ -231,8 +231,10 @@ impl Team {
             return false;
         }
         self.is_audited = true;
-        let Audit { contradictions: [all, borne_out], moved_m, .. } = audit(&self.settings, replay.session());
-        let is_untrue = 2 * borne_out > all || moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
+        let Audit { closures, contradictions, moved_m } = audit(&self.settings, replay.session());
+        let are_most = |[all, wrong]: [usize; 2]| 2 * wrong > all;
+        let is_untrue =
+            are_most(closures) || are_most(contradictions) || moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
         if is_untrue {
             self.node.distrust(of);
             self.replay = None;

@@ -52,7 +52,7 @@ pub(crate) fn falsify_found(entry: &mut Entry) {
         }
         Entry::Candidate(candidate) => candidate.from_from_to = candidate.from_from_to.map(|found| found * aside),
         Entry::Snapshot(snapshot) => {
-            let half = snapshot.map_from_keyframe.iter_mut().filter(|(id, _)| id.seq % 400 >= 200);
+            let half = snapshot.map_from_keyframe.iter_mut().filter(|(id, _)| id.seq % 100 >= 50);
             half.for_each(|(_, pose)| *pose = aside * *pose);
         }
         _ => {}
