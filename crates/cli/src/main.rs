@@ -22,6 +22,7 @@ mod maps;
 mod output;
 mod pace;
 mod page;
+mod picture;
 mod pieces;
 mod pose_graph;
 mod progress;

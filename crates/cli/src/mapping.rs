@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::maps::{MadeMap, MapWriter, remove_outdated_maps, ways};
 use crate::output::OutputFolder;
+use crate::picture::RunNames;
 use crate::pieces::Pieces;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
@@ -237,12 +238,14 @@ impl Mapping {
         // A local map of everything is the map already; over a break it begins anew.
         let is_whole = self.settings.live.policy == LivePolicy::Everything
             && !session.fragments().iter().any(|fragment| session.is_break(fragment));
+        let names = RunNames::of_logs(self.parts.iter().map(|(name, first)| (name.as_str(), *first)));
         let writer = MapWriter {
             settings: &self.settings,
             session,
             drawn: is_whole.then(|| self.mapper.local_map().counts()),
             turn_upright: self.align == Align::Walls,
             picture_side: self.picture_side,
+            names: &names,
         };
         let mut made = Vec::with_capacity(maps.len());
         for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {

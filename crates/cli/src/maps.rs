@@ -5,8 +5,9 @@ use crate::drawing::{draw_believed, wall_angle};
 use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::OutputFolder;
+use crate::picture::{MapOfRuns, RunNames};
 use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings, Visits};
-use mapwright_formats::{Confidence, Frame, Picture, write_map_yaml, write_pgm, write_png};
+use mapwright_formats::{Confidence, Frame, Picture, Runs, write_map_yaml, write_pgm, write_png};
 use serde_json::{Value, json};
 
 /// What `mapwright report` makes of a folder.
@@ -94,10 +95,12 @@ pub(crate) struct MapWriter<'a> {
     pub(crate) turn_upright: bool,
     /// Longer side of a picture, pixels, where it was asked for.
     pub(crate) picture_side: Option<u16>,
+    /// What runs are called, where there are several.
+    pub(crate) names: &'a RunNames,
 }
 
 impl MapWriter<'_> {
-    /// Writes the three files of a map; `number` counts from zero, and `way` is that of the robot within it.
+    /// Writes the three files of a map; `number` counts from zero, and `way` is that of the robot within it, where it is one run.
     pub(crate) fn write(
         &self,
         output: &mut OutputFolder,
@@ -112,8 +115,10 @@ impl MapWriter<'_> {
         let wall_angle_rad = if self.turn_upright { wall_angle(&drawn) } else { None };
         let advice = Advice::of_map(self.session, map);
         let (seen_from, places) = (seen_from(self.session, map, &advice), numbered(&advice));
+        let runs = MapOfRuns::of(self.session, map, self.names);
         let picture = Picture {
-            world_from_robot: way,
+            world_from_robot: if runs.is_some() { &[] } else { way },
+            runs: runs.as_ref().map(|runs| Runs { ways: &runs.ways, meetings: &runs.meetings }),
             level_rad: wall_angle_rad.unwrap_or(0.0),
             seen: Some(&drawn.seen),
             confidence: Some(Confidence { seen_from: &seen_from, places: &places }),

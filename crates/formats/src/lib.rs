@@ -41,7 +41,7 @@ pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_k
 pub use jump::{JumpWatch, OdometryJump};
 pub use map::{
     Confidence, Frame, GridImage, MAX_MAP_CELLS, MapDescription, MapMode, Picture, PlanePlacement, SpacePicture,
-    UNKNOWN, dominant_wall_angle, read_map_image, read_map_yaml, upward,
+    RUN_COLOURS, RunWay, Runs, UNKNOWN, dominant_wall_angle, read_map_image, read_map_yaml, run_colour, upward,
 };
 pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
 pub use map::{

@@ -3,9 +3,11 @@
 use super::drawn::{Drawn, KeyframePlace, WayPose};
 use super::figure::{Figure, pixel};
 use super::html::{base64, escaped};
+use super::robots::colour;
 use super::run::Run;
 use super::thinning::corners;
 use crate::closures::VerdictName;
+
 use mapwright::Status;
 use mapwright_formats::ViewPlacement;
 use std::fmt::Write;
@@ -107,17 +109,28 @@ type Place<'a> = dyn Fn([f64; 3]) -> [f64; 2] + 'a;
 
 fn path(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     let mut text = String::from("<g class=\"layer-path\">");
-    let of_map: Vec<&WayPose> = drawn.way.iter().filter(|pose| pose.map == map).collect();
+    let mut of_map: Vec<&WayPose> = drawn.way.iter().filter(|pose| pose.map == map).collect();
+    of_map.sort_by_key(|pose| pose.part[0]);
     let pixels = |poses: &[&WayPose]| -> Vec<[f64; 2]> {
         poses.iter().map(|pose| place(pose.map_from_robot.translation.into())).collect()
     };
     // Nobody knows how the robot went over a break.
-    let d: String = of_map.chunk_by(|a, b| a.part == b.part).map(|part| line(&pixels(part))).collect();
-    let _ = write!(text, "<path class=\"rim\" d=\"{d}\"/><path class=\"way\" d=\"{d}\"/>");
-    let way = pixels(&of_map);
-    if let (Some(first), Some(last)) = (way.first(), way.last()) {
-        text += &marker("start", *first, "start of the way", START);
-        text += &marker("end", *last, "end of the way", END);
+    let is_one = drawn.runs.is_empty();
+    for run in of_map.chunk_by(|a, b| is_one || a.part[0] == b.part[0]) {
+        let d: String = run.chunk_by(|a, b| a.part == b.part).map(|part| line(&pixels(part))).collect();
+        let (shown, of) = match drawn.runs.iter().find(|known| !is_one && known.number == run[0].part[0]) {
+            Some(known) => (format!(" style=\"--run:{}\"", colour(known.number)), format!(" of {}", known.name)),
+            None => (String::new(), String::new()),
+        };
+        let rim = if is_one { "rim" } else { "rim light" };
+        let _ = write!(text, "<path class=\"{rim}\" d=\"{d}\"/><path class=\"way\"{shown} d=\"{d}\"/>");
+        let way = pixels(run);
+        if let (Some(first), Some(last)) = (way.first(), way.last()) {
+            text += &if is_one { String::new() } else { format!("<g class=\"of-run\"{shown}>") };
+            text += &marker("start", *first, &format!("start of the way{of}"), START);
+            text += &marker("end", *last, &format!("end of the way{of}"), END);
+            text += if is_one { "" } else { "</g>" };
+        }
     }
     text + "</g>\n"
 }
@@ -208,7 +221,8 @@ fn uncertainty(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
         Some((known.part, limits_m.iter().position(|&limit_m| sigma_m <= limit_m).unwrap_or(STEPS - 1)))
     };
     let mut lines = vec![String::new(); STEPS];
-    let own: Vec<&KeyframePlace> = drawn.keyframes.iter().filter(|known| known.map == map).collect();
+    let mut own: Vec<&KeyframePlace> = drawn.keyframes.iter().filter(|known| known.map == map).collect();
+    own.sort_by_key(|known| known.part[0]);
     let mut first = 0;
     for run in own.chunk_by(|a, b| step(a) == step(b)) {
         let goes_on = own.get(first + run.len()).is_some_and(|next| next.part == run[0].part);
@@ -245,7 +259,7 @@ mod tests {
 
     #[test]
     fn the_scale_ends_at_a_round_number() {
-        let at = |sigma_m| KeyframePlace { place: [0.0; 3], map: 0, part: 0, sigma_m };
+        let at = |sigma_m| KeyframePlace { place: [0.0; 3], map: 0, part: [0, 0], sigma_m };
         let full_m = |keyframes: &[KeyframePlace]| limits_m(keyframes).map(|limits_m| limits_m[STEPS - 1]);
         assert_eq!(full_m(&[at(Some(0.01)), at(None)]), Some(0.05));
         assert_eq!(full_m(&[at(Some(0.01)), at(Some(0.12))]), Some(0.2));

@@ -16,6 +16,7 @@ mod plane;
 mod plot;
 mod relations;
 mod results;
+mod robots;
 mod run;
 mod sections;
 mod settings;
@@ -28,6 +29,7 @@ mod thinning;
 mod verdict;
 
 use crate::failure::Failure;
+pub(crate) use results::FLEET;
 use html::{escaped, filled, script_json};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

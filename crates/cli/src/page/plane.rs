@@ -7,8 +7,9 @@ use crate::drawing::draw_map;
 use crate::failure::Failure;
 use crate::image::map_image;
 use crate::maps::{map_file, ways};
+use crate::picture::{MapOfRuns, RunNames};
 use mapwright::{Advice, Pose2, SeparateMap, Session, Settings, Sweep};
-use mapwright_formats::{FormatError, Frame, Picture, write_bare_png};
+use mapwright_formats::{FormatError, Frame, Picture, Runs, write_bare_png};
 use mapwright_sensor::{BeamTable, SweepPoints};
 use serde_json::Value;
 
@@ -32,7 +33,9 @@ pub(super) fn draw(
                 0 => report["map"]["wall_angle_rad"].as_f64(),
                 number => report["further_maps"][number - 1]["wall_angle_rad"].as_f64(),
             };
-            figure(session, settings, (number, map, way), level_rad.or(turned_rad).unwrap_or(0.0))
+            let runs = MapOfRuns::of(session, map, &RunNames::default());
+            let way = if runs.is_some() { &[][..] } else { &way[..] };
+            figure(session, settings, (number, map, way, runs.as_ref()), level_rad.or(turned_rad).unwrap_or(0.0))
         })
         .collect();
     let figures = figures.map_err(|cause| Failure::write("report.html", cause))?;
@@ -61,13 +64,14 @@ pub(super) fn draw(
 fn figure(
     session: &Session,
     settings: &Settings,
-    (number, map, way): (usize, &SeparateMap, &[Pose2]),
+    (number, map, way, runs): (usize, &SeparateMap, &[Pose2], Option<&MapOfRuns>),
     level_rad: f64,
 ) -> Result<Figure, FormatError> {
     let drawn = map_image(&draw_map(settings, session, map), settings.map.passes_per_hit);
     let [min_side_px, max_side_px] = if number == 0 { FIRST_SIDE_PX } else { OTHER_SIDE_PX };
     let picture = Picture {
         world_from_robot: way,
+        runs: runs.map(|runs| Runs { ways: &runs.ways, meetings: &runs.meetings }),
         level_rad,
         seen: Some(&drawn.seen),
         scale_bar: false,

@@ -6,6 +6,9 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// What robots that share a map leave of it.
+pub(crate) const FLEET: &str = "fleet.json";
+
 /// What lies in a folder of results. Of a run that was killed there is a session alone.
 pub(super) struct Results {
     pub(super) folder: PathBuf,
@@ -28,7 +31,12 @@ impl Results {
             }
             Ok(value)
         };
-        let (report, timing) = (beside("report.json")?, beside("timing.json")?);
+        // What is told of robots that share a map stands in a file of its own.
+        let fleet = json_file(&folder.join(FLEET))?;
+        let (report, timing) = match fleet {
+            Value::Null => (beside("report.json")?, beside("timing.json")?),
+            fleet => (fleet, Value::Null),
+        };
         Ok(Self { folder: folder.to_owned(), session, report, timing, losses })
     }
 

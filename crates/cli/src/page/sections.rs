@@ -6,7 +6,7 @@ use super::html::escaped;
 use super::layers::{self, map_name};
 use super::plot::significant;
 use super::run::Run;
-use super::{closures, thinning};
+use super::{closures, robots, thinning};
 use crate::closures::VerdictName;
 use mapwright::Status;
 use serde_json::{Value, json};
@@ -40,7 +40,7 @@ pub(super) fn layer_switches(runs: &[&Run]) -> String {
         (
             "path",
             true,
-            stroke("way", "Way, from")
+            robots::swatches(runs)
                 + &sign("start", layers::START, "its start to")
                 + &sign("end", layers::END, "its end"),
         ),

@@ -4,7 +4,7 @@ use super::errors::{self, Reference};
 use super::html::escaped;
 use super::run::Run;
 use super::sections::{data, drive_next, layer_switches, maps, section};
-use super::{Beside, Page, closures, fill, inputs, numbers, relations, settings, status, verdict};
+use super::{Beside, Page, closures, fill, inputs, numbers, relations, robots, settings, status, verdict};
 use crate::failure::Failure;
 use serde_json::json;
 use std::path::Path;
@@ -25,6 +25,9 @@ pub(super) fn page(folder: &Path, beside: Beside<'_>) -> Result<Page, Failure> {
     body += &verdict::block(&run.results.report);
     let map = format!("{}<div class=\"beside\"><div>{}</div>{DETAIL}</div>", layer_switches(&[&run]), maps(&run, "a"));
     body += &section("map", "The map", &map);
+    if let Some((title, content)) = robots::block(&run) {
+        body += &section("robots", title, &content);
+    }
     body += &section("next", "Where to drive next", &drive_next(&run));
     body += &section("numbers", "In numbers", &numbers::list(&numbers::of(&run, errors.as_ref(), related.as_ref())));
     body += &section("closures", "Closures", &closures::table(&run, "a"));

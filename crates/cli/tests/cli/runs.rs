@@ -39,6 +39,14 @@ fn out(folder: &Path, name: &str) -> (PathBuf, String) {
     (path.clone(), path.to_str().unwrap().to_owned())
 }
 
+/// Pixels of a picture that have a colour.
+fn pixels_of(path: &Path, colour: [u8; 3]) -> usize {
+    let mut reader = png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    pixels.as_chunks::<3>().0.iter().filter(|pixel| **pixel == colour).count()
+}
+
 /// Poses of a trajectory without their stamps.
 fn poses(path: &Path) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap();
@@ -64,6 +72,14 @@ fn robots_that_drive_at_the_same_time_share_one_map() {
     assert_eq!(report["keyframes"].as_u64(), Some(robots.iter().sum()));
     for name in ["map.png", "map.pgm", "map.yaml", "trajectory.tum", "trajectory-1-a.tum", "trajectory-2-b.tum"] {
         assert!(team.join(name).metadata().unwrap().len() > 100, "{name}");
+    }
+    // The page has both robots with their colours, and who met whom.
+    let page = fs::read_to_string(team.join("report.html")).unwrap();
+    for words in ["Robots</h2>", "1-a</th>", "2-b</th>", "Who met whom", "sent before", "--run:#0041c6", "--run:#d55e00"] {
+        assert!(page.contains(words), "{words}");
+    }
+    for colour in [[0, 65, 198], [213, 94, 0]] {
+        assert!(pixels_of(&team.join("map.png"), colour) > 300, "{colour:?}");
     }
     // The same seed, the same bytes; a robot of another building has a map of its own, and that is said.
     let (again, path) = out(&folder, "again");
@@ -172,7 +188,16 @@ fn logs_and_sessions_of_one_building_become_one_map() {
             report["parts"][1]["maps"].as_array().unwrap().len() == 1 && report["parts"][1]["maps"][0] == "map.png"
         );
         assert!(!merged.join("map-2.png").exists());
+        assert_code(&run(&["report", &path]), 0);
+        let page = fs::read_to_string(merged.join("report.html")).unwrap();
+        assert!(page.contains("Runs</h2>") && page.contains("Who met whom") && page.contains("--run:#d55e00"), "{name}");
+        assert!(pixels_of(&merged.join("map.png"), [213, 94, 0]) > 300, "{name}");
     }
+    // A run alone has no colours of runs.
+    assert_code(&run(&["report", &a]), 0);
+    let page = fs::read_to_string(Path::new(&a).join("report.html")).unwrap();
+    assert!(!page.contains("--run:#") && !page.contains("Runs</h2>"));
+    assert_eq!(pixels_of(&Path::new(&a).join("map.png"), [213, 94, 0]), 0);
     // Another building is a map of its own, and that is said.
     let (merged, path) = out(&folder, "two");
     let output = run(&["merge", &a, &other, "-o", &path]);

@@ -4,6 +4,7 @@ use super::canvas::{Canvas, Colour, blend};
 use super::confidence::{CERTAIN, UNCERTAIN, draw_place};
 use super::font;
 use super::palette::{END, INK, MARGIN_PX, START, UNSEEN, way_colour};
+use super::runs::{draw_meeting, draw_tag, run_colour};
 
 /// Lengths are widths of a pen, which is a pixel wide in small pictures ([`super::options::pen_of`]).
 /// Height of a strip of one line.
@@ -38,6 +39,10 @@ pub(super) enum Item {
     Uncertainty { full_m: f32 },
     /// By how much the picture is turned against the map's own frame, anticlockwise, radians.
     Turned { by_rad: f64 },
+    /// A run by its number, which is its colour, its label and its name.
+    Run([usize; 2], String),
+    /// Where two of these runs met.
+    Meeting([usize; 2]),
     /// Lines of a colour, by name.
     Lines(Colour, &'static str),
     /// Heights as colours, from the lowest to the highest, metres.
@@ -52,6 +57,8 @@ enum Part {
     Place,
     Bar(fn(f32) -> Colour),
     Stroke(Colour),
+    Tag([usize; 2]),
+    Meeting([usize; 2]),
     Ruler(f32),
 }
 
@@ -61,7 +68,7 @@ impl Part {
         match self {
             Self::Text(text) => font::width_px(text, UNIT * pen),
             Self::Start | Self::End => 2.0 * MARK * pen,
-            Self::Place => 3.6 * MARK * pen,
+            Self::Place | Self::Tag(_) | Self::Meeting(_) => 3.6 * MARK * pen,
             Self::Bar(_) => BAR * pen,
             Self::Stroke(_) => STROKE * pen,
             Self::Ruler(length_px) => *length_px,
@@ -79,6 +86,8 @@ impl Part {
             Self::Start => canvas.triangle(centre, 1.2 * MARK * pen, START),
             Self::End => canvas.square(centre, MARK * pen, END),
             Self::Place => draw_place(canvas, centre, 1, 0.9 * pen),
+            Self::Tag(marks) => draw_tag(canvas, centre, *marks, pen),
+            Self::Meeting(pair) => draw_meeting(canvas, centre, *pair, pen),
             Self::Bar(colour_at) => {
                 let [x, y, length, height] = [left, foot - tall, width, tall].map(whole);
                 let rim = whole(pen);
@@ -102,8 +111,8 @@ impl Part {
 impl Item {
     fn parts(&self, width_px: usize) -> Vec<Part> {
         let text = |text: &str| Part::Text(text.to_owned());
-        match *self {
-            Self::ScaleBar { px_per_metre } => {
+        match self {
+            &Self::ScaleBar { px_per_metre } => {
                 let length_m = round_length(0.2 * width_px as f64 / px_per_metre);
                 let length_px = ((length_m * px_per_metre).round() as f32).max(1.0);
                 vec![Part::Ruler(length_px), text(&length_label(length_m))]
@@ -111,22 +120,30 @@ impl Item {
             Self::Way => vec![Part::Start, text("start"), Part::Bar(way_colour), text("end"), Part::End],
             Self::Places => vec![Part::Place, text("drive here next")],
             Self::Seen => vec![text("seen once"), Part::Bar(|share| blend(UNSEEN, CERTAIN, share)), text("often")],
-            Self::Uncertainty { full_m } => vec![
+            &Self::Uncertainty { full_m } => vec![
                 text("known to ±0"),
                 Part::Bar(|share| blend(CERTAIN, UNCERTAIN, share)),
                 text(&format!("±{full_m} m")),
             ],
-            Self::Turned { by_rad } => {
+            &Self::Turned { by_rad } => {
                 let side = if by_rad > 0.0 { "anticlockwise" } else { "clockwise" };
                 vec![text(&format!("turned {:.1}° {side}", by_rad.to_degrees().abs()))]
             }
-            Self::Lines(colour, name) => vec![Part::Stroke(colour), text(name)],
-            Self::Heights { colour_at, low_m, high_m } => {
+            Self::Run(marks, name) => vec![Part::Stroke(run_colour(marks[0])), Part::Tag(*marks), text(name)],
+            Self::Meeting(pair) => vec![Part::Meeting(*pair), text("met here")],
+            &Self::Lines(colour, name) => vec![Part::Stroke(colour), text(name)],
+            &Self::Heights { colour_at, low_m, high_m } => {
                 // Zero has no sign.
                 let label = |height_m: f32| format!("{:.1} m", (10.0 * height_m).round() / 10.0 + 0.0);
                 vec![text(&format!("height {}", label(low_m))), Part::Bar(colour_at), text(&label(high_m))]
             }
         }
+    }
+
+    /// Whether it has room in a picture of some width with the thinnest pen.
+    #[cfg(test)]
+    pub(super) fn is_within(&self, width_px: usize) -> bool {
+        self.width(width_px, 1.0) <= width_px.saturating_sub(2 * MARGIN_PX) as f32
     }
 
     fn width(&self, width_px: usize, pen: f32) -> f32 {

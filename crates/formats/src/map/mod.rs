@@ -12,6 +12,7 @@ mod picture;
 mod plain;
 mod raster;
 mod read;
+mod runs;
 mod space;
 mod view;
 mod walls;
@@ -23,6 +24,7 @@ pub use options::Picture;
 pub use picture::{PlanePlacement, write_bare_png, write_png, write_rgb_png};
 pub use plain::{write_plain_png, write_tinted_png, write_world_file};
 pub use read::{MAX_MAP_CELLS, read_map_image};
+pub use runs::{RUN_COLOURS, RunWay, Runs, run_colour};
 pub use space::{SpacePicture, SpacePlacement, upward, write_bare_space_png, write_space_png};
 pub use walls::{dominant_wall_angle, wall_direction};
 

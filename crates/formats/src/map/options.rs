@@ -4,6 +4,7 @@ use super::GridImage;
 use super::canvas::Canvas;
 use super::confidence::Confidence;
 use super::frame::Frame;
+use super::runs::Runs;
 use mapwright_geom::Pose2;
 
 /// Narrower pictures get margins for what stands below the map, pixels; smaller ones have a scale bar alone.
@@ -18,6 +19,8 @@ const SCREEN_PX: f32 = 1000.0;
 pub struct Picture<'a> {
     /// Poses in the order of time, drawn as a line whose colour changes along it.
     pub world_from_robot: &'a [Pose2],
+    /// Ways of several robots instead, in a colour each.
+    pub runs: Option<Runs<'a>>,
     /// Direction in the map's own frame that becomes horizontal, radians, such as
     /// [`dominant_wall_angle`](super::dominant_wall_angle) finds; zero leaves the map as it is.
     pub level_rad: f64,
@@ -43,6 +46,7 @@ impl Default for Picture<'_> {
     fn default() -> Self {
         Self {
             world_from_robot: &[],
+            runs: None,
             level_rad: 0.0,
             seen: None,
             confidence: None,
@@ -59,6 +63,12 @@ impl<'a> Picture<'a> {
     /// The poses' places in cells from the map's corner; what is not finite or far off the map is left out.
     pub(super) fn way_in_cells(&self, map: &GridImage) -> Vec<[f64; 2]> {
         in_cells(map, self.world_from_robot.iter().map(|pose| [pose.x, pose.y]))
+    }
+
+    /// The same of all ways that are shown.
+    pub(super) fn ways_in_cells(&self, map: &GridImage) -> Vec<[f64; 2]> {
+        let runs = self.runs.iter().flat_map(Runs::places);
+        in_cells(map, self.world_from_robot.iter().map(|pose| [pose.x, pose.y]).chain(runs))
     }
 
     /// How many readings tell of each cell, where that is known.

@@ -8,6 +8,7 @@ use super::frame::{Frame, ViewPlacement};
 use super::options::{LEGEND_PX, Picture, in_cells, pen_of, pen_scale};
 use super::palette::{END, START, way_colour};
 use super::raster::Shades;
+use super::runs::{draw_runs, legible};
 use super::view::View;
 use crate::error::FormatError;
 use std::io::Write;
@@ -47,12 +48,21 @@ pub fn write_png(map: &GridImage, picture: &Picture<'_>, writer: impl Write) -> 
             shades.fades().then_some(Item::Seen),
             view.turned().then_some(Item::Turned { by_rad: -picture.level_rad }),
         ];
-        let legend = legend.into_iter().flatten().filter(|_| width_px.max(height_px) >= LEGEND_PX);
+        let runs = picture.runs.iter().flat_map(|runs| {
+            let run = runs.ways.iter().map(|way| Item::Run([way.number, way.label], legible(&way.name)));
+            run.chain(runs.meetings.first().map(|(pair, _)| Item::Meeting(*pair)))
+        });
+        let legend = runs.chain(legend.into_iter().flatten()).filter(|_| width_px.max(height_px) >= LEGEND_PX);
         let items = std::iter::once(Item::ScaleBar { px_per_metre }).chain(legend);
         Footer::of(items.filter(|_| picture.scale_bar).collect(), width_px, pen_of(width_px.max(height_px)))
     });
     let mut canvas = view.paint(map, &shades, tint.as_ref());
     draw_way(&mut canvas, &view, &way);
+    if let Some(runs) = &picture.runs {
+        let pixel = |place| in_cells(map, std::iter::once(place)).first().map(|cell| view.pixel(*cell));
+        let pen = pen_scale(&canvas);
+        draw_runs(&mut canvas, runs, pen, pixel);
+    }
     draw_places(&mut canvas, &view, map, places);
     footer.draw(&mut canvas);
     encode(&canvas, writer)

@@ -91,7 +91,7 @@ impl View {
             self.include_cells(&mut bounds, Window { low: [u, v], high: [u + 1, v + 1] });
         }
         let mut bounds = if bounds.is_none() { known } else { bounds };
-        picture.way_in_cells(map).iter().for_each(|&place| bounds.include(self.turn(place)));
+        picture.ways_in_cells(map).iter().for_each(|&place| bounds.include(self.turn(place)));
         bounds.widened_within(&known).whole()
     }
 

@@ -1,8 +1,9 @@
 //! `mapwright fleet`
 
-mod liar;
+pub(super) mod liar;
+mod report;
 mod simulate;
-mod team;
+pub(super) mod team;
 
 pub(crate) use liar::Lie;
 

@@ -1,20 +1,20 @@
 //! `mapwright fleet simulate`
 
 use super::liar::{Liar, Lie, falsify_found};
+use super::report::{RobotResult, TeamResult, refused_by, way_in, write_results};
 use super::team::{Robot, Simulated};
 use crate::args::FleetSimulateArgs;
 use crate::events::{Ending, Interrupt, Log, name_of};
 use crate::failure::{Failure, Outcome};
-use crate::maps::{MapWriter, remove_outdated_maps};
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::settings;
 use crate::terminal::{count, say, say_json};
-use mapwright::{LaserScan, Odometry, Pose2, Session, Settings, Stamp, TurnRate};
+use mapwright::{LaserScan, Odometry, Session, Settings, Stamp, TurnRate};
 use mapwright_fleet::{Chain, Kind, Record};
-use mapwright_formats::{LogEvent, TumWriter};
+use mapwright_formats::LogEvent;
 use mapwright_sim::RadioSettings;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 /// Robots hear and work so often, seconds.
 const STEP_S: f64 = 0.1;
@@ -192,7 +192,7 @@ fn report(
     settings: Settings,
     team: &Simulated,
     ended: &Ended,
-    mut output: OutputFolder,
+    output: OutputFolder,
 ) -> Result<Outcome, Failure> {
     let honest = team.robots.iter().filter(|robot| robot.is_honest());
     let map = honest.filter(|robot| robot.is_alive).find_map(|robot| robot.team.map());
@@ -202,96 +202,51 @@ fn report(
     } else if ended.agreed_s.is_none() {
         losses.push(format!("robots do not have the same map {AGREE_S} s after the end"));
     }
-    let mut pieces = 0;
-    if let Some(map) = map {
-        pieces = write_map(settings, map, team, &mut output)?;
-        if pieces > 1 {
-            losses.push(format!("the robots' maps are {pieces} that nothing joins"));
-        }
-    } else {
-        losses.push("no robot has a map of all".to_owned());
+    let robots: Vec<RobotResult> = team.robots.iter().map(|robot| robot_result(robot, map)).collect();
+    let facts = facts(args, team, ended);
+    let result = TeamResult { settings: &settings, map, robots: &robots, facts, losses };
+    let written = write_results(result, output, &args.output)?;
+    if args.voice.json {
+        say_json(&written.value)?;
+    } else if !args.voice.quiet {
+        say(&words(team, ended, &written.value, &written.losses))?;
+        say(&format!("written  {}: {}\n", args.output.display(), written.files.join(" ")))?;
     }
+    Ok(Outcome::of_losses(&written.losses))
+}
+
+fn robot_result(robot: &Robot, map: Option<&Session>) -> RobotResult {
+    RobotResult {
+        name: robot.name.clone(),
+        is_alive: robot.is_alive,
+        is_solving: robot.team.is_solving(),
+        joined_s: robot.joined_s,
+        map_s: Some(robot.mapped.as_secs_f64()),
+        team_s: Some(robot.shared.as_secs_f64()),
+        refused: refused_by(robot.team.node()),
+        early: robot.team.node().early(),
+        way: map.map_or_else(Vec::new, |map| way_in(map, robot.mapper.session())),
+    }
+}
+
+/// What `fleet.json` tells of the simulation.
+fn facts(args: &FleetSimulateArgs, team: &Simulated, ended: &Ended) -> Map<String, Value> {
     let keyframes: usize = team.robots.iter().map(|robot| robot.mapper.keyframes().len()).sum();
     let (messages, sent_bytes) = team.radio.sent();
-    let said = |kind: Kind| -> usize {
+    let said = |kind: Kind| -> f64 {
         let chains = team.robots.first().into_iter().flat_map(|robot| robot.team.node().chains().values());
         let records = chains.flat_map(Chain::records).filter(|record| record.kind == kind);
-        records.map(Record::message_bytes).sum()
+        records.map(Record::message_bytes).sum::<usize>() as f64 / keyframes.max(1) as f64
     };
-    let per_keyframe = |bytes: usize| bytes as f64 / keyframes.max(1) as f64;
-    let (mapped, solved) = (per_keyframe(said(Kind::Entries)), per_keyframe(said(Kind::Solution)));
-    let robots: Vec<Value> = team.robots.iter().map(robot_json).collect();
-    let value = json!({
-        "robots": robots,
-        "pieces": pieces,
-        "drove_s": ended.drove_s,
-        "agreed_s": ended.agreed_s,
-        "keyframes": keyframes,
-        "bytes_per_keyframe": { "mapped": mapped, "solution": solved },
-        "sent": { "messages": messages, "bytes": sent_bytes },
-        "loss": args.loss,
-        "losses": losses,
-    });
-    output.write_json("fleet.json", &value)?;
-    let words = words(team, ended, &value, &losses);
-    output.commit()?;
-    if args.voice.json {
-        say_json(&value)?;
-    } else if !args.voice.quiet {
-        say(&words)?;
-    }
-    Ok(Outcome::of_losses(&losses))
-}
-
-/// The session, its maps, and where each robot was; how many maps there are.
-fn write_map(settings: Settings, map: &Session, team: &Simulated, output: &mut OutputFolder) -> Result<usize, Failure> {
-    use std::io::Write as _;
-    output.write("session.mapwright", |writer| Ok(writer.write_all(&map.encode())?))?;
-    let maps = map.maps();
-    let writer = MapWriter { settings: &settings, session: map, drawn: None, turn_upright: true, picture_side: None };
-    for (number, separate) in maps.iter().enumerate() {
-        writer.write(output, (number, separate), &[])?;
-    }
-    remove_outdated_maps(output, maps.len());
-    let mut all: Vec<(Stamp, Pose2)> = Vec::new();
-    for robot in &team.robots {
-        let own = robot.mapper.session();
-        let pose = |scan: &mapwright::ScanPose| {
-            let map_from_keyframe = map.map_from_keyframe().get(map.place(scan.keyframe?)?)?;
-            Some((scan.stamp, *map_from_keyframe * scan.keyframe_from_robot))
-        };
-        let poses: Vec<(Stamp, Pose2)> = own.scans().iter().filter_map(pose).collect();
-        write_poses(output, format!("trajectory-{}.tum", robot.name), &poses)?;
-        all.extend(poses);
-    }
-    all.sort_by_key(|(stamp, _)| *stamp);
-    write_poses(output, "trajectory.tum".to_owned(), &all)?;
-    Ok(maps.len())
-}
-
-fn write_poses(output: &mut OutputFolder, name: String, poses: &[(Stamp, Pose2)]) -> Result<(), Failure> {
-    output.write(name, |writer| {
-        let mut tum = TumWriter::new(writer);
-        poses.iter().try_for_each(|(stamp, pose)| tum.write_planar(*stamp, *pose))?;
-        tum.finish().map(drop)
-    })
-}
-
-fn robot_json(robot: &Robot) -> Value {
-    let refused = robot.team.node().refused();
-    let refused: Vec<Value> =
-        refused.map(|(why, of, times)| json!({ "why": why.words(), "of": of, "times": times })).collect();
-    json!({
-        "name": robot.name,
-        "alive": robot.is_alive,
-        "solves": robot.team.is_solving(),
-        "keyframes": robot.mapper.keyframes().len(),
-        "one_map_s": robot.joined_s,
-        "map_s": robot.mapped.as_secs_f64(),
-        "team_s": robot.shared.as_secs_f64(),
-        "refused": refused,
-        "early": robot.team.node().early(),
-    })
+    let facts = [
+        ("drove_s", json!(ended.drove_s)),
+        ("agreed_s", json!(ended.agreed_s)),
+        ("keyframes_mapped", json!(keyframes)),
+        ("bytes_per_keyframe", json!({ "mapped": said(Kind::Entries), "solution": said(Kind::Solution) })),
+        ("sent", json!({ "messages": messages, "bytes": sent_bytes })),
+        ("loss", json!(args.loss)),
+    ];
+    facts.into_iter().map(|(key, fact)| (key.to_owned(), fact)).collect()
 }
 
 fn words(team: &Simulated, ended: &Ended, value: &Value, losses: &[String]) -> String {

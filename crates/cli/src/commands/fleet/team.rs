@@ -8,39 +8,39 @@ use mapwright_sim::{Radio, RadioSettings, Rng};
 use std::time::{Duration, Instant};
 
 /// A robot: its own mapper, and its part in the team.
-pub(super) struct Robot {
-    pub(super) name: String,
-    pub(super) mapper: Mapper,
-    pub(super) team: Team,
-    pub(super) is_alive: bool,
+pub(in crate::commands) struct Robot {
+    pub(in crate::commands) name: String,
+    pub(in crate::commands) mapper: Mapper,
+    pub(in crate::commands) team: Team,
+    pub(in crate::commands) is_alive: bool,
     /// Time that its own map takes, and what it does for the team; elapsed, so that other work on the computer counts too.
-    pub(super) mapped: Duration,
-    pub(super) shared: Duration,
+    pub(in crate::commands) mapped: Duration,
+    pub(in crate::commands) shared: Duration,
     /// What it tells is not what it has mapped.
-    pub(super) liar: Option<Liar>,
+    pub(in crate::commands) liar: Option<Liar>,
     /// When its own map and that of the team became one, seconds.
-    pub(super) joined_s: Option<f64>,
+    pub(in crate::commands) joined_s: Option<f64>,
 }
 
 impl Robot {
-    pub(super) fn is_honest(&self) -> bool {
+    pub(in crate::commands) fn is_honest(&self) -> bool {
         self.liar.is_none()
     }
 }
 
 /// Robots and the air.
-pub(super) struct Simulated {
-    pub(super) robots: Vec<Robot>,
-    pub(super) radio: Radio,
+pub(in crate::commands) struct Simulated {
+    pub(in crate::commands) robots: Vec<Robot>,
+    pub(in crate::commands) radio: Radio,
     /// The first so many do not hear the others between these times, seconds.
-    pub(super) split: Option<(usize, [f64; 2])>,
+    pub(in crate::commands) split: Option<(usize, [f64; 2])>,
 }
 
 /// Keyframes that the robot that solves takes in at a time.
 const KEYFRAMES_AT_ONCE: usize = 256;
 
 impl Simulated {
-    pub(super) fn new(names: &[String], settings: Settings, radio: RadioSettings) -> Result<Self, Failure> {
+    pub(in crate::commands) fn new(names: &[String], settings: Settings, radio: RadioSettings) -> Result<Self, Failure> {
         let secrets: Vec<Secret> = (0..names.len()).map(|k| secret(radio.seed, k)).collect();
         let roster = || roster(names, &secrets);
         let robot = |(name, secret): (&String, &Secret)| {
@@ -64,7 +64,7 @@ impl Simulated {
     }
 
     /// A robot's mapper is told something, and tells the team.
-    pub(super) fn map(&mut self, robot: usize, now: Stamp, tell: impl FnOnce(&mut Mapper) -> Option<Update>) {
+    pub(in crate::commands) fn map(&mut self, robot: usize, now: Stamp, tell: impl FnOnce(&mut Mapper) -> Option<Update>) {
         let Some(robot) = self.robots.get_mut(robot).filter(|robot| robot.is_alive) else { return };
         let begin = Instant::now();
         let update = tell(&mut robot.mapper);
@@ -79,7 +79,7 @@ impl Simulated {
     }
 
     /// All say what they have to say, hear what has arrived, and work; whether anyone had something to do.
-    pub(super) fn step(&mut self, now: Stamp, seconds: f64) -> bool {
+    pub(in crate::commands) fn step(&mut self, now: Stamp, seconds: f64) -> bool {
         let side = |split: Option<(usize, [f64; 2])>, robot: usize| {
             split.is_some_and(|(first, [from, to])| (from..to).contains(&seconds) && robot < first)
         };
@@ -115,7 +115,7 @@ impl Simulated {
     }
 
     /// Whether all who live and do not lie have the same map, to the byte, have looked at it again, and all that any of them has mapped is in it.
-    pub(super) fn is_agreed(&self) -> bool {
+    pub(in crate::commands) fn is_agreed(&self) -> bool {
         let honest: Vec<&Robot> = self.robots.iter().filter(|robot| robot.is_alive && robot.is_honest()).collect();
         let maps: Option<Vec<&Session>> = honest.iter().map(|robot| robot.team.map()).collect();
         let Some((maps, first)) = maps.and_then(|maps| Some((maps.clone(), *maps.first()?))) else { return false };
