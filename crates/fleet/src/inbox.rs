@@ -4,8 +4,9 @@ use crate::chain::Chain;
 use crate::keys::Roster;
 use crate::message::Refusal;
 use crate::record::{ChainId, Kind};
+use crate::sightings::{SightedRobot, joins};
 use crate::steps::{Begin, NoStep, SolutionId, Step};
-use mapwright::{Entry, RunId, groups};
+use mapwright::{Entry, RunId, Sighted, groups};
 use mapwright_record::EntryReader;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -55,13 +56,15 @@ pub(crate) struct Inbox {
     /// By their places in the roster, what keyframes call the robots.
     robots: Vec<u128>,
     chains: BTreeMap<ChainId, Read>,
+    /// What robots saw of others.
+    sightings: BTreeMap<u16, Vec<SightedRobot>>,
 }
 
 impl Inbox {
     /// Nothing was read yet of the robots of this team.
     pub(crate) fn new(roster: &Roster) -> Self {
         let robots = roster.members().iter().map(|member| RunId::of_robot(&member.name).robot).collect();
-        Self { robots, chains: BTreeMap::new() }
+        Self { robots, chains: BTreeMap::new(), sightings: BTreeMap::new() }
     }
 
     /// Reads what has come.
@@ -80,6 +83,13 @@ impl Inbox {
                         read.solution(id, &payload, &record.payload, &mut news.begun);
                         true
                     }
+                    Kind::Sightings => {
+                        let robot = self.robots.get(usize::from(id.rank)).copied();
+                        let seen = robot.and_then(|robot| SightedRobot::all(&payload, robot));
+                        let is_read = seen.is_some();
+                        self.sightings.entry(id.rank).or_default().extend(seen.into_iter().flatten());
+                        is_read
+                    }
                 });
                 if !is_read {
                     news.refused.push((Refusal::BadPayload, Some(id.rank)));
@@ -92,6 +102,15 @@ impl Inbox {
     /// A group of a chain, by its number.
     pub(crate) fn group(&self, chain: ChainId, number: usize) -> Option<&[Entry]> {
         self.chains.get(&chain)?.groups.get(number).map(|group| &group[..])
+    }
+
+    /// How many sightings there are, and the joins that follow from them.
+    pub(crate) fn sightings(&self) -> usize {
+        self.sightings.values().map(Vec::len).sum()
+    }
+
+    pub(crate) fn joins(&self) -> Vec<Sighted> {
+        joins(&self.sightings)
     }
 
     /// How many groups of each chain there are.

@@ -31,6 +31,8 @@ pub enum Kind {
     Entries,
     /// What was found among the maps of several robots, by the one that solves.
     Solution,
+    /// What the robot saw of others.
+    Sightings,
 }
 
 impl Kind {
@@ -38,6 +40,7 @@ impl Kind {
         match self {
             Self::Entries => 1,
             Self::Solution => 2,
+            Self::Sightings => 3,
         }
     }
 
@@ -45,6 +48,7 @@ impl Kind {
         match code {
             1 => Some(Self::Entries),
             2 => Some(Self::Solution),
+            3 => Some(Self::Sightings),
             _ => None,
         }
     }

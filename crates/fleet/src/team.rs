@@ -5,6 +5,7 @@ use crate::inbox::{Inbox, News, pack};
 use crate::message::Refusal;
 use crate::node::{Node, Outgoing};
 use crate::record::{ChainId, Kind};
+use crate::sightings::SightedRobot;
 use crate::solution::{Replay, Solutions};
 use crate::steps::{Begin, SolutionId, Step};
 use mapwright::{
@@ -76,6 +77,8 @@ struct Solving {
     steps: Vec<u8>,
     /// What was refused of whom, once each.
     refused: Vec<(Refusal, u16)>,
+    /// How many sightings and keyframes there were when joins were last made of them.
+    met: [usize; 2],
     last_new: Stamp,
     last_said: Stamp,
     is_settled: bool,
@@ -164,6 +167,15 @@ impl Team {
             self.say();
         }
         self.node.poll(now)
+    }
+
+    /// Tells what the robot saw of others of the team. Where both of two saw each other within a second, their maps become one.
+    pub fn tell_sightings(&mut self, sightings: &[SightedRobot]) {
+        let mut payload = Vec::new();
+        sightings.iter().for_each(|seen| seen.put(&mut payload));
+        if !payload.is_empty() && !self.node.publish(Kind::Sightings, pack(&payload)) {
+            self.unsaid += 1;
+        }
     }
 
     /// Says what is left to be said, where nothing more will come.
@@ -300,6 +312,7 @@ impl Team {
             turn: me,
             steps: Vec::new(),
             refused: Vec::new(),
+            met: [0; 2],
             last_new: now,
             last_said: now,
             is_settled: true,
@@ -381,6 +394,9 @@ impl Solving {
             }
             (self.last_new, self.is_settled, self.has_looked_again) = (now, false, false);
         }
+        if self.meet(inbox) {
+            (self.last_new, self.is_settled, self.has_looked_again) = (now, false, false);
+        }
         let still_s = now.secs_since(self.last_new);
         if left < keyframes || still_s < SETTLED_S {
             return left < keyframes;
@@ -422,6 +438,22 @@ impl Solving {
             let _ = self.writer.skip(entry);
         }
         self.find(found);
+    }
+
+    /// Joins maps of robots that saw each other; whether there was anything to join.
+    fn meet(&mut self, inbox: &Inbox) -> bool {
+        let known = [inbox.sightings(), self.mapper.keyframes().len()];
+        if known[0] == 0 || self.met == known {
+            return false;
+        }
+        self.met = known;
+        let mut has_met = false;
+        for join in inbox.joins() {
+            let update = self.mapper.sighted(&join);
+            has_met |= !update.entries.is_empty();
+            self.find(&update.entries);
+        }
+        has_met
     }
 
     fn find(&mut self, entries: &[Entry]) {

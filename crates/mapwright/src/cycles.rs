@@ -5,7 +5,7 @@ use crate::settings::Correction;
 use crate::store::Store;
 use mapwright_geom::{Pose, TangentMatrix};
 use mapwright_graph::spread;
-use mapwright_loops::{Closing, Finding, PoseOf, Solved, Solving, Submaps, Target, Verified};
+use mapwright_loops::{Closing, Finding, Judged as FoundClosure, PoseOf, Solved, Solving, Submaps, Target, Verified};
 use mapwright_record::{Edge, Measurement, NodeId, Objection, Past, Verdict};
 
 /// A closure's covariance where its information has no inverse, m^2 and rad^2.
@@ -62,6 +62,20 @@ pub(crate) fn judge<S: Submaps>(
     Judged { solving, is_moved }
 }
 
+/// What robots saw of each other is taken down as a closure; the graph to be solved, if that is due.
+pub(crate) fn sighted<S: Submaps>(
+    closing: &mut Closing<S>,
+    store: &mut Store<S::Measurement>,
+    front: &mut impl Follows<S::Measurement>,
+    judged: &FoundClosure<PoseOf<S>>,
+    correction: Correction,
+) -> Option<Solving<PoseOf<S>>> {
+    let number = store.add_candidate(judged)?;
+    accept(closing, store, front, std::iter::once(number));
+    let scope = closing.take_solving_due(|| store.closures().len()).filter(|_| correction == Correction::Graph)?;
+    Some(Solving { graph: store.graph(), closures: store.closures(), scope })
+}
+
 /// The closures that a finding makes.
 fn judge_finding<S: Submaps>(
     closing: &mut Closing<S>,
@@ -77,8 +91,18 @@ fn judge_finding<S: Submaps>(
         let ends = store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted));
         ends.into_iter().for_each(|[from, to]| front.open(from, to));
     }
+    accept(closing, store, front, judgement.agreeing.into_iter().chain([number]))
+}
+
+/// The edges of candidates that have become closures.
+fn accept<S: Submaps>(
+    closing: &mut Closing<S>,
+    store: &mut Store<S::Measurement>,
+    front: &mut impl Follows<S::Measurement>,
+    numbers: impl Iterator<Item = u32>,
+) -> Vec<Edge<PoseOf<S>>> {
     let mut edges = Vec::new();
-    for number in judgement.agreeing.into_iter().chain([number]) {
+    for number in numbers {
         let Some(edge) = store.accept(number) else { continue };
         let Some(ends) = store.past().nodes([edge.from, edge.to]) else { continue };
         closing.accepted(store.past(), ends, &edge);

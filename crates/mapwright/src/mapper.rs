@@ -23,8 +23,10 @@ mod adopt;
 mod again;
 mod checkpoint;
 mod runs;
+mod sighted;
 
 pub use adopt::Adopted;
+pub use sighted::Sighted;
 
 /// Builds a map one scan at a time.
 #[derive(Debug, Clone)]

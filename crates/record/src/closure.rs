@@ -12,6 +12,8 @@ pub enum Detection {
     Place,
     /// By the match of a scan: the place is in the local map, and it supplied most of what the scan was matched against.
     Match,
+    /// Two robots saw each other: where one was in the frame of the other, whatever both places look like.
+    Sighting,
 }
 
 impl Detection {
@@ -22,6 +24,7 @@ impl Detection {
             Self::Pose => "pose",
             Self::Place => "place",
             Self::Match => "match",
+            Self::Sighting => "sighting",
         }
     }
 }

@@ -157,6 +157,7 @@ fn found_by(detection: &str) -> &str {
         "pose" => "where the robot may be",
         "place" => "what the place looks like",
         "match" => "the match of a scan",
+        "sighting" => "two robots that saw each other",
         other => other,
     }
 }

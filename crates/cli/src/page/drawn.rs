@@ -133,7 +133,8 @@ fn way<M: Measurement>(session: &Session<M>, report: &Value, keyframes: &[Keyfra
             scan += 1;
         }
         let place = known.keyframe.and_then(|id| session.place(id));
-        let (map, part) = place.and_then(|place| keyframes.get(place)).map_or((0, [0, 0]), |known| (known.map, known.part));
+        let (map, part) =
+            place.and_then(|place| keyframes.get(place)).map_or((0, [0, 0]), |known| (known.map, known.part));
         let map_from_robot = pose.map_from_robot.in_space();
         way.push(WayPose { stamp: pose.stamp, scan, map_from_robot, map, part, status: Status::Tracking });
     }

@@ -29,8 +29,8 @@ mod thinning;
 mod verdict;
 
 use crate::failure::Failure;
-pub(crate) use results::FLEET;
 use html::{escaped, filled, script_json};
+pub(crate) use results::FLEET;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -64,9 +64,8 @@ fn table(run: &Run, robots: &[Value]) -> String {
 
 /// What is told of a robot beside what its map says.
 fn told(robot: &Value) -> String {
-    let seconds = |key: &str, digits: usize| {
-        robot[key].as_f64().map_or(String::new(), |seconds| format!("{seconds:.digits$} s"))
-    };
+    let seconds =
+        |key: &str, digits: usize| robot[key].as_f64().map_or(String::new(), |seconds| format!("{seconds:.digits$} s"));
     let joined = robot["one_map_s"].as_f64().map_or("never".to_owned(), |seconds| format!("after {seconds:.0} s"));
     let states = [("solves", true, "solves"), ("alive", false, "died")];
     let state = states.iter().filter(|(key, is, _)| robot[*key].as_bool() == Some(*is)).map(|(_, _, word)| *word);
@@ -94,7 +93,8 @@ fn met(run: &Run) -> String {
     for (pair, met) in &pairs {
         let [first, last] = [met.first(), met.last()].map(|met| met.map_or(String::new(), |met| when(run, met)));
         let [a, b] = pair.map(name);
-        let _ = write!(text, "<tr><td>{a}</td><td>{b}</td><td>{}</td><td>{first}</td><td>{last}</td></tr>\n", met.len());
+        let _ =
+            write!(text, "<tr><td>{a}</td><td>{b}</td><td>{}</td><td>{first}</td><td>{last}</td></tr>\n", met.len());
     }
     text + "</tbody></table>\n<p class=\"note\">Times are those since each began, of the one that came to the place later.</p>\n"
 }

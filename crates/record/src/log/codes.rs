@@ -35,7 +35,7 @@ coded!(Kind: Run = 1, Sensor = 2, Scan = 3, Keyframe = 4, Fragment = 5, Edge = 6
 coded!(FragmentStart: SwitchedOn = 0, Relocalised = 1, Resumed = 2, Uncertain = 3, Blind = 4, Lost = 5,
     Contradicted = 6);
 coded!(EdgeKind: Odometry = 0, Match = 1, Closure = 2);
-coded!(Detection: Pose = 0, Place = 1, Match = 2);
+coded!(Detection: Pose = 0, Place = 1, Match = 2, Sighting = 3);
 coded!(Objection: NoMatch = 1, LittleOverlap = 2, Ambiguous = 3, Unconstrained = 4, Contradiction = 5, Improbable = 6,
     Alone = 7, Outvoted = 8);
 coded!(LeftOutReason: InTheWay = 0, ContradictsTheMap = 1, OnTrial = 2, Asked = 3);
