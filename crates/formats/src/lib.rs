@@ -40,8 +40,8 @@ pub use excerpt::Excerpt;
 pub use export::{CsvPose, write_csv, write_kitti, write_space_csv, write_space_kitti, write_stamps};
 pub use jump::{JumpWatch, OdometryJump};
 pub use map::{
-    Confidence, Frame, GridImage, MAX_MAP_CELLS, MapDescription, MapMode, Picture, PlanePlacement, SpacePicture,
-    RUN_COLOURS, RunWay, Runs, UNKNOWN, dominant_wall_angle, read_map_image, read_map_yaml, run_colour, upward,
+    Confidence, Frame, GridImage, MAX_MAP_CELLS, MapDescription, MapMode, Picture, PlanePlacement, RUN_COLOURS, RunWay,
+    Runs, SpacePicture, UNKNOWN, dominant_wall_angle, read_map_image, read_map_yaml, run_colour, upward,
 };
 pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
 pub use map::{

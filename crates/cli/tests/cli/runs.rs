@@ -75,7 +75,9 @@ fn robots_that_drive_at_the_same_time_share_one_map() {
     }
     // The page has both robots with their colours, and who met whom.
     let page = fs::read_to_string(team.join("report.html")).unwrap();
-    for words in ["Robots</h2>", "1-a</th>", "2-b</th>", "Who met whom", "sent before", "--run:#0041c6", "--run:#d55e00"] {
+    for words in
+        ["Robots</h2>", "1-a</th>", "2-b</th>", "Who met whom", "sent before", "--run:#0041c6", "--run:#d55e00"]
+    {
         assert!(page.contains(words), "{words}");
     }
     for colour in [[0, 65, 198], [213, 94, 0]] {
@@ -190,7 +192,10 @@ fn logs_and_sessions_of_one_building_become_one_map() {
         assert!(!merged.join("map-2.png").exists());
         assert_code(&run(&["report", &path]), 0);
         let page = fs::read_to_string(merged.join("report.html")).unwrap();
-        assert!(page.contains("Runs</h2>") && page.contains("Who met whom") && page.contains("--run:#d55e00"), "{name}");
+        assert!(
+            page.contains("Runs</h2>") && page.contains("Who met whom") && page.contains("--run:#d55e00"),
+            "{name}"
+        );
         assert!(pixels_of(&merged.join("map.png"), [213, 94, 0]) > 300, "{name}");
     }
     // A run alone has no colours of runs.

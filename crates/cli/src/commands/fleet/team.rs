@@ -40,7 +40,11 @@ pub(in crate::commands) struct Simulated {
 const KEYFRAMES_AT_ONCE: usize = 256;
 
 impl Simulated {
-    pub(in crate::commands) fn new(names: &[String], settings: Settings, radio: RadioSettings) -> Result<Self, Failure> {
+    pub(in crate::commands) fn new(
+        names: &[String],
+        settings: Settings,
+        radio: RadioSettings,
+    ) -> Result<Self, Failure> {
         let secrets: Vec<Secret> = (0..names.len()).map(|k| secret(radio.seed, k)).collect();
         let roster = || roster(names, &secrets);
         let robot = |(name, secret): (&String, &Secret)| {
@@ -64,7 +68,12 @@ impl Simulated {
     }
 
     /// A robot's mapper is told something, and tells the team.
-    pub(in crate::commands) fn map(&mut self, robot: usize, now: Stamp, tell: impl FnOnce(&mut Mapper) -> Option<Update>) {
+    pub(in crate::commands) fn map(
+        &mut self,
+        robot: usize,
+        now: Stamp,
+        tell: impl FnOnce(&mut Mapper) -> Option<Update>,
+    ) {
         let Some(robot) = self.robots.get_mut(robot).filter(|robot| robot.is_alive) else { return };
         let begin = Instant::now();
         let update = tell(&mut robot.mapper);

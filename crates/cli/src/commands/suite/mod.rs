@@ -3,6 +3,7 @@
 mod breaks;
 mod calibrations;
 mod explore;
+mod fleet;
 mod floors;
 mod homes;
 mod judged;
@@ -97,6 +98,14 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
             let settings = settings_of(&args.worlds.run)?;
             let explore = explore::Explore { slam: !args.true_poses, hungarian: args.hungarian, settings };
             measure(&explore, seeds_of(&args.worlds, 20), &args.worlds.run)
+        }
+        Suite::Fleet(args) => {
+            let fleets = fleet::Fleets::new(args.robots(), args.cell, settings_of(&args.worlds.run)?);
+            measure(&fleets, seeds_of(&args.worlds, 100), &args.worlds.run)
+        }
+        Suite::Partition(args) => {
+            let fleets = fleet::Fleets::new(args.robots(), args.cell, settings_of(&args.worlds.run)?);
+            measure(&fleet::Partitions(fleets), seeds_of(&args.worlds, 100), &args.worlds.run)
         }
         Suite::Legs(args) => {
             let settings = settings_of(&args.worlds.run)?;
