@@ -18,7 +18,7 @@ const SESSIONS_AT_MOST: usize = 64;
 pub struct NodeSettings {
     /// A robot says that it is alive this often, seconds.
     pub beat_s: f64,
-    /// Who was not heard for so long is taken to be dead or out of reach, seconds.
+    /// Who was not heard for so long is taken to be dead or out of reach, seconds; longer where so few of its beats come that silence says less.
     pub lease_s: f64,
     /// What was asked for and did not come is asked for again after so long, seconds.
     pub ask_again_s: f64,
@@ -41,6 +41,13 @@ pub struct Outgoing {
     pub bytes: Vec<u8>,
 }
 
+/// A silence is taken for a death if it would come about by losses once in so many times.
+const SILENT_BY_CHANCE: f64 = 0.01;
+/// The share of beats that come is told by about so many of the last ones.
+const BEATS_REMEMBERED: f64 = 10.0;
+/// Holders of what is missing that are asked at the same time, at most.
+const ASKED_AT_MOST: usize = 8;
+
 /// What is known of another robot.
 #[derive(Debug, Clone, Default)]
 struct Peer {
@@ -48,6 +55,8 @@ struct Peer {
     session: u32,
     number: u64,
     heard: Option<Stamp>,
+    /// How many of its beats were lost for each one that came, by those that came while it was taken to be alive.
+    lost: f64,
     holds: BTreeMap<ChainId, u32>,
 }
 
@@ -57,6 +66,8 @@ struct Asked {
     first: u32,
     of: u16,
     at: Stamp,
+    /// How often in vain.
+    tries: u32,
 }
 
 /// A robot's side of the protocol.
@@ -146,8 +157,15 @@ impl Node {
     /// Whether the robot is taken to be alive and within reach.
     #[must_use]
     pub fn is_alive(&self, rank: u16, now: Stamp) -> bool {
-        let heard = self.peers.get(usize::from(rank)).and_then(|peer| peer.heard);
-        rank == self.me.rank || heard.is_some_and(|heard| now.secs_since(heard) <= self.settings.lease_s)
+        let is_heard = |peer: &Peer| peer.heard.is_some_and(|heard| now.secs_since(heard) <= self.lease_s(peer));
+        rank == self.me.rank || self.peers.get(usize::from(rank)).is_some_and(is_heard)
+    }
+
+    /// How long it may be silent: losses alone bring about a longer silence once in a hundred times.
+    fn lease_s(&self, peer: &Peer) -> f64 {
+        let lost_share = peer.lost / (1.0 + peer.lost);
+        let beats = if lost_share > 0.0 { SILENT_BY_CHANCE.ln() / lost_share.ln() } else { 0.0 };
+        self.settings.lease_s.max(beats * self.settings.beat_s)
     }
 
     /// Whether what a robot finds as the one that solves is used.
@@ -248,8 +266,12 @@ impl Node {
             return Err((Refusal::Forged, Some(rank)));
         }
         let holds = beat.holds.into_iter().filter(|(chain, _)| usize::from(chain.rank) < self.peers.len()).collect();
+        let before = &self.peers[usize::from(rank)];
+        let is_next = before.session == beat.from.session && self.is_alive(rank, now);
+        let missed = beat.number.saturating_sub(before.number).saturating_sub(1) as f64;
+        let lost = if is_next { before.lost + (missed - before.lost) / BEATS_REMEMBERED } else { before.lost };
         self.peers[usize::from(rank)] =
-            Peer { session: beat.from.session, number: beat.number, heard: Some(now), holds };
+            Peer { session: beat.from.session, number: beat.number, heard: Some(now), lost, holds };
         self.outbox.push(Outgoing { to: None, bytes: bytes.to_vec() });
         Ok(())
     }
@@ -344,8 +366,8 @@ impl Node {
         Err((Refusal::Equivocator, Some(rank)))
     }
 
-    /// Asks for what others hold and this robot does not: of a chain one range at a time, of the next one who has it where the last one did
-    /// not answer.
+    /// Asks for what others hold and this robot does not: of a chain one range at a time, of twice as many who have it where those asked last
+    /// did not answer, and sooner.
     fn ask(&mut self, now: Stamp) {
         let mut wanted: BTreeMap<ChainId, u32> = BTreeMap::new();
         for (rank, peer) in self.peers.iter().enumerate() {
@@ -362,9 +384,11 @@ impl Node {
                 continue;
             }
             let before = self.asked.get(&chain).copied();
-            if before.is_some_and(|asked| now.secs_since(asked.at) < self.settings.ask_again_s) {
+            let wait_s = |asked: &Asked| self.settings.ask_again_s / f64::from(1 + asked.tries.min(1));
+            if before.is_some_and(|asked| now.secs_since(asked.at) < wait_s(&asked)) {
                 continue;
             }
+            let tries = before.filter(|asked| asked.first == first).map_or(0, |asked| asked.tries + 1);
             let has = |rank: &u16| {
                 let peer = &self.peers[usize::from(*rank)];
                 *rank != self.me.rank
@@ -373,10 +397,14 @@ impl Node {
             };
             let last = before.map_or(chain.rank, |asked| asked.of + 1);
             let count = self.peers.len() as u16;
-            let Some(of) = (0..count).map(|k| (last + k) % count).find(has) else { continue };
-            self.asked.insert(chain, Asked { first, of, at: now });
-            let ask = Message::Ask { from: self.me.rank, to: of, chain, first, count: RECORDS_AT_MOST as u32 };
-            self.send(Some(of), &ask);
+            let holders = (0..count).map(|k| (last + k) % count).filter(has);
+            let asked: Vec<u16> = holders.take((1 << tries.min(3)).min(ASKED_AT_MOST)).collect();
+            let Some(&of) = asked.last() else { continue };
+            self.asked.insert(chain, Asked { first, of, at: now, tries });
+            for to in asked {
+                let ask = Message::Ask { from: self.me.rank, to, chain, first, count: RECORDS_AT_MOST as u32 };
+                self.send(Some(to), &ask);
+            }
         }
     }
 }

@@ -288,8 +288,8 @@ pub(crate) struct FleetSuiteArgs {
     /// So many robots in every world; otherwise 2 to 6, by the seed.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
     robots: Option<u32>,
-    /// Cells of the maps, metres: coarser than usual, for looking for places of others then takes an eighth of the time.
-    #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = parse_cell)]
+    /// Cells of the maps, metres: a little coarser than usual, for looking for places of others then takes a fifth of the time.
+    #[arg(long, value_name = "M", default_value_t = 0.07, value_parser = parse_cell)]
     pub(crate) cell: f64,
     #[command(flatten)]
     pub(crate) worlds: WorldsArgs,
