@@ -91,6 +91,23 @@ fn homes_are_mapped_on_wheels_and_by_hand() {
 }
 
 #[test]
+fn fleets_end_with_identical_maps_over_a_bad_radio() {
+    let folder = folder("suite-fleet");
+    for (suite, seed) in [("fleet", "1"), ("partition", "10")] {
+        let out = folder.join(suite);
+        let output = run(&["suite", suite, "--seed", seed, "--worlds", "1", "-o", out.to_str().unwrap()]);
+        assert_code(&output, 0);
+        let text = said(&output);
+        assert!(text.contains("agreed") && text.contains("do not end with identical maps: 0, holds"), "{text}");
+        let [world] = &worlds(&out.join(format!("{suite}.jsonl")))[..] else { panic!("{text}") };
+        assert_eq!((world["identical"].as_bool(), world["wrong"].as_u64()), (Some(true), Some(0)));
+        assert!(world["closures"].as_u64() > Some(0) && world["error_m"].as_f64() < Some(0.05), "{world}");
+    }
+    assert_refused(&run(&["suite", "fleet", "--robots", "1"]), 2, &["2..=64"]);
+    assert_refused(&run(&["suite", "fleet", "--cell", "1"]), 2, &["0.02 to 0.2"]);
+}
+
+#[test]
 fn look_alikes_count_wrong_edges_and_true_returns() {
     let out = folder("suite_look_alike");
     let output = run(&["suite", "look-alike", "--seed", "4", "--worlds", "2", "-o", out.to_str().unwrap()]);

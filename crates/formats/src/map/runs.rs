@@ -67,9 +67,12 @@ pub(super) fn legible(name: &str) -> String {
     letters.into_iter().collect()
 }
 
+/// Number and label of a run, and its lines, pixels.
+type Placed = ([usize; 2], Vec<Vec<[f32; 2]>>);
+
 /// Draws ways, then where robots met, then starts and labelled ends; `pixel` says where a place of the world is, if anywhere.
 pub(super) fn draw_runs(canvas: &mut Canvas, runs: &Runs<'_>, pen: f32, pixel: impl Fn([f64; 2]) -> Option<[f32; 2]>) {
-    let drawn: Vec<([usize; 2], Vec<Vec<[f32; 2]>>)> = runs
+    let drawn: Vec<Placed> = runs
         .ways
         .iter()
         .map(|way| {
