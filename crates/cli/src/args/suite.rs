@@ -116,7 +116,7 @@ pub(crate) enum Suite {
     Fleet(FleetSuiteArgs),
     /// The same robots, of which some do not hear the others until after all have driven: whether each part goes on, and when they agree again.
     ///
-    /// As `fleet`, but cut in two from after 4 to 10 s until up to 10 s after the drives. Floors besides: of the teams that lose at most 60 % of the messages 90 %
+    /// As `fleet`, but cut in two from after 4 to 10 s until up to 10 s after the drives. Floors besides: of the teams that lose at most 30 % of the messages 95 %
     /// agree within 10 s after the partition.
     Partition(FleetSuiteArgs),
     /// Robots that somebody pushes: two legs walk behind, in every scan, and posts stand on every second robot.
