@@ -45,9 +45,9 @@ fn table(run: &Run, robots: &[Value]) -> String {
     let mut text = format!("<table class=\"robots\"><thead><tr>{heads}</tr></thead><tbody>\n");
     for known in &run.drawn.runs {
         let robot = robots.iter().find(|robot| robot["name"].as_str() == Some(&known.name));
-        let _ = write!(
+        let _ = writeln!(
             text,
-            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{:.0} m</td>{}</tr>\n",
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{:.0} m</td>{}</tr>",
             named(known.number, &known.name),
             grouped(known.keyframes as u64),
             known.length_m,
@@ -57,7 +57,7 @@ fn table(run: &Run, robots: &[Value]) -> String {
     let is_shown = |robot: &&Value| run.drawn.runs.iter().any(|known| robot["name"].as_str() == Some(&known.name));
     for robot in robots.iter().filter(|robot| !is_shown(robot)) {
         let name = escaped(robot["name"].as_str().unwrap_or("?"));
-        let _ = write!(text, "<tr><th scope=\"row\">{name}</th><td>0</td><td></td>{}</tr>\n", told(robot));
+        let _ = writeln!(text, "<tr><th scope=\"row\">{name}</th><td>0</td><td></td>{}</tr>", told(robot));
     }
     text + "</tbody></table>\n"
 }
@@ -94,7 +94,7 @@ fn met(run: &Run) -> String {
         let [first, last] = [met.first(), met.last()].map(|met| met.map_or(String::new(), |met| when(run, met)));
         let [a, b] = pair.map(name);
         let _ =
-            write!(text, "<tr><td>{a}</td><td>{b}</td><td>{}</td><td>{first}</td><td>{last}</td></tr>\n", met.len());
+            writeln!(text, "<tr><td>{a}</td><td>{b}</td><td>{}</td><td>{first}</td><td>{last}</td></tr>", met.len());
     }
     text + "</tbody></table>\n<p class=\"note\">Times are those since each began, of the one that came to the place later.</p>\n"
 }
@@ -109,9 +109,9 @@ fn refused(robots: &[Value]) -> String {
     for robot in robots {
         for refused in robot["refused"].as_array().into_iter().flatten() {
             let word = |value: &Value| escaped(value.as_str().unwrap_or("not known"));
-            let _ = write!(
+            let _ = writeln!(
                 rows,
-                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
                 word(&robot["name"]),
                 word(&refused["of"]),
                 word(&refused["why"]),
