@@ -75,8 +75,7 @@ fn robots_that_drive_at_the_same_time_share_one_map() {
     }
     // The page has both robots with their colours, and who met whom.
     let page = fs::read_to_string(team.join("report.html")).unwrap();
-    for words in
-        ["Robots</h2>", "1-a</th>", "2-b</th>", "Who met whom", "sent before", "--run:#0041c6", "--run:#d55e00"]
+    for words in ["Robots</h2>", "1-a</th>", "2-b</th>", "Who met whom", "refused of", "--run:#0041c6", "--run:#d55e00"]
     {
         assert!(page.contains(words), "{words}");
     }
