@@ -126,6 +126,14 @@ suite-offices *args: release
 suite-homes *args: release
     {{mapwright}} suite homes -o {{figures}}/suite {{args}}
 
+# 100 teams of robots over bad radios: identical maps, no wrong join
+suite-fleet *args: release
+    {{mapwright}} suite fleet -o {{figures}}/suite {{args}}
+
+# The same, cut in two until after all have driven
+suite-partition *args: release
+    {{mapwright}} suite partition -o {{figures}}/suite {{args}}
+
 # 100 robots that somebody pushes: legs and posts left out, nothing wrong called good
 suite-legs *args: release
     {{mapwright}} suite legs -o {{figures}}/suite {{args}}
