@@ -1,10 +1,10 @@
 //! Robots share the exploration of what their common map does not show yet.
 
 use crate::assign::{Candidate, Strategy, Weights, assign};
-use crate::frontier::{Frontier, Views, frontiers};
+use crate::frontier::{Frontier, Views, frontiers, has_frontier};
 use crate::map::OccupancyMap;
 use crate::places::{Ending, Limits, Places, WhyLeft};
-use crate::travel::{Terrain, Travel, corners_m};
+use crate::travel::{Terrain, Travel};
 use mapwright_geom::Pose2;
 use std::collections::BTreeMap;
 
@@ -142,6 +142,7 @@ pub struct Exploration {
     sight_m: Option<f64>,
     planned_s: Option<f64>,
     plans: u32,
+    reach: Reach,
 }
 
 /// What a plan is made of.
@@ -151,12 +152,13 @@ struct Ground<'a> {
     now_s: f64,
 }
 
-/// Where the robots can drive.
+/// Where the robots can drive, by the last plan.
+#[derive(Debug, Clone, Default)]
 struct Reach {
-    /// Of the narrowest robot.
-    terrain: Terrain,
-    /// Of each robot.
-    travel: Vec<Travel>,
+    /// One for each radius, that of the narrowest robot first.
+    terrains: Vec<Terrain>,
+    /// Of each robot: which terrain is its, and what it takes to get anywhere.
+    travel: Vec<(usize, Travel)>,
 }
 
 /// Where to look at a frontier from, and how long a robot takes to get there.
@@ -186,6 +188,12 @@ impl Exploration {
         self.places.booked()
     }
 
+    /// Where a robot of such a radius can stand, by the last plan.
+    #[must_use]
+    pub fn terrain(&self, radius_m: f64) -> Option<&Terrain> {
+        self.reach.terrains.iter().find(|terrain| terrain.radius_m() == radius_m)
+    }
+
     /// Who goes where now. To be called every second or so; plans anew only where something has happened.
     pub fn decide(&mut self, map: &OccupancyMap, robots: &[Explorer], now_s: f64) -> Decision {
         let heard = |robot: &&Explorer| {
@@ -199,13 +207,9 @@ impl Exploration {
             return Decision::default();
         }
         let ground = Ground { map, robots: &robots, now_s };
-        let sight_m = self.sight_m(&ground);
-        let found = frontiers(map, sight_m);
-        let ended = self.end_errands(&ground, &found);
-        let idle = self.errands.len() < robots.len();
-        let old = self.planned_s.is_none_or(|planned_s| now_s - planned_s >= self.settings.renew_after_s);
-        if lost || ended || old || (idle && self.planned_s.is_none()) {
-            self.plan(&ground, &found, sight_m);
+        let ended = self.end_errands(&ground);
+        if lost || ended || self.planned_s.is_none_or(|planned_s| now_s - planned_s >= self.settings.renew_after_s) {
+            self.plan(&ground);
         }
         self.decision(&robots)
     }
@@ -227,8 +231,7 @@ impl Exploration {
     }
 
     /// How far robots see in the middle. The half-life is some ten plans.
-    fn sight_m(&mut self, ground: &Ground<'_>) -> f64 {
-        let views = Views::new(ground.map);
+    fn sight_m(&mut self, ground: &Ground<'_>, views: &Views<'_>) -> f64 {
         for robot in ground.robots {
             let Some(cell) = ground.map.index_of(robot.at_m()) else { continue };
             let now_m = views.sight_m(cell, robot.reach_m);
@@ -244,13 +247,13 @@ impl Exploration {
     }
 
     /// Books errands whose frontier is gone, or that have been looked at long enough. Whether there were any.
-    fn end_errands(&mut self, ground: &Ground<'_>, found: &[Frontier]) -> bool {
+    fn end_errands(&mut self, ground: &Ground<'_>) -> bool {
         let same_m = Self::same_m(ground);
         let (look_s, now_s) = (self.settings.look_s, ground.now_s);
         let mut ended = Vec::new();
         for errand in &mut self.errands {
             let Some(robot) = ground.robots.iter().find(|robot| robot.id == errand.robot) else { continue };
-            if nearest_frontier(ground.map, found, errand.frontier_m, same_m).is_none() {
+            if !has_frontier(ground.map, errand.frontier_m, same_m) {
                 ended.push((errand.clone(), Ending::Seen));
                 continue;
             }
@@ -279,22 +282,27 @@ impl Exploration {
     }
 
     /// Gives robots their errands.
-    fn plan(&mut self, ground: &Ground<'_>, found: &[Frontier], sight_m: f64) {
+    fn plan(&mut self, ground: &Ground<'_>) {
         (self.planned_s, self.plans) = (Some(ground.now_s), self.plans + 1);
-        let Some(reach) = Reach::of(ground) else { return };
-        self.end_stuck(ground, &reach.travel, sight_m);
-        self.give(ground, found, &reach, sight_m);
+        let mut views = Views::new(ground.map);
+        let sight_m = self.sight_m(ground, &views);
+        let found = frontiers(ground.map, sight_m);
+        let mut reach = std::mem::take(&mut self.reach);
+        reach.fill(ground);
+        self.end_stuck(ground, &reach, sight_m);
+        self.give(ground, &found, &reach, &mut views, sight_m);
         // Who was bound to what it cannot reach any more is free now.
         for _ in ground.robots {
             if !self.errands.is_empty() || !self.is_waiting() {
                 break;
             }
-            self.give(ground, found, &reach, sight_m);
+            self.give(ground, &found, &reach, &mut views, sight_m);
         }
         if self.errands.is_empty() && self.left.iter().any(|left| matches!(left.why, WhyLeft::Blacklisted { .. })) {
             self.places.let_out();
-            self.give(ground, found, &reach, sight_m);
+            self.give(ground, &found, &reach, &mut views, sight_m);
         }
+        self.reach = reach;
     }
 
     fn is_waiting(&self) -> bool {
@@ -302,12 +310,12 @@ impl Exploration {
     }
 
     /// The watchdog: books errands without progress.
-    fn end_stuck(&mut self, ground: &Ground<'_>, travel: &[Travel], sight_m: f64) {
+    fn end_stuck(&mut self, ground: &Ground<'_>, reach: &Reach, sight_m: f64) {
         let mut stuck = Vec::new();
         for errand in &mut self.errands {
             let Some(k) = ground.robots.iter().position(|robot| robot.id == errand.robot) else { continue };
             let robot = &ground.robots[k];
-            let left_m = ground.map.index_of(errand.goal_m).and_then(|cell| travel[k].cost_m(cell));
+            let left_m = ground.map.index_of(errand.goal_m).and_then(|cell| reach.cost_m(ground, k, cell));
             if left_m.is_some_and(|left_m| left_m < errand.nearest_m - robot.radius_m) {
                 (errand.nearest_m, errand.nearer_s) = (left_m.unwrap_or(0.0), ground.now_s);
             }
@@ -321,10 +329,16 @@ impl Exploration {
         }
     }
 
-    fn give(&mut self, ground: &Ground<'_>, found: &[Frontier], reach: &Reach, sight_m: f64) {
-        let mut views = Views::new(ground.map);
+    fn give(
+        &mut self,
+        ground: &Ground<'_>,
+        found: &[Frontier],
+        reach: &Reach,
+        views: &mut Views<'_>,
+        sight_m: f64,
+    ) {
         let weights = self.weights(ground, sight_m);
-        let (candidates, looks) = self.candidates(ground, found, reach, &mut views, sight_m);
+        let (candidates, looks) = self.candidates(ground, found, reach, views, sight_m);
         let (blocks, robots) = (views.blocks(), ground.robots.len());
         let goals =
             assign(self.settings.strategy, &candidates, robots, weights, blocks, |block| views.unknown_m2(block));
@@ -333,7 +347,7 @@ impl Exploration {
                 let (frontier, stand) = looks[goal];
                 Some(Chosen { frontier: &found[frontier], stand, seconds: candidates[goal].seconds[k]? })
             });
-            self.set_errand(ground, k, chosen, &reach.travel[k], sight_m);
+            self.set_errand(ground, k, chosen, reach, sight_m);
         }
         let is_taken = |goal: usize| goals.contains(&Some(goal));
         for (_, &(number, _)) in looks.iter().enumerate().filter(|&(goal, _)| !is_taken(goal)) {
@@ -369,7 +383,7 @@ impl Exploration {
                 Ok((stand, blocks)) => {
                     let seconds = |(k, robot): (usize, &Explorer)| {
                         let bound = held.iter().any(|&(held_by, of, bound)| held_by == k && bound && of != number);
-                        let cost_m = if bound { None } else { reach.travel[k].cost_m(stand) };
+                        let cost_m = if bound { None } else { reach.cost_m(ground, k, stand) };
                         Some(cost_m? / robot.speed_m_per_s.max(1e-3))
                     };
                     let seconds = ground.robots.iter().enumerate().map(seconds).collect();
@@ -394,7 +408,8 @@ impl Exploration {
         sight_m: f64,
     ) -> Result<(usize, Vec<u32>), WhyLeft> {
         let map = ground.map;
-        if frontier.length_m(map) < reach.terrain.radius_m() {
+        let Some(terrain) = reach.terrains.first() else { return Err(WhyLeft::TooNarrow) };
+        if frontier.length_m(map) < terrain.radius_m() {
             return Err(WhyLeft::TooSmall { new_m2: 0.0 });
         }
         let limits = Limits { tries: self.settings.tries, looks: self.settings.looks, visits: self.settings.visits };
@@ -402,8 +417,8 @@ impl Exploration {
         {
             return Err(why);
         }
-        let stand = frontier.stand(map, &reach.terrain).ok_or(WhyLeft::TooNarrow)?;
-        if reach.travel.iter().all(|travel| travel.cost_m(stand).is_none()) {
+        let stand = frontier.stand(map, terrain).ok_or(WhyLeft::TooNarrow)?;
+        if (0..ground.robots.len()).all(|k| reach.cost_m(ground, k, stand).is_none()) {
             return Err(WhyLeft::Unreachable);
         }
         let reach_m = ground.robots.iter().map(|robot| robot.reach_m).fold(0.0, f64::max);
@@ -422,14 +437,14 @@ impl Exploration {
         self.errands.iter().filter_map(held).collect()
     }
 
-    fn set_errand(&mut self, ground: &Ground<'_>, k: usize, chosen: Option<Chosen<'_>>, travel: &Travel, sight_m: f64) {
+    fn set_errand(&mut self, ground: &Ground<'_>, k: usize, chosen: Option<Chosen<'_>>, reach: &Reach, sight_m: f64) {
         let robot = &ground.robots[k];
         let before = self.errands.iter().position(|errand| errand.robot == robot.id);
         let before = before.map(|place| self.errands.remove(place));
         let Some(Chosen { frontier, stand, seconds }) = chosen else {
             return self.drop_errand(ground, robot, before, sight_m);
         };
-        let path_m = corners_m(ground.map, &travel.path(ground.map, stand));
+        let path_m = reach.path_m(ground, k, stand);
         let (frontier_m, goal_m) = (ground.map.center_m(frontier.middle), ground.map.center_m(stand));
         let same_m = Self::same_m(ground);
         let is_same = |errand: &Errand| {
@@ -468,20 +483,27 @@ impl Exploration {
 }
 
 impl Reach {
-    fn of(ground: &Ground<'_>) -> Option<Self> {
-        let mut terrains: Vec<Terrain> = Vec::new();
-        for robot in ground.robots {
-            if terrains.iter().all(|terrain| terrain.radius_m() != robot.radius_m) {
-                terrains.push(Terrain::new(ground.map, robot.radius_m));
-            }
+    fn fill(&mut self, ground: &Ground<'_>) {
+        let mut radii_m: Vec<f64> = ground.robots.iter().map(|robot| robot.radius_m).collect();
+        radii_m.sort_by(f64::total_cmp);
+        radii_m.dedup();
+        self.terrains = radii_m.iter().map(|&radius_m| Terrain::new(ground.map, radius_m)).collect();
+        self.travel.resize_with(ground.robots.len(), Default::default);
+        for (robot, (number, travel)) in ground.robots.iter().zip(&mut self.travel) {
+            *number = radii_m.partition_point(|&radius_m| radius_m < robot.radius_m);
+            travel.fill(ground.map, &self.terrains[*number], robot.at_m());
         }
-        let travel = |robot: &Explorer| {
-            let terrain = terrains.iter().find(|terrain| terrain.radius_m() == robot.radius_m)?;
-            Some(Travel::from(ground.map, terrain, robot.at_m()))
-        };
-        let travel = ground.robots.iter().map(travel).collect::<Option<_>>()?;
-        let terrain = terrains.into_iter().min_by(|a, b| a.radius_m().total_cmp(&b.radius_m()))?;
-        Some(Self { terrain, travel })
+    }
+
+    /// Of a robot's way to a cell.
+    fn cost_m(&self, ground: &Ground<'_>, robot: usize, cell: usize) -> Option<f64> {
+        let (number, travel) = &self.travel[robot];
+        travel.cost_m(ground.map, &self.terrains[*number], cell)
+    }
+
+    fn path_m(&self, ground: &Ground<'_>, robot: usize, cell: usize) -> Vec<[f64; 2]> {
+        let (number, travel) = &self.travel[robot];
+        travel.path_m(ground.map, &self.terrains[*number], cell)
     }
 }
 

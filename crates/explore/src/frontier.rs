@@ -23,9 +23,8 @@ pub(crate) fn frontiers(map: &OccupancyMap, most_m: f64) -> Vec<Frontier> {
     const OTHER: u8 = 0;
     const FRONTIER: u8 = 1;
     let (mut kind, mut seeds) = (vec![OTHER; map.cells().len()], Vec::new());
-    let borders = |index: usize| map.sides(index).iter().any(|&side| map.cells()[side] == Cell::Unknown);
     for index in map.inner() {
-        if map.cells()[index] == Cell::Free && borders(index) {
+        if is_frontier(map, index) {
             kind[index] = FRONTIER;
             seeds.push(index);
         }
@@ -50,6 +49,23 @@ pub(crate) fn frontiers(map: &OccupancyMap, most_m: f64) -> Vec<Frontier> {
         found.push(Frontier { cells, middle });
     }
     found
+}
+
+/// Whether a cell is free and borders on the unknown.
+#[inline]
+fn is_frontier(map: &OccupancyMap, index: usize) -> bool {
+    map.cells()[index] == Cell::Free && map.sides(index).iter().any(|&side| map.cells()[side] == Cell::Unknown)
+}
+
+/// Whether there is any frontier within a distance of a point.
+pub(crate) fn has_frontier(map: &OccupancyMap, point_m: [f64; 2], within_m: f64) -> bool {
+    let cells = (within_m / map.resolution_m()).ceil() as i64;
+    let offset_m = |k: i64| k as f64 * map.resolution_m();
+    let mut around = (-cells..=cells).flat_map(|y| (-cells..=cells).map(move |x| [offset_m(x), offset_m(y)]));
+    around.any(|[x, y]| {
+        map.index_of([point_m[0] + x, point_m[1] + y])
+            .is_some_and(|index| x.hypot(y) <= within_m && is_frontier(map, index))
+    })
 }
 
 /// The member nearest to the mean.

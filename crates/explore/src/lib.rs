@@ -3,11 +3,12 @@
 //! Values in, values out: a map, the robots and the time go in; a goal and a way for each robot come out, and in the end every frontier that
 //! is left, with the reason. Nothing reads a clock. One robot explores by the same code as eight.
 //!
-//! - [`OccupancyMap`]: unknown, free, occupied; from the counts of one map or of several in one frame.
+//! - [`OccupancyMap`]: unknown, free, occupied; from the counts of one map or of several in one frame, or sweep by sweep ([`SharedMap`]).
 //! - [`Exploration`]: who goes where ([`Exploration::decide`]). Frontiers (Yamauchi 1997), the utility of goals discounted by what others will
 //!   see (Burgard et al. 2005, "Coordinated multi-robot exploration"; *Probabilistic Robotics*, chapter 17), commitment, and a watchdog
 //!   with a blacklist that ages. It always ends; why stands there.
-//! - [`Terrain`], [`way_m`], [`aside_m`]: where a robot can stand, ways around others, and out of their way.
+//! - [`Terrain`], [`Travel`]: where a robot can stand, and what it takes to get anywhere.
+//! - [`Traffic`]: ways of robots near each other, planned in space and time in order of priority (Silver 2005).
 //!
 //! ```
 //! use mapwright_explore::{Cell, Exploration, ExploreSettings, Explorer, OccupancyMap};
@@ -36,10 +37,12 @@ mod explorer;
 mod frontier;
 mod map;
 mod places;
+mod traffic;
 mod travel;
 
 pub use assign::Strategy;
 pub use explorer::{Decision, Exploration, ExploreSettings, Explorer, Left, Order};
-pub use map::{Cell, OccupancyMap};
+pub use map::{Cell, OccupancyMap, SharedMap};
 pub use places::WhyLeft;
-pub use travel::{Terrain, Travel, aside_m, corners_m, way_m};
+pub use traffic::{Traffic, Traveller};
+pub use travel::{Terrain, Travel};

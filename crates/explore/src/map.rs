@@ -1,6 +1,9 @@
 //! An occupancy map as exploration needs it: unknown, free, occupied.
 
+mod shared;
+
 use mapwright_grid::CountGrid;
+pub use shared::SharedMap;
 
 /// Cells of unknown space around what is known, so that every known cell has eight neighbours.
 const BORDER: usize = 2;

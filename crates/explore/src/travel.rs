@@ -2,24 +2,43 @@
 
 use crate::map::{Cell, OccupancyMap};
 
-/// Cost of a step to a neighbour at a side and at a corner: a cell and its diagonal.
+/// Cost of a step to a neighbour at a side and at a corner, in a clear place: a block and its diagonal, halved for each end.
 const STRAIGHT: u32 = 5;
 const DIAGONAL: u32 = 7;
-/// A step near walls counts so many times: paths keep to the middle of doors.
-const NEAR_WALL: u32 = 2;
-/// A step close to where another robot stands counts so many times more.
-const NEAR_ROBOT: u32 = 6;
+/// What a clear step to a side costs.
+pub(crate) const CLEAR_STEP: u32 = 2 * STRAIGHT;
+/// An end of a step near walls counts so many times: paths keep to the middle of doors.
+const NEAR_WALL: u8 = 2;
 /// Buckets of the queue: more than the dearest step.
-const BUCKETS: usize = 128;
+const BUCKETS: usize = 32;
+/// Cells along a block's side.
+const BLOCK: usize = 2;
 /// Not to be reached.
 pub(crate) const NOWHERE: u32 = u32::MAX;
 
 /// Where a robot of some radius can stand.
+///
+/// Ways lead from block to block of two by two cells. Open cells of one block are neighbours of each other, so that whatever can be reached
+/// from cell to cell can be reached from block to block where two of their cells are neighbours, at a quarter of the work.
 #[derive(Debug, Clone)]
 pub struct Terrain {
-    /// What a step into each cell costs, in times its length; zero where the robot cannot stand.
+    /// What an end of a step costs in each cell, in times its length; zero where the robot cannot stand.
     pub(crate) weight: Vec<u8>,
+    blocks: Vec<Block>,
+    blocks_wide: usize,
     radius_m: f64,
+}
+
+/// Four cells.
+#[derive(Debug, Clone, Copy, Default)]
+struct Block {
+    /// The least weight of an open cell.
+    weight: u8,
+    /// A bit for each cell that is open, and for each that has the least weight.
+    open: u8,
+    clear: u8,
+    /// A bit for each neighbour that it leads to, in the order of [`Terrain::offsets`].
+    leads: u8,
 }
 
 impl Terrain {
@@ -27,20 +46,122 @@ impl Terrain {
     #[must_use]
     pub fn new(map: &OccupancyMap, radius_m: f64) -> Self {
         let cell_m = map.resolution_m();
-        let free = |cell: &Cell| if *cell == Cell::Free { 1 } else { 0 };
-        let mut weight: Vec<u8> = map.cells().iter().map(free).collect();
+        let mut weight: Vec<u8> = map.cells().iter().map(|cell| u8::from(*cell == Cell::Free)).collect();
         // Nearer than a radius to the walls that are kept away from by a radius.
         let (blocked, near) = (disc(map, radius_m + 0.5 * cell_m), disc(map, 2.0 * radius_m + 0.5 * cell_m));
         for index in map.inner() {
-            if map.cells()[index] != Cell::Occupied
-                || map.around(index).iter().all(|&k| map.cells()[k] == Cell::Occupied)
-            {
+            let is_wall = map.cells()[index] == Cell::Occupied;
+            if is_wall && map.around(index).iter().any(|&k| map.cells()[k] != Cell::Occupied) {
+                stamp(&mut weight, index, &near, |weight| if weight == 1 { NEAR_WALL } else { weight });
+                stamp(&mut weight, index, &blocked, |_| 0);
+            }
+        }
+        let [width, height] = map.size();
+        let blocks_wide = width.div_ceil(BLOCK);
+        let mut terrain = Self { weight, blocks: Vec::new(), blocks_wide, radius_m };
+        terrain.blocks = (0..blocks_wide * height.div_ceil(BLOCK)).map(|k| terrain.block(map, k)).collect();
+        terrain.link();
+        terrain
+    }
+
+    /// A block from its cells: lower left, lower right, upper left, upper right.
+    fn block(&self, map: &OccupancyMap, block: usize) -> Block {
+        let mut found = Block { weight: u8::MAX, ..Block::default() };
+        for (bit, cell) in self.cells(map, block).into_iter().enumerate() {
+            let weight = cell.map_or(0, |cell| self.weight[cell]);
+            if weight == 0 {
                 continue;
             }
-            stamp(&mut weight, index, &near, |weight| if weight == 1 { NEAR_WALL as u8 } else { weight });
-            stamp(&mut weight, index, &blocked, |_| 0);
+            found.open |= 1 << bit;
+            if weight < found.weight {
+                (found.weight, found.clear) = (weight, 0);
+            }
+            if weight == found.weight {
+                found.clear |= 1 << bit;
+            }
         }
-        Self { weight, radius_m }
+        if found.open == 0 { Block::default() } else { found }
+    }
+
+    fn cells(&self, map: &OccupancyMap, block: usize) -> [Option<usize>; 4] {
+        let ([width, height], (x, y)) = (map.size(), (block % self.blocks_wide * BLOCK, block / self.blocks_wide * BLOCK));
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| {
+            let (x, y) = (x + dx, y + dy);
+            (x < width && y < height).then_some(y * width + x)
+        })
+    }
+
+    /// To which neighbours each block leads: those with an open cell beside an open cell of its own.
+    fn link(&mut self) {
+        const LEFT: u8 = 0b0101;
+        const RIGHT: u8 = 0b1010;
+        const LOWER: u8 = 0b0011;
+        const UPPER: u8 = 0b1100;
+        let wide = self.blocks_wide;
+        // The sides that face each other: own, other, distance, and the bits of the way there and back.
+        let links = [
+            (RIGHT, LEFT, 1, 0, 1),
+            (UPPER, LOWER, wide, 2, 3),
+            (RIGHT & UPPER, LEFT & LOWER, wide + 1, 4, 7),
+            (LEFT & UPPER, RIGHT & LOWER, wide.saturating_sub(1), 5, 6),
+        ];
+        for block in 0..self.blocks.len() {
+            if self.blocks[block].open == 0 {
+                continue;
+            }
+            for (own, other, distance, there, back) in links {
+                let near = block + distance;
+                let faces = self.blocks.get(near).is_some_and(|near| near.open & other != 0);
+                if faces && self.blocks[block].open & own != 0 {
+                    self.blocks[block].leads |= 1 << there;
+                    self.blocks[near].leads |= 1 << back;
+                }
+            }
+        }
+    }
+
+    fn offsets(&self) -> [isize; 8] {
+        let wide = self.blocks_wide as isize;
+        [1, -1, wide, -wide, wide + 1, wide - 1, 1 - wide, -wide - 1]
+    }
+
+    /// Columns and rows of the neighbours in the same order.
+    pub(crate) const STEPS: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
+
+    /// The blocks that a block leads to: which neighbour, which block, and what the step costs.
+    #[inline]
+    pub(crate) fn leads(&self, block: usize) -> impl Iterator<Item = (usize, usize, u32)> + '_ {
+        let from = self.blocks[block];
+        let offsets = self.offsets();
+        (0..8).filter(move |way| from.leads >> way & 1 != 0).map(move |way| {
+            let near = block.wrapping_add_signed(offsets[way]);
+            let ends = u32::from(from.weight) + u32::from(self.blocks[near].weight);
+            (way, near, ends * if way < 4 { STRAIGHT } else { DIAGONAL })
+        })
+    }
+
+    /// The block of a cell.
+    #[inline]
+    fn block_of(&self, map: &OccupancyMap, index: usize) -> usize {
+        let width = map.size()[0];
+        index / width / BLOCK * self.blocks_wide + index % width / BLOCK
+    }
+
+    /// Where a robot stands in a block, metres: the middle of its clearest cells.
+    pub(crate) fn middle_m(&self, map: &OccupancyMap, block: usize) -> [f64; 2] {
+        let clear = self.blocks[block].clear;
+        let cells = self.cells(map, block).into_iter().enumerate();
+        let cells = cells.filter_map(|(bit, cell)| cell.filter(|_| clear >> bit & 1 != 0));
+        let (sum, count) = cells.fold(([0.0; 2], 0.0), |(sum, count), cell| {
+            let [x, y] = map.center_m(cell);
+            ([sum[0] + x, sum[1] + y], count + 1.0)
+        });
+        sum.map(|sum| sum / f64::max(count, 1.0))
+    }
+
+    /// Side of a block, metres.
+    pub(crate) fn block_m(map: &OccupancyMap) -> f64 {
+        BLOCK as f64 * map.resolution_m()
     }
 
     /// Radius of the robot it is for, metres.
@@ -55,47 +176,22 @@ impl Terrain {
         map.index_of(point_m).is_some_and(|index| self.weight[index] > 0)
     }
 
-    /// The same with discs that cannot be driven through: robots that stand in the way.
-    #[must_use]
-    pub fn without(mut self, map: &OccupancyMap, discs: &[([f64; 2], f64)]) -> Self {
-        for &(center_m, radius_m) in discs {
-            let Some(index) = map.index_of(center_m) else { continue };
-            stamp(&mut self.weight, index, &disc(map, radius_m), |_| 0);
-        }
-        self
-    }
-
-    /// The same with discs that are better driven around.
-    #[must_use]
-    pub fn avoiding(mut self, map: &OccupancyMap, discs: &[([f64; 2], f64)]) -> Self {
-        for &(center_m, radius_m) in discs {
-            let Some(index) = map.index_of(center_m) else { continue };
-            let dearer = |weight: u8| if weight > 0 { (NEAR_WALL + NEAR_ROBOT) as u8 } else { 0 };
-            stamp(&mut self.weight, index, &disc(map, radius_m), dearer);
-        }
-        self
-    }
-
-    /// The cell to start from: that of the point, or the nearest open one that free cells lead to, for a pose may lie a little too near to
-    /// a wall.
-    fn start(&self, map: &OccupancyMap, from_m: [f64; 2]) -> Option<usize> {
+    /// The block to start from: that of the point, or the nearest open one that free cells lead to, for a pose may lie a little too near
+    /// to a wall.
+    pub(crate) fn start(&self, map: &OccupancyMap, from_m: [f64; 2]) -> Option<usize> {
         let here = map.index_of(from_m)?;
-        if self.weight[here] > 0 {
-            return Some(here);
-        }
         let reach_m = 4.0 * self.radius_m + map.resolution_m();
         let (mut seen, mut next) = (vec![here], 0);
         while let Some(&cell) = seen.get(next) {
             next += 1;
+            if self.weight[cell] > 0 {
+                return Some(self.block_of(map, cell));
+            }
             for near in map.around(cell) {
                 let passable = map.cells()[near] != Cell::Occupied && map.between_m(near, here) <= reach_m;
-                if map.is_edge(near) || !passable || seen.contains(&near) {
-                    continue;
+                if !map.is_edge(near) && passable && !seen.contains(&near) {
+                    seen.push(near);
                 }
-                if self.weight[near] > 0 {
-                    return Some(near);
-                }
-                seen.push(near);
             }
         }
         None
@@ -126,9 +222,10 @@ fn stamp(weight: &mut [u8], center: usize, disc: &[(isize, usize)], change: impl
 }
 
 /// What it takes to get from one place to every other (Dijkstra 1959, with buckets as Dial 1969).
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Travel {
     cost: Vec<u32>,
+    buckets: Vec<Vec<u32>>,
     start: Option<usize>,
     unit_m: f64,
 }
@@ -137,68 +234,69 @@ impl Travel {
     /// Costs from a point to everywhere.
     #[must_use]
     pub fn from(map: &OccupancyMap, terrain: &Terrain, from_m: [f64; 2]) -> Self {
-        Self::until(map, terrain, from_m, |_, _| false)
+        let mut travel = Self::default();
+        travel.fill(map, terrain, from_m);
+        travel
     }
 
-    /// Costs from a point on, in their order, until a cell is the one looked for; that and those dearer have none.
-    pub(crate) fn until(
-        map: &OccupancyMap,
-        terrain: &Terrain,
-        from_m: [f64; 2],
-        mut found: impl FnMut(usize, u32) -> bool,
-    ) -> Self {
-        let mut cost = vec![NOWHERE; map.cells().len()];
-        let start = terrain.start(map, from_m);
-        let unit_m = map.resolution_m() / f64::from(STRAIGHT);
-        let Some(first) = start else { return Self { cost, start, unit_m } };
-        cost[first] = 0;
-        let mut buckets: Vec<Vec<u32>> = vec![Vec::new(); BUCKETS];
-        buckets[0].push(first as u32);
+    /// The same in the memory of what was there.
+    pub fn fill(&mut self, map: &OccupancyMap, terrain: &Terrain, from_m: [f64; 2]) {
+        self.cost.clear();
+        self.cost.resize(terrain.blocks.len(), NOWHERE);
+        self.buckets.resize_with(BUCKETS, Vec::new);
+        self.unit_m = Terrain::block_m(map) / f64::from(CLEAR_STEP);
+        self.start = terrain.start(map, from_m);
+        let Some(first) = self.start else { return };
+        self.cost[first] = 0;
+        self.buckets[0].push(first as u32);
         let (mut now, mut waiting) = (0_u32, 1_usize);
-        'all: while waiting > 0 {
-            while let Some(cell) = buckets[now as usize % BUCKETS].pop() {
+        while waiting > 0 {
+            while let Some(block) = self.buckets[now as usize % BUCKETS].pop() {
                 waiting -= 1;
-                let cell = cell as usize;
-                if cost[cell] != now {
+                if self.cost[block as usize] != now {
                     continue;
                 }
-                if found(cell, now) {
-                    break 'all;
-                }
-                for (k, near) in map.around(cell).into_iter().enumerate() {
-                    let weight = u32::from(terrain.weight[near]);
-                    let there = now + weight * if k < 4 { STRAIGHT } else { DIAGONAL };
-                    if weight > 0 && there < cost[near] {
-                        cost[near] = there;
-                        buckets[there as usize % BUCKETS].push(near as u32);
+                for (_, near, step) in terrain.leads(block as usize) {
+                    let there = now + step;
+                    if there < self.cost[near] {
+                        self.cost[near] = there;
+                        self.buckets[there as usize % BUCKETS].push(near as u32);
                         waiting += 1;
                     }
                 }
             }
             now += 1;
         }
-        Self { cost, start, unit_m }
     }
 
     /// Cost to a cell in metres of clear way: steps near walls count double. None where there is no way.
     #[must_use]
-    pub fn cost_m(&self, index: usize) -> Option<f64> {
-        let cost = *self.cost.get(index)?;
+    pub fn cost_m(&self, map: &OccupancyMap, terrain: &Terrain, index: usize) -> Option<f64> {
+        if *terrain.weight.get(index)? == 0 {
+            return None;
+        }
+        let cost = self.cost(terrain.block_of(map, index));
         (cost != NOWHERE).then(|| f64::from(cost) * self.unit_m)
     }
 
-    /// The cheapest way to a cell, from the start on, both included; empty where there is none.
+    /// Cost to a block.
+    #[inline]
+    pub(crate) fn cost(&self, block: usize) -> u32 {
+        self.cost.get(block).copied().unwrap_or(NOWHERE)
+    }
+
+    /// The cheapest way to a cell as points, from the start on, both included; empty where there is none.
     #[must_use]
-    pub fn path(&self, map: &OccupancyMap, to: usize) -> Vec<usize> {
-        if self.start.is_none() || self.cost.get(to).is_none_or(|cost| *cost == NOWHERE) {
+    pub fn path_m(&self, map: &OccupancyMap, terrain: &Terrain, to: usize) -> Vec<[f64; 2]> {
+        if self.cost_m(map, terrain, to).is_none() {
             return Vec::new();
         }
-        let (mut path, mut at) = (vec![to], to);
+        let mut at = terrain.block_of(map, to);
+        let mut path = vec![map.center_m(to)];
         while Some(at) != self.start {
-            let near = map.around(at).into_iter().filter(|&near| self.cost[near] < self.cost[at]);
-            // From which of them the cost came does not matter: each step gets nearer.
-            let Some(before) = near.min_by_key(|&near| self.cost[near]) else { break };
-            path.push(before);
+            let before = terrain.leads(at).map(|(_, near, step)| (self.cost(near).saturating_add(step), near)).min();
+            let Some((_, before)) = before.filter(|&(_, near)| self.cost(near) < self.cost(at)) else { break };
+            path.push(terrain.middle_m(map, before));
             at = before;
         }
         path.reverse();
@@ -206,54 +304,8 @@ impl Travel {
     }
 }
 
-/// A way to a cell as points without those in a straight row, metres.
-#[must_use]
-pub fn corners_m(map: &OccupancyMap, path: &[usize]) -> Vec<[f64; 2]> {
-    let mut corners = Vec::new();
-    for (k, &cell) in path.iter().enumerate() {
-        let step = |from: Option<&usize>, to: Option<&usize>| Some(to?.wrapping_sub(*from?));
-        let before = k.checked_sub(1).and_then(|k| path.get(k));
-        let (in_step, out_step) = (step(before, Some(&cell)), step(Some(&cell), path.get(k + 1)));
-        if in_step.is_none() || out_step.is_none() || in_step != out_step {
-            corners.push(map.center_m(cell));
-        }
-    }
-    corners
-}
-
-/// A way from a point to another for a robot that knows where others are; empty where there is none.
-#[must_use]
-pub fn way_m(map: &OccupancyMap, terrain: &Terrain, from_m: [f64; 2], to_m: [f64; 2]) -> Vec<[f64; 2]> {
-    let Some(to) = map.index_of(to_m) else { return Vec::new() };
-    let travel = Travel::until(map, terrain, from_m, |cell, _| cell == to);
-    corners_m(map, &travel.path(map, to))
-}
-
-/// The nearest place where a robot is out of the way of others: farther than `keep_m` from every point of their paths. The way there, empty
-/// where there is no such place.
-#[must_use]
-pub fn aside_m(
-    map: &OccupancyMap,
-    terrain: &Terrain,
-    from_m: [f64; 2],
-    paths_m: &[[f64; 2]],
-    keep_m: f64,
-) -> Vec<[f64; 2]> {
-    let mut free = terrain.clone();
-    let keep = disc(map, keep_m);
-    for index in paths_m.iter().filter_map(|&point| map.index_of(point)) {
-        stamp(&mut free.weight, index, &keep, |_| 0);
-    }
-    let mut place = None;
-    let travel = Travel::until(map, terrain, from_m, |cell, _| {
-        place = (free.weight[cell] > 0).then_some(cell);
-        place.is_some()
-    });
-    place.map_or(Vec::new(), |place| corners_m(map, &travel.path(map, place)))
-}
-
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// Two rooms of 3 by 3 m and a door of so many cells between them.
@@ -266,6 +318,10 @@ mod tests {
             if edge || wall { Cell::Occupied } else { Cell::Free }
         };
         OccupancyMap::new([0.0; 2], 0.1, width, (0..width * height).map(cell).collect()).unwrap()
+    }
+
+    fn way_m(map: &OccupancyMap, terrain: &Terrain, from_m: [f64; 2], to_m: [f64; 2]) -> Vec<[f64; 2]> {
+        map.index_of(to_m).map_or(Vec::new(), |to| Travel::from(map, terrain, from_m).path_m(map, terrain, to))
     }
 
     #[test]
@@ -285,11 +341,10 @@ mod tests {
         let terrain = Terrain::new(&map, 0.0);
         let travel = Travel::from(&map, &terrain, [1.05, 1.05]);
         let to = map.index_of([2.05, 1.05]).unwrap();
-        assert!((travel.cost_m(to).unwrap() - 1.0).abs() < 1e-9);
-        let way = corners_m(&map, &travel.path(&map, to));
-        assert_eq!(way.len(), 2);
-        assert!((way[1][0] - 2.05).abs() < 1e-9);
-        assert!(travel.cost_m(map.index_of([3.15, 2.5]).unwrap()).is_none(), "in the wall");
+        assert!((travel.cost_m(&map, &terrain, to).unwrap() - 1.0).abs() < 1e-9);
+        let way = travel.path_m(&map, &terrain, to);
+        assert!((way.last().unwrap()[0] - 2.05).abs() < 1e-9 && way.len() == 6);
+        assert!(travel.cost_m(&map, &terrain, map.index_of([3.15, 2.5]).unwrap()).is_none(), "in the wall");
     }
 
     #[test]
@@ -302,22 +357,29 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_in_the_door_steps_aside() {
-        let map = rooms(9);
-        let terrain = Terrain::new(&map, 0.22);
-        let other = way_m(&map, &terrain, [1.0, 1.45], [5.0, 1.45]);
-        let points: Vec<[f64; 2]> = (0..400).map(|k| [1.0 + 0.01 * f64::from(k), 1.45]).collect();
-        assert!(other.len() >= 2);
-        let way = aside_m(&map, &terrain, [3.2, 1.45], &points, 0.6);
-        let [x, y] = *way.last().unwrap();
-        assert!((y - 1.45).abs() >= 0.55 && (1.0..5.5).contains(&x), "{x} {y}");
-    }
-
-    #[test]
-    fn robots_in_the_way_are_driven_around() {
-        let map = rooms(9);
-        let around = Terrain::new(&map, 0.22).without(&map, &[([1.5, 1.5], 0.5)]);
-        let way = way_m(&map, &around, [0.8, 1.5], [2.4, 1.5]);
-        assert!(way.iter().any(|point| (point[1] - 1.5).abs() > 0.4), "{way:?}");
+    fn blocks_reach_what_cells_reach() {
+        use mapwright_sim::Rng;
+        let (width, height) = (41, 37);
+        for seed in 0..20 {
+            let mut rng = Rng::keyed(seed, 1);
+            let cells = (0..width * height).map(|_| if rng.chance(0.42) { Cell::Occupied } else { Cell::Free });
+            let map = OccupancyMap::new([0.0; 2], 0.1, width, cells.collect()).unwrap();
+            let terrain = Terrain::new(&map, 0.0);
+            let first = map.inner().find(|&index| terrain.weight[index] > 0).unwrap();
+            let (mut reached, mut next) = (vec![first], 0);
+            while let Some(&cell) = reached.get(next) {
+                next += 1;
+                for near in map.around(cell) {
+                    if terrain.weight[near] > 0 && !reached.contains(&near) {
+                        reached.push(near);
+                    }
+                }
+            }
+            let travel = Travel::from(&map, &terrain, map.center_m(first));
+            for index in map.inner() {
+                let is_reached = travel.cost_m(&map, &terrain, index).is_some();
+                assert_eq!(is_reached, reached.contains(&index), "seed {seed}, cell {index}");
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! `mapwright explore`: simulated robots explore a building.
 
 use crate::args::ExploreArgs;
-use crate::exploring::{Building, Plan, Run, SHARE};
+use crate::exploring::{Building, Plan, Run, SHARE, Sharing};
 use crate::failure::{Failure, Outcome};
 use crate::output::OutputFolder;
 use crate::terminal::{say, say_json};
@@ -29,7 +29,8 @@ pub(super) fn run(args: &ExploreArgs) -> Result<Outcome, Failure> {
     let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
     let robots = args.robots as usize;
     let dies = args.dies.map(|at_s| (robots - 1, at_s));
-    let plan = Plan { seed: args.seed, robots, explore, slam: !args.true_poses, dies };
+    let sharing = if args.uncoordinated { Sharing::Map } else { Sharing::Work };
+    let plan = Plan { seed: args.seed, robots, explore, sharing, slam: !args.true_poses, dies };
     let run = Building::office(args.seed).run(&plan, &settings)?;
     output.write("map.png", |writer| write_map(&run, writer))?;
     output.write("area.png", |writer| write_curve(&run, writer))?;

@@ -5,9 +5,9 @@ mod team;
 mod truth;
 
 use crate::failure::Failure;
-use driver::Driver;
+use driver::{Driver, Ground};
 use mapwright::{Pose2, Settings};
-use mapwright_explore::{Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Terrain};
+use mapwright_explore::{Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Traffic};
 use mapwright_sim::{LaserSettings, OdometryNoise, RobotSettings, Rovers, Site, Twist, worlds};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -22,8 +22,8 @@ const NEEDS_M: f64 = RADIUS_M + 0.05;
 /// How far its laser sees, metres, and its beams: a cheap one that turns.
 pub(crate) const REACH_M: f64 = 12.0;
 const BEAMS: usize = 360;
-/// A cell is driven around where one in so many beams ended: a table's leg takes up little of it.
-const PASSES_PER_HIT: u32 = 12;
+/// What held a robot that its map does not show is kept off for so long, seconds: it may have moved, and a narrow room must not stay shut.
+const KEEP_OFF_S: f64 = 20.0;
 /// Robots start so far from each other, metres.
 const APART_M: f64 = 0.8;
 /// Steps of the simulation, seconds; so many of them for a scan, and for a decision.
@@ -36,12 +36,24 @@ const LIMIT_S: f64 = 10_800.0;
 /// What is asked for: this share of all that there is to see.
 pub(crate) const SHARE: f64 = 0.99;
 
+/// What robots know of each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Sharing {
+    /// One map, and one decision who goes where.
+    Work,
+    /// One map; each decides for itself and does not know where the others go.
+    Map,
+    /// Each has the map that it made itself.
+    Nothing,
+}
+
 /// What is simulated.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plan {
     pub(crate) seed: u64,
     pub(crate) robots: usize,
     pub(crate) explore: ExploreSettings,
+    pub(crate) sharing: Sharing,
     /// Each robot maps by itself; otherwise scans are drawn where they were truly taken.
     pub(crate) slam: bool,
     /// A robot that is switched off, and when, seconds.
@@ -102,15 +114,17 @@ impl Building {
         let middle = 0.5 * (plan.robots as f64 - 1.0);
         let starts: Vec<Pose2> =
             (0..plan.robots).map(|number| self.site.start((number as f64 - middle) * APART_M)).collect();
-        let team = if plan.slam { Team::mapped(settings, &starts)? } else { Team::perfect(&starts) };
-        let drivers = starts.iter().map(|&map_from_robot| Driver { map_from_robot, alive: true, ..Driver::default() });
+        let team = Team::new(plan.slam.then_some(settings), &starts, plan.sharing != Sharing::Nothing)?;
+        let deciders = if plan.sharing == Sharing::Work { 1 } else { plan.robots };
         let mut fleet = Fleet {
             plan: *plan,
             rovers: rovers(&self.site, &starts, plan.seed),
-            drivers: drivers.collect(),
+            drivers: starts.iter().map(|&start| Driver::standing(start)).collect(),
+            traffic: Traffic::default(),
             team,
             truth: self.truth.unseen(),
-            exploration: Exploration::new(plan.explore),
+            explorations: vec![Exploration::new(plan.explore); deciders],
+            planned: vec![0; plan.robots],
             explorers: Vec::new(),
             taken: vec![Vec::new(); plan.robots],
             scans: vec![0; plan.robots],
@@ -148,7 +162,11 @@ struct Fleet {
     drivers: Vec<Driver>,
     team: Team,
     truth: Truth,
-    exploration: Exploration,
+    traffic: Traffic,
+    /// One for all, or each robot's own.
+    explorations: Vec<Exploration>,
+    /// Plans by whose terrain each robot drives.
+    planned: Vec<u32>,
     /// As each robot was last heard.
     explorers: Vec<Explorer>,
     /// Number and true pose of each robot's scans.
@@ -182,16 +200,25 @@ impl Fleet {
             self.rovers.step(&twists, STEP_S);
             for (number, before) in before.into_iter().enumerate() {
                 let moved_m = before.distance(self.rovers.world_from_robot(number));
-                self.drivers[number].moved(twists[number], moved_m, RADIUS_M, now_s);
+                if let Some(point_m) = self.drivers[number].moved(twists[number], moved_m, RADIUS_M)
+                    && !self.is_robot(number, point_m)
+                {
+                    self.team.feel(number, point_m, now_s + KEEP_OFF_S);
+                }
             }
         }
     }
 
     fn switch_off(&mut self) {
         if let Some((number, _)) = self.plan.dies {
-            let driver = &mut self.drivers[number];
-            (driver.alive, driver.goal_m, driver.way_m) = (false, None, Vec::new());
+            self.drivers[number].switch_off();
         }
+    }
+
+    /// Whether another robot is what was met there.
+    fn is_robot(&self, number: usize, point_m: [f64; 2]) -> bool {
+        let others = self.drivers.iter().enumerate().filter(|&(other, _)| other != number);
+        others.into_iter().any(|(_, other)| driver::apart_m(other.at_m(), point_m) < 2.0 * RADIUS_M)
     }
 
     fn scan(&mut self, number: usize) {
@@ -204,7 +231,7 @@ impl Fleet {
             .iter()
             .enumerate()
             .filter(|&(k, driver)| k != number && driver.alive)
-            .map(|(_, driver)| [driver.map_from_robot.x, driver.map_from_robot.y])
+            .map(|(_, driver)| driver.at_m())
             .collect();
         team::without_bodies(&mut scan, self.drivers[number].map_from_robot, &others, RADIUS_M);
         let truth = self.rovers.world_from_robot(number);
@@ -228,25 +255,50 @@ impl Fleet {
         if now_s >= LIMIT_S {
             return true;
         }
-        let Some(map) = self.team.map(PASSES_PER_HIT) else { return false };
+        self.team.forget(now_s);
         self.hear(now_s);
-        let (started, plans) = (Instant::now(), self.exploration.plans());
-        self.run.decision = self.exploration.decide(&map, &self.explorers, now_s);
-        if self.exploration.plans() > plans {
-            self.run.deciding += started.elapsed();
-        }
-        if self.run.decision.done {
+        let done = self.give_goals(now_s);
+        if done {
             self.run.done_s = Some(now_s);
-            self.run.map = Some(map);
-            return true;
         }
-        for order in &self.run.decision.orders {
-            self.drivers[order.robot as usize].goal_m = order.goal_m;
+        done
+    }
+
+    /// Has goals given and ways found; whether nothing is left.
+    fn give_goals(&mut self, now_s: f64) -> bool {
+        let mut goals_m = vec![None; self.drivers.len()];
+        let mut done = true;
+        self.run.decision = Decision::default();
+        for (number, exploration) in self.explorations.iter_mut().enumerate() {
+            let one = self.plan.sharing != Sharing::Work;
+            let heard = self.explorers.iter().filter(|explorer| !one || explorer.id as usize == number);
+            let heard: Vec<Explorer> = heard.copied().collect();
+            let (started, plans) = (Instant::now(), exploration.plans());
+            let decision = exploration.decide(self.team.map(number), &heard, now_s);
+            if exploration.plans() > plans {
+                self.run.deciding += started.elapsed();
+            }
+            decision.orders.iter().for_each(|order| goals_m[order.robot as usize] = order.goal_m);
+            // Of a robot that was not heard nothing is asked any more.
+            done &= decision.done || decision.orders.is_empty();
+            if !decision.left.is_empty() {
+                self.run.decision = decision;
+            }
         }
-        let terrain = Terrain::new(&map, NEEDS_M);
-        driver::find_ways(&map, &terrain, &mut self.drivers, RADIUS_M, now_s);
-        self.run.map = Some(map);
-        false
+        self.find_ways(&goals_m);
+        done
+    }
+
+    fn find_ways(&mut self, goals_m: &[Option<[f64; 2]>]) {
+        let mut grounds = Vec::new();
+        for number in 0..self.drivers.len() {
+            let exploration = &self.explorations[number.min(self.explorations.len() - 1)];
+            let Some(terrain) = exploration.terrain(NEEDS_M) else { return };
+            let is_new = self.planned[number] != exploration.plans();
+            self.planned[number] = exploration.plans();
+            grounds.push(Ground { map: self.team.map(number), terrain, is_new });
+        }
+        driver::find_ways(&mut self.traffic, &grounds, &mut self.drivers, goals_m, RADIUS_M);
     }
 
     fn hear(&mut self, now_s: f64) {
@@ -269,8 +321,9 @@ impl Fleet {
     fn finish(mut self) -> Run {
         self.run.driven_m = (0..self.drivers.len()).map(|number| self.rovers.driven_m(number)).sum();
         self.run.bumps = self.rovers.bumps();
-        self.run.errands = self.exploration.errands_ended();
-        self.run.plans = self.exploration.plans();
+        self.run.errands = self.explorations.iter().map(Exploration::errands_ended).sum();
+        self.run.plans = self.explorations.iter().map(Exploration::plans).sum();
+        self.run.map = Some(self.team.map(0).clone());
         self.run.error_m = self.team.error_m(&self.taken);
         self.run
     }

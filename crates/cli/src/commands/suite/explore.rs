@@ -2,7 +2,7 @@
 
 use super::Measure;
 use super::floors::{Floor, stats};
-use crate::exploring::{Building, Plan, Run};
+use crate::exploring::{Building, Plan, Run, Sharing};
 use crate::failure::Failure;
 use mapwright::Settings;
 use mapwright_explore::{ExploreSettings, Strategy};
@@ -48,8 +48,16 @@ struct Explored {
     plan_ms: f64,
 }
 
-const RUNS: [(&str, usize); 7] =
-    [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("eight", 8), ("nearest", 4), ("one dies", 4)];
+const RUNS: [(&str, usize); 8] = [
+    ("one", 1),
+    ("two", 2),
+    ("three", 3),
+    ("four", 4),
+    ("eight", 8),
+    ("nearest", 4),
+    ("alone", 4),
+    ("one dies", 4),
+];
 
 impl Explored {
     fn of(what: &'static str, robots: usize, run: &Run) -> Self {
@@ -87,15 +95,16 @@ impl Measure for Explore {
         let building = Building::office(seed);
         let mut world = World { seed, area_m2: building.area_m2(), runs: Vec::new() };
         for (what, robots) in RUNS {
-            let strategy = match (what, self.hungarian) {
-                ("nearest", _) => Strategy::Nearest,
-                (_, true) => Strategy::Hungarian,
-                _ => Strategy::Greedy,
+            let (strategy, sharing) = match (what, self.hungarian) {
+                ("nearest", _) => (Strategy::Nearest, Sharing::Map),
+                ("alone", _) => (Strategy::Nearest, Sharing::Nothing),
+                (_, true) => (Strategy::Hungarian, Sharing::Work),
+                _ => (Strategy::Greedy, Sharing::Work),
             };
             let four_s = world.seconds("four").unwrap_or(0.0);
             let dies = (what == "one dies").then_some((seed as usize % 4, 0.25 * four_s));
             let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
-            let run = building.run(&Plan { seed, robots, explore, slam: self.slam, dies }, &self.settings)?;
+            let run = building.run(&Plan { seed, robots, explore, sharing, slam: self.slam, dies }, &self.settings)?;
             world.runs.push(Explored::of(what, robots, &run));
         }
         Ok(world)
