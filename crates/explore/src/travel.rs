@@ -41,6 +41,23 @@ struct Block {
     leads: u8,
 }
 
+impl Block {
+    /// Of cells with these weights: lower left, lower right, upper left, upper right.
+    #[inline]
+    fn of(weights: [u8; 4]) -> Self {
+        let least = weights.iter().fold(u8::MAX, |least, &weight| if weight > 0 { least.min(weight) } else { least });
+        if least == u8::MAX {
+            return Self::default();
+        }
+        let mut block = Self { weight: least, ..Self::default() };
+        for (bit, weight) in weights.into_iter().enumerate() {
+            block.open |= u8::from(weight > 0) << bit;
+            block.clear |= u8::from(weight == least) << bit;
+        }
+        block
+    }
+}
+
 impl Terrain {
     /// The free cells from which nothing occupied is nearer than the robot's radius and half a cell. Unknown cells cannot be driven on.
     #[must_use]
@@ -59,36 +76,17 @@ impl Terrain {
         let [width, height] = map.size();
         let blocks_wide = width.div_ceil(BLOCK);
         let mut terrain = Self { weight, blocks: Vec::new(), blocks_wide, radius_m };
-        terrain.blocks = (0..blocks_wide * height.div_ceil(BLOCK)).map(|k| terrain.block(map, k)).collect();
-        terrain.link();
-        terrain
-    }
-
-    /// A block from its cells: lower left, lower right, upper left, upper right.
-    fn block(&self, map: &OccupancyMap, block: usize) -> Block {
-        let mut found = Block { weight: u8::MAX, ..Block::default() };
-        for (bit, cell) in self.cells(map, block).into_iter().enumerate() {
-            let weight = cell.map_or(0, |cell| self.weight[cell]);
-            if weight == 0 {
-                continue;
-            }
-            found.open |= 1 << bit;
-            if weight < found.weight {
-                (found.weight, found.clear) = (weight, 0);
-            }
-            if weight == found.weight {
-                found.clear |= 1 << bit;
+        terrain.blocks.reserve(blocks_wide * height.div_ceil(BLOCK));
+        for rows in terrain.weight.chunks(BLOCK * width) {
+            let (lower, upper) = rows.split_at(width);
+            for column in (0..width).step_by(BLOCK) {
+                let weight = |row: &[u8], dx: usize| row.get(column + dx).copied().unwrap_or(0);
+                let block = Block::of([weight(lower, 0), weight(lower, 1), weight(upper, 0), weight(upper, 1)]);
+                terrain.blocks.push(block);
             }
         }
-        if found.open == 0 { Block::default() } else { found }
-    }
-
-    fn cells(&self, map: &OccupancyMap, block: usize) -> [Option<usize>; 4] {
-        let ([width, height], (x, y)) = (map.size(), (block % self.blocks_wide * BLOCK, block / self.blocks_wide * BLOCK));
-        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| {
-            let (x, y) = (x + dx, y + dy);
-            (x < width && y < height).then_some(y * width + x)
-        })
+        terrain.link();
+        terrain
     }
 
     /// To which neighbours each block leads: those with an open cell beside an open cell of its own.
@@ -131,12 +129,14 @@ impl Terrain {
     /// The blocks that a block leads to: which neighbour, which block, and what the step costs.
     #[inline]
     pub(crate) fn leads(&self, block: usize) -> impl Iterator<Item = (usize, usize, u32)> + '_ {
-        let from = self.blocks[block];
-        let offsets = self.offsets();
-        (0..8).filter(move |way| from.leads >> way & 1 != 0).map(move |way| {
-            let near = block.wrapping_add_signed(offsets[way]);
+        let (from, offsets) = (self.blocks[block], self.offsets());
+        let mut ways = from.leads;
+        std::iter::from_fn(move || {
+            let way = ways.trailing_zeros() as usize;
+            let near = block.wrapping_add_signed(*offsets.get(way)?);
+            ways &= ways - 1;
             let ends = u32::from(from.weight) + u32::from(self.blocks[near].weight);
-            (way, near, ends * if way < 4 { STRAIGHT } else { DIAGONAL })
+            Some((way, near, ends * if way < 4 { STRAIGHT } else { DIAGONAL }))
         })
     }
 
@@ -150,13 +150,11 @@ impl Terrain {
     /// Where a robot stands in a block, metres: the middle of its clearest cells.
     pub(crate) fn middle_m(&self, map: &OccupancyMap, block: usize) -> [f64; 2] {
         let clear = self.blocks[block].clear;
-        let cells = self.cells(map, block).into_iter().enumerate();
-        let cells = cells.filter_map(|(bit, cell)| cell.filter(|_| clear >> bit & 1 != 0));
-        let (sum, count) = cells.fold(([0.0; 2], 0.0), |(sum, count), cell| {
-            let [x, y] = map.center_m(cell);
-            ([sum[0] + x, sum[1] + y], count + 1.0)
-        });
-        sum.map(|sum| sum / f64::max(count, 1.0))
+        let (x, y) = (block % self.blocks_wide * BLOCK, block / self.blocks_wide * BLOCK);
+        let [left, below] = map.center_m(y * map.size()[0] + x);
+        // Which share of them is in the second column, in the second row.
+        let share = |second: u8| f64::from((clear & second).count_ones()) / f64::from(clear.count_ones().max(1));
+        [left + share(0b1010) * map.resolution_m(), below + share(0b1100) * map.resolution_m()]
     }
 
     /// Side of a block, metres.

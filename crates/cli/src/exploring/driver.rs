@@ -1,7 +1,7 @@
 //! How simulated robots follow their ways.
 
 use mapwright::Pose2;
-use mapwright_explore::{OccupancyMap, Terrain, Traffic, Travel, Traveller};
+use mapwright_explore::{OccupancyMap, Order, Terrain, Traffic, Travel, Traveller};
 use mapwright_geom::wrap_angle;
 use mapwright_sim::Twist;
 
@@ -13,6 +13,9 @@ const TURN_ON_SPOT_RAD: f64 = 0.7;
 const STEER_GAIN_PER_S: f64 = 2.5;
 /// Distance that robots keep from each other beyond their radii, metres: half a cell, and what a pose may be off.
 const KEEP_M: f64 = 0.1;
+/// Robots farther from each other than this need not mind each other for a second, nor make room in time, metres: what a window of ways is
+/// long.
+const MEETING_M: f64 = 6.0;
 /// A robot does not drive on where another stands on so much of its way, metres.
 const CLEAR_M: f64 = 0.5;
 /// After so many steps without moving a robot was held by something, and backs off for so many.
@@ -28,6 +31,10 @@ pub(super) struct Driver {
     /// Where it is to go, and what it takes to get anywhere from there.
     goal_m: Option<[f64; 2]>,
     from_goal: Travel,
+    /// What that was computed for is no more.
+    is_old: bool,
+    /// It follows its order's way, for nobody is near.
+    is_alone: bool,
     /// The way ahead, from the robot on, as far as it need not wait.
     way_m: Vec<[f64; 2]>,
     /// Steps that it did not move though it was to, and steps that it still backs off.
@@ -59,11 +66,21 @@ impl Driver {
         self.way_m.clear();
     }
 
-    fn send(&mut self, goal_m: Option<[f64; 2]>, ground: Ground<'_>) {
-        if let Some(goal_m) = goal_m.filter(|_| ground.is_new || goal_m != self.goal_m) {
-            self.from_goal.fill(ground.map, ground.terrain, goal_m);
-        }
+    /// Takes an order. A robot that is alone follows the order's way from when that was found on.
+    fn send(&mut self, order: Option<&Order>, ground: Ground<'_>, is_alone: bool) {
+        let goal_m = order.and_then(|order| order.goal_m).filter(|_| self.alive);
+        let is_new = ground.is_new || goal_m != self.goal_m;
         self.goal_m = goal_m;
+        self.is_old |= is_new;
+        self.is_alone = is_alone && (is_new || self.is_alone);
+        if is_new && self.is_alone {
+            self.way_m.clear();
+            self.way_m.extend(order.iter().flat_map(|order| &order.path_m));
+        }
+        if !self.is_alone && self.is_old && let Some(goal_m) = goal_m {
+            self.from_goal.fill(ground.map, ground.terrain, goal_m);
+            self.is_old = false;
+        }
     }
 
     /// Notes how far the robot got in a step that it was told to drive in. Where it was held for long enough to say so.
@@ -133,11 +150,13 @@ pub(super) fn find_ways(
     traffic: &mut Traffic,
     grounds: &[Ground<'_>],
     drivers: &mut [Driver],
-    goals_m: &[Option<[f64; 2]>],
+    orders: &[Option<Order>],
     radius_m: f64,
 ) {
-    for ((driver, &ground), &goal_m) in drivers.iter_mut().zip(grounds).zip(goals_m) {
-        driver.send(goal_m.filter(|_| driver.alive), ground);
+    let at_m: Vec<[f64; 2]> = drivers.iter().map(Driver::at_m).collect();
+    for (number, driver) in drivers.iter_mut().enumerate() {
+        let near = |other: usize| other != number && apart_m(at_m[other], at_m[number]) < MEETING_M;
+        driver.send(orders[number].as_ref(), grounds[number], !(0..at_m.len()).any(near));
     }
     let robots: Vec<Traveller<'_>> = drivers
         .iter()
@@ -146,12 +165,12 @@ pub(super) fn find_ways(
             at_m: driver.at_m(),
             map: ground.map,
             terrain: ground.terrain,
-            from_goal: driver.goal_m.map(|_| &driver.from_goal),
+            from_goal: driver.goal_m.filter(|_| !driver.is_alone).map(|_| &driver.from_goal),
             drives: driver.alive,
         })
         .collect();
     let ways_m = traffic.ways(&robots, 2.0 * radius_m + KEEP_M);
-    for (driver, way_m) in drivers.iter_mut().zip(ways_m) {
+    for (driver, way_m) in drivers.iter_mut().zip(ways_m).filter(|(driver, _)| !driver.is_alone) {
         driver.way_m = way_m;
         // From the middle of the goal's block to the goal.
         let near = |goal_m: &[f64; 2]| driver.way_m.last().is_some_and(|&end| apart_m(end, *goal_m) < 0.2);

@@ -7,7 +7,7 @@ mod truth;
 use crate::failure::Failure;
 use driver::{Driver, Ground};
 use mapwright::{Pose2, Settings};
-use mapwright_explore::{Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Traffic};
+use mapwright_explore::{Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Order, Traffic};
 use mapwright_sim::{LaserSettings, OdometryNoise, RobotSettings, Rovers, Site, Twist, worlds};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -266,7 +266,7 @@ impl Fleet {
 
     /// Has goals given and ways found; whether nothing is left.
     fn give_goals(&mut self, now_s: f64) -> bool {
-        let mut goals_m = vec![None; self.drivers.len()];
+        let mut orders = vec![None; self.drivers.len()];
         let mut done = true;
         self.run.decision = Decision::default();
         for (number, exploration) in self.explorations.iter_mut().enumerate() {
@@ -278,18 +278,18 @@ impl Fleet {
             if exploration.plans() > plans {
                 self.run.deciding += started.elapsed();
             }
-            decision.orders.iter().for_each(|order| goals_m[order.robot as usize] = order.goal_m);
+            decision.orders.iter().for_each(|order| orders[order.robot as usize] = Some(order.clone()));
             // Of a robot that was not heard nothing is asked any more.
             done &= decision.done || decision.orders.is_empty();
             if !decision.left.is_empty() {
                 self.run.decision = decision;
             }
         }
-        self.find_ways(&goals_m);
+        self.find_ways(&orders);
         done
     }
 
-    fn find_ways(&mut self, goals_m: &[Option<[f64; 2]>]) {
+    fn find_ways(&mut self, orders: &[Option<Order>]) {
         let mut grounds = Vec::new();
         for number in 0..self.drivers.len() {
             let exploration = &self.explorations[number.min(self.explorations.len() - 1)];
@@ -298,7 +298,7 @@ impl Fleet {
             self.planned[number] = exploration.plans();
             grounds.push(Ground { map: self.team.map(number), terrain, is_new });
         }
-        driver::find_ways(&mut self.traffic, &grounds, &mut self.drivers, goals_m, RADIUS_M);
+        driver::find_ways(&mut self.traffic, &grounds, &mut self.drivers, orders, RADIUS_M);
     }
 
     fn hear(&mut self, now_s: f64) {

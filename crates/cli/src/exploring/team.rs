@@ -78,7 +78,7 @@ impl Team {
         for ((sweep, &pose), drawn) in session.drawn().iter().zip(session.map_from_keyframe()).zip(drawn) {
             let is_drawn = match (&drawn, sweep) {
                 (Some((before, at)), Some(sweep)) => {
-                    let moved_m = at.distance(pose) + sweep.farthest_m() * at.between(pose).theta.abs();
+                    let moved_m = at.distance(pose) + sweep.laser.range_max_m * at.between(pose).theta.abs();
                     Arc::ptr_eq(before, sweep) && moved_m <= FOLLOW_M
                 }
                 (drawn, sweep) => drawn.is_none() && sweep.is_none(),

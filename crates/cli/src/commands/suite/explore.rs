@@ -48,14 +48,13 @@ struct Explored {
     plan_ms: f64,
 }
 
-const RUNS: [(&str, usize); 8] = [
+const RUNS: [(&str, usize); 7] = [
     ("one", 1),
     ("two", 2),
     ("three", 3),
     ("four", 4),
     ("eight", 8),
     ("nearest", 4),
-    ("alone", 4),
     ("one dies", 4),
 ];
 
@@ -97,7 +96,6 @@ impl Measure for Explore {
         for (what, robots) in RUNS {
             let (strategy, sharing) = match (what, self.hungarian) {
                 ("nearest", _) => (Strategy::Nearest, Sharing::Map),
-                ("alone", _) => (Strategy::Nearest, Sharing::Nothing),
                 (_, true) => (Strategy::Hungarian, Sharing::Work),
                 _ => (Strategy::Greedy, Sharing::Work),
             };
