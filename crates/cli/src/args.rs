@@ -469,9 +469,15 @@ pub(crate) struct ExploreArgs {
     /// Which floor and noise.
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Each robot goes to the frontier nearest to it, whatever the others do: to compare with.
+    /// Three furnished rooms of 100 square metres in all instead of an office floor.
+    #[arg(long)]
+    pub(crate) rooms: bool,
+    /// Each robot goes to the frontier nearest to it and does not know where the others go: to compare with. They share their map.
     #[arg(long)]
     pub(crate) uncoordinated: bool,
+    /// As --uncoordinated, and each knows nothing but the map that it made itself.
+    #[arg(long, conflicts_with = "uncoordinated")]
+    pub(crate) alone: bool,
     /// Scans are drawn where they were truly taken, instead of where each robot's own mapping has them.
     #[arg(long)]
     pub(crate) true_poses: bool,

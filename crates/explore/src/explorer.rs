@@ -329,14 +329,7 @@ impl Exploration {
         }
     }
 
-    fn give(
-        &mut self,
-        ground: &Ground<'_>,
-        found: &[Frontier],
-        reach: &Reach,
-        views: &mut Views<'_>,
-        sight_m: f64,
-    ) {
+    fn give(&mut self, ground: &Ground<'_>, found: &[Frontier], reach: &Reach, views: &mut Views<'_>, sight_m: f64) {
         let weights = self.weights(ground, sight_m);
         let (candidates, looks) = self.candidates(ground, found, reach, views, sight_m);
         let (blocks, robots) = (views.blocks(), ground.robots.len());

@@ -43,11 +43,11 @@ pub use map::{
     Confidence, Frame, GridImage, MAX_MAP_CELLS, MapDescription, MapMode, Picture, PlanePlacement, RUN_COLOURS, RunWay,
     Runs, SpacePicture, UNKNOWN, dominant_wall_angle, read_map_image, read_map_yaml, run_colour, upward,
 };
-pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
 pub use map::{
-    write_map_yaml, write_pgm, write_plain_png, write_png, write_rgb_png, write_space_png, write_tinted_png,
-    write_world_file,
+    Curve, RobotWay, write_curve_png, write_map_yaml, write_pgm, write_plain_png, write_png, write_rgb_png,
+    write_space_png, write_tinted_png, write_ways_png, write_world_file,
 };
+pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
 pub use mrclam::{
     MrclamPose, MrclamRows, MrclamSighting, MrclamVelocity, read_mrclam_barcodes, read_mrclam_measurements,
     read_mrclam_odometry, read_mrclam_truth,

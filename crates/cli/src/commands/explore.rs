@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::output::OutputFolder;
 use crate::terminal::{say, say_json};
 use mapwright_explore::{Cell, ExploreSettings, Strategy, WhyLeft};
-use mapwright_formats::FormatError;
+use mapwright_formats::{Curve, FormatError, RobotWay};
 use serde_json::json;
 use std::io::Write;
 
@@ -22,16 +22,26 @@ const COLOURS: [[u8; 3]; 8] = [
     [120, 100, 20],
 ];
 
+const NAMES: [&str; 16] = [
+    "robot 1", "robot 2", "robot 3", "robot 4", "robot 5", "robot 6", "robot 7", "robot 8", "robot 9", "robot 10",
+    "robot 11", "robot 12", "robot 13", "robot 14", "robot 15", "robot 16",
+];
+
 pub(super) fn run(args: &ExploreArgs) -> Result<Outcome, Failure> {
     let settings = crate::settings::load(&args.settings)?;
     let mut output = OutputFolder::create(&args.output)?;
-    let strategy = if args.uncoordinated { Strategy::Nearest } else { Strategy::Greedy };
+    let sharing = match (args.uncoordinated, args.alone) {
+        (_, true) => Sharing::Nothing,
+        (true, _) => Sharing::Map,
+        _ => Sharing::Work,
+    };
+    let strategy = if sharing == Sharing::Work { Strategy::Greedy } else { Strategy::Nearest };
     let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
     let robots = args.robots as usize;
     let dies = args.dies.map(|at_s| (robots - 1, at_s));
-    let sharing = if args.uncoordinated { Sharing::Map } else { Sharing::Work };
     let plan = Plan { seed: args.seed, robots, explore, sharing, slam: !args.true_poses, dies };
-    let run = Building::office(args.seed).run(&plan, &settings)?;
+    let building = if args.rooms { Building::rooms(args.seed) } else { Building::office(args.seed) };
+    let run = building.run(&plan, &settings)?;
     output.write("map.png", |writer| write_map(&run, writer))?;
     output.write("area.png", |writer| write_curve(&run, writer))?;
     output.write("area.csv", |writer| write_area(&run, writer))?;
@@ -76,10 +86,11 @@ fn words(args: &ExploreArgs, run: &Run) -> String {
     let reasons: Vec<String> = reasons(run).iter().map(|(name, count)| format!("{count} {name}")).collect();
     let error = run.error_m.map_or(String::new(), |error_m| format!("error    keyframes {error_m:.3} m, rmse\n"));
     format!(
-        "explore  office of 2,800 m2, seed {}, {} robots: {:.0} m2 to be seen\n\
+        "explore  {}, seed {}, {} robots: {:.0} m2 to be seen\n\
          seen     {:.2} % of it, {:.0} % of it {}; nothing left to do {}\n\
          way      {:.0} m by all robots, held by walls or each other in {} steps\n\
          {error}left     {} frontiers: {}\n",
+        if args.rooms { "three rooms" } else { "office of 2,800 m2" },
         args.seed,
         args.robots,
         run.area_m2,
@@ -119,92 +130,43 @@ fn write_area(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
     Ok(())
 }
 
-/// Pixels, the top row first.
-struct Pixels {
-    width: usize,
-    height: usize,
-    rgb: Vec<u8>,
-}
-
-impl Pixels {
-    fn new(width: usize, height: usize) -> Self {
-        Self { width, height, rgb: vec![255; 3 * width * height] }
-    }
-
-    fn set(&mut self, x: usize, y: usize, colour: [u8; 3]) {
-        if x < self.width && y < self.height {
-            self.rgb[3 * (y * self.width + x)..][..3].copy_from_slice(&colour);
-        }
-    }
-
-    fn square(&mut self, [x, y]: [f64; 2], half: usize, colour: [u8; 3]) {
-        let (x, y) = (x.max(0.0) as usize, y.max(0.0) as usize);
-        for row in y.saturating_sub(half)..=y + half {
-            (x.saturating_sub(half)..=x + half).for_each(|column| self.set(column, row, colour));
-        }
-    }
-
-    fn line(&mut self, from: [f64; 2], to: [f64; 2], half: usize, colour: [u8; 3]) {
-        let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs()).ceil().max(1.0);
-        for k in 0..=steps as usize {
-            let share = k as f64 / steps;
-            self.square([0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis])), half, colour);
-        }
-    }
-
-    fn write(&self, writer: &mut impl Write) -> Result<(), FormatError> {
-        mapwright_formats::write_rgb_png(self.width, self.height, &self.rgb, writer)
-    }
-}
-
-/// The map, and each robot's way in its colour: a square at its start, a larger one at its end.
+/// The map, and each robot's way in its colour: a triangle at its start, a square at its end.
 fn write_map(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
     const SCALE: usize = 2;
-    let Some(map) = &run.map else { return Pixels::new(1, 1).write(writer) };
-    let [width, height] = map.size();
-    let mut pixels = Pixels::new(width * SCALE, height * SCALE);
-    for (index, cell) in map.cells().iter().enumerate() {
-        let colour = match cell {
-            Cell::Unknown => [205; 3],
-            Cell::Free => [252; 3],
-            Cell::Occupied => [40; 3],
-        };
-        let (x, y) = (index % width * SCALE, (height - 1 - index / width) * SCALE);
-        for k in 0..SCALE * SCALE {
-            pixels.set(x + k % SCALE, y + k / SCALE, colour);
+    let Some(map) = &run.map else { return Ok(()) };
+    let [width, height] = map.size().map(|cells| cells * SCALE);
+    let cells = map.cells().chunks_exact(map.size()[0]).rev();
+    let mut rgb = Vec::with_capacity(3 * width * height);
+    for row in cells.flat_map(|row| std::iter::repeat_n(row, SCALE)) {
+        for cell in row {
+            let grey = match cell {
+                Cell::Unknown => 205,
+                Cell::Free => 252,
+                Cell::Occupied => 40,
+            };
+            rgb.extend([grey; 3 * SCALE]);
         }
     }
-    let corner = map.center_m(0).map(|m| m - 0.5 * map.resolution_m());
+    let px_per_metre = SCALE as f64 / map.resolution_m();
+    let corner_m = map.center_m(0).map(|m| m - 0.5 * map.resolution_m());
     let place = |pose: &mapwright::Pose2| {
-        let cells = [pose.x - corner[0], pose.y - corner[1]].map(|m| m / map.resolution_m() * SCALE as f64);
-        [cells[0], (height * SCALE) as f64 - cells[1]]
+        let [x, y] = [pose.x - corner_m[0], pose.y - corner_m[1]].map(|m| m * px_per_metre);
+        [x as f32, (height as f64 - y) as f32]
     };
-    for (number, way) in run.ways.iter().enumerate() {
-        let colour = COLOURS[number % COLOURS.len()];
-        way.windows(2).for_each(|pair| pixels.line(place(&pair[0]), place(&pair[1]), 1, colour));
-        way.first().into_iter().for_each(|pose| pixels.square(place(pose), 4, colour));
-        way.last().into_iter().for_each(|pose| pixels.square(place(pose), 8, colour));
-    }
-    pixels.write(writer)
+    let way = |(number, way): (usize, &Vec<mapwright::Pose2>)| RobotWay {
+        colour: COLOURS[number % COLOURS.len()],
+        name: NAMES[number % NAMES.len()],
+        points_px: way.iter().map(place).collect(),
+    };
+    let ways: Vec<RobotWay> = run.ways.iter().enumerate().map(way).collect();
+    mapwright_formats::write_ways_png([width, height], &rgb, px_per_metre, &ways, writer)
 }
 
-/// The area seen over time: lines at every tenth of all there is to see and every hundred seconds.
+/// The area seen over time.
 fn write_curve(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
-    const SIZE: [usize; 2] = [800, 400];
-    let mut pixels = Pixels::new(SIZE[0], SIZE[1]);
-    let seconds = run.curve.len().max(2) as f64;
-    let place =
-        |second: f64, share: f64| [second / seconds * (SIZE[0] - 1) as f64, (1.0 - share) * (SIZE[1] - 1) as f64];
-    for tenth in 0..=10 {
-        let share = f64::from(tenth) / 10.0;
-        pixels.line(place(0.0, share), place(seconds, share), 0, [225; 3]);
-    }
-    for hundred in 0..=(seconds / 100.0) as usize {
-        let second = 100.0 * hundred as f64;
-        pixels.line(place(second, 0.0), place(second, 1.0), 0, [225; 3]);
-    }
-    for (second, pair) in run.curve.windows(2).enumerate() {
-        pixels.line(place(second as f64, pair[0]), place(second as f64 + 1.0, pair[1]), 1, COLOURS[1]);
-    }
-    pixels.write(writer)
+    let values: Vec<f64> = run.curve.iter().map(|share| share * run.area_m2).collect();
+    let events: Vec<(f64, &str)> = run.seconds.iter().map(|&second| (second, "99 % seen")).collect();
+    let curve =
+        Curve { values: &values, name: "area seen (m2)", most: run.area_m2, events: &events, colour: COLOURS[1] };
+    mapwright_formats::write_curve_png(&curve, writer)
 }

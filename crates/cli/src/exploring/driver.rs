@@ -77,7 +77,10 @@ impl Driver {
             self.way_m.clear();
             self.way_m.extend(order.iter().flat_map(|order| &order.path_m));
         }
-        if !self.is_alone && self.is_old && let Some(goal_m) = goal_m {
+        if !self.is_alone
+            && self.is_old
+            && let Some(goal_m) = goal_m
+        {
             self.from_goal.fill(ground.map, ground.terrain, goal_m);
             self.is_old = false;
         }
@@ -180,4 +183,150 @@ pub(super) fn find_ways(
 
 pub(super) fn apart_m(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapwright_explore::Cell;
+
+    const RADIUS_M: f64 = 0.22;
+    const STEP_S: f64 = 0.1;
+
+    /// Robots in a drawn world that drive as they are told, but not into each other.
+    struct World {
+        map: OccupancyMap,
+        drivers: Vec<Driver>,
+        orders: Vec<Option<Order>>,
+    }
+
+    impl World {
+        /// Walls as letters, each half a metre wide; robots with their headings and goals.
+        fn new(lines: &[&str], robots: &[([f64; 3], Option<[f64; 2]>)]) -> Self {
+            const CELLS: usize = 5;
+            let width = lines[0].len() * CELLS;
+            let cell = |index: usize| {
+                let (x, y) = (index % width / CELLS, index / width / CELLS);
+                if lines[lines.len() - 1 - y].as_bytes()[x] == b'#' { Cell::Occupied } else { Cell::Free }
+            };
+            let cells = (0..width * lines.len() * CELLS).map(cell).collect();
+            let map = OccupancyMap::new([0.0; 2], 0.1, width, cells).unwrap();
+            let robot = |&([x, y, theta], _): &([f64; 3], _)| Driver::standing(Pose2::new(x, y, theta));
+            let order = |(number, &(_, goal_m)): (usize, &(_, Option<[f64; 2]>))| {
+                Some(Order { robot: number as u32, goal_m, path_m: Vec::new() })
+            };
+            let orders = robots.iter().enumerate().map(order).collect();
+            Self { map, drivers: robots.iter().map(robot).collect(), orders }
+        }
+
+        fn has_arrived(&self, number: usize) -> bool {
+            let goal_m = self.orders[number].as_ref().and_then(|order| order.goal_m);
+            !self.drivers[number].alive
+                || goal_m.is_none_or(|goal_m| apart_m(self.drivers[number].at_m(), goal_m) < 0.27)
+        }
+
+        /// The second at which every robot has arrived.
+        fn arrive(&mut self, most_s: usize) -> Option<usize> {
+            let terrain = Terrain::new(&self.map, RADIUS_M + 0.05);
+            let mut traffic = Traffic::default();
+            for second in 0..most_s {
+                if (0..self.drivers.len()).all(|number| self.has_arrived(number)) {
+                    return Some(second);
+                }
+                for (number, order) in self.orders.iter_mut().enumerate() {
+                    let Some(Order { goal_m: Some(goal_m), path_m, .. }) = order else { continue };
+                    let travel = Travel::from(&self.map, &terrain, self.drivers[number].at_m());
+                    *path_m = travel.path_m(&self.map, &terrain, self.map.index_of(*goal_m).unwrap());
+                }
+                let ground = Ground { map: &self.map, terrain: &terrain, is_new: second % 3 == 0 };
+                let grounds = vec![ground; self.drivers.len()];
+                find_ways(&mut traffic, &grounds, &mut self.drivers, &self.orders, RADIUS_M);
+                (0..10).for_each(|_| self.step());
+            }
+            None
+        }
+
+        fn step(&mut self) {
+            for number in 0..self.drivers.len() {
+                let Twist { speed_m_per_s, turn_rate_rad_per_s } = twist(&mut self.drivers, number, RADIUS_M, 0.5);
+                let here = self.drivers[number].map_from_robot;
+                let turn_rad = STEP_S * turn_rate_rad_per_s.clamp(-1.5, 1.5);
+                let there = here * Pose2::new(STEP_S * speed_m_per_s, 0.0, turn_rad);
+                let (from_m, to_m) = ([here.x, here.y], [there.x, there.y]);
+                let others = self.drivers.iter().enumerate().filter(|&(other, _)| other != number);
+                let meets = others.into_iter().any(|(_, other)| {
+                    let away_m = apart_m(to_m, other.at_m());
+                    away_m < 2.0 * RADIUS_M && away_m < apart_m(from_m, other.at_m())
+                });
+                let stays = Pose2::new(here.x, here.y, there.theta);
+                self.drivers[number].map_from_robot = if meets { stays } else { there };
+                assert!(self.map.at([there.x, there.y]) != Cell::Occupied, "robot {number} drives into a wall");
+            }
+        }
+    }
+
+    const CORRIDOR: [&str; 6] = [
+        "############################",
+        "############################",
+        "#..........................#",
+        "#..........................#",
+        "#..........................#",
+        "############################",
+    ];
+    const ROOMS: [&str; 9] = [
+        "#####################",
+        "#.........#.........#",
+        "#.........#.........#",
+        "#.........#.........#",
+        "#...................#",
+        "#...................#",
+        "#.........#.........#",
+        "#.........#.........#",
+        "#####################",
+    ];
+
+    #[test]
+    fn two_robots_that_meet_in_a_corridor_pass_each_other() {
+        for y_m in [1.05, 1.25, 1.45] {
+            let robots = [([1.2, y_m, 0.0], Some([12.5, 1.25])), ([12.5, 1.25, 3.1], Some([1.2, 1.25]))];
+            let mut world = World::new(&CORRIDOR, &robots);
+            let arrived = world.arrive(60);
+            assert!(arrived.is_some(), "{y_m}: {:?}", world.drivers.iter().map(Driver::at_m).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn robots_pass_a_doorway_from_both_sides() {
+        let robots = [
+            ([2.0, 2.0, 0.0], Some([8.0, 2.5])),
+            ([1.2, 1.2, 0.0], Some([9.0, 1.0])),
+            ([8.0, 2.0, 3.1], Some([2.0, 2.5])),
+            ([9.0, 3.0, 3.1], Some([1.2, 3.2])),
+        ];
+        let mut world = World::new(&ROOMS, &robots);
+        let arrived = world.arrive(120);
+        assert!(arrived.is_some(), "{:?}", world.drivers.iter().map(Driver::at_m).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_robot_with_nothing_to_do_leaves_the_doorway_to_others() {
+        let mut world = World::new(&ROOMS, &[([5.2, 2.0, 1.0], None), ([2.0, 2.0, 0.0], Some([8.0, 2.0]))]);
+        assert!(world.arrive(60).is_some());
+    }
+
+    #[test]
+    fn a_robot_that_died_in_a_doorway_holds_nobody_up_who_need_not_pass_it() {
+        let robots =
+            [([5.2, 2.0, 0.0], None), ([4.4, 2.0, 0.0], Some([1.2, 3.0])), ([3.5, 2.0, 0.0], Some([1.2, 1.0]))];
+        let mut world = World::new(&ROOMS, &robots);
+        world.drivers[0].switch_off();
+        assert!(world.arrive(40).is_some());
+        // Who is to pass it waits before it and does not push.
+        world.orders[1].as_mut().unwrap().goal_m = Some([8.0, 2.0]);
+        assert!(world.arrive(40).is_none());
+        assert!(apart_m(world.drivers[1].at_m(), world.drivers[0].at_m()) >= 2.0 * RADIUS_M);
+        // It goes on with something else.
+        world.orders[1].as_mut().unwrap().goal_m = Some([1.2, 3.0]);
+        assert!(world.arrive(40).is_some());
+    }
 }

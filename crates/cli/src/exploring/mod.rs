@@ -99,7 +99,14 @@ pub(crate) struct Building {
 
 impl Building {
     pub(crate) fn office(seed: u64) -> Self {
-        let site = worlds::large_office(seed);
+        Self::of(worlds::large_office(seed), seed)
+    }
+
+    pub(crate) fn rooms(seed: u64) -> Self {
+        Self::of(worlds::three_rooms(seed), seed)
+    }
+
+    fn of(site: Site, seed: u64) -> Self {
         let rovers = rovers(&site, &[site.start(0.0)], seed);
         let truth = Truth::new(&rovers, site.start(0.0), NEEDS_M + 0.05, REACH_M);
         Self { site, truth }

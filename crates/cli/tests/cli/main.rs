@@ -7,6 +7,7 @@ mod browser;
 mod commands;
 mod doubt;
 mod explain;
+mod explore;
 mod export;
 mod export_space;
 mod lag;

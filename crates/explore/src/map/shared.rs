@@ -39,9 +39,8 @@ impl SharedMap {
     /// Counts a sweep in or out. A sweep that would make the map larger than can be kept is left out; whether it was counted.
     pub fn draw(&mut self, points: &SweepPoints, map_from_robot: Pose2, change: Change) -> bool {
         let (sin, cos) = sin_cos(map_from_robot.theta);
-        let to_map = |[x, y]: [f64; 2]| {
-            [map_from_robot.x + (cos * x - sin * y), map_from_robot.y + (sin * x + cos * y)]
-        };
+        let to_map =
+            |[x, y]: [f64; 2]| [map_from_robot.x + (cos * x - sin * y), map_from_robot.y + (sin * x + cos * y)];
         let start_m = to_map(points.origin);
         let (mut low_m, mut high_m) = (start_m, start_m);
         for end_m in points.hits.iter().chain(&points.free_ends).map(|&end| to_map(end)) {

@@ -48,15 +48,8 @@ struct Explored {
     plan_ms: f64,
 }
 
-const RUNS: [(&str, usize); 7] = [
-    ("one", 1),
-    ("two", 2),
-    ("three", 3),
-    ("four", 4),
-    ("eight", 8),
-    ("nearest", 4),
-    ("one dies", 4),
-];
+const RUNS: [(&str, usize); 7] =
+    [("one", 1), ("two", 2), ("three", 3), ("four", 4), ("eight", 8), ("nearest", 4), ("one dies", 4)];
 
 impl Explored {
     fn of(what: &'static str, robots: usize, run: &Run) -> Self {

@@ -1,0 +1,33 @@
+//! Simulated robots that explore.
+
+use crate::support::{assert_code, folder, json, run, text};
+use std::fs;
+
+#[test]
+fn robots_explore_rooms_to_the_end_and_say_what_is_left() {
+    let folder = folder("explore");
+    let explore = |name: &str, more: &[&str]| {
+        let out = folder.join(name);
+        let output = run(&[&["explore", "--rooms", "--robots", "2", "-o", out.to_str().unwrap()], more].concat());
+        assert_code(&output, 0);
+        (out, text(&output.stdout).to_owned())
+    };
+    let (first, words) = explore("first", &[]);
+    let report = json(&first.join("explore.json"));
+    assert!(report["share_seen"].as_f64().unwrap() >= 0.99);
+    assert!(report["done_s"].as_f64().unwrap() < 400.0, "{}", report["done_s"]);
+    assert!(report["keyframe_error_m"].as_f64().unwrap() < 0.1);
+    assert!(words.contains("three rooms") && words.contains("nothing left to do after"), "{words}");
+    let curve = fs::read_to_string(first.join("area.csv")).unwrap();
+    let areas: Vec<f64> = curve.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().parse().unwrap()).collect();
+    assert!(areas.len() > 20 && areas.windows(2).all(|pair| pair[0] <= pair[1]));
+    let (again, _) = explore("again", &[]);
+    for name in ["explore.json", "area.csv", "area.png", "map.png"] {
+        assert!(fs::read(first.join(name)).unwrap() == fs::read(again.join(name)).unwrap(), "{name}");
+    }
+    // One that dies leaves its work to the other.
+    let (dead, _) = explore("dead", &["--dies", "10"]);
+    assert!(json(&dead.join("explore.json"))["share_seen"].as_f64().unwrap() >= 0.99);
+    let (alone, _) = explore("alone", &["--alone", "--true-poses"]);
+    assert!(json(&alone.join("explore.json"))["keyframe_error_m"].is_null());
+}
