@@ -94,7 +94,7 @@ impl Frontier {
         let mut reached: Vec<usize> = self.cells.clone();
         let mut seen: BTreeSet<usize> = self.cells.iter().copied().collect();
         for _ in 0..=steps {
-            let open = reached.iter().copied().filter(|&cell| terrain.weight[cell] > 0);
+            let open = reached.iter().copied().filter(|&cell| terrain.is_roomy(cell));
             let away_m = |cell: usize| map.between_m(cell, self.middle);
             let nearest = open.min_by(|&a, &b| away_m(a).total_cmp(&away_m(b)));
             if nearest.is_some() {

@@ -223,7 +223,7 @@ mod tests {
     impl Robots {
         /// The second at which all have arrived.
         fn arrive(&mut self, most_s: usize) -> Option<usize> {
-            let terrain = Terrain::new(&self.map, 0.27);
+            let terrain = Terrain::new(&self.map, 0.22);
             let fields: Vec<Option<Travel>> =
                 self.goals_m.iter().map(|goal_m| Some(Travel::from(&self.map, &terrain, (*goal_m)?))).collect();
             let mut traffic = Traffic::default();

@@ -9,8 +9,11 @@ const DIAGONAL: u32 = 7;
 pub(crate) const CLEAR_STEP: u32 = 2 * STRAIGHT;
 /// An end of a step near walls counts so many times: paths keep to the middle of doors.
 const NEAR_WALL: u8 = 2;
+/// So many times where a pose that is off by half a cell would scrape: no way leads there but where no other is, such as out of a place that
+/// turned out narrower once it was seen from within.
+const TIGHT: u8 = 8;
 /// Buckets of the queue: more than the dearest step.
-const BUCKETS: usize = 32;
+const BUCKETS: usize = 128;
 /// Cells along a block's side.
 const BLOCK: usize = 2;
 /// Not to be reached.
@@ -62,14 +65,16 @@ impl Terrain {
     /// The free cells from which nothing occupied is nearer than the robot's radius and half a cell. Unknown cells cannot be driven on.
     #[must_use]
     pub fn new(map: &OccupancyMap, radius_m: f64) -> Self {
-        let cell_m = map.resolution_m();
+        let half_m = 0.5 * map.resolution_m();
         let mut weight: Vec<u8> = map.cells().iter().map(|cell| u8::from(*cell == Cell::Free)).collect();
+        let [blocked, tight] = [half_m, 2.0 * half_m].map(|margin_m| disc(map, radius_m + margin_m));
         // Nearer than a radius to the walls that are kept away from by a radius.
-        let (blocked, near) = (disc(map, radius_m + 0.5 * cell_m), disc(map, 2.0 * radius_m + 0.5 * cell_m));
+        let near = disc(map, 2.0 * (radius_m + half_m) + half_m);
         for index in map.inner() {
             let is_wall = map.cells()[index] == Cell::Occupied;
             if is_wall && map.around(index).iter().any(|&k| map.cells()[k] != Cell::Occupied) {
                 stamp(&mut weight, index, &near, |weight| if weight == 1 { NEAR_WALL } else { weight });
+                stamp(&mut weight, index, &tight, |weight| if weight > 0 { TIGHT } else { 0 });
                 stamp(&mut weight, index, &blocked, |_| 0);
             }
         }
@@ -166,6 +171,11 @@ impl Terrain {
     #[must_use]
     pub fn radius_m(&self) -> f64 {
         self.radius_m
+    }
+
+    /// Whether a robot can stand in a cell with room to spare.
+    pub(crate) fn is_roomy(&self, cell: usize) -> bool {
+        (1..TIGHT).contains(&self.weight[cell])
     }
 
     /// Whether a robot can stand in the cell that holds a point.

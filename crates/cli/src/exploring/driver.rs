@@ -227,7 +227,7 @@ mod tests {
 
         /// The second at which every robot has arrived.
         fn arrive(&mut self, most_s: usize) -> Option<usize> {
-            let terrain = Terrain::new(&self.map, RADIUS_M + 0.05);
+            let terrain = Terrain::new(&self.map, RADIUS_M);
             let mut traffic = Traffic::default();
             for second in 0..most_s {
                 if (0..self.drivers.len()).all(|number| self.has_arrived(number)) {

@@ -17,8 +17,8 @@ use truth::Truth;
 
 /// Radius of a robot, metres.
 pub(crate) const RADIUS_M: f64 = 0.22;
-/// What it is planned with, on cells of 0.1 m: it may be off its way by so much more, metres.
-const NEEDS_M: f64 = RADIUS_M + 0.05;
+/// What there is to see is seen from where a robot has so much room to spare, metres: a cell of its map.
+const SPARE_M: f64 = 0.1;
 /// How far its laser sees, metres, and its beams: a cheap one that turns.
 pub(crate) const REACH_M: f64 = 12.0;
 const BEAMS: usize = 360;
@@ -108,7 +108,7 @@ impl Building {
 
     fn of(site: Site, seed: u64) -> Self {
         let rovers = rovers(&site, &[site.start(0.0)], seed);
-        let truth = Truth::new(&rovers, site.start(0.0), NEEDS_M + 0.05, REACH_M);
+        let truth = Truth::new(&rovers, site.start(0.0), RADIUS_M + SPARE_M, REACH_M);
         Self { site, truth }
     }
 
@@ -300,7 +300,7 @@ impl Fleet {
         let mut grounds = Vec::new();
         for number in 0..self.drivers.len() {
             let exploration = &self.explorations[number.min(self.explorations.len() - 1)];
-            let Some(terrain) = exploration.terrain(NEEDS_M) else { return };
+            let Some(terrain) = exploration.terrain(RADIUS_M) else { return };
             let is_new = self.planned[number] != exploration.plans();
             self.planned[number] = exploration.plans();
             grounds.push(Ground { map: self.team.map(number), terrain, is_new });
@@ -314,7 +314,7 @@ impl Fleet {
                 id: number as u32,
                 map_from_robot: driver.map_from_robot,
                 heard_s: now_s,
-                radius_m: NEEDS_M,
+                radius_m: RADIUS_M,
                 speed_m_per_s: RobotSettings::default().speed_m_per_s,
                 reach_m: REACH_M,
             };
