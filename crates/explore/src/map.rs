@@ -31,6 +31,8 @@ pub struct OccupancyMap {
     width: usize,
     height: usize,
     cells: Vec<Cell>,
+    /// Where robots have stood; empty where nobody said so.
+    stood: Vec<bool>,
 }
 
 impl OccupancyMap {
@@ -48,7 +50,7 @@ impl OccupancyMap {
         for row in cells.chunks_exact_mut(width) {
             (row[0], row[width - 1]) = (Cell::Unknown, Cell::Unknown);
         }
-        Some(Self { origin_m, resolution_m, width, height, cells })
+        Some(Self { origin_m, resolution_m, width, height, cells, stood: Vec::new() })
     }
 
     /// What several maps in one frame say together: a cell is occupied where hits times `passes_per_hit` reach the passes, as a mapper
@@ -142,6 +144,12 @@ impl OccupancyMap {
     #[must_use]
     pub fn at(&self, point_m: [f64; 2]) -> Cell {
         self.index_of(point_m).map_or(Cell::Unknown, |index| self.cells[index])
+    }
+
+    /// Whether the middle of a robot was in a cell, and nothing has shown since that something is there.
+    #[inline]
+    pub(crate) fn has_stood(&self, index: usize) -> bool {
+        self.cells[index] == Cell::Free && self.stood.get(index).is_some_and(|stood| *stood)
     }
 
     /// Every cell that has eight neighbours; those at the left and right edges, which are unknown, have the ones across.

@@ -9,8 +9,7 @@ const DIAGONAL: u32 = 7;
 pub(crate) const CLEAR_STEP: u32 = 2 * STRAIGHT;
 /// An end of a step near walls counts so many times: paths keep to the middle of doors.
 const NEAR_WALL: u8 = 2;
-/// So many times where a pose that is off by half a cell would scrape: no way leads there but where no other is, such as out of a place that
-/// turned out narrower once it was seen from within.
+/// So many times where a robot can only stand because one has stood there: the way out of a place whose walls grew as more of them was seen.
 const TIGHT: u8 = 8;
 /// Buckets of the queue: more than the dearest step.
 const BUCKETS: usize = 128;
@@ -62,21 +61,26 @@ impl Block {
 }
 
 impl Terrain {
-    /// The free cells from which nothing occupied is nearer than the robot's radius and half a cell. Unknown cells cannot be driven on.
+    /// The free cells from which nothing occupied is nearer than the robot's radius and a cell, and those where a robot has stood. Unknown
+    /// cells cannot be driven on.
     #[must_use]
     pub fn new(map: &OccupancyMap, radius_m: f64) -> Self {
         let half_m = 0.5 * map.resolution_m();
         let mut weight: Vec<u8> = map.cells().iter().map(|cell| u8::from(*cell == Cell::Free)).collect();
-        let [blocked, tight] = [half_m, 2.0 * half_m].map(|margin_m| disc(map, radius_m + margin_m));
+        // What stands in a cell may be half a cell nearer, and so may the robot.
+        let blocked = disc(map, radius_m + 2.0 * half_m);
         // Nearer than a radius to the walls that are kept away from by a radius.
         let near = disc(map, 2.0 * (radius_m + half_m) + half_m);
         for index in map.inner() {
             let is_wall = map.cells()[index] == Cell::Occupied;
             if is_wall && map.around(index).iter().any(|&k| map.cells()[k] != Cell::Occupied) {
                 stamp(&mut weight, index, &near, |weight| if weight == 1 { NEAR_WALL } else { weight });
-                stamp(&mut weight, index, &tight, |weight| if weight > 0 { TIGHT } else { 0 });
                 stamp(&mut weight, index, &blocked, |_| 0);
             }
+        }
+        // Where one has stood others can: nobody is shut in where walls grew as more of them was seen.
+        for index in map.inner().filter(|&index| map.has_stood(index)) {
+            weight[index] = if weight[index] == 0 { TIGHT } else { weight[index] };
         }
         let [width, height] = map.size();
         let blocks_wide = width.div_ceil(BLOCK);
@@ -362,6 +366,34 @@ pub(crate) mod tests {
         assert!(!terrain.is_open(&map, [0.25, 1.0]));
         assert!(!way_m(&map, &terrain, [0.25, 1.0], [2.0, 1.0]).is_empty());
         assert!(way_m(&map, &terrain, [90.0, 1.0], [2.0, 1.0]).is_empty());
+    }
+
+    #[test]
+    fn who_got_in_gets_out() {
+        use crate::map::SharedMap;
+        use mapwright_geom::Pose2;
+        use mapwright_grid::Change;
+        use mapwright_sensor::SweepPoints;
+        // A wall from y = -3 to 3 at x = 2 with a gap of 0.4 m, seen from the left; behind it and around another wall.
+        let hits = |gap: bool| {
+            let mut hits: Vec<[f64; 2]> = (0..=600).map(|k| [2.0, 0.01 * f64::from(k - 300)]).collect();
+            hits.retain(|[_, y]| !gap || y.abs() > 0.2);
+            if gap {
+                hits.extend((0..40).map(|k| [4.0, 0.01 * f64::from(k - 20)]));
+            }
+            SweepPoints { normals: vec![[0.0; 2]; hits.len()], hits, ..SweepPoints::default() }
+        };
+        let mut shared = SharedMap::new(0.1, 12);
+        (0..3).for_each(|_| assert!(shared.draw(&hits(true), Pose2::IDENTITY, Change::Add)));
+        let is_linked = |shared: &SharedMap| {
+            let terrain = Terrain::new(shared.map(), 0.22);
+            !way_m(shared.map(), &terrain, [3.0, 0.05], [0.8, 0.05]).is_empty()
+        };
+        assert!(!is_linked(&shared), "narrower than the robot");
+        (0..60).for_each(|k| shared.stand([0.5 + 0.05 * f64::from(k), 0.02]));
+        assert!(is_linked(&shared), "one has passed");
+        shared.feel([2.05, 0.05], 0.44, f64::INFINITY);
+        assert!(!is_linked(&shared), "one has died in the gap");
     }
 
     #[test]

@@ -199,6 +199,9 @@ impl Fleet {
             for number in 0..self.drivers.len() {
                 let (odom, truth) = (self.rovers.odom_from_robot(number), self.rovers.world_from_robot(number));
                 self.drivers[number].map_from_robot = self.team.map_from_robot(number, odom, truth);
+                if self.drivers[number].alive {
+                    self.team.stand(number, self.drivers[number].at_m());
+                }
             }
             let twists: Vec<Twist> = (0..self.drivers.len())
                 .map(|number| driver::twist(&mut self.drivers, number, RADIUS_M, speed))
@@ -210,7 +213,7 @@ impl Fleet {
                 if let Some(point_m) = self.drivers[number].moved(twists[number], moved_m, RADIUS_M)
                     && !self.is_robot(number, point_m)
                 {
-                    self.team.feel(number, point_m, now_s + KEEP_OFF_S);
+                    self.team.feel(number, point_m, 0.0, now_s + KEEP_OFF_S);
                 }
             }
         }
@@ -219,6 +222,7 @@ impl Fleet {
     fn switch_off(&mut self) {
         if let Some((number, _)) = self.plan.dies {
             self.drivers[number].switch_off();
+            self.team.feel(number, self.drivers[number].at_m(), 2.0 * RADIUS_M, f64::INFINITY);
         }
     }
 

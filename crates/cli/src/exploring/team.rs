@@ -107,10 +107,16 @@ impl Team {
         self.maps[number.min(self.maps.len() - 1)].map()
     }
 
-    /// Something held a robot there.
-    pub(super) fn feel(&mut self, number: usize, point_m: [f64; 2], until_s: f64) {
+    /// A robot is there.
+    pub(super) fn stand(&mut self, number: usize, point_m: [f64; 2]) {
         let own = number.min(self.maps.len() - 1);
-        self.maps[own].feel(point_m, until_s);
+        self.maps[own].stand(point_m);
+    }
+
+    /// Something held a robot there, or a robot died there.
+    pub(super) fn feel(&mut self, number: usize, point_m: [f64; 2], radius_m: f64, until_s: f64) {
+        let own = number.min(self.maps.len() - 1);
+        self.maps[own].feel(point_m, radius_m, until_s);
     }
 
     pub(super) fn forget(&mut self, now_s: f64) {

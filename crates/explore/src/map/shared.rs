@@ -26,7 +26,8 @@ impl SharedMap {
     #[must_use]
     pub fn new(resolution_m: f64, passes_per_hit: u32) -> Self {
         let cells = vec![Cell::Unknown; 9];
-        let map = OccupancyMap { origin_m: [0.0; 2], resolution_m, width: 3, height: 3, cells };
+        let stood = vec![false; 9];
+        let map = OccupancyMap { origin_m: [0.0; 2], resolution_m, width: 3, height: 3, cells, stood };
         Self { map, counts: vec![[0; 2]; 9], passes_per_hit, felt_m: Vec::new() }
     }
 
@@ -62,11 +63,23 @@ impl SharedMap {
         true
     }
 
-    /// Something that no beam has shown held a robot there: an obstacle until that time, seconds.
-    pub fn feel(&mut self, point_m: [f64; 2], until_s: f64) {
-        if let Some(index) = self.map.index_of(point_m).filter(|&index| self.is_inside(index)) {
-            self.count(index, 0, FELT, Change::Add);
-            self.felt_m.push((point_m, until_s));
+    /// The middle of a robot is there: others can stand there as well, however near the walls are that beams have shown.
+    pub fn stand(&mut self, point_m: [f64; 2]) {
+        if let Some(index) = self.map.index_of(point_m) {
+            self.map.stood[index] = true;
+        }
+    }
+
+    /// Something is there that no beam need have shown, for it held a robot or is one that has died: an obstacle until that time, seconds,
+    /// and within `radius_m` nobody can stand because others have stood there.
+    pub fn feel(&mut self, point_m: [f64; 2], radius_m: f64, until_s: f64) {
+        let Some(index) = self.map.index_of(point_m).filter(|&index| self.is_inside(index)) else { return };
+        self.count(index, 0, FELT, Change::Add);
+        self.felt_m.push((point_m, until_s));
+        let cells = (radius_m / self.map.resolution_m).ceil() as i64;
+        for (x, y) in (-cells..=cells).flat_map(|y| (-cells..=cells).map(move |x| (x, y))) {
+            let near_m = [point_m[0] + x as f64 * self.map.resolution_m, point_m[1] + y as f64 * self.map.resolution_m];
+            self.map.index_of(near_m).into_iter().for_each(|near| self.map.stood[near] = false);
         }
     }
 
@@ -167,13 +180,15 @@ impl SharedMap {
         let [width, height] = size.map(|side| side as usize);
         let [left, below] = [0, 1].map(|k| more[k][0] as usize);
         let (mut cells, mut counts) = (vec![Cell::Unknown; width * height], vec![[0; 2]; width * height]);
+        let mut stood = vec![false; width * height];
         for row in 0..old[1] {
             let (from, to) = (row * old[0], (row + below) * width + left);
             cells[to..to + old[0]].copy_from_slice(&self.map.cells[from..from + old[0]]);
             counts[to..to + old[0]].copy_from_slice(&self.counts[from..from + old[0]]);
+            stood[to..to + old[0]].copy_from_slice(&self.map.stood[from..from + old[0]]);
         }
         let origin_m = [0, 1].map(|k| self.map.origin_m[k] - more[k][0] * cell_m);
-        self.map = OccupancyMap { origin_m, resolution_m: cell_m, width, height, cells };
+        self.map = OccupancyMap { origin_m, resolution_m: cell_m, width, height, cells, stood };
         self.counts = counts;
         true
     }
@@ -228,7 +243,7 @@ mod tests {
         let mut shared = SharedMap::new(0.1, 12);
         (0..50).for_each(|_| assert!(shared.draw(&room(3.0), Pose2::IDENTITY, Change::Add)));
         let before = shared.map().clone();
-        shared.feel([1.0, 1.0], 20.0);
+        shared.feel([1.0, 1.0], 0.4, 20.0);
         assert_eq!(shared.map().at([1.0, 1.0]), Cell::Occupied);
         shared.forget(19.0);
         assert_eq!(shared.map().at([1.0, 1.0]), Cell::Occupied);
