@@ -142,6 +142,8 @@ pub struct Exploration {
     sight_m: Option<f64>,
     planned_s: Option<f64>,
     plans: u32,
+    /// Origin and size of the map of the last plan.
+    layout: Option<([f64; 2], [usize; 2])>,
     reach: Reach,
 }
 
@@ -208,7 +210,10 @@ impl Exploration {
         }
         let ground = Ground { map, robots: &robots, now_s };
         let ended = self.end_errands(&ground);
-        if lost || ended || self.planned_s.is_none_or(|planned_s| now_s - planned_s >= self.settings.renew_after_s) {
+        let is_old = self.planned_s.is_none_or(|planned_s| now_s - planned_s >= self.settings.renew_after_s);
+        // What the last plan said of cells is of no use where a map that has grown numbers them otherwise.
+        let is_laid_out = self.layout.is_some_and(|(origin_m, size)| map.is_laid_out_as(origin_m, size));
+        if lost || ended || is_old || !is_laid_out {
             self.plan(&ground);
         }
         self.decision(&robots)
@@ -284,6 +289,7 @@ impl Exploration {
     /// Gives robots their errands.
     fn plan(&mut self, ground: &Ground<'_>) {
         (self.planned_s, self.plans) = (Some(ground.now_s), self.plans + 1);
+        self.layout = Some((ground.map.origin_m(), ground.map.size()));
         let mut views = Views::new(ground.map);
         let sight_m = self.sight_m(ground, &views);
         let found = frontiers(ground.map, sight_m);

@@ -114,6 +114,15 @@ impl OccupancyMap {
         [self.width, self.height]
     }
 
+    /// Whether the cells of another map lie where those of this one do.
+    pub(crate) fn is_laid_out_as(&self, origin_m: [f64; 2], size: [usize; 2]) -> bool {
+        self.origin_m == origin_m && self.size() == size
+    }
+
+    pub(crate) fn origin_m(&self) -> [f64; 2] {
+        self.origin_m
+    }
+
     /// All cells, row by row.
     #[inline]
     #[must_use]

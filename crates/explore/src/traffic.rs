@@ -37,9 +37,20 @@ pub struct Traveller<'a> {
     pub drives: bool,
 }
 
+impl Traveller<'_> {
+    /// Whether it has nowhere to go any more.
+    fn is_there(&self) -> bool {
+        if !self.drives {
+            return true;
+        }
+        let start = self.terrain.start(self.map, self.at_m);
+        self.from_goal.zip(start).is_none_or(|(from_goal, start)| from_goal.cost(start) == 0)
+    }
+}
+
 /// Plans the ways of robots that drive near each other.
 ///
-/// Robots plan one after the other, those with a goal first. Each finds the cheapest way of the next steps that stays clear of the ways of
+/// Robots plan one after the other, those that have a way to go first. Each finds the cheapest way of the next steps that stays clear of the ways of
 /// those before it, of which waiting and making way are a part. One that finds none, for another's way leads over its place and it cannot
 /// leave, comes first from then on: the others find a way around it, or make way for it. The first in the order waits for nobody, so that
 /// somebody always moves.
@@ -55,7 +66,7 @@ impl Traffic {
         if self.order.len() != robots.len() {
             self.order = (0..robots.len()).collect();
         }
-        self.order.sort_by_key(|&k| (robots[k].drives, robots[k].from_goal.is_none()));
+        self.order.sort_by_key(|&k| (robots[k].drives, robots[k].is_there()));
         let mut plans: Vec<Option<Vec<[f64; 2]>>> = Vec::new();
         for attempt in 0..=robots.len() {
             plans = vec![None; robots.len()];
@@ -129,6 +140,8 @@ impl Search {
         self.open.clear();
         let first = WINDOW * SIDE + WINDOW;
         (self.cost[first], self.blocks[first]) = (0, start);
+        // In the block that it is in it stands where it is.
+        let stand_m = |place: usize, block: usize| if place == first { at_m } else { terrain.middle_m(map, block) };
         self.open.push(Reverse((to_go(start), Reverse(0), first as u32)));
         while let Some(Reverse((_, Reverse(step), state))) = self.open.pop() {
             let (state, place) = (state as usize, state as usize % area);
@@ -136,7 +149,7 @@ impl Search {
                 return Some(self.way(map, terrain, at_m, state));
             }
             let (block, cost) = (self.blocks[place], self.cost[state]);
-            let here_m = if step == 0 { at_m } else { terrain.middle_m(map, block) };
+            let here_m = stand_m(place, block);
             let wait_cost = (WINDOW - step) as u32 + if to_go(block) == 0 { 0 } else { WAIT * PARTS };
             let waits = (place, block, wait_cost);
             let moves = terrain.leads(block).map(|(way, near, cost)| {
@@ -145,9 +158,9 @@ impl Search {
             });
             for (place, block, step_cost) in moves.chain([waits]) {
                 let (there, to_go) = ((step + 1) * area + place, to_go(block));
-                let there_m = if block == start && here_m == at_m { at_m } else { terrain.middle_m(map, block) };
-                let met = others.iter().map(|other| other.met(step + 1, here_m, there_m, keep_m));
-                let cost = met.fold(cost.saturating_add(step_cost), u32::saturating_add);
+                let there_m = stand_m(place, block);
+                let met = others.iter().map(|other| other.met(step + 1, here_m, there_m, keep_m)).max();
+                let cost = cost.saturating_add(step_cost).saturating_add(met.unwrap_or(0));
                 if to_go == NOWHERE || cost == NOWHERE || cost >= self.cost[there] {
                     continue;
                 }
@@ -167,13 +180,11 @@ impl Search {
             state = self.before[state] as usize;
         }
         places.reverse();
-        // Who does not leave its block stands where it is.
         let first = WINDOW * SIDE + WINDOW;
-        let stays = places.iter().take_while(|&&place| place == first).count();
-        let middle_m = |(step, &place): (usize, &usize)| {
-            if step < stays { at_m } else { terrain.middle_m(map, self.blocks[place]) }
+        let stand_m = |&place: &usize| {
+            if place == first { at_m } else { terrain.middle_m(map, self.blocks[place]) }
         };
-        std::iter::once(at_m).chain(places.iter().enumerate().map(middle_m)).collect()
+        std::iter::once(at_m).chain(places.iter().map(stand_m)).collect()
     }
 }
 
