@@ -174,7 +174,8 @@ impl SharedMap {
             [below, if above >= 0.0 { (above + spare).ceil() } else { 0.0 }]
         });
         let size = [0, 1].map(|k| more[k][0] + old[k] as f64 + more[k][1]);
-        if !(size[0] * size[1] <= MAX_CELLS as f64) {
+        let area = size[0] * size[1];
+        if area.is_nan() || area > MAX_CELLS as f64 {
             return false;
         }
         let [width, height] = size.map(|side| side as usize);
