@@ -2,6 +2,7 @@
 
 mod export;
 mod fleet;
+mod fleet_net;
 mod merge_maps;
 mod rendezvous;
 mod suite;
@@ -10,6 +11,7 @@ mod values;
 
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
+pub(crate) use fleet_net::{FleetJoinArgs, FleetKeysArgs, FleetStatusArgs};
 pub(crate) use merge_maps::MergeMapsArgs;
 pub(crate) use rendezvous::RendezvousArgs;
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};

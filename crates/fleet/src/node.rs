@@ -180,6 +180,13 @@ impl Node {
         self.distrusted.insert(rank);
     }
 
+    /// When a robot was heard last, and of each chain the number of the record after those that it held then; none where it never was.
+    #[must_use]
+    pub fn heard(&self, rank: u16) -> Option<(Stamp, &BTreeMap<ChainId, u32>)> {
+        let peer = self.peers.get(usize::from(rank))?;
+        Some((peer.heard?, &peer.holds))
+    }
+
     /// Who solves: of those alive the first in the roster. None until one lease has passed since this robot was switched on, for it has not
     /// heard of others yet.
     #[must_use]

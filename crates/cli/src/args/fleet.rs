@@ -1,6 +1,6 @@
 //! `mapwright fleet`.
 
-use super::{SettingsArgs, SourceArgs, Voice};
+use super::{FleetJoinArgs, FleetKeysArgs, FleetStatusArgs, SettingsArgs, SourceArgs, Voice};
 use crate::commands::Lie;
 use clap::{Args as ClapArgs, Subcommand};
 use std::path::PathBuf;
@@ -15,6 +15,12 @@ pub(crate) struct FleetArgs {
 pub(crate) enum FleetCommand {
     /// Logs as robots that drive at the same time and hear each other by a simulated radio: what a team would make of them.
     Simulate(FleetSimulateArgs),
+    /// Keys, certificates and one configuration for each robot of a team.
+    Keys(FleetKeysArgs),
+    /// A robot of a team that maps a log, or what comes in, and shares one map with the others over the network.
+    Join(FleetJoinArgs),
+    /// Who of a team is there: what each robot holds, who solves, what is refused.
+    Status(FleetStatusArgs),
 }
 
 #[derive(Debug, ClapArgs)]

@@ -10,6 +10,8 @@ mod explain;
 mod explore;
 mod export;
 mod export_space;
+#[cfg(feature = "net")]
+mod fleet_net;
 mod lag;
 mod lasers;
 mod map;

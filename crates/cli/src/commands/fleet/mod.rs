@@ -1,9 +1,25 @@
 //! `mapwright fleet`
 
+#[cfg(feature = "net")]
+mod join;
+#[cfg(feature = "net")]
+mod keys;
 pub(super) mod liar;
+#[cfg(feature = "net")]
+mod member;
 mod report;
+#[cfg(feature = "net")]
+mod results;
+#[cfg(feature = "net")]
+mod robot;
 mod simulate;
+#[cfg(feature = "net")]
+mod state;
+#[cfg(feature = "net")]
+mod status;
 pub(super) mod team;
+#[cfg(feature = "net")]
+mod told;
 
 pub(crate) use liar::Lie;
 
@@ -13,5 +29,16 @@ use crate::failure::{Failure, Outcome};
 pub(super) fn run(args: &FleetArgs) -> Result<Outcome, Failure> {
     match &args.command {
         FleetCommand::Simulate(args) => simulate::run(args),
+        #[cfg(feature = "net")]
+        FleetCommand::Keys(args) => keys::run(args),
+        #[cfg(feature = "net")]
+        FleetCommand::Join(args) => join::run(args),
+        #[cfg(feature = "net")]
+        FleetCommand::Status(args) => status::run(args),
+        #[cfg(not(feature = "net"))]
+        FleetCommand::Keys(_) | FleetCommand::Join(_) | FleetCommand::Status(_) => Err(Failure::Usage(
+            "this mapwright was built without the network; the packages have it, and `cargo install --path crates/cli --features net`"
+                .to_owned(),
+        )),
     }
 }
