@@ -117,16 +117,18 @@ def row(name, since):
     reports = [json.loads((WORK / name / robot / "fleet.json").read_text()) for robot in ROBOTS]
     sessions = {(WORK / name / robot / "session.mapwright").read_bytes() for robot in ROBOTS}
     records = {report["records_mapped"]["count"] for report in reports}
+    driven = max(report["log_over_clock_s"] for report in reports) - since
     held = max(report["records_mapped"]["since_clock_s"] for report in reports) - since
     in_map = max(report["keyframes_in_map"]["since_clock_s"] for report in reports) - since
-    of_all = sum(held["records"] for held in reports[0]["own"]["holds"])
+    of_all = sum(chain["records"] for chain in reports[0]["own"]["holds"])
     same = "same bytes" if len(sessions) == 1 else f"{len(sessions)} different sessions"
     mapped = ", ".join(map(str, sorted(records)))
-    print(f"{name:<24} {mapped:>7} records mapped, {of_all:>4} in all; held by all {held:6.1f} s, in every map {in_map:6.1f} s; {same}", flush=True)
+    print(f"{name:<24} {mapped:>7} records mapped, {of_all:>4} in all; driven {driven:6.1f} s, held by all {held:6.1f} s, ", end="")
+    print(f"in every map {in_map:6.1f} s; {same}", flush=True)
 
 
 def main():
-    if len(sys.argv) != 2:
+    if len(sys.argv) not in (2, 3):
         sys.exit(__doc__)
     if os.geteuid() != 0 or not shutil.which("ip") or not shutil.which("nft"):
         sys.exit("skipped: needs root, ip and nft")
@@ -142,7 +144,8 @@ def main():
         sys.exit(f"skipped: {why}")
     try:
         print("TCP:", inside(0, "cat", "/proc/sys/net/ipv4/tcp_congestion_control").stdout.strip(), flush=True)
-        for percent in (0, LOSS_PERCENT):
+        only = sys.argv[2:]  # cut-off: that alone
+        for percent in () if only else (0, LOSS_PERCENT):
             lose(percent)
             begun = time.time()
             wait(start(logs, f"loss-{percent}", "--rate", "max"))
@@ -150,8 +153,8 @@ def main():
         for percent in (0, LOSS_PERCENT):
             lose(percent)
             # The logs are over within the time in which the last robot is cut off.
-            runs = start(logs, f"cut-off-loss-{percent}", "--rate", "30", "--stay", "30")
-            time.sleep(20)
+            runs = start(logs, f"cut-off-loss-{percent}", "--rate", "45", "--stay", "30")
+            time.sleep(14)
             sh("ip", "-n", HUB, "link", "set", "r2", "down")
             time.sleep(CUT_OFF_S)
             sh("ip", "-n", HUB, "link", "set", "r2", "up")

@@ -114,7 +114,7 @@ impl CertificateBytes {
         let (from, to) = (certificate.validity().not_before, certificate.validity().not_after);
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let now_s = i64::try_from(since.as_secs()).unwrap_or(i64::MAX);
-        if (from.timestamp()..=to.timestamp()).contains(&now_s) {
+        if (from.timestamp()..to.timestamp()).contains(&now_s) {
             return Ok((to.timestamp() - now_s).unsigned_abs() / 86_400);
         }
         let now = ASN1Time::from_timestamp(now_s).map_or_else(|_| "nothing".to_owned(), |now| now.to_string());

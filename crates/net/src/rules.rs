@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 /// Milliseconds without a word, after which a link is taken to be dead and is opened anew. At 30 % loss TCP is silent for up to some seconds.
 const LEASE_MS: u64 = 6000;
 /// Milliseconds that opening a link may take, and from one attempt to the next.
-const OPEN_MS: u64 = 5000;
-const RETRY_MS: [u64; 2] = [500, 1000];
+const OPEN_MS: u64 = 2500;
+const RETRY_MS: [u64; 2] = [500, 500];
 /// Batches of 64 KiB that wait on a link: a message of the greatest length has room.
 const BATCHES: u64 = 16;
 /// Microseconds for which a message that does not fit waits, and parts of a longer one, before it is dropped.

@@ -69,9 +69,10 @@ impl Team {
         self.folder.join(format!("out-{robot}"))
     }
 
-    fn join(&self, robot: &str, log: &str, more: &[&str]) -> Child {
+    fn join(&self, robot: &str, log: &str, [rate, wait]: [&str; 2], more: &[&str]) -> Child {
         let (config, out) = (self.config(robot), string(&self.out(robot)));
-        let mut words = vec!["fleet", "join", log, "--config", &config, "-o", &out, "--stay", "12", "--wait", "90"];
+        let mut words = vec!["fleet", "join", log, "--config", &config, "-o", &out, "--stay", "12"];
+        words.extend(["--rate", rate, "--wait", wait]);
         words.extend(more);
         spawn(&words)
     }
@@ -195,13 +196,13 @@ fn robots_on_a_network_end_with_the_same_map_and_strangers_stay_out() {
     let others = Team::new("fleet-join-others", &[("eve", e), ("fred", f)], &[]);
     others.add("eve", &format!("connect = [\"tls/127.0.0.1:{b}\"]"));
     let logs = [0, 1, 2].map(|waypoint| team.log(waypoint));
-    let quick = ["--rate", "4"];
+    let quick = ["4", "90"];
     let robots = ["anna", "bert", "carl"];
-    let mut running: Vec<Child> = vec![team.join("bert", &logs[1], &quick)];
-    running.push(team.join("anna", &logs[0], &["--rate", "4", "--set", "map.resolution_m=0.1"]));
-    running.push(team.join("carl", &logs[2], &quick));
-    let dora = team.join("dora", &logs[0], &["--rate", "max", "--wait", "8"]);
-    let eve = others.join("eve", &logs[0], &["--rate", "max", "--wait", "8"]);
+    let mut running: Vec<Child> = vec![team.join("bert", &logs[1], quick, &[])];
+    running.push(team.join("anna", &logs[0], quick, &["--set", "map.resolution_m=0.1"]));
+    running.push(team.join("carl", &logs[2], quick, &[]));
+    let dora = team.join("dora", &logs[0], ["max", "8"], &[]);
+    let eve = others.join("eve", &logs[0], ["max", "8"], &[]);
     std::thread::sleep(Duration::from_secs(8));
     let status = run(&["fleet", "status", "--config", &team.config("carl"), "--json"]);
     assert_code(&status, 0);
@@ -243,17 +244,17 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
     let [a, b, other] = ports();
     let team = Team::new("fleet-again", &[("anna", a), ("bert", b)], &[]);
     let logs = [0, 1].map(|waypoint| team.log(waypoint));
-    let bert = team.join("bert", &logs[1], &["--rate", "2"]);
-    let mut anna = team.join("anna", &logs[0], &["--rate", "4"]);
+    let bert = team.join("bert", &logs[1], ["2", "90"], &[]);
+    let mut anna = team.join("anna", &logs[0], ["4", "90"], &[]);
     std::thread::sleep(Duration::from_secs(6));
     // The robot itself runs: another process of it is refused.
-    let output = team.join("anna", &logs[0], &["-o", &string(&team.out("second"))]).wait_with_output().unwrap();
-    assert_code(&output, 2);
+    let output = run(&["fleet", "join", &logs[0], "--config", &team.config("anna"), "-o", &string(&team.out("second"))]);
+    assert_refused(&output, 2, &["this robot runs already"]);
     anna.kill().unwrap();
     anna.wait().unwrap();
     let state = team.file("anna", "state").join("session");
     let number = fs::read_to_string(&state).unwrap();
-    let anna = team.join("anna", &logs[0], &["--rate", "4"]);
+    let anna = team.join("anna", &logs[0], ["4", "90"], &[]);
     std::thread::sleep(Duration::from_secs(4));
     assert_ne!(fs::read_to_string(&state).unwrap(), number);
     // Another computer with a copy of anna's keys.
@@ -265,7 +266,7 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
     let config = twin.join("robot.toml");
     let text = fs::read_to_string(&config).unwrap().replace(&a.to_string(), &other.to_string());
     fs::write(&config, text).unwrap();
-    let twin = team.join("twin", &logs[1], &["--rate", "1", "--wait", "20"]);
+    let twin = team.join("twin", &logs[1], ["1", "20"], &[]);
     std::thread::sleep(Duration::from_secs(6));
     let interrupt = std::process::Command::new("kill").arg(twin.id().to_string()).status().unwrap();
     assert!(interrupt.success());

@@ -86,14 +86,14 @@ fn check(args: &FleetKeysArgs, asked: &[Asked], team: &TeamToml) -> Result<(), F
     }
     let known = |name: &str| team.robot.iter().any(|member| member.name == name) || args.output.join(name).exists();
     let names = || asked.iter().map(|robot| &robot.name).chain(&args.router);
+    if let Some(name) = names().find(|name| *name == "authority") {
+        return Err(Failure::Usage(format!("{name}: expected another name, found that of the authority's folder")));
+    }
     if let Some(name) = names().find(|name| known(name) && !args.force) {
         return Err(Failure::Usage(format!(
             "{} has keys already; --force makes new ones, and the old ones are not believed any more",
             args.output.join(name).display()
         )));
-    }
-    if let Some(name) = names().find(|name| *name == "authority") {
-        return Err(Failure::Usage(format!("{name}: expected another name, found that of the authority's folder")));
     }
     // What a roster refuses is refused here.
     let keys = names().enumerate().map(|(k, name)| {

@@ -51,7 +51,7 @@ pub(super) struct Member {
     /// Records of what was mapped, and since when there were as many; the same of keyframes in the map of all.
     pub(super) mapped: Since,
     pub(super) in_map: Since,
-    log_over_s: Option<f64>,
+    pub(super) log_over_s: Option<f64>,
 }
 
 /// How many there are, and since when.
@@ -241,7 +241,12 @@ impl Member {
 
     /// Seconds since 1970 since when it is so.
     pub(super) fn clock_s(&self, since: Since) -> f64 {
-        self.of_itself().clock_s - (self.seconds() - since.at_s)
+        self.clock_at(since.at_s)
+    }
+
+    /// Seconds since 1970 of a time of the robot's own.
+    pub(super) fn clock_at(&self, at_s: f64) -> f64 {
+        self.of_itself().clock_s - (self.seconds() - at_s)
     }
 
     /// To others what it says of itself, and to the user what has changed.
@@ -263,7 +268,7 @@ impl Member {
             self.say(&format!("{now_s:.0} s: hears {words}"));
             self.hears = Some(hears);
         }
-        for refused in &told.refused {
+        for refused in told.refused.iter() {
             let of = refused.of.as_ref().map_or(String::new(), |of| format!(", {of}"));
             self.say_once(&format!("refused{of}: {}", refused.why));
         }

@@ -63,6 +63,7 @@ pub(super) fn write(run: Run<'_>, mut output: OutputFolder) -> Result<Outcome, F
         "settled_s": settled_s,
         "records_mapped": { "count": member.mapped.count, "since_clock_s": member.clock_s(member.mapped) },
         "keyframes_in_map": { "count": member.in_map.count, "since_clock_s": member.clock_s(member.in_map) },
+        "log_over_clock_s": member.log_over_s.map(|at_s| member.clock_at(at_s)),
         "own": own,
         "others": others,
         "never_heard": never,
