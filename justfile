@@ -12,11 +12,11 @@ fmt:
 
 # lints, warnings denied
 lint:
-    cargo clippy --workspace --all-targets -- -D warnings
+    cargo clippy --workspace --all-targets --features mapwright-cli/net -- -D warnings
 
 # all tests
 test:
-    cargo test --workspace
+    cargo test --workspace --features mapwright-cli/net
 
 # documentation, warnings denied
 doc:

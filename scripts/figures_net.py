@@ -59,14 +59,20 @@ def make_network():
         sh("ip", "-n", namespace(k), "link", "set", "air", "up")
         sh("ip", "-n", namespace(k), "link", "set", "lo", "up")
         inside(k, "nft", "add table inet radio")
-        inside(k, "nft", "add chain inet radio in { type filter hook input priority 0; }")
+        for way, hook in (("in", "input"), ("out", "output")):
+            inside(k, "nft", f"add chain inet radio {way} {{ type filter hook {hook} priority 0; }}")
 
 
 def lose(percent):
     for k in range(len(ROBOTS)):
-        inside(k, "nft", "flush chain inet radio in")
+        inside(k, "nft", "flush table inet radio")
         if percent:
             inside(k, "nft", f'add rule inet radio in iifname "air" numgen random mod 100 < {percent} drop')
+
+
+def cut_off(k):
+    for way, name in (("in", "iifname"), ("out", "oifname")):
+        inside(k, "nft", f'insert rule inet radio {way} {name} "air" drop')
 
 
 def remove_network():
@@ -155,9 +161,9 @@ def main():
             # The logs are over within the time in which the last robot is cut off.
             runs = start(logs, f"cut-off-loss-{percent}", "--rate", "45", "--stay", "30")
             time.sleep(14)
-            sh("ip", "-n", HUB, "link", "set", "r2", "down")
+            cut_off(len(ROBOTS) - 1)
             time.sleep(CUT_OFF_S)
-            sh("ip", "-n", HUB, "link", "set", "r2", "up")
+            lose(percent)
             healed = time.time()
             wait(runs)
             row(f"cut-off-loss-{percent}", healed)

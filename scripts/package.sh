@@ -56,7 +56,7 @@ build_deb() {
         env -u CARGO_TARGET_DIR CARGO_PROFILE_DEV_DEBUG=false cargo install cargo-deb --version "$cargo_deb_version" \
             --locked --debug --force --root "$tools"
     fi
-    "$built" || cargo build --profile "$profile" -p mapwright-cli
+    "$built" || cargo build --profile "$profile" -p mapwright-cli --features net
     pages "$target/$folder/mapwright" "$target/$folder/package"
     "$tools/bin/cargo-deb" -p mapwright-cli --profile "$profile" --no-build --output "$out/"
 }
@@ -70,7 +70,7 @@ missing_static() {
 
 build_static() {
     local name=mapwright-$version-x86_64-linux-static
-    "$built" || cargo build --profile "$profile" -p mapwright-cli --target "$musl"
+    "$built" || cargo build --profile "$profile" -p mapwright-cli --features net --target "$musl"
     pages "$target/$musl/$folder/mapwright" "$out/$name"
     cp "$target/$musl/$folder/mapwright" LICENSE-MIT LICENSE-APACHE README.md "$out/$name"
     strip "$out/$name/mapwright"

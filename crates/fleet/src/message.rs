@@ -191,7 +191,7 @@ pub enum Refusal {
     Unknown,
     /// Not signed by the robot that it says it is of.
     Forged,
-    /// A beat that is no newer than the last one.
+    /// A beat that is much older than the last one.
     Replayed,
     /// Of this robot itself, which has not said it: another one has its key, or it has lost its log.
     OwnName,

@@ -12,6 +12,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Times that a robot may have been switched on: no robot can take up the room of others.
 const SESSIONS_AT_MOST: usize = 64;
+/// Beats of a robot that may overtake one another on different ways: ten seconds' worth.
+const BEATS_LATE: u64 = 20;
 
 /// How a node behaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -265,9 +267,9 @@ impl Node {
         }
         let peer = &self.peers[usize::from(rank)];
         if peer.heard.is_some() && (beat.from.session, beat.number) <= (peer.session, peer.number) {
-            let is_same = (beat.from.session, beat.number) == (peer.session, peer.number);
-            // The same one over several ways is no fault.
-            return if is_same { Ok(()) } else { Err((Refusal::Replayed, Some(rank))) };
+            // The same one over several ways, or one that was overtaken on them, is no fault.
+            let is_overtaken = beat.from.session == peer.session && peer.number - beat.number <= BEATS_LATE;
+            return if is_overtaken { Ok(()) } else { Err((Refusal::Replayed, Some(rank))) };
         }
         if !self.roster.has_signed(rank, &beat.signed(), &beat.signature) {
             return Err((Refusal::Forged, Some(rank)));

@@ -1,7 +1,6 @@
 //! What a robot shows to others, and what it checks theirs with.
 
 use crate::error::NetError;
-use crate::issue::key_in;
 use rcgen::{KeyPair, PublicKeyData};
 use std::time::SystemTime;
 use x509_parser::pem::parse_x509_pem;
@@ -124,4 +123,10 @@ impl CertificateBytes {
 
 fn common_name_of<'a>(name: &'a X509Name<'a>) -> Option<&'a str> {
     name.iter_common_name().next().and_then(|part| part.as_str().ok())
+}
+
+pub(crate) fn key_in(pem: &str) -> Result<KeyPair, NetError> {
+    // The cause is left out: it could say what is in the file.
+    KeyPair::from_pem(pem)
+        .map_err(|_| NetError::Unreadable { expected: "a private key as PEM", found: "something else".to_owned() })
 }

@@ -1,6 +1,6 @@
 //! Making keys and certificates.
 
-use crate::credentials::{certificate_in, is_team_name};
+use crate::credentials::{certificate_in, is_team_name, key_in};
 use crate::error::NetError;
 use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
@@ -125,12 +125,6 @@ fn named(name: &str, days: u32) -> Result<CertificateParams, NetError> {
     (params.not_before, params.not_after) = (from.into(), to.into());
     params.serial_number = Some(SerialNumber::from_slice(&random_bytes()?[..16]));
     Ok(params)
-}
-
-pub(crate) fn key_in(pem: &str) -> Result<KeyPair, NetError> {
-    // The cause is left out: it could say what is in the file.
-    KeyPair::from_pem(pem)
-        .map_err(|_| NetError::Unreadable { expected: "a private key as PEM", found: "something else".to_owned() })
 }
 
 fn made(cause: rcgen::Error) -> NetError {

@@ -15,5 +15,6 @@ mod wire;
 pub use credentials::{Credentials, is_team_name};
 pub use error::NetError;
 pub use issue::{Authority, Issued, random_bytes};
+pub use rules::WireSettings;
 pub use watch::Complaint;
-pub use wire::{Arrival, Link, Wire, WireSettings};
+pub use wire::{Arrival, Link, Wire};

@@ -1,7 +1,6 @@
 //! How Zenoh is set up: which addresses, which certificates, who may say what, and how much.
 
 use crate::credentials::Credentials;
-use crate::wire::WireSettings;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
@@ -15,6 +14,23 @@ const RETRY_MS: [u64; 2] = [500, 500];
 const BATCHES: u64 = 16;
 /// Microseconds for which a message that does not fit waits, and parts of a longer one, before it is dropped.
 const WAIT_US: [u64; 2] = [1000, 200_000];
+
+/// Who is in the team and where, and how long a message may be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WireSettings {
+    /// What the team is called: teams on one network do not hear each other.
+    pub team: String,
+    /// All robots of the team, this one too.
+    pub robots: Vec<String>,
+    /// Common names of routers that may pass on what any robot says.
+    pub relays: Vec<String>,
+    /// Where to listen, such as `tls/[::]:7447`; nowhere where there is none.
+    pub listen: Vec<String>,
+    /// Where others are found.
+    pub connect: Vec<String>,
+    /// Bytes of a message; longer ones pass neither way.
+    pub message_at_most: usize,
+}
 
 /// Where all that a robot says lies.
 pub(crate) fn of_robot(team: &str, name: &str) -> String {

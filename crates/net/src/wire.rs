@@ -3,7 +3,7 @@
 use crate::credentials::{Credentials, is_team_name};
 use crate::error::NetError;
 use crate::queue::Queue;
-use crate::rules::{of_robot, zenoh_settings};
+use crate::rules::{WireSettings, of_robot, zenoh_settings};
 use crate::watch::{self, Complaint};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -20,23 +20,6 @@ const OUTGOING_AT_MOST: usize = 1 << 23;
 const SHORT: usize = 1024;
 /// How often the thread that sends looks whether it is over.
 const TICK: Duration = Duration::from_millis(200);
-
-/// Who is in the team and where, and how long a message may be.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct WireSettings {
-    /// What the team is called: teams on one network do not hear each other.
-    pub team: String,
-    /// All robots of the team, this one too.
-    pub robots: Vec<String>,
-    /// Common names of routers that may pass on what any robot says.
-    pub relays: Vec<String>,
-    /// Where to listen, such as `tls/[::]:7447`; nowhere where there is none.
-    pub listen: Vec<String>,
-    /// Where others are found.
-    pub connect: Vec<String>,
-    /// Bytes of a message; longer ones pass neither way.
-    pub message_at_most: usize,
-}
 
 /// A message that has come.
 #[derive(Debug, Clone, PartialEq, Eq)]

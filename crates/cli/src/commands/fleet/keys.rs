@@ -211,7 +211,7 @@ private_key = \"{PRIVATE_KEY}\"     # secret
 signing_key = \"{SIGNING_KEY}\"     # secret
 state = \"state\"                 # folder of what the robot must not forget
 listen = [\"{listen}\"]
-# connect = [\"tls/HOST:PORT\"]   # otherwise the addresses of all others in {TEAM}
+# connect = [\"tls/HOST:PORT\"]   # otherwise the addresses in {TEAM} of those whose names come before
 {relays}
 # [settings.map]                # any setting of `mapwright config`; the same on all robots
 # resolution_m = 0.05

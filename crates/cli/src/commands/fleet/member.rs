@@ -15,7 +15,7 @@ const TICK: Duration = Duration::from_millis(20);
 /// Messages that are taken in before it is time for other things.
 const AT_ONCE: usize = 512;
 /// Keyframes that the robot that solves takes in before it hears again: some tenths of a second, for others take it for dead after three.
-const KEYFRAMES_AT_ONCE: usize = 8;
+const KEYFRAMES_AT_ONCE: usize = 2;
 /// What the robot says of itself is sent so often, seconds.
 const TOLD_EVERY_S: f64 = 1.0;
 /// A robot that is done answers others for so long without solving any more: longer than they need to see that all are done.
@@ -268,7 +268,7 @@ impl Member {
             self.say(&format!("{now_s:.0} s: hears {words}"));
             self.hears = Some(hears);
         }
-        for refused in told.refused.iter() {
+        for refused in &told.refused {
             let of = refused.of.as_ref().map_or(String::new(), |of| format!(", {of}"));
             self.say_once(&format!("refused{of}: {}", refused.why));
         }

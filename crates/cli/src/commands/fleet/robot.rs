@@ -147,8 +147,9 @@ impl RobotFiles {
         let credentials =
             Credentials::new(&robot.name, &text_in(&certificate)?, &secret_in(&private_key)?, &text_in(&authority)?);
         let credentials = credentials.map_err(|cause| wrong(&certificate, cause.to_string()))?;
-        let others = team.robot.iter().filter(|member| member.name != robot.name);
-        let connect = robot.connect.unwrap_or_else(|| others.map(|member| member.address.clone()).collect());
+        // Of two robots the later one looks for the other: two links at once between the same two get into each other's way.
+        let before = team.robot.iter().filter(|member| member.name < robot.name);
+        let connect = robot.connect.unwrap_or_else(|| before.map(|member| member.address.clone()).collect());
         let state = beside(&robot.state);
         let RobotToml { name, listen, relays, settings, .. } = robot;
         settings.validate()?;
