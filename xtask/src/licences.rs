@@ -33,7 +33,11 @@ fn complaint(package: &Package) -> Result<(), String> {
     }
     let licence = package.licence.as_deref().ok_or(format!("{whose}: expected a licence, found none"))?;
     let is_excepted = EXCEPTIONS.contains(&(package.name.as_str(), licence));
-    if is_excepted || is_allowed(licence)? { Ok(()) } else { Err(format!("{whose}: licence {licence} is not on the list")) }
+    if is_excepted || is_allowed(licence)? {
+        Ok(())
+    } else {
+        Err(format!("{whose}: licence {licence} is not on the list"))
+    }
 }
 
 /// Whether the allowed licences satisfy an SPDX expression; `MIT/Apache-2.0` of old manifests means OR.

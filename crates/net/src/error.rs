@@ -27,7 +27,9 @@ pub enum NetError {
     #[error("expected the private key of the certificate, found that of another one")]
     OtherKey,
     /// A certificate that is not valid now.
-    #[error("expected a certificate that is valid now, found one valid from {from} to {to}; this computer's clock says {now}")]
+    #[error(
+        "expected a certificate that is valid now, found one valid from {from} to {to}; this computer's clock says {now}"
+    )]
     NotValid {
         /// The first moment.
         from: String,

@@ -122,7 +122,9 @@ const CAUSES: [(&str, &str); 12] = [
 /// A line of Zenoh's log in words; none for those that say nothing of links.
 fn in_words(line: &str) -> Option<(bool, String)> {
     let cause = CAUSES.iter().find(|(sign, _)| line.contains(sign)).map(|(_, words)| *words);
-    if let Some(rest) = line.strip_prefix("Unable to connect to ").map(|rest| rest.trim_start_matches("configured peer ")) {
+    if let Some(rest) =
+        line.strip_prefix("Unable to connect to ").map(|rest| rest.trim_start_matches("configured peer "))
+    {
         let (address, why) = rest.split_once('!')?;
         let why = cause.unwrap_or_else(|| why.split(". Retry in").next().unwrap_or(why).trim());
         return Some((false, format!("{address}: {why}")));

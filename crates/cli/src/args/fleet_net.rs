@@ -1,8 +1,8 @@
 //! `mapwright fleet keys`, `join` and `status`.
 #![cfg_attr(not(feature = "net"), allow(dead_code, reason = "what is asked for is refused then"))]
 
-use super::{SourceArgs, Voice};
 use super::values::{parse_assignment, parse_seconds};
+use super::{SourceArgs, Voice};
 use clap::Args as ClapArgs;
 use std::path::PathBuf;
 

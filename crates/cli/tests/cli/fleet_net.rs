@@ -120,7 +120,10 @@ fn keys_are_kept_from_others_and_robots_join_later() {
     let changed = fs::read_to_string(team.file("anna", "signing.key")).unwrap();
     assert_ne!(changed, secret);
     let said = text(&forced.stdout) + &text(&forced.stderr);
-    assert!(!said.contains(changed.trim()) && !said.contains("PRIVATE KEY") && said.contains("bert need it too"), "{said}");
+    assert!(
+        !said.contains(changed.trim()) && !said.contains("PRIVATE KEY") && said.contains("bert need it too"),
+        "{said}"
+    );
     assert_code(&team.make(&[("carl", 7449)], &[]), 0);
     let roster = fs::read_to_string(team.keys.join("team.toml")).unwrap();
     assert_eq!(roster.matches("[[robot]]").count(), 3);
@@ -207,7 +210,8 @@ fn robots_on_a_network_end_with_the_same_map_and_strangers_stay_out() {
     let status = run(&["fleet", "status", "--config", &team.config("carl"), "--json"]);
     assert_code(&status, 0);
     let status: Value = serde_json::from_slice(&status.stdout).unwrap();
-    let said: Vec<&str> = status["robots"].as_array().unwrap().iter().filter_map(|robot| robot["says"]["version"].as_str()).collect();
+    let said: Vec<&str> =
+        status["robots"].as_array().unwrap().iter().filter_map(|robot| robot["says"]["version"].as_str()).collect();
     assert_eq!(said.len(), 3, "{status:#}");
     assert_eq!(status["robots"][0]["name"], "anna");
     let eve = done(eve, 3);
@@ -248,7 +252,8 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
     let mut anna = team.join("anna", &logs[0], ["4", "90"], &[]);
     std::thread::sleep(Duration::from_secs(6));
     // The robot itself runs: another process of it is refused.
-    let output = run(&["fleet", "join", &logs[0], "--config", &team.config("anna"), "-o", &string(&team.out("second"))]);
+    let output =
+        run(&["fleet", "join", &logs[0], "--config", &team.config("anna"), "-o", &string(&team.out("second"))]);
     assert_refused(&output, 2, &["this robot runs already"]);
     anna.kill().unwrap();
     anna.wait().unwrap();
@@ -266,6 +271,7 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
     let config = twin.join("robot.toml");
     let text = fs::read_to_string(&config).unwrap().replace(&a.to_string(), &other.to_string());
     fs::write(&config, text).unwrap();
+    team.add("twin", &format!("connect = [\"tls/127.0.0.1:{b}\"]"));
     let twin = team.join("twin", &logs[1], ["1", "20"], &[]);
     std::thread::sleep(Duration::from_secs(6));
     let interrupt = std::process::Command::new("kill").arg(twin.id().to_string()).status().unwrap();
@@ -279,6 +285,9 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
     for (robot, output) in [("anna", &anna), ("bert", &bert)] {
         assert!(matches!(output.status.code(), Some(0 | 3)), "{robot}: {output:?}");
         let report = team.report(robot);
-        assert!(report["own"]["keyframes"].as_u64().unwrap() > 10 && report["in_map"].as_u64().unwrap() > 20, "{report:#}");
+        assert!(
+            report["own"]["keyframes"].as_u64().unwrap() > 10 && report["in_map"].as_u64().unwrap() > 20,
+            "{report:#}"
+        );
     }
 }

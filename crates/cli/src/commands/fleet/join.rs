@@ -38,7 +38,9 @@ pub(super) fn run(args: &FleetJoinArgs) -> Result<Outcome, Failure> {
     let (state, unwritten) = match State::begin(&robot.state) {
         Ok(state) => (Some(state), None),
         Err(NoState::Failure(failure)) => return Err(failure),
-        Err(NoState::Unwritten(failure)) => (None, Some(format!("{failure}; this robot maps and says nothing to others"))),
+        Err(NoState::Unwritten(failure)) => {
+            (None, Some(format!("{failure}; this robot maps and says nothing to others")))
+        }
     };
     let session = state.as_ref().map_or(0, |state| state.session);
     let wire = state.is_some().then(|| open(&robot)).transpose()?;
@@ -104,7 +106,8 @@ fn open(robot: &RobotFiles) -> Result<Wire, Failure> {
 
 fn begun(robot: &RobotFiles, unwritten: Option<&String>) -> String {
     let others = robot.names().into_iter().filter(|name| *name != robot.name).collect::<Vec<_>>().join(", ");
-    let mut text = format!("{} of {}, with {others}; listens at {}\n", robot.name, robot.team.team, robot.listen.join(", "));
+    let mut text =
+        format!("{} of {}, with {others}; listens at {}\n", robot.name, robot.team.team, robot.listen.join(", "));
     let days = robot.credentials.days_left();
     if days < SOON_DAYS {
         text += &format!("! its certificate ends in {days} days: mapwright fleet keys {} --force\n", robot.name);

@@ -1,8 +1,6 @@
 //! `mapwright fleet keys`
 
-use super::robot::{
-    AUTHORITY, CERTIFICATE, MemberToml, PRIVATE_KEY, ROBOT, SIGNING_KEY, TEAM, TeamToml, hex,
-};
+use super::robot::{AUTHORITY, CERTIFICATE, MemberToml, PRIVATE_KEY, ROBOT, SIGNING_KEY, TEAM, TeamToml, hex};
 use super::state::{make_private, private};
 use crate::args::FleetKeysArgs;
 use crate::failure::{Failure, Outcome};
@@ -24,11 +22,8 @@ const AUTHORITY_KEY: &str = "authority.key";
 pub(super) fn run(args: &FleetKeysArgs) -> Result<Outcome, Failure> {
     let asked = args.robots.iter().map(|robot| Asked::read(robot)).collect::<Result<Vec<_>, _>>()?;
     let path = args.output.join(TEAM);
-    let mut team = if path.exists() {
-        TeamToml::read(&path)?
-    } else {
-        TeamToml { team: args.team.clone(), robot: Vec::new() }
-    };
+    let mut team =
+        if path.exists() { TeamToml::read(&path)? } else { TeamToml { team: args.team.clone(), robot: Vec::new() } };
     check(args, &asked, &team)?;
     let before: Vec<String> = team.robot.iter().map(|member| member.name.clone()).collect();
     make_private(&args.output)?;
@@ -198,7 +193,8 @@ impl Asked {
     fn to_toml(&self, team: &str, relays: &[String]) -> String {
         let Self { name, listen, .. } = self;
         let relays = match relays {
-            [] => "# relays = [\"hub\"]        # common names of routers that may pass on what any robot says\n".to_owned(),
+            [] => "# relays = [\"hub\"]        # common names of routers that may pass on what any robot says\n"
+                .to_owned(),
             names => format!("relays = {names:?}\n"),
         };
         format!(

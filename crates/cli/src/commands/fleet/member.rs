@@ -283,9 +283,13 @@ impl Member {
     /// Who was refused before a word of it came in.
     pub(super) fn wire_problems(&self) -> Vec<String> {
         let Some(wire) = &self.wire else { return Vec::new() };
-        let refused = wire.complaints().into_iter().filter(|complaint| complaint.is_refusal).map(|refused| refused.what);
+        let refused =
+            wire.complaints().into_iter().filter(|complaint| complaint.is_refusal).map(|refused| refused.what);
         let strangers = wire.links().into_iter().filter(|link| !link.is_of_team).map(|link| {
-            format!("{} has a certificate of the authority and is not in team.toml: nothing of it gets in", told::plain(&link.name))
+            format!(
+                "{} has a certificate of the authority and is not in team.toml: nothing of it gets in",
+                told::plain(&link.name)
+            )
         });
         refused.chain(strangers).collect()
     }
@@ -307,4 +311,3 @@ impl Member {
         self.said.iter()
     }
 }
-

@@ -78,10 +78,15 @@ pub(super) fn write(run: Run<'_>, mut output: OutputFolder) -> Result<Outcome, F
     if args.voice.json {
         say_json(&value)?;
     } else if !args.voice.quiet {
-        let settled = settled_s.map_or("not settled".to_owned(), |s| format!("all held the same {s:.0} s after the log"));
+        let settled =
+            settled_s.map_or("not settled".to_owned(), |s| format!("all held the same {s:.0} s after the log"));
         let heard = own.hears.iter().map(|heard| heard.robot.as_str()).collect::<Vec<_>>().join(", ");
         let mut lines = vec![
-            format!("{} in the map of all, {} of this robot", count(session.keyframes().len() as u64, "keyframe"), own.keyframes),
+            format!(
+                "{} in the map of all, {} of this robot",
+                count(session.keyframes().len() as u64, "keyframe"),
+                own.keyframes
+            ),
             format!("heard {}; {settled}", if heard.is_empty() { "nobody" } else { &heard }),
         ];
         lines.extend(own.refused.iter().map(|refused| {

@@ -92,7 +92,8 @@ impl TeamToml {
 
     /// The same as text.
     pub(super) fn to_toml(&self) -> String {
-        let mut text = String::from("# The robots of a team: the same file on each of them. Nothing in it is secret.\n");
+        let mut text =
+            String::from("# The robots of a team: the same file on each of them. Nothing in it is secret.\n");
         text += &format!("team = \"{}\"\n", self.team);
         for MemberToml { name, address, key } in &self.robot {
             text += &format!("\n[[robot]]\nname = \"{name}\"\naddress = \"{address}\"\nkey = \"{key}\"\n");
@@ -176,8 +177,10 @@ fn text_in(path: &Path) -> Result<String, Failure> {
 fn secret_in(path: &Path) -> Result<String, Failure> {
     let metadata = fs::metadata(path).map_err(|error| Failure::open(path, error))?;
     if let Some(mode) = read_by_others(&metadata) {
-        let cause =
-            format!("expected a secret that its owner alone may read (0600), found {mode:04o}: chmod 600 {}", path.display());
+        let cause = format!(
+            "expected a secret that its owner alone may read (0600), found {mode:04o}: chmod 600 {}",
+            path.display()
+        );
         return Err(Failure::Config { path: path.to_owned(), cause });
     }
     text_in(path)

@@ -97,7 +97,12 @@ impl<'a> Row<'a> {
             told.hears.iter().map(|heard| format!("{} {:.1} s ago", heard.robot, heard.age_s)).collect();
         lines.push(format!("  hears {}", if hears.is_empty() { "nobody".to_owned() } else { hears.join(", ") }));
         for held in &told.holds {
-            lines.push(format!("  holds {} of {}, session {}", count(u64::from(held.records), "record"), held.robot, held.session));
+            lines.push(format!(
+                "  holds {} of {}, session {}",
+                count(u64::from(held.records), "record"),
+                held.robot,
+                held.session
+            ));
         }
         for refused in &told.refused {
             let of = refused.of.as_ref().map_or(String::new(), |of| format!(" of {of}"));
@@ -116,4 +121,3 @@ impl<'a> Row<'a> {
         })
     }
 }
-

@@ -62,7 +62,9 @@ pub(super) fn held(team: &Team) -> Vec<Held> {
     let node = team.node();
     let name = |rank: u16| node.roster().name(rank).unwrap_or_default().to_owned();
     let chains = node.chains().iter().filter(|(_, chain)| chain.next() > 0);
-    chains.map(|(id, chain): (_, &Chain)| Held { robot: name(id.rank), session: id.session, records: chain.next() }).collect()
+    chains
+        .map(|(id, chain): (_, &Chain)| Held { robot: name(id.rank), session: id.session, records: chain.next() })
+        .collect()
 }
 
 /// Others that were ever heard.
@@ -105,7 +107,8 @@ impl Told {
             found.push(format!("{name} runs mapwright {}, this robot {}", other.version, self.version));
         }
         let keys = self.settings.keys().chain(other.settings.keys()).collect::<std::collections::BTreeSet<_>>();
-        let value = |of: &Self, key: &String| of.settings.get(key).cloned().unwrap_or_else(|| "as by default".to_owned());
+        let value =
+            |of: &Self, key: &String| of.settings.get(key).cloned().unwrap_or_else(|| "as by default".to_owned());
         let different = keys.into_iter().filter(|key| self.settings.get(*key) != other.settings.get(*key));
         let different: Vec<String> =
             different.map(|key| format!("{key}: {} there, {} here", value(other, key), value(self, key))).collect();
@@ -116,7 +119,9 @@ impl Told {
         if apart_s.abs() > CLOCKS_APART_S {
             let which = if apart_s > 0.0 { "ahead of" } else { "behind" };
             let apart = crate::terminal::duration(apart_s.abs());
-            found.push(format!("{name}'s clock is {apart} {which} this one's; no time of it is used but for certificates"));
+            found.push(format!(
+                "{name}'s clock is {apart} {which} this one's; no time of it is used but for certificates"
+            ));
         }
         found.iter().map(|text| plain(text)).collect()
     }
