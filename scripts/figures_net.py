@@ -27,6 +27,8 @@ WORK = Path("target/figures/net")
 ROBOTS = ("anna", "bert", "carl")
 PREFIX = f"mw{os.getpid() % 10000}"
 HUB = f"{PREFIX}hub"
+# Of the log: its robots have some 600 records to tell.
+SHARE = 0.6
 LOSS_PERCENT = 30
 CUT_OFF_S = 15
 AT_MOST_S = 420
@@ -86,7 +88,7 @@ def cut(log, parts):
         lines = file.readlines()
     scans = [at for at, line in enumerate(lines) if line.startswith(("FLASER", "ROBOTLASER"))]
     head = [line for line in lines if line.startswith("PARAM")]
-    bounds = [len(scans) * k // parts for k in range(parts + 1)]
+    bounds = [int(SHARE * len(scans)) * k // parts for k in range(parts + 1)]
     paths = []
     for k in range(parts):
         first, end = bounds[k], bounds[k + 1]
@@ -159,8 +161,8 @@ def main():
         for percent in (0, LOSS_PERCENT):
             lose(percent)
             # The logs are over within the time in which the last robot is cut off.
-            runs = start(logs, f"cut-off-loss-{percent}", "--rate", "45", "--stay", "30")
-            time.sleep(14)
+            runs = start(logs, f"cut-off-loss-{percent}", "--rate", "30", "--stay", "30")
+            time.sleep(10)
             cut_off(len(ROBOTS) - 1)
             time.sleep(CUT_OFF_S)
             lose(percent)

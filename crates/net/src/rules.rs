@@ -6,9 +6,9 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 /// Milliseconds without a word, after which a link is taken to be dead and is opened anew. At 30 % loss TCP is silent for up to some seconds.
-const LEASE_MS: u64 = 6000;
+const LEASE_MS: u64 = 10_000;
 /// Milliseconds that opening a link may take, and from one attempt to the next.
-const OPEN_MS: u64 = 2500;
+const OPEN_MS: u64 = 4000;
 const RETRY_MS: [u64; 2] = [500, 500];
 /// Batches of 64 KiB that wait on a link: a message of the greatest length has room.
 const BATCHES: u64 = 16;

@@ -104,10 +104,11 @@ impl Visit for Text {
 }
 
 /// What rustls calls it, and what it is.
-const CAUSES: [(&str, &str); 12] = [
+const CAUSES: [(&str, &str); 14] = [
     ("UnknownIssuer", "its certificate is of another authority"),
-    ("UnknownCA", "it refuses this robot's certificate: of another authority"),
-    ("BadSignature", "its certificate is not signed by the team's authority"),
+    ("UnknownCA", "its authority is another one"),
+    ("BadSignature", "its certificate is of another authority"),
+    ("DecryptError", "its authority is another one"),
     ("CertificateExpired", "it refuses this robot's certificate: expired"),
     ("Expired", "its certificate has expired"),
     ("NotValidYet", "its certificate is not valid yet: a clock is wrong"),
@@ -115,6 +116,7 @@ const CAUSES: [(&str, &str); 12] = [
     ("CertificateRequired", "it asks for a certificate"),
     ("peer sent no certificates", "it shows no certificate"),
     ("refused (os error", "nobody listens there"),
+    ("deadline has elapsed", "no answer"),
     ("timed out", "no answer"),
     ("Timeout", "no answer"),
 ];

@@ -223,7 +223,7 @@ fn robots_on_a_network_end_with_the_same_map_and_strangers_stay_out() {
         words.push((robot, done(child, 0)));
     }
     let bert = &words[0].1;
-    assert!(bert.contains("someone who wants in is refused: its certificate is of another authority"), "{bert}");
+    assert!(bert.contains("someone who wants in is refused: its authority is another one"), "{bert}");
     assert!(bert.contains("dora has a certificate of the authority and is not in team.toml"), "{bert}");
     assert!(bert.contains("anna has other settings: map.resolution_m: 0.1"), "{bert}");
     let sessions = robots.map(|robot| fs::read(team.out(robot).join("session.mapwright")).unwrap());
@@ -248,8 +248,8 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
     let [a, b, other] = ports();
     let team = Team::new("fleet-again", &[("anna", a), ("bert", b)], &[]);
     let logs = [0, 1].map(|waypoint| team.log(waypoint));
-    let bert = team.join("bert", &logs[1], ["2", "90"], &[]);
-    let mut anna = team.join("anna", &logs[0], ["4", "90"], &[]);
+    let bert = team.join("bert", &logs[1], ["2", "30"], &[]);
+    let mut anna = team.join("anna", &logs[0], ["4", "30"], &[]);
     std::thread::sleep(Duration::from_secs(6));
     // The robot itself runs: another process of it is refused.
     let output =
@@ -259,7 +259,7 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
     anna.wait().unwrap();
     let state = team.file("anna", "state").join("session");
     let number = fs::read_to_string(&state).unwrap();
-    let anna = team.join("anna", &logs[0], ["4", "90"], &[]);
+    let anna = team.join("anna", &logs[0], ["4", "30"], &[]);
     std::thread::sleep(Duration::from_secs(4));
     assert_ne!(fs::read_to_string(&state).unwrap(), number);
     // Another computer with a copy of anna's keys.

@@ -49,7 +49,9 @@ pub(super) fn run(args: &FleetJoinArgs) -> Result<Outcome, Failure> {
     let node = node.ok_or_else(|| Failure::Usage(format!("expected {} in the team, with its key", robot.name)))?;
     let id = RunId { session, ..RunId::of_robot(&robot.name) };
     let mut mapper = Mapper::of_run(settings, id, Pose2::IDENTITY)?;
-    let member = Member::new(Team::new(node, settings)?, wire, unusual(&settings), is_quiet);
+    let (may_speak, files) = (state.is_some(), &robot);
+    let again = Box::new(move || may_speak.then(|| open(files).ok()).flatten());
+    let member = Member::new(Team::new(node, settings)?, wire, again, unusual(&settings), is_quiet);
     if !is_quiet {
         say(&begun(&robot, unwritten.as_ref()))?;
     }

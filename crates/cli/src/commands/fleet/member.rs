@@ -23,6 +23,12 @@ const LINGER_S: f64 = 5.0;
 /// Other robots of which what they say of themselves is kept, and the differences that are told.
 const KEPT: usize = 1000;
 
+/// A robot whose links stand and that hears nothing over them for so long opens them anew, seconds: twenty beats.
+const DEAF_S: f64 = 10.0;
+
+/// Opens the robot's wire; none where that fails.
+pub(super) type OpenWire<'a> = Box<dyn Fn() -> Option<Wire> + Send + 'a>;
+
 /// How to end.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stay {
@@ -33,9 +39,12 @@ pub(super) struct Stay {
 }
 
 /// A robot in its team.
-pub(super) struct Member {
+pub(super) struct Member<'a> {
     pub(super) team: Team,
     pub(super) wire: Option<Wire>,
+    open: OpenWire<'a>,
+    /// When something came last.
+    heard_s: f64,
     pub(super) settings: BTreeMap<String, String>,
     pub(super) keyframes: u64,
     pub(super) is_quiet: bool,
@@ -71,17 +80,25 @@ impl Since {
 }
 
 /// How it ended.
-pub(super) struct Ended {
-    pub(super) member: Member,
+pub(super) struct Ended<'a> {
+    pub(super) member: Member<'a>,
     /// After the log, until all were seen to hold the same; none where they were not.
     pub(super) settled_s: Option<f64>,
 }
 
-impl Member {
-    pub(super) fn new(team: Team, wire: Option<Wire>, settings: BTreeMap<String, String>, is_quiet: bool) -> Self {
+impl<'a> Member<'a> {
+    pub(super) fn new(
+        team: Team,
+        wire: Option<Wire>,
+        open: OpenWire<'a>,
+        settings: BTreeMap<String, String>,
+        is_quiet: bool,
+    ) -> Self {
         Self {
             team,
             wire,
+            open,
+            heard_s: 0.0,
             settings,
             keyframes: 0,
             is_quiet,
@@ -107,7 +124,7 @@ impl Member {
     }
 
     /// Until the log is over and all hold the same, or the user ends it.
-    pub(super) fn run(mut self, updates: &Receiver<Update>, interrupt: &Interrupt, stay: Stay) -> Ended {
+    pub(super) fn run(mut self, updates: &Receiver<Update>, interrupt: &Interrupt, stay: Stay) -> Ended<'a> {
         loop {
             self.take_updates(updates);
             self.hear();
@@ -159,6 +176,7 @@ impl Member {
         let now = self.now();
         for _ in 0..AT_ONCE {
             let Some(arrival) = self.wire.as_ref().and_then(|wire| wire.receive(Duration::ZERO)) else { return };
+            self.heard_s = self.seconds();
             if arrival.subject != SUBJECT {
                 self.team.receive(now, &arrival.bytes);
             } else if let Some(told) = Told::decode(&arrival.bytes)
@@ -170,6 +188,21 @@ impl Member {
                 self.told.insert(arrival.from, (self.seconds(), told));
             }
         }
+    }
+
+    /// A link that carries nothing is of no use, whatever is the matter with it.
+    fn open_anew(&mut self, now_s: f64) {
+        let own = self.team.node().me().rank;
+        let is_other = |name: &str| self.team.node().roster().rank(name).is_some_and(|rank| rank != own);
+        let has_links = |wire: &Wire| wire.links().iter().any(|link| is_other(&link.name));
+        if now_s - self.heard_s < DEAF_S || !self.wire.as_ref().is_none_or(has_links) {
+            return;
+        }
+        if self.wire.take().is_some() {
+            self.say(&format!("! {now_s:.0} s: links stand and nothing comes over them: opened anew"));
+        }
+        self.wire = (self.open)();
+        self.heard_s = self.seconds();
     }
 
     fn speak(&mut self) {
@@ -256,6 +289,7 @@ impl Member {
             return;
         }
         self.last_told_s = now_s;
+        self.open_anew(now_s);
         let told = self.of_itself();
         let now = self.now();
         let alive = |name: &&String| {

@@ -19,7 +19,7 @@ pub(super) struct Run<'a> {
     pub(super) robot: &'a RobotFiles,
     pub(super) settings: Settings,
     pub(super) mapper: &'a Mapper,
-    pub(super) member: Member,
+    pub(super) member: Member<'a>,
     pub(super) settled_s: Option<f64>,
     pub(super) losses: Vec<String>,
 }
