@@ -48,7 +48,7 @@ pub(super) fn write(run: Run<'_>, mut output: OutputFolder) -> Result<Outcome, F
         losses.push(format!("never heard: {}", never.join(", ")));
     }
     if settled_s.is_none() && !losses.iter().any(|loss| loss.starts_with("interrupted")) {
-        losses.push(format!("others still held other records {:.0} s after the log", args.wait));
+        losses.push(format!("the team had not settled {:.0} s after the log", args.wait));
     }
     let complaints = member.wire.as_ref().map(mapwright_net::Wire::complaints).unwrap_or_default();
     let complaints: Vec<Value> =
