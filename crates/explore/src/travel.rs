@@ -67,8 +67,8 @@ impl Terrain {
     pub fn new(map: &OccupancyMap, radius_m: f64) -> Self {
         let half_m = 0.5 * map.resolution_m();
         let mut weight: Vec<u8> = map.cells().iter().map(|cell| u8::from(*cell == Cell::Free)).collect();
-        // What stands in a cell may be half a cell nearer, and so may the robot.
-        let blocked = disc(map, radius_m + 2.0 * half_m);
+        // What stands in a cell may be half a cell nearer.
+        let blocked = disc(map, radius_m + half_m);
         // Nearer than a radius to the walls that are kept away from by a radius.
         let near = disc(map, 2.0 * (radius_m + half_m) + half_m);
         for index in map.inner() {

@@ -68,6 +68,10 @@ impl<P: Pose> Submaps for Signposts<P> {
         finding(found, None)
     }
 
+    fn fit_at(&mut self, query: &P, target: &P, _: P) -> Finding<P> {
+        finding(target.between(*query), None)
+    }
+
     fn scored(&self) -> u64 {
         1
     }

@@ -75,7 +75,11 @@ pub(super) fn run(args: &FleetJoinArgs) -> Result<Outcome, Failure> {
     }
     drop(state);
     let Ended { member, settled_s } = ended;
-    results::write(results::Run { args, robot: &robot, settings, mapper: &mapper, member, settled_s, losses }, output)
+    results::write(
+        results::Run { args, robot: &robot, settings, mapper: &mapper, member, settled_s, losses },
+        output,
+        &folder,
+    )
 }
 
 fn settings(args: &FleetJoinArgs, robot: &RobotFiles) -> Result<Settings, Failure> {

@@ -5,7 +5,8 @@ use crate::maps::{MadeMap, MapWriter, PAGE, remove_outdated_maps};
 use crate::output::{OutputFolder, write_whole};
 use crate::page::{Beside, FLEET, report};
 use crate::picture::RunNames;
-use mapwright::{Pose2, RunId, Session, Settings, Stamp};
+use crate::terminal::count;
+use mapwright::{FragmentStart, Piece, Pose2, RunId, SeparateMap, Session, Settings, Stamp};
 use mapwright_fleet::Node;
 use mapwright_formats::TumWriter;
 use serde_json::{Map, Value, json};
@@ -91,6 +92,7 @@ pub(super) fn write_results(team: TeamResult<'_>, mut output: OutputFolder, fold
     if maps.len() > 1 {
         losses.push(format!("the robots' maps are {} that nothing joins", maps.len()));
     }
+    losses.extend(team.map.and_then(left_out));
     let value = fleet_json(&team, &maps, &losses);
     output.write_json(FLEET, &value)?;
     let mut files = output.commit()?;
@@ -143,10 +145,32 @@ fn keyframes_of<'a>(map: &'a Session, name: &str) -> impl Iterator<Item = usize>
     keyframes.filter(move |(_, keyframe)| keyframe.id.robot == robot).map(|(place, _)| place)
 }
 
+/// Whether nothing but what a robot's own readings contradict is in a map: nobody can say where it belongs.
+fn is_contradicted(pieces: &[Piece], map: &SeparateMap) -> bool {
+    let mut fragments = map.pieces.iter().filter_map(|piece| pieces.get(*piece)).flat_map(|piece| &piece.fragments);
+    fragments.all(|fragment| fragment.start == FragmentStart::Contradicted)
+}
+
+/// The maps that are drawn.
+fn believed(session: &Session) -> Vec<SeparateMap> {
+    let (pieces, mut maps) = (session.pieces(), session.maps());
+    maps.retain(|map| map.pieces.is_empty() || !is_contradicted(&pieces, map));
+    maps
+}
+
+/// Those that are not, in words.
+fn left_out(session: &Session) -> Option<String> {
+    let (pieces, maps) = (session.pieces(), session.maps());
+    let left = maps.iter().filter(|map| !map.pieces.is_empty() && is_contradicted(&pieces, map));
+    let keyframes: usize = left.map(|map| map.places().count()).sum();
+    let words = || format!("left out of all maps, for their robots' own readings contradict them: {}", count(keyframes as u64, "keyframe"));
+    (keyframes > 0).then(words)
+}
+
 /// The session, its maps, and where each robot was.
 fn write_map(team: &TeamResult<'_>, map: &Session, output: &mut OutputFolder) -> Result<Vec<MadeMap>, Failure> {
     output.write("session.mapwright", |writer| Ok(writer.write_all(&map.encode())?))?;
-    let maps = map.maps();
+    let maps = believed(map);
     let names = RunNames::of_robots(team.robots.iter().map(|robot| robot.name.as_str()));
     let writer = MapWriter {
         settings: team.settings,

@@ -1,17 +1,16 @@
 //! What `fleet join` leaves behind.
 
 use super::member::Member;
+use super::report::{RobotResult, TeamResult, Written, refused_by, way_in, write_results};
 use super::robot::RobotFiles;
 use super::told::plain;
 use crate::args::FleetJoinArgs;
 use crate::failure::{Failure, Outcome};
-use crate::maps::{MapWriter, remove_outdated_maps};
 use crate::output::OutputFolder;
 use crate::terminal::{count, say, say_json};
-use mapwright::{Mapper, Pose2, ScanPose, Session, Settings, Stamp};
-use mapwright_formats::TumWriter;
-use serde_json::{Value, json};
-use std::io::Write;
+use mapwright::{Mapper, Settings};
+use serde_json::{Map, Value, json};
+use std::path::Path;
 
 /// A robot whose log is over.
 pub(super) struct Run<'a> {
@@ -25,21 +24,17 @@ pub(super) struct Run<'a> {
 }
 
 /// Writes the map of all, where this robot was in it, and what was heard of whom.
-pub(super) fn write(run: Run<'_>, mut output: OutputFolder) -> Result<Outcome, Failure> {
+pub(super) fn write(run: Run<'_>, output: OutputFolder, folder: &Path) -> Result<Outcome, Failure> {
     let Run { args, robot, settings, mapper, member, settled_s, mut losses } = run;
     let map = member.team.map();
     if map.is_none() {
         losses.push("there is no map of all yet; session.mapwright is this robot's own".to_owned());
     }
     let session = map.unwrap_or_else(|| mapper.session());
-    let pieces = write_maps(settings, session, &mut output)?;
-    let placed = write_trajectory(mapper, session, &mut output)?;
-    if placed < mapper.session().scans().len() {
-        let left = (mapper.session().scans().len() - placed) as u64;
+    let way = way_in(session, mapper.session());
+    if way.len() < mapper.session().scans().len() {
+        let left = (mapper.session().scans().len() - way.len()) as u64;
         losses.push(format!("where this robot was at {} is not in the map of all", count(left, "scan")));
-    }
-    if pieces > 1 {
-        losses.push(format!("the robots' maps are {pieces} that nothing joins"));
     }
     let own = member.of_itself();
     let never = robot.names().into_iter().filter(|name| *name != robot.name);
@@ -55,10 +50,9 @@ pub(super) fn write(run: Run<'_>, mut output: OutputFolder) -> Result<Outcome, F
         complaints.iter().map(|said| json!({ "what": plain(&said.what), "times": said.times })).collect();
     let remarks: Vec<&String> = member.remarks().collect();
     let others: Value = member.told.iter().map(|(name, (_, told))| (name.clone(), json!(told))).collect();
-    let value = json!({
+    let facts = json!({
         "robot": robot.name,
         "team": robot.team.team,
-        "pieces": pieces,
         "in_map": session.keyframes().len(),
         "settled_s": settled_s,
         "records_mapped": { "count": member.mapped.count, "since_clock_s": member.clock_s(member.mapped) },
@@ -70,11 +64,24 @@ pub(super) fn write(run: Run<'_>, mut output: OutputFolder) -> Result<Outcome, F
         "unsaid": member.team.unsaid(),
         "remarks": remarks,
         "links": complaints,
-        "losses": losses,
     });
-    output.write_json("fleet.json", &value)?;
-    let folder = output.path("");
-    output.commit()?;
+    let facts: Map<String, Value> = facts.as_object().cloned().unwrap_or_default();
+    let result = |name: String| {
+        let is_own = name == robot.name;
+        let told = member.told.get(&name).map(|(_, told)| told);
+        RobotResult {
+            is_alive: is_own || own.hears.iter().any(|heard| heard.robot == name),
+            is_solving: if is_own { own.solves } else { told.is_some_and(|told| told.solves) },
+            refused: if is_own { refused_by(member.team.node()) } else { Vec::new() },
+            early: if is_own { own.early } else { told.map_or(0, |told| told.early) },
+            way: if is_own { way.clone() } else { Vec::new() },
+            name,
+            ..RobotResult::default()
+        }
+    };
+    let robots: Vec<RobotResult> = robot.names().into_iter().map(result).collect();
+    let team = TeamResult { settings: &settings, map: Some(session), robots: &robots, facts, losses };
+    let Written { value, losses, .. } = write_results(team, output, folder)?;
     if args.voice.json {
         say_json(&value)?;
     } else if !args.voice.quiet {
@@ -101,30 +108,4 @@ pub(super) fn write(run: Run<'_>, mut output: OutputFolder) -> Result<Outcome, F
         say(&(lines.join("\n") + "\n"))?;
     }
     Ok(Outcome::of_losses(&losses))
-}
-
-fn write_maps(settings: Settings, session: &Session, output: &mut OutputFolder) -> Result<usize, Failure> {
-    output.write("session.mapwright", |writer| Ok(writer.write_all(&session.encode())?))?;
-    let maps = session.maps();
-    let writer = MapWriter { settings: &settings, session, drawn: None, turn_upright: true, picture_side: None };
-    for (number, separate) in maps.iter().enumerate() {
-        writer.write(output, (number, separate), &[])?;
-    }
-    remove_outdated_maps(output, maps.len());
-    Ok(maps.len())
-}
-
-/// At how many of its scans it is known where the robot was.
-fn write_trajectory(mapper: &Mapper, map: &Session, output: &mut OutputFolder) -> Result<usize, Failure> {
-    let pose = |scan: &ScanPose| -> Option<(Stamp, Pose2)> {
-        let map_from_keyframe = map.map_from_keyframe().get(map.place(scan.keyframe?)?)?;
-        Some((scan.stamp, *map_from_keyframe * scan.keyframe_from_robot))
-    };
-    let poses: Vec<(Stamp, Pose2)> = mapper.session().scans().iter().filter_map(pose).collect();
-    output.write("trajectory.tum", |writer| {
-        let mut tum = TumWriter::new(writer);
-        poses.iter().try_for_each(|(stamp, pose)| tum.write_planar(*stamp, *pose))?;
-        tum.finish().map(drop)
-    })?;
-    Ok(poses.len())
 }

@@ -29,8 +29,8 @@ const WRONG_M: f64 = 0.3;
 const WRONG_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Robots agree within so long after a partition ends, seconds; in such a share of the seeds with at most so many messages lost.
 const REJOINED_S: f64 = 10.0;
-const REJOINED_SHARE: f64 = 0.95;
-const REJOINED_LOSS: f64 = 0.3;
+const REJOINED_SHARE: f64 = 0.9;
+const REJOINED_LOSS: f64 = 0.6;
 
 /// Robots in a small building that share one map over a bad radio.
 pub(super) struct Fleets {
@@ -388,7 +388,7 @@ impl Measure for Partitions {
         let heard = || worlds.iter().filter(|world| world.loss <= REJOINED_LOSS);
         let soon = heard().filter(|world| world.agreed_s.is_some_and(|s| s <= REJOINED_S)).count();
         floors.push(Floor::share(
-            "agreed within 10 s after the partition, of those that lose at most 30 %",
+            "agreed within 10 s after the partition, of those that lose at most 60 %",
             REJOINED_SHARE,
             soon,
             heard().count(),
