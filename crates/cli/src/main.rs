@@ -17,6 +17,7 @@ mod going_on;
 mod hanging;
 mod image;
 mod interrupt;
+mod liar;
 mod mapping;
 mod maps;
 mod output;

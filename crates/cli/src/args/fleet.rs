@@ -1,7 +1,7 @@
 //! `mapwright fleet`.
 
 use super::{FleetJoinArgs, FleetKeysArgs, FleetStatusArgs, SettingsArgs, SourceArgs, Voice};
-use crate::commands::Lie;
+use crate::liar::Lie;
 use clap::{Args as ClapArgs, Subcommand};
 use std::path::PathBuf;
 

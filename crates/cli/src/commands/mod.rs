@@ -23,7 +23,6 @@ mod suite;
 
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
-pub(crate) use fleet::Lie;
 
 /// Does what was asked for.
 pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {

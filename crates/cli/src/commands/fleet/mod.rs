@@ -4,7 +4,6 @@
 mod join;
 #[cfg(feature = "net")]
 mod keys;
-pub(super) mod liar;
 #[cfg(feature = "net")]
 mod member;
 mod report;
@@ -20,8 +19,6 @@ mod status;
 pub(super) mod team;
 #[cfg(feature = "net")]
 mod told;
-
-pub(crate) use liar::Lie;
 
 use crate::args::{FleetArgs, FleetCommand};
 use crate::failure::{Failure, Outcome};

@@ -163,7 +163,12 @@ fn left_out(session: &Session) -> Option<String> {
     let (pieces, maps) = (session.pieces(), session.maps());
     let left = maps.iter().filter(|map| !map.pieces.is_empty() && is_contradicted(&pieces, map));
     let keyframes: usize = left.map(|map| map.places().count()).sum();
-    let words = || format!("left out of all maps, for their robots' own readings contradict them: {}", count(keyframes as u64, "keyframe"));
+    let words = || {
+        format!(
+            "left out of all maps, for their robots' own readings contradict them: {}",
+            count(keyframes as u64, "keyframe")
+        )
+    };
     (keyframes > 0).then(words)
 }
 

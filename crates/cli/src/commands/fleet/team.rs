@@ -1,7 +1,7 @@
 //! Robots of one team in one process, and the simulated air between them.
 
-use super::liar::Liar;
 use crate::failure::Failure;
+use crate::liar::Liar;
 use mapwright::{Mapper, Pose2, RunId, Session, Settings, Stamp, Update};
 use mapwright_fleet::{Node, NodeSettings, Roster, RosterError, Secret, Team};
 use mapwright_sim::{Radio, RadioSettings, Rng};
