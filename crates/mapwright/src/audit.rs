@@ -5,7 +5,7 @@ use crate::store::Store;
 use mapwright_geom::Pose2;
 use mapwright_grid::Matcher;
 use mapwright_loops::{PlaneSubmaps, Scope, Solving, VerifySettings, fit_where_said, look_where_said};
-use mapwright_record::{EdgeKind, FragmentStart, NodeId, Objection, RunId, Session};
+use mapwright_record::{Detection, EdgeKind, FragmentStart, NodeId, Objection, RunId, Session};
 
 /// What speaks against a map ([`audit`]).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -30,6 +30,11 @@ pub fn audit(settings: &Settings, session: &Session) -> Audit {
     for (number, known) in session.recorded_edges().iter().enumerate() {
         let edge = &known.recorded.edge;
         let ends = known.ends.map(NodeId::new);
+        let candidate = known.recorded.candidate.and_then(|number| session.candidates().get(number as usize));
+        if candidate.is_some_and(|candidate| candidate.detection == Detection::Sighting) {
+            // Readings say nothing of it.
+            continue;
+        }
         let is_called = known.withdrawn && edge.kind == EdgeKind::Match && !store.is_over_break(ends);
         if !is_called && (known.withdrawn || edge.kind != EdgeKind::Closure) {
             continue;
