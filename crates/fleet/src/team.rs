@@ -309,7 +309,8 @@ impl Team {
             writer,
             adoptions,
             taken,
-            turn: me,
+            // The first robot's keyframes come first: the frame is its own.
+            turn: ChainId { rank: u16::MAX, session: u32::MAX },
             steps: Vec::new(),
             refused: Vec::new(),
             met: [0; 2],
