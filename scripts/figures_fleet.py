@@ -29,7 +29,7 @@ def mapwright(*args):
     return run.stdout
 
 
-def cut(log, name, parts):
+def cut(log, name, parts, folder=WORK):
     """The log in parts by its scans, each beginning with the log's parameters; and the stamp with which each part ends."""
     with bz2.open(log, "rt", errors="replace") as file:
         lines = file.readlines()
@@ -40,7 +40,7 @@ def cut(log, name, parts):
     for k in range(parts):
         first, end = bounds[k], bounds[k + 1]
         body = lines[scans[first] : scans[end] if end < len(scans) else None]
-        path = WORK / f"{name}-{parts}.{k}.clf"
+        path = folder / f"{name}-{parts}.{k}.clf"
         path.write_text("".join((lines[: scans[0]] if k == 0 else head) + body))
         paths.append(path)
     return paths
@@ -89,4 +89,5 @@ def main():
               f"{', '.join(format(robot['map_s'], '.1f') for robot in said['robots'])} s of mapping")
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -9,47 +9,17 @@ on. Scored are the relations whose poses are both of honest robots.
 The binary is target/release/mapwright, or what MAPWRIGHT names; files go to target/figures/liars.
 """
 
-import bz2
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
-BINARY = os.environ.get("MAPWRIGHT", "target/release/mapwright")
+from figures_fleet import cut, mapwright, stamps
+
 WORK = Path("target/figures/liars")
-LIES = ("offset", "rotation", "scaled", "replay", "forged")
+LIES = ("offset", "rotation", "scaled", "replay", "forged", "solution")
 ROBOTS = 3
 LOSS = 0.1
 FROM_S = 150
-
-
-def mapwright(*args):
-    run = subprocess.run([BINARY, *map(str, args)], capture_output=True, text=True)
-    if run.returncode not in (0, 3):
-        sys.exit(run.stderr)
-    return run.stdout
-
-
-def cut(log, name, parts):
-    """The log in parts by its scans, each beginning with the log's parameters."""
-    with bz2.open(log, "rt", errors="replace") as file:
-        lines = file.readlines()
-    scans = [at for at, line in enumerate(lines) if line.startswith(("FLASER", "ROBOTLASER"))]
-    head = [line for line in lines if line.startswith("PARAM")]
-    bounds = [len(scans) * k // parts for k in range(parts + 1)]
-    paths = []
-    for k in range(parts):
-        first, end = bounds[k], bounds[k + 1]
-        body = lines[scans[first] : scans[end] if end < len(scans) else None]
-        path = WORK / f"{name}-{parts}.{k}.clf"
-        path.write_text("".join((lines[: scans[0]] if k == 0 else head) + body))
-        paths.append(path)
-    return paths
-
-
-def stamps(tum):
-    return [line.split()[0] for line in tum.read_text().splitlines() if line and not line.startswith("#")]
 
 
 def honest_error(out, relations, liar):
@@ -73,7 +43,7 @@ def main():
     positions = [int(k) for k in sys.argv[3].split(",")] if len(sys.argv) > 3 else range(1, ROBOTS + 1)
     WORK.mkdir(parents=True, exist_ok=True)
     relations = data / "intel.relations"
-    logs = cut(data / "intel.clf.bz2", "intel", ROBOTS)
+    logs = cut(data / "intel.clf.bz2", "intel", ROBOTS, WORK)
     honest = WORK / "honest"
     mapwright("fleet", "simulate", *logs, "-o", honest, "--loss", LOSS)
     for position in positions:

@@ -12,11 +12,11 @@ use mapwright_record::{Measurement, NodeId, Past};
 const VIEWS: usize = 5;
 const COMPARED_M: f64 = 8.0;
 
-/// Of what was seen at a keyframe at least this share fits what was seen just before: half of the least that any keyframe of the real logs has
+/// Of what was seen at a keyframe at least this share fits what was seen just before: half of the least on csail and fhw, whose keyframes are a metre apart
 /// (docs/decisions/0038-liars.md).
 const LEAST_SHARE: f64 = 0.15;
 /// A keyframe that fits elsewhere by more than this chi-square is not where it is said to be: the 99.9 % quantile of three degrees of freedom, as for
-/// any match. On real logs the largest is below 3.
+/// any match. On csail and fhw the largest is 0.8.
 const MOST_CHI2: f64 = 16.8;
 
 /// What a robot says of its way, and what was seen there.
