@@ -165,7 +165,7 @@ fn write_map(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
 /// The area seen over time.
 fn write_curve(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
     let values: Vec<f64> = run.curve.iter().map(|share| share * run.area_m2).collect();
-    let events: Vec<(f64, &str)> = run.seconds.iter().map(|&second| (second, "99 % seen")).collect();
+    let events: Vec<(f64, &str)> = run.seconds.iter().map(|&second| (second, "99 of 100 seen")).collect();
     let curve =
         Curve { values: &values, name: "area seen (m2)", most: run.area_m2, events: &events, colour: COLOURS[1] };
     mapwright_formats::write_curve_png(&curve, writer)
