@@ -38,19 +38,66 @@ pub(crate) struct Weights {
     pub(crate) least_m2: f64,
 }
 
+/// What each goal would show.
+pub(crate) struct Shown<'a, M: Fn(u32) -> f64> {
+    /// Blocks of the map, and the unknown area of each, square metres.
+    pub(crate) blocks: usize,
+    pub(crate) m2: M,
+    /// What robots that decide for themselves will see.
+    pub(crate) claims: &'a [Claim],
+}
+
+/// A robot that decides for itself goes there.
+#[derive(Debug, Clone)]
+pub(crate) struct Claim {
+    /// Blocks seen from there.
+    pub(crate) blocks: Vec<u32>,
+    /// Its number is lower than that of the robots that are given goals here: who is on its way to the same leaves it to that one.
+    pub(crate) is_first: bool,
+}
+
+/// What becomes of a block.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd)]
+enum Block {
+    Unseen,
+    /// By a robot that leaves it to who is on its way there here.
+    Claimed,
+    Covered,
+}
+
+impl<M: Fn(u32) -> f64> Shown<'_, M> {
+    fn claimed(&self) -> Vec<Block> {
+        let mut all = vec![Block::Unseen; self.blocks];
+        for claim in self.claims {
+            let as_what = if claim.is_first { Block::Covered } else { Block::Claimed };
+            for &block in &claim.blocks {
+                let block = &mut all[block as usize];
+                *block = if *block < as_what { as_what } else { *block };
+            }
+        }
+        all
+    }
+
+    /// New area that a goal shows beyond what others see, each block counted as `share` says.
+    fn by(&self, candidate: &Candidate, known: &[Block], share: impl Fn(u32) -> f64) -> f64 {
+        let most = if candidate.held_by.is_some() { Block::Claimed } else { Block::Unseen };
+        let new = candidate.blocks.iter().filter(|&&block| known[block as usize] <= most);
+        new.map(|&block| (self.m2)(block) * share(block)).sum()
+    }
+}
+
 /// The goal of each robot, if any.
 pub(crate) fn assign(
     strategy: Strategy,
     candidates: &[Candidate],
     robots: usize,
     weights: Weights,
-    blocks: usize,
-    m2: impl Fn(u32) -> f64,
+    shown: &Shown<'_, impl Fn(u32) -> f64>,
 ) -> Vec<Option<usize>> {
     match strategy {
-        Strategy::Greedy => greedy(candidates, robots, weights, blocks, m2),
+        Strategy::Greedy => greedy(candidates, robots, weights, shown),
         Strategy::Hungarian => {
-            let worths = worths(candidates, robots, weights, blocks, m2);
+            let worths = worths(candidates, robots, weights, shown);
             hungarian(&worths)
         }
         Strategy::Nearest => (0..robots).map(|robot| nearest(candidates, robot)).collect(),
@@ -72,32 +119,33 @@ fn greedy(
     candidates: &[Candidate],
     robots: usize,
     weights: Weights,
-    blocks: usize,
-    m2: impl Fn(u32) -> f64,
+    shown: &Shown<'_, impl Fn(u32) -> f64>,
 ) -> Vec<Option<usize>> {
-    let mut covered = vec![false; blocks];
-    let mut shown: Vec<f64> =
-        candidates.iter().map(|candidate| candidate.blocks.iter().map(|&block| m2(block)).sum()).collect();
+    let mut known = shown.claimed();
+    let mut shown_m2 = vec![0.0; candidates.len()];
+    let count = |known: &[Block], shown_m2: &mut [f64]| {
+        for (candidate, m2) in candidates.iter().zip(shown_m2) {
+            *m2 = shown.by(candidate, known, |_| 1.0);
+        }
+    };
+    count(&known, &mut shown_m2);
     let mut goals = vec![None; robots];
-    let mut take = |chosen: usize, shown: &mut [f64]| {
+    let mut take = |chosen: usize, shown_m2: &mut [f64]| {
         for &block in &candidates[chosen].blocks {
-            covered[block as usize] = true;
+            known[block as usize] = Block::Covered;
         }
-        for (k, candidate) in candidates.iter().enumerate() {
-            let new = candidate.blocks.iter().filter(|&&block| !covered[block as usize]);
-            shown[k] = new.map(|&block| m2(block)).sum();
-        }
+        count(&known, shown_m2);
     };
     for (k, candidate) in candidates.iter().enumerate() {
         let Some(robot) = candidate.bound.filter(|&robot| candidate.seconds[robot].is_some()) else { continue };
         goals[robot] = Some(k);
-        take(k, &mut shown);
+        take(k, &mut shown_m2);
     }
     loop {
         let mut best: Option<(f64, usize, usize)> = None;
-        for (k, candidate) in candidates.iter().enumerate().filter(|&(k, _)| shown[k] >= weights.least_m2) {
+        for (k, candidate) in candidates.iter().enumerate().filter(|&(k, _)| shown_m2[k] >= weights.least_m2) {
             for robot in (0..robots).filter(|&robot| goals[robot].is_none()) {
-                let Some(worth) = worth(candidate, robot, shown[k], weights) else { continue };
+                let Some(worth) = worth(candidate, robot, shown_m2[k], weights) else { continue };
                 if best.is_none_or(|(most, ..)| worth > most) {
                     best = Some((worth, robot, k));
                 }
@@ -105,7 +153,7 @@ fn greedy(
         }
         let Some((_, robot, chosen)) = best else { return goals };
         goals[robot] = Some(chosen);
-        take(chosen, &mut shown);
+        take(chosen, &mut shown_m2);
     }
 }
 
@@ -114,18 +162,20 @@ fn worths(
     candidates: &[Candidate],
     robots: usize,
     weights: Weights,
-    blocks: usize,
-    m2: impl Fn(u32) -> f64,
+    shown: &Shown<'_, impl Fn(u32) -> f64>,
 ) -> Vec<Vec<Option<f64>>> {
-    let mut seers = vec![0.0; blocks];
+    let mut seers = vec![0.0; shown.blocks];
     for &block in candidates.iter().flat_map(|candidate| &candidate.blocks) {
         seers[block as usize] += 1.0;
     }
-    let shown = |candidate: &Candidate| -> f64 {
-        candidate.blocks.iter().map(|&block| m2(block) / seers[block as usize]).sum()
+    let known = shown.claimed();
+    let m2: Vec<f64> =
+        candidates.iter().map(|candidate| shown.by(candidate, &known, |block| 1.0 / seers[block as usize])).collect();
+    let of = |k: usize, robot: usize| {
+        let is_some = shown.claims.is_empty() || m2[k] > 0.0;
+        worth(&candidates[k], robot, m2[k], weights).filter(|_| is_some)
     };
-    let of = |candidate: &Candidate, robot: usize| worth(candidate, robot, shown(candidate), weights);
-    (0..robots).map(|robot| candidates.iter().map(|candidate| of(candidate, robot)).collect()).collect()
+    (0..robots).map(|robot| (0..candidates.len()).map(|k| of(k, robot)).collect()).collect()
 }
 
 /// The assignment of rows to columns with the largest sum, where rows that can do without a column only do so where there is none left
@@ -194,7 +244,35 @@ mod tests {
     }
 
     fn goals(strategy: Strategy, candidates: &[Candidate], robots: usize) -> Vec<Option<usize>> {
-        assign(strategy, candidates, robots, WEIGHTS, 100, |_| 1.0)
+        goals_beside(&[], strategy, candidates, robots)
+    }
+
+    fn goals_beside(
+        claims: &[Claim],
+        strategy: Strategy,
+        candidates: &[Candidate],
+        robots: usize,
+    ) -> Vec<Option<usize>> {
+        assign(strategy, candidates, robots, WEIGHTS, &Shown { blocks: 100, m2: |_| 1.0, claims })
+    }
+
+    #[test]
+    fn who_decides_for_itself_is_left_what_it_goes_to_unless_this_robot_was_first() {
+        let (same, other): (Vec<u32>, Vec<u32>) = ((0..20).collect(), (50..60).collect());
+        let mut candidates = [candidate(&same, &[1.0]), candidate(&other, &[9.0])];
+        let claim = |is_first| [Claim { blocks: same.clone(), is_first }];
+        for strategy in [Strategy::Greedy, Strategy::Hungarian] {
+            let with = |claims: &[Claim], candidates: &[Candidate]| goals_beside(claims, strategy, candidates, 1);
+            candidates[0].held_by = None;
+            assert_eq!(with(&[], &candidates), [Some(0)]);
+            assert_eq!(with(&claim(true), &candidates), [Some(1)]);
+            assert_eq!(with(&claim(false), &candidates), [Some(1)]);
+            assert_eq!(with(&claim(true), &candidates[..1]), [None]);
+            // On its way there it goes on, where the other has the higher number.
+            candidates[0].held_by = Some(0);
+            assert_eq!(with(&claim(true), &candidates), [Some(1)]);
+            assert_eq!(with(&claim(false), &candidates), [Some(0)]);
+        }
     }
 
     #[test]

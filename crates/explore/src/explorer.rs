@@ -1,6 +1,7 @@
 //! Robots share the exploration of what their common map does not show yet.
 
-use crate::assign::{Candidate, Strategy, Weights, assign};
+use crate::assign::{Candidate, Shown, Strategy, Weights, assign};
+use crate::claims::{Claimed, Claims};
 use crate::frontier::{Frontier, Views, frontiers, has_frontier};
 use crate::map::OccupancyMap;
 use crate::places::{Ending, Limits, Places, WhyLeft};
@@ -59,11 +60,30 @@ pub struct Explorer {
     pub speed_m_per_s: f64,
     /// How far its sensor sees, metres.
     pub reach_m: f64,
+    /// Who says where it goes.
+    pub decides: Decides,
+}
+
+/// Who says where a robot goes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Decides {
+    /// It is given orders here.
+    #[default]
+    Here,
+    /// It decides for itself, by the same code on its own computer, and says what it has chosen.
+    Itself {
+        /// Where it goes, metres in the map; none where it has chosen nothing.
+        goal_m: Option<[f64; 2]>,
+    },
 }
 
 impl Explorer {
-    fn at_m(&self) -> [f64; 2] {
+    pub(crate) fn at_m(&self) -> [f64; 2] {
         [self.map_from_robot.x, self.map_from_robot.y]
+    }
+
+    fn is_ordered(&self) -> bool {
+        self.decides == Decides::Here
     }
 }
 
@@ -130,6 +150,10 @@ const SLOW_TIMES: f64 = 3.0;
 /// for then it is barred; places lie three robot radii apart, so a map of bounded extent has boundedly many. Hence the number of errands
 /// still to come falls with each that ends, whatever robots, map and frontiers do; and where no errand is under way, either one is given
 /// or [`Decision::done`] is said: what is barred for a time only is let out when nothing else is left.
+///
+/// Robots that decide for themselves ([`Decides::Itself`]) are left what they say they go to: each such claim has a deadline too, and only
+/// so many are heeded at one place, so that nobody waits for ever for others, broken or lying. Of two that go to the same the one with the
+/// lower number does; until one that has no goal has said what it chooses, it is taken to choose as it would be sent from here.
 #[derive(Debug, Clone, Default)]
 pub struct Exploration {
     settings: ExploreSettings,
@@ -145,12 +169,16 @@ pub struct Exploration {
     /// Origin and size of the map of the last plan.
     layout: Option<([f64; 2], [usize; 2])>,
     reach: Reach,
+    claims: Claims,
 }
 
 /// What a plan is made of.
 struct Ground<'a> {
     map: &'a OccupancyMap,
+    /// Those that are given orders, and those whose choice is to be foreseen.
     robots: &'a [Explorer],
+    /// Where others go.
+    claimed: &'a [Claimed],
     now_s: f64,
 }
 
@@ -201,14 +229,21 @@ impl Exploration {
         let heard = |robot: &&Explorer| {
             now_s - robot.heard_s < self.settings.silent_after_s && robot.map_from_robot.is_finite()
         };
-        let robots: Vec<Explorer> = robots.iter().filter(heard).copied().collect();
+        let mut robots: Vec<Explorer> = robots.iter().filter(heard).copied().collect();
         let before = self.errands.len();
-        self.errands.retain(|errand| robots.iter().any(|robot| robot.id == errand.robot));
+        self.errands.retain(|errand| robots.iter().any(|robot| robot.id == errand.robot && robot.is_ordered()));
         let lost = before != self.errands.len();
-        if robots.is_empty() {
+        if !robots.iter().any(Explorer::is_ordered) {
             return Decision::default();
         }
-        let ground = Ground { map, robots: &robots, now_s };
+        let same_m = same_m(map, &robots);
+        let patience_s = |robot: &Explorer| Self::patience_s(self.sight_m.unwrap_or(robot.reach_m), robot);
+        let (limits, heeded_s) = (self.settings.visits, self.settings.renew_after_s);
+        let has_changed = self.claims.hear(&robots, now_s, same_m, patience_s);
+        let claimed = self.claims.heeded(&robots, now_s, limits);
+        robots.retain(|robot| robot.is_ordered() || self.claims.is_choosing(robot, now_s, heeded_s));
+        let lost = lost || has_changed;
+        let ground = Ground { map, robots: &robots, claimed: &claimed, now_s };
         let ended = self.end_errands(&ground);
         let is_old = self.planned_s.is_none_or(|planned_s| now_s - planned_s >= self.settings.renew_after_s);
         // What the last plan said of cells is of no use where a map that has grown numbers them otherwise.
@@ -225,19 +260,18 @@ impl Exploration {
             let path_m = errand.map_or(Vec::new(), |errand| errand.path_m.clone());
             Order { robot: robot.id, goal_m: errand.map(|errand| errand.goal_m), path_m }
         };
-        let done = self.errands.is_empty() && !robots.is_empty() && !self.is_waiting();
-        Decision { orders: robots.iter().map(order).collect(), left: self.left.clone(), done }
+        let done = self.errands.is_empty() && !self.is_waiting();
+        let ordered = robots.iter().filter(|robot| robot.is_ordered());
+        Decision { orders: ordered.map(order).collect(), left: self.left.clone(), done }
     }
 
-    /// Frontiers this near to each other are one place, metres.
     fn same_m(ground: &Ground<'_>) -> f64 {
-        let widest = ground.robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
-        (3.0 * widest).max(3.0 * ground.map.resolution_m())
+        same_m(ground.map, ground.robots)
     }
 
     /// How far robots see in the middle. The half-life is some ten plans.
     fn sight_m(&mut self, ground: &Ground<'_>, views: &Views<'_>) -> f64 {
-        for robot in ground.robots {
+        for robot in ground.robots.iter().filter(|robot| robot.is_ordered()) {
             let Some(cell) = ground.map.index_of(robot.at_m()) else { continue };
             let now_m = views.sight_m(cell, robot.reach_m);
             let before_m = self.sight_m.unwrap_or(now_m);
@@ -299,7 +333,7 @@ impl Exploration {
         self.give(ground, &found, &reach, &mut views, sight_m);
         // Who was bound to what it cannot reach any more is free now.
         for _ in ground.robots {
-            if !self.errands.is_empty() || !self.is_waiting() {
+            if !self.errands.is_empty() || !self.is_waiting() || !ground.is_alone() {
                 break;
             }
             self.give(ground, &found, &reach, &mut views, sight_m);
@@ -338,10 +372,12 @@ impl Exploration {
     fn give(&mut self, ground: &Ground<'_>, found: &[Frontier], reach: &Reach, views: &mut Views<'_>, sight_m: f64) {
         let weights = self.weights(ground, sight_m);
         let (candidates, looks) = self.candidates(ground, found, reach, views, sight_m);
-        let (blocks, robots) = (views.blocks(), ground.robots.len());
-        let goals =
-            assign(self.settings.strategy, &candidates, robots, weights, blocks, |block| views.unknown_m2(block));
-        for (k, goal) in goals.iter().enumerate() {
+        let first = ground.robots.iter().filter(|robot| robot.is_ordered()).map(|robot| robot.id).min().unwrap_or(0);
+        let claims: Vec<_> =
+            ground.claimed.iter().filter_map(|claim| claim.seen(ground.map, views, sight_m, first)).collect();
+        let shown = Shown { blocks: views.blocks(), m2: |block| views.unknown_m2(block), claims: &claims };
+        let goals = assign(self.settings.strategy, &candidates, ground.robots.len(), weights, &shown);
+        for (k, goal) in goals.iter().enumerate().filter(|&(k, _)| ground.robots[k].is_ordered()) {
             let chosen = goal.and_then(|goal| {
                 let (frontier, stand) = looks[goal];
                 Some(Chosen { frontier: &found[frontier], stand, seconds: candidates[goal].seconds[k]? })
@@ -417,7 +453,8 @@ impl Exploration {
             return Err(why);
         }
         let stand = frontier.stand(map, terrain).ok_or(WhyLeft::TooNarrow)?;
-        if (0..ground.robots.len()).all(|k| reach.cost_m(ground, k, stand).is_none()) {
+        let ordered = ground.robots.iter().enumerate().filter(|(_, robot)| robot.is_ordered());
+        if ordered.into_iter().all(|(k, _)| reach.cost_m(ground, k, stand).is_none()) {
             return Err(WhyLeft::Unreachable);
         }
         let reach_m = ground.robots.iter().map(|robot| robot.reach_m).fold(0.0, f64::max);
@@ -481,6 +518,13 @@ impl Exploration {
     }
 }
 
+impl Ground<'_> {
+    /// Whether all robots are given orders here.
+    fn is_alone(&self) -> bool {
+        self.claimed.is_empty() && self.robots.iter().all(Explorer::is_ordered)
+    }
+}
+
 impl Reach {
     fn fill(&mut self, ground: &Ground<'_>) {
         let mut radii_m: Vec<f64> = ground.robots.iter().map(|robot| robot.radius_m).collect();
@@ -504,6 +548,12 @@ impl Reach {
         let (number, travel) = &self.travel[robot];
         travel.path_m(ground.map, &self.terrains[*number], cell)
     }
+}
+
+/// Frontiers this near to each other are one place, metres.
+fn same_m(map: &OccupancyMap, robots: &[Explorer]) -> f64 {
+    let widest = robots.iter().map(|robot| robot.radius_m).fold(0.0, f64::max);
+    (3.0 * widest).max(3.0 * map.resolution_m())
 }
 
 /// What is not worth a robot's way: no more area than the narrowest robot stands on, square metres.

@@ -11,7 +11,7 @@
 //! - [`Traffic`]: ways of robots near each other, planned in space and time in order of priority (Silver 2005).
 //!
 //! ```
-//! use mapwright_explore::{Cell, Exploration, ExploreSettings, Explorer, OccupancyMap};
+//! use mapwright_explore::{Cell, Decides, Exploration, ExploreSettings, Explorer, OccupancyMap};
 //! use mapwright_geom::Pose2;
 //! // A room of 4 by 2 m, its right half unknown.
 //! let cells = (0..44 * 24).map(|cell| match (cell % 44, cell / 44) {
@@ -27,12 +27,14 @@
 //!     radius_m: 0.2,
 //!     speed_m_per_s: 0.5,
 //!     reach_m: 10.0,
+//!     decides: Decides::Here,
 //! };
 //! let decision = Exploration::new(ExploreSettings::default()).decide(&map, &[robot], 0.0);
 //! assert!(decision.orders[0].goal_m.is_some_and(|[x, _]| x > 1.9) && !decision.done);
 //! ```
 
 mod assign;
+mod claims;
 mod explorer;
 mod frontier;
 mod map;
@@ -41,7 +43,7 @@ mod traffic;
 mod travel;
 
 pub use assign::Strategy;
-pub use explorer::{Decision, Exploration, ExploreSettings, Explorer, Left, Order};
+pub use explorer::{Decides, Decision, Exploration, ExploreSettings, Explorer, Left, Order};
 pub use map::{Cell, OccupancyMap, SharedMap};
 pub use places::WhyLeft;
 pub use traffic::{Traffic, Traveller};

@@ -1,7 +1,9 @@
 //! Exploration ends, whatever robots and maps do, and says why what is left is left.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests may")]
 
-use mapwright_explore::{Cell, Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Strategy, WhyLeft};
+use mapwright_explore::{
+    Cell, Decides, Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Strategy, WhyLeft,
+};
 use mapwright_geom::Pose2;
 use mapwright_sim::Rng;
 
@@ -46,6 +48,7 @@ impl World {
             radius_m: 0.2,
             speed_m_per_s: 0.5,
             reach_m: 5.0,
+            decides: Decides::Here,
         };
         Self { walls, seen: vec![false; SIDE * SIDE], robots: (0..robots).map(robot).collect() }
     }
@@ -81,7 +84,10 @@ impl World {
         for order in &decision.orders {
             let robot = self.robots.iter_mut().find(|robot| robot.id == order.robot).unwrap();
             let mut left_m = if stands(robot.id) { 0.0 } else { robot.speed_m_per_s };
-            for &[x, y] in &order.path_m {
+            let away_m = |&[x, y]: &[f64; 2]| (x - robot.map_from_robot.x).hypot(y - robot.map_from_robot.y);
+            let nearest =
+                (0..order.path_m.len()).min_by(|&a, &b| away_m(&order.path_m[a]).total_cmp(&away_m(&order.path_m[b])));
+            for &[x, y] in order.path_m.iter().skip(nearest.map_or(0, |nearest| nearest + 1)) {
                 let here = robot.map_from_robot;
                 let leg_m = (x - here.x).hypot(y - here.y);
                 let share = (left_m / leg_m.max(1e-9)).min(1.0);
@@ -175,4 +181,67 @@ fn a_silent_robots_work_is_given_away_within_five_seconds() {
         taken |= after.len() == 1 && after[0].0 == 1 && (after[0].1 == Some(lost) || waits);
     }
     assert!(taken, "{before:?}");
+}
+
+/// The second at which every robot that decides for itself says that it is done. What robots choose the others hear a second later; what
+/// robots say that `lies` gives a goal for is not what they do.
+fn explore_each(world: &mut World, seed: u64, lies: impl Fn(u32, u32) -> Option<[f64; 2]>) -> u32 {
+    let settings = ExploreSettings { renew_after_s: 2.0, visits: 5, ..ExploreSettings::default() };
+    let mut explorations = vec![Exploration::new(settings); world.robots.len()];
+    let mut goals_m = vec![None; world.robots.len()];
+    for second in 0..20_000 {
+        world.look();
+        let map = world.map();
+        let mut said = Decision::default();
+        let mut done = true;
+        for (number, exploration) in explorations.iter_mut().enumerate() {
+            let known = |other: &Explorer| Explorer {
+                decides: match other.id as usize {
+                    id if id == number => Decides::Here,
+                    id => Decides::Itself { goal_m: goals_m[id] },
+                },
+                ..*other
+            };
+            let robots: Vec<Explorer> = world.robots.iter().map(known).collect();
+            let decision = exploration.decide(&map, &robots, f64::from(second));
+            assert!(decision.orders.iter().all(|order| order.robot as usize == number));
+            done &= decision.done || lies(number as u32, second).is_some();
+            said.orders.extend(decision.orders);
+        }
+        if done {
+            return second;
+        }
+        for order in &said.orders {
+            goals_m[order.robot as usize] = lies(order.robot, second).or(order.goal_m);
+        }
+        world.drive(&said, f64::from(second), |id| lies(id, second).is_some());
+    }
+    panic!("seed {seed}: never ends");
+}
+
+#[test]
+fn robots_that_decide_for_themselves_share_the_work() {
+    let (mut shared, mut each, mut alone) = (0, 0, 0);
+    for seed in 0..6 {
+        let time = |robots: usize| explore(&mut World::new(seed, robots), Strategy::Greedy, seed, |_| false, false).0;
+        (shared, alone) = (shared + time(4), alone + time(1));
+        each += explore_each(&mut World::new(seed, 4), seed, |_, _| None);
+    }
+    println!("one decision for four robots {shared} s, each its own {each} s; one robot {alone} s");
+    assert!(f64::from(each) < 1.3 * f64::from(shared), "{each} and {shared} s");
+}
+
+#[test]
+fn a_robot_that_claims_everything_for_ever_holds_nobody_up() {
+    for seed in 0..3 {
+        let mut rng = Rng::keyed(seed, 3);
+        let goals_m: Vec<[f64; 2]> = (0..20_000).map(|_| [rng.uniform(0.5, 11.5), rng.uniform(0.5, 11.5)]).collect();
+        let mut world = World::new(seed, 3);
+        let ended = explore_each(&mut world, seed, |id, second| (id == 0).then(|| goals_m[second as usize / 7]));
+        let mut honest = World::new(seed, 2);
+        let two = explore_each(&mut honest, seed, |_, _| None);
+        println!("seed {seed}: with a liar {ended} s, without {two} s");
+        let seen = |world: &World| world.seen.iter().filter(|seen| **seen).count() as f64;
+        assert!(seen(&world) > 0.98 * seen(&honest));
+    }
 }
