@@ -480,6 +480,13 @@ pub(crate) struct ExploreArgs {
     /// As --uncoordinated, and each knows nothing but the map that it made itself.
     #[arg(long, conflicts_with = "uncoordinated")]
     pub(crate) alone: bool,
+    /// Robots know of each other what they tell over a simulated radio: each maps from a start of its own, makes one map of what it hears,
+    /// and decides for itself. They hear each other as far as walls let them.
+    #[arg(long, conflicts_with_all = ["uncoordinated", "alone", "true_poses"])]
+    pub(crate) radio: bool,
+    /// Share of the radio's messages that is lost.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share, requires = "radio")]
+    pub(crate) loss: f64,
     /// Scans are drawn where they were truly taken, instead of where each robot's own mapping has them.
     #[arg(long)]
     pub(crate) true_poses: bool,

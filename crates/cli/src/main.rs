@@ -30,6 +30,7 @@ mod progress;
 mod reading;
 mod recorded;
 mod report;
+mod robots;
 mod session;
 mod settings;
 mod simulated;

@@ -10,6 +10,7 @@
 mod bytes;
 mod chain;
 mod inbox;
+mod intent;
 mod keys;
 mod message;
 mod node;
@@ -20,6 +21,7 @@ mod steps;
 mod team;
 
 pub use chain::Chain;
+pub use intent::Intent;
 pub use keys::{Member, Roster, RosterError, SIGNATURE_BYTES, Secret};
 pub use message::{MESSAGE_AT_MOST, RECORDS_AT_MOST, Refusal};
 pub use node::{Node, NodeSettings, Outgoing};

@@ -2,11 +2,12 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 4 | `MWF` and the version of the protocol, 1 |
+//! | 4 | `MWF` and the version of the protocol, 2 |
 //! | 1 | 1 beat, 2 ask, 3 records, 4 equivocation |
 //! | rest | as in the type of that name; all numbers little endian |
 
 use crate::bytes::Cursor;
+use crate::intent::NOTE_AT_MOST;
 use crate::keys::{SIGNATURE_BYTES, Secret};
 use crate::record::{ChainId, Equivocation, Record};
 
@@ -17,8 +18,8 @@ pub const RECORDS_AT_MOST: usize = 64;
 /// Chains that a beat may name.
 pub(crate) const CHAINS_AT_MOST: usize = 4096;
 
-const MAGIC: [u8; 4] = *b"MWF\x01";
-const DOMAIN: &[u8] = b"mapwright fleet beat 1\n";
+const MAGIC: [u8; 4] = *b"MWF\x02";
+const DOMAIN: &[u8] = b"mapwright fleet beat 2\n";
 
 /// A robot is alive, and holds so much.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,13 +30,15 @@ pub(crate) struct Beat {
     pub number: u64,
     /// Of each chain it holds, the number of the record that comes next.
     pub holds: Vec<(ChainId, u32)>,
+    /// What else it says: where it is and where it goes.
+    pub note: Vec<u8>,
     /// The robot's, of all above.
     pub signature: [u8; SIGNATURE_BYTES],
 }
 
 impl Beat {
-    pub(crate) fn sign(secret: &Secret, from: ChainId, number: u64, holds: Vec<(ChainId, u32)>) -> Self {
-        let mut beat = Self { from, number, holds, signature: [0; SIGNATURE_BYTES] };
+    pub(crate) fn sign(secret: &Secret, from: ChainId, number: u64, holds: Vec<(ChainId, u32)>, note: Vec<u8>) -> Self {
+        let mut beat = Self { from, number, holds, note, signature: [0; SIGNATURE_BYTES] };
         beat.signature = secret.sign(&beat.signed());
         beat
     }
@@ -55,6 +58,8 @@ impl Beat {
             put_chain(out, *chain);
             out.extend_from_slice(&next.to_le_bytes());
         }
+        out.push(self.note.len() as u8);
+        out.extend_from_slice(&self.note);
     }
 }
 
@@ -149,7 +154,10 @@ impl Message {
                 let count = from.u32()? as usize;
                 (count <= CHAINS_AT_MOST).then_some(())?;
                 let holds = (0..count).map(|_| Some((take_chain(from)?, from.u32()?))).collect::<Option<_>>()?;
-                Some(Self::Beat(Beat { from: sender, number, holds, signature: from.array()? }))
+                let length = usize::from(from.u8()?);
+                (length <= NOTE_AT_MOST).then_some(())?;
+                let note = from.take(length)?.to_vec();
+                Some(Self::Beat(Beat { from: sender, number, holds, note, signature: from.array()? }))
             }
             2 => {
                 let (sender, to, chain) = (from.u16()?, from.u16()?, take_chain(from)?);

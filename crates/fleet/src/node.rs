@@ -60,6 +60,7 @@ struct Peer {
     /// How many of its beats were lost for each one that came, by those that came while it was taken to be alive.
     lost: f64,
     holds: BTreeMap<ChainId, u32>,
+    note: Vec<u8>,
 }
 
 /// What was asked for and has not come yet.
@@ -90,6 +91,8 @@ pub struct Node {
     early: u64,
     outbox: Vec<Outgoing>,
     beats: u64,
+    /// What goes with each beat.
+    note: Vec<u8>,
     last_beat: Option<Stamp>,
     begun: Option<Stamp>,
 }
@@ -117,6 +120,7 @@ impl Node {
             early: 0,
             outbox: Vec::new(),
             beats: 0,
+            note: Vec::new(),
             last_beat: None,
             begun: None,
         })
@@ -189,6 +193,18 @@ impl Node {
         Some((peer.heard?, &peer.holds))
     }
 
+    /// What goes with each beat from now on.
+    pub(crate) fn set_note(&mut self, note: Vec<u8>) {
+        self.note = note;
+    }
+
+    /// What came with the last beats of the others that are alive, and when.
+    pub(crate) fn notes(&self, now: Stamp) -> impl Iterator<Item = (u16, Stamp, &[u8])> {
+        let others = self.peers.iter().enumerate().map(|(rank, peer)| (rank as u16, peer));
+        let alive = others.filter(move |(rank, _)| *rank != self.me.rank && self.is_alive(*rank, now));
+        alive.filter_map(|(rank, peer)| Some((rank, peer.heard?, peer.note.as_slice())))
+    }
+
     /// Who solves: of those alive the first in the roster. None until one lease has passed since this robot was switched on, for it has not
     /// heard of others yet.
     #[must_use]
@@ -237,7 +253,7 @@ impl Node {
             self.last_beat = Some(now);
             self.beats += 1;
             let holds = self.chains.iter().map(|(chain, known)| (*chain, known.next())).take(CHAINS_AT_MOST).collect();
-            let beat = Beat::sign(&self.secret, self.me, self.beats, holds);
+            let beat = Beat::sign(&self.secret, self.me, self.beats, holds, self.note.clone());
             self.send(None, &Message::Beat(beat));
         }
         self.ask(now);
@@ -280,7 +296,7 @@ impl Node {
         let missed = beat.number.saturating_sub(before.number).saturating_sub(1) as f64;
         let lost = if is_next { before.lost + (missed - before.lost) / BEATS_REMEMBERED } else { before.lost };
         self.peers[usize::from(rank)] =
-            Peer { session: beat.from.session, number: beat.number, heard: Some(now), lost, holds };
+            Peer { session: beat.from.session, number: beat.number, heard: Some(now), lost, holds, note: beat.note };
         self.outbox.push(Outgoing { to: None, bytes: bytes.to_vec() });
         Ok(())
     }

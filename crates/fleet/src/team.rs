@@ -2,6 +2,7 @@
 
 use crate::chain::Chain;
 use crate::inbox::{Inbox, News, pack};
+use crate::intent::Intent;
 use crate::message::Refusal;
 use crate::node::{Node, Outgoing};
 use crate::record::{ChainId, Kind};
@@ -176,6 +177,19 @@ impl Team {
         if !payload.is_empty() && !self.node.publish(Kind::Sightings, pack(&payload)) {
             self.unsaid += 1;
         }
+    }
+
+    /// Says with each beat where the robot is and where it goes.
+    pub fn tell_intent(&mut self, intent: &Intent) {
+        self.node.set_note(intent.encode());
+    }
+
+    /// Where the others that are alive are and where they go, by their places in the roster, and when they said so. What cannot be read is left out.
+    pub fn intents(&self, now: Stamp) -> impl Iterator<Item = (u16, Stamp, Intent)> {
+        let robot = |rank: u16| self.node.roster().name(rank).map(|name| RunId::of_robot(name).robot);
+        self.node
+            .notes(now)
+            .filter_map(move |(rank, heard, note)| Some((rank, heard, Intent::decode(note, robot(rank)?)?)))
     }
 
     /// Says what is left to be said, where nothing more will come.

@@ -173,6 +173,21 @@ impl Rovers {
         self.rovers.iter().map(|rover| rover.bumps).sum()
     }
 
+    /// How many things that stand still lie between two robots.
+    #[must_use]
+    pub fn between(&self, a: usize, b: usize) -> usize {
+        let [from, to] = [a, b].map(|number| self.world_from_robot(number)).map(|pose| [pose.x, pose.y]);
+        let line = Segment { a: from, b: to };
+        let blocks = |(wall, radius_m): &(&Segment, &f64)| wall.distance_to_segment(&line) <= **radius_m;
+        self.walls.segments.iter().zip(&self.walls.radii_m).filter(blocks).count()
+    }
+
+    /// How a robot moves.
+    #[must_use]
+    pub fn twist(&self, number: usize) -> Twist {
+        self.rovers.get(number).map_or(Twist::default(), |rover| rover.twist)
+    }
+
     /// Distance from a point to the nearest thing that stands still, metres; at least `within_m` where there is none nearer than that.
     #[must_use]
     pub fn clearance_m(&self, point: Point, within_m: f64) -> f64 {

@@ -30,16 +30,18 @@ const NAMES: [&str; 16] = [
 pub(super) fn run(args: &ExploreArgs) -> Result<Outcome, Failure> {
     let settings = crate::settings::load(&args.settings)?;
     let mut output = OutputFolder::create(&args.output)?;
-    let sharing = match (args.uncoordinated, args.alone) {
-        (_, true) => Sharing::Nothing,
-        (true, _) => Sharing::Map,
+    let sharing = match (args.radio, args.uncoordinated, args.alone) {
+        (true, ..) => Sharing::Told,
+        (_, _, true) => Sharing::Nothing,
+        (_, true, _) => Sharing::Map,
         _ => Sharing::Work,
     };
-    let strategy = if sharing == Sharing::Work { Strategy::Greedy } else { Strategy::Nearest };
+    let is_shared = matches!(sharing, Sharing::Work | Sharing::Told);
+    let strategy = if is_shared { Strategy::Greedy } else { Strategy::Nearest };
     let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
     let robots = args.robots as usize;
     let dies = args.dies.map(|at_s| (robots - 1, at_s));
-    let plan = Plan { seed: args.seed, robots, explore, sharing, slam: !args.true_poses, dies };
+    let plan = Plan { seed: args.seed, robots, explore, sharing, slam: !args.true_poses, loss: args.loss, dies };
     let building = if args.rooms { Building::rooms(args.seed) } else { Building::office(args.seed) };
     let run = building.run(&plan, &settings)?;
     output.write("map.png", |writer| write_map(&run, writer))?;

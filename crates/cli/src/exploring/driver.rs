@@ -15,7 +15,7 @@ const STEER_GAIN_PER_S: f64 = 2.5;
 const KEEP_M: f64 = 0.1;
 /// Robots farther from each other than this need not mind each other for a second, nor make room in time, metres: what a window of ways is
 /// long.
-const MEETING_M: f64 = 6.0;
+pub(super) const MEETING_M: f64 = 6.0;
 /// A robot does not drive on where another stands on so much of its way, metres.
 const CLEAR_M: f64 = 0.5;
 /// After so many steps without moving a robot was held by something, and backs off for so many.
@@ -135,15 +135,14 @@ impl Driver {
     }
 }
 
-/// What each robot does now: along its way, but not into another robot.
-pub(super) fn twist(drivers: &mut [Driver], number: usize, radius_m: f64, speed_m_per_s: f64) -> Twist {
-    if !drivers[number].alive {
+/// What a robot does now: along its way, but not into another robot.
+pub(super) fn twist(driver: &mut Driver, others_m: &[[f64; 2]], radius_m: f64, speed_m_per_s: f64) -> Twist {
+    if !driver.alive {
         return Twist::default();
     }
-    let twist = drivers[number].steer(speed_m_per_s);
+    let twist = driver.steer(speed_m_per_s);
     let keep_m = 2.0 * radius_m + 0.5 * KEEP_M;
-    let others = drivers.iter().enumerate().filter(|&(other, _)| other != number);
-    let in_the_way = others.into_iter().any(|(_, other)| drivers[number].leads_into(other.at_m(), keep_m));
+    let in_the_way = others_m.iter().any(|&other_m| driver.leads_into(other_m, keep_m));
     let speed_m_per_s = if in_the_way { twist.speed_m_per_s.min(0.0) } else { twist.speed_m_per_s };
     Twist { speed_m_per_s, ..twist }
 }
@@ -248,7 +247,10 @@ mod tests {
 
         fn step(&mut self) {
             for number in 0..self.drivers.len() {
-                let Twist { speed_m_per_s, turn_rate_rad_per_s } = twist(&mut self.drivers, number, RADIUS_M, 0.5);
+                let others = (0..self.drivers.len()).filter(|&other| other != number);
+                let others_m: Vec<[f64; 2]> = others.map(|other| self.drivers[other].at_m()).collect();
+                let driver = &mut self.drivers[number];
+                let Twist { speed_m_per_s, turn_rate_rad_per_s } = twist(driver, &others_m, RADIUS_M, 0.5);
                 let here = self.drivers[number].map_from_robot;
                 let turn_rad = STEP_S * turn_rate_rad_per_s.clamp(-1.5, 1.5);
                 let there = here * Pose2::new(STEP_S * speed_m_per_s, 0.0, turn_rad);

@@ -1,18 +1,23 @@
 //! Simulated robots that explore a building: the run behind `mapwright explore` and `suite explore`.
 
 mod driver;
+mod knowledge;
 mod team;
+mod told;
 mod truth;
 
 use crate::failure::Failure;
+use crate::robots::Simulated;
 use driver::{Driver, Ground};
+use knowledge::Knowledge;
 use mapwright::{Pose2, Settings};
-use mapwright_explore::{Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Order, Traffic};
-use mapwright_sim::{LaserSettings, OdometryNoise, RobotSettings, Rovers, Site, Twist, worlds};
+use mapwright_explore::{Decides, Decision, Exploration, ExploreSettings, Explorer, OccupancyMap, Order, Traffic};
+use mapwright_sim::{LaserSettings, OdometryNoise, RadioSettings, RobotSettings, Rovers, Site, Twist, worlds};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use team::Team;
+use told::Told;
 use truth::Truth;
 
 /// Radius of a robot, metres.
@@ -33,6 +38,8 @@ const PERFECT_SCAN_STEPS: u32 = 4;
 const DECIDE_STEPS: u32 = 10;
 /// A run that takes longer than this never ends, seconds.
 const LIMIT_S: f64 = 10_800.0;
+/// After it robots that tell each other have so long to agree, seconds.
+const SETTLE_S: f64 = 120.0;
 /// What is asked for: this share of all that there is to see.
 pub(crate) const SHARE: f64 = 0.99;
 
@@ -41,6 +48,8 @@ pub(crate) const SHARE: f64 = 0.99;
 pub(crate) enum Sharing {
     /// One map, and one decision who goes where.
     Work,
+    /// What they tell each other over the air; each makes its map of that, and decides for itself.
+    Told,
     /// One map; each decides for itself and does not know where the others go.
     Map,
     /// Each has the map that it made itself.
@@ -56,12 +65,13 @@ pub(crate) struct Plan {
     pub(crate) sharing: Sharing,
     /// Each robot maps by itself; otherwise scans are drawn where they were truly taken.
     pub(crate) slam: bool,
+    /// Of robots that tell each other: the share of messages that is lost.
+    pub(crate) loss: f64,
     /// A robot that is switched off, and when, seconds.
     pub(crate) dies: Option<(usize, f64)>,
 }
 
 /// What came of it.
-#[derive(Debug)]
 pub(crate) struct Run {
     /// When [`SHARE`] of everything was seen, seconds.
     pub(crate) seconds: Option<f64>,
@@ -83,6 +93,9 @@ pub(crate) struct Run {
     pub(crate) error_m: Option<f64>,
     /// Time that decisions took which made a plan.
     pub(crate) deciding: Duration,
+    /// Of robots that tell each other: themselves, and how long after the end all had the same map, seconds.
+    pub(crate) air: Option<Simulated>,
+    pub(crate) agreed_s: Option<f64>,
 }
 
 impl Run {
@@ -121,13 +134,20 @@ impl Building {
         let middle = 0.5 * (plan.robots as f64 - 1.0);
         let starts: Vec<Pose2> =
             (0..plan.robots).map(|number| self.site.start((number as f64 - middle) * APART_M)).collect();
-        let team = Team::new(plan.slam.then_some(settings), &starts, plan.sharing != Sharing::Nothing)?;
+        let team = if plan.sharing == Sharing::Told {
+            let radio = RadioSettings { loss: plan.loss, doubled: 0.05, delay_s: [0.005, 0.2], seed: plan.seed };
+            Knowledge::Told(Told::new(settings, plan.robots, radio)?)
+        } else {
+            let one_map = plan.sharing != Sharing::Nothing;
+            Knowledge::Given(Team::new(plan.slam.then_some(settings), &starts, one_map)?)
+        };
         let deciders = if plan.sharing == Sharing::Work { 1 } else { plan.robots };
         let mut fleet = Fleet {
             plan: *plan,
             rovers: rovers(&self.site, &starts, plan.seed),
             drivers: starts.iter().map(|&start| Driver::standing(start)).collect(),
-            traffic: Traffic::default(),
+            traffic: vec![Traffic::default(); deciders],
+            beside: vec![vec![Driver::default(); plan.robots]; plan.robots],
             team,
             truth: self.truth.unseen(),
             explorations: vec![Exploration::new(plan.explore); deciders],
@@ -149,6 +169,8 @@ impl Building {
                 map: None,
                 error_m: None,
                 deciding: Duration::ZERO,
+                air: None,
+                agreed_s: None,
             },
         };
         fleet.drive();
@@ -167,9 +189,12 @@ struct Fleet {
     plan: Plan,
     rovers: Rovers,
     drivers: Vec<Driver>,
-    team: Team,
+    team: Knowledge,
     truth: Truth,
-    traffic: Traffic,
+    /// One for all, or each robot's own.
+    traffic: Vec<Traffic>,
+    /// Of robots that tell each other: the others as each robot takes them to drive.
+    beside: Vec<Vec<Driver>>,
     /// One for all, or each robot's own.
     explorations: Vec<Exploration>,
     /// Plans by whose terrain each robot drives.
@@ -192,8 +217,11 @@ impl Fleet {
             if step % if self.plan.slam { SCAN_STEPS } else { PERFECT_SCAN_STEPS } == 0 {
                 (0..self.drivers.len()).for_each(|number| self.scan(number));
             }
+            if let Knowledge::Told(told) = &mut self.team {
+                told.step(now_s);
+            }
             if step % DECIDE_STEPS == 0 && self.decide(now_s) {
-                return;
+                return self.settle(now_s);
             }
             let speed = RobotSettings::default().speed_m_per_s;
             for number in 0..self.drivers.len() {
@@ -204,7 +232,10 @@ impl Fleet {
                 }
             }
             let twists: Vec<Twist> = (0..self.drivers.len())
-                .map(|number| driver::twist(&mut self.drivers, number, RADIUS_M, speed))
+                .map(|number| {
+                    let others_m = self.others_m(number);
+                    driver::twist(&mut self.drivers[number], &others_m, RADIUS_M, speed)
+                })
                 .collect();
             let before: Vec<Pose2> = (0..twists.len()).map(|number| self.rovers.world_from_robot(number)).collect();
             self.rovers.step(&twists, STEP_S);
@@ -219,17 +250,42 @@ impl Fleet {
         }
     }
 
+    fn alive(&self) -> Vec<usize> {
+        (0..self.drivers.len()).filter(|&number| self.drivers[number].alive).collect()
+    }
+
     fn switch_off(&mut self) {
-        if let Some((number, _)) = self.plan.dies {
-            self.drivers[number].switch_off();
+        let Some((number, _)) = self.plan.dies else { return };
+        self.drivers[number].switch_off();
+        if let Knowledge::Told(told) = &mut self.team {
+            // Whoever comes near sees it stand there.
+            told.air.robots[number].is_alive = false;
+        } else {
             self.team.feel(number, self.drivers[number].at_m(), 2.0 * RADIUS_M, f64::INFINITY);
         }
     }
 
+    /// Where the others are, in the map of a robot: those that it sees, where each knows only its own pose.
+    fn others_m(&self, number: usize) -> Vec<[f64; 2]> {
+        let others = (0..self.drivers.len()).filter(|&other| other != number);
+        others.filter_map(|other| Some(self.beside_m(number, other)?.0)).collect()
+    }
+
+    /// Where another robot is in the map of a robot, and whether it drives.
+    fn beside_m(&self, number: usize, other: usize) -> Option<([f64; 2], bool)> {
+        let drives = self.drivers[other].alive;
+        if self.plan.sharing != Sharing::Told {
+            return Some((self.drivers[other].at_m(), drives));
+        }
+        let [own, other] = [number, other].map(|robot| self.rovers.world_from_robot(robot));
+        let seen = own.between(other);
+        let is_near = seen.x.hypot(seen.y) < driver::MEETING_M;
+        is_near.then(|| (self.drivers[number].map_from_robot.transform([seen.x, seen.y]), drives))
+    }
+
     /// Whether another robot is what was met there.
     fn is_robot(&self, number: usize, point_m: [f64; 2]) -> bool {
-        let others = self.drivers.iter().enumerate().filter(|&(other, _)| other != number);
-        others.into_iter().any(|(_, other)| driver::apart_m(other.at_m(), point_m) < 2.0 * RADIUS_M)
+        self.others_m(number).into_iter().any(|other_m| driver::apart_m(other_m, point_m) < 2.0 * RADIUS_M)
     }
 
     fn scan(&mut self, number: usize) {
@@ -237,13 +293,9 @@ impl Fleet {
             return;
         }
         let Some(mut scan) = self.rovers.scan(number) else { return };
-        let others: Vec<[f64; 2]> = self
-            .drivers
-            .iter()
-            .enumerate()
-            .filter(|&(k, driver)| k != number && driver.alive)
-            .map(|(_, driver)| driver.at_m())
-            .collect();
+        let others = (0..self.drivers.len()).filter(|&other| other != number);
+        let alive = others.filter_map(|other| self.beside_m(number, other).filter(|(_, drives)| *drives));
+        let others: Vec<[f64; 2]> = alive.map(|(other_m, _)| other_m).collect();
         team::without_bodies(&mut scan, self.drivers[number].map_from_robot, &others, RADIUS_M);
         let truth = self.rovers.world_from_robot(number);
         self.taken[number].push((self.scans[number], truth));
@@ -268,6 +320,21 @@ impl Fleet {
         }
         self.team.forget(now_s);
         self.hear(now_s);
+        let alive = self.alive();
+        if let Knowledge::Told(told) = &mut self.team {
+            told.look(&self.rovers, now_s);
+            for number in alive {
+                told.follow(number);
+                let odom_from_robot = self.rovers.odom_from_robot(number);
+                let before = self.drivers[number].map_from_robot;
+                let now = told.map_from_robot(number, odom_from_robot);
+                if before.distance(now) > driver::MEETING_M {
+                    // In another frame nothing is where it was.
+                    self.explorations[number] = Exploration::new(self.plan.explore);
+                }
+                self.drivers[number].map_from_robot = now;
+            }
+        }
         let done = self.give_goals(now_s);
         if done {
             self.run.done_s = Some(now_s);
@@ -283,7 +350,11 @@ impl Fleet {
         for (number, exploration) in self.explorations.iter_mut().enumerate() {
             let one = self.plan.sharing != Sharing::Work;
             let heard = self.explorers.iter().filter(|explorer| !one || explorer.id as usize == number);
-            let heard: Vec<Explorer> = heard.copied().collect();
+            let mut heard: Vec<Explorer> = heard.copied().collect();
+            if let Knowledge::Told(told) = &self.team {
+                heard.iter_mut().for_each(|own| own.map_from_robot = self.drivers[number].map_from_robot);
+                heard.extend(told.others(number));
+            }
             let (started, plans) = (Instant::now(), exploration.plans());
             let decision = exploration.decide(self.team.map(number), &heard, now_s);
             if exploration.plans() > plans {
@@ -296,7 +367,15 @@ impl Fleet {
                 self.run.decision = decision;
             }
         }
-        self.find_ways(&orders);
+        if let Knowledge::Told(told) = &mut self.team {
+            for (number, order) in orders.iter().enumerate().filter(|&(number, _)| self.drivers[number].alive) {
+                let goal_m = order.as_ref().and_then(|order: &Order| order.goal_m);
+                told.say(number, self.rovers.odom_from_robot(number), goal_m);
+            }
+            self.find_ways_beside(&orders);
+        } else {
+            self.find_ways(&orders);
+        }
         done
     }
 
@@ -309,7 +388,53 @@ impl Fleet {
             self.planned[number] = exploration.plans();
             grounds.push(Ground { map: self.team.map(number), terrain, is_new });
         }
-        driver::find_ways(&mut self.traffic, &grounds, &mut self.drivers, orders, RADIUS_M);
+        driver::find_ways(&mut self.traffic[0], &grounds, &mut self.drivers, orders, RADIUS_M);
+    }
+
+    /// Each robot finds its own way around the others that it sees, which it takes to go where they say.
+    fn find_ways_beside(&mut self, orders: &[Option<Order>]) {
+        let Knowledge::Told(told) = &self.team else { return };
+        for number in self.alive() {
+            let Some(terrain) = self.explorations[number].terrain(RADIUS_M) else { continue };
+            let is_new = self.planned[number] != self.explorations[number].plans();
+            self.planned[number] = self.explorations[number].plans();
+            let said = told.others(number);
+            let (mut drivers, mut ways) = (Vec::new(), Vec::new());
+            let mut who = Vec::new();
+            for other in 0..self.drivers.len() {
+                if other == number {
+                    drivers.push(self.drivers[number].clone());
+                    ways.push(orders[number].clone());
+                } else if let Some(([x, y], alive)) = self.beside_m(number, other) {
+                    let goal_m =
+                        said.iter().find(|said| said.id as usize == other).and_then(|said| match said.decides {
+                            Decides::Itself { goal_m } => goal_m,
+                            Decides::Here => None,
+                        });
+                    let mut driver = std::mem::take(&mut self.beside[number][other]);
+                    (driver.map_from_robot, driver.alive) = (Pose2::new(x, y, 0.0), alive);
+                    drivers.push(driver);
+                    ways.push(Some(Order { robot: other as u32, goal_m, path_m: Vec::new() }));
+                } else {
+                    continue;
+                }
+                who.push(other);
+            }
+            let ground = Ground { map: told.map(number), terrain, is_new };
+            let grounds = vec![ground; drivers.len()];
+            driver::find_ways(&mut self.traffic[number], &grounds, &mut drivers, &ways, RADIUS_M);
+            for (driver, other) in drivers.into_iter().zip(who) {
+                let place = if other == number { &mut self.drivers[number] } else { &mut self.beside[number][other] };
+                *place = driver;
+            }
+        }
+    }
+
+    /// Nobody drives any more; robots that tell each other say what is left to be said.
+    fn settle(&mut self, now_s: f64) {
+        if let Knowledge::Told(told) = &mut self.team {
+            self.run.agreed_s = told.settle(now_s, SETTLE_S);
+        }
     }
 
     fn hear(&mut self, now_s: f64) {
@@ -321,6 +446,7 @@ impl Fleet {
                 radius_m: RADIUS_M,
                 speed_m_per_s: RobotSettings::default().speed_m_per_s,
                 reach_m: REACH_M,
+                decides: Decides::Here,
             };
             match self.explorers.iter_mut().find(|known| known.id == explorer.id) {
                 Some(known) => *known = explorer,
@@ -336,6 +462,9 @@ impl Fleet {
         self.run.plans = self.explorations.iter().map(Exploration::plans).sum();
         self.run.map = Some(self.team.map(0).clone());
         self.run.error_m = self.team.error_m(&self.taken);
+        if let Knowledge::Told(told) = self.team {
+            self.run.air = Some(told.air);
+        }
         self.run
     }
 }

@@ -8,9 +8,9 @@ use mapwright_sensor::{BeamTable, SweepPoints};
 use std::sync::Arc;
 
 /// Side of a cell of the map that ways are planned in, metres: a door of a metre leaves several cells to a robot.
-const CELL_M: f64 = 0.1;
+pub(super) const CELL_M: f64 = 0.1;
 /// A cell is driven around where one in so many beams ended: a table's leg takes up little of it.
-const PASSES_PER_HIT: u32 = 12;
+pub(super) const PASSES_PER_HIT: u32 = 12;
 /// A keyframe is drawn anew where a point of it may have moved by so much, metres: a quarter of a cell.
 const FOLLOW_M: f64 = 0.25 * CELL_M;
 /// Hits within this of where a robot of the team says it is are its body, metres: what poses may be off.
@@ -76,23 +76,7 @@ impl Team {
         let map = &mut self.maps[own];
         drawn.resize(session.drawn().len(), None);
         for ((sweep, &pose), drawn) in session.drawn().iter().zip(session.map_from_keyframe()).zip(drawn) {
-            let is_drawn = match (&drawn, sweep) {
-                (Some((before, at)), Some(sweep)) => {
-                    let moved_m = at.distance(pose) + sweep.laser.range_max_m * at.between(pose).theta.abs();
-                    Arc::ptr_eq(before, sweep) && moved_m <= FOLLOW_M
-                }
-                (drawn, sweep) => drawn.is_none() && sweep.is_none(),
-            };
-            if is_drawn {
-                continue;
-            }
-            for (wanted, change) in [(drawn.take(), Change::Remove), (sweep.clone().zip(Some(pose)), Change::Add)] {
-                let Some((sweep, pose)) = wanted else { continue };
-                self.points.fill(&sweep, &mut self.table, sweep.laser.range_max_m);
-                if map.draw(&self.points, pose, change) && change == Change::Add {
-                    *drawn = Some((sweep, pose));
-                }
-            }
+            redraw(map, drawn, sweep.clone(), pose, &mut self.points, &mut self.table);
         }
     }
 
@@ -135,6 +119,34 @@ impl Team {
             }
         }
         Some((sum / f64::from(count.max(1))).sqrt())
+    }
+}
+
+/// Draws a keyframe's sweep where it is wanted now, if that is elsewhere than where it is drawn.
+pub(super) fn redraw(
+    map: &mut SharedMap,
+    drawn: &mut Option<(Arc<Sweep>, Pose2)>,
+    sweep: Option<Arc<Sweep>>,
+    pose: Pose2,
+    points: &mut SweepPoints,
+    table: &mut BeamTable,
+) {
+    let is_drawn = match (&drawn, &sweep) {
+        (Some((before, at)), Some(sweep)) => {
+            let moved_m = at.distance(pose) + sweep.laser.range_max_m * at.between(pose).theta.abs();
+            Arc::ptr_eq(before, sweep) && moved_m <= FOLLOW_M
+        }
+        (drawn, sweep) => drawn.is_none() && sweep.is_none(),
+    };
+    if is_drawn {
+        return;
+    }
+    for (wanted, change) in [(drawn.take(), Change::Remove), (sweep.zip(Some(pose)), Change::Add)] {
+        let Some((sweep, pose)) = wanted else { continue };
+        points.fill(&sweep, table, sweep.laser.range_max_m);
+        if map.draw(points, pose, change) && change == Change::Add {
+            *drawn = Some((sweep, pose));
+        }
     }
 }
 

@@ -16,7 +16,6 @@ mod simulate;
 mod state;
 #[cfg(feature = "net")]
 mod status;
-pub(super) mod team;
 #[cfg(feature = "net")]
 mod told;
 

@@ -1,13 +1,13 @@
 //! `mapwright fleet simulate`
 
 use super::report::{RobotResult, TeamResult, refused_by, way_in, write_results};
-use super::team::{Robot, Simulated};
 use crate::args::FleetSimulateArgs;
 use crate::events::{Ending, Interrupt, Log, name_of};
 use crate::failure::{Failure, Outcome};
 use crate::liar::{Liar, Lie, falsify_found};
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
+use crate::robots::{Robot, Simulated};
 use crate::settings;
 use crate::terminal::{count, say, say_json};
 use mapwright::{LaserScan, Odometry, Session, Settings, Stamp, TurnRate};

@@ -95,7 +95,8 @@ impl Measure for Explore {
             let four_s = world.seconds("four").unwrap_or(0.0);
             let dies = (what == "one dies").then_some((seed as usize % 4, 0.25 * four_s));
             let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
-            let run = building.run(&Plan { seed, robots, explore, sharing, slam: self.slam, dies }, &self.settings)?;
+            let run = building
+                .run(&Plan { seed, robots, explore, sharing, slam: self.slam, loss: 0.0, dies }, &self.settings)?;
             world.runs.push(Explored::of(what, robots, &run));
         }
         Ok(world)

@@ -2,9 +2,9 @@
 
 use super::Measure;
 use super::floors::{Floor, percent};
-use crate::commands::fleet::team::{Robot, Simulated};
 use crate::failure::Failure;
 use crate::picture::meetings;
+use crate::robots::{Robot, Simulated};
 use mapwright::{EdgeKind, Pose2, Session, Settings, Stamp};
 use mapwright_eval::{Alignment, ErrorStats, PosePair, ate_of_pairs};
 use mapwright_fleet::{Chain, Kind, Record};

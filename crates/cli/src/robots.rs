@@ -8,43 +8,41 @@ use mapwright_sim::{Radio, RadioSettings, Rng};
 use std::time::{Duration, Instant};
 
 /// A robot: its own mapper, and its part in the team.
-pub(in crate::commands) struct Robot {
-    pub(in crate::commands) name: String,
-    pub(in crate::commands) mapper: Mapper,
-    pub(in crate::commands) team: Team,
-    pub(in crate::commands) is_alive: bool,
+pub(crate) struct Robot {
+    pub(crate) name: String,
+    pub(crate) mapper: Mapper,
+    pub(crate) team: Team,
+    pub(crate) is_alive: bool,
     /// Time that its own map takes, and what it does for the team; elapsed, so that other work on the computer counts too.
-    pub(in crate::commands) mapped: Duration,
-    pub(in crate::commands) shared: Duration,
+    pub(crate) mapped: Duration,
+    pub(crate) shared: Duration,
     /// What it tells is not what it has mapped.
-    pub(in crate::commands) liar: Option<Liar>,
+    pub(crate) liar: Option<Liar>,
     /// When its own map and that of the team became one, seconds.
-    pub(in crate::commands) joined_s: Option<f64>,
+    pub(crate) joined_s: Option<f64>,
 }
 
 impl Robot {
-    pub(in crate::commands) fn is_honest(&self) -> bool {
+    pub(crate) fn is_honest(&self) -> bool {
         self.liar.is_none()
     }
 }
 
 /// Robots and the air.
-pub(in crate::commands) struct Simulated {
-    pub(in crate::commands) robots: Vec<Robot>,
-    pub(in crate::commands) radio: Radio,
+pub(crate) struct Simulated {
+    pub(crate) robots: Vec<Robot>,
+    pub(crate) radio: Radio,
     /// The first so many do not hear the others between these times, seconds.
-    pub(in crate::commands) split: Option<(usize, [f64; 2])>,
+    pub(crate) split: Option<(usize, [f64; 2])>,
+    /// Who hears whom, by their numbers; all hear all where it is empty.
+    pub(crate) reach: Vec<Vec<bool>>,
 }
 
 /// Keyframes that the robot that solves takes in at a time.
 const KEYFRAMES_AT_ONCE: usize = 256;
 
 impl Simulated {
-    pub(in crate::commands) fn new(
-        names: &[String],
-        settings: Settings,
-        radio: RadioSettings,
-    ) -> Result<Self, Failure> {
+    pub(crate) fn new(names: &[String], settings: Settings, radio: RadioSettings) -> Result<Self, Failure> {
         let secrets: Vec<Secret> = (0..names.len()).map(|k| secret(radio.seed, k)).collect();
         let roster = || roster(names, &secrets);
         let robot = |(name, secret): (&String, &Secret)| {
@@ -64,16 +62,11 @@ impl Simulated {
             })
         };
         let robots = names.iter().zip(&secrets).map(robot).collect::<Result<_, Failure>>()?;
-        Ok(Self { robots, radio: Radio::new(radio), split: None })
+        Ok(Self { robots, radio: Radio::new(radio), split: None, reach: Vec::new() })
     }
 
     /// A robot's mapper is told something, and tells the team.
-    pub(in crate::commands) fn map(
-        &mut self,
-        robot: usize,
-        now: Stamp,
-        tell: impl FnOnce(&mut Mapper) -> Option<Update>,
-    ) {
+    pub(crate) fn map(&mut self, robot: usize, now: Stamp, tell: impl FnOnce(&mut Mapper) -> Option<Update>) {
         let Some(robot) = self.robots.get_mut(robot).filter(|robot| robot.is_alive) else { return };
         let begin = Instant::now();
         let update = tell(&mut robot.mapper);
@@ -88,7 +81,7 @@ impl Simulated {
     }
 
     /// All say what they have to say, hear what has arrived, and work; whether anyone had something to do.
-    pub(in crate::commands) fn step(&mut self, now: Stamp, seconds: f64) -> bool {
+    pub(crate) fn step(&mut self, now: Stamp, seconds: f64) -> bool {
         let side = |split: Option<(usize, [f64; 2])>, robot: usize| {
             split.is_some_and(|(first, [from, to])| (from..to).contains(&seconds) && robot < first)
         };
@@ -101,7 +94,8 @@ impl Simulated {
                 for to in (0..self.robots.len()).filter(|to| *to != from) {
                     let rank = self.robots[to].team.node().me().rank;
                     if out.to.is_none_or(|wanted| wanted == rank) {
-                        let is_in_reach = side(self.split, from) == side(self.split, to);
+                        let hears = self.reach.get(from).is_none_or(|hear| hear[to]);
+                        let is_in_reach = hears && side(self.split, from) == side(self.split, to);
                         self.radio.send(now, to, &out.bytes, is_in_reach);
                     }
                 }
@@ -124,7 +118,7 @@ impl Simulated {
     }
 
     /// Whether all who live and do not lie have the same map, to the byte, have looked at it again, and all that any of them has mapped is in it.
-    pub(in crate::commands) fn is_agreed(&self) -> bool {
+    pub(crate) fn is_agreed(&self) -> bool {
         let honest: Vec<&Robot> = self.robots.iter().filter(|robot| robot.is_alive && robot.is_honest()).collect();
         let maps: Option<Vec<&Session>> = honest.iter().map(|robot| robot.team.map()).collect();
         let Some((maps, first)) = maps.and_then(|maps| Some((maps.clone(), *maps.first()?))) else { return false };
