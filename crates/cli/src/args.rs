@@ -437,6 +437,9 @@ pub(crate) struct DemoArgs {
     /// Instead of the office: a building of two storeys, mapped in space with a spinning lidar.
     #[arg(long = "3d", conflicts_with = "show")]
     pub(crate) space: bool,
+    /// Instead of the office: four robots that explore a floor, tell each other over a lossy radio and make one map; one of them dies.
+    #[arg(long, conflicts_with_all = ["show", "space"])]
+    pub(crate) fleet: bool,
     /// That drive ends then, seconds, or with its way.
     #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "space")]
     pub(crate) seconds: Option<f64>,

@@ -38,6 +38,10 @@ pub(crate) struct Simulated {
     pub(crate) reach: Vec<Vec<bool>>,
 }
 
+/// Robots hear and work so often, and are asked so often whether their maps are one, seconds.
+pub(crate) const STEP_S: f64 = 0.1;
+const JOINS_EVERY_S: f64 = 5.0;
+
 /// Keyframes that the robot that solves takes in at a time.
 const KEYFRAMES_AT_ONCE: usize = 256;
 
@@ -115,6 +119,16 @@ impl Simulated {
             robot.shared += begin.elapsed();
         }
         has_worked
+    }
+
+    /// Notes whose maps have become one with others', every five seconds.
+    pub(crate) fn note_joins(&mut self, seconds: f64) {
+        for robot in &mut self.robots {
+            let is_one = || robot.team.map().is_some_and(|map| map.runs().len() > 2 && map.pieces().len() == 1);
+            if robot.joined_s.is_none() && (seconds % JOINS_EVERY_S) < STEP_S && is_one() {
+                robot.joined_s = Some(seconds);
+            }
+        }
     }
 
     /// Whether all who live and do not lie have the same map, to the byte, have looked at it again, and all that any of them has mapped is in it.

@@ -1,5 +1,6 @@
 //! `mapwright demo`
 
+mod fleet;
 mod show;
 mod space;
 
@@ -20,6 +21,9 @@ use serde_json::{Value, json};
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     if let Some(show) = args.show {
         return show::run(args, show);
+    }
+    if args.fleet {
+        return fleet::run(args);
     }
     if args.space {
         return space::run(args);

@@ -124,7 +124,7 @@ fn report(args: &ExploreArgs, run: &Run) -> serde_json::Value {
     })
 }
 
-fn write_area(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
+pub(super) fn write_area(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
     writeln!(writer, "seconds,area_m2,share")?;
     for (second, share) in run.curve.iter().enumerate() {
         writeln!(writer, "{second},{:.2},{share:.5}", share * run.area_m2)?;
@@ -165,7 +165,7 @@ fn write_map(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
 }
 
 /// The area seen over time.
-fn write_curve(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
+pub(super) fn write_curve(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
     let values: Vec<f64> = run.curve.iter().map(|share| share * run.area_m2).collect();
     let events: Vec<(f64, &str)> = run.seconds.iter().map(|&second| (second, "99 of 100 seen")).collect();
     let curve =

@@ -115,6 +115,11 @@ impl Building {
         Self::of(worlds::large_office(seed), seed)
     }
 
+    /// A smaller floor, of 900 to 1,500 square metres.
+    pub(crate) fn floor(seed: u64) -> Self {
+        Self::of(worlds::office_to_explore(seed), seed)
+    }
+
     pub(crate) fn rooms(seed: u64) -> Self {
         Self::of(worlds::three_rooms(seed), seed)
     }

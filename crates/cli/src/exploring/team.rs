@@ -20,8 +20,7 @@ const BODY_MARGIN_M: f64 = 0.2;
 pub(super) struct Team {
     maps: Vec<SharedMap>,
     robots: Vec<Robot>,
-    points: SweepPoints,
-    table: BeamTable,
+    points: Points,
 }
 
 /// A robot, which maps by itself from a known start in one frame; without a mapper its scans are drawn where they were truly taken.
@@ -43,8 +42,7 @@ impl Team {
         Ok(Self {
             maps: vec![SharedMap::new(CELL_M, PASSES_PER_HIT); maps],
             robots: starts.iter().map(robot).collect::<Result<_, _>>()?,
-            points: SweepPoints::default(),
-            table: BeamTable::default(),
+            points: Points::default(),
         })
     }
 
@@ -53,9 +51,10 @@ impl Team {
         let robot = &mut self.robots[number];
         let Some(mapper) = &mut robot.mapper else {
             let (sweep, _) = Sweep::from_scan(scan, [0.0; 3]);
-            self.points.fill(&sweep, &mut self.table, scan.laser.range_max_m);
             let own = number.min(self.maps.len() - 1);
-            return self.maps[own].draw(&self.points, world_from_robot, Change::Add);
+            let Points { points, table } = &mut self.points;
+            points.fill(&sweep, table, scan.laser.range_max_m);
+            return self.maps[own].draw(points, world_from_robot, Change::Add);
         };
         let update = mapper.add_scan(scan);
         if let Some(odom_from_robot) = scan.odom_from_robot {
@@ -76,7 +75,7 @@ impl Team {
         let map = &mut self.maps[own];
         drawn.resize(session.drawn().len(), None);
         for ((sweep, &pose), drawn) in session.drawn().iter().zip(session.map_from_keyframe()).zip(drawn) {
-            redraw(map, drawn, sweep.clone(), pose, &mut self.points, &mut self.table);
+            self.points.redraw(map, drawn, sweep.as_ref().map(|sweep| (sweep, pose)));
         }
     }
 
@@ -122,30 +121,38 @@ impl Team {
     }
 }
 
-/// Draws a keyframe's sweep where it is wanted now, if that is elsewhere than where it is drawn.
-pub(super) fn redraw(
-    map: &mut SharedMap,
-    drawn: &mut Option<(Arc<Sweep>, Pose2)>,
-    sweep: Option<Arc<Sweep>>,
-    pose: Pose2,
-    points: &mut SweepPoints,
-    table: &mut BeamTable,
-) {
-    let is_drawn = match (&drawn, &sweep) {
-        (Some((before, at)), Some(sweep)) => {
-            let moved_m = at.distance(pose) + sweep.laser.range_max_m * at.between(pose).theta.abs();
-            Arc::ptr_eq(before, sweep) && moved_m <= FOLLOW_M
+/// What sweeps are drawn with.
+#[derive(Default)]
+pub(super) struct Points {
+    points: SweepPoints,
+    table: BeamTable,
+}
+
+impl Points {
+    /// Draws a keyframe's sweep where it is wanted now, if that is elsewhere than where it is drawn.
+    pub(super) fn redraw(
+        &mut self,
+        map: &mut SharedMap,
+        drawn: &mut Option<(Arc<Sweep>, Pose2)>,
+        wanted: Option<(&Arc<Sweep>, Pose2)>,
+    ) {
+        let is_drawn = match (&drawn, wanted) {
+            (Some((before, at)), Some((sweep, pose))) => {
+                let moved_m = at.distance(pose) + sweep.laser.range_max_m * at.between(pose).theta.abs();
+                Arc::ptr_eq(before, sweep) && moved_m <= FOLLOW_M
+            }
+            (drawn, wanted) => drawn.is_none() && wanted.is_none(),
+        };
+        if is_drawn {
+            return;
         }
-        (drawn, sweep) => drawn.is_none() && sweep.is_none(),
-    };
-    if is_drawn {
-        return;
-    }
-    for (wanted, change) in [(drawn.take(), Change::Remove), (sweep.zip(Some(pose)), Change::Add)] {
-        let Some((sweep, pose)) = wanted else { continue };
-        points.fill(&sweep, table, sweep.laser.range_max_m);
-        if map.draw(points, pose, change) && change == Change::Add {
-            *drawn = Some((sweep, pose));
+        let wanted = wanted.map(|(sweep, pose)| (Arc::clone(sweep), pose));
+        for (what, change) in [(drawn.take(), Change::Remove), (wanted, Change::Add)] {
+            let Some((sweep, pose)) = what else { continue };
+            self.points.fill(&sweep, &mut self.table, sweep.laser.range_max_m);
+            if map.draw(&self.points, pose, change) && change == Change::Add {
+                *drawn = Some((sweep, pose));
+            }
         }
     }
 }

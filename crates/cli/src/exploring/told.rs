@@ -1,6 +1,6 @@
 //! Robots that know of each other what they are told over the air: each has a map of its own of what all have mapped.
 
-use super::team::{CELL_M, PASSES_PER_HIT, redraw};
+use super::team::{CELL_M, PASSES_PER_HIT, Points};
 use super::{RADIUS_M, REACH_M};
 use crate::failure::Failure;
 use crate::robots::Simulated;
@@ -8,7 +8,6 @@ use mapwright::{KeyframeId, LaserScan, Pose2, Session, Settings, Stamp, Sweep};
 use mapwright_eval::{Alignment, PosePair, ate_of_pairs};
 use mapwright_explore::{Decides, Explorer, OccupancyMap, SharedMap};
 use mapwright_fleet::{Intent, SightedRobot};
-use mapwright_sensor::{BeamTable, SweepPoints};
 use mapwright_sim::{RadioSettings, Rng, RobotSettings, Rovers};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,8 +25,7 @@ const SIGHT_SIGMAS: [f64; 2] = [0.05, 0.01];
 pub(super) struct Told {
     pub(super) air: Simulated,
     views: Vec<View>,
-    points: SweepPoints,
-    table: BeamTable,
+    points: Points,
     rng: Rng,
     now: Stamp,
     /// When two robots saw each other last, seconds.
@@ -37,26 +35,61 @@ pub(super) struct Told {
 /// What a robot knows.
 struct View {
     map: SharedMap,
-    drawn: BTreeMap<KeyframeId, Option<(Arc<Sweep>, Pose2)>>,
+    drawn: BTreeMap<KeyframeId, Drawn>,
+    /// How often it was brought up to date.
+    follows: u32,
     /// Its own map in the one that it drives by: that of all as soon as it is in it.
     map_from_own: Pose2,
     own_from_odom: Pose2,
 }
 
+/// A keyframe in a robot's map.
+#[derive(Default)]
+struct Drawn {
+    at: Option<(Arc<Sweep>, Pose2)>,
+    /// When it was wanted last.
+    follows: u32,
+}
+
+impl View {
+    /// A keyframe is wanted there.
+    fn want(&mut self, session: &Session, place: usize, map_from_session: Pose2, points: &mut Points) {
+        let (id, pose) = (session.keyframes()[place].id, session.map_from_keyframe()[place]);
+        let drawn = self.drawn.entry(id).or_default();
+        if drawn.follows != self.follows {
+            drawn.follows = self.follows;
+            let wanted = session.drawn()[place].as_ref().map(|sweep| (sweep, map_from_session * pose));
+            points.redraw(&mut self.map, &mut drawn.at, wanted);
+        }
+    }
+
+    /// Takes out what is not wanted any more.
+    fn forget_others(&mut self, points: &mut Points) {
+        let (map, follows) = (&mut self.map, self.follows);
+        self.drawn.retain(|_, drawn| {
+            let is_wanted = drawn.follows == follows;
+            if !is_wanted {
+                points.redraw(map, &mut drawn.at, None);
+            }
+            is_wanted
+        });
+    }
+}
+
 impl Told {
     pub(super) fn new(settings: &Settings, robots: usize, radio: RadioSettings) -> Result<Self, Failure> {
-        let names: Vec<String> = (1..=robots).map(|number| format!("robot {number}")).collect();
+        let names: Vec<String> = (1..=robots).map(|number| format!("robot-{number}")).collect();
         let view = || View {
             map: SharedMap::new(CELL_M, PASSES_PER_HIT),
             drawn: BTreeMap::new(),
+            follows: 0,
             map_from_own: Pose2::IDENTITY,
             own_from_odom: Pose2::IDENTITY,
         };
         Ok(Self {
             air: Simulated::new(&names, *settings, radio)?,
             views: (0..robots).map(|_| view()).collect(),
-            points: SweepPoints::default(),
-            table: BeamTable::default(),
+            points: Points::default(),
             rng: Rng::keyed(radio.seed, 0x0074_6167),
             now: Stamp(0),
             sighted_s: BTreeMap::new(),
@@ -98,6 +131,7 @@ impl Told {
     pub(super) fn step(&mut self, now_s: f64) {
         self.now = Stamp((now_s * 1e9) as i64);
         self.air.step(self.now, now_s);
+        self.air.note_joins(now_s);
     }
 
     /// Who hears whom from now on, and who sees whom.
@@ -146,35 +180,23 @@ impl Told {
         let robot = &self.air.robots[number];
         let own = robot.mapper.session();
         let joined = robot.team.map().zip(robot.team.map_from_own(own));
-        let mut wanted: BTreeMap<KeyframeId, (Option<Arc<Sweep>>, Pose2)> = BTreeMap::new();
-        let mut put = |session: &Session, place: usize, map_from_session: Pose2| {
-            let (id, pose) = (session.keyframes()[place].id, session.map_from_keyframe()[place]);
-            wanted.entry(id).or_insert_with(|| (session.drawn()[place].clone(), map_from_session * pose));
-        };
         let newest = |all: &Session| own.keyframes().iter().rev().find_map(|keyframe| all.place(keyframe.id));
         let map_from_own = joined.map_or(Pose2::IDENTITY, |(_, map_from_own)| map_from_own);
+        let (view, points) = (&mut self.views[number], &mut self.points);
+        view.map_from_own = map_from_own;
+        view.follows += 1;
         if let Some((all, newest)) = joined.and_then(|(all, _)| Some((all, newest(all)?)))
             && let Some(map) = all.maps().iter().find(|map| map.has(newest))
         {
-            map.places().for_each(|place| put(all, place, Pose2::IDENTITY));
+            map.places().for_each(|place| view.want(all, place, Pose2::IDENTITY, points));
         }
         for place in 0..own.keyframes().len() {
             let is_told = joined.is_some_and(|(all, _)| all.place(own.keyframes()[place].id).is_some());
             if !is_told {
-                put(own, place, map_from_own);
+                view.want(own, place, map_from_own, points);
             }
         }
-        let view = &mut self.views[number];
-        view.map_from_own = map_from_own;
-        for (id, drawn) in &mut view.drawn {
-            let (sweep, pose) = wanted.remove(id).unwrap_or((None, Pose2::IDENTITY));
-            redraw(&mut view.map, drawn, sweep, pose, &mut self.points, &mut self.table);
-        }
-        view.drawn.retain(|_, drawn| drawn.is_some());
-        for (id, (sweep, pose)) in wanted {
-            let drawn = view.drawn.entry(id).or_default();
-            redraw(&mut view.map, drawn, sweep, pose, &mut self.points, &mut self.table);
-        }
+        view.forget_others(points);
     }
 
     /// A robot says where it is and where it goes.
@@ -204,7 +226,7 @@ impl Told {
         let Some(all) = robot.team.map() else { return Vec::new() };
         let explorer = |(rank, heard, intent): (u16, Stamp, Intent)| {
             let id = self.air.robots.iter().position(|other| other.team.node().me().rank == rank)?;
-            self.views[number].drawn.get(&intent.keyframe)?.as_ref()?;
+            self.views[number].drawn.get(&intent.keyframe)?;
             let map_from_keyframe = *all.map_from_keyframe().get(all.place(intent.keyframe)?)?;
             let goal_m = intent.keyframe_from_goal_m.map(|goal_m| map_from_keyframe.transform(goal_m));
             Some(Explorer {

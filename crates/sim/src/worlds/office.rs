@@ -27,6 +27,25 @@ pub fn office_floor(seed: u64) -> Site {
     Site { world: builder.build(), route: Route::new(waypoints) }
 }
 
+/// The floor of [`office_floor`] for several robots to explore: doors stand as they are, open, or shut for good. Its route is the corridor
+/// below, from where a corridor across meets it.
+#[must_use]
+pub fn office_to_explore(seed: u64) -> Site {
+    let mut rng = Rng::keyed(seed, 0x6f66_6669_6365);
+    let plan = Plan::draw(&mut rng);
+    let mut builder = Builder::new();
+    plan.build_outer_walls(&mut builder, &mut rng);
+    let rooms = plan.build_rooms(&mut builder, &mut rng);
+    let half_m = 0.5 * plan.corridor_m;
+    plan.corridors().iter().for_each(|ends| builder.reserve(ends));
+    rooms.iter().for_each(|room| builder.reserve(&room.way_in(half_m)));
+    rooms.iter().for_each(|room| room.furnish(&mut builder, &mut rng));
+    plan.furnish_corridors(&mut builder, &mut rng);
+    let ring = plan.ring();
+    let route = Route::new(vec![[plan.across_x_m[0], ring[0][1]], ring[1], ring[0]]);
+    Site { world: builder.build().with_doors_settled(), route }
+}
+
 /// A floor of 62 to 70 by about 42 m, 2,800 m² in all, for several robots to explore: some ninety rooms around a ring of corridors
 /// with three corridors across and one along the middle. Doors stand as they are: open, or shut for good. Its route is the middle
 /// corridor, from where a corridor across meets it.

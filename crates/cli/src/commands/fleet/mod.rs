@@ -6,7 +6,7 @@ mod join;
 mod keys;
 #[cfg(feature = "net")]
 mod member;
-mod report;
+pub(super) mod report;
 #[cfg(feature = "net")]
 mod results;
 #[cfg(feature = "net")]

@@ -16,32 +16,32 @@ use std::path::Path;
 
 /// What is known of a robot in the end; what nobody knows is none.
 #[derive(Debug, Clone, Default)]
-pub(super) struct RobotResult {
-    pub(super) name: String,
-    pub(super) is_alive: bool,
-    pub(super) is_solving: bool,
+pub(in crate::commands) struct RobotResult {
+    pub(in crate::commands) name: String,
+    pub(in crate::commands) is_alive: bool,
+    pub(in crate::commands) is_solving: bool,
     /// When its own map and that of the team became one, seconds.
-    pub(super) joined_s: Option<f64>,
+    pub(in crate::commands) joined_s: Option<f64>,
     /// What its own map took, and what the team took, seconds.
-    pub(super) map_s: Option<f64>,
-    pub(super) team_s: Option<f64>,
-    pub(super) refused: Vec<Refused>,
+    pub(in crate::commands) map_s: Option<f64>,
+    pub(in crate::commands) team_s: Option<f64>,
+    pub(in crate::commands) refused: Vec<Refused>,
     /// Messages before which some were missing.
-    pub(super) early: u64,
+    pub(in crate::commands) early: u64,
     /// Where it was in the map of all at each of its scans; where that is not known its keyframes say it.
-    pub(super) way: Vec<(Stamp, Pose2)>,
+    pub(in crate::commands) way: Vec<(Stamp, Pose2)>,
 }
 
 /// What a robot did not use: why, of whom where that is known, how often.
 #[derive(Debug, Clone)]
-pub(super) struct Refused {
-    pub(super) why: &'static str,
-    pub(super) of: Option<String>,
-    pub(super) times: u64,
+pub(in crate::commands) struct Refused {
+    pub(in crate::commands) why: &'static str,
+    pub(in crate::commands) of: Option<String>,
+    pub(in crate::commands) times: u64,
 }
 
 /// All that a node has refused.
-pub(super) fn refused_by(node: &Node) -> Vec<Refused> {
+pub(in crate::commands) fn refused_by(node: &Node) -> Vec<Refused> {
     let one = |(why, of, times): (mapwright_fleet::Refusal, Option<&str>, u64)| Refused {
         why: why.words(),
         of: of.map(str::to_owned),
@@ -51,7 +51,7 @@ pub(super) fn refused_by(node: &Node) -> Vec<Refused> {
 }
 
 /// Where a robot was at each scan of its own session, in the map of all.
-pub(super) fn way_in(map: &Session, own: &Session) -> Vec<(Stamp, Pose2)> {
+pub(in crate::commands) fn way_in(map: &Session, own: &Session) -> Vec<(Stamp, Pose2)> {
     let pose = |scan: &mapwright::ScanPose| {
         let map_from_keyframe = map.map_from_keyframe().get(map.place(scan.keyframe?)?)?;
         Some((scan.stamp, *map_from_keyframe * scan.keyframe_from_robot))
@@ -60,27 +60,31 @@ pub(super) fn way_in(map: &Session, own: &Session) -> Vec<(Stamp, Pose2)> {
 }
 
 /// What a team has made.
-pub(super) struct TeamResult<'a> {
-    pub(super) settings: &'a Settings,
+pub(in crate::commands) struct TeamResult<'a> {
+    pub(in crate::commands) settings: &'a Settings,
     /// The session of all, if there is one.
-    pub(super) map: Option<&'a Session>,
+    pub(in crate::commands) map: Option<&'a Session>,
     /// In the order of the roster.
-    pub(super) robots: &'a [RobotResult],
+    pub(in crate::commands) robots: &'a [RobotResult],
     /// What else `fleet.json` tells.
-    pub(super) facts: Map<String, Value>,
-    pub(super) losses: Vec<String>,
+    pub(in crate::commands) facts: Map<String, Value>,
+    pub(in crate::commands) losses: Vec<String>,
 }
 
 /// What was written.
-pub(super) struct Written {
-    pub(super) files: Vec<Cow<'static, str>>,
+pub(in crate::commands) struct Written {
+    pub(in crate::commands) files: Vec<Cow<'static, str>>,
     /// `fleet.json`.
-    pub(super) value: Value,
-    pub(super) losses: Vec<String>,
+    pub(in crate::commands) value: Value,
+    pub(in crate::commands) losses: Vec<String>,
 }
 
 /// Writes and commits all files of a team, and the page that shows them.
-pub(super) fn write_results(team: TeamResult<'_>, mut output: OutputFolder, folder: &Path) -> Result<Written, Failure> {
+pub(in crate::commands) fn write_results(
+    team: TeamResult<'_>,
+    mut output: OutputFolder,
+    folder: &Path,
+) -> Result<Written, Failure> {
     let mut losses = team.losses.clone();
     let maps = match team.map {
         Some(map) => write_map(&team, map, &mut output)?,

@@ -7,7 +7,7 @@ use crate::failure::{Failure, Outcome};
 use crate::liar::{Liar, Lie, falsify_found};
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
-use crate::robots::{Robot, Simulated};
+use crate::robots::{Robot, STEP_S, Simulated};
 use crate::settings;
 use crate::terminal::{count, say, say_json};
 use mapwright::{LaserScan, Odometry, Session, Settings, Stamp, TurnRate};
@@ -16,8 +16,6 @@ use mapwright_formats::LogEvent;
 use mapwright_sim::RadioSettings;
 use serde_json::{Map, Value, json};
 
-/// Robots hear and work so often, seconds.
-const STEP_S: f64 = 0.1;
 /// After the logs robots have so long to agree, seconds.
 const AGREE_S: f64 = 600.0;
 /// Whether they agree is asked so often, steps.
@@ -154,7 +152,7 @@ fn drive(team: &mut Simulated, logs: &[Vec<Event>], args: &FleetSimulateArgs, in
             }
         }
         let has_worked = team.step(now, seconds);
-        note_joins(team, seconds);
+        team.note_joins(seconds);
         step += 1;
         let has_driven = next.iter().zip(logs).all(|(next, log)| *next == log.len());
         if has_driven {
@@ -176,15 +174,6 @@ fn drive(team: &mut Simulated, logs: &[Vec<Event>], args: &FleetSimulateArgs, in
 /// All have the same map, and none is about to look for old places once more.
 fn is_over(team: &Simulated, since_end_s: f64) -> bool {
     since_end_s >= 15.0 && team.is_agreed()
-}
-
-fn note_joins(team: &mut Simulated, seconds: f64) {
-    for robot in &mut team.robots {
-        let is_one = || robot.team.map().is_some_and(|map| map.runs().len() > 2 && map.pieces().len() == 1);
-        if robot.joined_s.is_none() && (seconds % 5.0) < STEP_S && is_one() {
-            robot.joined_s = Some(seconds);
-        }
-    }
 }
 
 fn report(
