@@ -435,13 +435,13 @@ pub(crate) struct DemoArgs {
     #[arg(long, default_value_t = 5)]
     pub(crate) seed: u64,
     /// Instead of the office: a building of two storeys, mapped in space with a spinning lidar.
-    #[arg(long = "3d", conflicts_with = "show")]
+    #[arg(long = "3d", conflicts_with = "show", group = "driven")]
     pub(crate) space: bool,
     /// Instead of the office: four robots that explore a floor, tell each other over a lossy radio and make one map; one of them dies.
-    #[arg(long, conflicts_with_all = ["show", "space"])]
+    #[arg(long, conflicts_with = "show", group = "driven")]
     pub(crate) fleet: bool,
-    /// That drive ends then, seconds, or with its way.
-    #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "space")]
+    /// The drive of --3d or --fleet ends then, seconds, or with its way.
+    #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "driven")]
     pub(crate) seconds: Option<f64>,
     /// Instead of the office: a loop before and after, as before.png and after.png, with the errors of both.
     #[arg(long, value_enum)]

@@ -279,6 +279,12 @@ pub(crate) struct ExploreSuiteArgs {
     /// Goals are assigned by the best sum instead of the best pair first.
     #[arg(long)]
     pub(crate) hungarian: bool,
+    /// Robots share what they tell over a simulated radio: each makes its map of what it hears, and decides for itself.
+    #[arg(long, conflicts_with = "true_poses")]
+    pub(crate) radio: bool,
+    /// Share of the radio's messages that is lost.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share, requires = "radio")]
+    pub(crate) loss: f64,
     #[command(flatten)]
     pub(crate) worlds: WorldsArgs,
 }

@@ -1,7 +1,7 @@
 //! `mapwright explore`: simulated robots explore a building.
 
 use crate::args::ExploreArgs;
-use crate::exploring::{Building, Plan, Run, SHARE, Sharing};
+use crate::exploring::{Building, LIMIT_S, Plan, Run, SHARE, Sharing};
 use crate::failure::{Failure, Outcome};
 use crate::output::OutputFolder;
 use crate::terminal::{say, say_json};
@@ -41,7 +41,16 @@ pub(super) fn run(args: &ExploreArgs) -> Result<Outcome, Failure> {
     let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
     let robots = args.robots as usize;
     let dies = args.dies.map(|at_s| (robots - 1, at_s));
-    let plan = Plan { seed: args.seed, robots, explore, sharing, slam: !args.true_poses, loss: args.loss, dies };
+    let plan = Plan {
+        seed: args.seed,
+        robots,
+        explore,
+        sharing,
+        slam: !args.true_poses,
+        loss: args.loss,
+        dies,
+        until_s: LIMIT_S,
+    };
     let building = if args.rooms { Building::rooms(args.seed) } else { Building::office(args.seed) };
     let run = building.run(&plan, &settings)?;
     output.write("map.png", |writer| write_map(&run, writer))?;

@@ -37,7 +37,7 @@ const SCAN_STEPS: u32 = 2;
 const PERFECT_SCAN_STEPS: u32 = 4;
 const DECIDE_STEPS: u32 = 10;
 /// A run that takes longer than this never ends, seconds.
-const LIMIT_S: f64 = 10_800.0;
+pub(crate) const LIMIT_S: f64 = 10_800.0;
 /// After it robots that tell each other have so long to agree, seconds.
 const SETTLE_S: f64 = 120.0;
 /// What is asked for: this share of all that there is to see.
@@ -69,6 +69,8 @@ pub(crate) struct Plan {
     pub(crate) loss: f64,
     /// A robot that is switched off, and when, seconds.
     pub(crate) dies: Option<(usize, f64)>,
+    /// The run ends then, seconds.
+    pub(crate) until_s: f64,
 }
 
 /// What came of it.
@@ -320,7 +322,7 @@ impl Fleet {
         for (number, way) in self.run.ways.iter_mut().enumerate() {
             way.push(self.rovers.world_from_robot(number));
         }
-        if now_s >= LIMIT_S {
+        if now_s >= self.plan.until_s {
             return true;
         }
         self.team.forget(now_s);

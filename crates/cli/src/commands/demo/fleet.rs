@@ -3,7 +3,7 @@
 use crate::args::DemoArgs;
 use crate::commands::explore::{write_area, write_curve};
 use crate::commands::fleet::report::{RobotResult, TeamResult, Written, refused_by, way_in, write_results};
-use crate::exploring::{Building, Plan, Run, SHARE, Sharing};
+use crate::exploring::{Building, LIMIT_S, Plan, Run, SHARE, Sharing};
 use crate::failure::{Failure, Outcome};
 use crate::mapping::settings_of;
 use crate::output::OutputFolder;
@@ -31,6 +31,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
         slam: true,
         loss: LOSS,
         dies: Some((ROBOTS - 1, DIES_S)),
+        until_s: args.seconds.unwrap_or(LIMIT_S),
     };
     let run = building.run(&plan, &settings)?;
     output.write("area.png", |writer| write_curve(&run, writer))?;
@@ -42,7 +43,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     if run.agreed_s.is_none() {
         losses.push("robots did not come to the same map".to_owned());
     }
-    if run.done_s.is_none() {
+    if run.done_s.is_none() && args.seconds.is_none() {
         losses.push("robots did not come to an end".to_owned());
     }
     let team = TeamResult { settings: &settings, map, robots: &robots, facts: facts(args, &run, air), losses };

@@ -2,7 +2,7 @@
 
 use super::Measure;
 use super::floors::{Floor, stats};
-use crate::exploring::{Building, Plan, Run, Sharing};
+use crate::exploring::{Building, LIMIT_S, Plan, Run, Sharing};
 use crate::failure::Failure;
 use mapwright::Settings;
 use mapwright_explore::{ExploreSettings, Strategy};
@@ -23,6 +23,9 @@ const DEATH: f64 = 1.1;
 pub(super) struct Explore {
     pub(super) slam: bool,
     pub(super) hungarian: bool,
+    /// Robots tell each other over the air what they map and where they go.
+    pub(super) radio: bool,
+    pub(super) loss: f64,
     pub(super) settings: Settings,
 }
 
@@ -89,14 +92,18 @@ impl Measure for Explore {
         for (what, robots) in RUNS {
             let (strategy, sharing) = match (what, self.hungarian) {
                 ("nearest", _) => (Strategy::Nearest, Sharing::Map),
-                (_, true) => (Strategy::Hungarian, Sharing::Work),
-                _ => (Strategy::Greedy, Sharing::Work),
+                (_, hungarian) => {
+                    let strategy = if hungarian { Strategy::Hungarian } else { Strategy::Greedy };
+                    (strategy, if self.radio { Sharing::Told } else { Sharing::Work })
+                }
             };
             let four_s = world.seconds("four").unwrap_or(0.0);
             let dies = (what == "one dies").then_some((seed as usize % 4, 0.25 * four_s));
             let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
-            let run = building
-                .run(&Plan { seed, robots, explore, sharing, slam: self.slam, loss: 0.0, dies }, &self.settings)?;
+            let run = building.run(
+                &Plan { seed, robots, explore, sharing, slam: self.slam, loss: self.loss, dies, until_s: LIMIT_S },
+                &self.settings,
+            )?;
             world.runs.push(Explored::of(what, robots, &run));
         }
         Ok(world)
@@ -142,6 +149,8 @@ impl Measure for Explore {
         let value = json!({
             "slam": self.slam,
             "hungarian": self.hungarian,
+            "radio": self.radio,
+            "loss": self.loss,
             "area_m2": stats(worlds, |world| world.area_m2).map(|stats| stats.mean),
             "times_nearest": nearest,
             "times_dead": dies,

@@ -96,7 +96,13 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Explore(args) => {
             let settings = settings_of(&args.worlds.run)?;
-            let explore = explore::Explore { slam: !args.true_poses, hungarian: args.hungarian, settings };
+            let explore = explore::Explore {
+                slam: !args.true_poses,
+                hungarian: args.hungarian,
+                radio: args.radio,
+                loss: args.loss,
+                settings,
+            };
             measure(&explore, seeds_of(&args.worlds, 20), &args.worlds.run)
         }
         Suite::Fleet(args) => {
