@@ -4,7 +4,7 @@
 //! whole turn on the spot every eight seconds, wheels as noisy as the simulator's or a tenth of that, and a laser whose beams are spread over nine tenths of the time between scans.
 #![allow(clippy::print_stdout, reason = "an example's result")]
 
-#[path = "../tests/support/turns.rs"]
+#[path = "../tests/all/support/turns.rs"]
 mod turns;
 
 use std::error::Error;

@@ -1,7 +1,7 @@
 //! What an inertial sensor gains on simulated drives: `cargo run --release -p mapwright --example inertial -- [seconds] [seeds]`.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "an example")]
 
-#[path = "../tests/support/inertial.rs"]
+#[path = "../tests/all/support/inertial.rs"]
 #[allow(dead_code, reason = "shared with tests")]
 mod support;
 

@@ -1,7 +1,7 @@
 //! Recordings in which a match must fail: the pose is right, or the mapper says that it may not be.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{Pose2, Status, Update};
 use mapwright_eval::Nees;

@@ -1,7 +1,7 @@
 //! Closing loops as jobs: done at once or by a worker, and replayed.
 #![allow(clippy::expect_used, reason = "a test may fail loudly")]
 
-mod support;
+use crate::support;
 
 use mapwright::{Candidate, Detection, Edge, EdgeKind, JobResult, Jobs, Mapper, Pose2, Session, Settings, Verdict};
 use mapwright_sim::{DriveSettings, TrueScan, kidnapping, worlds};

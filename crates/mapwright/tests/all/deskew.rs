@@ -1,8 +1,7 @@
 //! Undoing the motion during a sweep pays in fast turns.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-#[path = "support/turns.rs"]
-mod turns;
+use crate::support::turns;
 
 use turns::{Deskew, turning};
 

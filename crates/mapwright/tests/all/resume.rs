@@ -1,7 +1,7 @@
 //! A run that is stopped and resumed goes on as if it had never stopped, and no bytes of a checkpoint make it panic.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{
     Beams, Checkpoint, EdgeKind, Entry, Jobs, LeftOut, LeftOutReason, LivePolicy, Localisation, Mapper, Pose2, Session,

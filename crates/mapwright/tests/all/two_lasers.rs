@@ -1,7 +1,7 @@
 //! Front and rear scanners of one robot: both are mapped, each at its stamp and mount.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{LaserModel, LaserScan, Mapper, Pose2, Stamp};
 use mapwright_sim::{Drive, DriveSettings, LaserSettings, Site, TrueScan, worlds};

@@ -1,7 +1,7 @@
 //! Where to drive next: loops that are open, and the same once they are closed.
 #![allow(clippy::expect_used, reason = "a test may fail loudly")]
 
-mod support;
+use crate::support;
 
 use mapwright::{Advice, Entry, Fragment, FragmentStart, LaserModel, LaserScan, Mapper, Pose2, Settings, Stamp};
 use mapwright_sim::{DriveSettings, TrueScan, worlds};

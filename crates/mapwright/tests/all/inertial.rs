@@ -2,9 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-#[path = "support/inertial.rs"]
 #[allow(dead_code, reason = "shared with an example")]
-mod support;
+use crate::support::inertial as support;
 
 use mapwright::{
     Checkpoint, Correction, Entry, ImuReading, ImuReport, ImuTaken, Pose3, Settings, SpaceMapper, SpaceSweep, Stamp,

@@ -2,7 +2,7 @@
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 #![allow(clippy::ptr_arg, reason = "one signature for every way to corrupt lines")]
 
-mod support;
+use crate::support;
 
 use mapwright_formats::{CarmenReader, CarmenWriter, LogEvent, ReadReport, open_log};
 use mapwright_geom::FARTHEST_M;

@@ -1,7 +1,7 @@
 //! People who walk along with the robot and in its way.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{Mapper, Settings};
 use mapwright_sim::{Drive, DriveSettings, worlds};

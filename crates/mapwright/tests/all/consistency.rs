@@ -2,7 +2,7 @@
 //! simulated world (NEES; 3 is expected). `-- --nocapture` shows the means.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{Cov3, Pose2};
 use mapwright_eval::Nees;

@@ -1,7 +1,7 @@
 //! A robot that was carried away maps on, and what it maps is joined with the rest where it lies and nowhere else: a sample of the suite.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{FragmentStart, Localisation, Mapper, Odometry, Pose2, Settings, Stamp, Status, Update};
 use mapwright_sim::{Event, Kidnapping, TrueScan, kidnapping};

@@ -1,7 +1,7 @@
 //! Same input, same bytes.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::Mapper;
 use mapwright_sim::{DriveSettings, worlds};

@@ -1,7 +1,7 @@
 //! The global map follows corrections, and an exported one is the one drawn from scratch, to the bit.
 #![allow(clippy::expect_used, reason = "a test may fail loudly")]
 
-mod support;
+use crate::support;
 
 use mapwright::{
     Beams, CountGrid, Entry, Fragment, FragmentStart, GlobalMap, Keyframe, KeyframeId, LeftOut, LeftOutReason, Mapper,

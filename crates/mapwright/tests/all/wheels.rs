@@ -1,7 +1,7 @@
 //! Wheels that do not tell forwards from backwards, and no wheels.
 #![allow(clippy::expect_used, reason = "a test may fail loudly")]
 
-mod support;
+use crate::support;
 
 use mapwright::{Mapper, Pose2, Settings};
 use mapwright_sim::{Drive, DriveSettings, LaserSettings, PerturbScans, worlds};

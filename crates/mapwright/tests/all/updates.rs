@@ -1,7 +1,7 @@
 //! What updates tell is all that lasts: their entries are the session, and the log of it.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{
     Beams, EdgeKind, Entry, JobResult, Jobs, KeyframeId, LeftOutReason, Localisation, Mapper, Pose2, RunId, Session,

@@ -1,7 +1,7 @@
 //! Lasers of every kind map a simulated room.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{LaserModel, LaserScan, Pose2};
 use mapwright_sim::{DriveSettings, LaserSettings, TrueScan, worlds};

@@ -1,7 +1,7 @@
 //! Loops are closed, look-alikes are not: a sample of the suites.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{
     Candidate, Correction, Detection, Edge, EdgeKind, KeyframeId, Mapper, Objection, Pose2, Settings, Verdict,

@@ -1,7 +1,7 @@
 //! Whatever arrives, the mapper goes on: no panic, a finite pose, and nothing already mapped is lost.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{LaserModel, LaserScan, LivePolicy, Mapper, Pose2, Settings, Stamp};
 use mapwright_geom::FARTHEST_M;

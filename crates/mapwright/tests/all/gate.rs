@@ -1,7 +1,7 @@
 //! The gated local map keeps what is certain relative to the robot, and only that.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{CountGrid, LivePolicy, LocalMapReport, Mapper, Settings};
 use mapwright_grid::Change;

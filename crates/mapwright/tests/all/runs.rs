@@ -1,7 +1,7 @@
 //! Several runs in one map: one after the other, mapped apart and brought together, and a robot that is only located.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{
     Adoption, Entry, FragmentStart, Localisation, Mapper, Pose2, RunId, Session, Settings, Stamp, Status, Update,

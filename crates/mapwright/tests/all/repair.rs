@@ -1,7 +1,7 @@
 //! What was mapped wrongly, or has changed since, can be put right.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{CountGrid, KeyframeId, LaserModel, LaserScan, LocalMap, Mapper, Pose2, Settings, Stamp, Sweep};
 use mapwright_grid::{Change, LocalMapSettings};

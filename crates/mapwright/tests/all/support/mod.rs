@@ -1,5 +1,8 @@
 //! What the whole-pipeline tests share.
-#![allow(dead_code, reason = "each test program uses its part")]
+#![allow(dead_code, reason = "examples use parts, too")]
+
+pub(crate) mod inertial;
+pub(crate) mod turns;
 
 use mapwright::{LaserScan, Mapper, Pose2, Settings, Update};
 use mapwright_eval::{Alignment, PosePair, ate_of_pairs};

@@ -1,7 +1,7 @@
 //! Every optimiser that can be chosen maps a drive.
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly and show what it measured")]
 
-mod support;
+use crate::support;
 
 use mapwright::{Mapper, Settings};
 use mapwright_sim::{DriveSettings, worlds};

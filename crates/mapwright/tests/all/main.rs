@@ -1,0 +1,33 @@
+//! The whole pipeline: one program, so that it is linked once and its tests share the processors.
+
+mod support;
+
+mod advice;
+mod carried;
+mod closing;
+mod consistency;
+mod corrupted_logs;
+mod deskew;
+mod gate;
+mod guard;
+mod held;
+mod hostile;
+mod hostile_lasers;
+mod hostile_space;
+mod inertial;
+mod jobs;
+mod lasers;
+mod optimizers;
+mod people;
+mod render;
+mod render_space;
+mod repair;
+mod resume;
+mod runs;
+mod same_bytes;
+mod slips;
+mod space;
+mod two_lasers;
+mod updates;
+mod visits;
+mod wheels;
