@@ -251,16 +251,18 @@ impl Exploration {
         if lost || ended || is_old || !is_laid_out {
             self.plan(&ground);
         }
-        self.decision(&robots)
+        self.decision(map, &robots)
     }
 
-    fn decision(&self, robots: &[Explorer]) -> Decision {
+    fn decision(&self, map: &OccupancyMap, robots: &[Explorer]) -> Decision {
         let order = |robot: &Explorer| {
             let errand = self.errands.iter().find(|errand| errand.robot == robot.id);
             let path_m = errand.map_or(Vec::new(), |errand| errand.path_m.clone());
             Order { robot: robot.id, goal_m: errand.map(|errand| errand.goal_m), path_m }
         };
-        let done = self.errands.is_empty() && !self.is_waiting();
+        // What is barred by what may go away is not given up yet.
+        let may_open = map.has_passing() && self.left.iter().any(|left| left.why == WhyLeft::Unreachable);
+        let done = self.errands.is_empty() && !self.is_waiting() && !may_open;
         let ordered = robots.iter().filter(|robot| robot.is_ordered());
         Decision { orders: ordered.map(order).collect(), left: self.left.clone(), done }
     }

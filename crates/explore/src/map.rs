@@ -33,6 +33,8 @@ pub struct OccupancyMap {
     cells: Vec<Cell>,
     /// Where robots have stood; empty where nobody said so.
     stood: Vec<bool>,
+    /// Obstacles that are forgotten after a while: what they bar may be reached then.
+    passing: usize,
 }
 
 impl OccupancyMap {
@@ -50,7 +52,7 @@ impl OccupancyMap {
         for row in cells.chunks_exact_mut(width) {
             (row[0], row[width - 1]) = (Cell::Unknown, Cell::Unknown);
         }
-        Some(Self { origin_m, resolution_m, width, height, cells, stood: Vec::new() })
+        Some(Self { origin_m, resolution_m, width, height, cells, stood: Vec::new(), passing: 0 })
     }
 
     /// What several maps in one frame say together: a cell is occupied where hits times `passes_per_hit` reach the passes, as a mapper
@@ -147,6 +149,11 @@ impl OccupancyMap {
     pub fn center_m(&self, index: usize) -> [f64; 2] {
         let middle = |k: usize, at: usize| self.origin_m[k] + (at as f64 + 0.5) * self.resolution_m;
         [middle(0, index % self.width), middle(1, index / self.width)]
+    }
+
+    /// Whether something is taken to be there for a while only.
+    pub(crate) fn has_passing(&self) -> bool {
+        self.passing > 0
     }
 
     /// What is known of the cell that holds a point.

@@ -27,7 +27,7 @@ impl SharedMap {
     pub fn new(resolution_m: f64, passes_per_hit: u32) -> Self {
         let cells = vec![Cell::Unknown; 9];
         let stood = vec![false; 9];
-        let map = OccupancyMap { origin_m: [0.0; 2], resolution_m, width: 3, height: 3, cells, stood };
+        let map = OccupancyMap { origin_m: [0.0; 2], resolution_m, width: 3, height: 3, cells, stood, passing: 0 };
         Self { map, counts: vec![[0; 2]; 9], passes_per_hit, felt_m: Vec::new() }
     }
 
@@ -76,6 +76,7 @@ impl SharedMap {
         let Some(index) = self.map.index_of(point_m).filter(|&index| self.is_inside(index)) else { return };
         self.count(index, 0, FELT, Change::Add);
         self.felt_m.push((point_m, until_s));
+        self.count_passing();
         let cells = (radius_m / self.map.resolution_m).ceil() as i64;
         for (x, y) in (-cells..=cells).flat_map(|y| (-cells..=cells).map(move |x| (x, y))) {
             let near_m = [point_m[0] + x as f64 * self.map.resolution_m, point_m[1] + y as f64 * self.map.resolution_m];
@@ -91,6 +92,11 @@ impl SharedMap {
                 self.count(index, 0, FELT, Change::Remove);
             }
         }
+        self.count_passing();
+    }
+
+    fn count_passing(&mut self) {
+        self.map.passing = self.felt_m.iter().filter(|(_, until_s)| until_s.is_finite()).count();
     }
 
     fn in_cells(&self, point_m: [f64; 2]) -> [f64; 2] {
@@ -189,7 +195,8 @@ impl SharedMap {
             stood[to..to + old[0]].copy_from_slice(&self.map.stood[from..from + old[0]]);
         }
         let origin_m = [0, 1].map(|k| self.map.origin_m[k] - more[k][0] * cell_m);
-        self.map = OccupancyMap { origin_m, resolution_m: cell_m, width, height, cells, stood };
+        self.map =
+            OccupancyMap { origin_m, resolution_m: cell_m, width, height, cells, stood, passing: self.map.passing };
         self.counts = counts;
         true
     }
