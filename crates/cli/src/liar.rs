@@ -80,6 +80,11 @@ impl Liar {
         Self { lie, from_s, first: None, moved: Pose2::IDENTITY, made_up, seen: Vec::new() }
     }
 
+    /// Whether it lies about its solution by then.
+    pub(crate) fn falsifies_solution(&self, seconds: f64) -> bool {
+        self.lie == Lie::Solution && seconds >= self.from_s
+    }
+
     /// What it tells instead of this; `own` is its session as it is.
     pub(crate) fn tell(&mut self, seconds: f64, update: &Update, own: &Session) -> Update {
         let mut told = update.clone();

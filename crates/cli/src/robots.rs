@@ -1,7 +1,7 @@
 //! Robots of one team in one process, and the simulated air between them.
 
 use crate::failure::Failure;
-use crate::liar::Liar;
+use crate::liar::{Liar, falsify_found};
 use mapwright::{Mapper, Pose2, RunId, Session, Settings, Stamp, Update};
 use mapwright_fleet::{Node, NodeSettings, Roster, RosterError, Secret, Team};
 use mapwright_sim::{Radio, RadioSettings, Rng};
@@ -89,6 +89,11 @@ impl Simulated {
         let side = |split: Option<(usize, [f64; 2])>, robot: usize| {
             split.is_some_and(|(first, [from, to])| (from..to).contains(&seconds) && robot < first)
         };
+        for robot in &mut self.robots {
+            if robot.liar.as_ref().is_some_and(|liar| liar.falsifies_solution(seconds)) {
+                robot.team.falsify(falsify_found);
+            }
+        }
         for from in 0..self.robots.len() {
             let robot = &mut self.robots[from];
             if !robot.is_alive {

@@ -277,6 +277,7 @@ impl Team {
     /// For simulations of robots that lie: what this one finds as the robot that solves goes through here before it is told.
     pub fn falsify(&mut self, falsify: fn(&mut Entry)) {
         self.falsify = Some(falsify);
+        self.solving.iter_mut().for_each(|solving| solving.falsify = Some(falsify));
     }
 
     fn solve(&mut self, now: Stamp, keyframes: usize) -> bool {

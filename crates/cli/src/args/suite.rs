@@ -119,6 +119,16 @@ pub(crate) enum Suite {
     /// As `fleet`, but cut in two from after 4 to 10 s until up to 10 s after the drives. Floors besides: of the teams that lose at most 30 % of the messages 95 %
     /// agree within 10 s after the partition.
     Partition(FleetSuiteArgs),
+    /// One robot of a team lies: the others' error beside the same team with nobody lying, and what is refused of whom.
+    ///
+    /// World `seed` is `worlds::three_rooms(seed)`, in which 3 to 8 robots drive for 20 s as in `fleet`; up to 30 % of the messages are lost. One robot,
+    /// each in turn, lies from 3 to 14 s on: of where it is (`offset`, 10 m; `rotation`, 30 degrees; `scaled`, a tenth of its way), of what it sees
+    /// (`replay`, `forged`), or, as the robot that solves, of what it has found (`solution`; those before it in the roster are cut off from the
+    /// others while all drive, so that it solves). Error is that of the keyframes of all other robots, each of the maps that they are in aligned
+    /// rigidly by itself, rmse. Accused: breaks where the way of an honest robot is called contradicted, and what honest robots refuse of each
+    /// other, with the lie and without. Floors: the others' error at most 1.1 times that without the lie, or no more beyond it than the noise of one
+    /// sweep (laser's sigma by the root of half its beams, 2 mm); nobody accused; honest robots end with identical bytes.
+    Liars(LiarsArgs),
     /// Robots that somebody pushes: two legs walk behind, in every scan, and posts stand on every second robot.
     ///
     /// World `seed` is a hall, a suite of rooms or an office floor, by turns, 60 s of it, seen by a laser of 360 beams all around that
@@ -295,6 +305,18 @@ pub(crate) struct FleetSuiteArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
     robots: Option<u32>,
     /// Cells of the maps, metres: a little coarser than usual, for looking for places of others then takes a fifth of the time.
+    #[arg(long, value_name = "M", default_value_t = 0.07, value_parser = parse_cell)]
+    pub(crate) cell: f64,
+    #[command(flatten)]
+    pub(crate) worlds: WorldsArgs,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct LiarsArgs {
+    /// So many liars; more than one of eight robots, without floors.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=7))]
+    pub(crate) liars: u32,
+    /// Cells of the maps, metres, as in `fleet`.
     #[arg(long, value_name = "M", default_value_t = 0.07, value_parser = parse_cell)]
     pub(crate) cell: f64,
     #[command(flatten)]

@@ -4,7 +4,7 @@ use super::report::{RobotResult, TeamResult, refused_by, way_in, write_results};
 use crate::args::FleetSimulateArgs;
 use crate::events::{Ending, Interrupt, Log, name_of};
 use crate::failure::{Failure, Outcome};
-use crate::liar::{Liar, Lie, falsify_found};
+use crate::liar::Liar;
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::robots::{Robot, STEP_S, Simulated};
@@ -72,11 +72,7 @@ pub(super) fn run(args: &FleetSimulateArgs) -> Result<Outcome, Failure> {
     let mut team = Simulated::new(&names, settings, radio)?;
     team.split = args.split;
     for &(robot, lie, from_s) in &args.lies {
-        let robot = &mut team.robots[robot - 1];
-        robot.liar = Some(Liar::new(lie, from_s, args.seed));
-        if lie == Lie::Solution {
-            robot.team.falsify(falsify_found);
-        }
+        team.robots[robot - 1].liar = Some(Liar::new(lie, from_s, args.seed));
     }
     let ended = drive(&mut team, &logs, args, &interrupt);
     let output = OutputFolder::create(&args.output)?;

@@ -113,6 +113,10 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
             let fleets = fleet::Fleets::new(args.robots(), args.cell, settings_of(&args.worlds.run)?);
             measure(&fleet::Partitions(fleets), seeds_of(&args.worlds, 100), &args.worlds.run)
         }
+        Suite::Liars(args) => {
+            let liars = fleet::Liars::new(args.liars as usize, args.cell, settings_of(&args.worlds.run)?);
+            measure(&liars, seeds_of(&args.worlds, 72), &args.worlds.run)
+        }
         Suite::Legs(args) => {
             let settings = settings_of(&args.worlds.run)?;
             measure(&legs::Legs { wheels: args.wheels, settings }, seeds_of(&args.worlds, 100), &args.worlds.run)

@@ -1,32 +1,24 @@
 //! `mapwright suite fleet` and `suite partition`
 
+mod drive;
+mod liars;
+
+pub(super) use liars::Liars;
+
 use super::Measure;
 use super::floors::{Floor, percent};
 use crate::failure::Failure;
 use crate::picture::meetings;
 use crate::robots::{Robot, Simulated};
+use drive::{DRIVE_S, Drives, Truth};
 use mapwright::{EdgeKind, Pose2, Session, Settings, Stamp};
-use mapwright_eval::{Alignment, ErrorStats, PosePair, ate_of_pairs};
+use mapwright_eval::ErrorStats;
 use mapwright_fleet::{Chain, Kind, Record};
-use mapwright_sim::{Drive, DriveSettings, LaserSettings, RadioSettings, Rng, TrueScan, worlds};
+use mapwright_record::SessionEdge;
+use mapwright_sim::{RadioSettings, Rng};
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::f64::consts::TAU;
-use std::sync::Arc;
 
-/// Each robot drives so long, seconds.
-const DRIVE_S: f64 = 20.0;
-const SCANS_HZ: f64 = 5.0;
-const BEAMS: usize = 120;
-/// Robots hear and work so often, seconds.
-const STEP_S: f64 = 0.1;
-/// Who do not agree after so long never will, seconds.
-const AGREE_S: f64 = 300.0;
-/// So long after the end nothing more is looked for, seconds.
-const SETTLED_S: f64 = 15.0;
-/// A closure between two robots is wrong if it is farther from the truth, metres and radians.
-const WRONG_M: f64 = 0.3;
-const WRONG_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Robots agree within so long after a partition ends, seconds; in such a share of the seeds with at most so many messages lost.
 const REJOINED_S: f64 = 10.0;
 const REJOINED_SHARE: f64 = 0.9;
@@ -108,77 +100,22 @@ impl Plan {
         Self { seed, robots, loss, split: (1 + rng.below(robots - 1), [from, until]), dies }
     }
 
-    /// What each robot records.
-    fn drives(&self) -> Vec<Vec<TrueScan>> {
-        let site = Arc::new(worlds::three_rooms(self.seed));
-        let mut laser = LaserSettings::with_field_of_view(TAU, BEAMS);
-        Arc::make_mut(&mut laser.model).range_max_m = 12.0;
-        let drive = |robot: usize| {
-            let settings = DriveSettings {
-                laser: laser.clone(),
-                scan_rate_hz: SCANS_HZ,
-                start_waypoint: 2 * robot,
-                duration_s: DRIVE_S,
-                seed: self.seed.wrapping_mul(64) + robot as u64,
-                ..DriveSettings::default()
-            };
-            Drive::new(Arc::clone(&site), settings).scans().collect()
-        };
-        (0..self.robots).map(drive).collect()
-    }
-
     fn world(&self, settings: Settings) -> Result<World, Failure> {
-        let drives = self.drives();
-        let names: Vec<String> = (1..=self.robots).map(|number| format!("robot {number:02}")).collect();
+        let drives = Drives::new(self.seed, self.robots);
         let radio = RadioSettings { loss: self.loss, doubled: 0.1, delay_s: [0.005, 0.5], seed: self.seed };
-        let mut team = Simulated::new(&names, settings, radio)?;
+        let mut team = Simulated::new(&names(self.robots), settings, radio)?;
         team.split = Some(self.split);
-        let (went_on, agreed_s) = self.drive(&mut team, &drives);
-        Ok(self.judge(&team, &drives, went_on, agreed_s))
-    }
-
-    /// Whether both parts went on alone, and when all agreed after the end.
-    fn drive(&self, team: &mut Simulated, drives: &[Vec<TrueScan>]) -> (bool, Option<f64>) {
-        let end_s = self.split.1[1].max(DRIVE_S);
-        let mut next = vec![0; drives.len()];
-        let (mut went_on, mut agreed_s) = (false, None);
-        for step in 0_u64.. {
-            let seconds = step as f64 * STEP_S;
-            let now = Stamp((seconds * 1e9) as i64);
+        let [_, until_s] = self.split.1;
+        let mut went_on = false;
+        let agreed_s = drives.run(&mut team, until_s.max(DRIVE_S), |team, seconds| {
             if let Some((robot, _)) = self.dies.filter(|(_, at_s)| *at_s <= seconds) {
                 team.robots[robot].is_alive = false;
             }
-            for (robot, drive) in drives.iter().enumerate() {
-                while let Some(taken) = drive.get(next[robot])
-                    && taken.scan.stamp.as_secs_f64() <= seconds
-                {
-                    team.map(robot, now, |mapper| Some(mapper.add_scan(&taken.scan)));
-                    next[robot] += 1;
-                    if next[robot] == drive.len() {
-                        team.map(robot, now, |mapper| Some(mapper.look_again()));
-                        team.robots[robot].team.finish();
-                    }
-                }
-            }
-            let is_cut = seconds < self.split.1[1];
-            if is_cut {
+            if seconds < until_s {
                 went_on = self.has_gone_on(team);
             }
-            let has_worked = team.step(now, seconds);
-            let since_end_s = seconds - end_s;
-            if since_end_s < 0.0 || !step.is_multiple_of(5) {
-                continue;
-            }
-            let is_agreed = team.is_agreed();
-            if is_agreed && agreed_s.is_none() {
-                agreed_s = Some(since_end_s);
-            }
-            let is_over = is_agreed && since_end_s >= SETTLED_S && !has_worked;
-            if is_over || since_end_s > AGREE_S {
-                break;
-            }
-        }
-        (went_on, agreed_s)
+        });
+        Ok(self.judge(&team, &drives, went_on, agreed_s))
     }
 
     /// Whether each part that lives has a map with what it has mapped since it was cut off.
@@ -198,29 +135,14 @@ impl Plan {
         })
     }
 
-    fn judge(&self, team: &Simulated, drives: &[Vec<TrueScan>], went_on: bool, agreed_s: Option<f64>) -> World {
+    fn judge(&self, team: &Simulated, drives: &Drives, went_on: bool, agreed_s: Option<f64>) -> World {
         let alive: Vec<&Robot> = team.robots.iter().filter(|robot| robot.is_alive).collect();
         let none = Session::default();
         let map = alive.iter().find_map(|robot| robot.team.map()).unwrap_or(&none);
-        let truth: Vec<Option<Pose2>> = map.keyframes().iter().map(|key| truth(team, drives, key.id)).collect();
-        let met = meetings(map);
-        let is_wrong = |known: &&mapwright_record::SessionEdge<Pose2>| {
-            let [from, to] = known.ends.map(|end| truth[end as usize]);
-            let (Some(from), Some(to)) = (from, to) else { return true };
-            let by = known.recorded.edge.from_from_to.between(from.between(to));
-            by.x.hypot(by.y) > WRONG_M || by.theta.abs() > WRONG_RAD
-        };
-        let between_robots = |known: &&mapwright_record::SessionEdge<Pose2>| {
-            let [a, b] = known.ends.map(|end| map.keyframes()[end as usize].id.robot);
-            !known.withdrawn && known.recorded.edge.kind == EdgeKind::Closure && a != b
-        };
-        let wrong = map.recorded_edges().iter().filter(between_robots).filter(is_wrong).count();
+        let truth = Truth::new(drives, team, map);
+        let wrong = closures_between(map, |_| true).filter(|known| truth.is_wrong(known)).count();
         let maps = map.maps();
-        let pairs = maps.iter().take(1).flat_map(|map| map.places()).filter_map(|place| {
-            let (stamp, map_from_robot) = (map.keyframes()[place].stamp, map.map_from_keyframe()[place]);
-            Some(PosePair { stamp, world_from_robot: truth[place]?, map_from_robot })
-        });
-        let error = ate_of_pairs(&pairs.collect::<Vec<_>>(), Alignment::Rigid).ok().map(|ate| ate.translation_m);
+        let error = truth.error_m(maps.iter().take(1).flat_map(|map| map.places()));
         let robots_in: std::collections::BTreeSet<u128> = map.keyframes().iter().map(|key| key.id.robot).collect();
         let said = |kind: Kind| -> usize {
             let chains = alive.first().into_iter().flat_map(|robot| robot.team.node().chains().values());
@@ -240,7 +162,7 @@ impl Plan {
             keyframes: map.keyframes().len(),
             maps: robots_in.len(),
             joined_into: maps.len(),
-            closures: met.len(),
+            closures: meetings(map).len(),
             wrong,
             error_m: error.map_or(f64::NAN, |error| error.rmse),
             worst_m: error.map_or(f64::NAN, |error| error.max),
@@ -252,12 +174,17 @@ impl Plan {
     }
 }
 
-/// Where a keyframe truly was taken.
-fn truth(team: &Simulated, drives: &[Vec<TrueScan>], id: mapwright::KeyframeId) -> Option<Pose2> {
-    let own = |robot: &Robot| robot.mapper.session().place(id);
-    let (number, place) = team.robots.iter().enumerate().find_map(|(at, robot)| Some((at, own(robot)?)))?;
-    let scan = team.robots[number].mapper.keyframes()[place].scan;
-    Some(drives[number].get(scan as usize)?.world_from_robot)
+/// What robots are called.
+fn names(robots: usize) -> Vec<String> {
+    (1..=robots).map(|number| format!("robot {number:02}")).collect()
+}
+
+/// Closures that stand between keyframes of different robots, of those for which it holds.
+fn closures_between(map: &Session, is_of: impl Fn(u128) -> bool) -> impl Iterator<Item = &SessionEdge<Pose2>> {
+    map.recorded_edges().iter().filter(move |known| {
+        let [a, b] = known.ends.map(|end| map.keyframes()[end as usize].id.robot);
+        !known.withdrawn && known.recorded.edge.kind == EdgeKind::Closure && a != b && is_of(a) && is_of(b)
+    })
 }
 
 impl World {
