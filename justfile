@@ -134,6 +134,10 @@ suite-fleet *args: release
 suite-partition *args: release
     {{mapwright}} suite partition -o {{figures}}/suite {{args}}
 
+# 72 teams in which one robot lies: the others' error beside the same team with nobody lying
+suite-liars *args: release
+    {{mapwright}} suite liars -o {{figures}}/suite {{args}}
+
 # 100 robots that somebody pushes: legs and posts left out, nothing wrong called good
 suite-legs *args: release
     {{mapwright}} suite legs -o {{figures}}/suite {{args}}

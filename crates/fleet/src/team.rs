@@ -356,7 +356,8 @@ impl Team {
             return None;
         };
         self.blocked_since = None;
-        let mapper = Mapper::resume(self.settings, replay.session().clone()).ok()?;
+        let mut mapper = Mapper::resume(self.settings, replay.session().clone()).ok()?;
+        mapper.weigh_ways();
         Some((mapper, Some(reached)))
     }
 }

@@ -3,10 +3,11 @@
 
 use crate::cascade::Finding;
 use crate::closing::{SUBMAP_M, WINDOW_M, WINDOW_RAD, WINDOW_SIGMAS};
+use crate::plane::PlaneSubmaps;
 use crate::submaps::{PoseOf, Submaps, Window};
-use crate::views::views_along;
-use mapwright_geom::{Pose, Tangent, TangentMatrix};
-use mapwright_record::{Measurement, NodeId, Past};
+use crate::views::{View, views_along};
+use mapwright_geom::{Cov3, Pose, Pose2, Tangent, TangentMatrix};
+use mapwright_record::{EdgeKind, Measurement, NodeId, Past};
 
 /// A keyframe is compared with so many views of the way up to it, from no farther back than this, metres.
 const VIEWS: usize = 5;
@@ -18,14 +19,20 @@ const LEAST_SHARE: f64 = 0.15;
 /// A keyframe that fits elsewhere by more than this chi-square is not where it is said to be: the 99.9 % quantile of three degrees of freedom, as for
 /// any match. On csail and fhw the largest is 0.8.
 const MOST_CHI2: f64 = 16.8;
+/// Median of a chi-square with three degrees of freedom.
+const MEDIAN_CHI2: f64 = 2.366;
 
 /// What a robot says of its way, and what was seen there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SaidAndSeen {
     /// Share of what was seen at the keyframe that fits what was seen just before.
     pub share: f64,
-    /// How far it fits best from where it was said to be: chi-square with as many degrees of freedom as a pose has.
+    /// How far it fits better from where it was said to be: chi-square with as many degrees of freedom as a pose has.
     pub chi2: f64,
+    /// The same in units of the fit's own covariance, by the median of what chance leaves,
+    pub variance_factor: f64,
+    /// and that covariance.
+    pub covariance: Cov3,
 }
 
 impl SaidAndSeen {
@@ -36,35 +43,75 @@ impl SaidAndSeen {
     }
 }
 
-/// What was seen at a keyframe laid on what the same sensor saw just before it on its way, where the robot says it was (where the poses have it if
-/// nothing else is said). None where nothing can be compared.
-pub fn fit_where_said<S: Submaps>(
-    past: Past<'_, S::Measurement>,
-    to: NodeId,
-    said: Option<PoseOf<S>>,
-    submaps: &mut S,
-) -> Option<SaidAndSeen> {
+/// What was seen at a keyframe laid on what the same sensor saw just before it on its way, and at the keyframe that its robot has matched it with,
+/// where the robot says that it was on the way. None where nothing can be compared.
+pub fn fit_where_said(past: Past<'_>, to: NodeId, submaps: &mut PlaneSubmaps) -> Option<SaidAndSeen> {
     let before = past.before(to)?;
+    let local_from_keyframe = as_said(past, to);
+    let past = Past { local_from_keyframe: &local_from_keyframe, ..past };
     let query = views_along(past, to, false, 0.0);
     let sensor = &query.first()?.sweep;
     let mut views = views_along(past, before, false, COMPARED_M);
-    views.retain(|view| view.sweep.is_of_one_sensor_with(sensor));
     views.truncate(VIEWS);
+    views.extend(matched_with(past, to));
+    views.retain(|view| view.sweep.is_of_one_sensor_with(sensor));
     if views.is_empty() {
         return None;
     }
-    let said = said.unwrap_or_else(|| past.pose(before).between(past.pose(to)));
+    let said = past.pose(before).between(past.pose(to));
     let (target, query) = (submaps.draw(&views), submaps.draw(&query));
     let fit = submaps.fit_at(&query, &target, said);
     let share = |share: Option<f64>| share.unwrap_or(0.0);
     let [sigma_m, sigma_rad] = [WINDOW_M, WINDOW_RAD].map(|half| half / WINDOW_SIGMAS);
-    let tolerance = TangentMatrix::from_variances(sigma_m * sigma_m, sigma_rad * sigma_rad);
-    let error = fit.target_from_query.map(|seen| said.local(seen));
-    let chi2 = error.zip((fit.covariance + tolerance).inverted()).map(|(error, by)| error.squared_by(&by));
+    let tolerance = Cov3::from_variances(sigma_m * sigma_m, sigma_rad * sigma_rad);
+    // Where it lies no closer than where it was said to be it speaks for neither.
+    let closeness = |at: Pose2| query.closeness(&target, at);
+    let seen = fit.target_from_query.filter(|&seen| closeness(seen) > closeness(said)).unwrap_or(said);
+    let error = said.local(seen);
+    let chi2 = |covariance: Cov3| covariance.inverted().map(|by| error.squared_by(&by));
     Some(SaidAndSeen {
         share: share(fit.evidence.overlap) * share(fit.evidence.inlier_share),
-        chi2: chi2.unwrap_or(f64::INFINITY),
+        chi2: chi2(fit.covariance + tolerance).unwrap_or(f64::INFINITY),
+        variance_factor: chi2(fit.covariance).map_or(1.0, |chi2| chi2 / MEDIAN_CHI2),
+        covariance: fit.covariance,
     })
+}
+
+/// Poses as odometry edges have them on the way up to a keyframe, whatever became of them since; the one before it stays.
+fn as_said(past: Past<'_>, to: NodeId) -> Vec<Pose2> {
+    let mut steps: Vec<Option<Pose2>> = vec![None; past.local_from_keyframe.len()];
+    for known in past.session.recorded_edges().iter().filter(|known| known.recorded.edge.kind == EdgeKind::Odometry) {
+        if let Some(step) = steps.get_mut(known.ends[1] as usize) {
+            *step = Some(known.recorded.edge.from_from_to);
+        }
+    }
+    let mut said = past.local_from_keyframe.to_vec();
+    let step = |before: NodeId, node: NodeId| {
+        steps[node.index()].unwrap_or_else(|| past.pose(before).between(past.pose(node)))
+    };
+    let Some(last) = past.before(to) else { return said };
+    said[to.index()] = said[last.index()] * step(last, to);
+    let (mut node, mut way_m) = (last, 0.0);
+    while let Some(before) = past.before(node).filter(|_| way_m <= COMPARED_M) {
+        let before_from_node = step(before, node);
+        said[before.index()] = said[node.index()] * before_from_node.inverse();
+        (node, way_m) = (before, way_m + before_from_node.length());
+    }
+    said
+}
+
+/// What was seen at keyframes that a robot says it has matched this one with, in the frame of the one before it.
+fn matched_with(past: Past<'_>, to: NodeId) -> Vec<View> {
+    let Some(before) = past.before(to) else { return Vec::new() };
+    let before_from_local = past.pose(before).inverse();
+    let edges = past.session.recorded_edges().iter().filter(|known| known.ends[1] == to.number());
+    let matched = edges.filter(|known| known.recorded.edge.kind == EdgeKind::Match).map(|known| known.ends[0] as usize);
+    let near = matched.filter(|&from| (0.0..=COMPARED_M).contains(&(past.way_m[before.index()] - past.way_m[from])));
+    let view = |from: usize| {
+        let sweep = past.drawn[from].clone()?;
+        Some(View { sweep, submap_from_keyframe: before_from_local * past.local_from_keyframe[from] })
+    };
+    near.filter_map(view).collect()
 }
 
 /// What was seen around a keyframe looked for around another one, about where an edge between the two says it is.

@@ -1,5 +1,6 @@
 //! Whether the map that another robot says it has found is one: who holds the readings looks again at what it is made of.
 
+use crate::mapper::weigh_ways;
 use crate::settings::Settings;
 use crate::store::Store;
 use mapwright_geom::Pose2;
@@ -22,9 +23,10 @@ pub struct Audit {
 /// Looks at each closure again, and at each way that was called contradicted, and solves the graph once more with the closures that hold.
 #[must_use]
 pub fn audit(settings: &Settings, session: &Session) -> Audit {
-    let store = Store::resume(session.clone(), RunId::of_robot("audit"), String::new());
+    let mut store = Store::resume(session.clone(), RunId::of_robot("audit"), String::new());
     let matcher = Matcher { settings: settings.matcher() };
     let mut submaps = PlaneSubmaps::new(settings.submaps(), VerifySettings::default(), matcher.settings);
+    weigh_ways(&mut store, &mut submaps);
     let mut audit = Audit::default();
     let (mut graph, mut holding) = (store.graph(), store.closures());
     for (number, known) in session.recorded_edges().iter().enumerate() {
@@ -54,14 +56,8 @@ pub fn audit(settings: &Settings, session: &Session) -> Audit {
         }
     }
     for fragment in session.fragments().iter().filter(|fragment| fragment.start == FragmentStart::Contradicted) {
-        let Some((first, edge)) = session.place(fragment.first).and_then(|first| {
-            let number = store.odometry_to(NodeId::at(first))?;
-            Some((first, session.recorded_edges().get(number)?))
-        }) else {
-            continue;
-        };
-        let said = Some(edge.recorded.edge.from_from_to);
-        let Some(fit) = fit_where_said(store.past(), NodeId::at(first), said, &mut submaps) else { continue };
+        let first = session.place(fragment.first).map(NodeId::at);
+        let Some(fit) = first.and_then(|first| fit_where_said(store.past(), first, &mut submaps)) else { continue };
         audit.contradictions[0] += 1;
         audit.contradictions[1] += usize::from(fit.bears_out());
     }

@@ -26,6 +26,7 @@ mod runs;
 mod sighted;
 
 pub use adopt::Adopted;
+pub(crate) use adopt::weigh_ways;
 pub use sighted::Sighted;
 
 /// Builds a map one scan at a time.

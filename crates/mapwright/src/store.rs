@@ -17,10 +17,12 @@ mod adopt;
 mod checkpoint;
 mod import;
 mod new;
+mod said;
 
 pub(crate) use adopt::Adopted;
 pub(crate) use import::Import;
 pub(crate) use new::{Link, NewKeyframe, Slipped, Written};
+pub(crate) use said::Beside;
 
 /// What lies between two keyframes that no measurement joins, or a break, counts as so much way, metres.
 const FARTHEST_WAY_M: f64 = 1000.0;
@@ -41,6 +43,8 @@ pub(crate) struct Store<M: Measurement = Sweep> {
     start: Option<FragmentStart>,
     /// The first keyframes, that corrections do not move.
     fixed: usize,
+    /// What other robots say of the way to each beside what they saw, where that is known.
+    beside: Vec<Option<Beside<<M::Pose as Pose>::Matrix>>>,
     /// Entries that nobody was told of yet.
     fresh: Vec<Entry<M>>,
     /// Why others could not be written.
@@ -66,6 +70,7 @@ impl<M: Measurement> Store<M> {
                 FragmentStart::Resumed
             }),
             fixed: 0,
+            beside: Vec::new(),
             fresh: Vec::new(),
             unwritten: Vec::new(),
             session,
@@ -331,13 +336,13 @@ impl<M: Measurement> Store<M> {
         };
         let edges = self.session.recorded_edges().iter().map(|known| {
             let [from, to] = known.ends.map(|end| end as usize);
-            let Edge { from_from_to, information, .. } = known.recorded.edge;
-            GraphEdge {
-                from,
-                to,
-                from_from_to,
-                information: if known.withdrawn { TangentMatrix::zero() } else { information },
-            }
+            let Edge { from_from_to, information, kind, .. } = known.recorded.edge;
+            let information = match kind {
+                _ if known.withdrawn => TangentMatrix::zero(),
+                EdgeKind::Closure => self.as_borne_out(from, self.as_borne_out(to, information)),
+                EdgeKind::Odometry | EdgeKind::Match => self.as_borne_out(to, information),
+            };
+            GraphEdge { from, to, from_from_to, information }
         });
         PoseGraph { vertices: poses.map(vertex).collect(), edges: edges.collect(), gravity, ..PoseGraph::default() }
     }

@@ -124,7 +124,7 @@ pub(crate) enum Suite {
     /// World `seed` is `worlds::three_rooms(seed)`, in which 3 to 8 robots drive for 20 s as in `fleet`; up to 30 % of the messages are lost. One robot,
     /// each in turn, lies from 3 to 14 s on: of where it is (`offset`, 10 m; `rotation`, 30 degrees; `scaled`, a tenth of its way), of what it sees
     /// (`replay`, `forged`), or, as the robot that solves, of what it has found (`solution`; those before it in the roster are cut off from the
-    /// others while all drive, so that it solves). Error is that of the keyframes of all other robots, each of the maps that they are in aligned
+    /// others until 15 s after the drives, so that it solves). Error is that of the keyframes of all other robots, each of the maps that they are in aligned
     /// rigidly by itself, rmse. Accused: breaks where the way of an honest robot is called contradicted, and what honest robots refuse of each
     /// other, with the lie and without. Floors: the others' error at most 1.1 times that without the lie, or no more beyond it than the noise of one
     /// sweep (laser's sigma by the root of half its beams, 2 mm); nobody accused; honest robots end with identical bytes.

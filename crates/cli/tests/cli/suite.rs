@@ -108,6 +108,28 @@ fn fleets_end_with_identical_maps_over_a_bad_radio() {
 }
 
 #[test]
+fn who_lies_does_not_spoil_what_others_make() {
+    let out = folder("suite-liars");
+    let output = run(&["suite", "liars", "--seed", "6", "--worlds", "2", "-o", out.to_str().unwrap()]);
+    assert_code(&output, 0);
+    let worlds = worlds(&out.join("liars.jsonl"));
+    let lies: Vec<&str> = worlds.iter().map(|world| world["liars"][0]["lie"].as_str().unwrap()).collect();
+    assert_eq!(lies, ["rotation", "scaled"]);
+    for world in &worlds {
+        let others = &world["lying"];
+        assert!(world["ratio"].as_f64() < Some(1.1) && others["error_m"].as_f64() < Some(0.01), "{world}");
+        assert!(
+            others["identical"] == true && others["left_out"] == 0 && others["closures"].as_u64() > Some(0),
+            "{world}"
+        );
+        assert!((&others["broken"], &others["accused"]) == (&0.into(), &0.into()), "{world}");
+    }
+    // Who turns by 30 degrees at once is found out.
+    assert!(worlds[0]["lying"]["broken_of_liars"].as_u64() > Some(0), "{}", worlds[0]);
+    assert_refused(&run(&["suite", "liars", "--liars", "8"]), 2, &["1..=7"]);
+}
+
+#[test]
 fn look_alikes_count_wrong_edges_and_true_returns() {
     let out = folder("suite_look_alike");
     let output = run(&["suite", "look-alike", "--seed", "4", "--worlds", "2", "-o", out.to_str().unwrap()]);

@@ -2,10 +2,10 @@
 
 use super::Mapper;
 use crate::front::anywhere;
-
+use crate::store::{Beside, Store};
 use crate::told::{Newest, Told};
 use mapwright_geom::Pose2;
-use mapwright_loops::{SUBMAP_M, fit_where_said, look_where_said, run_of};
+use mapwright_loops::{PlaneSubmaps, SUBMAP_M, SaidAndSeen, fit_where_said, look_where_said, run_of};
 use mapwright_record::{Adoption, EdgeKind, Entry, NodeId, Objection, Status, Update};
 
 /// What came of a group of another mapper's entries.
@@ -57,7 +57,7 @@ impl Mapper {
     /// anywhere, and edges that lead elsewhere say nothing. Whether the way was contradicted, and how many edges.
     fn contradict(&mut self, first_edge: usize, is_first: bool) -> (bool, usize) {
         let Some(to) = self.store.past().newest() else { return (false, 0) };
-        let is_contradicted = !is_first && self.is_way_contradicted(to);
+        let is_contradicted = !is_first && weigh_way(&mut self.store, to, &mut self.front.submaps()) == Some(false);
         if is_contradicted {
             self.store.contradict(first_edge, &anywhere());
         }
@@ -77,9 +77,10 @@ impl Mapper {
         (is_contradicted, edges)
     }
 
-    fn is_way_contradicted(&self, to: NodeId) -> bool {
-        let fit = fit_where_said(self.store.past(), to, None, &mut self.front.submaps());
-        fit.is_some_and(|fit| !fit.bears_out())
+    /// What robots say of their ways is weighed by what they saw, as it is where a mapper takes it in: for one that goes on with what another
+    /// one has taken in.
+    pub fn weigh_ways(&mut self) {
+        weigh_ways(&mut self.store, &mut self.front.submaps());
     }
 
     fn is_edge_contradicted(&self, ends: [NodeId; 2], from_from_to: Pose2) -> bool {
@@ -97,4 +98,21 @@ impl Mapper {
         known.iter_mut().for_each(|place| place.live = run_of(way_m[place.first.index()]) == run);
         self.look(known, None);
     }
+}
+
+/// What a robot says of all ways beside what it saw.
+pub(crate) fn weigh_ways(store: &mut Store, submaps: &mut PlaneSubmaps) {
+    for to in (0..store.len()).map(NodeId::at) {
+        if !store.is_first(to) {
+            weigh_way(store, to, submaps);
+        }
+    }
+}
+
+/// What a robot says of the way to a keyframe counts as much as what it saw allows; whether that bears it out, where anything can be compared.
+fn weigh_way(store: &mut Store, to: NodeId, submaps: &mut PlaneSubmaps) -> Option<bool> {
+    let fit = fit_where_said(store.past(), to, submaps)?;
+    let SaidAndSeen { variance_factor, covariance, .. } = fit;
+    store.set_beside(to, fit.bears_out().then_some(Beside { variance_factor, covariance }));
+    Some(fit.bears_out())
 }

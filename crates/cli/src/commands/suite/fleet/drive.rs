@@ -57,7 +57,12 @@ impl Drives {
 
     /// All drive and talk until `end_s` or later, and until all agree; calls each time before they hear each other. The seconds from `end_s` on until
     /// all who live first had the same map with all that they have mapped.
-    pub(super) fn run(&self, team: &mut Simulated, end_s: f64, mut call: impl FnMut(&mut Simulated, f64)) -> Option<f64> {
+    pub(super) fn run(
+        &self,
+        team: &mut Simulated,
+        end_s: f64,
+        mut call: impl FnMut(&mut Simulated, f64),
+    ) -> Option<f64> {
         let (mut next, mut agreed_s) = (vec![0; self.0.len()], None);
         for step in 0_u64.. {
             let seconds = step as f64 * STEP_S;

@@ -16,7 +16,9 @@ use std::collections::BTreeMap;
 
 /// The others' error is at most so many times that without the lie,
 const MOST_RATIO: f64 = 1.1;
-/// where more liars are asked for, teams are of so many robots.
+/// While a robot that lies about solutions solves for some of the others these have so long after their drives to look at what it has found, seconds.
+const LOOKED_AT_S: f64 = 15.0;
+/// Where more liars are asked for, teams are of so many robots.
 const ROBOTS_OF_MANY_LIARS: usize = 8;
 
 /// Robots that share one map, some of which lie, beside the same team with nobody lying.
@@ -50,7 +52,7 @@ struct Plan {
     robots: usize,
     liars: Vec<Lying>,
     loss: f64,
-    /// The first so many do not hear the others while all drive, so that a robot which lies about solutions solves.
+    /// The first so many do not hear the others until after all have driven, so that a robot which lies about solutions solves.
     cut: Option<usize>,
 }
 
@@ -71,7 +73,8 @@ impl Plan {
             (robot, kind) = (rng.below(robots), rng.below(Lie::ALL.len()));
         }
         lying.sort_by_key(|liar| liar.robot);
-        let cut = lying.iter().find(|liar| liar.kind == Lie::Solution).map(|liar| liar.robot).filter(|first| *first > 0);
+        let cut =
+            lying.iter().find(|liar| liar.kind == Lie::Solution).map(|liar| liar.robot).filter(|first| *first > 0);
         Self { seed, robots, liars: lying, loss: rng.uniform(0.0, 0.3), cut }
     }
 
@@ -83,11 +86,12 @@ impl Plan {
     fn team(&self, drives: &Drives, settings: Settings, is_lying: bool) -> Result<Others, Failure> {
         let radio = RadioSettings { loss: self.loss, doubled: 0.1, delay_s: [0.005, 0.5], seed: self.seed };
         let mut team = Simulated::new(&names(self.robots), settings, radio)?;
-        team.split = self.cut.map(|first| (first, [0.0, DRIVE_S]));
+        let end_s = DRIVE_S + self.cut.map_or(0.0, |_| LOOKED_AT_S);
+        team.split = self.cut.map(|first| (first, [0.0, end_s]));
         for liar in self.liars.iter().filter(|_| is_lying) {
             team.robots[liar.robot].liar = Some(Liar::new(liar.kind, liar.from_s, self.seed));
         }
-        let agreed_s = drives.run(&mut team, DRIVE_S, |_, _| ());
+        let agreed_s = drives.run(&mut team, end_s, |_, _| ());
         Ok(self.judge(&team, drives, agreed_s))
     }
 
@@ -100,8 +104,7 @@ impl Plan {
         let is_of_others = |robot: u128| ids.contains(&robot);
         let of_others = |place: &usize| is_of_others(map.keyframes()[*place].id.robot);
         let maps = map.maps();
-        let errors: Vec<_> =
-            maps.iter().filter_map(|one| truth.error_m(one.places().filter(of_others))).collect();
+        let errors: Vec<_> = maps.iter().filter_map(|one| truth.error_m(one.places().filter(of_others))).collect();
         let (sse, count) = errors.iter().fold((0.0, 0), |(sse, count), of| (sse + of.sse, count + of.count));
         let is_break = |start: FragmentStart| start == FragmentStart::Contradicted;
         let fragments = map.fragments().iter().filter(|fragment| is_break(fragment.start));
@@ -124,7 +127,8 @@ impl Plan {
             worst_m: errors.iter().map(|of| of.max).fold(0.0, f64::max),
             closures: closures_between(map, is_of_others).count(),
             wrong: closures_between(map, is_of_others).filter(|known| truth.is_wrong(known)).count(),
-            broken: fragments.filter(|fragment| is_of_others(fragment.first.robot)).count(),
+            broken: fragments.clone().filter(|fragment| is_of_others(fragment.first.robot)).count(),
+            broken_of_liars: fragments.filter(|fragment| !is_of_others(fragment.first.robot)).count(),
             accused,
             refused,
         }
@@ -160,6 +164,8 @@ struct Others {
     /// Where one's way is called contradicted in the map, and how often one has refused what another one said.
     broken: usize,
     accused: u64,
+    /// Where the way of who may lie is called contradicted in the map.
+    broken_of_liars: usize,
     /// What they have refused of who may lie, each robot by itself.
     refused: BTreeMap<&'static str, u64>,
 }
@@ -192,7 +198,7 @@ impl World {
         let who = self.liars.iter().map(|liar| format!("{} {} from {:.1} s", liar.robot + 1, liar.lie, liar.from_s));
         let who: Vec<String> = who.collect();
         let Self { honest, lying, .. } = self;
-        let refused: u64 = lying.refused.values().sum();
+        let refused = lying.broken_of_liars as u64 + lying.refused.values().sum::<u64>();
         let mut line = format!(
             "{:6}  {} robots, loss {:4.1} %, {:<24}  others {:.4} m beside {:.4} m, ratio {:5.3}  {} maps beside {}  refused of it {refused}",
             self.seed,
@@ -223,14 +229,15 @@ impl World {
 /// Rows of a table: by what is lied about, by where the liar stands in the roster, by how many robots.
 fn rows(worlds: &[World]) -> Vec<(String, Vec<&World>)> {
     let of = |is_of: &dyn Fn(&World) -> bool| worlds.iter().filter(|world| is_of(world)).collect::<Vec<_>>();
-    let kinds = Lie::ALL.into_iter().map(|lie| {
-        (lie.name().to_owned(), of(&|world| world.liars.iter().any(|liar| liar.kind == lie)))
-    });
+    let kinds = Lie::ALL
+        .into_iter()
+        .map(|lie| (lie.name().to_owned(), of(&|world| world.liars.iter().any(|liar| liar.kind == lie))));
     let places = [
         ("first", of(&|world| world.liars.iter().any(|liar| liar.robot == 0))),
         ("not the first", of(&|world| world.liars.iter().all(|liar| liar.robot > 0))),
     ];
-    let counts = (3..=ROBOTS_OF_MANY_LIARS).map(|robots| (format!("{robots} robots"), of(&|world| world.robots == robots)));
+    let counts =
+        (3..=ROBOTS_OF_MANY_LIARS).map(|robots| (format!("{robots} robots"), of(&|world| world.robots == robots)));
     let all = ("all".to_owned(), of(&|_| true));
     kinds.chain(places.map(|(name, of)| (name.to_owned(), of))).chain(counts).chain([all]).collect()
 }
@@ -273,7 +280,7 @@ impl Measure for Liars {
             let sum = |pick: &dyn Fn(&World) -> u64| of.iter().map(|world| pick(world)).sum::<u64>();
             let worse = count(&World::is_worse);
             let maps = [sum(&|world| world.lying.maps as u64), sum(&|world| world.honest.maps as u64)];
-            let refused = count(&|world| !world.lying.refused.is_empty());
+            let refused = count(&|world| world.lying.broken_of_liars > 0 || !world.lying.refused.is_empty());
             let identical = count(&|world| world.lying.identical && world.honest.identical);
             let (wrong, accused) = (sum(&|world| world.lying.wrong as u64), sum(&World::accusations));
             words += &format!(
@@ -289,7 +296,11 @@ impl Measure for Liars {
         }
         if self.liars > 1 {
             let held = worlds.iter().filter(|world| !world.is_worse()).count();
-            words += &format!("aim      {} liars of {ROBOTS_OF_MANY_LIARS}: others' error at most 1.1 times in {}\n", self.liars, percent(held, worlds.len()));
+            words += &format!(
+                "aim      {} liars of {ROBOTS_OF_MANY_LIARS}: others' error at most 1.1 times in {}\n",
+                self.liars,
+                percent(held, worlds.len())
+            );
             return (words, json!({ "table": table }), Vec::new());
         }
         let worse = worlds.iter().filter(|world| world.is_worse()).count();
