@@ -31,9 +31,9 @@ impl<M: Measurement> Store<M> {
         before.is_none_or(|before| self.way_m[node.index()] - self.way_m[before.index()] >= FARTHEST_WAY_M)
     }
 
-    /// What is left of the information of an edge to a keyframe, or of a closure with what was seen about it: its variance and, where the steps about it are farther from what was
-    /// seen than chance allows, what they are off by (variance of unit weight; Förstner and Wrobel 2016, section 4.2.4). By the median
-    /// of the steps, so that a single one that fits nowhere says nothing of the others.
+    /// What is left of the information of an edge to a keyframe, or of a closure with what was seen about it. Where the steps about it are
+    /// farther from what was seen than chance allows, their variance grows by that: a variance factor, as adjustment computation estimates it,
+    /// by the median of the steps, so that a single one that fits nowhere says nothing of the others.
     pub(super) fn as_borne_out(&self, to: usize, information: <M::Pose as Pose>::Matrix) -> <M::Pose as Pose>::Matrix {
         let Some(beside) = self.beside.get(to).copied().flatten() else { return information };
         let excess = self.variance_factor(to) - 1.0;

@@ -187,7 +187,7 @@ impl World {
     /// Whether the lie has made the others' map worse, beyond what one sweep can tell.
     fn is_worse(&self) -> bool {
         let most_m = (MOST_RATIO * self.honest.error_m).max(self.honest.error_m + sigma_of_sweep_m());
-        !(self.lying.error_m <= most_m)
+        self.lying.error_m.is_nan() || self.lying.error_m > most_m
     }
 
     fn accusations(&self) -> u64 {
