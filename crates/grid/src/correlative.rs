@@ -10,6 +10,7 @@
 
 mod lattice;
 mod pyramid;
+mod rough;
 
 use crate::local_map::LocalMap;
 use lattice::{Block, Lattice, Zone};
@@ -184,7 +185,7 @@ impl CorrelativeSearch {
     ) -> Option<SearchResult> {
         self.scored = 0;
         let farthest_m = self.keep_usable(points)?;
-        let lattice = Lattice::new(window, map.settings.resolution_m, farthest_m)?;
+        let lattice = Lattice::new(window, map.settings.resolution_m, farthest_m, 0)?;
         let best = self.search_best(map, &lattice)?;
         let separation = separation.filter(|_| is_worth(&lattice.peak(&best)));
         let rival = separation.and_then(|separation| self.rival_of(&lattice, &best, separation));
@@ -207,9 +208,12 @@ impl CorrelativeSearch {
     fn search_best(&mut self, map: &LocalMap, lattice: &Lattice) -> Option<Block> {
         self.heading.forget();
         self.pyramid.build(map, lattice, &self.points, self.settings.sigma_m);
-        self.bound_blocks(lattice);
-        let least = (self.settings.least_share * f64::from(self.full_score())).ceil() as u32;
-        self.descend(lattice, least, None)
+        self.bound_blocks(lattice, 1);
+        self.descend(lattice, self.least_score(), None)
+    }
+
+    fn least_score(&self) -> u32 {
+        (self.settings.least_share * f64::from(self.full_score())).ceil() as u32
     }
 
     fn rival_of(&mut self, lattice: &Lattice, best: &Block, separation: Separation) -> Option<Block> {
@@ -232,11 +236,12 @@ impl CorrelativeSearch {
         (!self.points.is_empty() && farthest2.is_finite()).then(|| farthest2.sqrt())
     }
 
-    /// Covers the window with the largest blocks and bounds them, best first.
-    fn bound_blocks(&mut self, lattice: &Lattice) {
+    /// Covers the window, at every so many headings from the middle on, with the largest blocks and bounds them, best first.
+    fn bound_blocks(&mut self, lattice: &Lattice, every: u32) {
         self.blocks.clear();
         let side = 1 << lattice.top_level;
-        for heading in 0..lattice.headings {
+        let is_taken = |heading: &u32| heading.abs_diff(lattice.middle_heading).is_multiple_of(every);
+        for heading in (0..lattice.headings).filter(is_taken) {
             self.heading.turn_to(heading, lattice, &self.points, &self.pyramid);
             for v in (0..=lattice.last).step_by(side) {
                 for u in (0..=lattice.last).step_by(side) {

@@ -1,13 +1,12 @@
 //! What another robot says of its own way, looked at again by who has its readings: what it saw at a keyframe has to fit what it saw on the way
 //! there. A robot that says how it moved and is wrong, whatever the reason, says where its readings do not fit each other.
 
-use crate::cascade::Finding;
-use crate::closing::{SUBMAP_M, WINDOW_M, WINDOW_RAD, WINDOW_SIGMAS};
+use crate::closing::{NARROW_SUBMAP_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, WINDOW_SIGMAS};
 use crate::plane::PlaneSubmaps;
 use crate::submaps::{PoseOf, Submaps, Window};
 use crate::views::{View, views_along};
 use mapwright_geom::{Cov3, Pose, Pose2, Tangent, TangentMatrix};
-use mapwright_record::{EdgeKind, Measurement, NodeId, Past};
+use mapwright_record::{EdgeKind, Measurement, NodeId, Objection, Past};
 
 /// A keyframe is compared with so many views of the way up to it, from no farther back than this, metres.
 const VIEWS: usize = 5;
@@ -19,6 +18,8 @@ const LEAST_SHARE: f64 = 0.15;
 /// A keyframe that fits elsewhere by more than this chi-square is not where it is said to be: the 99.9 % quantile of three degrees of freedom, as for
 /// any match. On csail and fhw the largest is 0.8.
 const MOST_CHI2: f64 = 16.8;
+/// How far off a way is gets measured once in so much of it, metres; between, end points alone may bear it out.
+const MEASURED_M: f64 = 0.5;
 /// Median of a chi-square with three degrees of freedom.
 const MEDIAN_CHI2: f64 = 2.366;
 
@@ -29,10 +30,9 @@ pub struct SaidAndSeen {
     pub share: f64,
     /// How far it fits better from where it was said to be: chi-square with as many degrees of freedom as a pose has.
     pub chi2: f64,
-    /// The same in units of the fit's own covariance, by the median of what chance leaves,
-    pub variance_factor: f64,
-    /// and that covariance.
-    pub covariance: Cov3,
+    /// The same in units of the fit's own covariance, by the median of what chance leaves, and that covariance. None where end points alone bear out
+    /// what was said: that is measured every so often only ([`fit_where_said`]).
+    pub measured: Option<(f64, Cov3)>,
 }
 
 impl SaidAndSeen {
@@ -59,6 +59,11 @@ pub fn fit_where_said(past: Past<'_>, to: NodeId, submaps: &mut PlaneSubmaps) ->
         return None;
     }
     let said = past.pose(before).between(past.pose(to));
+    let is_measured =
+        ((past.way_m[to.index()] / MEASURED_M).floor()) > (past.way_m[before.index()] / MEASURED_M).floor();
+    if !is_measured && submaps.fits_plainly(&query, &views, said) {
+        return Some(SaidAndSeen { share: 1.0, chi2: 0.0, measured: None });
+    }
     let (target, query) = (submaps.draw(&views), submaps.draw(&query));
     let fit = submaps.fit_at(&query, &target, said);
     let share = |share: Option<f64>| share.unwrap_or(0.0);
@@ -72,8 +77,7 @@ pub fn fit_where_said(past: Past<'_>, to: NodeId, submaps: &mut PlaneSubmaps) ->
     Some(SaidAndSeen {
         share: share(fit.evidence.overlap) * share(fit.evidence.inlier_share),
         chi2: chi2(fit.covariance + tolerance).unwrap_or(f64::INFINITY),
-        variance_factor: chi2(fit.covariance).map_or(1.0, |chi2| chi2 / MEDIAN_CHI2),
-        covariance: fit.covariance,
+        measured: Some((chi2(fit.covariance).map_or(1.0, |chi2| chi2 / MEDIAN_CHI2), fit.covariance)),
     })
 }
 
@@ -114,20 +118,29 @@ fn matched_with(past: Past<'_>, to: NodeId) -> Vec<View> {
     near.filter_map(view).collect()
 }
 
-/// What was seen around a keyframe looked for around another one, about where an edge between the two says it is.
-pub fn look_where_said<S: Submaps>(
+/// Whether what was seen around a keyframe is found around another one, about where an edge between the two says it is.
+pub fn is_found_where_said<S: Submaps>(
     past: Past<'_, S::Measurement>,
     [from, to]: [NodeId; 2],
     from_from_to: PoseOf<S>,
     submaps: &mut S,
-) -> Finding<PoseOf<S>> {
+) -> bool {
     let views = |at, both_sides, reach_m| views_along(past, at, both_sides, reach_m);
-    let (target, query) = (submaps.draw(&views(from, true, SUBMAP_M)), submaps.draw(&views(to, false, SUBMAP_M / 2.0)));
+    let views_within = |reach_m| (views(from, true, reach_m), views(to, false, reach_m / 2.0));
+    let near = views_within(NARROW_SUBMAP_M);
+    if submaps.fits_plainly(&near.1, &near.0, from_from_to) {
+        return true;
+    }
+    let (target, query) = views_within(SUBMAP_M);
+    if submaps.fits_plainly(&query, &target, from_from_to) {
+        return true;
+    }
+    let (target, query) = (submaps.draw(&target), submaps.draw(&query));
     let window = Window {
         target_from_query: from_from_to,
         half_width_m: WINDOW_M,
         half_height_m: WINDOW_M,
         half_width_rad: WINDOW_RAD,
     };
-    submaps.look_for(&query, &target, &window)
+    submaps.look_for(&query, &target, &window).objection != Some(Objection::NoMatch)
 }

@@ -1,6 +1,6 @@
 //! Cycles: which old places to look for, and which findings to believe.
 
-use crate::cascade::Finding;
+use crate::cascade::{Finding, VerifySettings};
 use crate::solving::Scope;
 use crate::submaps::{PoseOf, Submaps, Window};
 use crate::verification::{Judged, Target, Verification, Verified};
@@ -29,7 +29,7 @@ const fn query_m<P: Pose>() -> f64 {
     if P::DIMENSION == 3 { SUBMAP_M } else { 4.0 }
 }
 /// A submap is made of less way where it has to tell less poses apart, for the window is no wider than this to either side, metres.
-const NARROW_SUBMAP_M: f64 = 2.0;
+pub(crate) const NARROW_SUBMAP_M: f64 = 2.0;
 const NARROW_M: f64 = 0.5;
 /// Places this near to the robot may be seen from there, metres, and in space those up to half a storey above and below.
 const SEEN_WITHIN_M: f64 = 4.0;
@@ -96,6 +96,8 @@ const WAITING_AT_MOST: usize = 64;
 /// A closure that moves nothing farther than this may wait for others, metres; a turn moves what is so far away, metres.
 const STRAIN_M: f64 = 0.02;
 const LEVER_M: f64 = 5.0;
+/// See above, of robots that drive at the same time, metres: none of them is located in the map of all, and a window is three times as wide.
+const STRAIN_OF_ALL_M: f64 = 0.1;
 const STRAINED_AT_MOST: usize = 12;
 /// and one in so many: as a map grows the whole of it is solved the more seldom, so that a scan costs the same.
 const STRAINED_OF: usize = 8;
@@ -203,6 +205,19 @@ impl<S: Submaps> Closing<S> {
     /// A fragment begins after a break, or what leads over one was withdrawn.
     pub fn see_pieces(&mut self, past: Past<'_, S::Measurement>) {
         self.apart = Apart::of(past);
+    }
+
+    /// The newest keyframe goes on with what its robot has mapped before, whoever's keyframes were taken in since.
+    pub fn see_turn(&mut self, past: Past<'_, S::Measurement>) {
+        if let Some((newest, before)) = past.newest().and_then(|newest| Some((newest, past.before(newest)?))) {
+            self.apart.go_on(newest, before);
+        }
+    }
+
+    /// Whether robots drive at the same time: then each looks for what the others have mapped, and its own mapper for what it has itself.
+    #[must_use]
+    pub fn takes_turns(&self) -> bool {
+        self.looks.takes_turns
     }
 
     /// Whether nothing joins what is mapped now with where the map begins.
@@ -390,11 +405,14 @@ impl<S: Submaps> Closing<S> {
     ) -> Vec<Target<PoseOf<S>>> {
         let (here, window_sigmas) = (past.pose(to), self.window_sigmas());
         let mut near: Vec<(f64, Target<PoseOf<S>>)> = Vec::new();
+        // What the maps of robots that drive at the same time are as sure of as any finding no look can tell.
+        let is_open =
+            |place: &&KnownPlace<_>| !self.looks.takes_turns || sigmas(place).0 >= VerifySettings::default().floor_m;
         let is_left = |place: &&KnownPlace<_>| !place.live && past.way_between_m(to, place.first) >= LEFT_M;
         let is_narrow = |place: &&KnownPlace<_>| {
             window_m(place, window_sigmas) <= JOINED_WITHIN_M || !self.apart.is_between(place.first, to)
         };
-        for place in known.iter().filter(is_left).filter(is_narrow) {
+        for place in known.iter().filter(is_open).filter(is_left).filter(is_narrow) {
             let there = past.pose(place.first);
             let away_m = there.distance(here);
             let target = target(past, place, place.first, to, Detection::Pose, window_sigmas);
@@ -537,7 +555,8 @@ impl<S: Submaps> Closing<S> {
         self.supports.learn(from, to, supports::Found::Here);
         let error = past.pose(from).between(past.pose(to)).between(edge.from_from_to);
         self.strained += 1;
-        self.urgent |= error.length() + LEVER_M * error.angle() > STRAIN_M;
+        let most_m = if self.looks.takes_turns { STRAIN_OF_ALL_M } else { STRAIN_M };
+        self.urgent |= error.length() + LEVER_M * error.angle() > most_m;
     }
 
     /// How the graph is to be solved now, if it is; then it counts as solved. There are so many closures.

@@ -8,6 +8,7 @@ mod claims;
 mod closing;
 mod places;
 mod plane;
+mod plane_ends;
 mod plane_submap;
 mod plane_verify;
 mod solving;
@@ -17,7 +18,7 @@ mod verification;
 mod views;
 
 pub use cascade::{Finding, VerifySettings};
-pub use claims::{SaidAndSeen, fit_where_said, look_where_said};
+pub use claims::{SaidAndSeen, fit_where_said, is_found_where_said};
 pub use closing::{
     APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, RUN_WAY_M, SUBMAP_M, WINDOW_M, WINDOW_RAD,
     is_old, run_of,

@@ -2,14 +2,15 @@
 
 use crate::cascade::{Finding, VerifySettings};
 use crate::places::PlaceIndex;
+use crate::plane_ends::{Ends, end_points};
 use crate::plane_submap::{PlaneSubmap, PlaneSubmapSettings};
-use crate::plane_verify::PlaneVerifier;
+use crate::plane_verify::{PlaneVerifier, is_wide};
 use crate::submaps::{Closes, Submaps, Window};
 use crate::views::View;
 use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
 use mapwright_record::NodeId;
-use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
+use mapwright_sensor::Sweep;
 use std::f64::consts::PI;
 
 /// A robot at a place that looks like this one is within so much of where that was seen from, metres and radians to either side.
@@ -50,8 +51,21 @@ impl Submaps for PlaneSubmaps {
         self.verifier.look_for(query, target, &SearchWindow { world_from_robot, half_width_m, half_width_rad })
     }
 
+    fn rule_out(&mut self, query: &PlaneSubmap, target: &[View], window: &Window<Pose2>) -> Option<Finding> {
+        let Window { target_from_query: world_from_robot, half_width_m, half_width_rad, .. } = *window;
+        let window = SearchWindow { world_from_robot, half_width_m, half_width_rad };
+        if !is_wide(&window) || self.verifier.may_find(query, &end_points(target), &window) {
+            return None;
+        }
+        Some(self.verifier.nothing_of(query))
+    }
+
     fn fit_at(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, target_from_query: Pose2) -> Finding {
         self.verifier.fit_at(query, target, target_from_query)
+    }
+
+    fn fits_plainly(&self, query: &[View], target: &[View], target_from_query: Pose2) -> bool {
+        Ends::of(target).likelihood(query, target_from_query) >= self.verifier.settings.least_score
     }
 
     fn scored(&self) -> u64 {
@@ -88,14 +102,4 @@ fn around(heading_rad: Option<f64>) -> impl Iterator<Item = Window<Pose2>> {
         half_height_m: 0.0,
         half_width_rad,
     })
-}
-
-/// End points of views, in their submap's frame.
-fn end_points(views: &[View]) -> Vec<[f64; 2]> {
-    let (mut points, mut table, mut ends) = (SweepPoints::default(), BeamTable::default(), Vec::new());
-    for view in views {
-        points.fill(&view.sweep, &mut table, 0.0);
-        ends.extend(points.hits.iter().map(|&hit| view.submap_from_keyframe.transform(hit)));
-    }
-    ends
 }

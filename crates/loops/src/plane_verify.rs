@@ -13,6 +13,14 @@ const LEAST_AMBIGUITY: f64 = 0.75;
 /// thousands gets there, and half of that is rare.
 const SCORED_AT_MOST: u64 = 300_000;
 
+/// In windows wider than this to either side nine of ten places are not found, metres: there it is asked beforehand what end points alone rule out.
+const WIDE_M: f64 = 1.0;
+
+/// Whether a window is wide.
+pub(crate) fn is_wide(window: &SearchWindow) -> bool {
+    window.half_width_m > WIDE_M
+}
+
 /// Looks for submaps in others; keeps its buffers.
 #[derive(Debug, Clone, Default)]
 pub struct PlaneVerifier {
@@ -43,16 +51,32 @@ impl PlaneVerifier {
         fit(&self.settings, &self.matcher, query, target, target_from_query)
     }
 
-    /// Looks for `query` in `target` at the poses of a window.
-    #[must_use]
-    pub fn look_for(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, window: &SearchWindow) -> Finding {
-        let VerifySettings { search_points, least_score, separation, .. } = self.settings;
+    /// Whether `query` may be found among the end points of a target that nobody has drawn.
+    pub(crate) fn may_find(&mut self, query: &PlaneSubmap, target: &[[f64; 2]], window: &SearchWindow) -> bool {
+        self.prepare(query);
+        self.searcher.may_find(target, query.map.settings.resolution_m, &self.points, window)
+    }
+
+    /// What is found where nothing is.
+    pub(crate) fn nothing_of(&self, query: &PlaneSubmap) -> Finding {
+        Finding::none(Evidence { points: query.hits.len() as u32, ..Evidence::default() }, Objection::NoMatch)
+    }
+
+    fn prepare(&mut self, query: &PlaneSubmap) {
+        let VerifySettings { search_points, least_score, .. } = self.settings;
         self.points.clear();
         let every = query.hits.len().div_ceil(search_points.max(1)).max(1);
         self.points.extend(query.hits.iter().step_by(every));
         self.searcher.settings.least_share = least_score;
         self.searcher.settings.least_rival_share = LEAST_AMBIGUITY;
         self.searcher.settings.scored_at_most = SCORED_AT_MOST;
+    }
+
+    /// Looks for `query` in `target` at the poses of a window.
+    #[must_use]
+    pub fn look_for(&mut self, query: &PlaneSubmap, target: &PlaneSubmap, window: &SearchWindow) -> Finding {
+        self.prepare(query);
+        let separation = self.settings.separation;
         let Self { settings, matcher, searcher, points } = self;
         let mut finding = None;
         let found = searcher.search_worth_rival(&target.map, points, window, Some(separation), |best| {
@@ -60,8 +84,7 @@ impl PlaneVerifier {
             finding.insert(refined).objection.is_none()
         });
         let Some((found, mut finding)) = found.zip(finding) else {
-            let evidence = Evidence { points: query.hits.len() as u32, ..Evidence::default() };
-            return Finding::none(evidence, Objection::NoMatch);
+            return self.nothing_of(query);
         };
         finding.evidence.score = Some(found.share());
         if finding.objection.is_none() {

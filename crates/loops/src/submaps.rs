@@ -52,6 +52,16 @@ pub trait Submaps: Clone + Debug + Send {
         window: &Window<PoseOf<Self>>,
     ) -> Finding<PoseOf<Self>>;
 
+    /// What is found where it is plain that nothing is, before the target is drawn; none where that is not plain.
+    fn rule_out(
+        &mut self,
+        _query: &Self::Submap,
+        _target: &[View<Self::Measurement>],
+        _window: &Window<PoseOf<Self>>,
+    ) -> Option<Finding<PoseOf<Self>>> {
+        None
+    }
+
     /// One in another about where it is said to be, and nowhere else: what fits there. It is not searched for.
     #[must_use]
     fn fit_at(
@@ -60,6 +70,17 @@ pub trait Submaps: Clone + Debug + Send {
         target: &Self::Submap,
         target_from_query: PoseOf<Self>,
     ) -> Finding<PoseOf<Self>>;
+
+    /// Whether it is plain, before either is drawn, that one fits another where it is said to be: then a search there finds something.
+    #[must_use]
+    fn fits_plainly(
+        &self,
+        _query: &[View<Self::Measurement>],
+        _target: &[View<Self::Measurement>],
+        _target_from_query: PoseOf<Self>,
+    ) -> bool {
+        false
+    }
 
     /// Poses and blocks of poses that the last search scored: most of its work.
     #[must_use]

@@ -101,10 +101,16 @@ impl<S: Submaps> Verification<S> {
     pub fn advance(&mut self) -> bool {
         let query = self.drawn.get_or_insert_with(|| self.submaps.draw(&self.query));
         let before = self.verified.work.1;
+        let mut drawn: Option<(NodeId, S::Submap)> = None;
         for (target, views) in self.targets.by_ref() {
-            let submap = self.submaps.draw(&views);
-            self.verified.findings.push((target, self.submaps.look_for(query, &submap, &target.window)));
-            self.verified.work.0 += views.len();
+            let finding = self.submaps.rule_out(query, &views, &target.window).unwrap_or_else(|| {
+                // A place that may be seen either way around is drawn once.
+                let known = drawn.take().filter(|(from, _)| *from == target.from);
+                self.verified.work.0 += if known.is_some() { 0 } else { views.len() };
+                let (_, submap) = drawn.insert(known.unwrap_or_else(|| (target.from, self.submaps.draw(&views))));
+                self.submaps.look_for(query, submap, &target.window)
+            });
+            self.verified.findings.push((target, finding));
             self.verified.work.1 += self.submaps.scored();
             if self.verified.work.1 - before > SCORED_AT_ONCE {
                 break;

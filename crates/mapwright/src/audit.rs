@@ -5,8 +5,8 @@ use crate::settings::Settings;
 use crate::store::Store;
 use mapwright_geom::Pose2;
 use mapwright_grid::Matcher;
-use mapwright_loops::{PlaneSubmaps, Scope, Solving, VerifySettings, fit_where_said, look_where_said};
-use mapwright_record::{Detection, EdgeKind, FragmentStart, NodeId, Objection, RunId, Session};
+use mapwright_loops::{PlaneSubmaps, Scope, Solving, VerifySettings, fit_where_said, is_found_where_said};
+use mapwright_record::{Detection, EdgeKind, FragmentStart, NodeId, RunId, Session};
 
 /// What speaks against a map ([`audit`]).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -41,8 +41,7 @@ pub fn audit(settings: &Settings, session: &Session) -> Audit {
         if !is_called && (known.withdrawn || edge.kind != EdgeKind::Closure) {
             continue;
         }
-        let finding = look_where_said(store.past(), ends, edge.from_from_to, &mut submaps);
-        let is_wrong = finding.objection == Some(Objection::NoMatch);
+        let is_wrong = !is_found_where_said(store.past(), ends, edge.from_from_to, &mut submaps);
         if is_called {
             audit.contradictions[0] += 1;
             audit.contradictions[1] += usize::from(!is_wrong);

@@ -51,8 +51,8 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// The finest lattice that is not too large.
-    pub(super) fn new(window: &SearchWindow, resolution_m: f64, farthest_m: f64) -> Option<Self> {
+    /// The finest lattice of so many doublings at least that is not too large.
+    pub(super) fn new(window: &SearchWindow, resolution_m: f64, farthest_m: f64, doublings: u32) -> Option<Self> {
         let middle = window.world_from_robot;
         let off_m = middle.x.abs().max(middle.y.abs());
         let sizes = [off_m, window.half_width_m, window.half_width_rad, farthest_m];
@@ -62,7 +62,7 @@ impl Lattice {
         if !(sane && fits && resolution_m > 0.0) {
             return None;
         }
-        (0..=MAX_DOUBLINGS).find_map(|doublings| Self::with_step(window, resolution_m, farthest_m, doublings))
+        (doublings..=MAX_DOUBLINGS).find_map(|doublings| Self::with_step(window, resolution_m, farthest_m, doublings))
     }
 
     pub(super) fn with_step(window: &SearchWindow, resolution_m: f64, farthest_m: f64, doublings: u32) -> Option<Self> {

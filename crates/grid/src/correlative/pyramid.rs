@@ -3,7 +3,7 @@
 use super::lattice::Lattice;
 use crate::field::NO_OBSTACLE;
 use crate::local_map::LocalMap;
-use crate::tiles::{NO_TILE, TILE_BITS, TILE_SIDE, cell_in_tile};
+use crate::tiles::{NO_TILE, TILE_BITS, TILE_SIDE, cell_in_tile, floor_cell};
 
 /// Scores or maxima of scores, row by row.
 #[derive(Debug, Clone, Default)]
@@ -68,6 +68,20 @@ pub(super) fn shift(level: u32) -> u32 {
 
 impl Pyramid {
     pub(super) fn build(&mut self, map: &LocalMap, lattice: &Lattice, points: &[[f64; 2]], sigma_m: f64) {
+        self.begin(lattice, points);
+        self.rasterise(map, lattice.doublings, sigma_m);
+        self.pool(lattice);
+    }
+
+    /// The same of a map whose obstacles are these end points.
+    pub(super) fn build_of_ends(&mut self, ends: &[[f64; 2]], lattice: &Lattice, points: &[[f64; 2]], sigma_m: f64) {
+        self.begin(lattice, points);
+        self.splat(ends, lattice, sigma_m);
+        self.pool(lattice);
+    }
+
+    /// Makes room for the levels of a window.
+    fn begin(&mut self, lattice: &Lattice, points: &[[f64; 2]]) {
         let levels = lattice.top_level as usize + 1;
         if self.levels.len() < levels {
             self.levels.resize_with(levels, Grid::default);
@@ -75,8 +89,11 @@ impl Pyramid {
         let [low, high] = lattice.region(points);
         self.low = low;
         self.levels[0].reset((high[0] - low[0] + 1) as usize, (high[1] - low[1] + 1) as usize);
-        self.rasterise(map, lattice.doublings, sigma_m);
-        for level in 1..levels {
+    }
+
+    /// The levels above the first.
+    fn pool(&mut self, lattice: &Lattice) {
+        for level in 1..=lattice.top_level as usize {
             let (below, this) = self.levels.split_at_mut(level);
             let (taps, stride): (&[usize], usize) = match level {
                 1 => (&[0, 1], 1),
@@ -85,6 +102,29 @@ impl Pyramid {
                 _ => (&[0, 4, 5], 2),
             };
             below[level - 1].pool(taps, stride, &mut self.scratch, &mut this[0]);
+        }
+    }
+
+    /// Draws the likelihood of the distances to end points into level 0; steps of several cells get the best of theirs.
+    fn splat(&mut self, ends: &[[f64; 2]], lattice: &Lattice, sigma_m: f64) {
+        let scores = scores_by_distance2(1.0 / (lattice.cells_per_m * sigma_m.max(1e-6)));
+        let mark = Mark::new(&scores, lattice.doublings);
+        let (low, grid) = (self.low, &mut self.levels[0]);
+        let (width, height) = (grid.width as i32, grid.height as i32);
+        for end in ends {
+            let cell = end.map(|metres| floor_cell(metres * lattice.cells_per_m) >> lattice.doublings);
+            let [x, y] = [cell[0] - low[0], cell[1] - low[1]];
+            let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
+            let columns = (x - mark.reach).max(0)..(x + mark.reach + 1).min(width);
+            if columns.is_empty() || is_inside && grid.values[(y * width + x) as usize] == scores[0] {
+                continue;
+            }
+            let left_out = (columns.start - (x - mark.reach)) as usize;
+            for (row, mark) in (y - mark.reach..).zip(mark.rows()).filter(|(row, _)| (0..height).contains(row)) {
+                let first = (row * width + columns.start) as usize;
+                let cells = &mut grid.values[first..first + columns.len()];
+                cells.iter_mut().zip(&mark[left_out..]).for_each(|(value, &score)| *value = score.max(*value));
+            }
         }
     }
 
@@ -118,6 +158,30 @@ impl Pyramid {
                 }
             }
         }
+    }
+}
+
+/// What an end point makes of the steps around it at most, wherever in its own it lies.
+struct Mark {
+    /// Steps to either side.
+    reach: i32,
+    scores: Vec<u8>,
+}
+
+impl Mark {
+    fn new(scores: &[u8; 256], doublings: u32) -> Self {
+        let reach_cells = scores.iter().take_while(|score| **score > 0).count().isqrt() as i32;
+        let (side, reach) = (1_i32 << doublings, (reach_cells >> doublings) + 1);
+        let steps = || -reach..=reach;
+        // From the nearest cell of one step to that of another.
+        let away = |step: i32| (step.abs() * side - (side - 1)).max(0);
+        let score = |x: i32, y: i32| scores.get((x * x + y * y) as usize).copied().unwrap_or(0);
+        let scores = steps().flat_map(|v| steps().map(move |u| score(away(u), away(v)))).collect();
+        Self { reach, scores }
+    }
+
+    fn rows(&self) -> impl Iterator<Item = &[u8]> {
+        self.scores.chunks(2 * self.reach as usize + 1)
     }
 }
 

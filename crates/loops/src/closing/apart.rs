@@ -37,6 +37,14 @@ impl Apart {
         apart
     }
 
+    /// The newest keyframe comes after this one on its robot's way: where others were taken in between, a stretch of that one's piece begins.
+    pub(super) fn go_on(&mut self, newest: NodeId, before: NodeId) {
+        let is_known = self.stretches.last().is_none_or(|last| last.first >= newest);
+        if let Some(at) = self.of_node(before).filter(|_| !is_known && before.next() != newest) {
+            self.stretches.push(Stretch { first: newest, piece: self.stretches[at].piece, before: Some(at) });
+        }
+    }
+
     #[cfg(test)]
     pub(super) fn of_fragments(fragments: &[(NodeId, usize)]) -> Self {
         let stretch =
@@ -103,5 +111,22 @@ mod tests {
         assert_eq!([12, 25, 35].map(|to| apart.misled(node(to))), [Some(node(10)), Some(node(20)), Some(node(20))]);
         let whole = Apart::default();
         assert!(!whole.is_newest() && !whole.is_between(node(0), node(9)) && whole.misled(node(9)).is_none());
+    }
+
+    #[test]
+    fn robots_that_take_turns_stay_in_their_pieces() {
+        let node = NodeId::new;
+        let mut apart = Apart::of_fragments(&[(node(0), 0), (node(10), 1)]);
+        apart.go_on(node(11), node(10));
+        assert!(apart.is_between(node(0), node(11)) && apart.is_newest());
+        // The first robot's turn, and the second one's again.
+        apart.go_on(node(12), node(9));
+        assert!(!apart.is_between(node(0), node(13)) && apart.is_between(node(11), node(12)) && !apart.is_newest());
+        apart.go_on(node(20), node(11));
+        assert!(apart.is_between(node(0), node(20)) && !apart.is_between(node(10), node(25)));
+        assert_eq!(apart.misled(node(25)), Some(node(10)));
+        let mut whole = Apart::default();
+        whole.go_on(node(12), node(9));
+        assert!(!whole.are_several());
     }
 }

@@ -5,8 +5,8 @@ use crate::front::anywhere;
 use crate::store::{Beside, Store};
 use crate::told::{Newest, Told};
 use mapwright_geom::Pose2;
-use mapwright_loops::{PlaneSubmaps, SUBMAP_M, SaidAndSeen, fit_where_said, look_where_said, run_of};
-use mapwright_record::{Adoption, EdgeKind, Entry, NodeId, Objection, Status, Update};
+use mapwright_loops::{PlaneSubmaps, SUBMAP_M, SaidAndSeen, fit_where_said, is_found_where_said, run_of};
+use mapwright_record::{Adoption, EdgeKind, Entry, NodeId, Status, Update};
 
 /// What came of a group of another mapper's entries.
 #[derive(Debug, Clone)]
@@ -40,6 +40,8 @@ impl Mapper {
             adopted.is_first |= is_contradicted;
             if adopted.is_first || adopted.is_closed {
                 self.back.closing.see_pieces(self.store.past());
+            } else {
+                self.back.closing.see_turn(self.store.past());
             }
             self.front.take_in(self.store.past(), adopted.first_edge, adopted.is_first);
             if let Some(newest) = self.session().keyframes().last() {
@@ -84,8 +86,7 @@ impl Mapper {
     }
 
     fn is_edge_contradicted(&self, ends: [NodeId; 2], from_from_to: Pose2) -> bool {
-        let finding = look_where_said(self.store.past(), ends, from_from_to, &mut self.front.submaps());
-        finding.objection == Some(Objection::NoMatch)
+        !is_found_where_said(self.store.past(), ends, from_from_to, &mut self.front.submaps())
     }
 
     /// Looks for the newest keyframe among the places of other runs.
@@ -112,7 +113,8 @@ pub(crate) fn weigh_ways(store: &mut Store, submaps: &mut PlaneSubmaps) {
 /// What a robot says of the way to a keyframe counts as much as what it saw allows; whether that bears it out, where anything can be compared.
 fn weigh_way(store: &mut Store, to: NodeId, submaps: &mut PlaneSubmaps) -> Option<bool> {
     let fit = fit_where_said(store.past(), to, submaps)?;
-    let SaidAndSeen { variance_factor, covariance, .. } = fit;
-    store.set_beside(to, fit.bears_out().then_some(Beside { variance_factor, covariance }));
+    let SaidAndSeen { measured, .. } = fit;
+    let beside = measured.map(|(variance_factor, covariance)| Beside { variance_factor, covariance });
+    store.set_beside(to, beside.filter(|_| fit.bears_out()));
     Some(fit.bears_out())
 }

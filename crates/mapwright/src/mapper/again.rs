@@ -5,7 +5,7 @@ use crate::jobs::Task;
 use crate::settings::{Correction, LivePolicy};
 use crate::told::Told;
 use crate::visits::{COMPARED, pairs};
-use mapwright_loops::{APART_M, LEFT_M, SUBMAP_M, Scope, Solving};
+use mapwright_loops::{APART_M, LEFT_M, SUBMAP_M, Scope, Solving, run_of};
 use mapwright_record::{EdgeKind, NodeId, Past, Update};
 
 /// Times at most that the whole map is looked at.
@@ -33,7 +33,8 @@ impl Mapper {
     fn look_once(&mut self) -> bool {
         let before = self.store.closures().len();
         let known = self.front.survey();
-        for [from, to] in unlinked(self.store.past()) {
+        let are_all = !self.back.closing.takes_turns();
+        for [from, to] in unlinked(self.store.past(), are_all) {
             let submaps = self.front.submaps();
             let verification = self.back.closing.propose_again(self.store.past(), &known, [from, to], submaps);
             verification.into_iter().for_each(|verification| self.back.push(Task::Verify(Box::new(verification))));
@@ -50,8 +51,8 @@ impl Mapper {
 }
 
 /// Visits of the first map that lie beside each other without a match or a closure between them, as far apart along the way as two findings
-/// that agree have to be, and no more than are compared for the verdict.
-fn unlinked(past: Past<'_>) -> Vec<[NodeId; 2]> {
+/// that agree have to be, and no more than are compared for the verdict; visits of one run where `are_all`.
+fn unlinked(past: Past<'_>, are_all: bool) -> Vec<[NodeId; 2]> {
     let Some(map) = past.session.maps().into_iter().next() else { return Vec::new() };
     let is_drawn = |place: &usize| past.drawn.get(*place).is_some_and(Option::is_some);
     let nodes: Vec<NodeId> = map.places().filter(is_drawn).map(NodeId::at).collect();
@@ -67,7 +68,9 @@ fn unlinked(past: Past<'_>) -> Vec<[NodeId; 2]> {
         near.into_iter().any(|&[from, _]| past.way_between_m(from, earlier) <= SUBMAP_M)
     };
     let mut last: Option<NodeId> = None;
+    let run = |node: NodeId| run_of(past.way_m[node.index()]);
     let mut found = pairs(past, &nodes);
+    found.retain(|&[from, to]| are_all || run(from) != run(to));
     found.retain(|&pair| {
         let is_new = last.is_none_or(|last| past.way_between_m(last, pair[1]) >= APART_M) && !is_linked(pair);
         last = if is_new { Some(pair[1]) } else { last };

@@ -35,8 +35,8 @@ impl<M: Measurement> Store<M> {
     /// farther from what was seen than chance allows, their variance grows by that: a variance factor, as adjustment computation estimates it,
     /// by the median of the steps, so that a single one that fits nowhere says nothing of the others.
     pub(super) fn as_borne_out(&self, to: usize, information: <M::Pose as Pose>::Matrix) -> <M::Pose as Pose>::Matrix {
-        let Some(beside) = self.beside.get(to).copied().flatten() else { return information };
-        let excess = self.variance_factor(to) - 1.0;
+        let Some(beside) = self.beside_along(to) else { return information };
+        let excess = beside.variance_factor - 1.0;
         if excess <= 0.0 {
             return information;
         }
@@ -45,8 +45,11 @@ impl<M: Measurement> Store<M> {
         by.map_or(information, |by| information - information * by * information)
     }
 
-    /// Median of the steps from a keyframe on; where the way ends before, of the last ones.
-    fn variance_factor(&self, to: usize) -> f64 {
+    /// The median variance factor of the steps from a keyframe on, with the nearest one's covariance; where the way ends before, of the last ones.
+    fn beside_along(&self, to: usize) -> Option<Beside<<M::Pose as Pose>::Matrix>> {
+        if self.beside.is_empty() {
+            return None;
+        }
         let is_near = |a: usize, b: usize| (self.way_m[a] - self.way_m[b]).abs() <= ALIKE_M;
         let ahead = std::iter::successors(Some(to), |&at| self.session.after(at).filter(|&next| is_near(to, next)));
         let mut steps: Vec<usize> = ahead.collect();
@@ -55,12 +58,10 @@ impl<M: Measurement> Store<M> {
             let back = |&at: &usize| self.session.before(at).filter(|&before| is_near(before, last));
             steps.extend(std::iter::successors(back(&to), back));
         }
-        let mut factors: Vec<f64> = steps
-            .iter()
-            .filter_map(|&at| self.beside.get(at).copied().flatten())
-            .map(|of| of.variance_factor)
-            .collect();
+        let measured = || steps.iter().filter_map(|&at| self.beside.get(at).copied().flatten());
+        let nearest = measured().next()?;
+        let mut factors: Vec<f64> = measured().map(|of| of.variance_factor).collect();
         factors.sort_unstable_by(f64::total_cmp);
-        factors.get(factors.len() / 2).copied().unwrap_or(1.0)
+        Some(Beside { variance_factor: factors[factors.len() / 2], ..nearest })
     }
 }

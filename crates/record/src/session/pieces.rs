@@ -69,10 +69,22 @@ impl<M: Measurement> Session<M> {
     /// The fragments of two keyframes, by their places, if a break lies between these: a closure there is a join.
     #[must_use]
     pub fn joined_fragments(&self, keyframes: [usize; 2]) -> Option<[Fragment; 2]> {
+        if self.are_of_one_stretch_of_way(keyframes) {
+            return None;
+        }
         let way = Ways::of(self);
         let ends = keyframes.map(|place| way.at(place));
         let fragment = |at: usize| way.fragments.get(at)?.fragment;
         way.is_break_between(ends).then_some([fragment(ends[0])?, fragment(ends[1])?])
+    }
+
+    /// Whether two keyframes are of one run, and no fragment of it begins between them.
+    fn are_of_one_stretch_of_way(&self, keyframes: [usize; 2]) -> bool {
+        let [Some(a), Some(b)] = keyframes.map(|place| self.keyframes.get(place)) else { return false };
+        let between = keyframes[0].min(keyframes[1]) + 1..=keyframes[0].max(keyframes[1]);
+        let of_run = || self.fragments.iter().filter(|fragment| fragment.first.run() == a.id.run());
+        a.id.run() == b.id.run()
+            && !of_run().filter_map(|fragment| self.place(fragment.first)).any(|first| between.contains(&first))
     }
 
     /// The piece that each stretch of keyframes is of, by their places, in order: within one no fragment begins, and no other robot's come.

@@ -2,11 +2,11 @@
 
 use super::drive::{DRIVE_S, Drives, Truth, sigma_of_sweep_m};
 use super::{closures_between, names};
-use crate::robots::{Robot, Simulated};
 use crate::commands::suite::Measure;
 use crate::commands::suite::floors::{Floor, percent};
 use crate::failure::Failure;
 use crate::liar::{Liar, Lie};
+use crate::robots::{Robot, Simulated};
 use mapwright::{FragmentStart, RunId, Session, Settings};
 use mapwright_fleet::Refusal;
 use mapwright_sim::{RadioSettings, Rng};
