@@ -1,10 +1,13 @@
-"""Logs cut into parts that robots drive at the same time, over a radio that loses messages: the figures of docs/decisions/0035-fleet.md.
+"""Logs cut into parts that robots drive at the same time, over a radio that loses messages: the figures of docs/decisions/0035-fleet.md and
+0039-what-a-team-costs.md.
 
     cargo build --release -p mapwright-cli
     python3 scripts/figures_fleet.py ../shared/data/2d_benchmark        # intel in two and three, fr079 in two
+    python3 scripts/figures_fleet.py ../shared/data/2d_benchmark intel/4        # one of them, or another cut
 
 Each part is a robot of `mapwright fleet simulate`; nobody knows where it starts. Scored are all relations of the log, and those between
-poses of different robots alone, each beside the whole log's error on the same relations.
+poses of different robots alone, each beside the whole log's error on the same relations. Cost is what a robot takes for its own map and for the
+team, over its own map alone (`fleet.json`, elapsed: so do nothing else meanwhile).
 
 The binary is target/release/mapwright, or what MAPWRIGHT names; files go to target/figures/fleet.
 """
@@ -67,11 +70,12 @@ def across(relations, robots, path):
 
 
 def main():
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         sys.exit(__doc__)
+    chosen = [(name, int(parts)) for name, parts in (case.split("/") for case in sys.argv[2:])]
     data = Path(sys.argv[1])
     WORK.mkdir(parents=True, exist_ok=True)
-    for name, parts in CASES:
+    for name, parts in chosen or CASES:
         relations = data / f"{name}.relations"
         mapwright("map", data / f"{name}.clf.bz2", "-o", WORK / name, "--quiet")
         out = WORK / f"{name}-{parts}"
@@ -82,11 +86,13 @@ def main():
         (whole, count), (team, _) = error(WORK / name, relations), error(out, relations)
         (whole_across, count_across), (team_across, _) = error(WORK / name, between), error(out, between)
         told = said["bytes_per_keyframe"]
+        costs = [(robot["map_s"] + robot["team_s"]) / robot["map_s"] for robot in said["robots"]]
         print(f"{name} in {parts}: all {count} relations {team:.4f} m (whole log {whole:.4f}, ratio {team / whole:.3f}); "
               f"{count_across} between robots {team_across:.4f} ({whole_across:.4f}, {team_across / whole_across:.3f}); "
               f"{said['pieces']} map, agreed after {said['agreed_s']} s, {told['mapped']:.0f} + {told['solution']:.0f} bytes a keyframe, "
               f"team {', '.join(format(robot['team_s'], '.1f') for robot in said['robots'])} s beside "
-              f"{', '.join(format(robot['map_s'], '.1f') for robot in said['robots'])} s of mapping")
+              f"{', '.join(format(robot['map_s'], '.1f') for robot in said['robots'])} s of mapping: "
+              f"cost mean {sum(costs) / len(costs):.2f}, worst {max(costs):.2f}", flush=True)
 
 
 if __name__ == "__main__":
