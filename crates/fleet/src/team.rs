@@ -11,7 +11,7 @@ use crate::solution::{Replay, Solutions};
 use crate::steps::{Begin, SolutionId, Step};
 use mapwright::{
     Adoption, Audit, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update,
-    audit,
+    WaysSeen, audit,
 };
 use mapwright_record::LogWriter;
 use std::collections::BTreeMap;
@@ -63,6 +63,8 @@ pub struct Team {
     /// When the map of all has changed last, and whether it was looked at since.
     changed: Stamp,
     is_audited: bool,
+    /// What robots said of their ways beside what they saw, as far as it was compared here.
+    ways: WaysSeen,
     falsify: Option<fn(&mut Entry)>,
 }
 
@@ -108,6 +110,7 @@ impl Team {
             blocked_since: None,
             changed: Stamp(0),
             is_audited: true,
+            ways: WaysSeen::default(),
             falsify: None,
             node,
         })
@@ -225,7 +228,7 @@ impl Team {
         if self.node.leader(now) == Some(self.node.me().rank) {
             has_worked |= self.solve(now, keyframes);
         } else {
-            self.solving = None;
+            self.stop_solving();
         }
         has_worked
     }
@@ -257,7 +260,7 @@ impl Team {
             return false;
         }
         self.is_audited = true;
-        let Audit { closures, contradictions, moved_m } = audit(&self.settings, replay.session());
+        let Audit { closures, contradictions, moved_m } = audit(&self.settings, replay.session(), &mut self.ways);
         let are_most = |[all, wrong]: [usize; 2]| 2 * wrong > all;
         let is_untrue =
             are_most(closures) || are_most(contradictions) || moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
@@ -299,8 +302,15 @@ impl Team {
         has_worked
     }
 
+    fn stop_solving(&mut self) {
+        if let Some(mut solving) = self.solving.take() {
+            self.ways = solving.mapper.take_ways();
+        }
+    }
+
     /// Goes on with the solution that counts; where a step of it waits for what nobody may have any more, after a while with what was before.
     fn begin(&mut self, now: Stamp) -> bool {
+        self.stop_solving();
         let Some((mapper, base)) = self.mapper_of_solution(now) else { return false };
         let before = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
         let Some(term) = before.checked_add(1) else { return false };
@@ -344,7 +354,8 @@ impl Team {
     /// A mapper that goes on with the solution that counts, and how far that was read.
     fn mapper_of_solution(&mut self, now: Stamp) -> Option<(Mapper, Option<(SolutionId, u32)>)> {
         let Some(replay) = &self.replay else {
-            let mapper = Mapper::of_run(self.settings, RunId::of_robot(TEAM), Pose2::IDENTITY).ok()?;
+            let mut mapper = Mapper::of_run(self.settings, RunId::of_robot(TEAM), Pose2::IDENTITY).ok()?;
+            mapper.weigh_ways(std::mem::take(&mut self.ways));
             return Some((mapper, None));
         };
         let Some(reached) = replay.reached() else {
@@ -357,7 +368,7 @@ impl Team {
         };
         self.blocked_since = None;
         let mut mapper = Mapper::resume(self.settings, replay.session().clone()).ok()?;
-        mapper.weigh_ways();
+        mapper.weigh_ways(std::mem::take(&mut self.ways));
         Some((mapper, Some(reached)))
     }
 }

@@ -4,7 +4,7 @@
 use crate::closing::{NARROW_SUBMAP_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, WINDOW_SIGMAS};
 use crate::plane::PlaneSubmaps;
 use crate::submaps::{PoseOf, Submaps, Window};
-use crate::views::{View, views_along};
+use crate::views::{View, views_along, views_up_to};
 use mapwright_geom::{Cov3, Pose, Pose2, Tangent, TangentMatrix};
 use mapwright_record::{EdgeKind, Measurement, NodeId, Objection, Past};
 
@@ -47,18 +47,17 @@ impl SaidAndSeen {
 /// where the robot says that it was on the way. None where nothing can be compared.
 pub fn fit_where_said(past: Past<'_>, to: NodeId, submaps: &mut PlaneSubmaps) -> Option<SaidAndSeen> {
     let before = past.before(to)?;
-    let local_from_keyframe = as_said(past, to);
-    let past = Past { local_from_keyframe: &local_from_keyframe, ..past };
+    let way = Said::up_to(past, to, before);
     let query = views_along(past, to, false, 0.0);
     let sensor = &query.first()?.sweep;
-    let mut views = views_along(past, before, false, COMPARED_M);
+    let mut views = views_up_to(past, before, COMPARED_M, |node| way.pose(node).unwrap_or_default());
     views.truncate(VIEWS);
-    views.extend(matched_with(past, to));
+    views.extend(matched_with(past, to, before, &way));
     views.retain(|view| view.sweep.is_of_one_sensor_with(sensor));
     if views.is_empty() {
         return None;
     }
-    let said = past.pose(before).between(past.pose(to));
+    let said = way.step;
     let is_measured =
         ((past.way_m[to.index()] / MEASURED_M).floor()) > (past.way_m[before.index()] / MEASURED_M).floor();
     if !is_measured && submaps.fits_plainly(&query, &views, said) {
@@ -81,41 +80,45 @@ pub fn fit_where_said(past: Past<'_>, to: NodeId, submaps: &mut PlaneSubmaps) ->
     })
 }
 
-/// Poses as odometry edges have them on the way up to a keyframe, whatever became of them since; the one before it stays.
-fn as_said(past: Past<'_>, to: NodeId) -> Vec<Pose2> {
-    let mut steps: Vec<Option<Pose2>> = vec![None; past.local_from_keyframe.len()];
-    for known in past.session.recorded_edges().iter().filter(|known| known.recorded.edge.kind == EdgeKind::Odometry) {
-        if let Some(step) = steps.get_mut(known.ends[1] as usize) {
-            *step = Some(known.recorded.edge.from_from_to);
+/// The way up to a keyframe as odometry edges have it, whatever became of them since.
+struct Said {
+    /// From the keyframe before to it.
+    step: Pose2,
+    /// Keyframes before that, in the frame of the one before: the newest first.
+    poses: Vec<(usize, Pose2)>,
+}
+
+impl Said {
+    fn up_to(past: Past<'_>, to: NodeId, before: NodeId) -> Self {
+        let step = |from: NodeId, node: NodeId| {
+            let mut edges = past.session.edges_to(node.index());
+            let odometry = edges.find(|known| known.recorded.edge.kind == EdgeKind::Odometry);
+            let moved = || past.pose(from).between(past.pose(node));
+            odometry.map_or_else(moved, |known| known.recorded.edge.from_from_to)
+        };
+        let mut poses = vec![(before.index(), Pose2::IDENTITY)];
+        let (mut node, mut pose) = (before, Pose2::IDENTITY);
+        let is_near = |earlier: &NodeId| past.way_m[before.index()] - past.way_m[earlier.index()] <= COMPARED_M;
+        while let Some(earlier) = past.before(node).filter(is_near) {
+            pose = pose * step(earlier, node).inverse();
+            poses.push((earlier.index(), pose));
+            node = earlier;
         }
+        Self { step: step(before, to), poses }
     }
-    let mut said = past.local_from_keyframe.to_vec();
-    let step = |before: NodeId, node: NodeId| {
-        steps[node.index()].unwrap_or_else(|| past.pose(before).between(past.pose(node)))
-    };
-    let Some(last) = past.before(to) else { return said };
-    said[to.index()] = said[last.index()] * step(last, to);
-    let (mut node, mut way_m) = (last, 0.0);
-    while let Some(before) = past.before(node).filter(|_| way_m <= COMPARED_M) {
-        let before_from_node = step(before, node);
-        said[before.index()] = said[node.index()] * before_from_node.inverse();
-        (node, way_m) = (before, way_m + before_from_node.length());
+
+    fn pose(&self, node: usize) -> Option<Pose2> {
+        self.poses.iter().find(|(of, _)| *of == node).map(|(_, pose)| *pose)
     }
-    said
 }
 
 /// What was seen at keyframes that a robot says it has matched this one with, in the frame of the one before it.
-fn matched_with(past: Past<'_>, to: NodeId) -> Vec<View> {
-    let Some(before) = past.before(to) else { return Vec::new() };
-    let before_from_local = past.pose(before).inverse();
-    let edges = past.session.recorded_edges().iter().filter(|known| known.ends[1] == to.number());
+fn matched_with(past: Past<'_>, to: NodeId, before: NodeId, way: &Said) -> Vec<View> {
+    let edges = past.session.edges_to(to.index());
     let matched = edges.filter(|known| known.recorded.edge.kind == EdgeKind::Match).map(|known| known.ends[0] as usize);
     let near = matched.filter(|&from| (0.0..=COMPARED_M).contains(&(past.way_m[before.index()] - past.way_m[from])));
-    let view = |from: usize| {
-        let sweep = past.drawn[from].clone()?;
-        Some(View { sweep, submap_from_keyframe: before_from_local * past.local_from_keyframe[from] })
-    };
-    near.filter_map(view).collect()
+    near.filter_map(|from| Some(View { sweep: past.drawn[from].clone()?, submap_from_keyframe: way.pose(from)? }))
+        .collect()
 }
 
 /// Whether what was seen around a keyframe is found around another one, about where an edge between the two says it is.

@@ -33,6 +33,16 @@ pub fn views_along<M: Measurement>(past: Past<'_, M>, at: NodeId, both_sides: bo
     views(past, at, both_sides, reach_m, |from, to| past.way_m[to] - past.way_m[from])
 }
 
+/// Keyframes along the way up to `at`, as [`views_along`], where `pose_of` has them.
+pub(crate) fn views_up_to<M: Measurement>(
+    past: Past<'_, M>,
+    at: NodeId,
+    reach_m: f64,
+    pose_of: impl Fn(usize) -> M::Pose,
+) -> Vec<View<M>> {
+    views_at(past, at, false, reach_m, |from, to| past.way_m[to] - past.way_m[from], pose_of)
+}
+
 /// Keyframes up to so many metres along the way around `at`, in its frame, before it and, if so wished, after it; `step_m` is the
 /// way from a keyframe to the next.
 #[must_use]
@@ -43,7 +53,18 @@ pub fn views<M: Measurement>(
     reach_m: f64,
     step_m: impl Fn(usize, usize) -> f64,
 ) -> Vec<View<M>> {
-    let submap_from_local = past.pose(at).inverse();
+    views_at(past, at, both_sides, reach_m, step_m, |node| past.local_from_keyframe[node])
+}
+
+fn views_at<M: Measurement>(
+    past: Past<'_, M>,
+    at: NodeId,
+    both_sides: bool,
+    reach_m: f64,
+    step_m: impl Fn(usize, usize) -> f64,
+    pose_of: impl Fn(usize) -> M::Pose,
+) -> Vec<View<M>> {
+    let submap_from_local = pose_of(at.index()).inverse();
     let mut views = Vec::new();
     let mut side = |nodes: &mut dyn Iterator<Item = (usize, f64)>| {
         let (mut way_m, mut sensors) = (0.0, Vec::<Taken<'_, M>>::new());
@@ -54,7 +75,7 @@ pub fn views<M: Measurement>(
                 break;
             }
             let Some(sweep) = past.drawn[node].as_ref() else { continue };
-            let pose = past.local_from_keyframe[node];
+            let pose = pose_of(node);
             let far = |last: M::Pose| last.distance(pose) >= VIEW_M || last.between(pose).angle() >= VIEW_RAD;
             match sensors.iter_mut().find(|sensor| sensor.last.is_of_one_sensor_with(sweep)) {
                 Some(sensor) if sensor.views >= VIEWS_AT_MOST || !far(sensor.at) => continue,

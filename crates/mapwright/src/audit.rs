@@ -1,6 +1,6 @@
 //! Whether the map that another robot says it has found is one: who holds the readings looks again at what it is made of.
 
-use crate::mapper::weigh_ways;
+use crate::mapper::{WaysSeen, weigh_ways};
 use crate::settings::Settings;
 use crate::store::Store;
 use mapwright_geom::Pose2;
@@ -20,13 +20,13 @@ pub struct Audit {
     pub moved_m: Option<f64>,
 }
 
-/// Looks at each closure again, and at each way that was called contradicted, and solves the graph once more with the closures that hold.
+/// Looks at each closure again (`ways` knows what was compared before), and at each way that was called contradicted, and solves the graph once more with the closures that hold.
 #[must_use]
-pub fn audit(settings: &Settings, session: &Session) -> Audit {
+pub fn audit(settings: &Settings, session: &Session, ways: &mut WaysSeen) -> Audit {
     let mut store = Store::resume(session.clone(), RunId::of_robot("audit"), String::new());
     let matcher = Matcher { settings: settings.matcher() };
     let mut submaps = PlaneSubmaps::new(settings.submaps(), VerifySettings::default(), matcher.settings);
-    weigh_ways(&mut store, &mut submaps);
+    weigh_ways(&mut store, &mut submaps, ways);
     let mut audit = Audit::default();
     let (mut graph, mut holding) = (store.graph(), store.closures());
     for (number, known) in session.recorded_edges().iter().enumerate() {

@@ -44,7 +44,7 @@ pub use audit::{Audit, audit};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use jobs::{Job, JobResult};
 pub use locate::{Location, Withdrawal};
-pub use mapper::{Adopted, Mapper, Sighted};
+pub use mapper::{Adopted, Mapper, Sighted, WaysSeen};
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{BeamAgreement, CountGrid, LocalMap};
 pub use mapwright_record::{

@@ -25,8 +25,8 @@ mod checkpoint;
 mod runs;
 mod sighted;
 
-pub use adopt::Adopted;
 pub(crate) use adopt::weigh_ways;
+pub use adopt::{Adopted, WaysSeen};
 pub use sighted::Sighted;
 
 /// Builds a map one scan at a time.
@@ -38,6 +38,8 @@ pub struct Mapper {
     newest: Newest,
     /// Where a robot that is only located is in the finished map.
     locator: Option<Box<Locator>>,
+    /// What other robots said of their ways, beside what they saw.
+    ways: WaysSeen,
 }
 
 impl Mapper {
@@ -69,6 +71,7 @@ impl Mapper {
             back: BackEnd::new(&settings),
             newest: Newest { stamp: Stamp(0), status: Status::Tracking },
             locator: None,
+            ways: WaysSeen::default(),
         })
     }
 
@@ -92,7 +95,7 @@ impl Mapper {
         let restored = checkpoint.and_then(|checkpoint| checkpoint::restore(settings, &store, &checkpoint.state));
         let (store, back, front) = restored.unwrap_or_else(|| Self::made_again(settings, store));
         let newest = Newest { stamp, status: Status::Tracking };
-        Ok(Self { store, front, back, newest, locator: None })
+        Ok(Self { store, front, back, newest, locator: None, ways: WaysSeen::default() })
     }
 
     /// What keyframes, edges and the last scans say.

@@ -6,7 +6,8 @@ use crate::store::{Beside, Store};
 use crate::told::{Newest, Told};
 use mapwright_geom::Pose2;
 use mapwright_loops::{PlaneSubmaps, SUBMAP_M, SaidAndSeen, fit_where_said, is_found_where_said, run_of};
-use mapwright_record::{Adoption, EdgeKind, Entry, NodeId, Status, Update};
+use mapwright_record::{Adoption, EdgeKind, Entry, KeyframeId, NodeId, Status, Update};
+use std::collections::BTreeMap;
 
 /// What came of a group of another mapper's entries.
 #[derive(Debug, Clone)]
@@ -59,7 +60,8 @@ impl Mapper {
     /// anywhere, and edges that lead elsewhere say nothing. Whether the way was contradicted, and how many edges.
     fn contradict(&mut self, first_edge: usize, is_first: bool) -> (bool, usize) {
         let Some(to) = self.store.past().newest() else { return (false, 0) };
-        let is_contradicted = !is_first && weigh_way(&mut self.store, to, &mut self.front.submaps()) == Some(false);
+        let is_contradicted =
+            !is_first && weigh_way(&mut self.store, to, &mut self.front.submaps(), &mut self.ways) == Some(false);
         if is_contradicted {
             self.store.contradict(first_edge, &anywhere());
         }
@@ -81,8 +83,14 @@ impl Mapper {
 
     /// What robots say of their ways is weighed by what they saw, as it is where a mapper takes it in: for one that goes on with what another
     /// one has taken in.
-    pub fn weigh_ways(&mut self) {
-        weigh_ways(&mut self.store, &mut self.front.submaps());
+    pub fn weigh_ways(&mut self, known: WaysSeen) {
+        self.ways = known;
+        weigh_ways(&mut self.store, &mut self.front.submaps(), &mut self.ways);
+    }
+
+    /// All that was compared so far; of this mapper nothing is left of it.
+    pub fn take_ways(&mut self) -> WaysSeen {
+        std::mem::take(&mut self.ways)
     }
 
     fn is_edge_contradicted(&self, ends: [NodeId; 2], from_from_to: Pose2) -> bool {
@@ -101,20 +109,28 @@ impl Mapper {
     }
 }
 
+/// What robots said of their ways, beside what they saw: of each keyframe it is compared once, whoever asks.
+#[derive(Debug, Clone, Default)]
+pub struct WaysSeen {
+    fits: BTreeMap<KeyframeId, Option<SaidAndSeen>>,
+}
+
 /// What a robot says of all ways beside what it saw.
-pub(crate) fn weigh_ways(store: &mut Store, submaps: &mut PlaneSubmaps) {
+pub(crate) fn weigh_ways(store: &mut Store, submaps: &mut PlaneSubmaps, ways: &mut WaysSeen) {
     for to in (0..store.len()).map(NodeId::at) {
         if !store.is_first(to) {
-            weigh_way(store, to, submaps);
+            weigh_way(store, to, submaps, ways);
         }
     }
 }
 
 /// What a robot says of the way to a keyframe counts as much as what it saw allows; whether that bears it out, where anything can be compared.
-fn weigh_way(store: &mut Store, to: NodeId, submaps: &mut PlaneSubmaps) -> Option<bool> {
-    let fit = fit_where_said(store.past(), to, submaps)?;
-    let SaidAndSeen { measured, .. } = fit;
-    let beside = measured.map(|(variance_factor, covariance)| Beside { variance_factor, covariance });
+fn weigh_way(store: &mut Store, to: NodeId, submaps: &mut PlaneSubmaps, ways: &mut WaysSeen) -> Option<bool> {
+    let past = store.past();
+    let id = past.session.keyframes()[to.index()].id;
+    let fit = *ways.fits.entry(id).or_insert_with(|| fit_where_said(past, to, submaps));
+    let fit = fit?;
+    let beside = fit.measured.map(|(variance_factor, covariance)| Beside { variance_factor, covariance });
     store.set_beside(to, beside.filter(|_| fit.bears_out()));
     Some(fit.bears_out())
 }

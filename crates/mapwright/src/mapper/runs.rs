@@ -75,7 +75,7 @@ impl Mapper {
         let (store, back, front) = Self::made_again(settings, store);
         let newest = Newest { stamp: Stamp(0), status: Status::Tracking };
         let locator = Some(Box::new(Locator::new(&settings, store.session())));
-        let mut mapper = Self { store, front, back, newest, locator };
+        let mut mapper = Self { store, front, back, newest, locator, ways: super::WaysSeen::default() };
         mapper.begin_run(run);
         Ok(mapper)
     }

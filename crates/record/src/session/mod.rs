@@ -37,6 +37,9 @@ pub struct Session<M: Measurement = Sweep> {
     drawn: Vec<Option<Arc<M>>>,
     fragments: Vec<Fragment>,
     edges: Vec<SessionEdge<M::Pose>>,
+    /// Of each keyframe the newest edge that leads to it, and of each edge the one before that leads to the same.
+    newest_edge_to: Vec<Option<u32>>,
+    earlier_edge: Vec<Option<u32>>,
     candidates: Vec<Candidate<M::Pose>>,
     left_out: Vec<LeftOut>,
     slips: Vec<WheelSlip>,
@@ -90,6 +93,8 @@ impl<M: Measurement> Default for Session<M> {
             drawn: Vec::new(),
             fragments: Vec::new(),
             edges: Vec::new(),
+            newest_edge_to: Vec::new(),
+            earlier_edge: Vec::new(),
             candidates: Vec::new(),
             left_out: Vec::new(),
             slips: Vec::new(),
@@ -197,6 +202,7 @@ impl<M: Measurement> Session<M> {
         self.names.push(id.seq);
         self.drawn.push(Some(Arc::clone(&keyframe.sweep)));
         self.keyframes.push(keyframe);
+        self.newest_edge_to.push(None);
         self.map_from_keyframe.push(map_from_keyframe);
         self.checkpoint = None;
         Ok(())
@@ -214,7 +220,9 @@ impl<M: Measurement> Session<M> {
         unless("two different keyframes", ends[0] != ends[1], || format!("{from:?} twice"))?;
         recorded.candidate.map_or(Ok(()), |number| self.candidate_exists(number))?;
         measured::<M::Pose>(from_from_to, &information)?;
+        let number = self.edges.len() as u32;
         self.edges.push(SessionEdge { recorded, ends: ends.map(|end| end as u32), withdrawn: false });
+        self.earlier_edge.push(self.newest_edge_to[ends[1]].replace(number));
         Ok(())
     }
 
@@ -420,6 +428,13 @@ impl<M: Measurement> Session<M> {
     #[must_use]
     pub fn recorded_edges(&self) -> &[SessionEdge<M::Pose>] {
         &self.edges
+    }
+
+    /// The edges that lead to a keyframe, the newest first.
+    pub fn edges_to(&self, place: usize) -> impl Iterator<Item = &SessionEdge<M::Pose>> {
+        let newest = self.newest_edge_to.get(place).copied().flatten();
+        let numbers = std::iter::successors(newest, |&number| self.earlier_edge[number as usize]);
+        numbers.map(|number| &self.edges[number as usize])
     }
 
     /// The edges that stand, in the order they were found.
