@@ -1,6 +1,6 @@
 //! Cycles: which old places to look for, and which findings to believe.
 
-use crate::cascade::{Finding, VerifySettings};
+use crate::cascade::Finding;
 use crate::solving::Scope;
 use crate::submaps::{PoseOf, Submaps, Window};
 use crate::verification::{Judged, Target, Verification, Verified};
@@ -96,8 +96,6 @@ const WAITING_AT_MOST: usize = 64;
 /// A closure that moves nothing farther than this may wait for others, metres; a turn moves what is so far away, metres.
 const STRAIN_M: f64 = 0.02;
 const LEVER_M: f64 = 5.0;
-/// See above, of robots that drive at the same time, metres: none of them is located in the map of all, and a window is three times as wide.
-const STRAIN_OF_ALL_M: f64 = 0.1;
 const STRAINED_AT_MOST: usize = 12;
 /// and one in so many: as a map grows the whole of it is solved the more seldom, so that a scan costs the same.
 const STRAINED_OF: usize = 8;
@@ -405,14 +403,11 @@ impl<S: Submaps> Closing<S> {
     ) -> Vec<Target<PoseOf<S>>> {
         let (here, window_sigmas) = (past.pose(to), self.window_sigmas());
         let mut near: Vec<(f64, Target<PoseOf<S>>)> = Vec::new();
-        // What the maps of robots that drive at the same time are as sure of as any finding no look can tell.
-        let is_open =
-            |place: &&KnownPlace<_>| !self.looks.takes_turns || sigmas(place).0 >= VerifySettings::default().floor_m;
         let is_left = |place: &&KnownPlace<_>| !place.live && past.way_between_m(to, place.first) >= LEFT_M;
         let is_narrow = |place: &&KnownPlace<_>| {
             window_m(place, window_sigmas) <= JOINED_WITHIN_M || !self.apart.is_between(place.first, to)
         };
-        for place in known.iter().filter(is_open).filter(is_left).filter(is_narrow) {
+        for place in known.iter().filter(is_left).filter(is_narrow) {
             let there = past.pose(place.first);
             let away_m = there.distance(here);
             let target = target(past, place, place.first, to, Detection::Pose, window_sigmas);
@@ -555,8 +550,7 @@ impl<S: Submaps> Closing<S> {
         self.supports.learn(from, to, supports::Found::Here);
         let error = past.pose(from).between(past.pose(to)).between(edge.from_from_to);
         self.strained += 1;
-        let most_m = if self.looks.takes_turns { STRAIN_OF_ALL_M } else { STRAIN_M };
-        self.urgent |= error.length() + LEVER_M * error.angle() > most_m;
+        self.urgent |= error.length() + LEVER_M * error.angle() > STRAIN_M;
     }
 
     /// How the graph is to be solved now, if it is; then it counts as solved. There are so many closures.

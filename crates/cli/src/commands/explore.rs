@@ -1,7 +1,7 @@
 //! `mapwright explore`: simulated robots explore a building.
 
 use crate::args::ExploreArgs;
-use crate::exploring::{Building, LIMIT_S, Plan, Run, SHARE, Sharing};
+use crate::exploring::{BEAMS, Building, LIMIT_S, Plan, Run, SHARE, Sharing};
 use crate::failure::{Failure, Outcome};
 use crate::output::OutputFolder;
 use crate::terminal::{say, say_json};
@@ -50,6 +50,7 @@ pub(super) fn run(args: &ExploreArgs) -> Result<Outcome, Failure> {
         loss: args.loss,
         dies,
         until_s: LIMIT_S,
+        beams: BEAMS,
     };
     let building = if args.rooms { Building::rooms(args.seed) } else { Building::office(args.seed) };
     let run = building.run(&plan, &settings)?;

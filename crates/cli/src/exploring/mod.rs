@@ -26,7 +26,7 @@ pub(crate) const RADIUS_M: f64 = 0.22;
 const SPARE_M: f64 = 0.1;
 /// How far its laser sees, metres, and its beams: a cheap one that turns.
 pub(crate) const REACH_M: f64 = 12.0;
-const BEAMS: usize = 360;
+pub(crate) const BEAMS: usize = 360;
 /// What held a robot that its map does not show is kept off for so long, seconds: it may have moved, and a narrow room must not stay shut.
 const KEEP_OFF_S: f64 = 20.0;
 /// Robots start so far from each other, metres.
@@ -71,6 +71,8 @@ pub(crate) struct Plan {
     pub(crate) dies: Option<(usize, f64)>,
     /// The run ends then, seconds.
     pub(crate) until_s: f64,
+    /// Of each robot's laser.
+    pub(crate) beams: usize,
 }
 
 /// What came of it.
@@ -127,7 +129,7 @@ impl Building {
     }
 
     fn of(site: Site, seed: u64) -> Self {
-        let rovers = rovers(&site, &[site.start(0.0)], seed);
+        let rovers = rovers(&site, &[site.start(0.0)], seed, BEAMS);
         let truth = Truth::new(&rovers, site.start(0.0), RADIUS_M + SPARE_M, REACH_M);
         Self { site, truth }
     }
@@ -151,7 +153,7 @@ impl Building {
         let deciders = if plan.sharing == Sharing::Work { 1 } else { plan.robots };
         let mut fleet = Fleet {
             plan: *plan,
-            rovers: rovers(&self.site, &starts, plan.seed),
+            rovers: rovers(&self.site, &starts, plan.seed, plan.beams),
             drivers: starts.iter().map(|&start| Driver::standing(start)).collect(),
             traffic: vec![Traffic::default(); deciders],
             beside: vec![vec![Driver::default(); plan.robots]; plan.robots],
@@ -185,8 +187,8 @@ impl Building {
     }
 }
 
-fn rovers(site: &Site, starts: &[Pose2], seed: u64) -> Rovers {
-    let mut laser = LaserSettings::with_field_of_view(TAU, BEAMS);
+fn rovers(site: &Site, starts: &[Pose2], seed: u64, beams: usize) -> Rovers {
+    let mut laser = LaserSettings::with_field_of_view(TAU, beams);
     Arc::make_mut(&mut laser.model).range_max_m = REACH_M;
     let settings = RobotSettings { turn_rate_rad_per_s: 1.5, ..RobotSettings::default() };
     Rovers::new(site.world.clone(), starts, RADIUS_M, settings, laser, OdometryNoise::default(), seed)

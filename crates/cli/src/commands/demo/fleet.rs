@@ -16,6 +16,8 @@ use serde_json::{Map, Value, json};
 const ROBOTS: usize = 4;
 /// The last of them is switched off then, seconds.
 const DIES_S: f64 = 60.0;
+/// Of each robot's laser: half as many as in `explore`, for a demo is waited for.
+const BEAMS: usize = 180;
 /// Share of the messages that is lost.
 const LOSS: f64 = 0.2;
 
@@ -32,6 +34,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
         loss: LOSS,
         dies: Some((ROBOTS - 1, DIES_S)),
         until_s: args.seconds.unwrap_or(LIMIT_S),
+        beams: BEAMS,
     };
     let run = building.run(&plan, &settings)?;
     output.write("area.png", |writer| write_curve(&run, writer))?;

@@ -2,7 +2,7 @@
 
 use super::Measure;
 use super::floors::{Floor, stats};
-use crate::exploring::{Building, LIMIT_S, Plan, Run, Sharing};
+use crate::exploring::{BEAMS, Building, LIMIT_S, Plan, Run, Sharing};
 use crate::failure::Failure;
 use mapwright::Settings;
 use mapwright_explore::{ExploreSettings, Strategy};
@@ -101,7 +101,17 @@ impl Measure for Explore {
             let dies = (what == "one dies").then_some((seed as usize % 4, 0.25 * four_s));
             let explore = ExploreSettings { strategy, ..ExploreSettings::default() };
             let run = building.run(
-                &Plan { seed, robots, explore, sharing, slam: self.slam, loss: self.loss, dies, until_s: LIMIT_S },
+                &Plan {
+                    seed,
+                    robots,
+                    explore,
+                    sharing,
+                    slam: self.slam,
+                    loss: self.loss,
+                    dies,
+                    until_s: LIMIT_S,
+                    beams: BEAMS,
+                },
                 &self.settings,
             )?;
             world.runs.push(Explored::of(what, robots, &run));
