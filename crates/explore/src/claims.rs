@@ -1,9 +1,9 @@
 //! Where robots go that decide for themselves.
 
 use crate::assign::Claim;
-use crate::explorer::{Decides, Explorer};
 use crate::frontier::Views;
 use crate::map::OccupancyMap;
+use crate::robot::{Decides, Explorer};
 use std::collections::BTreeMap;
 
 /// A way is at most so many times as long as the straight line, mostly.

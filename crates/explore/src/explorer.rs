@@ -5,8 +5,8 @@ use crate::claims::{Claimed, Claims};
 use crate::frontier::{Frontier, Views, frontiers, has_frontier};
 use crate::map::OccupancyMap;
 use crate::places::{Ending, Limits, Places, WhyLeft};
+use crate::robot::Explorer;
 use crate::travel::{Terrain, Travel};
-use mapwright_geom::Pose2;
 use std::collections::BTreeMap;
 
 /// How robots explore.
@@ -42,48 +42,6 @@ impl Default for ExploreSettings {
             visits: 20,
             m2_per_s: 1.0,
         }
-    }
-}
-
-/// A robot as it last said it was.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Explorer {
-    /// Its number, unlike any other's.
-    pub id: u32,
-    /// Where it is in the map.
-    pub map_from_robot: Pose2,
-    /// When it last said so, seconds.
-    pub heard_s: f64,
-    /// Radius of the circle that it needs, metres.
-    pub radius_m: f64,
-    /// How fast it drives, m/s.
-    pub speed_m_per_s: f64,
-    /// How far its sensor sees, metres.
-    pub reach_m: f64,
-    /// Who says where it goes.
-    pub decides: Decides,
-}
-
-/// Who says where a robot goes.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Decides {
-    /// It is given orders here.
-    #[default]
-    Here,
-    /// It decides for itself, by the same code on its own computer, and says what it has chosen.
-    Itself {
-        /// Where it goes, metres in the map; none where it has chosen nothing.
-        goal_m: Option<[f64; 2]>,
-    },
-}
-
-impl Explorer {
-    pub(crate) fn at_m(&self) -> [f64; 2] {
-        [self.map_from_robot.x, self.map_from_robot.y]
-    }
-
-    fn is_ordered(&self) -> bool {
-        self.decides == Decides::Here
     }
 }
 
@@ -151,7 +109,7 @@ const SLOW_TIMES: f64 = 3.0;
 /// still to come falls with each that ends, whatever robots, map and frontiers do; and where no errand is under way, either one is given
 /// or [`Decision::done`] is said: what is barred for a time only is let out when nothing else is left.
 ///
-/// Robots that decide for themselves ([`Decides::Itself`]) are left what they say they go to: each such claim has a deadline too, and only
+/// Robots that decide for themselves ([`Itself`](crate::Decides::Itself)) are left what they say they go to: each such claim has a deadline too, and only
 /// so many are heeded at one place, so that nobody waits for ever for others, broken or lying. Of two that go to the same the one with the
 /// lower number does; until one that has no goal has said what it chooses, it is taken to choose as it would be sent from here.
 #[derive(Debug, Clone, Default)]

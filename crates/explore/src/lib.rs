@@ -39,12 +39,14 @@ mod explorer;
 mod frontier;
 mod map;
 mod places;
+mod robot;
 mod traffic;
 mod travel;
 
 pub use assign::Strategy;
-pub use explorer::{Decides, Decision, Exploration, ExploreSettings, Explorer, Left, Order};
+pub use explorer::{Decision, Exploration, ExploreSettings, Left, Order};
 pub use map::{Cell, OccupancyMap, SharedMap};
 pub use places::WhyLeft;
+pub use robot::{Decides, Explorer};
 pub use traffic::{Traffic, Traveller};
 pub use travel::{Terrain, Travel};

@@ -10,7 +10,7 @@ pub(super) enum Knowledge {
     /// From known starts in one frame, without a word said.
     Given(Team),
     /// As they told each other.
-    Told(Told),
+    Told(Box<Told>),
 }
 
 impl Knowledge {

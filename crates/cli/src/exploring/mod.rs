@@ -145,7 +145,7 @@ impl Building {
             (0..plan.robots).map(|number| self.site.start((number as f64 - middle) * APART_M)).collect();
         let team = if plan.sharing == Sharing::Told {
             let radio = RadioSettings { loss: plan.loss, doubled: 0.05, delay_s: [0.005, 0.2], seed: plan.seed };
-            Knowledge::Told(Told::new(settings, plan.robots, radio)?)
+            Knowledge::Told(Box::new(Told::new(settings, plan.robots, radio)?))
         } else {
             let one_map = plan.sharing != Sharing::Nothing;
             Knowledge::Given(Team::new(plan.slam.then_some(settings), &starts, one_map)?)

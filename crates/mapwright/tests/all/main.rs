@@ -1,5 +1,7 @@
 //! The whole pipeline: one program, so that it is linked once and its tests share the processors.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may")]
+
 mod support;
 
 mod advice;
