@@ -70,13 +70,17 @@ impl SharedMap {
         }
     }
 
-    /// Something is there that no beam need have shown, for it held a robot or is one that has died: an obstacle until that time, seconds,
-    /// and within `radius_m` nobody can stand because others have stood there.
+    /// Something is there that no beam need have shown, for it held a robot or is one that has died: an obstacle until that time, seconds. If it
+    /// stays for good, nobody can stand within `radius_m` because others have stood there.
     pub fn feel(&mut self, point_m: [f64; 2], radius_m: f64, until_s: f64) {
         let Some(index) = self.map.index_of(point_m).filter(|&index| self.is_inside(index)) else { return };
         self.count(index, 0, FELT, Change::Add);
         self.felt_m.push((point_m, until_s));
         self.count_passing();
+        if until_s.is_finite() {
+            // Where one has stood others can again when it has gone: it may be the only way out.
+            return;
+        }
         let cells = (radius_m / self.map.resolution_m).ceil() as i64;
         for (x, y) in (-cells..=cells).flat_map(|y| (-cells..=cells).map(move |x| (x, y))) {
             let near_m = [point_m[0] + x as f64 * self.map.resolution_m, point_m[1] + y as f64 * self.map.resolution_m];
