@@ -126,6 +126,8 @@ pub struct Exploration {
     plans: u32,
     /// Origin and size of the map of the last plan.
     layout: Option<([f64; 2], [usize; 2])>,
+    /// Whether something was taken to be there for a while only.
+    had_passing: bool,
     reach: Reach,
     claims: Claims,
 }
@@ -206,7 +208,10 @@ impl Exploration {
         let is_old = self.planned_s.is_none_or(|planned_s| now_s - planned_s >= self.settings.renew_after_s);
         // What the last plan said of cells is of no use where a map that has grown numbers them otherwise.
         let is_laid_out = self.layout.is_some_and(|(origin_m, size)| map.is_laid_out_as(origin_m, size));
-        if lost || ended || is_old || !is_laid_out {
+        // What has gone may have opened a way.
+        let has_gone = self.had_passing && !map.has_passing();
+        self.had_passing = map.has_passing();
+        if lost || ended || is_old || has_gone || !is_laid_out {
             self.plan(&ground);
         }
         self.decision(map, &robots)

@@ -23,6 +23,25 @@ pub enum Cell {
     Occupied,
 }
 
+/// A point in a cell, in fifteenths of it along x and y, plus one; zero where there is none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Stood(u8);
+
+impl Stood {
+    const STEPS: f64 = 15.0;
+
+    /// Of a point from the cell's lower left corner, in cells.
+    fn at(share: [f64; 2]) -> Self {
+        let [x, y] = share.map(|share| (share * Self::STEPS).clamp(0.0, Self::STEPS - 1.0) as u8);
+        Self(1 + y * Self::STEPS as u8 + x)
+    }
+
+    fn from_center(self) -> [f64; 2] {
+        let (number, steps) = (self.0.saturating_sub(1), Self::STEPS as u8);
+        [number % steps, number / steps].map(|step| (f64::from(step) + 0.5) / Self::STEPS - 0.5)
+    }
+}
+
 /// A rectangle of cells, row by row, that of the smallest y first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OccupancyMap {
@@ -31,8 +50,8 @@ pub struct OccupancyMap {
     width: usize,
     height: usize,
     cells: Vec<Cell>,
-    /// Where robots have stood; empty where nobody said so.
-    stood: Vec<bool>,
+    /// Where in each cell a robot has stood last, if one has: see [`Stood`]. Empty where nobody said so.
+    stood: Vec<Stood>,
     /// Obstacles that are forgotten after a while: what they bar may be reached then.
     passing: usize,
 }
@@ -165,7 +184,16 @@ impl OccupancyMap {
     /// Whether the middle of a robot was in a cell, and nothing has shown since that something is there.
     #[inline]
     pub(crate) fn has_stood(&self, index: usize) -> bool {
-        self.cells[index] == Cell::Free && self.stood.get(index).is_some_and(|stood| *stood)
+        self.stood_m(index).is_some()
+    }
+
+    /// Where exactly that was.
+    #[inline]
+    pub(crate) fn stood_m(&self, index: usize) -> Option<[f64; 2]> {
+        let stood = self.stood.get(index).filter(|stood| stood.0 > 0 && self.cells[index] == Cell::Free)?;
+        let [x, y] = self.center_m(index);
+        let [dx, dy] = stood.from_center().map(|share| share * self.resolution_m);
+        Some([x + dx, y + dy])
     }
 
     /// Every cell that has eight neighbours; those at the left and right edges, which are unknown, have the ones across.

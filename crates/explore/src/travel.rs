@@ -156,11 +156,19 @@ impl Terrain {
         index / width / BLOCK * self.blocks_wide + index % width / BLOCK
     }
 
-    /// Where a robot stands in a block, metres: the middle of its clearest cells.
+    /// Where a robot stands in a block, metres: the middle of its clearest cells; in a narrow one where exactly one has stood.
     pub(crate) fn middle_m(&self, map: &OccupancyMap, block: usize) -> [f64; 2] {
-        let clear = self.blocks[block].clear;
+        let Block { clear, weight, .. } = self.blocks[block];
         let (x, y) = (block % self.blocks_wide * BLOCK, block / self.blocks_wide * BLOCK);
-        let [left, below] = map.center_m(y * map.size()[0] + x);
+        let first = y * map.size()[0] + x;
+        if weight == TIGHT {
+            let cell = |bit: usize| first + bit / BLOCK * map.size()[0] + bit % BLOCK;
+            let stood = (0..BLOCK * BLOCK).filter(|bit| clear & (1 << bit) != 0).find_map(|bit| map.stood_m(cell(bit)));
+            if let Some(stood_m) = stood {
+                return stood_m;
+            }
+        }
+        let [left, below] = map.center_m(first);
         // Which share of them is in the second column, in the second row.
         let share = |second: u8| f64::from((clear & second).count_ones()) / f64::from(clear.count_ones().max(1));
         [left + share(0b1010) * map.resolution_m(), below + share(0b1100) * map.resolution_m()]

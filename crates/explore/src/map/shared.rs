@@ -1,6 +1,6 @@
 //! A map that grows with every sweep: what a sweep changes costs what the sweep is long, however large the map is.
 
-use super::{BORDER, Cell, MAX_CELLS, OccupancyMap};
+use super::{BORDER, Cell, MAX_CELLS, OccupancyMap, Stood};
 use mapwright_geom::{Pose2, sin_cos};
 use mapwright_grid::Change;
 use mapwright_sensor::SweepPoints;
@@ -26,7 +26,7 @@ impl SharedMap {
     #[must_use]
     pub fn new(resolution_m: f64, passes_per_hit: u32) -> Self {
         let cells = vec![Cell::Unknown; 9];
-        let stood = vec![false; 9];
+        let stood = vec![Stood::default(); 9];
         let map = OccupancyMap { origin_m: [0.0; 2], resolution_m, width: 3, height: 3, cells, stood, passing: 0 };
         Self { map, counts: vec![[0; 2]; 9], passes_per_hit, felt_m: Vec::new() }
     }
@@ -66,7 +66,8 @@ impl SharedMap {
     /// The middle of a robot is there: others can stand there as well, however near the walls are that beams have shown.
     pub fn stand(&mut self, point_m: [f64; 2]) {
         if let Some(index) = self.map.index_of(point_m) {
-            self.map.stood[index] = true;
+            let share = self.in_cells(point_m).map(|cells| cells - cells.floor());
+            self.map.stood[index] = Stood::at(share);
         }
     }
 
@@ -84,7 +85,7 @@ impl SharedMap {
         let cells = (radius_m / self.map.resolution_m).ceil() as i64;
         for (x, y) in (-cells..=cells).flat_map(|y| (-cells..=cells).map(move |x| (x, y))) {
             let near_m = [point_m[0] + x as f64 * self.map.resolution_m, point_m[1] + y as f64 * self.map.resolution_m];
-            self.map.index_of(near_m).into_iter().for_each(|near| self.map.stood[near] = false);
+            self.map.index_of(near_m).into_iter().for_each(|near| self.map.stood[near] = Stood::default());
         }
     }
 
@@ -191,7 +192,7 @@ impl SharedMap {
         let [width, height] = size.map(|side| side as usize);
         let [left, below] = [0, 1].map(|k| more[k][0] as usize);
         let (mut cells, mut counts) = (vec![Cell::Unknown; width * height], vec![[0; 2]; width * height]);
-        let mut stood = vec![false; width * height];
+        let mut stood = vec![Stood::default(); width * height];
         for row in 0..old[1] {
             let (from, to) = (row * old[0], (row + below) * width + left);
             cells[to..to + old[0]].copy_from_slice(&self.map.cells[from..from + old[0]]);
