@@ -36,7 +36,7 @@ impl Stood {
         Self(1 + y * Self::STEPS as u8 + x)
     }
 
-    fn from_center(self) -> [f64; 2] {
+    fn beside_center(self) -> [f64; 2] {
         let (number, steps) = (self.0.saturating_sub(1), Self::STEPS as u8);
         [number % steps, number / steps].map(|step| (f64::from(step) + 0.5) / Self::STEPS - 0.5)
     }
@@ -192,7 +192,7 @@ impl OccupancyMap {
     pub(crate) fn stood_m(&self, index: usize) -> Option<[f64; 2]> {
         let stood = self.stood.get(index).filter(|stood| stood.0 > 0 && self.cells[index] == Cell::Free)?;
         let [x, y] = self.center_m(index);
-        let [dx, dy] = stood.from_center().map(|share| share * self.resolution_m);
+        let [dx, dy] = stood.beside_center().map(|share| share * self.resolution_m);
         Some([x + dx, y + dy])
     }
 
