@@ -7,6 +7,7 @@ use crate::furnish::{box_in, corridor_piece};
 use crate::math::{Point, add, distance, lerp, scale, sub, unit};
 use crate::rng::Rng;
 use crate::route::{Route, Site};
+use crate::world::World;
 
 /// Area of [`large_office`], square metres.
 const LARGE_M2: f64 = 2800.0;
@@ -33,17 +34,10 @@ pub fn office_floor(seed: u64) -> Site {
 pub fn office_to_explore(seed: u64) -> Site {
     let mut rng = Rng::keyed(seed, 0x6f66_6669_6365);
     let plan = Plan::draw(&mut rng);
-    let mut builder = Builder::new();
-    plan.build_outer_walls(&mut builder, &mut rng);
-    let rooms = plan.build_rooms(&mut builder, &mut rng);
-    let half_m = 0.5 * plan.corridor_m;
-    plan.corridors().iter().for_each(|ends| builder.reserve(ends));
-    rooms.iter().for_each(|room| builder.reserve(&room.way_in(half_m)));
-    rooms.iter().for_each(|room| room.furnish(&mut builder, &mut rng));
-    plan.furnish_corridors(&mut builder, &mut rng);
+    let world = plan.build_to_explore(&mut rng);
     let ring = plan.ring();
     let route = Route::new(vec![[plan.across_x_m[0], ring[0][1]], ring[1], ring[0]]);
-    Site { world: builder.build().with_doors_settled(), route }
+    Site { world, route }
 }
 
 /// A floor of 62 to 70 by about 42 m, 2,800 m² in all, for several robots to explore: some ninety rooms around a ring of corridors
@@ -53,18 +47,11 @@ pub fn office_to_explore(seed: u64) -> Site {
 pub fn large_office(seed: u64) -> Site {
     let mut rng = Rng::keyed(seed, 0x6c61_7267_656f);
     let plan = Plan::draw_large(&mut rng);
-    let mut builder = Builder::new();
-    plan.build_outer_walls(&mut builder, &mut rng);
-    let rooms = plan.build_rooms(&mut builder, &mut rng);
-    let half_m = 0.5 * plan.corridor_m;
-    plan.corridors().iter().for_each(|ends| builder.reserve(ends));
-    rooms.iter().for_each(|room| builder.reserve(&room.way_in(half_m)));
-    rooms.iter().for_each(|room| room.furnish(&mut builder, &mut rng));
-    plan.furnish_corridors(&mut builder, &mut rng);
+    let world = plan.build_to_explore(&mut rng);
     let (ring, y_m) = (plan.ring(), plan.middle_y_m.first().copied().unwrap_or(0.0));
     let meeting_m = plan.across_x_m[rng.below(plan.across_x_m.len())];
     let route = Route::new(vec![[meeting_m, y_m], [ring[1][0], y_m], [ring[0][0], y_m]]);
-    Site { world: builder.build().with_doors_settled(), route }
+    Site { world, route }
 }
 
 /// The measures of a floor, metres; the origin is its lower left corner.
@@ -106,6 +93,19 @@ impl Plan {
         let across_x_m = [0.25, 0.5, 0.75].map(|share| start_m + (share + rng.uniform(-0.04, 0.04)) * inner_m).to_vec();
         let middle_y_m = vec![0.5 * (height_m + depth_m[0] - depth_m[2]) + rng.uniform(-0.6, 0.6)];
         Self { width_m, height_m, depth_m, corridor_m, across_x_m, middle_y_m }
+    }
+
+    /// Rooms with clear ways in along clear corridors; doors stand as they are.
+    fn build_to_explore(&self, rng: &mut Rng) -> World {
+        let mut builder = Builder::new();
+        self.build_outer_walls(&mut builder, rng);
+        let rooms = self.build_rooms(&mut builder, rng);
+        let half_m = 0.5 * self.corridor_m;
+        self.corridors().iter().for_each(|ends| builder.reserve(ends));
+        rooms.iter().for_each(|room| builder.reserve(&room.way_in(half_m)));
+        rooms.iter().for_each(|room| room.furnish(&mut builder, rng));
+        self.furnish_corridors(&mut builder, rng);
+        builder.build().with_doors_settled()
     }
 
     /// Corners of the ring's middle line, counter-clockwise from the lower left.

@@ -2,14 +2,13 @@
 
 use crate::args::DemoArgs;
 use crate::commands::explore::{write_area, write_curve};
-use crate::commands::fleet::report::{RobotResult, TeamResult, Written, refused_by, way_in, write_results};
+use crate::commands::fleet::report::{RobotResult, TeamResult, Written, write_results};
 use crate::exploring::{Building, LIMIT_S, Plan, Run, SHARE, Sharing};
 use crate::failure::{Failure, Outcome};
 use crate::mapping::settings_of;
 use crate::output::OutputFolder;
 use crate::robots::{Robot, Simulated};
 use crate::terminal::{say, say_json};
-use mapwright::Session;
 use mapwright_explore::ExploreSettings;
 use serde_json::{Map, Value, json};
 
@@ -41,7 +40,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     output.write("area.csv", |writer| write_area(&run, writer))?;
     let Some(air) = &run.air else { return Err(Failure::Usage("expected robots that tell each other".to_owned())) };
     let map = air.robots.iter().filter(|robot| robot.is_alive).find_map(|robot| robot.team.map());
-    let robots: Vec<RobotResult> = air.robots.iter().map(|robot| result(robot, map)).collect();
+    let robots: Vec<RobotResult> = air.robots.iter().map(|robot| RobotResult::of(robot, map)).collect();
     let mut losses = Vec::new();
     if run.agreed_s.is_none() {
         losses.push("robots did not come to the same map".to_owned());
@@ -58,20 +57,6 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
         say(&words(args, &run, air, &written))?;
     }
     Ok(Outcome::of_losses(&written.losses))
-}
-
-fn result(robot: &Robot, map: Option<&Session>) -> RobotResult {
-    RobotResult {
-        name: robot.name.clone(),
-        is_alive: robot.is_alive,
-        is_solving: robot.team.is_solving(),
-        joined_s: robot.joined_s,
-        map_s: Some(robot.mapped.as_secs_f64()),
-        team_s: Some(robot.shared.as_secs_f64()),
-        refused: refused_by(robot.team.node()),
-        early: robot.team.node().early(),
-        way: map.map_or_else(Vec::new, |map| way_in(map, robot.mapper.session())),
-    }
 }
 
 fn facts(args: &DemoArgs, run: &Run, air: &Simulated) -> Map<String, Value> {

@@ -5,6 +5,7 @@ use crate::maps::{MadeMap, MapWriter, PAGE, remove_outdated_maps};
 use crate::output::{OutputFolder, write_whole};
 use crate::page::{Beside, FLEET, report};
 use crate::picture::RunNames;
+use crate::robots::Robot;
 use crate::terminal::count;
 use mapwright::{FragmentStart, Piece, Pose2, RunId, SeparateMap, Session, Settings, Stamp};
 use mapwright_fleet::Node;
@@ -30,6 +31,23 @@ pub(in crate::commands) struct RobotResult {
     pub(in crate::commands) early: u64,
     /// Where it was in the map of all at each of its scans; where that is not known its keyframes say it.
     pub(in crate::commands) way: Vec<(Stamp, Pose2)>,
+}
+
+impl RobotResult {
+    /// Of a simulated robot.
+    pub(in crate::commands) fn of(robot: &Robot, map: Option<&Session>) -> Self {
+        Self {
+            name: robot.name.clone(),
+            is_alive: robot.is_alive,
+            is_solving: robot.team.is_solving(),
+            joined_s: robot.joined_s,
+            map_s: Some(robot.mapped.as_secs_f64()),
+            team_s: Some(robot.shared.as_secs_f64()),
+            refused: refused_by(robot.team.node()),
+            early: robot.team.node().early(),
+            way: map.map_or_else(Vec::new, |map| way_in(map, robot.mapper.session())),
+        }
+    }
 }
 
 /// What a robot did not use: why, of whom where that is known, how often.

@@ -1,16 +1,16 @@
 //! `mapwright fleet simulate`
 
-use super::report::{RobotResult, TeamResult, refused_by, way_in, write_results};
+use super::report::{RobotResult, TeamResult, write_results};
 use crate::args::FleetSimulateArgs;
 use crate::events::{Ending, Interrupt, Log, name_of};
 use crate::failure::{Failure, Outcome};
 use crate::liar::Liar;
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
-use crate::robots::{Robot, STEP_S, Simulated};
+use crate::robots::{STEP_S, Simulated};
 use crate::settings;
 use crate::terminal::{count, say, say_json};
-use mapwright::{LaserScan, Odometry, Session, Settings, Stamp, TurnRate};
+use mapwright::{LaserScan, Odometry, Settings, Stamp, TurnRate};
 use mapwright_fleet::{Chain, Kind, Record};
 use mapwright_formats::LogEvent;
 use mapwright_sim::RadioSettings;
@@ -187,7 +187,7 @@ fn report(
     } else if ended.agreed_s.is_none() {
         losses.push(format!("robots do not have the same map {AGREE_S} s after the end"));
     }
-    let robots: Vec<RobotResult> = team.robots.iter().map(|robot| robot_result(robot, map)).collect();
+    let robots: Vec<RobotResult> = team.robots.iter().map(|robot| RobotResult::of(robot, map)).collect();
     let facts = facts(args, team, ended);
     let result = TeamResult { settings: &settings, map, robots: &robots, facts, losses };
     let written = write_results(result, output, &args.output)?;
@@ -198,20 +198,6 @@ fn report(
         say(&format!("written  {}: {}\n", args.output.display(), written.files.join(" ")))?;
     }
     Ok(Outcome::of_losses(&written.losses))
-}
-
-fn robot_result(robot: &Robot, map: Option<&Session>) -> RobotResult {
-    RobotResult {
-        name: robot.name.clone(),
-        is_alive: robot.is_alive,
-        is_solving: robot.team.is_solving(),
-        joined_s: robot.joined_s,
-        map_s: Some(robot.mapped.as_secs_f64()),
-        team_s: Some(robot.shared.as_secs_f64()),
-        refused: refused_by(robot.team.node()),
-        early: robot.team.node().early(),
-        way: map.map_or_else(Vec::new, |map| way_in(map, robot.mapper.session())),
-    }
 }
 
 /// What `fleet.json` tells of the simulation.
