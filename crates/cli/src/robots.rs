@@ -136,9 +136,18 @@ impl Simulated {
         }
     }
 
-    /// Whether all who live and do not lie have the same map, to the byte, have looked at it again, and all that any of them has mapped is in it.
+    /// The same, and they have looked at it again.
     pub(crate) fn is_agreed(&self) -> bool {
-        let honest: Vec<&Robot> = self.robots.iter().filter(|robot| robot.is_alive && robot.is_honest()).collect();
+        self.honest().all(|robot| robot.team.has_audited()) && self.is_one_map()
+    }
+
+    fn honest(&self) -> impl Iterator<Item = &Robot> {
+        self.robots.iter().filter(|robot| robot.is_alive && robot.is_honest())
+    }
+
+    /// Whether all who live and do not lie have the same map, to the byte, and all that any of them has mapped is in it.
+    pub(crate) fn is_one_map(&self) -> bool {
+        let honest: Vec<&Robot> = self.honest().collect();
         let maps: Option<Vec<&Session>> = honest.iter().map(|robot| robot.team.map()).collect();
         let Some((maps, first)) = maps.and_then(|maps| Some((maps.clone(), *maps.first()?))) else { return false };
         let has_all =
@@ -147,7 +156,7 @@ impl Simulated {
             (other.keyframes().len(), other.recorded_edges().len(), other.corrections())
                 == (first.keyframes().len(), first.recorded_edges().len(), first.corrections())
         };
-        honest.iter().all(|robot| has_all(robot) && robot.team.has_audited())
+        honest.iter().all(has_all)
             && maps.iter().all(is_counted)
             && maps.iter().skip(1).all(|map| map.encode() == first.encode())
     }

@@ -2,7 +2,7 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 4 | `MWF` and the version of the protocol, 2 |
+//! | 4 | `MWF` and the version of the protocol, 3 |
 //! | 1 | 1 beat, 2 ask, 3 records, 4 equivocation |
 //! | rest | as in the type of that name; all numbers little endian |
 
@@ -18,7 +18,7 @@ pub const RECORDS_AT_MOST: usize = 64;
 /// Chains that a beat may name.
 pub(crate) const CHAINS_AT_MOST: usize = 4096;
 
-const MAGIC: [u8; 4] = *b"MWF\x02";
+const MAGIC: [u8; 4] = *b"MWF\x03";
 const DOMAIN: &[u8] = b"mapwright fleet beat 2\n";
 
 /// A robot is alive, and holds so much.

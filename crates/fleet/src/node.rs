@@ -186,6 +186,11 @@ impl Node {
         self.distrusted.insert(rank);
     }
 
+    /// What it has found is so after all.
+    pub(crate) fn trust(&mut self, rank: u16) {
+        self.distrusted.remove(&rank);
+    }
+
     /// When a robot was heard last, and of each chain the number of the record after those that it held then; none where it never was.
     #[must_use]
     pub fn heard(&self, rank: u16) -> Option<(Stamp, &BTreeMap<ChainId, u32>)> {

@@ -116,6 +116,8 @@ pub(crate) struct Replay {
     /// Steps that were not made yet, and whether the first of them takes in what is not there yet.
     left: Vec<u8>,
     is_blocked: bool,
+    /// Whether the last step says that there is nothing to add.
+    pub(crate) is_settled: bool,
     reader: EntryReader,
     pub(crate) adoptions: BTreeMap<ChainId, Adoption>,
     /// How many groups of each chain were taken in.
@@ -186,8 +188,10 @@ impl Replay {
 
     /// Whether the step could be made: what it takes in may not be there yet.
     fn make(&mut self, step: &Step<'_>, inbox: &Inbox) -> Result<bool, NoStep> {
+        self.is_settled = *step == Step::Settled;
         match step {
             Step::Begin(_) => Err(NoStep),
+            Step::Settled => Ok(true),
             Step::TakeIn(chain, pose) => {
                 let taken = self.taken.entry(*chain).or_default();
                 let Some(group) = inbox.group(*chain, *taken) else { return Ok(false) };

@@ -25,6 +25,8 @@ pub(crate) enum Step<'a> {
     Begin(Begin),
     TakeIn(ChainId, Option<Pose2>),
     Found(&'a [u8]),
+    /// All that was there is taken in, old places were looked for anew, and poses are where closures have them.
+    Settled,
 }
 
 impl Step<'_> {
@@ -57,6 +59,7 @@ impl Step<'_> {
                 out.extend_from_slice(&(bytes.len() as u32).to_le_bytes());
                 out.extend_from_slice(bytes);
             }
+            Self::Settled => out.push(4),
         }
     }
 
@@ -71,6 +74,7 @@ impl Step<'_> {
             Some(1) => begin(&mut cursor).map(Step::Begin),
             Some(2) => take_in(&mut cursor),
             Some(3) => cursor.u32().and_then(|count| cursor.take(count as usize)).map(Step::Found),
+            Some(4) => Some(Step::Settled),
             Some(_) => return Err(NoStep),
         };
         if step.is_some() {

@@ -57,15 +57,50 @@ pub struct Team {
     unsaid: u64,
     inbox: Inbox,
     solutions: Solutions,
-    replay: Option<Replay>,
+    /// The one that counts,
+    followed: Option<Followed>,
+    /// and those of robots that are not believed, by their places in the roster: more of their records may bear them out.
+    doubted: BTreeMap<u16, Followed>,
     solving: Option<Solving>,
     blocked_since: Option<Stamp>,
-    /// When the map of all has changed last, and whether it was looked at since.
-    changed: Stamp,
-    is_audited: bool,
     /// What robots said of their ways beside what they saw, as far as it was compared here.
     ways: WaysSeen,
     falsify: Option<fn(&mut Entry)>,
+}
+
+/// A solution that is read as its records come.
+struct Followed {
+    replay: Replay,
+    /// When its map has changed last, how many sightings there were then, and whether it was looked at since.
+    changed: Stamp,
+    sightings: usize,
+    is_audited: bool,
+}
+
+impl Followed {
+    fn new(replay: Replay, now: Stamp, inbox: &Inbox) -> Self {
+        Self { replay, changed: now, sightings: inbox.sightings(), is_audited: true }
+    }
+
+    /// Whether nothing new has come for a while, and it was not looked at since.
+    fn is_due(&self, now: Stamp) -> bool {
+        !self.is_audited && (self.replay.is_settled || now.secs_since(self.changed) >= AUDITED_S)
+    }
+
+    /// Whether readings bear out what it says.
+    fn is_true(&mut self, settings: &Settings, ways: &mut WaysSeen) -> bool {
+        self.is_audited = true;
+        let Audit { closures, contradictions, moved_m } = audit(settings, self.replay.session(), ways);
+        let are_most = |[all, wrong]: [usize; 2]| 2 * wrong > all;
+        let is_moved = moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
+        !are_most(closures) && !are_most(contradictions) && !is_moved
+    }
+
+    /// Whether there is nothing to add to it.
+    fn is_complete(&self, inbox: &Inbox) -> bool {
+        let has_all = |(chain, groups): (ChainId, usize)| self.replay.taken.get(&chain).copied().unwrap_or(0) == groups;
+        self.replay.is_settled && self.sightings == inbox.sightings() && inbox.groups().all(has_all)
+    }
 }
 
 /// The solution that this robot works on.
@@ -105,11 +140,10 @@ impl Team {
             unsaid: 0,
             inbox: Inbox::new(node.roster()),
             solutions: Solutions::default(),
-            replay: None,
+            followed: None,
+            doubted: BTreeMap::new(),
             solving: None,
             blocked_since: None,
-            changed: Stamp(0),
-            is_audited: true,
             ways: WaysSeen::default(),
             falsify: None,
             node,
@@ -203,7 +237,11 @@ impl Team {
     /// The map of all robots, as far as it is known here.
     #[must_use]
     pub fn map(&self) -> Option<&Session> {
-        self.replay.as_ref().map(Replay::session)
+        self.replay().map(Replay::session)
+    }
+
+    fn replay(&self) -> Option<&Replay> {
+        self.followed.as_ref().map(|followed| &followed.replay)
     }
 
     /// Where the robot's own map lies in the map of all: by the newest keyframe that is in both. None until one is.
@@ -220,11 +258,9 @@ impl Team {
         let News { begun, refused } = self.inbox.read(self.node.chains());
         begun.into_iter().for_each(|(id, begin)| self.solutions.add(id, begin));
         refused.into_iter().for_each(|(why, of)| self.node.refuse(why, of));
-        let mut has_worked = self.follow();
-        if has_worked {
-            (self.changed, self.is_audited) = (now, false);
-        }
+        let mut has_worked = self.follow(now);
         has_worked |= self.audit(now);
+        has_worked |= self.doubt_again(now);
         if self.node.leader(now) == Some(self.node.me().rank) {
             has_worked |= self.solve(now, keyframes);
         } else {
@@ -234,19 +270,41 @@ impl Team {
     }
 
     /// Reads the solution that counts.
-    fn follow(&mut self) -> bool {
-        let Some((id, begin)) = self.solutions.best(|rank| self.node.is_trusted(rank)) else { return false };
-        if self.replay.as_ref().is_none_or(|replay| replay.id != id) {
-            self.replay = self.solutions.replay(id, &begin);
-        }
-        let Some(replay) = &mut self.replay else { return false };
-        match replay.advance(&self.solutions, &self.inbox) {
-            Ok(has_changed) => has_changed,
+    fn follow(&mut self, now: Stamp) -> bool {
+        let best = self.solutions.best(|rank| self.node.is_trusted(rank));
+        let before = self.followed.take();
+        let (followed, has_changed) = self.read_on(best, before, now);
+        self.followed = followed;
+        has_changed
+    }
+
+    /// Reads a solution, from its beginning where it is another one than before; whether that changed its map.
+    fn read_on(
+        &mut self,
+        solution: Option<(SolutionId, Begin)>,
+        before: Option<Followed>,
+        now: Stamp,
+    ) -> (Option<Followed>, bool) {
+        let Some((id, begin)) = solution else { return (before, false) };
+        let new = || {
+            let replay = self.solutions.replay(id, &begin)?;
+            Some(Followed::new(replay, now, &self.inbox))
+        };
+        let Some(mut followed) = before.filter(|before| before.replay.id == id).or_else(new) else {
+            return (None, false);
+        };
+        match followed.replay.advance(&self.solutions, &self.inbox) {
+            Ok(has_changed) => {
+                if has_changed {
+                    followed.changed = now;
+                    (followed.sightings, followed.is_audited) = (self.inbox.sightings(), false);
+                }
+                (Some(followed), has_changed)
+            }
             Err(_) => {
                 self.node.refuse(Refusal::BadPayload, Some(id.chain.rank));
                 self.solutions.break_off(id);
-                self.replay = None;
-                true
+                (None, true)
             }
         }
     }
@@ -254,27 +312,42 @@ impl Team {
     /// Looks at what another robot has found, once nothing new has come for a while; whether that was refused. All who hold the same records come
     /// to the same result.
     fn audit(&mut self, now: Stamp) -> bool {
-        let Some(replay) = self.replay.as_ref().filter(|_| !self.is_audited) else { return false };
-        let of = replay.id.chain.rank;
-        if of == self.node.me().rank || now.secs_since(self.changed) < AUDITED_S {
+        let me = self.node.me().rank;
+        let Some(followed) = self.followed.as_mut().filter(|followed| followed.replay.id.chain.rank != me) else {
             return false;
-        }
-        self.is_audited = true;
-        let Audit { closures, contradictions, moved_m } = audit(&self.settings, replay.session(), &mut self.ways);
-        let are_most = |[all, wrong]: [usize; 2]| 2 * wrong > all;
-        let is_untrue =
-            are_most(closures) || are_most(contradictions) || moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
-        if is_untrue {
+        };
+        let is_untrue = followed.is_due(now) && !followed.is_true(&self.settings, &mut self.ways);
+        if is_untrue && let Some(followed) = self.followed.take() {
+            let of = followed.replay.id.chain.rank;
             self.node.distrust(of);
-            self.replay = None;
+            self.doubted.insert(of, followed);
         }
         is_untrue
+    }
+
+    /// Reads on what robots find that are not believed, and looks at it again: records that had not come yet may bear it out. Whether any of them is
+    /// believed again.
+    fn doubt_again(&mut self, now: Stamp) -> bool {
+        let mut is_any_true = false;
+        for of in self.doubted.keys().copied().collect::<Vec<_>>() {
+            let best = self.solutions.best(|rank| rank == of);
+            let before = self.doubted.remove(&of);
+            let Some(mut followed) = self.read_on(best, before, now).0 else { continue };
+            if followed.is_due(now) && followed.is_true(&self.settings, &mut self.ways) {
+                self.node.trust(of);
+                self.followed = Some(followed);
+                is_any_true = true;
+            } else {
+                self.doubted.insert(of, followed);
+            }
+        }
+        is_any_true
     }
 
     /// Whether the map of all was looked at as it is, where it is another robot that solves.
     #[must_use]
     pub fn has_audited(&self) -> bool {
-        self.is_audited || self.solving.is_some()
+        self.solving.is_some() || self.followed.as_ref().is_none_or(|followed| followed.is_audited)
     }
 
     /// For simulations of robots that lie: what this one finds as the robot that solves goes through here before it is told.
@@ -311,11 +384,14 @@ impl Team {
     /// Goes on with the solution that counts; where a step of it waits for what nobody may have any more, after a while with what was before.
     fn begin(&mut self, now: Stamp) -> bool {
         self.stop_solving();
+        if self.followed.as_ref().is_some_and(|followed| followed.is_complete(&self.inbox)) {
+            return false;
+        }
         let Some((mapper, base)) = self.mapper_of_solution(now) else { return false };
         let before = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
         let Some(term) = before.checked_add(1) else { return false };
         let (adoptions, taken) =
-            self.replay.as_ref().map(|known| (known.adoptions.clone(), known.taken.clone())).unwrap_or_default();
+            self.replay().map(|known| (known.adoptions.clone(), known.taken.clone())).unwrap_or_default();
         let me = self.node.me();
         let begin = self.node.chains().get(&me).map_or(0, Chain::next);
         let mut steps = Vec::new();
@@ -324,8 +400,7 @@ impl Team {
             return false;
         }
         let writer = self
-            .replay
-            .as_ref()
+            .replay()
             .map_or_else(|| LogWriter::resume(&Session::default()), |known| LogWriter::resume(known.session()));
         let writer = writer.with_snapshots_of(SNAPSHOTS);
         let mut solving = Solving {
@@ -341,8 +416,9 @@ impl Team {
             met: [0; 2],
             last_new: now,
             last_said: now,
-            is_settled: true,
-            has_looked_again: true,
+            // What the one before has not told yet, of poses that its closures have moved, this one has to tell.
+            is_settled: false,
+            has_looked_again: false,
             falsify: self.falsify,
         };
         let update = solving.mapper.news();
@@ -353,7 +429,7 @@ impl Team {
 
     /// A mapper that goes on with the solution that counts, and how far that was read.
     fn mapper_of_solution(&mut self, now: Stamp) -> Option<(Mapper, Option<(SolutionId, u32)>)> {
-        let Some(replay) = &self.replay else {
+        let Some(Followed { replay, .. }) = &self.followed else {
             let mut mapper = Mapper::of_run(self.settings, RunId::of_robot(TEAM), Pose2::IDENTITY).ok()?;
             mapper.weigh_ways(std::mem::take(&mut self.ways));
             return Some((mapper, None));
@@ -362,7 +438,7 @@ impl Team {
             let since = *self.blocked_since.get_or_insert(now);
             if now.secs_since(since) >= BLOCKED_S {
                 self.blocked_since = None;
-                self.replay = replay.before_block();
+                self.followed = replay.before_block().map(|replay| Followed::new(replay, now, &self.inbox));
             }
             return None;
         };
@@ -439,6 +515,9 @@ impl Solving {
             let mut found = Vec::new();
             self.writer.finish(&mut found);
             self.put_found(&found);
+            if self.has_looked_again {
+                Step::Settled.put(&mut self.steps);
+            }
             return true;
         }
         false

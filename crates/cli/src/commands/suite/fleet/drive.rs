@@ -85,11 +85,10 @@ impl Drives {
             if since_end_s < 0.0 || !step.is_multiple_of(5) {
                 continue;
             }
-            let is_agreed = team.is_agreed();
-            if is_agreed && agreed_s.is_none() {
+            if agreed_s.is_none() && team.is_one_map() {
                 agreed_s = Some(since_end_s);
             }
-            let is_over = is_agreed && since_end_s >= SETTLED_S && !has_worked;
+            let is_over = team.is_agreed() && since_end_s >= SETTLED_S && !has_worked;
             if is_over || since_end_s > AGREE_S {
                 break;
             }
