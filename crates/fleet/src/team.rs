@@ -388,23 +388,15 @@ impl Team {
             return false;
         }
         let Some((mapper, base)) = self.mapper_of_solution(now) else { return false };
-        let before = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
-        let Some(term) = before.checked_add(1) else { return false };
         let (adoptions, taken) =
             self.replay().map(|known| (known.adoptions.clone(), known.taken.clone())).unwrap_or_default();
-        let me = self.node.me();
-        let begin = self.node.chains().get(&me).map_or(0, Chain::next);
-        let mut steps = Vec::new();
-        Step::Begin(Begin { term, base }).put(&mut steps);
-        if !self.node.publish(Kind::Solution, pack(&steps)) {
-            return false;
-        }
+        let Some(id) = self.say_begin(base) else { return false };
         let writer = self
             .replay()
             .map_or_else(|| LogWriter::resume(&Session::default()), |known| LogWriter::resume(known.session()));
         let writer = writer.with_snapshots_of(SNAPSHOTS);
         let mut solving = Solving {
-            id: SolutionId { chain: me, begin },
+            id,
             mapper,
             writer,
             adoptions,
@@ -425,6 +417,26 @@ impl Team {
         solving.find(&update.entries);
         self.solving = Some(solving);
         true
+    }
+
+    /// Says that a solution begins that goes on with another one. Where that is not the one of the highest term, of which records are missing, one
+    /// follows on the other until it is.
+    fn say_begin(&mut self, mut base: Option<(SolutionId, u32)>) -> Option<SolutionId> {
+        let best = self.solutions.best(|rank| self.node.is_trusted(rank)).map_or(0, |(_, begin)| begin.term);
+        let mut term = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
+        let chain = self.node.me();
+        loop {
+            term = term.checked_add(1)?;
+            let begin = self.node.chains().get(&chain).map_or(0, Chain::next);
+            let mut steps = Vec::new();
+            Step::Begin(Begin { term, base }).put(&mut steps);
+            self.node.publish(Kind::Solution, pack(&steps)).then_some(())?;
+            let id = SolutionId { chain, begin };
+            if term > best {
+                return Some(id);
+            }
+            base = Some((id, begin.checked_add(1)?));
+        }
     }
 
     /// A mapper that goes on with the solution that counts, and how far that was read.
