@@ -347,7 +347,8 @@ impl Team {
     /// Whether the map of all was looked at as it is, where it is another robot that solves.
     #[must_use]
     pub fn has_audited(&self) -> bool {
-        self.solving.is_some() || self.followed.as_ref().is_none_or(|followed| followed.is_audited)
+        let is_own = |followed: &Followed| followed.replay.id.chain.rank == self.node.me().rank;
+        self.followed.as_ref().is_none_or(|followed| is_own(followed) || followed.is_audited)
     }
 
     /// For simulations of robots that lie: what this one finds as the robot that solves goes through here before it is told.
