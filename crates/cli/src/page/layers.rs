@@ -10,6 +10,7 @@ use crate::closures::VerdictName;
 
 use mapwright::Status;
 use mapwright_formats::ViewPlacement;
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 /// Lines may lie off by so much of the picture, pixels.
@@ -188,13 +189,17 @@ fn closures(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     let mut text = String::new();
     for (layer, is_closure) in groups {
         let _ = write!(text, "<g class=\"{layer}\">");
+        // Of what joins two fragments the first is marked as a join: robots that drive at a time are joined by hundreds.
+        let mut joined = BTreeSet::new();
         for (number, candidate) in drawn.candidates.iter().enumerate() {
             let ends = [candidate.from, candidate.to].map(|k| drawn.keyframes.get(k as usize));
             let [Some(from), Some(to)] = ends else { continue };
             if to.map != map || (candidate.verdict == VerdictName::Accepted) != is_closure {
                 continue;
             }
-            let class = if candidate.joins.is_some() { "join" } else { candidate.verdict.name() };
+            let fragments = candidate.joins.as_ref().map(|joins| joins.each_ref().map(|fragment| fragment.stamp_s.map(f64::to_bits)));
+            let is_join = fragments.is_some_and(|fragments| joined.insert(fragments));
+            let class = if is_join { "join" } else { candidate.verdict.name() };
             text += &closure(number, class, [from, to].map(|known| place(known.place)));
         }
         text += "</g>\n";
