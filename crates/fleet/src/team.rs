@@ -41,6 +41,9 @@ const LOOKED_AGAIN_S: f64 = 10.0;
 const AUDITED_S: f64 = 8.0;
 /// and keyframes may lie so far from where they have them, metres: as far as two findings that agree.
 const MOVED_AT_MOST_M: f64 = 0.2;
+/// Of so many keyframes one may be called contradicted by mistake: where a robot's readings and its ways disagree a little the map as it is now
+/// bears out what it did not when the keyframe was taken in.
+const CONTRADICTED_OF: usize = 100;
 
 /// A robot's part in a team: what it maps is told, and what all have mapped becomes one map.
 ///
@@ -92,8 +95,9 @@ impl Followed {
         self.is_audited = true;
         let Audit { closures, contradictions, moved_m } = audit(settings, self.replay.session(), ways);
         let are_most = |[all, wrong]: [usize; 2]| 2 * wrong > all;
+        let are_many = CONTRADICTED_OF * contradictions[1] > self.replay.session().keyframes().len();
         let is_moved = moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
-        !are_most(closures) && !are_most(contradictions) && !is_moved
+        !are_most(closures) && !(are_most(contradictions) && are_many) && !is_moved
     }
 
     /// Whether there is nothing to add to it.

@@ -197,7 +197,10 @@ fn closures(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
             if to.map != map || (candidate.verdict == VerdictName::Accepted) != is_closure {
                 continue;
             }
-            let fragments = candidate.joins.as_ref().map(|joins| joins.each_ref().map(|fragment| fragment.stamp_s.map(f64::to_bits)));
+            let fragments = candidate
+                .joins
+                .as_ref()
+                .map(|joins| joins.each_ref().map(|fragment| fragment.stamp_s.map(f64::to_bits)));
             let is_join = fragments.is_some_and(|fragments| joined.insert(fragments));
             let class = if is_join { "join" } else { candidate.verdict.name() };
             text += &closure(number, class, [from, to].map(|known| place(known.place)));
