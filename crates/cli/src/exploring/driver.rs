@@ -281,6 +281,10 @@ mod tests {
 
         /// The second at which every robot has arrived.
         fn arrive(&mut self, most_s: usize) -> Option<usize> {
+            self.arrive_and(most_s, |_| ())
+        }
+
+        fn arrive_and(&mut self, most_s: usize, mut at_each_step: impl FnMut(&mut Self)) -> Option<usize> {
             let terrain = Terrain::new(&self.map, RADIUS_M);
             let mut traffic = Traffic::default();
             for second in 0..most_s {
@@ -295,7 +299,10 @@ mod tests {
                 let ground = Ground { map: &self.map, terrain: &terrain, is_new: second % 3 == 0 };
                 let grounds = vec![ground; self.drivers.len()];
                 find_ways(&mut traffic, &grounds, &mut self.drivers, &self.orders, RADIUS_M);
-                (0..10).for_each(|_| self.step());
+                for _ in 0..10 {
+                    at_each_step(self);
+                    self.step();
+                }
             }
             None
         }
@@ -363,6 +370,22 @@ mod tests {
         let mut world = World::new(&ROOMS, &robots);
         let arrived = world.arrive(120);
         assert!(arrived.is_some(), "{:?}", world.drivers.iter().map(Driver::at_m).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_robot_drives_around_what_its_way_leads_too_near_to() {
+        for beside_m in [0.0, 0.05, -0.1, 0.2] {
+            let mut world = World::new(&CORRIDOR, &[([1.2, 1.25, 0.0], Some([8.0, 1.25]))]);
+            let leg_m = [4.0, 1.25 + beside_m];
+            let mut nearest_m = f64::INFINITY;
+            world.drivers[0].odom_from_near = vec![leg_m];
+            let arrived = world.arrive_and(40, |world| {
+                let here = world.drivers[0].map_from_robot;
+                world.drivers[0].move_to(here, here);
+                nearest_m = nearest_m.min(apart_m(world.drivers[0].at_m(), leg_m));
+            });
+            assert!(arrived.is_some() && nearest_m > RADIUS_M, "{beside_m}: {nearest_m}");
+        }
     }
 
     #[test]
