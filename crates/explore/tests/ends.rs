@@ -184,7 +184,7 @@ fn a_place_behind_a_wall_does_not_hide_one_that_can_be_reached() {
     // A frontier beyond a door, and, behind the same wall and nearer to the frontier's middle, free cells that nobody can get to.
     let cells = (0..60 * 50).map(|cell| match (cell % 60, cell / 60) {
         (3..=56, 3..=40) | (5..=12, 41..=43) | (16..=24, 42..=43) | (5..=24, 44) => Cell::Free,
-        (2..=57, 2..=41) | (4 | 13..=15, 42..=43) => Cell::Occupied,
+        (2..=57, 2 | 41) | (2 | 57, 3..=40) | (4 | 13..=15, 42..=43) => Cell::Occupied,
         _ => Cell::Unknown,
     });
     let map = OccupancyMap::new([0.0; 2], CELL_M, 60, cells.collect()).unwrap();
