@@ -109,10 +109,15 @@ fn nearest(candidates: &[Candidate], robot: usize) -> Option<usize> {
     reachable.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
-/// What a goal is worth to a robot, in square metres, when it shows so much.
+/// What a goal is worth to a robot, in square metres, when it shows so much. All goals must be gone to in the end: who leaves one leaves it
+/// to the next nearest robot, whose way is spared (the regret of vehicle routing; Potvin and Rousseau 1993).
 fn worth(candidate: &Candidate, robot: usize, shown_m2: f64, weights: Weights) -> Option<f64> {
+    let own_s = candidate.seconds[robot]?;
+    let others = candidate.seconds.iter().enumerate().filter(|&(other, _)| other != robot);
+    let spared_s =
+        others.filter_map(|(_, seconds)| *seconds).min_by(f64::total_cmp).map_or(0.0, |next_s| next_s - own_s);
     let loyal_m2 = if candidate.held_by == Some(robot) { weights.loyal_m2 } else { 0.0 };
-    Some(shown_m2.min(weights.most_m2) - weights.m2_per_s * candidate.seconds[robot]? + loyal_m2)
+    Some(shown_m2.min(weights.most_m2) + weights.m2_per_s * (spared_s - own_s) + loyal_m2)
 }
 
 fn greedy(
@@ -282,6 +287,13 @@ mod tests {
         let candidates = [candidate(&same, &[1.0, 2.0]), candidate(&same, &[2.0, 1.0]), candidate(&other, &[9.0, 9.0])];
         assert_eq!(goals(Strategy::Greedy, &candidates, 2), [Some(0), Some(2)]);
         assert_eq!(goals(Strategy::Nearest, &candidates, 2), [Some(0), Some(1)]);
+    }
+
+    #[test]
+    fn a_robot_goes_where_others_would_have_far_to_go() {
+        let candidates = [candidate(&[1, 2], &[3.0, 4.0]), candidate(&[3, 4], &[4.0, 20.0])];
+        assert_eq!(goals(Strategy::Greedy, &candidates, 2), [Some(1), Some(0)]);
+        assert_eq!(goals(Strategy::Nearest, &candidates, 2), [Some(0), Some(0)]);
     }
 
     #[test]

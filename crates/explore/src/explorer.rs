@@ -104,8 +104,8 @@ const SLOW_TIMES: f64 = 3.0;
 /// **It ends.** Each robot has at most one errand, and each errand has a deadline. A robot changes its mind (exchanges an errand for a better
 /// one, or drops it) three times at most; then it is bound, and its errand can only end. An errand that ends is booked at its frontier's
 /// place: *seen* (the frontier is gone), *nothing new* (it was looked at and is still there) or *stuck* (no progress until the deadline,
-/// or no way any more). Each place is booked at most `visits + looks + tries` times, plus once for each robot that was on its way there,
-/// for then it is barred; places lie three robot radii apart, so a map of bounded extent has boundedly many. Hence the number of errands
+/// or no way any more), which bars it for that robot only. Each place is booked at most `visits + looks` times and `tries` times for each
+/// robot, plus once for each robot that was on its way there, for then it is barred; places lie three robot radii apart, so a map of bounded extent has boundedly many. Hence the number of errands
 /// still to come falls with each that ends, whatever robots, map and frontiers do; and where no errand is under way, either one is given
 /// or [`Decision::done`] is said: what is barred for a time only is let out when nothing else is left.
 ///
@@ -276,7 +276,7 @@ impl Exploration {
     }
 
     fn end(&mut self, errand: &Errand, ending: Ending, same_m: f64, now_s: f64, age_s: f64) {
-        self.places.book(errand.frontier_m, same_m, ending, now_s, age_s);
+        self.places.book(errand.robot, errand.frontier_m, same_m, ending, now_s, age_s);
         self.errands.retain(|other| other.robot != errand.robot);
         self.changes.remove(&errand.robot);
     }
@@ -383,7 +383,8 @@ impl Exploration {
                 Ok((stand, blocks)) => {
                     let seconds = |(k, robot): (usize, &Explorer)| {
                         let bound = held.iter().any(|&(held_by, of, bound)| held_by == k && bound && of != number);
-                        let cost_m = if bound { None } else { reach.cost_m(ground, k, stand) };
+                        let barred = bound || self.barred(ground, robot, frontier).is_some();
+                        let cost_m = if barred { None } else { reach.cost_m(ground, k, stand) };
                         Some(cost_m? / robot.speed_m_per_s.max(1e-3))
                     };
                     let seconds = ground.robots.iter().enumerate().map(seconds).collect();
@@ -412,20 +413,32 @@ impl Exploration {
         if frontier.length_m(map) < terrain.radius_m() {
             return Err(WhyLeft::TooSmall { new_m2: 0.0 });
         }
-        let limits = Limits { tries: self.settings.tries, looks: self.settings.looks, visits: self.settings.visits };
-        if let Some(why) = self.places.barred(map.center_m(frontier.middle), Self::same_m(ground), ground.now_s, limits)
-        {
-            return Err(why);
+        let ordered: Vec<usize> = (0..ground.robots.len()).filter(|&k| ground.robots[k].is_ordered()).collect();
+        let gets_to = |k: usize, cell: usize| reach.cost_m(ground, k, cell).is_some();
+        let stands = frontier.stands(map, terrain);
+        if stands.is_empty() {
+            return Err(WhyLeft::TooNarrow);
         }
-        let stand = frontier.stand(map, terrain).ok_or(WhyLeft::TooNarrow)?;
-        let ordered = ground.robots.iter().enumerate().filter(|(_, robot)| robot.is_ordered());
-        if ordered.into_iter().all(|(k, _)| reach.cost_m(ground, k, stand).is_none()) {
-            return Err(WhyLeft::Unreachable);
+        let is_reached = |stand: &usize| ordered.iter().any(|&k| gets_to(k, *stand));
+        let stand = stands.into_iter().find(is_reached).ok_or(WhyLeft::Unreachable)?;
+        // Barred for all that get there, if only for a time.
+        let bars =
+            ordered.iter().filter(|&&k| gets_to(k, stand)).map(|&k| self.barred(ground, &ground.robots[k], frontier));
+        let bars: Option<Vec<WhyLeft>> = bars.collect();
+        let for_a_time = |why: &&WhyLeft| matches!(why, WhyLeft::Blacklisted { .. });
+        if let Some(why) = bars.as_ref().and_then(|bars| bars.iter().find(for_a_time).or(bars.first())) {
+            return Err(*why);
         }
         let reach_m = ground.robots.iter().map(|robot| robot.reach_m).fold(0.0, f64::max);
         let blocks = views.seen_from(stand, reach_m, sight_m);
         let new_m2 = blocks.iter().map(|&block| views.unknown_m2(block)).sum::<f64>();
         if new_m2 < least_m2(ground) { Err(WhyLeft::TooSmall { new_m2 }) } else { Ok((stand, blocks)) }
+    }
+
+    /// Why a robot may not be sent to a frontier, if so.
+    fn barred(&self, ground: &Ground<'_>, robot: &Explorer, frontier: &Frontier) -> Option<WhyLeft> {
+        let limits = Limits { tries: self.settings.tries, looks: self.settings.looks, visits: self.settings.visits };
+        self.places.barred(robot.id, ground.map.center_m(frontier.middle), Self::same_m(ground), ground.now_s, limits)
     }
 
     /// Robots with the numbers of the frontiers that they are on their way to, and whether they may not change their mind any more.

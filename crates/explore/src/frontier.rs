@@ -87,18 +87,17 @@ impl Frontier {
         self.cells.len() as f64 * map.resolution_m()
     }
 
-    /// Where a robot can stand to look beyond it: the place nearest to the middle among those that free cells lead to within two robots'
-    /// widths of the frontier.
-    pub(crate) fn stand(&self, map: &OccupancyMap, terrain: &Terrain) -> Option<usize> {
+    /// Where robots can stand to look beyond it, the place nearest to the middle first: those nearest to the frontier that free cells lead to,
+    /// within two robots' widths. None where there is no room.
+    pub(crate) fn stands(&self, map: &OccupancyMap, terrain: &Terrain) -> Vec<usize> {
         let steps = (4.0 * terrain.radius_m() / map.resolution_m()).ceil() as usize + 1;
         let mut reached: Vec<usize> = self.cells.clone();
         let mut seen: BTreeSet<usize> = self.cells.iter().copied().collect();
         for _ in 0..=steps {
-            let open = reached.iter().copied().filter(|&cell| terrain.is_roomy(cell));
-            let away_m = |cell: usize| map.between_m(cell, self.middle);
-            let nearest = open.min_by(|&a, &b| away_m(a).total_cmp(&away_m(b)));
-            if nearest.is_some() {
-                return nearest;
+            let mut open: Vec<usize> = reached.iter().copied().filter(|&cell| terrain.is_roomy(cell)).collect();
+            if !open.is_empty() {
+                open.sort_by(|&a, &b| map.between_m(a, self.middle).total_cmp(&map.between_m(b, self.middle)));
+                return open;
             }
             let mut next = Vec::new();
             for near in reached.iter().flat_map(|&cell| map.around(cell)) {
@@ -108,7 +107,7 @@ impl Frontier {
             }
             reached = next;
         }
-        None
+        Vec::new()
     }
 }
 
@@ -235,10 +234,10 @@ mod tests {
         let found = frontiers(&map, 4.0);
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].cells.len(), 19);
-        let [x, y] = map.center_m(found[0].stand(&map, &terrain).unwrap());
+        let [x, y] = map.center_m(found[0].stands(&map, &terrain)[0]);
         assert!((x - 11.05).abs() < 0.11 && (y - 3.05).abs() < 0.11, "{x} {y}");
         assert!(frontiers(&map, 0.5).len() > 2, "long ones are shared");
-        assert!(found[0].stand(&map, &Terrain::new(&map, 1.5)).is_none(), "too wide a robot");
+        assert!(found[0].stands(&map, &Terrain::new(&map, 1.5)).is_empty(), "too wide a robot");
     }
 
     #[test]

@@ -153,6 +153,48 @@ fn it_ends_with_robots_that_do_not_move_and_maps_that_do() {
 }
 
 #[test]
+fn what_the_nearest_robot_cannot_get_to_is_left_to_another() {
+    // A room of 2 by 2 m with an open door, behind which all is unknown; neither robot ever moves.
+    let cells = (0..44 * 24).map(|cell| match (cell % 44, cell / 44) {
+        (3..=20, 3..=20) | (21, 8..=15) => Cell::Free,
+        (2..=21, 2..=21) => Cell::Occupied,
+        _ => Cell::Unknown,
+    });
+    let map = OccupancyMap::new([0.0; 2], CELL_M, 44, cells.collect()).unwrap();
+    let mut robots = World::new(0, 2).robots;
+    robots[0].map_from_robot = Pose2::new(1.4, 1.2, 0.0);
+    robots[1].map_from_robot = Pose2::new(0.8, 1.2, 0.0);
+    let mut exploration = Exploration::new(ExploreSettings::default());
+    let mut sent = [0; 2];
+    for second in 0..20_000 {
+        robots.iter_mut().for_each(|robot| robot.heard_s = f64::from(second));
+        let decision = exploration.decide(&map, &robots, f64::from(second));
+        if decision.done {
+            let given_up = |why: WhyLeft| why == WhyLeft::GivenUp { times: 3 };
+            assert!(decision.left.iter().any(|left| given_up(left.why)), "{decision:?}");
+            break;
+        }
+        decision.orders.iter().for_each(|order| sent[order.robot as usize] += u32::from(order.goal_m.is_some()));
+    }
+    assert!(sent[0] > 0 && sent[1] > 0, "{sent:?}");
+}
+
+#[test]
+fn a_place_behind_a_wall_does_not_hide_one_that_can_be_reached() {
+    // A frontier beyond a door, and, behind the same wall and nearer to the frontier's middle, free cells that nobody can get to.
+    let cells = (0..60 * 50).map(|cell| match (cell % 60, cell / 60) {
+        (3..=56, 3..=40) | (5..=12, 41..=43) | (16..=24, 42..=43) | (5..=24, 44) => Cell::Free,
+        (2..=57, 2 | 41) | (2 | 57, 3..=40) | (4 | 13..=15, 42..=43) => Cell::Occupied,
+        _ => Cell::Unknown,
+    });
+    let map = OccupancyMap::new([0.0; 2], CELL_M, 60, cells.collect()).unwrap();
+    let mut robot = World::new(0, 1).robots[0];
+    robot.map_from_robot = Pose2::new(4.0, 1.2, 0.0);
+    let decision = Exploration::new(ExploreSettings::default()).decide(&map, &[robot], 0.0);
+    assert!(decision.orders[0].goal_m.is_some_and(|[x, _]| x < 1.5), "{decision:?}");
+}
+
+#[test]
 fn many_are_faster_than_one() {
     let seconds = |robots: usize| -> u32 {
         (0..4).map(|seed| explore(&mut World::new(seed, robots), Strategy::Greedy, seed, |_| false, false).0).sum()

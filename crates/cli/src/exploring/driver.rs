@@ -1,6 +1,6 @@
 //! How simulated robots follow their ways.
 
-use mapwright::Pose2;
+use mapwright::{LaserScan, Pose2};
 use mapwright_explore::{OccupancyMap, Order, Terrain, Traffic, Travel, Traveller};
 use mapwright_geom::wrap_angle;
 use mapwright_sim::Twist;
@@ -16,6 +16,15 @@ const KEEP_M: f64 = 0.1;
 /// Robots farther from each other than this need not mind each other for a second, nor make room in time, metres: what a window of ways is
 /// long.
 pub(super) const MEETING_M: f64 = 6.0;
+/// Robots keep so much room on top of their radius to what their laser shows, metres, where there is so much: half a cell, as ways do.
+const ROOM_M: f64 = 0.05;
+/// They turn so far out of their way for it, radians, for each metre that is missing.
+const TURN_RAD_PER_M: f64 = 20.0;
+/// Directions that are weighed: so many to each side, so far from each other, radians.
+const TURNS: i32 = 18;
+const TURN_RAD: f64 = 0.0873;
+/// What the laser shows beyond this does not matter for the next step, metres.
+const NEAR_M: f64 = 1.0;
 /// A robot does not drive on where another stands on so much of its way, metres.
 const CLEAR_M: f64 = 0.5;
 /// After so many steps without moving a robot was held by something, and backs off for so many.
@@ -40,6 +49,9 @@ pub(super) struct Driver {
     /// Steps that it did not move though it was to, and steps that it still backs off.
     held: u32,
     back: u32,
+    /// What its laser shows near it, in the frame of its odometry, and where it is in that now.
+    odom_from_near: Vec<[f64; 2]>,
+    odom_from_robot: Pose2,
 }
 
 /// Where a robot drives.
@@ -64,6 +76,22 @@ impl Driver {
     pub(super) fn switch_off(&mut self) {
         (self.alive, self.goal_m) = (false, None);
         self.way_m.clear();
+    }
+
+    /// Sees what is near. Its map shows that too, but only as cells.
+    pub(super) fn look(&mut self, scan: &LaserScan, odom_from_robot: Pose2) {
+        self.odom_from_near.clear();
+        for (beam, range_m) in scan.ranges_m.iter().map(|&range_m| f64::from(range_m)).enumerate() {
+            if (scan.laser.range_min_m..NEAR_M).contains(&range_m) {
+                let (sin, cos) = mapwright_geom::sin_cos(scan.laser.bearing_in_robot(beam));
+                let Pose2 { x, y, .. } = scan.laser.robot_from_laser;
+                self.odom_from_near.push(odom_from_robot.transform([x + range_m * cos, y + range_m * sin]));
+            }
+        }
+    }
+
+    pub(super) fn move_to(&mut self, map_from_robot: Pose2, odom_from_robot: Pose2) {
+        (self.map_from_robot, self.odom_from_robot) = (map_from_robot, odom_from_robot);
     }
 
     /// Takes an order. A robot that is alone follows the order's way from when that was found on.
@@ -98,8 +126,32 @@ impl Driver {
         Some(self.map_from_robot.transform([radius_m, 0.0]))
     }
 
+    /// The bearing to drive on: that of the way, or, where something stands too near to it, one beside (as vector field histograms,
+    /// Borenstein and Koren 1991), and whether there is room straight ahead.
+    fn clear_bearing(&self, way_rad: f64, length_m: f64, radius_m: f64) -> (f64, bool) {
+        let robot_from_odom = self.odom_from_robot.inverse();
+        let near: Vec<[f64; 2]> = self.odom_from_near.iter().map(|&point| robot_from_odom.transform(point)).collect();
+        // Of everything that the robot would get nearer to.
+        let clearance_m = |bearing_rad: f64, length_m: f64| {
+            let (sin, cos) = mapwright_geom::sin_cos(bearing_rad);
+            let away_m = |&[x, y]: &[f64; 2]| {
+                let along_m = x * cos + y * sin;
+                let end_m = along_m.min(length_m);
+                if along_m <= 0.0 { f64::INFINITY } else { (x - end_m * cos).hypot(y - end_m * sin) }
+            };
+            near.iter().map(away_m).fold(f64::INFINITY, f64::min)
+        };
+        let cost = |&turn_rad: &f64| {
+            let missing_m = (radius_m + ROOM_M - clearance_m(way_rad + turn_rad, length_m)).max(0.0);
+            turn_rad.abs() + TURN_RAD_PER_M * missing_m
+        };
+        let turns = (-TURNS..=TURNS).map(|k| f64::from(k) * TURN_RAD);
+        let turn_rad = turns.min_by(|a, b| cost(a).total_cmp(&cost(b))).unwrap_or(0.0);
+        (wrap_angle(way_rad + turn_rad), clearance_m(0.0, 0.5 * LOOKAHEAD_M) > radius_m)
+    }
+
     /// What the robot does now to follow its way.
-    fn steer(&mut self, speed_m_per_s: f64) -> Twist {
+    fn steer(&mut self, radius_m: f64, speed_m_per_s: f64) -> Twist {
         if self.back > 0 {
             return Twist { speed_m_per_s: BACK_M_PER_S, turn_rate_rad_per_s: 0.0 };
         }
@@ -111,8 +163,11 @@ impl Driver {
         if end_m < 0.06 {
             return Twist::default();
         }
-        let error_rad = wrap_angle((target[1] - at_m[1]).atan2(target[0] - at_m[0]) - heading_rad);
-        let straight = (1.0 - error_rad.abs() / TURN_ON_SPOT_RAD).max(0.0);
+        let way_rad = (target[1] - at_m[1]).atan2(target[0] - at_m[0]) - heading_rad;
+        let (error_rad, has_room) = self.clear_bearing(way_rad, apart_m(at_m, target).min(LOOKAHEAD_M), radius_m);
+        // Who is not turned to where it is to drive yet does not drive where it cannot.
+        let turns = !has_room && error_rad.abs() > TURN_RAD;
+        let straight = if turns { 0.0 } else { (1.0 - error_rad.abs() / TURN_ON_SPOT_RAD).max(0.0) };
         let slower = (end_m / 0.3).clamp(0.2, 1.0);
         Twist { speed_m_per_s: speed_m_per_s * straight * slower, turn_rate_rad_per_s: STEER_GAIN_PER_S * error_rad }
     }
@@ -140,7 +195,7 @@ pub(super) fn twist(driver: &mut Driver, others_m: &[[f64; 2]], radius_m: f64, s
     if !driver.alive {
         return Twist::default();
     }
-    let twist = driver.steer(speed_m_per_s);
+    let twist = driver.steer(radius_m, speed_m_per_s);
     let keep_m = 2.0 * radius_m + 0.5 * KEEP_M;
     let in_the_way = others_m.iter().any(|&other_m| driver.leads_into(other_m, keep_m));
     let speed_m_per_s = if in_the_way { twist.speed_m_per_s.min(0.0) } else { twist.speed_m_per_s };
@@ -226,6 +281,10 @@ mod tests {
 
         /// The second at which every robot has arrived.
         fn arrive(&mut self, most_s: usize) -> Option<usize> {
+            self.arrive_and(most_s, |_| ())
+        }
+
+        fn arrive_and(&mut self, most_s: usize, mut at_each_step: impl FnMut(&mut Self)) -> Option<usize> {
             let terrain = Terrain::new(&self.map, RADIUS_M);
             let mut traffic = Traffic::default();
             for second in 0..most_s {
@@ -240,7 +299,10 @@ mod tests {
                 let ground = Ground { map: &self.map, terrain: &terrain, is_new: second % 3 == 0 };
                 let grounds = vec![ground; self.drivers.len()];
                 find_ways(&mut traffic, &grounds, &mut self.drivers, &self.orders, RADIUS_M);
-                (0..10).for_each(|_| self.step());
+                for _ in 0..10 {
+                    at_each_step(self);
+                    self.step();
+                }
             }
             None
         }
@@ -308,6 +370,22 @@ mod tests {
         let mut world = World::new(&ROOMS, &robots);
         let arrived = world.arrive(120);
         assert!(arrived.is_some(), "{:?}", world.drivers.iter().map(Driver::at_m).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_robot_drives_around_what_its_way_leads_too_near_to() {
+        for beside_m in [0.0, 0.05, -0.1, 0.2] {
+            let mut world = World::new(&CORRIDOR, &[([1.2, 1.25, 0.0], Some([8.0, 1.25]))]);
+            let leg_m = [4.0, 1.25 + beside_m];
+            let mut nearest_m = f64::INFINITY;
+            world.drivers[0].odom_from_near = vec![leg_m];
+            let arrived = world.arrive_and(40, |world| {
+                let here = world.drivers[0].map_from_robot;
+                world.drivers[0].move_to(here, here);
+                nearest_m = nearest_m.min(apart_m(world.drivers[0].at_m(), leg_m));
+            });
+            assert!(arrived.is_some() && nearest_m > RADIUS_M, "{beside_m}: {nearest_m}");
+        }
     }
 
     #[test]

@@ -235,7 +235,7 @@ impl Fleet {
             let speed = RobotSettings::default().speed_m_per_s;
             for number in 0..self.drivers.len() {
                 let (odom, truth) = (self.rovers.odom_from_robot(number), self.rovers.world_from_robot(number));
-                self.drivers[number].map_from_robot = self.team.map_from_robot(number, odom, truth);
+                self.drivers[number].move_to(self.team.map_from_robot(number, odom, truth), odom);
                 if self.drivers[number].alive {
                     self.team.stand(number, self.drivers[number].at_m());
                 }
@@ -306,6 +306,7 @@ impl Fleet {
         let alive = others.filter_map(|other| self.beside_m(number, other).filter(|(_, drives)| *drives));
         let others: Vec<[f64; 2]> = alive.map(|(other_m, _)| other_m).collect();
         team::without_bodies(&mut scan, self.drivers[number].map_from_robot, &others, RADIUS_M);
+        self.drivers[number].look(&scan, self.rovers.odom_from_robot(number));
         let truth = self.rovers.world_from_robot(number);
         self.taken[number].push((self.scans[number], truth));
         self.scans[number] += 1;
