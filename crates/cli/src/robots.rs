@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::liar::{Liar, falsify_found};
 use mapwright::{Mapper, Pose2, RunId, Session, Settings, Stamp, Update};
-use mapwright_fleet::{Node, NodeSettings, Roster, RosterError, Secret, Team};
+use mapwright_fleet::{Chain, ChainId, Kind, Node, NodeSettings, Roster, RosterError, Secret, Team};
 use mapwright_sim::{Radio, RadioSettings, Rng};
 use std::time::{Duration, Instant};
 
@@ -136,18 +136,30 @@ impl Simulated {
         }
     }
 
-    /// The same, and they have looked at it again.
-    pub(crate) fn is_agreed(&self) -> bool {
-        self.honest().all(|robot| robot.team.has_audited()) && self.is_one_map()
+    /// Who lives and does not lie.
+    fn honest(&self) -> Vec<&Robot> {
+        self.robots.iter().filter(|robot| robot.is_alive && robot.is_honest()).collect()
     }
 
-    fn honest(&self) -> impl Iterator<Item = &Robot> {
-        self.robots.iter().filter(|robot| robot.is_alive && robot.is_honest())
+    /// Whether all who live and do not lie hold all records of what was mapped that any of them holds.
+    pub(crate) fn holds_all(&self) -> bool {
+        let mapped = |robot: &&Robot| -> Vec<(ChainId, usize)> {
+            let of = |chain: &Chain| chain.records().iter().filter(|record| record.kind == Kind::Entries).count();
+            let counts = robot.team.node().chains().iter().map(|(id, chain)| (*id, of(chain)));
+            counts.filter(|(_, count)| *count > 0).collect()
+        };
+        let held: Vec<_> = self.honest().iter().map(mapped).collect();
+        held.windows(2).all(|pair| pair[0] == pair[1])
+    }
+
+    /// Whether they have the same map as well, and have looked at it again.
+    pub(crate) fn is_agreed(&self) -> bool {
+        self.honest().iter().all(|robot| robot.team.has_audited()) && self.has_one_map()
     }
 
     /// Whether all who live and do not lie have the same map, to the byte, and all that any of them has mapped is in it.
-    pub(crate) fn is_one_map(&self) -> bool {
-        let honest: Vec<&Robot> = self.honest().collect();
+    pub(crate) fn has_one_map(&self) -> bool {
+        let honest = self.honest();
         let maps: Option<Vec<&Session>> = honest.iter().map(|robot| robot.team.map()).collect();
         let Some((maps, first)) = maps.and_then(|maps| Some((maps.clone(), *maps.first()?))) else { return false };
         let has_all =

@@ -37,7 +37,7 @@ const TEAM: &str = "the team";
 const SETTLED_S: f64 = 5.0;
 /// and old places are looked for anew.
 const LOOKED_AGAIN_S: f64 = 10.0;
-/// When nothing has come for so long, others look at what the robot that solves has found, seconds.
+/// When it has said nothing new for so long, others look at what the robot that solves has found, seconds.
 const AUDITED_S: f64 = 8.0;
 /// and keyframes may lie so far from where they have them, metres: as far as two findings that agree.
 const MOVED_AT_MOST_M: f64 = 0.2;
@@ -122,7 +122,7 @@ struct Solving {
     /// How many sightings and keyframes there were when joins were last made of them.
     met: [usize; 2],
     last_new: Stamp,
-    last_said: Stamp,
+    last_said: Option<Stamp>,
     is_settled: bool,
     has_looked_again: bool,
     falsify: Option<fn(&mut Entry)>,
@@ -313,7 +313,7 @@ impl Team {
         }
     }
 
-    /// Looks at what another robot has found, once nothing new has come for a while; whether that was refused. All who hold the same records come
+    /// Looks at what another robot has found, once that has said nothing new for a while; whether that was refused. All who hold the same records come
     /// to the same result.
     fn audit(&mut self, now: Stamp) -> bool {
         let me = self.node.me().rank;
@@ -412,7 +412,7 @@ impl Team {
             refused: Vec::new(),
             met: [0; 2],
             last_new: now,
-            last_said: now,
+            last_said: None,
             // What the one before has not told yet, of poses that its closures have moved, this one has to tell.
             is_settled: false,
             has_looked_again: false,
@@ -598,11 +598,13 @@ impl Solving {
 
     /// The steps that are due to be told.
     fn take_steps(&mut self, now: Stamp) -> Vec<Vec<u8>> {
-        let is_due = self.steps.len() >= STEPS_BYTES || now.secs_since(self.last_said) >= TOLD_S || self.is_settled;
+        let is_due = self.steps.len() >= STEPS_BYTES
+            || self.last_said.is_none_or(|last| now.secs_since(last) >= TOLD_S)
+            || self.is_settled;
         if self.steps.is_empty() || !is_due {
             return Vec::new();
         }
-        self.last_said = now;
+        self.last_said = Some(now);
         std::mem::take(&mut self.steps).chunks(STEPS_AT_MOST).map(<[u8]>::to_vec).collect()
     }
 }

@@ -5,6 +5,7 @@ use mapwright::{KeyframeId, Pose2, Session, Stamp};
 use mapwright_eval::{Alignment, ErrorStats, PosePair, ate_of_pairs};
 use mapwright_record::SessionEdge;
 use mapwright_sim::{Drive, DriveSettings, LaserSettings, TrueScan, worlds};
+use serde::Serialize;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -55,15 +56,9 @@ impl Drives {
         Self((0..robots).map(drive).collect())
     }
 
-    /// All drive and talk until `end_s` or later, and until all agree; calls each time before they hear each other. The seconds from `end_s` on until
-    /// all who live first had the same map with all that they have mapped.
-    pub(super) fn run(
-        &self,
-        team: &mut Simulated,
-        end_s: f64,
-        mut call: impl FnMut(&mut Simulated, f64),
-    ) -> Option<f64> {
-        let (mut next, mut agreed_s) = (vec![0; self.0.len()], None);
+    /// All drive and talk until `end_s` or later, and until all agree; calls each time before they hear each other.
+    pub(super) fn run(&self, team: &mut Simulated, end_s: f64, mut call: impl FnMut(&mut Simulated, f64)) -> Agreed {
+        let (mut next, mut agreed) = (vec![0; self.0.len()], Agreed::default());
         for step in 0_u64.. {
             let seconds = step as f64 * STEP_S;
             let now = Stamp((seconds * 1e9) as i64);
@@ -85,15 +80,13 @@ impl Drives {
             if since_end_s < 0.0 || !step.is_multiple_of(5) {
                 continue;
             }
-            if agreed_s.is_none() && team.is_one_map() {
-                agreed_s = Some(since_end_s);
-            }
+            agreed.note(team, since_end_s);
             let is_over = team.is_agreed() && since_end_s >= SETTLED_S && !has_worked;
             if is_over || since_end_s > AGREE_S {
                 break;
             }
         }
-        agreed_s
+        agreed
     }
 
     /// Where a keyframe truly was taken.
@@ -102,6 +95,32 @@ impl Drives {
         let (number, place) = team.robots.iter().enumerate().find_map(|(at, robot)| Some((at, own(robot)?)))?;
         let scan = team.robots[number].mapper.keyframes()[place].scan;
         Some(self.0[number].get(scan as usize)?.world_from_robot)
+    }
+}
+
+/// Seconds after the end until robots who live and do not lie first
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub(super) struct Agreed {
+    /// held all records of what was mapped,
+    pub(super) held_s: Option<f64>,
+    /// had the same map with all that they have mapped,
+    pub(super) agreed_s: Option<f64>,
+    /// and had all looked at it again.
+    pub(super) audited_s: Option<f64>,
+}
+
+impl Agreed {
+    fn note(&mut self, team: &Simulated, since_end_s: f64) {
+        let stages: [(&mut Option<f64>, fn(&Simulated) -> bool); 3] = [
+            (&mut self.held_s, Simulated::holds_all),
+            (&mut self.agreed_s, Simulated::has_one_map),
+            (&mut self.audited_s, Simulated::is_agreed),
+        ];
+        for (first_s, is_so) in stages {
+            if first_s.is_none() && is_so(team) {
+                *first_s = Some(since_end_s);
+            }
+        }
     }
 }
 

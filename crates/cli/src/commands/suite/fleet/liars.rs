@@ -1,6 +1,6 @@
 //! `mapwright suite liars`
 
-use super::drive::{DRIVE_S, Drives, Truth, sigma_of_sweep_m};
+use super::drive::{Agreed, DRIVE_S, Drives, Truth, sigma_of_sweep_m};
 use super::{closures_between, names};
 use crate::commands::suite::Measure;
 use crate::commands::suite::floors::{Floor, percent};
@@ -91,11 +91,11 @@ impl Plan {
         for liar in self.liars.iter().filter(|_| is_lying) {
             team.robots[liar.robot].liar = Some(Liar::new(liar.kind, liar.from_s, self.seed));
         }
-        let agreed_s = drives.run(&mut team, end_s, |_, _| ());
-        Ok(self.judge(&team, drives, agreed_s))
+        let agreed = drives.run(&mut team, end_s, |_, _| ());
+        Ok(self.judge(&team, drives, agreed))
     }
 
-    fn judge(&self, team: &Simulated, drives: &Drives, agreed_s: Option<f64>) -> Others {
+    fn judge(&self, team: &Simulated, drives: &Drives, Agreed { agreed_s, .. }: Agreed) -> Others {
         let others = || team.robots.iter().enumerate().filter(|(at, _)| !self.is_liar(*at)).map(|(_, robot)| robot);
         let ids: Vec<u128> = others().map(|robot| RunId::of_robot(&robot.name).robot).collect();
         let none = Session::default();

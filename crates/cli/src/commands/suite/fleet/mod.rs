@@ -10,7 +10,7 @@ use super::floors::{Floor, percent};
 use crate::failure::Failure;
 use crate::picture::meetings;
 use crate::robots::{Robot, Simulated};
-use drive::{DRIVE_S, Drives, Truth};
+use drive::{Agreed, DRIVE_S, Drives, Truth};
 use mapwright::{EdgeKind, Pose2, Session, Settings, Stamp};
 use mapwright_eval::ErrorStats;
 use mapwright_fleet::{Chain, Kind, Record};
@@ -64,9 +64,9 @@ pub(super) struct World {
     dies: Option<(usize, f64)>,
     /// Whether each part of the team went on with its map while it was alone.
     went_on: bool,
-    /// Seconds after drives and partition until all who live first had the same map with all that they have mapped, and whether they had the same
-    /// bytes in the end.
-    agreed_s: Option<f64>,
+    /// When they first agreed after drives and partition, and whether they had the same bytes in the end.
+    #[serde(flatten)]
+    agreed: Agreed,
     identical: bool,
     keyframes: usize,
     /// Maps of robots, and into how many of them closures join them.
@@ -107,7 +107,7 @@ impl Plan {
         team.split = Some(self.split);
         let [_, until_s] = self.split.1;
         let mut went_on = false;
-        let agreed_s = drives.run(&mut team, until_s.max(DRIVE_S), |team, seconds| {
+        let agreed = drives.run(&mut team, until_s.max(DRIVE_S), |team, seconds| {
             if let Some((robot, _)) = self.dies.filter(|(_, at_s)| *at_s <= seconds) {
                 team.robots[robot].is_alive = false;
             }
@@ -115,7 +115,7 @@ impl Plan {
                 went_on = self.has_gone_on(team);
             }
         });
-        Ok(self.judge(&team, &drives, went_on, agreed_s))
+        Ok(self.judge(&team, &drives, went_on, agreed))
     }
 
     /// Whether each part that lives has a map with what it has mapped since it was cut off.
@@ -135,7 +135,7 @@ impl Plan {
         })
     }
 
-    fn judge(&self, team: &Simulated, drives: &Drives, went_on: bool, agreed_s: Option<f64>) -> World {
+    fn judge(&self, team: &Simulated, drives: &Drives, went_on: bool, agreed: Agreed) -> World {
         let alive: Vec<&Robot> = team.robots.iter().filter(|robot| robot.is_alive).collect();
         let none = Session::default();
         let map = alive.iter().find_map(|robot| robot.team.map()).unwrap_or(&none);
@@ -157,7 +157,7 @@ impl Plan {
             split: self.split,
             dies: self.dies,
             went_on,
-            agreed_s,
+            agreed,
             identical: team.is_agreed(),
             keyframes: map.keyframes().len(),
             maps: robots_in.len(),
@@ -189,7 +189,8 @@ fn closures_between(map: &Session, is_of: impl Fn(u128) -> bool) -> impl Iterato
 
 impl World {
     fn line(&self) -> String {
-        let agreed = self.agreed_s.map_or("NEVER AGREED".to_owned(), |s| format!("agreed {s:5.1} s after the end"));
+        let agreed =
+            self.agreed.agreed_s.map_or("NEVER AGREED".to_owned(), |s| format!("agreed {s:5.1} s after the end"));
         let identical = if self.identical { "" } else { "  NOT IDENTICAL" };
         let wrong = if self.wrong > 0 { format!("  {} WRONG", self.wrong) } else { String::new() };
         format!(
@@ -236,7 +237,7 @@ fn summary(worlds: &[World], of: &'static str) -> (String, Value, Vec<Floor>) {
     let mut table = Vec::new();
     for (name, of) in rows(worlds).into_iter().filter(|(_, of)| !of.is_empty()) {
         let agreed = of.iter().filter(|world| world.identical).count();
-        let [median_s, worst_s] = median_and_worst(of.iter().filter_map(|world| world.agreed_s));
+        let [median_s, worst_s] = median_and_worst(of.iter().filter_map(|world| world.agreed.agreed_s));
         let sum = |pick: &dyn Fn(&World) -> f64| of.iter().map(|world| pick(world)).sum::<f64>();
         let keyframes = sum(&|world| world.keyframes as f64).max(1.0);
         let (maps, into) = (sum(&|world| world.maps as f64), sum(&|world| world.joined_into as f64));
@@ -313,7 +314,7 @@ impl Measure for Partitions {
         words += &format!("both parts went on while they were cut off: {}\n", percent(went_on, worlds.len()));
         value["went_on"] = json!(went_on);
         let heard = || worlds.iter().filter(|world| world.loss <= REJOINED_LOSS);
-        let soon = heard().filter(|world| world.agreed_s.is_some_and(|s| s <= REJOINED_S)).count();
+        let soon = heard().filter(|world| world.agreed.agreed_s.is_some_and(|s| s <= REJOINED_S)).count();
         floors.push(Floor::share(
             "agreed within 10 s after the partition, of those that lose at most 60 %",
             REJOINED_SHARE,
