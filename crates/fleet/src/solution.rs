@@ -16,17 +16,34 @@ use std::collections::BTreeMap;
 /// A step is no longer than this, bytes.
 const LEFT_AT_MOST: usize = 1 << 26;
 
+/// Solutions that a robot may begin: so many, and one more for so many records that it has said. Who begins more often is not followed: so to
+/// outbid others time and again takes more of a liar's own room than of theirs.
+const BEGINS_FREE: u32 = 32;
+const RECORDS_A_BEGIN: u32 = 16;
+
 /// The solutions that are known by their beginnings.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Solutions {
     known: BTreeMap<SolutionId, Begin>,
+    /// How many each chain has begun.
+    begun: BTreeMap<ChainId, u32>,
     /// Solutions that hold what cannot be.
     broken: Vec<SolutionId>,
 }
 
 impl Solutions {
+    /// Records of a chain are read in their order, so that all who read it leave out the same ones.
     pub(crate) fn add(&mut self, id: SolutionId, begin: Begin) {
-        self.known.insert(id, begin);
+        if self.may_begin(id, 0) {
+            self.known.insert(id, begin);
+        }
+        *self.begun.entry(id.chain).or_default() += 1;
+    }
+
+    /// Whether a robot may begin a solution with this record, after so many that were not read yet.
+    pub(crate) fn may_begin(&self, id: SolutionId, unread: u32) -> bool {
+        let begun = self.begun.get(&id.chain).copied().unwrap_or(0);
+        begun.saturating_add(unread) < BEGINS_FREE.saturating_add(id.begin / RECORDS_A_BEGIN)
     }
 
     pub(crate) fn break_off(&mut self, id: SolutionId) {
@@ -205,5 +222,36 @@ impl Replay {
                 if found.iter().all(|entry| may_be_found(session, entry)) { Ok(true) } else { Err(NoStep) }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A robot that begins one solution on the other, `apart` records apart; the numbers of those that count.
+    fn outbid(apart: u32, times: u32) -> Vec<u32> {
+        let chain = ChainId { rank: 1, session: 0 };
+        let mut solutions = Solutions::default();
+        let first = SolutionId { chain: ChainId { rank: 0, session: 0 }, begin: 0 };
+        solutions.add(first, Begin { term: 1, base: None });
+        let mut counting = Vec::new();
+        let mut base = first;
+        for number in 0..times {
+            let id = SolutionId { chain, begin: number * apart };
+            let begin = Begin { term: u64::from(number) + 2, base: Some((base, base.begin + 1)) };
+            solutions.add(id, begin);
+            if solutions.best(|_| true).is_some_and(|(best, _)| best == id) {
+                counting.push(number);
+            }
+            base = id;
+        }
+        counting
+    }
+
+    #[test]
+    fn who_outbids_others_time_and_again_is_not_followed() {
+        assert_eq!(outbid(1, 1000).len(), BEGINS_FREE as usize + 2);
+        assert_eq!(outbid(RECORDS_A_BEGIN, 1000).len(), 1000);
     }
 }

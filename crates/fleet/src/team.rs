@@ -430,18 +430,19 @@ impl Team {
         let best = self.solutions.best(|rank| self.node.is_trusted(rank)).map_or(0, |(_, begin)| begin.term);
         let mut term = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
         let chain = self.node.me();
-        loop {
+        for begun in 0.. {
             term = term.checked_add(1)?;
-            let begin = self.node.chains().get(&chain).map_or(0, Chain::next);
+            let id = SolutionId { chain, begin: self.node.chains().get(&chain).map_or(0, Chain::next) };
+            self.solutions.may_begin(id, begun).then_some(())?;
             let mut steps = Vec::new();
             Step::Begin(Begin { term, base }).put(&mut steps);
             self.node.publish(Kind::Solution, pack(&steps)).then_some(())?;
-            let id = SolutionId { chain, begin };
             if term > best {
                 return Some(id);
             }
-            base = Some((id, begin.checked_add(1)?));
+            base = Some((id, id.begin.checked_add(1)?));
         }
+        None
     }
 
     /// A mapper that goes on with the solution that counts, and how far that was read.

@@ -129,6 +129,9 @@ fn what_is_forged_cut_or_foreign_is_refused_and_counted() {
     assert!(counted as usize > refused, "{counted} of {refused}");
     assert_eq!(a.chains().values().map(|chain| chain.records().len()).sum::<usize>(), 0);
     assert!(!a.is_alive(1, at(1)));
+    let other = [&b"MWF\x09"[..], &messages[0][4..]].concat();
+    a.receive(at(1), &other);
+    assert!(a.refused().any(|(why, of, _)| why == Refusal::OtherVersion && of.is_none()));
     // The whole ones are taken all the same.
     messages.iter().for_each(|message| a.receive(at(2), message));
     assert_eq!(a.chains()[&b.me()].next(), 1);

@@ -1,6 +1,7 @@
 //! Robots of one team over the network: keys, processes on loopback, and what is refused.
 
 use crate::support::{assert_code, assert_refused, folder, json, log_of, run, spawn, text};
+use mapwright_net::{Credentials, Wire, WireSettings};
 use mapwright_sim::{Drive, DriveSettings, worlds};
 use serde_json::Value;
 use std::fs;
@@ -82,6 +83,24 @@ impl Team {
         let path = self.file(robot, "robot.toml");
         let text = fs::read_to_string(&path).unwrap();
         fs::write(path, text.replace("# connect", &format!("{lines}\n# connect"))).unwrap();
+    }
+
+    /// A connection as this robot, which looks for others at this port.
+    fn wire(&self, robot: &str, robots: &[&str], port: u16) -> Wire {
+        let file = |name: &str| fs::read_to_string(self.file(robot, name)).unwrap();
+        let team = file("team.toml");
+        let name = team.lines().find_map(|line| line.strip_prefix("team = ")).unwrap().trim_matches('"');
+        let [certificate, key, authority] = ["certificate.pem", "private.pem", "authority.pem"].map(file);
+        let credentials = Credentials::new(robot, &certificate, &key, &authority).unwrap();
+        let settings = WireSettings {
+            team: name.to_owned(),
+            robots: robots.iter().map(|&robot| robot.to_owned()).collect(),
+            relays: Vec::new(),
+            listen: Vec::new(),
+            connect: vec![format!("tls/127.0.0.1:{port}")],
+            message_at_most: mapwright_fleet::MESSAGE_AT_MOST,
+        };
+        Wire::open(settings, &credentials).unwrap()
     }
 
     fn report(&self, robot: &str) -> Value {
@@ -290,4 +309,77 @@ fn robots_come_back_and_two_of_one_name_are_found_out() {
             "{report:#}"
         );
     }
+}
+
+/// What a robot of a later version says: the protocol's messages are refused and counted, the rest is told, and the robot maps.
+#[test]
+fn another_version_and_a_clock_that_is_hours_off_are_told_and_harm_nothing() {
+    let [a, b] = ports();
+    let team = Team::new("fleet-version", &[("anna", a), ("bert", b)], &[]);
+    let anna = team.join("anna", &team.log(0), ["8", "6"], &[]);
+    let wire = team.wire("bert", &["anna", "bert"], a);
+    for _ in 0..40 {
+        wire.send(None, b"MWF\x09a message of another version".to_vec());
+        wire.send(Some("anna"), b"no message at all".to_vec());
+        let clock_s = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_secs_f64();
+        let said = serde_json::json!({
+            "version": "99.1.0", "session": 7, "settings": { "map.resolution_m": "0.2" }, "keyframes": 1, "in_map": 1,
+            "solves": false, "log_is_over": false, "clock_s": clock_s - 5.0 * 3600.0, "holds": [], "hears": [], "links": [],
+            "refused": [], "early": 0, "dropped": [0, 0], "a word of a later version": 3,
+        });
+        wire.send_as("status", serde_json::to_vec(&said).unwrap());
+        wire.send_as("status", b"{ not what it was }".to_vec());
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    let said = done(anna, 3);
+    for what in [
+        "refused: of another version of the protocol",
+        "refused: not a whole message",
+        "bert runs mapwright 99.1.0, this robot",
+        "bert has other settings: map.resolution_m: 0.2 there",
+        "bert's clock is 5 h",
+        "behind this one's",
+        "never heard: bert",
+    ] {
+        assert!(said.contains(what), "expected {what:?}, found {said}");
+    }
+    let report = team.report("anna");
+    let refused = report["own"]["refused"].as_array().unwrap();
+    let times =
+        |why: &str| refused.iter().filter(|of| of["why"] == why).filter_map(|of| of["times"].as_u64()).sum::<u64>();
+    assert!(times("of another version of the protocol") > 5 && times("not a whole message") > 5, "{refused:?}");
+    assert!(report["own"]["keyframes"].as_u64().unwrap() > 10, "{report:#}");
+    assert_eq!(report["in_map"], report["own"]["keyframes"]);
+}
+
+/// Results that find no room are an error; what the robot has mapped until then the others have. Without room for the number of this time it
+/// maps, and says nothing to others.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_told_and_the_others_have_what_was_mapped() {
+    use crate::support::spawn_with_files_of;
+    let [a, b] = ports();
+    let team = Team::new("fleet-full", &[("anna", a), ("bert", b)], &[]);
+    let logs = [0, 1].map(|waypoint| team.log(waypoint));
+    let bert = team.join("bert", &logs[1], ["8", "60"], &[]);
+    let (config, out) = (team.config("anna"), string(&team.out("anna")));
+    let words = ["fleet", "join", &logs[0], "--config", &config, "-o", &out, "--rate", "8", "--stay", "12"];
+    let anna = spawn_with_files_of(4, &words).wait_with_output().unwrap();
+    assert_refused(&anna, 1, &["cannot write", "File too large"]);
+    assert!(!team.out("anna").join("fleet.json").exists(), "half of the results");
+    done(bert, 0);
+    let report = team.report("bert");
+    let own = report["own"]["keyframes"].as_u64().unwrap();
+    assert!(own > 10 && report["in_map"].as_u64().unwrap() > own + 10, "{report:#}");
+
+    // The folder of the state is on a disk that takes nothing: here it cannot even be made.
+    let team = Team::new("fleet-full-state", &[("anna", a), ("bert", b)], &[]);
+    fs::write(team.folder.join("file"), "no folder").unwrap();
+    team.add("anna", "state = \"../../file/state\"");
+    let said = done(team.join("anna", &logs[0], ["8", "2"], &[]), 3);
+    assert!(said.contains("this robot maps and says nothing to others"), "{said}");
+    let report = team.report("anna");
+    assert!(report["own"]["keyframes"].as_u64().unwrap() > 10, "{report:#}");
+    assert_eq!(report["in_map"], report["own"]["keyframes"]);
+    assert!(team.out("anna").join("map.png").exists());
 }

@@ -48,6 +48,16 @@ pub(crate) fn spawn(args: &[&str]) -> Child {
     command(args).spawn().unwrap()
 }
 
+/// With files of at most so many KiB: what is longer cannot be written, as on a full disk.
+#[cfg(all(unix, feature = "net"))]
+pub(crate) fn spawn_with_files_of(kib: u32, args: &[&str]) -> Child {
+    // POSIX counts in 512 bytes; who ignores the signal gets an error.
+    let limited = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", 2 * kib);
+    let mut command = Command::new("sh");
+    command.args(["-c", &limited, env!("CARGO_BIN_EXE_mapwright")]).args(args);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
 pub(crate) fn run(args: &[&str]) -> Output {
     command(args).stdin(Stdio::null()).output().unwrap()
 }
