@@ -337,8 +337,7 @@ fn another_version_and_a_clock_that_is_hours_off_are_told_and_harm_nothing() {
         "refused: not a whole message",
         "bert runs mapwright 99.1.0, this robot",
         "bert has other settings: map.resolution_m: 0.2 there",
-        "bert's clock is 5 h",
-        "behind this one's",
+        "bert's clock is 5.0 h behind this one's",
         "never heard: bert",
     ] {
         assert!(said.contains(what), "expected {what:?}, found {said}");
@@ -375,7 +374,8 @@ fn a_full_disk_is_told_and_the_others_have_what_was_mapped() {
     // The folder of the state is on a disk that takes nothing: here it cannot even be made.
     let team = Team::new("fleet-full-state", &[("anna", a), ("bert", b)], &[]);
     fs::write(team.folder.join("file"), "no folder").unwrap();
-    team.add("anna", "state = \"../../file/state\"");
+    let settings = fs::read_to_string(team.config("anna")).unwrap();
+    fs::write(team.config("anna"), settings.replace("state = \"state\"", "state = \"../../file/state\"")).unwrap();
     let said = done(team.join("anna", &logs[0], ["8", "2"], &[]), 3);
     assert!(said.contains("this robot maps and says nothing to others"), "{said}");
     let report = team.report("anna");
