@@ -5,45 +5,28 @@ use crate::inbox::{Inbox, News, pack};
 use crate::intent::Intent;
 use crate::message::Refusal;
 use crate::node::{Node, Outgoing};
-use crate::record::{ChainId, Kind};
+use crate::record::Kind;
 use crate::sightings::SightedRobot;
 use crate::solution::{Replay, Solutions};
 use crate::steps::{Begin, SolutionId, Step};
-use mapwright::{
-    Adoption, Audit, Cov3, Entry, Mapper, Pose2, RecordedEdge, RunId, Session, Settings, SettingsError, Stamp, Update,
-    WaysSeen, audit,
-};
+use followed::Followed;
+use mapwright::{Entry, Mapper, Pose2, RunId, Session, Settings, SettingsError, Stamp, Update, WaysSeen};
 use mapwright_record::LogWriter;
+use rounding::rounded;
+use solving::Solving;
 use std::collections::BTreeMap;
+
+mod followed;
+mod rounding;
+mod solving;
 
 /// What was mapped is told after so many keyframes, or so many seconds.
 const TOLD_KEYFRAMES: usize = 4;
 const TOLD_S: f64 = 2.0;
-/// Poses are told in steps of a metre or a radian divided by this: 2^20.
-const POSE_STEPS: f64 = 1_048_576.0;
-/// Bytes of steps that make a record of the solution.
-const STEPS_BYTES: usize = 1 << 15;
-/// Bytes of steps in one record at most.
-const STEPS_AT_MOST: usize = 1 << 19;
-/// Corrections take at most this share of what is told.
-const SNAPSHOTS: f64 = 0.2;
-/// Keyframes that are taken in of one robot before it is another one's turn.
-const TURN: usize = 8;
 /// A step that waits for records which nobody has sent for so long is given up, seconds.
 const BLOCKED_S: f64 = 10.0;
 /// What the mapper of all is called.
 const TEAM: &str = "the team";
-/// When nothing has come for so long, the poses are handed out as they are, seconds,
-const SETTLED_S: f64 = 5.0;
-/// and old places are looked for anew.
-const LOOKED_AGAIN_S: f64 = 10.0;
-/// When it has said nothing new for so long, others look at what the robot that solves has found, seconds.
-const AUDITED_S: f64 = 8.0;
-/// and keyframes may lie so far from where they have them, metres: as far as two findings that agree.
-const MOVED_AT_MOST_M: f64 = 0.2;
-/// Of so many keyframes one may be called contradicted by mistake: where a robot's readings and its ways disagree a little the map as it is now
-/// bears out what it did not when the keyframe was taken in.
-const CONTRADICTED_OF: usize = 100;
 
 /// A robot's part in a team: what it maps is told, and what all have mapped becomes one map.
 ///
@@ -68,63 +51,6 @@ pub struct Team {
     blocked_since: Option<Stamp>,
     /// What robots said of their ways beside what they saw, as far as it was compared here.
     ways: WaysSeen,
-    falsify: Option<fn(&mut Entry)>,
-}
-
-/// A solution that is read as its records come.
-struct Followed {
-    replay: Replay,
-    /// When its map has changed last, how many sightings there were then, and whether it was looked at since.
-    changed: Stamp,
-    sightings: usize,
-    is_audited: bool,
-}
-
-impl Followed {
-    fn new(replay: Replay, now: Stamp, inbox: &Inbox) -> Self {
-        Self { replay, changed: now, sightings: inbox.sightings(), is_audited: true }
-    }
-
-    /// Whether nothing new has come for a while, and it was not looked at since.
-    fn is_due(&self, now: Stamp) -> bool {
-        !self.is_audited && (self.replay.is_settled || now.secs_since(self.changed) >= AUDITED_S)
-    }
-
-    /// Whether readings bear out what it says.
-    fn is_true(&mut self, settings: &Settings, ways: &mut WaysSeen) -> bool {
-        self.is_audited = true;
-        let Audit { closures, contradictions, moved_m } = audit(settings, self.replay.session(), ways);
-        let are_most = |[all, wrong]: [usize; 2]| 2 * wrong > all;
-        let are_many = CONTRADICTED_OF * contradictions[1] > self.replay.session().keyframes().len();
-        let is_moved = moved_m.is_none_or(|moved_m| moved_m > MOVED_AT_MOST_M);
-        !are_most(closures) && !(are_most(contradictions) && are_many) && !is_moved
-    }
-
-    /// Whether there is nothing to add to it.
-    fn is_complete(&self, inbox: &Inbox) -> bool {
-        let has_all = |(chain, groups): (ChainId, usize)| self.replay.taken.get(&chain).copied().unwrap_or(0) == groups;
-        self.replay.is_settled && self.sightings == inbox.sightings() && inbox.groups().all(has_all)
-    }
-}
-
-/// The solution that this robot works on.
-struct Solving {
-    id: SolutionId,
-    mapper: Mapper,
-    writer: LogWriter,
-    adoptions: BTreeMap<ChainId, Adoption>,
-    taken: BTreeMap<ChainId, usize>,
-    /// Whose turn it is.
-    turn: ChainId,
-    steps: Vec<u8>,
-    /// What was refused of whom, once each.
-    refused: Vec<(Refusal, u16)>,
-    /// How many sightings and keyframes there were when joins were last made of them.
-    met: [usize; 2],
-    last_new: Stamp,
-    last_said: Option<Stamp>,
-    is_settled: bool,
-    has_looked_again: bool,
     falsify: Option<fn(&mut Entry)>,
 }
 
@@ -389,39 +315,21 @@ impl Team {
     /// Goes on with the solution that counts; where a step of it waits for what nobody may have any more, after a while with what was before.
     fn begin(&mut self, now: Stamp) -> bool {
         self.stop_solving();
-        if self.followed.as_ref().is_some_and(|followed| followed.is_complete(&self.inbox)) {
+        let may_begin = self.solutions.may_begin(self.next_solution(), 0);
+        if !may_begin || self.followed.as_ref().is_some_and(|followed| followed.is_complete(&self.inbox)) {
             return false;
         }
         let Some((mapper, base)) = self.mapper_of_solution(now) else { return false };
-        let (adoptions, taken) =
-            self.replay().map(|known| (known.adoptions.clone(), known.taken.clone())).unwrap_or_default();
         let Some(id) = self.say_begin(base) else { return false };
-        let writer = self
-            .replay()
-            .map_or_else(|| LogWriter::resume(&Session::default()), |known| LogWriter::resume(known.session()));
-        let writer = writer.with_snapshots_of(SNAPSHOTS);
-        let mut solving = Solving {
-            id,
-            mapper,
-            writer,
-            adoptions,
-            taken,
-            // The first robot's keyframes come first: the frame is its own.
-            turn: ChainId { rank: u16::MAX, session: u32::MAX },
-            steps: Vec::new(),
-            refused: Vec::new(),
-            met: [0; 2],
-            last_new: now,
-            last_said: None,
-            // What the one before has not told yet, of poses that its closures have moved, this one has to tell.
-            is_settled: false,
-            has_looked_again: false,
-            falsify: self.falsify,
-        };
-        let update = solving.mapper.news();
-        solving.find(&update.entries);
-        self.solving = Some(solving);
+        let known = self.followed.as_ref().map(|followed| &followed.replay);
+        self.solving = Some(Solving::new(id, mapper, known, now, self.falsify));
         true
+    }
+
+    /// The one that this robot's next record would begin.
+    fn next_solution(&self) -> SolutionId {
+        let chain = self.node.me();
+        SolutionId { chain, begin: self.node.chains().get(&chain).map_or(0, Chain::next) }
     }
 
     /// Says that a solution begins that goes on with another one. Where that is not the one of the highest term, of which records are missing, one
@@ -429,10 +337,9 @@ impl Team {
     fn say_begin(&mut self, mut base: Option<(SolutionId, u32)>) -> Option<SolutionId> {
         let best = self.solutions.best(|rank| self.node.is_trusted(rank)).map_or(0, |(_, begin)| begin.term);
         let mut term = base.and_then(|(id, _)| self.solutions.get(id)).map_or(0, |begin| begin.term);
-        let chain = self.node.me();
         for begun in 0.. {
             term = term.checked_add(1)?;
-            let id = SolutionId { chain, begin: self.node.chains().get(&chain).map_or(0, Chain::next) };
+            let id = self.next_solution();
             self.solutions.may_begin(id, begun).then_some(())?;
             let mut steps = Vec::new();
             Step::Begin(Begin { term, base }).put(&mut steps);
@@ -464,148 +371,5 @@ impl Team {
         let mut mapper = Mapper::resume(self.settings, replay.session().clone()).ok()?;
         mapper.weigh_ways(std::mem::take(&mut self.ways));
         Some((mapper, Some(reached)))
-    }
-}
-
-/// An entry as others are told it: poses to a millionth of a metre, information and covariances in single precision. More is noise, and
-/// takes most of a message.
-fn rounded(entry: &Entry) -> Entry {
-    let mut entry = entry.clone();
-    match &mut entry {
-        Entry::Keyframe { map_from_keyframe, .. } => round_pose(map_from_keyframe),
-        Entry::Edge(RecordedEdge { edge, .. }) => {
-            round_pose(&mut edge.from_from_to);
-            round_matrix(&mut edge.information);
-        }
-        Entry::Remeasured { from_from_to, information, .. } => {
-            round_pose(from_from_to);
-            round_matrix(information);
-        }
-        Entry::Candidate(candidate) => {
-            candidate.from_from_to.iter_mut().for_each(round_pose);
-            round_matrix(&mut candidate.covariance);
-        }
-        Entry::Snapshot(snapshot) => snapshot.map_from_keyframe.iter_mut().for_each(|(_, pose)| round_pose(pose)),
-        _ => {}
-    }
-    entry
-}
-
-fn round_pose(pose: &mut Pose2) {
-    for number in [&mut pose.x, &mut pose.y, &mut pose.theta] {
-        *number = (*number * POSE_STEPS).round() / POSE_STEPS;
-    }
-}
-
-fn round_matrix(matrix: &mut Cov3) {
-    matrix.iter_mut().for_each(|number| *number = f64::from(*number as f32));
-}
-
-impl Solving {
-    /// Takes in so many keyframes, of each robot some in turn; whether there was anything to do.
-    fn work(&mut self, inbox: &Inbox, now: Stamp, keyframes: usize) -> bool {
-        let mut left = keyframes;
-        while left > 0
-            && let Some(chain) = self.next_chain(inbox)
-        {
-            let first = self.taken.get(&chain).copied().unwrap_or(0);
-            for number in first..first + TURN.min(left) {
-                let Some(group) = inbox.group(chain, number) else { break };
-                self.take_in(chain, group);
-                left -= 1;
-            }
-            (self.last_new, self.is_settled, self.has_looked_again) = (now, false, false);
-        }
-        if self.meet(inbox) {
-            (self.last_new, self.is_settled, self.has_looked_again) = (now, false, false);
-        }
-        let still_s = now.secs_since(self.last_new);
-        if left < keyframes || still_s < SETTLED_S {
-            return left < keyframes;
-        }
-        if !self.has_looked_again && still_s >= LOOKED_AGAIN_S {
-            (self.has_looked_again, self.is_settled) = (true, false);
-            let update = self.mapper.look_again();
-            self.find(&update.entries);
-        }
-        if !self.is_settled {
-            self.is_settled = true;
-            let mut found = Vec::new();
-            self.writer.finish(&mut found);
-            self.put_found(&found);
-            if self.has_looked_again {
-                Step::Settled.put(&mut self.steps);
-            }
-            return true;
-        }
-        false
-    }
-
-    /// The next chain in turn of which something is left.
-    fn next_chain(&mut self, inbox: &Inbox) -> Option<ChainId> {
-        let has_more = |&(chain, groups): &(ChainId, usize)| groups > self.taken.get(&chain).copied().unwrap_or(0);
-        let after = inbox.groups().filter(has_more).find(|(chain, _)| *chain > self.turn);
-        let (chain, _) = after.or_else(|| inbox.groups().find(has_more))?;
-        self.turn = chain;
-        Some(chain)
-    }
-
-    fn take_in(&mut self, chain: ChainId, group: &[Entry]) {
-        let adopted = self.mapper.adopt(group, self.adoptions.entry(chain).or_default());
-        *self.taken.entry(chain).or_default() += 1;
-        self.refused.extend(std::iter::repeat_n((Refusal::Unfitting, chain.rank), adopted.refused));
-        let contradicted = usize::from(adopted.is_contradicted) + adopted.contradicted;
-        self.refused.extend(std::iter::repeat_n((Refusal::Contradicted, chain.rank), contradicted));
-        Step::TakeIn(chain, adopted.map_from_keyframe).put(&mut self.steps);
-        let (own, found) = adopted.update.entries.split_at(adopted.own.min(adopted.update.entries.len()));
-        for entry in own {
-            // What the session has taken the writer takes as well.
-            let _ = self.writer.skip(entry);
-        }
-        self.find(found);
-    }
-
-    /// Joins maps of robots that saw each other; whether there was anything to join.
-    fn meet(&mut self, inbox: &Inbox) -> bool {
-        let known = [inbox.sightings(), self.mapper.keyframes().len()];
-        if known[0] == 0 || self.met == known {
-            return false;
-        }
-        self.met = known;
-        let mut has_met = false;
-        for join in inbox.joins() {
-            let update = self.mapper.sighted(&join);
-            has_met |= !update.entries.is_empty();
-            self.find(&update.entries);
-        }
-        has_met
-    }
-
-    fn find(&mut self, entries: &[Entry]) {
-        let mut found = Vec::new();
-        for entry in entries {
-            let mut entry = entry.clone();
-            self.falsify.iter().for_each(|falsify| falsify(&mut entry));
-            let _ = self.writer.append(&mut found, &entry);
-        }
-        self.put_found(&found);
-    }
-
-    fn put_found(&mut self, found: &[u8]) {
-        if !found.is_empty() {
-            Step::Found(found).put(&mut self.steps);
-        }
-    }
-
-    /// The steps that are due to be told.
-    fn take_steps(&mut self, now: Stamp) -> Vec<Vec<u8>> {
-        let is_due = self.steps.len() >= STEPS_BYTES
-            || self.last_said.is_none_or(|last| now.secs_since(last) >= TOLD_S)
-            || self.is_settled;
-        if self.steps.is_empty() || !is_due {
-            return Vec::new();
-        }
-        self.last_said = Some(now);
-        std::mem::take(&mut self.steps).chunks(STEPS_AT_MOST).map(<[u8]>::to_vec).collect()
     }
 }
