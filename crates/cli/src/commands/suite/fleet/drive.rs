@@ -111,16 +111,14 @@ pub(super) struct Agreed {
 
 impl Agreed {
     fn note(&mut self, team: &Simulated, since_end_s: f64) {
-        let stages: [(&mut Option<f64>, fn(&Simulated) -> bool); 3] = [
-            (&mut self.held_s, Simulated::holds_all),
-            (&mut self.agreed_s, Simulated::has_one_map),
-            (&mut self.audited_s, Simulated::is_agreed),
-        ];
-        for (first_s, is_so) in stages {
+        let note = |first_s: &mut Option<f64>, is_so: fn(&Simulated) -> bool| {
             if first_s.is_none() && is_so(team) {
                 *first_s = Some(since_end_s);
             }
-        }
+        };
+        note(&mut self.held_s, Simulated::holds_all);
+        note(&mut self.agreed_s, Simulated::has_one_map);
+        note(&mut self.audited_s, Simulated::is_agreed);
     }
 }
 
