@@ -21,11 +21,13 @@ pub(crate) enum Lie {
     Forged,
     /// As the robot that solves it says that closures, and half of all keyframes, lie 10 m from where they are.
     Solution,
+    /// It begins one solution after the other, each of the next term, that leaves out what was found last: at every step.
+    Outbid,
 }
 
 impl Lie {
-    pub(crate) const ALL: [Self; 6] =
-        [Self::Offset, Self::Rotation, Self::Scaled, Self::Replay, Self::Forged, Self::Solution];
+    pub(crate) const ALL: [Self; 7] =
+        [Self::Offset, Self::Rotation, Self::Scaled, Self::Replay, Self::Forged, Self::Solution, Self::Outbid];
 
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -35,6 +37,7 @@ impl Lie {
             Self::Replay => "replay",
             Self::Forged => "forged",
             Self::Solution => "solution",
+            Self::Outbid => "outbid",
         }
     }
 }
@@ -83,6 +86,11 @@ impl Liar {
     /// Whether it lies about its solution by then.
     pub(crate) fn falsifies_solution(&self, seconds: f64) -> bool {
         self.lie == Lie::Solution && seconds >= self.from_s
+    }
+
+    /// Whether it outbids others by then.
+    pub(crate) fn outbids(&self, seconds: f64) -> bool {
+        self.lie == Lie::Outbid && seconds >= self.from_s
     }
 
     /// What it tells instead of this; `own` is its session as it is.

@@ -93,6 +93,9 @@ impl Simulated {
             if robot.liar.as_ref().is_some_and(|liar| liar.falsifies_solution(seconds)) {
                 robot.team.falsify(falsify_found);
             }
+            if robot.liar.as_ref().is_some_and(|liar| liar.outbids(seconds)) {
+                robot.team.outbid();
+            }
         }
         for from in 0..self.robots.len() {
             let robot = &mut self.robots[from];

@@ -91,6 +91,8 @@ pub struct Node {
     equivocators: BTreeMap<u16, Equivocation>,
     /// Robots that have found what is not so.
     distrusted: BTreeSet<u16>,
+    /// Robots that would solve and have taken in nothing for too long.
+    passed_over: BTreeSet<u16>,
     refused: BTreeMap<(Refusal, Option<u16>), u64>,
     early: u64,
     outbox: Vec<Outgoing>,
@@ -121,6 +123,7 @@ impl Node {
             answered: BTreeMap::new(),
             equivocators: BTreeMap::new(),
             distrusted: BTreeSet::new(),
+            passed_over: BTreeSet::new(),
             refused: BTreeMap::new(),
             early: 0,
             outbox: Vec::new(),
@@ -196,6 +199,16 @@ impl Node {
         self.distrusted.remove(&rank);
     }
 
+    /// It would solve and takes in nothing: the next one is to.
+    pub(crate) fn pass_over(&mut self, rank: u16) {
+        self.passed_over.insert(rank);
+    }
+
+    /// It solves.
+    pub(crate) fn lead_again(&mut self, rank: u16) {
+        self.passed_over.remove(&rank);
+    }
+
     /// When a robot was heard last, and of each chain the number of the record after those that it held then; none where it never was.
     #[must_use]
     pub fn heard(&self, rank: u16) -> Option<(Stamp, &BTreeMap<ChainId, u32>)> {
@@ -215,12 +228,12 @@ impl Node {
         alive.filter_map(|(rank, peer)| Some((rank, peer.heard?, peer.note.as_slice())))
     }
 
-    /// Who solves: of those alive the first in the roster. None until one lease has passed since this robot was switched on, for it has not
+    /// Who solves: of those alive the first in the roster that does something. None until one lease has passed since this robot was switched on, for it has not
     /// heard of others yet.
     #[must_use]
     pub fn leader(&self, now: Stamp) -> Option<u16> {
         let begun = self.begun?;
-        let trusted = |rank: &u16| self.is_trusted(*rank);
+        let trusted = |rank: &u16| self.is_trusted(*rank) && !self.passed_over.contains(rank);
         let first = (0..self.peers.len() as u16).filter(trusted).find(|rank| self.is_alive(*rank, now))?;
         (first != self.me.rank || now.secs_since(begun) >= self.settings.lease_s).then_some(first)
     }

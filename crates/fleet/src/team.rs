@@ -25,6 +25,8 @@ const TOLD_KEYFRAMES: usize = 4;
 const TOLD_S: f64 = 2.0;
 /// A step that waits for records which nobody has sent for so long is given up, seconds.
 const BLOCKED_S: f64 = 10.0;
+/// Where the robot that is to solve has taken in nothing of what is there for so long, the next one does, seconds.
+const IDLE_S: f64 = 30.0;
 /// What the mapper of all is called.
 const TEAM: &str = "the team";
 
@@ -49,6 +51,8 @@ pub struct Team {
     doubted: BTreeMap<u16, Followed>,
     solving: Option<Solving>,
     blocked_since: Option<Stamp>,
+    /// How much the solution that counts had taken in when it last took in something, or nothing was left, and when that was.
+    progress: (usize, Stamp),
     /// What robots said of their ways beside what they saw, as far as it was compared here.
     ways: WaysSeen,
     falsify: Option<fn(&mut Entry)>,
@@ -74,6 +78,7 @@ impl Team {
             doubted: BTreeMap::new(),
             solving: None,
             blocked_since: None,
+            progress: (0, Stamp(0)),
             ways: WaysSeen::default(),
             falsify: None,
             node,
@@ -191,12 +196,31 @@ impl Team {
         let mut has_worked = self.follow(now);
         has_worked |= self.audit(now);
         has_worked |= self.doubt_again(now);
+        self.watch(now);
         if self.node.leader(now) == Some(self.node.me().rank) {
             has_worked |= self.solve(now, keyframes);
         } else {
             self.stop_solving();
         }
         has_worked
+    }
+
+    /// Passes over the robot that is to solve where it does not.
+    fn watch(&mut self, now: Stamp) {
+        let of = self.replay().map(|replay| (replay.id.chain.rank, &replay.taken));
+        let taken = |chain| of.and_then(|(_, taken)| taken.get(&chain).copied()).unwrap_or(0);
+        let is_any_left = self.inbox.groups().any(|(chain, groups)| groups > taken(chain));
+        let (before, since) = self.progress;
+        let all = of.map_or(0, |(_, taken)| taken.values().sum());
+        if all > before || !is_any_left {
+            let solves = of.filter(|_| all > before).map(|(rank, _)| rank);
+            self.progress = (all, now);
+            solves.into_iter().for_each(|rank| self.node.lead_again(rank));
+        } else if now.secs_since(since) >= IDLE_S {
+            self.progress = (all, now);
+            let me = self.node.me().rank;
+            self.node.leader(now).filter(|rank| *rank != me).into_iter().for_each(|rank| self.node.pass_over(rank));
+        }
     }
 
     /// Reads the solution that counts.
@@ -285,6 +309,15 @@ impl Team {
     pub fn falsify(&mut self, falsify: fn(&mut Entry)) {
         self.falsify = Some(falsify);
         self.solving.iter_mut().for_each(|solving| solving.falsify = Some(falsify));
+    }
+
+    /// For simulations of robots that lie: begins a solution of the next term that goes on with the one that counts, without what was found last.
+    pub fn outbid(&mut self) {
+        if let Some((id, Begin { term, .. })) = self.solutions.best(|_| true) {
+            let mut steps = Vec::new();
+            Step::Begin(Begin { term: term.saturating_add(1), base: Some((id, id.begin + 1)) }).put(&mut steps);
+            self.node.publish(Kind::Solution, pack(&steps));
+        }
     }
 
     fn solve(&mut self, now: Stamp, keyframes: usize) -> bool {

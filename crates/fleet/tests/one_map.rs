@@ -32,10 +32,21 @@ fn robots(count: usize, duration_s: f64) -> Vec<Robot> {
 }
 
 /// Drives until all who live have one map; a robot may die at a tick.
-fn drive(robots: &mut [Robot], (seed, loss): (u64, f64), dies: Option<(usize, i64)>) -> i64 {
+fn drive(robots: &mut [Robot], radio: (u64, f64), dies: Option<(usize, i64)>) -> i64 {
+    drive_with(robots, radio, dies, |_| ())
+}
+
+/// The same; calls at every tick.
+fn drive_with(
+    robots: &mut [Robot],
+    (seed, loss): (u64, f64),
+    dies: Option<(usize, i64)>,
+    call: impl Fn(&mut [Robot]),
+) -> i64 {
     let mut air = radio(seed, loss);
     for tick in 0..9000 {
         let seconds = tick as f64 * 0.1;
+        call(robots);
         for (k, robot) in robots.iter_mut().enumerate() {
             robot.is_alive &= dies != Some((k, tick));
             let first = robot.scans[0].scan.stamp;
@@ -143,4 +154,13 @@ fn robots_agree_where_most_messages_are_lost() {
         let most = robots.iter().map(begun).max().expect("robots");
         assert!(most < 200, "{most} records of solutions, seed {seed}");
     }
+}
+
+#[test]
+fn a_robot_that_outbids_others_and_solves_nothing_is_passed_over() {
+    let mut robots = robots(3, 60.0);
+    drive_with(&mut robots, (5, 0.1), None, |robots| robots[0].team.outbid());
+    let map = robots[2].team.map().expect("a map");
+    assert_eq!((map.pieces().len(), misplaced(&robots, map)), (1, 0));
+    assert!(robots[1].team.is_solving() && !robots[2].team.is_solving());
 }

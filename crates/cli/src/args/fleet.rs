@@ -44,8 +44,8 @@ pub(crate) struct FleetSimulateArgs {
     /// The first so many robots and the others do not hear each other between these times, seconds.
     #[arg(long, value_name = "ROBOTS@FROM:TO", value_parser = parse_split)]
     pub(crate) split: Option<(usize, [f64; 2])>,
-    /// A robot lies: the number of its log, from 1, about what (offset, rotation, scaled, replay, forged), and from how many seconds on; may be
-    /// repeated.
+    /// A robot lies: the number of its log, from 1, about what (offset, rotation, scaled, replay, forged, solution, outbid), and from how many
+    /// seconds on; may be repeated.
     #[arg(long, value_name = "ROBOT:LIE@S", value_parser = parse_lie)]
     pub(crate) lies: Vec<(usize, Lie, f64)>,
     /// Everything random is drawn from it.
