@@ -298,11 +298,13 @@ impl Team {
         is_any_true
     }
 
-    /// Whether the map of all was looked at as it is, where it is another robot that solves.
+    /// Whether the map of all was looked at as it is, or this robot has nothing to add to it, where it is its own.
     #[must_use]
     pub fn has_audited(&self) -> bool {
         let is_own = |followed: &Followed| followed.replay.id.chain.rank == self.node.me().rank;
-        self.followed.as_ref().is_none_or(|followed| is_own(followed) || followed.is_audited)
+        self.followed
+            .as_ref()
+            .is_none_or(|followed| if is_own(followed) { followed.replay.is_settled } else { followed.is_audited })
     }
 
     /// For simulations of robots that lie: what this one finds as the robot that solves goes through here before it is told.

@@ -66,9 +66,9 @@ impl Solving {
             steps: Vec::new(),
             refused: Vec::new(),
             met: [0; 2],
-            last_new: now,
+            // What the one before has not told yet, of poses that its closures have moved, this one tells at once.
+            last_new: Stamp(now.0.saturating_sub((1e9 * SETTLED_S) as i64)),
             last_said: None,
-            // What the one before has not told yet, of poses that its closures have moved, this one has to tell.
             is_settled: false,
             has_looked_again: false,
             falsify,
