@@ -48,9 +48,7 @@ const SILENT_BY_CHANCE: f64 = 0.01;
 /// The share of beats that come is told by about so many of the last ones.
 const BEATS_REMEMBERED: f64 = 10.0;
 /// Questions for the same records that are sent at the same time, at most.
-const ASKED_AT_MOST: usize = 8;
-/// The same question is answered again after such a part of the time in which it is asked again: of several copies that arrive, one.
-const ANSWERED_PART: f64 = 0.25;
+const ASKED_AT_MOST: usize = 4;
 
 /// What is known of another robot.
 #[derive(Debug, Clone, Default)]
@@ -85,8 +83,6 @@ pub struct Node {
     chains: BTreeMap<ChainId, Chain>,
     peers: Vec<Peer>,
     asked: BTreeMap<ChainId, Asked>,
-    /// Of whom asks and of each chain that is here: from which record on it was answered last, and when.
-    answered: BTreeMap<(u16, ChainId), (u32, Stamp)>,
     /// Robots that have said two things, with the proof.
     equivocators: BTreeMap<u16, Equivocation>,
     /// Robots that have found what is not so.
@@ -120,7 +116,6 @@ impl Node {
             chains: BTreeMap::from([(me, Chain::default())]),
             peers,
             asked: BTreeMap::new(),
-            answered: BTreeMap::new(),
             equivocators: BTreeMap::new(),
             distrusted: BTreeSet::new(),
             passed_over: BTreeSet::new(),
@@ -259,7 +254,7 @@ impl Node {
         self.begun.get_or_insert(now);
         let of = match Message::decode(bytes) {
             Ok(Message::Beat(beat)) => self.hear(now, beat, bytes),
-            Ok(Message::Ask { from, to, chain, first, count }) => self.answer(now, [from, to], chain, [first, count]),
+            Ok(Message::Ask { from, to, chain, first, count }) => self.answer(from, to, chain, first, count),
             Ok(Message::Records { chain, first, records }) => self.take_in(chain, first, records),
             Ok(Message::Equivocation(proof)) => self.convict(*proof),
             Err(why) => Err((why, None)),
@@ -326,17 +321,14 @@ impl Node {
 
     fn answer(
         &mut self,
-        now: Stamp,
-        [from, to]: [u16; 2],
+        from: u16,
+        to: u16,
         chain: ChainId,
-        [first, count]: [u32; 2],
+        first: u32,
+        count: u32,
     ) -> Result<(), (Refusal, Option<u16>)> {
         self.known(from)?;
         let Some(known) = self.chains.get(&chain).filter(|_| to == self.me.rank) else { return Ok(()) };
-        let is_soon = |at: Stamp| now.secs_since(at) < ANSWERED_PART * self.settings.ask_again_s;
-        if self.answered.get(&(from, chain)).is_some_and(|&(of, at)| of == first && is_soon(at)) {
-            return Ok(());
-        }
         let mut left = MESSAGE_AT_MOST - 64;
         let mut records = Vec::new();
         let asked = known.records().iter().skip(first as usize).take((count as usize).min(RECORDS_AT_MOST));
@@ -346,7 +338,6 @@ impl Node {
             records.push(record.clone());
         }
         if !records.is_empty() {
-            self.answered.insert((from, chain), (first, now));
             self.send(Some(from), &Message::Records { chain, first, records });
         }
         Ok(())
@@ -450,7 +441,7 @@ impl Node {
             let last = before.map_or(chain.rank, |asked| asked.of + 1);
             let count = self.peers.len() as u16;
             let holders: Vec<u16> = (0..count).map(|k| (last + k) % count).filter(has).collect();
-            let times = (1 << tries.min(3)).min(ASKED_AT_MOST);
+            let times = ASKED_AT_MOST.min(1 << tries.min(8));
             let Some(&of) = holders.get(..times).unwrap_or(&holders).last() else { continue };
             self.asked.insert(chain, Asked { first, of, at: now, tries });
             for &to in holders.iter().cycle().take(times) {

@@ -116,12 +116,9 @@ fn who_lies_does_not_spoil_what_others_make() {
     let worlds = worlds(&out.join("liars.jsonl"));
     let lies: Vec<&str> = worlds.iter().map(|world| world["liars"][0]["lie"].as_str().unwrap()).collect();
     assert_eq!(lies, ["rotation", "scaled", "replay", "forged", "solution", "outbid"]);
-    // Half a millimetre is a tenth of the error: of a single world the suite's floor leaves room for a sweep's noise.
-    let ratios = worlds.iter().map(|world| world["ratio"].as_f64().unwrap());
-    assert!(ratios.filter(|ratio| *ratio < 1.1).count() >= 5, "{worlds:?}");
     for world in &worlds {
         let others = &world["lying"];
-        assert!(world["ratio"].as_f64() < Some(1.2) && others["error_m"].as_f64() < Some(0.01), "{world}");
+        assert!(world["ratio"].as_f64() < Some(1.1) && others["error_m"].as_f64() < Some(0.01), "{world}");
         assert!(
             others["identical"] == true && others["left_out"] == 0 && others["keyframes"].as_u64() > Some(80),
             "{world}"
