@@ -6,21 +6,9 @@ use crate::failure::{Failure, Outcome};
 use crate::output::OutputFolder;
 use crate::terminal::{say, say_json};
 use mapwright_explore::{Cell, ExploreSettings, Strategy, WhyLeft};
-use mapwright_formats::{Curve, FormatError, RobotWay};
+use mapwright_formats::{Curve, FormatError, RUN_COLOURS, RobotWay};
 use serde_json::json;
 use std::io::Write;
-
-/// A colour for each robot, dark enough on white.
-const COLOURS: [[u8; 3]; 8] = [
-    [214, 39, 40],
-    [31, 119, 180],
-    [44, 160, 44],
-    [148, 103, 189],
-    [255, 127, 14],
-    [23, 160, 175],
-    [227, 119, 194],
-    [120, 100, 20],
-];
 
 const NAMES: [&str; 16] = [
     "robot 1", "robot 2", "robot 3", "robot 4", "robot 5", "robot 6", "robot 7", "robot 8", "robot 9", "robot 10",
@@ -166,7 +154,7 @@ fn write_map(run: &Run, writer: &mut impl Write) -> Result<(), FormatError> {
         [x as f32, (height as f64 - y) as f32]
     };
     let way = |(number, way): (usize, &Vec<mapwright::Pose2>)| RobotWay {
-        colour: COLOURS[number % COLOURS.len()],
+        colour: RUN_COLOURS[number % RUN_COLOURS.len()],
         name: NAMES[number % NAMES.len()],
         points_px: way.iter().map(place).collect(),
     };
@@ -179,6 +167,6 @@ pub(super) fn write_curve(run: &Run, writer: &mut impl Write) -> Result<(), Form
     let values: Vec<f64> = run.curve.iter().map(|share| share * run.area_m2).collect();
     let events: Vec<(f64, &str)> = run.seconds.iter().map(|&second| (second, "99 of 100 seen")).collect();
     let curve =
-        Curve { values: &values, name: "area seen (m2)", most: run.area_m2, events: &events, colour: COLOURS[1] };
+        Curve { values: &values, name: "area seen (m2)", most: run.area_m2, events: &events, colour: RUN_COLOURS[0] };
     mapwright_formats::write_curve_png(&curve, writer)
 }

@@ -90,7 +90,7 @@ pub(crate) struct Run {
     pub(crate) errands: u32,
     pub(crate) plans: u32,
     pub(crate) decision: Decision,
-    /// Where each robot truly was, second by second.
+    /// Where each robot truly was, second by second, in the map's frame.
     pub(crate) ways: Vec<Vec<Pose2>>,
     pub(crate) map: Option<OccupancyMap>,
     /// Of the keyframes, metres, rmse.
@@ -474,7 +474,41 @@ impl Fleet {
         self.run.error_m = self.team.error_m(&self.taken);
         if let Knowledge::Told(told) = self.team {
             self.run.air = Some(told.air);
+            // Nobody was told where it starts: the map begins where its robot does.
+            if let Some(world_from_map) = self.run.ways.first().and_then(|way| way.first()).copied() {
+                let map_from_world = world_from_map.inverse();
+                self.run.ways.iter_mut().flatten().for_each(|pose| *pose = map_from_world * *pose);
+            }
         }
         self.run
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may")]
+mod tests {
+    use super::*;
+    use mapwright_explore::Cell;
+
+    #[test]
+    fn ways_lie_where_the_map_is_free_in_whatever_frame_it_is() {
+        for sharing in [Sharing::Work, Sharing::Told] {
+            let plan = Plan {
+                seed: 2,
+                robots: 2,
+                explore: ExploreSettings::default(),
+                sharing,
+                slam: true,
+                loss: 0.1,
+                dies: None,
+                until_s: 60.0,
+                beams: 180,
+            };
+            let run = Building::rooms(2).run(&plan, &Settings::default()).unwrap();
+            let map = run.map.as_ref().unwrap();
+            let poses = || run.ways.iter().flatten();
+            let free = poses().filter(|pose| map.at([pose.x, pose.y]) == Cell::Free).count();
+            assert!(poses().count() > 100 && free as f64 > 0.98 * poses().count() as f64, "{free}, {sharing:?}");
+        }
     }
 }
