@@ -164,3 +164,19 @@ fn a_robot_that_outbids_others_and_solves_nothing_is_passed_over() {
     assert_eq!((map.pieces().len(), misplaced(&robots, map)), (1, 0));
     assert!(robots[1].team.is_solving() && !robots[2].team.is_solving());
 }
+
+/// A map without keyframes says nothing that could be untrue.
+#[test]
+fn robots_that_are_switched_on_long_before_they_drive_believe_each_other() {
+    let mut teams = [0, 1].map(|k| Team::new(node(2, k, 0), Settings::default()).expect("valid"));
+    for tick in 0..400 {
+        for from in [0, 1] {
+            for out in teams[from].poll(at(tick)) {
+                teams[1 - from].receive(at(tick), &out.bytes);
+            }
+        }
+        teams.iter_mut().for_each(|team| drop(team.work(at(tick), 64)));
+    }
+    assert!(teams.iter().all(|team| team.has_audited() && team.node().refused().next().is_none()));
+    assert!(teams.iter().all(|team| team.node().leader(at(400)) == Some(0)));
+}

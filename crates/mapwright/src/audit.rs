@@ -65,9 +65,12 @@ pub fn audit(settings: &Settings, session: &Session, ways: &mut WaysSeen) -> Aud
     audit
 }
 
-/// Mean distance of keyframes from where others have them, with the middle keyframe of each piece where it is.
+/// Mean distance of keyframes from where others have them, with the middle keyframe of each piece where it is; of none 0.
 fn moved_m(session: &Session, elsewhere: &[Pose2]) -> Option<f64> {
     let here = session.map_from_keyframe();
+    if here.is_empty() {
+        return Some(0.0);
+    }
     let stretches = session.stretches();
     let (mut sum_m, mut count) = (0.0, 0_usize);
     let pieces = stretches.iter().map(|(_, piece)| *piece).max()?;
