@@ -175,7 +175,9 @@ fn robots_that_are_switched_on_long_before_they_drive_believe_each_other() {
                 teams[1 - from].receive(at(tick), &out.bytes);
             }
         }
-        teams.iter_mut().for_each(|team| drop(team.work(at(tick), 64)));
+        teams.iter_mut().for_each(|team| {
+            team.work(at(tick), 64);
+        });
     }
     assert!(teams.iter().all(|team| team.has_audited() && team.node().refused().next().is_none()));
     assert!(teams.iter().all(|team| team.node().leader(at(400)) == Some(0)));
