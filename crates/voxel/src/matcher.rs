@@ -2,13 +2,15 @@
 //!
 //! A point is held to the plane of the voxel that it ends in, along the plane's normal (Chen and Medioni 1992, "Object modelling by
 //! registration of multiple range images"; voxels and resolutions as in Magnusson 2009), by Cauchy's kernel where it is far off. The
-//! kernel's width follows the residuals at each resolution: a tight one at a coarse resolution has no basin.
+//! kernel's width follows the residuals at each resolution: a tight one at a coarse resolution has no basin. Where the voxel knows no
+//! plane there, as between two rings of a sweep, the next coarser one that does is asked ([`surfel_at`]).
 
 use crate::eigen::axes;
 use crate::surfel::Surfel;
-use crate::surfel_map::{Level, Looked, SurfelMap};
+use crate::surfel_map::{Level, Looked, SurfelMap, surfel_at};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
+use std::ops::Range;
 
 /// How the objective is climbed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -54,6 +56,17 @@ pub struct Prior {
     pub information: Cov6,
 }
 
+/// Neighbouring points err alike: so many tell as much as one.
+const POINTS_AS_ONE: f64 = 10.0;
+
+impl Prior {
+    /// Less the log likelihood of a pose, beside the mean of what so many points say.
+    fn unlikeliness(&self, pose: Pose3, points: usize) -> f64 {
+        let error = self.map_from_cloud.between(pose).log();
+        0.5 * error.dot(&(self.information * error)) * POINTS_AS_ONE / points.max(1) as f64
+    }
+}
+
 /// A match.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
@@ -66,12 +79,15 @@ pub struct Fit {
     pub held_shares: [f64; 2],
     /// Points that took part.
     pub points: u32,
-    /// Share of the points that lie in voxels with a surfel, at the finest resolution.
+    /// Share of the points that lie where a surfel says something, of the finest resolution that does.
     pub known_share: f64,
     /// Share of those that fit it.
     pub inlier_share: f64,
     /// How far they lie off it, the median, metres.
     pub off_m: f64,
+    /// How much more likely its points are there than anywhere, the mean of their log likelihood ratios: a point where nothing is known
+    /// counts nothing, one that contradicts what is known less.
+    pub log_likelihood: f64,
     /// Evaluations of the objective.
     pub evaluations: u32,
 }
@@ -87,8 +103,6 @@ const ROUGH_KEPT: usize = 8;
 /// Poses so near to each other are one, of the voxel's side, and radians.
 const SAME_SHARE: f64 = 0.5;
 const SAME_RAD: f64 = 0.1;
-/// Squared width of the kernel in which rough matches are compared, in standard deviations.
-const ROUGH_WIDTH2: f64 = 9.0;
 /// The kernel's width is found anew after so many steps.
 const WIDTH_EVERY: usize = 3;
 /// A step so small ends the search, of the voxel's side, and radians.
@@ -108,6 +122,10 @@ const GRADIENT_STEPS: usize = 20;
 const DENT_STRIDES: [f64; 3] = [30.0, 10.0, 3.0];
 /// A point where nothing is known costs as much as one so many squared kernel widths off its surfel.
 const UNKNOWN_WIDTHS2: f64 = 9.0;
+/// A point where something is known is of something else with such a probability,
+const ELSE_SHARE: f64 = 0.05;
+/// and lies anywhere within so many of the smallest voxels then.
+const ANYWHERE_VOXELS: f64 = 2.0;
 
 /// Matches clouds; keeps its buffers.
 #[derive(Debug, Clone, Default)]
@@ -129,6 +147,14 @@ struct Evaluation {
     held_shares: [f64; 2],
     known: u32,
     fitting: u32,
+}
+
+impl Fit {
+    /// Log likelihood by points and prior, by which fits are compared.
+    #[must_use]
+    pub fn posterior(&self, prior: &Prior) -> f64 {
+        self.log_likelihood - prior.unlikeliness(self.map_from_cloud, self.points as usize)
+    }
 }
 
 impl Matcher {
@@ -157,22 +183,22 @@ impl Matcher {
     ) -> Fit {
         self.take_points(points_m, self.settings.points);
         let (mut pose, mut evaluations) = (start, 0);
-        for level in map.levels()[..levels].iter().rev() {
-            pose = self.climb_level(level, prior, pose, self.settings.steps, &mut evaluations);
+        for finest in (0..levels).rev() {
+            pose = self.climb_level(&map.levels()[finest..], prior, pose, self.settings.steps, &mut evaluations);
         }
-        self.fit(&map.levels()[0], pose, evaluations)
+        self.fit(map.levels(), pose, evaluations)
     }
 
     /// How a cloud fits where it is.
     pub fn judge(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], pose: Pose3) -> Fit {
         self.take_points(points_m, self.settings.points);
-        self.fit(&map.levels()[0], pose, 0)
+        self.fit(map.levels(), pose, 0)
     }
 
-    fn fit(&mut self, level: &Level, pose: Pose3, evaluations: u32) -> Fit {
+    fn fit(&mut self, levels: &[Level], pose: Pose3, evaluations: u32) -> Fit {
         self.forget_voxels();
-        let width2 = self.width2(level, pose);
-        let at = self.evaluate(level, pose, width2);
+        let width2 = self.width2(levels, pose);
+        let at = self.evaluate(levels, pose, width2);
         let body = along_body(pose);
         let share = |part: u32, all: u32| if all == 0 { 0.0 } else { f64::from(part) / f64::from(all) };
         let points = self.points.len() as u32;
@@ -183,13 +209,14 @@ impl Matcher {
             points,
             known_share: share(at.known, points),
             inlier_share: share(at.fitting, at.known),
-            off_m: self.median_off_m(level, pose),
+            off_m: self.median_off_m(levels, pose),
+            log_likelihood: self.log_likelihood(levels, pose),
             evaluations: evaluations + 1,
         }
     }
 
     /// The most promising poses to climb from, of those that `starts` lead to, the best first, each once. They climb the coarser
-    /// resolutions with a few points, the most likely of them the finer ones too, and are compared by how much of the cloud fits.
+    /// resolutions with a few points, and the finer ones; the most likely of what they come to climbs the finer ones again.
     pub fn rough(
         &mut self,
         map: &SurfelMap,
@@ -199,28 +226,34 @@ impl Matcher {
         at_most: usize,
     ) -> Vec<Pose3> {
         self.take_points(points_m, ROUGH_POINTS);
-        let (fine, coarse) = map.levels().split_at(map.levels().len() / 2);
+        let (levels, middle) = (map.levels(), map.levels().len() / 2);
         let mut found: Vec<(f64, Pose3)> = Vec::new();
         for start in starts {
-            let pose = self.descend(coarse, prior, start);
-            self.forget_voxels();
-            found.push((self.evaluated(prior, &coarse[0], pose, ROUGH_WIDTH2).cost, pose));
-        }
-        sort_out(&mut found, coarse[0].size_m, ROUGH_KEPT);
-        if found.len() > 1 {
-            for (misfit, pose) in &mut found {
-                *pose = self.descend(fine, prior, *pose);
-                self.forget_voxels();
-                *misfit = -f64::from(self.evaluate(&map.levels()[0], *pose, ROUGH_WIDTH2).fitting);
+            for which in [middle..levels.len(), 0..middle] {
+                let pose = self.descend((levels, which), prior, start);
+                found.push((self.unlikeliness(levels, prior, pose), pose));
             }
-            sort_out(&mut found, map.levels()[0].size_m, at_most);
+        }
+        sort_out(&mut found, levels[middle].size_m, ROUGH_KEPT);
+        if found.len() > 1 {
+            for (unlikeliness, pose) in &mut found {
+                *pose = self.descend((levels, 0..middle), prior, *pose);
+                *unlikeliness = self.unlikeliness(levels, prior, *pose);
+            }
+            sort_out(&mut found, levels[0].size_m, at_most);
         }
         found.into_iter().map(|(_, pose)| pose).collect()
     }
 
     /// From a pose through some resolutions, the coarsest first, roughly.
-    fn descend(&mut self, levels: &[Level], prior: &Prior, start: Pose3) -> Pose3 {
-        levels.iter().rev().fold(start, |pose, level| self.climb_level(level, prior, pose, ROUGH_STEPS, &mut 0))
+    fn descend(&mut self, (levels, which): (&[Level], Range<usize>), prior: &Prior, start: Pose3) -> Pose3 {
+        which.rev().fold(start, |pose, finest| self.climb_level(&levels[finest..], prior, pose, ROUGH_STEPS, &mut 0))
+    }
+
+    /// By which poses are compared: less the log likelihood, by points and prior.
+    fn unlikeliness(&mut self, levels: &[Level], prior: &Prior, pose: Pose3) -> f64 {
+        self.forget_voxels();
+        prior.unlikeliness(pose, self.points.len()) - self.log_likelihood(levels, pose)
     }
 
     fn take_points(&mut self, points_m: &[[f32; 3]], most: usize) {
@@ -232,26 +265,26 @@ impl Matcher {
 
     fn climb_level(
         &mut self,
-        level: &Level,
+        levels: &[Level],
         prior: &Prior,
         start: Pose3,
         steps: usize,
         evaluations: &mut u32,
     ) -> Pose3 {
         match self.settings.ascent {
-            Ascent::GaussNewton => self.gauss_newton(level, prior, start, steps, evaluations),
+            Ascent::GaussNewton => self.gauss_newton(levels, prior, start, steps, evaluations),
             Ascent::Gradient => {
                 let squares: f64 = self.points.iter().flatten().map(|v| v * v).sum();
                 let lever2 = (squares / self.points.len().max(1) as f64).max(1e-6);
-                self.gradient_ascent(level, (prior, start), steps, lever2, evaluations)
+                self.gradient_ascent(levels, (prior, start), steps, lever2, evaluations)
             }
-            Ascent::UnscaledGradient => self.gradient_ascent(level, (prior, start), steps, 1.0, evaluations),
+            Ascent::UnscaledGradient => self.gradient_ascent(levels, (prior, start), steps, 1.0, evaluations),
         }
     }
 
     fn gradient_ascent(
         &mut self,
-        level: &Level,
+        levels: &[Level],
         (prior, start): (&Prior, Pose3),
         steps: usize,
         lever2: f64,
@@ -259,8 +292,8 @@ impl Matcher {
     ) -> Pose3 {
         self.forget_voxels();
         let (mut pose, mut kappa) = (start, FIRST_KAPPA);
-        let mut width2 = self.width2(level, pose);
-        let mut at = self.evaluated(prior, level, pose, width2);
+        let mut width2 = self.width2(levels, pose);
+        let mut at = self.evaluated(prior, levels, pose, width2);
         *evaluations += 1;
         let mut strides = DENT_STRIDES.iter();
         for taken in 1..=GRADIENT_STEPS * steps {
@@ -268,13 +301,13 @@ impl Matcher {
             let scaled = Vector6::from_fn(|axis, _| -at.gradient[axis] / if axis < 3 { 1.0 } else { lever2 });
             let step = scaled * (kappa / curvature);
             let (move_m, turn_rad) = (step.fixed_rows::<3>(0).norm(), step.fixed_rows::<3>(3).norm());
-            if move_m < STEP_SHARE * level.size_m && turn_rad < STEP_RAD {
+            if move_m < STEP_SHARE * levels[0].size_m && turn_rad < STEP_RAD {
                 let Some(&stride) = strides.next() else { break };
                 kappa = stride;
                 continue;
             }
             let next = moved(pose, &step);
-            let tried = self.evaluated(prior, level, next, width2);
+            let tried = self.evaluated(prior, levels, next, width2);
             *evaluations += 1;
             if tried.cost.is_nan() || tried.cost >= at.cost {
                 kappa *= KAPPA_SHRINKING;
@@ -282,8 +315,8 @@ impl Matcher {
             }
             (pose, at, kappa) = (next, tried, kappa * KAPPA_GROWTH);
             if taken % (WIDTH_EVERY * GRADIENT_STEPS) == 0 {
-                width2 = self.width2(level, pose);
-                at = self.evaluated(prior, level, pose, width2);
+                width2 = self.width2(levels, pose);
+                at = self.evaluated(prior, levels, pose, width2);
                 *evaluations += 1;
             }
         }
@@ -292,7 +325,7 @@ impl Matcher {
 
     fn gauss_newton(
         &mut self,
-        level: &Level,
+        levels: &[Level],
         prior: &Prior,
         start: Pose3,
         steps: usize,
@@ -300,15 +333,15 @@ impl Matcher {
     ) -> Pose3 {
         self.forget_voxels();
         let (mut pose, mut damping) = (start, 0.0);
-        let mut width2 = self.width2(level, pose);
-        let mut at = self.evaluated(prior, level, pose, width2);
+        let mut width2 = self.width2(levels, pose);
+        let mut at = self.evaluated(prior, levels, pose, width2);
         *evaluations += 1;
         for taken in 1..=steps {
             let damped = at.hessian + Matrix6::from_diagonal(&at.hessian.diagonal().map(|v| damping * v + 1e-9));
             let Some(factor) = damped.cholesky() else { break };
             let step = factor.solve(&-at.gradient);
             let next = moved(pose, &step);
-            let tried = self.evaluated(prior, level, next, width2);
+            let tried = self.evaluated(prior, levels, next, width2);
             *evaluations += 1;
             if tried.cost.is_nan() || tried.cost > at.cost {
                 damping = if damping == 0.0 { FIRST_DAMPING } else { damping * GROWTH };
@@ -319,12 +352,12 @@ impl Matcher {
             }
             (pose, at, damping) = (next, tried, damping * SHRINKING);
             let (move_m, turn_rad) = (step.fixed_rows::<3>(0).norm(), step.fixed_rows::<3>(3).norm());
-            if move_m < STEP_SHARE * level.size_m && turn_rad < STEP_RAD {
+            if move_m < STEP_SHARE * levels[0].size_m && turn_rad < STEP_RAD {
                 break;
             }
             if taken % WIDTH_EVERY == 0 && taken < steps {
-                width2 = self.width2(level, pose);
-                at = self.evaluated(prior, level, pose, width2);
+                width2 = self.width2(levels, pose);
+                at = self.evaluated(prior, levels, pose, width2);
                 *evaluations += 1;
             }
         }
@@ -338,22 +371,39 @@ impl Matcher {
     }
 
     /// Squared width of the kernel: what residuals are like there, in standard deviations.
-    fn width2(&mut self, level: &Level, pose: Pose3) -> f64 {
-        let median = self.median(level, pose, |surfel, off_m| f64::from(surfel.information) * off_m * off_m);
+    fn width2(&mut self, levels: &[Level], pose: Pose3) -> f64 {
+        let median = self.median(levels, pose, |surfel, off_m| f64::from(surfel.information) * off_m * off_m);
         median.map_or(1.0, |median| (self.settings.kernel_medians.powi(2) * median).max(1.0))
     }
 
-    fn median_off_m(&mut self, level: &Level, pose: Pose3) -> f64 {
-        self.median(level, pose, |_, off_m| off_m.abs()).unwrap_or(0.0)
+    /// See [`Fit::log_likelihood`]: a point is normally distributed about its surfel, or of something else and lies anywhere near.
+    fn log_likelihood(&mut self, levels: &[Level], pose: Pose3) -> f64 {
+        let rotation = pose.rotation.to_rotation_matrix();
+        let scale = (1.0 - ELSE_SHARE) * ANYWHERE_VOXELS * levels[0].size_m / std::f64::consts::TAU.sqrt();
+        let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
+        for (point, looked) in self.points.iter().zip(&mut self.looked) {
+            let at = rotation * Vector3::from(*point) + pose.translation;
+            let Some(surfel) = surfel_at(levels, at.into(), looked) else { continue };
+            let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
+            product *= ELSE_SHARE + scale * information.sqrt() * (-0.5 * information * off_m * off_m).exp();
+            if !(1e-200..1e200).contains(&product) {
+                (log_sum, product) = (log_sum + product.ln(), 1.0);
+            }
+        }
+        (log_sum + product.ln()) / self.points.len().max(1) as f64
+    }
+
+    fn median_off_m(&mut self, levels: &[Level], pose: Pose3) -> f64 {
+        self.median(levels, pose, |_, off_m| off_m.abs()).unwrap_or(0.0)
     }
 
     /// The median of what is said of the points by their surfels, and by how far they lie off them, metres.
-    fn median(&mut self, level: &Level, pose: Pose3, of: impl Fn(&Surfel, f64) -> f64) -> Option<f64> {
+    fn median(&mut self, levels: &[Level], pose: Pose3, of: impl Fn(&Surfel, f64) -> f64) -> Option<f64> {
         let rotation = pose.rotation.to_rotation_matrix();
         self.residuals.clear();
         for (point, looked) in self.points.iter().zip(&mut self.looked) {
             let at = rotation * Vector3::from(*point) + pose.translation;
-            if let Some(surfel) = level.surfel_at(at.into(), looked) {
+            if let Some(surfel) = surfel_at(levels, at.into(), looked) {
                 self.residuals.push(of(surfel, surfel.off_m(at)) as f32);
             }
         }
@@ -365,8 +415,8 @@ impl Matcher {
     }
 
     /// The objective by points and prior.
-    fn evaluated(&mut self, prior: &Prior, level: &Level, pose: Pose3, width2: f64) -> Evaluation {
-        let mut at = self.evaluate(level, pose, width2);
+    fn evaluated(&mut self, prior: &Prior, levels: &[Level], pose: Pose3, width2: f64) -> Evaluation {
+        let mut at = self.evaluate(levels, pose, width2);
         let error = prior.map_from_cloud.between(pose).log();
         let body = along_body(pose);
         let pull = prior.information * error;
@@ -377,7 +427,7 @@ impl Matcher {
     }
 
     /// The objective by the points alone. Logarithms are taken of products.
-    fn evaluate(&mut self, level: &Level, pose: Pose3, width2: f64) -> Evaluation {
+    fn evaluate(&mut self, levels: &[Level], pose: Pose3, width2: f64) -> Evaluation {
         let rotation = pose.rotation.to_rotation_matrix();
         let mut sums = Sums::default();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
@@ -389,7 +439,7 @@ impl Matcher {
             if product > 1e200 {
                 (log_sum, product) = (log_sum + product.ln(), 1.0);
             }
-            let Some(surfel) = level.surfel_at(at.into(), looked) else {
+            let Some(surfel) = surfel_at(levels, at.into(), looked) else {
                 product *= 1.0 + UNKNOWN_WIDTHS2;
                 continue;
             };

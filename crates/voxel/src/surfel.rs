@@ -11,10 +11,11 @@ const LEAST_POINTS: u32 = 5;
 const LEAST_THICKNESS: f64 = 0.02;
 
 /// What a point tells along a plane's normal is less by so many times what it would tell along the plane where the points spread less:
-/// nothing where they lie on a line, as those of a single beam do, whose normal nobody knows;
-const ALONG: f64 = 2.0;
-/// but this share of it at least.
-const LEAST_ACROSS: f64 = 0.01;
+/// nothing where they lie on a line, as those of a single beam do, whose normal nobody knows.
+const ALONG: f64 = 4.0;
+/// A surfel says nothing beyond where its points lie: so many squared standard deviations along it; those spread over a square reach 3 to
+/// its edges and 6 to its corners.
+const REACH2: f64 = 6.0;
 
 /// Sums over the points of a voxel, in integers: what was added can be taken away to the bit, in any order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -34,10 +35,12 @@ pub struct Surfel {
     pub mean_m: [f32; 3],
     /// The direction in which they spread least.
     pub normal: [f32; 3],
-    /// What a point on it tells along the normal, 1/m^2.
+    /// What a point on it tells along the normal, 1/m^2; nothing where its points lie on a line.
     pub(crate) information: f32,
     /// See [`Surfel::spread_m`].
     spread_m: [f32; 2],
+    /// Along which they spread most.
+    far: [f32; 3],
 }
 
 impl Surfel {
@@ -46,6 +49,22 @@ impl Surfel {
     pub(crate) fn off_m(&self, at: Vector3<f64>) -> f64 {
         let [normal, mean] = [self.normal, self.mean_m].map(|v| Vector3::from(v.map(f64::from)));
         normal.dot(&(at - mean))
+    }
+
+    /// Whether it knows its normal.
+    #[inline]
+    pub(crate) fn is_telling(&self) -> bool {
+        self.information > 0.0
+    }
+
+    /// Whether a point lies where its points do, however far off.
+    #[inline]
+    pub(crate) fn covers(&self, at: [f64; 3]) -> bool {
+        let [normal, mean, far] = [self.normal, self.mean_m, self.far].map(|v| Vector3::from(v.map(f64::from)));
+        let from_mean = Vector3::from(at) - mean;
+        let [off2, far2] = [normal, far].map(|axis| axis.dot(&from_mean).powi(2));
+        let [along_m, most_m] = self.spread_m();
+        (from_mean.norm_squared() - off2 - far2) / (along_m * along_m) + far2 / (most_m * most_m) <= REACH2
     }
 
     /// Standard deviations of its points along the surface, the lesser first, metres: one next to nothing is a line, whose normal nobody
@@ -101,11 +120,12 @@ impl Sums {
         let unit_m = size_m / PARTS;
         let (variances, vectors) = axes(covariance * (unit_m * unit_m));
         let least = (LEAST_THICKNESS * size_m).max(noise_m);
-        let [across, along, far] = [0, 1, 2].map(|k| variances[k].max(least * least));
-        let information = (1.0 / across - ALONG / along).max(LEAST_ACROSS / across) as f32;
-        let spread_m = [along, far].map(|variance| variance.sqrt() as f32);
+        let [across, along, most] = [0, 1, 2].map(|k| variances[k].max(least * least));
+        let information = (1.0 / across - ALONG / along).max(0.0) as f32;
+        let spread_m = [along, most].map(|variance| variance.sqrt() as f32);
         let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);
         let normal = [0, 1, 2].map(|row| vectors[(row, 0)] as f32);
-        Some(Surfel { count: self.count, mean_m, normal, information, spread_m })
+        let far = [0, 1, 2].map(|row| vectors[(row, 2)] as f32);
+        Some(Surfel { count: self.count, mean_m, normal, information, spread_m, far })
     }
 }

@@ -53,6 +53,8 @@ pub(crate) struct Level {
     /// Where its voxels begin, of their side.
     offset: f64,
     noise_m: f64,
+    /// Of the coarser half, which lead to a pose and do not judge it.
+    leads: bool,
     places: FxHashMap<Key, u32>,
     voxels: Vec<Voxel>,
     /// Beside each voxel, for matching reads nothing else.
@@ -66,6 +68,8 @@ pub(crate) struct Level {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Looked {
     key: Key,
+    /// In which of the resolutions asked.
+    level: u32,
     place: u32,
 }
 
@@ -74,7 +78,7 @@ const NOWHERE: u32 = u32::MAX;
 
 impl Looked {
     /// None yet.
-    pub(crate) const NOTHING: Self = Self { key: Key::MAX, place: NOWHERE };
+    pub(crate) const NOTHING: Self = Self { key: Key::MAX, level: 0, place: NOWHERE };
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -94,11 +98,12 @@ impl SurfelMap {
     /// An empty map.
     #[must_use]
     pub fn new(settings: SurfelMapSettings) -> Self {
+        let levels = settings.levels.max(1);
         let level = |k: usize| {
             let offset = (OFFSET * k as f64).fract();
-            Level { offset, ..Level::new(settings.size_m(k), settings.noise_m) }
+            Level { offset, leads: k > 0 && k >= levels / 2, ..Level::new(settings.size_m(k), settings.noise_m) }
         };
-        Self { settings, levels: (0..settings.levels.max(1)).map(level).collect() }
+        Self { settings, levels: (0..levels).map(level).collect() }
     }
 
     /// How it was made.
@@ -194,11 +199,35 @@ impl SurfelMap {
     }
 }
 
+/// The surfel that says something where a point lies, of the first of these resolutions that has one: a resolution that leads says
+/// something everywhere in its voxels, the others where their points lie. `last` is the voxel of the first
+/// where it was looked for before, and what was found from there.
+#[inline]
+pub(crate) fn surfel_at<'a>(levels: &'a [Level], at: [f64; 3], last: &mut Looked) -> Option<&'a Surfel> {
+    let key = key_of(levels[0].scaled(at))?;
+    if key != last.key {
+        *last = look(levels, key, at);
+    }
+    levels[last.level as usize].surfels.get(last.place as usize)?.as_ref()
+}
+
+fn look(levels: &[Level], key: Key, at: [f64; 3]) -> Looked {
+    for (number, level) in levels.iter().enumerate() {
+        let Some(place) = level.place_at(at) else { continue };
+        let leads = number == 0 && level.leads;
+        if level.surfels[place].is_some_and(|surfel| surfel.is_telling() && (leads || surfel.covers(at))) {
+            return Looked { key, level: number as u32, place: place as u32 };
+        }
+    }
+    Looked { key, level: 0, place: NOWHERE }
+}
+
 impl Level {
     fn new(size_m: f64, noise_m: f64) -> Self {
         Self {
             size_m,
             noise_m,
+            leads: false,
             per_m: 1.0 / size_m,
             offset: 0.0,
             places: FxHashMap::default(),
@@ -267,16 +296,6 @@ impl Level {
         let mut places: Vec<(Key, u32)> = self.places.iter().map(|(key, place)| (*key, *place)).collect();
         places.sort_unstable_by_key(|(key, _)| *key);
         places.into_iter().map(|(_, place)| place).collect()
-    }
-
-    /// The surfel of the voxel that a point lies in; `last` is the voxel where it was looked for before.
-    #[inline]
-    pub(crate) fn surfel_at(&self, at: [f64; 3], last: &mut Looked) -> Option<&Surfel> {
-        let key = key_of(self.scaled(at))?;
-        if key != last.key {
-            *last = Looked { key, place: self.places.get(&key).copied().unwrap_or(NOWHERE) };
-        }
-        self.surfels.get(last.place as usize)?.as_ref()
     }
 
     #[inline]

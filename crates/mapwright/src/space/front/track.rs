@@ -1,7 +1,8 @@
 //! Step 3: the match, and the guard that starts it again where it is in doubt.
 //!
-//! On hard data the basin decides, not the precision: a sensor that turns by half a right angle from cloud to cloud is found
-//! again from the coarse resolutions, and where less than [`DOUBT_SHARE`] of what is known fits, from other headings as well.
+//! Near to the prediction first, at the finer resolutions. Where what is known bears that out less than it did the clouds before, from the
+//! coarse ones too, where the robot stood, and from other headings: on hard data the basin decides, not the precision. The most probable
+//! of what is found is taken, by points and prediction.
 
 use super::predict::Step;
 use crate::settings::{Optimizer, Settings};
@@ -11,10 +12,12 @@ use mapwright_record::{MatchReport, NodeId, Status};
 use mapwright_voxel::{Ascent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
 use nalgebra::Vector6;
 
-/// Below this share of fitting points, among those in known territory, other starts are tried,
+/// A match is in doubt where what is known of a cloud is this share as likely as that of the clouds before, log likelihood ratios,
 const DOUBT_SHARE: f64 = 0.85;
-/// or where less than this share of a cloud is known: in a wrong place little is.
+/// or where less than this share of it is known: in a wrong place little is.
 const DOUBT_KNOWN: f64 = 0.75;
+/// How much the newest cloud counts in what is usual.
+const USUAL_GAIN: f64 = 0.2;
 /// Below this share a match is doubtful, and below the next it is not believed.
 const DEGRADED_SHARE: f64 = 0.55;
 const LOST_SHARE: f64 = 0.35;
@@ -26,11 +29,9 @@ const TELLING_KNOWN: f64 = 0.4;
 const HEADINGS: i32 = 11;
 const HEADING_RAD: f64 = 0.262;
 /// The most promising of them are followed to the finest resolution.
-const FOLLOWED: usize = 1;
-/// Another start has to fit so much better, share of the points.
+const FOLLOWED: usize = 3;
+/// A sweep straightened has to fit as well as before, less this share of the points.
 const BETTER_SHARE: f64 = 0.01;
-/// and so much where an inertial sensor has said how the robot turned.
-const READ_BETTER_SHARE: f64 = 0.1;
 /// A cloud that was matched in doubt says less, to this share of its information.
 const DOUBTED_TRUST: f64 = 0.25;
 
@@ -62,11 +63,13 @@ impl Matched {
     }
 }
 
-/// Matches, and remembers nothing but its buffers.
+/// Matches, and remembers how likely clouds were.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tracker {
     matcher: Matcher,
     suppliers: Vec<NodeId>,
+    /// The mean log likelihood ratio of a point of which something is known.
+    usual: Option<f64>,
 }
 
 impl Tracker {
@@ -96,32 +99,38 @@ impl Tracker {
         // Constant velocity as the only start is worse than standing still.
         let standing = if step.from_imu { Pose3 { rotation: predicted.rotation, ..last } } else { last };
         let read = step.read.map(|rotation| Pose3 { rotation: last.rotation * rotation, ..predicted });
-        let starts = [predicted, standing].into_iter().chain(read);
-        let better_share = if step.from_imu { READ_BETTER_SHARE } else { BETTER_SHARE };
-        let first = if step.from_odometry {
-            predicted
-        } else {
-            self.matcher.rough(map, points, &prior, starts, 1).first().copied().unwrap_or(predicted)
-        };
-        let mut best = self.matcher.climb(map, points, &prior, first);
+        let mut best = self.matcher.climb_near(map, points, &prior, predicted);
         let mut restarts = 0;
-        if best.inlier_share < DOUBT_SHARE || best.known_share < DOUBT_KNOWN {
-            // Large voxels may lead astray.
-            let start = self.matcher.judge(map, points, predicted);
-            if score(&start) > score(&best) {
-                best = Fit { evaluations: best.evaluations + start.evaluations, ..start };
+        if self.is_doubtful(&best) {
+            best = likelier(best, self.matcher.climb_near(map, points, &prior, standing), &prior);
+            let starts = [predicted, standing].into_iter().chain(read);
+            for start in self.matcher.rough(map, points, &prior, starts, 1) {
+                best = likelier(best, self.matcher.climb(map, points, &prior, start), &prior);
             }
+        }
+        if self.is_doubtful(&best) {
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
             for start in self.matcher.rough(map, points, &prior, headings, FOLLOWED) {
-                let other = self.matcher.climb(map, points, &prior, start);
+                best = likelier(best, self.matcher.climb(map, points, &prior, start), &prior);
                 restarts += 1;
-                if score(&other) > score(&best) + better_share {
-                    best = Fit { evaluations: best.evaluations + other.evaluations, ..other };
-                }
             }
         }
+        if let Ok(n) = std::env::var("TRUTH") {
+            let v: Vec<f64> = n.split(',').map(|x| x.parse().unwrap()).collect();
+            let truth = last * Pose3::exp(Vector6::from_column_slice(&v));
+            let show = |n: &str, f: &Fit| eprintln!("TRUTH {n} last<-{:?} post {:.3} lik {:.3} known {:.3} in {:.3} off {:.3}", last.between(f.map_from_cloud).log().as_slice().iter().map(|v| (v * 1e3).round() / 1e3).collect::<Vec<_>>(), f.posterior(&prior), f.log_likelihood, f.known_share, f.inlier_share, f.off_m);
+            let j = self.matcher.judge(map, points, truth); show("judge", &j);
+            let f = self.matcher.climb_near(map, points, &prior, truth); show(&format!("climb near"), &f);
+            show("found", &best);
+        }
+        let found = each_known(&best);
+        self.usual = Some(self.usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
         Some(self.judge(local_map, points, &prior, &best, restarts))
+    }
+
+    fn is_doubtful(&self, fit: &Fit) -> bool {
+        fit.known_share < DOUBT_KNOWN || self.usual.is_none_or(|usual| each_known(fit) < DOUBT_SHARE * usual)
     }
 
     /// The cloud once more from where it was found before.
@@ -191,6 +200,14 @@ impl Tracker {
     }
 }
 
-fn score(fit: &Fit) -> f64 {
-    fit.known_share * fit.inlier_share
+/// The likelier of two fits, by points and prior.
+fn likelier(a: Fit, b: Fit, prior: &Prior) -> Fit {
+    let evaluations = a.evaluations + b.evaluations;
+    let best = if b.posterior(prior) > a.posterior(prior) { b } else { a };
+    Fit { evaluations, ..best }
+}
+
+/// The mean log likelihood ratio of a point of which something is known.
+fn each_known(fit: &Fit) -> f64 {
+    if fit.known_share > 0.0 { fit.log_likelihood / fit.known_share } else { 0.0 }
 }
