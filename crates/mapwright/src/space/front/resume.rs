@@ -18,6 +18,7 @@ impl FrontEnd {
     pub(crate) fn put(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
         self.predictor.put(out);
+        self.tracker.usual().put(out);
         self.inertial.put(out);
         self.pose.put(out);
         (self.middle_from_stamp, self.carried_on).put(out);
@@ -29,6 +30,8 @@ impl FrontEnd {
     pub(crate) fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
         let scale: Option<Scale> = Stored::take(from)?;
         let predictor: Predictor = Stored::take(from)?;
+        let usual: Option<f64> = Stored::take(from)?;
+        usual.is_none_or(f64::is_finite).then_some(())?;
         let inertial = Inertial::restore(from)?;
         let pose = RobotPose::restore(past, from)?;
         let (middle_from_stamp, carried_on): (Pose3, Cov6) = Stored::take(from)?;
@@ -39,7 +42,8 @@ impl FrontEnd {
         };
         let preparation = Preparation::of_scale(scale);
         let new = Self::new(settings, Pose3::identity());
-        Some(Self { preparation, predictor, inertial, pose, middle_from_stamp, carried_on, local_map, ..new })
+        let tracker = new.tracker.clone().used_to(usual);
+        Some(Self { preparation, predictor, tracker, inertial, pose, middle_from_stamp, carried_on, local_map, ..new })
     }
 
     /// Goes on where the session ends, by keyframes and edges alone; `past` is all of it.

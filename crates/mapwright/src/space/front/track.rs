@@ -12,8 +12,8 @@ use mapwright_record::{MatchReport, NodeId, Status};
 use mapwright_voxel::{Ascent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
 use nalgebra::Vector6;
 
-/// A match is in doubt where what is known of a cloud is this share as likely as that of the clouds before, log likelihood ratios,
-const DOUBT_SHARE: f64 = 0.85;
+/// A match is in doubt where a point of which something is known is less likely than those of the clouds before by so much, in logarithms,
+const DOUBT_NATS: f64 = 0.25;
 /// or where less than this share of it is known: in a wrong place little is.
 const DOUBT_KNOWN: f64 = 0.75;
 /// How much the newest cloud counts in what is usual.
@@ -83,6 +83,16 @@ impl Tracker {
         Self { matcher, ..Self::default() }
     }
 
+    /// How likely clouds were.
+    pub(super) fn usual(&self) -> Option<f64> {
+        self.usual
+    }
+
+    /// One that goes on with that.
+    pub(super) fn used_to(self, usual: Option<f64>) -> Self {
+        Self { usual, ..self }
+    }
+
     /// The cloud against the local map; `last` is where the robot was.
     pub(super) fn track(
         &mut self,
@@ -116,21 +126,13 @@ impl Tracker {
                 restarts += 1;
             }
         }
-        if let Ok(n) = std::env::var("TRUTH") {
-            let v: Vec<f64> = n.split(',').map(|x| x.parse().unwrap()).collect();
-            let truth = last * Pose3::exp(Vector6::from_column_slice(&v));
-            let show = |n: &str, f: &Fit| eprintln!("TRUTH {n} last<-{:?} post {:.3} lik {:.3} known {:.3} in {:.3} off {:.3}", last.between(f.map_from_cloud).log().as_slice().iter().map(|v| (v * 1e3).round() / 1e3).collect::<Vec<_>>(), f.posterior(&prior), f.log_likelihood, f.known_share, f.inlier_share, f.off_m);
-            let j = self.matcher.judge(map, points, truth); show("judge", &j);
-            let f = self.matcher.climb_near(map, points, &prior, truth); show(&format!("climb near"), &f);
-            show("found", &best);
-        }
         let found = each_known(&best);
         self.usual = Some(self.usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
         Some(self.judge(local_map, points, &prior, &best, restarts))
     }
 
     fn is_doubtful(&self, fit: &Fit) -> bool {
-        fit.known_share < DOUBT_KNOWN || self.usual.is_none_or(|usual| each_known(fit) < DOUBT_SHARE * usual)
+        fit.known_share < DOUBT_KNOWN || self.usual.is_none_or(|usual| each_known(fit) < usual - DOUBT_NATS)
     }
 
     /// The cloud once more from where it was found before.
