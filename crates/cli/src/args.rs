@@ -152,7 +152,7 @@ pub(crate) struct MapArgs {
     output: Option<PathBuf>,
     /// Go on with the session in the folder of results, be it finished, stopped or killed: with the rest of the log that it was made of,
     /// or with another log, which may begin anywhere.
-    #[arg(long = "continue", conflicts_with_all = ["resume", "start", "space"])]
+    #[arg(long = "continue", conflicts_with_all = ["resume", "start"])]
     pub(crate) goes_on: bool,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,

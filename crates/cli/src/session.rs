@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::{OutputFolder, part_of};
 use mapwright::{Entry, SeparateMap, Session, Settings, SpaceSweep, Sweep};
-use mapwright_record::{LogError, LogReport, LogWriter, Measurement, SESSION_MAGIC, read_log};
+use mapwright_record::{LogError, LogReport, LogWriter, Measurement, SESSION_MAGIC, checkpoint_end, read_log};
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -25,6 +25,8 @@ pub(crate) struct SessionLog<M: Measurement = Sweep> {
     path: PathBuf,
     unwritten: Vec<u8>,
     written: Instant,
+    /// Bytes so far.
+    bytes: usize,
 }
 
 impl<M: Measurement> SessionLog<M> {
@@ -37,6 +39,7 @@ impl<M: Measurement> SessionLog<M> {
             path: output.path(SESSION),
             unwritten: earlier.map_or_else(Vec::new, Session::encode),
             written: Instant::now(),
+            bytes: 0,
         };
         // From now on it is a log, be it empty.
         log.finish()?;
@@ -50,14 +53,21 @@ impl<M: Measurement> SessionLog<M> {
 
     /// Takes entries down, and writes them before long.
     pub(crate) fn add(&mut self, entries: Vec<Entry<M>>) -> Result<(), Failure> {
+        let before = self.unwritten.len();
         for entry in entries {
             let appended = self.writer.append(&mut self.unwritten, &entry).and_then(|()| self.session.add(entry));
             appended.map_err(|cause| Failure::write(&self.path, std::io::Error::other(cause)))?;
         }
+        self.bytes += self.unwritten.len() - before;
         if self.unwritten.len() >= WRITE_FROM_BYTES || self.written.elapsed() >= WRITE_AFTER {
             self.write()?;
         }
         Ok(())
+    }
+
+    /// Bytes of all that was added to what it began with.
+    pub(crate) fn added_bytes(&self) -> usize {
+        self.bytes
     }
 
     /// Nothing more comes: writes all that is left.
@@ -94,16 +104,28 @@ pub(crate) fn read_any_session(path: &Path) -> Result<(AnySession, Vec<String>),
     Ok((AnySession::Plane(plane), losses))
 }
 
-/// The planar session of a folder of results that another run is about to write to: that of a run that was killed in it, where there is more
-/// of it. From now on it is the folder's session, whatever becomes of what comes.
+/// The planar session of a folder of results that another run is about to write to.
 pub(crate) fn to_go_on_with(folder: &Path) -> Result<(Session, Vec<String>), Failure> {
+    newest_of(folder, &earlier_in_plane, |(session, _)| session.scans().len())
+}
+
+/// The session in space of such a folder.
+pub(crate) fn to_go_on_with_in_space(folder: &Path) -> Result<EarlierInSpace, Failure> {
+    newest_of(folder, &earlier_in_space, |earlier| earlier.session.scans().len())
+}
+
+/// What a folder's session is: that of a run that was killed in it, where there is more of it. From now on it is the folder's, whatever
+/// becomes of what comes.
+fn newest_of<T>(
+    folder: &Path,
+    read: &dyn Fn(&Path) -> Result<T, Failure>,
+    scans: impl Fn(&T) -> usize,
+) -> Result<T, Failure> {
     let (whole, part) = (folder.join(SESSION), part_of(folder, SESSION));
-    let killed = if part.exists() { Some(earlier_in_plane(&part)?) } else { None };
-    let finished = if whole.exists() || killed.is_none() { Some(earlier_in_plane(&whole)?) } else { None };
+    let killed = if part.exists() { Some(read(&part)?) } else { None };
+    let finished = if whole.exists() || killed.is_none() { Some(read(&whole)?) } else { None };
     match (killed, finished) {
-        (Some(killed), finished)
-            if finished.as_ref().is_none_or(|(finished, _)| finished.scans().len() < killed.0.scans().len()) =>
-        {
+        (Some(killed), finished) if finished.as_ref().is_none_or(|finished| scans(finished) < scans(&killed)) => {
             fs::rename(&part, &whole).map_err(|error| Failure::write(&whole, error))?;
             Ok(killed)
         }
@@ -131,11 +153,29 @@ pub(crate) fn earlier_in_plane(path: &Path) -> Result<(Session, Vec<String>), Fa
     }
 }
 
+/// A session in space that a run goes on with.
+pub(crate) struct EarlierInSpace {
+    /// All of it.
+    pub(crate) session: Session<SpaceSweep>,
+    /// Up to where its mapper last took down all that it knew, where more came after.
+    pub(crate) at_checkpoint: Option<Session<SpaceSweep>>,
+    /// What of it was lost, in words.
+    pub(crate) losses: Vec<String>,
+}
+
 /// The session in space that a run goes on with.
-pub(crate) fn earlier_in_space(path: &Path) -> Result<(Session<SpaceSweep>, Vec<String>), Failure> {
+pub(crate) fn earlier_in_space(path: &Path) -> Result<EarlierInSpace, Failure> {
     match read_any_session(path)? {
-        (AnySession::Space(session), losses) => Ok((session, losses)),
-        (AnySession::Plane(session), losses) if session.runs().len() == 0 => Ok((Session::default(), losses)),
+        (AnySession::Space(session), losses) => {
+            let (_, bytes) = read_bytes(path)?;
+            let end = checkpoint_end(&bytes).filter(|end| *end < bytes.len()).and_then(|end| bytes.get(..end));
+            let at_checkpoint = end.map(|bytes| in_words(path, read_log::<SpaceSweep>(bytes))).transpose()?;
+            let at_checkpoint = at_checkpoint.map(|(session, _)| session);
+            Ok(EarlierInSpace { session, at_checkpoint, losses })
+        }
+        (AnySession::Plane(session), losses) if session.runs().len() == 0 => {
+            Ok(EarlierInSpace { session: Session::default(), at_checkpoint: None, losses })
+        }
         (AnySession::Plane(_), _) => Err(of_other_kind(path, "the plane", "a sensor in space")),
     }
 }

@@ -1,6 +1,7 @@
 //! Recordings of sensors in space: clouds in, files out.
 
 mod disk;
+mod going_on;
 mod inertial;
 mod messages;
 mod picture;
@@ -28,12 +29,13 @@ use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
 use crate::report::written;
-use crate::session::{SessionLog, earlier_in_space};
+use crate::session::{EarlierInSpace, SessionLog, earlier_in_space, to_go_on_with_in_space};
 use crate::stamps::Stamper;
 use crate::terminal::{say, say_json};
 use crate::timing::StageClock;
+use going_on::GoesOn;
 use inertial::Felt;
-use mapwright::{Cloud, Pose3, SpaceMapper, SpaceSweep, Stamp, Update};
+use mapwright::{Cloud, ImuReading, Pose3, Session, SpaceMapper, SpaceSweep, Stamp, Update};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use report::{Beside, Results};
@@ -46,6 +48,10 @@ pub(crate) use verdict::Facts as SpaceFacts;
 const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
 pub(crate) const MAP_SHARE: f64 = 0.1;
+
+/// What the mapper knows is taken down once the log has grown by so many bytes, and by so many times what that took.
+const FIRST_CHECKPOINT_BYTES: usize = 1 << 16;
+const LOG_PER_CHECKPOINT: usize = 16;
 
 /// What is said of a source that the recording of space at hand has no use for is wrong usage.
 pub(crate) fn check_choice(args: &SourceArgs, is_of_files: bool) -> Result<(), Failure> {
@@ -68,6 +74,18 @@ pub(crate) struct Run<'a> {
     pub(crate) name: &'a str,
     pub(crate) output: &'a Path,
     pub(crate) mapping: &'a MappingArgs,
+    /// Go on with the session in the folder of results.
+    pub(crate) goes_on: bool,
+}
+
+impl Run<'_> {
+    /// The session that is gone on with.
+    fn earlier(&self) -> Result<Option<EarlierInSpace>, Failure> {
+        if self.goes_on {
+            return to_go_on_with_in_space(self.output).map(Some);
+        }
+        self.mapping.resume.as_ref().map(|path| earlier_in_space(path)).transpose()
+    }
 }
 
 /// Maps such a recording, or a simulated one.
@@ -77,19 +95,49 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
         return Err(Failure::Log(reason.to_owned()));
     }
     let name = args.name;
+    let mut readings: Vec<ImuReading> = Vec::new();
+    let mut next = source.next_cloud(&mut |reading| readings.push(reading))?;
+    let mut earlier = args.earlier()?;
+    let earlier_losses = earlier.iter_mut().flat_map(|earlier| std::mem::take(&mut earlier.losses)).collect();
+    let mut went_on = earlier.map(|earlier| GoesOn::with(earlier, next.as_ref()));
+    if args.goes_on && went_on.as_ref().is_some_and(|went_on| !went_on.is_same) {
+        return Err(Failure::Usage(format!(
+            "--continue goes on with the recording that the session in {} is made of, found another one; what was recorded right after it, \
+             in a file of its own, goes on with --resume {} into another folder",
+            args.output.display(),
+            args.output.display()
+        )));
+    }
+    let session = went_on.as_mut().and_then(|went_on| went_on.session.take());
     let output = OutputFolder::create(args.output)?;
-    let mut mapping = Mapping::begin(args.mapping, output, source.frames())?;
+    let mut mapping = Mapping::begin(args.mapping, output, source.frames(), (session, earlier_losses))?;
     let mut is_cut = false;
-    while let Some(cloud) = source.next_cloud(&mut |reading| {
-        mapping.mapper.add_imu(reading);
-    })? {
-        mapping.add_cloud(&cloud)?;
+    while let Some(cloud) = next {
+        let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&cloud)).map_err(Failure::Log)?;
+        if is_new {
+            readings.drain(..).for_each(|reading| {
+                mapping.mapper.add_imu(reading);
+            });
+            mapping.add_cloud(&cloud)?;
+        }
         is_cut = interrupt.came();
         if is_cut {
             break;
         }
+        // Before a cloud that the session has come readings that its mapper knows.
+        readings.clear();
+        next = source.next_cloud(&mut |reading| readings.push(reading))?;
+        if went_on.as_ref().is_some_and(|went_on| !went_on.is_through()) {
+            readings.clear();
+        }
     }
     mapping.end_of_clouds();
+    let missing = went_on.as_ref().map_or(0, GoesOn::missing);
+    if missing > 0 && !is_cut {
+        return Err(Failure::Log(format!(
+            "{name}: expected a recording of which the session has the beginning, found one that ends {missing} clouds before the session does"
+        )));
+    }
     let notes = source.notes();
     let (mut losses, mut odd) = source.damages();
     losses.append(&mut mapping.earlier_losses);
@@ -140,14 +188,19 @@ struct Mapping {
     policy: crate::args::StampPolicy,
     picture_side: Option<u16>,
     progress: Progress,
+    /// From so many bytes of the log on all that the mapper knows is taken down again.
+    checkpoint_at: usize,
 }
 
 impl Mapping {
-    fn begin(args: &MappingArgs, mut output: OutputFolder, length: u64) -> Result<Self, Failure> {
+    fn begin(
+        args: &MappingArgs,
+        mut output: OutputFolder,
+        length: u64,
+        (earlier, earlier_losses): (Option<Session<SpaceSweep>>, Vec<String>),
+    ) -> Result<Self, Failure> {
         let clock = StageClock::start();
         let settings = settings_of(args)?;
-        let earlier = args.resume.as_ref().map(|path| earlier_in_space(path)).transpose()?;
-        let (earlier, earlier_losses) = earlier.map_or((None, Vec::new()), |(session, losses)| (Some(session), losses));
         let log = SessionLog::begin(&mut output, earlier.as_ref())?;
         let mapper = match earlier {
             Some(session) => SpaceMapper::resume(settings, session)?,
@@ -166,6 +219,7 @@ impl Mapping {
             policy: args.stamps,
             picture_side: args.picture_side,
             progress: Progress::new(Some(length), args.voice.quiet || args.voice.json),
+            checkpoint_at: FIRST_CHECKPOINT_BYTES,
         })
     }
 
@@ -178,7 +232,20 @@ impl Mapping {
         }
         self.clock.scan(update.scan);
         self.progress.scan(update.stamp, self.tally.clouds);
-        self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())
+        self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())?;
+        self.take_down()
+    }
+
+    /// All that the mapper knows, from time to time, for a run that goes on after this one was killed.
+    fn take_down(&mut self) -> Result<(), Failure> {
+        let before = self.log.added_bytes();
+        if before < self.checkpoint_at {
+            return Ok(());
+        }
+        self.log.add(self.mapper.checkpoint().entries).inspect_err(|_| self.output.failed_to_write())?;
+        let after = self.log.added_bytes();
+        self.checkpoint_at = after + (LOG_PER_CHECKPOINT * (after - before)).max(FIRST_CHECKPOINT_BYTES);
+        Ok(())
     }
 
     fn end_of_clouds(&mut self) {

@@ -13,6 +13,9 @@ const LEAST_THICKNESS: f64 = 0.02;
 /// What a point tells along a plane's normal is less by so many times what it would tell along the plane where the points spread less:
 /// nothing where they lie on a line, as those of a single beam do, whose normal nobody knows.
 const ALONG: f64 = 4.0;
+/// A surface that beams meet at such an angle, radians, is seen edge-on and is none: the points of one ring that goes around a corner look
+/// like a plane, in which its beams lie.
+const EDGE_ON: f64 = 0.05;
 /// A surfel says nothing beyond where its points lie: so many squared standard deviations along it; those spread over a square reach 3 to
 /// its edges and 6 to its corners.
 const REACH2: f64 = 6.0;
@@ -24,6 +27,8 @@ pub(crate) struct Sums {
     sum: [i64; 3],
     /// xx, xy, xz, yy, yz, zz.
     squares: [i64; 6],
+    /// Directions in which they were seen.
+    rays: [i64; 3],
 }
 
 /// The points of a voxel as a piece of a plane.
@@ -86,11 +91,14 @@ impl Surfel {
 impl Sums {
     /// Adds a point or takes it away (`sign` -1), which lies at so many voxels from the voxel's least corner.
     #[inline]
-    pub(crate) fn add(&mut self, within: [f64; 3], sign: i64) {
+    pub(crate) fn add(&mut self, within: [f64; 3], ray: [f64; 3], sign: i64) {
         let [x, y, z] = within.map(|v| (v * PARTS) as i64);
         self.count = self.count.wrapping_add(sign as u32);
         for (sum, value) in self.sum.iter_mut().zip([x, y, z]) {
             *sum += sign * value;
+        }
+        for (sum, value) in self.rays.iter_mut().zip(ray) {
+            *sum += sign * (value * PARTS) as i64;
         }
         for (sum, value) in self.squares.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
             *sum += sign * value;
@@ -121,7 +129,9 @@ impl Sums {
         let (variances, vectors) = axes(covariance * (unit_m * unit_m));
         let least = (LEAST_THICKNESS * size_m).max(noise_m);
         let [across, along, most] = [0, 1, 2].map(|k| variances[k].max(least * least));
-        let information = (1.0 / across - ALONG / along).max(0.0) as f32;
+        let ray = Vector3::from(self.rays.map(|sum| sum as f64));
+        let is_edge_on = vectors.column(0).dot(&ray).abs() < EDGE_ON * ray.norm();
+        let information = if is_edge_on { 0.0 } else { (1.0 / across - ALONG / along).max(0.0) as f32 };
         let spread_m = [along, most].map(|variance| variance.sqrt() as f32);
         let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);
         let normal = [0, 1, 2].map(|row| vectors[(row, 0)] as f32);

@@ -135,8 +135,10 @@ impl SurfelMap {
         let rotation = map_from_cloud.rotation.to_rotation_matrix();
         for &[x, y, z] in points_m {
             let point = nalgebra::Vector3::new(f64::from(x), f64::from(y), f64::from(z));
-            let at: [f64; 3] = (rotation * point + map_from_cloud.translation).into();
-            self.levels.iter_mut().for_each(|level| level.draw(at, change, supplier));
+            let along = rotation * point;
+            let at: [f64; 3] = (along + map_from_cloud.translation).into();
+            let ray: [f64; 3] = (along / along.norm().max(f64::MIN_POSITIVE)).into();
+            self.levels.iter_mut().for_each(|level| level.draw(at, ray, change, supplier));
         }
     }
 
@@ -244,7 +246,7 @@ impl Level {
         at.map(|v| v * self.per_m + self.offset)
     }
 
-    fn draw(&mut self, at: [f64; 3], change: Change, supplier: u32) {
+    fn draw(&mut self, at: [f64; 3], ray: [f64; 3], change: Change, supplier: u32) {
         let scaled = self.scaled(at);
         let Some(key) = key_of(scaled) else { return };
         let place = match change {
@@ -268,7 +270,7 @@ impl Level {
         let corner = corner(key);
         let voxel = &mut self.voxels[place as usize];
         let within = [0, 1, 2].map(|k| scaled[k] - corner[k]);
-        voxel.sums.add(within, if change == Change::Add { 1 } else { -1 });
+        voxel.sums.add(within, ray, if change == Change::Add { 1 } else { -1 });
         if change == Change::Add {
             voxel.supplier = supplier;
         }

@@ -137,10 +137,10 @@ fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Resul
         let why = "--mount and --calibration are for planar lasers, found a recording of space; --frame names the robot's frame";
         return Err(Failure::Usage(why.to_owned()));
     }
-    if args.goes_on {
-        let why = "--continue is for logs of a planar laser; a recording of space goes on with --resume SESSION, into another folder";
-        return Err(Failure::Usage(why.to_owned()));
-    }
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
-    space::map(&space::Run { name: &name, output: &args.output(), mapping: &args.mapping }, source, interrupt)
+    space::map(
+        &space::Run { name: &name, output: &args.output(), mapping: &args.mapping, goes_on: args.goes_on },
+        source,
+        interrupt,
+    )
 }

@@ -47,6 +47,20 @@ pub fn read_log<M: Measurement>(bytes: &[u8]) -> Result<(Session<M>, LogReport),
     }
 }
 
+/// How many of these bytes, of a file of version 2, lead up to the last checkpoint before anything damaged, with it; none where there is
+/// none. What they hold is a session that ends with it.
+#[must_use]
+pub fn checkpoint_end(bytes: &[u8]) -> Option<usize> {
+    version(bytes).ok().filter(|version| *version == VERSION)?;
+    let (mut at, mut end) = (HEADER_BYTES, None);
+    while let Ok(frame) = Frame::at(bytes, at) {
+        let kind = Kind::from_code(frame.kind).filter(|_| frame.version == ENTRY_VERSION)?;
+        end = if kind == Kind::Checkpoint { Some(frame.end) } else { end };
+        at = frame.end;
+    }
+    end
+}
+
 /// What the file says of itself.
 fn version(bytes: &[u8]) -> Result<u16, LogError> {
     let there = bytes.len().min(SESSION_MAGIC.len());

@@ -19,7 +19,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     let interrupt = Interrupt::watch()?;
     let name = format!("simulated building of two storeys, seed {}", args.seed);
     let source = Source::Simulated(Box::new(Simulation::of(drive(args), EVERY)));
-    map(&Run { name: &name, output: &args.output, mapping: &args.mapping }, source, &interrupt)
+    map(&Run { name: &name, output: &args.output, mapping: &args.mapping, goes_on: false }, source, &interrupt)
 }
 
 fn drive(args: &DemoArgs) -> SpaceDrive {

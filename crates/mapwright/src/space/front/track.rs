@@ -23,8 +23,6 @@ const DEGRADED_SHARE: f64 = 0.55;
 const LOST_SHARE: f64 = 0.35;
 /// Where a smaller share of a cloud lies where something is known, the map says nothing of the pose.
 const LEAST_KNOWN: f64 = 0.15;
-/// What holds a smaller share of a cloud tells nothing of the surfaces around.
-const TELLING_KNOWN: f64 = 0.4;
 /// Headings tried on doubt, beside the predicted one: so many steps to either side, radians.
 const HEADINGS: i32 = 11;
 const HEADING_RAD: f64 = 0.262;
@@ -169,7 +167,7 @@ impl Tracker {
         let trust = if fits == Status::Tracking { 1.0 } else { DOUBTED_TRUST };
         let [translation, rotation] = fit.held_shares;
         let is_turn_held = rotation >= HELD_SHARE;
-        let is_held = known_share < TELLING_KNOWN || is_turn_held && translation >= HELD_SHARE;
+        let is_held = is_turn_held && translation >= HELD_SHARE;
         let status = if fits == Status::Tracking && !is_held { Status::Degraded } else { fits };
         let report = MatchReport {
             beams: fit.points,

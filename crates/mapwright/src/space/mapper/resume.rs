@@ -11,7 +11,7 @@ use mapwright_record::{RunId, Session, Status, Update};
 use mapwright_sensor::SpaceSweep;
 
 /// Of the bytes; another one's are not read.
-const VERSION: u8 = 4;
+const VERSION: u8 = 5;
 
 impl SpaceMapper {
     /// Takes down what keyframes and edges do not say, where a run stops: [`SpaceMapper::resume`] goes on with it to the same poses, bit
