@@ -83,6 +83,8 @@ pub struct Fit {
     pub known_share: f64,
     /// Share of those that fit it.
     pub inlier_share: f64,
+    /// Share of the points that lie where something was seen that says nothing of a surface, as points on a line.
+    pub lines_share: f64,
     /// How far they lie off it, the median, metres.
     pub off_m: f64,
     /// How much more likely its points are there than anywhere, the mean of their log likelihood ratios: a point where nothing is known
@@ -147,6 +149,7 @@ struct Evaluation {
     held_shares: [f64; 2],
     known: u32,
     fitting: u32,
+    lines: u32,
 }
 
 impl Fit {
@@ -208,6 +211,7 @@ impl Matcher {
             held_shares: at.held_shares,
             points,
             known_share: share(at.known, points),
+            lines_share: share(at.lines, points),
             inlier_share: share(at.fitting, at.known),
             off_m: self.median_off_m(levels, pose),
             log_likelihood: self.log_likelihood(levels, pose),
@@ -431,7 +435,7 @@ impl Matcher {
         let rotation = pose.rotation.to_rotation_matrix();
         let mut sums = Sums::default();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
-        let (mut known, mut fitting) = (0, 0);
+        let (mut known, mut fitting, mut lines) = (0, 0, 0);
         let (fit2, per_width2) = (self.settings.fit_sigmas.powi(2), 1.0 / width2);
         for (point, looked) in self.points.iter().zip(&mut self.looked) {
             let arm = rotation * Vector3::from(*point);
@@ -441,6 +445,7 @@ impl Matcher {
             }
             let Some(surfel) = surfel_at(levels, at.into(), looked) else {
                 product *= 1.0 + UNKNOWN_WIDTHS2;
+                lines += u32::from(looked.is_there());
                 continue;
             };
             let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
@@ -458,7 +463,7 @@ impl Matcher {
         let (mut gradient, mut hessian) = sums.derivatives();
         let held_shares = leave_open(&mut gradient, &mut hessian);
         let cost = 0.5 * width2 * (log_sum + f64::ln(product));
-        Evaluation { cost, gradient, hessian, held_shares, known, fitting }
+        Evaluation { cost, gradient, hessian, held_shares, known, fitting, lines }
     }
 }
 

@@ -5,8 +5,9 @@ use nalgebra::{Matrix3, Vector3};
 
 /// A coordinate within a voxel is counted in so many parts of its side.
 const PARTS: f64 = 4096.0;
-/// A voxel with fewer points says nothing of a surface.
+/// A voxel with fewer points has no surfel, and one of fewer than that is no plane to rely on: so few lie on one by chance.
 const LEAST_POINTS: u32 = 5;
+const TELLING_POINTS: u32 = 8;
 /// A surface is as thick as this share of the voxel's side at least: what is curved or rough within it.
 const LEAST_THICKNESS: f64 = 0.02;
 
@@ -130,8 +131,9 @@ impl Sums {
         let least = (LEAST_THICKNESS * size_m).max(noise_m);
         let [across, along, most] = [0, 1, 2].map(|k| variances[k].max(least * least));
         let ray = Vector3::from(self.rays.map(|sum| sum as f64));
+        let is_by_chance = self.count < TELLING_POINTS;
         let is_edge_on = vectors.column(0).dot(&ray).abs() < EDGE_ON * ray.norm();
-        let information = if is_edge_on { 0.0 } else { (1.0 / across - ALONG / along).max(0.0) as f32 };
+        let information = if is_edge_on || is_by_chance { 0.0 } else { (1.0 / across - ALONG / along).max(0.0) as f32 };
         let spread_m = [along, most].map(|variance| variance.sqrt() as f32);
         let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);
         let normal = [0, 1, 2].map(|row| vectors[(row, 0)] as f32);

@@ -71,6 +71,7 @@ pub(crate) struct Looked {
     /// In which of the resolutions asked.
     level: u32,
     place: u32,
+    is_there: bool,
 }
 
 /// The place of a voxel that is not there.
@@ -78,7 +79,13 @@ const NOWHERE: u32 = u32::MAX;
 
 impl Looked {
     /// None yet.
-    pub(crate) const NOTHING: Self = Self { key: Key::MAX, level: 0, place: NOWHERE };
+    pub(crate) const NOTHING: Self = Self { key: Key::MAX, level: 0, place: NOWHERE, is_there: false };
+
+    /// Whether the voxel has a surfel, be it one that tells nothing.
+    #[inline]
+    pub(crate) fn is_there(&self) -> bool {
+        self.is_there
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -214,14 +221,16 @@ pub(crate) fn surfel_at<'a>(levels: &'a [Level], at: [f64; 3], last: &mut Looked
 }
 
 fn look(levels: &[Level], key: Key, at: [f64; 3]) -> Looked {
+    let mut is_there = false;
     for (number, level) in levels.iter().enumerate() {
         let Some(place) = level.place_at(at) else { continue };
+        is_there |= number == 0 && level.surfels[place].is_some();
         let leads = number == 0 && level.leads;
         if level.surfels[place].is_some_and(|surfel| surfel.is_telling() && (leads || surfel.covers(at))) {
-            return Looked { key, level: number as u32, place: place as u32 };
+            return Looked { key, level: number as u32, place: place as u32, is_there };
         }
     }
-    Looked { key, level: 0, place: NOWHERE }
+    Looked { key, level: 0, place: NOWHERE, is_there }
 }
 
 impl Level {

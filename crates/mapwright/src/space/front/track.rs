@@ -156,7 +156,8 @@ impl Tracker {
         restarts: u32,
     ) -> Matched {
         let Fit { known_share, inlier_share, off_m, .. } = *fit;
-        let fits = if known_share < LEAST_KNOWN || inlier_share < LOST_SHARE {
+        let is_nowhere = known_share + fit.lines_share < LEAST_KNOWN;
+        let fits = if is_nowhere || known_share > 0.0 && inlier_share < LOST_SHARE {
             Status::Lost
         } else if inlier_share < DEGRADED_SHARE {
             Status::Degraded
