@@ -69,13 +69,17 @@ impl GoesOn {
     /// With this session, of which a recording begins with that cloud.
     pub(super) fn with(earlier: EarlierInSpace, first: Option<&Cloud>) -> Self {
         let EarlierInSpace { session, at_checkpoint, .. } = earlier;
+        let nothing = || Vec::new().into_iter();
+        if session.scans().is_empty() {
+            return Self { session: None, is_same: true, known: nothing(), again: 0 };
+        }
         let mut all = Known::all(&session);
         // A recording that was begun twice ends with the later beginning; a keyframe tells more than a stamp.
         let last = |is_keyframe: bool, first: &Cloud| {
             all.iter().rposition(|known| known.sweep.is_some() == is_keyframe && known.is(first))
         };
         let Some(begin) = first.and_then(|first| last(true, first).or_else(|| last(false, first))) else {
-            return Self { session: Some(session), is_same: false, known: Vec::new().into_iter(), again: 0 };
+            return Self { session: Some(session), is_same: false, known: nothing(), again: 0 };
         };
         let count = all.len();
         let session = if session.checkpoint().is_some() {

@@ -216,7 +216,8 @@ fn revisits_judge_a_map_and_other_trajectories_on_its_clouds() {
         said.contains("of different visits (4 scans and more apart) registered,") && said.contains("median 0.0"),
         "{said}"
     );
-    assert_refused(&eval(&[]), 1, &["expected clouds 60 scans and more apart", "found none"]);
+    // Twice 5 m, 0.2 m a cloud.
+    assert_refused(&eval(&[]), 1, &["expected clouds 51 scans and more apart", "found none"]);
     // a run in space leaves no closures.json
     let explained = run(&["explain", &out]);
     assert_code(&explained, 0);
@@ -227,6 +228,40 @@ fn revisits_judge_a_map_and_other_trajectories_on_its_clouds() {
     let log = small_log_in(&folder);
     assert_code(&run(&["map", &log, "-o", &plane, "--quiet"]), 0);
     assert_refused(&run(&["eval", &plane, "--revisits"]), 1, &["--revisits needs a session of space"]);
+}
+
+/// Wherever a run was killed, its log ends somewhere.
+#[test]
+fn a_run_in_space_that_was_killed_goes_on_to_the_same_bytes() {
+    let folder = folder("space_killed");
+    let recording = room(&folder.join("room"));
+    let (whole, killed) = (folder.join("whole"), folder.join("killed"));
+    let out = killed.display().to_string();
+    assert_code(&run(&["map", &recording, "-o", whole.to_str().unwrap(), "--quiet"]), 0);
+    let read = |folder: &Path, file: &str| fs::read(folder.join(file)).unwrap();
+    let log = read(&whole, "session.mapwright");
+    let ways = [8, 30, 55, 80, 99].map(|percent| {
+        fs::remove_dir_all(&killed).ok();
+        fs::create_dir_all(&killed).unwrap();
+        fs::write(killed.join("session.mapwright.part"), &log[..log.len() * percent / 100]).unwrap();
+        let output = run(&["map", &recording, "-o", &out, "--continue"]);
+        assert!([0, 3].contains(&output.status.code().unwrap()), "{percent}: {output:?}");
+        for file in ["trajectory.tum", "graph.g2o", "map.ply"] {
+            assert!(read(&whole, file) == read(&killed, file), "{percent} %: {file} differs");
+        }
+        json(&killed.join("report.json"))["clouds"].as_u64().unwrap()
+    });
+    assert!(ways[0] == FRAMES as u64 && ways[4] < FRAMES as u64 && ways.is_sorted_by(|a, b| a >= b), "{ways:?}");
+    // All that was mapped is passed over, and a session that is made of more than the recording is kept.
+    assert_code(&run(&["map", &recording, "-o", &out, "--continue"]), 0);
+    assert!(read(&whole, "trajectory.tum") == read(&killed, "trajectory.tum"));
+    let before = read(&killed, "session.mapwright");
+    fs::remove_file(folder.join(format!("room/velodyne/{:06}.bin", FRAMES - 1))).unwrap();
+    let times: String = (0..FRAMES - 1).map(|frame| format!("{:e}\n", 0.1 * frame as f64)).collect();
+    fs::write(folder.join("room/times.txt"), times).unwrap();
+    let refused = run(&["map", &recording, "-o", &out, "--continue"]);
+    assert_refused(&refused, 1, &["ends 1 clouds before the session does"]);
+    assert!(before == read(&killed, "session.mapwright"));
 }
 
 #[test]
