@@ -18,6 +18,8 @@ mod state;
 mod status;
 #[cfg(feature = "net")]
 mod told;
+#[cfg(feature = "net")]
+mod turns;
 
 use crate::args::{FleetArgs, FleetCommand};
 use crate::failure::{Failure, Outcome};
@@ -28,9 +30,15 @@ pub(super) fn run(args: &FleetArgs) -> Result<Outcome, Failure> {
         #[cfg(feature = "net")]
         FleetCommand::Keys(args) => keys::run(args),
         #[cfg(feature = "net")]
-        FleetCommand::Join(args) => join::run(args),
+        FleetCommand::Join(args) => {
+            turns::take_turns();
+            join::run(args)
+        }
         #[cfg(feature = "net")]
-        FleetCommand::Status(args) => status::run(args),
+        FleetCommand::Status(args) => {
+            turns::take_turns();
+            status::run(args)
+        }
         #[cfg(not(feature = "net"))]
         FleetCommand::Keys(_) | FleetCommand::Join(_) | FleetCommand::Status(_) => Err(Failure::Usage(
             "this mapwright was built without the network; the packages have it, and `cargo install --path crates/cli --features net`"
