@@ -11,7 +11,7 @@ use crate::views::View;
 use mapwright_geom::{Pose, Pose3};
 use mapwright_record::{Evidence, NodeId, Objection};
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::{Change, Fit, Matcher, Prior, SurfelMap, SurfelMapSettings, Thinner};
+use mapwright_voxel::{Change, Descent, Fit, Matcher, Prior, SurfelMap, SurfelMapSettings, Thinner};
 use nalgebra::{Matrix6, Vector6};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -167,7 +167,8 @@ impl Submaps for SpaceSubmaps {
         let diagonal = Vector6::new(linear, linear, upright, angular, angular, angular);
         let information = Matrix6::from_diagonal(&diagonal);
         let prior = Prior { map_from_cloud: window.target_from_query, information };
-        let rough = self.matcher.rough(&target.map, &query.points_m, &prior, starts.into_iter(), COMPARED);
+        let rough =
+            self.matcher.rough(&target.map, &query.points_m, &prior, starts.into_iter(), Descent::Whole, COMPARED);
         let mut fits: Vec<Fit> =
             rough.into_iter().map(|start| self.matcher.climb(&target.map, &query.points_m, &prior, start)).collect();
         fits.sort_by(|a, b| share(b).total_cmp(&share(a)));

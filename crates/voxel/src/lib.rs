@@ -14,7 +14,7 @@ mod surfel_map;
 mod thin;
 
 pub use floor_plan::{FloorCell, floor_cells};
-pub use matcher::{Ascent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
+pub use matcher::{Ascent, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
 pub use occupancy::{Occupancy, OccupancySettings, VoxelCounts, log_odds};
 pub use octree::{BtCounts, Leaf, Leaves, Octree, OctreeError, State, write_bt};
 pub use surfel::Surfel;

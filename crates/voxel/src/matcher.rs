@@ -10,6 +10,7 @@ use crate::surfel::Surfel;
 use crate::surfel_map::{Level, Looked, SurfelMap, surfel_at};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
+use std::iter;
 use std::ops::Range;
 
 /// How the objective is climbed.
@@ -24,6 +25,15 @@ pub enum Ascent {
     Gradient,
     /// The same with `L` = 1 m: a radian counts as a metre whatever the range.
     UnscaledGradient,
+}
+
+/// Through which resolutions starts are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Descent {
+    /// All, the coarsest first: for starts that lie close to each other.
+    Whole,
+    /// And each through the finer half alone, which coarse voxels cannot lead astray: for a few that lie far apart.
+    WholeAndFine,
 }
 
 /// How clouds are matched.
@@ -220,20 +230,22 @@ impl Matcher {
     }
 
     /// The most promising poses to climb from, of those that `starts` lead to, the best first, each once. They climb the coarser
-    /// resolutions with a few points, and the finer ones; the most likely of what they come to climbs the finer ones again.
+    /// resolutions with a few points, or these and by themselves the finer ones; the most likely of what they come to climb the finer ones.
     pub fn rough(
         &mut self,
         map: &SurfelMap,
         points_m: &[[f32; 3]],
         prior: &Prior,
         starts: impl Iterator<Item = Pose3>,
+        descent: Descent,
         at_most: usize,
     ) -> Vec<Pose3> {
         self.take_points(points_m, ROUGH_POINTS);
         let (levels, middle) = (map.levels(), map.levels().len() / 2);
         let mut found: Vec<(f64, Pose3)> = Vec::new();
         for start in starts {
-            for which in [middle..levels.len(), 0..middle] {
+            let fine = (descent == Descent::WholeAndFine).then_some(0..middle);
+            for which in iter::once(middle..levels.len()).chain(fine) {
                 let pose = self.descend((levels, which), prior, start);
                 found.push((self.unlikeliness(levels, prior, pose), pose));
             }

@@ -223,7 +223,8 @@ pub(crate) fn surfel_at<'a>(levels: &'a [Level], at: [f64; 3], last: &mut Looked
 fn look(levels: &[Level], key: Key, at: [f64; 3]) -> Looked {
     let mut is_there = false;
     for (number, level) in levels.iter().enumerate() {
-        let Some(place) = level.place_at(at) else { continue };
+        let place = if number == 0 { level.place_of(key) } else { level.place_at(at) };
+        let Some(place) = place else { continue };
         is_there |= number == 0 && level.surfels[place].is_some();
         let leads = number == 0 && level.leads;
         if level.surfels[place].is_some_and(|surfel| surfel.is_telling() && (leads || surfel.covers(at))) {
@@ -311,7 +312,11 @@ impl Level {
 
     #[inline]
     fn place_at(&self, at: [f64; 3]) -> Option<usize> {
-        let key = key_of(self.scaled(at))?;
+        self.place_of(key_of(self.scaled(at))?)
+    }
+
+    #[inline]
+    fn place_of(&self, key: Key) -> Option<usize> {
         self.places.get(&key).map(|&place| place as usize)
     }
 }

@@ -129,7 +129,7 @@ fn a_robot_turned_by_more_than_a_right_angle_is_found_from_many_headings() {
     let (map, truth) = (map_of(&points), pose([0.2, 0.1, 0.0, 0.0, 0.0, 1.9]));
     let (seen, mut matcher) = (moved_by(&points, truth), Matcher::default());
     let headings = (-11..=12).map(|k| pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.262 * f64::from(k)]));
-    let found = matcher.rough(&map, &seen, &weak_prior(), headings, 2);
+    let found = matcher.rough(&map, &seen, &weak_prior(), headings, Descent::Whole, 2);
     let fit = matcher.climb(&map, &seen, &weak_prior(), found[0]);
     assert!(truth.distance(fit.map_from_cloud) < 0.02, "{:?}", fit.map_from_cloud);
     assert!(
@@ -161,7 +161,7 @@ fn nothing_bad_comes_of_bad_clouds() {
     for cloud in [&[][..], &far, &nan, &plane, &[[0.0; 3]]] {
         let fit = matcher.climb(&map, cloud, &weak_prior(), Pose3::identity());
         assert!(fit.map_from_cloud.is_finite() && (0.0..=1.0).contains(&fit.inlier_share));
-        let _ = matcher.rough(&map, cloud, &weak_prior(), std::iter::once(Pose3::identity()), 3);
+        let _ = matcher.rough(&map, cloud, &weak_prior(), std::iter::once(Pose3::identity()), Descent::WholeAndFine, 3);
     }
     let empty = SurfelMap::new(*map.settings());
     let fit = matcher.climb(&empty, &plane, &weak_prior(), Pose3::identity());

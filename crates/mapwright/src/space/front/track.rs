@@ -9,7 +9,7 @@ use crate::settings::{Optimizer, Settings};
 use crate::space::local_map::LocalMapping;
 use mapwright_geom::{Cov6, Pose3};
 use mapwright_record::{MatchReport, NodeId, Status};
-use mapwright_voxel::{Ascent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
+use mapwright_voxel::{Ascent, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
 use nalgebra::Vector6;
 
 /// A match is in doubt where a point of which something is known is less likely than those of the clouds before by so much, in logarithms,
@@ -66,7 +66,7 @@ impl Matched {
 pub(super) struct Tracker {
     matcher: Matcher,
     suppliers: Vec<NodeId>,
-    /// The mean log likelihood ratio of a point of which something is known.
+    /// The mean log likelihood ratio of a point of which something is known, of matches that were believed.
     usual: Option<f64>,
 }
 
@@ -112,21 +112,24 @@ impl Tracker {
         if self.is_doubtful(&best) {
             best = likelier(best, self.matcher.climb_near(map, points, &prior, standing), &prior);
             let starts = [predicted, standing].into_iter().chain(read);
-            for start in self.matcher.rough(map, points, &prior, starts, 1) {
+            for start in self.matcher.rough(map, points, &prior, starts, Descent::Whole, 1) {
                 best = likelier(best, self.matcher.climb(map, points, &prior, start), &prior);
             }
         }
         if self.is_doubtful(&best) {
             let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
-            for start in self.matcher.rough(map, points, &prior, headings, FOLLOWED) {
+            for start in self.matcher.rough(map, points, &prior, headings, Descent::WholeAndFine, FOLLOWED) {
                 best = likelier(best, self.matcher.climb(map, points, &prior, start), &prior);
                 restarts += 1;
             }
         }
-        let found = each_known(&best);
-        self.usual = Some(self.usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
-        Some(self.judge(local_map, points, &prior, &best, restarts))
+        let matched = self.judge(local_map, points, &prior, &best, restarts);
+        if matched.is_believed() && best.known_share > 0.0 {
+            let found = each_known(&best);
+            self.usual = Some(self.usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
+        }
+        Some(matched)
     }
 
     fn is_doubtful(&self, fit: &Fit) -> bool {
