@@ -1,14 +1,19 @@
-//! What is derived from how far a sensor sees.
+//! What is derived from how far a sensor sees, and how densely.
 
 use crate::settings::Settings;
-use mapwright_geom::Stored;
+use mapwright_geom::{Pose3, Stored};
 use mapwright_sensor::SpaceSensor;
-use mapwright_voxel::SurfelMapSettings;
+use mapwright_voxel::{Change, Matcher, SurfelMap, SurfelMapSettings, Thinner};
 
-/// Side of the smallest voxels and at least of the largest, of the rms range: 0.5 to 4 m in a hall, 0.1 to 1 m in a room.
+/// Side of the smallest voxels, of the rms range: 0.5 m in a hall, 0.1 m in a room;
 const FINEST_SHARE: f64 = 1.0 / 16.0;
+/// half of that where points lie so densely that of those of one cloud this share then lies on planes that the cloud itself tells.
+const DENSE_SHARE: f64 = 0.5;
+/// The largest have this side at least, of the rms range.
 const COARSEST_SHARE: f64 = 0.48;
 const LEVELS_AT_MOST: usize = 8;
+/// What is drawn has so many points to a voxel's side.
+pub(super) const DRAWN_SHARE: f64 = 0.2;
 
 /// What depends on how far a sensor sees, derived from the first cloud with enough points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,11 +39,24 @@ impl Scale {
         let square = |point: &[f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
         let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
         let asked_m = settings.space.resolution_m;
-        let resolution_m = if asked_m > 0.0 { asked_m } else { two_digits(FINEST_SHARE * range_m) };
+        let noise_m = sensor.sigma_m(range_m);
+        let resolution_m = if asked_m > 0.0 { asked_m } else { two_digits(finest_m(points_m, range_m, noise_m)) };
         let levels =
             (1..LEVELS_AT_MOST).find(|&k| resolution_m * f64::from(1_u32 << (k - 1)) >= COARSEST_SHARE * range_m);
-        Self { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST), noise_m: sensor.sigma_m(range_m) }
+        Self { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST), noise_m }
     }
+}
+
+/// Side of the smallest voxels by how far and how densely a cloud's points lie, metres.
+fn finest_m(points_m: &[[f32; 3]], range_m: f64, noise_m: f64) -> f64 {
+    let usual_m = FINEST_SHARE * range_m;
+    let (resolution_m, mut thinned) = (0.5 * usual_m, Vec::new());
+    Thinner::default().thin(points_m, DRAWN_SHARE * resolution_m, &mut thinned);
+    let mut map = SurfelMap::new(SurfelMapSettings { resolution_m, levels: 1, noise_m });
+    map.draw(&thinned, Pose3::identity(), Change::Add, 0);
+    map.refresh();
+    let is_dense = Matcher::default().judge(&map, &thinned, Pose3::identity()).known_share >= DENSE_SHARE;
+    if is_dense { resolution_m } else { usual_m }
 }
 
 /// Rounded to two digits, that it may be told and asked for again.

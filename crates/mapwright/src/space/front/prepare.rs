@@ -6,15 +6,14 @@
 use super::span::is_time;
 use super::sweep_motion::SweepMotion;
 use crate::settings::Settings;
-use crate::space::scale::Scale;
+use crate::space::scale::{DRAWN_SHARE, Scale};
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
 use mapwright_voxel::Thinner;
 use nalgebra::Vector3;
 
 /// Points of the first cloud at least.
 const LEAST_POINTS: usize = 100;
-/// Of the points within so many of the smallest voxels along each axis, one is drawn, and one is matched.
-const DRAWN_SHARE: f64 = 0.2;
+/// Of the points within so many of the smallest voxels along each axis, one is matched.
 const MATCHED_SHARE: f64 = 0.8;
 /// A cloud may hold so many points.
 const POINTS_AT_MOST: usize = 1 << 24;
