@@ -12,16 +12,15 @@ use mapwright_record::{Edge, Measurement, NodeId, Objection, Past, Verdict};
 const UNKNOWN_VARIANCE: f64 = 100.0;
 
 /// A front end that follows what becomes of the past.
-pub(crate) trait Follows<M: Measurement> {
+pub trait Follows<M: Measurement> {
     /// A closure links two keyframes, this surely.
     fn close(&mut self, past: Past<'_, M>, from: NodeId, to: NodeId, covariance: &<M::Pose as Pose>::Matrix);
 
     /// A closure was none.
     fn open(&mut self, from: NodeId, to: NodeId);
 
-    /// Matches that have made parts of the past certain were none: what is certain is told anew by the edges that stand. In space, where
-    /// nothing is apart, there are none.
-    fn begin_anew(&mut self, _past: Past<'_, M>) {}
+    /// Matches that have made parts of the past certain were none: what is certain is told anew by the edges that stand.
+    fn begin_anew(&mut self, past: Past<'_, M>);
 
     /// The past was moved from where it was `before`.
     fn carry(&mut self, past: Past<'_, M>, before: &[M::Pose]);

@@ -20,8 +20,10 @@
 mod advice;
 mod audit;
 mod back;
+mod breaks;
 mod cycles;
 mod front;
+mod front_end;
 mod jobs;
 mod local_map;
 mod locate;
@@ -34,6 +36,7 @@ mod space;
 mod store;
 mod told;
 mod visits;
+mod watch;
 
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
@@ -44,7 +47,8 @@ pub use audit::{Audit, audit};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use jobs::{Job, JobResult};
 pub use locate::{Location, Withdrawal};
-pub use mapper::{Adopted, Mapper, Sighted, WaysSeen};
+pub use front_end::{Maps, Reading};
+pub use mapper::{Adopted, Mapper, MapperOf, Sighted, SpaceMapper, WaysSeen};
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{BeamAgreement, CountGrid, LocalMap};
 pub use mapwright_record::{
@@ -63,6 +67,6 @@ pub use settings::{
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
 pub use space::{
-    ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, SpaceMapper, occupancy_of, points_of, surfels_of,
+    ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, surfels_of,
 };
 pub use visits::Visits;

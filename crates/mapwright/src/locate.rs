@@ -8,12 +8,14 @@
 
 mod finished;
 
+use crate::front::PlaneFrontEnd;
+use crate::front_end::{FrontEnd, Locates};
 use crate::settings::Settings;
 use finished::{FinishedMap, is_elsewhere, middle_range_m};
 use mapwright_geom::{Cov3, Pose2, TangentMatrix, compose_covariance};
 use mapwright_grid::{BeamAgreement, Matcher, Prior, Separation};
 use mapwright_record::{Localisation, Session, Status, Update};
-use mapwright_sensor::SweepPoints;
+use mapwright_sensor::{Sweep, SweepPoints};
 use std::collections::VecDeque;
 
 /// What is decided is wrong once in a thousand times, as far as beams are right about each other: `ln 1000`.
@@ -139,7 +141,7 @@ impl Hypothesis {
 
 /// See the module's text.
 #[derive(Debug, Clone)]
-pub(crate) struct Locator {
+pub struct Locator {
     finished: FinishedMap,
     matcher: Matcher,
     views: VecDeque<View>,
@@ -158,13 +160,24 @@ pub(crate) struct Locator {
 }
 
 /// The newest scan as the front end has it.
-pub(crate) struct Seen<'a> {
+struct Seen<'a> {
     pub(crate) local_from_robot: Pose2,
     pub(crate) points: &'a SweepPoints,
     /// The robot may be anywhere: how it has moved since the scan before is not known.
     pub(crate) is_break: bool,
     /// It fits what the front end has mapped.
     pub(crate) is_believed: bool,
+}
+
+impl Locates<Sweep> for Locator {
+    fn see(&mut self, front: &PlaneFrontEnd, is_break: bool, is_believed: bool) {
+        let local_from_robot = front.pose().local_from_robot();
+        self.take(&Seen { local_from_robot, points: front.points(), is_break, is_believed });
+    }
+
+    fn report(&self, update: &mut Update) {
+        self.report_of(update);
+    }
 }
 
 impl Locator {
@@ -201,8 +214,7 @@ impl Locator {
         })
     }
 
-    /// What an update says of the newest scan, by the finished map alone.
-    pub(crate) fn report(&self, update: &mut Update) {
+    fn report_of(&self, update: &mut Update) {
         // Where the map says little of a scan, or contradicts it, it does not say where the robot is; who comes back from there is where the
         // map says once that has held for the length of a view.
         let is_told = self.is_located && self.followed_m >= VIEW_M;
@@ -218,8 +230,7 @@ impl Locator {
         }
     }
 
-    /// Takes the newest scan in.
-    pub(crate) fn see(&mut self, seen: &Seen<'_>) {
+    fn take(&mut self, seen: &Seen<'_>) {
         self.withdrawal = None;
         if seen.is_break {
             self.forget();

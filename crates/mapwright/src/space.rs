@@ -3,10 +3,8 @@
 
 mod front;
 mod local_map;
-mod mapper;
 mod render;
 mod scale;
 
 pub use front::ImuReport;
-pub use mapper::SpaceMapper;
 pub use render::{MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, surfels_of};

@@ -1,6 +1,6 @@
 //! The front end as bytes, each stage its own; one that goes on as it was.
 
-use super::FrontEnd;
+use super::PlaneFrontEnd;
 use super::pose::RobotPose;
 use super::predict::Predictor;
 use super::slip::SlipWatch;
@@ -10,9 +10,9 @@ use crate::settings::Settings;
 use mapwright_geom::Stored;
 use mapwright_record::Past;
 
-impl FrontEnd {
+impl PlaneFrontEnd {
     /// Between two scans.
-    pub(crate) fn put(&self, out: &mut Vec<u8>) {
+    pub(super) fn put_stages(&self, out: &mut Vec<u8>) {
         self.preparation.put(out);
         self.predictor.put(out);
         self.tracker.put(out);
@@ -23,7 +23,7 @@ impl FrontEnd {
     }
 
     /// Goes on as it was; `past` is all of the session.
-    pub(crate) fn restore(settings: Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+    pub(super) fn take_stages(settings: Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
         let keyframes = past.local_from_keyframe.len();
         Some(Self {
             preparation: Stored::take(from)?,

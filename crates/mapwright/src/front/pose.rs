@@ -12,7 +12,7 @@ const MAP_FLOOR: [[f64; 2]; 2] = [[0.0005, 0.0007], [0.0007, 0.0006]];
 
 /// The robot's pose and covariances.
 #[derive(Debug, Clone)]
-pub(crate) struct RobotPose<P: Pose = Pose2> {
+pub struct RobotPose<P: Pose = Pose2> {
     local_from_robot: P,
     odom_from_robot: P,
     /// Information of the last match, zero where there was none.
@@ -133,26 +133,26 @@ impl<P: Pose> RobotPose<P> {
     }
 
     /// A robot is switched on; nobody knows where, so that it may as well be here. Its odometry begins anew.
-    pub(super) fn switch_on(&mut self) {
+    pub(crate) fn switch_on(&mut self) {
         let links = std::mem::take(&mut self.links);
         *self = Self { links, ..Self::new(self.local_from_robot) };
     }
 
     /// A keyframe of an earlier run lies here, as uncertain relative to the one before.
-    pub(super) fn take_in(&mut self, node: NodeId, local_from_keyframe: P, link: P::Matrix) {
+    pub(crate) fn take_in(&mut self, node: NodeId, local_from_keyframe: P, link: P::Matrix) {
         self.links.push(link);
         let links = std::mem::take(&mut self.links);
         *self = Self { links, anchor: Some(node), ..Self::new(local_from_keyframe) };
     }
 
     /// What comes is relative to this keyframe, which was just made here.
-    pub(super) fn begin_fragment(&mut self, node: NodeId) {
+    pub(crate) fn begin_fragment(&mut self, node: NodeId) {
         self.anchor = Some(node);
         self.keyframe_from_anchor = P::Matrix::zero();
     }
 
     /// The wheels had slipped before keyframe `from`: the robot is elsewhere, and so much less certain.
-    pub(super) fn slip(&mut self, from: NodeId, local_from_robot: P, slip: &P::Matrix) {
+    pub(crate) fn slip(&mut self, from: NodeId, local_from_robot: P, slip: &P::Matrix) {
         self.local_from_robot = local_from_robot;
         match self.links.get_mut(from.index()) {
             Some(link) => *link += *slip,

@@ -7,7 +7,7 @@ use mapwright_sensor::{MotionModel, Pace};
 
 /// The motion since the last scan, with standard deviations of its right-perturbation tangent.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Step {
+pub struct Step {
     pub(crate) last_from_robot: Pose2,
     /// Variances of x, y and heading.
     pub(crate) variances: [f64; 3],
@@ -48,9 +48,6 @@ pub(crate) enum Moved {
 const MOVING_S: std::ops::Range<f64> = 1e-3..1.0;
 /// From so many usual periods on, the time between two scans is a gap.
 const GAP_PERIODS: f64 = 8.0;
-/// After so many scans that saw nothing, or usual periods in which nothing was said, and so many seconds, a robot may have been carried away.
-pub(super) const BLIND_SCANS: u32 = 20;
-pub(super) const BLIND_S: f64 = 4.0;
 /// How evenly a robot moves from scan to scan: how it speeds up, metres per second squared, over periods up to so many
 /// seconds; radians; and shares of translation and rotation.
 const STEADY_MPS2: f64 = 1.0;
@@ -279,9 +276,9 @@ impl Predictor {
         self.period_s > 0.0 && elapsed_s > GAP_PERIODS * self.period_s
     }
 
-    /// Whether nothing was seen for so long that the robot may have been carried.
-    pub(super) fn is_blind(&self, seconds: f64) -> bool {
-        seconds > BLIND_S.max(f64::from(BLIND_SCANS) * self.period_s)
+    /// Usual time from scan to scan, seconds; zero while it is not known.
+    pub(super) fn usual_period_s(&self) -> f64 {
+        self.period_s
     }
 
     /// What the robot did instead if the wheels fail: they spin while it stands, they count but do not tell forwards from

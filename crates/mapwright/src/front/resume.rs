@@ -3,7 +3,8 @@
 //! What no log keeps begins anew: how scans have fitted and how far odometry was wrong of late, and what moves. It is learnt within
 //! seconds.
 
-use super::FrontEnd;
+use super::PlaneFrontEnd;
+use crate::front_end::FrontEnd;
 use super::pose::{RobotPose, map_floor};
 use crate::local_map::{Earlier, Frames};
 use crate::settings::Settings;
@@ -31,9 +32,9 @@ impl<P: Pose> Default for Links<P> {
     }
 }
 
-impl FrontEnd {
+impl PlaneFrontEnd {
     /// Goes on where the session ends; `past` is all of it.
-    pub(crate) fn resume(settings: Settings, past: Past<'_>) -> Self {
+    pub(super) fn made_again(settings: Settings, past: Past<'_>) -> Self {
         let mut front = Self::new(settings, Pose2::IDENTITY);
         let links = links(past);
         front.take_in_keyframes(past, &links);
@@ -59,7 +60,7 @@ impl FrontEnd {
 
     /// Takes in the newest keyframe, which another session brings along, with the edges that lead to it, from a number on; `is_first` where
     /// a fragment begins.
-    pub(crate) fn take_in(&mut self, past: Past<'_>, first_edge: usize, is_first: bool) {
+    pub(super) fn take_in_newest(&mut self, past: Past<'_>, first_edge: usize, is_first: bool) {
         let Some(node) = past.newest() else { return };
         let mut links = Links::default();
         past.session.recorded_edges().iter().skip(first_edge).for_each(|known| links.add(known));

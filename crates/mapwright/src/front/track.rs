@@ -4,8 +4,10 @@ use super::RobotPose;
 use super::lasers::{LaserId, PerLaser};
 use super::predict::{Predictor, Step};
 use super::prepare::Preparation;
+use crate::front_end::Found;
 use crate::local_map::LocalMapping;
 use crate::settings::{Optimizer, Settings};
+use crate::watch::Watch;
 use mapwright_geom::{Cov3, Pose2, Stamp, Stored};
 use mapwright_grid::{
     Agreement, CorrelativeSearch, LocalMap, MatchResult, Matcher, MatcherSettings, Prior, SearchWindow,
@@ -24,8 +26,6 @@ pub const DOUBT_SIGMAS: f64 = 4.0;
 pub const KNOWN_SHARE: f64 = 0.3;
 /// A scan can only be said not to fit where more than this share of its end points lies where something is known.
 pub(crate) const MISFIT_KNOWN_SHARE: f64 = 0.5;
-/// Misfits in a row are counted so far.
-const MISFITS_AT_MOST: u32 = 1000;
 /// After so many keyframes without confirmation it is a new part of the map that is tracked.
 const UNCONFIRMED_AT_MOST: usize = 50;
 /// Headings tried on doubt beside the predicted one, radians.
@@ -72,7 +72,7 @@ const INFORMATION_SCALE: f64 = 1.7;
 
 /// What the match stage hands on.
 #[derive(Debug, Clone)]
-pub(crate) struct Matched {
+pub struct Matched {
     pub(crate) local_from_robot: Pose2,
     pub(crate) information: Cov3,
     pub(crate) agreement: Agreement,
@@ -86,12 +86,17 @@ pub(crate) struct Matched {
     pub(super) reversed: bool,
 }
 
-impl Matched {
-    /// Whether its pose is believed.
-    pub(crate) fn is_believed(&self) -> bool {
-        self.status != Status::Lost
+impl Found for Matched {
+    fn status(&self) -> Status {
+        self.status
     }
 
+    fn report(&self) -> MatchReport {
+        self.report
+    }
+}
+
+impl Matched {
     /// The keyframe that supplied most of what it was matched against.
     pub(crate) fn supplier(&self) -> Option<NodeId> {
         self.agreement.supplier.map(NodeId::new)
@@ -170,17 +175,10 @@ pub(crate) struct Tracker {
     searcher: CorrelativeSearch,
     /// By laser, running mean of the share of fitting beams.
     usual_share: PerLaser<f64>,
-    /// Scans in a row that were not believed.
-    misfits: u32,
+    /// Since when nothing was seen, and how many scans in a row were not believed.
+    pub(super) watch: Watch,
     /// The first keyframe made in doubt, until a match confirms where the robot is.
     doubted_from: Option<NodeId>,
-    /// The last scan that saw something, and how many have seen nothing since.
-    seen: Option<Stamp>,
-    blank: u32,
-    /// The last reading of the wheels or scan, and the longest time without either that no scan has ended yet: readings may be told
-    /// before scans that are older.
-    heard: Option<Stamp>,
-    silence: Option<(Stamp, Stamp)>,
 }
 
 impl Tracker {
@@ -189,19 +187,16 @@ impl Tracker {
             matcher: Matcher { settings: settings.matcher() },
             searcher: CorrelativeSearch::default(),
             usual_share: PerLaser::default(),
-            misfits: 0,
+            watch: Watch::default(),
             doubted_from: None,
-            seen: None,
-            blank: 0,
-            heard: None,
-            silence: None,
         }
     }
 
     pub(super) fn put(&self, out: &mut Vec<u8>) {
         self.usual_share.put(out);
-        (self.misfits, self.doubted_from, self.seen).put(out);
-        (self.blank, self.heard, self.silence).put(out);
+        let Watch { misfits, seen, blank, heard, silence } = self.watch;
+        (misfits, self.doubted_from, seen).put(out);
+        (blank, heard, silence).put(out);
     }
 
     /// Goes on as it was, after so many keyframes.
@@ -209,79 +204,32 @@ impl Tracker {
         let usual_share = PerLaser::<f64>::take(from)?;
         let (misfits, doubted_from, seen): (u32, Option<NodeId>, _) = Stored::take(from)?;
         let (blank, heard, silence): (u32, _, _) = Stored::take(from)?;
+        let watch = Watch { misfits, seen, blank, heard, silence };
         let is_sound = usual_share.iter().all(|share| (0.0..=1.0).contains(share))
-            && misfits <= MISFITS_AT_MOST
+            && watch.is_sound()
             && doubted_from.is_none_or(|from| from.index() <= keyframes);
-        is_sound.then(|| Self {
-            usual_share,
-            misfits,
-            doubted_from,
-            seen,
-            blank,
-            heard,
-            silence,
-            ..Self::new(settings)
-        })
-    }
-
-    /// Scans in a row that were not believed.
-    pub(crate) fn misfits(&self) -> u32 {
-        self.misfits
-    }
-
-    /// A reading of the wheels, or a scan.
-    pub(super) fn hear(&mut self, stamp: Stamp) {
-        let longest_s = self.silence.map_or(0.0, |(from, to)| to.secs_since(from));
-        if let Some(heard) = self.heard.filter(|heard| stamp.secs_since(*heard) > longest_s) {
-            self.silence = Some((heard, stamp));
-        }
-        self.heard = self.heard.max(Some(stamp));
-    }
-
-    /// The longest time up to now in which neither the wheels nor the laser said anything, since a scan saw something, seconds.
-    pub(super) fn silence_s(&self, stamp: Stamp) -> f64 {
-        let until_now = self.heard.map(|heard| (heard, stamp));
-        let seconds =
-            |(from, to): (Stamp, Stamp)| to.min(stamp).secs_since(self.seen.map_or(from, |seen| from.max(seen)));
-        self.silence.into_iter().chain(until_now).map(seconds).fold(0.0, f64::max)
-    }
-
-    /// Scans in a row before this one that saw nothing, and the time since one did, seconds.
-    pub(super) fn blind(&self, stamp: Stamp) -> (u32, f64) {
-        (self.blank, self.seen.map_or(0.0, |seen| stamp.secs_since(seen)))
-    }
-
-    /// Whether a match is believed.
-    pub(super) fn note(&mut self, matched: Option<&Matched>) {
-        let is_misfit = matched.is_some_and(|matched| !matched.is_believed());
-        self.misfits = if is_misfit { (self.misfits + 1).min(MISFITS_AT_MOST) } else { 0 };
+        is_sound.then(|| Self { usual_share, watch, doubted_from, ..Self::new(settings) })
     }
 
     /// Something new is mapped from this scan on.
     pub(super) fn begin_anew(&mut self, stamp: Stamp) {
-        (self.misfits, self.doubted_from) = (0, None);
-        self.see(stamp);
-    }
-
-    fn see(&mut self, stamp: Stamp) {
-        (self.seen, self.blank, self.heard) = (Some(stamp), 0, self.heard.max(Some(stamp)));
-        self.silence = self.silence.filter(|(_, to)| *to > stamp);
+        self.doubted_from = None;
+        self.watch.begin_anew(stamp);
     }
 
     /// The scan against the local map, from the prediction and, where that is doubtful, from elsewhere. None without a map or
     /// without a hit.
     pub(super) fn track(&mut self, scene: &Scene<'_>, stamp: Stamp, predicted: Pose2) -> Option<Matched> {
         if scene.points.is_empty() {
-            self.blank = self.blank.saturating_add(1);
-            self.hear(stamp);
+            self.watch.see_nothing(stamp);
             return None;
         }
-        self.see(stamp);
+        self.watch.see(stamp);
         if scene.next.index() == 0 {
             return None;
         }
         let Scene { step, .. } = *scene;
-        let widen = 1.0 + f64::from(self.misfits);
+        let widen = 1.0 + f64::from(self.watch.misfits);
         let prior = Prior {
             world_from_robot: predicted,
             variances: step.variances.map(|v| v * widen),
@@ -319,7 +267,7 @@ impl Tracker {
         let Tried { best: (result, agreement), evaluations, restarts, searched, .. } = tried;
         let odometry_sigmas = sigmas(&prior, result.world_from_robot);
         let unconfirmed = self.unconfirmed(scene.next, &agreement);
-        let status = match judge(&agreement, odometry_sigmas, step.from_odometry && self.misfits > 0) {
+        let status = match judge(&agreement, odometry_sigmas, step.from_odometry && self.watch.misfits > 0) {
             Status::Tracking if unconfirmed => Status::Degraded,
             status => status,
         };
@@ -468,7 +416,7 @@ impl Tracker {
         let (result, agreement) = &tried.best;
         let sure = agreement.inlier_share() >= SURE_SHARE && agreement.known_share() >= SURE_SHARE;
         let covariance = (constrained(&result.hessian, step.from_odometry) * INFORMATION_SCALE).try_inverse();
-        let covariance = covariance.filter(|_| sure && self.misfits == 0)?;
+        let covariance = covariance.filter(|_| sure && self.watch.misfits == 0)?;
         let correction = tried.prior.world_from_robot.between(result.world_from_robot).log();
         Some((correction, covariance.diagonal().into()))
     }

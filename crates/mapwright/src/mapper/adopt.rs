@@ -1,7 +1,8 @@
 //! One map of several robots while they drive: what their mappers tell is taken in as it comes, in whatever turn.
 
 use super::Mapper;
-use crate::front::anywhere;
+use crate::breaks::anywhere;
+use crate::front_end::FrontEnd;
 use crate::store::{Beside, Store};
 use crate::told::{Newest, Told};
 use mapwright_geom::Pose2;
@@ -34,7 +35,7 @@ impl Mapper {
     /// Places of other runs are looked for; those of its own its own mapper has looked for.
     pub fn adopt(&mut self, group: &[Entry], adoption: &mut Adoption) -> Adopted {
         let crate::store::Adopted { map_from_keyframe, told, refused, keyframe } =
-            self.store.adopt(group, adoption, &anywhere());
+            self.store.adopt(group, adoption, &anywhere::<Pose2>());
         let (mut is_contradicted, mut contradicted) = (false, 0);
         if let Some(mut adopted) = keyframe {
             (is_contradicted, contradicted) = self.contradict(adopted.first_edge, adopted.is_first);
@@ -61,9 +62,9 @@ impl Mapper {
     fn contradict(&mut self, first_edge: usize, is_first: bool) -> (bool, usize) {
         let Some(to) = self.store.past().newest() else { return (false, 0) };
         let is_contradicted =
-            !is_first && weigh_way(&mut self.store, to, &mut self.front.submaps(), &mut self.ways) == Some(false);
+            !is_first && weigh_way(&mut self.store, to, &mut self.front.plane_submaps(), &mut self.ways) == Some(false);
         if is_contradicted {
-            self.store.contradict(first_edge, &anywhere());
+            self.store.contradict(first_edge, &anywhere::<Pose2>());
         }
         let mut edges = 0;
         for (number, ends, kind, from_from_to) in self.store.edges_since(first_edge) {
@@ -85,7 +86,7 @@ impl Mapper {
     /// one has taken in.
     pub fn weigh_ways(&mut self, known: WaysSeen) {
         self.ways = known;
-        weigh_ways(&mut self.store, &mut self.front.submaps(), &mut self.ways);
+        weigh_ways(&mut self.store, &mut self.front.plane_submaps(), &mut self.ways);
     }
 
     /// All that was compared so far; of this mapper nothing is left of it.
@@ -94,7 +95,7 @@ impl Mapper {
     }
 
     fn is_edge_contradicted(&self, ends: [NodeId; 2], from_from_to: Pose2) -> bool {
-        !is_found_where_said(self.store.past(), ends, from_from_to, &mut self.front.submaps())
+        !is_found_where_said(self.store.past(), ends, from_from_to, &mut self.front.plane_submaps())
     }
 
     /// Looks for the newest keyframe among the places of other runs.
@@ -102,7 +103,7 @@ impl Mapper {
         let past = self.store.past();
         let Some(newest) = past.newest().filter(|_| self.back.closing.is_due(past)) else { return };
         let run = run_of(past.way_m[newest.index()]);
-        let mut known = self.front.survey();
+        let mut known = self.front.survey(self.store.past());
         let way_m = self.store.past().way_m;
         known.iter_mut().for_each(|place| place.live = run_of(way_m[place.first.index()]) == run);
         self.look(known, None);

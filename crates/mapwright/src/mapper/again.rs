@@ -1,6 +1,7 @@
 //! Old places looked for anew, at a log's end: corrections have moved visits near each other that no window had reached.
 
 use super::Mapper;
+use crate::front_end::FrontEnd;
 use crate::jobs::Task;
 use crate::settings::{Correction, LivePolicy};
 use crate::told::Told;
@@ -32,10 +33,10 @@ impl Mapper {
     /// Whether anything was found, which the poses follow then.
     fn look_once(&mut self) -> bool {
         let before = self.store.closures().len();
-        let known = self.front.survey();
+        let known = self.front.survey(self.store.past());
         let are_all = !self.back.closing.takes_turns();
         for [from, to] in unlinked(self.store.past(), are_all) {
-            let submaps = self.front.submaps();
+            let submaps = self.front.plane_submaps();
             let verification = self.back.closing.propose_again(self.store.past(), &known, [from, to], submaps);
             verification.into_iter().for_each(|verification| self.back.push(Task::Verify(Box::new(verification))));
             self.work_all();

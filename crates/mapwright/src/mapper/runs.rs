@@ -1,23 +1,25 @@
 //! Several runs in one map: of a robot that is switched on again, of other robots, of sessions that were mapped apart. Wherever they
 //! stand, each begins a fragment, and joins hold them together ([`mapwright_loops::Closing`]).
 
-use super::Mapper;
-use crate::front::anywhere;
+use super::{Mapper, MapperOf};
+use crate::breaks::anywhere;
+use crate::front_end::{FrontEnd, Maps};
 use crate::locate::Locator;
 use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Import, Store};
 use crate::told::{Newest, Told};
-use mapwright_geom::Stamp;
+use mapwright_geom::{Pose, Stamp};
 use mapwright_record::{NodeId, RunId, Session, Status, Update};
 
-impl Mapper {
+impl<M: Maps> MapperOf<M> {
     /// A run of this robot begins, or of another one, somewhere: nobody knows where it stands, nor where its odometry has its origin.
     /// Its first scan begins a fragment, which is [apart](mapwright_record::Localisation) until the robot comes to a place that is
     /// known and recognises it. The update holds the beginning of the run; a robot that had runs before gets the next number.
-    pub fn switch_on(&mut self, robot: RunId) -> Update {
+    pub fn switch_on(&mut self, robot: RunId) -> Update<M> {
         self.begin_run(robot);
-        let submaps = self.front.submaps();
-        self.back.closing.switch_on(self.store.past(), &submaps);
+        if let Some(submaps) = self.front.submaps() {
+            self.back.closing.switch_on(self.store.past(), &submaps);
+        }
         self.report(Told::default())
     }
 
@@ -30,18 +32,22 @@ impl Mapper {
     /// now, each with its edges. They are apart until one of them is recognised. An update a keyframe goes to `told`, whose error ends it.
     ///
     /// Runs keep their names, but where one of that name is here already: it gets the robot's next number. Before scans are added
-    /// [`Mapper::switch_on`] says whose they are. A session that is here already ([`Session::shares_keyframes`]) would be mapped twice.
+    /// [`MapperOf::switch_on`] says whose they are. A session that is here already ([`Session::shares_keyframes`]) would be mapped twice.
     ///
     /// # Errors
     /// That of `told`.
-    pub fn import<E>(&mut self, other: &Session, mut told: impl FnMut(Update) -> Result<(), E>) -> Result<(), E> {
+    pub fn import<E>(
+        &mut self,
+        other: &Session<M>,
+        mut told: impl FnMut(Update<M>) -> Result<(), E>,
+    ) -> Result<(), E> {
         let Some(begin) = other.map_from_keyframe().first() else { return Ok(()) };
         let local_from_other = self.front.pose().local_from_robot() * begin.inverse();
         let first = NodeId::at(self.store.len());
         let mut import = Import::new(&self.store, other, local_from_other);
         self.front.switch_on();
         while let Some(keyframe) = import.next() {
-            let Some(imported) = import.write_next(&mut self.store, &anywhere()) else { break };
+            let Some(imported) = import.write_next(&mut self.store, &anywhere::<M::Pose>()) else { break };
             if imported.is_first || imported.is_closed {
                 self.back.closing.see_pieces(self.store.past());
             }
@@ -57,6 +63,9 @@ impl Mapper {
         told(self.report(Told::default()))
     }
 
+}
+
+impl Mapper {
     /// A mapper that finds a robot in the map of a session, where it may be anywhere, and tracks it there. What the session has mapped
     /// stays where it is, and that alone says where the robot is ([`Mapper::location`]): it is [apart](mapwright_record::Localisation) and
     /// lost until one place leads all rivals, and again where what it sees contradicts that place ([`Mapper::withdrawal`]). Keyframes are made

@@ -3,13 +3,15 @@
 use super::local_map::LocalMapping;
 use super::scale::Scale;
 use crate::cycles::Follows;
-use crate::front::{Motion, RobotPose};
+use crate::front::{Links, Motion, RobotPose, links};
+use crate::front_end::{Found, FrontEnd, Maps, Nowhere};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
-use mapwright_geom::{Cov6, Pose, Pose3, TangentMatrix};
+use crate::watch::Watch;
+use mapwright_geom::{Cov6, Pose, Pose3, Stamp, TangentMatrix};
 use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
-use mapwright_record::{LocalMapReport, NodeId, Past};
-use mapwright_sensor::{BeamCounts, Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
+use mapwright_record::{FragmentStart, LocalMapReport, NodeId, Past, Session};
+use mapwright_sensor::{Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
 use nalgebra::Vector6;
 use std::sync::Arc;
 
@@ -23,12 +25,12 @@ mod track;
 
 pub use inertial::ImuReport;
 use inertial::Inertial;
-pub(crate) use inertial::LevelWatch;
+use inertial::LevelWatch;
 use predict::{Predictor, Step, carried_on_variances};
 use prepare::Preparation;
 use span::Span;
 use sweep_motion::SweepMotion;
-pub(crate) use track::Matched;
+use track::Matched;
 use track::Tracker;
 
 /// A keyframe is made after so much way, of the sensor's rms range, or so much turning, radians,
@@ -39,7 +41,7 @@ const KNOWN_SHARE: f64 = 0.8;
 
 /// The front end.
 #[derive(Debug, Clone)]
-pub(crate) struct FrontEnd {
+pub struct SpaceFrontEnd {
     settings: Settings,
     preparation: Preparation,
     predictor: Predictor,
@@ -55,53 +57,13 @@ pub(crate) struct FrontEnd {
     /// Covariance of that.
     carried_on: Cov6,
     local_map: Option<LocalMapping>,
+    level: LevelWatch,
 }
 
-/// A cloud that is prepared, and where the robot should be.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Prepared {
-    step: Step,
-    predicted: Pose3,
-    pub(crate) beams: BeamCounts,
-    pub(crate) refused: Option<&'static str>,
-}
+/// A cloud that was prepared.
+type Prepared = crate::front_end::Prepared<Pose3, Step>;
 
-impl FrontEnd {
-    pub(crate) fn new(settings: Settings, local_from_robot: Pose3) -> Self {
-        Self {
-            preparation: Preparation::default(),
-            predictor: Predictor::default(),
-            inertial: Inertial::default(),
-            motion: SweepMotion::default(),
-            other_motion: SweepMotion::default(),
-            tracker: Tracker::new(&settings),
-            pose: RobotPose::new(local_from_robot),
-            middle_from_stamp: Pose3::identity(),
-            carried_on: Cov6::zeros(),
-            local_map: None,
-            settings,
-        }
-    }
-
-    pub(crate) fn settings(&self) -> &Settings {
-        &self.settings
-    }
-
-    pub(crate) fn pose(&self) -> &RobotPose<Pose3> {
-        &self.pose
-    }
-
-    /// Where the robot was at the cloud's stamp.
-    pub(crate) fn local_from_robot(&self) -> Pose3 {
-        self.pose.local_from_robot() * self.middle_from_stamp
-    }
-
-    /// Covariance of that relative to the anchor.
-    pub(crate) fn covariance(&self, past: Past<'_, SpaceSweep>) -> Cov6 {
-        let stamp_from_middle = self.middle_from_stamp.inverse();
-        self.pose.covariance(past).carried_by(&stamp_from_middle.adjoint()) + self.carried_on
-    }
-
+impl SpaceFrontEnd {
     /// What was derived from the first clouds, once there was one with enough points.
     pub(crate) fn scale(&self) -> Option<Scale> {
         self.preparation.scale()
@@ -116,14 +78,100 @@ impl FrontEnd {
         self.inertial.report()
     }
 
-    /// Where down is at a keyframe that was made of the present cloud, where that is known well enough.
-    pub(crate) fn take_down(&mut self) -> Option<DownEstimate> {
+    /// Whether a sweep taken with such a motion lies elsewhere, by more than the sensor's noise, than it was taken to.
+    fn bends(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) -> bool {
+        let (Some(scale), span) = (self.preparation.scale(), Span::of(cloud)) else { return false };
+        self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.other_motion);
+        let is_bent = |time_s: f64| {
+            let [was, is] = [&self.motion, &self.other_motion]
+                .map(|motion| motion.middle_from_robot(time_s).unwrap_or_else(Pose3::identity));
+            was.distance(is) + scale.range_m * Pose::between(was, is).angle() > scale.noise_m
+        };
+        span.length_s() > 0.0 && (is_bent(span.first_s) || is_bent(span.last_s))
+    }
+
+    /// Undistorts the sweep by such a motion.
+    fn straighten(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) {
+        self.inertial.shape(twist_per_s, cloud.stamp, Span::of(cloud), &mut self.motion);
+        self.preparation.prepare(&self.settings, cloud, &self.motion, true);
+    }
+
+    pub(crate) fn local_map_voxels(&self) -> usize {
+        self.local_map.as_ref().map_or(0, |local_map| local_map.map().voxels())
+    }
+
+    fn keyframe_here(
+        &self,
+        past: Past<'_, SpaceSweep>,
+        cloud: &Cloud,
+        believed: Option<&Matched>,
+    ) -> NewKeyframe<SpaceSweep> {
+        NewKeyframe {
+            stamp: cloud.stamp,
+            sweep: Arc::new(self.preparation.sweep(cloud)),
+            left_out: None,
+            hardly_fits: believed.is_some_and(Matched::hardly_fits),
+            local_from_keyframe: self.pose.local_from_robot(),
+            covariance: self.pose.covariance(past),
+            odometry: self.pose.odometry_since_keyframe(),
+            fused: self.pose.fused(),
+            matched: believed.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
+        }
+    }
+}
+
+impl Maps for SpaceSweep {
+    type Scan = Cloud;
+    type FrontEnd = SpaceFrontEnd;
+    type Locator = Nowhere;
+}
+
+impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
+    type Step = Step;
+    type Matched = Matched;
+
+    const VERSION: u8 = 5;
+    const LOOKS_AT_SUPPORT_AT_ONCE: bool = false;
+
+    fn new(settings: Settings, local_from_robot: Pose3) -> Self {
+        Self {
+            preparation: Preparation::default(),
+            predictor: Predictor::default(),
+            inertial: Inertial::default(),
+            motion: SweepMotion::default(),
+            other_motion: SweepMotion::default(),
+            tracker: Tracker::new(&settings),
+            pose: RobotPose::new(local_from_robot),
+            middle_from_stamp: Pose3::identity(),
+            carried_on: Cov6::zeros(),
+            local_map: None,
+            level: LevelWatch::default(),
+            settings,
+        }
+    }
+
+    fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    fn pose(&self) -> &RobotPose<Pose3> {
+        &self.pose
+    }
+
+    fn local_from_robot(&self) -> Pose3 {
+        self.pose.local_from_robot() * self.middle_from_stamp
+    }
+
+    fn covariance(&self, past: Past<'_, SpaceSweep>) -> Cov6 {
+        let stamp_from_middle = self.middle_from_stamp.inverse();
+        self.pose.covariance(past).carried_by(&stamp_from_middle.adjoint()) + self.carried_on
+    }
+
+    fn take_down(&mut self) -> Option<DownEstimate> {
         self.inertial.take_down()
     }
 
-    /// Steps 1 and 2: points in the robot's frame, undistorted and thinned, what was dropped counted; the pose by odometry or constant
-    /// velocity, and by an inertial sensor. The map is levelled before anything is drawn in it.
-    pub(crate) fn prepare(&mut self, cloud: &Cloud) -> Prepared {
+    fn prepare(&mut self, cloud: &Cloud) -> Prepared {
         let step = self.predictor.step(&self.settings.motion, cloud.stamp, cloud.odom_from_robot);
         let span = Span::of(cloud);
         let step = self.inertial.predict(step, span.stamp_after(cloud.stamp, span.middle_s()));
@@ -135,11 +183,11 @@ impl FrontEnd {
         self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, span, &mut self.motion);
         let refused = self.preparation.check(cloud).err();
         let beams = self.preparation.prepare(&self.settings, cloud, &self.motion, refused.is_none());
-        Prepared { step, predicted: self.pose.local_from_robot() * step.last_from_robot, beams, refused }
+        let predicted = self.pose.local_from_robot() * step.last_from_robot;
+        Prepared { step, predicted, odom_from_robot: cloud.odom_from_robot, beams, refused }
     }
 
-    /// Step 3: the cloud against the local map; once more where the robot moved otherwise during the sweep than was thought before.
-    pub(crate) fn track(&mut self, cloud: &Cloud, prepared: &Prepared) -> Option<Matched> {
+    fn track(&mut self, _past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared) -> Option<Matched> {
         let Prepared { step, predicted, .. } = *prepared;
         let last = self.pose.local_from_robot();
         let points = self.preparation.match_points();
@@ -167,26 +215,7 @@ impl FrontEnd {
         Some(matched)
     }
 
-    /// Whether a sweep taken with such a motion lies elsewhere, by more than the sensor's noise, than it was taken to.
-    fn bends(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) -> bool {
-        let (Some(scale), span) = (self.preparation.scale(), Span::of(cloud)) else { return false };
-        self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.other_motion);
-        let is_bent = |time_s: f64| {
-            let [was, is] = [&self.motion, &self.other_motion]
-                .map(|motion| motion.middle_from_robot(time_s).unwrap_or_else(Pose3::identity));
-            was.distance(is) + scale.range_m * Pose::between(was, is).angle() > scale.noise_m
-        };
-        span.length_s() > 0.0 && (is_bent(span.first_s) || is_bent(span.last_s))
-    }
-
-    /// Undistorts the sweep by such a motion.
-    fn straighten(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) {
-        self.inertial.shape(twist_per_s, cloud.stamp, Span::of(cloud), &mut self.motion);
-        self.preparation.prepare(&self.settings, cloud, &self.motion, true);
-    }
-
-    /// Takes over the new pose and its covariance.
-    pub(crate) fn settle(
+    fn settle(
         &mut self,
         past: Past<'_, SpaceSweep>,
         cloud: &Cloud,
@@ -211,9 +240,8 @@ impl FrontEnd {
         self.carried_on = carried_on_variances(&step, self.predictor.change_per_s(), Span::of(cloud).middle_s());
     }
 
-    /// Step 4: a keyframe, once the robot has moved enough and sees something.
-    pub(crate) fn new_keyframe(
-        &self,
+    fn new_keyframe(
+        &mut self,
         past: Past<'_, SpaceSweep>,
         cloud: &Cloud,
         matched: Option<&Matched>,
@@ -232,21 +260,10 @@ impl FrontEnd {
         if !(is_far || is_new || may_be_far) || self.preparation.points().is_empty() {
             return None;
         }
-        Some(NewKeyframe {
-            stamp: cloud.stamp,
-            sweep: Arc::new(self.preparation.sweep(cloud)),
-            left_out: None,
-            hardly_fits: believed.is_some_and(Matched::hardly_fits),
-            local_from_keyframe: local_from_robot,
-            covariance: self.pose.covariance(past),
-            odometry: self.pose.odometry_since_keyframe(),
-            fused: self.pose.fused(),
-            matched: believed.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
-        })
+        Some(self.keyframe_here(past, cloud, believed))
     }
 
-    /// The keyframe was written: it joins the local map.
-    pub(crate) fn wrote(
+    fn wrote(
         &mut self,
         past: Past<'_, SpaceSweep>,
         new: &NewKeyframe<SpaceSweep>,
@@ -258,33 +275,123 @@ impl FrontEnd {
         local_map.insert(past, written.node, &written.links);
     }
 
-    /// Step 5, once a cloud: the local map follows what is certain relative to the robot.
-    pub(crate) fn follow(&mut self, past: Past<'_, SpaceSweep>) {
+    fn follow(&mut self, past: Past<'_, SpaceSweep>, _inserted: bool) {
         self.local_map.iter_mut().for_each(|local_map| local_map.follow(past));
     }
 
-    /// How what was seen along the way is drawn to be compared.
-    pub(crate) fn submaps(&self, verify: VerifySettings) -> Option<SpaceSubmaps> {
+    fn submaps(&self) -> Option<SpaceSubmaps> {
         let scale = self.preparation.scale()?;
-        Some(SpaceSubmaps::new(scale.maps(), scale.range_m, verify))
+        Some(SpaceSubmaps::new(scale.maps(), scale.range_m, VerifySettings::in_space()))
     }
 
-    /// How certain old places are relative to the newest keyframe.
-    pub(crate) fn survey(&mut self, past: Past<'_, SpaceSweep>) -> Vec<KnownPlace<Pose3>> {
+    fn survey(&mut self, past: Past<'_, SpaceSweep>) -> Vec<KnownPlace<Pose3>> {
         self.local_map.as_mut().map_or_else(Vec::new, |local_map| local_map.survey(past))
     }
 
-    pub(crate) fn local_map_voxels(&self) -> usize {
-        self.local_map.as_ref().map_or(0, |local_map| local_map.map().voxels())
+    fn local_map_report(&self) -> LocalMapReport {
+        self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
     }
 
-    /// An old place near to the newest keyframe that is matched against.
-    pub(crate) fn old_place_nearby(&self, past: Past<'_, SpaceSweep>) -> Option<NodeId> {
+    fn resume(settings: Settings, past: Past<'_, SpaceSweep>) -> Self {
+        Self::made_again(settings, past)
+    }
+
+    fn put(&self, out: &mut Vec<u8>) {
+        self.put_stages(out);
+    }
+
+    fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
+        Self::take_stages(settings, past, from)
+    }
+
+    fn sees(&self) -> bool {
+        !self.preparation.match_points().is_empty()
+    }
+
+    fn watch(&self) -> &Watch {
+        &self.tracker.watch
+    }
+
+    fn usual_period_s(&self) -> f64 {
+        0.0
+    }
+
+    fn has_stood(&self, _prepared: &Prepared) -> bool {
+        false
+    }
+
+    fn is_after_gap(&self, _prepared: &Prepared) -> bool {
+        false
+    }
+
+    fn has_strayed(&self, _prepared: &Prepared) -> bool {
+        false
+    }
+
+    fn is_known_to_be(
+        &mut self,
+        _past: Past<'_, SpaceSweep>,
+        _prepared: &mut Prepared,
+        _why: FragmentStart,
+    ) -> bool {
+        false
+    }
+
+    fn leave(&mut self) {
+        self.local_map.iter_mut().for_each(LocalMapping::leave_all);
+    }
+
+    fn keyframe_unmatched(&self, past: Past<'_, SpaceSweep>, cloud: &Cloud) -> Option<NewKeyframe<SpaceSweep>> {
+        (!self.preparation.points().is_empty()).then(|| self.keyframe_here(past, cloud, None))
+    }
+
+    fn began_fragment(
+        &mut self,
+        past: Past<'_, SpaceSweep>,
+        stamp: Stamp,
+        new: &NewKeyframe<SpaceSweep>,
+        written: &Written<Pose3>,
+    ) {
+        self.wrote(past, new, written);
+        self.pose.begin_fragment(written.node);
+        self.tracker.watch.begin_anew(stamp);
+    }
+
+    fn is_leaning(&mut self, session: &Session<SpaceSweep>) -> bool {
+        self.level.is_leaning(session)
+    }
+
+    fn support(&self, past: Past<'_, SpaceSweep>) -> Option<NodeId> {
         self.local_map.as_ref()?.old_place_nearby(past)
     }
 
-    pub(crate) fn local_map_report(&self) -> LocalMapReport {
-        self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
+    fn switch_on(&mut self) {
+        self.predictor = Predictor::default();
+        self.inertial = Inertial::default();
+        self.tracker = Tracker::new(&self.settings);
+        self.pose.switch_on();
+        (self.middle_from_stamp, self.carried_on) = (Pose3::identity(), Cov6::zeros());
+        self.leave();
+    }
+
+    fn take_in(&mut self, past: Past<'_, SpaceSweep>, first_edge: usize, is_first: bool) {
+        let Some(node) = past.newest() else { return };
+        let mut links = Links::default();
+        past.session.recorded_edges().iter().skip(first_edge).for_each(|known| links.add(known));
+        if is_first {
+            self.leave();
+        }
+        self.pose.take_in(node, past.pose(node), links.fused());
+        if self.local_map.is_none() {
+            self.local_map = self.scale_by(past).map(|scale| LocalMapping::new(&self.settings, scale));
+        }
+        if let Some(local_map) = &mut self.local_map {
+            local_map.take_in(past, node, &links.all(past, node), &links.closures);
+        }
+    }
+
+    fn drop_keyframe(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
+        self.local_map.iter_mut().for_each(|local_map| local_map.drop(past, node));
     }
 }
 
@@ -294,13 +401,19 @@ fn softened(information: &Cov6, more: &Cov6) -> Cov6 {
     covariance.and_then(|covariance| covariance.try_inverse()).unwrap_or(*information)
 }
 
-impl Follows<SpaceSweep> for FrontEnd {
+impl Follows<SpaceSweep> for SpaceFrontEnd {
     fn close(&mut self, past: Past<'_, SpaceSweep>, from: NodeId, to: NodeId, covariance: &Cov6) {
         self.local_map.iter_mut().for_each(|local_map| local_map.close(past, from, to, covariance));
     }
 
     fn open(&mut self, from: NodeId, to: NodeId) {
         self.local_map.iter_mut().for_each(|local_map| local_map.open(from, to));
+    }
+
+    fn begin_anew(&mut self, past: Past<'_, SpaceSweep>) {
+        if let Some(scale) = self.preparation.scale() {
+            self.local_map = Some(LocalMapping::of_links(&self.settings, scale, past, &links(past)));
+        }
     }
 
     fn carry(&mut self, past: Past<'_, SpaceSweep>, before: &[Pose3]) {

@@ -190,6 +190,24 @@ impl LocalMapping {
             if is_drawn { self.report.keyframes + 1 } else { self.report.keyframes.saturating_sub(1) };
     }
 
+    /// Nothing that is known is matched against any more.
+    pub(crate) fn leave_all(&mut self) {
+        self.map = SurfelMap::new(self.scale.maps());
+        self.views.iter_mut().for_each(|view| (view.drawn_at, view.live) = (None, false));
+        self.report.keyframes = 0;
+        self.due.clear();
+    }
+
+    /// Takes a keyframe out for good.
+    pub(crate) fn drop(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
+        let Some(view) = self.views.get_mut(node.index()) else { return };
+        view.gone = true;
+        if view.drawn_at.is_some() {
+            self.draw(past, node, Change::Remove);
+        }
+        self.map.refresh();
+    }
+
     /// The keyframes were moved by a correction; what is drawn elsewhere is due.
     pub(crate) fn carry(&mut self, past: Past<'_, SpaceSweep>, before: &[Pose3]) {
         self.graph.carry(|node| past.local_from_keyframe[node as usize] * before[node as usize].inverse());

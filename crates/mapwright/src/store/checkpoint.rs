@@ -3,7 +3,6 @@
 use super::Store;
 use mapwright_geom::{Stored, is_in_place};
 use mapwright_record::{Checkpoint, Entry, FragmentStart, LeftOutReason, Measurement};
-use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
 impl<M: Measurement> Store<M> {
@@ -42,18 +41,16 @@ impl<M: Measurement> Store<M> {
     pub(crate) fn add_checkpoint(&mut self, state: Vec<u8>) {
         self.write(Entry::Checkpoint(Checkpoint { state: state.into() }));
     }
-}
 
-impl Store {
     /// Of each keyframe what was drawn while it was mapped: the map that was made in the end may have left out more.
-    pub(crate) fn drawn_while_mapping(&self) -> Vec<Option<Arc<Sweep>>> {
+    pub(crate) fn drawn_while_mapping(&self) -> Vec<Option<Arc<M>>> {
         let mut drawn = self.session.drawn().to_vec();
         let in_the_end = |reason: LeftOutReason| reason == LeftOutReason::ContradictsTheMap;
         let left_out = self.session.left_out();
         for id in left_out.iter().filter(|left_out| in_the_end(left_out.reason)).map(|left_out| left_out.keyframe) {
             let Some(place) = self.session.place(id) else { continue };
             let before = left_out.iter().filter(|left_out| left_out.keyframe == id && !in_the_end(left_out.reason));
-            let all = Sweep::clone(&self.session.keyframes()[place].sweep);
+            let all = M::clone(&self.session.keyframes()[place].sweep);
             drawn[place] = Some(Arc::new(before.fold(all, |sweep, left_out| sweep.without(&left_out.beams))));
         }
         drawn

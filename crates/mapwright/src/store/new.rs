@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// A keyframe to be written.
 #[derive(Debug, Clone)]
-pub(crate) struct NewKeyframe<M: Measurement = Sweep> {
+pub struct NewKeyframe<M: Measurement = Sweep> {
     pub(crate) stamp: Stamp,
     /// All that was seen,
     pub(crate) sweep: Arc<M>,
@@ -37,7 +37,7 @@ pub(crate) enum Link {
 
 /// A keyframe that was written.
 #[derive(Debug, Clone)]
-pub(crate) struct Written<P: Pose = Pose2> {
+pub struct Written<P: Pose = Pose2> {
     pub(crate) node: NodeId,
     /// The keyframes that it is linked with, and its covariance relative to each.
     pub(crate) links: Vec<(NodeId, P::Matrix)>,
@@ -48,7 +48,7 @@ pub(crate) struct Written<P: Pose = Pose2> {
 
 /// A slip that scans have told, and how it is corrected.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Slipped<P: Pose = Pose2> {
+pub struct Slipped<P: Pose = Pose2> {
     /// The first keyframe that is misplaced; the next one where none is.
     pub(crate) from: NodeId,
     /// By how far, metres.

@@ -30,7 +30,7 @@ const JUMP_MPS: f64 = 3.0;
 
 /// The motion since the last cloud, and the information of its right perturbation.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Step {
+pub struct Step {
     pub(super) last_from_robot: Pose3,
     pub(super) information: Cov6,
     pub(super) elapsed_s: f64,

@@ -1,21 +1,22 @@
 //! The front end in space as bytes, and one that goes on with an earlier run. After a run that was killed, what inertial readings have told
 //! is learnt anew.
 
-use super::FrontEnd;
-use super::inertial::Inertial;
+use super::SpaceFrontEnd;
+use super::inertial::{Inertial, LevelWatch};
 use super::predict::Predictor;
 use super::prepare::Preparation;
+use crate::front_end::FrontEnd;
 use crate::front::{Links, RobotPose, links};
 use crate::settings::Settings;
 use crate::space::local_map::LocalMapping;
 use crate::space::scale::Scale;
 use mapwright_geom::{Cov6, Pose3, Stored, is_covariance, is_in_place};
-use mapwright_record::{NodeId, Past};
+use mapwright_record::Past;
 use mapwright_sensor::SpaceSweep;
 
-impl FrontEnd {
+impl SpaceFrontEnd {
     /// Between two clouds.
-    pub(crate) fn put(&self, out: &mut Vec<u8>) {
+    pub(super) fn put_stages(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
         self.predictor.put(out);
         self.tracker.usual().put(out);
@@ -24,10 +25,11 @@ impl FrontEnd {
         (self.middle_from_stamp, self.carried_on).put(out);
         self.local_map.is_some().put(out);
         self.local_map.iter().for_each(|local_map| local_map.put(out));
+        self.level.put(out);
     }
 
     /// Goes on as it was; `past` is all of the session.
-    pub(crate) fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
+    pub(super) fn take_stages(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
         let scale: Option<Scale> = Stored::take(from)?;
         let predictor: Predictor = Stored::take(from)?;
         let usual: Option<f64> = Stored::take(from)?;
@@ -40,30 +42,33 @@ impl FrontEnd {
             true => Some(LocalMapping::restore(&settings, scale?, past, from)?),
             false => None,
         };
+        let level = LevelWatch::take(from).filter(|level| level.is_of(past.session))?;
         let preparation = Preparation::of_scale(scale);
         let new = Self::new(settings, Pose3::identity());
         let tracker = new.tracker.clone().used_to(usual);
-        Some(Self { preparation, predictor, tracker, inertial, pose, middle_from_stamp, carried_on, local_map, ..new })
+        Some(Self { preparation, predictor, tracker, inertial, pose, middle_from_stamp, carried_on, local_map, level, ..new })
     }
 
     /// Goes on where the session ends, by keyframes and edges alone; `past` is all of it.
-    pub(crate) fn resume(settings: Settings, past: Past<'_, SpaceSweep>) -> Self {
+    pub(super) fn made_again(settings: Settings, past: Past<'_, SpaceSweep>) -> Self {
         let links = links(past);
         let last = past.session.trajectory().last().map(|pose| pose.map_from_robot);
         let mut front = Self::new(settings, last.unwrap_or_default());
-        let Some(first) = past.session.keyframes().first() else { return front };
-        let points: Vec<[f32; 3]> = first.sweep.points_m().collect();
-        let scale = Scale::of(&front.settings, &first.sweep.sensor, &points);
-        front.preparation = Preparation::of_scale(Some(scale));
-        let of_nodes: Vec<Vec<(NodeId, Cov6)>> =
-            NodeId::first(links.len()).zip(&links).map(|(node, links)| links.all(past, node)).collect();
-        let closures: Vec<_> = NodeId::first(links.len())
-            .zip(&links)
-            .flat_map(|(node, links)| links.closures.iter().map(move |(from, covariance)| ([*from, node], *covariance)))
-            .collect();
-        front.local_map = Some(LocalMapping::made_again(&front.settings, scale, past, &of_nodes, &closures));
+        let Some(scale) = front.scale_by(past) else { return front };
+        front.local_map = Some(LocalMapping::of_links(&front.settings, scale, past, &links));
         let covariances = links.iter().map(Links::fused).collect();
         front.pose = RobotPose::resume(last.unwrap_or_default(), covariances, Cov6::zeros());
         front
+    }
+
+    /// What was derived from the first clouds, or is now from the first keyframe.
+    pub(super) fn scale_by(&mut self, past: Past<'_, SpaceSweep>) -> Option<Scale> {
+        if self.preparation.scale().is_none() {
+            let first = past.session.keyframes().first()?;
+            let points: Vec<[f32; 3]> = first.sweep.points_m().collect();
+            let scale = Scale::of(&self.settings, &first.sweep.sensor, &points);
+            self.preparation = Preparation::of_scale(Some(scale));
+        }
+        self.preparation.scale()
     }
 }

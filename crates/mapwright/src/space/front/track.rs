@@ -5,8 +5,10 @@
 //! of what is found is taken, by points and prediction.
 
 use super::predict::Step;
+use crate::front_end::Found;
 use crate::settings::{Optimizer, Settings};
 use crate::space::local_map::LocalMapping;
+use crate::watch::Watch;
 use mapwright_geom::{Cov6, Pose3};
 use mapwright_record::{MatchReport, NodeId, Status};
 use mapwright_voxel::{Ascent, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
@@ -35,7 +37,7 @@ const DOUBTED_TRUST: f64 = 0.25;
 
 /// What the match stage hands on.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Matched {
+pub struct Matched {
     pub(crate) local_from_robot: Pose3,
     pub(crate) information: Cov6,
     pub(crate) status: Status,
@@ -46,11 +48,17 @@ pub(crate) struct Matched {
     pub(super) supplier: Option<NodeId>,
 }
 
-impl Matched {
-    pub(crate) fn is_believed(&self) -> bool {
-        self.status != Status::Lost
+impl Found for Matched {
+    fn status(&self) -> Status {
+        self.status
     }
 
+    fn report(&self) -> MatchReport {
+        self.report
+    }
+}
+
+impl Matched {
     pub(super) fn fits_as_well_as(&self, other: &Self) -> bool {
         let score = |report: &MatchReport| report.known_share * report.inlier_share;
         self.is_believed() && score(&self.report) + BETTER_SHARE >= score(&other.report)
@@ -68,6 +76,8 @@ pub(super) struct Tracker {
     suppliers: Vec<NodeId>,
     /// The mean log likelihood ratio of a point of which something is known, of matches that were believed.
     usual: Option<f64>,
+    /// Since when nothing was seen, and how many clouds in a row were not believed.
+    pub(super) watch: Watch,
 }
 
 impl Tracker {

@@ -1,9 +1,10 @@
 //! A local map in space as bytes, and one that is made again from keyframes and edges.
 
 use super::{LocalMapping, View};
+use crate::front::Links;
 use crate::settings::Settings;
 use crate::space::scale::Scale;
-use mapwright_geom::{Cov6, Stored, is_in_place, stored};
+use mapwright_geom::{Cov6, Pose3, Stored, is_in_place, stored};
 use mapwright_graph::CovarianceGraph;
 use mapwright_record::{LocalMapReport, NodeId, Past};
 use mapwright_sensor::SpaceSweep;
@@ -55,21 +56,19 @@ impl LocalMapping {
         again.map.set_suppliers(&suppliers).then_some(again)
     }
 
-    /// Made again from what lasts: `links` are those of each keyframe with earlier ones, `closures` those that closures made. What is
-    /// certain relative to the newest keyframe is drawn.
-    pub(crate) fn made_again(
+    /// Made again from what lasts: the edges that lead to each keyframe. What is certain relative to the newest is drawn.
+    pub(crate) fn of_links(
         settings: &Settings,
         scale: Scale,
         past: Past<'_, SpaceSweep>,
-        links: &[Vec<(NodeId, Cov6)>],
-        closures: &[([NodeId; 2], Cov6)],
+        links: &[Links<Pose3>],
     ) -> Self {
         let mut again = Self::new(settings, scale);
         for (node, links) in NodeId::first(links.len()).zip(links) {
-            again.take_note(past, node, links);
+            again.take_note(past, node, &links.all(past, node));
         }
-        for ([from, to], covariance) in closures {
-            again.close(past, *from, *to, covariance);
+        for (node, links) in NodeId::first(links.len()).zip(links) {
+            links.closures.iter().for_each(|(from, covariance)| again.close(past, *from, node, covariance));
         }
         let Some(newest) = past.newest() else { return again };
         if again.gated {
@@ -87,5 +86,22 @@ impl LocalMapping {
         }
         again.map.refresh();
         again
+    }
+
+    /// Takes a keyframe of another session in without drawing it: what it is certain relative to is known from then on.
+    pub(crate) fn take_in(
+        &mut self,
+        past: Past<'_, SpaceSweep>,
+        node: NodeId,
+        links: &[(NodeId, Cov6)],
+        closures: &[(NodeId, Cov6)],
+    ) {
+        self.take_note(past, node, links);
+        closures.iter().for_each(|(from, covariance)| self.close(past, *from, node, covariance));
+        self.views[node.index()].live = true;
+        if self.gated {
+            self.judge(node);
+        }
+        self.due.clear();
     }
 }

@@ -1,0 +1,72 @@
+//! What a mapper of the plane has beside.
+
+use super::Mapper;
+use crate::front_end::FrontEnd;
+use crate::locate::{Location, Withdrawal};
+use crate::render::GlobalMap;
+use mapwright_geom::TangentMatrix;
+use mapwright_grid::{CountGrid, LocalMap};
+use mapwright_loops::KnownPlace;
+use mapwright_record::KeyframeId;
+use mapwright_sensor::{Odometry, TurnRate};
+
+impl Mapper {
+    /// Remembers a reading of the wheels: for scans up to 2 s later that carry none of their own, and for the robot's motion
+    /// during a sweep.
+    ///
+    /// Hand in what was read during a sweep before its scan, as it arrives from a robot.
+    pub fn add_odometry(&mut self, odometry: &Odometry) {
+        self.front.add_odometry(odometry);
+    }
+
+    /// Remembers a reading of a gyroscope, for the robot's motion during a sweep: hand in what was read during it before its
+    /// scan. False where it is no rate that a robot can have; it is left out then.
+    pub fn add_turn_rate(&mut self, rate: &TurnRate) -> bool {
+        self.front.add_turn_rate(rate)
+    }
+
+    /// Where the robot is likeliest to be in the finished map, and the evidence; none where nothing is known, and of a mapper that is not
+    /// [localising](Mapper::localising).
+    #[must_use]
+    pub fn location(&self) -> Option<Location> {
+        self.locator.as_ref()?.location()
+    }
+
+    /// Why the newest scan has withdrawn what was said of where the robot is in the finished map, if it has.
+    #[must_use]
+    pub fn withdrawal(&self) -> Option<Withdrawal> {
+        self.locator.as_ref()?.withdrawal()
+    }
+
+    /// The map that scans are matched against.
+    #[must_use]
+    pub fn local_map(&self) -> &LocalMap {
+        self.front.local_map()
+    }
+
+    /// How certain the first keyframe of each patch of the map is relative to the newest one: larger standard deviation
+    /// of the position, metres, and that of the heading, radians.
+    pub fn certainty(&mut self) -> Vec<(KeyframeId, f64, f64)> {
+        let sigmas = |known: KnownPlace| {
+            let (m2, rad2) = (known.covariance.position_variance_m2(), known.covariance.rotation_variance_rad2());
+            (self.store.id(known.first), m2.sqrt(), rad2.sqrt())
+        };
+        self.front.survey(self.store.past()).into_iter().map(sigmas).collect()
+    }
+
+    /// Counts of every keyframe of the first map ([`Session::maps`]) at its present pose, drawn from scratch on two threads, without those
+    /// that hardly fitted and contradict the others: the map to export. Others are drawn by [`GlobalMap::export_believed_of`].
+    #[must_use]
+    pub fn render(&self) -> CountGrid {
+        self.render_with(2)
+    }
+
+    /// As [`Mapper::render`], on so many threads; the map is the same.
+    #[must_use]
+    pub fn render_with(&self, threads: usize) -> CountGrid {
+        let mut map = GlobalMap::new(self.settings());
+        let maps = self.session().maps();
+        map.export_believed_of(self.session(), &maps.into_iter().next().unwrap_or_default(), threads);
+        map.into_counts()
+    }
+}
