@@ -171,14 +171,14 @@ impl Submaps for SpaceSubmaps {
             self.matcher.rough(&target.map, &query.points_m, &prior, starts.into_iter(), Descent::Whole, COMPARED);
         let mut fits: Vec<Fit> =
             rough.into_iter().map(|start| self.matcher.climb(&target.map, &query.points_m, &prior, start)).collect();
-        fits.sort_by(|a, b| share(b).total_cmp(&share(a)));
+        fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         let Some(&best) = fits.first().filter(|best| share(best) >= self.verify.least_score) else {
             return Finding::none(evidence, Objection::NoMatch);
         };
         evidence.score = Some(share(&best));
         let rivals = fits.iter().filter(|fit| self.is_elsewhere(fit.map_from_cloud, best.map_from_cloud));
-        let rival = rivals.map(share).fold(0.0, f64::max);
-        evidence.ambiguity = Some((rival / share(&best)).max(0.75));
+        let rival = rivals.map(|fit| fit.log_likelihood).fold(0.0, f64::max);
+        evidence.ambiguity = Some(if best.log_likelihood > 0.0 { rival / best.log_likelihood } else { 1.0 });
         let target_from_query = best.map_from_cloud;
         let back = self.matcher.judge(&query.map, &target.points_m, target_from_query.inverse());
         evidence.overlap = Some(best.known_share.max(back.known_share));

@@ -2,9 +2,9 @@
 //! always finds something, and after a break it is soon the wrong corridor. So a fragment begins there, mapped at full quality, and
 //! detection looks for a join ([`mapwright_loops::Closing`]). Written once for the plane and for space.
 
-use crate::front_end::{CovarianceOf, FrontEnd, Maps, PreparedOf};
+use crate::front_end::{CovarianceOf, FrontEnd, Maps, MatchedOf, PreparedOf, Reading};
 use crate::settings::LivePolicy;
-use mapwright_geom::{Pose, Stamp, TangentMatrix};
+use mapwright_geom::{Pose, TangentMatrix};
 use mapwright_record::{FragmentStart, Past};
 
 /// After so many scans in a row that fit nowhere it is not where it is thought to be.
@@ -29,22 +29,50 @@ pub(crate) fn over_break<M: Maps>(start: FragmentStart, by_motion: CovarianceOf<
     }
 }
 
-/// Why a fragment begins with the scan that was just prepared, if it does; `switched_on` where it does as soon as something is seen.
-pub(crate) fn find<M: Maps>(
+/// The scan that was just prepared, matched; or why a fragment begins with it, and then nothing that is known is matched against any more.
+/// `switched_on` where one begins as soon as something is seen.
+pub(crate) fn match_or_begin<M: Maps>(
     front: &mut M::FrontEnd,
     past: Past<'_, M>,
-    stamp: Stamp,
+    scan: &M::Scan,
     prepared: &mut PreparedOf<M>,
     switched_on: Option<FragmentStart>,
+) -> Result<Option<MatchedOf<M>>, FragmentStart> {
+    if let Some(why) = switched_on.filter(|_| past.newest().is_some() && front.sees()) {
+        front.leave();
+        return Err(why);
+    }
+    let why = match may_be_elsewhere::<M>(front, past, scan, prepared) {
+        Some(why) => why,
+        None => {
+            let matched = front.track(past, scan, prepared);
+            let keeps_everything = front.settings().live.policy == LivePolicy::Everything;
+            let is_nowhere = matched.as_ref().is_some_and(|matched| front.is_found_nowhere(prepared, matched));
+            if keeps_everything || !is_nowhere {
+                return Ok(matched);
+            }
+            FragmentStart::Lost
+        }
+    };
+    if front.is_known_to_be(past, scan, prepared, why) {
+        return Ok(front.track(past, scan, prepared));
+    }
+    front.leave();
+    Err(why)
+}
+
+/// Why the robot may be far from where it is predicted, if it may, by what is known before the scan is matched.
+fn may_be_elsewhere<M: Maps>(
+    front: &M::FrontEnd,
+    past: Past<'_, M>,
+    scan: &M::Scan,
+    prepared: &PreparedOf<M>,
 ) -> Option<FragmentStart> {
     let keeps_everything = front.settings().live.policy == LivePolicy::Everything;
-    if past.newest().is_none() || !front.sees() {
+    if past.newest().is_none() || !front.sees() || keeps_everything {
         return None;
     }
-    if switched_on.is_some() || keeps_everything {
-        return switched_on;
-    }
-    let watch = *front.watch();
+    let (watch, stamp) = (*front.watch(), scan.stamp());
     let (blank, blind_s) = watch.blind(stamp);
     let is_long = |seconds: f64| seconds > BLIND_S.max(f64::from(BLIND_SCANS) * front.usual_period_s());
     // Without returns it may have been carried, whatever the wheels say; and where they said nothing either, or that it stands: while they
@@ -53,7 +81,7 @@ pub(crate) fn find<M: Maps>(
         || is_long(watch.silence_s(stamp))
         || is_long(blind_s) && front.has_stood(prepared);
     let may_have_strayed = watch.misfits > 0 || front.is_after_gap(prepared);
-    let why = if watch.misfits >= LOST_SCANS {
+    if watch.misfits >= LOST_SCANS {
         Some(FragmentStart::Lost)
     } else if is_blind {
         Some(FragmentStart::Blind)
@@ -61,6 +89,5 @@ pub(crate) fn find<M: Maps>(
         Some(FragmentStart::Uncertain)
     } else {
         None
-    };
-    why.filter(|why| !front.is_known_to_be(past, prepared, *why))
+    }
 }

@@ -4,8 +4,8 @@
 use crate::cycles::Follows;
 use crate::front_end::{Found, FrontEnd, Maps};
 use crate::local_map::{Frames, LocalMapping};
-use crate::settings::Settings;
 use crate::locate::Locator;
+use crate::settings::Settings;
 use crate::store::{NewKeyframe, Slipped, Written};
 use crate::watch::Watch;
 use insert::Intruders;
@@ -252,12 +252,7 @@ impl FrontEnd<Sweep> for PlaneFrontEnd {
         self.slips.watch(&scene, &self.tracker, matched, self.pose.local_from_robot(), busy, is_closed_since)
     }
 
-    fn new_keyframe(
-        &mut self,
-        past: Past<'_>,
-        scan: &LaserScan,
-        matched: Option<&Matched>,
-    ) -> Option<NewKeyframe> {
+    fn new_keyframe(&mut self, past: Past<'_>, scan: &LaserScan, matched: Option<&Matched>) -> Option<NewKeyframe> {
         let local_from_robot = self.pose.local_from_robot();
         let newest = newest_of(past, &scan.laser);
         let moved = newest.is_none_or(|node| self.settings.keyframes.is_far(past.pose(node).between(local_from_robot)));
@@ -341,7 +336,13 @@ impl FrontEnd<Sweep> for PlaneFrontEnd {
     }
 
     /// A robot that was blind may be where its wheels say: had it been carried, the scan would not fit just there.
-    fn is_known_to_be(&mut self, past: Past<'_>, prepared: &mut Prepared, why: FragmentStart) -> bool {
+    fn is_known_to_be(
+        &mut self,
+        past: Past<'_>,
+        _scan: &LaserScan,
+        prepared: &mut Prepared,
+        why: FragmentStart,
+    ) -> bool {
         if why != FragmentStart::Blind {
             return false;
         }

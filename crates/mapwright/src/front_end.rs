@@ -73,6 +73,9 @@ pub struct Prepared<P: Pose, S> {
 /// That of a kind of measurement.
 pub(crate) type PreparedOf<M> = Prepared<<M as Measurement>::Pose, <<M as Maps>::FrontEnd as FrontEnd<M>>::Step>;
 
+/// What its match stage hands on.
+pub(crate) type MatchedOf<M> = <<M as Maps>::FrontEnd as FrontEnd<M>>::Matched;
+
 /// What came of a match.
 pub trait Found {
     /// How it went.
@@ -149,27 +152,27 @@ pub trait FrontEnd<M: Maps>: Clone + Debug + Sized + Follows<M> {
 
     /// Whether the robot is known to be where something is known all the same, though it may have been carried for such a reason; the
     /// prediction is put right then.
-    fn is_known_to_be(&mut self, past: Past<'_, M>, prepared: &mut PreparedOf<M>, why: FragmentStart) -> bool;
-
-    /// Step 3: the scan against the local map.
-    fn track(
+    fn is_known_to_be(
         &mut self,
         past: Past<'_, M>,
         scan: &M::Scan,
-        prepared: &PreparedOf<M>,
-    ) -> Option<Self::Matched>;
+        prepared: &mut PreparedOf<M>,
+        why: FragmentStart,
+    ) -> bool;
+
+    /// Whether the scan was matched so badly, and where the robot is so unlikely to be, that it may be anywhere.
+    fn is_found_nowhere(&self, _prepared: &PreparedOf<M>, _matched: &Self::Matched) -> bool {
+        false
+    }
+
+    /// Step 3: the scan against the local map.
+    fn track(&mut self, past: Past<'_, M>, scan: &M::Scan, prepared: &PreparedOf<M>) -> Option<Self::Matched>;
 
     /// What is known is not matched against any more.
     fn leave(&mut self);
 
     /// Takes over the new pose and its covariance, now that it is known whether the match is believed.
-    fn settle(
-        &mut self,
-        past: Past<'_, M>,
-        scan: &M::Scan,
-        prepared: &PreparedOf<M>,
-        matched: Option<&Self::Matched>,
-    );
+    fn settle(&mut self, past: Past<'_, M>, scan: &M::Scan, prepared: &PreparedOf<M>, matched: Option<&Self::Matched>);
 
     /// A slip of the wheels that scans tell together, while nothing is under way (`busy`).
     fn watch_slips(

@@ -45,9 +45,9 @@ struct ReadmeExamples;
 pub use advice::{Advice, Place};
 pub use audit::{Audit, audit};
 pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
+pub use front_end::{Maps, Reading};
 pub use jobs::{Job, JobResult};
 pub use locate::{Location, Withdrawal};
-pub use front_end::{Maps, Reading};
 pub use mapper::{Adopted, Mapper, MapperOf, Sighted, SpaceMapper, WaysSeen};
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{BeamAgreement, CountGrid, LocalMap};
@@ -66,7 +66,5 @@ pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
-pub use space::{
-    ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, surfels_of,
-};
+pub use space::{ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, surfels_of};
 pub use visits::Visits;

@@ -498,7 +498,7 @@ mod tests {
     fn see(locator: &mut Locator, scan: &TrueScan, local_from_robot: Pose2) {
         let (mut points, mut table) = (SweepPoints::default(), BeamTable::default());
         points.fill(&Sweep::from_scan(&scan.scan, [0.0; 3]).0, &mut table, 6.0);
-        locator.see(&Seen { local_from_robot, points: &points, is_break: false, is_believed: true });
+        locator.take(&Seen { local_from_robot, points: &points, is_break: false, is_believed: true });
     }
 
     #[test]

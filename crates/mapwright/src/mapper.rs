@@ -3,7 +3,7 @@
 use crate::back::BackEnd;
 use crate::breaks;
 use crate::front::BEFORE;
-use crate::front_end::{Found, FrontEnd, Locates, Maps, PreparedOf, Reading};
+use crate::front_end::{Found, FrontEnd, Locates, Maps, MatchedOf, PreparedOf, Reading};
 use crate::jobs::{Job, JobResult, Task};
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Correction, Settings, SettingsError};
@@ -48,9 +48,6 @@ pub type Mapper = MapperOf<Sweep>;
 
 /// Builds a map of space one cloud at a time.
 pub type SpaceMapper = MapperOf<SpaceSweep>;
-
-/// What its match stage hands on.
-type MatchedOf<M> = <<M as Maps>::FrontEnd as FrontEnd<M>>::Matched;
 
 impl<M: Maps> MapperOf<M> {
     /// A mapper that starts at the map's origin, of a robot called "robot".
@@ -131,14 +128,10 @@ impl<M: Maps> MapperOf<M> {
         probe.end(Stage::Prepare);
         // 3. Match against the local map, with a guard; over a break nothing that is known is matched against.
         let switched_on = self.store.is_switched_on();
-        let start =
-            breaks::find::<M>(&mut self.front, self.store.past(), scan.stamp(), &mut prepared, switched_on);
-        let matched = match start {
-            None => self.front.track(self.store.past(), scan, &prepared),
-            Some(_) => {
-                self.front.leave();
-                None
-            }
+        let (past, front) = (self.store.past(), &mut self.front);
+        let (matched, start) = match breaks::match_or_begin::<M>(front, past, scan, &mut prepared, switched_on) {
+            Ok(matched) => (matched, None),
+            Err(start) => (None, Some(start)),
         };
         let matched = matched.as_ref();
         probe.end(Stage::Match);

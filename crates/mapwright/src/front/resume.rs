@@ -4,8 +4,8 @@
 //! seconds.
 
 use super::PlaneFrontEnd;
-use crate::front_end::FrontEnd;
 use super::pose::{RobotPose, map_floor};
+use crate::front_end::FrontEnd;
 use crate::local_map::{Earlier, Frames};
 use crate::settings::Settings;
 use crate::store::spacing;

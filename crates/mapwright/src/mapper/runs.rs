@@ -36,11 +36,7 @@ impl<M: Maps> MapperOf<M> {
     ///
     /// # Errors
     /// That of `told`.
-    pub fn import<E>(
-        &mut self,
-        other: &Session<M>,
-        mut told: impl FnMut(Update<M>) -> Result<(), E>,
-    ) -> Result<(), E> {
+    pub fn import<E>(&mut self, other: &Session<M>, mut told: impl FnMut(Update<M>) -> Result<(), E>) -> Result<(), E> {
         let Some(begin) = other.map_from_keyframe().first() else { return Ok(()) };
         let local_from_other = self.front.pose().local_from_robot() * begin.inverse();
         let first = NodeId::at(self.store.len());
@@ -62,7 +58,6 @@ impl<M: Maps> MapperOf<M> {
         self.store.wait_for_scans();
         told(self.report(Told::default()))
     }
-
 }
 
 impl Mapper {

@@ -1,7 +1,9 @@
 use super::*;
 use crate::jobs::Outcome;
+use mapwright_geom::Pose2;
 use mapwright_loops::Solved;
 use mapwright_record::{EdgeKind, Localisation, Objection, Verdict};
+use mapwright_sensor::LaserScan;
 use mapwright_sim::{Drive, DriveSettings, Site, kidnapping, worlds};
 
 /// What was told of a drive from which scans were taken, and each keyframe's true pose.
@@ -114,7 +116,12 @@ fn a_join_can_be_taken_back() {
     assert!(!joins.is_empty() && !over_break(&driven.mapper, EdgeKind::Match).is_empty());
     assert_eq!(driven.mapper.session().pieces().len(), 1);
     let live_before = |mapper: &mut Mapper| {
-        mapper.front.survey().iter().filter(|place| place.live && place.first.index() < first).count()
+        mapper
+            .front
+            .survey(mapper.store.past())
+            .iter()
+            .filter(|place| place.live && place.first.index() < first)
+            .count()
     };
     assert!(live_before(&mut driven.mapper) > 0);
     let map_from_keyframe = driven.mapper.keyframe_poses().to_vec();

@@ -9,10 +9,11 @@ use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use crate::watch::Watch;
 use mapwright_geom::{Cov6, Pose, Pose3, Stamp, TangentMatrix};
-use mapwright_loops::{KnownPlace, SpaceSubmaps, VerifySettings};
+use mapwright_loops::{KnownPlace, SUBMAP_M, SpaceSubmaps, Submaps, VerifySettings, View, Window, views_along};
 use mapwright_record::{FragmentStart, LocalMapReport, NodeId, Past, Session};
 use mapwright_sensor::{Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
 use nalgebra::Vector6;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 mod inertial;
@@ -38,6 +39,10 @@ const KEYFRAME_SHARE: f64 = 0.06;
 const KEYFRAME_RAD: f64 = 0.2;
 /// or where less than this share of a cloud lies where something is known.
 const KNOWN_SHARE: f64 = 0.8;
+/// Where the robot is found farther than this from where it should be, of the rms range, or after a gap, a match in doubt is not enough:
+/// it is looked for, within so many times the way that it usually goes in the time since the cloud before.
+const STRAYED_SHARE: f64 = 0.25;
+const WINDOW_SIGMAS: f64 = 3.0;
 
 /// The front end.
 #[derive(Debug, Clone)]
@@ -100,6 +105,30 @@ impl SpaceFrontEnd {
         self.local_map.as_ref().map_or(0, |local_map| local_map.map().voxels())
     }
 
+    /// A robot that has moved no farther has not moved, metres.
+    fn still_m(&self) -> f64 {
+        self.scale().map_or(0.0, |scale| KEYFRAME_SHARE * scale.range_m)
+    }
+
+    /// Where the cloud is found in what was seen along the way of late, by all that speaks against a closure: the robot may be as far from
+    /// its prediction as it usually goes since the cloud before, and have turned anyhow.
+    fn look_around(&self, past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared) -> Option<Pose3> {
+        let (newest, mut submaps) = (past.newest()?, self.submaps()?);
+        let reach_m = WINDOW_SIGMAS * self.predictor.usual_way_m(cloud.stamp) + STRAYED_SHARE * self.scale()?.range_m;
+        let target = submaps.draw(&views_along(past, newest, false, SUBMAP_M));
+        let sweep = Arc::new(self.preparation.sweep(cloud));
+        let query = submaps.draw(&[View { sweep, submap_from_keyframe: Pose3::identity() }]);
+        let window = Window {
+            target_from_query: past.pose(newest).between(prepared.predicted),
+            half_width_m: reach_m,
+            half_height_m: STRAYED_SHARE * self.scale()?.range_m,
+            half_width_rad: PI,
+        };
+        let found = submaps.look_for(&query, &target, &window);
+        let newest_from_robot = found.target_from_query.filter(|_| found.objection.is_none())?;
+        Some(past.pose(newest) * newest_from_robot)
+    }
+
     fn keyframe_here(
         &self,
         past: Past<'_, SpaceSweep>,
@@ -130,7 +159,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     type Step = Step;
     type Matched = Matched;
 
-    const VERSION: u8 = 5;
+    const VERSION: u8 = 6;
     const LOOKS_AT_SUPPORT_AT_ONCE: bool = false;
 
     fn new(settings: Settings, local_from_robot: Pose3) -> Self {
@@ -190,6 +219,11 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     fn track(&mut self, _past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared) -> Option<Matched> {
         let Prepared { step, predicted, .. } = *prepared;
         let last = self.pose.local_from_robot();
+        if self.sees() {
+            self.tracker.watch.see(cloud.stamp);
+        } else {
+            self.tracker.watch.see_nothing(cloud.stamp);
+        }
         let points = self.preparation.match_points();
         let mut matched = self.tracker.track(self.local_map.as_ref()?, points, (last, predicted), &step)?;
         if !matched.is_believed() || prepared.refused.is_some() {
@@ -215,14 +249,9 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         Some(matched)
     }
 
-    fn settle(
-        &mut self,
-        past: Past<'_, SpaceSweep>,
-        cloud: &Cloud,
-        prepared: &Prepared,
-        matched: Option<&Matched>,
-    ) {
+    fn settle(&mut self, past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared, matched: Option<&Matched>) {
         let Prepared { step, predicted, .. } = *prepared;
+        self.tracker.watch.note(matched.is_some_and(|matched| !matched.is_believed()));
         let believed = matched.filter(|matched| matched.is_believed());
         let anchor = believed.and_then(|matched| matched.supplier);
         let noise = step.information.try_inverse().unwrap_or_else(Cov6::identity);
@@ -254,21 +283,14 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         });
         let believed = matched.filter(|matched| matched.is_believed());
         let is_new = believed.is_some_and(|matched| matched.report.known_share < KNOWN_SHARE);
-        // What fits nowhere hangs on the prediction alone, and is as uncertain: what was mapped before is not matched against then.
-        let may_be_far = believed.is_none()
-            && self.pose.odometry_since_keyframe().position_variance_m2().sqrt() > KEYFRAME_SHARE * scale.range_m;
-        if !(is_far || is_new || may_be_far) || self.preparation.points().is_empty() {
+        let is_first = past.newest().is_none();
+        if !(is_far || is_new) || !(is_first || believed.is_some()) || self.preparation.points().is_empty() {
             return None;
         }
         Some(self.keyframe_here(past, cloud, believed))
     }
 
-    fn wrote(
-        &mut self,
-        past: Past<'_, SpaceSweep>,
-        new: &NewKeyframe<SpaceSweep>,
-        written: &Written<Pose3>,
-    ) {
+    fn wrote(&mut self, past: Past<'_, SpaceSweep>, new: &NewKeyframe<SpaceSweep>, written: &Written<Pose3>) {
         self.pose.made_keyframe(new.covariance);
         let Some(scale) = self.preparation.scale() else { return };
         let local_map = self.local_map.get_or_insert_with(|| LocalMapping::new(&self.settings, scale));
@@ -313,28 +335,38 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     }
 
     fn usual_period_s(&self) -> f64 {
-        0.0
+        self.predictor.period_s()
     }
 
-    fn has_stood(&self, _prepared: &Prepared) -> bool {
-        false
+    fn has_stood(&self, prepared: &Prepared) -> bool {
+        prepared.step.last_from_robot.translation.norm() <= self.still_m()
     }
 
-    fn is_after_gap(&self, _prepared: &Prepared) -> bool {
-        false
+    fn is_after_gap(&self, prepared: &Prepared) -> bool {
+        prepared.step.after_gap
     }
 
+    /// Where clouds fit nowhere the prediction alone goes on.
     fn has_strayed(&self, _prepared: &Prepared) -> bool {
-        false
+        self.pose.odometry_since_keyframe().position_variance_m2().sqrt() > self.still_m()
     }
 
     fn is_known_to_be(
         &mut self,
-        _past: Past<'_, SpaceSweep>,
-        _prepared: &mut Prepared,
+        past: Past<'_, SpaceSweep>,
+        cloud: &Cloud,
+        prepared: &mut Prepared,
         _why: FragmentStart,
     ) -> bool {
-        false
+        let found = self.look_around(past, cloud, prepared);
+        prepared.predicted = found.unwrap_or(prepared.predicted);
+        found.is_some()
+    }
+
+    fn is_found_nowhere(&self, prepared: &Prepared, matched: &Matched) -> bool {
+        let away_m = prepared.predicted.distance(matched.local_from_robot);
+        let is_far = self.scale().is_some_and(|scale| away_m > STRAYED_SHARE * scale.range_m);
+        matched.is_believed() && matched.in_doubt && (is_far || prepared.step.after_gap)
     }
 
     fn leave(&mut self) {

@@ -19,6 +19,9 @@ const PERIOD_S: [f64; 2] = [0.005, 5.0];
 const USUAL_PERIOD_S: f64 = 0.1;
 /// The motion before is carried on if the time is not more than so many times longer.
 const CARRIED_PERIODS: f64 = 4.0;
+/// Weight of the newest in the running means of the time between two clouds and of the square of the speed.
+const PERIOD_WEIGHT: f64 = 0.02;
+const SPEED_WEIGHT: f64 = 0.05;
 /// From the middle of its time to its end a motion changes by such a share of what it has changed by since the motion before; by
 /// as much again it may be off.
 const CHANGE_LEFT: f64 = 0.5;
@@ -34,6 +37,8 @@ pub struct Step {
     pub(super) last_from_robot: Pose3,
     pub(super) information: Cov6,
     pub(super) elapsed_s: f64,
+    /// The cloud before is longer ago than is usual.
+    pub(super) after_gap: bool,
     pub(super) from_odometry: bool,
     /// Whether its rotation was read from an inertial sensor.
     pub(super) from_imu: bool,
@@ -66,12 +71,18 @@ pub(super) struct Predictor {
     last: Option<(Pose3, f64)>,
     /// How much the twist of that differs from the one before, metres and radians per second.
     change_per_s: Option<[f64; 6]>,
+    /// Running mean of the time between two clouds, seconds, and of the square of how fast the robot moves, metres a second.
+    period_s: f64,
+    speed2: f64,
+    /// The last cloud of which it was known how the robot had moved.
+    known: Option<Stamp>,
 }
-stored!(Predictor { stamp, odom_from_robot, last, change_per_s });
+stored!(Predictor { stamp, odom_from_robot, last, change_per_s, period_s, speed2, known });
 
 impl Predictor {
     pub(super) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose3>) -> Step {
-        let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
+        let elapsed_s = self.elapsed_s(stamp);
+        let after_gap = self.is_gap(elapsed_s);
         let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
         let by_odometry = self.odom_from_robot.zip(odom_from_robot).filter(|_| settings.use_odometry);
@@ -80,7 +91,16 @@ impl Predictor {
             .filter(|step| step.is_finite() && step.translation.norm() <= JUMP_M.max(JUMP_MPS * elapsed_s));
         if let Some(last_from_robot) = by_odometry {
             let information = odometry_information(settings, last_from_robot, elapsed_s);
-            return Step { last_from_robot, information, elapsed_s, from_odometry: true, from_imu: false, read: None };
+            let from_odometry = true;
+            return Step {
+                last_from_robot,
+                information,
+                elapsed_s,
+                after_gap,
+                from_odometry,
+                from_imu: false,
+                read: None,
+            };
         }
         let carried = self.last.filter(|(_, last_s)| elapsed_s <= CARRIED_PERIODS * last_s);
         let last_from_robot =
@@ -89,7 +109,7 @@ impl Predictor {
         let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * elapsed_s) * elapsed_s;
         let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * elapsed_s) * elapsed_s;
         let information = information_of([sigma_m; 3], [sigma_rad; 3]);
-        Step { last_from_robot, information, elapsed_s, from_odometry: false, from_imu: false, read: None }
+        Step { last_from_robot, information, elapsed_s, after_gap, from_odometry: false, from_imu: false, read: None }
     }
 
     /// The robot's twist while a cloud is taken: as it has moved by the last matches, which know its tilting as well; by odometry while
@@ -117,15 +137,44 @@ impl Predictor {
         self.change_per_s.map(Vector6::from)
     }
 
+    /// The time since the last cloud, seconds; zero or less where that is not known.
+    fn elapsed_s(&self, stamp: Stamp) -> f64 {
+        self.stamp.map_or(0.0, |last| stamp.secs_since(last))
+    }
+
+    fn is_gap(&self, elapsed_s: f64) -> bool {
+        self.period_s > 0.0 && elapsed_s > CARRIED_PERIODS * self.period_s
+    }
+
+    /// Usual time from cloud to cloud, seconds; zero while it is not known.
+    pub(super) fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// How far the robot usually goes in the time from the last cloud of which its motion was known up to a stamp, root mean square, metres.
+    pub(super) fn usual_way_m(&self, stamp: Stamp) -> f64 {
+        let elapsed_s = self.known.map_or(0.0, |known| stamp.secs_since(known));
+        self.speed2.sqrt() * elapsed_s.max(self.period_s)
+    }
+
     /// How the robot has moved, if that is known.
     pub(super) fn settle(&mut self, stamp: Stamp, odom_from_robot: Option<Pose3>, moved: Option<Pose3>) {
-        let elapsed_s = self.stamp.map_or(0.0, |last| stamp.secs_since(last));
+        let elapsed_s = self.elapsed_s(stamp);
+        let is_gap = self.is_gap(elapsed_s);
         let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
+        if elapsed_s > 0.0 && !is_gap {
+            let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
+            self.period_s += weight * (elapsed_s.min(PERIOD_S[1]) - self.period_s);
+        }
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
+        if let Some(moved) = moved.filter(|_| !is_gap) {
+            self.speed2 += SPEED_WEIGHT * ((moved.translation.norm() / elapsed_s).powi(2) - self.speed2);
+        }
         let last = moved.filter(|_| self.stamp.is_some()).map(|moved| (moved, elapsed_s));
         let twist_per_s = |(motion, elapsed_s): (Pose3, f64)| motion.log() / elapsed_s;
         self.change_per_s = self.last.zip(last).map(|(a, b)| (twist_per_s(b) - twist_per_s(a)).into());
         self.last = last;
+        self.known = if moved.is_some() { Some(stamp) } else { self.known };
         self.stamp = Some(stamp);
         self.odom_from_robot = odom_from_robot.filter(|pose| pose.is_finite());
     }

@@ -5,11 +5,12 @@ use super::SpaceFrontEnd;
 use super::inertial::{Inertial, LevelWatch};
 use super::predict::Predictor;
 use super::prepare::Preparation;
-use crate::front_end::FrontEnd;
 use crate::front::{Links, RobotPose, links};
+use crate::front_end::FrontEnd;
 use crate::settings::Settings;
 use crate::space::local_map::LocalMapping;
 use crate::space::scale::Scale;
+use crate::watch::Watch;
 use mapwright_geom::{Cov6, Pose3, Stored, is_covariance, is_in_place};
 use mapwright_record::Past;
 use mapwright_sensor::SpaceSweep;
@@ -20,6 +21,7 @@ impl SpaceFrontEnd {
         self.preparation.scale().put(out);
         self.predictor.put(out);
         self.tracker.usual().put(out);
+        self.tracker.watch.put(out);
         self.inertial.put(out);
         self.pose.put(out);
         (self.middle_from_stamp, self.carried_on).put(out);
@@ -34,6 +36,7 @@ impl SpaceFrontEnd {
         let predictor: Predictor = Stored::take(from)?;
         let usual: Option<f64> = Stored::take(from)?;
         usual.is_none_or(f64::is_finite).then_some(())?;
+        let watch = Watch::take(from).filter(Watch::is_sound)?;
         let inertial = Inertial::restore(from)?;
         let pose = RobotPose::restore(past, from)?;
         let (middle_from_stamp, carried_on): (Pose3, Cov6) = Stored::take(from)?;
@@ -45,8 +48,19 @@ impl SpaceFrontEnd {
         let level = LevelWatch::take(from).filter(|level| level.is_of(past.session))?;
         let preparation = Preparation::of_scale(scale);
         let new = Self::new(settings, Pose3::identity());
-        let tracker = new.tracker.clone().used_to(usual);
-        Some(Self { preparation, predictor, tracker, inertial, pose, middle_from_stamp, carried_on, local_map, level, ..new })
+        let tracker = new.tracker.clone().used_to(usual, watch);
+        Some(Self {
+            preparation,
+            predictor,
+            tracker,
+            inertial,
+            pose,
+            middle_from_stamp,
+            carried_on,
+            local_map,
+            level,
+            ..new
+        })
     }
 
     /// Goes on where the session ends, by keyframes and edges alone; `past` is all of it.

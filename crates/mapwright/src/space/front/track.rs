@@ -44,6 +44,8 @@ pub struct Matched {
     pub(crate) report: MatchReport,
     /// Whether it knows how the robot turned: it fits, and surfaces hold its rotation.
     pub(super) knows_turn: bool,
+    /// What is known bears it out less than it did the clouds before.
+    pub(super) in_doubt: bool,
     /// Who supplied most of what it was matched against.
     pub(super) supplier: Option<NodeId>,
 }
@@ -97,8 +99,8 @@ impl Tracker {
     }
 
     /// One that goes on with that.
-    pub(super) fn used_to(self, usual: Option<f64>) -> Self {
-        Self { usual, ..self }
+    pub(super) fn used_to(self, usual: Option<f64>, watch: Watch) -> Self {
+        Self { usual, watch, ..self }
     }
 
     /// The cloud against the local map; `last` is where the robot was.
@@ -198,6 +200,7 @@ impl Tracker {
             local_from_robot: fit.map_from_cloud,
             information: fit.information * trust,
             status,
+            in_doubt: self.is_doubtful(fit),
             knows_turn: fits == Status::Tracking && is_turn_held,
             report,
             supplier: self.supplier(local_map, points, fit.map_from_cloud),
