@@ -366,7 +366,8 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     fn is_found_nowhere(&self, prepared: &Prepared, matched: &Matched) -> bool {
         let away_m = prepared.predicted.distance(matched.local_from_robot);
         let is_far = self.scale().is_some_and(|scale| away_m > STRAYED_SHARE * scale.range_m);
-        matched.is_believed() && matched.in_doubt && (is_far || prepared.step.after_gap)
+        let is_unlikely = matched.in_doubt && (is_far || prepared.step.after_gap);
+        matched.is_believed() && (is_unlikely || matched.is_contradicted)
     }
 
     fn leave(&mut self) {

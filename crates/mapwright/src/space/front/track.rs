@@ -46,6 +46,8 @@ pub struct Matched {
     pub(super) knows_turn: bool,
     /// What is known bears it out less than it did the clouds before.
     pub(super) in_doubt: bool,
+    /// What is known makes it less likely there than anywhere.
+    pub(super) is_contradicted: bool,
     /// Who supplied most of what it was matched against.
     pub(super) supplier: Option<NodeId>,
 }
@@ -201,6 +203,7 @@ impl Tracker {
             information: fit.information * trust,
             status,
             in_doubt: self.is_doubtful(fit),
+            is_contradicted: fit.log_likelihood < 0.0,
             knows_turn: fits == Status::Tracking && is_turn_held,
             report,
             supplier: self.supplier(local_map, points, fit.map_from_cloud),
