@@ -8,12 +8,14 @@ use crate::output::OutputFolder;
 use crate::picture::{MapOfRuns, RunNames};
 use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings, Visits};
 use mapwright_formats::{Confidence, Frame, Picture, Runs, write_map_yaml, write_pgm, write_png};
+use mapwright_geom::Pose;
+use mapwright_record::Measurement;
 use serde_json::{Value, json};
 
 /// What `mapwright report` makes of a folder.
 pub(crate) const PAGE: &str = "report.html";
 /// What there is of each map.
-const ENDINGS: [&str; 3] = ["png", "pgm", "yaml"];
+const ENDINGS: [&str; 4] = ["png", "pgm", "yaml", "ply"];
 
 /// The name of a file of a map, the first one's without a number.
 pub(crate) fn map_file(map: usize, ending: &str) -> String {
@@ -25,7 +27,7 @@ pub(crate) fn remove_outdated_maps(output: &mut OutputFolder, maps: usize) {
     output.remove_outdated(PAGE.to_owned());
     for map in maps.. {
         let files = ENDINGS.map(|ending| output.remove_outdated(map_file(map, ending)));
-        if files == [false; 3] {
+        if files == [false; ENDINGS.len()] {
             return;
         }
     }
@@ -151,11 +153,11 @@ impl MapWriter<'_> {
 }
 
 /// The ways of the robot within each map, and their length over all poses, metres; what lies between two maps is no way.
-pub(crate) fn ways(session: &Session, maps: &[SeparateMap]) -> (Vec<Vec<Pose2>>, f64) {
+pub(crate) fn ways<M: Measurement>(session: &Session<M>, maps: &[SeparateMap]) -> (Vec<Vec<M::Pose>>, f64) {
     let map_of = |place: usize| maps.iter().position(|map| map.has(place));
     let by_place: Vec<usize> = (0..session.keyframes().len()).map(|place| map_of(place).unwrap_or(0)).collect();
     let (mut ways, mut length_m) = (vec![Vec::new(); maps.len().max(1)], 0.0);
-    let mut last: Option<(usize, Pose2)> = None;
+    let mut last: Option<(usize, M::Pose)> = None;
     for (scan, pose) in session.scans().iter().zip(session.trajectory()) {
         let place = scan.keyframe.and_then(|id| session.place(id));
         let map = place.and_then(|place| by_place.get(place).copied()).unwrap_or(0);

@@ -3,6 +3,7 @@
 use crate::maps::map_file;
 use crate::terminal::count;
 use mapwright::{EdgeKind, Fragment, OdometryLink, Piece, Session};
+use mapwright_record::Measurement;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -42,7 +43,7 @@ impl Joins {
 }
 
 impl Pieces {
-    pub(crate) fn of(session: &Session) -> Self {
+    pub(crate) fn of<M: Measurement>(session: &Session<M>) -> Self {
         let maps = session.maps();
         let map_of = |piece: usize| maps.iter().position(|map| map.pieces.contains(&piece)).unwrap_or(0);
         let known = |(at, piece): (usize, Piece)| Known {
@@ -153,7 +154,7 @@ impl Pieces {
     }
 }
 
-fn fragment_report(session: &Session, fragment: &Fragment) -> Value {
+fn fragment_report<M: Measurement>(session: &Session<M>, fragment: &Fragment) -> Value {
     let keyframe = session.place(fragment.first).and_then(|place| session.keyframes().get(place));
     json!({
         "start": fragment.start.name(),

@@ -24,7 +24,7 @@ use crate::args::{MappingArgs, SourceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::mapping::settings_of;
-use crate::maps::{remove_outdated_exports, remove_outdated_maps};
+use crate::maps::{map_file, remove_outdated_exports, remove_outdated_maps, ways};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
@@ -155,6 +155,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     }
     let results = mapping.write_results(&source)?;
     odd.extend(results.odd());
+    losses.extend(results.losses());
     let usable = SpaceFacts::of(&mapping.tally, &mut mapping.mapper).judged();
     let all_losses: Vec<String> = losses.iter().cloned().chain(usable.loss()).collect();
     let mut report = report::to_json(name, &source, &notes, &mapping.tally, &results, (&usable, &all_losses));
@@ -270,20 +271,23 @@ impl Mapping {
         let graph = AnyPoseGraph::Spatial(pose_graph(session, session.map_from_keyframe(), |_, _| true));
         self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
         let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
-        let map = mapwright::points_of(session, MAP_SHARE * resolution_m);
-        self.output.write("map.ply", |writer| write_ply(&map.points_m, &map.colours, writer))?;
-        remove_outdated_maps(&mut self.output, 1);
-        picture::write(
-            &mut self.output,
-            source.sensor(),
-            session,
-            (&map, MAP_SHARE * resolution_m),
-            self.picture_side,
-        )?;
+        let maps = session.maps();
+        let (ways, path_m) = ways(session, &maps);
+        let mut map_points = 0;
+        for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
+            let points = mapwright::points_of_map(session, map, MAP_SHARE * resolution_m);
+            map_points += points.points_m.len();
+            self.output
+                .write(map_file(number, "ply"), |writer| write_ply(&points.points_m, &points.colours, writer))?;
+            let shown = picture::Shown { map, way, points: &points, point_m: MAP_SHARE * resolution_m };
+            let name = map_file(number, "png");
+            picture::write(&mut self.output, &name, (source.sensor(), session), &shown, self.picture_side)?;
+        }
+        remove_outdated_maps(&mut self.output, maps.len());
         let beside = Beside::of(source, &way);
         let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
         let felt = Felt::of(source, &self.mapper);
-        Ok(Results::of(session, &way, resolution_m, map.points_m.len(), beside, truth).feeling(felt))
+        Ok(Results::of(session, (&way, path_m), resolution_m, map_points, beside, truth).feeling(felt))
     }
 }
 

@@ -66,5 +66,7 @@ pub use settings::{
     Correction, Jobs, KeyframeSettings, LivePolicy, LiveSettings, LoopSettings, MapSettings, MatchingSettings,
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
-pub use space::{ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, surfels_of};
+pub use space::{
+    ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of,
+};
 pub use visits::Visits;

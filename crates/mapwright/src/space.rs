@@ -7,4 +7,4 @@ mod render;
 mod scale;
 
 pub use front::ImuReport;
-pub use render::{MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, surfels_of};
+pub use render::{MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of};

@@ -3,8 +3,9 @@
 use super::drawn::{Drawn, drawn};
 use super::figure::Figure;
 use crate::failure::Failure;
+use crate::maps::ways;
 use crate::space::{MAP_SHARE, up};
-use mapwright::{MapPoints, Pose3, Session, Settings, SpaceMapper, SpaceSweep, points_of};
+use mapwright::{MapPoints, Pose3, SeparateMap, Session, Settings, SpaceMapper, SpaceSweep, points_of, points_of_map};
 use mapwright_formats::{SpacePicture, write_bare_space_png};
 use mapwright_geom::TangentMatrix;
 use serde_json::Value;
@@ -19,12 +20,15 @@ pub(super) fn draw(session: &Session<SpaceSweep>, settings: Settings, report: &V
     let resolution_m = report["resolution_m"].as_f64().filter(|side| *side > 0.0 && side.is_finite());
     let point_m = MAP_SHARE * resolution_m.unwrap_or(RESOLUTION_M);
     let way: Vec<Pose3> = session.trajectory().map(|pose| pose.map_from_robot).collect();
+    let maps = session.maps();
     let map = points_of(session, point_m);
     let sensor = session.keyframes().first().map(|keyframe| &keyframe.sweep.sensor);
     let up = sensor.map_or([0.0, 0.0, 1.0], |sensor| up(sensor, &map, &way, point_m));
-    let figure = figure(&map, &way, up, point_m)?;
+    let of_map =
+        |(map, way): (&SeparateMap, &Vec<Pose3>)| figure(&points_of_map(session, map, point_m), way, up, point_m);
+    let figures = maps.iter().zip(&ways(session, &maps).0).map(of_map).collect::<Result<Vec<_>, Failure>>()?;
     let points = |sweep: &SpaceSweep| sweep.points_m().map(|point| point.map(f64::from)).collect();
-    let mut drawn = drawn(session, report, &session.maps(), vec![figure], up, points);
+    let mut drawn = drawn(session, report, &maps, figures, up, points);
     if !drawn.keyframes.is_empty() {
         for (id, covariance) in SpaceMapper::resume(settings, session.clone())?.certainty() {
             let known = session.place(id).and_then(|place| drawn.keyframes.get_mut(place));

@@ -1,37 +1,44 @@
-//! `map.png` of a map of space.
+//! Pictures of maps of space.
 
 use crate::failure::Failure;
 use crate::output::OutputFolder;
 use crate::pose_graph::standing;
-use mapwright::{EdgeKind, MapPoints, Pose3, Session, SpaceSensor, SpaceSweep};
+use mapwright::{EdgeKind, MapPoints, Pose3, SeparateMap, Session, SpaceSensor, SpaceSweep};
 use mapwright_formats::{SpacePicture, upward, write_space_png};
 use nalgebra::Vector3;
 
-/// Writes the map with the way and the closures.
+/// What a picture shows of a session: one of its maps, and the way of the robot within it.
+pub(super) struct Shown<'a> {
+    pub(super) map: &'a SeparateMap,
+    pub(super) way: &'a [Pose3],
+    pub(super) points: &'a MapPoints,
+    pub(super) point_m: f64,
+}
+
+/// Writes a map with the way and the closures.
 pub(super) fn write(
     output: &mut OutputFolder,
-    sensor: &SpaceSensor,
-    session: &Session<SpaceSweep>,
-    (map, point_m): (&MapPoints, f64),
+    name: &str,
+    (sensor, session): (&SpaceSensor, &Session<SpaceSweep>),
+    shown: &Shown<'_>,
     side_px: Option<u16>,
 ) -> Result<(), Failure> {
-    let way: Vec<Pose3> = session.trajectory().map(|pose| pose.map_from_robot).collect();
+    let Shown { map, way, points: MapPoints { points_m, colours }, point_m } = *shown;
     let way_m: Vec<[f64; 3]> = way.iter().map(|pose| pose.translation.into()).collect();
     let poses = session.map_from_keyframe();
-    let closures = standing(session).filter(|(_, edge)| edge.kind == EdgeKind::Closure);
+    let closures =
+        standing(session).filter(|(ends, edge)| edge.kind == EdgeKind::Closure && ends.iter().all(|&end| map.has(end)));
     let closures_m: Vec<_> = closures.map(|(ends, _)| ends.map(|end| poses[end].translation.into())).collect();
-    let up = up(sensor, map, &way, point_m);
-    let (points_m, colours) = (&map.points_m, &map.colours);
     let picture = SpacePicture {
         points_m,
         colours,
         way_m: &way_m,
         closures_m: &closures_m,
-        up,
+        up: up(sensor, shown.points, way, point_m),
         point_m,
         side_px: side_px.map_or(SpacePicture::default().side_px, usize::from),
     };
-    output.write("map.png", |writer| write_space_png(&picture, writer))
+    output.write(name.to_owned(), |writer| write_space_png(&picture, writer))
 }
 
 /// Up as the floor says, near to where it should be: for a depth camera, whose frame has z ahead, x to the right and y down, near to

@@ -4,6 +4,7 @@ use super::inertial::Felt;
 use super::simulated::AgainstTruth;
 use super::source::Source;
 use super::tally::Tally;
+use crate::pieces::Pieces;
 use crate::report::{in_detail, remarks};
 use crate::terminal::{count, duration, grouped};
 use crate::verdict::Usable;
@@ -17,6 +18,7 @@ use serde_json::{Map, Value, json};
 pub(super) struct Results {
     pub(super) log_s: f64,
     path_m: f64,
+    pieces: Pieces,
     climbed_m: f64,
     keyframes: usize,
     closures: usize,
@@ -67,13 +69,12 @@ impl Beside {
 impl Results {
     pub(super) fn of(
         session: &Session<SpaceSweep>,
-        way: &[(Stamp, Pose3)],
+        (way, path_m): (&[(Stamp, Pose3)], f64),
         resolution_m: f64,
         map_points: usize,
         beside: Beside,
         truth: Option<AgainstTruth>,
     ) -> Self {
-        let steps = way.windows(2).map(|w| w[0].1.distance(w[1].1));
         let heights = || way.iter().map(|(_, pose)| pose.translation.z);
         let climbed_m = heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
         let stamps = || way.iter().map(|(stamp, _)| *stamp);
@@ -81,7 +82,8 @@ impl Results {
         let withdrawn = session.candidates().iter().filter(|c| matches!(c.verdict, Verdict::Withdrawn(_))).count();
         Self {
             log_s,
-            path_m: steps.sum(),
+            path_m,
+            pieces: Pieces::of(session),
             climbed_m: climbed_m.max(0.0),
             keyframes: session.keyframes().len(),
             closures: session.edges().filter(|edge| edge.kind == EdgeKind::Closure).count(),
@@ -99,6 +101,11 @@ impl Results {
     /// The same with what a run says of inertial readings.
     pub(super) fn feeling(self, felt: Option<Felt>) -> Self {
         Self { felt, ..self }
+    }
+
+    /// What is apart, in words.
+    pub(super) fn losses(&self) -> Vec<String> {
+        self.pieces.losses()
     }
 
     /// What is odd about it, in words.
@@ -175,6 +182,7 @@ pub(super) fn to_json(
             "withdrawn": results.withdrawn,
             "corrections": results.corrections,
         },
+        "pieces": results.pieces.to_json(),
         "resolution_m": results.resolution_m,
         "map_points": results.map_points,
         "reference": results.beside.errors.as_ref().map(|(file, errors)| json!({
@@ -250,6 +258,7 @@ fn numbers(source: &Source<'_>, tally: &Tally, results: &Results, timing: &Value
         results.resolution_m,
         count(results.keyframes as u64, "keyframe"),
     );
+    words += &results.pieces.words();
     words += &results.felt.as_ref().map_or_else(String::new, Felt::to_words);
     if let Some((file, errors)) = &results.beside.errors {
         words += &format!(

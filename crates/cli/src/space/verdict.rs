@@ -3,7 +3,7 @@
 use super::tally::{FitOfCloud, Tally, median};
 use crate::terminal::{count, metres};
 use crate::verdict::{Reason, Usability, Usable, beyond, doubtful, lost, uncertain, unheeded, unheeded_places};
-use mapwright::{EdgeKind, MatchReport, Session, SpaceMapper, SpaceSweep, Status};
+use mapwright::{EdgeKind, KeyframeId, MatchReport, Session, SpaceMapper, SpaceSweep, Status};
 use mapwright_geom::TangentMatrix;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -80,9 +80,16 @@ pub(crate) struct Facts {
 impl Facts {
     pub(crate) fn of(tally: &Tally, mapper: &mut SpaceMapper) -> Self {
         let fits = tally.fits.as_slice();
-        let variances_m2 = mapper.certainty().into_iter().map(|(_, covariance)| covariance.position_variance_m2());
-        let sigmas_m: Vec<f64> = variances_m2.map(|variance_m2| variance_m2.max(0.0).sqrt()).collect();
+        // Of the map in which the robot is: of others nothing says where they lie.
+        let maps = mapper.session().maps();
+        let newest = mapper.session().keyframes().len().saturating_sub(1);
+        let present = maps.iter().find(|map| map.has(newest));
+        let certainty = mapper.certainty();
         let session = mapper.session();
+        let is_here = |id: KeyframeId| session.place(id).zip(present).is_none_or(|(place, map)| map.has(place));
+        let known = certainty.into_iter().filter(|(id, _)| is_here(*id));
+        let sigmas_m: Vec<f64> =
+            known.map(|(_, covariance)| covariance.position_variance_m2().max(0.0).sqrt()).collect();
         Self {
             clouds: fits.len(),
             doubtful: fits.iter().filter(|fit| fit.is_below(CLEAR_SHARE)).count(),

@@ -2,7 +2,7 @@
 
 use crate::render::FOLLOW_CELLS;
 use mapwright_geom::Pose3;
-use mapwright_record::Session;
+use mapwright_record::{SeparateMap, Session};
 use mapwright_sensor::SpaceSweep;
 use mapwright_voxel::{Change, Occupancy, OccupancySettings, Surfel, SurfelMap, SurfelMapSettings, Thinner};
 use std::sync::Arc;
@@ -19,10 +19,23 @@ pub struct MapPoints {
 /// All points of a session, of those in each cube of side `size_m` their mean.
 #[must_use]
 pub fn points_of(session: &Session<SpaceSweep>, size_m: f64) -> MapPoints {
+    points_of_places(session, 0..session.keyframes().len(), size_m)
+}
+
+/// The same of one of its maps ([`Session::maps`]).
+#[must_use]
+pub fn points_of_map(session: &Session<SpaceSweep>, map: &SeparateMap, size_m: f64) -> MapPoints {
+    points_of_places(session, map.places(), size_m)
+}
+
+fn points_of_places(session: &Session<SpaceSweep>, places: impl Iterator<Item = usize>, size_m: f64) -> MapPoints {
     let mut all = MapPoints::default();
     let is_coloured = session.drawn().iter().flatten().all(|sweep| sweep.colours.len() == sweep.points.len());
-    for (sweep, pose) in session.drawn().iter().zip(session.map_from_keyframe()) {
-        let Some(sweep) = sweep else { continue };
+    for place in places {
+        let (Some(Some(sweep)), Some(pose)) = (session.drawn().get(place), session.map_from_keyframe().get(place))
+        else {
+            continue;
+        };
         let rotation = pose.rotation.to_rotation_matrix();
         all.points_m.extend(sweep.points_m().map(|point| {
             let at = rotation * nalgebra::Vector3::from(point.map(f64::from)) + pose.translation;
