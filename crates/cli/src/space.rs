@@ -3,6 +3,8 @@
 mod disk;
 mod going_on;
 mod inertial;
+mod mapping;
+mod merge;
 mod messages;
 mod picture;
 mod report;
@@ -13,6 +15,7 @@ mod tally;
 mod verdict;
 
 pub(crate) use disk::Disk;
+pub(crate) use merge::{Input as MergeInput, merge};
 pub(crate) use messages::plan_in_words;
 pub(crate) use picture::up;
 pub(crate) use report::{notes_in_words, notes_json};
@@ -20,38 +23,25 @@ pub(crate) use seek::{Sought, seek};
 pub(crate) use simulated::Simulation;
 pub(crate) use source::Source;
 
-use crate::args::{MappingArgs, SourceArgs};
+use crate::args::{MappingArgs, SourceArgs, Voice};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
-use crate::mapping::settings_of;
-use crate::maps::{map_file, remove_outdated_exports, remove_outdated_maps, ways};
+use crate::maps::remove_outdated_exports;
 use crate::output::OutputFolder;
-use crate::pose_graph::pose_graph;
-use crate::progress::Progress;
 use crate::report::written;
-use crate::session::{EarlierInSpace, SessionLog, earlier_in_space, to_go_on_with_in_space};
-use crate::stamps::Stamper;
+use crate::session::{EarlierInSpace, earlier_in_space, to_go_on_with_in_space};
 use crate::terminal::{say, say_json};
-use crate::timing::StageClock;
 use going_on::GoesOn;
-use inertial::Felt;
-use mapwright::{Cloud, ImuReading, Pose3, Session, SpaceMapper, SpaceSweep, Stamp, Update};
-use mapwright_formats::{StampedPose3, TumWriter, write_ply};
-use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
-use report::{Beside, Results};
+use mapping::Mapping;
+use mapwright::ImuReading;
 use serde_json::json;
-use std::fs::File;
+use source::Read;
 use std::path::Path;
 pub(crate) use tally::Tally;
 pub(crate) use verdict::Facts as SpaceFacts;
 
-const ONLINE: &str = "trajectory_online.tum";
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
 pub(crate) const MAP_SHARE: f64 = 0.1;
-
-/// What the mapper knows is taken down once the log has grown by so many bytes, and by so many times what that took.
-const FIRST_CHECKPOINT_BYTES: usize = 1 << 16;
-const LOG_PER_CHECKPOINT: usize = 16;
 
 /// What is said of a source that the recording of space at hand has no use for is wrong usage.
 pub(crate) fn check_choice(args: &SourceArgs, is_of_files: bool) -> Result<(), Failure> {
@@ -110,7 +100,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     }
     let session = went_on.as_mut().and_then(|went_on| went_on.session.take());
     let output = OutputFolder::create(args.output)?;
-    let mut mapping = Mapping::begin(args.mapping, output, source.frames(), (session, earlier_losses))?;
+    let mut mapping = Mapping::begin(args.mapping, output, Some(source.frames()), (session, earlier_losses))?;
     let mut is_cut = false;
     while let Some(cloud) = next {
         let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&cloud)).map_err(Failure::Log)?;
@@ -138,10 +128,29 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
             "{name}: expected a recording of which the session has the beginning, found one that ends {missing} clouds before the session does"
         )));
     }
-    let notes = source.notes();
-    let (mut losses, mut odd) = source.damages();
+    let voice = args.mapping.voice;
+    finish(
+        mapping,
+        &Finished { name, read: source.read(), simulation: source.simulation(), is_cut, output: args.output, voice },
+    )
+}
+
+/// A run whose clouds were all taken in.
+struct Finished<'a> {
+    name: &'a str,
+    read: Read,
+    simulation: Option<&'a Simulation>,
+    is_cut: bool,
+    output: &'a Path,
+    voice: Voice,
+}
+
+/// Writes the results and says what was made and lost.
+fn finish(mut mapping: Mapping, finished: &Finished<'_>) -> Result<Outcome, Failure> {
+    let Finished { name, ref read, simulation, is_cut, output, voice } = *finished;
+    let (mut losses, mut odd) = (read.losses.clone(), read.odd.clone());
     losses.append(&mut mapping.earlier_losses);
-    let (lost, noted) = notes_in_words(&notes);
+    let (lost, noted) = notes_in_words(&read.notes);
     losses.extend(lost);
     odd.extend(noted);
     if is_cut {
@@ -153,144 +162,24 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
             mapping.tally.clouds
         )));
     }
-    let results = mapping.write_results(&source)?;
+    let results = mapping.write_results(read, simulation)?;
     odd.extend(results.odd());
     losses.extend(results.losses());
     let usable = SpaceFacts::of(&mapping.tally, &mut mapping.mapper).judged();
     let all_losses: Vec<String> = losses.iter().cloned().chain(usable.loss()).collect();
-    let mut report = report::to_json(name, &source, &notes, &mapping.tally, &results, (&usable, &all_losses));
+    let mut report = report::to_json(name, read, &mapping.tally, &results, (&usable, &all_losses));
     report["odd"] = json!(odd);
     mapping.output.write_json("report.json", &report)?;
     let timing = mapping.clock.report(mapping.tally.clouds, results.log_s);
     mapping.output.write_json("timing.json", &timing)?;
     odd.extend(remove_outdated_exports(&mut mapping.output));
-    let written = written(args.output, mapping.output.names());
-    let words =
-        report::to_words((&source, &mapping.tally, &results), (name, &timing, &usable), (&losses, &odd), &written);
+    let written = written(output, mapping.output.names());
+    let words = report::to_words((read, &mapping.tally, &results), (name, &timing, &usable), (&losses, &odd), &written);
     let files = mapping.output.commit()?;
-    if args.mapping.voice.json {
+    if voice.json {
         say_json(&json!({ "files": files, "report": report, "timing": timing }))?;
-    } else if !args.mapping.voice.quiet {
+    } else if !voice.quiet {
         say(&words)?;
     }
     Ok(Outcome::of_losses(&all_losses))
-}
-
-/// A mapper in space, and everything that is made of its updates.
-struct Mapping {
-    mapper: SpaceMapper,
-    log: SessionLog<SpaceSweep>,
-    earlier_losses: Vec<String>,
-    tally: Tally,
-    clock: StageClock,
-    output: OutputFolder,
-    online: Option<TumWriter<File>>,
-    stamper: Stamper,
-    policy: crate::args::StampPolicy,
-    picture_side: Option<u16>,
-    progress: Progress,
-    /// From so many bytes of the log on all that the mapper knows is taken down again.
-    checkpoint_at: usize,
-}
-
-impl Mapping {
-    fn begin(
-        args: &MappingArgs,
-        mut output: OutputFolder,
-        length: u64,
-        (earlier, earlier_losses): (Option<Session<SpaceSweep>>, Vec<String>),
-    ) -> Result<Self, Failure> {
-        let clock = StageClock::start();
-        let settings = settings_of(args)?;
-        let log = SessionLog::begin(&mut output, earlier.as_ref())?;
-        let mapper = match earlier {
-            Some(session) => SpaceMapper::resume(settings, session)?,
-            None => SpaceMapper::new(settings)?,
-        };
-        let online = Some(TumWriter::new(output.begin(ONLINE)?));
-        Ok(Self {
-            mapper,
-            log,
-            earlier_losses,
-            tally: Tally::default(),
-            clock,
-            output,
-            online,
-            stamper: Stamper::new(args.stamps),
-            policy: args.stamps,
-            picture_side: args.picture_side,
-            progress: Progress::new(Some(length), args.voice.quiet || args.voice.json),
-            checkpoint_at: FIRST_CHECKPOINT_BYTES,
-        })
-    }
-
-    fn add_cloud(&mut self, cloud: &Cloud) -> Result<(), Failure> {
-        let update: Update<SpaceSweep> = self.mapper.add_cloud(cloud);
-        self.tally.add(&update);
-        if let Some(online) = &mut self.online {
-            let pose = stamped(self.stamper.next(update.stamp), update.map_from_robot);
-            online.write(&pose).map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
-        }
-        self.clock.scan(update.scan);
-        self.progress.scan(update.stamp, self.tally.clouds);
-        self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())?;
-        self.take_down()
-    }
-
-    /// All that the mapper knows, from time to time, for a run that goes on after this one was killed.
-    fn take_down(&mut self) -> Result<(), Failure> {
-        let before = self.log.added_bytes();
-        if before < self.checkpoint_at {
-            return Ok(());
-        }
-        self.log.add(self.mapper.checkpoint().entries).inspect_err(|_| self.output.failed_to_write())?;
-        let after = self.log.added_bytes();
-        self.checkpoint_at = after + (LOG_PER_CHECKPOINT * (after - before)).max(FIRST_CHECKPOINT_BYTES);
-        Ok(())
-    }
-
-    fn end_of_clouds(&mut self) {
-        self.clock.end_of_scans();
-        self.progress.finish();
-    }
-
-    fn write_results(&mut self, source: &Source<'_>) -> Result<Results, Failure> {
-        if let Some(online) = self.online.take() {
-            online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
-        }
-        self.log.add(self.mapper.checkpoint().entries)?;
-        self.log.finish()?;
-        let session = self.log.session();
-        let mut stamper = Stamper::new(self.policy);
-        let way: Vec<(Stamp, Pose3)> = session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
-        self.output.write("trajectory.tum", |writer| {
-            let mut trajectory = TumWriter::new(writer);
-            way.iter().try_for_each(|&(stamp, pose)| trajectory.write(&stamped(stamper.next(stamp), pose)))?;
-            trajectory.finish().map(|_| ())
-        })?;
-        let graph = AnyPoseGraph::Spatial(pose_graph(session, session.map_from_keyframe(), |_, _| true));
-        self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
-        let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
-        let maps = session.maps();
-        let (ways, path_m) = ways(session, &maps);
-        let mut map_points = 0;
-        for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
-            let points = mapwright::points_of_map(session, map, MAP_SHARE * resolution_m);
-            map_points += points.points_m.len();
-            self.output
-                .write(map_file(number, "ply"), |writer| write_ply(&points.points_m, &points.colours, writer))?;
-            let shown = picture::Shown { map, way, points: &points, point_m: MAP_SHARE * resolution_m };
-            let name = map_file(number, "png");
-            picture::write(&mut self.output, &name, (source.sensor(), session), &shown, self.picture_side)?;
-        }
-        remove_outdated_maps(&mut self.output, maps.len());
-        let beside = Beside::of(source, &way);
-        let truth = source.simulation().map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
-        let felt = Felt::of(source, &self.mapper);
-        Ok(Results::of(session, (&way, path_m), resolution_m, map_points, beside, truth).feeling(felt))
-    }
-}
-
-fn stamped(stamp: Stamp, pose: Pose3) -> StampedPose3 {
-    StampedPose3::of_pose(stamp, pose)
 }

@@ -8,9 +8,10 @@ use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
-use crate::session::{earlier_in_plane, is_session};
+use crate::session::{AnySession, earlier_in_plane, is_session, read_any_session};
+use crate::space::{self, Disk, MergeInput};
 use mapwright::{LivePolicy, Session};
-use mapwright_logs::{Input as Recorded, LogError, Robot, Survey};
+use mapwright_logs::{Input as Recorded, LogError, Robot, SpacePlan, Survey};
 use std::path::Path;
 
 /// What is merged.
@@ -25,6 +26,9 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     let settings = settings_of(&args.mapping)?;
     refuse(&args.mapping, settings.live.policy)?;
     let interrupt = Interrupt::watch()?;
+    if let Some(inputs) = in_space(args)? {
+        return space::merge(args, inputs, &interrupt);
+    }
     let mut inputs: Vec<(String, &Path, Input)> = Vec::new();
     for path in &args.inputs {
         inputs.append(&mut input(path, args, &interrupt)?);
@@ -79,6 +83,57 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
     let Some(mut mapping) = mapping else { return Err(Failure::Usage("expected logs or sessions".to_owned())) };
     mapping.end_of_scans();
     finish(mapping, Finished { name: names.join(", "), read, ending, output: &args.output, voice: args.mapping.voice })
+}
+
+/// The inputs, where they are of space: the first one says.
+fn in_space(args: &MergeArgs) -> Result<Option<Vec<(String, MergeInput)>>, Failure> {
+    let mut inputs = Vec::new();
+    for path in &args.inputs {
+        let name = name_of(path);
+        if is_session(path)? {
+            match read_any_session(path)? {
+                (AnySession::Space(session), losses) => {
+                    if session.keyframes().is_empty() {
+                        let cause = "expected keyframes, found none".to_owned();
+                        return Err(Failure::Session { path: path.clone(), cause });
+                    }
+                    inputs.push((name, MergeInput::Session(Box::new(session), losses)));
+                    continue;
+                }
+                (AnySession::Plane(_), _) => {}
+            }
+        } else if is_of_space(path, args)? {
+            inputs.push((name, MergeInput::Recording(path.clone())));
+            continue;
+        }
+        if inputs.is_empty() {
+            return Ok(None);
+        }
+        return Err(Failure::Usage(format!(
+            "{name} is of the plane, and what was named before it is of space: they make no map together"
+        )));
+    }
+    if inputs.len() < 2 {
+        let why = "expected two recordings or sessions at least; one recording is for `map`";
+        return Err(Failure::Usage(why.to_owned()));
+    }
+    Ok(Some(inputs))
+}
+
+/// Whether what lies at a path is mapped in space, as `map` would.
+fn is_of_space(path: &Path, args: &MergeArgs) -> Result<bool, Failure> {
+    if let Some(disk) = Disk::open(path)?
+        && disk.recording()?.is_some()
+    {
+        return Ok(true);
+    }
+    let Recorded::Recording(recording) = events::input(path)? else { return Ok(false) };
+    if args.source.choice().slice.is_some() {
+        return Ok(false);
+    }
+    let survey =
+        Survey::of(&recording).map_err(|cause| Failure::log(LogError::Recording { name: name_of(path), cause }))?;
+    Ok(SpacePlan::is_default(&survey, &args.source.choice()))
 }
 
 fn refuse(mapping: &MappingArgs, policy: LivePolicy) -> Result<(), Failure> {

@@ -1,6 +1,6 @@
 //! What a run says of inertial readings.
 
-use super::source::Source;
+use super::source::Read;
 use crate::terminal::{count, grouped};
 use mapwright::{ImuReport, SpaceMapper};
 use serde_json::{Value, json};
@@ -14,8 +14,8 @@ pub(super) struct Felt {
 
 impl Felt {
     /// None where the recording has no inertial sensor.
-    pub(super) fn of(source: &Source<'_>, mapper: &SpaceMapper) -> Option<Self> {
-        Some(Self { topic: source.imu_name()?.to_owned(), report: mapper.imu_report() })
+    pub(super) fn of(read: &Read, mapper: &SpaceMapper) -> Option<Self> {
+        Some(Self { topic: read.imu.clone()?, report: mapper.imu_report() })
     }
 
     pub(super) fn to_json(&self) -> Value {

@@ -2,7 +2,7 @@
 
 use super::inertial::Felt;
 use super::simulated::AgainstTruth;
-use super::source::Source;
+use super::source::Read;
 use super::tally::Tally;
 use crate::pieces::Pieces;
 use crate::report::{in_detail, remarks};
@@ -44,11 +44,11 @@ pub(super) struct Beside {
 
 impl Beside {
     /// Compares with the first of the references that it can be compared with.
-    pub(super) fn of(source: &Source<'_>, way: &[(Stamp, Pose3)]) -> Self {
-        let robot_from_sensor = source.robot_from_sensor();
+    pub(super) fn of(read: &Read, way: &[(Stamp, Pose3)]) -> Self {
+        let robot_from_sensor = read.robot_from_sensor();
         let sensor: Vec<_> = way.iter().map(|&(stamp, pose)| (stamp, pose * robot_from_sensor)).collect();
         let mut beside = Self::default();
-        for reference in source.references() {
+        for reference in &read.references {
             if reference.frame == ReferenceFrame::Camera {
                 let reason = format!("{} not compared: its poses are those of {}", reference.file, reference.frame);
                 beside.refused.push(reason);
@@ -136,8 +136,7 @@ pub(crate) fn notes_json(notes: &Notes) -> Value {
 
 pub(super) fn to_json(
     name: &str,
-    source: &Source<'_>,
-    notes: &Notes,
+    read: &Read,
     tally: &Tally,
     results: &Results,
     (usable, losses): (&Usable, &[String]),
@@ -148,12 +147,12 @@ pub(super) fn to_json(
         "verdict": usable.to_json(),
         "log": name,
         "recording": {
-            "kind": source.kind(),
-            "frames": source.frames(),
-            "sensor": source.sensor_name(),
-            "decisions": source.decisions(),
-            "read": source.read_json(),
-            "notes": notes_json(notes),
+            "kind": read.kind,
+            "frames": read.frames,
+            "sensor": read.sensor.as_ref().map(|sensor| &sensor.name),
+            "decisions": read.decisions,
+            "read": read.json,
+            "notes": notes_json(&read.notes),
         },
         "clouds": tally.clouds,
         "log_s": results.log_s,
@@ -210,29 +209,28 @@ pub(super) fn to_json(
 /// What a run says at its end, in the order in which one wants to know it: whether the map can be used; what was made and how good it is, what was
 /// lost, where it is, and then details.
 pub(super) fn to_words(
-    (source, tally, results): (&Source<'_>, &Tally, &Results),
+    (read, tally, results): (&Read, &Tally, &Results),
     (name, timing, usable): (&str, &Value, &Usable),
     (losses, odd): (&[String], &[String]),
     written: &str,
 ) -> String {
-    let (lines, mut said) = source.decisions_in_words();
-    said.extend_from_slice(odd);
+    let said = [&read.said, odd].concat();
     let refused = results.beside.refused.iter().map(|refused| format!("beside   {refused}\n"));
-    let details = lines + &refused.collect::<String>() + &remarks(&[], &said);
+    let details = read.lines.clone() + &refused.collect::<String>() + &remarks(&[], &said);
     format!(
         "{}{name}: {}{}{written}{}",
         usable.words(),
-        numbers(source, tally, results, timing),
+        numbers(read, tally, results, timing),
         remarks(losses, &[]),
         in_detail(&details)
     )
 }
 
-fn numbers(source: &Source<'_>, tally: &Tally, results: &Results, timing: &Value) -> String {
+fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> String {
     let ms = timing["total_s"].as_f64().unwrap_or(0.0) * 1e3 / tally.clouds.max(1) as f64;
     let mut words = format!(
         "{}, {} over {}; {:.1} m of way, {:.1} m of height\n",
-        source.kind(),
+        read.kind,
         count(tally.clouds, "cloud"),
         duration(results.log_s),
         results.path_m,

@@ -2,7 +2,7 @@
 
 use super::messages::Messages;
 use super::source::Source;
-use crate::args::MapArgs;
+use crate::args::{MapArgs, SourceArgs};
 use crate::events::{input, name_of};
 use crate::failure::Failure;
 use mapwright_logs::{Input, LogError, SpacePlan, Survey};
@@ -62,4 +62,23 @@ fn surveyed(name: &str, path: &Path, watch: &mut dyn FnMut(&str, u64) -> bool) -
 
 fn not_one(found: &str) -> Failure {
     Failure::Log(format!("--space: expected one recording of clouds or images of depth, found {found}"))
+}
+
+/// The clouds of a recording of messages.
+pub(super) fn in_space<'a>(
+    path: &Path,
+    args: &SourceArgs,
+    watch: &mut dyn FnMut(&str, u64) -> bool,
+) -> Result<Source<'a>, Failure> {
+    let name = name_of(path);
+    match input(path)? {
+        Input::Recording(path) => {
+            let survey = surveyed(&name, &path, watch)?;
+            let messages = Messages::open(&name, &path, survey, &args.choice(), &args.camera())?;
+            Ok(Source::Messages(Box::new(messages)))
+        }
+        _ => Err(Failure::Log(format!(
+            "{name}: expected a recording of clouds or images of depth, found a log of a planar laser"
+        ))),
+    }
 }

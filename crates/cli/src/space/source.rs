@@ -41,7 +41,7 @@ impl<'a> Source<'a> {
     }
 
     /// Its kind, in words.
-    pub(super) fn kind(&self) -> String {
+    fn kind(&self) -> String {
         match self {
             Self::Files { recording, .. } => recording.kind().to_string(),
             Self::Messages(messages) => messages.kind(),
@@ -58,11 +58,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    pub(super) fn sensor_name(&self) -> &str {
-        &self.sensor().name
-    }
-
-    pub(super) fn sensor(&self) -> &SpaceSensor {
+    fn sensor(&self) -> &SpaceSensor {
         match self {
             Self::Files { recording, .. } => recording.sensor(),
             Self::Messages(messages) => &messages.stream.plan().sensor,
@@ -79,19 +75,15 @@ impl<'a> Source<'a> {
     }
 
     /// The topic of inertial readings, if there is one.
-    pub(super) fn imu_name(&self) -> Option<&str> {
+    fn imu_name(&self) -> Option<&str> {
         match self {
             Self::Files { .. } | Self::Simulated(_) => None,
             Self::Messages(messages) => messages.stream.plan().imu.as_ref().map(|imu| imu.name.as_str()),
         }
     }
 
-    pub(super) fn robot_from_sensor(&self) -> Pose3 {
-        self.sensor().robot_from_sensor
-    }
-
     /// What was decided and taken for granted, in words.
-    pub(super) fn decisions(&self) -> Vec<String> {
+    fn decisions(&self) -> Vec<String> {
         match self {
             Self::Files { recording, .. } => recording.decisions().to_vec(),
             Self::Messages(messages) => messages.decisions(),
@@ -100,7 +92,7 @@ impl<'a> Source<'a> {
     }
 
     /// The same for people: lines, and what is to be said among what is odd.
-    pub(super) fn decisions_in_words(&self) -> (String, Vec<String>) {
+    fn decisions_in_words(&self) -> (String, Vec<String>) {
         match self {
             Self::Files { recording, .. } => (String::new(), recording.decisions().to_vec()),
             Self::Messages(messages) => (messages.plan_in_words(), Vec::new()),
@@ -109,7 +101,7 @@ impl<'a> Source<'a> {
     }
 
     /// Poses that came with it.
-    pub(super) fn references(&self) -> &[Reference] {
+    fn references(&self) -> &[Reference] {
         match self {
             Self::Files { recording, .. } => recording.references(),
             Self::Messages(messages) => &messages.references,
@@ -118,7 +110,7 @@ impl<'a> Source<'a> {
     }
 
     /// What was found to be wrong so far.
-    pub(super) fn notes(&self) -> Notes {
+    fn notes(&self) -> Notes {
         let (mut notes, more) = match self {
             Self::Files { recording, clouds, .. } => (recording.notes().clone(), clouds.notes()),
             Self::Messages(messages) => (messages.notes.clone(), messages.stream.notes()),
@@ -129,18 +121,86 @@ impl<'a> Source<'a> {
     }
 
     /// Damage of the container, in words: what may have cost clouds, and what has not.
-    pub(super) fn damages(&self) -> (Vec<String>, Vec<String>) {
+    fn damages(&self) -> (Vec<String>, Vec<String>) {
         match self {
             Self::Files { .. } | Self::Simulated(_) => (Vec::new(), Vec::new()),
             Self::Messages(messages) => messages.damages(),
         }
     }
 
+    /// All that is to be said of it, once it was read.
+    pub(super) fn read(&self) -> Read {
+        let (losses, odd) = self.damages();
+        let (lines, said) = self.decisions_in_words();
+        Read {
+            kind: self.kind(),
+            frames: self.frames(),
+            sensor: Some(self.sensor().clone()),
+            decisions: self.decisions(),
+            lines,
+            said,
+            references: self.references().to_vec(),
+            imu: self.imu_name().map(str::to_owned),
+            json: self.read_json(),
+            notes: self.notes(),
+            losses,
+            odd,
+        }
+    }
+
     /// What else a report says of how it was read.
-    pub(super) fn read_json(&self) -> Value {
+    fn read_json(&self) -> Value {
         match self {
             Self::Files { .. } | Self::Simulated(_) => Value::Null,
             Self::Messages(messages) => crate::reading::survey_json(messages.stream.survey()),
         }
+    }
+}
+
+/// What is said of a source that was read, or of several in a row.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Read {
+    pub(super) kind: String,
+    pub(super) frames: u64,
+    /// None where nothing but sessions was read.
+    pub(super) sensor: Option<SpaceSensor>,
+    /// What was decided and taken for granted, in words;
+    pub(super) decisions: Vec<String>,
+    /// the same for people: lines, and what is to be said among what is odd.
+    pub(super) lines: String,
+    pub(super) said: Vec<String>,
+    /// Poses that came with it.
+    pub(super) references: Vec<Reference>,
+    /// The topic of inertial readings, if there is one.
+    pub(super) imu: Option<String>,
+    /// What else a report says of how it was read.
+    pub(super) json: Value,
+    /// What was found to be wrong.
+    pub(super) notes: Notes,
+    /// Damage of the container, in words: what may have cost clouds, and what has not.
+    pub(super) losses: Vec<String>,
+    pub(super) odd: Vec<String>,
+}
+
+impl Read {
+    pub(super) fn robot_from_sensor(&self) -> Pose3 {
+        self.sensor.as_ref().map_or_else(Pose3::identity, |sensor| sensor.robot_from_sensor)
+    }
+
+    /// Another source is read after these: what is said of both, but for the poses that came with them, whose frames have nothing to do
+    /// with each other.
+    pub(super) fn and(mut self, mut other: Self, name: &str) -> Self {
+        self.kind = if self.kind.is_empty() { other.kind } else { format!("{}; {}", self.kind, other.kind) };
+        self.frames += other.frames;
+        self.sensor = self.sensor.or(other.sensor);
+        self.decisions.extend(other.decisions.into_iter().map(|words| format!("{name}: {words}")));
+        self.lines += &other.lines;
+        self.said.extend(other.said.into_iter().map(|words| format!("{name}: {words}")));
+        self.references.clear();
+        self.imu = self.imu.or(other.imu);
+        self.notes.extend(&other.notes);
+        self.losses.append(&mut other.losses);
+        self.odd.append(&mut other.odd);
+        self
     }
 }

@@ -1,0 +1,181 @@
+//! A mapper in space, and everything that is made of its updates.
+
+use super::inertial::Felt;
+use super::report::{Beside, Results};
+use super::source::Read;
+use super::{MAP_SHARE, Simulation, Tally, picture};
+use crate::args::{MappingArgs, StampPolicy};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::mapping::settings_of;
+use crate::maps::{map_file, remove_outdated_maps, ways};
+use crate::output::OutputFolder;
+use crate::pose_graph::pose_graph;
+use crate::progress::Progress;
+use crate::session::SessionLog;
+use crate::stamps::Stamper;
+use crate::terminal::count;
+use crate::timing::StageClock;
+use mapwright::{Cloud, Pose3, RunId, Session, SpaceMapper, SpaceSensor, SpaceSweep, Stamp, Update};
+use mapwright_formats::{StampedPose3, TumWriter, write_ply};
+use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
+use std::fs::File;
+
+const ONLINE: &str = "trajectory_online.tum";
+/// What the mapper knows is taken down once the log has grown by so many bytes, and by so many times what that took.
+const FIRST_CHECKPOINT_BYTES: usize = 1 << 16;
+const LOG_PER_CHECKPOINT: usize = 16;
+
+/// A mapper in space, and everything that is made of its updates.
+pub(super) struct Mapping {
+    pub(super) mapper: SpaceMapper,
+    log: SessionLog<SpaceSweep>,
+    pub(super) earlier_losses: Vec<String>,
+    pub(super) tally: Tally,
+    pub(super) clock: StageClock,
+    pub(super) output: OutputFolder,
+    online: Option<TumWriter<File>>,
+    stamper: Stamper,
+    policy: StampPolicy,
+    picture_side: Option<u16>,
+    progress: Progress,
+    /// From so many bytes of the log on all that the mapper knows is taken down again.
+    checkpoint_at: usize,
+}
+
+impl Mapping {
+    pub(super) fn begin(
+        args: &MappingArgs,
+        mut output: OutputFolder,
+        length: Option<u64>,
+        (earlier, earlier_losses): (Option<Session<SpaceSweep>>, Vec<String>),
+    ) -> Result<Self, Failure> {
+        let clock = StageClock::start();
+        let settings = settings_of(args)?;
+        let log = SessionLog::begin(&mut output, earlier.as_ref())?;
+        let mapper = match earlier {
+            Some(session) => SpaceMapper::resume(settings, session)?,
+            None => SpaceMapper::new(settings)?,
+        };
+        let online = Some(TumWriter::new(output.begin(ONLINE)?));
+        Ok(Self {
+            mapper,
+            log,
+            earlier_losses,
+            tally: Tally::default(),
+            clock,
+            output,
+            online,
+            stamper: Stamper::new(args.stamps),
+            policy: args.stamps,
+            picture_side: args.picture_side,
+            progress: Progress::new(length, args.voice.quiet || args.voice.json),
+            checkpoint_at: FIRST_CHECKPOINT_BYTES,
+        })
+    }
+
+    pub(super) fn add_cloud(&mut self, cloud: &Cloud) -> Result<(), Failure> {
+        let update: Update<SpaceSweep> = self.mapper.add_cloud(cloud);
+        self.tally.add(&update);
+        if let Some(online) = &mut self.online {
+            let pose = stamped(self.stamper.next(update.stamp), update.map_from_robot);
+            online.write(&pose).map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+        }
+        self.clock.scan(update.scan);
+        self.progress.scan(update.stamp, self.tally.clouds);
+        self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())?;
+        self.take_down()
+    }
+
+    /// Another run begins, wherever its robot is: the next one of the robot that the session ends with.
+    pub(super) fn switch_on(&mut self) -> Result<(), Failure> {
+        let robot = self.log.session().runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
+        let update = self.mapper.switch_on(robot);
+        self.log.add(update.entries)
+    }
+
+    /// Takes in a session that was mapped apart.
+    pub(super) fn import(
+        &mut self,
+        session: &Session<SpaceSweep>,
+        name: &str,
+        interrupt: &Interrupt,
+    ) -> Result<(), Failure> {
+        if self.log.session().shares_keyframes(session) {
+            return Err(Failure::Usage(format!(
+                "{name} is given twice, or overlaps what was given before: it has keyframes that are in the map"
+            )));
+        }
+        let (mapper, log) = (&mut self.mapper, &mut self.log);
+        let mut unwritten = Vec::new();
+        let imported = mapper.import(session, |mut update| {
+            unwritten.append(&mut update.unwritten);
+            log.add(update.entries).map_err(Some)?;
+            if interrupt.came() { Err(None) } else { Ok(()) }
+        });
+        if let Some(first) = unwritten.first() {
+            let what = count(unwritten.len() as u64, "entry");
+            self.earlier_losses.push(format!("{name}: {what} that no session can hold, first: {first}"));
+        }
+        imported.or_else(|why| why.map_or(Ok(()), Err))
+    }
+
+    /// All that the mapper knows, from time to time, for a run that goes on after this one was killed.
+    fn take_down(&mut self) -> Result<(), Failure> {
+        let before = self.log.added_bytes();
+        if before < self.checkpoint_at {
+            return Ok(());
+        }
+        self.log.add(self.mapper.checkpoint().entries).inspect_err(|_| self.output.failed_to_write())?;
+        let after = self.log.added_bytes();
+        self.checkpoint_at = after + (LOG_PER_CHECKPOINT * (after - before)).max(FIRST_CHECKPOINT_BYTES);
+        Ok(())
+    }
+
+    pub(super) fn end_of_clouds(&mut self) {
+        self.clock.end_of_scans();
+        self.progress.finish();
+    }
+
+    pub(super) fn write_results(&mut self, read: &Read, simulation: Option<&Simulation>) -> Result<Results, Failure> {
+        if let Some(online) = self.online.take() {
+            online.finish().map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
+        }
+        self.log.add(self.mapper.checkpoint().entries)?;
+        self.log.finish()?;
+        let session = self.log.session();
+        let mut stamper = Stamper::new(self.policy);
+        let way: Vec<(Stamp, Pose3)> = session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
+        self.output.write("trajectory.tum", |writer| {
+            let mut trajectory = TumWriter::new(writer);
+            way.iter().try_for_each(|&(stamp, pose)| trajectory.write(&stamped(stamper.next(stamp), pose)))?;
+            trajectory.finish().map(|_| ())
+        })?;
+        let graph = AnyPoseGraph::Spatial(pose_graph(session, session.map_from_keyframe(), |_, _| true));
+        self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
+        let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
+        let first = session.keyframes().first().map(|keyframe| keyframe.sweep.sensor.as_ref());
+        let sensor = read.sensor.as_ref().or(first).cloned().unwrap_or_else(|| SpaceSensor::lidar("lidar"));
+        let maps = session.maps();
+        let (ways, path_m) = ways(session, &maps);
+        let mut map_points = 0;
+        for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
+            let points = mapwright::points_of_map(session, map, MAP_SHARE * resolution_m);
+            map_points += points.points_m.len();
+            self.output
+                .write(map_file(number, "ply"), |writer| write_ply(&points.points_m, &points.colours, writer))?;
+            let shown = picture::Shown { map, way, points: &points, point_m: MAP_SHARE * resolution_m };
+            let name = map_file(number, "png");
+            picture::write(&mut self.output, &name, (&sensor, session), &shown, self.picture_side)?;
+        }
+        remove_outdated_maps(&mut self.output, maps.len());
+        let beside = Beside::of(read, &way);
+        let truth = simulation.map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
+        let felt = Felt::of(read, &self.mapper);
+        Ok(Results::of(session, (&way, path_m), resolution_m, map_points, beside, truth).feeling(felt))
+    }
+}
+
+fn stamped(stamp: Stamp, pose: Pose3) -> StampedPose3 {
+    StampedPose3::of_pose(stamp, pose)
+}
