@@ -41,9 +41,8 @@ const DESCRIBED_M: f64 = 8.0;
 /// What lies this far below and above the sensor is no wall, metres: floor and ceiling.
 const FLOOR_M: f32 = -0.4;
 const CEILING_M: f32 = 2.5;
-/// A robot at a place that looks like this one is within so many rms ranges of where that was seen from, and radians.
+/// A robot at a place that looks like this one is within so many rms ranges of where that was seen from.
 const LIKENESS_RANGES: f64 = 0.5;
-const LIKENESS_RAD: f64 = 0.3;
 
 /// Submaps of clouds.
 #[derive(Debug, Clone)]
@@ -218,21 +217,14 @@ impl Submaps for SpaceSubmaps {
     ) -> Vec<(NodeId, Window<Pose3>)> {
         let half_width_m = LIKENESS_RANGES * self.range_m;
         let hits = places.query(&self.seen_from_above(views), at_most, allow);
-        let windows = |heading_rad: Option<f64>| {
-            let turns = if heading_rad.is_some() { 2 } else { 1 };
-            let half_width_rad = if heading_rad.is_some() { LIKENESS_RAD } else { PI };
-            (0..turns).map(move |half| {
-                let turn_rad = heading_rad.unwrap_or(0.0) + f64::from(half) * PI;
-                let turn = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, turn_rad);
-                Window {
-                    target_from_query: Pose3::exp(turn),
-                    half_width_m,
-                    half_height_m: half_width_m,
-                    half_width_rad,
-                }
-            })
+        // What places look like from above tells where, and not surely enough how the robot was turned there.
+        let window = Window {
+            target_from_query: Pose3::identity(),
+            half_width_m,
+            half_height_m: half_width_m,
+            half_width_rad: PI,
         };
-        hits.iter().flat_map(|hit| windows(hit.heading_rad).map(|window| (hit.node, window))).collect()
+        hits.iter().map(|hit| (hit.node, window)).collect()
     }
 }
 

@@ -3,8 +3,8 @@
 //! Certainty is that of the best path over the graph ([`CertaintyGraph`]). A place is judged by what a visit would add: a
 //! link from the robot to it, as uncertain as the drive there, and links to what lies beside it and is not linked yet.
 
-use crate::front::map_floor;
 use crate::patches::{Spacing, accumulating};
+use crate::pose::map_floor;
 use crate::store::spacing;
 use mapwright_geom::{Cov3, Pose2};
 use mapwright_graph::{CertaintyGraph, Gate, Uncertainty};

@@ -2,9 +2,9 @@
 //! frame of its own in which the newest keyframe never jumps, and can be run without a mapper: what it finds it returns.
 
 use crate::cycles::Follows;
-use crate::front_end::{Found, FrontEnd, Maps};
+use crate::front_end::{Found, FrontEnd};
 use crate::local_map::{Frames, LocalMapping};
-use crate::locate::Locator;
+use crate::pose::{Motion, RobotPose};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Slipped, Written};
 use crate::watch::Watch;
@@ -26,7 +26,6 @@ mod dynamic;
 mod insert;
 mod lasers;
 mod on_robot;
-mod pose;
 mod predict;
 mod prepare;
 mod resume;
@@ -36,7 +35,6 @@ mod sweep_motion;
 mod sweep_twist;
 mod track;
 
-pub(crate) use pose::{Motion, RobotPose, map_floor};
 pub(crate) use resume::{Links, links};
 pub(crate) use slip::BEFORE;
 pub use track::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
@@ -127,12 +125,6 @@ impl PlaneFrontEnd {
     pub(crate) fn local_map(&self) -> &LocalMap {
         &self.local_map.map
     }
-}
-
-impl Maps for Sweep {
-    type Scan = LaserScan;
-    type FrontEnd = PlaneFrontEnd;
-    type Locator = Locator;
 }
 
 impl FrontEnd<Sweep> for PlaneFrontEnd {

@@ -2,7 +2,7 @@
 //! ([`Submaps`](mapwright_loops::Submaps)).
 
 use crate::cycles::Follows;
-use crate::front::RobotPose;
+use crate::pose::RobotPose;
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Slipped, Written};
 use crate::watch::Watch;
@@ -246,7 +246,10 @@ pub trait FrontEnd<M: Maps>: Clone + Debug + Sized + Follows<M> {
 }
 
 /// Finds a robot in a finished map.
-pub trait Locates<M: Maps>: Clone + Debug {
+pub trait Locates<M: Maps>: Clone + Debug + Sized {
+    /// One for the map of a session; none where joins with it, as they are found while mapping, say where the robot is.
+    fn of(settings: &Settings, session: &Session<M>) -> Option<Self>;
+
     /// Takes the newest scan in; `is_believed` where it fits what the front end has mapped, `is_break` where the robot may be anywhere.
     fn see(&mut self, front: &M::FrontEnd, is_break: bool, is_believed: bool);
 
@@ -254,11 +257,15 @@ pub trait Locates<M: Maps>: Clone + Debug {
     fn report(&self, update: &mut Update<M>);
 }
 
-/// There is no such locator.
+/// In space the robot is where a join with the finished map has it: there is no other locator.
 #[derive(Debug, Clone, Copy)]
-pub enum Nowhere {}
+pub enum ByJoins {}
 
-impl<M: Maps> Locates<M> for Nowhere {
+impl<M: Maps> Locates<M> for ByJoins {
+    fn of(_settings: &Settings, _session: &Session<M>) -> Option<Self> {
+        None
+    }
+
     fn see(&mut self, _front: &M::FrontEnd, _is_break: bool, _is_believed: bool) {
         match *self {}
     }

@@ -29,6 +29,7 @@ mod local_map;
 mod locate;
 mod mapper;
 mod patches;
+mod pose;
 mod probe;
 mod render;
 mod settings;

@@ -170,6 +170,10 @@ struct Seen<'a> {
 }
 
 impl Locates<Sweep> for Locator {
+    fn of(settings: &Settings, session: &Session) -> Option<Self> {
+        Some(Self::new(settings, session))
+    }
+
     fn see(&mut self, front: &PlaneFrontEnd, is_break: bool, is_believed: bool) {
         let local_from_robot = front.pose().local_from_robot();
         self.take(&Seen { local_from_robot, points: front.points(), is_break, is_believed });

@@ -7,4 +7,5 @@ mod render;
 mod scale;
 
 pub use front::ImuReport;
+pub(crate) use front::SpaceFrontEnd;
 pub use render::{MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of};

@@ -1,6 +1,6 @@
 //! Step 8, report: what stages know, put together. Written once for the plane and for space.
 
-use crate::front::RobotPose;
+use crate::pose::RobotPose;
 use crate::store::Store;
 use mapwright_geom::{Pose, Stamp};
 use mapwright_record::{LocalMapReport, Localisation, MatchReport, Measurement, NodeId, Status, Update};

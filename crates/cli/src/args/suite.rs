@@ -82,7 +82,15 @@ pub(crate) enum Suite {
     /// row, and two equal wings take turns, where the later drive begins, and leads on to where they can be told apart. A pose is right when
     /// it lies within 0.3 m and 3 degrees of the truth relative to the keyframe of the map that is truly nearest. Located: the first scan that
     /// is said to be located and is right. Floors: none located wrongly for more than 5 s at a stretch, 95 % located rightly at the end.
-    Localise(WorldsArgs),
+    ///
+    /// With `--3d` the buildings are those of `drives`, but for the last: a drive maps it, a later one of 60 s begins anywhere on the same
+    /// way, the other way round for odd seeds. Those with storeys that cannot be told apart count as two places alike.
+    Localise(LookAlikeArgs),
+    /// Drives in space cut in three, merged with nobody knowing how the pieces belong together: the error beside that of the whole drive.
+    ///
+    /// Buildings and drives are those of `drives`. Each piece is mapped by itself; the sessions are taken in one after the other, as `mapwright
+    /// merge` does. ATE is that of all clouds, aligned rigidly, rmse. Floors: one map, and a ratio of at most 1.3, in every world.
+    Cut(DrivesArgs),
     /// Office floors with people who walk along with the robot and in its way: the trajectory's error.
     ///
     /// A world is `worlds::office_floor(seed)` with that many people, as `mapwright demo` has it. ATE is that of all scans,

@@ -1,11 +1,11 @@
 //! The front end as bytes, each stage its own; one that goes on as it was.
 
 use super::PlaneFrontEnd;
-use super::pose::RobotPose;
 use super::predict::Predictor;
 use super::slip::SlipWatch;
 use super::track::Tracker;
 use crate::local_map::{Frames, LocalMapping};
+use crate::pose::RobotPose;
 use crate::settings::Settings;
 use mapwright_geom::Stored;
 use mapwright_record::Past;

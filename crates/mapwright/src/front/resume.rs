@@ -4,9 +4,9 @@
 //! seconds.
 
 use super::PlaneFrontEnd;
-use super::pose::{RobotPose, map_floor};
 use crate::front_end::FrontEnd;
 use crate::local_map::{Earlier, Frames};
+use crate::pose::{RobotPose, map_floor};
 use crate::settings::Settings;
 use crate::store::spacing;
 use mapwright_geom::{Cov3, Pose, Pose2, TangentMatrix, compose_covariance};

@@ -1,11 +1,11 @@
 //! Step 3: the match, and the guard that starts it again where it is in doubt.
 
-use super::RobotPose;
 use super::lasers::{LaserId, PerLaser};
 use super::predict::{Predictor, Step};
 use super::prepare::Preparation;
 use crate::front_end::Found;
 use crate::local_map::LocalMapping;
+use crate::pose::RobotPose;
 use crate::settings::{Optimizer, Settings};
 use crate::watch::Watch;
 use mapwright_geom::{Cov3, Pose2, Stamp, Stored};

@@ -1,14 +1,21 @@
 //! What a mapper of the plane has beside.
 
 use super::Mapper;
-use crate::front_end::FrontEnd;
-use crate::locate::{Location, Withdrawal};
+use crate::front::PlaneFrontEnd;
+use crate::front_end::{FrontEnd, Maps};
+use crate::locate::{Location, Locator, Withdrawal};
 use crate::render::GlobalMap;
 use mapwright_geom::TangentMatrix;
 use mapwright_grid::{CountGrid, LocalMap};
 use mapwright_loops::KnownPlace;
 use mapwright_record::KeyframeId;
-use mapwright_sensor::{Odometry, TurnRate};
+use mapwright_sensor::{LaserScan, Odometry, Sweep, TurnRate};
+
+impl Maps for Sweep {
+    type Scan = LaserScan;
+    type FrontEnd = PlaneFrontEnd;
+    type Locator = Locator;
+}
 
 impl Mapper {
     /// Remembers a reading of the wheels: for scans up to 2 s later that carry none of their own, and for the robot's motion

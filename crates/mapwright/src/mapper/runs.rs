@@ -1,10 +1,9 @@
 //! Several runs in one map: of a robot that is switched on again, of other robots, of sessions that were mapped apart. Wherever they
 //! stand, each begins a fragment, and joins hold them together ([`mapwright_loops::Closing`]).
 
-use super::{Mapper, MapperOf};
+use super::MapperOf;
 use crate::breaks::anywhere;
-use crate::front_end::{FrontEnd, Maps};
-use crate::locate::Locator;
+use crate::front_end::{FrontEnd, Locates, Maps};
 use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Import, Store};
 use crate::told::{Newest, Told};
@@ -58,18 +57,18 @@ impl<M: Maps> MapperOf<M> {
         self.store.wait_for_scans();
         told(self.report(Told::default()))
     }
-}
 
-impl Mapper {
     /// A mapper that finds a robot in the map of a session, where it may be anywhere, and tracks it there. What the session has mapped
-    /// stays where it is, and that alone says where the robot is ([`Mapper::location`]): it is [apart](mapwright_record::Localisation) and
-    /// lost until one place leads all rivals, and again where what it sees contradicts that place ([`Mapper::withdrawal`]). Keyframes are made
-    /// as ever, to tell how the robot moves where the map is not known or has changed, so that memory grows with the way; they are a
-    /// fragment of their own.
+    /// stays where it is. Keyframes are made as ever, to tell how the robot moves where the map is not known or has changed, so that memory
+    /// grows with the way; they are a fragment of their own. The robot is [apart](mapwright_record::Localisation) until it is known where
+    /// it is.
+    ///
+    /// In the plane the finished map alone says that ([`Mapper::location`]): the robot is lost until one place leads all rivals, and again
+    /// where what it sees contradicts that place ([`Mapper::withdrawal`]). In space a join of what it maps with the finished map does.
     ///
     /// # Errors
     /// A setting outside its range.
-    pub fn localising(settings: Settings, session: Session) -> Result<Self, SettingsError> {
+    pub fn localising(settings: Settings, session: Session<M>) -> Result<Self, SettingsError> {
         let mut settings = settings;
         settings.loops.correction = Correction::Graph;
         settings.validate()?;
@@ -78,9 +77,14 @@ impl Mapper {
         store.fix();
         let (store, back, front) = Self::made_again(settings, store);
         let newest = Newest { stamp: Stamp(0), status: Status::Tracking };
-        let locator = Some(Box::new(Locator::new(&settings, store.session())));
+        let locator = M::Locator::of(&settings, store.session()).map(Box::new);
         let mut mapper = Self { store, front, back, newest, locator, ways: super::WaysSeen::default() };
         mapper.begin_run(run);
+        if mapper.locator.is_none()
+            && let Some(submaps) = mapper.front.submaps()
+        {
+            mapper.back.closing.switch_on(mapper.store.past(), &submaps);
+        }
         Ok(mapper)
     }
 }

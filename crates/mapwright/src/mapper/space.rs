@@ -1,11 +1,17 @@
 //! What a mapper of space has beside.
 
 use super::SpaceMapper;
-use crate::front_end::FrontEnd;
-use crate::space::ImuReport;
+use crate::front_end::{ByJoins, FrontEnd, Maps};
+use crate::space::{ImuReport, SpaceFrontEnd};
 use mapwright_geom::Cov6;
 use mapwright_record::{KeyframeId, Update};
 use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
+
+impl Maps for SpaceSweep {
+    type Scan = Cloud;
+    type FrontEnd = SpaceFrontEnd;
+    type Locator = ByJoins;
+}
 
 impl SpaceMapper {
     /// Remembers a reading of an inertial sensor, for the robot's rotation between clouds and during a sweep, and for where down is:

@@ -3,8 +3,9 @@
 use super::local_map::LocalMapping;
 use super::scale::Scale;
 use crate::cycles::Follows;
-use crate::front::{Links, Motion, RobotPose, links};
-use crate::front_end::{Found, FrontEnd, Maps, Nowhere};
+use crate::front::{Links, links};
+use crate::front_end::{Found, FrontEnd};
+use crate::pose::{Motion, RobotPose};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use crate::watch::Watch;
@@ -147,12 +148,6 @@ impl SpaceFrontEnd {
             matched: believed.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
         }
     }
-}
-
-impl Maps for SpaceSweep {
-    type Scan = Cloud;
-    type FrontEnd = SpaceFrontEnd;
-    type Locator = Nowhere;
 }
 
 impl FrontEnd<SpaceSweep> for SpaceFrontEnd {

@@ -5,6 +5,7 @@
 mod support;
 
 mod advice;
+mod breaks_space;
 mod carried;
 mod closing;
 mod consistency;

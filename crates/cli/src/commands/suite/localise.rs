@@ -3,8 +3,10 @@
 use super::Measure;
 use super::floors::{Floor, percent, stats};
 use crate::failure::Failure;
-use crate::simulated::{PoseError, Simulated};
-use mapwright::{Localisation, Mapper, Pose2, Settings, Stamp, Status, Update};
+use crate::simulated::{PoseError, Scored, Simulated};
+use mapwright::{Localisation, Mapper, Settings, Stamp, Status, Update};
+use mapwright_geom::Pose;
+use mapwright_record::Measurement;
 use mapwright_sim::Event;
 use mapwright_sim::worlds::{TwiceTheSame, relocalisation};
 use serde::Serialize;
@@ -17,6 +19,7 @@ pub(super) struct Localise {
     pub(super) settings: Settings,
 }
 
+/// A robot that was put down somewhere in a building that is mapped.
 #[derive(Debug, Serialize)]
 pub(super) struct World {
     seed: u64,
@@ -57,58 +60,62 @@ impl Measure for Localise {
                 }
             }
         }
-        Ok(World {
-            seed,
-            twice: match case.twice {
-                TwiceTheSame::Nothing => "nothing",
-                TwiceTheSame::EndsOfRoom => "ends of a room",
-                TwiceTheSame::Rooms => "rooms",
-                TwiceTheSame::Wings => "wings",
-            },
-            scans: witness.scans,
-            located_s: witness.located_s,
-            located: witness.is_right,
-            wrong_s: witness.wrong_s,
-            longest_wrong_s: witness.longest_wrong_s,
-            withdrawn: witness.withdrawn,
-            withdrawn_rightly_located: witness.withdrawn_right,
-            error_m: (witness.right > 0).then(|| witness.error_m / witness.right as f64),
-        })
+        let twice = match case.twice {
+            TwiceTheSame::Nothing => NOTHING,
+            TwiceTheSame::EndsOfRoom => "ends of a room",
+            TwiceTheSame::Rooms => "rooms",
+            TwiceTheSame::Wings => "wings",
+        };
+        Ok(witness.world(seed, twice))
     }
 
     fn line(world: &World) -> String {
-        let located = world.located_s.map_or("   never".to_owned(), |s| format!("{s:6.1} s"));
-        let error = world.error_m.map_or("      -".to_owned(), |m| format!("{m:.3} m"));
-        format!(
-            "{:6}  twice {:14}  located {located}, at the end {:3}  wrong {:5.1} s, {:5.1} at a stretch  taken back {} ({} right)  error {error}",
-            world.seed,
-            world.twice,
-            if world.located { "yes" } else { "NO" },
-            world.wrong_s,
-            world.longest_wrong_s,
-            world.withdrawn,
-            world.withdrawn_rightly_located,
-        )
+        world.line()
     }
 
     fn summary(&self, worlds: &[World]) -> (String, Value, Vec<Floor>) {
-        let mut words = String::new();
-        let mut value = serde_json::Map::new();
-        let of = |twice: bool| worlds.iter().filter(move |world| (world.twice != "nothing") == twice).collect();
-        let groups: [(&str, Vec<&World>); 3] =
-            [("all", worlds.iter().collect()), ("ordinary", of(false)), ("two places alike", of(true))];
-        for (what, worlds) in groups {
-            let group = Group::of(&worlds);
-            words += &group.line(what);
-            value.insert(what.into(), json!(group));
-        }
-        let all = Group::of(&worlds.iter().collect::<Vec<_>>());
-        let floors = vec![
-            Floor::none("no robot located wrongly for more than 5 s", all.wrong),
-            Floor::share("95 % located at the end", 0.95, all.located, all.worlds),
-        ];
-        (words, json!({ "groups": value }), floors)
+        summary(worlds)
     }
+}
+
+/// What a building has only once.
+pub(super) const NOTHING: &str = "nothing";
+
+impl World {
+    pub(super) fn line(&self) -> String {
+        let located = self.located_s.map_or("   never".to_owned(), |s| format!("{s:6.1} s"));
+        let error = self.error_m.map_or("      -".to_owned(), |m| format!("{m:.3} m"));
+        format!(
+            "{:6}  twice {:14}  located {located}, at the end {:3}  wrong {:5.1} s, {:5.1} at a stretch  taken back {} ({} right)  error {error}",
+            self.seed,
+            self.twice,
+            if self.located { "yes" } else { "NO" },
+            self.wrong_s,
+            self.longest_wrong_s,
+            self.withdrawn,
+            self.withdrawn_rightly_located,
+        )
+    }
+}
+
+/// The last lines over all worlds, the same for programs, and what must hold.
+pub(super) fn summary(worlds: &[World]) -> (String, Value, Vec<Floor>) {
+    let mut words = String::new();
+    let mut value = serde_json::Map::new();
+    let of = |twice: bool| worlds.iter().filter(move |world| (world.twice != NOTHING) == twice).collect();
+    let groups: [(&str, Vec<&World>); 3] =
+        [("all", worlds.iter().collect()), ("ordinary", of(false)), ("two places alike", of(true))];
+    for (what, worlds) in groups {
+        let group = Group::of(&worlds);
+        words += &group.line(what);
+        value.insert(what.into(), json!(group));
+    }
+    let all = Group::of(&worlds.iter().collect::<Vec<_>>());
+    let floors = vec![
+        Floor::none("no robot located wrongly for more than 5 s", all.wrong),
+        Floor::share("95 % located at the end", 0.95, all.located, all.worlds),
+    ];
+    (words, json!({ "groups": value }), floors)
 }
 
 /// Sums over some worlds.
@@ -153,7 +160,11 @@ impl Group {
 }
 
 /// Error of a pose relative to the keyframe of the map that is truly nearest: how well the map itself is does not count.
-fn error(map: &Simulated, map_from_robot: Pose2, truth: Pose2) -> Option<PoseError> {
+pub(super) fn error<M: Measurement<Pose: Scored>>(
+    map: &Simulated<M>,
+    map_from_robot: M::Pose,
+    truth: M::Pose,
+) -> Option<PoseError> {
     let away_m = |k: &usize| map.truth(*k).distance(truth);
     let nearest = (0..map.keyframe_count()).min_by(|a, b| away_m(a).total_cmp(&away_m(b)))?;
     let found = map.keyframe_poses()[nearest].between(map_from_robot);
@@ -162,7 +173,7 @@ fn error(map: &Simulated, map_from_robot: Pose2, truth: Pose2) -> Option<PoseErr
 
 /// Sees every scan of the later drive.
 #[derive(Debug, Default)]
-struct Witness {
+pub(super) struct Witness {
     scans: usize,
     began: Option<Stamp>,
     last: Option<Stamp>,
@@ -178,7 +189,23 @@ struct Witness {
 }
 
 impl Witness {
-    fn see(&mut self, update: &Update, error: Option<PoseError>, is_withdrawn: bool) {
+    /// What came of it.
+    pub(super) fn world(&self, seed: u64, twice: &'static str) -> World {
+        World {
+            seed,
+            twice,
+            scans: self.scans,
+            located_s: self.located_s,
+            located: self.is_right,
+            wrong_s: self.wrong_s,
+            longest_wrong_s: self.longest_wrong_s,
+            withdrawn: self.withdrawn,
+            withdrawn_rightly_located: self.withdrawn_right,
+            error_m: (self.right > 0).then(|| self.error_m / self.right as f64),
+        }
+    }
+
+    pub(super) fn see<M: Measurement>(&mut self, update: &Update<M>, error: Option<PoseError>, is_withdrawn: bool) {
         let began = *self.began.get_or_insert(update.stamp);
         let elapsed_s = self.last.map_or(0.0, |last| update.stamp.secs_since(last));
         self.last = Some(update.stamp);

@@ -83,8 +83,16 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         Suite::Kidnapped(args) => {
             measure(&kidnapped::Kidnapped { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
         }
-        Suite::Localise(args) => {
-            measure(&localise::Localise { settings: settings_of(&args.run)? }, seeds_of(args, 100), &args.run)
+        Suite::Localise(args) if args.space.space => {
+            let drives = space::Drives::new(&args.space.lidar, settings_of(&args.worlds.run)?);
+            measure(&space::Localise(drives), seeds_of(&args.worlds, 50), &args.worlds.run)
+        }
+        Suite::Localise(LookAlikeArgs { worlds, .. }) => {
+            measure(&localise::Localise { settings: settings_of(&worlds.run)? }, seeds_of(worlds, 100), &worlds.run)
+        }
+        Suite::Cut(args) => {
+            let drives = space::Drives::new(&args.lidar, settings_of(&args.worlds.run)?);
+            measure(&space::Cut(drives), seeds_of(&args.worlds, 8), &args.worlds.run)
         }
         Suite::Offices(args) => {
             let settings = settings_of(&args.worlds.run)?;

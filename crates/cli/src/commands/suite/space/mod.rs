@@ -2,10 +2,12 @@
 
 mod closing;
 mod honesty;
+mod runs;
 mod verdicts;
 
 pub(super) use closing::{LookAlikes, Loops};
 pub(super) use honesty::Honesty;
+pub(super) use runs::{Cut, Localise};
 pub(super) use verdicts::Verdicts;
 
 use crate::args::LidarArgs;
