@@ -15,7 +15,7 @@ mod tally;
 mod verdict;
 
 pub(crate) use disk::Disk;
-pub(crate) use merge::{Input as MergeInput, merge};
+pub(crate) use merge::{Input as MergeInput, each_cloud, merge};
 pub(crate) use messages::plan_in_words;
 pub(crate) use picture::up;
 pub(crate) use report::{notes_in_words, notes_json};

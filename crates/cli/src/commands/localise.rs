@@ -5,11 +5,15 @@ use crate::events::{Ending, Interrupt, Log};
 use crate::failure::{Failure, Outcome};
 use crate::output::write_whole;
 use crate::progress::{FirstPass, Progress};
-use crate::session::earlier_in_plane;
+use crate::session::{AnySession, read_any_session};
 use crate::settings;
+use crate::space;
 use crate::terminal::{count, say, say_json};
-use mapwright::{Localisation, Location, Mapper, Status, Update, Withdrawal};
-use mapwright_formats::{FormatError, LogEvent, TumWriter};
+use mapwright::{
+    Localisation, Location, Mapper, Session, Settings, SpaceMapper, SpaceSweep, Status, Update, Withdrawal,
+};
+use mapwright_formats::{FormatError, LogEvent, StampedPose3, TumWriter};
+use mapwright_record::Measurement;
 use serde_json::json;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -39,7 +43,10 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<Outcome, Failure> {
     let mut settings = settings::load(&args.settings)?;
     settings.motion.use_odometry &= !args.no_odometry;
     let interrupt = Interrupt::watch()?;
-    let (session, mut losses) = earlier_in_plane(&args.map)?;
+    let (session, mut losses) = match read_any_session(&args.map)? {
+        (AnySession::Plane(session), losses) => (session, losses),
+        (AnySession::Space(session), losses) => return in_space(args, (session, losses), settings, &interrupt),
+    };
     if session.keyframes().is_empty() {
         return Err(Failure::Session { path: args.map.clone(), cause: "expected a map, found no keyframe".to_owned() });
     }
@@ -93,6 +100,53 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<Outcome, Failure> {
     Ok(Outcome::of_losses(&losses))
 }
 
+/// The same in a finished map of space.
+fn in_space(
+    args: &LocaliseArgs,
+    (session, mut losses): (Session<SpaceSweep>, Vec<String>),
+    settings: Settings,
+    interrupt: &Interrupt,
+) -> Result<Outcome, Failure> {
+    let [path] = &args.logs[..] else {
+        return Err(Failure::Usage("expected one recording of space, for the map is one of space".to_owned()));
+    };
+    if session.keyframes().is_empty() {
+        return Err(Failure::Session { path: args.map.clone(), cause: "expected a map, found no keyframe".to_owned() });
+    }
+    let is_csv = args.output.extension().is_some_and(|ending| ending == "csv");
+    let mut mapper = SpaceMapper::localising(settings, session)?;
+    let (counts, said) = write_whole(&args.output, |writer| {
+        let mut poses = if is_csv { Poses::Csv(writer) } else { Poses::Tum(TumWriter::new(writer)) };
+        let failed = |cause: FormatError| Failure::write(&args.output, cause);
+        poses.begin_in_space().map_err(failed)?;
+        let (mut counts, mut began) = (Counts::default(), None);
+        let said = space::each_cloud(path, &args.source, interrupt, &mut |readings, cloud| {
+            readings.drain(..).for_each(|reading| {
+                mapper.add_imu(reading);
+            });
+            let update = mapper.add_cloud(cloud);
+            let began = *began.get_or_insert(update.stamp);
+            counts.add(&update, update.stamp.secs_since(began), None);
+            poses.add_in_space(&update).map_err(failed)
+        })?;
+        poses.finish().map_err(failed)?;
+        Ok((counts, said))
+    })?;
+    losses.extend(said.losses);
+    losses.extend(counts.losses());
+    if interrupt.came() {
+        losses.push(format!("interrupted after {}; the poses are complete up to there", count(counts.scans, "cloud")));
+    }
+    let name = path.display().to_string();
+    if args.voice.json {
+        say_json(&counts.to_json(&name, &losses))?;
+    } else if !args.voice.quiet {
+        let words = counts.words() + &crate::report::remarks(&losses, &said.odd);
+        say(&format!("{name}: {words}written  {}\n", args.output.display()))?;
+    }
+    Ok(Outcome::of_losses(&losses))
+}
+
 fn words_of(why: Withdrawal) -> &'static str {
     match why {
         Withdrawal::Contradicted => "what was seen since contradicts the map there",
@@ -102,12 +156,12 @@ fn words_of(why: Withdrawal) -> &'static str {
 }
 
 /// Whether the robot is known to be where it is said to be.
-fn is_located(update: &Update) -> bool {
+fn is_located<M: Measurement>(update: &Update<M>) -> bool {
     update.localisation == Localisation::Joined && update.status != Status::Lost
 }
 
 impl Counts {
-    fn add(&mut self, update: &Update, elapsed_s: f64, withdrawal: Option<Withdrawal>) {
+    fn add<M: Measurement>(&mut self, update: &Update<M>, elapsed_s: f64, withdrawal: Option<Withdrawal>) {
         self.taken_back.extend(withdrawal.map(|why| (self.scans, elapsed_s, why)));
         if is_located(update) {
             self.located += 1;
@@ -177,6 +231,43 @@ impl Poses<'_> {
             )?),
             Self::Tum(_) => Ok(()),
         }
+    }
+
+    fn begin_in_space(&mut self) -> Result<(), FormatError> {
+        match self {
+            Self::Csv(writer) => Ok(writeln!(
+                writer,
+                "stamp_s,located,x_m,y_m,z_m,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,sigma_roll_rad,sigma_pitch_rad,sigma_yaw_rad,\
+                 inlier_share,status"
+            )?),
+            Self::Tum(_) => Ok(()),
+        }
+    }
+
+    fn add_in_space(&mut self, update: &Update<SpaceSweep>) -> Result<(), FormatError> {
+        let (pose, is_located) = (StampedPose3::of_pose(update.stamp, update.map_from_robot), is_located(update));
+        match self {
+            Self::Tum(writer) if is_located => writer.write(&pose)?,
+            Self::Tum(_) => {}
+            Self::Csv(writer) => {
+                write!(writer, "{:.6},{}", update.stamp.as_secs_f64(), u8::from(is_located))?;
+                if is_located {
+                    let at = update.map_from_robot.translation;
+                    write!(writer, ",{:.4},{:.4},{:.4}", at.x, at.y, at.z)?;
+                    let turn = update.map_from_robot.rotation;
+                    write!(writer, ",{:.6},{:.6},{:.6},{:.6}", turn.i, turn.j, turn.k, turn.w)?;
+                    for axis in 0..6 {
+                        write!(writer, ",{:.5}", update.covariance[(axis, axis)].max(0.0).sqrt())?;
+                    }
+                } else {
+                    write!(writer, "{}", ",".repeat(13))?;
+                }
+                let matched = update.matched.filter(|_| is_located);
+                let share = matched.map(|matched| format!("{:.3}", matched.inlier_share)).unwrap_or_default();
+                writeln!(writer, ",{share},{}", update.status.name())?;
+            }
+        }
+        Ok(())
     }
 
     fn add(&mut self, update: &Update, location: Option<&Location>) -> Result<(), FormatError> {

@@ -2,13 +2,13 @@
 
 use super::mapping::Mapping;
 use super::source::{Read, Source};
-use super::{Disk, Finished, finish, seek};
+use super::{Disk, Finished, finish, notes_in_words, seek};
 use crate::args::{MergeArgs, SourceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::output::OutputFolder;
 use crate::terminal::count;
-use mapwright::{ImuReading, Session, SpaceSweep};
+use mapwright::{Cloud, ImuReading, Session, SpaceSweep};
 use std::path::{Path, PathBuf};
 
 /// What is merged.
@@ -82,6 +82,34 @@ fn map_all(mapping: &mut Mapping, source: &mut Source<'_>, interrupt: &Interrupt
         }
     }
     Ok(())
+}
+
+/// What is said of a recording whose clouds were handed on.
+pub(crate) struct Said {
+    pub(crate) losses: Vec<String>,
+    pub(crate) odd: Vec<String>,
+}
+
+/// Hands on every cloud of a recording, with the inertial readings before it, until somebody interrupts.
+pub(crate) fn each_cloud(
+    path: &Path,
+    args: &SourceArgs,
+    interrupt: &Interrupt,
+    take: &mut dyn FnMut(&mut Vec<ImuReading>, &Cloud) -> Result<(), Failure>,
+) -> Result<Said, Failure> {
+    with_source(path, args, interrupt, |mut source| {
+        let mut readings: Vec<ImuReading> = Vec::new();
+        while let Some(cloud) = source.next_cloud(&mut |reading| readings.push(reading))? {
+            take(&mut readings, &cloud)?;
+            readings.clear();
+            if interrupt.came() {
+                break;
+            }
+        }
+        let read = source.read();
+        let (lost, noted) = notes_in_words(&read.notes);
+        Ok(Said { losses: [read.losses, lost].concat(), odd: [read.said, read.odd, noted].concat() })
+    })
 }
 
 /// Opens a recording of space, whatever holds it.

@@ -9,10 +9,15 @@ const FRAMES: usize = 8;
 
 /// A room of 8 by 6 by 2.6 m in the layout of KITTI, seen on a way along x; with poses of a camera, and with times.
 fn room(folder: &Path) -> String {
+    room_from(folder, 2.0)
+}
+
+/// The same, the way begins so far from one wall.
+fn room_from(folder: &Path, begin_m: f64) -> String {
     fs::create_dir_all(folder.join("velodyne")).unwrap();
     let (mut poses, mut times) = (String::new(), String::new());
     for frame in 0..FRAMES {
-        let at = [2.0 + 0.2 * frame as f64, 3.0, 1.2];
+        let at = [begin_m + 0.2 * frame as f64, 3.0, 1.2];
         let mut bytes = Vec::new();
         for ray in 0..12_000 {
             let (azimuth, height) = (f64::from(ray % 600) * 0.010_472, f64::from(ray / 600) * 0.1 - 0.95);
@@ -305,4 +310,38 @@ fn a_recording_in_two_parts_is_mapped_like_the_whole_and_sessions_of_other_kinds
     assert_refused(&map("second", "refused", Some("plane_out")), 1, &["it is of the plane"]);
     let refused = run(&["map", &log, "-o", &path("refused"), "--resume", &path("first_out")]);
     assert_refused(&refused, 1, &["it is of space"]);
+}
+
+#[test]
+fn recordings_that_nothing_joins_are_merged_to_maps_of_their_own_and_kinds_are_not_mixed() {
+    let folder = folder("space_merge");
+    let [room_a, room_b] = [("a", 2.0), ("b", 2.5)].map(|(name, begin_m)| room_from(&folder.join(name), begin_m));
+    let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    assert_code(&run(&["map", &room_b, "-o", &path("session")]), 0);
+    // A way of 1.4 m in a room that looks the same from either end tells nothing.
+    let merged = run(&["merge", &room_a, &path("session"), "-o", &path("out")]);
+    assert_code(&merged, 3);
+    let said = text(&merged.stdout);
+    assert!(said.contains("written as maps of their own, for nothing holds them: map-2.png"), "{said}");
+    let out = folder.join("out");
+    assert!(out.join("map-2.ply").exists() && out.join("map-2.png").exists());
+    let report = json(&out.join("report.json"));
+    assert_eq!((report["pieces"].as_array().unwrap().len(), report["clouds"].as_u64()), (2, Some(FRAMES as u64)));
+    let ways = fs::read_to_string(out.join("trajectory.tum")).unwrap();
+    assert_eq!(ways.lines().count(), 2 * FRAMES);
+
+    let located = run(&["localise", "--map", &path("session"), &room_a, "-o", &path("poses.csv")]);
+    assert_code(&located, 3);
+    assert!(text(&located.stdout).contains("the robot was nowhere recognised in the map"), "{:?}", located.stdout);
+    let poses = fs::read_to_string(folder.join("poses.csv")).unwrap();
+    assert_eq!(poses.lines().count(), 1 + FRAMES);
+    assert!(poses.lines().skip(1).all(|line| line.split(',').count() == 17 && line.contains(",0,")), "{poses}");
+
+    let twice = run(&["merge", &path("session"), &path("session"), "-o", &path("twice")]);
+    assert_refused(&twice, 2, &["is given twice"]);
+    let log = small_log_in(&folder);
+    let mixed = run(&["merge", &room_a, &log, "-o", &path("mixed")]);
+    assert_refused(&mixed, 2, &["is of the plane"]);
+    let one = run(&["merge", &room_a, "-o", &path("one")]);
+    assert_refused(&one, 2, &["one recording is for `map`"]);
 }

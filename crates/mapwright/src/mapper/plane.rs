@@ -61,7 +61,7 @@ impl Mapper {
         self.front.survey(self.store.past()).into_iter().map(sigmas).collect()
     }
 
-    /// Counts of every keyframe of the first map ([`Session::maps`]) at its present pose, drawn from scratch on two threads, without those
+    /// Counts of every keyframe of the first map ([`maps`](mapwright_record::Session::maps)) at its present pose, drawn from scratch on two threads, without those
     /// that hardly fitted and contradict the others: the map to export. Others are drawn by [`GlobalMap::export_believed_of`].
     #[must_use]
     pub fn render(&self) -> CountGrid {

@@ -63,8 +63,8 @@ impl<M: Maps> MapperOf<M> {
     /// grows with the way; they are a fragment of their own. The robot is [apart](mapwright_record::Localisation) until it is known where
     /// it is.
     ///
-    /// In the plane the finished map alone says that ([`Mapper::location`]): the robot is lost until one place leads all rivals, and again
-    /// where what it sees contradicts that place ([`Mapper::withdrawal`]). In space a join of what it maps with the finished map does.
+    /// In the plane the finished map alone says that ([`location`](MapperOf::location)): the robot is lost until one place leads all rivals, and again
+    /// where what it sees contradicts that place ([`withdrawal`](MapperOf::withdrawal)). In space a join of what it maps with the finished map does.
     ///
     /// # Errors
     /// A setting outside its range.

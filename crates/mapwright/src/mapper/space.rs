@@ -27,7 +27,7 @@ impl SpaceMapper {
         self.front.imu_report()
     }
 
-    /// One cloud through the pipeline: [`MapperOf::add_scan`].
+    /// One cloud through the pipeline: [`add_scan`](super::MapperOf::add_scan).
     pub fn add_cloud(&mut self, cloud: &Cloud) -> Update<SpaceSweep> {
         self.add_scan(cloud)
     }
