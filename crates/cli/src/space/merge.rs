@@ -90,12 +90,15 @@ pub(crate) struct Said {
     pub(crate) odd: Vec<String>,
 }
 
+/// Who takes clouds, each with the inertial readings before it.
+pub(crate) type TakesClouds<'a> = dyn FnMut(&mut Vec<ImuReading>, &Cloud) -> Result<(), Failure> + 'a;
+
 /// Hands on every cloud of a recording, with the inertial readings before it, until somebody interrupts.
 pub(crate) fn each_cloud(
     path: &Path,
     args: &SourceArgs,
     interrupt: &Interrupt,
-    take: &mut dyn FnMut(&mut Vec<ImuReading>, &Cloud) -> Result<(), Failure>,
+    take: &mut TakesClouds<'_>,
 ) -> Result<Said, Failure> {
     with_source(path, args, interrupt, |mut source| {
         let mut readings: Vec<ImuReading> = Vec::new();
