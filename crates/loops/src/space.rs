@@ -81,12 +81,13 @@ impl SpaceSubmaps {
     fn starts(&self, window: &Window<Pose3>) -> Vec<Pose3> {
         let coarsest_m = self.map.coarsest_m();
         let half_rad = window.half_width_rad.min(PI);
-        let reach = |half: f64, step: f64| (half / step).floor() as i32;
+        let reach = |half: f64, step: f64| ((half / step).floor() as i32).min(STARTS_AT_MOST);
         let mut along = reach(window.half_width_m, START_SHARE * coarsest_m);
         let up = reach(window.half_height_m, START_UP_SHARE * coarsest_m).min(UP_AT_MOST);
         let mut around = reach(half_rad, START_RAD);
-        let count = |along: i32, around: i32| (2 * along + 1).pow(2) * (2 * up + 1) * (2 * around + 1);
-        while count(along, around) > STARTS_AT_MOST && (along > 0 || around > 0) {
+        let steps = |either_side: i32| i64::from(2 * either_side + 1);
+        let count = |along: i32, around: i32| steps(along).pow(2) * steps(up) * steps(around);
+        while count(along, around) > i64::from(STARTS_AT_MOST) && (along > 0 || around > 0) {
             // A window too wide for all is searched more coarsely, the way first.
             if along > 2 || around == 0 { along -= 1 } else { around -= 1 }
         }

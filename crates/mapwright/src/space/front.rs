@@ -115,14 +115,16 @@ impl SpaceFrontEnd {
     /// its prediction as it usually goes since the cloud before, and have turned anyhow.
     fn look_around(&self, past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared) -> Option<Pose3> {
         let (newest, mut submaps) = (past.newest()?, self.submaps()?);
-        let reach_m = WINDOW_SIGMAS * self.predictor.usual_way_m(cloud.stamp) + STRAYED_SHARE * self.scale()?.range_m;
+        let range_m = self.scale()?.range_m;
+        // From farther away nothing is seen of what was seen on that way.
+        let reach_m = (WINDOW_SIGMAS * self.predictor.usual_way_m(cloud.stamp)).min(SUBMAP_M + range_m);
         let target = submaps.draw(&views_along(past, newest, false, SUBMAP_M));
         let sweep = Arc::new(self.preparation.sweep(cloud));
         let query = submaps.draw(&[View { sweep, submap_from_keyframe: Pose3::identity() }]);
         let window = Window {
             target_from_query: past.pose(newest).between(prepared.predicted),
-            half_width_m: reach_m,
-            half_height_m: STRAYED_SHARE * self.scale()?.range_m,
+            half_width_m: reach_m + STRAYED_SHARE * range_m,
+            half_height_m: STRAYED_SHARE * range_m,
             half_width_rad: PI,
         };
         let found = submaps.look_for(&query, &target, &window);
