@@ -18,8 +18,8 @@ use crate::terminal::count;
 use crate::timing::StageClock;
 use crate::turns::Turns;
 use mapwright::{
-    Beams, Entry, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, Odometry, Pose2, RunId,
-    Session, Settings, TurnRate,
+    Beams, Entry, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, MapperOf, Maps, Odometry,
+    Pose2, RunId, Session, Settings, TurnRate,
 };
 use mapwright_formats::{LogEvent, TumWriter};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
@@ -72,6 +72,31 @@ pub(crate) fn settings_of(args: &MappingArgs) -> Result<Settings, Failure> {
         settings.set("loops.correction", how)?;
     }
     Ok(settings)
+}
+
+/// Takes in a session that was mapped apart, until somebody interrupts; what of it was lost, in words.
+pub(crate) fn take_in<M: Maps>(
+    mapper: &mut MapperOf<M>,
+    log: &mut SessionLog<M>,
+    (session, name): (&Session<M>, &str),
+    interrupt: &Interrupt,
+) -> Result<Option<String>, Failure> {
+    if log.session().shares_keyframes(session) {
+        return Err(Failure::Usage(format!(
+            "{name} is given twice, or overlaps what was given before: it has keyframes that are in the map"
+        )));
+    }
+    let mut unwritten = Vec::new();
+    let imported = mapper.import(session, |mut update| {
+        unwritten.append(&mut update.unwritten);
+        log.add(update.entries).map_err(Some)?;
+        if interrupt.came() { Err(None) } else { Ok(()) }
+    });
+    imported.or_else(|why: Option<Failure>| why.map_or(Ok(()), Err))?;
+    Ok(unwritten.first().map(|first| {
+        let what = count(unwritten.len() as u64, "entry");
+        format!("{name}: {what} that no session can hold, first: {first}")
+    }))
 }
 
 impl Mapping {
@@ -155,23 +180,8 @@ impl Mapping {
 
     /// Takes in a session that was mapped apart.
     pub(crate) fn import(&mut self, session: &Session, name: &str, interrupt: &Interrupt) -> Result<(), Failure> {
-        if self.session().shares_keyframes(session) {
-            return Err(Failure::Usage(format!(
-                "{name} is given twice, or overlaps what was given before: it has keyframes that are in the map"
-            )));
-        }
-        let (mapper, log) = (&mut self.mapper, &mut self.log);
-        let mut unwritten = Vec::new();
-        let imported = mapper.import(session, |mut update| {
-            unwritten.append(&mut update.unwritten);
-            log.add(update.entries).map_err(Some)?;
-            if interrupt.came() { Err(None) } else { Ok(()) }
-        });
-        if let Some(first) = unwritten.first() {
-            let what = count(unwritten.len() as u64, "entry");
-            self.earlier_losses.push(format!("{name}: {what} that no session can hold, first: {first}"));
-        }
-        imported.or_else(|why| why.map_or(Ok(()), Err))
+        self.earlier_losses.extend(take_in(&mut self.mapper, &mut self.log, (session, name), interrupt)?);
+        Ok(())
     }
 
     /// What comes is of this log or session.

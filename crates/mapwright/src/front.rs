@@ -131,9 +131,6 @@ impl FrontEnd<Sweep> for PlaneFrontEnd {
     type Step = Step;
     type Matched = Matched;
 
-    const VERSION: u8 = 6;
-    const LOOKS_AT_SUPPORT_AT_ONCE: bool = true;
-
     fn new(settings: Settings, local_from_robot: Pose2) -> Self {
         Self {
             preparation: Preparation::default(),
@@ -286,18 +283,6 @@ impl FrontEnd<Sweep> for PlaneFrontEnd {
 
     fn local_map_report(&self) -> LocalMapReport {
         self.local_map.report()
-    }
-
-    fn resume(settings: Settings, past: Past<'_>) -> Self {
-        Self::made_again(settings, past)
-    }
-
-    fn put(&self, out: &mut Vec<u8>) {
-        self.put_stages(out);
-    }
-
-    fn restore(settings: Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
-        Self::take_stages(settings, past, from)
     }
 
     fn sees(&self) -> bool {

@@ -90,28 +90,31 @@ pub trait Found {
     }
 }
 
-/// The present scan, prediction, tracker, the robot's pose and the local map, in a frame of its own in which the newest keyframe never
-/// jumps. What it finds it returns.
-pub trait FrontEnd<M: Maps>: Clone + Debug + Sized + Follows<M> {
-    /// How the robot has moved since the scan before, and how sure that is.
-    type Step: Copy + Debug;
-    /// What the match stage hands on.
-    type Matched: Found;
-
+/// A front end that goes on with an earlier run.
+pub trait Resumes<M: Measurement>: Sized {
     /// Of a checkpoint's bytes; another one's are not read.
     const VERSION: u8;
-
-    /// One whose robot starts here.
-    fn new(settings: Settings, local_from_robot: M::Pose) -> Self;
-
-    /// One that goes on where a session ends, by keyframes and edges alone; `past` is all of it.
-    fn resume(settings: Settings, past: Past<'_, M>) -> Self;
 
     /// Appends its bytes, between two scans.
     fn put(&self, out: &mut Vec<u8>);
 
     /// Goes on as it was; `past` is all of the session. None where these are no such bytes.
     fn restore(settings: Settings, past: Past<'_, M>, from: &mut &[u8]) -> Option<Self>;
+
+    /// Goes on where a session ends, by keyframes and edges alone; `past` is all of it.
+    fn resume(settings: Settings, past: Past<'_, M>) -> Self;
+}
+
+/// The present scan, prediction, tracker, the robot's pose and the local map, in a frame of its own in which the newest keyframe never
+/// jumps. What it finds it returns.
+pub trait FrontEnd<M: Maps>: Clone + Debug + Resumes<M> + Follows<M> {
+    /// How the robot has moved since the scan before, and how sure that is.
+    type Step: Copy + Debug;
+    /// What the match stage hands on.
+    type Matched: Found;
+
+    /// One whose robot starts here.
+    fn new(settings: Settings, local_from_robot: M::Pose) -> Self;
 
     /// The settings in force.
     fn settings(&self) -> &Settings;
@@ -227,9 +230,6 @@ pub trait FrontEnd<M: Maps>: Clone + Debug + Sized + Follows<M> {
 
     /// The place that the newest keyframe is matched against: where it is an old one that nobody has looked at, it is looked at.
     fn support(&self, past: Past<'_, M>) -> Option<NodeId>;
-
-    /// Whether that is done at once, and not only when it is time to look for old places.
-    const LOOKS_AT_SUPPORT_AT_ONCE: bool;
 
     /// A robot is switched on: of how it moves, what it saw last and what is wrong with its odometry nothing is known.
     fn switch_on(&mut self);

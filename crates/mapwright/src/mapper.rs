@@ -3,7 +3,7 @@
 use crate::back::BackEnd;
 use crate::breaks;
 use crate::front::BEFORE;
-use crate::front_end::{Found, FrontEnd, Locates, Maps, MatchedOf, PreparedOf, Reading};
+use crate::front_end::{Found, FrontEnd, Locates, Maps, MatchedOf, PreparedOf, Reading, Resumes};
 use crate::jobs::{Job, JobResult, Task};
 use crate::probe::{NoProbe, Probe, Stage};
 use crate::settings::{Correction, Settings, SettingsError};
@@ -12,8 +12,8 @@ use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Pose, Stamp};
 use mapwright_loops::{KnownPlace, Scope, Solving, is_old};
 use mapwright_record::{
-    Beams, Candidate, Edge, FragmentStart, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, NodeId, RunId, Session,
-    Status, TrajectoryPose, Update,
+    Beams, Candidate, Edge, FragmentStart, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, Localisation, NodeId,
+    RunId, Session, Status, TrajectoryPose, Update,
 };
 use mapwright_sensor::{SpaceSweep, Sweep};
 use std::sync::Arc;
@@ -227,11 +227,10 @@ impl<M: Maps> MapperOf<M> {
         if !is_keyframe || back.is_busy() {
             return;
         }
-        let at_once = if M::FrontEnd::LOOKS_AT_SUPPORT_AT_ONCE { front.support(past) } else { None };
-        if !back.closing.is_due(past) && !at_once.is_some_and(|support| back.closing.is_unjudged(past, support)) {
+        let support = front.support(past);
+        if !back.closing.is_due(past) && !support.is_some_and(|support| back.closing.is_unjudged(past, support)) {
             return;
         }
-        let support = front.support(past);
         let mut known = front.survey(past);
         known.iter_mut().for_each(|place| place.live &= taken_in.is_none_or(|first| place.first >= first));
         self.look(known, support);
@@ -303,8 +302,13 @@ impl<M: Maps> MapperOf<M> {
         };
         let newest = self.newest;
         let mut update = told::update(&mut self.store, robot, newest, told);
-        if let Some(locator) = &self.locator {
-            locator.report(&mut update);
+        match &self.locator {
+            Some(locator) => locator.report(&mut update),
+            // Where a finished map is all that counts, who is not joined with it is nowhere.
+            None if self.store.has_finished_map() && update.localisation == Localisation::Apart => {
+                update.status = Status::Lost;
+            }
+            None => {}
         }
         update
     }

@@ -108,6 +108,11 @@ impl<M: Measurement> Store<M> {
         self.fixed = self.len();
     }
 
+    /// Whether there are keyframes that corrections do not move.
+    pub(crate) fn has_finished_map(&self) -> bool {
+        self.fixed > 0
+    }
+
     /// Whether all is where it stays.
     pub(crate) fn is_fixed(&self) -> bool {
         self.fixed == self.len()

@@ -7,14 +7,13 @@ use super::{MAP_SHARE, Simulation, Tally, picture};
 use crate::args::{MappingArgs, StampPolicy};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::mapping::settings_of;
+use crate::mapping::{settings_of, take_in};
 use crate::maps::{map_file, remove_outdated_maps, ways};
 use crate::output::OutputFolder;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
 use crate::session::SessionLog;
 use crate::stamps::Stamper;
-use crate::terminal::count;
 use crate::timing::StageClock;
 use mapwright::{Cloud, Pose3, RunId, Session, SpaceMapper, SpaceSensor, SpaceSweep, Stamp, Update};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
@@ -101,23 +100,8 @@ impl Mapping {
         name: &str,
         interrupt: &Interrupt,
     ) -> Result<(), Failure> {
-        if self.log.session().shares_keyframes(session) {
-            return Err(Failure::Usage(format!(
-                "{name} is given twice, or overlaps what was given before: it has keyframes that are in the map"
-            )));
-        }
-        let (mapper, log) = (&mut self.mapper, &mut self.log);
-        let mut unwritten = Vec::new();
-        let imported = mapper.import(session, |mut update| {
-            unwritten.append(&mut update.unwritten);
-            log.add(update.entries).map_err(Some)?;
-            if interrupt.came() { Err(None) } else { Ok(()) }
-        });
-        if let Some(first) = unwritten.first() {
-            let what = count(unwritten.len() as u64, "entry");
-            self.earlier_losses.push(format!("{name}: {what} that no session can hold, first: {first}"));
-        }
-        imported.or_else(|why| why.map_or(Ok(()), Err))
+        self.earlier_losses.extend(take_in(&mut self.mapper, &mut self.log, (session, name), interrupt)?);
+        Ok(())
     }
 
     /// All that the mapper knows, from time to time, for a run that goes on after this one was killed.

@@ -228,6 +228,7 @@ pub(super) fn to_words(
 
 fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> String {
     let ms = timing["total_s"].as_f64().unwrap_or(0.0) * 1e3 / tally.clouds.max(1) as f64;
+    let ms = if tally.clouds > 0 { format!("; {ms:.1} ms a cloud") } else { String::new() };
     let mut words = format!(
         "{}, {} over {}; {:.1} m of way, {:.1} m of height\n",
         read.kind,
@@ -236,7 +237,7 @@ fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> Str
         results.path_m,
         results.climbed_m
     );
-    words += &format!(
+    let tracked = format!(
         "tracked  {} of {}, {} doubtful, {} lost; {:.0} % of the known points fit (median)\n",
         grouped(tally.status(Status::Tracking)),
         grouped(tally.clouds),
@@ -244,6 +245,9 @@ fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> Str
         grouped(tally.status(Status::Lost)),
         100.0 * tally.median_inlier_share().unwrap_or(0.0)
     );
+    if tally.clouds > 0 {
+        words += &tracked;
+    }
     let loops = match results.candidates {
         0 => "no candidate for a closure".to_owned(),
         candidates => {
@@ -251,7 +255,7 @@ fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> Str
         }
     };
     words += &format!(
-        "map      {} in voxels from {:.2} m, {}, {loops}; {ms:.1} ms a cloud\n",
+        "map      {} in voxels from {:.2} m, {}, {loops}{ms}\n",
         count(results.map_points as u64, "point"),
         results.resolution_m,
         count(results.keyframes as u64, "keyframe"),

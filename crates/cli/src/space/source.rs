@@ -190,7 +190,8 @@ impl Read {
     /// Another source is read after these: what is said of both, but for the poses that came with them, whose frames have nothing to do
     /// with each other.
     pub(super) fn and(mut self, mut other: Self, name: &str) -> Self {
-        self.kind = if self.kind.is_empty() { other.kind } else { format!("{}; {}", self.kind, other.kind) };
+        let kinds = [self.kind, other.kind].into_iter().filter(|kind| !kind.is_empty());
+        self.kind = kinds.collect::<Vec<_>>().join("; ");
         self.frames += other.frames;
         self.sensor = self.sensor.or(other.sensor);
         self.decisions.extend(other.decisions.into_iter().map(|words| format!("{name}: {words}")));

@@ -168,12 +168,16 @@ impl Facts {
         })
     }
 
-    /// A single cloud is laid on nothing.
+    /// A single cloud is laid on nothing, and of sessions that were merged it is not known here how their clouds have fitted.
     fn untested(&self) -> Option<Reason> {
-        (self.clouds == 1).then(|| Reason {
+        (self.clouds <= 1).then(|| Reason {
             word: Usability::Check,
             what: "untested",
-            words: "one cloud tells nothing: nothing tests the map".to_owned(),
+            words: match self.clouds {
+                0 => "made of sessions alone, which does not say how clouds have fitted: the report of each does"
+                    .to_owned(),
+                _ => "one cloud tells nothing: nothing tests the map".to_owned(),
+            },
             evidence: json!({ "clouds": self.clouds }),
         })
     }
@@ -273,6 +277,8 @@ mod tests {
             (Facts { off_m: 0.2, ..sound() }, Usability::Check, "points lie 0.20 m off the surfaces"),
             (Facts { unseen: 0.5, no_return: 0.5, ..sound() }, Usability::Check, "over 180 degrees around the sensor"),
             (Facts { mean_sigma_m: 2.0, worst_sigma_m: 4.0, ..sound() }, Usability::Check, "certain to 2.0 m only"),
+            (Facts { clouds: 1, ..sound() }, Usability::Check, "one cloud tells nothing"),
+            (Facts { clouds: 0, doubtful: 0, ..sound() }, Usability::Check, "made of sessions alone"),
             (Facts { unheeded: 2, ..sound() }, Usability::Check, "2 places looked like another"),
         ];
         for (facts, word, words) in cases {

@@ -4,15 +4,18 @@ use super::PlaneFrontEnd;
 use super::predict::Predictor;
 use super::slip::SlipWatch;
 use super::track::Tracker;
+use crate::front_end::Resumes;
 use crate::local_map::{Frames, LocalMapping};
 use crate::pose::RobotPose;
 use crate::settings::Settings;
 use mapwright_geom::Stored;
 use mapwright_record::Past;
+use mapwright_sensor::Sweep;
 
-impl PlaneFrontEnd {
-    /// Between two scans.
-    pub(super) fn put_stages(&self, out: &mut Vec<u8>) {
+impl Resumes<Sweep> for PlaneFrontEnd {
+    const VERSION: u8 = 6;
+
+    fn put(&self, out: &mut Vec<u8>) {
         self.preparation.put(out);
         self.predictor.put(out);
         self.tracker.put(out);
@@ -22,8 +25,7 @@ impl PlaneFrontEnd {
         self.slips.put(out);
     }
 
-    /// Goes on as it was; `past` is all of the session.
-    pub(super) fn take_stages(settings: Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
+    fn restore(settings: Settings, past: Past<'_>, from: &mut &[u8]) -> Option<Self> {
         let keyframes = past.local_from_keyframe.len();
         Some(Self {
             preparation: Stored::take(from)?,
@@ -35,5 +37,9 @@ impl PlaneFrontEnd {
             slips: SlipWatch::restore(from, keyframes)?,
             settings,
         })
+    }
+
+    fn resume(settings: Settings, past: Past<'_>) -> Self {
+        Self::made_again(settings, past)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::MapperOf;
 use crate::back::BackEnd;
-use crate::front_end::{FrontEnd, Maps};
+use crate::front_end::{FrontEnd, Maps, Resumes};
 use crate::settings::Settings;
 use crate::store::Store;
 use crate::told::Told;

@@ -156,9 +156,6 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     type Step = Step;
     type Matched = Matched;
 
-    const VERSION: u8 = 6;
-    const LOOKS_AT_SUPPORT_AT_ONCE: bool = false;
-
     fn new(settings: Settings, local_from_robot: Pose3) -> Self {
         Self {
             preparation: Preparation::default(),
@@ -309,18 +306,6 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
 
     fn local_map_report(&self) -> LocalMapReport {
         self.local_map.as_ref().map_or_else(LocalMapReport::default, LocalMapping::report)
-    }
-
-    fn resume(settings: Settings, past: Past<'_, SpaceSweep>) -> Self {
-        Self::made_again(settings, past)
-    }
-
-    fn put(&self, out: &mut Vec<u8>) {
-        self.put_stages(out);
-    }
-
-    fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
-        Self::take_stages(settings, past, from)
     }
 
     fn sees(&self) -> bool {

@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use mapwright::{Cloud, FragmentStart, Localisation, Pose3, RunId, Session, Settings, SpaceMapper, SpaceSweep, Stamp};
+use mapwright::{
+    Cloud, FragmentStart, Localisation, Pose3, RunId, Session, Settings, SpaceMapper, SpaceSweep, Stamp, Status,
+};
 use mapwright_eval::{Alignment, RpeSettings, space_errors};
 use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, worlds};
 use std::convert::Infallible;
@@ -71,6 +73,17 @@ fn a_gap_in_a_known_place_costs_nothing() {
 }
 
 #[test]
+fn a_gap_of_years_is_looked_over_like_one_of_seconds() {
+    let mut all = clouds(3, 30.0);
+    all.drain(70..85);
+    for (cloud, _) in &mut all[70..] {
+        cloud.stamp = Stamp(cloud.stamp.0 + 1_000_000_000_000_000_000);
+    }
+    let mapper = mapped(&all);
+    assert!(mapper.session().maps().len() == 1 && ate_m(mapper.session(), &all) < 0.05);
+}
+
+#[test]
 fn two_buildings_in_one_recording_are_two_maps() {
     let both = as_they_came(clouds(3, 10.0).into_iter().chain(clouds(8, 10.0)));
     let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
@@ -108,6 +121,7 @@ fn a_robot_is_located_in_a_finished_map_which_stays_as_it_is() {
     let mut errors_m = Vec::new();
     for (cloud, truth) in &all[all.len() / 2..] {
         let update = mapper.add_cloud(cloud);
+        assert!(update.localisation == Localisation::Joined || update.status == Status::Lost);
         if update.localisation == Localisation::Joined {
             let map_from_world = map.session().trajectory().next().unwrap().map_from_robot * all[0].1.inverse();
             errors_m.push((map_from_world * *truth).distance(update.map_from_robot));

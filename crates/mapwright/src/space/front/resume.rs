@@ -6,7 +6,7 @@ use super::inertial::{Inertial, LevelWatch};
 use super::predict::Predictor;
 use super::prepare::Preparation;
 use crate::front::{Links, links};
-use crate::front_end::FrontEnd;
+use crate::front_end::{FrontEnd, Resumes};
 use crate::pose::RobotPose;
 use crate::settings::Settings;
 use crate::space::local_map::LocalMapping;
@@ -16,9 +16,10 @@ use mapwright_geom::{Cov6, Pose3, Stored, is_covariance, is_in_place};
 use mapwright_record::Past;
 use mapwright_sensor::SpaceSweep;
 
-impl SpaceFrontEnd {
-    /// Between two clouds.
-    pub(super) fn put_stages(&self, out: &mut Vec<u8>) {
+impl Resumes<SpaceSweep> for SpaceFrontEnd {
+    const VERSION: u8 = 6;
+
+    fn put(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
         self.predictor.put(out);
         self.tracker.usual().put(out);
@@ -31,8 +32,7 @@ impl SpaceFrontEnd {
         self.level.put(out);
     }
 
-    /// Goes on as it was; `past` is all of the session.
-    pub(super) fn take_stages(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
+    fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
         let scale: Option<Scale> = Stored::take(from)?;
         let predictor: Predictor = Stored::take(from)?;
         let usual: Option<f64> = Stored::take(from)?;
@@ -64,8 +64,7 @@ impl SpaceFrontEnd {
         })
     }
 
-    /// Goes on where the session ends, by keyframes and edges alone; `past` is all of it.
-    pub(super) fn made_again(settings: Settings, past: Past<'_, SpaceSweep>) -> Self {
+    fn resume(settings: Settings, past: Past<'_, SpaceSweep>) -> Self {
         let links = links(past);
         let last = past.session.trajectory().last().map(|pose| pose.map_from_robot);
         let mut front = Self::new(settings, last.unwrap_or_default());
@@ -75,7 +74,9 @@ impl SpaceFrontEnd {
         front.pose = RobotPose::resume(last.unwrap_or_default(), covariances, Cov6::zeros());
         front
     }
+}
 
+impl SpaceFrontEnd {
     /// What was derived from the first clouds, or is now from the first keyframe.
     pub(super) fn scale_by(&mut self, past: Past<'_, SpaceSweep>) -> Option<Scale> {
         if self.preparation.scale().is_none() {

@@ -138,7 +138,7 @@ impl Measure for Cut {
     fn line(world: &World) -> String {
         let World { seed, building, clouds, maps, joins, whole_ate_m, ate_m, ratio } = world;
         format!(
-            "{seed:6}  {building:18}  {clouds:5} clouds  {PIECES} drives make {maps} of one map, {joins:3} edges between them  \
+            "{seed:6}  {building:18}  {clouds:5} clouds  maps of {PIECES} drives: {maps}, {joins:3} edges between them  \
              ATE {ate_m:6.3} m, of the whole drive {whole_ate_m:6.3} m, ratio {ratio:5.2}"
         )
     }
