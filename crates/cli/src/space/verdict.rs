@@ -29,6 +29,9 @@ const JUMPS_SIGMAS: f64 = 2.0 * JUMP_SIGMAS;
 /// How far points lie off surfaces, the median of the clouds' medians, of how far the sensor sees.
 const OFF_SHARE: [f64; 2] = [0.005, f64::INFINITY];
 
+/// Maps beside the first, of the clouds.
+const TORN_SHARE: [f64; 2] = [0.02, 0.1];
+
 /// Directions around the sensor, and the share of them in which nothing was ever seen from which on it may be covered, where at least
 /// that share of its beams returned nothing: a sensor that looks one way has no beams there, open sky has some everywhere.
 const DIRECTIONS: usize = 72;
@@ -75,6 +78,8 @@ pub(crate) struct Facts {
     /// Places that were recognised where the map does not have them.
     unheeded: usize,
     closures: usize,
+    /// Maps that nothing holds together.
+    maps: usize,
 }
 
 impl Facts {
@@ -104,6 +109,7 @@ impl Facts {
             worst_sigma_m: sigmas_m.iter().copied().fold(0.0, f64::max),
             unheeded: session.maps().first().map_or(0, |map| unheeded(session, map)),
             closures: session.edges().filter(|edge| edge.kind == EdgeKind::Closure).count(),
+            maps: maps.len(),
         }
     }
 
@@ -121,6 +127,7 @@ impl Facts {
             self.paused(),
             self.jumped(),
             self.blurred(),
+            self.torn(),
             uncertain(self.mean_sigma_m, self.worst_sigma_m),
             unheeded_places(self.unheeded),
             self.untested(),
@@ -165,6 +172,20 @@ impl Facts {
                 self.off_m
             ),
             evidence: json!({ "off_m": self.off_m, "range_m": self.range_m, "bound": OFF_SHARE[0] }),
+        })
+    }
+
+    /// A recording or two are a map or two; one of which every few clouds begin another fits itself nowhere.
+    fn torn(&self) -> Option<Reason> {
+        let share = self.maps.saturating_sub(1) as f64 / self.clouds.max(1) as f64;
+        Some(Reason {
+            word: beyond(share, TORN_SHARE).filter(|_| self.clouds > 0)?,
+            what: "torn",
+            words: format!(
+                "it is torn into {} maps that nothing holds together: are the times of points or stamps right?",
+                self.maps
+            ),
+            evidence: json!({ "maps": self.maps, "clouds": self.clouds, "bounds": TORN_SHARE }),
         })
     }
 
@@ -250,6 +271,7 @@ mod tests {
             worst_sigma_m: 0.05,
             unheeded: 0,
             closures: 3,
+            maps: 1,
         }
     }
 
@@ -257,6 +279,8 @@ mod tests {
     fn a_sound_map_is_good_and_says_what_was_not_asked() {
         let good = sound().judged();
         assert!(good.word == Usability::Good && good.words().contains("3 loops closed; not asked"), "{}", good.words());
+        let two = Facts { maps: 2, ..sound() }.judged();
+        assert!(two.word == Usability::Good, "{}", two.words());
         let few = Facts { clouds: 20, doubtful: 2, lost: 1, ..sound() }.judged();
         assert!(few.word == Usability::Good, "{}", few.words());
         let camera = Facts { unseen: 0.8, no_return: 0.3, ..sound() }.judged();
@@ -277,6 +301,8 @@ mod tests {
             (Facts { off_m: 0.2, ..sound() }, Usability::Check, "points lie 0.20 m off the surfaces"),
             (Facts { unseen: 0.5, no_return: 0.5, ..sound() }, Usability::Check, "over 180 degrees around the sensor"),
             (Facts { mean_sigma_m: 2.0, worst_sigma_m: 4.0, ..sound() }, Usability::Check, "certain to 2.0 m only"),
+            (Facts { maps: 4, ..sound() }, Usability::Check, "torn into 4 maps"),
+            (Facts { maps: 15, ..sound() }, Usability::Unusable, "torn into 15 maps"),
             (Facts { clouds: 1, ..sound() }, Usability::Check, "one cloud tells nothing"),
             (Facts { clouds: 0, doubtful: 0, ..sound() }, Usability::Check, "made of sessions alone"),
             (Facts { unheeded: 2, ..sound() }, Usability::Check, "2 places looked like another"),
