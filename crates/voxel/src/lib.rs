@@ -14,9 +14,11 @@ mod surfel_map;
 mod thin;
 
 pub use floor_plan::{FloorCell, floor_cells};
-pub use matcher::{Ascent, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
+pub use matcher::{
+    Ascent, BentFit, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior, TimedPoints, TwistPrior,
+};
 pub use occupancy::{Occupancy, OccupancySettings, VoxelCounts, log_odds};
 pub use octree::{BtCounts, Leaf, Leaves, Octree, OctreeError, State, write_bt};
 pub use surfel::Surfel;
 pub use surfel_map::{Change, SurfelMap, SurfelMapSettings};
-pub use thin::Thinner;
+pub use thin::{PointSet, Thinner};

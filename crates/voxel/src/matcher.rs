@@ -148,6 +148,9 @@ pub struct Matcher {
     /// The voxel where each was looked for last, at the present resolution.
     looked: Vec<Looked>,
     residuals: Vec<f32>,
+    /// When each point was taken, seconds after the cloud's middle, and where it lies undistorted by what was known before; of sweeps alone.
+    times: Vec<f64>,
+    straight: Vec<[f64; 3]>,
 }
 
 /// The objective and its derivatives around a pose, by a perturbation about the cloud's origin along the map's axes.
@@ -512,19 +515,30 @@ impl Sums {
 /// [`HELD_SHARE`] of what they say of another, that is noise of their normals, and counts by the square of how far it is below. The shares
 /// (Zhang, Kaess, Singh 2016, "On degeneracy of optimization-based state estimation problems").
 fn leave_open(gradient: &mut Vector6<f64>, hessian: &mut Matrix6<f64>) -> [f64; 2] {
-    [0, 3].map(|first| {
+    let (scale, shares) = held(hessian);
+    if let Some(scale) = scale {
+        *gradient = scale * scale * *gradient;
+        *hessian = scale * *hessian * scale;
+    }
+    shares
+}
+
+/// By what to scale both for that, if by anything, and the shares.
+fn held(hessian: &Matrix6<f64>) -> (Option<Matrix6<f64>>, [f64; 2]) {
+    let mut scale: Option<Matrix6<f64>> = None;
+    let shares = [0, 3].map(|first| {
         let (values, vectors) = axes(hessian.fixed_view::<3, 3>(first, first).into_owned());
         let share = |k: usize| if values[2] > 0.0 { (values[k] / values[2]).max(0.0) } else { 0.0 };
         for k in (0..2).filter(|k| share(*k) < HELD_SHARE) {
             let mut direction = Vector6::zeros();
             direction.fixed_rows_mut::<3>(first).copy_from(&vectors.column(k));
             let kept = share(k) / HELD_SHARE;
-            let scale = Matrix6::identity() - direction * direction.transpose() * (1.0 - kept);
-            *gradient = scale * scale * *gradient;
-            *hessian = scale * *hessian * scale;
+            let open = Matrix6::identity() - direction * direction.transpose() * (1.0 - kept);
+            scale = Some(scale.map_or(open, |scale| open * scale));
         }
         share(0)
-    })
+    });
+    (scale, shares)
 }
 
 /// Best first, of poses near to each other the best, so many at most.
@@ -557,6 +571,10 @@ fn moved(pose: Pose3, step: &Vector6<f64>) -> Pose3 {
     rotation.renormalize();
     Pose3 { translation: pose.translation + step.fixed_rows::<3>(0), rotation }
 }
+
+mod bent;
+
+pub use bent::{BentFit, TimedPoints, TwistPrior};
 
 #[cfg(test)]
 mod tests;

@@ -3,6 +3,26 @@
 use crate::key::{Key, key_of};
 use rustc_hash::FxHashMap;
 
+/// Points, and what is known of each: nothing, or as much as there are points.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PointSet {
+    /// Where they are, metres.
+    pub points_m: Vec<[f32; 3]>,
+    /// Red, green and blue.
+    pub colours: Vec<[u8; 3]>,
+    /// When they were taken, seconds after a time that is common to them.
+    pub times_s: Vec<f32>,
+}
+
+impl PointSet {
+    /// None any more; memory is kept.
+    pub fn clear(&mut self) {
+        self.points_m.clear();
+        self.colours.clear();
+        self.times_s.clear();
+    }
+}
+
 /// Thins clouds; keeps its buffers.
 #[derive(Debug, Clone, Default)]
 pub struct Thinner {
@@ -14,34 +34,38 @@ pub struct Thinner {
 struct Sum {
     point: [f64; 3],
     colour: [u32; 3],
+    time: f64,
     count: u32,
 }
 
 impl Thinner {
     /// For each voxel of side `size_m` the mean of the points in it, in the order in which voxels are met first.
     pub fn thin(&mut self, points_m: &[[f32; 3]], size_m: f64, out: &mut Vec<[f32; 3]>) {
-        self.gather(points_m, &[], size_m);
+        self.gather(points_m, size_m, |_, _| {});
         out.clear();
         out.extend(self.sums.iter().map(Sum::mean));
     }
 
-    /// The same with a colour for each point, if there are any.
-    pub fn thin_coloured(
-        &mut self,
-        (points_m, colours): (&[[f32; 3]], &[[u8; 3]]),
-        size_m: f64,
-        (out, out_colours): (&mut Vec<[f32; 3]>, &mut Vec<[u8; 3]>),
-    ) {
-        self.gather(points_m, colours, size_m);
+    /// The same with the means of what is known of them.
+    pub fn thin_set(&mut self, set: &PointSet, size_m: f64, out: &mut PointSet) {
+        let PointSet { points_m, colours, times_s } = set;
+        self.gather(points_m, size_m, |sum, number| {
+            if let Some(colour) = colours.get(number) {
+                (0..3).for_each(|k| sum.colour[k] += u32::from(colour[k]));
+            }
+            sum.time += times_s.get(number).copied().map_or(0.0, f64::from);
+        });
         out.clear();
-        out.extend(self.sums.iter().map(Sum::mean));
-        out_colours.clear();
+        out.points_m.extend(self.sums.iter().map(Sum::mean));
         if !colours.is_empty() {
-            out_colours.extend(self.sums.iter().map(|sum| sum.colour.map(|v| (v / sum.count) as u8)));
+            out.colours.extend(self.sums.iter().map(|sum| sum.colour.map(|v| (v / sum.count) as u8)));
+        }
+        if !times_s.is_empty() {
+            out.times_s.extend(self.sums.iter().map(|sum| (sum.time / f64::from(sum.count)) as f32));
         }
     }
 
-    fn gather(&mut self, points_m: &[[f32; 3]], colours: &[[u8; 3]], size_m: f64) {
+    fn gather(&mut self, points_m: &[[f32; 3]], size_m: f64, mut also: impl FnMut(&mut Sum, usize)) {
         self.seen.clear();
         self.sums.clear();
         let per_m = 1.0 / size_m;
@@ -54,9 +78,7 @@ impl Thinner {
             });
             let sum = &mut self.sums[place as usize];
             (0..3).for_each(|k| sum.point[k] += at[k]);
-            if let Some(colour) = colours.get(number) {
-                (0..3).for_each(|k| sum.colour[k] += u32::from(colour[k]));
-            }
+            also(sum, number);
             sum.count += 1;
         }
     }
@@ -73,12 +95,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_voxel_keeps_the_mean_of_its_points_and_colours() {
-        let points = [[0.1, 0.1, 0.1], [5.0, 0.0, 0.0], [0.3, 0.1, 0.1], [f32::NAN, 0.0, 0.0]];
-        let colours = [[10, 0, 255], [1, 2, 3], [20, 0, 255], [0, 0, 0]];
-        let (mut out, mut out_colours) = (Vec::new(), Vec::new());
-        Thinner::default().thin_coloured((&points, &colours), 1.0, (&mut out, &mut out_colours));
-        assert_eq!((out.len(), out_colours.as_slice()), (2, [[15, 0, 255], [1, 2, 3]].as_slice()));
-        assert!((out[0][0] - 0.2).abs() < 1e-6);
+    fn a_voxel_keeps_the_mean_of_its_points_colours_and_times() {
+        let set = PointSet {
+            points_m: vec![[0.1, 0.1, 0.1], [5.0, 0.0, 0.0], [0.3, 0.1, 0.1], [f32::NAN, 0.0, 0.0]],
+            colours: vec![[10, 0, 255], [1, 2, 3], [20, 0, 255], [0, 0, 0]],
+            times_s: vec![0.1, 0.2, 0.3, 0.4],
+        };
+        let mut out = PointSet::default();
+        Thinner::default().thin_set(&set, 1.0, &mut out);
+        assert_eq!((out.points_m.len(), out.colours.as_slice()), (2, [[15, 0, 255], [1, 2, 3]].as_slice()));
+        assert!((out.points_m[0][0] - 0.2).abs() < 1e-6 && (out.times_s[0] - 0.2).abs() < 1e-6);
     }
 }

@@ -13,6 +13,7 @@ use mapwright_geom::{Cov6, Pose, Pose3, Stamp, TangentMatrix};
 use mapwright_loops::{KnownPlace, SUBMAP_M, SpaceSubmaps, Submaps, VerifySettings, View, Window, views_along};
 use mapwright_record::{FragmentStart, LocalMapReport, NodeId, Past, Session};
 use mapwright_sensor::{Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
+use mapwright_voxel::{Prior, TwistPrior};
 use nalgebra::Vector6;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -52,9 +53,10 @@ pub struct SpaceFrontEnd {
     preparation: Preparation,
     predictor: Predictor,
     inertial: Inertial,
-    /// During the present sweep, and as it may have been instead.
+    /// During the present sweep, whether its turning was read, and how sure its points make it.
     motion: SweepMotion,
-    other_motion: SweepMotion,
+    turn_is_read: bool,
+    twist_covariance: Option<Cov6>,
     tracker: Tracker,
     /// Of the robot in the middle of its sweep.
     pose: RobotPose<Pose3>,
@@ -84,22 +86,39 @@ impl SpaceFrontEnd {
         self.inertial.report()
     }
 
-    /// Whether a sweep taken with such a motion lies elsewhere, by more than the sensor's noise, than it was taken to.
-    fn bends(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) -> bool {
-        let (Some(scale), span) = (self.preparation.scale(), Span::of(cloud)) else { return false };
-        self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.other_motion);
-        let is_bent = |time_s: f64| {
-            let [was, is] = [&self.motion, &self.other_motion]
-                .map(|motion| motion.middle_from_robot(time_s).unwrap_or_else(Pose3::identity));
-            was.distance(is) + scale.range_m * Pose::between(was, is).angle() > scale.noise_m
-        };
-        span.length_s() > 0.0 && (is_bent(span.first_s) || is_bent(span.last_s))
+    /// A sweep that takes time, and how the robot moved during it, by its points: undistorted and matched anew.
+    fn bend(&mut self, cloud: &Cloud, prepared: &Prepared, matched: Matched) -> Option<Matched> {
+        let (span, step) = (Span::of(cloud), &prepared.step);
+        let points = self.preparation.timed_points().filter(|_| span.length_s() > 0.0)?;
+        let moved = self.pose.local_from_robot().between(matched.local_from_robot);
+        let prior = Prior { map_from_cloud: prepared.predicted, information: step.information };
+        let motion = self.motion_prior(step, moved, span);
+        let bent = self.tracker.bent(self.local_map.as_ref()?, points, (&matched, &prior), &motion);
+        self.motion.bend(bent.twist_per_s, span);
+        self.twist_covariance = Some(bent.covariance);
+        if self.bends(bent.twist_per_s, span) {
+            self.preparation.prepare(&self.settings, cloud, &self.motion, true);
+        }
+        let points = self.preparation.match_points();
+        Some(self.tracker.again(self.local_map.as_ref()?, points, (&matched, &bent, &prior)))
     }
 
-    /// Undistorts the sweep by such a motion.
-    fn straighten(&mut self, cloud: &Cloud, twist_per_s: Option<Vector6<f64>>) {
-        self.inertial.shape(twist_per_s, cloud.stamp, Span::of(cloud), &mut self.motion);
-        self.preparation.prepare(&self.settings, cloud, &self.motion, true);
+    /// What is known of the motion during a sweep, beside that by which it was undistorted, once it is known how the robot has moved.
+    fn motion_prior(&self, step: &Step, moved: Pose3, span: Span) -> TwistPrior {
+        let (after, mut variances) = self.predictor.twist_after(step, moved);
+        let mut twist_per_s = after - self.predictor.twist_per_s(*step).unwrap_or_else(Vector6::zeros);
+        if self.turn_is_read {
+            twist_per_s.fixed_rows_mut::<3>(3).fill(0.0);
+            variances.fixed_rows_mut::<3>(3).fill(self.inertial.turn_sigma_rad_per_s(span.length_s()).powi(2));
+        }
+        TwistPrior { twist_per_s, information: Cov6::from_diagonal(&variances.map(|variance| 1.0 / variance)) }
+    }
+
+    /// Whether such a motion on top moves a point by more than the sensor's noise.
+    fn bends(&self, twist_per_s: Vector6<f64>, span: Span) -> bool {
+        let Some(scale) = self.preparation.scale() else { return false };
+        let [way, turn] = [0, 3].map(|first| twist_per_s.fixed_rows::<3>(first).norm());
+        0.5 * span.length_s() * (way + scale.range_m * turn) > scale.noise_m
     }
 
     pub(crate) fn local_map_voxels(&self) -> usize {
@@ -162,7 +181,8 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
             predictor: Predictor::default(),
             inertial: Inertial::default(),
             motion: SweepMotion::default(),
-            other_motion: SweepMotion::default(),
+            turn_is_read: false,
+            twist_covariance: None,
             tracker: Tracker::new(&settings),
             pose: RobotPose::new(local_from_robot),
             middle_from_stamp: Pose3::identity(),
@@ -203,7 +223,9 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         {
             self.pose.stand(levelled);
         }
-        self.inertial.shape(self.predictor.twist_per_s(step), cloud.stamp, span, &mut self.motion);
+        let twist_per_s = self.predictor.twist_per_s(step);
+        self.turn_is_read = self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.motion);
+        self.twist_covariance = None;
         let refused = self.preparation.check(cloud).err();
         let beams = self.preparation.prepare(&self.settings, cloud, &self.motion, refused.is_none());
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
@@ -219,28 +241,11 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
             self.tracker.watch.see_nothing(cloud.stamp);
         }
         let points = self.preparation.match_points();
-        let mut matched = self.tracker.track(self.local_map.as_ref()?, points, (last, predicted), &step)?;
+        let matched = self.tracker.track(self.local_map.as_ref()?, points, (last, predicted), &step)?;
         if !matched.is_believed() || prepared.refused.is_some() {
             return Some(matched);
         }
-        let twist_per_s = self.predictor.twist_after(&step, last.between(matched.local_from_robot));
-        if self.bends(cloud, Some(twist_per_s)) {
-            self.straighten(cloud, Some(twist_per_s));
-            let points = self.preparation.match_points();
-            let again = self.tracker.again(self.local_map.as_ref()?, points, (&matched, predicted), &step);
-            if again.fits_as_well_as(&matched) {
-                matched = again;
-            } else {
-                self.straighten(cloud, self.predictor.twist_per_s(step));
-            }
-        }
-        let half_s = 0.5 * Span::of(cloud).length_s();
-        if half_s > 0.0 {
-            let change_per_s = self.predictor.change_after(&step, last.between(matched.local_from_robot));
-            let bent = carried_on_variances(&step, change_per_s, half_s);
-            matched.information = softened(&matched.information, &bent);
-        }
-        Some(matched)
+        self.bend(cloud, prepared, matched).or(Some(matched))
     }
 
     fn settle(&mut self, past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared, matched: Option<&Matched>) {
@@ -252,15 +257,13 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
-        let twist_per_s = match believed {
-            Some(_) => Some(self.predictor.twist_after(&step, last_from_robot)),
-            None => self.predictor.twist_per_s(step),
-        };
         self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
         self.inertial.learn(believed.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
-        self.inertial.shape(twist_per_s, cloud.stamp, Span::of(cloud), &mut self.motion);
+        let middle_s = Span::of(cloud).middle_s();
         self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
-        self.carried_on = carried_on_variances(&step, self.predictor.change_per_s(), Span::of(cloud).middle_s());
+        let by_points = self.twist_covariance.map(|covariance| covariance * (middle_s * middle_s));
+        let carried_on = || carried_on_variances(&step, self.predictor.change_per_s(), middle_s);
+        self.carried_on = by_points.unwrap_or_else(carried_on);
     }
 
     fn new_keyframe(
@@ -408,12 +411,6 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     fn drop_keyframe(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
         self.local_map.iter_mut().for_each(|local_map| local_map.drop(past, node));
     }
-}
-
-/// The information of a pose that is uncertain by so much more.
-fn softened(information: &Cov6, more: &Cov6) -> Cov6 {
-    let covariance = information.try_inverse().map(|covariance| covariance + more);
-    covariance.and_then(|covariance| covariance.try_inverse()).unwrap_or(*information)
 }
 
 impl Follows<SpaceSweep> for SpaceFrontEnd {

@@ -4,7 +4,7 @@ use crate::render::FOLLOW_CELLS;
 use mapwright_geom::Pose3;
 use mapwright_record::{SeparateMap, Session};
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::{Change, Occupancy, OccupancySettings, Surfel, SurfelMap, SurfelMapSettings, Thinner};
+use mapwright_voxel::{Change, Occupancy, OccupancySettings, PointSet, Surfel, SurfelMap, SurfelMapSettings, Thinner};
 use std::sync::Arc;
 
 /// Points of a map, metres, and a colour each where the sensor has any.
@@ -29,7 +29,7 @@ pub fn points_of_map(session: &Session<SpaceSweep>, map: &SeparateMap, size_m: f
 }
 
 fn points_of_places(session: &Session<SpaceSweep>, places: impl Iterator<Item = usize>, size_m: f64) -> MapPoints {
-    let mut all = MapPoints::default();
+    let mut all = PointSet::default();
     let is_coloured = session.drawn().iter().flatten().all(|sweep| sweep.colours.len() == sweep.points.len());
     for place in places {
         let (Some(Some(sweep)), Some(pose)) = (session.drawn().get(place), session.map_from_keyframe().get(place))
@@ -45,10 +45,9 @@ fn points_of_places(session: &Session<SpaceSweep>, places: impl Iterator<Item = 
             all.colours.extend_from_slice(&sweep.colours);
         }
     }
-    let mut thinned = MapPoints::default();
-    let out = (&mut thinned.points_m, &mut thinned.colours);
-    Thinner::default().thin_coloured((&all.points_m, &all.colours), size_m.max(1e-3), out);
-    thinned
+    let mut thinned = PointSet::default();
+    Thinner::default().thin_set(&all, size_m.max(1e-3), &mut thinned);
+    MapPoints { points_m: thinned.points_m, colours: thinned.colours }
 }
 
 /// A piece of a surface.

@@ -216,6 +216,11 @@ impl Inertial {
         step.turning(turned.start_from_end, &information)
     }
 
+    /// How uncertain a turn rate is, readings averaged over so long, radians a second.
+    pub(super) fn turn_sigma_rad_per_s(&self, elapsed_s: f64) -> f64 {
+        (self.bias.covariance.diagonal().max() + TURN_NOISE_RAD2_PER_S / elapsed_s.max(1e-3)).sqrt()
+    }
+
     /// Of the rotation's right perturbation: noise, bias, scale, and what was not read, rad^2.
     fn covariance(&self, turned: &Turned) -> Matrix3<f64> {
         let scale_rad = SCALE_SHARE * turned.start_from_end.angle();
@@ -227,18 +232,26 @@ impl Inertial {
         turned.by_bias_s * self.bias.covariance * turned.by_bias_s.transpose() + Matrix3::identity() * even_rad2
     }
 
-    /// How the robot moves during a sweep: its velocity as it was, its turning as read where that is believed.
-    pub(super) fn shape(&self, twist_per_s: Option<Vector6<f64>>, stamp: Stamp, span: Span, motion: &mut SweepMotion) {
+    /// How the robot moves during a sweep: its velocity as it was, its turning as read where that is believed; whether it is.
+    pub(super) fn shape(
+        &self,
+        twist_per_s: Option<Vector6<f64>>,
+        stamp: Stamp,
+        span: Span,
+        motion: &mut SweepMotion,
+    ) -> bool {
         let [first, last] = [span.first_s, span.last_s].map(|after_s| span.stamp_after(stamp, after_s));
         let bias = self.bias.rad_per_s;
         if self.is_trusted() && self.readings.turned(first, last, bias).is_some() {
             let velocity = twist_per_s.map_or(Vector3::zeros(), |twist| twist.fixed_rows::<3>(0).into_owned());
-            return motion.turn(self.readings.pieces(first, last), bias, velocity, span);
+            motion.turn(self.readings.pieces(first, last), bias, velocity, span);
+            return true;
         }
         match twist_per_s {
             Some(twist_per_s) => motion.carry_on(twist_per_s, span),
             None => motion.forget(),
         }
+        false
     }
 
     /// How a match says that the robot moved since the last cloud, if it is believed: readings are compared with it.

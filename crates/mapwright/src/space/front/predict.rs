@@ -119,17 +119,18 @@ impl Predictor {
         self.last.or(by_odometry).map(|(motion, elapsed_s)| motion.log() / elapsed_s)
     }
 
-    /// The same once it is known how the robot has moved up to the middle of the cloud: its twist goes on changing as it did from the
-    /// motion before, each being the mean of its time.
-    pub(super) fn twist_after(&self, step: &Step, moved: Pose3) -> Vector6<f64> {
-        let change_per_s = self.change_after(step, moved).unwrap_or_else(Vector6::zeros);
-        moved.log() / step.elapsed_s.max(PERIOD_S[0]) + CHANGE_LEFT * change_per_s
-    }
-
-    /// By how much that differs from the twist before, if there was one, metres and radians a second.
-    pub(super) fn change_after(&self, step: &Step, moved: Pose3) -> Option<Vector6<f64>> {
-        let (before, before_s) = self.last?;
-        Some(moved.log() / step.elapsed_s.max(PERIOD_S[0]) - before.log() / before_s)
+    /// The same once it is known how the robot has moved up to the middle of the cloud, and its variances: it goes on changing as it did from
+    /// the motion before, each being the mean of its time, give or take as much.
+    pub(super) fn twist_after(&self, step: &Step, moved: Pose3) -> (Vector6<f64>, Vector6<f64>) {
+        let mean_per_s = moved.log() / step.elapsed_s.max(PERIOD_S[0]);
+        let Some((before, before_s)) = self.last else {
+            let sigmas = [0.5 * ACCELERATION_MPS2, 0.5 * ACCELERATION_RADPS2].map(|change| change * step.elapsed_s);
+            return (mean_per_s, both(sigmas));
+        };
+        let left_per_s = CHANGE_LEFT * (mean_per_s - before.log() / before_s);
+        let [way, turn] = [0, 3].map(|first| left_per_s.fixed_rows::<3>(first).norm());
+        let least = [LEAST_M, LEAST_RAD].map(|least| least / step.elapsed_s.max(PERIOD_S[0]));
+        (mean_per_s + left_per_s, both([way + least[0], turn + least[1]]))
     }
 
     /// The same of the last motion.
@@ -178,6 +179,11 @@ impl Predictor {
         self.stamp = Some(stamp);
         self.odom_from_robot = odom_from_robot.filter(|pose| pose.is_finite());
     }
+}
+
+/// Variances of a twist, of the standard deviations of its velocity and its turn rate.
+fn both([way, turn]: [f64; 2]) -> Vector6<f64> {
+    Vector6::from_fn(|axis, _| if axis < 3 { way * way } else { turn * turn })
 }
 
 /// Variances of where the robot is so many seconds from where its twist is known, which has changed so much of late: a part of that is left;

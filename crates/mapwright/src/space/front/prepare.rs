@@ -3,12 +3,12 @@
 //! A sweep is undistorted to its middle. A velocity that is wrong then bends the cloud to either side and does not move it; undistorted
 //! to its beginning it would move it ahead, the velocity would follow, and grow.
 
-use super::span::is_time;
+use super::span::{Span, is_time};
 use super::sweep_motion::SweepMotion;
 use crate::settings::Settings;
 use crate::space::scale::{DRAWN_SHARE, Scale};
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
-use mapwright_voxel::Thinner;
+use mapwright_voxel::{PointSet, Thinner, TimedPoints};
 use nalgebra::Vector3;
 
 /// Points of the first cloud at least.
@@ -22,11 +22,9 @@ const POINTS_AT_MOST: usize = 1 << 24;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Preparation {
     scale: Option<Scale>,
-    all: Vec<[f32; 3]>,
-    colours: Vec<[u8; 3]>,
-    drawn: Vec<[f32; 3]>,
-    drawn_colours: Vec<[u8; 3]>,
-    matched: Vec<[f32; 3]>,
+    all: PointSet,
+    drawn: PointSet,
+    matched: PointSet,
     thinner: Thinner,
 }
 
@@ -42,16 +40,22 @@ impl Preparation {
 
     /// Points that are drawn.
     pub(super) fn points(&self) -> &[[f32; 3]] {
-        &self.drawn
+        &self.drawn.points_m
     }
 
     /// Points that are matched.
     pub(super) fn match_points(&self) -> &[[f32; 3]] {
-        &self.matched
+        &self.matched.points_m
+    }
+
+    /// The same with the time of each after the middle of the sweep, seconds; none where times are not known.
+    pub(super) fn timed_points(&self) -> Option<TimedPoints<'_>> {
+        let PointSet { points_m, times_s, .. } = &self.matched;
+        (!times_s.is_empty()).then_some((points_m, times_s))
     }
 
     pub(super) fn sweep(&self, cloud: &Cloud) -> SpaceSweep {
-        SpaceSweep::new(&cloud.sensor, &self.drawn, self.drawn_colours.clone())
+        SpaceSweep::new(&cloud.sensor, &self.drawn.points_m, self.drawn.colours.clone())
     }
 
     /// Whether a cloud can be used at all.
@@ -77,21 +81,18 @@ impl Preparation {
         is_sound: bool,
     ) -> BeamCounts {
         self.all.clear();
-        self.colours.clear();
         let mut counts = BeamCounts::default();
         if is_sound {
             self.take(settings, cloud, motion, &mut counts);
         } else {
             counts.refused = cloud.points_m.len().min(u32::MAX as usize) as u32;
         }
-        if self.scale.is_none() && self.all.len() >= LEAST_POINTS {
-            self.scale = Some(Scale::of(settings, &cloud.sensor, &self.all));
+        if self.scale.is_none() && self.all.points_m.len() >= LEAST_POINTS {
+            self.scale = Some(Scale::of(settings, &cloud.sensor, &self.all.points_m));
         }
         let resolution_m = self.scale.map_or(1.0, |scale| scale.resolution_m);
-        let coloured = (self.all.as_slice(), self.colours.as_slice());
-        let drawn = (&mut self.drawn, &mut self.drawn_colours);
-        self.thinner.thin_coloured(coloured, DRAWN_SHARE * resolution_m, drawn);
-        self.thinner.thin(&self.drawn, MATCHED_SHARE * resolution_m, &mut self.matched);
+        self.thinner.thin_set(&self.all, DRAWN_SHARE * resolution_m, &mut self.drawn);
+        self.thinner.thin_set(&self.drawn, MATCHED_SHARE * resolution_m, &mut self.matched);
         counts
     }
 
@@ -101,6 +102,7 @@ impl Preparation {
         let least_m = sensor.range_min_m.max(settings.scan.min_range_m);
         let most_m = sensor.range_max_m.min(settings.space.max_range_m);
         let rotation = sensor.robot_from_sensor.rotation.to_rotation_matrix();
+        let middle_s = Span::of(cloud).middle_s();
         for (number, point) in cloud.points_m.iter().enumerate() {
             let point = Vector3::from(point.map(f64::from));
             let range_m = point.norm();
@@ -113,13 +115,15 @@ impl Preparation {
             } else {
                 counts.returns += 1;
                 let mut at = rotation * point + sensor.robot_from_sensor.translation;
-                let time_s = cloud.times_s.get(number).filter(|s| is_time(s));
-                if let Some(middle_from_robot) = time_s.and_then(|&time_s| motion.middle_from_robot(f64::from(time_s)))
-                {
-                    at = middle_from_robot.transform(at);
+                if let Some(&read_s) = cloud.times_s.get(number) {
+                    let time_s = if is_time(&read_s) { f64::from(read_s) } else { middle_s };
+                    if let Some(middle_from_robot) = motion.middle_from_robot(time_s) {
+                        at = middle_from_robot.transform(at);
+                    }
+                    self.all.times_s.push((time_s - middle_s) as f32);
                 }
-                self.all.push([at.x as f32, at.y as f32, at.z as f32]);
-                self.colours.extend(cloud.colours.get(number));
+                self.all.points_m.push([at.x as f32, at.y as f32, at.z as f32]);
+                self.all.colours.extend(cloud.colours.get(number));
             }
         }
     }

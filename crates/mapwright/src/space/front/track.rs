@@ -11,7 +11,9 @@ use crate::space::local_map::LocalMapping;
 use crate::watch::Watch;
 use mapwright_geom::{Cov6, Pose3};
 use mapwright_record::{MatchReport, NodeId, Status};
-use mapwright_voxel::{Ascent, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior};
+use mapwright_voxel::{
+    Ascent, BentFit, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior, TimedPoints, TwistPrior,
+};
 use nalgebra::Vector6;
 
 /// A match is in doubt where a point of which something is known is less likely than those of the clouds before by so much, in logarithms,
@@ -30,8 +32,6 @@ const HEADINGS: i32 = 11;
 const HEADING_RAD: f64 = 0.262;
 /// The most promising of them are followed to the finest resolution.
 const FOLLOWED: usize = 3;
-/// A sweep straightened has to fit as well as before, less this share of the points.
-const BETTER_SHARE: f64 = 0.01;
 /// A cloud that was matched in doubt says less, to this share of its information.
 const DOUBTED_TRUST: f64 = 0.25;
 
@@ -63,11 +63,6 @@ impl Found for Matched {
 }
 
 impl Matched {
-    pub(super) fn fits_as_well_as(&self, other: &Self) -> bool {
-        let score = |report: &MatchReport| report.known_share * report.inlier_share;
-        self.is_believed() && score(&self.report) + BETTER_SHARE >= score(&other.report)
-    }
-
     pub(super) fn hardly_fits(&self) -> bool {
         self.report.inlier_share < DEGRADED_SHARE
     }
@@ -150,18 +145,28 @@ impl Tracker {
         fit.known_share < DOUBT_KNOWN || self.usual.is_none_or(|usual| each_known(fit) < usual - DOUBT_NATS)
     }
 
-    /// The cloud once more from where it was found before.
+    /// A sweep, and the motion while it was taken, from where it was found.
+    pub(super) fn bent(
+        &mut self,
+        local_map: &LocalMapping,
+        points: TimedPoints<'_>,
+        (found, prior): (&Matched, &Prior),
+        motion: &TwistPrior,
+    ) -> BentFit {
+        self.matcher.climb_bent(local_map.map(), points, (prior, found.local_from_robot), motion)
+    }
+
+    /// The cloud once more from where it was found before, undistorted as its points say.
     pub(super) fn again(
         &mut self,
         local_map: &LocalMapping,
         points: &[[f32; 3]],
-        (before, predicted): (&Matched, Pose3),
-        step: &Step,
+        (before, bent, prior): (&Matched, &BentFit, &Prior),
     ) -> Matched {
-        let prior = Prior { map_from_cloud: predicted, information: step.information };
-        let mut fit = self.matcher.climb_near(local_map.map(), points, &prior, before.local_from_robot);
-        fit.evaluations += before.report.evaluations;
-        self.judge(local_map, points, &prior, &fit, before.report.restarts)
+        let mut fit = self.matcher.climb_near(local_map.map(), points, prior, bent.fit.map_from_cloud);
+        fit.evaluations += bent.fit.evaluations + before.report.evaluations;
+        fit.information = bent.fit.information;
+        self.judge(local_map, points, prior, &fit, before.report.restarts)
     }
 
     fn judge(
