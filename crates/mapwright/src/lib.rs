@@ -68,6 +68,6 @@ pub use settings::{
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
 pub use space::{
-    ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of,
+    ImuMount, ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of,
 };
 pub use visits::Visits;

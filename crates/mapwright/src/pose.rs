@@ -77,11 +77,6 @@ impl<P: Pose> RobotPose<P> {
         fuse(&self.odometry_since_keyframe, &self.information)
     }
 
-    /// A robot that has mapped nothing yet stands elsewhere.
-    pub(crate) fn stand(&mut self, local_from_robot: P) {
-        self.local_from_robot = local_from_robot;
-    }
-
     /// Takes the motion of a scan over, and where it was matched and the information of that, if that is believed; `anchor` supplied
     /// it. The motion since the scan before.
     pub(crate) fn settle<M: Measurement<Pose = P>>(

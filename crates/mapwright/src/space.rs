@@ -6,6 +6,6 @@ mod local_map;
 mod render;
 mod scale;
 
-pub use front::ImuReport;
 pub(crate) use front::SpaceFrontEnd;
+pub use front::{ImuMount, ImuReport};
 pub use render::{MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of};

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 mod down;
 
-pub use down::{Down, DownEstimate, STANDARD_GRAVITY_M_PER_S2, TURN_NOISE_RAD2_PER_S};
+pub use down::{Down, DownEstimate, STANDARD_GRAVITY_M_PER_S2, TURN_NOISE_RAD2_PER_S, in_metres};
 
 /// Readings that are kept: four seconds at a thousand a second.
 const READINGS: usize = 4096;

@@ -15,7 +15,7 @@ mod thin;
 
 pub use floor_plan::{FloorCell, floor_cells};
 pub use matcher::{
-    Ascent, BentFit, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior, TimedPoints, TwistPrior,
+    Ascent, BentFit, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior, Seen, Start, TwistPrior,
 };
 pub use occupancy::{Occupancy, OccupancySettings, VoxelCounts, log_odds};
 pub use octree::{BtCounts, Leaf, Leaves, Octree, OctreeError, State, write_bt};

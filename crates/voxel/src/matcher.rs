@@ -181,24 +181,31 @@ impl Matcher {
     }
 
     /// Climbs from `start` through the resolutions, the coarsest first.
-    pub fn climb(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], prior: &Prior, start: Pose3) -> Fit {
-        self.climb_levels(map, map.levels().len(), points_m, (prior, start))
+    pub fn climb<'a>(
+        &mut self,
+        map: &SurfelMap,
+        seen: impl Into<Seen<'a>>,
+        prior: &Prior,
+        start: impl Into<Start>,
+    ) -> Fit {
+        self.climb_levels(map, map.levels().len(), seen.into(), (prior, start.into()))
     }
 
     /// Climbs from `start` through the finer half of the resolutions: for a start that is trusted, which coarse voxels may lead astray.
-    pub fn climb_near(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], prior: &Prior, start: Pose3) -> Fit {
-        self.climb_levels(map, map.levels().len().div_ceil(2), points_m, (prior, start))
-    }
-
-    fn climb_levels(
+    pub fn climb_near<'a>(
         &mut self,
         map: &SurfelMap,
-        levels: usize,
-        points_m: &[[f32; 3]],
-        (prior, start): (&Prior, Pose3),
+        seen: impl Into<Seen<'a>>,
+        prior: &Prior,
+        start: impl Into<Start>,
     ) -> Fit {
-        self.take_points(points_m, self.settings.points);
-        let (mut pose, mut evaluations) = (start, 0);
+        self.climb_levels(map, map.levels().len().div_ceil(2), seen.into(), (prior, start.into()))
+    }
+
+    fn climb_levels(&mut self, map: &SurfelMap, levels: usize, seen: Seen<'_>, (prior, start): (&Prior, Start)) -> Fit {
+        self.take_points(seen, self.settings.points);
+        self.bend(&start.twist_per_s);
+        let (mut pose, mut evaluations) = (start.map_from_cloud, 0);
         for finest in (0..levels).rev() {
             pose = self.climb_level(&map.levels()[finest..], prior, pose, self.settings.steps, &mut evaluations);
         }
@@ -206,8 +213,8 @@ impl Matcher {
     }
 
     /// How a cloud fits where it is.
-    pub fn judge(&mut self, map: &SurfelMap, points_m: &[[f32; 3]], pose: Pose3) -> Fit {
-        self.take_points(points_m, self.settings.points);
+    pub fn judge<'a>(&mut self, map: &SurfelMap, seen: impl Into<Seen<'a>>, pose: Pose3) -> Fit {
+        self.take_points(seen.into(), self.settings.points);
         self.fit(map.levels(), pose, 0)
     }
 
@@ -234,39 +241,41 @@ impl Matcher {
 
     /// The most promising poses to climb from, of those that `starts` lead to, the best first, each once. They climb the coarser
     /// resolutions with a few points, or these and by themselves the finer ones; the most likely of what they come to climb the finer ones.
-    pub fn rough(
+    pub fn rough<'a, S: Into<Start>>(
         &mut self,
         map: &SurfelMap,
-        points_m: &[[f32; 3]],
+        seen: impl Into<Seen<'a>>,
         prior: &Prior,
-        starts: impl Iterator<Item = Pose3>,
+        starts: impl Iterator<Item = S>,
         descent: Descent,
         at_most: usize,
-    ) -> Vec<Pose3> {
-        self.take_points(points_m, ROUGH_POINTS);
+    ) -> Vec<Start> {
+        self.take_points(seen.into(), ROUGH_POINTS);
         let (levels, middle) = (map.levels(), map.levels().len() / 2);
-        let mut found: Vec<(f64, Pose3)> = Vec::new();
-        for start in starts {
+        let mut found: Vec<(f64, Start)> = Vec::new();
+        for start in starts.map(Into::into) {
             let fine = (descent == Descent::WholeAndFine).then_some(0..middle);
             for which in iter::once(middle..levels.len()).chain(fine) {
-                let pose = self.descend((levels, which), prior, start);
-                found.push((self.unlikeliness(levels, prior, pose), pose));
+                let start = self.descend((levels, which), prior, start);
+                found.push((self.unlikeliness(levels, prior, start.map_from_cloud), start));
             }
         }
         sort_out(&mut found, levels[middle].size_m, ROUGH_KEPT);
         if found.len() > 1 {
-            for (unlikeliness, pose) in &mut found {
-                *pose = self.descend((levels, 0..middle), prior, *pose);
-                *unlikeliness = self.unlikeliness(levels, prior, *pose);
+            for (unlikeliness, start) in &mut found {
+                *start = self.descend((levels, 0..middle), prior, *start);
+                *unlikeliness = self.unlikeliness(levels, prior, start.map_from_cloud);
             }
             sort_out(&mut found, levels[0].size_m, at_most);
         }
-        found.into_iter().map(|(_, pose)| pose).collect()
+        found.into_iter().map(|(_, start)| start).collect()
     }
 
     /// From a pose through some resolutions, the coarsest first, roughly.
-    fn descend(&mut self, (levels, which): (&[Level], Range<usize>), prior: &Prior, start: Pose3) -> Pose3 {
-        which.rev().fold(start, |pose, finest| self.climb_level(&levels[finest..], prior, pose, ROUGH_STEPS, &mut 0))
+    fn descend(&mut self, (levels, which): (&[Level], Range<usize>), prior: &Prior, start: Start) -> Start {
+        self.bend(&start.twist_per_s);
+        let climb = |pose, finest: usize| self.climb_level(&levels[finest..], prior, pose, ROUGH_STEPS, &mut 0);
+        Start { map_from_cloud: which.rev().fold(start.map_from_cloud, climb), ..start }
     }
 
     /// By which poses are compared: less the log likelihood, by points and prior.
@@ -275,10 +284,17 @@ impl Matcher {
         prior.unlikeliness(pose, self.points.len()) - self.log_likelihood(levels, pose)
     }
 
-    fn take_points(&mut self, points_m: &[[f32; 3]], most: usize) {
-        let every = points_m.len().div_ceil(most.max(1)).max(1);
+    fn take_points(&mut self, seen: Seen<'_>, most: usize) {
+        let every = seen.points_m.len().div_ceil(most.max(1)).max(1);
         self.points.clear();
-        self.points.extend(points_m.iter().step_by(every).map(|point| point.map(f64::from)));
+        self.points.extend(seen.points_m.iter().step_by(every).map(|point| point.map(f64::from)));
+        self.times.clear();
+        self.times.extend(seen.times_s.iter().step_by(every).map(|&s| f64::from(s)));
+        self.straight.clear();
+        if !self.times.is_empty() {
+            self.times.resize(self.points.len(), 0.0);
+            self.straight.clone_from(&self.points);
+        }
         self.forget_voxels();
     }
 
@@ -438,10 +454,11 @@ impl Matcher {
         let mut at = self.evaluate(levels, pose, width2);
         let error = prior.map_from_cloud.between(pose).log();
         let body = along_body(pose);
-        let pull = prior.information * error;
+        let information = prior.information * POINTS_AS_ONE;
+        let pull = information * error;
         at.cost += 0.5 * error.dot(&pull);
         at.gradient += body * pull;
-        at.hessian += body * prior.information * body.transpose();
+        at.hessian += body * information * body.transpose();
         at
     }
 
@@ -542,15 +559,17 @@ fn held(hessian: &Matrix6<f64>) -> (Option<Matrix6<f64>>, [f64; 2]) {
 }
 
 /// Best first, of poses near to each other the best, so many at most.
-fn sort_out(found: &mut Vec<(f64, Pose3)>, size_m: f64, at_most: usize) {
+fn sort_out(found: &mut Vec<(f64, Start)>, size_m: f64, at_most: usize) {
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut kept: Vec<(f64, Pose3)> = Vec::new();
-    for (cost, pose) in found.drain(..) {
-        let same = |other: &(f64, Pose3)| {
-            other.1.distance(pose) < SAME_SHARE * size_m && other.1.rotation.angle_to(&pose.rotation) < SAME_RAD
+    let mut kept: Vec<(f64, Start)> = Vec::new();
+    for (cost, start) in found.drain(..) {
+        let pose = start.map_from_cloud;
+        let same = |(_, other): &(f64, Start)| {
+            let other = other.map_from_cloud;
+            other.distance(pose) < SAME_SHARE * size_m && other.rotation.angle_to(&pose.rotation) < SAME_RAD
         };
         if kept.len() < at_most && !kept.iter().any(same) {
-            kept.push((cost, pose));
+            kept.push((cost, start));
         }
     }
     *found = kept;
@@ -574,7 +593,7 @@ fn moved(pose: Pose3, step: &Vector6<f64>) -> Pose3 {
 
 mod bent;
 
-pub use bent::{BentFit, TimedPoints, TwistPrior};
+pub use bent::{BentFit, Seen, Start, TwistPrior};
 
 #[cfg(test)]
 mod tests;

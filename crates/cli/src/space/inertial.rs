@@ -2,7 +2,8 @@
 
 use super::source::Read;
 use crate::terminal::{count, grouped};
-use mapwright::{ImuReport, SpaceMapper};
+use mapwright::{ImuMount, ImuReport, SpaceMapper};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 /// The readings of a run.
@@ -29,6 +30,7 @@ impl Felt {
             unread,
             contradicted,
             gravity,
+            mount,
             bias_rad_per_s,
             bias_sigma_rad_per_s,
         } = self.report;
@@ -43,6 +45,9 @@ impl Felt {
             "clouds_without": unread,
             "clouds_that_contradict": contradicted,
             "gravity_edges": gravity,
+            "turned_beside_what_is_told_rad": mount.robot_from_told_rad,
+            "in_degrees": mount.in_degrees,
+            "forces_reversed": mount.forces_down,
             "gyroscope_bias_rad_per_s": bias_rad_per_s,
             "gyroscope_bias_sigma_rad_per_s": bias_sigma_rad_per_s,
         })
@@ -71,6 +76,32 @@ impl Felt {
             (contradicted, "clouds whose match contradicts the inertial readings"),
         ];
         let odd = odd.into_iter().filter(|(count, _)| *count > 0);
-        odd.map(|(count, what)| format!("{what}: {}", grouped(count))).collect()
+        let odd = odd.map(|(count, what)| format!("{what}: {}", grouped(count)));
+        odd.chain(self.report.mount.put_right()).collect()
+    }
+}
+
+/// What was put right.
+trait PutRight {
+    fn put_right(&self) -> Vec<String>;
+}
+
+impl PutRight for ImuMount {
+    fn put_right(&self) -> Vec<String> {
+        let [x, y, z] = self.robot_from_told_rad.map(f64::to_degrees);
+        let turned_deg = Vector3::new(x, y, z).norm();
+        let turned = format!(
+            "the inertial sensor is turned by {turned_deg:.0} deg beside what is told, about the axis {:.2} {:.2} {:.2} of the robot: taken as \
+             matches say",
+            x / turned_deg,
+            y / turned_deg,
+            z / turned_deg
+        );
+        let said = [
+            (turned_deg > 0.0, turned.as_str()),
+            (self.in_degrees, "turn rates of the inertial sensor are in degrees a second, as matches say: taken so"),
+            (self.forces_down, "forces of the inertial sensor are negated, as matches say: taken so"),
+        ];
+        said.into_iter().filter(|(is_so, _)| *is_so).map(|(_, words)| words.to_owned()).collect()
     }
 }

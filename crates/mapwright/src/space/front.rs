@@ -9,7 +9,7 @@ use crate::pose::{Motion, RobotPose};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use crate::watch::Watch;
-use mapwright_geom::{Cov6, Pose, Pose3, Stamp, TangentMatrix};
+use mapwright_geom::{Cov6, Pose3, Stamp, TangentMatrix};
 use mapwright_loops::{KnownPlace, SUBMAP_M, SpaceSubmaps, Submaps, VerifySettings, View, Window, views_along};
 use mapwright_record::{FragmentStart, LocalMapReport, NodeId, Past, Session};
 use mapwright_sensor::{Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
@@ -19,6 +19,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 mod inertial;
+mod mount;
 mod predict;
 mod prepare;
 mod resume;
@@ -26,9 +27,9 @@ mod span;
 mod sweep_motion;
 mod track;
 
-pub use inertial::ImuReport;
 use inertial::Inertial;
 use inertial::LevelWatch;
+pub use inertial::{ImuMount, ImuReport};
 use predict::{Predictor, Step, carried_on_variances};
 use prepare::Preparation;
 use span::Span;
@@ -89,18 +90,21 @@ impl SpaceFrontEnd {
     /// A sweep that takes time, and how the robot moved during it, by its points: undistorted and matched anew.
     fn bend(&mut self, cloud: &Cloud, prepared: &Prepared, matched: Matched) -> Option<Matched> {
         let (span, step) = (Span::of(cloud), &prepared.step);
-        let points = self.preparation.timed_points().filter(|_| span.length_s() > 0.0)?;
+        let seen = Some(self.preparation.seen()).filter(|_| span.length_s() > 0.0)?;
         let moved = self.pose.local_from_robot().between(matched.local_from_robot);
         let prior = Prior { map_from_cloud: prepared.predicted, information: step.information };
         let motion = self.motion_prior(step, moved, span);
-        let bent = self.tracker.bent(self.local_map.as_ref()?, points, (&matched, &prior), &motion);
+        let bent = self.tracker.bent(self.local_map.as_ref()?, seen, (&matched, &prior), &motion);
         self.motion.bend(bent.twist_per_s, span);
         self.twist_covariance = Some(bent.covariance);
         if self.bends(bent.twist_per_s, span) {
             self.preparation.prepare(&self.settings, cloud, &self.motion, true);
         }
         let points = self.preparation.match_points();
-        Some(self.tracker.again(self.local_map.as_ref()?, points, (&matched, &bent, &prior)))
+        let again = self.tracker.again(self.local_map.as_ref()?, points, (&matched, &bent, &prior));
+        // A motion that is taken for even is as wrong as it is uncertain: over the sweep, root mean square.
+        let still_bent = bent.covariance * (span.length_s().powi(2) / 12.0);
+        Some(Matched { information: softened(&again.information, &still_bent), ..again })
     }
 
     /// What is known of the motion during a sweep, beside that by which it was undistorted, once it is known how the robot has moved.
@@ -218,11 +222,6 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         let step = self.predictor.step(&self.settings.motion, cloud.stamp, cloud.odom_from_robot);
         let span = Span::of(cloud);
         let step = self.inertial.predict(step, span.stamp_after(cloud.stamp, span.middle_s()));
-        if self.local_map.is_none()
-            && let Some(levelled) = self.inertial.levelled(self.pose.local_from_robot())
-        {
-            self.pose.stand(levelled);
-        }
         let twist_per_s = self.predictor.twist_per_s(step);
         self.turn_is_read = self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.motion);
         self.twist_covariance = None;
@@ -240,8 +239,9 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         } else {
             self.tracker.watch.see_nothing(cloud.stamp);
         }
-        let points = self.preparation.match_points();
-        let matched = self.tracker.track(self.local_map.as_ref()?, points, (last, predicted), &step)?;
+        let seen = self.preparation.seen();
+        let undistorted = self.predictor.twist_per_s(step).unwrap_or_else(Vector6::zeros);
+        let matched = self.tracker.track(self.local_map.as_ref()?, seen, (last, predicted), (&step, undistorted))?;
         if !matched.is_believed() || prepared.refused.is_some() {
             return Some(matched);
         }
@@ -411,6 +411,12 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     fn drop_keyframe(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
         self.local_map.iter_mut().for_each(|local_map| local_map.drop(past, node));
     }
+}
+
+/// The information of a pose that is uncertain by so much more.
+fn softened(information: &Cov6, more: &Cov6) -> Cov6 {
+    let covariance = information.try_inverse().map(|covariance| covariance + more);
+    covariance.and_then(|covariance| covariance.try_inverse()).unwrap_or(*information)
 }
 
 impl Follows<SpaceSweep> for SpaceFrontEnd {

@@ -48,6 +48,12 @@ pub struct DownEstimate {
     pub sigma_rad: f64,
 }
 
+/// A force in metres per second squared, which some drivers give in multiples of gravity.
+#[must_use]
+pub fn in_metres(force: Vector3<f64>) -> Vector3<f64> {
+    if force.norm() < IN_MULTIPLES_BELOW { force * STANDARD_GRAVITY_M_PER_S2 } else { force }
+}
+
 impl Down {
     /// The robot turns by a rotation vector over so many seconds, the rate being wrong by so much a second in the same way all the time.
     pub fn turn(&mut self, turn_rad: Vector3<f64>, elapsed_s: f64, bias_sigma_rad_per_s: f64) {
@@ -61,8 +67,7 @@ impl Down {
     /// A specific force was read over so many seconds, while the robot was accelerated by `push`, in its own frame, give or take
     /// `push_sigma` (m/s^2). Whether it says anything: the norm of what is left is near gravity's.
     pub fn weigh(&mut self, force: Vector3<f64>, push: Vector3<f64>, push_sigma: f64, elapsed_s: f64) -> bool {
-        let unit = if force.norm() < IN_MULTIPLES_BELOW { STANDARD_GRAVITY_M_PER_S2 } else { 1.0 };
-        let at_rest = force * unit - push;
+        let at_rest = in_metres(force) - push;
         let norm = at_rest.norm();
         let off_m_per_s2 = (norm - STANDARD_GRAVITY_M_PER_S2).abs();
         // not `>`: NaN must fail

@@ -4,13 +4,46 @@
 //! as its pose does (Dellenbach et al. 2022, "CT-ICP: real-time elastic lidar odometry with loop closure", sec. III; here one twist
 //! beside the pose, with what is known of it as its prior).
 
-use super::{Fit, Level, Matcher, Prior, Sums, along_body, held};
+use super::{Fit, Level, Matcher, POINTS_AS_ONE, Prior, Sums, along_body, held};
 use crate::surfel_map::{SurfelMap, surfel_at};
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-/// A cloud, and when each of its points was taken, seconds after its middle.
-pub type TimedPoints<'a> = (&'a [[f32; 3]], &'a [f32]);
+/// A cloud, and when each of its points was taken.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Seen<'a> {
+    /// Points in its frame, metres.
+    pub points_m: &'a [[f32; 3]],
+    /// Seconds after its middle, of each point; none where they were taken at once.
+    pub times_s: &'a [f32],
+}
+
+impl<'a> From<&'a [[f32; 3]]> for Seen<'a> {
+    fn from(points_m: &'a [[f32; 3]]) -> Self {
+        Self { points_m, times_s: &[] }
+    }
+}
+
+impl<'a> From<&'a Vec<[f32; 3]>> for Seen<'a> {
+    fn from(points_m: &'a Vec<[f32; 3]>) -> Self {
+        points_m.as_slice().into()
+    }
+}
+
+/// Where a match begins, or what it comes to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Where the cloud is, in its middle.
+    pub map_from_cloud: Pose3,
+    /// How it moves besides that by which its points were undistorted: metres and radians a second along its axes.
+    pub twist_per_s: Vector6<f64>,
+}
+
+impl From<Pose3> for Start {
+    fn from(map_from_cloud: Pose3) -> Self {
+        Self { map_from_cloud, twist_per_s: Vector6::zeros() }
+    }
+}
 
 /// What is known of the motion during a sweep, beside that by which its points were undistorted: metres and radians a second along the
 /// cloud's axes.
@@ -59,16 +92,11 @@ impl Matcher {
     pub fn climb_bent(
         &mut self,
         map: &SurfelMap,
-        (points_m, times_s): TimedPoints<'_>,
+        seen: Seen<'_>,
         (prior, start): (&Prior, Pose3),
         motion: &TwistPrior,
     ) -> BentFit {
-        self.take_points(points_m, self.settings.points);
-        let every = points_m.len().div_ceil(self.settings.points.max(1)).max(1);
-        self.times.clear();
-        self.times.extend(times_s.iter().step_by(every).map(|&s| f64::from(s)));
-        self.times.resize(self.points.len(), 0.0);
-        self.straight.clone_from(&self.points);
+        self.take_points(seen, self.settings.points);
         let still = Vector6::zeros();
         let before = self.bent_fit(map.levels(), prior, start, (motion, still), 0);
         let (mut pose, mut twist_per_s, mut evaluations) = (start, motion.twist_per_s, before.fit.evaluations);
@@ -99,15 +127,15 @@ impl Matcher {
         let reduced = self.reduced(levels, prior, pose, &motion.information);
         let body = along_body(pose);
         fit.information = body.transpose() * reduced.of_pose * body;
-        let alike = super::POINTS_AS_ONE;
-        let covariance = (body.transpose() * reduced.hessian * body).try_inverse().map(|covariance| covariance * alike);
+        let covariance = (body.transpose() * reduced.hessian * body).try_inverse();
         let off = twist_per_s - motion.twist_per_s;
-        let unlikeliness = 0.5 * off.dot(&(motion.information * off)) * alike / self.points.len().max(1) as f64;
-        BentFit { fit, twist_per_s, covariance: covariance.unwrap_or_else(Cov6::zeros), unlikeliness }
+        let unlikeliness = 0.5 * off.dot(&(motion.information * off)) * POINTS_AS_ONE / self.points.len().max(1) as f64;
+        let covariance = covariance.map_or_else(Cov6::zeros, |covariance| covariance * POINTS_AS_ONE);
+        BentFit { fit, twist_per_s, covariance, unlikeliness }
     }
 
-    /// Bends the cloud as such a motion does.
-    fn bend(&mut self, twist_per_s: &Vector6<f64>) {
+    /// Bends a cloud that took time as such a motion does.
+    pub(super) fn bend(&mut self, twist_per_s: &Vector6<f64>) {
         for ((point, straight), time_s) in self.points.iter_mut().zip(&self.straight).zip(&self.times) {
             *point = Pose3::exp(twist_per_s * *time_s).transform(Vector3::from(*straight)).into();
         }
@@ -124,7 +152,7 @@ impl Matcher {
     ) -> Option<Vector6<f64>> {
         let reduced = self.reduced(levels, prior, pose, &motion.information);
         let body = along_body(pose);
-        let pull = motion.information * (twist_per_s - motion.twist_per_s) * super::POINTS_AS_ONE;
+        let pull = motion.information * (twist_per_s - motion.twist_per_s) * POINTS_AS_ONE;
         let step = reduced.hessian.cholesky()?.solve(&-(reduced.gradient + body * pull));
         Some(body.transpose() * step)
     }
@@ -159,9 +187,10 @@ impl Matcher {
         }
         let [of_pose, across, of_twist] = parts;
         let error = prior.map_from_cloud.between(pose).log();
-        let pose_gradient = of_pose.0 + body * (prior.information * error);
-        let with_prior = of_pose.1 + body * prior.information * body.transpose();
-        let twist_hessian = of_twist.1 + body * of_motion * body.transpose() * super::POINTS_AS_ONE;
+        let of_prior = prior.information * POINTS_AS_ONE;
+        let pose_gradient = of_pose.0 + body * (of_prior * error);
+        let with_prior = of_pose.1 + body * of_prior * body.transpose();
+        let twist_hessian = of_twist.1 + body * of_motion * body.transpose() * POINTS_AS_ONE;
         let through_pose = with_prior.try_inverse().map_or_else(Matrix6::zeros, |inverse| across.1 * inverse);
         let through_twist = twist_hessian.try_inverse().map_or_else(Matrix6::zeros, |inverse| across.1 * inverse);
         Reduced {

@@ -52,7 +52,7 @@ fn the_gradient_is_that_of_the_objective() {
     );
     let map = map_of(&points);
     let mut matcher = Matcher::default();
-    matcher.take_points(&points, 1500);
+    matcher.take_points((&points).into(), 1500);
     let at = pose([0.03, -0.02, 0.04, 0.01, -0.02, 0.03]);
     for finest in 0..map.levels().len() {
         let levels = &map.levels()[finest..];

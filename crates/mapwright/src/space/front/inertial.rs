@@ -3,13 +3,14 @@
 //! Its readings are believed once matches have borne them out, and no longer than they do: a mount that is told wrongly shows with the
 //! first turn. Until a turn has been borne out, what they say is one more start of the match, and no more. The gyroscope's bias is what matches and readings differ by over a second or more.
 
+use super::mount::{Mount, Pushes, Turns};
 use super::predict::Step;
 use super::span::Span;
 use super::sweep_motion::SweepMotion;
 use mapwright_geom::{Pose3, Stamp, Stored, is_covariance, is_in_place, stored};
 use mapwright_record::Session;
 use mapwright_sensor::{
-    Down, DownEstimate, ImuReading, ImuReadings, ImuTaken, SpaceSweep, TURN_NOISE_RAD2_PER_S, Turned,
+    Down, DownEstimate, ImuReading, ImuReadings, ImuTaken, SpaceSweep, TURN_NOISE_RAD2_PER_S, Turned, in_metres,
 };
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 
@@ -46,8 +47,8 @@ const MATCHED_M_PER_S2: f64 = 0.15;
 const VELOCITY_S: f64 = 0.35;
 /// A direction of gravity is written down when it is known so well, radians: after a second on the way.
 const WRITTEN_RAD: f64 = 0.012;
-/// The map is levelled by a direction known so well, radians.
-const LEVELLED_RAD: f64 = 0.1;
+/// A robot whose z axis is within 45 degrees of up stands as its axes do.
+const UPRIGHT_COS: f64 = 0.7;
 /// Over longer times readings are not followed, seconds.
 const FOLLOWED_S: f64 = 5.0;
 /// How the robot may have turned in a time that nothing was read of, radians a second.
@@ -74,10 +75,23 @@ pub struct ImuReport {
     pub contradicted: u64,
     /// Directions of gravity that were written down.
     pub gravity: u64,
+    /// How the sensor sits and reads, where matches say that it is not as was told.
+    pub mount: ImuMount,
     /// The gyroscope's bias, radians a second about the robot's axes,
     pub bias_rad_per_s: [f64; 3],
     /// and its standard deviation about the axis about which it is known least.
     pub bias_sigma_rad_per_s: f64,
+}
+
+/// How an inertial sensor sits and reads, where that is not what was told.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ImuMount {
+    /// It is turned about the robot's axes by this rotation vector, radians: from its axes as told to the robot's.
+    pub robot_from_told_rad: [f64; 3],
+    /// It gives turn rates in degrees a second.
+    pub in_degrees: bool,
+    /// It gives the force of gravity, which points down, where the force that holds it up is meant.
+    pub forces_down: bool,
 }
 
 /// What is remembered of readings.
@@ -101,6 +115,14 @@ pub(super) struct Inertial {
     since: (Turned, UnitQuaternion<f64>),
     trust: u32,
     proven_rad: f64,
+    /// How the sensor sits and reads, and what tells of that.
+    mount: Mount,
+    turns: Turns,
+    pushes: Pushes,
+    /// How it has turned since the last cloud as read, rotation vectors added up; the bias is in it.
+    read_rad: Vector3<f64>,
+    /// From the robot at the last cloud to a frame that does not turn, by matches.
+    steady_from_last: UnitQuaternion<f64>,
     report: ImuReport,
 }
 
@@ -119,6 +141,11 @@ impl Default for Inertial {
             since: (Turned::none(), UnitQuaternion::identity()),
             trust: 0,
             proven_rad: 0.0,
+            mount: Mount::default(),
+            turns: Turns::default(),
+            pushes: Pushes::default(),
+            read_rad: Vector3::zeros(),
+            steady_from_last: UnitQuaternion::identity(),
             report: ImuReport::default(),
         }
     }
@@ -140,6 +167,10 @@ impl Inertial {
         self.since.put(out);
         self.trust.put(out);
         self.proven_rad.put(out);
+        self.mount.put(out);
+        self.turns.put(out);
+        self.pushes.put(out);
+        (self.read_rad, self.steady_from_last).put(out);
     }
 
     /// One that goes on as it was.
@@ -149,12 +180,15 @@ impl Inertial {
         let (velocity_m_per_s, way): (_, Option<(Stamp, Pose3)>) = Stored::take(from)?;
         let (turned, since) = Stored::take(from)?;
         let (trust, proven_rad): (u32, f64) = Stored::take(from)?;
+        let mount: Mount = Stored::take(from)?;
+        let (turns, pushes) = (Stored::take(from)?, Stored::take(from)?);
+        let (read_rad, steady_from_last) = Stored::take(from)?;
         let is_way = way.is_none_or(|(since, way)| {
             let elapsed_s = last.map_or(0.0, |last| last.secs_since(since));
             elapsed_s > 0.0 && elapsed_s < VELOCITY_S && is_in_place(way)
         });
         let is_trust = trust <= TRUST_AT_MOST && (0.0..f64::INFINITY).contains(&proven_rad);
-        let report = ImuReport::default();
+        let report = ImuReport { mount: mount.told(), ..ImuReport::default() };
         let restored = Self {
             readings,
             bias,
@@ -168,13 +202,22 @@ impl Inertial {
             since,
             trust,
             proven_rad,
+            mount,
+            turns,
+            pushes,
+            read_rad,
+            steady_from_last,
             report,
         };
         (restored.bias.is_sound() && is_way && is_trust).then_some(restored)
     }
 
-    pub(super) fn add(&mut self, reading: ImuReading) -> ImuTaken {
-        let taken = self.readings.add(reading);
+    pub(super) fn add(&mut self, told: ImuReading) -> ImuTaken {
+        let taken = self.readings.add(ImuReading {
+            turn_rate_rad_per_s: self.mount.rate(told.turn_rate_rad_per_s),
+            specific_force_m_per_s2: told.specific_force_m_per_s2.map(|force| self.mount.force(force)),
+            ..told
+        });
         self.report.readings += 1;
         match taken {
             ImuTaken::Kept => {}
@@ -205,6 +248,9 @@ impl Inertial {
         let turned = self.last.and_then(|last| self.readings.turned(last, now, self.bias.rad_per_s));
         self.report.unread += u64::from(self.last.is_some() && turned.is_none());
         self.turned = turned;
+        let read =
+            |last: Stamp| self.readings.pieces(last, now).map(|piece| piece.turn_rate_rad_per_s * piece.elapsed_s);
+        self.read_rad = self.last.map_or(Vector3::zeros(), |last| read(last).sum());
         self.before_last = self.last.replace(now);
         self.readings.use_until(now);
         let Some(turned) = turned else { return step };
@@ -257,11 +303,13 @@ impl Inertial {
     /// How a match says that the robot moved since the last cloud, if it is believed: readings are compared with it.
     pub(super) fn learn(&mut self, moved: Option<Pose3>) {
         let compared = self.turned.take().zip(moved);
+        self.steady_from_last *= moved.map_or_else(UnitQuaternion::identity, |moved| moved.rotation);
         self.weigh_forces(compared.map(|(_, moved)| moved));
         let Some((turned, moved)) = compared else {
             self.forget_since();
             return;
         };
+        self.turns.add(&self.mount, self.read_rad, moved.rotation.scaled_axis());
         let off = (turned.start_from_end.inverse() * moved.rotation).scaled_axis();
         let covariance = self.covariance(&turned) + Matrix3::identity() * (2.0 * MATCH_RAD * MATCH_RAD);
         let agrees = covariance.try_inverse().is_some_and(|information| off.dot(&(information * off)) <= AGREEING_CHI2);
@@ -270,6 +318,9 @@ impl Inertial {
             self.trust = self.trust.saturating_sub(TRUST_LOST);
             self.proven_rad = 0.0;
             self.forget_since();
+            if let Some(other) = self.turns.other(&self.mount) {
+                self.sits(other);
+            }
             return;
         }
         self.trust = (self.trust + 1).min(TRUST_AT_MOST);
@@ -283,6 +334,15 @@ impl Inertial {
         }
     }
 
+    /// The sensor sits and reads otherwise than was thought; it has to be borne out anew.
+    fn sits(&mut self, mount: Mount) {
+        let Self { turns, report, last, before_last, steady_from_last, .. } = self;
+        let report = ImuReport { mount: mount.told(), ..*report };
+        let pushes = if mount.forces_down == self.mount.forces_down { Pushes::default() } else { self.pushes };
+        let (turns, last, before_last, steady_from_last) = (*turns, *last, *before_last, *steady_from_last);
+        *self = Self { mount, turns, pushes, last, before_last, steady_from_last, report, ..Self::default() };
+    }
+
     fn forget_since(&mut self) {
         self.since = (Turned::none(), UnitQuaternion::identity());
     }
@@ -293,6 +353,7 @@ impl Inertial {
         let Some(last) = self.last else { return };
         let Some((moved, before)) = moved.zip(self.before_last) else {
             (self.velocity_m_per_s, self.way) = (None, None);
+            self.pushes.break_off();
             return self.follow_down(last, None);
         };
         let (since, way) = self.way.map_or((before, moved), |(since, way)| (since, way * moved));
@@ -308,8 +369,38 @@ impl Inertial {
             let turned = self.readings.turned(since, middle, self.bias.rad_per_s)?;
             Some((turned.start_from_end * velocity - velocity_then) / turned.elapsed_s)
         });
+        if let Some(push) = push.filter(|_| self.is_trusted()) {
+            self.weigh_sign(middle, last, push);
+        }
         self.follow_down(middle, push);
         self.velocity_m_per_s = Some(velocity);
+        if self.pushes.take_reversed() {
+            self.sits(Mount { forces_down: !self.mount.forces_down, ..self.mount });
+        }
+    }
+
+    /// The mean force since down was followed, up to a stamp before the last cloud's, beside the acceleration by matches, in the robot's
+    /// frame then.
+    fn weigh_sign(&mut self, middle: Stamp, last: Stamp, push_m_per_s2: Vector3<f64>) {
+        let Some(since) = self.down_until else { return };
+        let (mut sum, mut elapsed_s) = (Vector3::zeros(), 0.0);
+        for piece in self.readings.pieces(since, middle) {
+            let turn = (piece.turn_rate_rad_per_s - self.bias.rad_per_s) * piece.elapsed_s;
+            sum = UnitQuaternion::from_scaled_axis(-turn) * sum;
+            let Some(force) = piece.specific_force_m_per_s2 else { return self.pushes.break_off() };
+            sum += in_metres(force) * piece.elapsed_s;
+            elapsed_s += piece.elapsed_s;
+        }
+        let turned = self.readings.turned(middle, last, self.bias.rad_per_s);
+        let Some(turned) = turned.filter(|_| elapsed_s > 0.0) else { return self.pushes.break_off() };
+        let steady_from_middle = self.steady_from_last * turned.start_from_end.inverse();
+        self.pushes.add(steady_from_middle * (sum / elapsed_s), steady_from_middle * push_m_per_s2);
+    }
+
+    /// Whether forces are known to say where down is: they say that the robot stands as its axes do, or accelerations bear them out.
+    fn knows_down(&self) -> bool {
+        let is_upright = self.down.estimate().is_some_and(|down| -down.down_in_robot.z > UPRIGHT_COS);
+        self.is_trusted() && self.pushes.is_borne_out(is_upright)
     }
 
     /// Follows where down is to a stamp; the acceleration until then is that, in the frame of where it was followed to, if it is known.
@@ -339,19 +430,10 @@ impl Inertial {
         }
     }
 
-    /// A robot that has mapped nothing yet, turned as little as brings its measured down to the map's; none where that is not known.
-    pub(super) fn levelled(&self, local_from_robot: Pose3) -> Option<Pose3> {
-        let down = self.down.estimate().filter(|down| down.sigma_rad <= LEVELLED_RAD)?.down_in_robot;
-        let leaning = local_from_robot.rotation * down;
-        let level = UnitQuaternion::rotation_between(&leaning, &-Vector3::z())
-            .unwrap_or_else(|| UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI));
-        Some(Pose3 { rotation: level * local_from_robot.rotation, ..local_from_robot })
-    }
-
     /// Where down is by what was read since this was asked and known the last time, so that errors of two have nothing to do with each
     /// other; none until it is known well enough.
     pub(super) fn take_down(&mut self) -> Option<DownEstimate> {
-        self.down.estimate().filter(|down| down.sigma_rad <= WRITTEN_RAD && self.is_trusted())?;
+        self.down.estimate().filter(|down| down.sigma_rad <= WRITTEN_RAD && self.knows_down())?;
         let mut down = std::mem::take(&mut self.down);
         if let Some((until, last)) = self.down_until.zip(self.last).filter(|(until, last)| until < last) {
             let turned = self.readings.turned(until, last, self.bias.rad_per_s)?;

@@ -8,7 +8,7 @@ use super::sweep_motion::SweepMotion;
 use crate::settings::Settings;
 use crate::space::scale::{DRAWN_SHARE, Scale};
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
-use mapwright_voxel::{PointSet, Thinner, TimedPoints};
+use mapwright_voxel::{PointSet, Seen, Thinner};
 use nalgebra::Vector3;
 
 /// Points of the first cloud at least.
@@ -48,10 +48,9 @@ impl Preparation {
         &self.matched.points_m
     }
 
-    /// The same with the time of each after the middle of the sweep, seconds; none where times are not known.
-    pub(super) fn timed_points(&self) -> Option<TimedPoints<'_>> {
-        let PointSet { points_m, times_s, .. } = &self.matched;
-        (!times_s.is_empty()).then_some((points_m, times_s))
+    /// The same with the time of each after the middle of the sweep, where times are known.
+    pub(super) fn seen(&self) -> Seen<'_> {
+        Seen { points_m: &self.matched.points_m, times_s: &self.matched.times_s }
     }
 
     pub(super) fn sweep(&self, cloud: &Cloud) -> SpaceSweep {

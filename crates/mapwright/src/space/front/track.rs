@@ -12,11 +12,12 @@ use crate::watch::Watch;
 use mapwright_geom::{Cov6, Pose3};
 use mapwright_record::{MatchReport, NodeId, Status};
 use mapwright_voxel::{
-    Ascent, BentFit, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior, TimedPoints, TwistPrior,
+    Ascent, BentFit, Descent, Fit, HELD_SHARE, Matcher, MatcherSettings, Prior, Seen, Start, TwistPrior,
 };
 use nalgebra::Vector6;
 
-/// A match is in doubt where a point of which something is known is less likely than those of the clouds before by so much, in logarithms,
+/// A match is in doubt where a point of which something is known is less likely, where it lies and by what was predicted, than those of the
+/// clouds before by so much, in logarithms,
 const DOUBT_NATS: f64 = 0.25;
 /// or where less than this share of it is known: in a wrong place little is.
 const DOUBT_KNOWN: f64 = 0.75;
@@ -100,15 +101,15 @@ impl Tracker {
         Self { usual, watch, ..self }
     }
 
-    /// The cloud against the local map; `last` is where the robot was.
+    /// The cloud against the local map; `last` is where the robot was, and `undistorted` the twist by which its points were undistorted.
     pub(super) fn track(
         &mut self,
         local_map: &LocalMapping,
-        points: &[[f32; 3]],
+        seen: Seen<'_>,
         (last, predicted): (Pose3, Pose3),
-        step: &Step,
+        (step, undistorted_per_s): (&Step, Vector6<f64>),
     ) -> Option<Matched> {
-        if points.is_empty() {
+        if seen.points_m.is_empty() {
             return None;
         }
         let map = local_map.map();
@@ -116,44 +117,51 @@ impl Tracker {
         // Constant velocity as the only start is worse than standing still.
         let standing = if step.from_imu { Pose3 { rotation: predicted.rotation, ..last } } else { last };
         let read = step.read.map(|rotation| Pose3 { rotation: last.rotation * rotation, ..predicted });
-        let mut best = self.matcher.climb_near(map, points, &prior, predicted);
+        let mut best = self.matcher.climb_near(map, seen, &prior, predicted);
         let mut restarts = 0;
-        if self.is_doubtful(&best) {
-            best = likelier(best, self.matcher.climb_near(map, points, &prior, standing), &prior);
+        if self.is_doubtful(&best, &prior) {
+            best = likelier(best, self.matcher.climb_near(map, seen, &prior, standing), &prior);
             let starts = [predicted, standing].into_iter().chain(read);
-            for start in self.matcher.rough(map, points, &prior, starts, Descent::Whole, 1) {
-                best = likelier(best, self.matcher.climb(map, points, &prior, start), &prior);
+            for start in self.matcher.rough(map, seen, &prior, starts, Descent::Whole, 1) {
+                best = likelier(best, self.matcher.climb(map, seen, &prior, start), &prior);
             }
         }
-        if self.is_doubtful(&best) {
-            let about = |k: i32| last * Pose3::exp(Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k)));
+        if self.is_doubtful(&best, &prior) {
+            // Who has turned so far since has turned during the sweep as well.
+            let about = |k: i32| {
+                let turned = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k));
+                let turning = turned / step.elapsed_s - undistorted_per_s;
+                let twist_per_s = if step.from_imu { Vector6::zeros() } else { turning };
+                Start { map_from_cloud: last * Pose3::exp(turned), twist_per_s }
+            };
             let headings = (-HEADINGS..=HEADINGS + 1).map(about);
-            for start in self.matcher.rough(map, points, &prior, headings, Descent::WholeAndFine, FOLLOWED) {
-                best = likelier(best, self.matcher.climb(map, points, &prior, start), &prior);
+            for start in self.matcher.rough(map, seen, &prior, headings, Descent::WholeAndFine, FOLLOWED) {
+                best = likelier(best, self.matcher.climb(map, seen, &prior, start), &prior);
                 restarts += 1;
             }
         }
-        let matched = self.judge(local_map, points, &prior, &best, restarts);
+        let matched = self.judge(local_map, seen.points_m, &prior, &best, restarts);
         if matched.is_believed() && best.known_share > 0.0 {
-            let found = each_known(&best);
+            let found = each_known(best.log_likelihood, &best);
             self.usual = Some(self.usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
         }
         Some(matched)
     }
 
-    fn is_doubtful(&self, fit: &Fit) -> bool {
-        fit.known_share < DOUBT_KNOWN || self.usual.is_none_or(|usual| each_known(fit) < usual - DOUBT_NATS)
+    fn is_doubtful(&self, fit: &Fit, prior: &Prior) -> bool {
+        let is_unlikely = |usual: f64| each_known(fit.posterior(prior), fit) < usual - DOUBT_NATS;
+        fit.known_share < DOUBT_KNOWN || self.usual.is_none_or(is_unlikely)
     }
 
     /// A sweep, and the motion while it was taken, from where it was found.
     pub(super) fn bent(
         &mut self,
         local_map: &LocalMapping,
-        points: TimedPoints<'_>,
+        seen: Seen<'_>,
         (found, prior): (&Matched, &Prior),
         motion: &TwistPrior,
     ) -> BentFit {
-        self.matcher.climb_bent(local_map.map(), points, (prior, found.local_from_robot), motion)
+        self.matcher.climb_bent(local_map.map(), seen, (prior, found.local_from_robot), motion)
     }
 
     /// The cloud once more from where it was found before, undistorted as its points say.
@@ -207,7 +215,7 @@ impl Tracker {
             local_from_robot: fit.map_from_cloud,
             information: fit.information * trust,
             status,
-            in_doubt: self.is_doubtful(fit),
+            in_doubt: self.is_doubtful(fit, prior),
             is_contradicted: fit.log_likelihood < 0.0,
             knows_turn: fits == Status::Tracking && is_turn_held,
             report,
@@ -232,7 +240,7 @@ fn likelier(a: Fit, b: Fit, prior: &Prior) -> Fit {
     Fit { evaluations, ..best }
 }
 
-/// The mean log likelihood ratio of a point of which something is known.
-fn each_known(fit: &Fit) -> f64 {
-    if fit.known_share > 0.0 { fit.log_likelihood / fit.known_share } else { 0.0 }
+/// The mean of such a point of which something is known.
+fn each_known(log_likelihood: f64, fit: &Fit) -> f64 {
+    if fit.known_share > 0.0 { log_likelihood / fit.known_share } else { 0.0 }
 }
