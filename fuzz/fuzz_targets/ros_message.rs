@@ -87,7 +87,8 @@ macro_rules! select {
 fuzz_target!(|data: &[u8]| {
     let Some((selector, message)) = data.split_first() else { return };
     let encoding = if selector & 1 == 0 { Encoding::Ros1 } else { Encoding::Cdr };
-    select!((selector >> 1) % 17, encoding, message; 0 LaserScan, 1 MultiEchoLaserScan, 2 PointCloud2, 3 Odometry,
+    select!((selector >> 1) % 20, encoding, message; 0 LaserScan, 1 MultiEchoLaserScan, 2 PointCloud2, 3 Odometry,
         4 TfMessage, 5 Imu, 6 Image, 7 CameraInfo, 8 CompressedImage, 9 Range, 10 PoseStamped,
-        11 PoseWithCovarianceStamped, 12 Path, 13 OccupancyGrid);
+        11 PoseWithCovarianceStamped, 12 Path, 13 OccupancyGrid,
+        14 LivoxScan, 15 OusterPacket, 16 Text);
 });

@@ -139,7 +139,7 @@ pub(crate) struct SettingsArgs {
 pub(crate) struct MapArgs {
     /// Logs of one drive in a row: ROS 1 bags, MCAP files, ROS 2 bags (folder or file), CARMEN logs (plain, .gz or .bz2; `-`
     /// is the standard input). Or one recording of space: a folder of KITTI, PCD or PLY clouds or of depth images (TUM, 7-Scenes,
-    /// Open3D), packets of a Velodyne (.pcap), or a ROS bag or MCAP file of PointCloud2 or images of depth.
+    /// Open3D), packets of a Velodyne, Ouster or Hesai (.pcap), or a ROS bag or MCAP file of PointCloud2, a lidar's own messages or images of depth.
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     #[command(flatten)]

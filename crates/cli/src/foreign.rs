@@ -17,7 +17,7 @@ pub(crate) struct Kind {
 }
 
 /// Beginnings of files that are no text, each with what it is and what can be done.
-const BYTES: [(&[u8], &str, &str); 23] = [
+const BYTES: [(&[u8], &str, &str); 24] = [
     (b"\x89PNG\r\n\x1a\n", "a PNG picture", ""),
     (b"\xff\xd8\xff", "a JPEG picture", ""),
     (b"GIF8", "a GIF picture", ""),
@@ -48,6 +48,11 @@ const BYTES: [(&[u8], &str, &str); 23] = [
         b"\x0a\x0d\x0d\x0a",
         "a capture of packets",
         "a name that ends in .pcap is mapped: mapwright map FILE.pcap -o OUT",
+    ),
+    (
+        b"livox_tech",
+        "a Livox's recording (LVX)",
+        "convert it first: roslaunch livox_ros_driver lvx_to_rosbag.launch lvx_file_path:=FILE, whose bag is mapped",
     ),
     (b"LASF", "a cloud as LAS", "convert it to PLY or PCD first"),
     (b"\xff\xfe", "text as UTF-16", "convert it first: iconv -f UTF-16 -t UTF-8 FILE"),
@@ -91,7 +96,7 @@ const LOG_TAGS: [&str; 6] = ["PARAM", "ODOM", "FLASER", "RLASER", "ROBOTLASER1",
 pub(crate) fn kind_of(head: &[u8]) -> Option<Kind> {
     let by_bytes = BYTES.iter().find(|(beginning, ..)| head.starts_with(beginning));
     let found = by_bytes.map(|&(_, what, remedy)| Kind { what, remedy });
-    found.or_else(|| of_tar(head)).or_else(|| of_text(head))
+    found.or_else(|| of_tar(head)).or_else(|| of_osf(head)).or_else(|| of_text(head))
 }
 
 /// By what lies at a path, which may be compressed.
@@ -125,6 +130,15 @@ pub(crate) fn plain_head(head: &[u8]) -> Vec<u8> {
 fn of_tar(head: &[u8]) -> Option<Kind> {
     let is_tar = head.get(257..262) == Some(b"ustar");
     is_tar.then_some(Kind { what: "a tar archive", remedy: "unpack it first: tar -xf FILE" })
+}
+
+/// Ouster's OSF is a flatbuffer, whose identifier stands behind its size and the place of its root.
+fn of_osf(head: &[u8]) -> Option<Kind> {
+    let is_osf = head.get(8..11) == Some(b"OSF");
+    is_osf.then_some(Kind {
+        what: "an Ouster's recording (OSF)",
+        remedy: "convert it first: ouster-cli source FILE save FILE.pcap, which writes the sensor's metadata beside it as well",
+    })
 }
 
 fn of_text(head: &[u8]) -> Option<Kind> {
@@ -238,6 +252,7 @@ mod tests {
         }
         let mut tar = vec![0; 512];
         tar[257..262].copy_from_slice(b"ustar");
+        assert!(words(b"\x30\0\0\0\x10\0\0\0OSF!").contains("ouster-cli source x save x.pcap"));
         assert!(words(&tar).contains("tar -xf x"));
     }
 }

@@ -19,7 +19,7 @@ pub(crate) use merge::{Input as MergeInput, each_cloud, merge};
 pub(crate) use messages::plan_in_words;
 pub(crate) use picture::up;
 pub(crate) use report::{notes_in_words, notes_json};
-pub(crate) use seek::{Sought, seek};
+pub(crate) use seek::{Sought, hear_metadata, seek};
 pub(crate) use simulated::Simulation;
 pub(crate) use source::Source;
 

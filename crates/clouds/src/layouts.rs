@@ -4,9 +4,9 @@ mod depth;
 mod files;
 mod kitti;
 mod open3d;
+mod packets;
 mod seven_scenes;
 mod tum;
-mod velodyne;
 
 use crate::error::CloudError;
 use crate::folder::{Listing, ends_with};
@@ -19,7 +19,7 @@ const CLOUDS: [&str; 5] = [".bin", ".bin.zst", ".pcd", ".ply", ".pcap"];
 
 /// The first kind that the folder is of: kinds that need more to be there come first.
 pub(crate) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
-    let kinds = [tum::find, seven_scenes::find, open3d::find, kitti::find, velodyne::find, files::find];
+    let kinds = [tum::find, seven_scenes::find, open3d::find, kitti::find, packets::find, files::find];
     for kind in kinds {
         if let Some(mut plan) = kind(listing)? {
             note_others(listing, &mut plan);
@@ -32,7 +32,7 @@ pub(crate) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
 /// Notes files with clouds that are not of this kind: one kind is read of a folder.
 fn note_others(listing: &Listing<'_>, plan: &mut Plan) {
     let used: BTreeSet<&str> = plan.frames.iter().map(|frame| frame.file.as_str()).collect();
-    let is_packets = |name: &str| plan.kind == Kind::Velodyne && ends_with(name, ".pcap");
+    let is_packets = |name: &str| plan.kind == Kind::Packets && ends_with(name, ".pcap");
     let is_other =
         |name: &&str| CLOUDS.iter().any(|end| ends_with(name, end)) && !used.contains(name) && !is_packets(name);
     for name in listing.names().filter(is_other) {

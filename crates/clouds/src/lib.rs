@@ -7,7 +7,7 @@
 //! | TUM RGB-D | `depth.txt`, `rgb.txt`, `groundtruth.txt` |
 //! | 7-Scenes | `frame-000000.depth.png`, `.color.jpg`, `.pose.txt`, `camera-intrinsics.txt` |
 //! | Open3D | `depth0.png`, `color0.jpg`, `camera.json`, `trajectory.log` |
-//! | Velodyne | a capture (pcap, pcapng) of a VLP-16 or HDL-32E |
+//! | packets | a capture (pcap, pcapng) of a Velodyne (VLP-16, Puck LITE and Hi-Res, HDL-32E, VLP-32C), a Hesai PandarXT-32, or an Ouster with its metadata (`.json`) beside it |
 //!
 //! The crate opens no files: whoever may do so implements [`Folder`]. [`recognise`] looks at what is there and says what it
 //! is, what was taken for granted, and which poses came with it; [`Recording::clouds`] reads a frame when it is asked for.
@@ -64,6 +64,9 @@ pub use error::CloudError;
 pub use folder::Folder;
 pub use image::read_png16;
 pub use notes::{Note, NoteKind, Noted, Notes};
+pub use packets::lidar::{Lidar, OUSTER_METADATA, PacketDecoder};
+pub use packets::ouster::{OUSTER_IMU_BYTES, OusterInfo, ouster_imu, ouster_numbers};
+pub use packets::sweep::{Place, Sweep};
 pub use pcd::read_pcd;
 pub use plan::Kind;
 pub use ply::read_ply;

@@ -3,7 +3,7 @@
 use crate::folder::parts;
 use crate::image::Size;
 use crate::notes::{NoteKind, Notes};
-use crate::packets::velodyne::Survey;
+use crate::packets::flows::Survey;
 use crate::points::UNIX_S;
 use crate::poses::{Reference, stamp_of_text};
 use mapwright_geom::Stamp;
@@ -27,8 +27,8 @@ pub enum Kind {
     SevenScenes,
     /// Open3D's samples: `depth0.png` and so on, `camera.json`.
     Open3d,
-    /// Packets of a Velodyne lidar.
-    Velodyne,
+    /// Packets of a lidar as they came from the network: Velodyne, Ouster, Hesai.
+    Packets,
 }
 
 impl fmt::Display for Kind {
@@ -39,7 +39,7 @@ impl fmt::Display for Kind {
             Self::Tum => "a depth camera in the layout of the TUM RGB-D benchmark",
             Self::SevenScenes => "a depth camera in the layout of 7-Scenes",
             Self::Open3d => "a depth camera in the layout of Open3D's samples",
-            Self::Velodyne => "packets of a Velodyne lidar",
+            Self::Packets => "packets of a lidar",
         })
     }
 }

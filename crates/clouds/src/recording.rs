@@ -8,7 +8,7 @@ use crate::image::{read_colours, read_depth};
 use crate::layouts;
 use crate::notes::{NoteKind, Notes};
 use crate::packets::capture::{Capture, HEADER_BYTES};
-use crate::packets::velodyne::Sweeps;
+use crate::packets::flows::Sweeps;
 use crate::packets::window::Window;
 use crate::pcd::{is_pcd, read_pcd};
 use crate::plan::{Decode, FRAME_NS, Frame, Kind, Plan};
@@ -17,7 +17,7 @@ use crate::points::{First, Points, times_of};
 use crate::poses::Reference;
 use crate::text::excerpt;
 use mapwright_geom::Stamp;
-use mapwright_sensor::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
+use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor};
 use std::sync::Arc;
 
 /// What a folder or a file holds, if it is a recording of a sensor in space; none where it is none that is read here.
@@ -69,6 +69,12 @@ impl<'a> Recording<'a> {
             Decode::Packets(_) => None,
             _ => Some([frames.first()?.stamp?, frames.last()?.stamp?]),
         }
+    }
+
+    /// Whether inertial readings come with the clouds.
+    #[must_use]
+    pub fn has_readings(&self) -> bool {
+        matches!(&self.plan.decode, Decode::Packets(survey) if survey.readings > 0)
     }
 
     /// What took the clouds.
@@ -124,11 +130,13 @@ impl<'a> Recording<'a> {
                 let file = self.plan.frames.first().map_or("", |frame| &frame.file);
                 let mut window = Window::open(self.folder, file);
                 let begin = window.get(0, HEADER_BYTES).and_then(Capture::begin);
-                let (Ok(model), Some(capture)) = (survey.model, begin) else {
+                let Some(capture) = begin else {
                     let found = window.take_failure();
                     return Err(found.unwrap_or_else(|| CloudError::content(file, 0, "the capture", "something else")));
                 };
-                Source::Packets(Box::new(Sweeps::new(window, capture, survey.sender, model)))
+                let sweeps = Sweeps::new(window, capture, survey);
+                let sweeps = sweeps.map_err(|reason| CloudError::content(file, 0, "packets that are read", reason))?;
+                Source::Packets(Box::new(sweeps))
             }
         };
         Ok(Clouds {
@@ -210,6 +218,15 @@ impl Clouds<'_> {
             }
         }
         self.end()
+    }
+
+    /// Inertial readings that came with the clouds read so far, up to the end of the last, and were not asked for; of captures of lidars
+    /// that have such a sensor, in the frame of the points.
+    pub fn take_readings(&mut self) -> Vec<ImuReading> {
+        match &mut self.source {
+            Source::Packets(sweeps) => sweeps.readings().collect(),
+            _ => Vec::new(),
+        }
     }
 
     /// What was found to be wrong with the frames read so far.

@@ -200,7 +200,7 @@ fn velodyne_captures_turn_ten_times_a_second() {
     ] {
         let Some(disk) = given(&format!("lidar_mrpt/{name}")) else { continue };
         let recording = opened(&disk);
-        assert_eq!((recording.kind(), recording.frames()), (Kind::Velodyne, sizes.len()));
+        assert_eq!((recording.kind(), recording.frames()), (Kind::Packets, sizes.len()));
         assert_eq!(recording.sensor().name, model);
         let clouds = all(&recording);
         assert_eq!(clouds.iter().map(|cloud| cloud.points_m.len()).collect::<Vec<_>>(), sizes);
@@ -211,5 +211,80 @@ fn velodyne_captures_turn_ten_times_a_second() {
         // one revolution and the next show the same
         let apart = apart_m(&clouds[0], &clouds[1], Pose3::identity());
         assert!(apart < 0.15, "{name}: {apart}");
+    }
+}
+
+/// The most points of a cloud in a slab 4 cm thick that stands upright, of those between two heights.
+fn in_the_straightest_wall(cloud: &Cloud, heights_m: std::ops::Range<f32>) -> usize {
+    let points: Vec<_> = cloud.points_m.iter().filter(|point| heights_m.contains(&point[2])).collect();
+    let in_slab = |half_degrees: u32| {
+        let (sin, cos) = (f64::from(half_degrees) * 0.5).to_radians().sin_cos();
+        let mut slabs = std::collections::BTreeMap::<i64, usize>::new();
+        for point in &points {
+            let along = cos * f64::from(point[0]) + sin * f64::from(point[1]);
+            *slabs.entry((along / 0.04).floor() as i64).or_default() += 1;
+        }
+        slabs.into_values().max().unwrap_or(0)
+    };
+    (0..360).map(in_slab).max().unwrap_or(0)
+}
+
+/// A capture and its metadata, changed.
+struct Changed<'a>(&'a dyn Folder, fn(String) -> String);
+
+impl Folder for Changed<'_> {
+    fn names(&self) -> Vec<String> {
+        self.0.names().into_iter().filter(|name| name.starts_with("OS-0-128")).collect()
+    }
+
+    fn read(&self, name: &str) -> std::io::Result<Vec<u8>> {
+        let bytes = self.0.read(name)?;
+        let is_metadata = name.ends_with(".json");
+        Ok(if is_metadata { self.1(String::from_utf8(bytes).unwrap()).into_bytes() } else { bytes })
+    }
+}
+
+#[test]
+fn an_ousters_walls_are_straight_as_its_metadata_say_and_not_otherwise() {
+    let Some(disk) = given("vendor") else { return };
+    let cloud = |change| {
+        let folder = Changed(&disk, change);
+        let recording = recognise(&folder).unwrap().unwrap();
+        assert_eq!((recording.kind(), recording.frames(), recording.has_readings()), (Kind::Packets, 1, true));
+        let mut clouds = recording.clouds(&CameraOptions::default()).unwrap();
+        let cloud = clouds.next_cloud().unwrap().unwrap();
+        assert!(clouds.next_cloud().unwrap().is_none());
+        (cloud, clouds.take_readings())
+    };
+    let (right, readings) = cloud(|text| text);
+    // 1024 columns, 10 Hz
+    let last_s = right.times_s.iter().copied().fold(0.0, f32::max);
+    assert!((0.098..0.1).contains(&last_s), "{last_s}");
+    assert_eq!(readings.len(), 10);
+    // the car's roof is not level
+    let up = readings.iter().map(|reading| reading.specific_force_m_per_s2.unwrap()).sum::<Vector3<f64>>() / 10.0;
+    assert!((up.norm() - 9.8).abs() < 0.4 && up.z > 0.98 * up.norm(), "{up}");
+    let walls = |cloud: &Cloud| in_the_straightest_wall(cloud, 0.0..8.0);
+    let (mirrored, _) = cloud(|text| scaled(&text, "beam_azimuth_angles", -1.0));
+    let (level, _) = cloud(|text| scaled(&text, "beam_altitude_angles", 0.9));
+    let (right, mirrored, level) = (walls(&right), walls(&mirrored), walls(&level));
+    assert!(right > 3 * mirrored && right > level, "{right}, mirrored {mirrored}, more level {level}");
+}
+
+/// Metadata with other angles.
+fn scaled(text: &str, key: &str, by: f64) -> String {
+    let mut json: serde_json::Value = serde_json::from_str(text).unwrap();
+    for angle in json[key].as_array_mut().unwrap() {
+        *angle = (angle.as_f64().unwrap() * by).into();
+    }
+    json.to_string()
+}
+
+#[test]
+fn an_ouster_without_metadata_is_asked_for_them() {
+    for name in ["vendor/OS-1-32-G_v2.1.1_1024x10.pcap", "cases/vendor_packets/ouster.pcap"] {
+        let Some(disk) = given(name) else { continue };
+        let error = recognise(&disk).unwrap_err().to_string();
+        assert!(error.contains(".json (`curl http://SENSOR/api/v1/sensor/metadata`"), "{error}");
     }
 }

@@ -1,8 +1,10 @@
 //! From a recording's connections to decoders of its messages.
 
+use crate::foxglove;
 use mapwright_bags::{Connection, DefinitionFormat, Encoding};
 use mapwright_ros::messages::{
-    CameraInfo, CompressedImage, Image, Imu, Kind, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, TfMessage,
+    CameraInfo, CompressedImage, Image, Imu, Kind, LaserScan, LidarPackets, LivoxScan, MultiEchoLaserScan, Odometry,
+    OusterPacket, PointCloud2, Text, TfMessage,
 };
 use mapwright_ros::{Channel, Decoder};
 
@@ -28,6 +30,16 @@ pub enum TopicKind {
     CompressedImage,
     /// `sensor_msgs/CameraInfo`.
     CameraInfo,
+    /// `livox_ros_driver/CustomMsg` and its like.
+    Livox,
+    /// `foxglove.PointCloud`.
+    Foxglove,
+    /// `velodyne_msgs/VelodyneScan`, `pandar_msgs/PandarScan` and their like.
+    LidarPackets,
+    /// `ouster_ros/PacketMsg` and its like.
+    OusterPackets,
+    /// `std_msgs/String`.
+    Text,
     /// Anything else.
     Other,
 }
@@ -46,6 +58,11 @@ impl TopicKind {
             name if Image::is(name) => Self::Image,
             name if CompressedImage::is(name) => Self::CompressedImage,
             name if CameraInfo::is(name) => Self::CameraInfo,
+            name if LivoxScan::is(name) => Self::Livox,
+            name if LidarPackets::is(name) => Self::LidarPackets,
+            name if OusterPacket::is(name) => Self::OusterPackets,
+            name if Text::is(name) => Self::Text,
+            foxglove::POINT_CLOUD => Self::Foxglove,
             _ => Self::Other,
         }
     }
@@ -68,6 +85,18 @@ impl TopicKind {
         matches!(self, Self::Image | Self::CompressedImage)
     }
 
+    /// Whether its messages have points in space, or packets of them.
+    #[must_use]
+    pub fn is_clouds(self) -> bool {
+        matches!(self, Self::Cloud | Self::Livox | Self::Foxglove) || self.is_packets()
+    }
+
+    /// Whether its messages have packets as they came from the network.
+    #[must_use]
+    pub fn is_packets(self) -> bool {
+        matches!(self, Self::LidarPackets | Self::OusterPackets)
+    }
+
     /// Whether its messages can say how a robot moves or turns.
     pub(crate) fn is_motion(self) -> bool {
         matches!(self, Self::Odometry | Self::Transforms | Self::Imu)
@@ -86,6 +115,11 @@ pub(crate) enum Messages {
     Image(Decoder<Image<'static>>),
     CompressedImage(Decoder<CompressedImage<'static>>),
     CameraInfo(Decoder<CameraInfo<'static>>),
+    Livox(Decoder<LivoxScan<'static>>),
+    Foxglove(foxglove::Layout),
+    LidarPackets(Decoder<LidarPackets<'static>>),
+    OusterPackets(Decoder<OusterPacket<'static>>),
+    Text(Decoder<Text<'static>>),
     /// Nothing to decode, or nothing that can be: why, where it should have been.
     None(Option<String>),
 }
@@ -100,6 +134,9 @@ impl Messages {
     }
 
     fn decoder(kind: TopicKind, connection: &Connection) -> Result<Self, String> {
+        if kind == TopicKind::Foxglove {
+            return foxglove::Layout::of(connection).map(Self::Foxglove);
+        }
         let channel = channel(connection)?;
         let made = match kind {
             TopicKind::Scan => Decoder::new(&channel).map(Self::Scan),
@@ -111,7 +148,11 @@ impl Messages {
             TopicKind::Image => Decoder::new(&channel).map(Self::Image),
             TopicKind::CompressedImage => Decoder::new(&channel).map(Self::CompressedImage),
             TopicKind::CameraInfo => Decoder::new(&channel).map(Self::CameraInfo),
-            TopicKind::Other => return Ok(Self::None(None)),
+            TopicKind::Livox => Decoder::new(&channel).map(Self::Livox),
+            TopicKind::LidarPackets => Decoder::new(&channel).map(Self::LidarPackets),
+            TopicKind::OusterPackets => Decoder::new(&channel).map(Self::OusterPackets),
+            TopicKind::Text => Decoder::new(&channel).map(Self::Text),
+            TopicKind::Foxglove | TopicKind::Other => return Ok(Self::None(None)),
         };
         made.map_err(|error| error.to_string())
     }

@@ -7,6 +7,7 @@ use crate::frames::{Place, list, place, placed_by_hand};
 use crate::odometry::{self, OdometrySource};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::turning::{self, TurningSource};
+use crate::unread;
 use crate::words::{grouped, with_damage};
 use mapwright_geom::{Pose2, Pose3};
 use mapwright_ros::Mounting;
@@ -257,6 +258,12 @@ fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[Strin
     }
     reasons.extend(why_turning.map(|why| ("turning", why)));
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
+    let of_driver = |topic: &TopicSurvey| topic.kind.is_clouds() && topic.kind != TopicKind::Cloud;
+    let other = survey.topics.iter().filter(|topic| of_driver(topic) && topic.usable() > 0);
+    reasons.extend(other.map(|topic| {
+        let (count, name) = (grouped(topic.usable()), &topic.type_name);
+        ("refused", format!("{}: {count} messages of {name}; `--space` maps these instead", topic.name))
+    }));
     let depth = survey.topics.iter().filter(|topic| topic.is_depth && topic.usable() > 0);
     reasons.extend(depth.map(|topic| {
         let count = grouped(topic.usable());
@@ -444,7 +451,7 @@ pub(crate) fn nothing_of(expected: &str, survey: &Survey) -> String {
             list(untyped.into_iter())
         );
     }
-    format!("expected {expected}; there are {}", contents(survey))
+    format!("expected {expected}; there are {}; {}", contents(survey), unread::words(survey))
 }
 
 /// The topics with types and counts.

@@ -130,7 +130,14 @@ impl Survey {
         let is_own_tree = |tree: &&(String, Links)| !is_anothers(&format!("{}/tf", tree.0));
         let trees: Vec<_> = self.trees.iter().filter(is_own_tree).cloned().collect();
         let links = joined(&trees);
-        Self { topics, links, trees, container: self.container.clone(), held_bytes: self.held_bytes }
+        Self {
+            topics,
+            links,
+            trees,
+            container: self.container.clone(),
+            metadata_beside: self.metadata_beside.clone(),
+            held_bytes: self.held_bytes,
+        }
     }
 }
 

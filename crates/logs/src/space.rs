@@ -8,6 +8,7 @@
 mod camera;
 mod imu;
 mod maker;
+mod packets;
 mod plan;
 mod stream;
 mod wheels;

@@ -3,15 +3,19 @@
 use crate::camera::CameraSurvey;
 use crate::channel::{Decoders, Messages, TopicKind};
 use crate::directions::Reach;
+use crate::foxglove::PointCloud;
 use crate::links::{Links, bare, joined, namespace};
+use crate::packets::{Metadata, OUSTER_FRAME, PacketSurvey};
 use crate::still::{Movement, Scenery};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
+use mapwright_clouds::OusterInfo;
 use mapwright_geom::Stamp;
-use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, LaserScan, Odometry};
+use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, LaserScan, Odometry, PointCloud2};
 use mapwright_ros::{Cloud, DepthNumbers, Mounting, RosError};
 use mapwright_sensor::settle_times;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Frames of a topic that are remembered.
 const FRAMES_KEPT: usize = 16;
@@ -19,6 +23,8 @@ const FRAMES_KEPT: usize = 16;
 const WATCHED_EVERY: u64 = 64;
 /// Of so many scans one is looked at for the directions in which its laser sees.
 const REACH_EVERY: u64 = 8;
+/// A packet has about so many bytes a point.
+const BYTES_A_POINT: u64 = 4;
 /// Topics of which the messages are looked at.
 const TOPICS_KEPT: usize = 4096;
 
@@ -53,6 +59,10 @@ pub struct TopicSurvey {
     pub is_depth: bool,
     /// What the first of its messages says of a camera.
     pub camera: Option<CameraSurvey>,
+    /// Of texts: what an Ouster sensor says of itself.
+    pub(crate) ouster: Option<Metadata>,
+    /// Of packets.
+    pub(crate) packets: PacketSurvey,
     /// Points of a cloud or pixels of an image, of the first; and rows of it.
     pub(crate) points: [u64; 2],
     /// Of odometry.
@@ -80,6 +90,8 @@ impl TopicSurvey {
             shape: String::new(),
             is_depth: false,
             camera: None,
+            ouster: None,
+            packets: PacketSurvey::default(),
             points: [0, 0],
             movement: Movement::default(),
             scenery: Scenery::default(),
@@ -138,6 +150,24 @@ impl TopicSurvey {
         self.points = [u64::from(image.width) * u64::from(image.height), u64::from(image.height)];
     }
 
+    /// The first cloud of a topic.
+    fn cloud(&mut self, message: &PointCloud2<'_>) -> Result<(), String> {
+        let cloud = Cloud::new(message).map_err(|error| error.to_string())?;
+        let fields: Vec<_> = message.fields.iter().take(12).map(|field| &*field.name).collect();
+        self.has_times = cloud.time().is_some();
+        self.shape = format!("{} points of {}", cloud.len(), fields.join(" "));
+        self.points = [cloud.len() as u64, u64::from(message.height)];
+        Ok(())
+    }
+
+    fn foxglove(&mut self, cloud: &PointCloud<'_>) -> Result<(), String> {
+        note_frame(&mut self.frames, bare(&cloud.frame));
+        if self.shape.is_empty() {
+            self.cloud(&cloud.message()?)?;
+        }
+        Ok(())
+    }
+
     fn see_directions(&mut self, scan: &LaserScan<'_>) {
         if self.messages % REACH_EVERY == 1
             && let Ok((laser, _)) = scan.laser(&Mounting::IDENTITY)
@@ -178,11 +208,7 @@ impl TopicSurvey {
                 let message = decoder.decode(data).map_err(words)?;
                 self.header(&message.header);
                 if is_first {
-                    let cloud = Cloud::new(&message).map_err(words)?;
-                    let fields: Vec<_> = message.fields.iter().take(12).map(|field| &*field.name).collect();
-                    self.has_times = cloud.time().is_some();
-                    self.shape = format!("{} points of {}", cloud.len(), fields.join(" "));
-                    self.points = [cloud.len() as u64, u64::from(message.height)];
+                    self.cloud(&message)?;
                 }
             }
             Messages::Odometry(decoder) => self.odometry(&decoder.decode(data).map_err(words)?),
@@ -219,6 +245,44 @@ impl TopicSurvey {
                     let camera = CameraSurvey::of(&info).map_err(words)?;
                     self.shape = format!("{} x {} pixels", info.width, info.height);
                     self.camera = Some(camera);
+                }
+            }
+            Messages::Livox(decoder) => {
+                let scan = decoder.decode(data).map_err(words)?;
+                self.header(&scan.header);
+                self.has_times |= scan.points.iter().any(|point| point.offset_time > 0);
+                if is_first {
+                    self.shape = format!("{} points", scan.points.len());
+                    self.points = [scan.points.len() as u64, 1];
+                }
+            }
+            Messages::Foxglove(layout) => self.foxglove(&layout.decode(data)?)?,
+            Messages::LidarPackets(decoder) => {
+                let scan = decoder.decode(data).map_err(words)?;
+                self.header(&scan.header);
+                self.has_times = true;
+                scan.packets.iter().for_each(|packet| self.packets.see(packet.payload()));
+                if is_first {
+                    let bytes: usize = scan.packets.iter().map(|packet| packet.payload().len()).sum();
+                    self.shape = format!("{} packets", scan.packets.len());
+                    self.points = [bytes as u64 / BYTES_A_POINT, 1];
+                }
+            }
+            Messages::OusterPackets(decoder) => {
+                let packet = decoder.decode(data).map_err(words)?;
+                note_frame(&mut self.frames, OUSTER_FRAME);
+                self.has_times = true;
+                self.packets.see_ouster(packet.buf);
+                if is_first {
+                    let of = if self.packets.is_inertial { "of its inertial sensor" } else { "of points" };
+                    self.shape = format!("packets of {} bytes, {of}", packet.buf.len());
+                    self.points = [packet.buf.len() as u64 / BYTES_A_POINT, 1];
+                }
+            }
+            Messages::Text(decoder) => {
+                let text = decoder.decode(data).map_err(words)?;
+                if self.ouster.is_none() && OusterInfo::is_like(&text.data) {
+                    self.ouster = Some(OusterInfo::parse(&text.data).map(Arc::new));
                 }
             }
             Messages::None(None) => {}
@@ -277,6 +341,8 @@ pub struct Survey {
     pub(crate) trees: Vec<(String, Links)>,
     /// What the container's reader says.
     pub container: ReadReport,
+    /// What an Ouster sensor says of itself in a file beside the recording.
+    pub(crate) metadata_beside: Option<Metadata>,
     /// The most memory that the reader's buffers held, bytes.
     pub held_bytes: usize,
 }
@@ -328,7 +394,17 @@ impl Survey {
             [(_, links)] => std::mem::take(links),
             several => joined(several),
         };
-        Ok((Self { topics, links, trees, container: recording.report().clone(), held_bytes }, is_whole))
+        Ok((
+            Self { topics, links, trees, container: recording.report().clone(), metadata_beside: None, held_bytes },
+            is_whole,
+        ))
+    }
+
+    /// Hands in the text of a file beside the recording, which may be what an Ouster sensor says of itself.
+    pub fn hear_metadata(&mut self, text: &str) {
+        if OusterInfo::is_like(text) {
+            self.metadata_beside = Some(OusterInfo::parse(text).map(Arc::new));
+        }
     }
 
     /// A topic by its name; the slash in front may be left out.

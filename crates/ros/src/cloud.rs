@@ -6,6 +6,7 @@ mod space;
 mod time;
 
 pub use space::CloudPoints;
+pub(crate) use time::SWEEP_S;
 pub use time::{PointTime, TimeUnit};
 
 use crate::error::RosError;

@@ -27,6 +27,7 @@ mod encoder;
 mod error;
 mod field;
 mod laser;
+mod livox;
 pub mod messages;
 mod mounting;
 mod planar;

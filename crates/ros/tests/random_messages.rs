@@ -19,7 +19,8 @@ use std::path::Path;
 macro_rules! for_each_kind {
     ($function:ident, $style:expr) => {
         for_each_kind!($function, $style; LaserScan, MultiEchoLaserScan, PointCloud2, Odometry, TfMessage, Imu, Image,
-            CameraInfo, CompressedImage, Range, PoseStamped, PoseWithCovarianceStamped, Path, OccupancyGrid)
+            CameraInfo, CompressedImage, Range, PoseStamped, PoseWithCovarianceStamped, Path, OccupancyGrid,
+            LivoxScan, OusterPacket, Text)
     };
     ($function:ident, $style:expr; $($kind:ident),*) => { $( $function::<messages::$kind<'_>>($style); )* };
 }

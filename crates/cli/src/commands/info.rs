@@ -12,7 +12,7 @@ use crate::interrupt::Interrupt;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;
-use crate::space::{Disk, check_choice, plan_in_words};
+use crate::space::{Disk, check_choice, hear_metadata, plan_in_words};
 use crate::terminal::{count, grouped, say, say_json};
 use contents::Contents;
 use differences::{Differences, Steps};
@@ -102,6 +102,7 @@ impl Found {
         let survey = survey.map_err(|cause| Failure::log(LogError::Recording { name: name.clone(), cause }))?;
         let stopped = || Failure::log(LogError::Stopped { name: name.clone() });
         let mut survey = Box::new(survey.ok_or_else(stopped)?);
+        hear_metadata(path, &mut survey);
         survey.links.inherit(links);
         links.clone_from(&survey.links);
         let (words, plan) = (recorded::words(&name, &survey), Plan::of(&survey, choice));

@@ -3,7 +3,8 @@
 use crate::failure::Failure;
 use crate::session::SESSION;
 use mapwright_clouds::{Folder, Recording, recognise};
-use std::io;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// So many files are listed, and folders within folders, at most: a recording has no more.
@@ -29,7 +30,8 @@ impl Disk {
                 return Ok(None);
             }
             let root = path.parent().unwrap_or(Path::new("")).to_owned();
-            return Ok(Some(Self { path: path.to_owned(), root, names: vec![name] }));
+            let names = [Some(name), metadata_beside(path)].into_iter().flatten().collect();
+            return Ok(Some(Self { path: path.to_owned(), root, names }));
         }
         // what was exported into a folder of results is no recording
         if !path.is_dir() || path.join(SESSION).exists() {
@@ -45,6 +47,13 @@ impl Disk {
     pub(crate) fn recording(&self) -> Result<Option<Recording<'_>>, Failure> {
         recognise(self).map_err(|cause| Failure::Log(format!("{}: {cause}", self.path.display())))
     }
+}
+
+/// A capture of packets may have what its sensor says of itself beside it, in a file of its name.
+fn metadata_beside(path: &Path) -> Option<String> {
+    let is_capture = path.extension().is_some_and(|ending| ending.to_string_lossy().to_lowercase().starts_with("pcap"));
+    let metadata = path.with_extension("json");
+    (is_capture && metadata.is_file()).then(|| metadata.file_name().map(|name| name.to_string_lossy().into_owned()))?
 }
 
 fn list(folder: &Path, before: &str, depth: usize, names: &mut Vec<String>) -> io::Result<()> {
@@ -68,5 +77,13 @@ impl Folder for Disk {
 
     fn read(&self, name: &str) -> io::Result<Vec<u8>> {
         std::fs::read(self.root.join(name))
+    }
+
+    fn read_part(&self, name: &str, offset_bytes: u64, count: usize) -> io::Result<Vec<u8>> {
+        let mut file = File::open(self.root.join(name))?;
+        file.seek(SeekFrom::Start(offset_bytes))?;
+        let mut part = Vec::new();
+        file.take(count as u64).read_to_end(&mut part)?;
+        Ok(part)
     }
 }

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::reading::damage_words;
 use mapwright_clouds::{CameraOptions, Notes, Reference};
-use mapwright_logs::{Choice, LogError, SpacePlan, SpaceStream, Survey, TopicKind};
+use mapwright_logs::{Choice, LogError, SpacePlan, SpaceStream, Survey};
 use std::fs;
 use std::path::Path;
 
@@ -38,7 +38,7 @@ impl Messages {
 
     pub(super) fn kind(&self) -> String {
         let plan = self.stream.plan();
-        let what = if plan.kind == TopicKind::Cloud { "clouds" } else { "images of depth" };
+        let what = if plan.kind.is_clouds() { "clouds" } else { "images of depth" };
         let container = self.stream.survey().container.container;
         let container = container.map_or_else(|| "a recording".to_owned(), |container| container.to_string());
         format!("{what} of {} in {container}", plan.topic)

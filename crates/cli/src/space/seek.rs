@@ -6,7 +6,11 @@ use crate::args::{MapArgs, SourceArgs};
 use crate::events::{input, name_of};
 use crate::failure::Failure;
 use mapwright_logs::{Input, LogError, SpacePlan, Survey};
+use std::fs;
 use std::path::Path;
+
+/// Larger ones are none.
+const METADATA_BYTES_AT_MOST: u64 = 1 << 20;
 
 /// What logs are mapped as.
 pub(crate) enum Sought<'a> {
@@ -57,7 +61,18 @@ fn one<'a>(
 fn surveyed(name: &str, path: &Path, watch: &mut dyn FnMut(&str, u64) -> bool) -> Result<Survey, Failure> {
     let survey = Survey::watched(path, &mut |messages| watch(name, messages));
     let survey = survey.map_err(|cause| Failure::log(LogError::Recording { name: name.to_owned(), cause }))?;
-    survey.ok_or_else(|| Failure::log(LogError::Stopped { name: name.to_owned() }))
+    let mut survey = survey.ok_or_else(|| Failure::log(LogError::Stopped { name: name.to_owned() }))?;
+    hear_metadata(path, &mut survey);
+    Ok(survey)
+}
+
+/// What a sensor says of itself may lie beside a recording, in a file of its name.
+pub(crate) fn hear_metadata(path: &Path, survey: &mut Survey) {
+    let file = path.with_extension("json");
+    let is_small = fs::metadata(&file).is_ok_and(|found| found.is_file() && found.len() <= METADATA_BYTES_AT_MOST);
+    if let Some(text) = fs::read_to_string(&file).ok().filter(|_| is_small) {
+        survey.hear_metadata(&text);
+    }
 }
 
 fn not_one(found: &str) -> Failure {

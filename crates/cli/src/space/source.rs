@@ -27,7 +27,9 @@ impl<'a> Source<'a> {
     pub(super) fn next_cloud(&mut self, feel: &mut dyn FnMut(ImuReading)) -> Result<Option<Cloud>, Failure> {
         match self {
             Self::Files { clouds, name, .. } => {
-                clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))
+                let cloud = clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))?;
+                clouds.take_readings().into_iter().for_each(feel);
+                Ok(cloud)
             }
             Self::Messages(messages) => loop {
                 match messages.stream.next_event().map_err(Failure::log)? {
@@ -77,7 +79,8 @@ impl<'a> Source<'a> {
     /// The topic of inertial readings, if there is one.
     fn imu_name(&self) -> Option<&str> {
         match self {
-            Self::Files { .. } | Self::Simulated(_) => None,
+            Self::Files { recording, .. } => recording.has_readings().then_some("the lidar's inertial sensor"),
+            Self::Simulated(_) => None,
             Self::Messages(messages) => messages.stream.plan().imu.as_ref().map(|imu| imu.name.as_str()),
         }
     }

@@ -119,6 +119,34 @@ fn files_that_end_early_and_headers_that_promise_terabytes_give_what_they_hold()
     assert_refused(&map(&path, &[]), 1, &["cut.pcap, byte 0", "Velodyne"]);
 }
 
+#[test]
+fn lidars_own_recordings_are_named_with_what_they_lack_or_what_converts_them() {
+    let folder = folder("bad_lidars");
+    let osf = [&[48, 0, 0, 0, 16, 0, 0, 0][..], b"OSF!", &[0; 60]].concat();
+    for (name, bytes, says) in [
+        ("drive.osf", osf, "ouster-cli source drive.osf save drive.osf.pcap"),
+        ("drive.lvx", b"livox_tech\0\0\0\0\0\0\x01\x01\0\0".to_vec(), "lvx_to_rosbag.launch lvx_file_path:=drive.lvx"),
+    ] {
+        let path = folder.join(name);
+        fs::write(&path, bytes).unwrap();
+        let says = says.replace("drive.", &format!("{}/drive.", folder.display()));
+        assert_refused(&map(&path, &[]), 1, &[&says]);
+    }
+    let mut capture: Vec<u8> = [0xa1b2_c3d4_u32, 0x0004_0002, 0, 0, 65535, 101].map(u32::to_le_bytes).concat();
+    capture.extend([1, 0, 6492, 6492].map(u32::to_le_bytes).concat());
+    capture.extend([0x45, 0, 25, 92, 0, 0, 0, 0, 64, 17, 0, 0, 10, 0, 0, 1, 10, 0, 0, 2, 29, 78, 29, 78, 25, 72, 0, 0]);
+    capture.resize(capture.len() + 6464, 0);
+    let path = folder.join("ouster.pcap");
+    fs::write(&path, &capture).unwrap();
+    assert_refused(
+        &map(&path, &[]),
+        1,
+        &["ouster.pcap, byte 0", "beside it as ouster.json (`curl http://SENSOR/api/v1"],
+    );
+    fs::write(folder.join("ouster.json"), r#"{"beam_altitude_angles": 1, "beam_azimuth_angles": 2}"#).unwrap();
+    assert_refused(&map(&path, &[]), 1, &["ouster.json, byte 0", "found none"]);
+}
+
 const SIZE: [u32; 2] = [32, 24];
 
 /// A floor that falls away from the camera, as an image of whatever kind.

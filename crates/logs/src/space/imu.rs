@@ -37,7 +37,7 @@ pub(super) struct Found {
 pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice: &Choice) -> Found {
     let is_asked = |topic: &TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
     let mut imus: Vec<_> =
-        survey.topics.iter().filter(|topic| topic.kind == TopicKind::Imu && topic.messages > 0).collect();
+        survey.topics.iter().filter(|topic| is_inertial(topic, mapped) && topic.messages > 0).collect();
     imus.sort_by_key(|topic| {
         let shared = shared_names(&topic.name, &mapped.name);
         std::cmp::Reverse((topic.usable() > 0, is_asked(topic), shared, topic.usable()))
@@ -48,7 +48,11 @@ pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice:
         return Found { reason: Some(format!("{} is not used: {why}", topic.name)), ..Found::default() };
     }
     let (robot, frame) = (place.robot_frame.as_str(), bare(topic.frame()));
-    let (robot_from_imu, how, assumed) = match mount(survey, mapped, place, frame) {
+    let is_in_lidar = topic.kind == TopicKind::OusterPackets;
+    let in_lidar = || Ok(Some(place.robot_from_sensor));
+    let mounted = if is_in_lidar { in_lidar() } else { mount(survey, mapped, place, frame) };
+    let (robot_from_imu, how, assumed) = match mounted {
+        Ok(Some(pose)) if is_in_lidar => (pose, "in the lidar as its metadata say", None),
         Ok(Some(pose)) => (pose, "mounted as transforms say", None),
         Ok(None) => {
             let assumed = format!("nothing says how '{frame}' sits on '{robot}': its axes are taken for the robot's");
@@ -70,6 +74,21 @@ pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice:
         robot_from_imu: robot_from_imu.rotation,
     };
     Found { source: Some(source), reason: Some(reason), assumed }
+}
+
+/// Whether a topic has inertial readings; those in a lidar's packets are by the clock of its clouds, and of no use without these.
+fn is_inertial(topic: &TopicSurvey, mapped: &TopicSurvey) -> bool {
+    let is_of_packets = topic.packets.is_inertial && mapped.kind == TopicKind::OusterPackets;
+    topic.kind == TopicKind::Imu || is_of_packets
+}
+
+/// A reading in the frame of the lidar that it is in, in that of the robot.
+pub(super) fn turned(source: &ImuSource, reading: ImuReading) -> ImuReading {
+    ImuReading {
+        turn_rate_rad_per_s: source.robot_from_imu * reading.turn_rate_rad_per_s,
+        specific_force_m_per_s2: reading.specific_force_m_per_s2.map(|force| source.robot_from_imu * force),
+        ..reading
+    }
 }
 
 /// How it sits on the robot, by transforms or because it is in the mapped sensor; none where nothing says so.

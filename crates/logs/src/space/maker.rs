@@ -4,16 +4,27 @@ use super::camera::CameraPlan;
 use super::plan::SpacePlan;
 use crate::channel::Messages;
 use crate::links::stamp_or;
-use mapwright_clouds::read_png16;
-use mapwright_geom::Stamp;
+use crate::packets::OUSTER_FRAME;
+use mapwright_bags::RawMessage;
+use mapwright_clouds::{Notes, PacketDecoder, Place, Sweep, read_png16};
+use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::messages::{CompressedImage, DepthCompression, Header, PointCloud2};
-use mapwright_ros::{Cloud as RosCloud, DepthNumbers};
-use mapwright_sensor::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
+use mapwright_ros::{Cloud as RosCloud, CloudPoints, DepthNumbers};
+use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor};
+use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// No sweep or image has more points or pixels; bounds the memory that one message may take.
 const POINTS_AT_MOST: u64 = 1 << 24;
+
+/// Clouds of packets, whose messages begin and end anywhere in a revolution.
+#[derive(Debug)]
+struct Packets {
+    decoder: PacketDecoder,
+    /// The frame of the last message.
+    frame: String,
+}
 
 /// A cloud and what is odd about it.
 #[derive(Debug)]
@@ -39,22 +50,107 @@ struct View {
 pub(super) struct CloudMaker {
     sensors: BTreeMap<String, Arc<SpaceSensor>>,
     camera: Option<CameraPlan>,
+    topic: String,
+    packets: Option<Packets>,
     view: Option<View>,
 }
 
 impl CloudMaker {
     pub(super) fn new(plan: &SpacePlan) -> Self {
         let sensors = plan.sensors.iter().map(|(frame, sensor)| (frame.clone(), Arc::new(sensor.clone())));
-        Self { sensors: sensors.collect(), camera: plan.camera.clone(), view: None }
+        let decoder =
+            plan.packets.as_ref().and_then(|packets| PacketDecoder::new(packets.lidar, packets.info.as_ref()).ok());
+        let packets = decoder.map(|decoder| Packets { decoder, frame: String::new() });
+        let (camera, topic) = (plan.camera.clone(), plan.topic.clone());
+        Self { sensors: sensors.collect(), camera, topic, packets, view: None }
     }
 
-    /// The cloud, without odometry.
+    /// The clouds that a message ends, without odometry: one, but of packets none or several.
     ///
     /// # Errors
     /// Why the message is none, in words.
-    pub(super) fn make(&mut self, messages: &mut Messages, data: &[u8], recorded: Stamp) -> Result<Made, String> {
+    pub(super) fn make(
+        &mut self,
+        messages: &mut Messages,
+        message: &RawMessage<'_>,
+        notes: &mut Notes,
+    ) -> Result<Vec<Made>, String> {
+        let (data, recorded) = (message.data, message.log_stamp);
+        let at = usize::try_from(message.offset_bytes).unwrap_or(usize::MAX);
+        match messages {
+            Messages::LidarPackets(decoder) => {
+                let scan = decoder.decode(data).map_err(words)?;
+                for packet in &scan.packets {
+                    let (stamp, _) = stamp_or(packet.stamp, recorded);
+                    self.add_packet(packet.payload(), scan.header.frame(), stamp, at, notes);
+                }
+                self.ended()
+            }
+            Messages::OusterPackets(decoder) => {
+                let packet = decoder.decode(data).map_err(words)?;
+                self.add_packet(packet.buf, OUSTER_FRAME, recorded, at, notes);
+                self.ended()
+            }
+            _ => self.one(messages, data, recorded).map(|made| vec![made]),
+        }
+    }
+
+    /// The clouds that the end of the recording ends.
+    pub(super) fn finish(&mut self, notes: &mut Notes) -> Vec<Made> {
+        let Some(packets) = &mut self.packets else { return Vec::new() };
+        packets.decoder.finish(&self.topic, notes);
+        self.ended().unwrap_or_default()
+    }
+
+    /// A reading of the inertial sensor in a lidar that sends packets, in the frame of its points.
+    pub(super) fn reading(&self, payload: &[u8]) -> Option<ImuReading> {
+        self.packets.as_ref()?.decoder.reading(payload)
+    }
+
+    fn add_packet(&mut self, payload: &[u8], frame: &str, stamp: Stamp, at: usize, notes: &mut Notes) {
+        let Some(packets) = &mut self.packets else { return };
+        if packets.frame != frame {
+            frame.clone_into(&mut packets.frame);
+        }
+        packets.decoder.add(Place { file: &self.topic, at }, stamp, payload, notes);
+    }
+
+    fn ended(&mut self) -> Result<Vec<Made>, String> {
+        let packets = self.packets.as_mut().ok_or("packets that nothing says how to read")?;
+        let sweeps: Vec<Sweep> = std::iter::from_fn(|| packets.decoder.next_sweep()).collect();
+        let Some(packets) = self.packets.as_ref().filter(|_| !sweeps.is_empty()) else { return Ok(Vec::new()) };
+        let sensor = Arc::clone(self.sensor_in(&packets.frame)?);
+        let made = |sweep: Sweep| Made {
+            cloud: Cloud {
+                stamp: sweep.stamp,
+                sensor: Arc::clone(&sensor),
+                points_m: sweep.points_m,
+                times_s: sweep.times_s,
+                colours: Vec::new(),
+                odom_from_robot: None,
+            },
+            is_unstamped: false,
+            not_finite: 0,
+            refused_time: None,
+        };
+        Ok(sweeps.into_iter().map(made).collect())
+    }
+
+    /// The cloud of a message that has one.
+    fn one(&mut self, messages: &mut Messages, data: &[u8], recorded: Stamp) -> Result<Made, String> {
         match messages {
             Messages::Cloud(decoder) => self.cloud(&decoder.decode(data).map_err(words)?, recorded),
+            Messages::Livox(decoder) => {
+                let scan = decoder.decode(data).map_err(words)?;
+                few_enough(scan.points.len() as u64)?;
+                self.of_points(&scan.header, scan.to_points(), recorded)
+            }
+            Messages::Foxglove(layout) => {
+                let cloud = layout.decode(data)?;
+                let mut made = self.cloud(&cloud.message()?, recorded)?;
+                move_points(&mut made.cloud, cloud.frame_from_points);
+                Ok(made)
+            }
             Messages::Image(decoder) => {
                 let image = decoder.decode(data).map_err(words)?;
                 few_enough(u64::from(image.width) * u64::from(image.height))?;
@@ -76,16 +172,22 @@ impl CloudMaker {
     }
 
     fn sensor(&self, header: &Header<'_>) -> Result<&Arc<SpaceSensor>, String> {
-        let found = self.sensors.get(header.frame());
-        found.ok_or_else(|| format!("nothing says where '{}' sits on the robot", header.frame()))
+        self.sensor_in(header.frame())
+    }
+
+    fn sensor_in(&self, frame: &str) -> Result<&Arc<SpaceSensor>, String> {
+        self.sensors.get(frame).ok_or_else(|| format!("nothing says where '{frame}' sits on the robot"))
     }
 
     fn cloud(&self, message: &PointCloud2<'_>, recorded: Stamp) -> Result<Made, String> {
-        let sensor = Arc::clone(self.sensor(&message.header)?);
         let points = RosCloud::new(message).map_err(words)?;
         few_enough(points.len() as u64)?;
-        let points = points.to_points();
-        let (header, is_unstamped) = stamp_or(message.header.stamp, recorded);
+        self.of_points(&message.header, points.to_points(), recorded)
+    }
+
+    fn of_points(&self, header: &Header<'_>, points: CloudPoints, recorded: Stamp) -> Result<Made, String> {
+        let sensor = Arc::clone(self.sensor(header)?);
+        let (header, is_unstamped) = stamp_or(header.stamp, recorded);
         let cloud = Cloud {
             stamp: Stamp(header.0.saturating_add(Stamp::from_secs_f64(points.start_s).0)),
             sensor,
@@ -139,6 +241,16 @@ impl CloudMaker {
             let camera = PinholeCamera { width: size[0], height: size[1], ..plan.camera };
             View { directions: camera.directions(), camera: Arc::new(camera) }
         }))
+    }
+}
+
+fn move_points(cloud: &mut Cloud, frame_from_points: Pose3) {
+    if frame_from_points == Pose3::identity() {
+        return;
+    }
+    for point in &mut cloud.points_m {
+        let there = frame_from_points.transform(Vector3::from(point.map(f64::from)));
+        *point = [there.x as f32, there.y as f32, there.z as f32];
     }
 }
 

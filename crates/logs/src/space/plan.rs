@@ -2,6 +2,7 @@
 
 use super::camera::{self, CameraPlan};
 use super::imu::{self, ImuSource};
+use super::packets::PacketPlan;
 use crate::channel::TopicKind;
 use crate::choice::Choice;
 use crate::frames::{Place, list, place_in_space};
@@ -39,6 +40,8 @@ pub struct SpacePlan {
     pub assumed: Vec<String>,
     /// Sensors by the messages' frames.
     pub(super) sensors: BTreeMap<String, SpaceSensor>,
+    /// Of a lidar's packets.
+    pub(super) packets: Option<PacketPlan>,
     /// Of images of depth.
     pub(super) camera: Option<CameraPlan>,
 }
@@ -49,6 +52,7 @@ struct Candidate<'a> {
     place: Place,
     is_camera: bool,
     camera: Option<camera::Found>,
+    packets: Option<PacketPlan>,
 }
 
 impl SpacePlan {
@@ -70,6 +74,7 @@ impl SpacePlan {
                 candidate.place.assumed.is_some(),
                 candidate.is_camera,
                 candidate.is_camera && !is_of_depth,
+                topic.kind.is_packets(),
                 Reverse(points),
             )
         });
@@ -95,11 +100,11 @@ impl SpacePlan {
 
 /// Whether a topic's messages are clouds or images of depth.
 fn is_spatial(topic: &TopicSurvey) -> bool {
-    topic.messages > 0 && (topic.kind == TopicKind::Cloud || topic.is_depth)
+    topic.messages > 0 && !topic.packets.is_inertial && (topic.kind.is_clouds() || topic.is_depth)
 }
 
 fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[String], refused: &[String]) -> SpacePlan {
-    let Candidate { topic, place, is_camera, camera } = chosen;
+    let Candidate { topic, place, is_camera, camera, packets } = chosen;
     let (place, assumed_mount) = looking_ahead(place, topic, is_camera);
     let odometry = odometry::find_in_space(survey, &place, choice);
     let imu = imu::find(survey, topic, &place, choice);
@@ -109,16 +114,17 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         (_, []) => "the only topic that can be mapped in space".to_owned(),
         (_, others) => format!("not used: {}", list(others.iter().map(String::as_str))),
     };
-    let what = if topic.kind == TopicKind::Cloud { "clouds" } else { "depth" };
+    let what = if topic.kind.is_clouds() { "clouds" } else { "depth" };
     let count = grouped(topic.usable());
     let mut reasons =
         vec![(what, format!("{} ({}, {count} messages, {}): {why}", topic.name, topic.type_name, topic.shape))];
+    reasons.extend(packets.as_ref().map(|packets| ("lidar", packets.words())));
     reasons.extend(camera.as_ref().map(|camera| ("camera", camera.reason.clone())));
     reasons.push(("robot", format!("'{}', {}", place.robot_frame, place.reason)));
     reasons.push(("mounting", mounting_words(topic.frame(), &place)));
     reasons.push(("odometry", odometry.reason.clone()));
     reasons.extend(imu.reason.map(|reason| ("imu", reason)));
-    if topic.kind == TopicKind::Cloud {
+    if topic.kind.is_clouds() {
         reasons.push(("motion", motion_words(topic, is_camera)));
     }
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
@@ -136,7 +142,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
     SpacePlan {
         topic: topic.name.clone(),
         kind: topic.kind,
-        messages: topic.usable(),
+        messages: packets.as_ref().map_or(topic.usable(), |packets| packets.clouds(topic)),
         sensor,
         robot_frame: place.robot_frame,
         odometry: odometry.source,
@@ -144,6 +150,7 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         reasons,
         assumed: assumed_mount.into_iter().chain(odometry.assumed).chain(imu.assumed).chain(of_camera).collect(),
         sensors,
+        packets,
         camera: camera.map(|camera| camera.plan),
     }
 }
@@ -193,7 +200,7 @@ fn candidates<'a>(
             return Err(format!("there is no topic {name}; there are {}", contents(survey)));
         };
         let mut named = survey.topics.iter().filter(|topic| same_name(&topic.name, name));
-        if !named.any(|topic| is_spatial(topic) || topic.kind == TopicKind::Cloud || topic.kind.is_motion()) {
+        if !named.any(|topic| is_spatial(topic) || topic.kind.is_clouds() || topic.kind.is_motion()) {
             let what = if first.shape.is_empty() { String::new() } else { format!(" ({})", first.shape) };
             return Err(format!("{name} is {}{what}, expected clouds, images of depth or odometry", first.type_name));
         }
@@ -237,8 +244,9 @@ fn candidate<'a>(
         return Err(format!("in '{}', so that somebody has put these points together: no sensor's", topic.frame()));
     }
     let camera = if topic.is_depth { Some(camera::find(survey, topic, options)?) } else { None };
+    let packets = topic.kind.is_packets().then(|| PacketPlan::of(survey, topic)).transpose()?;
     let place = place_in_space(&survey.links, topic.frame(), moved, choice)?;
-    Ok(Candidate { topic, place, is_camera: is_camera(topic), camera })
+    Ok(Candidate { topic, place, is_camera: is_camera(topic), camera, packets })
 }
 
 /// Whether a depth camera took a topic's messages: images, or clouds in an optical frame or in rows and named so.

@@ -173,6 +173,8 @@ impl SpaceStream {
         let next = next.map_err(|cause| LogError::Recording { name: self.name.clone(), cause })?;
         let Some(message) = next else {
             self.is_end = true;
+            let last = self.maker.finish(&mut self.notes);
+            last.into_iter().for_each(|made| self.take(made, 0));
             return Ok(());
         };
         self.read += 1;
@@ -183,8 +185,8 @@ impl SpaceStream {
             Use::Nothing => {}
             Use::Clouds => {
                 let messages = self.decoders.of(message.connection);
-                match self.maker.make(messages, message.data, message.log_stamp) {
-                    Ok(made) => self.take(made, at),
+                match self.maker.make(messages, &message, &mut self.notes) {
+                    Ok(all) => all.into_iter().for_each(|made| self.take(made, at)),
                     Err(reason) => {
                         self.first_failure.get_or_insert_with(|| reason.clone());
                         let words = || ("a message that can be mapped", reason);
@@ -195,6 +197,14 @@ impl SpaceStream {
             Use::Imu => {
                 let Some(source) = &self.plan.imu else { return Ok(()) };
                 let messages = self.decoders.of(message.connection);
+                if let Messages::OusterPackets(decoder) = messages {
+                    let reading = decoder.decode(message.data).ok().and_then(|packet| self.maker.reading(packet.buf));
+                    if let Some(reading) = reading {
+                        let turned = imu::turned(source, reading);
+                        self.take_reading(turned, false, place);
+                    }
+                    return Ok(());
+                }
                 match imu::reading(source, messages, message.data, message.log_stamp) {
                     Ok((reading, is_unstamped)) => self.take_reading(reading, is_unstamped, place),
                     Err(reason) => {
@@ -309,7 +319,8 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &SpacePlan) 
         };
         if kind == plan.kind && same_name(&plan.topic, &connection.topic) {
             Use::Clouds
-        } else if kind == TopicKind::Imu && plan.imu.as_ref().is_some_and(|imu| same_name(&imu.name, &connection.topic))
+        } else if matches!(kind, TopicKind::Imu | TopicKind::OusterPackets)
+            && plan.imu.as_ref().is_some_and(|imu| same_name(&imu.name, &connection.topic))
         {
             Use::Imu
         } else if is_odometry {

@@ -53,7 +53,7 @@ pub struct PointTime {
 }
 
 /// A sweep is not longer, seconds.
-pub(super) const SWEEP_S: f64 = 1.5;
+pub(crate) const SWEEP_S: f64 = 1.5;
 /// Times of another clock that span less say nothing, seconds.
 const SPAN_LEAST_S: f64 = 1e-3;
 

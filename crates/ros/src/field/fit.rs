@@ -95,6 +95,11 @@ impl<'s> FitCheck<'s> {
         }
     }
 
+    /// That the message is not read straight through, whatever else its definition says.
+    pub(crate) fn read_by_name(&mut self) {
+        self.fit.exact = false;
+    }
+
     /// That a field has another type.
     #[must_use]
     pub fn refuse(&self, found: &FieldType, expected: &str) -> RosError {

@@ -5,6 +5,7 @@
 
 mod geometry;
 mod images;
+mod lidar;
 mod map;
 mod marker;
 mod motion;
@@ -15,6 +16,7 @@ pub use geometry::{
     TransformStamped, Twist, TwistWithCovariance, Vector3,
 };
 pub use images::{CameraInfo, CompressedImage, DepthCompression, Image, RegionOfInterest};
+pub use lidar::{Bytes, LidarPacket, LidarPackets, LivoxPoint, LivoxScan, OusterPacket, Text};
 pub use map::{MapMetaData, OccupancyGrid, Path};
 pub use marker::{ColorRgba, Marker, MarkerAction, MarkerArray, MarkerShape};
 pub use motion::{Imu, Odometry, Range};

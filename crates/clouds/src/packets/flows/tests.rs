@@ -1,6 +1,14 @@
+//! Captures of a Velodyne, and what of its clouds.
+
 use super::*;
+use crate::packets::sweep::TURN;
 use crate::packets::window::in_memory::File;
 use proptest::prelude::*;
+
+const FLAG: [u8; 2] = [0xff, 0xee];
+/// Both the strongest and the last return.
+const DUAL: u8 = 0x39;
+const HOUR_US: i64 = 3_600_000_000;
 
 /// A packet whose blocks turn by 0.4 degrees each; every laser sees the given distances in turn.
 fn payload(first: u32, distances: [u16; 2], sensor_us: u32, mode: u8, product: u8) -> Vec<u8> {
@@ -37,16 +45,17 @@ fn capture(payloads: &[Vec<u8>], us_apart: u32) -> Vec<u8> {
 
 fn surveyed(bytes: &[u8]) -> Option<Survey> {
     let file = File(bytes);
-    survey(&mut Window::open(&file, "a.pcap"), Capture::begin(bytes)?).unwrap()
+    survey(&mut Window::open(&file, "a.pcap"), Capture::begin(bytes)?, None).unwrap()
 }
 
 fn sweeps(bytes: &[u8]) -> (Vec<Sweep>, Notes) {
     let mut notes = Notes::default();
     let Some(survey) = surveyed(bytes) else { return (Vec::new(), notes) };
-    let Ok(model) = survey.model else { return (Vec::new(), notes) };
     let file = File(bytes);
     let window = Window::open(&file, "a.pcap");
-    let mut sweeps = Sweeps::new(window, Capture::begin(bytes).unwrap(), survey.sender, model);
+    let Ok(mut sweeps) = Sweeps::new(window, Capture::begin(bytes).unwrap(), &survey) else {
+        return (Vec::new(), notes);
+    };
     let all: Vec<Sweep> = std::iter::from_fn(|| sweeps.next(&mut notes)).collect();
     assert_eq!(all.len(), survey.sweeps);
     assert!(all.iter().all(|sweep| sweep.points_m.len() == sweep.times_s.len()));
@@ -104,10 +113,27 @@ fn both_returns_are_points_unless_they_are_the_same() {
     assert!((angles[0] + 30.67).abs() < 0.01 && (angles[1] + 9.33).abs() < 0.01 && (angles[31] - 10.67).abs() < 0.01);
 }
 
+/// Laser 0 of a VLP-32C looks down by 25 degrees and 1.4 to the left, a Puck Hi-Res's down by 10; units are 4 and 2 mm.
+#[test]
+fn further_models_have_their_angles() {
+    let first = |product| {
+        let (found, _) = sweeps(&capture(&[payload(0, [500; 2], 0, 0x37, product)], 0));
+        assert_eq!(found[0].points_m.len(), 384);
+        (found[0].points_m[0].map(f64::from), found[0].times_s.clone())
+    };
+    let ([x, y, z], times_s) = first(0x28);
+    let (down, left) = (25_f64.to_radians(), 1.4_f64.to_radians());
+    let expected = [2.0 * down.cos() * left.cos(), 2.0 * down.cos() * left.sin(), -2.0 * down.sin()];
+    assert!([x, y, z].iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{x} {y} {z}");
+    assert_eq!(times_s[..4], [0.0, 0.0, 2.304e-6, 2.304e-6]);
+    let ([x, _, z], _) = first(0x24);
+    assert!((x - 10_f64.to_radians().cos()).abs() < 1e-6 && (z + 10_f64.to_radians().sin() - 0.0074).abs() < 1e-6);
+}
+
 #[test]
 fn other_models_are_named_and_a_bad_block_is_left_out() {
-    let file = capture(&[payload(0, [500; 2], 0, 0x37, 0x28)], 0);
-    assert_eq!(surveyed(&file).unwrap().model, Err(0x28));
+    let file = capture(&[payload(0, [500; 2], 0, 0x37, 0xa1)], 0);
+    assert!(surveyed(&file).unwrap().sender.2.name(None).unwrap_err().contains("product 0xa1"));
     let mut bad = payload(0, [500; 2], 0, 0x37, 0x22);
     bad[100] = 0;
     bad[202..204].copy_from_slice(&40_000_u16.to_le_bytes());
