@@ -60,7 +60,7 @@ fn cloud(bytes: &mut &[u8], sensor: &Arc<SpaceSensor>) -> Cloud {
     let times_s =
         (0..times).map(|k| if choice & 32 == 0 { k as f32 * 1e-4 } else { number(bytes, 1) as f32 }).collect();
     let colours = if points & 64 == 0 { Vec::new() } else { vec![[1, 2, 3]; usize::from(copies)] };
-    Cloud { stamp, sensor: Arc::clone(sensor), points_m, times_s, colours, odom_from_robot }
+    Cloud { stamp, sensor: Arc::clone(sensor), points_m, times_s, colours, intensities: Vec::new(), odom_from_robot }
 }
 
 fn imu(bytes: &mut &[u8], choice: u8) -> ImuReading {

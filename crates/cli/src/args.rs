@@ -244,7 +244,7 @@ pub(crate) struct SourceArgs {
     /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
     #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
     slice: Option<SliceBounds>,
-    /// What one stands for in the ranges of scans that are not in metres, metres: 0.001 for millimetres.
+    /// What one stands for in the ranges of scans, or the coordinates of clouds, that are not in metres, metres: 0.001 for millimetres.
     #[arg(long, value_name = "M", value_parser = parse_range_unit)]
     range_unit: Option<f64>,
     /// Of a depth camera: focal lengths and the optical axis, pixels.
@@ -257,7 +257,7 @@ pub(crate) struct SourceArgs {
 
 impl SourceArgs {
     pub(crate) fn camera(&self) -> CameraOptions {
-        CameraOptions { intrinsics: self.intrinsics, depth_scale: self.depth_scale }
+        CameraOptions { intrinsics: self.intrinsics, depth_scale: self.depth_scale, range_unit_m: self.range_unit }
     }
 
     pub(crate) fn choice(&self) -> Choice {

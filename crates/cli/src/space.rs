@@ -43,15 +43,9 @@ pub(crate) use verdict::Facts as SpaceFacts;
 /// Of the points of the finished map one is kept in each cube of such a side, of the smallest voxel's.
 pub(crate) const MAP_SHARE: f64 = 0.1;
 
-/// What is said of a source that the recording of space at hand has no use for is wrong usage.
-pub(crate) fn check_choice(args: &SourceArgs, is_of_files: bool) -> Result<(), Failure> {
-    let choice = args.choice();
-    if choice.range_unit_m.is_some() {
-        return Err(Failure::Usage(
-            "--range-unit is for scans of planar lasers, found a recording of space".to_owned(),
-        ));
-    }
-    match choice.of_recordings().filter(|_| is_of_files) {
+/// What is said of a source that files have no use for is wrong usage.
+pub(crate) fn check_choice_of_files(args: &SourceArgs) -> Result<(), Failure> {
+    match args.choice().of_recordings() {
         Some(option) => Err(Failure::Usage(format!(
             "{option} is for recordings of messages, found files, which have no such thing"
         ))),
@@ -157,15 +151,16 @@ fn finish(mut mapping: Mapping, finished: &Finished<'_>) -> Result<Outcome, Fail
         losses.push(format!("interrupted after {} clouds; the results are complete up to there", mapping.tally.clouds));
     }
     if mapping.mapper.session().keyframes().is_empty() {
+        let why: String = read.odd.iter().chain(&read.doubts).map(|why| format!("; {why}")).collect();
         return Err(Failure::Log(format!(
-            "{name}: expected clouds with at least 100 returns, found none in {} clouds: there is nothing to map",
+            "{name}: expected clouds with at least 100 returns, found none in {} clouds: there is nothing to map{why}",
             mapping.tally.clouds
         )));
     }
     let results = mapping.write_results(read, simulation)?;
     odd.extend(results.odd());
     losses.extend(results.losses());
-    let usable = SpaceFacts::of(&mapping.tally, &mut mapping.mapper).judged();
+    let usable = SpaceFacts::of(&mapping.tally, &mut mapping.mapper).doubting(&read.doubts).judged();
     let all_losses: Vec<String> = losses.iter().cloned().chain(usable.loss()).collect();
     let mut report = report::to_json(name, read, &mapping.tally, &results, (&usable, &all_losses));
     report["odd"] = json!(odd);

@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let numbers = arguments.next().map(|text| text.split(',').map(str::parse).collect::<Result<Vec<f64>, _>>());
     let intrinsics = numbers.transpose()?.map(<[f64; 4]>::try_from).transpose().map_err(|_| "expected FX,FY,CX,CY")?;
     let depth_scale = arguments.next().map(|text| text.parse()).transpose()?;
-    list(&Disk::open(path.as_ref())?, &CameraOptions { intrinsics, depth_scale })
+    list(&Disk::open(path.as_ref())?, &CameraOptions { intrinsics, depth_scale, range_unit_m: None })
 }
 
 fn list(disk: &Disk, options: &CameraOptions) -> Result<(), Box<dyn Error>> {
@@ -29,7 +29,6 @@ fn list(disk: &Disk, options: &CameraOptions) -> Result<(), Box<dyn Error>> {
         recording.sensor().range_min_m,
         recording.sensor().range_max_m
     );
-    recording.decisions().iter().for_each(|decision| println!("- {decision}"));
     for reference in recording.references() {
         println!("reference {}: {} poses of {}", reference.file, reference.poses.len(), reference.frame);
     }
@@ -38,6 +37,7 @@ fn list(disk: &Disk, options: &CameraOptions) -> Result<(), Box<dyn Error>> {
     }
     print_notes(recording.notes());
     let mut clouds = recording.clouds(options)?;
+    clouds.decisions().iter().for_each(|decision| println!("- {decision}"));
     let mut number = 0;
     loop {
         let begin = Instant::now();

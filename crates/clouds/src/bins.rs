@@ -1,18 +1,21 @@
-//! KITTI's clouds: four floats a point, perhaps compressed by zstd.
+//! KITTI's clouds, four floats a point, and nuScenes', five; perhaps compressed by zstd.
 
 use crate::error::CloudError;
 use crate::notes::{NoteKind, Notes};
+use crate::points::{Points, telling};
 use crate::text::excerpt;
 use std::io::Read;
 
+const FLOAT_BYTES: usize = 4;
 /// `x y z intensity`, little endian.
-pub(crate) const POINT_BYTES: usize = 16;
+pub(crate) const POINT_BYTES: usize = 4 * FLOAT_BYTES;
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// A frame may always become so many bytes: two million points; or so many times those in the file.
 const ALWAYS_ALLOWED_BYTES: u64 = 32 << 20;
 const RATIO_MAX: u64 = 64;
-/// So many points tell whether they are such.
+/// So many points tell whether they are such, in so many runs from all of a file: what a lidar sees first may lie on one side of it.
 const LOOKED_AT: usize = 2000;
+const RUNS: usize = 20;
 /// No lidar sees farther, metres.
 const FARTHEST_M: f32 = 2000.0;
 
@@ -21,7 +24,32 @@ const FARTHEST_M: f32 = 2000.0;
 /// # Errors
 /// [`CloudError::Content`] where zstd's bytes break before the first point, or the numbers are none that a lidar gives.
 pub fn read_bin(file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<[f32; 3]>, CloudError> {
-    BinReader::default().read(file, bytes, notes)
+    BinReader::default().read(file, bytes, Columns::Four, notes).map(|points| points.points_m)
+}
+
+/// What a point's numbers are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Columns {
+    /// `x y z intensity`.
+    Four,
+    /// `x y z intensity ring`.
+    Five,
+}
+
+impl Columns {
+    fn point_bytes(self) -> usize {
+        match self {
+            Self::Four => POINT_BYTES,
+            Self::Five => POINT_BYTES + FLOAT_BYTES,
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Four => "points as float32 x y z intensity",
+            Self::Five => "points as float32 x y z intensity ring",
+        }
+    }
 }
 
 /// Reads one file after the other; keeps the room for what is decompressed, and zstd's state.
@@ -32,17 +60,28 @@ pub(crate) struct BinReader {
 }
 
 impl BinReader {
-    pub(crate) fn read(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<[f32; 3]>, CloudError> {
+    pub(crate) fn read(
+        &mut self,
+        file: &str,
+        bytes: &[u8],
+        columns: Columns,
+        notes: &mut Notes,
+    ) -> Result<Points, CloudError> {
         let bytes = if bytes.starts_with(&ZSTD_MAGIC) { self.unpacked(file, bytes, notes)? } else { bytes };
-        let (points, rest) = bytes.as_chunks::<POINT_BYTES>();
-        if is_foreign(points) || (points.is_empty() && !rest.is_empty()) {
-            return Err(CloudError::content(file, 0, "points as float32 x y z intensity", excerpt(bytes)));
+        let size = columns.point_bytes();
+        let points = bytes.chunks_exact(size);
+        let rest = points.remainder();
+        if is_foreign(bytes, size) || (points.len() == 0 && !rest.is_empty()) {
+            return Err(CloudError::content(file, 0, columns.words(), foreign_words(bytes, columns)));
         }
         if !rest.is_empty() {
             let at = bytes.len() - rest.len();
-            notes.note(NoteKind::Truncated, file, at, || ("points of 16 bytes", format!("{} bytes more", rest.len())));
+            let expected = || (format!("points of {size} bytes"), format!("{} bytes more", rest.len()));
+            notes.note(NoteKind::Truncated, file, at, expected);
         }
-        Ok(points.iter().map(|point| [0, 4, 8].map(|at| number(point, at))).collect())
+        let intensities = points.clone().map(|point| number(point, 3)).collect();
+        let points_m = points.map(|point| [0, 1, 2].map(|column| number(point, column))).collect();
+        Ok(Points { points_m, intensities: telling(intensities), ..Points::default() })
     }
 
     fn unpacked(&mut self, file: &str, bytes: &[u8], notes: &mut Notes) -> Result<&[u8], CloudError> {
@@ -87,19 +126,52 @@ impl BinReader {
     }
 }
 
-fn number(bytes: &[u8; POINT_BYTES], at: usize) -> f32 {
-    f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+/// The number in a column of a point.
+fn number(point: &[u8], column: usize) -> f32 {
+    let bytes = point.get(FLOAT_BYTES * column..).and_then(|rest| rest.first_chunk::<FLOAT_BYTES>());
+    bytes.map_or(f32::NAN, |bytes| f32::from_le_bytes(*bytes))
 }
 
-/// Whether the first points are something else: places that are too far or of tiny numbers, or intensities below zero, as where
-/// points have three or five numbers.
-fn is_foreign(points: &[[u8; POINT_BYTES]]) -> bool {
-    let looked_at = points.get(..LOOKED_AT).unwrap_or(points);
+/// Whether points are something else: places that are too far or of tiny numbers, or intensities below zero, as where points have
+/// another count of numbers.
+fn is_foreign(bytes: &[u8], size: usize) -> bool {
+    let looked_at: Vec<&[u8]> = spread(bytes, size).collect();
     let is_no_place = |v: f32| v.is_finite() && (v.abs() > FARTHEST_M || (v != 0.0 && v.abs() < 1e-20));
-    let count = |is_strange: &dyn Fn(&[u8; POINT_BYTES]) -> bool| looked_at.iter().filter(|p| is_strange(p)).count();
-    let far = count(&|point| [0, 4, 8].iter().any(|at| is_no_place(number(point, *at))));
-    let below_zero = count(&|point| number(point, 12) < 0.0);
+    let count = |is_strange: &dyn Fn(&[u8]) -> bool| looked_at.iter().filter(|point| is_strange(point)).count();
+    let far = count(&|point| (0..3).any(|column| is_no_place(number(point, column))));
+    let below_zero = count(&|point| number(point, 3) < 0.0);
     far * 100 > looked_at.len() || below_zero * 20 > looked_at.len()
+}
+
+/// [`LOOKED_AT`] points in [`RUNS`] runs of successive ones: those of a fixed distance might all begin at the same column of a point of
+/// another size.
+fn spread(bytes: &[u8], size: usize) -> impl Iterator<Item = &[u8]> {
+    let points = bytes.len() / size;
+    let (run, apart) = ((LOOKED_AT / RUNS).min(points), (points / RUNS).max(LOOKED_AT / RUNS));
+    let runs = (0..points).step_by(apart.max(1));
+    runs.flat_map(move |begin| bytes.get(begin * size..).unwrap_or_default().chunks_exact(size).take(run))
+}
+
+/// Text as it stands, or of what size points may be instead.
+fn foreign_words(bytes: &[u8], columns: Columns) -> String {
+    let head = bytes.get(..64).unwrap_or(bytes);
+    let is_text = head.iter().all(|byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace());
+    if is_text || bytes.len() < POINT_BYTES {
+        return excerpt(bytes);
+    }
+    let count = |floats: usize| bytes.len().is_multiple_of(FLOAT_BYTES * floats).then(|| floats.to_string());
+    let counts: Vec<String> = [3, 5, 6, 7, 8].into_iter().filter_map(count).collect();
+    let floats = if counts.is_empty() { "another count of".to_owned() } else { counts.join(" or ") };
+    let named = match columns {
+        Columns::Four => {
+            "; five floats, x y z intensity ring, are read where files are named as in nuScenes, NAME.pcd.bin"
+        }
+        Columns::Five => "",
+    };
+    format!(
+        "{} bytes that are no such points: {floats} floats a point{named}; PCD and PLY files say what is in them",
+        bytes.len()
+    )
 }
 
 #[cfg(test)]
@@ -138,6 +210,29 @@ mod tests {
         let three: Vec<u8> =
             (0..400).flat_map(|k| [k as f32, -3.0, -1.0].into_iter().flat_map(f32::to_le_bytes)).collect();
         assert!(read(&three).is_err());
+    }
+
+    /// Points of a lidar that turns, with so many floats each.
+    fn turning(floats: usize) -> Vec<u8> {
+        let point = |k: usize| {
+            let angle = k as f32 * std::f32::consts::TAU / 6000.0;
+            let all = [8.0 * angle.cos(), 8.0 * angle.sin(), -1.0, 0.4, 17.0, 0.05];
+            all.into_iter().take(floats).flat_map(f32::to_le_bytes)
+        };
+        (0..6000).flat_map(point).collect()
+    }
+
+    #[test]
+    fn points_of_another_size_are_refused_wherever_in_the_file_they_tell() {
+        let mut notes = Notes::default();
+        for floats in [3, 5, 6] {
+            let error = read_bin("a", &turning(floats), &mut notes).unwrap_err().to_string();
+            assert!(error.contains(&format!("{floats} ")) && error.contains("NAME.pcd.bin"), "{error}");
+        }
+        assert_eq!(read_bin("a", &turning(4), &mut notes).unwrap().len(), 6000);
+        let five = BinReader::default().read("a", &turning(5), Columns::Five, &mut notes).unwrap();
+        assert_eq!((five.points_m.len(), five.points_m[0], notes), (6000, [8.0, 0.0, -1.0], Notes::default()));
+        assert!(BinReader::default().read("a", &turning(4), Columns::Five, &mut Notes::default()).is_err());
     }
 
     proptest! {

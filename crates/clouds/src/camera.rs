@@ -1,5 +1,6 @@
 //! What is known of a depth camera.
 
+use crate::distances::RANGE_UNIT_KEY;
 use crate::error::CloudError;
 use crate::notes::{NoteKind, Notes};
 use crate::plan::DepthPlan;
@@ -12,13 +13,15 @@ pub const INTRINSICS_KEY: &str = "--intrinsics FX,FY,CX,CY";
 /// What the command line calls [`CameraOptions::depth_scale`].
 pub const DEPTH_SCALE_KEY: &str = "--depth-scale S";
 
-/// What the caller knows of a depth camera; it counts more than what the folder says.
+/// What the caller knows of a depth camera, or of clouds; it counts more than what the folder says.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CameraOptions {
     /// Focal lengths and the optical axis, `fx fy cx cy`, pixels.
     pub intrinsics: Option<[f64; 4]>,
     /// The number that stands for a metre in images of depth.
     pub depth_scale: Option<f64>,
+    /// What one stands for in the coordinates of a folder's clouds, metres.
+    pub range_unit_m: Option<f64>,
 }
 
 impl CameraOptions {
@@ -27,14 +30,35 @@ impl CameraOptions {
     /// # Errors
     /// [`CloudError::Options`].
     pub fn check_scale(&self) -> Result<(), CloudError> {
-        match self.depth_scale {
-            Some(scale) if !(scale.is_finite() && scale > 0.0) => {
-                let reason = format!("expected a finite number above zero, found {scale}");
-                Err(CloudError::Options { key: DEPTH_SCALE_KEY, reason })
+        for (number, key) in [(self.depth_scale, DEPTH_SCALE_KEY), (self.range_unit_m, RANGE_UNIT_KEY)] {
+            if let Some(found) = number.filter(|number| !(number.is_finite() && *number > 0.0)) {
+                let reason = format!("expected a finite number above zero, found {found}");
+                return Err(CloudError::Options { key, reason });
             }
-            _ => Ok(()),
         }
+        Ok(())
     }
+}
+
+/// What speaks against a camera, with what to type: its axis lies at the edge of the image.
+#[must_use]
+pub fn off_axis_words(camera: &PinholeCamera) -> Option<String> {
+    let (words, likely) = camera.off_axis().filter(|_| camera.width > 0 && camera.height > 0)?;
+    Some(match likely {
+        Some(PinholeCamera { focal_px: [fx, fy], centre_px: [cx, cy], .. }) => format!(
+            "{words}: are the camera's numbers those of another size? At this one they are `--intrinsics {},{},{},{}`",
+            short(fx),
+            short(fy),
+            short(cx),
+            short(cy)
+        ),
+        None => format!("{words}: is it this camera? `{INTRINSICS_KEY}` says what it is"),
+    })
+}
+
+/// A number of pixels with at most three digits behind the point.
+fn short(pixels: f64) -> f64 {
+    (1e3 * pixels).round() / 1e3
 }
 
 /// The camera, and what a metre is in its images; the notes say what is wrong with files that should have said it.
@@ -48,9 +72,32 @@ pub(crate) fn camera(
     };
     let [width, height] = plan.size;
     let camera = PinholeCamera { width, height, focal_px: [fx, fy], centre_px: [cx, cy], distortion: [0.0; 5] };
-    camera.check().map_err(|reason| CloudError::Options { key: INTRINSICS_KEY, reason: reason.into() })?;
+    let hint = if fy < 0.0 { "; ICL-NUIM writes fy with a minus: leave it out" } else { "" };
+    let refused = |reason: &str| CloudError::Options { key: INTRINSICS_KEY, reason: format!("{reason}{hint}") };
+    camera.check().map_err(refused)?;
+    if options.range_unit_m.is_some() {
+        let reason =
+            "is for clouds and scans, found images of depth: --depth-scale says which number stands for a metre";
+        return Err(CloudError::Options { key: RANGE_UNIT_KEY, reason: reason.to_owned() });
+    }
     options.check_scale()?;
     Ok((Arc::new(camera), options.depth_scale.unwrap_or(plan.depth_per_m)))
+}
+
+/// What is used of what is known of a camera: decisions, and what casts doubt on them.
+pub(crate) fn words(plan: &DepthPlan, options: &CameraOptions, camera: &PinholeCamera) -> (Vec<String>, Vec<String>) {
+    let (mut decisions, mut doubts) = (Vec::new(), Vec::new());
+    match (options.intrinsics, &plan.camera_words) {
+        (Some([fx, fy, cx, cy]), _) => decisions.push(format!("the camera is {fx},{fy},{cx},{cy}, as asked for")),
+        (None, Ok(words)) => decisions.push(words.clone()),
+        (None, Err(doubt)) => doubts.push(doubt.clone()),
+    }
+    doubts.extend(off_axis_words(camera));
+    decisions.push(match options.depth_scale {
+        Some(scale) => format!("{scale} is a metre of depth, as asked for"),
+        None => format!("{} is a metre of depth, {}", plan.depth_per_m, plan.scale_words),
+    });
+    (decisions, doubts)
 }
 
 fn missing(plan: &DepthPlan, notes: &Notes) -> CloudError {
@@ -123,7 +170,14 @@ mod tests {
     #[test]
     fn what_is_missing_is_named() {
         let calibrations = vec!["c.json".to_owned()];
-        let plan = DepthPlan { size: [4, 3], intrinsics: None, depth_per_m: 1000.0, calibrations };
+        let plan = DepthPlan {
+            size: [4, 3],
+            intrinsics: None,
+            camera_words: Ok(String::new()),
+            depth_per_m: 1000.0,
+            scale_words: "",
+            calibrations,
+        };
         let told = |notes: &Notes| camera(&plan, &CameraOptions::default(), notes).unwrap_err().to_string();
         let expected = "the folder does not say the camera's focal lengths and centre: give --intrinsics FX,FY,CX,CY";
         let mut notes = Notes::default();
@@ -145,9 +199,13 @@ mod tests {
             );
             assert!(told.contains(&format!("found {found}): give --intrinsics FX,FY,CX,CY")), "{told}");
         }
-        let options = CameraOptions { intrinsics: Some([2.0, 2.0, 1.5, 1.0]), depth_scale: Some(0.0) };
+        let options =
+            CameraOptions { intrinsics: Some([2.0, 2.0, 1.5, 1.0]), depth_scale: Some(0.0), range_unit_m: None };
         let error = camera(&plan, &options, &notes).unwrap_err().to_string();
         assert!(error.contains("--depth-scale"), "{error}");
+        let upside = CameraOptions { intrinsics: Some([481.2, -480.0, 319.5, 239.5]), ..CameraOptions::default() };
+        let error = camera(&plan, &upside, &notes).unwrap_err().to_string();
+        assert!(error.contains("above zero") && error.contains("with a minus: leave it out"), "{error}");
         let options = CameraOptions { depth_scale: Some(5000.0), ..options };
         let (camera, depth_per_m) = camera(&plan, &options, &notes).unwrap();
         assert_eq!((camera.width, camera.centre_px, depth_per_m), (4, [1.5, 1.0], 5000.0));

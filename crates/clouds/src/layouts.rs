@@ -3,6 +3,7 @@
 mod depth;
 mod files;
 mod kitti;
+mod nuscenes;
 mod open3d;
 mod packets;
 mod seven_scenes;
@@ -19,7 +20,7 @@ const CLOUDS: [&str; 5] = [".bin", ".bin.zst", ".pcd", ".ply", ".pcap"];
 
 /// The first kind that the folder is of: kinds that need more to be there come first.
 pub(crate) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
-    let kinds = [tum::find, seven_scenes::find, open3d::find, kitti::find, packets::find, files::find];
+    let kinds = [tum::find, seven_scenes::find, open3d::find, nuscenes::find, kitti::find, packets::find, files::find];
     for kind in kinds {
         if let Some(mut plan) = kind(listing)? {
             note_others(listing, &mut plan);

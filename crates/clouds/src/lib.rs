@@ -43,6 +43,7 @@
 
 mod bins;
 mod camera;
+mod distances;
 mod error;
 mod folder;
 mod image;
@@ -59,7 +60,8 @@ mod scalar;
 mod text;
 
 pub use bins::read_bin;
-pub use camera::{CameraOptions, DEPTH_SCALE_KEY, INTRINSICS_KEY};
+pub use camera::{CameraOptions, DEPTH_SCALE_KEY, INTRINSICS_KEY, off_axis_words};
+pub use distances::{Distances, RANGE_UNIT_KEY, UnitOf, Units};
 pub use error::CloudError;
 pub use folder::Folder;
 pub use image::read_png16;

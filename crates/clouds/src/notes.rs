@@ -69,6 +69,8 @@ impl NoteKind {
             self,
             Self::NotFinite | Self::BackwardStamp | Self::EmptyCloud | Self::Viewpoint | Self::OtherClouds
         );
+        // depth alone is mapped
+        let is_said_only = is_said_only || self == Self::MissingColour;
         let is_of_messages = matches!(self, Self::RecordedStamp | Self::WithoutOdometry);
         !(is_said_only || is_of_messages || matches!(self, Self::ForeignPacket | Self::PartialRevolution))
     }

@@ -1,5 +1,6 @@
 //! What a folder holds and how it is read: the result of recognising it.
 
+use crate::bins::Columns;
 use crate::folder::parts;
 use crate::image::Size;
 use crate::notes::{NoteKind, Notes};
@@ -19,6 +20,8 @@ pub(crate) const FRAME_NS: i64 = 100_000_000;
 pub enum Kind {
     /// KITTI's odometry benchmark: `velodyne/000000.bin` and so on.
     Kitti,
+    /// nuScenes' lidar sweeps: `...__1532402927647951.pcd.bin` and so on.
+    NuScenes,
     /// PCD and PLY files, or one of them.
     Files,
     /// The TUM RGB-D benchmark: `depth.txt`.
@@ -35,6 +38,7 @@ impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Kitti => "clouds in the layout of KITTI's odometry benchmark",
+            Self::NuScenes => "clouds in the layout of nuScenes",
             Self::Files => "clouds as PCD or PLY files",
             Self::Tum => "a depth camera in the layout of the TUM RGB-D benchmark",
             Self::SevenScenes => "a depth camera in the layout of 7-Scenes",
@@ -59,8 +63,12 @@ pub(crate) struct DepthPlan {
     pub(crate) size: Size,
     /// `fx fy cx cy`.
     pub(crate) intrinsics: Option<[f64; 4]>,
+    /// Where they are from, in words; or what casts doubt on them.
+    pub(crate) camera_words: Result<String, String>,
     /// What a metre is in the images.
     pub(crate) depth_per_m: f64,
+    /// Who has it so: `as Open3D takes it`.
+    pub(crate) scale_words: &'static str,
     /// Files that may say the intrinsics.
     pub(crate) calibrations: Vec<String>,
 }
@@ -68,8 +76,8 @@ pub(crate) struct DepthPlan {
 /// How frames are read.
 #[derive(Debug, Clone)]
 pub(crate) enum Decode {
-    /// Four floats a point.
-    Bins,
+    /// Floats alone.
+    Bins(Columns),
     /// PCD or PLY.
     Files,
     Depth(DepthPlan),

@@ -10,6 +10,8 @@ pub struct Points {
     pub points_m: Vec<[f32; 3]>,
     /// Red, green and blue of each; empty where there are none.
     pub colours: Vec<[u8; 3]>,
+    /// How bright each is, in units of whatever took it; empty where the file does not say, or says the same of all.
+    pub intensities: Vec<f32>,
     /// When each was taken, as the file has it; empty where it does not say.
     pub times: Vec<f64>,
     /// What the field of times is called and whether it holds integers.
@@ -25,6 +27,8 @@ pub(crate) struct Field {
 
 /// Names of the field of times.
 const TIME: [&str; 6] = ["t", "time", "timestamp", "offset_time", "time_offset", "time_stamp"];
+/// Names of the field of intensities.
+const INTENSITY: [&str; 3] = ["intensity", "intensities", "reflectivity"];
 /// CloudCompare puts this before names that it does not know.
 const FOREIGN_PREFIX: &str = "scalar_";
 
@@ -57,12 +61,20 @@ pub(crate) fn assemble(
         None => Vec::new(),
     };
     let time = TIME.iter().find_map(|name| find(name));
+    let intensity = INTENSITY.iter().find_map(|name| find(name));
+    let intensities = intensity.map_or_else(Vec::new, |field| (0..count).map(|at| value(at, field) as f32).collect());
     Ok(Points {
         points_m,
         colours,
+        intensities: telling(intensities),
         times: time.map_or_else(Vec::new, |field| (0..count).map(|at| value(at, field)).collect()),
         time_field: time.map(|field| (names[field].clone(), fields[field].scalar.is_integer())),
     })
+}
+
+/// Intensities that are the same of all say nothing.
+pub(crate) fn telling(intensities: Vec<f32>) -> Vec<f32> {
+    if intensities.windows(2).all(|pair| pair[0] == pair[1]) { Vec::new() } else { intensities }
 }
 
 fn plain_name(name: &str) -> String {
@@ -130,6 +142,17 @@ pub(crate) enum First {
 pub(crate) fn times_of(points: &Points) -> Option<PointTimes> {
     let (name, is_integer) = points.time_field.as_ref()?;
     let is_there = |point: &[f32; 3]| point.iter().all(|v| v.is_finite());
+    // what brought nothing back may stand in the sensor, with any time
+    let brings_something = |point: &[f32; 3]| is_there(point) && *point != [0.0; 3];
+    times_of_those(points, (name, *is_integer), &is_there)
+        .or_else(|| times_of_those(points, (name, *is_integer), &brings_something))
+}
+
+fn times_of_those(
+    points: &Points,
+    (name, is_integer): (&str, bool),
+    is_there: &dyn Fn(&[f32; 3]) -> bool,
+) -> Option<PointTimes> {
     let there =
         || points.times.iter().zip(&points.points_m).filter(|(_, point)| is_there(point)).map(|(time, _)| *time);
     if !there().all(f64::is_finite) {
@@ -139,15 +162,16 @@ pub(crate) fn times_of(points: &Points) -> Option<PointTimes> {
     if first >= last {
         return Some(PointTimes { times_s: Vec::new(), first: First::AfterStamp(0.0) });
     }
-    let (unit_s, is_absolute) = unit_of(name, *is_integer, [first, last])?;
+    let (unit_s, is_absolute) = unit_of(name, is_integer, [first, last])?;
     let start = if is_absolute { first } else { first.min(0.0) };
-    let seconds = |time: &f64| if time.is_finite() { ((time - start) * unit_s) as f32 } else { 0.0 };
+    let seconds =
+        |(time, point): (&f64, &[f32; 3])| if is_there(point) { ((time - start) * unit_s) as f32 } else { 0.0 };
     let first = if is_absolute {
         First::At(Stamp((first * unit_s * 1e9).round() as i64))
     } else {
         First::AfterStamp(start * unit_s)
     };
-    Some(PointTimes { times_s: points.times.iter().map(seconds).collect(), first })
+    Some(PointTimes { times_s: points.times.iter().zip(&points.points_m).map(seconds).collect(), first })
 }
 
 fn unit_of(name: &str, is_integer: bool, ends: [f64; 2]) -> Option<(f64, bool)> {

@@ -1,7 +1,8 @@
 //! A recording, and its clouds one by one.
 
-use crate::bins::BinReader;
-use crate::camera::{CameraOptions, camera};
+use crate::bins::{BinReader, Columns};
+use crate::camera::{self, CameraOptions, camera};
+use crate::distances::{Distances, UnitOf};
 use crate::error::CloudError;
 use crate::folder::{Folder, Listing, read};
 use crate::image::{read_colours, read_depth};
@@ -17,8 +18,11 @@ use crate::points::{First, Points, times_of};
 use crate::poses::Reference;
 use crate::text::excerpt;
 use mapwright_geom::Stamp;
-use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor};
+use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor, SweepTimes};
 use std::sync::Arc;
+
+/// So many frames tell in which units they are; nothing is known of the other ones.
+const LOOKED_AT: usize = 3;
 
 /// What a folder or a file holds, if it is a recording of a sensor in space; none where it is none that is read here.
 ///
@@ -100,12 +104,6 @@ impl<'a> Recording<'a> {
         &self.plan.references
     }
 
-    /// What was decided, and what was taken for granted because nothing says it, in words.
-    #[must_use]
-    pub fn decisions(&self) -> &[String] {
-        &self.plan.decisions
-    }
-
     /// What was found to be wrong so far: with lists, times, poses and calibrations. What is wrong with clouds is noted as they are
     /// read.
     #[must_use]
@@ -119,8 +117,9 @@ impl<'a> Recording<'a> {
     /// [`CloudError::Missing`] where neither the folder nor the options say what the camera is, [`CloudError::Options`] where they
     /// say what cannot be.
     pub fn clouds(&self, options: &CameraOptions) -> Result<Clouds<'a>, CloudError> {
+        options.check_scale()?;
         let source = match &self.plan.decode {
-            Decode::Bins => Source::Bins(Box::default()),
+            Decode::Bins(columns) => Source::Bins(Box::default(), *columns),
             Decode::Files => Source::Files,
             Decode::Depth(plan) => {
                 let (camera, depth_per_m) = camera(plan, options, &self.plan.notes)?;
@@ -139,7 +138,7 @@ impl<'a> Recording<'a> {
                 Source::Packets(Box::new(sweeps))
             }
         };
-        Ok(Clouds {
+        let mut clouds = Clouds {
             folder: self.folder,
             sensor: Arc::clone(&self.sensor),
             frames: self.plan.frames.clone(),
@@ -149,13 +148,29 @@ impl<'a> Recording<'a> {
             last_stamp: None,
             notes: Notes::default(),
             source,
-        })
+            unit_m: options.range_unit_m.unwrap_or(1.0),
+            times: SweepTimes::Seconds,
+            decisions: self.plan.decisions.clone(),
+            odd: Vec::new(),
+            doubts: Vec::new(),
+        };
+        let of = match (&self.plan.decode, &clouds.source) {
+            (Decode::Depth(plan), Source::Depth { camera, depth_per_m, .. }) => {
+                let (decisions, doubts) = camera::words(plan, options, camera);
+                clouds.decisions.extend(decisions);
+                clouds.doubts = doubts;
+                UnitOf::Images { per_m: *depth_per_m, is_asked: options.depth_scale.is_some() }
+            }
+            _ => UnitOf::Clouds(options.range_unit_m),
+        };
+        clouds.look_ahead(of);
+        Ok(clouds)
     }
 }
 
 /// What clouds are made of.
 enum Source<'a> {
-    Bins(Box<BinReader>),
+    Bins(Box<BinReader>, Columns),
     Files,
     Depth { camera: Arc<PinholeCamera>, directions: Vec<[f32; 2]>, depth_per_m: f64 },
     Packets(Box<Sweeps<'a>>),
@@ -174,6 +189,12 @@ pub struct Clouds<'a> {
     last_stamp: Option<Stamp>,
     notes: Notes,
     source: Source<'a>,
+    /// What one stands for in coordinates, metres.
+    unit_m: f64,
+    times: SweepTimes,
+    decisions: Vec<String>,
+    odd: Vec<String>,
+    doubts: Vec<String>,
 }
 
 impl std::fmt::Debug for Clouds<'_> {
@@ -194,6 +215,7 @@ impl Clouds<'_> {
         while let Some((place, frame)) = self.next_frame() {
             let cloud = self.cloud(place, &frame);
             if let Some(cloud) = self.kept(&frame, cloud) {
+                let cloud = self.settled(&frame.file, cloud);
                 self.check_stamp(&frame.file, cloud.stamp);
                 self.check_points(&frame.file, 0, &cloud);
                 return Ok(Some(cloud));
@@ -235,6 +257,88 @@ impl Clouds<'_> {
         &self.notes
     }
 
+    /// What was decided, and what was taken for granted because nothing says it, in words.
+    #[must_use]
+    pub fn decisions(&self) -> &[String] {
+        &self.decisions
+    }
+
+    /// What is odd about units, in words, with what to type where they are wrong.
+    #[must_use]
+    pub fn odd(&self) -> &[String] {
+        &self.odd
+    }
+
+    /// What casts doubt on a map of it, in words: what had to be assumed of the camera, or cannot be.
+    #[must_use]
+    pub fn doubts(&self) -> &[String] {
+        &self.doubts
+    }
+
+    /// What takes the clouds.
+    #[must_use]
+    pub fn sensor(&self) -> &Arc<SpaceSensor> {
+        &self.sensor
+    }
+
+    /// Looks at the first frames before any is asked for: whether they are in metres, and their times in seconds.
+    fn look_ahead(&mut self, of: UnitOf) {
+        if matches!(self.source, Source::Packets(_)) {
+            return;
+        }
+        let first: Vec<Frame> = self.frames.iter().take(LOOKED_AT).cloned().collect();
+        let clouds = first.iter().enumerate().filter_map(|(place, frame)| self.cloud(place, frame).ok());
+        let clouds: Vec<Cloud> = clouds.collect();
+        self.notes = Notes::default(); // it is read once more
+        let mut distances = Distances::default();
+        clouds.iter().for_each(|cloud| distances.add_cloud(cloud));
+        let found = distances.scaled(self.unit_m).judge(&self.sensor, of);
+        self.unit_m = found.unit_m.unwrap_or(self.unit_m);
+        if let Some(range_min_m) = found.range_min_m {
+            self.sensor = Arc::new(SpaceSensor { range_min_m, ..(*self.sensor).clone() });
+        }
+        self.decisions.extend(found.assumed);
+        self.odd.extend(found.odd);
+        self.settle_times(&clouds);
+    }
+
+    fn settle_times(&mut self, first: &[Cloud]) {
+        let latest_s = |cloud: &Cloud| cloud.times_s.iter().copied().fold(0.0, f32::max);
+        let span_s = f64::from(first.iter().map(latest_s).fold(0.0, f32::max));
+        let named: Option<Vec<Stamp>> = self.frames.iter().map(|frame| frame.stamp).collect();
+        let has_stamps = named.is_some();
+        let stamps = named.unwrap_or_else(|| first.iter().map(|cloud| cloud.stamp).collect());
+        self.times = match SweepTimes::of(span_s, &stamps) {
+            // where nothing says when files were taken, only what cannot be seconds is not
+            SweepTimes::Refused { .. } if !has_stamps => SweepTimes::Seconds,
+            times => times,
+        };
+        if let SweepTimes::Shares { sweep_s } = self.times {
+            self.decisions.push(format!(
+                "times of points span {span_s:.2} s, clouds come every {sweep_s:.2} s: taken for shares of a sweep that lasts from one \
+                 cloud to the next"
+            ));
+        }
+    }
+
+    /// In metres and seconds.
+    fn settled(&mut self, file: &str, mut cloud: Cloud) -> Cloud {
+        if self.unit_m != 1.0 {
+            let metres = |coordinate: &mut f32| *coordinate = (f64::from(*coordinate) * self.unit_m) as f32;
+            cloud.points_m.iter_mut().flatten().for_each(metres);
+        }
+        match self.times {
+            SweepTimes::Shares { sweep_s } => cloud.times_s.iter_mut().for_each(|time| *time *= sweep_s as f32),
+            SweepTimes::Refused { interval_s } if !cloud.times_s.is_empty() => {
+                let expected = || format!("times within a sweep, as clouds come every {interval_s:.2} s");
+                self.notes.note(NoteKind::BadPointTimes, file, 0, || (expected(), "times of more than two sweeps"));
+                cloud.times_s.clear();
+            }
+            _ => {}
+        }
+        Cloud { sensor: Arc::clone(&self.sensor), ..cloud }
+    }
+
     fn next_frame(&mut self) -> Option<(usize, Frame)> {
         let frame = self.frames.get(self.place)?.clone();
         self.place += 1;
@@ -273,9 +377,9 @@ impl Clouds<'_> {
             return cloud.map_err(|reason| CloudError::content(&frame.file, 0, "the camera's size", reason));
         }
         let bytes = read(self.folder, &frame.file)?;
-        if let Source::Bins(reader) = &mut self.source {
-            let points_m = reader.read(&frame.file, &bytes, &mut self.notes)?;
-            return Ok(Cloud { points_m, ..self.empty(frame) });
+        if let Source::Bins(reader, columns) = &mut self.source {
+            let Points { points_m, intensities, .. } = reader.read(&frame.file, &bytes, *columns, &mut self.notes)?;
+            return Ok(Cloud { points_m, intensities, ..self.empty(frame) });
         }
         let points = read_points(&frame.file, &bytes, &mut self.notes)?;
         Ok(self.of_points(place, frame, points))
@@ -289,6 +393,7 @@ impl Clouds<'_> {
             points_m: Vec::new(),
             times_s: Vec::new(),
             colours: Vec::new(),
+            intensities: Vec::new(),
             odom_from_robot: None,
         }
     }
@@ -307,7 +412,8 @@ impl Clouds<'_> {
             _ => of_file,
         };
         let times_s = times.map_or_else(Vec::new, |times| times.times_s);
-        Cloud { stamp, points_m: points.points_m, times_s, colours: points.colours, ..self.empty(frame) }
+        let Points { points_m, colours, intensities, .. } = points;
+        Cloud { stamp, points_m, times_s, colours, intensities, ..self.empty(frame) }
     }
 
     fn image(&mut self, frame: &Frame) -> Result<DepthImage, CloudError> {
@@ -330,13 +436,15 @@ impl Clouds<'_> {
     fn next_sweep(&mut self) -> Option<Cloud> {
         let Source::Packets(sweeps) = &mut self.source else { return None };
         let sweep = sweeps.next(&mut self.notes)?;
+        let unit_m = self.unit_m as f32;
         let file = sweeps.file().to_owned();
         let cloud = Cloud {
             stamp: sweep.stamp,
             sensor: Arc::clone(&self.sensor),
-            points_m: sweep.points_m,
+            points_m: sweep.points_m.into_iter().map(|point| point.map(|coordinate| coordinate * unit_m)).collect(),
             times_s: sweep.times_s,
             colours: Vec::new(),
+            intensities: sweep.intensities,
             odom_from_robot: None,
         };
         self.check_stamp(&file, cloud.stamp);

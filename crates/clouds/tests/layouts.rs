@@ -192,9 +192,99 @@ fn a_camera_that_is_not_known_is_asked_for() {
     let recording = opened(&folder);
     let error = recording.clouds(&CameraOptions::default()).unwrap_err().to_string();
     assert_eq!(error, "the folder does not say the camera's focal lengths and centre: give --intrinsics FX,FY,CX,CY");
-    let options = CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: Some(1000.0) };
+    let options =
+        CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: Some(1000.0), range_unit_m: None };
     let cloud = recording.clouds(&options).unwrap().next_cloud().unwrap().unwrap();
     assert!((cloud.points_m[0][0] + 2.0).abs() < 1e-6 && (cloud.points_m[0][2] - 5.0).abs() < 1e-6);
+}
+
+/// An image for every name.
+fn depths<'a>(names: &[&str], size: [u32; 2]) -> Memory<'a> {
+    names.iter().fold(Memory::default(), |folder, name| folder.with(name, png(size[0], size[1], 1500)))
+}
+
+const INTRINSICS: CameraOptions =
+    CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: None, range_unit_m: None };
+
+#[test]
+fn one_list_of_both_kinds_of_images_is_read_in_either_order() {
+    for (rows, first_ns) in [
+        ("0 depth/0.png 0 rgb/0.png\n1 depth/1.png 1 rgb/1.png\n", 0),
+        ("2.5 rgb/0.png 2.51 depth/0.png\n2.6 rgb/1.png 2.61 depth/1.png\nodd\n", 2_510_000_000),
+    ] {
+        let folder = depths(&["depth/0.png", "depth/1.png"], [8, 6]).with("rgb/0.png", rgb(8, 6));
+        let folder = folder.with("associations.txt", rows);
+        let recording = opened(&folder);
+        assert_eq!((recording.kind(), recording.frames()), (Kind::Tum, 2));
+        assert!(recording.clouds(&CameraOptions::default()).unwrap_err().to_string().contains("give --intrinsics"));
+        let mut clouds = recording.clouds(&INTRINSICS).unwrap();
+        let first = clouds.next_cloud().unwrap().unwrap();
+        assert_eq!((first.stamp, first.colours[0]), (Stamp(first_ns), [1, 2, 3]));
+        assert!((first.points_m[0][2] - 0.3).abs() < 1e-6, "5000 is a metre");
+        assert_eq!(recording.notes().count(NoteKind::BadRow), u64::from(first_ns > 0));
+    }
+}
+
+#[test]
+fn a_numbered_folder_of_depth_is_read_by_its_camera_or_by_a_default_that_is_said() {
+    let names = ["depth/00000.png", "depth/00001.png"];
+    let folder = depths(&names, [8, 6]);
+    let recording = opened(&folder);
+    assert!(recording.clouds(&CameraOptions::default()).unwrap_err().to_string().contains("give --intrinsics"));
+    let clouds = recording.clouds(&CameraOptions { depth_scale: Some(6553.5), ..INTRINSICS }).unwrap();
+    let said = clouds.decisions().join("; ");
+    assert!(said.contains("the camera is 10,10,4,3, as asked for") && said.contains("6553.5 is a metre"), "{said}");
+    assert!(!said.contains("1000 is") && said.contains("no images in colour"), "{said}");
+    assert!(clouds.doubts().is_empty() && !recording.notes().has_losses(), "depth alone is mapped");
+    let folder = depths(&names, [640, 480]);
+    let recording = opened(&folder);
+    let clouds = recording.clouds(&CameraOptions::default()).unwrap();
+    assert!(clouds.doubts()[0].contains("525,525,319.5,239.5") && clouds.doubts()[0].contains("--intrinsics"));
+    let of_lidar = depths(&names, [8, 6]).with("velodyne/000000.bin", bin(3));
+    assert_eq!(opened(&of_lidar).kind(), Kind::Kitti);
+}
+
+#[test]
+fn missing_colours_are_said_and_no_loss() {
+    let folder = tum();
+    let recording = opened(&folder);
+    assert_eq!(recording.notes().count(NoteKind::MissingColour), 2);
+    assert!(!NoteKind::MissingColour.loses_data());
+}
+
+#[test]
+fn sweeps_of_nuscenes_have_five_floats_and_stamps_in_their_names() {
+    let five: Vec<u8> =
+        (0..300).flat_map(|k| [k as f32 * 0.1, 1.0, 2.0, 9.0, 31.0].into_iter().flat_map(f32::to_le_bytes)).collect();
+    let name = |us: u64| format!("n008-2018-08-01__LIDAR_TOP__{us}.pcd.bin");
+    let folder = Memory::default().with(&name(1_533_151_603_597_909), five.clone());
+    let folder = folder
+        .with(&name(1_533_151_603_547_590), five)
+        .with(&name(1_533_151_603_500_000), "text of something else, twenty bytes at least");
+    let recording = opened(&folder);
+    assert_eq!((recording.kind(), recording.frames()), (Kind::NuScenes, 3));
+    let (clouds, notes) = read(&recording);
+    assert_eq!(stamps(&clouds), [1_533_151_603_547_590_000, 1_533_151_603_597_909_000]);
+    assert_eq!((clouds[0].points_m.len(), clouds[0].points_m[2]), (300, [0.2, 1.0, 2.0]));
+    assert_eq!(notes.count(NoteKind::UnreadableFrame), 1);
+}
+
+#[test]
+fn files_in_millimetres_or_with_times_from_0_to_1_are_taken_as_such_and_said() {
+    let row = |k: i32| format!("{} {} 200 {}\n", 3000 * (k % 2) - 1500, 40 * k - 4000, f64::from(k) / 199.0);
+    let head = "FIELDS x y z time\nSIZE 4 4 4 4\nTYPE F F F F\nWIDTH 200\nHEIGHT 1\nDATA ascii\n";
+    let cloud = head.to_owned() + &(0..200).map(row).collect::<String>();
+    let folder =
+        ["a0.pcd", "a1.pcd", "a2.pcd"].iter().fold(Memory::default(), |all, name| all.with(name, cloud.clone()));
+    let recording = opened(&folder);
+    let mut clouds = recording.clouds(&CameraOptions::default()).unwrap();
+    let first = clouds.next_cloud().unwrap().unwrap();
+    assert_eq!((first.points_m[0], first.times_s.last()), ([-1.5, -4.0, 0.2], Some(&0.1)));
+    let said = clouds.decisions().join("; ");
+    assert!(said.contains("taken for millimetres") && said.contains("shares of a sweep"), "{said}");
+    let asked = CameraOptions { range_unit_m: Some(0.01), ..CameraOptions::default() };
+    let first = recording.clouds(&asked).unwrap().next_cloud().unwrap().unwrap();
+    assert_eq!(first.points_m[0], [-15.0, -40.0, 2.0]);
 }
 
 #[test]
@@ -308,7 +398,7 @@ proptest! {
         if damage < 4 {
             folder.files.insert(name.clone(), content);
         }
-        let options = CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: None };
+        let options = CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: None, range_unit_m: None };
         if let Ok(Some(recording)) = recognise(&folder) {
             let mut clouds = recording.clouds(&options).unwrap();
             let mut count = 0;

@@ -35,4 +35,4 @@ mod space_session;
 pub use error::ExportError;
 pub use events::{EventCounts, EventWriter};
 pub use session::{SessionCounts, write_session_mcap};
-pub use space_session::{SpaceSessionCounts, write_space_session_mcap};
+pub use space_session::{SpacePoints, SpaceSessionCounts, write_space_session_mcap};

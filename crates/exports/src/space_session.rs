@@ -16,8 +16,19 @@ use std::io::{Seek, Write};
 const FLOAT32: u8 = 7;
 /// Bytes of `x y z`.
 const POINT_BYTES: usize = 12;
-/// Bytes of a colour: the bits of a float, blue first, as RViz and PCL have them.
-const COLOUR_BYTES: usize = 4;
+/// Bytes of an intensity, and of a colour: the bits of a float, blue first, as RViz and PCL have them.
+const COLUMN_BYTES: usize = 4;
+
+/// Points of a map in its frame, metres, and what is known of each; what is not known of all is empty.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SpacePoints<'a> {
+    /// Places.
+    pub points_m: &'a [[f32; 3]],
+    /// Red, green and blue.
+    pub colours: &'a [[u8; 3]],
+    /// How bright each is.
+    pub intensities: &'a [f32],
+}
 
 /// What was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -31,11 +42,11 @@ pub struct SpaceSessionCounts {
 }
 
 /// Writes a session of space and its map as an MCAP file of ROS 2, as [`crate::write_session_mcap`] does in the plane. The map is
-/// points in its frame, metres, with a colour each where there are any.
+/// points in its frame, metres, with an intensity and a colour each where there are any.
 ///
 /// | topic | type | content |
 /// |---|---|---|
-/// | `/map` | `sensor_msgs/PointCloud2` | the final map, `x y z` and `rgb`, at the first stamp; latched |
+/// | `/map` | `sensor_msgs/PointCloud2` | the final map, `x y z`, `intensity` and `rgb`, at the first stamp; latched |
 /// | `/path` | `nav_msgs/Path` | the final trajectory, every cloud, at the first stamp; latched |
 /// | `/closures` | `visualization_msgs/MarkerArray` | closures that stand as lines, keyframes as dots; latched |
 /// | `/tf_static` | `tf2_msgs/TFMessage` | `base_link -> sensor`, a frame for each sensor by its name; latched |
@@ -47,7 +58,7 @@ pub struct SpaceSessionCounts {
 /// neither that of the points nor none, and for more points than a message can hold.
 pub fn write_space_session_mcap<W: Write + Seek>(
     session: &Session<SpaceSweep>,
-    (points_m, colours): (&[[f32; 3]], &[[u8; 3]]),
+    map: SpacePoints<'_>,
     mut stamped: impl FnMut(Stamp) -> Stamp,
     writer: W,
 ) -> Result<(W, SpaceSessionCounts), ExportError> {
@@ -55,8 +66,9 @@ pub fn write_space_session_mcap<W: Write + Seek>(
     let mut clouds: Vec<TrajectoryPose<Pose3>> = session.trajectory().map(restamped).collect();
     clouds.sort_by_key(|cloud| cloud.stamp);
     let begin = clouds.first().map_or(Stamp(0), |cloud| cloud.stamp);
-    let data = bytes_of(points_m, colours)?;
-    let map = message(&data, !colours.is_empty(), points_m.len(), begin)?;
+    let points = map.points_m.len();
+    let data = bytes_of(map)?;
+    let map = message(&data, [!map.intensities.is_empty(), !map.colours.is_empty()], points, begin)?;
     let mut recording = Recording::mcap(writer)?;
     let topic = recording.add("/map", "sensor_msgs/PointCloud2", Durability::TransientLocal)?;
     recording.write(topic, begin, &map)?;
@@ -68,22 +80,22 @@ pub fn write_space_session_mcap<W: Write + Seek>(
     let topic = recording.add("/tf_static", "tf2_msgs/TFMessage", Durability::TransientLocal)?;
     recording.write(topic, begin, &mounts(session, begin))?;
     write_course(&mut recording, &clouds)?;
-    let counts = SpaceSessionCounts { closures, points: points_m.len(), poses: clouds.len() };
+    let counts = SpaceSessionCounts { closures, points, poses: clouds.len() };
     Ok((recording.finish()?, counts))
 }
 
 /// Points side by side, little endian.
-fn bytes_of(points_m: &[[f32; 3]], colours: &[[u8; 3]]) -> Result<Vec<u8>, ExportError> {
-    if !colours.is_empty() && colours.len() != points_m.len() {
-        return Err(ExportError::Points(format!(
-            "expected {} colours or none, found {}",
-            points_m.len(),
-            colours.len()
-        )));
+fn bytes_of(map: SpacePoints<'_>) -> Result<Vec<u8>, ExportError> {
+    let SpacePoints { points_m, colours, intensities } = map;
+    for (found, what) in [(colours.len(), "colours"), (intensities.len(), "intensities")] {
+        if found != 0 && found != points_m.len() {
+            return Err(ExportError::Points(format!("expected {} {what} or none, found {found}", points_m.len())));
+        }
     }
-    let mut data = Vec::with_capacity(points_m.len() * (POINT_BYTES + COLOUR_BYTES));
+    let mut data = Vec::with_capacity(points_m.len() * (POINT_BYTES + 2 * COLUMN_BYTES));
     for (number, point) in points_m.iter().enumerate() {
         point.iter().for_each(|value| data.extend(value.to_le_bytes()));
+        data.extend(intensities.get(number).into_iter().flat_map(|intensity| intensity.to_le_bytes()));
         if let Some([red, green, blue]) = colours.get(number) {
             data.extend([*blue, *green, *red, 0]);
         }
@@ -91,11 +103,19 @@ fn bytes_of(points_m: &[[f32; 3]], colours: &[[u8; 3]]) -> Result<Vec<u8>, Expor
     Ok(data)
 }
 
-fn message(data: &[u8], is_coloured: bool, points: usize, stamp: Stamp) -> Result<PointCloud2<'_>, ExportError> {
+fn message(
+    data: &[u8],
+    [has_intensities, is_coloured]: [bool; 2],
+    points: usize,
+    stamp: Stamp,
+) -> Result<PointCloud2<'_>, ExportError> {
     let too_many =
         || ExportError::Points(format!("expected {} bytes of points at most, found {}", u32::MAX, data.len()));
     let row_step = u32::try_from(data.len()).map_err(|_| too_many())?;
-    let names = ["x", "y", "z", "rgb"].into_iter().take(if is_coloured { 4 } else { 3 });
+    let more = [(has_intensities, "intensity"), (is_coloured, "rgb")];
+    let more: Vec<&str> = more.into_iter().filter(|(is_there, _)| *is_there).map(|(_, name)| name).collect();
+    let point_step = (POINT_BYTES + COLUMN_BYTES * more.len()) as u32;
+    let names = ["x", "y", "z"].into_iter().chain(more);
     let field =
         |(offset, name): (u32, &'static str)| PointField { name: name.into(), offset, datatype: FLOAT32, count: 1 };
     Ok(PointCloud2 {
@@ -104,7 +124,7 @@ fn message(data: &[u8], is_coloured: bool, points: usize, stamp: Stamp) -> Resul
         width: points as u32,
         fields: (0..).step_by(4).zip(names).map(field).collect(),
         is_bigendian: false,
-        point_step: (POINT_BYTES + if is_coloured { COLOUR_BYTES } else { 0 }) as u32,
+        point_step,
         row_step,
         data,
         is_dense: true,

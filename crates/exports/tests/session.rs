@@ -3,7 +3,7 @@
 #![allow(clippy::explicit_write, clippy::unwrap_used, clippy::print_stdout)] // tests unwrap what they expect and say what they skip
 
 use mapwright_bags::McapReader;
-use mapwright_exports::{SessionCounts, SpaceSessionCounts, write_session_mcap, write_space_session_mcap};
+use mapwright_exports::{SessionCounts, SpacePoints, SpaceSessionCounts, write_session_mcap, write_space_session_mcap};
 use mapwright_formats::{GridImage, UNKNOWN};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_record::{
@@ -193,7 +193,7 @@ const POINTS_M: [[f32; 3]; 3] = [[1.0, -2.0, 0.5], [0.0, 0.25, 8.0], [3.0, 4.0, 
 const COLOURS: [[u8; 3]; 3] = [[200, 100, 50], [1, 2, 3], [0, 0, 0]];
 
 fn written_of_space(colours: &[[u8; 3]]) -> Vec<u8> {
-    let points = (POINTS_M.as_slice(), colours);
+    let points = SpacePoints { points_m: &POINTS_M, colours, intensities: &[] };
     let (out, counts) =
         write_space_session_mcap(&space_session(), points, |stamp| stamp, Cursor::new(Vec::new())).unwrap();
     assert_eq!(counts, SpaceSessionCounts { closures: 1, points: 3, poses: 40 });
@@ -230,9 +230,10 @@ fn what_is_written_of_space_reads_back() {
     }
     assert_eq!((transforms, points), (40, 3));
     let empty =
-        write_space_session_mcap(&Session::default(), (&[], &[]), |stamp| stamp, Cursor::new(Vec::new())).unwrap();
+        write_space_session_mcap(&Session::default(), SpacePoints::default(), |stamp| stamp, Cursor::new(Vec::new()))
+            .unwrap();
     assert_eq!(empty.1, SpaceSessionCounts::default());
-    let points = (POINTS_M.as_slice(), &COLOURS[..2]);
+    let points = SpacePoints { points_m: &POINTS_M, colours: &COLOURS[..2], intensities: &[] };
     let refused =
         write_space_session_mcap(&space_session(), points, |stamp| stamp, Cursor::new(Vec::new())).unwrap_err();
     assert!(refused.to_string().contains("expected 3 colours or none, found 2"), "{refused}");

@@ -3,12 +3,28 @@
 use crate::error::FormatError;
 use std::io::Write;
 
-/// Writes points, metres, with a colour each where there are any.
+/// Writes points, metres, with a colour and an intensity each where there are any.
 ///
 /// # Errors
-/// What the stream says; as many colours as points, or none, are expected.
-pub fn write_ply(points_m: &[[f32; 3]], colours: &[[u8; 3]], stream: &mut impl Write) -> Result<(), FormatError> {
-    write_vertices(points_m.iter().copied(), &["x", "y", "z"], colours, stream)
+/// What the stream says; as many colours and intensities as points, or none, are expected.
+pub fn write_ply(
+    points_m: &[[f32; 3]],
+    colours: &[[u8; 3]],
+    intensities: &[f32],
+    stream: &mut impl Write,
+) -> Result<(), FormatError> {
+    if intensities.is_empty() {
+        return write_vertices(points_m.iter().copied(), &["x", "y", "z"], colours, stream);
+    }
+    one_each(intensities.len(), "intensities", points_m.len())?;
+    let rows = points_m.iter().zip(intensities).map(|(&[x, y, z], &intensity)| [x, y, z, intensity]);
+    write_vertices(rows, &["x", "y", "z", "intensity"], colours, stream)
+}
+
+/// As many of something as points.
+pub(crate) fn one_each(found: usize, what: &str, points: usize) -> Result<(), FormatError> {
+    let words = || std::io::Error::other(format!("{found} {what} for {points} points"));
+    if found == points { Ok(()) } else { Err(words().into()) }
 }
 
 /// A small disc of a surface, as viewers of point clouds draw them.
@@ -40,9 +56,8 @@ fn write_vertices<const N: usize>(
     stream: &mut impl Write,
 ) -> Result<(), FormatError> {
     let coloured = !colours.is_empty();
-    if coloured && colours.len() != rows.len() {
-        let found = format!("{} colours for {} points", colours.len(), rows.len());
-        return Err(std::io::Error::other(found).into());
+    if coloured {
+        one_each(colours.len(), "colours", rows.len())?;
     }
     write!(stream, "ply\nformat binary_little_endian 1.0\ncomment metres, in the map's frame\n")?;
     writeln!(stream, "element vertex {}", rows.len())?;
@@ -69,11 +84,16 @@ mod tests {
     #[test]
     fn points_and_colours_stand_side_by_side() {
         let mut out = Vec::new();
-        write_ply(&[[1.0, 2.0, 3.0]], &[[4, 5, 6]], &mut out).unwrap();
+        write_ply(&[[1.0, 2.0, 3.0]], &[[4, 5, 6]], &[], &mut out).unwrap();
         let text = String::from_utf8_lossy(&out);
         assert!(text.contains("element vertex 1\n") && text.contains("property uchar red\n"));
         assert!(out.ends_with(&[0, 0, 64, 64, 4, 5, 6]), "{out:?}");
-        assert!(write_ply(&[[0.0; 3]], &[[0; 3]; 2], &mut Vec::new()).is_err());
+        assert!(write_ply(&[[0.0; 3]], &[[0; 3]; 2], &[], &mut Vec::new()).is_err());
+        assert!(write_ply(&[[0.0; 3]], &[], &[1.0; 2], &mut Vec::new()).is_err());
+        let mut out = Vec::new();
+        write_ply(&[[1.0, 2.0, 3.0]], &[], &[2.0], &mut out).unwrap();
+        assert!(String::from_utf8_lossy(&out).contains("property float z\nproperty float intensity\nend_header"));
+        assert!(out.ends_with(&[0, 0, 64, 64, 0, 0, 0, 64]), "{out:?}");
     }
     #[test]
     fn discs_have_normals_and_a_radius() {

@@ -11,6 +11,8 @@ use crate::unread;
 use crate::words::{grouped, with_damage};
 use mapwright_geom::{Pose2, Pose3};
 use mapwright_ros::Mounting;
+use mapwright_ros::messages::Image;
+use mapwright_sensor::SweepTimes;
 use std::collections::BTreeMap;
 
 /// The most by which a scan plane may be tilted against the robot's, degrees.
@@ -60,6 +62,8 @@ pub struct Plan {
     pub(crate) transforms: Vec<String>,
     /// Mountings by the scans' frames.
     pub(crate) mounts: BTreeMap<String, Mount>,
+    /// What the times of clouds' points are.
+    pub(crate) times: SweepTimes,
 }
 
 /// A laser beside the first.
@@ -123,7 +127,12 @@ impl Plan {
 
     /// Scans say when their beams were taken, or whether they do not.
     fn deskew(topic: &TopicSurvey, odometry: &OdometrySource, turning: Option<&TurningSource>) -> String {
+        let are_refused = topic.sweeps.times().unit_s().is_none();
         match (topic.kind, topic.has_times) {
+            (TopicKind::Cloud, true) if are_refused => format!(
+                "not undone: times of points span {:.2} s, and clouds come so often that they are of no sweep",
+                topic.sweeps.span_s
+            ),
             (TopicKind::Cloud, true) if *odometry == OdometrySource::None && turning.is_some() => {
                 "undone as to turning: the points have times, and there is no odometry to say how else the robot moved"
                     .to_owned()
@@ -289,6 +298,7 @@ fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[Strin
         reasons,
         assumed: place.assumed.iter().cloned().chain(found.assumed).collect(),
         mounts,
+        times: topic.sweeps.times(),
     }
 }
 
@@ -451,7 +461,20 @@ pub(crate) fn nothing_of(expected: &str, survey: &Survey) -> String {
             list(untyped.into_iter())
         );
     }
-    format!("expected {expected}; there are {}; {}", contents(survey), unread::words(survey))
+    format!("expected {expected}; there are {}{}; {}", contents(survey), images_words(survey), unread::words(survey))
+}
+
+/// Images of one number a pixel that are none of depth by their encoding, which may be all that keeps them from being mapped.
+fn images_words(survey: &Survey) -> String {
+    let may_be_depth = |topic: &TopicSurvey| topic.name.contains("depth") || topic.shape.contains("C1`");
+    let is_image = |topic: &TopicSurvey| topic.kind == TopicKind::Image && topic.usable() > 0;
+    let is_other = |topic: &&TopicSurvey| is_image(topic) && !topic.is_depth && may_be_depth(topic);
+    let words = survey.topics.iter().filter(is_other).map(|topic| format!("{}: {}", topic.name, topic.shape));
+    let words: Vec<_> = words.collect();
+    if words.is_empty() {
+        return String::new();
+    }
+    format!("; {}: images are mapped that have depth as {}", words.join(", "), Image::ENCODINGS_OF_DEPTH)
 }
 
 /// The topics with types and counts.

@@ -76,6 +76,8 @@ pub(crate) struct ScanMaker {
     mounts: BTreeMap<String, Mount>,
     slice: PlanarSlice,
     lasers: BTreeMap<String, Arc<LaserModel>>,
+    /// How long a unit of the times of clouds' points lasts, seconds; none where they are left out.
+    time_unit_s: Option<f64>,
     pub(crate) counts: SliceCounts,
     /// What is odd about heads of scans.
     pub(crate) odd_heads: OddHeads,
@@ -88,6 +90,7 @@ impl ScanMaker {
             mounts: plan.mounts.clone(),
             slice,
             lasers: BTreeMap::new(),
+            time_unit_s: plan.times.unit_s(),
             counts: SliceCounts::default(),
             odd_heads: OddHeads::default(),
         }
@@ -136,15 +139,18 @@ impl ScanMaker {
         let laser = self.shared(self.slice.laser(message.header.frame(), [at.x, at.y]));
         let stamp = message.header.stamp;
         let in_robot = |place: [f64; 3]| -> [f64; 3] { robot_from_sensor.transform(Vector3::from(place)).into() };
-        if cloud.time().is_none() {
+        let Some(time_unit_s) = self.time_unit_s.filter(|_| cloud.time().is_some()) else {
             return Ok(self.sliced(stamp, laser, cloud.positions().map(in_robot)).into());
-        }
+        };
         let heights = self.slice.z_min_m..=self.slice.z_max_m;
         let mut points = Vec::new();
         for point in cloud.points() {
             let place = in_robot(point.position);
             if heights.contains(&place[2]) {
-                points.push(TimedPoint { place: place.map(|part| part as f32), time_s: point.time_s as f32 });
+                points.push(TimedPoint {
+                    place: place.map(|part| part as f32),
+                    time_s: (time_unit_s * point.time_s) as f32,
+                });
             } else {
                 self.counts.outside += 1;
             }

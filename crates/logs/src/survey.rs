@@ -8,11 +8,13 @@ use crate::links::{Links, bare, joined, namespace};
 use crate::packets::{Metadata, OUSTER_FRAME, PacketSurvey};
 use crate::still::{Movement, Scenery};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
-use mapwright_clouds::OusterInfo;
+use mapwright_clouds::{Distances, OusterInfo, read_png16};
 use mapwright_geom::Stamp;
-use mapwright_ros::messages::{CompressedImage, Header, Image, Imu, LaserScan, Odometry, PointCloud2};
+use mapwright_ros::messages::{
+    CompressedImage, DepthCompression, Header, Image, Imu, LaserScan, Odometry, PointCloud2,
+};
 use mapwright_ros::{Cloud, DepthNumbers, Mounting, RosError};
-use mapwright_sensor::settle_times;
+use mapwright_sensor::{SweepTimes, settle_times};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,6 +27,10 @@ const WATCHED_EVERY: u64 = 64;
 const REACH_EVERY: u64 = 8;
 /// A packet has about so many bytes a point.
 const BYTES_A_POINT: u64 = 4;
+/// Clouds of which the times of points are looked at.
+const SWEEPS_LOOKED_AT: usize = 64;
+/// Of larger images nothing but the first bytes is looked at.
+const PIXELS_LOOKED_AT: u64 = 1 << 22;
 /// Topics of which the messages are looked at.
 const TOPICS_KEPT: usize = 4096;
 
@@ -65,6 +71,14 @@ pub struct TopicSurvey {
     pub(crate) packets: PacketSurvey,
     /// Points of a cloud or pixels of an image, of the first; and rows of it.
     pub(crate) points: [u64; 2],
+    /// Of clouds, and of images of depth by their encoding.
+    pub(crate) distances: Distances,
+    /// The number that stands for a metre by the encoding, of images of depth.
+    pub(crate) depth_per_m: f64,
+    /// Of clouds.
+    pub(crate) sweeps: Sweeps,
+    /// What the message says, where it is one number: an option of a camera.
+    pub(crate) number: Option<f32>,
     /// Of odometry.
     pub(crate) movement: Movement,
     /// Of planar scans.
@@ -93,6 +107,10 @@ impl TopicSurvey {
             ouster: None,
             packets: PacketSurvey::default(),
             points: [0, 0],
+            distances: Distances::default(),
+            depth_per_m: DepthNumbers::Millimetres.per_m(),
+            sweeps: Sweeps::default(),
+            number: None,
             movement: Movement::default(),
             scenery: Scenery::default(),
             reach: Reach::default(),
@@ -125,6 +143,13 @@ impl TopicSurvey {
         most(&self.child_frames)
     }
 
+    /// Pixels of its first image, across and down.
+    pub(crate) fn size(&self) -> Option<[u32; 2]> {
+        let [pixels, rows] = self.points;
+        let width = pixels.checked_div(rows)?;
+        (self.kind.is_images() && width > 0).then_some([u32::try_from(width).ok()?, u32::try_from(rows).ok()?])
+    }
+
     fn count(&mut self, message: &RawMessage<'_>) {
         self.messages += 1;
         self.bytes += message.data.len() as u64;
@@ -145,7 +170,9 @@ impl TopicSurvey {
 
     fn image(&mut self, image: &Image<'_>) {
         let encoding: String = image.encoding.chars().take(40).collect();
-        self.is_depth = DepthNumbers::of(&image.encoding).is_some();
+        let numbers = DepthNumbers::of(&image.encoding);
+        self.is_depth = numbers.is_some();
+        self.depth_per_m = numbers.unwrap_or(DepthNumbers::Millimetres).per_m();
         self.shape = format!("images of {} x {} as `{encoding}`", image.width, image.height);
         self.points = [u64::from(image.width) * u64::from(image.height), u64::from(image.height)];
     }
@@ -162,10 +189,56 @@ impl TopicSurvey {
 
     fn foxglove(&mut self, cloud: &PointCloud<'_>) -> Result<(), String> {
         note_frame(&mut self.frames, bare(&cloud.frame));
+        let message = cloud.message()?;
+        self.see_cloud(&message);
         if self.shape.is_empty() {
-            self.cloud(&cloud.message()?)?;
+            self.cloud(&message)?;
         }
         Ok(())
+    }
+
+    /// The first image's size and, of the first few, how far they see.
+    fn compressed_image(&mut self, image: &CompressedImage<'_>) {
+        self.is_depth = is_depth_file(image);
+        let numbers = image.depth().and_then(|_| DepthNumbers::of_format(&image.format));
+        self.depth_per_m = numbers.unwrap_or(DepthNumbers::Millimetres).per_m();
+        self.shape = format!("images as `{}`", image.format.chars().take(40).collect::<String>());
+        let file = image.depth().map_or(image.data, |packed| packed.file);
+        if let Some([width, height]) = png_size(file).filter(|_| self.is_depth) {
+            self.points = [u64::from(width) * u64::from(height), u64::from(height)];
+        }
+    }
+
+    fn see_distances(&mut self, depth_m: &[f32]) {
+        // what looks along z sees as far as it is deep, but for its edges
+        let points =
+            depth_m.iter().map(|&depth_m| if depth_m > 0.0 { [0.0, 0.0, f64::from(depth_m)] } else { [0.0; 3] });
+        self.distances.add(points, depth_m.len());
+    }
+
+    fn see_compressed_distances(&mut self, image: &CompressedImage<'_>) {
+        let (file, numbers) = match image.depth() {
+            Some(packed) => (packed.file, DepthNumbers::of_format(&image.format).unwrap_or(DepthNumbers::Millimetres)),
+            None => (image.data, DepthNumbers::Millimetres),
+        };
+        let plain = DepthCompression { quant_a: 0.0, quant_b: 0.0, file };
+        let packed = image.depth().unwrap_or(plain);
+        if let Ok((_, stored)) = read_png16("the image", file, PIXELS_LOOKED_AT) {
+            self.see_distances(&packed.depth_m(numbers, &stored, None));
+        }
+    }
+
+    /// How far a cloud sees, and when its points were taken.
+    fn see_cloud(&mut self, message: &PointCloud2<'_>) {
+        let wants_times = self.sweeps.stamps.len() < SWEEPS_LOOKED_AT && self.sweeps.are_of(message.header.frame());
+        if !(wants_times || self.distances.wants_more()) {
+            return;
+        }
+        let Ok(cloud) = Cloud::new(message) else { return };
+        self.distances.add(cloud.positions(), cloud.len());
+        if wants_times {
+            self.sweeps.add(message.header.stamp, cloud.time().map_or(0.0, |time| time.span_s));
+        }
     }
 
     fn see_directions(&mut self, scan: &LaserScan<'_>) {
@@ -207,6 +280,7 @@ impl TopicSurvey {
             Messages::Cloud(decoder) => {
                 let message = decoder.decode(data).map_err(words)?;
                 self.header(&message.header);
+                self.see_cloud(&message);
                 if is_first {
                     self.cloud(&message)?;
                 }
@@ -229,13 +303,23 @@ impl TopicSurvey {
                 if is_first {
                     self.image(&image);
                 }
+                let pixels = u64::from(image.width) * u64::from(image.height);
+                if self.is_depth
+                    && self.distances.wants_more()
+                    && pixels <= PIXELS_LOOKED_AT
+                    && let Ok(depth_m) = image.depth_m(None)
+                {
+                    self.see_distances(&depth_m);
+                }
             }
             Messages::CompressedImage(decoder) => {
                 let image = decoder.decode(data).map_err(words)?;
                 self.header(&image.header);
                 if is_first {
-                    self.is_depth = is_depth_file(&image);
-                    self.shape = format!("images as `{}`", image.format.chars().take(40).collect::<String>());
+                    self.compressed_image(&image);
+                }
+                if self.is_depth && self.distances.wants_more() {
+                    self.see_compressed_distances(&image);
                 }
             }
             Messages::CameraInfo(decoder) => {
@@ -285,6 +369,7 @@ impl TopicSurvey {
                     self.ouster = Some(OusterInfo::parse(&text.data).map(Arc::new));
                 }
             }
+            Messages::None(None) if self.type_name.ends_with("/Float32") => self.number = last_float(data),
             Messages::None(None) => {}
             Messages::None(Some(reason)) => return Err(reason.clone()),
         }
@@ -304,9 +389,47 @@ fn tree<'a>(trees: &'a mut Trees, namespace: &str) -> &'a mut Links {
     &mut trees[at].1
 }
 
+/// `std_msgs/Float32`: four bytes, behind the four that CDR begins with.
+fn last_float(data: &[u8]) -> Option<f32> {
+    let bytes = data.last_chunk::<4>().filter(|_| matches!(data.len(), 4 | 8))?;
+    Some(f32::from_le_bytes(*bytes))
+}
+
+/// Pixels across and down, by a PNG's header.
+fn png_size(file: &[u8]) -> Option<[u32; 2]> {
+    let side = |at: usize| file.get(at..at + 4)?.try_into().ok().map(u32::from_be_bytes);
+    Some([side(16)?, side(20)?]).filter(|_| file.starts_with(PNG))
+}
+
+/// Stamps of the first clouds of a topic's first frame, and how long their points were taken at most.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Sweeps {
+    frame: Option<String>,
+    stamps: Vec<Stamp>,
+    pub(crate) span_s: f64,
+}
+
+impl Sweeps {
+    /// Lidars that share a topic come in turn.
+    fn are_of(&mut self, frame: &str) -> bool {
+        self.frame.get_or_insert_with(|| frame.to_owned()) == frame
+    }
+
+    fn add(&mut self, stamp: Stamp, span_s: f64) {
+        self.stamps.push(stamp);
+        self.span_s = self.span_s.max(span_s);
+    }
+
+    /// What the points' times are.
+    pub(crate) fn times(&self) -> SweepTimes {
+        SweepTimes::of(self.span_s, &self.stamps)
+    }
+}
+
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+
 /// Whether a compressed image is one of depth: sent as such, or a greyscale PNG of 16 bits.
 fn is_depth_file(image: &CompressedImage<'_>) -> bool {
-    const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
     // a PNG's header has bits and kind of its pixels here
     image.depth().is_some() || (image.data.starts_with(PNG) && image.data.get(24..26) == Some(&[16, 0]))
 }

@@ -293,12 +293,204 @@ fn without_camera_info_the_options_are_named() {
     let path = recorder.finish();
     let error = plan(&path, &CameraOptions::default()).unwrap_err();
     assert!(error.contains("--intrinsics FX,FY,CX,CY --depth-scale S"), "{error}");
-    let options = CameraOptions { intrinsics: Some([4.0, 4.0, 1.5, 1.0]), depth_scale: Some(2000.0) };
+    let options =
+        CameraOptions { intrinsics: Some([4.0, 4.0, 1.5, 1.0]), depth_scale: Some(2000.0), range_unit_m: None };
     let (clouds, notes, _) = read_with(&path, &Choice::default(), &options);
     assert_eq!(clouds[0].points_m[0], [-0.375, -0.25, 1.0]);
     assert_eq!((clouds.len(), notes.count(NoteKind::UnreadableFrame)), (1, 1));
     let wrong = CameraOptions { depth_scale: Some(0.0), ..options };
     assert!(plan(&path, &wrong).unwrap_err().contains("--depth-scale"));
+}
+
+/// A recording of clouds, each of these points, `x y z` and a time of any type behind them.
+fn timed(name: &str, every_ms: i64, kind: u8, points: impl Fn(i64) -> Vec<([f32; 3], Vec<u8>)>) -> PathBuf {
+    let mut recorder = Recorder::new(name);
+    for k in 0..10 {
+        let points = points(every_ms * k);
+        let step = 12 + points[0].1.len() as u32;
+        let data: Vec<u8> = points.iter().flat_map(|(place, time)| [floats(place), time.clone()].concat()).collect();
+        let fields = vec![field("x", 0, 7), field("y", 4, 7), field("z", 8, 7), field("time", 12, kind)];
+        let (width, row_step) = (points.len() as u32, data.len() as u32);
+        let message = PointCloud2 { fields, point_step: step, width, row_step, ..cloud(ms(every_ms * k), &data) };
+        recorder.write("/points", CLOUD, ms(every_ms * k), &message);
+    }
+    recorder.finish()
+}
+
+/// Points around, with times from 0 to the end as floats.
+fn sweep(end: f32) -> Vec<([f32; 3], Vec<u8>)> {
+    let place = |k: usize| [3.0 + 0.01 * k as f32, 1.0, 0.5];
+    (0..200).map(|k| (place(k), (end * k as f32 / 199.0).to_le_bytes().to_vec())).collect()
+}
+
+#[test]
+fn times_from_0_to_1_are_shares_of_a_sweep_that_lasts_as_long_as_clouds_are_apart() {
+    let ends_s = |end: f32, every_ms: i64| {
+        let path = timed("shares.mcap", every_ms, 7, |_| sweep(end));
+        let (clouds, notes, plan) = read(&path);
+        let last_s = clouds[3].times_s.last().copied();
+        (
+            last_s,
+            notes.count(NoteKind::BadPointTimes),
+            plan.assumed.iter().any(|words| words.contains("shares of a sweep")),
+        )
+    };
+    assert_eq!(ends_s(1.0, 100), (Some(0.1), 0, true));
+    for (end, every_ms) in [(0.1, 100), (0.12, 100), (0.1, 300), (1.0, 1000)] {
+        assert_eq!(ends_s(end, every_ms), (Some(end), 0, false), "{end} s every {every_ms} ms");
+    }
+    for (end, every_ms) in [(0.5, 100), (1.0, 300)] {
+        assert_eq!(ends_s(end, every_ms), (None, 10, false), "{end} s every {every_ms} ms");
+    }
+    let path = timed("shares.mcap", 100, 7, |_| sweep(0.5));
+    let (_, notes, plan) = read(&path);
+    let first = notes.kinds[&NoteKind::BadPointTimes].first[0].to_string();
+    assert!(first.contains("clouds come every 0.10 s, found times that span 0.50 s"), "{first}");
+    assert!(plan.reasons.iter().any(|(what, why)| *what == "motion" && why.starts_with("not undone")), "{plan:?}");
+}
+
+#[test]
+fn times_of_points_that_brought_nothing_back_do_not_count() {
+    for nothing in [[f32::NAN; 3], [0.0; 3]] {
+        let path = timed("nothing_back.mcap", 100, 8, |at_ms| {
+            let began_s = ms(at_ms).as_secs_f64();
+            let point = |k: usize| match k % 3 {
+                1 => (nothing, 0.0_f64.to_le_bytes().to_vec()),
+                _ => ([4.0, 0.01 * k as f32, 0.0], (began_s + 0.0001 * k as f64).to_le_bytes().to_vec()),
+            };
+            (0..901).map(point).collect()
+        });
+        let (clouds, notes, plan) = read(&path);
+        assert_eq!((notes.count(NoteKind::BadPointTimes), clouds[2].stamp), (0, ms(200)), "{nothing:?}");
+        assert!((clouds[2].times_s[900] - 0.09).abs() < 1e-5 && clouds[2].times_s[1] == 0.0);
+        assert!(plan.reasons.iter().any(|(what, why)| *what == "motion" && why.starts_with("undone")), "{plan:?}");
+    }
+}
+
+/// Points on a circle, of so many metres.
+fn circle(radius: f32) -> Vec<u8> {
+    let point = |k: usize| [radius * (0.1 * k as f32).sin(), radius * (0.1 * k as f32).cos(), 0.1 * radius];
+    floats(&(0..200).flat_map(point).collect::<Vec<_>>())
+}
+
+#[test]
+fn clouds_in_another_unit_are_taken_for_what_they_can_only_be_or_named() {
+    let of = |radius: f32, choice: &Choice| {
+        let mut recorder = Recorder::new("units.mcap");
+        (0..3).for_each(|k| recorder.cloud(100 * k, &circle(radius)));
+        let (clouds, _, plan) = read_with(&recorder.finish(), choice, &CameraOptions::default());
+        ((clouds[0].points_m[0][1] - 4.0).abs() < 1e-3, clouds[0].sensor.range_min_m, plan)
+    };
+    let asked = |unit_m: f64| Choice { range_unit_m: Some(unit_m), ..Choice::default() };
+    let (is_metres, _, plan) = of(4000.0, &Choice::default());
+    assert!(is_metres && plan.assumed.iter().any(|words| words.contains("taken for millimetres")), "{plan:?}");
+    let (is_metres, _, plan) = of(4000.0, &asked(1.0));
+    assert!(!is_metres && plan.odd[0].contains("--range-unit 0.001"), "{plan:?}");
+    let (is_metres, _, plan) = of(40.0, &asked(0.1));
+    assert!(is_metres && plan.odd.is_empty(), "{plan:?}");
+    let (is_metres, range_min_m, plan) = of(4.0, &Choice::default());
+    assert!(
+        is_metres && range_min_m == 0.5 && !plan.assumed.iter().any(|words| words.contains("points at")),
+        "{plan:?}"
+    );
+    let (_, range_min_m, plan) = of(0.2, &Choice::default());
+    assert!(
+        range_min_m == 0.02 && plan.assumed.iter().any(|words| words.contains("nearer than the 0.5 m")),
+        "{plan:?}"
+    );
+}
+
+/// Images of 16 x 12 pixels of one encoding, of the same depth everywhere, and a camera of some size beside them.
+fn images(name: &str, encoding: &'static str, pixel: &[u8], info: (&str, [u32; 2])) -> PathBuf {
+    let mut recorder = Recorder::new(name);
+    if !info.0.is_empty() {
+        recorder.camera(info.0, info.1);
+    }
+    for k in 0..3 {
+        let image = Image {
+            header: Header::new(ms(100 * k), "camera"),
+            width: 16,
+            height: 12,
+            encoding: encoding.into(),
+            step: 16 * pixel.len() as u32,
+            data: &pixel.repeat(192),
+            ..Default::default()
+        };
+        recorder.write("/device_0/sensor_0/Depth_0/depth", IMAGE, ms(100 * k), &image);
+    }
+    recorder.finish()
+}
+
+const BESIDE: &str = "/device_0/sensor_0/Depth_0/camera_info";
+
+#[test]
+fn depth_in_another_unit_is_taken_for_what_it_can_only_be_or_named() {
+    let path = images("mm.mcap", "32FC1", &2000.0_f32.to_le_bytes(), (BESIDE, [16, 12]));
+    let (clouds, _, plan) = read(&path);
+    assert_eq!(clouds[0].points_m[20][2], 2.0);
+    assert!(plan.assumed.iter().any(|words| words.contains("taken for millimetres; `--depth-scale 1`")), "{plan:?}");
+    let unit = Choice { range_unit_m: Some(0.001), ..Choice::default() };
+    let error = SpacePlan::of(&Survey::of(&path).unwrap(), &unit, &CameraOptions::default()).unwrap_err();
+    assert!(error.contains("--depth-scale S"), "{error}");
+    let tenths = images("tenths.mcap", "Z16", &20_000_u16.to_le_bytes(), (BESIDE, [16, 12]));
+    let (clouds, _, plan) = read(&tenths);
+    assert_eq!(clouds[0].points_m[20][2], 20.0);
+    assert!(
+        plan.odd[0].contains("depths at 20.0 to 20.0 m") && plan.odd[0].contains("--depth-scale 10000"),
+        "{plan:?}"
+    );
+    let scale = CameraOptions { depth_scale: Some(10_000.0), ..CameraOptions::default() };
+    let (clouds, _, plan) = read_with(&tenths, &Choice::default(), &scale);
+    assert!((clouds[0].points_m[20][2] - 2.0).abs() < 1e-6 && plan.odd.is_empty(), "{plan:?}");
+}
+
+#[test]
+fn a_camera_of_another_size_is_scaled_or_asked_for_and_one_that_looks_aside_is_doubted() {
+    let depth = 2000_u16.to_le_bytes();
+    let reason = |plan: &SpacePlan| plan.reasons.iter().find(|(what, _)| *what == "camera").unwrap().1.clone();
+    // the camera of 4 x 3 pixels has its axis in the middle
+    let (clouds, _, plan) = read(&images("scaled.mcap", "16UC1", &depth, (BESIDE, [4, 3])));
+    assert!(
+        reason(&plan).contains("16 x 12, fx 16.0, fy 16.0, scaled from 4 x 3") && plan.doubts.is_empty(),
+        "{plan:?}"
+    );
+    assert_eq!(clouds[0].points_m[0][0], -0.9375);
+    let error = plan_of("shape.mcap", &depth, [16, 9]).unwrap_err();
+    assert!(error.contains("images of 16 x 12 pixels") && error.contains("--intrinsics FX,FY,CX,CY"), "{error}");
+    let aside = plan_of("aside.mcap", &depth, [16, 12]).unwrap();
+    assert!(aside.doubts[0].contains("at the edge of the image (1.5, 1.0 of 16 x 12 pixels)"), "{aside:?}");
+}
+
+fn plan_of(name: &str, depth: &[u8], size: [u32; 2]) -> Result<SpacePlan, String> {
+    plan(&images(name, "16UC1", depth, (BESIDE, size)), &CameraOptions::default())
+}
+
+#[test]
+fn the_only_camera_of_the_images_size_is_theirs_and_a_realsense_says_its_unit() {
+    let depth = 20_000_u16.to_le_bytes();
+    let path = images("only.mcap", "mono16", &depth, ("/elsewhere/info", [16, 12]));
+    let plan = plan(&path, &CameraOptions::default()).unwrap();
+    assert!(plan.assumed.iter().any(|words| words.contains("the only CameraInfo of its size")), "{plan:?}");
+    let mut recorder = Recorder::new("units_option.mcap");
+    recorder.camera("/device_0/sensor_0/Depth_0/info/camera_info", [4, 3]);
+    recorder.depth("/device_0/sensor_0/Depth_0/image/data", 0, [4, 3], &depth.repeat(12));
+    let mut number = vec![0, 1, 0, 0];
+    number.extend(0.0001_f32.to_le_bytes());
+    recorder.raw("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/msg/Float32", ms(0), &number);
+    let (clouds, _, found) = read(&recorder.finish());
+    let reason = &found.reasons.iter().find(|(what, _)| *what == "camera").unwrap().1;
+    assert!((clouds[0].points_m[5][2] - 2.0).abs() < 1e-6, "{:?}", clouds[0]);
+    assert!(reason.contains("10000 a metre by /device_0/sensor_0/option/Depth_Units/value"), "{reason}");
+}
+
+#[test]
+fn encodings_that_are_not_read_are_named_with_those_that_are() {
+    let path = images("bytes.mcap", "8UC1", &[7], (BESIDE, [16, 12]));
+    let survey = Survey::of(&path).unwrap();
+    let error = mapwright_logs::Plan::of(&survey, &Choice::default()).unwrap_err();
+    let said = "images of 16 x 12 as `8UC1`: images are mapped that have depth as 16UC1, mono16, Z16 or 32FC1";
+    assert!(error.contains(said), "{error}");
+    assert!(plan(&path, &CameraOptions::default()).unwrap_err().contains(said));
 }
 
 /// A greyscale PNG of 4 x 3 pixels of 16 bits.

@@ -48,6 +48,8 @@ pub struct Cloud<'a> {
 
 const INTENSITY: [&str; 3] = ["intensity", "intensities", "reflectivity"];
 const RING: [&str; 3] = ["ring", "channel", "line"];
+/// So few points of those that are looked at may miss most of a sweep.
+const SAMPLED_LEAST: usize = 64;
 /// Of Ouster; Velodyne; Hesai, RoboSense and others; Livox.
 const TIME: [&str; 6] = ["t", "time", "timestamp", "offset_time", "time_offset", "time_stamp"];
 
@@ -82,7 +84,7 @@ impl<'a> Cloud<'a> {
         };
         if let Some(field) = find(&TIME) {
             let access = access(field)?;
-            let time = PointTime::of(&field.name, access, &cloud.sampled(), message.header.stamp);
+            let time = PointTime::of(&field.name, access, &cloud.sampled_returns(), message.header.stamp);
             cloud.refused_time = time.is_none().then(|| field.name.clone().into_owned());
             cloud.time = time.map(|time| (access, time));
         }
@@ -154,6 +156,22 @@ impl<'a> Cloud<'a> {
         let row = move |row: usize| self.data.get(row * self.row_step..row * self.row_step + row_bytes);
         let rows = if self.width == 0 { 0 } else { self.height };
         (0..rows).filter_map(row).flat_map(|row| row.chunks_exact(self.point_step.max(1)))
+    }
+
+    /// Whether something came back: drivers put what did not nowhere or into the sensor, with any time.
+    fn is_return(&self, point: &[u8]) -> bool {
+        let place = self.position.map(|axis| axis.read(point));
+        place.iter().all(|axis| axis.is_finite()) && place != [0.0; 3]
+    }
+
+    /// Points that say when they were taken: the returns of those looked at, or all returns where they are too few.
+    fn sampled_returns(&self) -> Vec<&'a [u8]> {
+        let mut sampled = self.sampled();
+        sampled.retain(|point| self.is_return(point));
+        if sampled.len() >= SAMPLED_LEAST {
+            return sampled;
+        }
+        self.rows().filter(|point| self.is_return(point)).collect()
     }
 
     /// Up to 256 points spread over the cloud, with the first and the last.

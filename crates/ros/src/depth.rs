@@ -22,7 +22,8 @@ impl DepthNumbers {
     #[must_use]
     pub fn of(encoding: &str) -> Option<Self> {
         match encoding.trim() {
-            "16UC1" | "mono16" => Some(Self::Millimetres),
+            // the last is what librealsense calls the first
+            "16UC1" | "mono16" | "Z16" | "z16" => Some(Self::Millimetres),
             "32FC1" => Some(Self::Metres),
             _ => None,
         }
@@ -57,6 +58,9 @@ fn metres(number: u16, m_per_step: f32) -> f32 {
 }
 
 impl Image<'_> {
+    /// The encodings of images of depth, in words.
+    pub const ENCODINGS_OF_DEPTH: &'static str = "16UC1, mono16, Z16 or 32FC1";
+
     /// Depth of all pixels, metres, row by row; not above zero or NaN where there is none. `depth_per_m` is the number
     /// that stands for a metre, where it is not the usual one.
     ///
@@ -65,7 +69,7 @@ impl Image<'_> {
     pub fn depth_m(&self, depth_per_m: Option<f64>) -> Result<Vec<f32>, RosError> {
         let numbers = DepthNumbers::of(&self.encoding).ok_or_else(|| RosError::Image {
             what: "encoding",
-            expected: "`16UC1`, `mono16` or `32FC1`".to_owned(),
+            expected: format!("one of depth: {}", Self::ENCODINGS_OF_DEPTH),
             found: excerpt(&self.encoding),
         })?;
         let (width, height) = (self.width as usize, self.height as usize);

@@ -14,7 +14,7 @@ impl LivoxPoint {
 }
 
 impl LivoxScan<'_> {
-    /// The points that count, with their times after the stamp.
+    /// The points that count, with their times after the stamp and how bright they came back (0 to 255).
     #[must_use]
     pub fn to_points(&self) -> CloudPoints {
         let there: Vec<_> = self.points.iter().filter(|point| point.counts()).collect();
@@ -25,7 +25,11 @@ impl LivoxScan<'_> {
         let timed = there.iter().filter(|_| is_sweep && last_s > 0.0);
         let times_s = timed.map(|point| (f64::from(point.offset_time) * 1e-9) as f32).collect();
         let refused_time = (!is_sweep).then(|| "offset_time".to_owned());
-        CloudPoints { points_m, not_finite, times_s, refused_time, ..CloudPoints::default() }
+        let mut intensities: Vec<_> = there.iter().map(|point| f32::from(point.reflectivity)).collect();
+        if intensities.windows(2).all(|pair| pair[0] == pair[1]) {
+            intensities.clear();
+        }
+        CloudPoints { points_m, not_finite, times_s, refused_time, intensities, ..CloudPoints::default() }
     }
 }
 
@@ -44,6 +48,14 @@ mod tests {
         let scan = LivoxScan { points: [points, vec![last]].concat(), ..LivoxScan::default() };
         let points = scan.to_points();
         assert_eq!((points.points_m, points.times_s), (vec![[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]], vec![0.0, 0.1]));
+        assert!(points.intensities.is_empty());
+    }
+
+    #[test]
+    fn reflectivities_are_intensities() {
+        let at = |x: f32, reflectivity: u8| LivoxPoint { reflectivity, ..point(0, x, 0) };
+        let scan = LivoxScan { points: vec![at(1.0, 7), at(0.0, 9), at(2.0, 255)], ..LivoxScan::default() };
+        assert_eq!(scan.to_points().intensities, [7.0, 255.0]);
     }
 
     #[test]

@@ -82,6 +82,8 @@ pub struct Cloud {
     pub times_s: Vec<f32>,
     /// Red, green and blue of each; empty where there are none.
     pub colours: Vec<[u8; 3]>,
+    /// How bright each came back, in units of the device; empty where it does not say.
+    pub intensities: Vec<f32>,
     /// The wheels' pose of the robot at the stamp, if it came with the cloud.
     pub odom_from_robot: Option<Pose3>,
 }
@@ -114,6 +116,12 @@ pub struct DepthImage {
     pub colours: Vec<[u8; 3]>,
 }
 
+/// Images of the same shape differ by so much at most, for they have whole pixels.
+const ASPECT_SHARE: f64 = 0.01;
+/// No lens is mounted so far off its chip, of the image's size.
+const OFF_AXIS_SHARE: f64 = 0.25;
+/// What explains both coordinates of an optical axis: a lens is a few hundredths of the image off.
+const SAME_SIZE_SHARE: f64 = 0.1;
 /// Undistorting takes so many rounds of the fixed-point iteration.
 const UNDISTORT_ROUNDS: usize = 8;
 
@@ -128,6 +136,40 @@ impl PinholeCamera {
             return Err("the camera's focal lengths are not above zero or its other numbers are not finite");
         }
         Ok(())
+    }
+
+    /// The same camera where its images are of another size; none where they are of another shape, and show another part.
+    #[must_use]
+    pub fn of_size(&self, [width, height]: [u32; 2]) -> Option<Self> {
+        let scale = [f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height)];
+        let is_like =
+            (scale[0] / scale[1] - 1.0).abs() <= ASPECT_SHARE && scale.iter().all(|s| s.is_finite() && *s > 0.0);
+        is_like.then(|| Self { width, height, ..self.scaled(scale) })
+    }
+
+    fn scaled(&self, scale: [f64; 2]) -> Self {
+        // a pixel's middle is at whole numbers
+        let centre = |k: usize| (self.centre_px[k] + 0.5) * scale[k] - 0.5;
+        let focal_px = [0, 1].map(|k| self.focal_px[k] * scale[k]);
+        Self { focal_px, centre_px: [centre(0), centre(1)], ..*self }
+    }
+
+    /// What is odd about it, in words: an optical axis far from the middle of the image, as where its numbers are those of another
+    /// size; and the camera that it would be then, if one size explains both of its coordinates.
+    #[must_use]
+    pub fn off_axis(&self) -> Option<(String, Option<Self>)> {
+        let size = [f64::from(self.width), f64::from(self.height)];
+        let share = [0, 1].map(|k| (self.centre_px[k] + 0.5) / size[k]);
+        if share.iter().all(|share| (share - 0.5).abs() <= OFF_AXIS_SHARE) {
+            return None;
+        }
+        let ([x, y], [width, height]) = (self.centre_px, size);
+        let words =
+            format!("the optical axis is at the edge of the image ({x:.1}, {y:.1} of {width} x {height} pixels)");
+        let scale = share.map(|share| 0.5 / share);
+        let is_one_size =
+            scale.iter().all(|s| s.is_finite() && *s > 0.0) && (scale[0] / scale[1] - 1.0).abs() < SAME_SIZE_SHARE;
+        Some((words, is_one_size.then(|| self.scaled([scale[0]; 2]))))
     }
 
     /// The directions of all pixels at a depth of one, `(x, y)` of `(x, y, 1)`, row by row.
@@ -190,6 +232,7 @@ impl DepthImage {
             points_m: (0..pixels).map(point).collect(),
             times_s: Vec::new(),
             colours: self.colours.clone(),
+            intensities: Vec::new(),
             odom_from_robot: None,
         })
     }
@@ -207,6 +250,27 @@ mod tests {
             centre_px: [4.0, 3.0],
             distortion: [0.1, -0.02, 0.001, 0.002, 0.0],
         }
+    }
+
+    #[test]
+    fn a_camera_of_another_size_is_scaled_where_its_shape_is_the_same() {
+        let camera =
+            PinholeCamera { width: 320, height: 240, focal_px: [262.0; 2], centre_px: [159.5, 119.5], ..camera() };
+        let half = camera.of_size([160, 120]).unwrap();
+        assert_eq!((half.width, half.focal_px, half.centre_px), (160, [131.0; 2], [79.5, 59.5]));
+        assert!(camera.of_size([160, 100]).is_none() && camera.of_size([0, 0]).is_none());
+        assert!(camera.off_axis().is_none() && half.off_axis().is_none());
+    }
+
+    #[test]
+    fn an_optical_axis_at_the_edge_is_odd() {
+        let camera =
+            PinholeCamera { width: 160, height: 120, focal_px: [262.0; 2], centre_px: [159.5, 119.5], ..camera() };
+        let (words, likely) = camera.off_axis().unwrap();
+        assert!(words.contains("at the edge of the image (159.5, 119.5 of 160 x 120 pixels)"), "{words}");
+        assert_eq!(likely.map(|likely| (likely.focal_px, likely.centre_px)), Some(([131.0; 2], [79.5, 59.5])));
+        let zero = PinholeCamera { centre_px: [0.0, 60.0], ..camera };
+        assert!(zero.off_axis().unwrap().1.is_none());
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod pace;
 mod prepared;
 mod scan;
 mod space_sweep;
+mod sweep_times;
 mod turning;
 
 pub use cloud::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
@@ -30,4 +31,5 @@ pub use pace::Pace;
 pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};
 pub use space_sweep::SpaceSweep;
+pub use sweep_times::SweepTimes;
 pub use turning::{TurnRate, TurnRates};

@@ -3,8 +3,8 @@
 use crate::cloud::SpaceSensor;
 use std::sync::Arc;
 
-/// A cloud that was prepared: undistorted, thinned, in the robot's frame at its stamp. Six bytes a point, and three more where
-/// it has colours.
+/// A cloud that was prepared: undistorted, thinned, in the robot's frame at its stamp. Six bytes a point, three more where it has
+/// colours, and two where it has intensities.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpaceSweep {
     /// What took it.
@@ -15,6 +15,9 @@ pub struct SpaceSweep {
     pub points: Vec<[i16; 3]>,
     /// Red, green and blue of each point; empty where there are none.
     pub colours: Vec<[u8; 3]>,
+    /// How bright each point came back, as the upper half of a float: integers to 256 exactly, all else within 0.4 %. Empty where the
+    /// sensor does not say.
+    pub intensities: Vec<u16>,
 }
 
 impl SpaceSweep {
@@ -29,7 +32,19 @@ impl SpaceSweep {
             step_m,
             points: points_m.iter().map(|point| point.map(code)).collect(),
             colours,
+            intensities: Vec::new(),
         }
+    }
+
+    /// The same with an intensity for each point, or none.
+    #[must_use]
+    pub fn with_intensities(self, intensities: &[f32]) -> Self {
+        Self { intensities: intensities.iter().map(|&intensity| upper_half(intensity)).collect(), ..self }
+    }
+
+    /// The intensities of its points.
+    pub fn intensities(&self) -> impl ExactSizeIterator<Item = f32> + '_ {
+        self.intensities.iter().map(|&code| f32::from_bits(u32::from(code) << 16))
     }
 
     /// Its points in the robot's frame, metres.
@@ -38,9 +53,31 @@ impl SpaceSweep {
     }
 }
 
+/// The upper half of a float's bits, rounded to the nearest; zero for what is no number.
+fn upper_half(number: f32) -> u16 {
+    if !number.is_finite() {
+        return 0;
+    }
+    let bits = number.to_bits();
+    let rounded = bits.saturating_add(0x8000) >> 16;
+    // the largest floats would become infinite
+    if (rounded & 0x7f80) == 0x7f80 { (bits >> 16) as u16 } else { rounded as u16 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn intensities_come_back_as_well_as_any_sensor_knows_them() {
+        let sensor = Arc::new(SpaceSensor::lidar("top"));
+        let given: Vec<f32> = (0..=256).map(|k| k as f32).chain([0.37, 65_535.0, -12.5, f32::MAX, f32::NAN]).collect();
+        let sweep = SpaceSweep::new(&sensor, &vec![[1.0; 3]; given.len()], Vec::new()).with_intensities(&given);
+        let back: Vec<f32> = sweep.intensities().collect();
+        assert_eq!(back[..257], given[..257]);
+        assert!(given[257..261].iter().zip(&back[257..]).all(|(was, is)| (was - is).abs() <= 0.004 * was.abs()));
+        assert_eq!(back[261], 0.0);
+    }
 
     #[test]
     fn points_come_back_within_half_a_step() {

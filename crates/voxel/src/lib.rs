@@ -21,4 +21,4 @@ pub use occupancy::{Occupancy, OccupancySettings, VoxelCounts, log_odds};
 pub use octree::{BtCounts, Leaf, Leaves, Octree, OctreeError, State, write_bt};
 pub use surfel::Surfel;
 pub use surfel_map::{Change, SurfelMap, SurfelMapSettings};
-pub use thin::{PointSet, Thinner};
+pub use thin::{PointColumns, Thinner};

@@ -3,26 +3,6 @@
 use crate::key::{Key, key_of};
 use rustc_hash::FxHashMap;
 
-/// Points, and what is known of each: nothing, or as much as there are points.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct PointSet {
-    /// Where they are, metres.
-    pub points_m: Vec<[f32; 3]>,
-    /// Red, green and blue.
-    pub colours: Vec<[u8; 3]>,
-    /// When they were taken, seconds after a time that is common to them.
-    pub times_s: Vec<f32>,
-}
-
-impl PointSet {
-    /// None any more; memory is kept.
-    pub fn clear(&mut self) {
-        self.points_m.clear();
-        self.colours.clear();
-        self.times_s.clear();
-    }
-}
-
 /// Thins clouds; keeps its buffers.
 #[derive(Debug, Clone, Default)]
 pub struct Thinner {
@@ -34,8 +14,32 @@ pub struct Thinner {
 struct Sum {
     point: [f64; 3],
     colour: [u32; 3],
+    intensity: f64,
     time: f64,
     count: u32,
+}
+
+/// Points, and what is known of each: nothing, or as much as there are points.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PointColumns {
+    /// Where they are, metres.
+    pub points_m: Vec<[f32; 3]>,
+    /// Red, green and blue of each; empty where there are none.
+    pub colours: Vec<[u8; 3]>,
+    /// How bright each is; empty where that is not known.
+    pub intensities: Vec<f32>,
+    /// When each was taken, seconds after a time that is common to them; empty where that is not known.
+    pub times_s: Vec<f32>,
+}
+
+impl PointColumns {
+    /// Forgets all, and keeps the room.
+    pub fn clear(&mut self) {
+        self.points_m.clear();
+        self.colours.clear();
+        self.intensities.clear();
+        self.times_s.clear();
+    }
 }
 
 impl Thinner {
@@ -46,12 +50,15 @@ impl Thinner {
         out.extend(self.sums.iter().map(Sum::mean));
     }
 
-    /// The same with the means of what is known of them.
-    pub fn thin_set(&mut self, set: &PointSet, size_m: f64, out: &mut PointSet) {
-        let PointSet { points_m, colours, times_s } = set;
+    /// The same with the mean of each column that there is.
+    pub fn thin_columns(&mut self, from: &PointColumns, size_m: f64, out: &mut PointColumns) {
+        let PointColumns { points_m, colours, intensities, times_s } = from;
         self.gather(points_m, size_m, |sum, number| {
             if let Some(colour) = colours.get(number) {
                 (0..3).for_each(|k| sum.colour[k] += u32::from(colour[k]));
+            }
+            if let Some(intensity) = intensities.get(number).filter(|intensity| intensity.is_finite()) {
+                sum.intensity += f64::from(*intensity);
             }
             sum.time += times_s.get(number).copied().map_or(0.0, f64::from);
         });
@@ -59,6 +66,9 @@ impl Thinner {
         out.points_m.extend(self.sums.iter().map(Sum::mean));
         if !colours.is_empty() {
             out.colours.extend(self.sums.iter().map(|sum| sum.colour.map(|v| (v / sum.count) as u8)));
+        }
+        if !intensities.is_empty() {
+            out.intensities.extend(self.sums.iter().map(|sum| (sum.intensity / f64::from(sum.count)) as f32));
         }
         if !times_s.is_empty() {
             out.times_s.extend(self.sums.iter().map(|sum| (sum.time / f64::from(sum.count)) as f32));
@@ -95,15 +105,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_voxel_keeps_the_mean_of_its_points_colours_and_times() {
-        let set = PointSet {
+    fn a_voxel_keeps_the_mean_of_its_points_and_of_what_is_known_of_them() {
+        let from = PointColumns {
             points_m: vec![[0.1, 0.1, 0.1], [5.0, 0.0, 0.0], [0.3, 0.1, 0.1], [f32::NAN, 0.0, 0.0]],
             colours: vec![[10, 0, 255], [1, 2, 3], [20, 0, 255], [0, 0, 0]],
+            intensities: vec![1.0, 7.0, 2.0, 0.0],
             times_s: vec![0.1, 0.2, 0.3, 0.4],
         };
-        let mut out = PointSet::default();
-        Thinner::default().thin_set(&set, 1.0, &mut out);
-        assert_eq!((out.points_m.len(), out.colours.as_slice()), (2, [[15, 0, 255], [1, 2, 3]].as_slice()));
-        assert!((out.points_m[0][0] - 0.2).abs() < 1e-6 && (out.times_s[0] - 0.2).abs() < 1e-6);
+        let mut out = PointColumns::default();
+        Thinner::default().thin_columns(&from, 1.0, &mut out);
+        assert_eq!(
+            (out.colours.as_slice(), out.intensities.as_slice()),
+            ([[15, 0, 255], [1, 2, 3]].as_slice(), [1.5, 7.0].as_slice())
+        );
+        assert!(out.points_m.len() == 2 && (out.points_m[0][0] - 0.2).abs() < 1e-6);
+        assert!(out.times_s.len() == 2 && (out.times_s[0] - 0.2).abs() < 1e-6);
+        let bare = PointColumns { points_m: from.points_m, ..PointColumns::default() };
+        Thinner::default().thin_columns(&bare, 1.0, &mut out);
+        assert!(out.points_m.len() == 2 && out.colours.is_empty());
+        assert!(out.intensities.is_empty() && out.times_s.is_empty());
     }
 }

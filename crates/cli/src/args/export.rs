@@ -62,9 +62,9 @@ pub(crate) enum ExportTo {
     Pgm,
     /// Map as a plain PNG with a world file (.pgw), for QGIS and others.
     Worldfile,
-    /// Of space: points with their colours, binary PLY.
+    /// Of space: points with their colours and intensities, binary PLY.
     Ply,
-    /// Of space: points with their colours, binary PCD.
+    /// Of space: points with their colours and intensities, binary PCD.
     Pcd,
     /// Of space: what is occupied, free and unknown, as OctoMap's .bt.
     Octomap,

@@ -12,7 +12,7 @@ use crate::interrupt::Interrupt;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::report::remarks;
-use crate::space::{Disk, check_choice, hear_metadata, plan_in_words};
+use crate::space::{Disk, check_choice_of_files, hear_metadata, plan_in_words};
 use crate::terminal::{count, grouped, say, say_json};
 use contents::Contents;
 use differences::{Differences, Steps};
@@ -69,7 +69,7 @@ impl Found {
     fn in_space(path: &Path, source: &SourceArgs) -> Result<Option<Self>, Failure> {
         let Some(disk) = Disk::open(path)? else { return Ok(None) };
         let Some(recording) = disk.recording()? else { return Ok(None) };
-        check_choice(source, true)?;
+        check_choice_of_files(source)?;
         let name = name_of(path);
         let (words, value, losses) = space::look(&name, &recording, source)?;
         let (contents, steps) = (Contents::default(), Steps::default());
@@ -135,9 +135,10 @@ impl Found {
     /// A recording that is mapped in space.
     fn messages_in_space(name: String, survey: &Survey, words: String, plan: &SpacePlan) -> Self {
         let said = format!("{} can be mapped: mapwright map {name} --space -o OUT", plan.topic);
-        let words = format!("{words}space    {said}\n{}", plan_in_words(plan));
+        let odd = plan.odd.iter().chain(&plan.doubts).map(|odd| format!("odd      {odd}\n")).collect::<String>();
+        let words = format!("{words}space    {said}\n{}{odd}", plan_in_words(plan));
         let reasons: Vec<_> = plan.reasons.iter().map(|(what, why)| json!({ "what": what, "why": why })).collect();
-        let value = json!({ "topic": plan.topic, "reasons": reasons, "assumed": plan.assumed });
+        let value = json!({ "topic": plan.topic, "reasons": reasons, "assumed": plan.assumed, "odd": plan.odd, "doubts": plan.doubts });
         Self::looked_through(name, survey, words, ("space", value))
     }
 

@@ -24,7 +24,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         && let Some(disk) = Disk::open(path)?
         && let Some(recording) = disk.recording()?
     {
-        space::check_choice(&args.source, true)?;
+        space::check_choice_of_files(&args.source)?;
         let source = Source::files(path.display().to_string(), &recording, &args.source)?;
         return map_space(args, source, &interrupt);
     }
@@ -35,7 +35,6 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let inputs = match space::seek(args, &mut watch)? {
         Sought::Space(source) => {
             drop(first_pass);
-            space::check_choice(&args.source, false)?;
             return map_space(args, source, &interrupt);
         }
         Sought::Plane(inputs) => inputs,

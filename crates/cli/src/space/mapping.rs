@@ -146,8 +146,9 @@ impl Mapping {
         for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
             let points = mapwright::points_of_map(session, map, MAP_SHARE * resolution_m);
             map_points += points.points_m.len();
-            self.output
-                .write(map_file(number, "ply"), |writer| write_ply(&points.points_m, &points.colours, writer))?;
+            self.output.write(map_file(number, "ply"), |writer| {
+                write_ply(&points.points_m, &points.colours, &points.intensities, writer)
+            })?;
             let shown = picture::Shown { map, way, points: &points, point_m: MAP_SHARE * resolution_m };
             let name = map_file(number, "png");
             picture::write(&mut self.output, &name, (&sensor, session), &shown, self.picture_side)?;

@@ -23,7 +23,7 @@ pub(super) fn write(
     shown: &Shown<'_>,
     side_px: Option<u16>,
 ) -> Result<(), Failure> {
-    let Shown { map, way, points: MapPoints { points_m, colours }, point_m } = *shown;
+    let Shown { map, way, points: MapPoints { points_m, colours, .. }, point_m } = *shown;
     let way_m: Vec<[f64; 3]> = way.iter().map(|pose| pose.translation.into()).collect();
     let poses = session.map_from_keyframe();
     let closures =

@@ -237,13 +237,16 @@ fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> Str
         results.path_m,
         results.climbed_m
     );
+    // the first cloud meets nothing that is known
+    let fit = tally.median_inlier_share().filter(|_| tally.clouds > 1);
+    let fit =
+        fit.map_or_else(String::new, |share| format!("; {:.0} % of the known points fit (median)", 100.0 * share));
     let tracked = format!(
-        "tracked  {} of {}, {} doubtful, {} lost; {:.0} % of the known points fit (median)\n",
+        "tracked  {} of {}, {} doubtful, {} lost{fit}\n",
         grouped(tally.status(Status::Tracking)),
         grouped(tally.clouds),
         grouped(tally.status(Status::Degraded)),
         grouped(tally.status(Status::Lost)),
-        100.0 * tally.median_inlier_share().unwrap_or(0.0)
     );
     if tally.clouds > 0 {
         words += &tracked;

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 /// A source of clouds, and all that is known of it.
 pub(crate) enum Source<'a> {
-    Files { recording: &'a Recording<'a>, clouds: Clouds<'a>, name: String },
+    Files { recording: &'a Recording<'a>, clouds: Box<Clouds<'a>>, name: String },
     Messages(Box<Messages>),
     Simulated(Box<Simulation>),
 }
@@ -20,7 +20,7 @@ impl<'a> Source<'a> {
     pub(crate) fn files(name: String, recording: &'a Recording<'a>, args: &SourceArgs) -> Result<Self, Failure> {
         let clouds = recording.clouds(&args.camera());
         let clouds = clouds.map_err(|cause| Failure::Log(format!("{name}: {cause}")))?;
-        Ok(Self::Files { recording, clouds, name })
+        Ok(Self::Files { recording, clouds: Box::new(clouds), name })
     }
 
     /// The next cloud; none at the end. Inertial readings that come before it are handed to `feel`.
@@ -62,7 +62,7 @@ impl<'a> Source<'a> {
 
     fn sensor(&self) -> &SpaceSensor {
         match self {
-            Self::Files { recording, .. } => recording.sensor(),
+            Self::Files { clouds, .. } => clouds.sensor(),
             Self::Messages(messages) => &messages.stream.plan().sensor,
             Self::Simulated(simulation) => &simulation.drive().lidar().sensor,
         }
@@ -88,7 +88,7 @@ impl<'a> Source<'a> {
     /// What was decided and taken for granted, in words.
     fn decisions(&self) -> Vec<String> {
         match self {
-            Self::Files { recording, .. } => recording.decisions().to_vec(),
+            Self::Files { clouds, .. } => clouds.decisions().to_vec(),
             Self::Messages(messages) => messages.decisions(),
             Self::Simulated(_) => Vec::new(),
         }
@@ -97,7 +97,7 @@ impl<'a> Source<'a> {
     /// The same for people: lines, and what is to be said among what is odd.
     fn decisions_in_words(&self) -> (String, Vec<String>) {
         match self {
-            Self::Files { recording, .. } => (String::new(), recording.decisions().to_vec()),
+            Self::Files { clouds, .. } => (String::new(), clouds.decisions().to_vec()),
             Self::Messages(messages) => (messages.plan_in_words(), Vec::new()),
             Self::Simulated(_) => (String::new(), Vec::new()),
         }
@@ -123,6 +123,18 @@ impl<'a> Source<'a> {
         notes
     }
 
+    /// What is odd about it, and what casts doubt on a map of it, in words.
+    fn doubts(&self) -> [Vec<String>; 2] {
+        match self {
+            Self::Files { clouds, .. } => [clouds.odd().to_vec(), clouds.doubts().to_vec()],
+            Self::Messages(messages) => {
+                let plan = messages.stream.plan();
+                [plan.odd.clone(), plan.doubts.clone()]
+            }
+            Self::Simulated(_) => Default::default(),
+        }
+    }
+
     /// Damage of the container, in words: what may have cost clouds, and what has not.
     fn damages(&self) -> (Vec<String>, Vec<String>) {
         match self {
@@ -133,7 +145,9 @@ impl<'a> Source<'a> {
 
     /// All that is to be said of it, once it was read.
     pub(super) fn read(&self) -> Read {
-        let (losses, odd) = self.damages();
+        let (losses, mut odd) = self.damages();
+        let [more, doubts] = self.doubts();
+        odd.extend(more);
         let (lines, said) = self.decisions_in_words();
         Read {
             kind: self.kind(),
@@ -148,6 +162,7 @@ impl<'a> Source<'a> {
             notes: self.notes(),
             losses,
             odd,
+            doubts,
         }
     }
 
@@ -183,6 +198,8 @@ pub(super) struct Read {
     /// Damage of the container, in words: what may have cost clouds, and what has not.
     pub(super) losses: Vec<String>,
     pub(super) odd: Vec<String>,
+    /// What casts doubt on a map of it, in words.
+    pub(super) doubts: Vec<String>,
 }
 
 impl Read {
@@ -205,6 +222,7 @@ impl Read {
         self.notes.extend(&other.notes);
         self.losses.append(&mut other.losses);
         self.odd.append(&mut other.odd);
+        self.doubts.extend(other.doubts.into_iter().map(|words| format!("{name}: {words}")));
         self
     }
 }

@@ -80,6 +80,8 @@ pub(crate) struct Facts {
     closures: usize,
     /// Maps that nothing holds together.
     maps: usize,
+    /// What casts doubt on the recording as it was read, in words.
+    doubts: Vec<String>,
 }
 
 impl Facts {
@@ -110,7 +112,13 @@ impl Facts {
             unheeded: session.maps().first().map_or(0, |map| unheeded(session, map)),
             closures: session.edges().filter(|edge| edge.kind == EdgeKind::Closure).count(),
             maps: maps.len(),
+            doubts: Vec::new(),
         }
+    }
+
+    /// The same of a recording that was read with doubts.
+    pub(crate) fn doubting(self, doubts: &[String]) -> Self {
+        Self { doubts: doubts.to_vec(), ..self }
     }
 
     pub(crate) fn judged(&self) -> Usable {
@@ -131,8 +139,18 @@ impl Facts {
             uncertain(self.mean_sigma_m, self.worst_sigma_m),
             unheeded_places(self.unheeded),
             self.untested(),
+            self.misread(),
         ];
         Usable::by(reasons, None, self.all_is_well())
+    }
+
+    fn misread(&self) -> Option<Reason> {
+        (!self.doubts.is_empty()).then(|| Reason {
+            word: Usability::Check,
+            what: "input",
+            words: self.doubts.join("; "),
+            evidence: json!({ "doubts": self.doubts }),
+        })
     }
 
     fn paused(&self) -> Option<Reason> {
@@ -272,6 +290,7 @@ mod tests {
             unheeded: 0,
             closures: 3,
             maps: 1,
+            doubts: Vec::new(),
         }
     }
 
@@ -305,6 +324,7 @@ mod tests {
             (Facts { maps: 15, ..sound() }, Usability::Unusable, "torn into 15 maps"),
             (Facts { clouds: 1, ..sound() }, Usability::Check, "one cloud tells nothing"),
             (Facts { clouds: 0, doubtful: 0, ..sound() }, Usability::Check, "made of sessions alone"),
+            (sound().doubting(&["the camera is assumed".to_owned()]), Usability::Check, "the camera is assumed"),
             (Facts { unheeded: 2, ..sound() }, Usability::Check, "2 places looked like another"),
         ];
         for (facts, word, words) in cases {

@@ -52,6 +52,53 @@ fn clouds_with_nothing_to_map_are_refused_and_thin_ones_are_mapped() {
 }
 
 #[test]
+fn clouds_in_another_unit_say_so_and_near_ones_are_mapped() {
+    let folder = folder("cloud_units");
+    let scaled = |name: &str, unit: f32| {
+        // a floor and two walls all around
+        let points =
+            plane().into_iter().flat_map(|[x, y, z]| [[x, y, z], [-x, 3.0, 0.1 + y], [x - 4.0, -3.0, 0.1 + y]]);
+        let points: Vec<u8> = points.flatten().flat_map(|v| (v * unit).to_le_bytes()).collect();
+        fs::create_dir_all(folder.join(name)).unwrap();
+        let bytes = [header("pcd", 2700).into_bytes(), points].concat();
+        (0..3).for_each(|k| fs::write(folder.join(name).join(format!("{k}.pcd")), &bytes).unwrap());
+        folder.join(name)
+    };
+    let said = |output: &Output| text(&output.stdout) + &text(&output.stderr);
+    let mm = map(&scaled("mm", 1000.0), &[]);
+    assert_code(&mm, 0);
+    assert!(said(&mm).contains("taken for millimetres; `--range-unit 1` takes them for metres"), "{mm:?}");
+    let info = run(&["info", folder.join("mm").to_str().unwrap()]);
+    assert!(said(&info).contains("taken for millimetres"), "{info:?}");
+    let refused = map(&folder.join("mm"), &["--range-unit", "1"]);
+    assert_refused(&refused, 1, &["there is nothing to map; points at ", "millimetres? `--range-unit 0.001`"]);
+    let near = map(&scaled("near", 0.04), &[]);
+    assert_code(&near, 0);
+    assert!(said(&near).contains("all nearer than the 0.5 m"), "{near:?}");
+    let as_asked = map(&folder.join("near"), &["--range-unit", "25"]);
+    assert_code(&as_asked, 0);
+    assert!(!said(&as_asked).contains("all nearer"), "{as_asked:?}");
+}
+
+#[test]
+fn depth_without_a_camera_or_colour_says_what_was_used() {
+    let folder = folder("numbered_depth").join("room");
+    fs::create_dir_all(folder.join("depth")).unwrap();
+    (0..3).for_each(|k| fs::write(folder.join(format!("depth/{k:06}.png")), depth()).unwrap());
+    assert_refused(&map(&folder, &[]), 1, &["the camera's focal lengths and centre", "give --intrinsics FX,FY,CX,CY"]);
+    let given = map(&folder, &["--intrinsics", "30,30,15.5,11.5", "--depth-scale", "6553.5"]);
+    assert_code(&given, 0);
+    let said = text(&given.stdout);
+    assert!(said.contains("6553.5 is a metre of depth, as asked for") && !said.contains("1000 is a metre"), "{said}");
+    assert!(said.contains("the camera is 30,30,15.5,11.5, as asked for") && !said.contains("lost "), "{said}");
+    let aside = map(&folder, &["--intrinsics", "60,60,31.5,23.5"]);
+    assert_code(&aside, 0);
+    let verdict = text(&aside.stdout).lines().next().unwrap().to_owned();
+    let expected = ["check", "the optical axis is at the edge of the image", "`--intrinsics 30,30,15.5,11.5`"];
+    expected.iter().for_each(|what| assert!(verdict.contains(what), "expected {what:?}, found {verdict}"));
+}
+
+#[test]
 fn missing_frames_and_times_that_run_backwards_are_said() {
     let folder = folder("bad_frames");
     let (missing, back) = (folder.join("missing"), folder.join("back"));
@@ -66,9 +113,9 @@ fn missing_frames_and_times_that_run_backwards_are_said() {
     assert!(text(&output.stdout).contains("stamp runs backwards: 2, first velodyne/000002.bin"), "{output:?}");
 }
 
-/// The same points, whole or not, under headers that promise so many.
-fn with_header(ending: &str, promised: u64) -> Vec<u8> {
-    let header = match ending {
+/// The header of so many points.
+fn header(ending: &str, promised: u64) -> String {
+    match ending {
         "pcd" => format!(
             "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {promised}\nHEIGHT 1\n\
              VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {promised}\nDATA binary\n"
@@ -77,9 +124,13 @@ fn with_header(ending: &str, promised: u64) -> Vec<u8> {
             "ply\nformat binary_little_endian 1.0\nelement vertex {promised}\nproperty float x\nproperty float y\n\
              property float z\nend_header\n"
         ),
-    };
+    }
+}
+
+/// The same points, whole or not, under headers that promise so many.
+fn with_header(ending: &str, promised: u64) -> Vec<u8> {
     let points = plane().into_iter().flatten().flat_map(f32::to_le_bytes);
-    header.into_bytes().into_iter().chain(points).collect()
+    header(ending, promised).into_bytes().into_iter().chain(points).collect()
 }
 
 #[test]

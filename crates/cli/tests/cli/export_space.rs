@@ -33,6 +33,7 @@ fn cloud(number: i64, is_camera: bool) -> Cloud {
         stamp: Stamp(number * 100_000_000),
         sensor: Arc::new(SpaceSensor::lidar("top")),
         colours: vec![[200, 100, 50]; seen.len()],
+        intensities: seen.iter().map(|point| if point[2] < -0.9 { 20.0 } else { 80.0 }).collect(),
         points_m: seen,
         times_s: Vec::new(),
         odom_from_robot: Some(Pose3 { translation: ahead_m.into(), ..Pose3::identity() }),
@@ -63,6 +64,10 @@ fn a_session_of_space_becomes_clouds_an_octree_and_a_floor_plan() {
     assert!(read("export.mcap").starts_with(b"\x89MCAP0"));
     assert!(ply.points_m.len() > 1000 && ply.points_m == pcd.points_m);
     assert!(ply.colours == pcd.colours && ply.colours[0] == [200, 100, 50]);
+    assert_eq!((ply.intensities.len(), &ply.intensities), (ply.points_m.len(), &pcd.intensities));
+    let on_the_floor =
+        ply.points_m.iter().zip(&ply.intensities).filter(|([x, y, z], _)| *z < -0.95 && x.abs() < 5.0 && y.abs() < 3.0);
+    assert!(on_the_floor.clone().count() > 100 && on_the_floor.clone().all(|(_, intensity)| *intensity == 20.0));
 
     let tree = Octree::read_bt(&mut read("export.bt").as_slice()).unwrap();
     let states = [[1.0, 1.0, 0.0], [0.3, 4.05, 0.1], [0.0, 0.0, 9.0]].map(|at_m| tree.state_at(at_m, 16));

@@ -31,6 +31,20 @@ pub(super) fn size(listing: &Listing<'_>, frames: &[Frame]) -> Result<Size, Clou
     Err(CloudError::NoFrames { frames: frames.len(), first })
 }
 
+/// Images without one in colour: depth alone is mapped, so nothing is lost. Where none has one, that is a layout.
+pub(super) fn note_missing_colours(frames: &[Frame], decisions: &mut Vec<String>, notes: &mut Notes) {
+    let without = || frames.iter().filter(|frame| frame.colour.is_none());
+    if without().count() == frames.len() {
+        decisions.push("no images in colour: depth alone".to_owned());
+        return;
+    }
+    for frame in without() {
+        notes.note(NoteKind::MissingColour, &frame.file, 0, || {
+            ("an image in colour of the same number or time", "none")
+        });
+    }
+}
+
 /// Reads a file that is there, or notes why it cannot be.
 pub(super) fn read_noted(listing: &Listing<'_>, file: &str, notes: &mut Notes) -> Option<Vec<u8>> {
     if !listing.has(file) {

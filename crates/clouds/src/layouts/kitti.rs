@@ -1,6 +1,6 @@
 //! KITTI's odometry benchmark (Geiger et al. 2012).
 
-use crate::bins;
+use crate::bins::{self, Columns};
 use crate::error::CloudError;
 use crate::folder::{Listing, ends_with, number, parts};
 use crate::notes::{NoteKind, Notes};
@@ -36,7 +36,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         kind: Kind::Kitti,
         frames: frames.collect(),
         sensor: SpaceSensor::lidar(if folder.is_empty() { "lidar" } else { folder.trim_end_matches('/') }),
-        decode: Decode::Bins,
+        decode: Decode::Bins(Columns::Four),
         references,
         decisions,
         notes,

@@ -1,11 +1,11 @@
 //! Open3D's samples and the folders that its reconstruction reads (Zhou et al. 2018).
 
-use super::depth::{IMAGES_PER_S, first_there, read_noted, size, stamp_of_number};
-use crate::camera;
+use super::depth::{IMAGES_PER_S, first_there, note_missing_colours, read_noted, size, stamp_of_number};
+use crate::camera::{self, INTRINSICS_KEY};
 use crate::error::CloudError;
-use crate::folder::{Listing, natural_key, number, parts};
+use crate::folder::{Listing, ends_with, natural_key, number, parts};
 use crate::image::Size;
-use crate::notes::{NoteKind, Notes};
+use crate::notes::Notes;
 use crate::plan::{Decode, DepthPlan, Frame, Kind, Plan, note_gaps};
 use crate::poses::{Reference, ReferenceFrame, open3d_log};
 use mapwright_sensor::SpaceSensor;
@@ -17,10 +17,16 @@ const CALIBRATIONS: [&str; 4] = ["camera_primesense.json", "camera.json", "camer
 const TRAJECTORIES: [&str; 2] = ["trajectory.log", "odometry.log"];
 /// What Open3D takes for a metre unless it is told otherwise.
 const DEPTH_PER_M: f64 = 1000.0;
+/// What Open3D takes for a camera of this size unless it is told otherwise: `PrimeSenseDefault`.
+const DEFAULT_CAMERA: [f64; 4] = [525.0, 525.0, 319.5, 239.5];
+const DEFAULT_SIZE: Size = [640, 480];
+/// Where such lie beside a folder of depth, it is a part of another recording; models made of it lie there as well, but fewer.
+const OTHER_RECORDINGS: [&str; 6] = [".bag", ".mcap", ".db3", ".bin", ".bin.zst", ".pcap"];
+const MODELS: [&str; 2] = [".pcd", ".ply"];
 
 pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let names = match listing.in_one_folder(|name| numbered_depth(name).is_some())? {
-        names if names.is_empty() && CALIBRATIONS.iter().any(|name| listing.has(name)) => in_folder_of_depth(listing),
+        names if names.is_empty() => in_folder_of_depth(listing),
         names => names,
     };
     let Some(first) = names.first() else { return Ok(None) };
@@ -31,12 +37,10 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let frames: Vec<Frame> = names
         .iter()
         .zip(&numbers)
-        .map(|(file, number)| {
-            let colour = colour(listing, file);
-            if colour.is_none() {
-                notes.note(NoteKind::MissingColour, file, 0, || ("a colour image of the same number", "none"));
-            }
-            Frame { file: file.clone(), stamp: Some(stamp_of_number(*number)), colour }
+        .map(|(file, number)| Frame {
+            file: file.clone(),
+            stamp: Some(stamp_of_number(*number)),
+            colour: colour(listing, file),
         })
         .collect();
     let size = size(listing, &frames)?;
@@ -44,12 +48,16 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         "the robot's frame is the camera's: z ahead, x to the right".to_owned(),
         format!("stamps are the frames' numbers, taken to be at {IMAGES_PER_S} Hz"),
     ];
-    let (intrinsics, scale) = calibration(listing, folder, size, &mut decisions, &mut notes);
-    let depth_per_m = scale.unwrap_or(DEPTH_PER_M);
-    decisions.push(format!(
-        "{depth_per_m} is a metre of depth, as {} it",
-        if scale.is_some() { "the folder has" } else { "Open3D takes" }
-    ));
+    note_missing_colours(&frames, &mut decisions, &mut notes);
+    let calibrations = CALIBRATIONS.map(|name| format!("{folder}{name}")).to_vec();
+    let (found, scale) = calibration(listing, &calibrations, size, &mut decisions, &mut notes);
+    let (intrinsics, camera_words) = match found {
+        Some((file, camera)) => (Some(camera), Ok(format!("the camera is that of {file}"))),
+        None if size == DEFAULT_SIZE && !calibrations.iter().any(|name| listing.has(name)) => {
+            (Some(DEFAULT_CAMERA), Err(default_words()))
+        }
+        None => (None, Ok("no calibration that can be used".to_owned())),
+    };
     let references = reference(listing, folder, &mut decisions, &mut notes).into_iter().collect();
     Ok(Some(Plan {
         kind: Kind::Open3d,
@@ -58,13 +66,31 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         decode: Decode::Depth(DepthPlan {
             size,
             intrinsics,
-            depth_per_m,
-            calibrations: CALIBRATIONS.map(|name| format!("{folder}{name}")).to_vec(),
+            camera_words,
+            depth_per_m: scale.unwrap_or(DEPTH_PER_M),
+            scale_words: if scale.is_some() { "as the folder has it" } else { "as Open3D takes it" },
+            calibrations,
         }),
         references,
         decisions,
         notes,
     }))
+}
+
+fn default_words() -> String {
+    let ([fx, fy, cx, cy], [width, height]) = (DEFAULT_CAMERA, DEFAULT_SIZE);
+    format!(
+        "nothing says what the camera is: assumed to be Open3D's default for {width} x {height} pixels, {fx},{fy},{cx},{cy}; \
+         `{INTRINSICS_KEY}` says what it is"
+    )
+}
+
+/// Whether numbered images in `depth/` are a recording: beside a calibration, or beside nothing else that is one.
+fn is_recording(listing: &Listing<'_>, images: usize) -> bool {
+    let ends_so = |name: &str, endings: &[&str]| endings.iter().any(|ending| ends_with(name, ending));
+    let models = listing.names().filter(|name| ends_so(name, &MODELS)).count();
+    let is_alone = models < images && !listing.names().any(|name| ends_so(name, &OTHER_RECORDINGS));
+    CALIBRATIONS.iter().any(|name| listing.has(name)) || is_alone
 }
 
 /// The digits of `depth12.png`.
@@ -81,6 +107,9 @@ fn in_folder_of_depth(listing: &Listing<'_>) -> Vec<String> {
         digits.is_some_and(|digits| number(digits).is_some())
     };
     let mut names: Vec<String> = listing.names().filter(is_numbered).map(str::to_owned).collect();
+    if !is_recording(listing, names.len()) {
+        return Vec::new();
+    }
     names.sort_by_cached_key(|name| natural_key(name));
     names
 }
@@ -111,26 +140,23 @@ fn colour(listing: &Listing<'_>, depth: &str) -> Option<String> {
 /// The camera of the first calibration that can be used, and its scale of depth.
 fn calibration(
     listing: &Listing<'_>,
-    folder: &str,
+    names: &[String],
     size: Size,
     decisions: &mut Vec<String>,
     notes: &mut Notes,
-) -> (Option<[f64; 4]>, Option<f64>) {
+) -> (Option<(String, [f64; 4])>, Option<f64>) {
     let mut found: Option<(String, [f64; 4], Option<f64>)> = None;
-    for name in CALIBRATIONS.map(|name| format!("{folder}{name}")) {
-        let camera = read_noted(listing, &name, notes).and_then(|bytes| camera::of_json(&name, &bytes, size, notes));
+    for name in names {
+        let camera = read_noted(listing, name, notes).and_then(|bytes| camera::of_json(name, &bytes, size, notes));
         match (camera, &found) {
-            (Some((camera, scale)), None) => {
-                decisions.push(format!("the camera is that of {name}"));
-                found = Some((name, camera, scale));
-            }
+            (Some((camera, scale)), None) => found = Some((name.clone(), camera, scale)),
             (Some((other, _)), Some((first, camera, _))) if other != *camera => {
                 decisions.push(format!("{name} has another camera than {first} and is not used"));
             }
             _ => {}
         }
     }
-    found.map_or((None, None), |(_, camera, scale)| (Some(camera), scale))
+    found.map_or((None, None), |(name, camera, scale)| (Some((name, camera)), scale))
 }
 
 fn reference(listing: &Listing<'_>, folder: &str, decisions: &mut Vec<String>, notes: &mut Notes) -> Option<Reference> {

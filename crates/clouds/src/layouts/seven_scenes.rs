@@ -1,6 +1,6 @@
 //! Microsoft's 7-Scenes (Shotton et al. 2013).
 
-use super::depth::{IMAGES_PER_S, first_there, read_noted, size, stamp_of_number};
+use super::depth::{IMAGES_PER_S, first_there, note_missing_colours, read_noted, size, stamp_of_number};
 use crate::camera;
 use crate::error::CloudError;
 use crate::folder::{Listing, number, parts};
@@ -21,6 +21,10 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let numbered: Vec<(u64, &str)> =
         names.iter().filter_map(|name| Some((frame_number(parts(name).1)?, name.strip_suffix(DEPTH)?))).collect();
     let mut notes = Notes::default();
+    let mut decisions = vec![
+        "the robot's frame is the camera's: z ahead, x to the right".to_owned(),
+        format!("stamps are the frames' numbers at {IMAGES_PER_S} Hz"),
+    ];
     note_gaps(numbered.iter().copied(), &mut notes);
     let endings = [".color.jpg", ".color.png", ".color.jpeg"];
     let frames: Vec<Frame> = numbered
@@ -28,26 +32,20 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         .map(|(number, base)| {
             let colour = first_there(listing, endings.iter().map(|ending| format!("{base}{ending}")));
             let file = format!("{base}{DEPTH}");
-            if colour.is_none() {
-                notes.note(NoteKind::MissingColour, &file, 0, || (format!("{base}.color.jpg or .png"), "none"));
-            }
             Frame { file, stamp: Some(stamp_of_number(*number)), colour }
         })
         .collect();
+    note_missing_colours(&frames, &mut decisions, &mut notes);
     let size = size(listing, &frames)?;
     let calibration = first_there(listing, [format!("{folder}{CALIBRATION}"), CALIBRATION.to_owned()]);
     let intrinsics = calibration.as_ref().and_then(|file| {
         let bytes = read_noted(listing, file, &mut notes)?;
         camera::of_matrix(file, &bytes, &mut notes)
     });
-    let decisions = vec![
-        "the robot's frame is the camera's: z ahead, x to the right".to_owned(),
-        format!("stamps are the frames' numbers at {IMAGES_PER_S} Hz; depth is in millimetres, as 7-Scenes documents"),
-        match (&calibration, intrinsics) {
-            (Some(file), Some(_)) => format!("the camera is that of {file}"),
-            _ => format!("no {CALIBRATION} that can be used"),
-        },
-    ];
+    let camera_words = match (&calibration, intrinsics) {
+        (Some(file), Some(_)) => format!("the camera is that of {file}"),
+        _ => format!("no {CALIBRATION} that can be used"),
+    };
     let references = reference(listing, folder, &numbered, &mut notes).into_iter().collect();
     Ok(Some(Plan {
         kind: Kind::SevenScenes,
@@ -56,7 +54,9 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         decode: Decode::Depth(DepthPlan {
             size,
             intrinsics,
+            camera_words: Ok(camera_words),
             depth_per_m: DEPTH_PER_M,
+            scale_words: "as 7-Scenes documents",
             calibrations: calibration.into_iter().collect(),
         }),
         references,

@@ -1,8 +1,8 @@
-//! The TUM RGB-D benchmark (Sturm et al. 2012).
+//! The TUM RGB-D benchmark (Sturm et al. 2012), and ICL-NUIM (Handa et al. 2014), which has one list of both kinds of images.
 
-use super::depth::{read_noted, size};
+use super::depth::{IMAGES_PER_S, note_missing_colours, read_noted, size, stamp_of_number};
 use crate::error::CloudError;
-use crate::folder::Listing;
+use crate::folder::{Listing, number};
 use crate::notes::{NoteKind, Notes};
 use crate::plan::{Decode, DepthPlan, Frame, Kind, Plan};
 use crate::poses::{PoseRows, Reference, ReferenceFrame, pose_rows, stamp_of_text};
@@ -21,9 +21,13 @@ const CAMERA: [f64; 4] = [525.0, 525.0, 319.5, 239.5];
 /// Recordings of the benchmark are called so.
 const BENCHMARK: &str = "rgbd_dataset_";
 
+/// What lists of images of both kinds are called: a stamp and a name, and once more.
+const ASSOCIATIONS: [&str; 4] = ["associations.txt", "associate.txt", "assoc.txt", "association.txt"];
+
 pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     if !listing.has("depth.txt") {
-        return Ok(None);
+        let file = ASSOCIATIONS.into_iter().find(|name| listing.has(name));
+        return file.map_or(Ok(None), |file| associated(listing, file));
     }
     let mut notes = Notes::default();
     let text = listing.read("depth.txt")?;
@@ -45,23 +49,78 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         .into_iter()
         .map(|(stamp, file)| {
             let colour = colours.as_ref().and_then(|colours| nearest(colours, stamp));
-            if colour.is_none() && colours.is_some() {
-                notes.note(NoteKind::MissingColour, &file, 0, || ("a colour image within 20 ms", "none"));
-            }
             Frame { file, stamp: Some(stamp), colour }
         })
         .collect();
+    if colours.is_some() {
+        note_missing_colours(&frames, &mut decisions, &mut notes);
+    }
     let intrinsics = is_of_benchmark(&text).then_some(CAMERA);
-    decisions.push(match intrinsics {
+    let camera_words = match intrinsics {
         Some([fx, fy, cx, cy]) => {
             format!("depth.txt names a recording of the benchmark: the camera that it recommends, {fx},{fy},{cx},{cy}")
         }
         None => format!("depth.txt names no recording of the benchmark ({BENCHMARK}...): its camera is not known"),
+    };
+    plan(listing, frames, (intrinsics, camera_words), decisions, notes).map(Some)
+}
+
+/// A folder with one list of both kinds of images; none where its rows name no images of depth that are there.
+fn associated(listing: &Listing<'_>, file: &str) -> Result<Option<Plan>, CloudError> {
+    let mut notes = Notes::default();
+    let text = listing.read(file)?;
+    let mut pairs: Vec<[&str; 3]> = Vec::new();
+    for row in rows(&text) {
+        match row.fields().collect::<Vec<_>>()[..] {
+            [of_depth, depth, _, colour] if depth.contains("depth") => pairs.push([of_depth, depth, colour]),
+            [_, colour, of_depth, depth] if depth.contains("depth") => pairs.push([of_depth, depth, colour]),
+            _ => notes.note(NoteKind::BadRow, file, row.offset_bytes, || {
+                ("a stamp and the name of an image of depth, and of one in colour", row.excerpt())
+            }),
+        }
+    }
+    let are_numbers = pairs.iter().all(|[stamp, ..]| number(stamp).is_some());
+    let stamp_of = |text: &str| if are_numbers { number(text).map(stamp_of_number) } else { stamp_of_text(text) };
+    let mut frames = Vec::new();
+    for [stamp, depth, colour] in pairs {
+        match stamp_of(stamp) {
+            Some(stamp) if listing.has(depth) => {
+                let colour = Some(colour.to_owned()).filter(|colour| listing.has(colour));
+                frames.push(Frame { file: depth.to_owned(), stamp: Some(stamp), colour });
+            }
+            Some(_) => notes.note(NoteKind::MissingFrame, file, 0, || (depth, "no such file")),
+            None => notes.note(NoteKind::BadRow, file, 0, || ("a stamp", stamp)),
+        }
+    }
+    if frames.is_empty() {
+        return Ok(None);
+    }
+    let mut decisions = vec!["the robot's frame is the camera's: z ahead, x to the right".to_owned()];
+    decisions.push(if are_numbers {
+        format!("{file} has the images; stamps are their numbers, taken to be at {IMAGES_PER_S} Hz")
+    } else {
+        format!("{file} has the images and their stamps")
     });
-    decisions.push(format!("{DEPTH_PER_M} is a metre of depth, as the benchmark documents"));
-    let size = size(listing, &frames)?;
-    let depth = DepthPlan { size, intrinsics, depth_per_m: DEPTH_PER_M, calibrations: Vec::new() };
-    Ok(Some(Plan {
+    note_missing_colours(&frames, &mut decisions, &mut notes);
+    plan(listing, frames, (None, format!("{file} does not say what the camera is")), decisions, notes).map(Some)
+}
+
+fn plan(
+    listing: &Listing<'_>,
+    frames: Vec<Frame>,
+    (intrinsics, camera_words): (Option<[f64; 4]>, String),
+    decisions: Vec<String>,
+    mut notes: Notes,
+) -> Result<Plan, CloudError> {
+    let depth = DepthPlan {
+        size: size(listing, &frames)?,
+        intrinsics,
+        camera_words: Ok(camera_words),
+        depth_per_m: DEPTH_PER_M,
+        scale_words: "as the benchmark documents",
+        calibrations: Vec::new(),
+    };
+    Ok(Plan {
         kind: Kind::Tum,
         frames,
         sensor: SpaceSensor::depth_camera("depth"),
@@ -69,7 +128,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         references: reference(listing, &mut notes).into_iter().collect(),
         decisions,
         notes,
-    }))
+    })
 }
 
 /// Stamps and names of images in the order of the file; only those that are there, others being noted if they are missed.

@@ -159,7 +159,7 @@ impl Decoder {
             let range_m = f64::from(distance) * unit_m;
             // the manual's frame: y where the azimuth is zero, which grows to the right, to x
             let point = [range_m * out * sin, range_m * out * cos, range_m * up];
-            sweep.push(point, Stamp(begin.0.saturating_add(after_ns)));
+            sweep.push(point, f32::from(reflectivity(payload, block, laser)), Stamp(begin.0.saturating_add(after_ns)));
         }
     }
 
@@ -176,6 +176,10 @@ fn azimuth(payload: &[u8; PAYLOAD_BYTES], block: usize) -> Option<u32> {
 
 fn distance(payload: &[u8; PAYLOAD_BYTES], block: usize, laser: usize) -> u16 {
     array(payload, HEAD_BYTES + block * BLOCK_BYTES + 2 + 4 * laser).map_or(0, u16::from_le_bytes)
+}
+
+fn reflectivity(payload: &[u8; PAYLOAD_BYTES], block: usize, laser: usize) -> u8 {
+    payload.get(HEAD_BYTES + block * BLOCK_BYTES + 4 + 4 * laser).copied().unwrap_or(0)
 }
 
 /// The date of a packet, seconds of Unix: years from 1900, month, day, hour, minute, second.

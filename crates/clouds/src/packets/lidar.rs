@@ -5,6 +5,7 @@ use super::sweep::{Place, Sweep};
 use super::velodyne::Model;
 use super::{hesai, ouster, velodyne};
 use crate::notes::Notes;
+use crate::points::telling;
 use mapwright_geom::Stamp;
 use mapwright_sensor::ImuReading;
 use std::sync::Arc;
@@ -190,11 +191,12 @@ impl PacketDecoder {
 
     /// The next cloud that has ended.
     pub fn next_sweep(&mut self) -> Option<Sweep> {
-        match &mut self.0 {
+        let sweep = match &mut self.0 {
             Decoder::Velodyne(decoder) => decoder.pop(),
             Decoder::Hesai(decoder) => decoder.pop(),
             Decoder::Ouster(decoder) => decoder.pop(),
-        }
+        }?;
+        Some(Sweep { intensities: telling(sweep.intensities), ..sweep })
     }
 
     /// Whether a cloud has ended that was not asked for.

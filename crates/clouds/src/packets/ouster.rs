@@ -143,7 +143,7 @@ impl Decoder {
         for ((reading, beam), (sin_beam, cos_beam)) in readings.zip(&info.beams).zip(&self.beams) {
             // the encoder's angle and the beam's beside it
             let (sin_there, cos_there) = (sin * cos_beam + cos * sin_beam, cos * cos_beam - sin * sin_beam);
-            for range_mm in ranges_mm(info.profile, reading).into_iter().filter(|range| *range > 0) {
+            for (range_mm, reflectivity) in returns(info.profile, reading).into_iter().filter(|(range, _)| *range > 0) {
                 let [out_m, up_m] = info.origin_m;
                 let range_m = f64::from(range_mm) * DISTANCE_M - out_m.hypot(up_m);
                 let level_m = range_m * beam.elevation.1;
@@ -153,7 +153,7 @@ impl Decoder {
                     range_m * beam.elevation.0 + up_m,
                 );
                 let point = info.sensor_from_lidar.transform(in_lidar);
-                revolution.sweep.push([point.x, point.y, point.z], taken);
+                revolution.sweep.push([point.x, point.y, point.z], f32::from(reflectivity), taken);
             }
         }
     }
@@ -209,18 +209,21 @@ fn column<'a>(bytes: &'a [u8], info: &OusterInfo) -> Option<Column<'a>> {
     (is_valid && place < info.columns_per_frame).then_some(Column { sensor_ns, place, readings })
 }
 
-/// The ranges of a reading, millimetres; zero where nothing came back. Both returns, where the second is another.
-fn ranges_mm(profile: Profile, reading: &[u8]) -> [u32; 2] {
+/// The ranges of a reading, millimetres, and how much of the light came back; zero where nothing did. Both returns, where the second is
+/// another.
+fn returns(profile: Profile, reading: &[u8]) -> [(u32, u16); 2] {
     let u32_at = |at: usize, mask: u32| array(reading, at).map_or(0, u32::from_le_bytes) & mask;
     let u16_at = |at: usize| 8 * u32::from(array(reading, at).map_or(0, u16::from_le_bytes) & 0x7fff);
+    let u8_at = |at: usize| reading.get(at).map_or(0, |byte| u16::from(*byte));
     let [first, second] = match profile {
-        Profile::Legacy => [u32_at(0, 0x000f_ffff), 0],
-        Profile::Single => [u32_at(0, 0x0007_ffff), 0],
-        Profile::Dual => [u32_at(0, 0x0007_ffff), u32_at(4, 0x0007_ffff)],
-        Profile::LowRate => [u16_at(0), 0],
-        Profile::LowRateDual => [u16_at(0), u16_at(4)],
+        // firmware before 2.1 has it in 16 bits, later one in the lower 8
+        Profile::Legacy => [(u32_at(0, 0x000f_ffff), array(reading, 4).map_or(0, u16::from_le_bytes)), (0, 0)],
+        Profile::Single => [(u32_at(0, 0x0007_ffff), u8_at(4)), (0, 0)],
+        Profile::Dual => [(u32_at(0, 0x0007_ffff), u8_at(3)), (u32_at(4, 0x0007_ffff), u8_at(7))],
+        Profile::LowRate => [(u16_at(0), u8_at(2)), (0, 0)],
+        Profile::LowRateDual => [(u16_at(0), u8_at(2)), (u16_at(4), u8_at(6))],
     };
-    [first, if second == first { 0 } else { second }]
+    [first, if second.0 == first.0 { (0, 0) } else { second }]
 }
 
 /// A packet of the inertial sensor: when by the sensor's clock, nanoseconds, and the reading along the axes of the lidar.

@@ -31,6 +31,8 @@ pub struct Sweep {
     pub points_m: Vec<[f32; 3]>,
     /// When each was taken after the stamp, seconds.
     pub times_s: Vec<f32>,
+    /// How bright each came back, as the sensor has it (to 255; to 65,535 in an Ouster's legacy packets); empty where all are the same.
+    pub intensities: Vec<f32>,
     /// Where its first packet stands in the file.
     pub at: usize,
 }
@@ -40,10 +42,11 @@ impl Sweep {
         Self { stamp, at, ..Self::default() }
     }
 
-    /// A point that was taken at a time.
-    pub(super) fn push(&mut self, point_m: [f64; 3], taken: Stamp) {
+    /// A point that came back so bright and was taken at a time.
+    pub(super) fn push(&mut self, point_m: [f64; 3], intensity: f32, taken: Stamp) {
         if self.points_m.len() < POINTS_MAX {
             self.points_m.push(point_m.map(|v| v as f32));
+            self.intensities.push(intensity);
             self.times_s.push((taken.0.saturating_sub(self.stamp.0) as f64 * 1e-9) as f32);
         }
     }

@@ -134,7 +134,11 @@ impl Decoder {
             let level_m = range_m * out;
             // the manuals' y is ahead and x to the right; here x is ahead and y to the left
             let point = [level_m * cos, -level_m * sin, range_m * up + self.lasers.heights_m[laser]];
-            sweep.push(point, Stamp(begin.0.saturating_add(after_ns)));
+            sweep.push(
+                point,
+                f32::from(reflectivity(payload, block, channel)),
+                Stamp(begin.0.saturating_add(after_ns)),
+            );
         }
     }
 
@@ -152,4 +156,8 @@ fn azimuth(payload: &Payload, block: usize) -> Option<u32> {
 
 fn distance(payload: &Payload, block: usize, channel: usize) -> u16 {
     array(payload, block * BLOCK_BYTES + 4 + 3 * channel).map_or(0, u16::from_le_bytes)
+}
+
+fn reflectivity(payload: &Payload, block: usize, channel: usize) -> u8 {
+    payload.get(block * BLOCK_BYTES + 6 + 3 * channel).copied().unwrap_or(0)
 }

@@ -10,7 +10,7 @@ use mapwright_clouds::{Notes, PacketDecoder, Place, Sweep, read_png16};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::messages::{CompressedImage, DepthCompression, Header, PointCloud2};
 use mapwright_ros::{Cloud as RosCloud, CloudPoints, DepthNumbers};
-use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor};
+use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor, SweepTimes};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,8 +34,8 @@ pub(super) struct Made {
     pub(super) is_unstamped: bool,
     /// Points that are not finite, of a lidar's.
     pub(super) not_finite: usize,
-    /// The field of times, where these are no times of one sweep.
-    pub(super) refused_time: Option<String>,
+    /// What times of points should be and what they are, where these are no times of one sweep.
+    pub(super) refused_time: Option<[String; 2]>,
 }
 
 /// A camera and the directions of its pixels.
@@ -53,6 +53,8 @@ pub(super) struct CloudMaker {
     topic: String,
     packets: Option<Packets>,
     view: Option<View>,
+    unit_m: f64,
+    times: SweepTimes,
 }
 
 impl CloudMaker {
@@ -62,7 +64,8 @@ impl CloudMaker {
             plan.packets.as_ref().and_then(|packets| PacketDecoder::new(packets.lidar, packets.info.as_ref()).ok());
         let packets = decoder.map(|decoder| Packets { decoder, frame: String::new() });
         let (camera, topic) = (plan.camera.clone(), plan.topic.clone());
-        Self { sensors: sensors.collect(), camera, topic, packets, view: None }
+        let (unit_m, times) = (plan.unit_m, plan.times);
+        Self { sensors: sensors.collect(), camera, topic, packets, view: None, unit_m, times }
     }
 
     /// The clouds that a message ends, without odometry: one, but of packets none or several.
@@ -120,13 +123,15 @@ impl CloudMaker {
         let sweeps: Vec<Sweep> = std::iter::from_fn(|| packets.decoder.next_sweep()).collect();
         let Some(packets) = self.packets.as_ref().filter(|_| !sweeps.is_empty()) else { return Ok(Vec::new()) };
         let sensor = Arc::clone(self.sensor_in(&packets.frame)?);
+        let unit_m = self.unit_m as f32;
         let made = |sweep: Sweep| Made {
             cloud: Cloud {
                 stamp: sweep.stamp,
                 sensor: Arc::clone(&sensor),
-                points_m: sweep.points_m,
+                points_m: sweep.points_m.into_iter().map(|point| point.map(|v| v * unit_m)).collect(),
                 times_s: sweep.times_s,
                 colours: Vec::new(),
+                intensities: sweep.intensities,
                 odom_from_robot: None,
             },
             is_unstamped: false,
@@ -143,7 +148,7 @@ impl CloudMaker {
             Messages::Livox(decoder) => {
                 let scan = decoder.decode(data).map_err(words)?;
                 few_enough(scan.points.len() as u64)?;
-                self.of_points(&scan.header, scan.to_points(), recorded)
+                self.of_points(&scan.header, scan.to_points(), false, recorded)
             }
             Messages::Foxglove(layout) => {
                 let cloud = layout.decode(data)?;
@@ -182,11 +187,23 @@ impl CloudMaker {
     fn cloud(&self, message: &PointCloud2<'_>, recorded: Stamp) -> Result<Made, String> {
         let points = RosCloud::new(message).map_err(words)?;
         few_enough(points.len() as u64)?;
-        self.of_points(&message.header, points.to_points(), recorded)
+        let is_absolute = points.time().is_some_and(|time| time.absolute);
+        self.of_points(&message.header, points.to_points(), is_absolute, recorded)
     }
 
-    fn of_points(&self, header: &Header<'_>, points: CloudPoints, recorded: Stamp) -> Result<Made, String> {
+    fn of_points(
+        &self,
+        header: &Header<'_>,
+        mut points: CloudPoints,
+        is_absolute: bool,
+        recorded: Stamp,
+    ) -> Result<Made, String> {
         let sensor = Arc::clone(self.sensor(header)?);
+        let refused_time = self.settle_times(&mut points, is_absolute);
+        if self.unit_m != 1.0 {
+            let metres = |coordinate: &mut f32| *coordinate = (f64::from(*coordinate) * self.unit_m) as f32;
+            points.points_m.iter_mut().flatten().for_each(metres);
+        }
         let (header, is_unstamped) = stamp_or(header.stamp, recorded);
         let cloud = Cloud {
             stamp: Stamp(header.0.saturating_add(Stamp::from_secs_f64(points.start_s).0)),
@@ -194,9 +211,36 @@ impl CloudMaker {
             points_m: points.points_m,
             times_s: points.times_s,
             colours: points.colours,
+            intensities: points.intensities,
             odom_from_robot: None,
         };
-        Ok(Made { cloud, is_unstamped, not_finite: points.not_finite, refused_time: points.refused_time })
+        Ok(Made { cloud, is_unstamped, not_finite: points.not_finite, refused_time })
+    }
+
+    /// Brings times to seconds, or takes them away; then what they should be and are.
+    fn settle_times(&self, points: &mut CloudPoints, is_absolute: bool) -> Option<[String; 2]> {
+        if let Some(field) = &points.refused_time {
+            return Some([format!("`{field}` within a sweep of 1.5 s"), "other numbers".to_owned()]);
+        }
+        if points.times_s.is_empty() {
+            return None;
+        }
+        match self.times {
+            SweepTimes::Seconds => None,
+            // times of the stamp's own clock are no shares of anything
+            SweepTimes::Shares { sweep_s } if !is_absolute => {
+                points.times_s.iter_mut().for_each(|time| *time *= sweep_s as f32);
+                points.start_s *= sweep_s;
+                None
+            }
+            SweepTimes::Shares { sweep_s: interval_s } | SweepTimes::Refused { interval_s } => {
+                let last_s = points.times_s.iter().copied().fold(0.0, f32::max);
+                points.times_s.clear();
+                points.start_s = if is_absolute { points.start_s } else { 0.0 };
+                let expected = format!("times within a sweep, as clouds come every {interval_s:.2} s");
+                Some([expected, format!("times that span {last_s:.2} s")])
+            }
+        }
     }
 
     /// Size and depth of a compressed image.

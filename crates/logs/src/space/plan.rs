@@ -11,9 +11,9 @@ use crate::odometry::{self, OdometrySource};
 use crate::plan::{contents, nothing_of};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::words::{grouped, with_damage};
-use mapwright_clouds::CameraOptions;
+use mapwright_clouds::{CameraOptions, DEPTH_SCALE_KEY, UnitOf, Units};
 use mapwright_geom::Pose3;
-use mapwright_sensor::SpaceSensor;
+use mapwright_sensor::{SpaceSensor, SweepTimes};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
@@ -38,6 +38,14 @@ pub struct SpacePlan {
     pub reasons: Vec<(&'static str, String)>,
     /// What had to be assumed, in words.
     pub assumed: Vec<String>,
+    /// What is odd, in words, with what to type where it is wrong.
+    pub odd: Vec<String>,
+    /// What casts doubt on a map of it, in words.
+    pub doubts: Vec<String>,
+    /// What one stands for in the coordinates of clouds, metres.
+    pub(super) unit_m: f64,
+    /// What the times of points are.
+    pub(super) times: SweepTimes,
     /// Sensors by the messages' frames.
     pub(super) sensors: BTreeMap<String, SpaceSensor>,
     /// Of a lidar's packets.
@@ -80,7 +88,11 @@ impl SpacePlan {
         });
         let others: Vec<_> = candidates.iter().skip(1).map(|candidate| candidate.topic.name.clone()).collect();
         match candidates.into_iter().next() {
-            Some(chosen) => Ok(decide(survey, choice, chosen, &others, &refused)),
+            Some(chosen) if chosen.camera.is_some() && choice.range_unit_m.is_some() => Err(format!(
+                "--range-unit is for clouds and scans, {} has images of depth: `{DEPTH_SCALE_KEY}` says which number stands for a metre",
+                chosen.topic.name
+            )),
+            Some(chosen) => Ok(decide(survey, (choice, options), chosen, &others, &refused)),
             None => Err(refused.join("; ")),
         }
     }
@@ -103,8 +115,14 @@ fn is_spatial(topic: &TopicSurvey) -> bool {
     topic.messages > 0 && !topic.packets.is_inertial && (topic.kind.is_clouds() || topic.is_depth)
 }
 
-fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[String], refused: &[String]) -> SpacePlan {
-    let Candidate { topic, place, is_camera, camera, packets } = chosen;
+fn decide(
+    survey: &Survey,
+    (choice, options): (&Choice, &CameraOptions),
+    chosen: Candidate<'_>,
+    others: &[String],
+    refused: &[String],
+) -> SpacePlan {
+    let Candidate { topic, place, is_camera, mut camera, packets } = chosen;
     let (place, assumed_mount) = looking_ahead(place, topic, is_camera);
     let odometry = odometry::find_in_space(survey, &place, choice);
     let imu = imu::find(survey, topic, &place, choice);
@@ -124,21 +142,27 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
     reasons.push(("mounting", mounting_words(topic.frame(), &place)));
     reasons.push(("odometry", odometry.reason.clone()));
     reasons.extend(imu.reason.map(|reason| ("imu", reason)));
+    let times = topic.sweeps.times();
     if topic.kind.is_clouds() {
-        reasons.push(("motion", motion_words(topic, is_camera)));
+        reasons.push(("motion", motion_words(topic, is_camera, times)));
     }
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
-    let sensor = sensor_of(topic, is_camera, place.robot_from_sensor);
+    let as_made = sensor_of(topic, is_camera, place.robot_from_sensor);
+    let units = units_of(topic, &as_made, camera.as_mut(), (choice, options));
+    let near =
+        |sensor: SpaceSensor| SpaceSensor { range_min_m: units.range_min_m.unwrap_or(sensor.range_min_m), ..sensor };
+    let sensor = near(as_made);
     let mut sensors = BTreeMap::from([(topic.frame().to_owned(), sensor.clone())]);
     for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
         let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
         if let Ok(other) = place_in_space(&survey.links, frame, &[], &robot)
             && other.assumed.is_none()
         {
-            sensors.insert(frame.clone(), sensor_of(topic, is_camera, other.robot_from_sensor));
+            sensors.insert(frame.clone(), near(sensor_of(topic, is_camera, other.robot_from_sensor)));
         }
     }
-    let of_camera = camera.as_ref().and_then(|camera| camera.assumed.clone());
+    let of_camera = camera.as_ref().map_or_else(Vec::new, |camera| camera.assumed.clone());
+    let of_times = shares_words(topic, times);
     SpacePlan {
         topic: topic.name.clone(),
         kind: topic.kind,
@@ -148,11 +172,41 @@ fn decide(survey: &Survey, choice: &Choice, chosen: Candidate<'_>, others: &[Str
         odometry: odometry.source,
         imu: imu.source,
         reasons,
-        assumed: assumed_mount.into_iter().chain(odometry.assumed).chain(imu.assumed).chain(of_camera).collect(),
+        assumed: [assumed_mount, odometry.assumed, imu.assumed, of_times, units.assumed]
+            .into_iter()
+            .flatten()
+            .chain(of_camera)
+            .collect(),
+        odd: units.odd.into_iter().collect(),
+        doubts: camera.as_ref().and_then(|camera| camera.doubt.clone()).into_iter().collect(),
+        unit_m: units.unit_m.unwrap_or(1.0),
+        times,
         sensors,
         packets,
         camera: camera.map(|camera| camera.plan),
     }
+}
+
+/// The unit of a topic's clouds as it is asked for, or as its first messages have it. Of images of depth it is the camera's number that
+/// stands for a metre.
+fn units_of(
+    topic: &TopicSurvey,
+    sensor: &SpaceSensor,
+    camera: Option<&mut camera::Found>,
+    (choice, options): (&Choice, &CameraOptions),
+) -> Units {
+    let Some(camera) = camera else {
+        let asked = choice.range_unit_m;
+        let found = topic.distances.scaled(asked.unwrap_or(1.0)).judge(sensor, UnitOf::Clouds(asked));
+        return Units { unit_m: asked.or(found.unit_m), ..found };
+    };
+    let per_m = camera.plan.depth_per_m.unwrap_or(topic.depth_per_m);
+    let of = UnitOf::Images { per_m, is_asked: options.depth_scale.is_some() };
+    let found = topic.distances.scaled(topic.depth_per_m / per_m).judge(sensor, of);
+    if let Some(unit_m) = found.unit_m {
+        camera.plan.depth_per_m = Some(per_m / unit_m);
+    }
+    Units { unit_m: None, ..found }
 }
 
 fn sensor_of(topic: &TopicSurvey, is_camera: bool, robot_from_sensor: Pose3) -> SpaceSensor {
@@ -181,8 +235,21 @@ fn mounting_words(sensor: &str, place: &Place) -> String {
     )
 }
 
-fn motion_words(topic: &TopicSurvey, is_camera: bool) -> String {
+/// Times that are none of seconds, taken for what they can only be.
+fn shares_words(topic: &TopicSurvey, times: SweepTimes) -> Option<String> {
+    let SweepTimes::Shares { sweep_s } = times else { return None };
+    let span_s = topic.sweeps.span_s;
+    Some(format!(
+        "times of points span {span_s:.2} s, clouds come every {sweep_s:.2} s: taken for shares of a sweep that lasts from one cloud to the next"
+    ))
+}
+
+fn motion_words(topic: &TopicSurvey, is_camera: bool, times: SweepTimes) -> String {
     match (topic.has_times, is_camera) {
+        (true, _) if times.unit_s().is_none() => format!(
+            "not undone: times of points span {:.2} s, and clouds come so often that they are of no sweep",
+            topic.sweeps.span_s
+        ),
         (true, _) => "undone: the points have times".to_owned(),
         (false, true) => "a depth camera's clouds: all points of one are taken at once".to_owned(),
         (false, false) => "points have no times: all of a cloud count as taken at once".to_owned(),

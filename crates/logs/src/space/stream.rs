@@ -245,9 +245,8 @@ impl SpaceStream {
         if is_unstamped {
             notes.note(NoteKind::RecordedStamp, topic, place, || ("a stamp in the header", "zero"));
         }
-        if let Some(field) = refused_time {
-            let words = || (format!("`{field}` within a sweep of 1.5 s"), "other numbers");
-            notes.note(NoteKind::BadPointTimes, topic, place, words);
+        if let Some([expected, found]) = refused_time {
+            notes.note(NoteKind::BadPointTimes, topic, place, || (expected, found));
         }
         let points = cloud.points_m.len();
         if points == 0 {
@@ -302,7 +301,8 @@ fn seconds(stamp: Stamp) -> String {
 
 fn held_bytes(cloud: &Cloud) -> usize {
     let of_points = cloud.points_m.capacity() * size_of::<[f32; 3]>() + cloud.times_s.capacity() * size_of::<f32>();
-    of_points + cloud.colours.capacity() * size_of::<[u8; 3]>()
+    let of_intensities = cloud.intensities.capacity() * size_of::<f32>();
+    of_points + of_intensities + cloud.colours.capacity() * size_of::<[u8; 3]>()
 }
 
 fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &SpacePlan) -> Use {

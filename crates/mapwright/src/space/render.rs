@@ -4,17 +4,13 @@ use crate::render::FOLLOW_CELLS;
 use mapwright_geom::Pose3;
 use mapwright_record::{SeparateMap, Session};
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::{Change, Occupancy, OccupancySettings, PointSet, Surfel, SurfelMap, SurfelMapSettings, Thinner};
+use mapwright_voxel::{
+    Change, Occupancy, OccupancySettings, PointColumns, Surfel, SurfelMap, SurfelMapSettings, Thinner,
+};
 use std::sync::Arc;
 
-/// Points of a map, metres, and a colour each where the sensor has any.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct MapPoints {
-    /// Points in the map's frame.
-    pub points_m: Vec<[f32; 3]>,
-    /// Red, green and blue of each; empty where there are none.
-    pub colours: Vec<[u8; 3]>,
-}
+/// Points of a map in its frame, metres, with a colour and an intensity each where all of its clouds have any.
+pub type MapPoints = PointColumns;
 
 /// All points of a session, of those in each cube of side `size_m` their mean.
 #[must_use]
@@ -29,8 +25,12 @@ pub fn points_of_map(session: &Session<SpaceSweep>, map: &SeparateMap, size_m: f
 }
 
 fn points_of_places(session: &Session<SpaceSweep>, places: impl Iterator<Item = usize>, size_m: f64) -> MapPoints {
-    let mut all = PointSet::default();
-    let is_coloured = session.drawn().iter().flatten().all(|sweep| sweep.colours.len() == sweep.points.len());
+    let mut all = MapPoints::default();
+    let is_of_all = |has: &dyn Fn(&SpaceSweep) -> usize| {
+        session.drawn().iter().flatten().all(|sweep| has(sweep.as_ref()) == sweep.points.len())
+    };
+    let (is_coloured, has_intensities) =
+        (is_of_all(&|sweep| sweep.colours.len()), is_of_all(&|sweep| sweep.intensities.len()));
     for place in places {
         let (Some(Some(sweep)), Some(pose)) = (session.drawn().get(place), session.map_from_keyframe().get(place))
         else {
@@ -44,10 +44,13 @@ fn points_of_places(session: &Session<SpaceSweep>, places: impl Iterator<Item = 
         if is_coloured {
             all.colours.extend_from_slice(&sweep.colours);
         }
+        if has_intensities {
+            all.intensities.extend(sweep.intensities());
+        }
     }
-    let mut thinned = PointSet::default();
-    Thinner::default().thin_set(&all, size_m.max(1e-3), &mut thinned);
-    MapPoints { points_m: thinned.points_m, colours: thinned.colours }
+    let mut thinned = MapPoints::default();
+    Thinner::default().thin_columns(&all, size_m.max(1e-3), &mut thinned);
+    thinned
 }
 
 /// A piece of a surface.

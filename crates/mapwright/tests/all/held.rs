@@ -55,6 +55,7 @@ fn judged(points_m: impl Fn(i64, &mut Rng) -> Vec<[f32; 3]>) -> Vec<Status> {
             points_m: points_m(number, &mut rng),
             times_s: Vec::new(),
             colours: Vec::new(),
+            intensities: Vec::new(),
             odom_from_robot: None,
         };
         let update = mapper.add_cloud(&cloud);

@@ -76,6 +76,7 @@ fn clouds_of_any_kind_are_used_or_counted() {
         points_m,
         times_s: Vec::new(),
         colours: Vec::new(),
+        intensities: Vec::new(),
         odom_from_robot: None,
     };
     let plane = || (0..900).map(|k| [5.0 + 0.1 * (k % 30) as f32, 0.1 * (k / 30) as f32, 0.0]).collect::<Vec<_>>();
@@ -95,6 +96,7 @@ fn clouds_of_any_kind_are_used_or_counted() {
     odd.push(Cloud { times_s: vec![f32::NAN; 900], ..cloud(plane()) });
     odd.push(Cloud { times_s: vec![1e30; 900], ..cloud(plane()) });
     odd.push(Cloud { colours: vec![[1, 2, 3]; 5], ..cloud(plane()) });
+    odd.push(Cloud { intensities: vec![1.0; 5], ..cloud(plane()) });
     let far = Pose3 { translation: [1e300, 0.0, f64::NAN].into(), ..Pose3::identity() };
     odd.push(Cloud { odom_from_robot: Some(far), ..cloud(plane()) });
     let bad = SpaceSensor { range_sigma_m: f64::NAN, ..SpaceSensor::lidar("bad") };

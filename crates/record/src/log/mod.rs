@@ -43,8 +43,8 @@
 //! The bytes of a laser: first bearing, step, least and largest range, time from beam to beam (f64), robot from
 //! laser, upside down u8, name as UTF-8; those of a sweep: metres a code f64, twist a second 3 f64, scatters u8, and a code of
 //! two bytes a beam. Those of a sensor of space: least and largest range, noise and its growth with the squared range (f64), robot from
-//! sensor, name as UTF-8; those of a cloud: metres a step f64, points u32, three coordinates a point i16 each, and three bytes a point
-//! if it has colours.
+//! sensor, name as UTF-8; those of a cloud: metres a step f64, points u32, three coordinates a point i16 each, the upper half of a float
+//! a point if the highest bit of the number of points is set (intensities), and three bytes a point if it has colours.
 //!
 //! Runs, sensors, scans, keyframes, edges and candidates carry their numbers, each counted from zero through the whole log, and
 //! other entries refer to them by these. So it is known what a damaged entry has taken with it: what refers to it no longer

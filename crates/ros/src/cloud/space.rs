@@ -1,6 +1,7 @@
 //! The points of a cloud as mapping in space wants them.
 
 use super::Cloud;
+use super::access::Access;
 use super::time::SWEEP_S;
 
 /// All points of a cloud, row by row.
@@ -18,10 +19,12 @@ pub struct CloudPoints {
     pub refused_time: Option<String>,
     /// Red, green and blue of each; empty where there are none.
     pub colours: Vec<[u8; 3]>,
+    /// How bright each came back; empty where the cloud does not say, or says the same of all.
+    pub intensities: Vec<f32>,
 }
 
 impl Cloud<'_> {
-    /// The points with their times and colours.
+    /// The points with their times, colours and intensities.
     #[must_use]
     pub fn to_points(&self) -> CloudPoints {
         let mut points_m = Vec::with_capacity(self.len());
@@ -29,15 +32,30 @@ impl Cloud<'_> {
         let is_there = |point: &[f32; 3]| point.iter().all(|v| v.is_finite());
         let not_finite = points_m.iter().filter(|point| !is_there(point)).count();
         let colours = self.colour.as_ref().map(|colour| self.rows().map(|point| colour.read(point)).collect());
+        let read = |access: &Access| -> Vec<f32> { self.rows().map(|point| access.read(point) as f32).collect() };
+        let mut intensities = self.intensity.as_ref().map(read).unwrap_or_default();
+        if intensities.windows(2).all(|pair| pair[0] == pair[1]) {
+            intensities.clear();
+        }
         let mut refused_time = self.refused_time.clone();
         let mut timed = None;
         if let Some((access, time)) = &self.time {
             let seconds: Vec<f64> = self.rows().map(|point| time.seconds(access.read(point))).collect();
-            timed = after_first(&seconds, points_m.iter().map(is_there), time.absolute);
+            let brings_something = |point: &[f32; 3]| is_there(point) && *point != [0.0; 3];
+            timed = after_first(&seconds, points_m.iter().map(is_there), time.absolute)
+                .or_else(|| after_first(&seconds, points_m.iter().map(brings_something), time.absolute));
             refused_time = timed.is_none().then(|| time.field.clone());
         }
         let (start_s, times_s) = timed.unwrap_or_default();
-        CloudPoints { points_m, not_finite, start_s, times_s, refused_time, colours: colours.unwrap_or_default() }
+        CloudPoints {
+            points_m,
+            not_finite,
+            start_s,
+            times_s,
+            refused_time,
+            colours: colours.unwrap_or_default(),
+            intensities,
+        }
     }
 }
 
@@ -61,6 +79,6 @@ fn after_first(
     if last - start_s > SWEEP_S {
         return None;
     }
-    let after = |time: &f64| if time.is_finite() { (time - start_s) as f32 } else { 0.0 };
-    Some((start_s, seconds.iter().map(after).collect()))
+    let after = |(time, is_there): (&f64, bool)| if is_there { (time - start_s) as f32 } else { 0.0 };
+    Some((start_s, seconds.iter().zip(is_there).map(after).collect()))
 }

@@ -69,6 +69,7 @@ fn points_are_found_in_any_layout_and_endianness() {
                 assert!((point.time_s - i * 0.01).abs() < 1e-12);
             }
             assert_eq!(points.points().count(), 6);
+            assert_eq!(points.to_points().intensities, [7.0, 8.0, 9.0, 10.0, 11.0, 12.0]);
             assert_eq!(points.positions().nth(5), Some([5.0, 5.5, -5.0]));
             let mut places = Vec::new();
             points.for_each_position(|place| places.push(place));

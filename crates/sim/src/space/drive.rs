@@ -104,6 +104,7 @@ impl SpaceDrive {
             points_m,
             times_s: times.collect(),
             colours: Vec::new(),
+            intensities: Vec::new(),
             odom_from_robot: Some(here.odom_from_robot),
         };
         Some(TrueCloud { cloud, world_from_robot: here.world_from_robot })

@@ -7,7 +7,7 @@ use crate::output::write_whole;
 use crate::stamps::Stamper;
 use crate::terminal::{count, grouped};
 use mapwright::{MapSurfel, Pose2, Pose3, Session, SpaceSweep, TrajectoryPose, occupancy_of, points_of, surfels_of};
-use mapwright_exports::write_space_session_mcap;
+use mapwright_exports::{SpacePoints, write_space_session_mcap};
 use mapwright_formats::{
     CsvPose, Disc, FormatError, GridImage, StampedPose3, TumWriter, UNKNOWN, write_pcd, write_ply, write_ply_discs,
     write_space_csv, write_space_kitti,
@@ -69,7 +69,7 @@ fn trajectory(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> 
         ExportTo::Csv => write_space_csv(clouds.iter().map(csv_pose), file),
         _ => write_tum(&clouds, file),
     })?;
-    let mut made = made_of(path, clouds.len(), "pose", false);
+    let mut made = made_of(path, clouds.len(), "pose", "");
     if args.to == ExportTo::Kitti {
         made.files.push(write_times(path, clouds.iter().map(|cloud| cloud.stamp))?);
     }
@@ -97,10 +97,16 @@ fn occupancy(args: &ExportArgs, session: &Session<SpaceSweep>) -> Occupancy {
 fn cloud(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
     let map = points_of(session, resolution_m(args));
     write_part(path, |file| match args.to {
-        ExportTo::Pcd => write_pcd(&map.points_m, &map.colours, file),
-        _ => write_ply(&map.points_m, &map.colours, file),
+        ExportTo::Pcd => write_pcd(&map.points_m, &map.colours, &map.intensities, file),
+        _ => write_ply(&map.points_m, &map.colours, &map.intensities, file),
     })?;
-    Ok(made_of(path, map.points_m.len(), "point", !map.colours.is_empty()))
+    let words = match (map.colours.is_empty(), map.intensities.is_empty()) {
+        (true, true) => "",
+        (false, true) => " with colours",
+        (true, false) => " with intensities",
+        (false, false) => " with colours and intensities",
+    };
+    Ok(made_of(path, map.points_m.len(), "point", words))
 }
 
 fn surfels(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
@@ -108,7 +114,7 @@ fn surfels(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Res
     let disc = |surfel: &MapSurfel| Disc { point_m: surfel.mean_m, normal: surfel.normal, radius_m: surfel.radius_m };
     let discs: Vec<Disc> = map.surfels.iter().map(disc).collect();
     write_part(path, |file| write_ply_discs(&discs, &map.colours, file))?;
-    let mut made = made_of(path, discs.len(), "surfel", !map.colours.is_empty());
+    let mut made = made_of(path, discs.len(), "surfel", if map.colours.is_empty() { "" } else { " with colours" });
     if map.lines > 0 {
         made.notes.push(format!("left out {} of which the points lie on a line", count(map.lines as u64, "voxel")));
     }
@@ -119,7 +125,7 @@ fn mcap(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result
     let map = points_of(session, resolution_m(args));
     let mut stamper = Stamper::new(args.stamps());
     let counts = write_whole(path, |file| {
-        let points = (&map.points_m[..], &map.colours[..]);
+        let points = SpacePoints { points_m: &map.points_m, colours: &map.colours, intensities: &map.intensities };
         let written = write_space_session_mcap(session, points, |stamp| stamper.next(stamp), file);
         written.map(|(_, counts)| counts).map_err(|cause| Failure::write_in_words(path, &cause))
     })?;
@@ -132,9 +138,8 @@ fn mcap(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result
     Ok(Exported::of(path, what))
 }
 
-fn made_of(path: &Path, made: usize, what: &str, is_coloured: bool) -> Exported {
-    let colours = if is_coloured { " with colours" } else { "" };
-    Exported::of(path, format!("{}{colours}", count(made as u64, what)))
+fn made_of(path: &Path, made: usize, what: &str, with: &str) -> Exported {
+    Exported::of(path, format!("{}{with}", count(made as u64, what)))
 }
 
 fn octree(occupancy: &Occupancy, path: &Path) -> Result<Exported, Failure> {

@@ -27,23 +27,24 @@ pub(super) fn look(
     while first.len() < CLOUDS_READ
         && let Some(cloud) = clouds.next_cloud().map_err(failed)?
     {
-        first.push(FirstCloud::of(&cloud, recording.sensor()));
+        first.push(FirstCloud::of(&cloud, clouds.sensor()));
     }
     let mut notes = recording.notes().clone();
     notes.extend(clouds.notes());
     let span = Span::of(recording, &first);
-    let (losses, odd) = notes_in_words(&notes);
+    let (losses, mut odd) = notes_in_words(&notes);
+    odd.extend(clouds.odd().iter().chain(clouds.doubts()).cloned());
     let mut words = format!(
         "{name}: {}, {}, {}\n{}",
         recording.kind(),
         count(recording.frames() as u64, "frame"),
         span.words(),
-        sensor_words(recording.sensor())
+        sensor_words(clouds.sensor())
     );
     words += &camera.as_ref().map_or_else(String::new, |camera| camera_words(camera));
     words += &first_words(&first, recording.frames());
     recording.references().iter().for_each(|reference| words += &reference_words(reference));
-    recording.decisions().iter().for_each(|decision| words += &format!("decided  {decision}\n"));
+    clouds.decisions().iter().for_each(|decision| words += &format!("decided  {decision}\n"));
     words += &crate::report::remarks(&losses, &odd);
     let value = json!({
         "log": name,
@@ -52,11 +53,11 @@ pub(super) fn look(
         "first_stamp_s": span.first.map(Stamp::as_secs_f64),
         "span_s": span.seconds,
         "span_is_estimated": span.is_estimated,
-        "sensor": sensor_json(recording.sensor()),
+        "sensor": sensor_json(clouds.sensor()),
         "camera": camera.as_ref().map(|camera| camera_json(camera)),
         "first_clouds": first.iter().map(FirstCloud::to_json).collect::<Vec<_>>(),
         "references": recording.references().iter().map(reference_json).collect::<Vec<_>>(),
-        "decisions": recording.decisions(),
+        "decisions": clouds.decisions(),
         "notes": notes_json(&notes),
         "odd": odd,
         "losses": losses,
@@ -73,6 +74,7 @@ struct FirstCloud {
     farthest_m: f64,
     has_times: bool,
     has_colours: bool,
+    has_intensities: bool,
 }
 
 impl FirstCloud {
@@ -88,6 +90,7 @@ impl FirstCloud {
             farthest_m: ranges.iter().copied().fold(0.0, f64::max),
             has_times: !cloud.times_s.is_empty(),
             has_colours: !cloud.colours.is_empty(),
+            has_intensities: !cloud.intensities.is_empty(),
         }
     }
 
@@ -100,6 +103,7 @@ impl FirstCloud {
             "farthest_m": (self.returns > 0).then_some(self.farthest_m),
             "point_times": self.has_times,
             "colours": self.has_colours,
+            "intensities": self.has_intensities,
         })
     }
 }
@@ -196,6 +200,7 @@ fn first_words(first: &[FirstCloud], frames: usize) -> String {
             let _ = write!(text, ", {:.2} to {:.1} m away", cloud.nearest_m, cloud.farthest_m);
         }
         text += if cloud.has_times { ", with times" } else { "" };
+        text += if cloud.has_intensities { ", with intensities" } else { "" };
         text += if cloud.has_colours { ", in colour\n" } else { "\n" };
     }
     if frames > first.len() {

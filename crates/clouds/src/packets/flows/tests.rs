@@ -81,6 +81,8 @@ fn a_revolution_is_a_cloud_and_the_hour_may_end() {
     let first = &sweeps[0];
     assert_eq!(first.times_s[..2], [0.0, 2.304e-6]);
     assert!((first.times_s[28_799] - (74.0 * 1327e-6 + 11.0 * 110.592e-6 + 55.296e-6 + 15.0 * 2.304e-6)).abs() < 1e-7);
+    // the same of all says nothing
+    assert!(first.intensities.is_empty());
     // laser 0 looks down by 15 degrees and starts 11.2 mm above the origin
     let [x, y, z] = first.points_m[0].map(f64::from);
     let angle = 15_f64.to_radians();
@@ -88,6 +90,14 @@ fn a_revolution_is_a_cloud_and_the_hour_may_end() {
     // a quarter of a turn to the right
     let at = first.points_m.iter().max_by(|a, b| b[1].total_cmp(&a[1])).unwrap();
     assert!(at[1] < -0.999);
+}
+
+#[test]
+fn reflectivities_are_intensities() {
+    let mut bright = payload(0, [500; 2], 0, 0x37, 0x22);
+    bright[6] = 200;
+    let (found, _) = sweeps(&capture(&[bright], 0));
+    assert_eq!((found[0].intensities.len(), found[0].intensities[0]), (384, 200.0));
 }
 
 #[test]

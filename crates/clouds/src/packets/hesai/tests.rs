@@ -40,6 +40,7 @@ fn a_revolution_is_a_cloud() {
     let last = found[0].points_m[450 * 32 + 31].map(f64::from);
     assert!((last[0] - 2.0 * 16_f64.to_radians().cos()).abs() < 1e-4 && last[2] < -0.55, "{last:?}");
     assert!((found[0].times_s[32] - found[0].times_s[0] - 50e-6).abs() < 1e-9);
+    assert_eq!(found[0].intensities, [9.0; 57_600]);
 }
 
 #[test]

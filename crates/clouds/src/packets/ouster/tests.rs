@@ -96,6 +96,23 @@ fn both_returns_are_points_where_they_differ() {
 }
 
 #[test]
+fn reflectivities_of_all_profiles_are_intensities() {
+    for (profile, bytes) in PROFILES.into_iter().zip([&[4][..], &[4], &[3, 7], &[2], &[2, 6]]) {
+        let info = info(profile);
+        let mut packet = packet(&info, 0, 0, 1000);
+        let [before, _, head, _] = info.profile.frame_bytes();
+        let reading = before + head;
+        bytes.iter().zip([200, 100]).for_each(|(at, brightness)| packet[reading + at] = brightness);
+        if let Some(second) = bytes.get(1).map(|_| reading + 4) {
+            packet[second..second + 2].copy_from_slice(&800_u16.to_le_bytes());
+        }
+        let (found, _) = sweeps(&info, &[packet]);
+        assert_eq!(found[0].intensities.len(), found[0].points_m.len(), "{profile}");
+        assert_eq!(found[0].intensities[..bytes.len()], [200.0, 100.0][..bytes.len()], "{profile}");
+    }
+}
+
+#[test]
 fn what_is_not_valid_is_left_out() {
     let info = info("LEGACY");
     let mut bad = packet(&info, 0, 0, 1000);

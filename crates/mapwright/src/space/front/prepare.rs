@@ -8,7 +8,7 @@ use super::sweep_motion::SweepMotion;
 use crate::settings::Settings;
 use crate::space::scale::{DRAWN_SHARE, Scale};
 use mapwright_sensor::{BeamCounts, Cloud, SpaceSweep};
-use mapwright_voxel::{PointSet, Seen, Thinner};
+use mapwright_voxel::{PointColumns, Seen, Thinner};
 use nalgebra::Vector3;
 
 /// Points of the first cloud at least.
@@ -22,9 +22,9 @@ const POINTS_AT_MOST: usize = 1 << 24;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Preparation {
     scale: Option<Scale>,
-    all: PointSet,
-    drawn: PointSet,
-    matched: PointSet,
+    all: PointColumns,
+    drawn: PointColumns,
+    matched: PointColumns,
     thinner: Thinner,
 }
 
@@ -54,7 +54,8 @@ impl Preparation {
     }
 
     pub(super) fn sweep(&self, cloud: &Cloud) -> SpaceSweep {
-        SpaceSweep::new(&cloud.sensor, &self.drawn.points_m, self.drawn.colours.clone())
+        let PointColumns { points_m, colours, intensities, .. } = &self.drawn;
+        SpaceSweep::new(&cloud.sensor, points_m, colours.clone()).with_intensities(intensities)
     }
 
     /// Whether a cloud can be used at all.
@@ -66,8 +67,9 @@ impl Preparation {
         }
         if !(cloud.times_s.is_empty() || cloud.times_s.len() == count)
             || !(cloud.colours.is_empty() || cloud.colours.len() == count)
+            || !(cloud.intensities.is_empty() || cloud.intensities.len() == count)
         {
-            return Err("the cloud has not as many times or colours as points");
+            return Err("the cloud has not as many times, colours or intensities as points");
         }
         Ok(())
     }
@@ -90,8 +92,8 @@ impl Preparation {
             self.scale = Some(Scale::of(settings, &cloud.sensor, &self.all.points_m));
         }
         let resolution_m = self.scale.map_or(1.0, |scale| scale.resolution_m);
-        self.thinner.thin_set(&self.all, DRAWN_SHARE * resolution_m, &mut self.drawn);
-        self.thinner.thin_set(&self.drawn, MATCHED_SHARE * resolution_m, &mut self.matched);
+        self.thinner.thin_columns(&self.all, DRAWN_SHARE * resolution_m, &mut self.drawn);
+        self.thinner.thin_columns(&self.drawn, MATCHED_SHARE * resolution_m, &mut self.matched);
         counts
     }
 
@@ -123,6 +125,7 @@ impl Preparation {
                 }
                 self.all.points_m.push([at.x as f32, at.y as f32, at.z as f32]);
                 self.all.colours.extend(cloud.colours.get(number));
+                self.all.intensities.extend(cloud.intensities.get(number));
             }
         }
     }
