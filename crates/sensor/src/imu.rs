@@ -109,6 +109,17 @@ impl Turned {
     }
 }
 
+/// How the robot moved between two stamps by what pushed it, as if it had stood at the first (Forster et al. 2017, eq. 33).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pushed {
+    /// Its way, in its frame at the first stamp, metres.
+    pub way_m: Vector3<f64>,
+    /// Its velocity at the second one, in the same frame, metres a second.
+    pub velocity_m_per_s: Vector3<f64>,
+    /// How long it took, seconds.
+    pub elapsed_s: f64,
+}
+
 /// A time that is none of a rotation's, seconds: longer than whatever is put together.
 const PUT_TOGETHER_S: f64 = 3600.0;
 
@@ -253,6 +264,35 @@ impl ImuReadings {
     }
 }
 
+impl ImuReadings {
+    /// How the robot was pushed besides by gravity, which points down at the first stamp in its frame then (of length one); none where some
+    /// of the time was not read, and over more than 5 s.
+    #[must_use]
+    pub fn pushed(
+        &self,
+        [start, end]: [Stamp; 2],
+        bias_rad_per_s: Vector3<f64>,
+        down_in_start: Vector3<f64>,
+    ) -> Option<Pushed> {
+        let elapsed_s = end.secs_since(start);
+        if !(elapsed_s > 0.0 && elapsed_s <= LONGEST_S) {
+            return None;
+        }
+        let mut start_from_robot = UnitQuaternion::identity();
+        let (mut way_m, mut velocity_m_per_s) = (Vector3::zeros(), Vector3::zeros());
+        for piece in self.pieces(start, end) {
+            let turn = (piece.turn_rate_rad_per_s - bias_rad_per_s) * piece.elapsed_s;
+            let half = UnitQuaternion::from_scaled_axis(0.5 * turn);
+            let force = start_from_robot * (half * in_metres(piece.specific_force_m_per_s2?));
+            let push = force + down_in_start * STANDARD_GRAVITY_M_PER_S2;
+            way_m += (velocity_m_per_s + 0.5 * push * piece.elapsed_s) * piece.elapsed_s;
+            velocity_m_per_s += push * piece.elapsed_s;
+            start_from_robot *= UnitQuaternion::from_scaled_axis(turn);
+        }
+        Some(Pushed { way_m, velocity_m_per_s, elapsed_s })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -286,6 +326,27 @@ mod tests {
         assert!(readings.turned(at(1.0), at(0.5), Vector3::zeros()).is_none());
         let unread_s = readings.turned(at(1.9), at(2.0), Vector3::zeros()).unwrap().unread_s;
         assert!((unread_s - 0.01).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_even_push_while_turning_is_half_its_time_squared() {
+        let (rate, push) = (Vector3::new(0.2, -0.4, 1.0), Vector3::new(0.5, 0.2, -0.1));
+        let mut readings = ImuReadings::default();
+        for k in 0..200 {
+            let s = 0.01 * f64::from(k);
+            let robot_from_start = UnitQuaternion::from_scaled_axis(-rate * (s - 0.5));
+            let force = robot_from_start * (push + Vector3::new(0.0, 0.0, STANDARD_GRAVITY_M_PER_S2));
+            readings.add(ImuReading { specific_force_m_per_s2: Some(force), ..reading(s, rate.into()) });
+        }
+        let pushed = readings.pushed([at(0.5), at(1.5)], Vector3::zeros(), -Vector3::z()).unwrap();
+        assert!(
+            (pushed.way_m - 0.5 * push).norm() < 1e-3 && (pushed.velocity_m_per_s - push).norm() < 2e-3,
+            "{pushed:?}"
+        );
+        assert!(
+            readings.pushed([at(1.5), at(2.5)], Vector3::zeros(), -Vector3::z()).is_none(),
+            "not all of it was read"
+        );
     }
 
     #[test]

@@ -22,8 +22,8 @@ pub use cloud::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
 pub use far_origin::FarOrigin;
 pub use head::{Bearings, OddHead, RANGE_MAX_UNSAID_M, SWEEP_MOST_S, SaidBearings, settle_ranges, settle_times};
 pub use imu::{
-    Down, DownEstimate, ImuPiece, ImuReading, ImuReadings, ImuTaken, STANDARD_GRAVITY_M_PER_S2, TURN_NOISE_RAD2_PER_S,
-    Turned, in_metres,
+    Down, DownEstimate, ImuPiece, ImuReading, ImuReadings, ImuTaken, Pushed, STANDARD_GRAVITY_M_PER_S2,
+    TURN_NOISE_RAD2_PER_S, Turned, in_metres,
 };
 pub use motion::{Decomposed, MotionModel};
 pub use no_return_codes::{FoundCodes, NoReturnCodes};

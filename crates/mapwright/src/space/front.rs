@@ -24,6 +24,7 @@ mod predict;
 mod prepare;
 mod resume;
 mod span;
+mod speed;
 mod sweep_motion;
 mod track;
 
@@ -114,6 +115,10 @@ impl SpaceFrontEnd {
         if self.turn_is_read {
             twist_per_s.fixed_rows_mut::<3>(3).fill(0.0);
             variances.fixed_rows_mut::<3>(3).fill(self.inertial.turn_sigma_rad_per_s(span.length_s()).powi(2));
+            if let Some(velocity) = self.inertial.velocity_now() {
+                twist_per_s.fixed_rows_mut::<3>(0).fill(0.0);
+                variances.fixed_rows_mut::<3>(0).fill(velocity.variance);
+            }
         }
         TwistPrior { twist_per_s, information: Cov6::from_diagonal(&variances.map(|variance| 1.0 / variance)) }
     }

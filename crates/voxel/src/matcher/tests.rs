@@ -132,10 +132,51 @@ fn a_robot_turned_by_more_than_a_right_angle_is_found_from_many_headings() {
     let found = matcher.rough(&map, &seen, &weak_prior(), headings, Descent::Whole, 2);
     let fit = matcher.climb(&map, &seen, &weak_prior(), found[0]);
     assert!(truth.distance(fit.map_from_cloud) < 0.02, "{:?}", fit.map_from_cloud);
-    assert!(
-        found.len() == 2 && found[0].distance(found[1]) + found[0].between(found[1]).rotation.angle() > 0.1,
-        "each once"
-    );
+    let [a, b] = [0, 1].map(|k| found[k].map_from_cloud);
+    assert!(found.len() == 2 && a.distance(b) + a.between(b).rotation.angle() > 0.1, "each once");
+}
+
+/// A sweep of a tenth of a second of a robot that turns and goes on: each point by the pose of its time.
+fn swept(points: &[[f32; 3]], middle: Pose3, twist_per_s: Vector6<f64>) -> (Vec<[f32; 3]>, Vec<f32>) {
+    let time_s = |point: &[f32; 3]| 0.1 * (f64::from(point[1]).atan2(f64::from(point[0])) / std::f64::consts::TAU);
+    let taken = |point: &[f32; 3]| {
+        let map_from_robot = middle * Pose3::exp(twist_per_s * time_s(point));
+        (moved_by(&[*point], map_from_robot)[0], time_s(point) as f32)
+    };
+    points.iter().map(taken).unzip()
+}
+
+#[test]
+fn the_motion_during_a_sweep_is_found_with_the_pose() {
+    let points = room();
+    let (map, mut matcher) = (map_of(&points), Matcher::default());
+    let (middle, twist_per_s) = (pose([0.1, -0.1, 0.0, 0.0, 0.0, 0.1]), Vector6::new(1.0, 0.2, 0.0, 0.1, -0.5, 2.0));
+    let (points_m, times_s) = swept(&points, middle, twist_per_s);
+    let seen = Seen { points_m: &points_m, times_s: &times_s };
+    let vague = TwistPrior { twist_per_s: Vector6::zeros(), information: Cov6::identity() };
+    let still = matcher.climb_near(&map, seen, &weak_prior(), Pose3::identity());
+    let bent = matcher.climb_bent(&map, seen, (&weak_prior(), still.map_from_cloud), &vague);
+    let error = middle.between(bent.fit.map_from_cloud);
+    assert!(error.translation.norm() < 0.01 && error.rotation.angle() < 0.003, "{error:?}");
+    let off = bent.twist_per_s - twist_per_s;
+    assert!(off.fixed_rows::<3>(0).norm() < 0.1 && off.fixed_rows::<3>(3).norm() < 0.03, "{:?}", bent.twist_per_s);
+    assert!(bent.posterior(&weak_prior()) > still.posterior(&weak_prior()) && bent.fit.inlier_share > 0.9);
+    let sure = TwistPrior { information: Cov6::identity() * 1e12, ..vague };
+    let held = matcher.climb_bent(&map, seen, (&weak_prior(), still.map_from_cloud), &sure);
+    assert!(held.twist_per_s.norm() < 1e-3 && held.covariance.trace() < bent.covariance.trace());
+}
+
+#[test]
+fn a_start_that_turns_straightens_its_sweep() {
+    let points = room();
+    let (map, mut matcher) = (map_of(&points), Matcher::default());
+    let twist_per_s = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 6.0);
+    let (points_m, times_s) = swept(&points, pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.6]), twist_per_s);
+    let seen = Seen { points_m: &points_m, times_s: &times_s };
+    let start = Start { map_from_cloud: pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]), twist_per_s };
+    let turning = matcher.climb(&map, seen, &weak_prior(), start);
+    let standing = matcher.climb(&map, seen, &weak_prior(), start.map_from_cloud);
+    assert!(turning.log_likelihood > standing.log_likelihood + 0.3, "{turning:?} {standing:?}");
 }
 
 #[test]

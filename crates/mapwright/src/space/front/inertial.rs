@@ -3,9 +3,10 @@
 //! Its readings are believed once matches have borne them out, and no longer than they do: a mount that is told wrongly shows with the
 //! first turn. Until a turn has been borne out, what they say is one more start of the match, and no more. The gyroscope's bias is what matches and readings differ by over a second or more.
 
-use super::mount::{Mount, Pushes, Turns};
+use super::mount::{Mount, Pushes, Turns, UPRIGHT_COS};
 use super::predict::Step;
 use super::span::Span;
+use super::speed::{Push, Velocity};
 use super::sweep_motion::SweepMotion;
 use mapwright_geom::{Pose3, Stamp, Stored, is_covariance, is_in_place, stored};
 use mapwright_record::Session;
@@ -47,8 +48,6 @@ const MATCHED_M_PER_S2: f64 = 0.15;
 const VELOCITY_S: f64 = 0.35;
 /// A direction of gravity is written down when it is known so well, radians: after a second on the way.
 const WRITTEN_RAD: f64 = 0.012;
-/// A robot whose z axis is within 45 degrees of up stands as its axes do.
-const UPRIGHT_COS: f64 = 0.7;
 /// Over longer times readings are not followed, seconds.
 const FOLLOWED_S: f64 = 5.0;
 /// How the robot may have turned in a time that nothing was read of, radians a second.
@@ -115,6 +114,10 @@ pub(super) struct Inertial {
     since: (Turned, UnitQuaternion<f64>),
     trust: u32,
     proven_rad: f64,
+    /// The robot's velocity at the last cloud, what has pushed it since, and what follows for now.
+    velocity: Option<Velocity>,
+    push: Option<Push>,
+    velocity_now: Option<Velocity>,
     /// How the sensor sits and reads, and what tells of that.
     mount: Mount,
     turns: Turns,
@@ -141,6 +144,9 @@ impl Default for Inertial {
             since: (Turned::none(), UnitQuaternion::identity()),
             trust: 0,
             proven_rad: 0.0,
+            velocity: None,
+            push: None,
+            velocity_now: None,
             mount: Mount::default(),
             turns: Turns::default(),
             pushes: Pushes::default(),
@@ -167,6 +173,7 @@ impl Inertial {
         self.since.put(out);
         self.trust.put(out);
         self.proven_rad.put(out);
+        self.velocity.put(out);
         self.mount.put(out);
         self.turns.put(out);
         self.pushes.put(out);
@@ -180,6 +187,8 @@ impl Inertial {
         let (velocity_m_per_s, way): (_, Option<(Stamp, Pose3)>) = Stored::take(from)?;
         let (turned, since) = Stored::take(from)?;
         let (trust, proven_rad): (u32, f64) = Stored::take(from)?;
+        let velocity: Option<Velocity> = Stored::take(from)?;
+        velocity.as_ref().is_none_or(Velocity::is_sound).then_some(())?;
         let mount: Mount = Stored::take(from)?;
         let (turns, pushes) = (Stored::take(from)?, Stored::take(from)?);
         let (read_rad, steady_from_last) = Stored::take(from)?;
@@ -202,6 +211,9 @@ impl Inertial {
             since,
             trust,
             proven_rad,
+            velocity,
+            push: None,
+            velocity_now: None,
             mount,
             turns,
             pushes,
@@ -219,6 +231,7 @@ impl Inertial {
             ..told
         });
         self.report.readings += 1;
+        told.specific_force_m_per_s2.iter().for_each(|force| self.turns.hold(*force));
         match taken {
             ImuTaken::Kept => {}
             ImuTaken::Unsound => self.report.unsound += 1,
@@ -251,6 +264,8 @@ impl Inertial {
         let read =
             |last: Stamp| self.readings.pieces(last, now).map(|piece| piece.turn_rate_rad_per_s * piece.elapsed_s);
         self.read_rad = self.last.map_or(Vector3::zeros(), |last| read(last).sum());
+        self.push = self.last.zip(turned).and_then(|(last, turned)| self.pushed(last, now, turned.start_from_end));
+        self.velocity_now = self.push.zip(self.velocity).map(|(push, velocity)| push.after(velocity));
         self.before_last = self.last.replace(now);
         self.readings.use_until(now);
         let Some(turned) = turned else { return step };
@@ -259,7 +274,27 @@ impl Inertial {
         }
         let Some(information) = self.covariance(&turned).try_inverse() else { return step };
         self.report.predicted += 1;
-        step.turning(turned.start_from_end, &information)
+        let turning = step.turning(turned.start_from_end, &information);
+        let way = self.push.zip(self.velocity).map(|(push, velocity)| push.way(velocity));
+        way.map_or(turning, |(way_m, sigma_m)| turning.pushed(way_m, sigma_m))
+    }
+
+    /// What has pushed the robot since a stamp up to which its turning is known, where it is known where down is.
+    fn pushed(&self, last: Stamp, now: Stamp, start_from_end: UnitQuaternion<f64>) -> Option<Push> {
+        let mut down = self.down;
+        let until = self.down_until.filter(|until| self.knows_down() && *until <= last)?;
+        if until < last {
+            let turned = self.readings.turned(until, last, self.bias.rad_per_s)?;
+            down.turn(turned.start_from_end.scaled_axis(), turned.elapsed_s, self.bias.sigma_rad_per_s());
+        }
+        let down = down.estimate()?;
+        let pushed = self.readings.pushed([last, now], self.bias.rad_per_s, down.down_in_robot)?;
+        Some(Push { pushed, start_from_end, down_sigma_rad: down.sigma_rad })
+    }
+
+    /// The robot's velocity in the middle of the present cloud, before that is matched.
+    pub(super) fn velocity_now(&self) -> Option<Velocity> {
+        self.velocity_now
     }
 
     /// How uncertain a turn rate is, readings averaged over so long, radians a second.
@@ -289,7 +324,8 @@ impl Inertial {
         let [first, last] = [span.first_s, span.last_s].map(|after_s| span.stamp_after(stamp, after_s));
         let bias = self.bias.rad_per_s;
         if self.is_trusted() && self.readings.turned(first, last, bias).is_some() {
-            let velocity = twist_per_s.map_or(Vector3::zeros(), |twist| twist.fixed_rows::<3>(0).into_owned());
+            let carried = || twist_per_s.map_or(Vector3::zeros(), |twist| twist.fixed_rows::<3>(0).into_owned());
+            let velocity = self.velocity_now.map_or_else(carried, |velocity| velocity.m_per_s);
             motion.turn(self.readings.pieces(first, last), bias, velocity, span);
             return true;
         }
@@ -303,6 +339,10 @@ impl Inertial {
     /// How a match says that the robot moved since the last cloud, if it is believed: readings are compared with it.
     pub(super) fn learn(&mut self, moved: Option<Pose3>) {
         let compared = self.turned.take().zip(moved);
+        self.velocity = self.push.take().and_then(|push| {
+            let known = moved.map_or(self.velocity, |moved| Some(push.learn(self.velocity, moved.translation)));
+            known.map(|known| push.after(known))
+        });
         self.steady_from_last *= moved.map_or_else(UnitQuaternion::identity, |moved| moved.rotation);
         self.weigh_forces(compared.map(|(_, moved)| moved));
         let Some((turned, moved)) = compared else {

@@ -21,6 +21,9 @@ const BETTER_SHARE: f64 = 0.25;
 /// Axes about which the robot has turned less than this share of what it has about another say nothing.
 const AXIS_SHARE: f64 = 0.02;
 
+/// A robot whose z axis is within 45 degrees of up stands as its axes do.
+pub(super) const UPRIGHT_COS: f64 = 0.7;
+
 /// How it sits and reads.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Mount {
@@ -70,10 +73,17 @@ pub(super) struct Turns {
     matched2: f64,
     turned_rad: f64,
     count: u32,
+    /// Forces that hold the robot up, added up as told.
+    held: Vector3<f64>,
 }
-stored!(Turns { across, read2, matched2, turned_rad, count });
+stored!(Turns { across, read2, matched2, turned_rad, count, held });
 
 impl Turns {
+    /// A force as told.
+    pub(super) fn hold(&mut self, told: Vector3<f64>) {
+        self.held += if told.norm().is_finite() { told } else { Vector3::zeros() };
+    }
+
     /// A turn as it was read with a mount, and as a match says, both as rotation vectors, radians.
     pub(super) fn add(&mut self, mount: &Mount, read: Vector3<f64>, matched: Vector3<f64>) {
         let turned_rad = matched.norm();
@@ -109,13 +119,16 @@ impl Turns {
         (self.matched2 - explained + mount.unit().powi(2) * self.read2) / self.matched2.max(f64::MIN_POSITIVE)
     }
 
-    /// Rotations to try: as told; turned about x by half, as of axes that look forward, right and down; of all others the likeliest.
+    /// Rotations to try: the likeliest, where turns tell it, and as told. Where they do not, those of a box on a box by which forces hold the
+    /// robot up, first that about x by half, as of axes that look forward, right and down.
     fn rotations(&self) -> Vec<UnitQuaternion<f64>> {
+        if let Some(likeliest) = self.likeliest() {
+            return vec![UnitQuaternion::identity(), likeliest];
+        }
         let half_about_x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-        let mut rotations = vec![UnitQuaternion::identity(), half_about_x];
-        rotations.extend(boxes());
-        rotations.extend(self.likeliest());
-        rotations
+        let holds = |rotation: &UnitQuaternion<f64>| (rotation * self.held).z >= UPRIGHT_COS * self.held.norm();
+        let others = [UnitQuaternion::identity(), half_about_x].into_iter().chain(boxes());
+        others.filter(holds).collect()
     }
 
     /// The rotation that fits best; none where turns about one axis do not tell it.

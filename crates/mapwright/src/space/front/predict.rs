@@ -2,7 +2,7 @@
 
 use crate::settings::MotionSettings;
 use mapwright_geom::{Cov6, Pose3, Stamp, stored};
-use nalgebra::{Matrix3, UnitQuaternion, Vector6};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 
 /// How fast a robot, or a hand that holds a sensor, changes its speed: metres and radians per second squared.
 const ACCELERATION_MPS2: f64 = 10.0;
@@ -59,6 +59,20 @@ impl Step {
         let mut information = self.information;
         information.fixed_view_mut::<3, 3>(3, 3).copy_from(information_of_rotation);
         Self { last_from_robot, information, from_imu: true, ..self }
+    }
+}
+
+impl Step {
+    /// The same with a way by what has pushed the robot, in the frame that it was in, where that is surer than what is carried on.
+    pub(super) fn pushed(self, way_m: Vector3<f64>, sigma_m: f64) -> Self {
+        let information = 1.0 / (LEAST_M * LEAST_M + sigma_m * sigma_m);
+        if self.from_odometry || information <= self.information[(0, 0)] {
+            return self;
+        }
+        let mut step = self;
+        step.last_from_robot.translation = way_m;
+        (0..3).for_each(|axis| step.information[(axis, axis)] = information);
+        step
     }
 }
 

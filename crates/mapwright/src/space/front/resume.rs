@@ -17,7 +17,7 @@ use mapwright_record::Past;
 use mapwright_sensor::SpaceSweep;
 
 impl Resumes<SpaceSweep> for SpaceFrontEnd {
-    const VERSION: u8 = 6;
+    const VERSION: u8 = 7;
 
     fn put(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
