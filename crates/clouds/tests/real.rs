@@ -261,7 +261,10 @@ fn an_ousters_walls_are_straight_as_its_metadata_say_and_not_otherwise() {
     // 1024 columns, 10 Hz
     let last_s = right.times_s.iter().copied().fold(0.0, f32::max);
     assert!((0.098..0.1).contains(&last_s), "{last_s}");
-    assert_eq!(readings.len(), 10);
+    assert_eq!((readings.len(), right.intensities.len()), (10, right.points_m.len()));
+    // reflectivity has 8 bits, and most of a street is dark
+    let dark = right.intensities.iter().filter(|intensity| **intensity < 64.0).count();
+    assert!(right.intensities.iter().all(|v| (0.0..=255.0).contains(v)) && 2 * dark > right.intensities.len());
     // the car's roof is not level
     let up = readings.iter().map(|reading| reading.specific_force_m_per_s2.unwrap()).sum::<Vector3<f64>>() / 10.0;
     assert!((up.norm() - 9.8).abs() < 0.4 && up.z > 0.98 * up.norm(), "{up}");

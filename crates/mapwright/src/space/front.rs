@@ -28,9 +28,10 @@ mod speed;
 mod sweep_motion;
 mod track;
 
+pub use inertial::ImuReport;
 use inertial::Inertial;
 use inertial::LevelWatch;
-pub use inertial::{ImuMount, ImuReport};
+pub use mount::ImuMount;
 use predict::{Predictor, Step, carried_on_variances};
 use prepare::Preparation;
 use span::Span;
@@ -106,6 +107,14 @@ impl SpaceFrontEnd {
         // A motion that is taken for even is as wrong as it is uncertain: over the sweep, root mean square.
         let still_bent = bent.covariance * (span.length_s().powi(2) / 12.0);
         Some(Matched { information: softened(&again.information, &still_bent), ..again })
+    }
+
+    /// A sweep that was bent to fit a place where it is not.
+    fn unbend(&mut self, cloud: &Cloud) {
+        if self.twist_covariance.take().is_some() {
+            self.motion.straighten();
+            self.preparation.prepare(&self.settings, cloud, &self.motion, true);
+        }
     }
 
     /// What is known of the motion during a sweep, beside that by which it was undistorted, once it is known how the robot has moved.
@@ -262,8 +271,9 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
-        self.predictor.settle(cloud.stamp, cloud.odom_from_robot, believed.map(|_| last_from_robot));
-        self.inertial.learn(believed.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
+        let moved = believed.filter(|_| !step.is_looked_for);
+        self.predictor.settle(cloud.stamp, cloud.odom_from_robot, moved.map(|_| last_from_robot));
+        self.inertial.learn(moved.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
         let middle_s = Span::of(cloud).middle_s();
         self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
         let by_points = self.twist_covariance.map(|covariance| covariance * (middle_s * middle_s));
@@ -348,8 +358,10 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         prepared: &mut Prepared,
         _why: FragmentStart,
     ) -> bool {
+        self.unbend(cloud);
         let found = self.look_around(past, cloud, prepared);
         prepared.predicted = found.unwrap_or(prepared.predicted);
+        prepared.step.is_looked_for = found.is_some();
         found.is_some()
     }
 

@@ -3,7 +3,7 @@
 //! Its readings are believed once matches have borne them out, and no longer than they do: a mount that is told wrongly shows with the
 //! first turn. Until a turn has been borne out, what they say is one more start of the match, and no more. The gyroscope's bias is what matches and readings differ by over a second or more.
 
-use super::mount::{Mount, Pushes, Turns, UPRIGHT_COS};
+use super::mount::{ImuMount, Mount, Pushes, Turns, UPRIGHT_COS};
 use super::predict::Step;
 use super::span::Span;
 use super::speed::{Push, Velocity};
@@ -80,17 +80,6 @@ pub struct ImuReport {
     pub bias_rad_per_s: [f64; 3],
     /// and its standard deviation about the axis about which it is known least.
     pub bias_sigma_rad_per_s: f64,
-}
-
-/// How an inertial sensor sits and reads, where that is not what was told.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct ImuMount {
-    /// It is turned about the robot's axes by this rotation vector, radians: from its axes as told to the robot's.
-    pub robot_from_told_rad: [f64; 3],
-    /// It gives turn rates in degrees a second.
-    pub in_degrees: bool,
-    /// It gives the force of gravity, which points down, where the force that holds it up is meant.
-    pub forces_down: bool,
 }
 
 /// What is remembered of readings.

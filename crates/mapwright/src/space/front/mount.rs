@@ -4,7 +4,6 @@
 //! "A solution for the best rotation to relate two sets of vectors"), and their lengths tell radians from degrees. Where the robot has
 //! turned about one axis alone, as one with wheels does, the mount is one of the 24 of a box on a box.
 
-use super::inertial::ImuMount;
 use mapwright_geom::stored;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -23,6 +22,17 @@ const AXIS_SHARE: f64 = 0.02;
 
 /// A robot whose z axis is within 45 degrees of up stands as its axes do.
 pub(super) const UPRIGHT_COS: f64 = 0.7;
+
+/// How an inertial sensor sits and reads, where that is not what was told.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ImuMount {
+    /// It is turned about the robot's axes by this rotation vector, radians: from its axes as told to the robot's.
+    pub robot_from_told_rad: [f64; 3],
+    /// It gives turn rates in degrees a second.
+    pub in_degrees: bool,
+    /// It gives the force of gravity, which points down, where the force that holds it up is meant.
+    pub forces_down: bool,
+}
 
 /// How it sits and reads.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -150,7 +160,7 @@ impl Turns {
 
 /// The 24 rotations that lay axes on axes.
 fn boxes() -> impl Iterator<Item = UnitQuaternion<f64>> {
-    let signed = |k: usize| if k % 2 == 0 { Vector3::ith(k / 2, 1.0) } else { Vector3::ith(k / 2, -1.0) };
+    let signed = |k: usize| if k.is_multiple_of(2) { Vector3::ith(k / 2, 1.0) } else { Vector3::ith(k / 2, -1.0) };
     let pairs = (0..6).flat_map(move |a| (0..6).filter(move |b| a / 2 != b / 2).map(move |b| (signed(a), signed(b))));
     pairs.map(|(x, y): (Vector3<f64>, Vector3<f64>)| {
         let rotation = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]));

@@ -40,6 +40,8 @@ pub struct Step {
     /// The cloud before is longer ago than is usual.
     pub(super) after_gap: bool,
     pub(super) from_odometry: bool,
+    /// The robot was looked for, and is where it was found: how it came there is not known.
+    pub(super) is_looked_for: bool,
     /// Whether its rotation was read from an inertial sensor.
     pub(super) from_imu: bool,
     /// The rotation that was read from one that is not believed yet.
@@ -112,6 +114,7 @@ impl Predictor {
                 elapsed_s,
                 after_gap,
                 from_odometry,
+                is_looked_for: false,
                 from_imu: false,
                 read: None,
             };
@@ -123,7 +126,16 @@ impl Predictor {
         let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * elapsed_s) * elapsed_s;
         let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * elapsed_s) * elapsed_s;
         let information = information_of([sigma_m; 3], [sigma_rad; 3]);
-        Step { last_from_robot, information, elapsed_s, after_gap, from_odometry: false, from_imu: false, read: None }
+        Step {
+            last_from_robot,
+            information,
+            elapsed_s,
+            after_gap,
+            from_odometry: false,
+            is_looked_for: false,
+            from_imu: false,
+            read: None,
+        }
     }
 
     /// The robot's twist while a cloud is taken: as it has moved by the last matches, which know its tilting as well; by odometry while
@@ -136,6 +148,10 @@ impl Predictor {
     /// The same once it is known how the robot has moved up to the middle of the cloud, and its variances: it goes on changing as it did from
     /// the motion before, each being the mean of its time, give or take as much.
     pub(super) fn twist_after(&self, step: &Step, moved: Pose3) -> (Vector6<f64>, Vector6<f64>) {
+        if step.is_looked_for {
+            let twist_per_s = self.twist_per_s(*step).unwrap_or_else(Vector6::zeros);
+            return (twist_per_s, both([ACCELERATION_MPS2, ACCELERATION_RADPS2].map(|change| change * step.elapsed_s)));
+        }
         let mean_per_s = moved.log() / step.elapsed_s.max(PERIOD_S[0]);
         let Some((before, before_s)) = self.last else {
             let sigmas = [0.5 * ACCELERATION_MPS2, 0.5 * ACCELERATION_RADPS2].map(|change| change * step.elapsed_s);

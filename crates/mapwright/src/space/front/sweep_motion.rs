@@ -29,6 +29,11 @@ impl SweepMotion {
         self.bent = None;
     }
 
+    /// It does not differ from that.
+    pub(super) fn straighten(&mut self) {
+        self.bent = None;
+    }
+
     /// It differs from that by so much.
     pub(super) fn bend(&mut self, twist_per_s: Vector6<f64>, span: Span) {
         self.bent = Some((span.middle_s(), twist_per_s));
