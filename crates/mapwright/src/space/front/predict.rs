@@ -25,6 +25,11 @@ const SPEED_WEIGHT: f64 = 0.05;
 /// From the middle of its time to its end a motion changes by such a share of what it has changed by since the motion before; by
 /// as much again it may be off.
 const CHANGE_LEFT: f64 = 0.5;
+/// During a sweep the twist is off by this share of that; where it were looser, a map of clouds that are bent would ask for bent ones.
+const LEFT_OFF: f64 = 0.5;
+/// And by so much at least, of what matches are wrong by from one to the next, metres and radians.
+const LEAST_TWIST_M: f64 = 0.001;
+const LEAST_TWIST_RAD: f64 = 0.001;
 /// What wheels do not see, a share of the way: height, and the robot's roll and pitch, radians per metre.
 const UNSEEN_SHARE: f64 = 0.05;
 /// Odometry that claims more than this between two clouds has jumped: metres, and metres per second.
@@ -146,7 +151,7 @@ impl Predictor {
     }
 
     /// The same once it is known how the robot has moved up to the middle of the cloud, and its variances: it goes on changing as it did from
-    /// the motion before, each being the mean of its time, give or take as much.
+    /// the motion before, each being the mean of its time, give or take half of that.
     pub(super) fn twist_after(&self, step: &Step, moved: Pose3) -> (Vector6<f64>, Vector6<f64>) {
         if step.is_looked_for {
             let twist_per_s = self.twist_per_s(*step).unwrap_or_else(Vector6::zeros);
@@ -158,8 +163,8 @@ impl Predictor {
             return (mean_per_s, both(sigmas));
         };
         let left_per_s = CHANGE_LEFT * (mean_per_s - before.log() / before_s);
-        let [way, turn] = [0, 3].map(|first| left_per_s.fixed_rows::<3>(first).norm());
-        let least = [LEAST_M, LEAST_RAD].map(|least| least / step.elapsed_s.max(PERIOD_S[0]));
+        let [way, turn] = [0, 3].map(|first| LEFT_OFF * left_per_s.fixed_rows::<3>(first).norm());
+        let least = [LEAST_TWIST_M, LEAST_TWIST_RAD].map(|least| least / step.elapsed_s.max(PERIOD_S[0]));
         (mean_per_s + left_per_s, both([way + least[0], turn + least[1]]))
     }
 

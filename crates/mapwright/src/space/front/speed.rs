@@ -6,6 +6,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 /// An accelerometer of the cheap kind is wrong by so much all the time, besides what gravity's direction is, metres per second squared.
 const PUSH_M_PER_S2: f64 = 0.1;
+/// and in the same way for so long, seconds.
+const ALIKE_S: f64 = 1.0;
 /// The way from match to match is wrong by so much, metres.
 const WAY_M: f64 = 0.01;
 
@@ -36,17 +38,23 @@ impl Push {
         PUSH_M_PER_S2.hypot(mapwright_sensor::STANDARD_GRAVITY_M_PER_S2 * self.down_sigma_rad)
     }
 
-    /// The way of a robot that began with such a velocity, in its frame then, and its standard deviation, metres.
+    /// The way of a robot that began with such a velocity, in its frame then, and its standard deviation, metres: ways that err alike say as
+    /// much together as one.
     pub(super) fn way(&self, from: Velocity) -> (Vector3<f64>, f64) {
         let elapsed_s = self.pushed.elapsed_s;
         let by_push_m = 0.5 * self.sigma_m_per_s2() * elapsed_s * elapsed_s;
-        (from.m_per_s * elapsed_s + self.pushed.way_m, by_push_m.hypot(from.variance.sqrt() * elapsed_s))
+        let alike = (ALIKE_S / elapsed_s).max(1.0).sqrt();
+        (from.m_per_s * elapsed_s + self.pushed.way_m, alike * by_push_m.hypot(from.variance.sqrt() * elapsed_s))
     }
 
     /// Its velocity then.
     pub(super) fn after(&self, from: Velocity) -> Velocity {
         let m_per_s = self.start_from_end.inverse() * (from.m_per_s + self.pushed.velocity_m_per_s);
-        Velocity { m_per_s, variance: from.variance + (self.sigma_m_per_s2() * self.pushed.elapsed_s).powi(2) }
+        let elapsed_s = self.pushed.elapsed_s;
+        Velocity {
+            m_per_s,
+            variance: from.variance + self.sigma_m_per_s2().powi(2) * elapsed_s * elapsed_s.max(ALIKE_S),
+        }
     }
 
     /// Its velocity at the beginning, of which something may be known, once it is known how far it came.
