@@ -48,6 +48,8 @@ const KNOWN_SHARE: f64 = 0.8;
 /// it is looked for, within so many times the way that it usually goes in the time since the cloud before.
 const STRAYED_SHARE: f64 = 0.25;
 const WINDOW_SIGMAS: f64 = 3.0;
+/// A sweep's twist is uncertain by so many times what its prior, which is kept tight (`predict::LEFT_OFF`), leaves of it.
+const BENT_SIGMAS: f64 = 2.0;
 
 /// The front end.
 #[derive(Debug, Clone)]
@@ -105,7 +107,7 @@ impl SpaceFrontEnd {
         let points = self.preparation.match_points();
         let again = self.tracker.again(self.local_map.as_ref()?, points, (&matched, &bent, &prior));
         // A motion that is taken for even is as wrong as it is uncertain: over the sweep, root mean square.
-        let still_bent = bent.covariance * (span.length_s().powi(2) / 12.0);
+        let still_bent = bent.covariance * (BENT_SIGMAS.powi(2) * span.length_s().powi(2) / 12.0);
         Some(Matched { information: softened(&again.information, &still_bent), ..again })
     }
 
