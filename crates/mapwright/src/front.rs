@@ -176,7 +176,7 @@ impl FrontEnd<Sweep> for PlaneFrontEnd {
         Prepared { step, predicted, odom_from_robot, beams, refused }
     }
 
-    fn track(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &Prepared) -> Option<Matched> {
+    fn track(&mut self, past: Past<'_>, scan: &LaserScan, prepared: &mut Prepared) -> Option<Matched> {
         let Prepared { step, predicted, .. } = *prepared;
         self.local_map.meet(&self.settings, Frames::of(past), self.preparation.match_points(), predicted);
         self.undo_motion_by_match(past, scan, prepared);

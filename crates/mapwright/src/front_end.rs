@@ -55,7 +55,7 @@ impl Reading<Pose3> for Cloud {
     }
 
     fn odom_from_robot(&self) -> Option<Pose3> {
-        None
+        self.odom_from_robot.filter(|pose| pose.is_finite())
     }
 }
 
@@ -168,8 +168,8 @@ pub trait FrontEnd<M: Maps>: Clone + Debug + Resumes<M> + Follows<M> {
         false
     }
 
-    /// Step 3: the scan against the local map.
-    fn track(&mut self, past: Past<'_, M>, scan: &M::Scan, prepared: &PreparedOf<M>) -> Option<Self::Matched>;
+    /// Step 3: the scan against the local map. What was prepared may have been predicted wrongly, and is then predicted otherwise.
+    fn track(&mut self, past: Past<'_, M>, scan: &M::Scan, prepared: &mut PreparedOf<M>) -> Option<Self::Matched>;
 
     /// What is known is not matched against any more.
     fn leave(&mut self);

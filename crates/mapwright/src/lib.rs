@@ -28,6 +28,7 @@ mod jobs;
 mod local_map;
 mod locate;
 mod mapper;
+mod odometry;
 mod patches;
 mod pose;
 mod probe;

@@ -1,9 +1,10 @@
 //! Prediction: where the robot should be before its scan is looked at.
 
 use super::lasers::{LaserId, PerLaser};
+use crate::odometry::{OdometryTrust, odometry_variances};
 use crate::settings::MotionSettings;
 use mapwright_geom::{Pose2, Stamp, Stored, stored};
-use mapwright_sensor::{MotionModel, Pace};
+use mapwright_sensor::Pace;
 
 /// The motion since the last scan, with standard deviations of its right-perturbation tangent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,13 +70,6 @@ const USUAL_AT_LEAST: [f64; 2] = [0.05, 0.1];
 const USUAL_WEIGHT: f64 = 0.01;
 /// Standard deviation of a heading of which nothing is known, radians: pi / sqrt(3).
 const ANY_HEADING_RAD: f64 = 1.8;
-/// Odometry is believed as it deserves: weight of the newest scan, how much worse than the model it may be at most, and
-/// the least share of a correction that is the scan's own.
-const WRONG_WEIGHT: f64 = 0.01;
-const WORSE_AT_MOST: f64 = 25.0;
-const LEAST_GAIN: f64 = 0.3;
-/// From so many times the model's variance on a slip would not be seen in it.
-const DOUBTED: f64 = 1.2;
 /// Over longer steps what lies behind is better known than what lies ahead, and a scan would be drawn back, metres.
 const FAILING_STEP_AT_MOST_M: f64 = 0.5;
 
@@ -96,8 +90,8 @@ pub(crate) struct Predictor {
     after_gap: bool,
     /// Running mean of the time between scans.
     period_s: f64,
-    /// Of translation and rotation: what odometry has been wrong by, and what it was expected to be.
-    wrong: [[f64; 2]; 2],
+    /// What odometry has been wrong by of late.
+    trust: OdometryTrust,
     /// How fast the robot usually drives and turns, metres and radians per second.
     usual: [f64; 2],
     /// How fast it drives and turns at most, by its odometry.
@@ -116,7 +110,7 @@ stored!(Predictor {
     last,
     after_gap,
     period_s,
-    wrong,
+    trust,
     usual,
     pace,
     reverses,
@@ -143,7 +137,7 @@ impl Default for Predictor {
             last: PerLaser::default(),
             after_gap: false,
             period_s: 0.0,
-            wrong: [[0.0; 2]; 2],
+            trust: OdometryTrust::default(),
             usual: USUAL_AT_FIRST,
             pace: Pace::default(),
             reverses: false,
@@ -156,16 +150,15 @@ impl Predictor {
     /// Goes on as it was.
     pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
         let predictor = Self::take(from)?;
-        let [twist, wrong] = [predictor.twist.unwrap_or_default().to_vec(), predictor.wrong.concat()];
+        let twist = predictor.twist.unwrap_or_default();
         let moved = predictor.last.iter().flatten().filter_map(|last| last.then_from_last);
         let moved: Vec<f64> = moved.flat_map(|moved| [moved.x, moved.y]).collect();
         let is_sound = twist
             .iter()
             .chain(&moved)
-            .chain(&wrong)
             .chain([&predictor.period_s, &predictor.carried_scans])
             .all(|number| number.abs() <= LARGEST);
-        (is_sound && predictor.pace.is_sound()).then_some(predictor)
+        (is_sound && predictor.trust.is_sound(LARGEST) && predictor.pace.is_sound()).then_some(predictor)
     }
 
     /// Goes through an earlier scan again: where odometry had the robot, if there was any, and how it has moved since the scan before.
@@ -226,11 +219,7 @@ impl Predictor {
                 let after_gap = self.is_gap(elapsed_s);
                 let steps = if after_gap { elapsed_s / (GAP_PERIODS * self.period_s) } else { 1.0 };
                 let expected = odometry_variances(settings, last_from_robot, elapsed_s, steps);
-                let worse = |[was, expected]: [f64; 2]| match expected {
-                    expected if expected > 0.0 => (was / expected).clamp(1.0, WORSE_AT_MOST),
-                    _ => 1.0,
-                };
-                let [translation, rotation] = self.wrong.map(worse);
+                let [translation, rotation] = self.trust.worse();
                 let variances = [translation * expected[0], translation * expected[1], rotation * expected[2]];
                 Step { last_from_robot, variances, expected, from_odometry: true, after_gap, periods }
             }
@@ -323,24 +312,14 @@ impl Predictor {
     /// A match that knew the pose by itself, to these variances, has moved the prediction by `correction`.
     pub(crate) fn observe(&mut self, step: Step, correction: [f64; 3], match_variances: [f64; 3]) {
         for axis in (0..3).filter(|_| step.from_odometry) {
-            let (prior, scan) = (step.variances[axis], match_variances[axis]);
-            let gain = prior / (prior + scan);
-            if gain < LEAST_GAIN || !gain.is_finite() {
-                continue;
-            }
-            // One match that is wrong itself must not make odometry worthless for long; a hair more, so that the most is reached.
-            let most = (1.0 + 1e-9) * WORSE_AT_MOST * step.expected[axis];
-            let seen = ((correction[axis] / gain).powi(2) - scan).min(most);
-            let [was, expected] = &mut self.wrong[axis / 2];
-            *was += WRONG_WEIGHT * (seen - *was);
-            *expected += WRONG_WEIGHT * (step.expected[axis] - *expected);
+            let prior = [step.variances[axis], step.expected[axis]];
+            self.trust.observe(axis / 2, correction[axis], prior, match_variances[axis]);
         }
     }
 
     /// Whether odometry's translations have lately been much worse than its model.
     pub(crate) fn doubts_odometry(&self) -> bool {
-        let [was, expected] = self.wrong[0];
-        was > DOUBTED * expected
+        self.trust.doubts()
     }
 
     /// Where odometry has the robot after a scan without a reading: as far on as the robot has moved, where that is known.
@@ -420,29 +399,10 @@ impl Predictor {
     }
 }
 
-/// Variances of a motion by odometry, over a gap of so many steps as long as may be without being one: each adds its own.
-fn odometry_variances(settings: &MotionSettings, motion: Pose2, elapsed_s: f64, steps: f64) -> [f64; 3] {
-    let model = MotionModel {
-        alpha1: settings.alpha1,
-        alpha2: settings.alpha2,
-        alpha3: settings.alpha3,
-        alpha4: settings.alpha4,
-    };
-    let step = Pose2::new(motion.x.hypot(motion.y) / steps, 0.0, motion.theta / steps);
-    let spread = model.spread(if steps > 1.0 { step } else { motion });
-    let floor_t =
-        steps * settings.translation_floor_m.powi(2) + (settings.translation_per_second_m * elapsed_s).powi(2);
-    let floor_r = steps * settings.rotation_floor_rad.powi(2) + (settings.rotation_per_second_rad * elapsed_s).powi(2);
-    let rotation = steps * (spread.rotation1 + spread.rotation2) + floor_r;
-    let translation = steps * spread.translation + floor_t;
-    // Errors of heading on the way displace its end, by Pythagoras and the mean of the squares from 0 to 1.
-    let swept = if steps > 1.0 { rotation * (motion.x * motion.x + motion.y * motion.y) / 3.0 } else { 0.0 };
-    [translation + swept, translation + swept, rotation]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::odometry::WORSE_AT_MOST;
     use crate::settings::Settings;
 
     /// Drives 4,000 steps of 0.1 m with wheels that err `worse` times as much as the model says, each judged by a match as

@@ -3,7 +3,7 @@
 use super::SpaceMapper;
 use crate::front_end::{ByJoins, FrontEnd, Maps};
 use crate::space::{ImuReport, SpaceFrontEnd};
-use mapwright_geom::Cov6;
+use mapwright_geom::{Cov6, Stamp};
 use mapwright_record::{KeyframeId, Update};
 use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
 
@@ -19,6 +19,12 @@ impl SpaceMapper {
     /// ([`SpaceMapper::imu_report`]) and does no harm.
     pub fn add_imu(&mut self, reading: ImuReading) -> ImuTaken {
         self.front.add_imu(reading)
+    }
+
+    /// Remembers that odometry was read at this stamp: through a time without clouds in which wheels go on being read a robot is where they say.
+    /// What they say comes with the clouds ([`Cloud::odom_from_robot`]).
+    pub fn hear_odometry(&mut self, stamp: Stamp) {
+        self.front.hear_odometry(stamp);
     }
 
     /// What became of the readings so far.

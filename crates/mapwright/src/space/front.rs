@@ -9,7 +9,7 @@ use crate::pose::{Motion, RobotPose};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use crate::watch::Watch;
-use mapwright_geom::{Cov6, Pose3, Stamp, TangentMatrix};
+use mapwright_geom::{Cov6, Pose3, Stamp, TangentMatrix, compose_covariance};
 use mapwright_loops::{KnownPlace, SUBMAP_M, SpaceSubmaps, Submaps, VerifySettings, View, Window, views_along};
 use mapwright_record::{FragmentStart, LocalMapReport, NodeId, Past, Session};
 use mapwright_sensor::{Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
@@ -27,6 +27,7 @@ mod span;
 mod speed;
 mod sweep_motion;
 mod track;
+mod wheels;
 
 pub use inertial::ImuReport;
 use inertial::Inertial;
@@ -87,8 +88,33 @@ impl SpaceFrontEnd {
         self.inertial.add(reading)
     }
 
+    pub(crate) fn hear_odometry(&mut self, stamp: Stamp) {
+        self.tracker.watch.hear(stamp);
+    }
+
     pub(crate) fn imu_report(&self) -> ImuReport {
         self.inertial.report()
+    }
+
+    /// The cloud against the local map.
+    fn matched(&mut self, prepared: &Prepared) -> Option<Matched> {
+        let Prepared { step, predicted, .. } = prepared;
+        let ways = (self.pose.local_from_robot(), *predicted);
+        let undistorted = self.predictor.twist_per_s(*step).unwrap_or_else(Vector6::zeros);
+        self.tracker.track(self.local_map.as_ref()?, self.preparation.seen(), ways, (step, undistorted))
+    }
+
+    /// The same where the wheels say what is not so: they slip, spin or stand still while the robot goes on as before. So it is if that leaves
+    /// no doubt.
+    fn matched_without_wheels(&mut self, prepared: &mut Prepared) -> Option<Matched> {
+        let step = self.predictor.without_wheels(&prepared.step);
+        let predicted = self.pose.local_from_robot() * step.last_from_robot;
+        let failed = Prepared { step, predicted, ..*prepared };
+        let matched = self.matched(&failed).filter(|matched| !matched.in_doubt && matched.is_believed())?;
+        let correction = prepared.predicted.between(matched.local_from_robot);
+        self.predictor.observe(&self.settings.motion, &prepared.step, correction, &matched.information);
+        *prepared = failed;
+        Some(matched)
     }
 
     /// A sweep that takes time, and how the robot moved during it, by its points: undistorted and matched anew.
@@ -156,7 +182,10 @@ impl SpaceFrontEnd {
         let (newest, mut submaps) = (past.newest()?, self.submaps()?);
         let range_m = self.scale()?.range_m;
         // From farther away nothing is seen of what was seen on that way.
-        let reach_m = (WINDOW_SIGMAS * self.predictor.usual_way_m(cloud.stamp)).min(SUBMAP_M + range_m);
+        let step = &prepared.step;
+        let usual_m = self.predictor.usual_way_m(cloud.stamp);
+        let sigma_m = if step.from_odometry { (1.0 / step.information[(0, 0)]).sqrt().min(usual_m) } else { usual_m };
+        let reach_m = (WINDOW_SIGMAS * sigma_m).min(SUBMAP_M + range_m);
         let target = submaps.draw(&views_along(past, newest, false, SUBMAP_M));
         let sweep = Arc::new(self.preparation.sweep(cloud));
         let query = submaps.draw(&[View { sweep, submap_from_keyframe: Pose3::identity() }]);
@@ -247,17 +276,17 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         Prepared { step, predicted, odom_from_robot: cloud.odom_from_robot, beams, refused }
     }
 
-    fn track(&mut self, _past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared) -> Option<Matched> {
-        let Prepared { step, predicted, .. } = *prepared;
-        let last = self.pose.local_from_robot();
+    fn track(&mut self, _past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &mut Prepared) -> Option<Matched> {
         if self.sees() {
             self.tracker.watch.see(cloud.stamp);
         } else {
             self.tracker.watch.see_nothing(cloud.stamp);
         }
-        let seen = self.preparation.seen();
-        let undistorted = self.predictor.twist_per_s(step).unwrap_or_else(Vector6::zeros);
-        let matched = self.tracker.track(self.local_map.as_ref()?, seen, (last, predicted), (&step, undistorted))?;
+        let mut matched = self.matched(prepared)?;
+        if matched.in_doubt && prepared.step.from_odometry {
+            matched = self.matched_without_wheels(prepared).unwrap_or(matched);
+        }
+        self.tracker.get_used_to(&matched);
         if !matched.is_believed() || prepared.refused.is_some() {
             return Some(matched);
         }
@@ -274,6 +303,9 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         let at = believed.map(|matched| (matched.local_from_robot, matched.information));
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
         let moved = believed.filter(|_| !step.is_looked_for);
+        if let Some(Matched { local_from_robot, information, .. }) = moved {
+            self.predictor.observe(&self.settings.motion, &step, predicted.between(*local_from_robot), information);
+        }
         self.predictor.settle(cloud.stamp, cloud.odom_from_robot, moved.map(|_| last_from_robot));
         self.inertial.learn(moved.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
         let middle_s = Span::of(cloud).middle_s();
@@ -348,9 +380,15 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         prepared.step.after_gap
     }
 
-    /// Where clouds fit nowhere the prediction alone goes on.
-    fn has_strayed(&self, _prepared: &Prepared) -> bool {
-        self.pose.odometry_since_keyframe().position_variance_m2().sqrt() > self.still_m()
+    /// Where clouds fit nowhere the prediction alone goes on. Wheels lead over gaps to where a match finds the rest of the way.
+    fn has_strayed(&self, prepared: &Prepared) -> bool {
+        let since_keyframe = self.pose.odometry_since_keyframe();
+        let Some(scale) = self.scale().filter(|_| prepared.step.from_odometry) else {
+            return since_keyframe.position_variance_m2().sqrt() > self.still_m();
+        };
+        let noise = prepared.step.information.try_inverse().unwrap_or_else(Cov6::identity);
+        let covariance = compose_covariance(&since_keyframe, prepared.step.last_from_robot, &noise);
+        covariance.position_variance_m2().sqrt() > STRAYED_SHARE * scale.range_m
     }
 
     fn is_known_to_be(

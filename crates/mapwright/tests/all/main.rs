@@ -34,3 +34,4 @@ mod two_lasers;
 mod updates;
 mod visits;
 mod wheels;
+mod wheels_space;

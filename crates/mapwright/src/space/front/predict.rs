@@ -1,7 +1,8 @@
 //! Step 2: where the robot should be before its cloud is looked at.
 
+use super::wheels::Wheels;
 use crate::settings::MotionSettings;
-use mapwright_geom::{Cov6, Pose3, Stamp, stored};
+use mapwright_geom::{Cov6, Pose3, Stamp, Stored, is_in_place, stored};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 
 /// How fast a robot, or a hand that holds a sensor, changes its speed: metres and radians per second squared.
@@ -10,6 +11,8 @@ const ACCELERATION_RADPS2: f64 = 20.0;
 /// How fast it may be where nothing is known of that: metres and radians per second.
 const SPEED_MPS: f64 = 20.0;
 const SPEED_RADPS: f64 = 2.0;
+/// No period, speed or square of one that is gone on with is larger, in seconds and metres.
+const LARGEST: f64 = 1e6;
 /// What a prediction is wrong by at least, metres and radians.
 const LEAST_M: f64 = 0.005;
 const LEAST_RAD: f64 = 0.005;
@@ -30,11 +33,6 @@ const LEFT_OFF: f64 = 0.5;
 /// And by so much at least, of what matches are wrong by from one to the next, metres and radians.
 const LEAST_TWIST_M: f64 = 0.001;
 const LEAST_TWIST_RAD: f64 = 0.001;
-/// What wheels do not see, a share of the way: height, and the robot's roll and pitch, radians per metre.
-const UNSEEN_SHARE: f64 = 0.05;
-/// Odometry that claims more than this between two clouds has jumped: metres, and metres per second.
-const JUMP_M: f64 = 10.0;
-const JUMP_MPS: f64 = 3.0;
 
 /// The motion since the last cloud, and the information of its right perturbation.
 #[derive(Debug, Clone, Copy)]
@@ -44,6 +42,8 @@ pub struct Step {
     pub(super) elapsed_s: f64,
     /// The cloud before is longer ago than is usual.
     pub(super) after_gap: bool,
+    /// As long as so many steps that are no gaps.
+    pub(super) steps: f64,
     pub(super) from_odometry: bool,
     /// The robot was looked for, and is where it was found: how it came there is not known.
     pub(super) is_looked_for: bool,
@@ -84,10 +84,10 @@ impl Step {
 }
 
 /// What the predictor remembers.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Predictor {
     stamp: Option<Stamp>,
-    odom_from_robot: Option<Pose3>,
+    wheels: Wheels,
     /// The last motion and the seconds that it took.
     last: Option<(Pose3, f64)>,
     /// How much the twist of that differs from the one before, metres and radians per second.
@@ -98,49 +98,66 @@ pub(super) struct Predictor {
     /// The last cloud of which it was known how the robot had moved.
     known: Option<Stamp>,
 }
-stored!(Predictor { stamp, odom_from_robot, last, change_per_s, period_s, speed2, known });
+stored!(Predictor { stamp, wheels, last, change_per_s, period_s, speed2, known });
 
 impl Predictor {
+    /// Goes on as it was.
+    pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
+        let predictor = Self::take(from)?;
+        let is_sound = [predictor.period_s, predictor.speed2].iter().all(|number| (0.0..=LARGEST).contains(number))
+            && predictor.last.is_none_or(|(motion, elapsed_s)| {
+                is_in_place(motion) && (PERIOD_S[0]..=PERIOD_S[1]).contains(&elapsed_s)
+            })
+            && predictor.change_per_s.iter().flatten().all(|number| number.abs() <= LARGEST);
+        (is_sound && predictor.wheels.is_sound()).then_some(predictor)
+    }
+
     pub(super) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose3>) -> Step {
-        let elapsed_s = self.elapsed_s(stamp);
-        let after_gap = self.is_gap(elapsed_s);
+        let since_s = self.elapsed_s(stamp);
+        let after_gap = self.is_gap(since_s);
+        let steps = if after_gap { since_s / (CARRIED_PERIODS * self.period_s) } else { 1.0 };
         let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
-        let elapsed_s = if elapsed_s > 0.0 { elapsed_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
-        let by_odometry = self.odom_from_robot.zip(odom_from_robot).filter(|_| settings.use_odometry);
-        let by_odometry = by_odometry
-            .map(|(last, now)| last.between(now))
-            .filter(|step| step.is_finite() && step.translation.norm() <= JUMP_M.max(JUMP_MPS * elapsed_s));
-        if let Some(last_from_robot) = by_odometry {
-            let information = odometry_information(settings, last_from_robot, elapsed_s);
-            let from_odometry = true;
-            return Step {
-                last_from_robot,
-                information,
-                elapsed_s,
-                after_gap,
-                from_odometry,
-                is_looked_for: false,
-                from_imu: false,
-                read: None,
-            };
+        let elapsed_s = if since_s > 0.0 { since_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
+        let by_wheels = self.wheels.step(settings, odom_from_robot, (since_s.max(elapsed_s), steps));
+        let (last_from_robot, information) = by_wheels.unwrap_or_else(|| self.carried(elapsed_s));
+        let from_odometry = by_wheels.is_some();
+        Step {
+            last_from_robot,
+            information,
+            elapsed_s,
+            after_gap,
+            steps,
+            from_odometry,
+            is_looked_for: false,
+            from_imu: false,
+            read: None,
         }
+    }
+
+    /// The same step where the wheels are wrong: the motion before goes on, and turns as an inertial sensor read it.
+    pub(super) fn without_wheels(&self, step: &Step) -> Step {
+        let (last_from_robot, information) = self.carried(step.elapsed_s);
+        let carried = Step { last_from_robot, information, from_odometry: false, ..*step };
+        if !step.from_imu {
+            return carried;
+        }
+        carried.turning(step.last_from_robot.rotation, &step.information.fixed_view::<3, 3>(3, 3).into_owned())
+    }
+
+    /// The motion before, carried on, and its information.
+    fn carried(&self, elapsed_s: f64) -> (Pose3, Cov6) {
         let carried = self.last.filter(|(_, last_s)| elapsed_s <= CARRIED_PERIODS * last_s);
         let last_from_robot =
             carried.map_or(Pose3::identity(), |(step, last_s)| Pose3::exp(step.log() * (elapsed_s / last_s)));
         let (speed_mps, speed_radps) = if carried.is_some() { (0.0, 0.0) } else { (SPEED_MPS, SPEED_RADPS) };
         let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * elapsed_s) * elapsed_s;
         let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * elapsed_s) * elapsed_s;
-        let information = information_of([sigma_m; 3], [sigma_rad; 3]);
-        Step {
-            last_from_robot,
-            information,
-            elapsed_s,
-            after_gap,
-            from_odometry: false,
-            is_looked_for: false,
-            from_imu: false,
-            read: None,
-        }
+        (last_from_robot, information_of([sigma_m; 3], [sigma_rad; 3]))
+    }
+
+    /// A match that alone knew the pose to `information` has put it here instead of where `step` had it.
+    pub(super) fn observe(&mut self, settings: &MotionSettings, step: &Step, correction: Pose3, information: &Cov6) {
+        self.wheels.observe(settings, step, correction, information);
     }
 
     /// The robot's twist while a cloud is taken: as it has moved by the last matches, which know its tilting as well; by odometry while
@@ -197,6 +214,7 @@ impl Predictor {
     pub(super) fn settle(&mut self, stamp: Stamp, odom_from_robot: Option<Pose3>, moved: Option<Pose3>) {
         let elapsed_s = self.elapsed_s(stamp);
         let is_gap = self.is_gap(elapsed_s);
+        self.wheels.settle(elapsed_s, odom_from_robot, moved);
         let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
         if elapsed_s > 0.0 && !is_gap {
             let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
@@ -212,7 +230,6 @@ impl Predictor {
         self.last = last;
         self.known = if moved.is_some() { Some(stamp) } else { self.known };
         self.stamp = Some(stamp);
-        self.odom_from_robot = odom_from_robot.filter(|pose| pose.is_finite());
     }
 }
 
@@ -234,18 +251,7 @@ pub(super) fn carried_on_variances(step: &Step, change_per_s: Option<Vector6<f64
     Cov6::from_diagonal(&Vector6::from_fn(|axis, _| sigma(axis).powi(2)))
 }
 
-/// By the motion model of the plane, with what wheels do not see.
-fn odometry_information(settings: &MotionSettings, step: Pose3, elapsed_s: f64) -> Cov6 {
-    let (way2, turn2) = (step.translation.norm_squared(), step.rotation.angle().powi(2));
-    let floor_m = settings.translation_floor_m + settings.translation_per_second_m * elapsed_s;
-    let floor_rad = settings.rotation_floor_rad + settings.rotation_per_second_rad * elapsed_s;
-    let along = (floor_m * floor_m + settings.alpha3 * way2 + settings.alpha4 * turn2).sqrt();
-    let heading = (floor_rad * floor_rad + settings.alpha1 * turn2 + settings.alpha2 * way2).sqrt();
-    let unseen = UNSEEN_SHARE * way2.sqrt();
-    information_of([along, along, floor_m + unseen], [floor_rad + unseen, floor_rad + unseen, heading])
-}
-
-fn information_of(sigmas_m: [f64; 3], sigmas_rad: [f64; 3]) -> Cov6 {
+pub(super) fn information_of(sigmas_m: [f64; 3], sigmas_rad: [f64; 3]) -> Cov6 {
     let [a, b, c] = sigmas_m.map(|sigma| 1.0 / (sigma * sigma));
     let [d, e, f] = sigmas_rad.map(|sigma| 1.0 / (sigma * sigma));
     Cov6::from_diagonal(&Vector6::new(a, b, c, d, e, f))

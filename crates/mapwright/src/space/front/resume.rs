@@ -17,7 +17,7 @@ use mapwright_record::Past;
 use mapwright_sensor::SpaceSweep;
 
 impl Resumes<SpaceSweep> for SpaceFrontEnd {
-    const VERSION: u8 = 7;
+    const VERSION: u8 = 8;
 
     fn put(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
@@ -34,7 +34,7 @@ impl Resumes<SpaceSweep> for SpaceFrontEnd {
 
     fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
         let scale: Option<Scale> = Stored::take(from)?;
-        let predictor: Predictor = Stored::take(from)?;
+        let predictor = Predictor::restore(from)?;
         let usual: Option<f64> = Stored::take(from)?;
         usual.is_none_or(f64::is_finite).then_some(())?;
         let watch = Watch::take(from).filter(Watch::is_sound)?;

@@ -45,6 +45,8 @@ pub struct Matched {
     pub(crate) report: MatchReport,
     /// Whether it knows how the robot turned: it fits, and surfaces hold its rotation.
     pub(super) knows_turn: bool,
+    /// The mean log likelihood ratio of a point of which something is known.
+    pub(super) each_known: Option<f64>,
     /// What is known bears it out less than it did the clouds before.
     pub(super) in_doubt: bool,
     /// What is known makes it less likely there than anywhere.
@@ -140,12 +142,14 @@ impl Tracker {
                 restarts += 1;
             }
         }
-        let matched = self.judge(local_map, seen.points_m, &prior, &best, restarts);
-        if matched.is_believed() && best.known_share > 0.0 {
-            let found = each_known(best.log_likelihood, &best);
+        Some(self.judge(local_map, seen.points_m, &prior, &best, restarts))
+    }
+
+    /// Remembers how likely a match made its cloud, if it is believed.
+    pub(super) fn get_used_to(&mut self, matched: &Matched) {
+        if let Some(found) = matched.each_known.filter(|_| matched.is_believed()) {
             self.usual = Some(self.usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
         }
-        Some(matched)
     }
 
     fn is_doubtful(&self, fit: &Fit, prior: &Prior) -> bool {
@@ -215,6 +219,7 @@ impl Tracker {
             local_from_robot: fit.map_from_cloud,
             information: fit.information * trust,
             status,
+            each_known: (known_share > 0.0).then(|| each_known(fit.log_likelihood, fit)),
             in_doubt: self.is_doubtful(fit, prior),
             is_contradicted: fit.log_likelihood < 0.0,
             knows_turn: fits == Status::Tracking && is_turn_held,
