@@ -169,6 +169,9 @@ impl ClosureFile {
 
 /// What a record holds of a pose.
 pub(crate) trait Recorded: Pose {
+    /// A true chain would be contradicted by more once in a thousand times: 99.9 % quantile of chi-square.
+    const IMPROBABLE_CHI2: f64;
+
     /// Metres, metres, radians: in space of the rotation about z.
     fn in_plane(self) -> [f64; 3];
     /// The variances of these.
@@ -176,6 +179,8 @@ pub(crate) trait Recorded: Pose {
 }
 
 impl Recorded for Pose2 {
+    const IMPROBABLE_CHI2: f64 = 16.3;
+
     fn in_plane(self) -> [f64; 3] {
         [self.x, self.y, self.theta]
     }
@@ -186,6 +191,8 @@ impl Recorded for Pose2 {
 }
 
 impl Recorded for Pose3 {
+    const IMPROBABLE_CHI2: f64 = 22.5;
+
     fn in_plane(self) -> [f64; 3] {
         [self.translation.x, self.translation.y, self.rotation.scaled_axis().z]
     }
@@ -231,15 +238,10 @@ fn joins<M: Measurement>(candidate: &Candidate<M::Pose>, session: &Session<M>) -
     session.joined_fragments(ends).map(|both| both.map(record))
 }
 
-/// What a closure contradicts, if a true chain would be contradicted so much once in a thousand times: 99.9 % quantiles of chi-square.
-const fn improbable_chi2<P: Pose>() -> f64 {
-    if P::DIMENSION == 3 { 16.3 } else { 22.5 }
-}
-
 /// Of the edges between a closure's keyframes that are no closures the one that the map strains most, where the closure contradicted
 /// what they said together.
-fn gave_way<M: Measurement>(candidate: &Candidate<M::Pose>, session: &Session<M>) -> Option<StrainedEdge> {
-    let is_contradiction = candidate.evidence.cycle_chi2.is_some_and(|chi2| chi2 > improbable_chi2::<M::Pose>());
+fn gave_way<M: Measurement<Pose: Recorded>>(candidate: &Candidate<M::Pose>, session: &Session<M>) -> Option<StrainedEdge> {
+    let is_contradiction = candidate.evidence.cycle_chi2.is_some_and(|chi2| chi2 > M::Pose::IMPROBABLE_CHI2);
     if candidate.verdict != Verdict::Accepted || !is_contradiction {
         return None;
     }

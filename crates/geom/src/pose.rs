@@ -42,6 +42,8 @@ pub trait Pose:
     const DIMENSION: usize;
     /// How many of them are translation: 2 in the plane, 3 in space.
     const TRANSLATION: usize;
+    /// Numbers that it is told by: x, y, heading in the plane; in space x, y, z and the quaternion's i, j, k, w.
+    const NUMBERS: usize;
 
     /// A position, metres: `[f64; 2]` or `[f64; 3]`.
     type Point: Point;
@@ -151,6 +153,7 @@ pub trait Apart {
 impl Pose for Pose2 {
     const DIMENSION: usize = 3;
     const TRANSLATION: usize = 2;
+    const NUMBERS: usize = 3;
 
     type Point = [f64; 2];
     type Tangent = Vector3<f64>;
@@ -240,6 +243,7 @@ impl Pose for Pose2 {
 impl Pose for Pose3 {
     const DIMENSION: usize = 6;
     const TRANSLATION: usize = 3;
+    const NUMBERS: usize = 7;
 
     type Point = [f64; 3];
     type Tangent = Vector6<f64>;

@@ -22,12 +22,6 @@ use supports::{Supports, agree, is_left};
 const CHECK_EVERY_M: f64 = 1.0;
 /// Length of way that makes a submap, to one side, metres.
 pub const SUBMAP_M: f64 = 8.0;
-/// What is looked for is made of no more way than this, metres. In space a sensor sees all around, and who comes to an old place from
-/// elsewhere has seen on a longer way what nobody saw from there, which speaks against the place; storeys above each other, too, are told
-/// apart better (docs/decisions/0023-space.md).
-const fn query_m<P: Pose>() -> f64 {
-    if P::DIMENSION == 3 { SUBMAP_M } else { 4.0 }
-}
 /// A submap is made of less way where it has to tell less poses apart, for the window is no wider than this to either side, metres.
 pub(crate) const NARROW_SUBMAP_M: f64 = 2.0;
 const NARROW_M: f64 = 0.5;
@@ -46,11 +40,6 @@ const JOINED_WITHIN_M: f64 = 4.0;
 /// After so many looks that have seen nothing of the old places nearby the robot is taken to be more uncertain by one deviation, after twice as
 /// many by two, until a closure: what it states is a claim, and the place was in no window (docs/decisions/0025-bad-days.md).
 const UNSEEN: u32 = 4;
-/// Whether findings may say that the chain is wrong, by not being there or by being elsewhere. In space storeys look alike from end to end: there
-/// agreement tells nothing, and the chain alone tells them apart.
-const fn doubts_chain<P: Pose>() -> bool {
-    P::DIMENSION == 3
-}
 /// Places looked for at a time.
 const TARGETS: usize = 2;
 /// What was passed so recently is no old place, metres of way.
@@ -64,19 +53,6 @@ const DESCRIBE_EVERY_M: f64 = 0.5;
 const DESCRIBED_M: f64 = 7.0;
 /// Keyframes described at most within one scan.
 const DESCRIBED_AT_ONCE: usize = 32;
-/// A finding that contradicts the chain of edges by more than this chi-square counts only with as many others as outvote it. A chain states
-/// too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
-/// true closures by the dozen (docs/decisions/0011-closing-loops.md). In space the 99 % quantile of six degrees of freedom holds: storeys
-/// that look alike lie above each other, four standard deviations apart after a kilometre.
-const fn improbable_chi2<P: Pose>() -> f64 {
-    if P::DIMENSION == 3 { 150.0 } else { improbable_match_chi2::<P>() }
-}
-
-/// What a match is supported by is in the local map, and certain relative to the robot as the gate has it: there the 99.9 % quantile
-/// of three degrees of freedom holds, in space the same bound as above.
-const fn improbable_match_chi2<P: Pose>() -> f64 {
-    if P::DIMENSION == 3 { 16.3 } else { 16.8 }
-}
 /// Within such an uncertainty nothing else can be meant, metres.
 const SURE_M: f64 = 0.15;
 /// Two findings agree up to here: metres and radians.
@@ -238,7 +214,7 @@ impl<S: Submaps> Closing<S> {
             Verdict::Waiting(Objection::Ambiguous) => {
                 let Evidence { ambiguity, cycle_chi2, .. } = candidate.evidence;
                 ambiguity.is_some_and(|share| share <= UNCLEAR_AMBIGUITY)
-                    && cycle_chi2.is_some_and(|chi2| chi2 <= improbable_chi2::<PoseOf<S>>())
+                    && cycle_chi2.is_some_and(|chi2| chi2 <= S::POLICY.contradicts_chi2)
             }
             _ => false,
         };
@@ -301,7 +277,7 @@ impl<S: Submaps> Closing<S> {
         let reach_m = if narrow { NARROW_SUBMAP_M } else { SUBMAP_M };
         let targets =
             targets.into_iter().map(|target| (target, views_along(past, target.from, true, reach_m))).collect();
-        let query = views_along(past, to, false, reach_m.min(query_m::<PoseOf<S>>()));
+        let query = views_along(past, to, false, reach_m.min(S::POLICY.query_m));
         Some(Verification::new(to, query, targets, submaps))
     }
 
@@ -322,7 +298,7 @@ impl<S: Submaps> Closing<S> {
         }
         let reach_m = if target.window.half_width_m <= NARROW_M { NARROW_SUBMAP_M } else { SUBMAP_M };
         let views = views_along(past, from, true, reach_m);
-        let query = views_along(past, to, false, reach_m.min(query_m::<PoseOf<S>>()));
+        let query = views_along(past, to, false, reach_m.min(S::POLICY.query_m));
         Some(Verification::new(to, query, vec![(target, views)], submaps))
     }
 
@@ -341,7 +317,7 @@ impl<S: Submaps> Closing<S> {
     pub fn looked(&mut self, verified: &Verified<PoseOf<S>>) {
         let mut nearby = verified.findings.iter().filter(|(target, _)| target.detection == Detection::Pose).peekable();
         let is_unseen = nearby.peek().is_some() && nearby.all(|(_, found)| found.objection == Some(Objection::NoMatch));
-        self.unseen += u32::from(is_unseen && doubts_chain::<PoseOf<S>>());
+        self.unseen += u32::from(is_unseen && S::POLICY.doubts_chain);
     }
 
     /// The old place that the newest keyframe was matched against, unless it was looked at lately: such a match is a closure.
@@ -474,11 +450,11 @@ impl<S: Submaps> Closing<S> {
         let chi2 = cycle_chi2(past, to, target, finding, found);
         let joins = self.apart.is_between(target.from, to);
         let is_match = target.detection == Detection::Match;
-        let may_wait = joins || doubts_chain::<PoseOf<S>>() && !is_match;
+        let may_wait = joins || S::POLICY.doubts_chain && !is_match;
         // Where the submap holds all of the other piece no other place of it can be meant: a finding is judged as within a fragment.
         let is_whole = joins && self.apart.is_within(past, target.from, SUBMAP_M);
         let is_strict = is_match || joins && !is_whole;
-        let most_chi2 = if is_strict { improbable_match_chi2::<PoseOf<S>>() } else { improbable_chi2::<PoseOf<S>>() };
+        let most_chi2 = if is_strict { S::POLICY.match_contradicts_chi2 } else { S::POLICY.contradicts_chi2 };
         judged.evidence.cycle_chi2 = finding.target_from_query.map(|_| chi2);
         let unclear = finding.objection == Some(Objection::Ambiguous)
             && judged.evidence.ambiguity.is_some_and(|ambiguity| ambiguity <= UNCLEAR_AMBIGUITY);

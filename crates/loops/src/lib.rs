@@ -29,6 +29,6 @@ pub use plane_submap::{PlaneSubmap, PlaneSubmapSettings};
 pub use plane_verify::PlaneVerifier;
 pub use solving::{Scope, Solved, Solving};
 pub use space::{SpaceSubmap, SpaceSubmaps};
-pub use submaps::{Closes, PoseOf, Submaps, Window};
+pub use submaps::{Closes, ClosingPolicy, PoseOf, Submaps, Window};
 pub use verification::{Judged, Target, Verification, Verified};
 pub use views::{View, views, views_along};

@@ -1,11 +1,12 @@
 //! Submaps of lasers in the plane, as closing asks for them.
 
 use crate::cascade::{Finding, VerifySettings};
+use crate::closing::SUBMAP_M;
 use crate::places::PlaceIndex;
 use crate::plane_ends::{Ends, end_points};
 use crate::plane_submap::{PlaneSubmap, PlaneSubmapSettings};
 use crate::plane_verify::{PlaneVerifier, is_wide};
-use crate::submaps::{Closes, Submaps, Window};
+use crate::submaps::{Closes, ClosingPolicy, Submaps, Window};
 use crate::views::View;
 use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};
@@ -41,6 +42,16 @@ impl Submaps for PlaneSubmaps {
     type Measurement = Sweep;
     type Submap = PlaneSubmap;
     type Places = PlaceIndex;
+
+    /// A chain states too little: it does not confess failed matches and slips, so the quantile of a true chi-square (16.3 at 99.9 %) refuses
+    /// true closures by the dozen (docs/decisions/0011-closing-loops.md); it holds for what a match is supported by. 99.99 %: 21.1.
+    const POLICY: ClosingPolicy = ClosingPolicy {
+        query_m: SUBMAP_M,
+        doubts_chain: true,
+        contradicts_chi2: 150.0,
+        match_contradicts_chi2: 16.3,
+        strained_chi2: 25.0,
+    };
 
     fn draw(&self, views: &[View]) -> PlaneSubmap {
         PlaneSubmap::new(views, &self.settings)

@@ -1,13 +1,9 @@
 //! The graph brought to its optimum, or the part of it alone that a join has moved.
 
+use crate::submaps::Submaps;
 use mapwright_geom::{Pose, Pose2, TangentMatrix};
 use mapwright_graph::{Edge, PoseGraph, SolverSettings, optimize};
-
-/// A closure that the optimum strains more than this, a chi-square with three degrees of freedom, in space with six, is withdrawn. It
-/// is 1.18 times the 99.99 % quantile (21.1 and 27.9), for a chain states too little (docs/decisions/0011-closing-loops.md).
-const fn strained_chi2<P: Pose>() -> f64 {
-    if P::DIMENSION == 3 { 25.0 } else { 33.0 }
-}
+use mapwright_record::Measurement;
 
 /// Closures that one solution may take back.
 const TAKEN_BACK_AT_MOST: usize = 16;
@@ -35,6 +31,8 @@ pub struct Solving<P: Pose = Pose2> {
     pub closures: Vec<usize>,
     /// What of it.
     pub scope: Scope,
+    /// A closure that the optimum strains more than this, a chi-square, is withdrawn.
+    pub strained_chi2: f64,
 }
 
 /// A solved graph.
@@ -47,6 +45,15 @@ pub struct Solved<P: Pose = Pose2> {
 }
 
 impl<P: Pose> Solving<P> {
+    /// One of keyframes of which such submaps are made.
+    #[must_use]
+    pub fn of<S: Submaps>(graph: PoseGraph<P>, closures: Vec<usize>, scope: Scope) -> Self
+    where
+        S::Measurement: Measurement<Pose = P>,
+    {
+        Self { graph, closures, scope, strained_chi2: S::POLICY.strained_chi2 }
+    }
+
     /// The optimum; none where there is none to be found.
     #[must_use]
     pub fn run(mut self) -> Option<Solved<P>> {
@@ -89,7 +96,7 @@ impl<P: Pose> Solving<P> {
     fn most_strained(&self) -> Option<usize> {
         let chi2 = |&at: &usize| (at, self.graph.edge_chi2(at));
         let worst = self.closures.iter().map(chi2).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        worst.filter(|(_, chi2)| *chi2 > strained_chi2::<P>()).map(|(at, _)| at)
+        worst.filter(|(_, chi2)| *chi2 > self.strained_chi2).map(|(at, _)| at)
     }
 }
 

@@ -28,6 +28,22 @@ pub struct Window<P: Pose> {
     pub half_width_rad: f64,
 }
 
+/// What closing keeps to with a kind of submaps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClosingPolicy {
+    /// What is looked for is made of no more way than this, metres.
+    pub query_m: f64,
+    /// Whether findings may say that the chain is wrong, by not being there or by being elsewhere.
+    pub doubts_chain: bool,
+    /// A finding that contradicts the chain of edges by more than this chi-square counts only with as many others as outvote it.
+    pub contradicts_chi2: f64,
+    /// The same of what a match is supported by: that is in the local map, and certain relative to the robot as the gate has it.
+    pub match_contradicts_chi2: f64,
+    /// A closure that the optimum strains by more than this is withdrawn: 1.18 times the 99.99 % quantile, for a chain states too little
+    /// (docs/decisions/0011-closing-loops.md).
+    pub strained_chi2: f64,
+}
+
 /// A kind of submaps: how they are drawn, looked for in each other, and recognised. [`PlaneSubmaps`](crate::PlaneSubmaps) are
 /// those of lasers in the plane, [`SpaceSubmaps`](crate::SpaceSubmaps) those of clouds.
 pub trait Submaps: Clone + Debug + Send {
@@ -37,6 +53,9 @@ pub trait Submaps: Clone + Debug + Send {
     type Submap: Clone + Debug + Send;
     /// What places look like.
     type Places: Clone + Debug + Default + Send + Stored;
+
+    /// What closing keeps to with them.
+    const POLICY: ClosingPolicy;
 
     /// Draws views.
     #[must_use]

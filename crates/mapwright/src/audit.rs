@@ -60,7 +60,7 @@ pub fn audit(settings: &Settings, session: &Session, ways: &mut WaysSeen) -> Aud
         audit.contradictions[0] += 1;
         audit.contradictions[1] += usize::from(fit.bears_out());
     }
-    let solved = Solving { graph, closures: holding, scope: Scope::Whole }.run();
+    let solved = Solving::of::<PlaneSubmaps>(graph, holding, Scope::Whole).run();
     audit.moved_m = solved.and_then(|solved| moved_m(session, &solved.map_from_keyframe));
     audit
 }

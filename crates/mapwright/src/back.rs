@@ -43,7 +43,7 @@ impl<M: Closes> BackEnd<M> {
     pub(crate) fn made_again(settings: &Settings, store: &mut Store<M>) -> Self {
         let closures = store.closures();
         let is_to_solve = !closures.is_empty() && !store.is_fixed() && settings.loops.correction == Correction::Graph;
-        let solving = is_to_solve.then(|| Solving { graph: store.graph(), closures, scope: Scope::Whole });
+        let solving = is_to_solve.then(|| Solving::of::<M::Submaps>(store.graph(), closures, Scope::Whole));
         if let Some(solved) = solving.and_then(Solving::run) {
             store.correct(&solved.map_from_keyframe);
         }

@@ -57,7 +57,7 @@ pub(crate) fn judge<S: Submaps>(
     settled.into_iter().for_each(|edge| store.add_edge(edge, None));
     let scope =
         (correction == Correction::Graph).then(|| closing.take_solving_due(|| store.closures().len())).flatten();
-    let solving = scope.map(|scope| Solving { graph: store.graph(), closures: store.closures(), scope });
+    let solving = scope.map(|scope| Solving::of::<S>(store.graph(), store.closures(), scope));
     Judged { solving, is_moved }
 }
 
@@ -72,7 +72,7 @@ pub(crate) fn sighted<S: Submaps>(
     let number = store.add_candidate(judged)?;
     accept(closing, store, front, std::iter::once(number));
     let scope = closing.take_solving_due(|| store.closures().len()).filter(|_| correction == Correction::Graph)?;
-    Some(Solving { graph: store.graph(), closures: store.closures(), scope })
+    Some(Solving::of::<S>(store.graph(), store.closures(), scope))
 }
 
 /// The closures that a finding makes.

@@ -206,7 +206,7 @@ impl<M: Maps> MapperOf<M> {
         let solves = front.settings().loops.correction == Correction::Graph;
         if is_keyframe && solves && !back.is_busy() && front.is_leaning(store.session()) {
             let (graph, closures) = (store.graph(), store.closures());
-            back.push(Task::Solve(Solving { graph, closures, scope: Scope::Whole }));
+            back.push(Task::Solve(Solving::of::<M::Submaps>(graph, closures, Scope::Whole)));
             self.work_inline();
         }
     }

@@ -6,10 +6,10 @@
 
 use crate::settings::Settings;
 use crate::store::way_m;
-use mapwright_geom::{Pose2, TangentMatrix};
+use mapwright_geom::{Pose, TangentMatrix};
 use mapwright_grid::{Matcher, Prior};
 use mapwright_loops::{LEFT_M, PlaneSubmap, VerifySettings, views_along};
-use mapwright_record::{NodeId, Past, SeparateMap, Session};
+use mapwright_record::{Measurement, NodeId, Past, SeparateMap, Session};
 use std::collections::HashMap;
 
 /// Comparisons at most, and keyframes of which earlier visits are looked for at most, evenly spread.
@@ -65,19 +65,20 @@ impl Visits {
 }
 
 /// Keyframes with the nearest of an earlier visit.
-pub(crate) fn pairs(past: Past<'_>, nodes: &[NodeId]) -> Vec<[NodeId; 2]> {
-    let square = |pose: Pose2| [pose.x, pose.y].map(|metres| (metres / WITHIN_M).floor() as i64);
-    let mut squares: HashMap<[i64; 2], Vec<NodeId>> = HashMap::new();
+pub(crate) fn pairs<M: Measurement>(past: Past<'_, M>, nodes: &[NodeId]) -> Vec<[NodeId; 2]> {
+    let square = |pose: M::Pose| pose.translation().map(|metres| (metres / WITHIN_M).floor() as i64);
+    let mut squares: HashMap<[i64; 3], Vec<NodeId>> = HashMap::new();
     let mut pairs = Vec::new();
     let every = nodes.len().div_ceil(LOOKED_AT).max(1);
     for (number, &later) in nodes.iter().enumerate() {
-        let (pose, [x, y]) = (past.pose(later), square(past.pose(later)));
+        let (pose, [x, y, z]) = (past.pose(later), square(past.pose(later)));
         if number.is_multiple_of(every) {
-            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [x + dx, y + dy]));
-            let earlier = around.filter_map(|square| squares.get(&square)).flatten().copied();
+            let beside = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [x + dx, y + dy]));
+            let above_too = beside.flat_map(|[x, y]| (-1..=1).map(move |dz| [x, y, z + dz]));
+            let earlier = above_too.filter_map(|square| squares.get(&square)).flatten().copied();
             let away_m = |earlier: NodeId| {
                 let between = past.pose(earlier).between(pose);
-                between.x.hypot(between.y) + TURN_M * between.theta.abs()
+                between.length() + TURN_M * between.angle()
             };
             let other_visit = earlier.filter(|&earlier| past.way_between_m(earlier, later) >= LEFT_M);
             let nearest = other_visit
@@ -85,7 +86,7 @@ pub(crate) fn pairs(past: Past<'_>, nodes: &[NodeId]) -> Vec<[NodeId; 2]> {
                 .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             pairs.extend(nearest.filter(|&(away_m, _)| away_m <= WITHIN_M).map(|(_, earlier)| [earlier, later]));
         }
-        squares.entry([x, y]).or_default().push(later);
+        squares.entry([x, y, z]).or_default().push(later);
     }
     pairs
 }

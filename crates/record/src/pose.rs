@@ -3,15 +3,10 @@
 use mapwright_geom::{Apart, Pose, Pose2, Pose3};
 use nalgebra::{Quaternion, Unit};
 
-/// Numbers of a pose: x, y, heading in the plane; in space x, y, z and the quaternion's i, j, k, w.
-pub(crate) const fn number_count<P: Pose>() -> usize {
-    if P::DIMENSION == 3 { 3 } else { 7 }
-}
-
 /// At most so many numbers has a pose.
 pub(crate) const MOST_NUMBERS: usize = 7;
 
-/// The numbers of a pose; those beyond [`number_count`] are zero.
+/// The numbers of a pose; those beyond [`Pose::NUMBERS`] are zero.
 pub(crate) fn to_numbers<P: Pose>(pose: P) -> [f64; MOST_NUMBERS] {
     P::apart::<ToNumbers>(pose)
 }
@@ -86,6 +81,6 @@ mod tests {
         assert!(is_sound(plane) && is_sound(space));
         assert!(!is_sound(Pose2 { theta: 4.0, ..plane }) && !is_sound(Pose2 { x: f64::NAN, ..plane }));
         assert!(!is_sound(from_numbers::<Pose3>([0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.5])));
-        assert_eq!((number_count::<Pose2>(), number_count::<Pose3>()), (3, 7));
+        assert_eq!((Pose2::NUMBERS, Pose3::NUMBERS), (3, 7));
     }
 }

@@ -1,22 +1,22 @@
 //! Old places looked for anew, at a log's end: corrections have moved visits near each other that no window had reached.
 
-use super::Mapper;
-use crate::front_end::FrontEnd;
+use super::MapperOf;
+use crate::front_end::{FrontEnd, Maps};
 use crate::jobs::Task;
 use crate::settings::{Correction, LivePolicy};
 use crate::told::Told;
 use crate::visits::{COMPARED, pairs};
 use mapwright_loops::{APART_M, LEFT_M, SUBMAP_M, Scope, Solving, run_of};
-use mapwright_record::{EdgeKind, NodeId, Past, Update};
+use mapwright_record::{EdgeKind, Measurement, NodeId, Past, Update};
 
 /// Times at most that the whole map is looked at.
 const ROUNDS: usize = 3;
 
-impl Mapper {
+impl<M: Maps> MapperOf<M> {
     /// For who has no more scans: looks at places that two visits have passed and that no edge links, judges what is found there as at any
     /// time, and solves the graph, until nothing is found or three times. The update holds what has changed. A robot that is only located
     /// moves nothing.
-    pub fn look_again(&mut self) -> Update {
+    pub fn look_again(&mut self) -> Update<M> {
         self.work_all();
         let settings = self.settings();
         let looks = settings.loops.by_pose
@@ -36,7 +36,7 @@ impl Mapper {
         let known = self.front.survey(self.store.past());
         let are_all = !self.back.closing.takes_turns();
         for [from, to] in unlinked(self.store.past(), are_all) {
-            let submaps = self.front.plane_submaps();
+            let Some(submaps) = self.front.submaps() else { continue };
             let verification = self.back.closing.propose_again(self.store.past(), &known, [from, to], submaps);
             verification.into_iter().for_each(|verification| self.back.push(Task::Verify(Box::new(verification))));
             self.work_all();
@@ -44,7 +44,7 @@ impl Mapper {
         let (graph, closures) = (self.store.graph(), self.store.closures());
         let is_found = closures.len() > before;
         if is_found {
-            self.back.push(Task::Solve(Solving { graph, closures, scope: Scope::Whole }));
+            self.back.push(Task::Solve(Solving::of::<M::Submaps>(graph, closures, Scope::Whole)));
             self.work_all();
         }
         is_found
@@ -53,7 +53,7 @@ impl Mapper {
 
 /// Visits of the first map that lie beside each other without a match or a closure between them, as far apart along the way as two findings
 /// that agree have to be, and no more than are compared for the verdict; visits of one run where `are_all`.
-fn unlinked(past: Past<'_>, are_all: bool) -> Vec<[NodeId; 2]> {
+fn unlinked<M: Measurement>(past: Past<'_, M>, are_all: bool) -> Vec<[NodeId; 2]> {
     let Some(map) = past.session.maps().into_iter().next() else { return Vec::new() };
     let is_drawn = |place: &usize| past.drawn.get(*place).is_some_and(Option::is_some);
     let nodes: Vec<NodeId> = map.places().filter(is_drawn).map(NodeId::at).collect();

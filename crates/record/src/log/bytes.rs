@@ -1,7 +1,7 @@
 //! Values as bytes, least significant first, and back.
 
 use crate::error::EntryError;
-use crate::pose::{MOST_NUMBERS, from_numbers, number_count, to_numbers};
+use crate::pose::{MOST_NUMBERS, from_numbers, to_numbers};
 use mapwright_geom::{Pose, TangentMatrix};
 
 /// A value that one byte names.
@@ -37,7 +37,7 @@ pub(super) fn put_f64(out: &mut Vec<u8>, value: f64) {
 }
 
 pub(super) fn put_pose<P: Pose>(out: &mut Vec<u8>, pose: P) {
-    to_numbers(pose).into_iter().take(number_count::<P>()).for_each(|number| put_f64(out, number));
+    to_numbers(pose).into_iter().take(P::NUMBERS).for_each(|number| put_f64(out, number));
 }
 
 /// Row by row, all of it: computed matrices are symmetric but for their last digits, and are to come back to the bit.
@@ -113,7 +113,7 @@ impl<'a> Cursor<'a> {
     /// A pose, to the bit; whether it is sound is asked when it is added.
     pub(super) fn pose<P: Pose>(&mut self) -> Result<P, EntryError> {
         let mut numbers = [0.0; MOST_NUMBERS];
-        for number in numbers.iter_mut().take(number_count::<P>()) {
+        for number in numbers.iter_mut().take(P::NUMBERS) {
             *number = self.f64("a pose")?;
         }
         Ok(from_numbers(numbers))

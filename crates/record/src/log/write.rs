@@ -10,8 +10,8 @@ use crate::id::{KeyframeId, RunId};
 use crate::keyframe::{Keyframe, Measurement};
 use crate::left_out::{Beams, LeftOut};
 use crate::names::Names;
-use crate::pose::number_count;
 use crate::session::Session;
+use mapwright_geom::Pose;
 use mapwright_sensor::Sweep;
 use std::sync::Arc;
 
@@ -379,7 +379,7 @@ impl<M: Measurement> LogWriter<M> {
 }
 
 fn snapshot_bytes<M: Measurement>(poses: usize) -> usize {
-    ENTRY_HEADER_BYTES + 4 + poses * (4 + 8 * number_count::<M::Pose>()) + CHECKSUM_BYTES
+    ENTRY_HEADER_BYTES + 4 + poses * (4 + 8 * M::Pose::NUMBERS) + CHECKSUM_BYTES
 }
 
 /// A whole entry around its payload; nothing where it would be too long.
