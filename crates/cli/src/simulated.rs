@@ -192,6 +192,7 @@ impl Simulated<SpaceSweep> {
             let update = mapper.add_cloud(&taken.cloud);
             watch(&mapper, &update, &scans);
         }
+        mapper.look_again();
         Ok(Self { session: mapper.session().clone(), scans })
     }
 }

@@ -157,6 +157,9 @@ fn finish(mut mapping: Mapping, finished: &Finished<'_>) -> Result<Outcome, Fail
             mapping.tally.clouds
         )));
     }
+    if !is_cut {
+        mapping.look_again()?;
+    }
     let results = mapping.write_results(read, simulation)?;
     odd.extend(results.odd());
     losses.extend(results.losses());

@@ -116,6 +116,12 @@ impl Mapping {
         Ok(())
     }
 
+    /// No more clouds will come: old places are looked for anew.
+    pub(super) fn look_again(&mut self) -> Result<(), Failure> {
+        let update = self.mapper.look_again();
+        self.log.add(update.entries)
+    }
+
     pub(super) fn end_of_clouds(&mut self) {
         self.clock.end_of_scans();
         self.progress.finish();
