@@ -24,6 +24,7 @@ mod sound;
 mod stamp;
 mod stored;
 mod tangent;
+mod wahba;
 
 pub use angle::{sin_cos, wrap_angle};
 pub use covariance::{compose_covariance, inverse_covariance};
@@ -35,3 +36,4 @@ pub use sound::{is_covariance, is_in_place};
 pub use stamp::Stamp;
 pub use stored::Stored;
 pub use tangent::{Cov3, Cov6, Tangent, TangentMatrix};
+pub use wahba::BestRotation;

@@ -1,10 +1,10 @@
 //! How an inertial sensor sits on the robot, in what units it reads and with what sign: what matches say where they contradict what is told.
 //!
-//! Rotations that were read and rotations of matches are two sets of vectors; the rotation between them is Wahba's problem (Kabsch 1976,
-//! "A solution for the best rotation to relate two sets of vectors"), and their lengths tell radians from degrees. Where the robot has
+//! Rotations that were read and rotations of matches are two sets of vectors; the rotation between them is Wahba's problem
+//! ([`BestRotation`]), and their lengths tell radians from degrees. Where the robot has
 //! turned about one axis alone, as one with wheels does, the mount is one of the 24 of a box on a box.
 
-use mapwright_geom::stored;
+use mapwright_geom::{BestRotation, stored};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Turns of matches that tell something, radians: more than noise makes up, less than half a turn.
@@ -143,18 +143,8 @@ impl Turns {
 
     /// The rotation that fits best; none where turns about one axis do not tell it.
     fn likeliest(&self) -> Option<UnitQuaternion<f64>> {
-        let parts = self.across.svd(true, true);
-        let (u, v_t) = (parts.u?, parts.v_t?);
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| parts.singular_values[b].total_cmp(&parts.singular_values[a]));
-        if parts.singular_values[order[1]] < AXIS_SHARE * parts.singular_values[order[0]] {
-            return None;
-        }
-        let mut signs = Vector3::repeat(1.0);
-        signs[order[2]] = (u * v_t).determinant().signum();
-        let rotation = u * Matrix3::from_diagonal(&signs) * v_t;
-        let rotation = nalgebra::Rotation3::from_matrix_unchecked(rotation);
-        Some(UnitQuaternion::from_rotation_matrix(&rotation))
+        let best = BestRotation::of(&self.across)?;
+        (best.common[1] >= AXIS_SHARE * best.common[0]).then_some(best.rotation)
     }
 }
 
