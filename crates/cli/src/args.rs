@@ -5,6 +5,7 @@ mod fleet;
 mod fleet_net;
 mod merge_maps;
 mod rendezvous;
+mod source;
 mod suite;
 mod switched;
 mod values;
@@ -14,20 +15,18 @@ pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
 pub(crate) use fleet_net::{FleetJoinArgs, FleetKeysArgs, FleetStatusArgs};
 pub(crate) use merge_maps::MergeMapsArgs;
 pub(crate) use rendezvous::RendezvousArgs;
+pub(crate) use source::SourceArgs;
 pub(crate) use suite::{BreaksArgs, LidarArgs, LookAlikeArgs, NoiseArgs, RunArgs, Suite, SuiteArgs, WorldsArgs};
 
-use crate::calibrated::Calibrated;
 use anstream::ColorChoice;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
-use mapwright_clouds::CameraOptions;
 use mapwright_eval::Delta;
-use mapwright_logs::{Choice, MountChoice, SliceBounds};
 use mapwright_sim::Gap;
 use std::path::{Path, PathBuf};
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_intrinsics, parse_length, parse_mount, parse_pose,
-    parse_range_unit, parse_reach, parse_seconds, parse_share, parse_slice,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_length, parse_pose, parse_reach, parse_seconds,
+    parse_share,
 };
 
 /// The version, the commit and the features.
@@ -78,7 +77,7 @@ pub(crate) enum Command {
     Info(InfoArgs),
     /// Score trajectories against surveyed relations or a reference trajectory.
     Eval(EvalArgs),
-    /// Where the laser sits on the robot and how wrong its odometry is, from a log.
+    /// Where the laser or lidar sits on the robot, how wrong its odometry is, and how an inertial sensor sits beside a lidar, from a log.
     Calibrate(CalibrateArgs),
     /// Every setting as TOML, with unit and meaning; `--config` reads it back.
     Config(SettingsArgs),
@@ -221,74 +220,6 @@ pub(crate) struct LocaliseArgs {
     pub(crate) voice: Voice,
 }
 
-/// What to use of a recording instead of what would be found.
-#[derive(Debug, Clone, Default, ClapArgs)]
-pub(crate) struct SourceArgs {
-    /// Topic to use, of scans or of odometry (of transforms, to take odometry from them); may be repeated, also for several lasers of one
-    /// robot.
-    #[arg(long, value_name = "TOPIC")]
-    topic: Vec<String>,
-    /// The robot's frame.
-    #[arg(long, value_name = "FRAME")]
-    frame: Option<String>,
-    /// Of several robots in one recording: the one whose topics are in this namespace.
-    #[arg(long, value_name = "NAME")]
-    robot: Option<String>,
-    /// Where the planar laser sits on the robot, whatever the log says: metres, metres, radians; and `,flipped` where it hangs upside
-    /// down.
-    #[arg(long, value_name = "X,Y,YAW[,flipped]", value_parser = parse_mount, allow_hyphen_values = true)]
-    mount: Option<MountChoice>,
-    /// What `mapwright calibrate --apply FILE` has found: where the laser sits, and what is wrong with odometry.
-    #[arg(long, value_name = "FILE", value_parser = Calibrated::read)]
-    calibration: Option<Calibrated>,
-    /// Make scans of point clouds: of the points between these heights above the robot's origin, metres.
-    #[arg(long, value_name = "ZMIN:ZMAX", value_parser = parse_slice, allow_hyphen_values = true)]
-    slice: Option<SliceBounds>,
-    /// What one stands for in the ranges of scans, or the coordinates of clouds, that are not in metres, metres: 0.001 for millimetres.
-    #[arg(long, value_name = "M", value_parser = parse_range_unit)]
-    range_unit: Option<f64>,
-    /// Of a depth camera: focal lengths and the optical axis, pixels.
-    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse_intrinsics)]
-    intrinsics: Option<[f64; 4]>,
-    /// Of a depth camera: the number that stands for a metre in its images.
-    #[arg(long, value_name = "S")]
-    depth_scale: Option<f64>,
-}
-
-impl SourceArgs {
-    pub(crate) fn camera(&self) -> CameraOptions {
-        CameraOptions { intrinsics: self.intrinsics, depth_scale: self.depth_scale, range_unit_m: self.range_unit }
-    }
-
-    pub(crate) fn choice(&self) -> Choice {
-        Choice {
-            topics: self.topic.clone(),
-            frame: self.frame.clone(),
-            slice: self.slice,
-            range_unit_m: self.range_unit,
-            robot: self.robot.clone(),
-            mount: self.mount.or_else(|| self.calibration.map(|found| found.mount())),
-            odometry: self.calibration.map(|found| found.odometry()),
-            odometry_as_stamped: false,
-        }
-    }
-
-    /// Whether the mounting of a planar laser is asked for.
-    pub(crate) fn has_mount(&self) -> bool {
-        self.mount.is_some() || self.calibration.is_some()
-    }
-
-    /// Whether one of several robots is asked for.
-    pub(crate) fn has_robot(&self) -> bool {
-        self.robot.is_some()
-    }
-
-    /// The same for one robot of several.
-    pub(crate) fn of_robot(&self, robot: &str) -> Self {
-        Self { robot: Some(robot.to_owned()), ..self.clone() }
-    }
-}
-
 /// How to map and what to say about it.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct MappingArgs {
@@ -420,6 +351,9 @@ pub(crate) struct CalibrateArgs {
     pub(crate) log: PathBuf,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+    /// Calibrate the lidar or depth camera of a recording of clouds, even where it has scans of a planar laser.
+    #[arg(long, conflicts_with = "slice")]
+    pub(crate) space: bool,
     /// Write what was found, for `--calibration` of other commands.
     #[arg(long, value_name = "FILE", conflicts_with = "calibration")]
     pub(crate) apply: Option<PathBuf>,
@@ -443,6 +377,9 @@ pub(crate) struct DemoArgs {
     /// The drive of --3d or --fleet ends then, seconds, or with its way.
     #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "driven")]
     pub(crate) seconds: Option<f64>,
+    /// The robot of --3d has an inertial sensor.
+    #[arg(long, requires = "space")]
+    pub(crate) imu: bool,
     /// Instead of the office: a loop before and after, as before.png and after.png, with the errors of both.
     #[arg(long, value_enum)]
     pub(crate) show: Option<Show>,

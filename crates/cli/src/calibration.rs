@@ -12,6 +12,8 @@
 //! `B^-1 (sum Z^T W r r^T W Z) B^-T` over groups of successive stretches, which stays honest where residuals are neither equal
 //! nor normal nor independent of their neighbours, and what is alike all over the drive, which no scatter shows, beside it.
 
+pub(crate) mod words;
+
 use mapwright_geom::{Pose2, Stamp};
 use nalgebra::{SMatrix, SVector};
 

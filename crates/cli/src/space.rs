@@ -1,5 +1,6 @@
 //! Recordings of sensors in space: clouds in, files out.
 
+mod calibrate;
 mod disk;
 mod going_on;
 mod inertial;
@@ -14,12 +15,13 @@ mod source;
 mod tally;
 mod verdict;
 
+pub(crate) use calibrate::calibrate;
 pub(crate) use disk::Disk;
 pub(crate) use merge::{Input as MergeInput, each_cloud, merge};
 pub(crate) use messages::plan_in_words;
 pub(crate) use picture::up;
 pub(crate) use report::{notes_in_words, notes_json};
-pub(crate) use seek::{Sought, hear_metadata, seek};
+pub(crate) use seek::{Sought, hear_metadata, is_of_space, seek};
 pub(crate) use simulated::Simulation;
 pub(crate) use source::Source;
 

@@ -2,6 +2,7 @@
 
 use mapwright_geom::Pose2;
 use mapwright_ros::PlanarSlice;
+use nalgebra::UnitQuaternion;
 
 /// What is known to be wrong with odometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +30,15 @@ pub struct MountChoice {
     pub robot_from_laser: Pose2,
     /// Whether it hangs upside down.
     pub inverted: bool,
+}
+
+/// What is known of the sensors of a recording of clouds, beside how the inertial one sits.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SpaceCalibration {
+    /// Where the clouds' sensor sits in the plane of the robot, metres, and its yaw, radians; height, roll and pitch are the log's.
+    pub robot_from_sensor: Option<Pose2>,
+    /// By how much the inertial sensor's stamps are late beside the clouds', seconds.
+    pub imu_lag_s: f64,
 }
 
 /// Heights between which points of a cloud become a scan, metres in the robot's frame.
@@ -62,6 +72,10 @@ pub struct Choice {
     pub robot: Option<String>,
     /// Where the planar laser sits on the robot, whatever the log says.
     pub mount: Option<MountChoice>,
+    /// How the inertial sensor sits on the robot, whatever the log says: turns what it reads into the robot's frame.
+    pub imu_mount: Option<UnitQuaternion<f64>>,
+    /// What a calibration of clouds says besides; it is of no use in the plane.
+    pub space: Option<SpaceCalibration>,
     /// What is wrong with odometry; else by how much it lags is learnt from the log.
     pub odometry: Option<OdometryCalibration>,
     /// Odometry keeps its stamps, and lasers the times of their beams, whatever scans say.
@@ -69,6 +83,12 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// Why a calibration of clouds is none of a planar laser, where one is given.
+    pub(crate) fn not_in_plane(&self) -> Result<(), String> {
+        let why = "--calibration: expected that of a planar laser, found that of a lidar or depth camera; --space maps clouds with it";
+        if self.space.is_some() { Err(why.to_owned()) } else { Ok(()) }
+    }
+
     /// What is overridden of it that only recordings of messages have, as it is typed.
     #[must_use]
     pub fn of_recordings(&self) -> Option<&'static str> {
@@ -76,6 +96,8 @@ impl Choice {
             (!self.topics.is_empty(), "--topic"),
             (self.frame.is_some(), "--frame"),
             (self.slice.is_some(), "--slice"),
+            (self.space.is_some(), "the calibration of a lidar"),
+            (self.imu_mount.is_some(), "--imu-mount"),
         ];
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, option)| option)
     }

@@ -1,17 +1,48 @@
 //! Odometry with what is known to be wrong with it taken out.
 
 use crate::choice::OdometryCalibration;
-use mapwright_geom::{Pose2, Stamp};
+use mapwright_geom::{Pose, Pose2, Pose3, Stamp};
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// A pose of which a step can be corrected.
+pub(crate) trait Step: Pose {
+    /// The step as it should be.
+    fn corrected(self, calibration: &OdometryCalibration) -> Self;
+}
+
+/// How the heading drifts over a step, radians: with its way, backwards the other way.
+fn drift_rad(calibration: &OdometryCalibration, ahead_m: f64, way_m: f64) -> f64 {
+    calibration.drift_rad_per_m * if ahead_m < 0.0 { -way_m } else { way_m }
+}
+
+impl Step for Pose2 {
+    fn corrected(self, calibration: &OdometryCalibration) -> Self {
+        let OdometryCalibration { translation_scale, rotation_scale, .. } = *calibration;
+        let turn_rad = rotation_scale * self.theta + drift_rad(calibration, self.x, self.x.hypot(self.y));
+        Self::new(translation_scale * self.x, translation_scale * self.y, turn_rad)
+    }
+}
+
+impl Step for Pose3 {
+    /// About the axis that is up on the robot; roll and pitch are what something else has measured.
+    fn corrected(self, calibration: &OdometryCalibration) -> Self {
+        let OdometryCalibration { translation_scale, rotation_scale, .. } = *calibration;
+        let drift_rad = drift_rad(calibration, self.translation.x, self.translation.norm());
+        let turn = self.rotation.scaled_axis();
+        let turn = Vector3::new(turn.x, turn.y, rotation_scale * turn.z + drift_rad);
+        Self { rotation: UnitQuaternion::from_scaled_axis(turn), translation: self.translation * translation_scale }
+    }
+}
 
 /// Puts odometry together anew, step by step.
 #[derive(Debug, Clone)]
-pub(crate) struct Corrected {
+pub(crate) struct Corrected<P = Pose2> {
     calibration: OdometryCalibration,
     /// The last pose as said, and as it should be.
-    last: Option<[Pose2; 2]>,
+    last: Option<[P; 2]>,
 }
 
-impl Corrected {
+impl<P: Step> Corrected<P> {
     pub(crate) fn new(calibration: OdometryCalibration) -> Self {
         Self { calibration, last: None }
     }
@@ -22,15 +53,9 @@ impl Corrected {
     }
 
     /// The pose as it should be.
-    pub(crate) fn pose(&mut self, said: Pose2) -> Pose2 {
-        let OdometryCalibration { translation_scale, rotation_scale, drift_rad_per_m, .. } = self.calibration;
-        let corrected = self.last.map_or(said, |[before, corrected]| {
-            let step = before.between(said);
-            let ahead = if step.x < 0.0 { -1.0 } else { 1.0 };
-            let drift_rad = drift_rad_per_m * ahead * step.x.hypot(step.y);
-            let turn_rad = rotation_scale * step.theta + drift_rad;
-            corrected * Pose2::new(translation_scale * step.x, translation_scale * step.y, turn_rad)
-        });
+    pub(crate) fn pose(&mut self, said: P) -> P {
+        let corrected =
+            self.last.map_or(said, |[before, corrected]| corrected * before.between(said).corrected(&self.calibration));
         self.last = Some([said, corrected]);
         corrected
     }
@@ -53,5 +78,17 @@ mod tests {
             truth = truth * Pose2::new(1.02 * ahead_m, 0.0, 0.97 * turn + 0.01 * ahead_m);
         }
         assert_eq!(corrected.stamp(Stamp(500_000_000)), Stamp(400_000_000));
+    }
+
+    #[test]
+    fn in_space_roll_and_pitch_stay_as_they_are() {
+        let calibration =
+            OdometryCalibration { translation_scale: 1.1, rotation_scale: 0.9, drift_rad_per_m: 0.0, lag_s: 0.0 };
+        let step = Pose3::exp([0.5, 0.1, 0.2, 0.03, -0.02, 0.4].into());
+        let turn = step.corrected(&calibration).rotation.scaled_axis();
+        assert!((turn - Vector3::new(0.03, -0.02, 0.36)).norm() < 1e-9, "{turn}");
+        let mut corrected = Corrected::new(calibration);
+        corrected.pose(Pose3::identity());
+        assert!((corrected.pose(step).translation - step.translation * 1.1).norm() < 1e-12);
     }
 }

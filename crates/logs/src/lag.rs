@@ -239,7 +239,7 @@ fn likeliest(lags_s: &[f64], telling: &[Vec<f64>], without: Option<usize>) -> f6
 }
 
 /// The negative logarithm of the likelihood of errors of Student's distribution, whose scale is that of their median, or a milliradian.
-fn surprise(errors: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn surprise(errors: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = errors.map(f64::abs).collect();
     sizes.sort_unstable_by(f64::total_cmp);
     let scale = (1.31 * sizes[sizes.len() / 2]).max(1e-3);

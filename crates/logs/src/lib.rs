@@ -87,7 +87,7 @@ mod words;
 
 pub use camera::CameraSurvey;
 pub use channel::TopicKind;
-pub use choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
+pub use choice::{Choice, MountChoice, OdometryCalibration, SliceBounds, SpaceCalibration};
 pub use clock::ClockStep;
 pub use drive::{Drive, Input};
 pub use error::LogError;
@@ -99,6 +99,6 @@ pub use odometry::OdometrySource;
 pub use plan::{FurtherLaser, Plan};
 pub use report::{LogReport, RecordingReport, Refused, StreamReport};
 pub use robots::Robot;
-pub use space::{ImuSource, SpaceEvent, SpacePlan, SpaceStream};
+pub use space::{ImuCalibrator, ImuFit, ImuSource, SpaceEvent, SpacePlan, SpaceStream};
 pub use survey::{Survey, TopicSurvey};
 pub use turning::TurningSource;

@@ -94,6 +94,7 @@ impl Plan {
     }
 
     fn of_sound(survey: &Survey, choice: &Choice) -> Result<Self, String> {
+        choice.not_in_plane()?;
         for name in &choice.topics {
             if survey.topic(name).is_none() {
                 return Err(format!("there is no topic {name}; there are {}", contents(survey)));

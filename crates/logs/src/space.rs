@@ -5,6 +5,7 @@
 //! arrival. Messages that cannot be
 //! used are counted in its notes and end nothing.
 
+mod calibrator;
 mod camera;
 mod imu;
 mod maker;
@@ -13,6 +14,7 @@ mod plan;
 mod stream;
 mod wheels;
 
+pub use calibrator::{ImuCalibrator, ImuFit};
 pub use imu::ImuSource;
 pub use plan::SpacePlan;
 pub use stream::{SpaceEvent, SpaceStream};

@@ -31,10 +31,11 @@ pub(crate) fn find(
         return (None, Some(format!("{} is not used: all beams count as taken at once", topic.name)));
     }
     let (robot, frame) = (&place.robot_frame, topic.frame());
-    let robot_from_sensor = match survey.links.constant(robot, frame) {
-        Ok(pose) => pose,
-        Err(_) if frame == robot => Pose3::identity(),
-        Err(_) => {
+    let robot_from_sensor = match (choice.imu_mount, survey.links.constant(robot, frame)) {
+        (Some(rotation), _) => Pose3 { rotation, ..Pose3::identity() },
+        (None, Ok(pose)) => pose,
+        (None, Err(_)) if frame == robot => Pose3::identity(),
+        (None, Err(_)) => {
             let why = format!("{} is not used: nothing says how '{frame}' sits on '{robot}'", topic.name);
             return (None, Some(why));
         }

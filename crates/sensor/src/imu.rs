@@ -147,18 +147,39 @@ impl Stored for ImuReadings {
         let (readings, used_until): (VecDeque<ImuReading>, _) = Stored::take(from)?;
         let in_order = readings.iter().zip(readings.iter().skip(1)).all(|(a, b)| a.stamp < b.stamp);
         let are_sound = readings.len() <= READINGS && readings.iter().all(ImuReading::is_sound);
-        (in_order && are_sound).then_some(Self { readings, used_until })
+        (in_order && are_sound).then_some(Self { readings, used_until, ..Self::default() })
     }
 }
 
 /// The last readings, in the order of their stamps.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct ImuReadings {
     readings: VecDeque<ImuReading>,
     used_until: Option<Stamp>,
+    /// So many are kept.
+    most: usize,
+}
+
+impl Default for ImuReadings {
+    /// The last 4096.
+    fn default() -> Self {
+        Self::keeping(READINGS)
+    }
 }
 
 impl ImuReadings {
+    /// Keeps so many.
+    #[must_use]
+    pub fn keeping(most: usize) -> Self {
+        Self { readings: VecDeque::new(), used_until: None, most }
+    }
+
+    /// How many are kept.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.readings.len()
+    }
+
     /// Keeps a reading in its place; of two of the same time the second counts.
     pub fn add(&mut self, reading: ImuReading) -> ImuTaken {
         if !reading.is_sound() {
@@ -179,7 +200,7 @@ impl ImuReadings {
             Some(same) => *same = reading,
             None => self.readings.insert(place, reading),
         }
-        if self.readings.len() > READINGS {
+        if self.readings.len() > self.most {
             self.readings.pop_front();
         }
         ImuTaken::Kept

@@ -3,6 +3,7 @@
 use super::SourceArgs;
 use mapwright::Pose2;
 use mapwright_logs::{MountChoice, SliceBounds};
+use nalgebra::UnitQuaternion;
 use std::collections::BTreeMap;
 
 impl SourceArgs {
@@ -12,6 +13,10 @@ impl SourceArgs {
         let of_mount = |MountChoice { robot_from_laser, inverted }: MountChoice| {
             of_pose(robot_from_laser) + if inverted { ",flipped" } else { "" }
         };
+        let of_angles = |rotation: UnitQuaternion<f64>| {
+            let (roll, pitch, yaw) = rotation.euler_angles();
+            format!("{roll},{pitch},{yaw}")
+        };
         let of_slice = |SliceBounds { z_min_m, z_max_m }: SliceBounds| format!("{z_min_m}:{z_max_m}");
         let of_intrinsics = |numbers: [f64; 4]| numbers.map(|number| number.to_string()).join(",");
         let options = [
@@ -19,6 +24,7 @@ impl SourceArgs {
             ("--frame", self.frame.clone()),
             ("--robot", self.robot.clone()),
             ("--mount", self.mount.map(of_mount)),
+            ("--imu-mount", self.imu_mount.map(of_angles)),
             ("--calibration", self.calibration.map(|found| found.in_words())),
             ("--slice", self.slice.map(of_slice)),
             ("--range-unit", self.range_unit.map(|unit_m| unit_m.to_string())),

@@ -4,6 +4,10 @@ use mapwright::Pose2;
 use mapwright_eval::Delta;
 use mapwright_logs::{MountChoice, SliceBounds};
 use mapwright_sim::Gap;
+use nalgebra::UnitQuaternion;
+
+/// Larger angles are not of radians.
+const ANGLE_MOST_RAD: f64 = 10.0;
 
 pub(super) fn parse_assignment(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, such as map.resolution_m=0.1")?;
@@ -25,10 +29,25 @@ pub(super) fn parse_mount(text: &str) -> Result<MountChoice, String> {
     };
     let numbers: Vec<Option<f64>> = place.split(',').map(|field| field.trim().parse().ok()).collect();
     match numbers[..] {
-        [Some(x), Some(y), Some(yaw)] if x.abs() <= 100.0 && y.abs() <= 100.0 && yaw.abs() <= 10.0 => {
+        [Some(x), Some(y), Some(yaw)] if x.abs() <= 100.0 && y.abs() <= 100.0 && yaw.abs() <= ANGLE_MOST_RAD => {
             Ok(MountChoice { robot_from_laser: Pose2::new(x, y, yaw), inverted })
         }
         _ => Err("expected metres, metres and radians, such as 0.2,0,3.14 or 0.2,0,3.14,flipped".to_owned()),
+    }
+}
+
+pub(super) fn parse_imu_mount(text: &str) -> Result<UnitQuaternion<f64>, String> {
+    let numbers: Vec<Option<f64>> = text.split(',').map(|field| field.trim().parse().ok()).collect();
+    match numbers[..] {
+        [Some(roll), Some(pitch), Some(yaw)]
+            if [roll, pitch, yaw].iter().all(|rad: &f64| rad.abs() <= ANGLE_MOST_RAD) =>
+        {
+            Ok(UnitQuaternion::from_euler_angles(roll, pitch, yaw))
+        }
+        _ => {
+            Err("expected roll, pitch and yaw in radians, such as 3.1416,0,0 of a sensor that hangs upside down"
+                .to_owned())
+        }
     }
 }
 

@@ -2,25 +2,28 @@
 
 use crate::args::CalibrateArgs;
 use crate::calibrated::Calibrated;
+use crate::calibration::words::{CLEAR_SIGMAS, to_json, to_words};
 use crate::calibration::{Calibration, Estimate, Sample, calibrate};
 use crate::events::{Ending, Log};
 use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::progress::{FirstPass, Progress};
 use crate::settings;
+use crate::space;
 use crate::terminal::{say, say_json};
 use crate::turns::Turns;
 use mapwright::{LaserModel, LaserScan, Mapper, Pose2, Status};
 use mapwright_formats::LogEvent;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::fs;
+use std::path::Path;
 use std::sync::Arc;
-
-/// Values smaller than so many standard deviations may as well be zero.
-const CLEAR_SIGMAS: f64 = 3.0;
 
 pub(super) fn run(args: &CalibrateArgs) -> Result<Outcome, Failure> {
     let interrupt = Interrupt::watch()?;
+    if args.log != Path::new("-") && (args.space || space::is_of_space(&args.log, &args.source)?) {
+        return space::calibrate(args, &interrupt);
+    }
     let first = pass(args, &interrupt, None)?;
     let presumed = first.collector.presumed();
     let Pass { name, outcome, ending, .. } = first;
@@ -208,72 +211,4 @@ impl Collector {
             None => calibrate(&self.runs, self.presumed()),
         }
     }
-}
-
-fn to_words(name: &str, found: &Calibration, presumed: Pose2) -> String {
-    let lag = |lag: Estimate| format!("they lag {} ms", plus_minus(lag, 1000.0, 0));
-    let no_lag = || "the scans' stamps come in bursts or seconds apart, and tell no lag".to_owned();
-    let scale =
-        |estimate: Estimate| format!("{:+.2} +- {:.2} %", 100.0 * (estimate.value - 1.0), 100.0 * estimate.sigma);
-    format!(
-        "{name}: {}\n\
-         laser    x {} m, y {} m, yaw {} deg (the log says {:.3}, {:.3}, {:.2})\n\
-         wheels   true distance is {} of theirs, true turn {}, unreported drift {} deg/m; {}\n\
-         from     {} stretches of half a metre or a turn of 23 deg at most; +- is one standard deviation\n",
-        in_words(found),
-        plus_minus(found.x_m, 1.0, 4),
-        plus_minus(found.y_m, 1.0, 4),
-        plus_minus(found.yaw_rad, DEGREES, 2),
-        presumed.x,
-        presumed.y,
-        presumed.theta.to_degrees(),
-        scale(found.translation_scale),
-        scale(found.rotation_scale),
-        plus_minus(found.drift_rad_per_m, DEGREES, 3),
-        found.lag_s.map_or_else(no_lag, lag),
-        found.stretches
-    )
-}
-
-const DEGREES: f64 = 180.0 / std::f64::consts::PI;
-
-fn plus_minus(estimate: Estimate, unit: f64, decimals: usize) -> String {
-    format!("{:+.decimals$} +- {:.decimals$}", unit * estimate.value, unit * estimate.sigma)
-}
-
-/// Where the laser sits, as one would say it.
-fn in_words(found: &Calibration) -> String {
-    let place = |estimate: Estimate, plus: &str, minus: &str| {
-        let clear = estimate.value.abs() > CLEAR_SIGMAS * estimate.sigma;
-        let side = if estimate.value > 0.0 { plus } else { minus };
-        clear.then(|| format!("{:.1} cm {side}", 100.0 * estimate.value.abs()))
-    };
-    let mut parts: Vec<_> = [place(found.x_m, "ahead", "behind"), place(found.y_m, "to the left", "to the right")]
-        .into_iter()
-        .flatten()
-        .collect();
-    if parts.is_empty() {
-        parts.push("over the robot's centre".to_owned());
-    }
-    if found.yaw_rad.value.abs() > CLEAR_SIGMAS * found.yaw_rad.sigma {
-        let side = if found.yaw_rad.value > 0.0 { "left" } else { "right" };
-        parts.push(format!("turned {:.2} deg to the {side}", DEGREES * found.yaw_rad.value.abs()));
-    }
-    format!("your laser sits {}", parts.join(", "))
-}
-
-fn to_json(name: &str, found: &Calibration, presumed: Pose2) -> Value {
-    let value = |estimate: Estimate| json!({ "value": estimate.value, "sigma": estimate.sigma });
-    json!({
-        "log": name,
-        "presumed": [presumed.x, presumed.y, presumed.theta],
-        "x_m": value(found.x_m),
-        "y_m": value(found.y_m),
-        "yaw_rad": value(found.yaw_rad),
-        "translation_scale": value(found.translation_scale),
-        "rotation_scale": value(found.rotation_scale),
-        "drift_rad_per_m": value(found.drift_rad_per_m),
-        "lag_s": found.lag_s.map(value),
-        "stretches": found.stretches,
-    })
 }

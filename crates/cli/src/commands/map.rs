@@ -133,7 +133,8 @@ fn nothing_mapped(name: &str, read: &Reading, mapping: &Mapping) -> Failure {
 
 fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
     if args.source.has_mount() {
-        let why = "--mount and --calibration are for planar lasers, found a recording of space; --frame names the robot's frame";
+        let why = "--mount and the calibration of a planar laser are for planar lasers, found a recording of space: `mapwright calibrate` of it \
+                   makes one of its sensors, --imu-mount says how the inertial one sits, --frame names the robot's frame";
         return Err(Failure::Usage(why.to_owned()));
     }
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());

@@ -9,9 +9,9 @@ use crate::output::OutputFolder;
 use crate::progress::FirstPass;
 use crate::reading::Reading;
 use crate::session::{AnySession, earlier_in_plane, is_session, read_any_session};
-use crate::space::{self, Disk, MergeInput};
+use crate::space::{self, MergeInput};
 use mapwright::{LivePolicy, Session};
-use mapwright_logs::{Input as Recorded, LogError, Robot, SpacePlan, Survey};
+use mapwright_logs::{Input as Recorded, LogError, Robot, Survey};
 use std::path::Path;
 
 /// What is merged.
@@ -102,7 +102,7 @@ fn in_space(args: &MergeArgs) -> Result<Option<Vec<(String, MergeInput)>>, Failu
                 }
                 (AnySession::Plane(_), _) => {}
             }
-        } else if is_of_space(path, args)? {
+        } else if space::is_of_space(path, &args.source)? {
             inputs.push((name, MergeInput::Recording(path.clone())));
             continue;
         }
@@ -118,22 +118,6 @@ fn in_space(args: &MergeArgs) -> Result<Option<Vec<(String, MergeInput)>>, Failu
         return Err(Failure::Usage(why.to_owned()));
     }
     Ok(Some(inputs))
-}
-
-/// Whether what lies at a path is mapped in space, as `map` would.
-fn is_of_space(path: &Path, args: &MergeArgs) -> Result<bool, Failure> {
-    if let Some(disk) = Disk::open(path)?
-        && disk.recording()?.is_some()
-    {
-        return Ok(true);
-    }
-    let Recorded::Recording(recording) = events::input(path)? else { return Ok(false) };
-    if args.source.choice().slice.is_some() {
-        return Ok(false);
-    }
-    let survey =
-        Survey::of(&recording).map_err(|cause| Failure::log(LogError::Recording { name: name_of(path), cause }))?;
-    Ok(SpacePlan::is_default(&survey, &args.source.choice()))
 }
 
 fn refuse(mapping: &MappingArgs, policy: LivePolicy) -> Result<(), Failure> {

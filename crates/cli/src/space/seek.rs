@@ -1,5 +1,6 @@
 //! Whether logs are mapped in the plane or in space.
 
+use super::disk::Disk;
 use super::messages::Messages;
 use super::source::Source;
 use crate::args::{MapArgs, SourceArgs};
@@ -77,6 +78,22 @@ pub(crate) fn hear_metadata(path: &Path, survey: &mut Survey) {
 
 fn not_one(found: &str) -> Failure {
     Failure::Log(format!("--space: expected one recording of clouds or images of depth, found {found}"))
+}
+
+/// Whether what lies at a path is mapped in space, as `map` would.
+pub(crate) fn is_of_space(path: &Path, args: &SourceArgs) -> Result<bool, Failure> {
+    if let Some(disk) = Disk::open(path)?
+        && disk.recording()?.is_some()
+    {
+        return Ok(true);
+    }
+    let Input::Recording(recording) = input(path)? else { return Ok(false) };
+    if args.choice().slice.is_some() {
+        return Ok(false);
+    }
+    let survey =
+        Survey::of(&recording).map_err(|cause| Failure::log(LogError::Recording { name: name_of(path), cause }))?;
+    Ok(SpacePlan::is_default(&survey, &args.choice()))
 }
 
 /// The clouds of a recording of messages.

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::output::OutputFolder;
 use crate::simulated::{Simulated, Taken};
-use mapwright::{Cloud, EdgeKind, Pose3, Session, SpaceSweep};
+use mapwright::{Cloud, EdgeKind, ImuReading, Pose3, Session, SpaceSweep, Stamp};
 use mapwright_eval::ErrorStats;
 use mapwright_formats::{StampedPose3, TumWriter};
 use mapwright_sim::space::SpaceDrive;
@@ -14,16 +14,35 @@ pub(crate) struct Simulation {
     drive: SpaceDrive,
     every: usize,
     next: u64,
+    /// The next reading of the inertial sensor, where the robot has one.
+    next_reading: Option<u64>,
     taken: Vec<Taken<Pose3>>,
 }
 
 impl Simulation {
     pub(crate) fn of(drive: SpaceDrive, every: usize) -> Self {
-        Self { drive, every: every.max(1), next: 0, taken: Vec::new() }
+        Self { drive, every: every.max(1), next: 0, next_reading: None, taken: Vec::new() }
     }
 
-    pub(super) fn next_cloud(&mut self) -> Option<Cloud> {
+    /// The same with an inertial sensor.
+    pub(crate) fn with_imu(self) -> Self {
+        Self { next_reading: Some(0), ..self }
+    }
+
+    pub(super) fn imu_name(&self) -> Option<&'static str> {
+        self.next_reading.map(|_| "the simulated inertial sensor")
+    }
+
+    /// The next cloud; what was read up to the end of its sweep is handed to `feel` before.
+    pub(super) fn next_cloud(&mut self, feel: &mut dyn FnMut(ImuReading)) -> Option<Cloud> {
         let taken = self.drive.cloud(self.next)?;
+        let end = Stamp(taken.cloud.stamp.0 + Stamp::from_secs_f64(1.0 / self.drive.lidar().rate_hz).0);
+        while let Some(number) = &mut self.next_reading
+            && let Some(reading) = self.drive.imu_reading(*number).filter(|reading| reading.stamp <= end)
+        {
+            *number += 1;
+            feel(reading);
+        }
         self.next += self.every as u64;
         self.taken.push(Taken::of_cloud(&self.drive, &taken, &self.taken));
         Some(taken.cloud)

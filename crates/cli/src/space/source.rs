@@ -6,7 +6,7 @@ use crate::args::SourceArgs;
 use crate::failure::Failure;
 use mapwright::{Cloud, ImuReading, Pose3, SpaceSensor};
 use mapwright_clouds::{Clouds, Notes, Recording, Reference};
-use mapwright_logs::SpaceEvent;
+use mapwright_logs::{SpaceEvent, SpacePlan};
 use serde_json::Value;
 
 /// A source of clouds, and all that is known of it.
@@ -38,7 +38,7 @@ impl<'a> Source<'a> {
                     None => return Ok(None),
                 }
             },
-            Self::Simulated(simulation) => Ok(simulation.next_cloud()),
+            Self::Simulated(simulation) => Ok(simulation.next_cloud(feel)),
         }
     }
 
@@ -80,8 +80,16 @@ impl<'a> Source<'a> {
     fn imu_name(&self) -> Option<&str> {
         match self {
             Self::Files { recording, .. } => recording.has_readings().then_some("the lidar's inertial sensor"),
-            Self::Simulated(_) => None,
+            Self::Simulated(simulation) => simulation.imu_name(),
             Self::Messages(messages) => messages.stream.plan().imu.as_ref().map(|imu| imu.name.as_str()),
+        }
+    }
+
+    /// What is mapped of a recording of messages, and why.
+    pub(super) fn plan(&self) -> Option<&SpacePlan> {
+        match self {
+            Self::Messages(messages) => Some(messages.stream.plan()),
+            Self::Files { .. } | Self::Simulated(_) => None,
         }
     }
 

@@ -29,6 +29,7 @@ mod session;
 mod show;
 mod small_robots;
 mod space;
+mod space_calibrate;
 mod space_imu;
 mod suite;
 mod support;

@@ -20,13 +20,13 @@ enum Writer {
     Mcap(Box<McapWriter<File>>),
 }
 
-struct Recorder {
+pub(super) struct Recorder {
     writer: Writer,
     topics: Vec<(&'static str, u32)>,
 }
 
 impl Recorder {
-    fn new(path: &Path) -> Self {
+    pub(super) fn new(path: &Path) -> Self {
         let file = File::create(path).unwrap();
         let writer = if path.extension().is_some_and(|ending| ending == "bag") {
             Writer::Bag(Box::new(Bag1Writer::new(file, Bag1Compression::None).unwrap()))
@@ -64,14 +64,14 @@ impl Recorder {
         }
     }
 
-    fn mount(&mut self, child: &str, robot_from_child: Pose3) {
+    pub(super) fn mount(&mut self, child: &str, robot_from_child: Pose3) {
         let header = Header::new(Stamp(BEGAN_NS), "base_link");
         let transform = Transform::from(robot_from_child);
         let transforms = vec![TransformStamped { header, child_frame_id: child.into(), transform }];
         self.write("/tf_static", "tf2_msgs/TFMessage", Stamp(BEGAN_NS), &TfMessage { transforms });
     }
 
-    fn cloud(&mut self, cloud: &Cloud) {
+    pub(super) fn cloud(&mut self, cloud: &Cloud) {
         let points = cloud.points_m.iter().zip(&cloud.times_s);
         let data = points.flat_map(|([x, y, z], time_s)| [*x, *y, *z, *time_s]).flat_map(f32::to_le_bytes);
         let data: Vec<u8> = data.collect();
@@ -91,13 +91,33 @@ impl Recorder {
     }
 
     fn imu(&mut self, reading: &ImuReading, robot_from_imu: Pose3) {
-        let stamp = later(reading.stamp);
+        self.late_imu(reading, robot_from_imu, 0.0);
+    }
+
+    /// Recorded when it was read; its stamp is so much later, seconds.
+    pub(super) fn late_imu(&mut self, reading: &ImuReading, robot_from_imu: Pose3, late_s: f64) {
+        let stamp = Stamp(later(reading.stamp).0 + Stamp::from_secs_f64(late_s).0);
         let mut imu = Imu { header: Header::new(stamp, "imu"), ..Default::default() };
         let back = robot_from_imu.rotation.inverse();
         let (rate, force) = (back * reading.turn_rate_rad_per_s, back * reading.specific_force_m_per_s2.unwrap());
         (imu.angular_velocity.x, imu.angular_velocity.y, imu.angular_velocity.z) = (rate.x, rate.y, rate.z);
         (imu.linear_acceleration.x, imu.linear_acceleration.y, imu.linear_acceleration.z) = (force.x, force.y, force.z);
-        self.write("/imu", "sensor_msgs/Imu", stamp, &imu);
+        self.write("/imu", "sensor_msgs/Imu", later(reading.stamp), &imu);
+    }
+
+    /// Where the robot is by its wheels.
+    pub(super) fn wheels(&mut self, stamp: Stamp, odom_from_robot: Pose3) {
+        let header = Header::new(later(stamp), "odom");
+        let transform = Transform::from(odom_from_robot);
+        let transforms = vec![TransformStamped { header, child_frame_id: "base_link".into(), transform }];
+        self.write("/tf", "tf2_msgs/TFMessage", later(stamp), &TfMessage { transforms });
+    }
+
+    pub(super) fn finish(self) {
+        match self.writer {
+            Writer::Bag(writer) => drop(writer.finish().unwrap()),
+            Writer::Mcap(writer) => drop(writer.finish().unwrap()),
+        }
     }
 }
 
@@ -146,10 +166,7 @@ fn record_part(path: &Path, with_imu: bool, clouds: std::ops::Range<usize>) -> S
         let seconds = later(taken.cloud.stamp).as_secs_f64();
         writeln!(truth, "{seconds:.6} {} {} {} {x} {y} {z} {w}", at.x, at.y, at.z).unwrap();
     }
-    match recorder.writer {
-        Writer::Bag(writer) => drop(writer.finish().unwrap()),
-        Writer::Mcap(writer) => drop(writer.finish().unwrap()),
-    }
+    recorder.finish();
     truth
 }
 

@@ -22,6 +22,8 @@ pub struct ImuSource {
     pub frame: String,
     /// Turns what it reads into the robot's frame.
     pub robot_from_imu: UnitQuaternion<f64>,
+    /// By how much its stamps are late, seconds: a reading with the stamp `t` was taken at `t - lag_s`.
+    pub lag_s: f64,
 }
 
 /// What was decided, and why; what had to be assumed.
@@ -50,8 +52,14 @@ pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice:
     let (robot, frame) = (place.robot_frame.as_str(), bare(topic.frame()));
     let is_in_lidar = topic.kind == TopicKind::OusterPackets;
     let in_lidar = || Ok(Some(place.robot_from_sensor));
-    let mounted = if is_in_lidar { in_lidar() } else { mount(survey, mapped, place, frame) };
+    let asked = choice.imu_mount.map(|rotation| Pose3 { rotation, ..Pose3::identity() });
+    let mounted = match asked {
+        Some(pose) => Ok(Some(pose)),
+        None if is_in_lidar => in_lidar(),
+        None => mount(survey, mapped, place, frame),
+    };
     let (robot_from_imu, how, assumed) = match mounted {
+        Ok(Some(pose)) if asked.is_some() => (pose, "mounted as asked for", None),
         Ok(Some(pose)) if is_in_lidar => (pose, "in the lidar as its metadata say", None),
         Ok(Some(pose)) => (pose, "mounted as transforms say", None),
         Ok(None) => {
@@ -63,7 +71,14 @@ pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice:
         }
     };
     let rate = topic.rate_hz().map_or_else(String::new, |rate_hz| format!(", {rate_hz:.1} a second"));
-    let mut reason = format!("{} ({} messages{rate}), {how}", topic.name, grouped(topic.usable()));
+    let lag_s = choice.space.map_or(0.0, |space| space.imu_lag_s);
+    let late = if lag_s == 0.0 { String::new() } else { format!("; its stamps are {lag_s:.4} s late, as calibrated") };
+    let mut reason = format!(
+        "{} ({} messages{rate}), {how}: {}{late}",
+        topic.name,
+        grouped(topic.usable()),
+        angles_words(&robot_from_imu.rotation)
+    );
     if !others.is_empty() {
         reason += &format!("; not used: {}", list(others.iter().map(|topic| topic.name.as_str())));
     }
@@ -72,6 +87,7 @@ pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice:
         messages: topic.usable(),
         frame: topic.frame().to_owned(),
         robot_from_imu: robot_from_imu.rotation,
+        lag_s,
     };
     Found { source: Some(source), reason: Some(reason), assumed }
 }
@@ -80,6 +96,13 @@ pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice:
 fn is_inertial(topic: &TopicSurvey, mapped: &TopicSurvey) -> bool {
     let is_of_packets = topic.packets.is_inertial && mapped.kind == TopicKind::OusterPackets;
     topic.kind == TopicKind::Imu || is_of_packets
+}
+
+/// Roll, pitch and yaw in words.
+pub(super) fn angles_words(robot_from_sensor: &UnitQuaternion<f64>) -> String {
+    let (roll, pitch, yaw) = robot_from_sensor.euler_angles();
+    let [roll, pitch, yaw] = [roll, pitch, yaw].map(|rad| (10.0 * rad.to_degrees()).round() / 10.0 + 0.0);
+    format!("roll {roll:.1}, pitch {pitch:.1}, yaw {yaw:.1} deg")
 }
 
 /// A reading in the frame of the lidar that it is in, in that of the robot.

@@ -4,7 +4,7 @@ use super::camera::{self, CameraPlan};
 use super::imu::{self, ImuSource};
 use super::packets::PacketPlan;
 use crate::channel::TopicKind;
-use crate::choice::Choice;
+use crate::choice::{Choice, OdometryCalibration};
 use crate::frames::{Place, list, place_in_space};
 use crate::links::{bare, is_world};
 use crate::odometry::{self, OdometrySource};
@@ -12,8 +12,9 @@ use crate::plan::{contents, nothing_of};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::words::{grouped, with_damage};
 use mapwright_clouds::{CameraOptions, DEPTH_SCALE_KEY, UnitOf, Units};
-use mapwright_geom::Pose3;
+use mapwright_geom::{Pose2, Pose3};
 use mapwright_sensor::{SpaceSensor, SweepTimes};
+use nalgebra::{UnitQuaternion, Vector3};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
@@ -44,6 +45,8 @@ pub struct SpacePlan {
     pub doubts: Vec<String>,
     /// What one stands for in the coordinates of clouds, metres.
     pub(super) unit_m: f64,
+    /// What is known to be wrong with odometry.
+    pub(super) calibration: Option<OdometryCalibration>,
     /// What the times of points are.
     pub(super) times: SweepTimes,
     /// Sensors by the messages' frames.
@@ -124,6 +127,10 @@ fn decide(
 ) -> SpacePlan {
     let Candidate { topic, place, is_camera, mut camera, packets } = chosen;
     let (place, assumed_mount) = looking_ahead(place, topic, is_camera);
+    let (place, assumed_mount) = match choice.space.and_then(|space| space.robot_from_sensor) {
+        Some(found) => (Place { robot_from_sensor: moved_to(place.robot_from_sensor, found), ..place }, None),
+        None => (place, assumed_mount),
+    };
     let odometry = odometry::find_in_space(survey, &place, choice);
     let imu = imu::find(survey, topic, &place, choice);
     let is_asked = choice.topics.iter().any(|name| same_name(name, &topic.name));
@@ -139,8 +146,11 @@ fn decide(
     reasons.extend(packets.as_ref().map(|packets| ("lidar", packets.words())));
     reasons.extend(camera.as_ref().map(|camera| ("camera", camera.reason.clone())));
     reasons.push(("robot", format!("'{}', {}", place.robot_frame, place.reason)));
-    reasons.push(("mounting", mounting_words(topic.frame(), &place)));
+    let is_calibrated = choice.space.is_some_and(|space| space.robot_from_sensor.is_some());
+    reasons.push(("mounting", mounting_words(topic.frame(), &place, is_calibrated)));
     reasons.push(("odometry", odometry.reason.clone()));
+    let without_imu = (choice.imu_mount.is_some() && imu.source.is_none())
+        .then(|| "--imu-mount says how the inertial sensor sits: there is none that can be used".to_owned());
     reasons.extend(imu.reason.map(|reason| ("imu", reason)));
     let times = topic.sweeps.times();
     if topic.kind.is_clouds() {
@@ -177,9 +187,10 @@ fn decide(
             .flatten()
             .chain(of_camera)
             .collect(),
-        odd: units.odd.into_iter().collect(),
+        odd: units.odd.into_iter().chain(without_imu).collect(),
         doubts: camera.as_ref().and_then(|camera| camera.doubt.clone()).into_iter().collect(),
         unit_m: units.unit_m.unwrap_or(1.0),
+        calibration: choice.odometry,
         times,
         sensors,
         packets,
@@ -222,17 +233,22 @@ fn looking_ahead(place: Place, topic: &TopicSurvey, is_camera: bool) -> (Place, 
     (Place { robot_from_sensor: ahead.unwrap_or(place.robot_from_sensor), ..place }, Some(assumed))
 }
 
-fn mounting_words(sensor: &str, place: &Place) -> String {
-    if place.assumed.is_some() {
+/// A place of which the position in the robot's plane and the yaw were found to be others.
+fn moved_to(robot_from_sensor: Pose3, found: Pose2) -> Pose3 {
+    let (roll, pitch, _) = robot_from_sensor.rotation.euler_angles();
+    Pose3 {
+        rotation: UnitQuaternion::from_euler_angles(roll, pitch, found.theta),
+        translation: Vector3::new(found.x, found.y, robot_from_sensor.translation.z),
+    }
+}
+
+fn mounting_words(sensor: &str, place: &Place, is_calibrated: bool) -> String {
+    if place.assumed.is_some() && !is_calibrated {
         return format!("'{sensor}' in the robot's origin, assumed");
     }
-    let at = place.robot_from_sensor.translation;
-    let (roll, pitch, yaw) = place.robot_from_sensor.rotation.euler_angles();
-    let [roll, pitch, yaw] = [roll, pitch, yaw].map(|rad| (10.0 * rad.to_degrees()).round() / 10.0 + 0.0);
-    format!(
-        "'{sensor}' at x {:.3} m, y {:.3} m, z {:.3} m, roll {roll:.1}, pitch {pitch:.1}, yaw {yaw:.1} deg",
-        at.x, at.y, at.z
-    )
+    let (at, angles) = (place.robot_from_sensor.translation, imu::angles_words(&place.robot_from_sensor.rotation));
+    let by = if is_calibrated { ": x, y and yaw as calibrated" } else { "" };
+    format!("'{sensor}' at x {:.3} m, y {:.3} m, z {:.3} m, {angles}{by}", at.x, at.y, at.z)
 }
 
 /// Times that are none of seconds, taken for what they can only be.

@@ -5,6 +5,7 @@ use super::maker::{CloudMaker, Made};
 use super::plan::SpacePlan;
 use super::wheels::Wheels;
 use crate::channel::{Decoders, Messages, TopicKind};
+use crate::corrected::Corrected;
 use crate::error::LogError;
 use crate::links::{bare, stamp_or};
 use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
@@ -62,6 +63,8 @@ pub struct SpaceStream {
     waiting: VecDeque<Waiting>,
     waiting_bytes: usize,
     wheels: Wheels,
+    /// Takes out what is known to be wrong with odometry.
+    corrected: Option<Corrected<Pose3>>,
     /// A reading that was not delivered yet, and the stamp of the last one.
     reading: Option<ImuReading>,
     last_reading: Option<Stamp>,
@@ -87,6 +90,7 @@ impl SpaceStream {
             recording,
             survey,
             maker: CloudMaker::new(&plan),
+            corrected: plan.calibration.map(Corrected::new),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),
@@ -215,7 +219,8 @@ impl SpaceStream {
             }
             Use::Odometry => {
                 let messages = self.decoders.of(message.connection);
-                let taken = take_odometry(&self.plan.odometry, messages, &message, &mut self.wheels);
+                let taken =
+                    take_odometry(&self.plan.odometry, messages, &message, (&mut self.corrected, &mut self.wheels));
                 if let Err(reason) = taken {
                     let topic = &message.connection.topic;
                     self.notes.note(NoteKind::UnreadableOdometry, topic, place, || ("a pose", reason));
@@ -226,7 +231,9 @@ impl SpaceStream {
     }
 
     fn take_reading(&mut self, reading: ImuReading, is_unstamped: bool, place: usize) {
-        let topic = self.plan.imu.as_ref().map_or("", |source| source.name.as_str());
+        let (topic, lag_s) = self.plan.imu.as_ref().map_or(("", 0.0), |source| (source.name.as_str(), source.lag_s));
+        let reading =
+            ImuReading { stamp: Stamp(reading.stamp.0.saturating_sub(Stamp::from_secs_f64(lag_s).0)), ..reading };
         if is_unstamped {
             self.notes.note(NoteKind::RecordedStamp, topic, place, || ("a stamp in the header", "zero"));
         }
@@ -335,14 +342,18 @@ fn take_odometry(
     source: &OdometrySource,
     messages: &mut Messages,
     message: &RawMessage<'_>,
-    wheels: &mut Wheels,
+    (corrected, wheels): (&mut Option<Corrected<Pose3>>, &mut Wheels),
 ) -> Result<(), String> {
     let mut add = |header: Stamp, odom_from_child: Option<Pose3>, child_from_robot: Pose3| {
         let odom_from_robot = odom_from_child.map(|pose| pose * child_from_robot);
         let is_usable = |pose: &Pose3| pose.is_finite() && pose.translation.norm() <= FARTHEST_M;
         let usable =
             odom_from_robot.filter(is_usable).ok_or("none that is finite, within 10^6 m and has a rotation")?;
-        wheels.add(stamp_or(header, message.log_stamp).0, usable);
+        let stamp = stamp_or(header, message.log_stamp).0;
+        match corrected {
+            Some(corrected) => wheels.add(corrected.stamp(stamp), corrected.pose(usable)),
+            None => wheels.add(stamp, usable),
+        }
         Ok::<(), String>(())
     };
     match (source, messages) {

@@ -3,7 +3,7 @@
 use super::SpaceMapper;
 use crate::front_end::{ByJoins, FrontEnd, Maps};
 use crate::space::{ImuReport, SpaceFrontEnd};
-use mapwright_geom::{Cov6, Stamp};
+use mapwright_geom::{Cov6, Pose3, Stamp};
 use mapwright_record::{KeyframeId, Update};
 use mapwright_sensor::{Cloud, ImuReading, ImuTaken, SpaceSweep};
 
@@ -31,6 +31,13 @@ impl SpaceMapper {
     #[must_use]
     pub fn imu_report(&self) -> ImuReport {
         self.front.imu_report()
+    }
+
+    /// When the middle of the last cloud's sweep was, and the robot's pose then, which is what its points tell: that of the stamp is carried on
+    /// from there. In the front end's frame, which corrections do not move.
+    #[must_use]
+    pub fn middle_of_sweep(&self, last: &Cloud) -> (Stamp, Pose3) {
+        self.front.middle_of(last)
     }
 
     /// One cloud through the pipeline: [`add_scan`](super::MapperOf::add_scan).

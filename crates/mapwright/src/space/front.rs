@@ -117,6 +117,12 @@ impl SpaceFrontEnd {
         Some(matched)
     }
 
+    /// When the middle of the last cloud's sweep was, and the robot's pose then in a frame that corrections do not move.
+    pub(crate) fn middle_of(&self, cloud: &Cloud) -> (Stamp, Pose3) {
+        let span = Span::of(cloud);
+        (span.stamp_after(cloud.stamp, span.middle_s()), self.pose.local_from_robot())
+    }
+
     /// A sweep that takes time, and how the robot moved during it, by its points: undistorted and matched anew.
     fn bend(&mut self, cloud: &Cloud, prepared: &Prepared, matched: Matched) -> Option<Matched> {
         let (span, step) = (Span::of(cloud), &prepared.step);

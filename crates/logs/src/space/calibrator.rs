@@ -1,0 +1,562 @@
+//! How an inertial sensor sits on the robot and by how much its stamps are late, from turns of matched clouds.
+//!
+//! Between two clouds the robot turns by what the gyroscope has read, seen through its mount: as rotation vectors
+//! `matched = R * read(from + lag, to + lag, bias)`, for a rotation's vector turns with its axes. First every lag of a grid is tried with the
+//! rotation that fits best ([`BestRotation`]) and errors of Student's distribution; then rotation, bias and lag are found together by
+//! Gauss-Newton's steps with Huber weights. The uncertainty is the sandwich over groups of successive turns, as of the mount in the plane
+//! (docs/decisions/0028-calibration.md), and what is known of any sensor before stands beside it: so a turn that the motion does not show
+//! comes out as uncertain as it was.
+
+use crate::lag::surprise;
+use mapwright_geom::{BestRotation, Stamp, skew};
+use mapwright_sensor::{ImuReading, ImuReadings};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+
+/// Rotation about the robot's axes, bias along the sensor's axes as told, lag.
+const PARAMETERS: usize = 7;
+const LAG: usize = 6;
+type Vector = SVector<f64, PARAMETERS>;
+type Matrix = SMatrix<f64, PARAMETERS, PARAMETERS>;
+
+/// Lags are looked for up to so much to either side, in such steps, seconds.
+const LAG_MOST_S: f64 = 0.5;
+const LAG_STEP_S: f64 = 0.01;
+/// The derivative by the lag is that over so much to either side, seconds: single readings are noisy.
+const SLOPE_S: f64 = 0.005;
+/// Turns that are used, radians: more than noise makes up, less than half a turn.
+const TELLING_RAD: [f64; 2] = [0.03, 1.5];
+/// A turn ends after so much, radians, or so long, seconds: poses are as wrong after a large turn as after a small one.
+const STRETCH_RAD: f64 = 0.2;
+const STRETCH_S: f64 = 1.0;
+/// Turns, and turning in all, radians, without which nothing is said.
+const TURNS_LEAST: usize = 20;
+const TURNED_LEAST_RAD: f64 = 2.0;
+/// What is kept at most: turns of ten minutes or more, and readings of ten minutes at a thousand a second.
+const TURNS_KEPT: usize = 3000;
+const READINGS_KEPT: usize = 600_000;
+/// What is known of a sensor before: its rotation, radians, bias, radians a second, and lag, seconds; standard deviations.
+const BEFORE: [f64; 3] = [1.0, 0.05, 0.3];
+/// What no scatter shows, for it is alike all over a drive: matched turns are off by so much, radians, and so much later or earlier than the
+/// middle of the sweep, seconds, as what is seen best may stand at one end of it. Simulated drives whose floor tilts the robot by half a degree
+/// are off by so much.
+const ALIKE_RAD: f64 = 0.0005;
+const ALIKE_S: f64 = 0.001;
+/// A rotation less certain than this about some axis, radians, and a lag less certain than that, seconds, are not told by the motion.
+const KNOWN_RAD: f64 = 0.05;
+const KNOWN_S: f64 = 0.03;
+/// Vectors that have less than this in common along a second direction, beside the first, lie on one line.
+const LINE_SHARE: f64 = 1e-3;
+/// Turns that are read so many times as large as matched ones are in degrees a second: half of what that makes, in logarithms.
+const DEGREES_TIMES: f64 = 7.5;
+/// What is left of half of the turns is more than this share of them: no mount explains what was read.
+const LEFT_MOST: f64 = 0.3;
+/// Residuals beyond so many robust standard deviations lose weight (Huber 1964).
+const HUBER: f64 = 1.345;
+/// The length of a vector of three standard normal numbers: its median.
+const MEDIAN_OF_THREE: f64 = 1.538;
+/// No match is better than this, radians.
+const LEAST_RAD: f64 = 1e-4;
+/// Successive turns whose residuals may have a cause in common, at most; of few turns fewer, so that there are so many groups.
+const CLUSTER: usize = 10;
+const CLUSTERS_LEAST: usize = 3 * PARAMETERS;
+const ITERATIONS: usize = 30;
+/// The estimate stands still when no parameter changes by more: radians, radians a second, seconds.
+const STILL: f64 = 1e-7;
+
+/// How an inertial sensor sits and reads beside what was told of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImuFit {
+    /// Turns what was read, as told, into the robot's frame: identity where it sits as told.
+    pub robot_from_told: UnitQuaternion<f64>,
+    /// Covariance of its left perturbation, about the robot's axes, rad^2.
+    pub rotation_covariance_rad2: Matrix3<f64>,
+    /// A reading with the stamp `t` was taken at `t - lag_s` by the clouds' clock, seconds.
+    pub lag_s: f64,
+    /// Its standard deviation, seconds.
+    pub lag_sigma_s: f64,
+    /// What the gyroscope reads at rest, along its axes as told, radians a second.
+    pub bias_rad_per_s: [f64; 3],
+    /// Standard deviations of that, radians a second.
+    pub bias_sigma_rad_per_s: [f64; 3],
+    /// Turns between clouds that were used.
+    pub turns: usize,
+    /// How far they lead in all, radians.
+    pub turned_rad: f64,
+    /// How far matched and read turns differ, radians: the robust standard deviation of each component.
+    pub residual_rad: f64,
+}
+
+impl ImuFit {
+    /// Whether the motion tells how the sensor is turned about every axis.
+    #[must_use]
+    pub fn knows_rotation(&self) -> bool {
+        self.least_known().1 <= KNOWN_RAD
+    }
+
+    /// Whether the motion tells by how much its stamps are late.
+    #[must_use]
+    pub fn knows_lag(&self) -> bool {
+        self.lag_sigma_s <= KNOWN_S
+    }
+
+    /// The robot's axis about which it is least known how the sensor is turned, and the standard deviation of that, radians.
+    #[must_use]
+    pub fn least_known(&self) -> (Vector3<f64>, f64) {
+        let parts = self.rotation_covariance_rad2.symmetric_eigen();
+        let most = parts.eigenvalues.imax();
+        (parts.eigenvectors.column(most).into_owned(), parts.eigenvalues[most].max(0.0).sqrt())
+    }
+}
+
+/// A turn between the middles of two sweeps.
+#[derive(Debug, Clone, Copy)]
+struct Turn {
+    from: Stamp,
+    to: Stamp,
+    /// As matched, in the robot's frame.
+    rad: Vector3<f64>,
+}
+
+/// Learns how an inertial sensor sits from matched clouds and readings; these may come late.
+#[derive(Debug, Clone)]
+pub struct ImuCalibrator {
+    readings: ImuReadings,
+    turns: Vec<Turn>,
+    /// Where the turn that is not over began.
+    began: Option<(Stamp, UnitQuaternion<f64>)>,
+}
+
+impl Default for ImuCalibrator {
+    fn default() -> Self {
+        Self { readings: ImuReadings::keeping(READINGS_KEPT), turns: Vec::new(), began: None }
+    }
+}
+
+impl ImuCalibrator {
+    /// A reading, turned by the mount that is told.
+    pub fn add_reading(&mut self, reading: ImuReading) {
+        if self.readings.len() < READINGS_KEPT && self.turns.len() < TURNS_KEPT {
+            self.readings.add(reading);
+        }
+    }
+
+    /// How the robot stood in the middle of a sweep, in the order of time, as matched without the readings or with what is known of them.
+    pub fn add_pose(&mut self, middle: Stamp, local_from_robot: UnitQuaternion<f64>) {
+        let (from, local_from_then) = *self.began.get_or_insert((middle, local_from_robot));
+        let rad = (local_from_then.inverse() * local_from_robot).scaled_axis();
+        if rad.norm() < STRETCH_RAD && middle.secs_since(from) < STRETCH_S {
+            return;
+        }
+        if (TELLING_RAD[0]..TELLING_RAD[1]).contains(&rad.norm()) && middle > from && self.turns.len() < TURNS_KEPT {
+            self.turns.push(Turn { from, to: middle, rad });
+        }
+        self.began = Some((middle, local_from_robot));
+    }
+
+    /// The next pose is in no known relation to the last one.
+    pub fn break_off(&mut self) {
+        self.began = None;
+    }
+
+    /// The estimate.
+    ///
+    /// # Errors
+    /// What the motion would have to be, or that nothing fits, in words.
+    pub fn fit(&self) -> Result<ImuFit, String> {
+        let steps = (LAG_MOST_S / LAG_STEP_S).round() as i32;
+        let lags_s: Vec<f64> = (-steps..=steps).map(|step| LAG_STEP_S * f64::from(step)).collect();
+        let is_covered = |turn: &&Turn| {
+            [-LAG_MOST_S - SLOPE_S, LAG_MOST_S + SLOPE_S]
+                .iter()
+                .all(|lag_s| turn.read(&self.readings, *lag_s, Vector3::zeros()).is_some())
+        };
+        let turns: Vec<Turn> = self.turns.iter().filter(is_covered).copied().collect();
+        let turned_rad = turns.iter().fold(0.0, |sum, turn| sum + turn.rad.norm());
+        if turns.len() < TURNS_LEAST || turned_rad < TURNED_LEAST_RAD {
+            return Err(format!(
+                "expected at least {TURNS_LEAST} turns of {:.0} to {:.0} deg within a second or from cloud to cloud, with readings {LAG_MOST_S} s before and after, and \
+                 {TURNED_LEAST_RAD:.0} rad of turning in all, found {} and {turned_rad:.1} rad",
+                TELLING_RAD[0].to_degrees(),
+                TELLING_RAD[1].to_degrees(),
+                turns.len()
+            ));
+        }
+        if self.times_matched(&turns) > DEGREES_TIMES {
+            return Err(
+                "turn rates are some 57 times those of matches: expected radians a second, found degrees".to_owned()
+            );
+        }
+        let known = Known { readings: &self.readings, turns: &turns };
+        let tried: Vec<(f64, UnitQuaternion<f64>)> = lags_s.iter().filter_map(|lag_s| known.try_lag(*lag_s)).collect();
+        let best = (0..tried.len()).reduce(|a, b| if tried[b].0 < tried[a].0 { b } else { a });
+        let best = best.filter(|_| tried.len() == lags_s.len()).ok_or("turns that were read are not finite")?;
+        let fit = known.refined(tried[best].1, lags_s[best])?;
+        if fit.lag_s.abs() > LAG_MOST_S - LAG_STEP_S {
+            return Err(format!(
+                "readings fit best {:.2} s beside their stamps, or farther: expected stamps of one clock, within {LAG_MOST_S} s",
+                fit.lag_s
+            ));
+        }
+        Ok(ImuFit { turned_rad, ..fit })
+    }
+
+    /// How many times as large as matched turns those are that were read.
+    fn times_matched(&self, turns: &[Turn]) -> f64 {
+        let length = |turn: &Turn| {
+            let pieces = self.readings.pieces(turn.from, turn.to);
+            pieces.map(|piece| piece.turn_rate_rad_per_s * piece.elapsed_s).sum::<Vector3<f64>>().norm()
+        };
+        let (read, matched) =
+            turns.iter().fold((0.0, 0.0), |sum, turn| (sum.0 + length(turn), sum.1 + turn.rad.norm()));
+        read / matched
+    }
+}
+
+impl Turn {
+    /// As it was read with some lag, and its right perturbation's derivative by the bias, seconds.
+    fn read(&self, readings: &ImuReadings, lag_s: f64, bias: Vector3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let [from, to] = [self.from, self.to].map(|stamp| Stamp(stamp.0.saturating_add(Stamp::from_secs_f64(lag_s).0)));
+        let turned = readings.turned(from, to, bias)?;
+        Some((turned.start_from_end.scaled_axis(), turned.by_bias_s))
+    }
+}
+
+/// What an estimate is made of.
+struct Known<'a> {
+    readings: &'a ImuReadings,
+    turns: &'a [Turn],
+}
+
+/// An estimate on the way.
+#[derive(Debug, Clone, Copy)]
+struct At {
+    rotation: UnitQuaternion<f64>,
+    bias: Vector3<f64>,
+    lag_s: f64,
+}
+
+impl At {
+    fn moved(self, step: &Vector) -> Self {
+        let by: Vector3<f64> = step.fixed_rows::<3>(0).into();
+        Self {
+            rotation: UnitQuaternion::from_scaled_axis(by) * self.rotation,
+            bias: self.bias + step.fixed_rows::<3>(3),
+            lag_s: self.lag_s + step[LAG],
+        }
+    }
+}
+
+/// What is left of a turn, and its derivatives by each parameter.
+type Left = (Vector3<f64>, SMatrix<f64, 3, PARAMETERS>);
+
+impl Known<'_> {
+    /// How surprising what is left is with a lag, and the rotation that fits best with it.
+    fn try_lag(&self, lag_s: f64) -> Option<(f64, UnitQuaternion<f64>)> {
+        let read = self.turns.iter().map(|turn| Some(turn.read(self.readings, lag_s, Vector3::zeros())?.0));
+        let read: Vec<Vector3<f64>> = read.collect::<Option<_>>()?;
+        let (mut rotation, mut left) = (UnitQuaternion::identity(), vec![0.0; read.len()]);
+        // all alike at first, then those that fit
+        for _ in 0..3 {
+            let scale = scale_of(left.iter().copied());
+            let pairs = self.turns.iter().zip(&read).zip(&left);
+            let across = pairs.map(|((turn, read), left)| turn.rad * read.transpose() * weight(left / scale)).sum();
+            rotation = likeliest(&across)?;
+            left = self.turns.iter().zip(&read).map(|(turn, read)| (turn.rad - rotation * read).norm()).collect();
+        }
+        Some((surprise(left.into_iter()), rotation))
+    }
+
+    /// What is left of each turn.
+    fn left(&self, at: At) -> Option<Vec<Left>> {
+        let rotation = at.rotation.to_rotation_matrix();
+        let of_one = |turn: &Turn| {
+            let (read, by_bias_s) = turn.read(self.readings, at.lag_s, at.bias)?;
+            let beside = |by_s: f64| Some(turn.read(self.readings, at.lag_s + by_s, at.bias)?.0);
+            let by_lag = (beside(SLOPE_S)? - beside(-SLOPE_S)?) / (2.0 * SLOPE_S);
+            let seen = rotation * read;
+            let mut slopes = SMatrix::<f64, 3, PARAMETERS>::zeros();
+            slopes.fixed_columns_mut::<3>(0).copy_from(&skew(&seen));
+            slopes.fixed_columns_mut::<3>(3).copy_from(&-(rotation.matrix() * log_slope(&read) * by_bias_s));
+            slopes.fixed_columns_mut::<1>(LAG).copy_from(&-(rotation * by_lag));
+            Some((turn.rad - seen, slopes))
+        };
+        self.turns.iter().map(of_one).collect()
+    }
+
+    /// How uncertain a rotation is about the robot's axes by what all turns are off by alike: the more, the less they lead across an axis.
+    fn alike_rad2(&self) -> Option<Matrix3<f64>> {
+        let across = |turn: &Turn| skew(&turn.rad).transpose() * skew(&turn.rad);
+        let sum: Matrix3<f64> = self.turns.iter().map(across).sum();
+        let mean_rad2 = sum / self.turns.len() as f64;
+        (mean_rad2 / ALIKE_RAD.powi(2) + Matrix3::identity() / BEFORE[0].powi(2)).try_inverse()
+    }
+
+    /// Rotation, bias and lag together, from a start.
+    fn refined(&self, rotation: UnitQuaternion<f64>, lag_s: f64) -> Result<ImuFit, String> {
+        let uncovered = || "there are no readings around the turns that were matched".to_owned();
+        let mut at = At { rotation, bias: Vector3::zeros(), lag_s };
+        for _ in 0..ITERATIONS {
+            let normal = Normal::of(&self.left(at).ok_or_else(uncovered)?, at);
+            let step = normal.bread.cholesky().map(|bread| bread.solve(&normal.gradient));
+            let step = step.filter(|step| step.iter().all(|v| v.is_finite())).ok_or_else(uncovered)?;
+            at = at.moved(&-step);
+            // beyond this nothing is read
+            at.lag_s = at.lag_s.clamp(-LAG_MOST_S, LAG_MOST_S);
+            if step.amax() < STILL {
+                break;
+            }
+        }
+        let normal = Normal::of(&self.left(at).ok_or_else(uncovered)?, at);
+        let usual = median(self.turns.iter().map(|turn| turn.rad.norm()));
+        if MEDIAN_OF_THREE * normal.scale > LEFT_MOST * usual {
+            return Err(format!(
+                "no mount explains what was read: of turns of {:.1} deg half differ from those of matches by {:.1} deg or more",
+                usual.to_degrees(),
+                (MEDIAN_OF_THREE * normal.scale).to_degrees()
+            ));
+        }
+        let covariance = normal.covariance().ok_or_else(uncovered)?;
+        let sigma = |k: usize| covariance[(k, k)].max(0.0).sqrt();
+        Ok(ImuFit {
+            robot_from_told: at.rotation,
+            rotation_covariance_rad2: covariance.fixed_view::<3, 3>(0, 0) + self.alike_rad2().ok_or_else(uncovered)?,
+            lag_s: at.lag_s,
+            lag_sigma_s: sigma(LAG).hypot(ALIKE_S),
+            bias_rad_per_s: at.bias.into(),
+            bias_sigma_rad_per_s: [3, 4, 5].map(sigma),
+            turns: self.turns.len(),
+            turned_rad: 0.0,
+            residual_rad: normal.scale,
+        })
+    }
+}
+
+/// The equations that the estimate solves.
+struct Normal {
+    /// Of half the cost, what is known before added.
+    gradient: Vector,
+    bread: Matrix,
+    /// Spread of the gradient over groups of turns, and of what is known before.
+    spread: Matrix,
+    scale: f64,
+}
+
+impl Normal {
+    fn of(left: &[Left], at: At) -> Self {
+        let scale = scale_of(left.iter().map(|(left, _)| left.norm()));
+        let [rotation, bias, lag] = BEFORE.map(|sigma: f64| sigma.powi(-2));
+        let before = Matrix::from_diagonal(&Vector::from([rotation, rotation, rotation, bias, bias, bias, lag]));
+        // of the rotation nothing is known but that it is one
+        let mut from_before = Vector::zeros();
+        from_before.fixed_rows_mut::<3>(3).copy_from(&at.bias);
+        from_before[LAG] = at.lag_s;
+        let (mut gradient, mut bread, mut spread) = (before * from_before, before, Matrix::zeros());
+        let together = (left.len() / CLUSTERS_LEAST).clamp(1, CLUSTER);
+        for group in left.chunks(together) {
+            let mut own = Vector::zeros();
+            for (left, slopes) in group {
+                let information = weight(left.norm() / (MEDIAN_OF_THREE * scale)) / (scale * scale);
+                own += slopes.transpose() * left * information;
+                bread += slopes.transpose() * slopes * information;
+            }
+            gradient += own;
+            spread += own * own.transpose();
+        }
+        let groups = left.len().div_ceil(together) as f64;
+        // a few groups scatter less about an estimate that was made of them than about the truth
+        let spread = spread * (groups / (groups - PARAMETERS as f64).max(1.0)) + before;
+        Self { gradient, bread, spread, scale }
+    }
+
+    fn covariance(&self) -> Option<Matrix> {
+        let inverse = self.bread.try_inverse()?;
+        Some(inverse * self.spread * inverse)
+    }
+}
+
+/// The rotation that fits best; of turns about one axis the shortest one that brings it where it belongs.
+fn likeliest(across: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
+    let best = BestRotation::of(across)?;
+    if best.common[1] > LINE_SHARE * best.common[0] {
+        return Some(best.rotation);
+    }
+    let [matched, read] = best.principal;
+    let reversed = || UnitQuaternion::from_axis_angle(&across_of(&read), std::f64::consts::PI);
+    Some(UnitQuaternion::rotation_between(&read, &matched).unwrap_or_else(reversed))
+}
+
+/// A direction across another one: that of the axis which has least of it.
+fn across_of(direction: &Vector3<f64>) -> nalgebra::Unit<Vector3<f64>> {
+    nalgebra::Unit::new_normalize(direction.cross(&Vector3::ith(direction.iamin(), 1.0)))
+}
+
+/// From lengths of what is left, the standard deviation of each of three components.
+fn scale_of(left: impl Iterator<Item = f64>) -> f64 {
+    (median(left) / MEDIAN_OF_THREE).max(LEAST_RAD)
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Huber's.
+fn weight(sigmas: f64) -> f64 {
+    if sigmas <= HUBER { 1.0 } else { HUBER / sigmas }
+}
+
+/// How a rotation's vector changes with its right perturbation: the inverse of the right Jacobian (Forster et al. 2017, eq. 9).
+fn log_slope(rad: &Vector3<f64>) -> Matrix3<f64> {
+    let (angle_rad, across) = (rad.norm(), skew(rad));
+    let second = if angle_rad < 1e-4 {
+        1.0 / 12.0
+    } else {
+        1.0 / (angle_rad * angle_rad) - (1.0 + angle_rad.cos()) / (2.0 * angle_rad * angle_rad.sin())
+    };
+    Matrix3::identity() + 0.5 * across + second * across * across
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A robot that turns about these axes, unevenly, for so long; read by a sensor that is turned by `robot_from_told`, late and biased, a
+    /// hundred times a second, and matched every tenth of a second with noise.
+    struct Made {
+        axes: [Vector3<f64>; 3],
+        robot_from_told: UnitQuaternion<f64>,
+        lag_s: f64,
+        bias: Vector3<f64>,
+        noise_rad: f64,
+    }
+
+    impl Made {
+        fn rate(&self, s: f64) -> Vector3<f64> {
+            let [a, b, c] = self.axes;
+            a * (0.9 * (1.3 * s).sin() + 0.4 * (4.1 * s).cos()) + b * (1.1 * s).cos() + c * (0.8 * (2.3 * s).sin())
+        }
+
+        fn calibrator(&self, seconds: f64) -> ImuCalibrator {
+            let mut made = ImuCalibrator::default();
+            let mut rotation = UnitQuaternion::identity();
+            let mut random = 12345_u32;
+            let mut noise = || {
+                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (f64::from(random >> 8) / f64::from(1 << 24) - 0.5) * 3.46
+            };
+            for k in 0..(1000.0 * seconds) as i32 {
+                let s = 1e-3 * f64::from(k);
+                if k % 10 == 0 {
+                    let turn_rate_rad_per_s = self.robot_from_told.inverse() * self.rate(s) + self.bias;
+                    let stamp = Stamp::from_secs_f64(100.0 + s + self.lag_s);
+                    made.add_reading(ImuReading { stamp, turn_rate_rad_per_s, specific_force_m_per_s2: None });
+                }
+                if k % 100 == 0 {
+                    let off = Vector3::new(noise(), noise(), noise()) * self.noise_rad;
+                    made.add_pose(Stamp::from_secs_f64(100.0 + s), rotation * UnitQuaternion::from_scaled_axis(off));
+                }
+                rotation *= UnitQuaternion::from_scaled_axis(self.rate(s + 5e-4) * 1e-3);
+            }
+            made
+        }
+    }
+
+    const IN_ALL: [Vector3<f64>; 3] =
+        [Vector3::new(0.0, 0.0, 1.0), Vector3::new(0.0, 0.3, 0.1), Vector3::new(0.25, 0.0, 0.0)];
+
+    #[test]
+    fn rotation_lag_and_bias_are_found_within_what_is_said() {
+        let turned = [[0.0, 0.0, 0.0], [3.1, 0.02, -0.01], [0.4, -1.1, 2.0]]
+            .map(|[r, p, y]| UnitQuaternion::from_euler_angles(r, p, y));
+        for (robot_from_told, lag_s) in turned.into_iter().zip([0.0, 0.05, -0.137]) {
+            let bias = Vector3::new(0.02, -0.01, 0.015);
+            let made = Made { axes: IN_ALL, robot_from_told, lag_s, bias, noise_rad: 0.004 };
+            let found = made.calibrator(40.0).fit().unwrap();
+            let off = (found.robot_from_told * robot_from_told.inverse()).scaled_axis();
+            let sigmas = (off.dot(&(found.rotation_covariance_rad2.try_inverse().unwrap() * off))).sqrt();
+            assert!(off.norm() < 0.01 && sigmas < 4.0 && found.knows_rotation(), "{off} {sigmas} {found:?}");
+            assert!((found.lag_s - lag_s).abs() < 3.5 * found.lag_sigma_s && found.lag_sigma_s < 0.003, "{found:?}");
+            for axis in 0..3 {
+                let off = found.bias_rad_per_s[axis] - bias[axis];
+                assert!(off.abs() < 4.0 * found.bias_sigma_rad_per_s[axis] && off.abs() < 0.005, "{axis}: {found:?}");
+            }
+            // of two poses
+            assert!((found.residual_rad / (0.004 * 2f64.sqrt()) - 1.0).abs() < 0.3, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn about_one_axis_the_turn_about_it_stays_unknown_and_the_lag_is_found() {
+        let about_z = [Vector3::z(), Vector3::zeros(), Vector3::zeros()];
+        let down = UnitQuaternion::from_euler_angles(std::f64::consts::PI, 0.0, 0.7);
+        for robot_from_told in [UnitQuaternion::identity(), down] {
+            let made = Made { axes: about_z, robot_from_told, lag_s: 0.08, bias: Vector3::zeros(), noise_rad: 0.003 };
+            let found = made.calibrator(40.0).fit().unwrap();
+            let (axis, sigma_rad) = found.least_known();
+            assert!(!found.knows_rotation() && axis.z.abs() > 0.99 && sigma_rad > 0.2, "{axis} {sigma_rad} {found:?}");
+            assert!(found.knows_lag() && (found.lag_s - 0.08).abs() < 0.005, "{found:?}");
+            let up = robot_from_told.inverse() * Vector3::z();
+            assert!((found.robot_from_told * up).z > 0.999, "which way is up is told: {found:?}");
+        }
+    }
+
+    #[test]
+    fn an_even_turn_tells_no_lag() {
+        let mut made = ImuCalibrator::default();
+        let rate = Vector3::new(0.1, 0.0, 1.0);
+        for k in 0..2000 {
+            let stamp = Stamp::from_secs_f64(0.01 * f64::from(k));
+            made.add_reading(ImuReading { stamp, turn_rate_rad_per_s: rate, specific_force_m_per_s2: None });
+            if k % 10 == 0 {
+                made.add_pose(stamp, UnitQuaternion::from_scaled_axis(0.01 * f64::from(k) * rate));
+            }
+        }
+        assert!(!made.fit().unwrap().knows_lag());
+    }
+
+    #[test]
+    fn what_tells_nothing_and_what_no_mount_explains_is_refused() {
+        let none = ImuCalibrator::default().fit().unwrap_err();
+        assert!(none.contains("found 0 and 0.0 rad"), "{none}");
+        let still = Made {
+            axes: [Vector3::zeros(); 3],
+            robot_from_told: UnitQuaternion::identity(),
+            lag_s: 0.0,
+            bias: Vector3::zeros(),
+            noise_rad: 0.003,
+        };
+        assert!(still.calibrator(20.0).fit().is_err());
+        let late = Made { axes: IN_ALL, lag_s: 0.8, ..still };
+        assert!(late.calibrator(30.0).fit().is_err());
+        let sound = Made { lag_s: 0.0, ..late };
+        let (mut in_degrees, mut mirrored) = (sound.calibrator(30.0), sound.calibrator(30.0));
+        in_degrees.readings = ImuReadings::keeping(READINGS_KEPT);
+        mirrored.readings = ImuReadings::keeping(READINGS_KEPT);
+        for k in 0..3000 {
+            let s = 0.01 * f64::from(k);
+            let read = |rate: Vector3<f64>| ImuReading {
+                stamp: Stamp::from_secs_f64(100.0 + s),
+                turn_rate_rad_per_s: rate,
+                specific_force_m_per_s2: None,
+            };
+            in_degrees.add_reading(read(sound.rate(s).map(f64::to_degrees)));
+            mirrored.add_reading(read(sound.rate(3.0 * s + 1.0)));
+        }
+        let reason = in_degrees.fit().unwrap_err();
+        assert!(reason.contains("degrees"), "{reason}");
+        let reason = mirrored.fit().unwrap_err();
+        assert!(reason.contains("no mount explains"), "{reason}");
+    }
+
+    #[test]
+    fn the_slope_of_a_rotations_vector_is_that_of_differences() {
+        let rad = Vector3::new(0.4, -0.9, 0.7);
+        for axis in 0..3 {
+            let step = Vector3::ith(axis, 1e-6);
+            let more = UnitQuaternion::from_scaled_axis(rad) * UnitQuaternion::from_scaled_axis(step);
+            let numeric = (more.scaled_axis() - rad) / 1e-6;
+            assert!((numeric - log_slope(&rad).column(axis)).norm() < 1e-5);
+        }
+    }
+}
