@@ -18,7 +18,9 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?;
     let interrupt = Interrupt::watch()?;
     let name = format!("simulated building of two storeys, seed {}", args.seed);
-    let source = Source::Simulated(Box::new(Simulation::of(drive(args), EVERY)));
+    let simulation = Simulation::of(drive(args), EVERY);
+    let simulation = if args.imu { simulation.with_imu() } else { simulation };
+    let source = Source::Simulated(Box::new(simulation));
     map(&Run { name: &name, output: &args.output, mapping: &args.mapping, goes_on: false }, source, &interrupt)
 }
 
