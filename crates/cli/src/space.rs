@@ -55,6 +55,16 @@ pub(crate) fn check_choice_of_files(args: &SourceArgs) -> Result<(), Failure> {
     }
 }
 
+/// What is said of a planar laser is wrong usage where clouds are mapped.
+pub(crate) fn check_choice_of_clouds(args: &SourceArgs) -> Result<(), Failure> {
+    if args.has_mount() {
+        let why = "--mount and the calibration of a planar laser are for planar lasers, found a recording of space: `mapwright calibrate` of it \
+                   makes one of its sensors, --imu-mount says how the inertial one sits, --frame names the robot's frame";
+        return Err(Failure::Usage(why.to_owned()));
+    }
+    Ok(())
+}
+
 /// What is mapped, under which name, where the results go, and how.
 pub(crate) struct Run<'a> {
     pub(crate) name: &'a str,

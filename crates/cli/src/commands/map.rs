@@ -132,11 +132,7 @@ fn nothing_mapped(name: &str, read: &Reading, mapping: &Mapping) -> Failure {
 }
 
 fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Result<Outcome, Failure> {
-    if args.source.has_mount() {
-        let why = "--mount and the calibration of a planar laser are for planar lasers, found a recording of space: `mapwright calibrate` of it \
-                   makes one of its sensors, --imu-mount says how the inertial one sits, --frame names the robot's frame";
-        return Err(Failure::Usage(why.to_owned()));
-    }
+    space::check_choice_of_clouds(&args.source)?;
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
     space::map(
         &space::Run { name: &name, output: &args.output(), mapping: &args.mapping, goes_on: args.goes_on },

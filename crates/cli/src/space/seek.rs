@@ -105,6 +105,7 @@ pub(super) fn in_space<'a>(
     let name = name_of(path);
     match input(path)? {
         Input::Recording(path) => {
+            super::check_choice_of_clouds(args)?;
             let survey = surveyed(&name, &path, watch)?;
             let messages = Messages::open(&name, &path, survey, &args.choice(), &args.camera())?;
             Ok(Source::Messages(Box::new(messages)))

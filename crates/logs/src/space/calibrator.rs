@@ -39,7 +39,7 @@ const BEFORE: [f64; 3] = [1.0, 0.05, 0.3];
 /// What no scatter shows, for it is alike all over a drive: matched turns are off by so much, radians, and so much later or earlier than the
 /// middle of the sweep, seconds, as what is seen best may stand at one end of it. Simulated drives whose floor tilts the robot by half a degree
 /// are off by so much.
-const ALIKE_RAD: f64 = 0.0005;
+const ALIKE_RAD: f64 = 0.0003;
 const ALIKE_S: f64 = 0.001;
 /// A rotation less certain than this about some axis, radians, and a lag less certain than that, seconds, are not told by the motion.
 const KNOWN_RAD: f64 = 0.05;
