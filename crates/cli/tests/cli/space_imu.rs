@@ -247,3 +247,20 @@ fn a_recording_with_an_inertial_sensor_in_two_parts_is_mapped_like_the_whole() {
         assert!(read("whole.out") == read("second.out"), "{file} differs");
     }
 }
+
+#[test]
+fn the_demo_in_space_has_an_inertial_sensor_where_it_is_asked_for() {
+    let folder = folder("demo_imu");
+    let demo = |name: &str, more: &[&str]| {
+        let out = folder.join(name);
+        assert_code(
+            &run(&[&["demo", "--3d", "--seconds", "8", "--quiet", "-o", out.to_str().unwrap()], more].concat()),
+            0,
+        );
+        json(&out.join("report.json"))["imu"].clone()
+    };
+    assert!(demo("without", &[]).is_null());
+    let imu = demo("with", &["--imu"]);
+    assert!(imu["readings"].as_u64().unwrap() > 1500 && imu["late"] == 0 && imu["clouds_without"] == 0, "{imu}");
+    assert_code(&run(&["demo", "--imu"]), 2);
+}
