@@ -5,6 +5,7 @@ use crate::cycles::Follows;
 use crate::front_end::{Found, FrontEnd};
 use crate::local_map::{Frames, LocalMapping};
 use crate::pose::{Motion, RobotPose};
+use crate::sensors::newest_of;
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Slipped, Written};
 use crate::watch::Watch;
@@ -13,7 +14,7 @@ use mapwright_geom::{Cov3, Pose2, Stamp, TangentMatrix, compose_covariance};
 use mapwright_grid::LocalMap;
 use mapwright_loops::{KnownPlace, PlaneSubmaps, VerifySettings};
 use mapwright_record::{Beams, FragmentStart, LeftOutReason, LocalMapReport, NodeId, Past};
-use mapwright_sensor::{LaserModel, LaserScan, Odometry, Sweep, SweepPoints, TurnRate};
+use mapwright_sensor::{LaserScan, Odometry, Sweep, SweepPoints, TurnRate};
 use predict::{Moved, Predictor, Step};
 use prepare::Preparation;
 use seen::Place;
@@ -24,7 +25,6 @@ use track::{Scene, Tracker, translation_axes};
 mod checkpoint;
 mod dynamic;
 mod insert;
-mod lasers;
 mod on_robot;
 mod predict;
 mod prepare;
@@ -361,17 +361,6 @@ impl FrontEnd<Sweep> for PlaneFrontEnd {
     fn take_in(&mut self, past: Past<'_>, first_edge: usize, is_first: bool) {
         self.take_in_newest(past, first_edge, is_first);
     }
-}
-
-/// Keyframes of other lasers that may have come since the newest one of a laser.
-const OTHERS_SINCE: usize = 64;
-
-/// The newest keyframe of a laser in the present fragment, for each laser sees other walls; none where it is long ago.
-fn newest_of(past: Past<'_>, laser: &LaserModel) -> Option<NodeId> {
-    let session = past.session;
-    let first = session.fragments().last().and_then(|fragment| session.place(fragment.first)).unwrap_or(0);
-    let own = |node: &usize| session.keyframes()[*node].sweep.laser.is_one_with(laser);
-    (first..session.keyframes().len()).rev().take(OTHERS_SINCE).find(own).map(NodeId::at)
 }
 
 impl Follows<Sweep> for PlaneFrontEnd {

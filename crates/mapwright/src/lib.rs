@@ -33,6 +33,7 @@ mod patches;
 mod pose;
 mod probe;
 mod render;
+mod sensors;
 mod settings;
 mod space;
 mod store;

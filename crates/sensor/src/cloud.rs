@@ -1,7 +1,11 @@
 //! Readings of sensors in space, as they arrive: clouds of points and images of depth.
 
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::{Pose3, Stamp, stored};
+use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
+
+/// A sensor whose mount is put right by up to so much is the same, radians.
+const SAME_WAY_RAD: f64 = FRAC_PI_4;
 
 /// How a sensor in space looks at the world. Shared by all that it takes.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +57,15 @@ impl SpaceSensor {
         self.range_sigma_m + self.range_sigma_per_m * range_m * range_m
     }
 
+    /// Whether clouds of both are one stream, of one sensor: they have one name and look the same way; or they sit in one place and look the
+    /// same way, as where two recordings have a sensor under two names.
+    #[must_use]
+    pub fn is_one_with(&self, other: &Self) -> bool {
+        let turned_rad = self.robot_from_sensor.rotation.angle_to(&other.robot_from_sensor.rotation);
+        let is_alike = self.name == other.name && turned_rad <= SAME_WAY_RAD;
+        is_alike || self.robot_from_sensor == other.robot_from_sensor
+    }
+
     /// Whether it can be mapped with.
     ///
     /// # Errors
@@ -68,6 +81,8 @@ impl SpaceSensor {
         Ok(())
     }
 }
+
+stored!(SpaceSensor { name, range_min_m, range_max_m, robot_from_sensor, range_sigma_m, range_sigma_per_m });
 
 /// One sweep of a lidar, or one image of a depth camera, as points.
 #[derive(Debug, Clone, PartialEq)]

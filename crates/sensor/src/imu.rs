@@ -35,12 +35,20 @@ pub struct ImuReading {
 }
 
 impl ImuReading {
-    /// Whether it can be: finite, within 100 rad/s and 50 g.
+    /// Whether it can be: finite, within 50 g, and within 100 rad/s were its turn rate in degrees a second, which only matches tell.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let force = self.specific_force_m_per_s2.unwrap_or_else(Vector3::zeros);
         // not `>`: NaN must fail
-        self.turn_rate_rad_per_s.norm() <= FASTEST_RAD_PER_S && force.norm() <= HARDEST_M_PER_S2
+        self.turn_rate_rad_per_s.norm() <= FASTEST_RAD_PER_S.to_degrees() && force.norm() <= HARDEST_M_PER_S2
+    }
+}
+
+impl ImuReading {
+    /// Whether it turns as fast as no robot does, 100 rad/s, where its turn rate is in radians.
+    #[must_use]
+    pub fn is_too_fast(&self) -> bool {
+        self.turn_rate_rad_per_s.norm() > FASTEST_RAD_PER_S
     }
 }
 
@@ -49,7 +57,7 @@ impl ImuReading {
 pub enum ImuTaken {
     /// Kept, in its place by stamp.
     Kept,
-    /// Left out: not finite, or beyond 100 rad/s or 50 g.
+    /// Left out: not finite, or beyond 100 rad/s in whatever unit, or 50 g.
     Unsound,
     /// Left out: the time that it belongs to has been made use of.
     Late,
@@ -380,7 +388,7 @@ mod tests {
         assert_eq!(stamps, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
         assert_eq!(readings.add(reading(0.2, [0.0, 0.0, 7.0])), ImuTaken::Kept);
         assert_eq!((readings.readings.len(), readings.readings[2].turn_rate_rad_per_s.z), (6, 7.0));
-        for bad in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [0.0, 0.0, 1e3]] {
+        for bad in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [0.0, 0.0, 1e4]] {
             assert_eq!(readings.add(reading(0.6, bad)), ImuTaken::Unsound);
         }
         let pushed = ImuReading { specific_force_m_per_s2: Some(Vector3::repeat(f64::NAN)), ..reading(0.6, [0.0; 3]) };

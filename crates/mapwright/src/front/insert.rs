@@ -1,7 +1,7 @@
 //! Step 4: what of a scan a keyframe shows.
 
-use super::lasers::PerLaser;
 use super::prepare::Preparation;
+use crate::sensors::PerSensor;
 use mapwright_geom::{Pose2, stored};
 use mapwright_grid::LocalMap;
 use mapwright_record::Beams;
@@ -16,7 +16,7 @@ const INTRUDED_AT_MOST: u32 = 16;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Intruders {
     /// By laser, keyframes in a row with somebody in the way.
-    in_a_row: PerLaser<u32>,
+    in_a_row: PerSensor<u32>,
 }
 
 stored!(Intruders { in_a_row });

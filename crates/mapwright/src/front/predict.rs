@@ -1,7 +1,7 @@
 //! Prediction: where the robot should be before its scan is looked at.
 
-use super::lasers::{LaserId, PerLaser};
 use crate::odometry::{OdometryTrust, odometry_variances};
+use crate::sensors::{PerSensor, SensorId};
 use crate::settings::MotionSettings;
 use mapwright_geom::{Pose2, Stamp, Stored, stored};
 use mapwright_sensor::Pace;
@@ -84,8 +84,8 @@ pub(crate) struct Predictor {
     /// Motion from scan to scan: the last one; without odometry its translation is averaged. Of several lasers, in a usual period.
     twist: Option<[f64; 3]>,
     /// The laser of the present scan, and the last scan of each.
-    laser: LaserId,
-    last: PerLaser<Option<LastScan>>,
+    laser: SensorId,
+    last: PerSensor<Option<LastScan>>,
     /// The last scan came after a gap.
     after_gap: bool,
     /// Running mean of the time between scans.
@@ -133,8 +133,8 @@ impl Default for Predictor {
             odom_from_robot: None,
             stamp: None,
             twist: None,
-            laser: LaserId::default(),
-            last: PerLaser::default(),
+            laser: SensorId::default(),
+            last: PerSensor::default(),
             after_gap: false,
             period_s: 0.0,
             trust: OdometryTrust::default(),
@@ -177,7 +177,7 @@ impl Predictor {
     }
 
     /// The next scan is of this laser.
-    pub(super) fn turn_to(&mut self, laser: LaserId) {
+    pub(super) fn turn_to(&mut self, laser: SensorId) {
         self.laser = laser;
         self.last.of(laser);
     }

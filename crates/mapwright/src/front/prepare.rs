@@ -1,12 +1,12 @@
 //! Step 1: returns and free space as points, without what is no return and what moves; the motion during the sweep undone.
 
 use super::dynamic::DynamicObjects;
-use super::lasers::{LaserId, Lasers, PerLaser};
 use super::on_robot::{Motion, OnRobot, Present};
 use super::predict::Step;
 use super::seen::Place;
 use super::sweep_motion::SweepMotion;
 use super::sweep_twist::{Glance, SweepTwist};
+use crate::sensors::{PerSensor, SensorId, Sensors};
 use crate::settings::ScanSettings;
 use mapwright_geom::{Pose2, Stamp, stored};
 use mapwright_sensor::{BeamCounts, BeamTable, LaserModel, LaserScan, Odometry, Sweep, SweepPoints, TurnRate};
@@ -23,11 +23,11 @@ const SCATTER_SHARE: f64 = 0.08;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Preparation {
     motion: SweepMotion,
-    lasers: Lasers,
+    lasers: Sensors<LaserModel>,
     /// That of the present scan,
-    laser: LaserId,
+    laser: SensorId,
     /// and what is known of each.
-    known: PerLaser<Known>,
+    known: PerSensor<Known>,
     /// What the last sweeps have told of the motion during them, where the scan before was the same laser's.
     sweep_twist: SweepTwist,
     sweep: Option<Sweep>,
@@ -79,7 +79,7 @@ impl Preparation {
     }
 
     /// Which laser a scan is of: the present one from now on.
-    pub(super) fn turn_to(&mut self, laser: &Arc<LaserModel>) -> LaserId {
+    pub(super) fn turn_to(&mut self, laser: &Arc<LaserModel>) -> SensorId {
         let of = self.lasers.of(laser);
         if of != std::mem::replace(&mut self.laser, of) {
             self.sweep_twist.forget();
@@ -88,7 +88,7 @@ impl Preparation {
     }
 
     /// The laser of the present scan.
-    pub(super) fn laser(&self) -> LaserId {
+    pub(super) fn laser(&self) -> SensorId {
         self.laser
     }
 

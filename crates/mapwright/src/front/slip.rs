@@ -4,8 +4,8 @@
 //! back from decimetres away: it fits nearly as well where the wheels have it. But it goes on fitting a little less than
 //! usual, and each such scan fits better in one and the same place ahead or behind. Their likelihood ratios add up.
 
-use super::lasers::PerLaser;
 use super::track::{INDEPENDENT_BEAMS, Matched, Scene, Tracker, translation_axes};
+use crate::sensors::PerSensor;
 use crate::store::Slipped;
 use mapwright_geom::{Cov3, Pose2, Stored, stored};
 use mapwright_grid::Prior;
@@ -44,7 +44,7 @@ const FOUND_RAD: f64 = 0.01;
 /// Watches how scans fit, for slips that single scans do not show.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SlipWatch {
-    usual_share: PerLaser<f64>,
+    usual_share: PerSensor<f64>,
     watch: Option<Watch>,
 }
 

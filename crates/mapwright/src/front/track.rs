@@ -1,11 +1,11 @@
 //! Step 3: the match, and the guard that starts it again where it is in doubt.
 
-use super::lasers::{LaserId, PerLaser};
 use super::predict::{Predictor, Step};
 use super::prepare::Preparation;
 use crate::front_end::Found;
 use crate::local_map::LocalMapping;
 use crate::pose::RobotPose;
+use crate::sensors::{PerSensor, SensorId};
 use crate::settings::{Optimizer, Settings};
 use crate::watch::Watch;
 use mapwright_geom::{Cov3, Pose2, Stamp, Stored};
@@ -120,7 +120,7 @@ pub(super) struct Scene<'a> {
     pub(super) local_from_last: Pose2,
     pub(super) step: Step,
     /// The laser that took the scan.
-    pub(super) laser: LaserId,
+    pub(super) laser: SensorId,
     /// The keyframe that comes next.
     pub(super) next: NodeId,
 }
@@ -174,7 +174,7 @@ pub(crate) struct Tracker {
     pub(super) matcher: Matcher,
     searcher: CorrelativeSearch,
     /// By laser, running mean of the share of fitting beams.
-    usual_share: PerLaser<f64>,
+    usual_share: PerSensor<f64>,
     /// Since when nothing was seen, and how many scans in a row were not believed.
     pub(super) watch: Watch,
     /// The first keyframe made in doubt, until a match confirms where the robot is.
@@ -186,7 +186,7 @@ impl Tracker {
         Self {
             matcher: Matcher { settings: settings.matcher() },
             searcher: CorrelativeSearch::default(),
-            usual_share: PerLaser::default(),
+            usual_share: PerSensor::default(),
             watch: Watch::default(),
             doubted_from: None,
         }
@@ -201,7 +201,7 @@ impl Tracker {
 
     /// Goes on as it was, after so many keyframes.
     pub(super) fn restore(settings: &Settings, from: &mut &[u8], keyframes: usize) -> Option<Self> {
-        let usual_share = PerLaser::<f64>::take(from)?;
+        let usual_share = PerSensor::<f64>::take(from)?;
         let (misfits, doubted_from, seen): (u32, Option<NodeId>, _) = Stored::take(from)?;
         let (blank, heard, silence): (u32, _, _) = Stored::take(from)?;
         let watch = Watch { misfits, seen, blank, heard, silence };
@@ -422,14 +422,14 @@ impl Tracker {
     }
 
     /// The share of fitting beams that is usual here and now.
-    fn observe_share(&mut self, laser: LaserId, agreement: &Agreement) {
+    fn observe_share(&mut self, laser: SensorId, agreement: &Agreement) {
         if agreement.known_share() > 0.5 {
             let usual = self.usual_share.of(laser);
             *usual += USUAL_WEIGHT * (agreement.inlier_share() - *usual);
         }
     }
 
-    fn usual_share(&self, laser: LaserId) -> f64 {
+    fn usual_share(&self, laser: SensorId) -> f64 {
         self.usual_share.get(laser).copied().unwrap_or_default()
     }
 

@@ -6,13 +6,14 @@ use crate::cycles::Follows;
 use crate::front::{Links, links};
 use crate::front_end::{Found, FrontEnd};
 use crate::pose::{Motion, RobotPose};
+use crate::sensors::{SensorId, Sensors, newest_of};
 use crate::settings::Settings;
 use crate::store::{NewKeyframe, Written};
 use crate::watch::Watch;
 use mapwright_geom::{Cov6, Pose3, Stamp, TangentMatrix, compose_covariance};
 use mapwright_loops::{KnownPlace, SUBMAP_M, SpaceSubmaps, Submaps, VerifySettings, View, Window, views_along};
 use mapwright_record::{FragmentStart, LocalMapReport, NodeId, Past, Session};
-use mapwright_sensor::{Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSweep};
+use mapwright_sensor::{Cloud, DownEstimate, ImuReading, ImuTaken, SpaceSensor, SpaceSweep};
 use mapwright_voxel::{Prior, TwistPrior};
 use nalgebra::Vector6;
 use std::f64::consts::PI;
@@ -33,7 +34,7 @@ pub use inertial::ImuReport;
 use inertial::Inertial;
 use inertial::LevelWatch;
 pub use mount::ImuMount;
-use predict::{Predictor, Step, carried_on_variances};
+use predict::{Predictor, Settled, Step, Taken, carried_on_variances};
 use prepare::Preparation;
 use span::Span;
 use sweep_motion::SweepMotion;
@@ -57,6 +58,13 @@ const BENT_SIGMAS: f64 = 2.0;
 pub struct SpaceFrontEnd {
     settings: Settings,
     preparation: Preparation,
+    sensors: Sensors<SpaceSensor>,
+    /// The sensor of the present cloud; and of the last cloud that said where the robot is, with its stamp and how surely it did.
+    sensor: SensorId,
+    posed_by: Option<((SensorId, Stamp), Cov6)>,
+    /// Another sensor has just said where the robot is, and the present cloud shows what none has shown: where that is certain enough to be
+    /// matched against, its information.
+    sees_elsewhere: Option<Option<Cov6>>,
     predictor: Predictor,
     inertial: Inertial,
     /// During the present sweep, whether its turning was read, and how sure its points make it.
@@ -173,6 +181,31 @@ impl SpaceFrontEnd {
         0.5 * span.length_s() * (way + scale.range_m * turn) > scale.noise_m
     }
 
+    /// The present cloud is of its sensor: what is learnt of one says nothing of another.
+    fn turn_to(&mut self, cloud: &Cloud) {
+        self.sensor = self.sensors.of(&cloud.sensor);
+        self.predictor.turn_to(self.sensor);
+        self.tracker.turn_to(self.sensor);
+    }
+
+    /// Whether a cloud of another sensor has just said where the robot is.
+    fn is_posed_by_another(&self, stamp: Stamp) -> bool {
+        let is_at_once = |then: Stamp| self.predictor.is_at_once(then, stamp);
+        self.posed_by.is_some_and(|((sensor, then), _)| sensor != self.sensor && is_at_once(then))
+    }
+
+    /// The information of where the robot is predicted, since another sensor has said it, where what is seen from there is certain enough to
+    /// be matched against; none at all where nothing was matched then.
+    fn carried_information(&self, step: &Step) -> Option<Cov6> {
+        let scale = self.scale()?;
+        let since = self.predictor.variances(step);
+        let [way, turn] = [0, 3].map(|first| since.diagonal().fixed_rows::<3>(first).max());
+        let is_sure = way + scale.range_m * scale.range_m * turn <= scale.gate_m() * scale.gate_m();
+        let covariance = self.posed_by?.1.try_inverse().map(|then| then + since);
+        let information = covariance.map_or(Some(Cov6::zeros()), |covariance| covariance.try_inverse());
+        information.filter(|_| is_sure)
+    }
+
     pub(crate) fn local_map_voxels(&self) -> usize {
         self.local_map.as_ref().map_or(0, |local_map| local_map.map().voxels())
     }
@@ -221,7 +254,10 @@ impl SpaceFrontEnd {
             covariance: self.pose.covariance(past),
             odometry: self.pose.odometry_since_keyframe(),
             fused: self.pose.fused(),
-            matched: believed.and_then(|matched| Some((self.pose.anchor()?, matched.information))),
+            matched: believed
+                .map(|matched| matched.information)
+                .or(self.sees_elsewhere.flatten().filter(|information| *information != Cov6::zeros()))
+                .and_then(|information| Some((self.pose.anchor()?, information))),
         }
     }
 }
@@ -233,6 +269,10 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     fn new(settings: Settings, local_from_robot: Pose3) -> Self {
         Self {
             preparation: Preparation::default(),
+            sensors: Sensors::default(),
+            sensor: SensorId::default(),
+            posed_by: None,
+            sees_elsewhere: None,
             predictor: Predictor::default(),
             inertial: Inertial::default(),
             motion: SweepMotion::default(),
@@ -270,25 +310,36 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     }
 
     fn prepare(&mut self, cloud: &Cloud) -> Prepared {
-        let step = self.predictor.step(&self.settings.motion, cloud.stamp, cloud.odom_from_robot);
+        let refused = self.preparation.check(cloud).err();
+        if refused.is_none() {
+            self.turn_to(cloud);
+        }
         let span = Span::of(cloud);
+        let taken = Taken { stamp: cloud.stamp, middle_s: span.middle_s() };
+        let step = self.predictor.step(&self.settings.motion, taken, cloud.odom_from_robot);
         let step = self.inertial.predict(step, span.stamp_after(cloud.stamp, span.middle_s()));
         let twist_per_s = self.predictor.twist_per_s(step);
         self.turn_is_read = self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.motion);
         self.twist_covariance = None;
-        let refused = self.preparation.check(cloud).err();
+        self.sees_elsewhere = None;
         let beams = self.preparation.prepare(&self.settings, cloud, &self.motion, refused.is_none());
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
         Prepared { step, predicted, odom_from_robot: cloud.odom_from_robot, beams, refused }
     }
 
-    fn track(&mut self, _past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &mut Prepared) -> Option<Matched> {
+    fn track(&mut self, past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &mut Prepared) -> Option<Matched> {
         if self.sees() {
             self.tracker.watch.see(cloud.stamp);
         } else {
             self.tracker.watch.see_nothing(cloud.stamp);
         }
         let mut matched = self.matched(prepared)?;
+        let has_shown = || newest_of(past, cloud.sensor.as_ref()).is_some();
+        let is_new = matched.is_nowhere || matched.hardly_knows() && !has_shown();
+        if is_new && self.is_posed_by_another(cloud.stamp) {
+            self.sees_elsewhere = Some(self.carried_information(&prepared.step));
+            return None;
+        }
         if matched.in_doubt && prepared.step.from_odometry {
             matched = self.matched_without_wheels(prepared).unwrap_or(matched);
         }
@@ -306,15 +357,23 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         let anchor = believed.and_then(|matched| matched.supplier);
         let noise = step.information.try_inverse().unwrap_or_else(Cov6::identity);
         let motion = Motion { last_from_robot: step.last_from_robot, noise, predicted };
-        let at = believed.map(|matched| (matched.local_from_robot, matched.information));
+        let carried = self.sees_elsewhere.flatten().map(|information| (predicted, information));
+        let at = believed.map(|matched| (matched.local_from_robot, matched.information)).or(carried);
         let last_from_robot = self.pose.settle(past, motion, at, anchor);
         let moved = believed.filter(|_| !step.is_looked_for);
         if let Some(Matched { local_from_robot, information, .. }) = moved {
             self.predictor.observe(&self.settings.motion, &step, predicted.between(*local_from_robot), information);
         }
-        self.predictor.settle(cloud.stamp, cloud.odom_from_robot, moved.map(|_| last_from_robot));
-        self.inertial.learn(moved.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
         let middle_s = Span::of(cloud).middle_s();
+        let taken = Taken { stamp: cloud.stamp, middle_s };
+        let (is_matched, is_looked_for) = (believed.is_some(), step.is_looked_for);
+        let sees_elsewhere = self.sees_elsewhere.is_some();
+        let settled = Settled { last_from_robot, is_matched, is_looked_for, sees_elsewhere };
+        self.predictor.settle(taken, cloud.odom_from_robot, settled);
+        if let Some(matched) = believed {
+            self.posed_by = Some(((self.sensor, cloud.stamp), matched.information));
+        }
+        self.inertial.learn(moved.filter(|matched| matched.knows_turn).map(|_| last_from_robot));
         self.middle_from_stamp = self.motion.middle_from_robot(0.0).unwrap_or_else(Pose3::identity);
         let by_points = self.twist_covariance.map(|covariance| covariance * (middle_s * middle_s));
         let carried_on = || carried_on_variances(&step, self.predictor.change_per_s(), middle_s);
@@ -329,14 +388,16 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     ) -> Option<NewKeyframe<SpaceSweep>> {
         let local_from_robot = self.pose.local_from_robot();
         let scale = self.preparation.scale()?;
-        let is_far = past.newest().is_none_or(|newest| {
+        let newest = newest_of(past, cloud.sensor.as_ref());
+        let is_far = newest.is_none_or(|newest| {
             let step = past.pose(newest).between(local_from_robot);
             step.translation.norm() > KEYFRAME_SHARE * scale.range_m || step.rotation.angle() > KEYFRAME_RAD
         });
         let believed = matched.filter(|matched| matched.is_believed());
         let is_new = believed.is_some_and(|matched| matched.report.known_share < KNOWN_SHARE);
-        let is_first = past.newest().is_none();
-        if !(is_far || is_new) || !(is_first || believed.is_some()) || self.preparation.points().is_empty() {
+        let is_first = past.newest().is_none() || self.sees_elsewhere.flatten().is_some();
+        if !(is_far || is_new || is_first) || !(is_first || believed.is_some()) || self.preparation.points().is_empty()
+        {
             return None;
         }
         Some(self.keyframe_here(past, cloud, believed))
@@ -344,6 +405,9 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
 
     fn wrote(&mut self, past: Past<'_, SpaceSweep>, new: &NewKeyframe<SpaceSweep>, written: &Written<Pose3>) {
         self.pose.made_keyframe(new.covariance);
+        if self.sees_elsewhere.is_none() && new.matched.is_none() {
+            self.posed_by = Some(((self.sensor, new.stamp), Cov6::zeros()));
+        }
         let Some(scale) = self.preparation.scale() else { return };
         let local_map = self.local_map.get_or_insert_with(|| LocalMapping::new(&self.settings, scale));
         local_map.insert(past, written.node, &written.links);
@@ -452,6 +516,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         self.tracker = Tracker::new(&self.settings);
         self.pose.switch_on();
         (self.middle_from_stamp, self.carried_on) = (Pose3::identity(), Cov6::zeros());
+        (self.posed_by, self.sees_elsewhere) = (None, None);
         self.leave();
     }
 

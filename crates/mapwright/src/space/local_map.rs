@@ -12,9 +12,7 @@ use std::collections::VecDeque;
 
 mod resume;
 
-/// So certain keyframes are matched against, of a voxel's side; those that the robot stays near until they are so many times as
-/// uncertain.
-const GATE_SHARE: f64 = 0.3;
+/// Those that the robot stays near are matched against until they are so many times as uncertain as others may be.
 const HYSTERESIS: f64 = 2.5;
 /// Of a link's variances such a share adds up along the way; the rest is shared by keyframes that are matched with the same older ones.
 /// Calibrated on simulated buildings of several storeys (docs/decisions/0023-space.md).
@@ -104,15 +102,18 @@ impl LocalMapping {
         }
     }
 
-    /// Of the views alike the newest stay.
+    /// Of the views alike, which one sensor has taken, the newest stay.
     fn give_way(&mut self, past: Past<'_, SpaceSweep>, node: NodeId) {
         let here = past.pose(node);
+        let sensor = |node: NodeId| past.session.keyframes()[node.index()].sweep.sensor.as_ref();
+        let of = sensor(node);
         let alike = |&other: &NodeId| {
             let (view, there) = (self.views[other.index()], past.pose(other));
             view.live
                 && !view.gone
                 && here.distance(there) <= ALIKE_SHARE * self.scale.range_m
                 && here.between(there).angle() <= ALIKE_RAD
+                && sensor(other).is_one_with(of)
         };
         let alike: Vec<NodeId> = NodeId::first(node.index() + 1).filter(alike).collect();
         if alike.len() > VIEWS_ALIKE {
@@ -124,7 +125,7 @@ impl LocalMapping {
 
     /// Who is certain enough relative to the newest keyframe.
     fn judge(&mut self, node: NodeId) {
-        let gate_m = GATE_SHARE * self.scale.resolution_m;
+        let gate_m = self.scale.gate_m();
         let reach_m = REACH_RANGES * self.scale.range_m;
         let gate = Gate { sigma_m: HYSTERESIS * gate_m, lever_m: self.scale.range_m, reach_m };
         let mut certain = vec![false; self.views.len()];

@@ -11,6 +11,8 @@ const FINEST_SHARE: f64 = 1.0 / 16.0;
 const DENSE_SHARE: f64 = 0.5;
 /// The largest have this side at least, of the rms range.
 const COARSEST_SHARE: f64 = 0.48;
+/// So certain keyframes are matched against, of a voxel's side.
+const GATE_SHARE: f64 = 0.3;
 const LEVELS_AT_MOST: usize = 8;
 /// What is drawn has so many points to a voxel's side.
 pub(super) const DRAWN_SHARE: f64 = 0.2;
@@ -32,6 +34,11 @@ impl Scale {
     /// The maps that are made so.
     pub(crate) fn maps(self) -> SurfelMapSettings {
         SurfelMapSettings { resolution_m: self.resolution_m, levels: self.levels, noise_m: self.noise_m }
+    }
+
+    /// So certain relative to the robot what is matched against is, standard deviation, metres.
+    pub(crate) fn gate_m(self) -> f64 {
+        GATE_SHARE * self.resolution_m
     }
 
     /// By the points of a cloud.

@@ -31,6 +31,7 @@ mod same_bytes;
 mod slips;
 mod space;
 mod two_lasers;
+mod two_lidars;
 mod updates;
 mod visits;
 mod wheels;

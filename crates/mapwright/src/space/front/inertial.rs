@@ -50,6 +50,8 @@ const VELOCITY_S: f64 = 0.35;
 const WRITTEN_RAD: f64 = 0.012;
 /// Over longer times readings are not followed, seconds.
 const FOLLOWED_S: f64 = 5.0;
+/// Clouds of two sensors were taken at once where less than this share of the time between two of one lies between them.
+const AT_ONCE_SHARE: f64 = 0.25;
 /// How the robot may have turned in a time that nothing was read of, radians a second.
 const UNKNOWN_RAD_PER_S: f64 = 1.0;
 
@@ -58,8 +60,10 @@ const UNKNOWN_RAD_PER_S: f64 = 1.0;
 pub struct ImuReport {
     /// Readings that were handed in.
     pub readings: u64,
-    /// Of those, left out: not finite, or beyond 100 rad/s or 50 g.
+    /// Of those, left out: not finite, or beyond 100 rad/s or 50 g;
     pub unsound: u64,
+    /// and those beyond 100 rad/s while matches had not told the unit: sound where [`ImuMount::in_degrees`] says so in the end, else none.
+    pub too_fast: u64,
     /// Left out: what they tell of had been mapped.
     pub late: u64,
     /// More than a second older than the newest before, which were forgotten.
@@ -97,6 +101,11 @@ pub(super) struct Inertial {
     /// The middle of the last cloud, and of the one before.
     last: Option<Stamp>,
     before_last: Option<Stamp>,
+    /// How the robot has moved since then by clouds of other sensors that were taken at once with it, where there were any; none within
+    /// where one of them does not know.
+    back: Option<Option<Pose3>>,
+    /// Whether the present cloud is such a one.
+    is_back: bool,
     /// Since then, as read.
     turned: Option<Turned>,
     /// What readings and matches say since the bias was learnt last.
@@ -129,6 +138,8 @@ impl Default for Inertial {
             way: None,
             last: None,
             before_last: None,
+            back: None,
+            is_back: false,
             turned: None,
             since: (Turned::none(), UnitQuaternion::identity()),
             trust: 0,
@@ -169,6 +180,17 @@ impl Inertial {
         (self.read_rad, self.steady_from_last).put(out);
     }
 
+    /// Of robots with several sensors: the motion by clouds that were taken at once with another.
+    pub(super) fn put_back(&self, out: &mut Vec<u8>) {
+        self.back.put(out);
+    }
+
+    /// The same with that.
+    pub(super) fn take_back(self, from: &mut &[u8]) -> Option<Self> {
+        let back: Option<Option<Pose3>> = Stored::take(from)?;
+        Some(Self { back: back.filter(|back| back.is_none_or(is_in_place)), ..self })
+    }
+
     /// One that goes on as it was.
     pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
         let (readings, bias, down) = Stored::take(from)?;
@@ -196,6 +218,8 @@ impl Inertial {
             way,
             last,
             before_last,
+            back: None,
+            is_back: false,
             turned,
             since,
             trust,
@@ -214,11 +238,18 @@ impl Inertial {
     }
 
     pub(super) fn add(&mut self, told: ImuReading) -> ImuTaken {
-        let taken = self.readings.add(ImuReading {
+        let reading = ImuReading {
             turn_rate_rad_per_s: self.mount.rate(told.turn_rate_rad_per_s),
             specific_force_m_per_s2: told.specific_force_m_per_s2.map(|force| self.mount.force(force)),
             ..told
-        });
+        };
+        // Where matches have told the unit no reading is in another.
+        let is_unit_known = self.mount.in_degrees || self.is_trusted();
+        let taken = match reading.is_too_fast() && is_unit_known {
+            true => ImuTaken::Unsound,
+            false => self.readings.add(reading),
+        };
+        self.report.too_fast += u64::from(reading.is_too_fast() && taken != ImuTaken::Unsound);
         self.report.readings += 1;
         told.specific_force_m_per_s2.iter().for_each(|force| self.turns.hold(*force));
         match taken {
@@ -246,6 +277,12 @@ impl Inertial {
         }
         if self.last.is_none() {
             self.follow_down(now, None);
+        }
+        // Sensors may sweep at once: over the time between two such clouds a match says nothing of a speed.
+        let least_s = AT_ONCE_SHARE * step.own_elapsed_s;
+        self.is_back = step.is_beside && self.last.is_some_and(|last| now.secs_since(last) < least_s);
+        if self.is_back {
+            return step;
         }
         let turned = self.last.and_then(|last| self.readings.turned(last, now, self.bias.rad_per_s));
         self.report.unread += u64::from(self.last.is_some() && turned.is_none());
@@ -327,6 +364,15 @@ impl Inertial {
 
     /// How a match says that the robot moved since the last cloud, if it is believed: readings are compared with it.
     pub(super) fn learn(&mut self, moved: Option<Pose3>) {
+        if self.is_back {
+            let before = self.back.unwrap_or(Some(Pose3::identity()));
+            self.back = Some(before.zip(moved).map(|(before, moved)| before * moved));
+            return;
+        }
+        let moved = match self.back.take() {
+            Some(before) => before.zip(moved).map(|(before, moved)| before * moved),
+            None => moved,
+        };
         let compared = self.turned.take().zip(moved);
         self.velocity = self.push.take().and_then(|push| {
             let known = moved.map_or(self.velocity, |moved| Some(push.learn(self.velocity, moved.translation)));

@@ -1,6 +1,7 @@
 //! Step 2: where the robot should be before its cloud is looked at.
 
 use super::wheels::Wheels;
+use crate::sensors::{PerSensor, SensorId};
 use crate::settings::MotionSettings;
 use mapwright_geom::{Cov6, Pose3, Stamp, Stored, is_in_place, stored};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
@@ -30,6 +31,8 @@ const SPEED_WEIGHT: f64 = 0.05;
 const CHANGE_LEFT: f64 = 0.5;
 /// During a sweep the twist is off by this share of that; where it were looser, a map of clouds that are bent would ask for bent ones.
 const LEFT_OFF: f64 = 0.5;
+/// A match is wrong by so much in rotation, radians.
+const MATCH_RAD: f64 = 0.003;
 /// And by so much at least, of what matches are wrong by from one to the next, metres and radians.
 const LEAST_TWIST_M: f64 = 0.001;
 const LEAST_TWIST_RAD: f64 = 0.001;
@@ -45,6 +48,10 @@ pub struct Step {
     /// As long as so many steps that are no gaps.
     pub(super) steps: f64,
     pub(super) from_odometry: bool,
+    /// Another sensor took the cloud before.
+    pub(super) is_beside: bool,
+    /// The time since the cloud before of the same sensor, seconds; where nothing is known of it, the usual one.
+    pub(super) own_elapsed_s: f64,
     /// The robot was looked for, and is where it was found: how it came there is not known.
     pub(super) is_looked_for: bool,
     /// Whether its rotation was read from an inertial sensor.
@@ -83,6 +90,38 @@ impl Step {
     }
 }
 
+/// The last cloud of a sensor, and how the robot moved. Clouds of several sensors come at no even rate, and two may be taken at once: over
+/// such a time a motion says nothing of a speed.
+#[derive(Debug, Clone, Copy)]
+struct Own {
+    stamp: Stamp,
+    /// How the robot has moved since, where that is known.
+    then_from_last: Option<Pose3>,
+    /// Its motion before that, from cloud to cloud of this sensor, and the seconds that it took.
+    motion: Option<(Pose3, f64)>,
+}
+stored!(Own { stamp, then_from_last, motion });
+
+/// When a cloud was taken.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Taken {
+    pub(super) stamp: Stamp,
+    /// The middle of the sweep, seconds after that.
+    pub(super) middle_s: f64,
+}
+
+/// What came of a cloud.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Settled {
+    pub(super) last_from_robot: Pose3,
+    /// Whether a match bears that out.
+    pub(super) is_matched: bool,
+    /// The robot was looked for: how it came there is not known.
+    pub(super) is_looked_for: bool,
+    /// Another sensor has said where it is just before, and this one sees elsewhere.
+    pub(super) sees_elsewhere: bool,
+}
+
 /// What the predictor remembers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Predictor {
@@ -97,8 +136,17 @@ pub(super) struct Predictor {
     speed2: f64,
     /// The last cloud of which it was known how the robot had moved.
     known: Option<Stamp>,
+    /// The sensor of the present cloud, and of the last one with the middle of its sweep, seconds after its stamp; and what is known of
+    /// each. Where there is one, all above is its own.
+    sensor: SensorId,
+    newest: Option<(SensorId, f64)>,
+    own: PerSensor<Option<Own>>,
+    /// For how long nothing was matched, as clouds of one see elsewhere than what is known, seconds: the prediction is as unsure.
+    unmatched_s: f64,
 }
-stored!(Predictor { stamp, wheels, last, change_per_s, period_s, speed2, known });
+stored!(Predictor {
+    stamp, wheels, last, change_per_s, period_s, speed2, known; sensor, newest, own, unmatched_s
+});
 
 impl Predictor {
     /// Goes on as it was.
@@ -112,14 +160,77 @@ impl Predictor {
         (is_sound && predictor.wheels.is_sound()).then_some(predictor)
     }
 
-    pub(super) fn step(&self, settings: &MotionSettings, stamp: Stamp, odom_from_robot: Option<Pose3>) -> Step {
-        let since_s = self.elapsed_s(stamp);
+    /// Of robots with several sensors: what is remembered of each.
+    pub(super) fn put_sensors(&self, out: &mut Vec<u8>) {
+        self.newest.put(out);
+        self.own.put(out);
+        self.unmatched_s.put(out);
+    }
+
+    /// The same with that.
+    pub(super) fn take_sensors(self, from: &mut &[u8]) -> Option<Self> {
+        let (newest, own, unmatched_s) = (Stored::take(from)?, Stored::take(from)?, f64::take(from)?);
+        (0.0..=PERIOD_S[1]).contains(&unmatched_s).then_some(Self { newest, own, unmatched_s, ..self })
+    }
+
+    /// The next cloud is of this sensor.
+    pub(super) fn turn_to(&mut self, sensor: SensorId) {
+        self.sensor = sensor;
+        self.own.of(sensor);
+    }
+
+    /// Whether another sensor took the last cloud.
+    fn is_beside(&self) -> bool {
+        self.newest.is_some_and(|(newest, _)| newest != self.sensor)
+    }
+
+    fn own(&self) -> Option<Own> {
+        self.own.get(self.sensor).copied().flatten()
+    }
+
+    /// The time since the last cloud, seconds, and by how much more the middles of the two lie apart: zero where one sensor took both.
+    fn since_last(&self, taken: Taken) -> (f64, f64) {
+        let middle_s = self.newest.filter(|_| self.is_beside()).map(|(_, middle_s)| middle_s);
+        (self.elapsed_s(taken.stamp), middle_s.map_or(0.0, |middle_s| taken.middle_s - middle_s))
+    }
+
+    /// The time since the last cloud of the same sensor, seconds; zero or less where that is not known.
+    fn own_elapsed_s(&self, stamp: Stamp) -> f64 {
+        if !self.is_beside() {
+            return self.elapsed_s(stamp);
+        }
+        self.own().map_or(0.0, |own| stamp.secs_since(own.stamp))
+    }
+
+    /// The motion since the last cloud of the same sensor, which ends with such a one since the last cloud.
+    fn own_motion(&self, moved: Pose3) -> Option<Pose3> {
+        if !self.is_beside() {
+            return Some(moved);
+        }
+        Some(self.own()?.then_from_last? * moved)
+    }
+
+    /// The motion before that, and the seconds that it took.
+    fn own_before(&self) -> Option<(Pose3, f64)> {
+        if self.is_beside() { self.own()?.motion } else { self.last }
+    }
+
+    pub(super) fn step(&self, settings: &MotionSettings, taken: Taken, odom_from_robot: Option<Pose3>) -> Step {
+        let is_beside = self.is_beside();
+        let (since_s, apart_s) = self.since_last(taken);
         let after_gap = self.is_gap(since_s);
         let steps = if after_gap { since_s / (CARRIED_PERIODS * self.period_s) } else { 1.0 };
         let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
-        let elapsed_s = if since_s > 0.0 { since_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
-        let by_wheels = self.wheels.step(settings, odom_from_robot, (since_s.max(elapsed_s), steps));
-        let (last_from_robot, information) = by_wheels.unwrap_or_else(|| self.carried(elapsed_s));
+        let own_elapsed_s = self.own_elapsed_s(taken.stamp);
+        let within = |seconds: f64| seconds.clamp(PERIOD_S[0], PERIOD_S[1]);
+        let own_elapsed_s = if own_elapsed_s > 0.0 { within(own_elapsed_s) } else { usual_s };
+        // Sensors may sweep at once, and the one that began earlier may end later.
+        let signed_s = if is_beside { (since_s + apart_s).clamp(-PERIOD_S[1], PERIOD_S[1]) } else { own_elapsed_s };
+        let elapsed_s = if is_beside { within(signed_s.abs()) } else { own_elapsed_s };
+        let lead =
+            self.last.filter(|_| apart_s != 0.0).map(|(step, last_s)| Pose3::exp(step.log() * (apart_s / last_s)));
+        let by_wheels = self.wheels.step(settings, (odom_from_robot, lead), (since_s.max(elapsed_s), steps));
+        let (last_from_robot, information) = by_wheels.unwrap_or_else(|| self.carried(elapsed_s, signed_s));
         let from_odometry = by_wheels.is_some();
         Step {
             last_from_robot,
@@ -128,6 +239,8 @@ impl Predictor {
             after_gap,
             steps,
             from_odometry,
+            is_beside,
+            own_elapsed_s,
             is_looked_for: false,
             from_imu: false,
             read: None,
@@ -136,7 +249,7 @@ impl Predictor {
 
     /// The same step where the wheels are wrong: the motion before goes on, and turns as an inertial sensor read it.
     pub(super) fn without_wheels(&self, step: &Step) -> Step {
-        let (last_from_robot, information) = self.carried(step.elapsed_s);
+        let (last_from_robot, information) = self.carried(step.elapsed_s, step.elapsed_s);
         let carried = Step { last_from_robot, information, from_odometry: false, ..*step };
         if !step.from_imu {
             return carried;
@@ -144,14 +257,15 @@ impl Predictor {
         carried.turning(step.last_from_robot.rotation, &step.information.fixed_view::<3, 3>(3, 3).into_owned())
     }
 
-    /// The motion before, carried on, and its information.
-    fn carried(&self, elapsed_s: f64) -> (Pose3, Cov6) {
+    /// The motion before, carried on over so many seconds, backwards where they are negative, and its information.
+    fn carried(&self, elapsed_s: f64, signed_s: f64) -> (Pose3, Cov6) {
         let carried = self.last.filter(|(_, last_s)| elapsed_s <= CARRIED_PERIODS * last_s);
         let last_from_robot =
-            carried.map_or(Pose3::identity(), |(step, last_s)| Pose3::exp(step.log() * (elapsed_s / last_s)));
+            carried.map_or(Pose3::identity(), |(step, last_s)| Pose3::exp(step.log() * (signed_s / last_s)));
         let (speed_mps, speed_radps) = if carried.is_some() { (0.0, 0.0) } else { (SPEED_MPS, SPEED_RADPS) };
-        let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * elapsed_s) * elapsed_s;
-        let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * elapsed_s) * elapsed_s;
+        let unsure_s = signed_s.abs() + self.unmatched_s;
+        let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * unsure_s) * unsure_s;
+        let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * ACCELERATION_RADPS2 * unsure_s) * unsure_s;
         (last_from_robot, information_of([sigma_m; 3], [sigma_rad; 3]))
     }
 
@@ -170,24 +284,34 @@ impl Predictor {
     /// The same once it is known how the robot has moved up to the middle of the cloud, and its variances: it goes on changing as it did from
     /// the motion before, each being the mean of its time, give or take half of that.
     pub(super) fn twist_after(&self, step: &Step, moved: Pose3) -> (Vector6<f64>, Vector6<f64>) {
-        if step.is_looked_for {
+        let elapsed_s = step.own_elapsed_s;
+        let Some(moved) = self.own_motion(moved).filter(|_| !step.is_looked_for) else {
             let twist_per_s = self.twist_per_s(*step).unwrap_or_else(Vector6::zeros);
-            return (twist_per_s, both([ACCELERATION_MPS2, ACCELERATION_RADPS2].map(|change| change * step.elapsed_s)));
-        }
-        let mean_per_s = moved.log() / step.elapsed_s.max(PERIOD_S[0]);
-        let Some((before, before_s)) = self.last else {
-            let sigmas = [0.5 * ACCELERATION_MPS2, 0.5 * ACCELERATION_RADPS2].map(|change| change * step.elapsed_s);
+            return (twist_per_s, both([ACCELERATION_MPS2, ACCELERATION_RADPS2].map(|change| change * elapsed_s)));
+        };
+        let mean_per_s = moved.log() / elapsed_s.max(PERIOD_S[0]);
+        let Some((before, before_s)) = self.own_before() else {
+            let sigmas = [0.5 * ACCELERATION_MPS2, 0.5 * ACCELERATION_RADPS2].map(|change| change * elapsed_s);
             return (mean_per_s, both(sigmas));
         };
         let left_per_s = CHANGE_LEFT * (mean_per_s - before.log() / before_s);
         let [way, turn] = [0, 3].map(|first| LEFT_OFF * left_per_s.fixed_rows::<3>(first).norm());
-        let least = [LEAST_TWIST_M, LEAST_TWIST_RAD].map(|least| least / step.elapsed_s.max(PERIOD_S[0]));
+        let least = [LEAST_TWIST_M, LEAST_TWIST_RAD].map(|least| least / elapsed_s.max(PERIOD_S[0]));
         (mean_per_s + left_per_s, both([way + least[0], turn + least[1]]))
     }
 
     /// The same of the last motion.
     pub(super) fn change_per_s(&self) -> Option<Vector6<f64>> {
         self.change_per_s.map(Vector6::from)
+    }
+
+    /// Variances of where the robot is since it was matched last: by the wheels, or as it has changed its motion of late.
+    pub(super) fn variances(&self, step: &Step) -> Cov6 {
+        let by_wheels = || step.information.diagonal().map(|information| 1.0 / information);
+        let seconds = step.elapsed_s + self.unmatched_s;
+        let carried_on = || carried_on_variances(step, self.change_per_s(), seconds).diagonal();
+        let variances = if step.from_odometry { by_wheels() } else { carried_on() };
+        Cov6::from_diagonal(&(variances + both([LEAST_M, MATCH_RAD])))
     }
 
     /// The time since the last cloud, seconds; zero or less where that is not known.
@@ -210,26 +334,53 @@ impl Predictor {
         self.speed2.sqrt() * elapsed_s.max(self.period_s)
     }
 
-    /// How the robot has moved, if that is known.
-    pub(super) fn settle(&mut self, stamp: Stamp, odom_from_robot: Option<Pose3>, moved: Option<Pose3>) {
-        let elapsed_s = self.elapsed_s(stamp);
+    /// Whether clouds come so soon after each other that what the one has told of the pose holds for the other.
+    pub(super) fn is_at_once(&self, earlier: Stamp, later: Stamp) -> bool {
+        !self.is_gap(later.secs_since(earlier))
+    }
+
+    /// How the robot has moved, as far as that is known.
+    pub(super) fn settle(&mut self, taken: Taken, odom_from_robot: Option<Pose3>, settled: Settled) {
+        let Settled { last_from_robot, is_matched, is_looked_for, sees_elsewhere } = settled;
+        let stamp = taken.stamp;
+        let since_last_s = self.elapsed_s(stamp).clamp(0.0, PERIOD_S[1]);
+        self.unmatched_s = if sees_elsewhere { (self.unmatched_s + since_last_s).min(PERIOD_S[1]) } else { 0.0 };
+        let moved = Some(last_from_robot).filter(|_| is_matched && !is_looked_for);
+        let elapsed_s = self.own_elapsed_s(stamp);
         let is_gap = self.is_gap(elapsed_s);
-        self.wheels.settle(elapsed_s, odom_from_robot, moved);
+        self.wheels.settle(self.elapsed_s(stamp), odom_from_robot, moved);
         let usual_s = self.last.map_or(USUAL_PERIOD_S, |(_, elapsed_s)| elapsed_s);
         if elapsed_s > 0.0 && !is_gap {
             let weight = if self.period_s > 0.0 { PERIOD_WEIGHT } else { 1.0 };
             self.period_s += weight * (elapsed_s.min(PERIOD_S[1]) - self.period_s);
         }
         let elapsed_s = if elapsed_s > 0.0 { elapsed_s.clamp(PERIOD_S[0], PERIOD_S[1]) } else { usual_s };
-        if let Some(moved) = moved.filter(|_| !is_gap) {
-            self.speed2 += SPEED_WEIGHT * ((moved.translation.norm() / elapsed_s).powi(2) - self.speed2);
+        let own = moved.and_then(|moved| self.own_motion(moved));
+        if let Some(own) = own.filter(|_| !is_gap) {
+            self.speed2 += SPEED_WEIGHT * ((own.translation.norm() / elapsed_s).powi(2) - self.speed2);
         }
-        let last = moved.filter(|_| self.stamp.is_some()).map(|moved| (moved, elapsed_s));
+        let last = own.filter(|_| self.stamp.is_some()).map(|own| (own, elapsed_s));
         let twist_per_s = |(motion, elapsed_s): (Pose3, f64)| motion.log() / elapsed_s;
-        self.change_per_s = self.last.zip(last).map(|(a, b)| (twist_per_s(b) - twist_per_s(a)).into());
-        self.last = last;
+        if !self.is_beside() || last.is_some() {
+            let change = |(a, b)| (twist_per_s(b) - twist_per_s(a)).into();
+            self.change_per_s = self.own_before().zip(last).map(change);
+        }
+        for other in self.own.iter_mut().flatten() {
+            let then_from_last = other.then_from_last.filter(|_| !is_looked_for);
+            other.then_from_last = then_from_last.map(|then_from_last| then_from_last * last_from_robot);
+        }
+        *self.own.of(self.sensor) = Some(Own { stamp, then_from_last: Some(Pose3::identity()), motion: last });
+        self.last = last.or_else(|| self.by_another(stamp));
+        self.newest = Some((self.sensor, taken.middle_s));
         self.known = if moved.is_some() { Some(stamp) } else { self.known };
         self.stamp = Some(stamp);
+    }
+
+    /// The newest motion from cloud to cloud of any sensor, where that is no older than motions are carried on.
+    fn by_another(&self, stamp: Stamp) -> Option<(Pose3, f64)> {
+        let moved = self.own.iter().flatten().filter_map(|own| Some((own.stamp, own.motion?)));
+        let newest = moved.reduce(|a, b| if b.0 > a.0 { b } else { a })?;
+        (stamp.secs_since(newest.0) <= CARRIED_PERIODS * newest.1.1).then_some(newest.1)
     }
 }
 

@@ -8,6 +8,7 @@ use super::prepare::Preparation;
 use crate::front::{Links, links};
 use crate::front_end::{FrontEnd, Resumes};
 use crate::pose::RobotPose;
+use crate::sensors::{PerSensor, SensorId, Sensors};
 use crate::settings::Settings;
 use crate::space::local_map::LocalMapping;
 use crate::space::scale::Scale;
@@ -22,7 +23,7 @@ impl Resumes<SpaceSweep> for SpaceFrontEnd {
     fn put(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
         self.predictor.put(out);
-        self.tracker.usual().put(out);
+        self.tracker.usual().get(SensorId::default()).copied().flatten().put(out);
         self.tracker.watch.put(out);
         self.inertial.put(out);
         self.pose.put(out);
@@ -30,15 +31,21 @@ impl Resumes<SpaceSweep> for SpaceFrontEnd {
         self.local_map.is_some().put(out);
         self.local_map.iter().for_each(|local_map| local_map.put(out));
         self.level.put(out);
+        if self.sensors.are_several() {
+            self.sensors.put(out);
+            self.predictor.put_sensors(out);
+            self.tracker.usual().put(out);
+            self.posed_by.put(out);
+            self.inertial.put_back(out);
+        }
     }
 
     fn restore(settings: Settings, past: Past<'_, SpaceSweep>, from: &mut &[u8]) -> Option<Self> {
         let scale: Option<Scale> = Stored::take(from)?;
-        let predictor = Predictor::restore(from)?;
-        let usual: Option<f64> = Stored::take(from)?;
-        usual.is_none_or(f64::is_finite).then_some(())?;
+        let mut predictor = Predictor::restore(from)?;
+        let first: Option<f64> = Stored::take(from)?;
         let watch = Watch::take(from).filter(Watch::is_sound)?;
-        let inertial = Inertial::restore(from)?;
+        let mut inertial = Inertial::restore(from)?;
         let pose = RobotPose::restore(past, from)?;
         let (middle_from_stamp, carried_on): (Pose3, Cov6) = Stored::take(from)?;
         (is_in_place(middle_from_stamp) && is_covariance(&carried_on)).then_some(())?;
@@ -47,11 +54,22 @@ impl Resumes<SpaceSweep> for SpaceFrontEnd {
             false => None,
         };
         let level = LevelWatch::take(from).filter(|level| level.is_of(past.session))?;
+        let (mut sensors, mut usual, mut posed_by) = (Sensors::default(), PerSensor::default(), None);
+        *usual.of(SensorId::default()) = first;
+        if !from.is_empty() {
+            sensors = Stored::take(from)?;
+            predictor = predictor.take_sensors(from)?;
+            (usual, posed_by) = (Stored::take(from)?, Stored::take(from)?);
+            inertial = inertial.take_back(from)?;
+        }
+        usual.iter().all(|usual| usual.is_none_or(f64::is_finite)).then_some(())?;
         let preparation = Preparation::of_scale(scale);
         let new = Self::new(settings, Pose3::identity());
         let tracker = new.tracker.clone().used_to(usual, watch);
         Some(Self {
             preparation,
+            sensors,
+            posed_by,
             predictor,
             tracker,
             inertial,

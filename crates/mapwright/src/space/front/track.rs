@@ -6,6 +6,7 @@
 
 use super::predict::Step;
 use crate::front_end::Found;
+use crate::sensors::{PerSensor, SensorId};
 use crate::settings::{Optimizer, Settings};
 use crate::space::local_map::LocalMapping;
 use crate::watch::Watch;
@@ -49,6 +50,8 @@ pub struct Matched {
     pub(super) each_known: Option<f64>,
     /// What is known bears it out less than it did the clouds before.
     pub(super) in_doubt: bool,
+    /// So little of it is known that the map says nothing of the pose.
+    pub(super) is_nowhere: bool,
     /// What is known makes it less likely there than anywhere.
     pub(super) is_contradicted: bool,
     /// Who supplied most of what it was matched against.
@@ -66,6 +69,11 @@ impl Found for Matched {
 }
 
 impl Matched {
+    /// Whether so little of it is known that it is in doubt.
+    pub(super) fn hardly_knows(&self) -> bool {
+        self.report.known_share < DOUBT_KNOWN
+    }
+
     pub(super) fn hardly_fits(&self) -> bool {
         self.report.inlier_share < DEGRADED_SHARE
     }
@@ -76,8 +84,10 @@ impl Matched {
 pub(super) struct Tracker {
     matcher: Matcher,
     suppliers: Vec<NodeId>,
-    /// The mean log likelihood ratio of a point of which something is known, of matches that were believed.
-    usual: Option<f64>,
+    /// The mean log likelihood ratio of a point of which something is known, of matches that were believed: of each sensor.
+    usual: PerSensor<Option<f64>>,
+    /// That of the present cloud.
+    sensor: SensorId,
     /// Since when nothing was seen, and how many clouds in a row were not believed.
     pub(super) watch: Watch,
 }
@@ -93,14 +103,23 @@ impl Tracker {
         Self { matcher, ..Self::default() }
     }
 
-    /// How likely clouds were.
-    pub(super) fn usual(&self) -> Option<f64> {
-        self.usual
+    /// How likely clouds of each sensor were.
+    pub(super) fn usual(&self) -> &PerSensor<Option<f64>> {
+        &self.usual
     }
 
     /// One that goes on with that.
-    pub(super) fn used_to(self, usual: Option<f64>, watch: Watch) -> Self {
+    pub(super) fn used_to(self, usual: PerSensor<Option<f64>>, watch: Watch) -> Self {
         Self { usual, watch, ..self }
+    }
+
+    /// The next cloud is of this sensor.
+    pub(super) fn turn_to(&mut self, sensor: SensorId) {
+        self.sensor = sensor;
+    }
+
+    fn usual_now(&self) -> Option<f64> {
+        self.usual.get(self.sensor).copied().flatten()
     }
 
     /// The cloud against the local map; `last` is where the robot was, and `undistorted` the twist by which its points were undistorted.
@@ -132,7 +151,7 @@ impl Tracker {
             // Who has turned so far since has turned during the sweep as well.
             let about = |k: i32| {
                 let turned = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, HEADING_RAD * f64::from(k));
-                let turning = turned / step.elapsed_s - undistorted_per_s;
+                let turning = turned / step.own_elapsed_s - undistorted_per_s;
                 let twist_per_s = if step.from_imu { Vector6::zeros() } else { turning };
                 Start { map_from_cloud: last * Pose3::exp(turned), twist_per_s }
             };
@@ -148,13 +167,14 @@ impl Tracker {
     /// Remembers how likely a match made its cloud, if it is believed.
     pub(super) fn get_used_to(&mut self, matched: &Matched) {
         if let Some(found) = matched.each_known.filter(|_| matched.is_believed()) {
-            self.usual = Some(self.usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
+            let usual = self.usual.of(self.sensor);
+            *usual = Some(usual.map_or(found, |usual| usual + USUAL_GAIN * (found - usual)));
         }
     }
 
     fn is_doubtful(&self, fit: &Fit, prior: &Prior) -> bool {
         let is_unlikely = |usual: f64| each_known(fit.posterior(prior), fit) < usual - DOUBT_NATS;
-        fit.known_share < DOUBT_KNOWN || self.usual.is_none_or(is_unlikely)
+        fit.known_share < DOUBT_KNOWN || self.usual_now().is_none_or(is_unlikely)
     }
 
     /// A sweep, and the motion while it was taken, from where it was found.
@@ -221,6 +241,7 @@ impl Tracker {
             status,
             each_known: (known_share > 0.0).then(|| each_known(fit.log_likelihood, fit)),
             in_doubt: self.is_doubtful(fit, prior),
+            is_nowhere,
             is_contradicted: fit.log_likelihood < 0.0,
             knows_turn: fits == Status::Tracking && is_turn_held,
             report,

@@ -25,15 +25,15 @@ const COMPARED: [(usize, usize); 3] = [(0, 0), (1, 0), (5, 1)];
 
 impl Wheels {
     /// The motion since the cloud before and its information, where odometry says one that a robot can have made; over so many steps as long
-    /// as may be without being a gap.
+    /// as may be without being a gap, and by `lead` farther than its reading.
     pub(super) fn step(
         &self,
         settings: &MotionSettings,
-        odom_from_robot: Option<Pose3>,
+        (odom_from_robot, lead): (Option<Pose3>, Option<Pose3>),
         (elapsed_s, steps): (f64, f64),
     ) -> Option<(Pose3, Cov6)> {
         let (last, now) = self.odom_from_robot.zip(odom_from_robot).filter(|_| settings.use_odometry)?;
-        let motion = last.between(now);
+        let motion = lead.map_or(last.between(now), |lead| last.between(now) * lead);
         let is_believed = is_in_place(motion) && self.pace.believes(elapsed_s, planar(motion));
         is_believed.then(|| (motion, self.information(settings, motion, (elapsed_s, steps))))
     }
