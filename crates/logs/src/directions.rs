@@ -1,8 +1,9 @@
 //! Which directions a planar laser sees: lasers that look different ways are mapped together.
 
-use mapwright_geom::wrap_angle;
+use mapwright_geom::{Pose3, wrap_angle};
 use mapwright_ros::Mounting;
 use mapwright_sensor::LaserModel;
+use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
 /// Directions are told apart by steps of five degrees.
@@ -37,6 +38,22 @@ impl Reach {
     }
 }
 
+/// Points of a cloud that are looked at, of the first few: some ten in each direction.
+const POINTS_OF_CLOUD: usize = 1021;
+
+/// Where points of the first clouds of a lidar lie, metres in its own frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Glimpse {
+    points_m: Vec<[f32; 3]>,
+}
+
+impl Glimpse {
+    /// Takes in a cloud of so many points.
+    pub(crate) fn see(&mut self, points_m: impl Iterator<Item = [f64; 3]>, count: usize) {
+        self.points_m.extend(points_m.step_by(count / POINTS_OF_CLOUD + 1).map(|point| point.map(|v| v as f32)));
+    }
+}
+
 /// The directions in which a robot's lasers see, ahead of it first.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Directions {
@@ -52,8 +69,19 @@ impl Directions {
             let in_laser = (at as f64 + 0.5) * step_rad;
             sector(mounting.robot_from_laser.theta + if mounting.inverted { -in_laser } else { in_laser })
         };
-        let mut new: Vec<usize> =
-            (0..SECTORS).filter(sees).map(in_robot).filter(|at| !self.seen.contains(at)).collect();
+        self.add_sectors((0..SECTORS).filter(sees).map(in_robot))
+    }
+
+    /// The same of a lidar in space, the directions being those around the robot.
+    pub(crate) fn add_in_space(&mut self, glimpse: &Glimpse, robot_from_sensor: &Pose3) -> Option<usize> {
+        let turned = |point: &[f32; 3]| robot_from_sensor.rotation * Vector3::from(point.map(f64::from));
+        // not `<=`: NaN is no point
+        let sees = |at: &Vector3<f64>| at.x.hypot(at.y) > f64::from(BODY_M) && at.norm().is_finite();
+        self.add_sectors(glimpse.points_m.iter().map(turned).filter(sees).map(|at| sector(at.y.atan2(at.x))))
+    }
+
+    fn add_sectors(&mut self, sectors: impl Iterator<Item = usize>) -> Option<usize> {
+        let mut new: Vec<usize> = sectors.filter(|at| !self.seen.contains(at)).collect();
         new.sort_unstable();
         new.dedup();
         if new.len() < NEW_SECTORS {

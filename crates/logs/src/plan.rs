@@ -19,8 +19,8 @@ use std::collections::BTreeMap;
 pub(crate) const TILT_MOST_DEG: f64 = 5.0;
 
 /// No two lasers sit so near to each other and look so much the same way, metres and radians.
-const SAME_PLACE_M: f64 = 0.02;
-const SAME_PLACE_RAD: f64 = 0.02;
+pub(crate) const SAME_PLACE_M: f64 = 0.02;
+pub(crate) const SAME_PLACE_RAD: f64 = 0.02;
 
 /// Where a sensor's scans go.
 #[derive(Debug, Clone, Copy, PartialEq)]

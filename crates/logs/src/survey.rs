@@ -2,7 +2,7 @@
 
 use crate::camera::CameraSurvey;
 use crate::channel::{Decoders, Messages, TopicKind};
-use crate::directions::Reach;
+use crate::directions::{Glimpse, Reach};
 use crate::foxglove::PointCloud;
 use crate::links::{Links, bare, joined, namespace};
 use crate::packets::{Metadata, OUSTER_FRAME, PacketSurvey};
@@ -85,6 +85,8 @@ pub struct TopicSurvey {
     pub(crate) scenery: Scenery,
     /// Of planar scans.
     pub(crate) reach: Reach,
+    /// Of clouds.
+    pub(crate) glimpse: Glimpse,
 }
 
 impl TopicSurvey {
@@ -114,6 +116,7 @@ impl TopicSurvey {
             movement: Movement::default(),
             scenery: Scenery::default(),
             reach: Reach::default(),
+            glimpse: Glimpse::default(),
         }
     }
 
@@ -141,6 +144,12 @@ impl TopicSurvey {
     #[must_use]
     pub fn child_frame(&self) -> &str {
         most(&self.child_frames)
+    }
+
+    /// By how much the stamp of its first cloud is ahead of when that was recorded, seconds.
+    pub(crate) fn clock_ahead_s(&self) -> Option<f64> {
+        let stamp = *self.sweeps.stamps.first()?;
+        (stamp != Stamp(0)).then(|| Some(stamp.secs_since(self.recorded?.0)))?
     }
 
     /// Pixels of its first image, across and down.
@@ -235,6 +244,9 @@ impl TopicSurvey {
             return;
         }
         let Ok(cloud) = Cloud::new(message) else { return };
+        if self.distances.wants_more() {
+            self.glimpse.see(cloud.positions(), cloud.len());
+        }
         self.distances.add(cloud.positions(), cloud.len());
         if wants_times {
             self.sweeps.add(message.header.stamp, cloud.time().map_or(0.0, |time| time.span_s));

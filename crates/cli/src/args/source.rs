@@ -10,8 +10,8 @@ use nalgebra::UnitQuaternion;
 /// What to use of a recording instead of what would be found.
 #[derive(Debug, Clone, Default, ClapArgs)]
 pub(crate) struct SourceArgs {
-    /// Topic to use, of scans or of odometry (of transforms, to take odometry from them); may be repeated, also for several lasers of one
-    /// robot.
+    /// Topic to use, of scans or of odometry (of transforms, to take odometry from them); may be repeated, also for several lasers or
+    /// lidars of one robot.
     #[arg(long, value_name = "TOPIC")]
     pub(super) topic: Vec<String>,
     /// The robot's frame.

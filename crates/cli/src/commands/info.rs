@@ -134,11 +134,12 @@ impl Found {
 
     /// A recording that is mapped in space.
     fn messages_in_space(name: String, survey: &Survey, words: String, plan: &SpacePlan) -> Self {
-        let said = format!("{} can be mapped: mapwright map {name} --space -o OUT", plan.topic);
+        let topics = std::iter::once(&plan.topic).chain(&plan.further).cloned().collect::<Vec<_>>().join(" and ");
+        let said = format!("{topics} can be mapped: mapwright map {name} --space -o OUT");
         let odd = plan.odd.iter().chain(&plan.doubts).map(|odd| format!("odd      {odd}\n")).collect::<String>();
         let words = format!("{words}space    {said}\n{}{odd}", plan_in_words(plan));
         let reasons: Vec<_> = plan.reasons.iter().map(|(what, why)| json!({ "what": what, "why": why })).collect();
-        let value = json!({ "topic": plan.topic, "reasons": reasons, "assumed": plan.assumed, "odd": plan.odd, "doubts": plan.doubts });
+        let value = json!({ "topic": plan.topic, "further": plan.further, "reasons": reasons, "assumed": plan.assumed, "odd": plan.odd, "doubts": plan.doubts });
         Self::looked_through(name, survey, words, ("space", value))
     }
 

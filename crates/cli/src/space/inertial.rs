@@ -23,6 +23,7 @@ impl Felt {
         let ImuReport {
             readings,
             unsound,
+            too_fast,
             late,
             set_back,
             pushed,
@@ -38,6 +39,7 @@ impl Felt {
             "topic": self.topic,
             "readings": readings,
             "unsound": unsound,
+            "beyond_100_rad_per_s_as_told": too_fast,
             "late": late,
             "clock_set_back": set_back,
             "far_from_gravity": pushed,
@@ -64,6 +66,16 @@ impl Felt {
             count(report.gravity, "edge"),
             report.bias_sigma_rad_per_s
         )
+    }
+
+    /// What was lost, in words.
+    pub(super) fn loss(&self) -> Option<String> {
+        let ImuReport { unsound, too_fast, mount, .. } = self.report;
+        // Where matches say that they are in degrees, readings that seemed too fast were sound.
+        let unsound = unsound + if mount.in_degrees { 0 } else { too_fast };
+        (unsound > 0).then(|| {
+            format!("inertial readings that are not finite, or beyond 100 rad/s or 50 g: {}", grouped(unsound))
+        })
     }
 
     /// What is odd, in words.

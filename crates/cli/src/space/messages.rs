@@ -41,7 +41,8 @@ impl Messages {
         let what = if plan.kind.is_clouds() { "clouds" } else { "images of depth" };
         let container = self.stream.survey().container.container;
         let container = container.map_or_else(|| "a recording".to_owned(), |container| container.to_string());
-        format!("{what} of {} in {container}", plan.topic)
+        let topics = std::iter::once(&plan.topic).chain(&plan.further).cloned().collect::<Vec<_>>().join(" and ");
+        format!("{what} of {topics} in {container}")
     }
 
     pub(super) fn decisions(&self) -> Vec<String> {

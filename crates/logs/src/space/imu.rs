@@ -169,7 +169,7 @@ pub(super) fn reading(
     };
     if !reading.is_sound() {
         return Err(format!(
-            "{} rad/s and {:?} m/s^2: not finite, or beyond 100 rad/s or 500 m/s^2",
+            "{} rad/s and {:?} m/s^2: not finite, or beyond 100 rad/s, were these degrees, or 500 m/s^2",
             rate.norm(),
             force(&imu).map(|force| force.norm())
         ));

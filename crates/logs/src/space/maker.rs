@@ -1,7 +1,7 @@
 //! Clouds out of messages.
 
 use super::camera::CameraPlan;
-use super::plan::SpacePlan;
+use super::topic::TopicPlan;
 use crate::channel::Messages;
 use crate::links::stamp_or;
 use crate::packets::OUSTER_FRAME;
@@ -58,7 +58,7 @@ pub(super) struct CloudMaker {
 }
 
 impl CloudMaker {
-    pub(super) fn new(plan: &SpacePlan) -> Self {
+    pub(super) fn new(plan: &TopicPlan) -> Self {
         let sensors = plan.sensors.iter().map(|(frame, sensor)| (frame.clone(), Arc::new(sensor.clone())));
         let decoder =
             plan.packets.as_ref().and_then(|packets| PacketDecoder::new(packets.lidar, packets.info.as_ref()).ok());

@@ -1,31 +1,34 @@
 //! What to map of a recording of space, and why.
 
-use super::camera::{self, CameraPlan};
+use super::camera;
+use super::further::Lidars;
 use super::imu::{self, ImuSource};
 use super::packets::PacketPlan;
+use super::topic::{Candidate, TopicPlan};
 use crate::channel::TopicKind;
 use crate::choice::{Choice, OdometryCalibration};
-use crate::frames::{Place, list, place_in_space};
+use crate::frames::{Place, place_in_space};
 use crate::links::{bare, is_world};
 use crate::odometry::{self, OdometrySource};
 use crate::plan::{contents, nothing_of};
 use crate::survey::{Survey, TopicSurvey, same_name};
-use crate::words::{grouped, with_damage};
-use mapwright_clouds::{CameraOptions, DEPTH_SCALE_KEY, UnitOf, Units};
+use crate::words::with_damage;
+use mapwright_clouds::{CameraOptions, DEPTH_SCALE_KEY};
 use mapwright_geom::{Pose2, Pose3};
-use mapwright_sensor::{SpaceSensor, SweepTimes};
+use mapwright_sensor::SpaceSensor;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
 
 /// What is mapped in space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpacePlan {
-    /// The topic of the clouds or images of depth.
+    /// The topic of the clouds or images of depth, of the first sensor.
     pub topic: String,
     /// What kind of messages.
     pub kind: TopicKind,
-    /// How many of them.
+    /// Topics of other sensors of the same robot that are mapped with it.
+    pub further: Vec<String>,
+    /// How many messages of all of these.
     pub messages: u64,
     /// What took most of them.
     pub sensor: SpaceSensor,
@@ -43,27 +46,10 @@ pub struct SpacePlan {
     pub odd: Vec<String>,
     /// What casts doubt on a map of it, in words.
     pub doubts: Vec<String>,
-    /// What one stands for in the coordinates of clouds, metres.
-    pub(super) unit_m: f64,
     /// What is known to be wrong with odometry.
     pub(super) calibration: Option<OdometryCalibration>,
-    /// What the times of points are.
-    pub(super) times: SweepTimes,
-    /// Sensors by the messages' frames.
-    pub(super) sensors: BTreeMap<String, SpaceSensor>,
-    /// Of a lidar's packets.
-    pub(super) packets: Option<PacketPlan>,
-    /// Of images of depth.
-    pub(super) camera: Option<CameraPlan>,
-}
-
-/// A topic that can be mapped.
-struct Candidate<'a> {
-    topic: &'a TopicSurvey,
-    place: Place,
-    is_camera: bool,
-    camera: Option<camera::Found>,
-    packets: Option<PacketPlan>,
+    /// How each topic's messages become clouds, the first one's first.
+    pub(super) sources: Vec<TopicPlan>,
 }
 
 impl SpacePlan {
@@ -89,13 +75,16 @@ impl SpacePlan {
                 Reverse(points),
             )
         });
-        let others: Vec<_> = candidates.iter().skip(1).map(|candidate| candidate.topic.name.clone()).collect();
-        match candidates.into_iter().next() {
+        let mut candidates = candidates.into_iter();
+        match candidates.next() {
             Some(chosen) if chosen.camera.is_some() && choice.range_unit_m.is_some() => Err(format!(
                 "--range-unit is for clouds and scans, {} has images of depth: `{DEPTH_SCALE_KEY}` says which number stands for a metre",
                 chosen.topic.name
             )),
-            Some(chosen) => Ok(decide(survey, (choice, options), chosen, &others, &refused)),
+            Some(chosen) => {
+                let lidars = Lidars::of(chosen, candidates, choice)?;
+                Ok(decide(survey, (choice, options), lidars, &refused))
+            }
             None => Err(refused.join("; ")),
         }
     }
@@ -121,108 +110,63 @@ fn is_spatial(topic: &TopicSurvey) -> bool {
 fn decide(
     survey: &Survey,
     (choice, options): (&Choice, &CameraOptions),
-    chosen: Candidate<'_>,
-    others: &[String],
+    lidars: Lidars<'_>,
     refused: &[String],
 ) -> SpacePlan {
-    let Candidate { topic, place, is_camera, mut camera, packets } = chosen;
-    let (place, assumed_mount) = looking_ahead(place, topic, is_camera);
-    let (place, assumed_mount) = match choice.space.and_then(|space| space.robot_from_sensor) {
+    let why = lidars.why_chosen(choice);
+    let Lidars { chosen, further, .. } = lidars;
+    let (place, assumed_mount) = looking_ahead(chosen.place, chosen.topic, chosen.is_camera);
+    let calibrated = choice.space.and_then(|space| space.robot_from_sensor);
+    let (place, assumed_mount) = match calibrated {
         Some(found) => (Place { robot_from_sensor: moved_to(place.robot_from_sensor, found), ..place }, None),
         None => (place, assumed_mount),
     };
-    let odometry = odometry::find_in_space(survey, &place, choice);
-    let imu = imu::find(survey, topic, &place, choice);
-    let is_asked = choice.topics.iter().any(|name| same_name(name, &topic.name));
-    let why = match (is_asked, others) {
-        (true, _) => "as asked for".to_owned(),
-        (_, []) => "the only topic that can be mapped in space".to_owned(),
-        (_, others) => format!("not used: {}", list(others.iter().map(String::as_str))),
-    };
-    let what = if topic.kind.is_clouds() { "clouds" } else { "depth" };
-    let count = grouped(topic.usable());
-    let mut reasons =
-        vec![(what, format!("{} ({}, {count} messages, {}): {why}", topic.name, topic.type_name, topic.shape))];
-    reasons.extend(packets.as_ref().map(|packets| ("lidar", packets.words())));
-    reasons.extend(camera.as_ref().map(|camera| ("camera", camera.reason.clone())));
+    let chosen = Candidate { place, ..chosen };
+    let Candidate { topic, place, .. } = &chosen;
+    let odometry = odometry::find_in_space(survey, place, choice);
+    let imu = imu::find(survey, topic, place, choice);
+    let mut reasons = vec![chosen.words(&why)];
+    reasons.extend(chosen.device_words());
     reasons.push(("robot", format!("'{}', {}", place.robot_frame, place.reason)));
-    let is_calibrated = choice.space.is_some_and(|space| space.robot_from_sensor.is_some());
-    reasons.push(("mounting", mounting_words(topic.frame(), &place, is_calibrated)));
+    reasons.push(("mounting", mounting_words(topic.frame(), place, calibrated.is_some())));
     reasons.push(("odometry", odometry.reason.clone()));
     let without_imu = (choice.imu_mount.is_some() && imu.source.is_none())
         .then(|| "--imu-mount says how the inertial sensor sits: there is none that can be used".to_owned());
     reasons.extend(imu.reason.map(|reason| ("imu", reason)));
-    let times = topic.sweeps.times();
-    if topic.kind.is_clouds() {
-        reasons.push(("motion", motion_words(topic, is_camera, times)));
+    let motion = chosen.motion_words();
+    reasons.extend(motion.clone().map(|words| ("motion", words)));
+    for (other, why) in &further {
+        reasons.push(other.words(&format!("mapped too, {why}")));
+        reasons.extend(other.device_words());
+        reasons.push(("mounting", mounting_words(other.topic.frame(), &other.place, false)));
+        let of_this = other.motion_words().filter(|words| Some(words) != motion.as_ref());
+        reasons.extend(of_this.map(|words| ("motion", format!("{}: {words}", other.topic.name))));
     }
     reasons.extend(refused.iter().map(|reason| ("refused", reason.clone())));
-    let as_made = sensor_of(topic, is_camera, place.robot_from_sensor);
-    let units = units_of(topic, &as_made, camera.as_mut(), (choice, options));
-    let near =
-        |sensor: SpaceSensor| SpaceSensor { range_min_m: units.range_min_m.unwrap_or(sensor.range_min_m), ..sensor };
-    let sensor = near(as_made);
-    let mut sensors = BTreeMap::from([(topic.frame().to_owned(), sensor.clone())]);
-    for frame in topic.frames.keys().filter(|frame| *frame != topic.frame()) {
-        let robot = Choice { frame: Some(place.robot_frame.clone()), ..choice.clone() };
-        if let Ok(other) = place_in_space(&survey.links, frame, &[], &robot)
-            && other.assumed.is_none()
-        {
-            sensors.insert(frame.clone(), near(sensor_of(topic, is_camera, other.robot_from_sensor)));
-        }
+    let robot_frame = place.robot_frame.clone();
+    let (own, mut said) = TopicPlan::of(survey, (choice, options), chosen);
+    let mut sources = vec![own.clone()];
+    for (other, _) in further {
+        let (plan, more) = TopicPlan::of(survey, (choice, options), other);
+        said = said.and(more, &plan.topic);
+        sources.push(plan);
     }
-    let of_camera = camera.as_ref().map_or_else(Vec::new, |camera| camera.assumed.clone());
-    let of_times = shares_words(topic, times);
     SpacePlan {
-        topic: topic.name.clone(),
-        kind: topic.kind,
-        messages: packets.as_ref().map_or(topic.usable(), |packets| packets.clouds(topic)),
-        sensor,
-        robot_frame: place.robot_frame,
+        topic: own.topic,
+        kind: own.kind,
+        further: sources.iter().skip(1).map(|source| source.topic.clone()).collect(),
+        messages: sources.iter().map(|source| source.messages).sum(),
+        sensor: own.sensor,
+        robot_frame,
         odometry: odometry.source,
         imu: imu.source,
         reasons,
-        assumed: [assumed_mount, odometry.assumed, imu.assumed, of_times, units.assumed]
-            .into_iter()
-            .flatten()
-            .chain(of_camera)
-            .collect(),
-        odd: units.odd.into_iter().chain(without_imu).collect(),
-        doubts: camera.as_ref().and_then(|camera| camera.doubt.clone()).into_iter().collect(),
-        unit_m: units.unit_m.unwrap_or(1.0),
+        assumed: [assumed_mount, odometry.assumed, imu.assumed].into_iter().flatten().chain(said.assumed).collect(),
+        odd: said.odd.into_iter().chain(without_imu).collect(),
+        doubts: said.doubts,
         calibration: choice.odometry,
-        times,
-        sensors,
-        packets,
-        camera: camera.map(|camera| camera.plan),
+        sources,
     }
-}
-
-/// The unit of a topic's clouds as it is asked for, or as its first messages have it. Of images of depth it is the camera's number that
-/// stands for a metre.
-fn units_of(
-    topic: &TopicSurvey,
-    sensor: &SpaceSensor,
-    camera: Option<&mut camera::Found>,
-    (choice, options): (&Choice, &CameraOptions),
-) -> Units {
-    let Some(camera) = camera else {
-        let asked = choice.range_unit_m;
-        let found = topic.distances.scaled(asked.unwrap_or(1.0)).judge(sensor, UnitOf::Clouds(asked));
-        return Units { unit_m: asked.or(found.unit_m), ..found };
-    };
-    let per_m = camera.plan.depth_per_m.unwrap_or(topic.depth_per_m);
-    let of = UnitOf::Images { per_m, is_asked: options.depth_scale.is_some() };
-    let found = topic.distances.scaled(topic.depth_per_m / per_m).judge(sensor, of);
-    if let Some(unit_m) = found.unit_m {
-        camera.plan.depth_per_m = Some(per_m / unit_m);
-    }
-    Units { unit_m: None, ..found }
-}
-
-fn sensor_of(topic: &TopicSurvey, is_camera: bool, robot_from_sensor: Pose3) -> SpaceSensor {
-    let made = if is_camera { SpaceSensor::depth_camera(&topic.name) } else { SpaceSensor::lidar(&topic.name) };
-    SpaceSensor { robot_from_sensor, ..made }
 }
 
 /// Where nothing says where a camera sits, its optical axis (z, with x to the right) is taken for the robot's way ahead.
@@ -251,27 +195,6 @@ fn mounting_words(sensor: &str, place: &Place, is_calibrated: bool) -> String {
     format!("'{sensor}' at x {:.3} m, y {:.3} m, z {:.3} m, {angles}{by}", at.x, at.y, at.z)
 }
 
-/// Times that are none of seconds, taken for what they can only be.
-fn shares_words(topic: &TopicSurvey, times: SweepTimes) -> Option<String> {
-    let SweepTimes::Shares { sweep_s } = times else { return None };
-    let span_s = topic.sweeps.span_s;
-    Some(format!(
-        "times of points span {span_s:.2} s, clouds come every {sweep_s:.2} s: taken for shares of a sweep that lasts from one cloud to the next"
-    ))
-}
-
-fn motion_words(topic: &TopicSurvey, is_camera: bool, times: SweepTimes) -> String {
-    match (topic.has_times, is_camera) {
-        (true, _) if times.unit_s().is_none() => format!(
-            "not undone: times of points span {:.2} s, and clouds come so often that they are of no sweep",
-            topic.sweeps.span_s
-        ),
-        (true, _) => "undone: the points have times".to_owned(),
-        (false, true) => "a depth camera's clouds: all points of one are taken at once".to_owned(),
-        (false, false) => "points have no times: all of a cloud count as taken at once".to_owned(),
-    }
-}
-
 /// Topics that can be mapped, and why others cannot.
 fn candidates<'a>(
     survey: &'a Survey,
@@ -288,7 +211,7 @@ fn candidates<'a>(
             return Err(format!("{name} is {}{what}, expected clouds, images of depth or odometry", first.type_name));
         }
     }
-    let is_asked = |topic: &&TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
+    let is_asked = |topic: &&TopicSurvey| is_asked(topic, choice);
     let mut all: Vec<_> = survey.topics.iter().filter(|topic| is_spatial(topic)).collect();
     let by_name = all.iter().any(is_asked);
     if by_name {
@@ -308,7 +231,21 @@ fn candidates<'a>(
             Err(reason) => refused.push(format!("{}: {reason}", topic.name)),
         }
     }
-    Ok((found, refused))
+    let is_missing =
+        |name: &&String| !found.iter().any(|candidate: &Candidate<'_>| same_name(name, &candidate.topic.name));
+    let missing = choice.topics.iter().filter(is_missing).find_map(|name| {
+        let name = name.trim_start_matches('/');
+        refused.iter().find(|reason| reason.trim_start_matches('/').starts_with(&format!("{name}: ")))
+    });
+    match missing {
+        Some(reason) => Err(reason.clone()),
+        None => Ok((found, refused)),
+    }
+}
+
+/// Whether a topic is asked for by its name.
+pub(super) fn is_asked(topic: &TopicSurvey, choice: &Choice) -> bool {
+    choice.topics.iter().any(|name| same_name(name, &topic.name))
 }
 
 fn candidate<'a>(

@@ -3,19 +3,20 @@
 use super::imu;
 use super::maker::{CloudMaker, Made};
 use super::plan::SpacePlan;
+use super::queue::{Queue, Waiting};
+use super::topic::TopicPlan;
 use super::wheels::Wheels;
 use crate::channel::{Decoders, Messages, TopicKind};
 use crate::corrected::Corrected;
 use crate::error::LogError;
 use crate::links::{bare, stamp_or};
-use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
+use crate::merge::WINDOW_S;
 use crate::odometry::OdometrySource;
 use crate::survey::{Survey, same_name};
 use mapwright_bags::{Connection, RawMessage, Recording};
 use mapwright_clouds::{NoteKind, Notes};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_sensor::{Cloud, ImuReading};
-use std::collections::VecDeque;
 use std::path::Path;
 
 /// Odometry farther from its origin than this is none, metres.
@@ -24,7 +25,8 @@ const FARTHEST_M: f64 = 1e6;
 /// What a connection is used for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Use {
-    Clouds,
+    /// Of the sensor with this number.
+    Clouds(usize),
     Odometry,
     Imu,
     Nothing,
@@ -39,29 +41,19 @@ pub enum SpaceEvent {
     Cloud(Cloud),
 }
 
-/// A cloud that waits for odometry and inertial readings.
-#[derive(Debug)]
-struct Waiting {
-    cloud: Cloud,
-    /// When its last point was taken.
-    end: Stamp,
-    recorded: Stamp,
-    offset_bytes: u64,
-}
-
-/// The clouds of a recording according to a plan, in order of their arrival. One waits for odometry as recent as itself and
-/// inertial readings as recent as its end, which come before it, over at most [`WINDOW_S`] seconds of arrival, [`WINDOW_MESSAGES`] clouds and [`WINDOW_BYTES`] bytes of them.
+/// The clouds of a recording according to a plan, in order of their arrival; those of several sensors in order of their stamps. One waits
+/// for odometry as recent as itself and inertial readings as recent as its end, which come before it, and for clouds of the other sensors
+/// that are no older, over at most 2 s of arrival, 4096 clouds and 64 MiB of them.
 #[derive(Debug)]
 pub struct SpaceStream {
     name: String,
     recording: Recording,
     survey: Survey,
     plan: SpacePlan,
-    maker: CloudMaker,
+    makers: Vec<CloudMaker>,
     decoders: Decoders,
     uses: Vec<Option<Use>>,
-    waiting: VecDeque<Waiting>,
-    waiting_bytes: usize,
+    waiting: Queue,
     wheels: Wheels,
     /// Takes out what is known to be wrong with odometry.
     corrected: Option<Corrected<Pose3>>,
@@ -74,7 +66,8 @@ pub struct SpaceStream {
     read: u64,
     delivered: u64,
     first_failure: Option<String>,
-    last_stamp: Option<Stamp>,
+    /// Of each sensor.
+    last_stamps: Vec<Option<Stamp>>,
     is_end: bool,
 }
 
@@ -89,13 +82,13 @@ impl SpaceStream {
             name: name.to_owned(),
             recording,
             survey,
-            maker: CloudMaker::new(&plan),
+            makers: plan.sources.iter().map(CloudMaker::new).collect(),
+            waiting: Queue::new(plan.sources.len()),
+            last_stamps: vec![None; plan.sources.len()],
             corrected: plan.calibration.map(Corrected::new),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),
-            waiting: VecDeque::new(),
-            waiting_bytes: 0,
             wheels: Wheels::default(),
             reading: None,
             last_reading: None,
@@ -104,7 +97,6 @@ impl SpaceStream {
             read: 0,
             delivered: 0,
             first_failure: None,
-            last_stamp: None,
             is_end: false,
         })
     }
@@ -177,8 +169,10 @@ impl SpaceStream {
         let next = next.map_err(|cause| LogError::Recording { name: self.name.clone(), cause })?;
         let Some(message) = next else {
             self.is_end = true;
-            let last = self.maker.finish(&mut self.notes);
-            last.into_iter().for_each(|made| self.take(made, 0));
+            for source in 0..self.makers.len() {
+                let last = self.makers[source].finish(&mut self.notes);
+                last.into_iter().for_each(|made| self.take(source, made, 0));
+            }
             return Ok(());
         };
         self.read += 1;
@@ -187,14 +181,14 @@ impl SpaceStream {
         let place = usize::try_from(at).unwrap_or(usize::MAX);
         match used(&mut self.uses, message.connection, &self.plan) {
             Use::Nothing => {}
-            Use::Clouds => {
+            Use::Clouds(source) => {
                 let messages = self.decoders.of(message.connection);
-                match self.maker.make(messages, &message, &mut self.notes) {
-                    Ok(all) => all.into_iter().for_each(|made| self.take(made, at)),
+                match self.makers[source].make(messages, &message, &mut self.notes) {
+                    Ok(all) => all.into_iter().for_each(|made| self.take(source, made, at)),
                     Err(reason) => {
                         self.first_failure.get_or_insert_with(|| reason.clone());
                         let words = || ("a message that can be mapped", reason);
-                        self.notes.note(NoteKind::UnreadableFrame, &self.plan.topic, place, words);
+                        self.notes.note(NoteKind::UnreadableFrame, &self.plan.sources[source].topic, place, words);
                     }
                 }
             }
@@ -202,7 +196,8 @@ impl SpaceStream {
                 let Some(source) = &self.plan.imu else { return Ok(()) };
                 let messages = self.decoders.of(message.connection);
                 if let Messages::OusterPackets(decoder) = messages {
-                    let reading = decoder.decode(message.data).ok().and_then(|packet| self.maker.reading(packet.buf));
+                    let reading =
+                        decoder.decode(message.data).ok().and_then(|packet| self.makers.first()?.reading(packet.buf));
                     if let Some(reading) = reading {
                         let turned = imu::turned(source, reading);
                         self.take_reading(turned, false, place);
@@ -245,9 +240,10 @@ impl SpaceStream {
         self.reading = Some(reading);
     }
 
-    fn take(&mut self, made: Made, offset_bytes: u64) {
+    fn take(&mut self, source: usize, made: Made, offset_bytes: u64) {
         let Made { cloud, is_unstamped, not_finite, refused_time } = made;
-        let (topic, place) = (self.plan.topic.as_str(), usize::try_from(offset_bytes).unwrap_or(usize::MAX));
+        let topic = self.plan.sources[source].topic.as_str();
+        let place = usize::try_from(offset_bytes).unwrap_or(usize::MAX);
         let notes = &mut self.notes;
         if is_unstamped {
             notes.note(NoteKind::RecordedStamp, topic, place, || ("a stamp in the header", "zero"));
@@ -263,53 +259,41 @@ impl SpaceStream {
             let words = || ("finite points", format!("{not_finite} of {points} that are not"));
             notes.note(NoteKind::NotFinite, topic, place, words);
         }
-        self.waiting_bytes += held_bytes(&cloud);
         let last_s = cloud.times_s.iter().copied().filter(|s| s.is_finite()).fold(0.0_f32, f32::max);
         let end = Stamp(cloud.stamp.0.saturating_add(Stamp::from_secs_f64(f64::from(last_s).min(WINDOW_S)).0));
-        self.waiting.push_back(Waiting { cloud, end, recorded: self.now, offset_bytes });
+        self.waiting.push(source, Waiting { cloud, end, recorded: self.now, offset_bytes });
     }
 
     /// The next cloud, where the wheels' reading and the inertial ones are there or have been waited for long enough.
     fn pop(&mut self) -> Option<Cloud> {
         let has_odometry = self.plan.odometry != OdometrySource::None;
         let has_imu = self.plan.imu.is_some();
+        let newest_reading = self.last_reading;
+        let newest_count = self.wheels.newest();
         let is_due = |first: &Waiting| {
-            let is_counted = !has_odometry || self.wheels.newest().is_some_and(|newest| newest >= first.cloud.stamp);
-            let is_felt = !has_imu || self.last_reading.is_some_and(|newest| newest >= first.end);
-            self.is_end
-                || (is_counted && is_felt)
-                || self.now.secs_since(first.recorded) > WINDOW_S
-                || self.waiting.len() > WINDOW_MESSAGES
-                || self.waiting_bytes > WINDOW_BYTES
+            let is_counted = !has_odometry || newest_count.is_some_and(|newest| newest >= first.cloud.stamp);
+            let is_felt = !has_imu || newest_reading.is_some_and(|newest| newest >= first.end);
+            is_counted && is_felt
         };
-        if !self.waiting.front().is_some_and(is_due) {
-            return None;
-        }
-        let Waiting { mut cloud, offset_bytes, .. } = self.waiting.pop_front()?;
-        self.waiting_bytes = self.waiting_bytes.saturating_sub(held_bytes(&cloud));
+        let (source, Waiting { mut cloud, offset_bytes, .. }) = self.waiting.pop(self.now, self.is_end, is_due)?;
         cloud.odom_from_robot = self.wheels.at(cloud.stamp);
-        let (topic, place) = (self.plan.topic.as_str(), usize::try_from(offset_bytes).unwrap_or(usize::MAX));
+        let topic = self.plan.sources[source].topic.as_str();
+        let place = usize::try_from(offset_bytes).unwrap_or(usize::MAX);
         if has_odometry && cloud.odom_from_robot.is_none() {
             let words = || ("odometry within 2 s before the cloud", format!("none at {}", seconds(cloud.stamp)));
             self.notes.note(NoteKind::WithoutOdometry, topic, place, words);
         }
-        if let Some(last) = self.last_stamp.filter(|last| cloud.stamp < *last) {
+        if let Some(last) = self.last_stamps[source].filter(|last| cloud.stamp < *last) {
             let words = || (format!("a stamp after {}", seconds(last)), seconds(cloud.stamp));
             self.notes.note(NoteKind::BackwardStamp, topic, place, words);
         }
-        self.last_stamp = Some(cloud.stamp);
+        self.last_stamps[source] = Some(cloud.stamp);
         Some(cloud)
     }
 }
 
 fn seconds(stamp: Stamp) -> String {
     format!("{:.6} s", stamp.as_secs_f64())
-}
-
-fn held_bytes(cloud: &Cloud) -> usize {
-    let of_points = cloud.points_m.capacity() * size_of::<[f32; 3]>() + cloud.times_s.capacity() * size_of::<f32>();
-    let of_intensities = cloud.intensities.capacity() * size_of::<f32>();
-    of_points + of_intensities + cloud.colours.capacity() * size_of::<[u8; 3]>()
 }
 
 fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &SpacePlan) -> Use {
@@ -324,8 +308,9 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &SpacePlan) 
             OdometrySource::Topic { name, .. } => kind == TopicKind::Odometry && same_name(name, &connection.topic),
             OdometrySource::Transforms { .. } => kind == TopicKind::Transforms,
         };
-        if kind == plan.kind && same_name(&plan.topic, &connection.topic) {
-            Use::Clouds
+        let is_source = |source: &TopicPlan| kind == source.kind && same_name(&source.topic, &connection.topic);
+        if let Some(source) = plan.sources.iter().position(is_source) {
+            Use::Clouds(source)
         } else if matches!(kind, TopicKind::Imu | TopicKind::OusterPackets)
             && plan.imu.as_ref().is_some_and(|imu| same_name(&imu.name, &connection.topic))
         {
