@@ -240,7 +240,10 @@ fn joins<M: Measurement>(candidate: &Candidate<M::Pose>, session: &Session<M>) -
 
 /// Of the edges between a closure's keyframes that are no closures the one that the map strains most, where the closure contradicted
 /// what they said together.
-fn gave_way<M: Measurement<Pose: Recorded>>(candidate: &Candidate<M::Pose>, session: &Session<M>) -> Option<StrainedEdge> {
+fn gave_way<M: Measurement<Pose: Recorded>>(
+    candidate: &Candidate<M::Pose>,
+    session: &Session<M>,
+) -> Option<StrainedEdge> {
     let is_contradiction = candidate.evidence.cycle_chi2.is_some_and(|chi2| chi2 > M::Pose::IMPROBABLE_CHI2);
     if candidate.verdict != Verdict::Accepted || !is_contradiction {
         return None;

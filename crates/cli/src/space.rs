@@ -14,6 +14,7 @@ mod simulated;
 mod source;
 mod tally;
 mod verdict;
+mod visits;
 
 pub(crate) use calibrate::calibrate;
 pub(crate) use disk::Disk;
@@ -24,6 +25,7 @@ pub(crate) use report::{notes_in_words, notes_json};
 pub(crate) use seek::{Sought, hear_metadata, is_of_space, seek};
 pub(crate) use simulated::Simulation;
 pub(crate) use source::Source;
+pub(crate) use visits::Revisits;
 
 use crate::args::{MappingArgs, SourceArgs, Voice};
 use crate::failure::{Failure, Outcome};

@@ -6,7 +6,7 @@ mod facts;
 mod reasons;
 
 pub(crate) use facts::{Facts, unheeded};
-pub(crate) use reasons::{doubtful, lost, uncertain, unheeded_places};
+pub(crate) use reasons::{MOTIONS_AT_LEAST, doubtful, lost, moved, odometry_off, uncertain, unheeded_places};
 
 use crate::terminal::count;
 use expected::{all_is_well, expected_error_m};
@@ -94,10 +94,10 @@ impl Usable {
             reasons::held_back(facts),
             reasons::disordered(facts),
             reasons::misfits(facts),
-            reasons::moved(facts),
+            moved(facts.compared, [facts.moved_mean_m, facts.moved_90_m]),
             uncertain(facts.mean_sigma_m, facts.worst_sigma_m),
             unheeded_places(facts.unheeded),
-            reasons::odometry_off(facts),
+            odometry_off(&facts.wheels(), reasons::ODOMETRY_OFF).filter(|_| facts.mirrored.is_none()),
             reasons::untested(facts),
         ];
         Self::by(reasons, expected_error_m(facts), all_is_well(facts))

@@ -1,7 +1,8 @@
 //! What wheels and scans say of the same motions.
 
 use crate::calibration::{Sample, calibrate};
-use mapwright::{Pose2, Session};
+use mapwright::{Pose2, Pose3, Session};
+use mapwright_geom::Pose;
 
 /// Motions are compared over so much way, metres, or such a turn, radians; the median counts.
 const MOTION_M: f64 = 0.5;
@@ -42,7 +43,19 @@ impl Wheels {
                 map_from_laser: pose.map_from_robot,
             })
             .collect();
-        let motions = motions(&scans);
+        let pairs = scans.iter().map(|scan| (scan.odom_from_robot, scan.map_from_laser));
+        Self { lever_m: lever_m(&scans).unwrap_or(0.0), ..Self::of_motions(&motions(pairs, |motion| motion)) }
+    }
+
+    /// The same of a robot in space, by its poses by wheels and in the map: how it moves in its own plane. The point about which it turns is
+    /// not looked for.
+    pub(crate) fn in_space(poses: impl Iterator<Item = (Pose3, Pose3)>) -> Self {
+        let in_plane =
+            |motion: Pose3| Pose2::new(motion.translation.x, motion.translation.y, motion.rotation.euler_angles().2);
+        Self::of_motions(&motions(poses, in_plane))
+    }
+
+    fn of_motions(motions: &[Motion]) -> Self {
         let is_turn = |motion: &&Motion| motion.said.theta.abs() >= MOTION_RAD;
         let (turning, straight): (Vec<&Motion>, Vec<&Motion>) = motions.iter().partition(is_turn);
         let length = |pose: Pose2| pose.x.hypot(pose.y);
@@ -53,19 +66,24 @@ impl Wheels {
             turns: median(turning.iter().map(|motion| motion.mapped.theta / motion.said.theta).collect(), 1.0),
             way: median(straight.iter().map(|motion| length(motion.mapped) / length(motion.said)).collect(), 1.0),
             aside_rad: median_direction(straight.iter().map(aside).collect()),
-            lever_m: lever_m(&scans).unwrap_or(0.0),
+            lever_m: 0.0,
         }
     }
 }
 
-fn motions(scans: &[Sample]) -> Vec<Motion> {
+/// Motions by poses that wheels and the map say.
+fn motions<P: Pose>(poses: impl Iterator<Item = (P, P)>, in_plane: impl Fn(P) -> Pose2) -> Vec<Motion> {
     let mut motions = Vec::new();
-    let mut from = 0;
-    for at in 1..scans.len() {
-        let said = scans[from].odom_from_robot.between(scans[at].odom_from_robot);
+    let mut from: Option<(P, P)> = None;
+    for (odom_from_robot, map_from_robot) in poses {
+        let Some((odom_from_then, map_from_then)) = from else {
+            from = Some((odom_from_robot, map_from_robot));
+            continue;
+        };
+        let said = in_plane(odom_from_then.between(odom_from_robot));
         if said.theta.abs() >= MOTION_RAD || said.x.hypot(said.y) >= MOTION_M {
-            motions.push(Motion { said, mapped: scans[from].map_from_laser.between(scans[at].map_from_laser) });
-            from = at;
+            motions.push(Motion { said, mapped: in_plane(map_from_then.between(map_from_robot)) });
+            from = Some((odom_from_robot, map_from_robot));
         }
     }
     motions
@@ -187,7 +205,8 @@ mod tests {
     fn a_robot_mapped_the_wrong_way_round_is_told() {
         for turned_deg in [135.0_f64, 180.0] {
             let scans = driven(Pose2::new(0.0, 0.0, turned_deg.to_radians()), 0.0, 1.0);
-            let motions = motions(&scans);
+            let motions =
+                motions(scans.iter().map(|scan| (scan.odom_from_robot, scan.map_from_laser)), |motion| motion);
             let aside =
                 |motion: &Motion| wrapped(motion.mapped.y.atan2(motion.mapped.x) - motion.said.y.atan2(motion.said.x));
             let found = median_direction(motions.iter().map(aside).collect());

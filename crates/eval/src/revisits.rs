@@ -55,6 +55,8 @@ pub struct RevisitSettings {
     pub apart: u64,
     /// Scans of a pair were taken nearer to each other, metres.
     pub within_m: f64,
+    /// So many pairs are registered at most, evenly spread.
+    pub pairs_at_most: usize,
     /// The maps of one visit that clouds of others are registered on.
     pub maps: SurfelMapSettings,
 }
@@ -73,7 +75,12 @@ impl RevisitSettings {
     #[must_use]
     pub fn for_range(range_m: f64, noise_m: f64) -> Self {
         let resolution_m = (FINEST_SHARE * range_m).max(1e-3);
-        Self { apart: APART_AT_MOST, within_m: 5.0, maps: SurfelMapSettings { resolution_m, levels: LEVELS, noise_m } }
+        Self {
+            apart: APART_AT_MOST,
+            within_m: 5.0,
+            pairs_at_most: PAIRS,
+            maps: SurfelMapSettings { resolution_m, levels: LEVELS, noise_m },
+        }
     }
 }
 
@@ -174,7 +181,7 @@ fn pairs(scans: &[RevisitScan], with_pose: &[usize], settings: &RevisitSettings)
         let partners: Vec<usize> = with_pose.iter().filter(is_revisit).copied().collect();
         pairs.extend(evenly(&partners, PARTNERS).map(|&earlier| [earlier, later]));
     }
-    evenly(&pairs, PAIRS).copied().collect()
+    evenly(&pairs, settings.pairs_at_most).copied().collect()
 }
 
 fn are_apart(earlier: &RevisitScan, later: &RevisitScan, apart: u64) -> bool {

@@ -75,7 +75,7 @@ impl Mapping {
 
     pub(super) fn add_cloud(&mut self, cloud: &Cloud) -> Result<(), Failure> {
         let update: Update<SpaceSweep> = self.mapper.add_cloud(cloud);
-        self.tally.add(&update);
+        self.tally.add(cloud, &update);
         if let Some(online) = &mut self.online {
             let pose = stamped(self.stamper.next(update.stamp), update.map_from_robot);
             online.write(&pose).map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;

@@ -105,7 +105,7 @@ impl Results {
 
     /// What is apart, in words.
     pub(super) fn losses(&self) -> Vec<String> {
-        self.pieces.losses()
+        self.pieces.losses().into_iter().chain(self.felt.as_ref().and_then(Felt::loss)).collect()
     }
 
     /// What is odd about it, in words.

@@ -1,7 +1,7 @@
 //! What the clouds of a run amount to.
 
 use crate::status_runs::StatusRuns;
-use mapwright::{BeamCounts, MatchReport, SpaceSweep, Stamp, Status, Update};
+use mapwright::{BeamCounts, Cloud, MatchReport, Pose3, SpaceSweep, Stamp, Status, Update};
 
 /// How a cloud fits the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +23,8 @@ pub(crate) struct Tally {
     pub(super) clouds: u64,
     /// How each fits the map.
     pub(super) fits: Vec<FitOfCloud>,
+    /// The numbers of those that came with the wheels' pose, and that.
+    pub(super) wheels: Vec<(u64, Pose3)>,
     by_status: [u64; 3],
     pub(super) points: BeamCounts,
     pub(super) restarted: u64,
@@ -32,7 +34,9 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    pub(crate) fn add(&mut self, update: &Update<SpaceSweep>) {
+    pub(crate) fn add(&mut self, cloud: &Cloud, update: &Update<SpaceSweep>) {
+        let odom_from_robot = cloud.odom_from_robot.filter(|pose| pose.is_finite());
+        self.wheels.extend(odom_from_robot.map(|pose| (update.scan, pose)));
         self.clouds += 1;
         self.fits.push(FitOfCloud::of(update));
         self.by_status[update.status as usize] += 1;

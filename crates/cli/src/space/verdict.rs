@@ -1,8 +1,13 @@
 //! Whether a map of space can be used, by what its run knows of itself (docs/decisions/0027-verdict.md).
 
 use super::tally::{FitOfCloud, Tally, median};
+use super::visits::Revisits;
 use crate::terminal::{count, metres};
-use crate::verdict::{Reason, Usability, Usable, beyond, doubtful, lost, uncertain, unheeded, unheeded_places};
+use crate::verdict::{
+    MOTIONS_AT_LEAST, Reason, Usability, Usable, beyond, doubtful, lost, moved, odometry_off, uncertain, unheeded,
+    unheeded_places,
+};
+use crate::wheels::Wheels;
 use mapwright::{EdgeKind, KeyframeId, MatchReport, Session, SpaceMapper, SpaceSweep, Status};
 use mapwright_geom::TangentMatrix;
 use nalgebra::Vector3;
@@ -31,6 +36,14 @@ const OFF_SHARE: [f64; 2] = [0.005, f64::INFINITY];
 
 /// Maps beside the first, of the clouds.
 const TORN_SHARE: [f64; 2] = [0.02, 0.1];
+
+/// Wheels and clouds differ by more than this share of the way or of turns: ranges of a lidar are exact to a thousandth, wheels and tyres to
+/// a few hundredths.
+const WHEELS_OFF: f64 = 0.07;
+/// Pairs of visits that are compared at most: registering one takes as long as mapping a cloud.
+const VISITS: usize = 40;
+/// They lie so near to each other at most, metres.
+const VISITS_WITHIN_M: f64 = 5.0;
 
 /// Directions around the sensor, and the share of them in which nothing was ever seen from which on it may be covered, where at least
 /// that share of its beams returned nothing: a sensor that looks one way has no beams there, open sky has some everywhere.
@@ -78,6 +91,17 @@ pub(crate) struct Facts {
     /// Places that were recognised where the map does not have them.
     unheeded: usize,
     closures: usize,
+    /// Motions of which wheels and clouds both tell; what clouds say, as a multiple of what the wheels say, of turns, of ways; and the
+    /// direction of the way beside theirs, degrees.
+    wheel_motions: usize,
+    turns_of_odometry: f64,
+    way_of_odometry: f64,
+    aside_deg: f64,
+    /// Pairs of visits to a place that were compared, by how much they would have to be moved to fit each other in the mean, and nine of ten
+    /// by less, metres.
+    compared: usize,
+    moved_mean_m: f64,
+    moved_90_m: f64,
     /// Maps that nothing holds together.
     maps: usize,
     /// What casts doubt on the recording as it was read, in words.
@@ -97,6 +121,8 @@ impl Facts {
         let known = certainty.into_iter().filter(|(id, _)| is_here(*id));
         let sigmas_m: Vec<f64> =
             known.map(|(_, covariance)| covariance.position_variance_m2().max(0.0).sqrt()).collect();
+        let wheels = wheels(session, tally);
+        let (compared, [moved_mean_m, moved_90_m]) = visits(session);
         Self {
             clouds: fits.len(),
             doubtful: fits.iter().filter(|fit| fit.is_below(CLEAR_SHARE)).count(),
@@ -111,6 +137,13 @@ impl Facts {
             worst_sigma_m: sigmas_m.iter().copied().fold(0.0, f64::max),
             unheeded: session.maps().first().map_or(0, |map| unheeded(session, map)),
             closures: session.edges().filter(|edge| edge.kind == EdgeKind::Closure).count(),
+            wheel_motions: wheels.motions,
+            turns_of_odometry: wheels.turns,
+            way_of_odometry: wheels.way,
+            aside_deg: wheels.aside_rad.to_degrees(),
+            compared,
+            moved_mean_m,
+            moved_90_m,
             maps: maps.len(),
             doubts: Vec::new(),
         }
@@ -136,12 +169,24 @@ impl Facts {
             self.jumped(),
             self.blurred(),
             self.torn(),
+            moved(self.compared, [self.moved_mean_m, self.moved_90_m]),
             uncertain(self.mean_sigma_m, self.worst_sigma_m),
             unheeded_places(self.unheeded),
+            odometry_off(&self.wheels(), WHEELS_OFF),
             self.untested(),
             self.misread(),
         ];
         Usable::by(reasons, None, self.all_is_well())
+    }
+
+    fn wheels(&self) -> Wheels {
+        Wheels {
+            motions: self.wheel_motions,
+            turns: self.turns_of_odometry,
+            way: self.way_of_odometry,
+            aside_rad: self.aside_deg.to_radians(),
+            lever_m: 0.0,
+        }
     }
 
     fn misread(&self) -> Option<Reason> {
@@ -239,11 +284,44 @@ impl Facts {
             0 => "no loop was closed that would tell drift".to_owned(),
             closures => format!("{} closed", count(closures as u64, "loop")),
         };
+        let asks_wheels = self.wheel_motions >= MOTIONS_AT_LEAST;
+        let wheels = if asks_wheels { "; wheels say the same way" } else { "" };
+        let visits = match self.compared {
+            0 => String::new(),
+            compared => {
+                let seen = count(compared as u64, "pair");
+                format!("; {seen} of visits fit each other, to {} in the mean", metres(self.moved_mean_m))
+            }
+        };
+        let not_asked = [(!asks_wheels, "wheels, scale"), (self.compared == 0, "how visits agree")];
+        let not_asked: Vec<&str> = not_asked.into_iter().filter(|(is_so, _)| *is_so).map(|(_, what)| what).collect();
+        let not_asked =
+            if not_asked.is_empty() { String::new() } else { format!("; not asked: {}", not_asked.join(", ")) };
         format!(
-            "clouds fit the map, certain to {} in the mean; {loops}; not asked: wheels, scale, how visits agree (`eval --revisits`)",
+            "clouds fit the map, certain to {} in the mean; {loops}{wheels}{visits}{not_asked}",
             metres(self.mean_sigma_m)
         )
     }
+}
+
+/// What wheels and clouds say of the same motions.
+fn wheels(session: &Session<SpaceSweep>, tally: &Tally) -> Wheels {
+    let mapped: Vec<_> = session.trajectory().map(|pose| pose.map_from_robot).collect();
+    let pair = |&(scan, odom_from_robot)| Some((odom_from_robot, *mapped.get(session.scan_place(scan)?)?));
+    Wheels::in_space(tally.wheels.iter().filter_map(pair))
+}
+
+/// How many pairs of visits of the first map were compared, and by how much they are off each other.
+fn visits(session: &Session<SpaceSweep>) -> (usize, [f64; 2]) {
+    let maps = session.maps();
+    let is_first = |place: usize| maps.first().is_some_and(|map| map.has(place));
+    let revisits = Revisits::of(session, VISITS_WITHIN_M, is_first);
+    let report = revisits.and_then(|mut revisits| {
+        revisits.settings.pairs_at_most = VISITS;
+        revisits.judge(None).ok()
+    });
+    let moved = report.as_ref().and_then(|report| Some((report.corrections.as_ref()?, report.percentile_90?.0)));
+    moved.map_or((0, [0.0; 2]), |(errors, most_m)| (errors.translation_m.count, [errors.translation_m.mean, most_m]))
 }
 
 /// Share of the directions around the sensor in which no keyframe saw anything.
@@ -289,6 +367,13 @@ mod tests {
             worst_sigma_m: 0.05,
             unheeded: 0,
             closures: 3,
+            wheel_motions: 0,
+            turns_of_odometry: 1.0,
+            way_of_odometry: 1.0,
+            aside_deg: 0.0,
+            compared: 0,
+            moved_mean_m: 0.0,
+            moved_90_m: 0.0,
             maps: 1,
             doubts: Vec::new(),
         }
@@ -321,6 +406,9 @@ mod tests {
             (Facts { unseen: 0.5, no_return: 0.5, ..sound() }, Usability::Check, "over 180 degrees around the sensor"),
             (Facts { mean_sigma_m: 2.0, worst_sigma_m: 4.0, ..sound() }, Usability::Check, "certain to 2.0 m only"),
             (Facts { maps: 4, ..sound() }, Usability::Check, "torn into 4 maps"),
+            (Facts { way_of_odometry: 1.12, ..sound() }, Usability::Check, "scans say 1.12 times the way of odometry"),
+            (Facts { way_of_odometry: 0.91, ..sound() }, Usability::Check, "scans say 0.91 times the way of odometry"),
+            (Facts { compared: 9, moved_mean_m: 0.3, ..sound() }, Usability::Check, "walls lie 0.30 m apart"),
             (Facts { maps: 15, ..sound() }, Usability::Unusable, "torn into 15 maps"),
             (Facts { clouds: 1, ..sound() }, Usability::Check, "one cloud tells nothing"),
             (Facts { clouds: 0, doubtful: 0, ..sound() }, Usability::Check, "made of sessions alone"),

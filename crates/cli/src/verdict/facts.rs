@@ -104,6 +104,17 @@ impl Facts {
             mirrored: turns.words(),
         }
     }
+
+    /// What scans say of the motion beside what the wheels say.
+    pub(super) fn wheels(&self) -> Wheels {
+        Wheels {
+            motions: self.wheel_motions,
+            turns: self.turns_of_odometry,
+            way: self.way_of_odometry,
+            aside_rad: self.aside_deg.to_radians(),
+            lever_m: self.lever_m,
+        }
+    }
 }
 
 /// Scans that come in another order than they were taken in lead to and fro. Where stamps alone are wrong, as of a logger that has set them in

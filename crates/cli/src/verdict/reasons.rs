@@ -4,6 +4,7 @@ use super::facts::{Facts, UNHEEDED_M};
 use super::{Reason, Usability, beyond};
 use crate::hanging::Hanging;
 use crate::terminal::count;
+use crate::wheels::Wheels;
 use serde_json::json;
 
 /// Bounds: beyond the first a map is to be checked, beyond the second it cannot be used (docs/decisions/0027-verdict.md).
@@ -32,12 +33,12 @@ const SIGMA_M: [f64; 2] = [1.0, 10.0];
 /// Places recognised elsewhere.
 const UNHEEDED: usize = 2;
 /// Share by which wheels and scans differ, and degrees.
-const ODOMETRY_OFF: f64 = 0.1;
+pub(super) const ODOMETRY_OFF: f64 = 0.1;
 const ASIDE_DEG: f64 = 6.0;
 /// The robot turns so far from where the map has it, metres: as far as visits may be off each other.
 const LEVER_M: f64 = MOVED_M[0];
 /// Motions of half a metre or 0.3 rad that wheels and scans have to agree on before they bear each other out.
-const MOTIONS_AT_LEAST: usize = 3;
+pub(crate) const MOTIONS_AT_LEAST: usize = 3;
 
 fn percent(share: f64) -> String {
     if share < 0.1 { format!("{:.1} %", 100.0 * share) } else { format!("{:.0} %", 100.0 * share) }
@@ -173,12 +174,13 @@ pub(super) fn misfits(facts: &Facts) -> Option<Reason> {
     })
 }
 
-pub(super) fn moved(facts: &Facts) -> Option<Reason> {
+/// By how much visits are off each other, of so many that were compared: in the mean, and nine of ten by less, metres.
+pub(crate) fn moved(compared: usize, [mean_m, percentile_90_m]: [f64; 2]) -> Option<Reason> {
     Some(Reason {
-        word: beyond(facts.moved_mean_m, MOVED_M).filter(|_| facts.compared >= MISFITS_AT_LEAST)?,
+        word: beyond(mean_m, MOVED_M).filter(|_| compared >= MISFITS_AT_LEAST)?,
         what: "visits_apart",
-        words: format!("where it came again, walls lie {:.2} m apart in the mean", facts.moved_mean_m),
-        evidence: json!({ "mean_m": facts.moved_mean_m, "percentile_90_m": facts.moved_90_m, "bound_m": MOVED_M[0] }),
+        words: format!("where it came again, walls lie {mean_m:.2} m apart in the mean"),
+        evidence: json!({ "mean_m": mean_m, "percentile_90_m": percentile_90_m, "bound_m": MOVED_M[0] }),
     })
 }
 
@@ -206,17 +208,17 @@ pub(crate) fn unheeded_places(findings: usize) -> Option<Reason> {
     })
 }
 
-pub(super) fn odometry_off(facts: &Facts) -> Option<Reason> {
-    let Facts { turns_of_odometry: turns, way_of_odometry: way, aside_deg, lever_m, .. } = *facts;
-    let words = if facts.mirrored.is_some() {
-        return None;
-    } else if aside_deg.abs() > ASIDE_DEG {
+/// What wheels and scans say of the same motions, where that differs by more than a share.
+pub(crate) fn odometry_off(wheels: &Wheels, most_share: f64) -> Option<Reason> {
+    let Wheels { turns, way, lever_m, .. } = *wheels;
+    let aside_deg = wheels.aside_rad.to_degrees();
+    let words = if aside_deg.abs() > ASIDE_DEG {
         format!(
             "scans say that the robot drives {aside_deg:.0} deg beside where odometry says: is the laser mounted so?"
         )
-    } else if (turns - 1.0).abs() > ODOMETRY_OFF {
+    } else if (turns - 1.0).abs() > most_share {
         format!("scans turn {} times as far as odometry: are the laser's angles right?", rounded(turns))
-    } else if (way - 1.0).abs() > ODOMETRY_OFF {
+    } else if (way - 1.0).abs() > most_share {
         format!("scans say {} times the way of odometry: are ranges and wheels right?", rounded(way))
     } else if lever_m > LEVER_M {
         format!(

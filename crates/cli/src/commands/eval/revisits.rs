@@ -4,9 +4,10 @@ use super::{errors_json, open};
 use crate::args::EvalArgs;
 use crate::failure::{Failure, Outcome};
 use crate::session::{AnySession, read_any_session};
+use crate::space::Revisits;
 use crate::terminal::{count, say, say_json};
-use mapwright::{Pose3, Session, SpaceSweep, Stamp, TrajectoryPose};
-use mapwright_eval::{RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
+use mapwright::{Pose3, Stamp};
+use mapwright_eval::RevisitReport;
 use mapwright_formats::read_space_trajectory;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -15,14 +16,14 @@ use std::path::Path;
 pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
     let (mut values, mut losses) = (Vec::new(), Vec::new());
     for results in &args.trajectories {
-        let (clouds, lost) = Clouds::read(results, args)?;
+        let (clouds, lost) = read(results, args)?;
         losses.extend(lost);
         if args.trajectory.is_empty() {
-            let report = clouds.judge(results, None)?;
+            let report = judge(&clouds, results, None)?;
             told(args, &mut values, (results, &clouds), results, &report)?;
         }
         for path in &args.trajectory {
-            let report = clouds.judge(path, Some(&poses(path)?))?;
+            let report = judge(&clouds, path, Some(&poses(path)?))?;
             told(args, &mut values, (results, &clouds), path, &report)?;
         }
     }
@@ -34,10 +35,26 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome, Failure> {
     Ok(Outcome::of_losses(&losses))
 }
 
+/// The clouds of a folder of results, and what was lost of it.
+fn read(results: &Path, args: &EvalArgs) -> Result<(Revisits, Vec<String>), Failure> {
+    let refused = |cause: &str| Failure::Session { path: results.to_owned(), cause: cause.to_owned() };
+    let (AnySession::Space(session), losses) = read_any_session(results)? else {
+        return Err(refused("--revisits needs a session of space, found one of the plane"));
+    };
+    let revisits = Revisits::of(&session, args.within, |_| true);
+    let mut revisits = revisits.ok_or_else(|| refused("expected keyframes with points, found none"))?;
+    revisits.settings.apart = args.apart.unwrap_or(revisits.settings.apart);
+    Ok((revisits, losses))
+}
+
+fn judge(clouds: &Revisits, path: &Path, judged: Option<&[(Stamp, Pose3)]>) -> Result<RevisitReport, Failure> {
+    clouds.judge(judged).map_err(|cause| Failure::Score { path: path.to_owned(), cause })
+}
+
 fn told(
     args: &EvalArgs,
     values: &mut Vec<Value>,
-    (results, clouds): (&Path, &Clouds),
+    (results, clouds): (&Path, &Revisits),
     path: &Path,
     report: &RevisitReport,
 ) -> Result<(), Failure> {
@@ -57,67 +74,6 @@ fn poses(path: &Path) -> Result<Vec<(Stamp, Pose3)>, Failure> {
         return Err(Failure::Log(format!("{}: {cause}", path.display())));
     }
     Ok(read.poses)
-}
-
-/// The keyframes of a session that are drawn.
-struct Clouds {
-    session: Session<SpaceSweep>,
-    scans: Vec<RevisitScan>,
-    /// Where each is among the keyframes.
-    places: Vec<usize>,
-    settings: RevisitSettings,
-}
-
-impl Clouds {
-    /// Those of a folder of results, and what was lost of it.
-    fn read(results: &Path, args: &EvalArgs) -> Result<(Self, Vec<String>), Failure> {
-        let refused = |cause: &str| Failure::Session { path: results.to_owned(), cause: cause.to_owned() };
-        let (AnySession::Space(session), losses) = read_any_session(results)? else {
-            return Err(refused("--revisits needs a session of space, found one of the plane"));
-        };
-        let trajectory: Vec<_> = session.trajectory().collect();
-        let (mut scans, mut places) = (Vec::new(), Vec::new());
-        for (place, keyframe) in session.keyframes().iter().enumerate() {
-            let at = session.scan_place(keyframe.scan).and_then(|scan| trajectory.get(scan));
-            let (Some(at), Some(_)) = (at, &session.drawn()[place]) else { continue };
-            scans.push(RevisitScan {
-                stamp: at.stamp,
-                number: keyframe.scan,
-                map_from_robot: at.map_from_robot,
-                robot_from_cloud: at.map_from_robot.between(session.map_from_keyframe()[place]),
-            });
-            places.push(place);
-        }
-        let first = session.drawn().iter().flatten().find(|sweep| !sweep.points.is_empty());
-        let sweep = first.ok_or_else(|| refused("expected keyframes with points, found none"))?;
-        let range_m = rms_range_m(sweep);
-        let settings = RevisitSettings {
-            apart: args.apart.unwrap_or_else(|| RevisitSettings::apart_for(mean_step_m(&trajectory), args.within)),
-            within_m: args.within,
-            ..RevisitSettings::for_range(range_m, sweep.sensor.sigma_m(range_m))
-        };
-        Ok((Self { scans, places, settings, session }, losses))
-    }
-
-    fn judge(&self, path: &Path, judged: Option<&[(Stamp, Pose3)]>) -> Result<RevisitReport, Failure> {
-        let points_m = |scan: usize| -> Vec<[f32; 3]> {
-            let sweep = &self.session.drawn()[self.places[scan]];
-            sweep.iter().flat_map(|sweep| sweep.points_m()).collect()
-        };
-        revisit_errors(&self.scans, judged, points_m, &self.settings)
-            .map_err(|cause| Failure::Score { path: path.to_owned(), cause })
-    }
-}
-
-/// How far the robot drives from scan to scan, metres.
-fn mean_step_m(trajectory: &[TrajectoryPose<Pose3>]) -> f64 {
-    let steps_m = trajectory.windows(2).map(|pair| pair[0].map_from_robot.distance(pair[1].map_from_robot));
-    steps_m.sum::<f64>() / trajectory.len().saturating_sub(1).max(1) as f64
-}
-
-fn rms_range_m(sweep: &SpaceSweep) -> f64 {
-    let square = |point: [f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
-    (sweep.points_m().map(square).sum::<f64>() / sweep.points.len().max(1) as f64).sqrt()
 }
 
 fn words(path: &Path, apart: u64, report: &RevisitReport) -> String {

@@ -168,7 +168,7 @@ fn run(drive: &SpaceDrive, clouds: Vec<TrueCloud>, settings: &Settings) -> Resul
     let (mut tally, mut scans) = (Tally::default(), Vec::<Taken<Pose3>>::new());
     for taken in clouds {
         scans.push(Taken::of_cloud(drive, &taken, &scans));
-        tally.add(&mapper.add_cloud(&taken.cloud));
+        tally.add(&taken.cloud, &mapper.add_cloud(&taken.cloud));
     }
     let facts = SpaceFacts::of(&tally, &mut mapper);
     let driven_m = spread_m(&scans.iter().map(|scan| scan.world_from_robot.translation).collect::<Vec<_>>());
