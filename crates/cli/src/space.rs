@@ -37,7 +37,7 @@ use crate::session::{EarlierInSpace, earlier_in_space, to_go_on_with_in_space};
 use crate::terminal::{say, say_json};
 use going_on::GoesOn;
 use mapping::Mapping;
-use mapwright::ImuReading;
+use mapwright::SpaceReading;
 use serde_json::json;
 use source::Read;
 use std::path::Path;
@@ -93,7 +93,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
         return Err(Failure::Log(reason.to_owned()));
     }
     let name = args.name;
-    let mut readings: Vec<ImuReading> = Vec::new();
+    let mut readings: Vec<SpaceReading> = Vec::new();
     let mut next = source.next_cloud(&mut |reading| readings.push(reading))?;
     let mut earlier = args.earlier()?;
     let earlier_losses = earlier.iter_mut().flat_map(|earlier| std::mem::take(&mut earlier.losses)).collect();
@@ -113,9 +113,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     while let Some(cloud) = next {
         let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&cloud)).map_err(Failure::Log)?;
         if is_new {
-            readings.drain(..).for_each(|reading| {
-                mapping.mapper.add_imu(reading);
-            });
+            readings.drain(..).for_each(|reading| mapping.mapper.add_reading(reading));
             mapping.add_cloud(&cloud)?;
         }
         is_cut = interrupt.came();

@@ -66,6 +66,7 @@ fn read_by(path: &Path, survey: Survey) -> (Vec<Cloud>, Vec<ImuReading>, Notes) 
         match event {
             SpaceEvent::Cloud(cloud) => clouds.push(cloud),
             SpaceEvent::Imu(reading) => readings.push(reading),
+            SpaceEvent::Odometry(_) => {}
         }
     }
     (clouds, readings, stream.notes().clone())

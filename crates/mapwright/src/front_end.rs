@@ -177,6 +177,11 @@ pub trait FrontEnd<M: Maps>: Clone + Debug + Resumes<M> + Follows<M> {
     /// Takes over the new pose and its covariance, now that it is known whether the match is believed.
     fn settle(&mut self, past: Past<'_, M>, scan: &M::Scan, prepared: &PreparedOf<M>, matched: Option<&Self::Matched>);
 
+    /// Points of the newest keyframe, where the present scan is one, that were left out once its pose was known, for they lie on what moves.
+    fn moving(&self) -> u32 {
+        0
+    }
+
     /// A slip of the wheels that scans tell together, while nothing is under way (`busy`).
     fn watch_slips(
         &mut self,

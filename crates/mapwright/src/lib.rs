@@ -51,7 +51,7 @@ pub use front::{DOUBT_SHARE, DOUBT_SIGMAS, KNOWN_SHARE, LOST_SHARE};
 pub use front_end::{Maps, Reading};
 pub use jobs::{Job, JobResult};
 pub use locate::{Location, Withdrawal};
-pub use mapper::{Adopted, Mapper, MapperOf, Sighted, SpaceMapper, WaysSeen};
+pub use mapper::{Adopted, Mapper, MapperOf, Sighted, SpaceMapper, SpaceReading, WaysSeen};
 pub use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 pub use mapwright_grid::{BeamAgreement, CountGrid, LocalMap};
 pub use mapwright_record::{

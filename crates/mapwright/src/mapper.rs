@@ -29,6 +29,7 @@ mod space;
 pub(crate) use adopt::weigh_ways;
 pub use adopt::{Adopted, WaysSeen};
 pub use sighted::Sighted;
+pub use space::SpaceReading;
 
 /// Builds a map one scan at a time: [`Mapper`] in the plane, [`SpaceMapper`] in space.
 #[derive(Debug, Clone)]
@@ -157,7 +158,8 @@ impl<M: Maps> MapperOf<M> {
         probe.end(Stage::Close);
         // 8. Report.
         self.newest = Newest { stamp: scan.stamp(), status: self.status_of(matched) };
-        let PreparedOf::<M> { beams, refused, .. } = prepared;
+        let PreparedOf::<M> { mut beams, refused, .. } = prepared;
+        beams.moving = beams.moving.saturating_add(self.front.moving());
         self.report(Told { keyframe, beams, matched: matched.map(Found::report), refused })
     }
 

@@ -40,6 +40,21 @@ impl PointColumns {
         self.intensities.clear();
         self.times_s.clear();
     }
+
+    /// Keeps the points of which this holds, with what there is of each.
+    pub fn retain(&mut self, holds: impl Fn(&[f32; 3]) -> bool) {
+        let Self { points_m, colours, intensities, times_s } = self;
+        keep(colours, points_m, &holds);
+        keep(intensities, points_m, &holds);
+        keep(times_s, points_m, &holds);
+        points_m.retain(|point| holds(point));
+    }
+}
+
+/// Of a column what is of points of which this holds.
+fn keep<T>(column: &mut Vec<T>, points_m: &[[f32; 3]], holds: impl Fn(&[f32; 3]) -> bool) {
+    let mut points = points_m.iter();
+    column.retain(|_| points.next().is_none_or(&holds));
 }
 
 impl Thinner {

@@ -121,9 +121,7 @@ fn in_space(
         poses.begin_in_space().map_err(failed)?;
         let (mut counts, mut began) = (Counts::default(), None);
         let said = space::each_cloud(path, &args.source, interrupt, &mut |readings, cloud| {
-            readings.drain(..).for_each(|reading| {
-                mapper.add_imu(reading);
-            });
+            readings.drain(..).for_each(|reading| mapper.add_reading(reading));
             let update = mapper.add_cloud(cloud);
             let began = *began.get_or_insert(update.stamp);
             counts.add(&update, update.stamp.secs_since(began), None);

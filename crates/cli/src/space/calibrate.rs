@@ -18,7 +18,7 @@ use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::settings;
 use crate::terminal::{say, say_json};
-use mapwright::{Cloud, ImuReading, Pose2, Pose3, SpaceMapper, Status};
+use mapwright::{Cloud, Pose2, Pose3, SpaceMapper, SpaceReading, Status};
 use mapwright_logs::{ImuCalibrator, ImuFit, ImuSource, OdometrySource};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::fs;
@@ -188,11 +188,15 @@ impl Collector {
         }
     }
 
-    fn add(&mut self, readings: &mut Vec<ImuReading>, cloud: &Cloud) {
+    fn add(&mut self, readings: &mut Vec<SpaceReading>, cloud: &Cloud) {
         for reading in readings.drain(..) {
-            self.inertial.add_reading(reading);
+            let SpaceReading::Imu(felt) = reading else {
+                self.mapper.add_reading(reading);
+                continue;
+            };
+            self.inertial.add_reading(felt);
             if self.feels {
-                self.mapper.add_imu(reading);
+                self.mapper.add_imu(felt);
             }
         }
         let update = self.mapper.add_cloud(cloud);

@@ -8,7 +8,7 @@ use crate::failure::{Failure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::output::OutputFolder;
 use crate::terminal::count;
-use mapwright::{Cloud, ImuReading, Session, SpaceSweep};
+use mapwright::{Cloud, Session, SpaceReading, SpaceSweep};
 use std::path::{Path, PathBuf};
 
 /// What is merged.
@@ -71,11 +71,9 @@ fn begin(args: &MergeArgs, earlier: Option<Session<SpaceSweep>>, losses: Vec<Str
 
 /// Every cloud of a source through the mapper, until somebody interrupts.
 fn map_all(mapping: &mut Mapping, source: &mut Source<'_>, interrupt: &Interrupt) -> Result<(), Failure> {
-    let mut readings: Vec<ImuReading> = Vec::new();
+    let mut readings: Vec<SpaceReading> = Vec::new();
     while let Some(cloud) = source.next_cloud(&mut |reading| readings.push(reading))? {
-        readings.drain(..).for_each(|reading| {
-            mapping.mapper.add_imu(reading);
-        });
+        readings.drain(..).for_each(|reading| mapping.mapper.add_reading(reading));
         mapping.add_cloud(&cloud)?;
         if interrupt.came() {
             break;
@@ -90,10 +88,10 @@ pub(crate) struct Said {
     pub(crate) odd: Vec<String>,
 }
 
-/// Who takes clouds, each with the inertial readings before it.
-pub(crate) type TakesClouds<'a> = dyn FnMut(&mut Vec<ImuReading>, &Cloud) -> Result<(), Failure> + 'a;
+/// Who takes clouds, each with the readings before it.
+pub(crate) type TakesClouds<'a> = dyn FnMut(&mut Vec<SpaceReading>, &Cloud) -> Result<(), Failure> + 'a;
 
-/// Hands on every cloud of a recording, with the inertial readings before it, until somebody interrupts.
+/// Hands on every cloud of a recording, with the readings before it, until somebody interrupts.
 pub(crate) fn each_cloud(
     path: &Path,
     args: &SourceArgs,
@@ -101,7 +99,7 @@ pub(crate) fn each_cloud(
     take: &mut TakesClouds<'_>,
 ) -> Result<Said, Failure> {
     with_source(path, args, interrupt, |mut source| {
-        let mut readings: Vec<ImuReading> = Vec::new();
+        let mut readings: Vec<SpaceReading> = Vec::new();
         while let Some(cloud) = source.next_cloud(&mut |reading| readings.push(reading))? {
             take(&mut readings, &cloud)?;
             readings.clear();

@@ -142,7 +142,7 @@ pub(super) fn to_json(
     (usable, losses): (&Usable, &[String]),
 ) -> Value {
     let (run_count, runs) = tally.runs.report();
-    let BeamCounts { returns, no_return, too_near, not_a_number, refused, .. } = tally.points;
+    let BeamCounts { returns, no_return, too_near, not_a_number, refused, moving, .. } = tally.points;
     let mut report = json!({
         "verdict": usable.to_json(),
         "log": name,
@@ -158,6 +158,7 @@ pub(super) fn to_json(
         "log_s": results.log_s,
         "points": {
             "returns": returns, "no_return": no_return, "too_near": too_near, "not_a_number": not_a_number, "refused": refused,
+            "moving": moving,
         },
         "status": {
             "tracking": tally.status(Status::Tracking),

@@ -4,7 +4,7 @@ use super::messages::Messages;
 use super::simulated::Simulation;
 use crate::args::SourceArgs;
 use crate::failure::Failure;
-use mapwright::{Cloud, ImuReading, Pose3, SpaceSensor};
+use mapwright::{Cloud, Pose3, SpaceReading, SpaceSensor};
 use mapwright_clouds::{Clouds, Notes, Recording, Reference};
 use mapwright_logs::{SpaceEvent, SpacePlan};
 use serde_json::Value;
@@ -23,22 +23,23 @@ impl<'a> Source<'a> {
         Ok(Self::Files { recording, clouds: Box::new(clouds), name })
     }
 
-    /// The next cloud; none at the end. Inertial readings that come before it are handed to `feel`.
-    pub(super) fn next_cloud(&mut self, feel: &mut dyn FnMut(ImuReading)) -> Result<Option<Cloud>, Failure> {
+    /// The next cloud; none at the end. Readings that come before it are handed to `feel`.
+    pub(super) fn next_cloud(&mut self, feel: &mut dyn FnMut(SpaceReading)) -> Result<Option<Cloud>, Failure> {
         match self {
             Self::Files { clouds, name, .. } => {
                 let cloud = clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))?;
-                clouds.take_readings().into_iter().for_each(feel);
+                clouds.take_readings().into_iter().map(SpaceReading::Imu).for_each(feel);
                 Ok(cloud)
             }
             Self::Messages(messages) => loop {
                 match messages.stream.next_event().map_err(Failure::log)? {
-                    Some(SpaceEvent::Imu(reading)) => feel(reading),
+                    Some(SpaceEvent::Imu(reading)) => feel(SpaceReading::Imu(reading)),
+                    Some(SpaceEvent::Odometry(stamp)) => feel(SpaceReading::Odometry(stamp)),
                     Some(SpaceEvent::Cloud(cloud)) => return Ok(Some(cloud)),
                     None => return Ok(None),
                 }
             },
-            Self::Simulated(simulation) => Ok(simulation.next_cloud(feel)),
+            Self::Simulated(simulation) => Ok(simulation.next_cloud(&mut |reading| feel(SpaceReading::Imu(reading)))),
         }
     }
 

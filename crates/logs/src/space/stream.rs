@@ -37,6 +37,8 @@ enum Use {
 pub enum SpaceEvent {
     /// A reading of the inertial sensor, turned into the robot's frame.
     Imu(ImuReading),
+    /// Odometry was read at this stamp; what it said comes with the clouds.
+    Odometry(Stamp),
     /// A cloud.
     Cloud(Cloud),
 }
@@ -58,7 +60,7 @@ pub struct SpaceStream {
     /// Takes out what is known to be wrong with odometry.
     corrected: Option<Corrected<Pose3>>,
     /// A reading that was not delivered yet, and the stamp of the last one.
-    reading: Option<ImuReading>,
+    reading: Option<SpaceEvent>,
     last_reading: Option<Stamp>,
     notes: Notes,
     /// When the newest message was recorded.
@@ -119,7 +121,7 @@ impl SpaceStream {
         &self.notes
     }
 
-    /// The next cloud; none at the end. Inertial readings before it are passed over.
+    /// The next cloud; none at the end. Readings before it are passed over.
     ///
     /// # Errors
     /// [`LogError::Recording`] where the file fails, [`LogError::Refused`] at the end, if not one message was a cloud.
@@ -127,20 +129,20 @@ impl SpaceStream {
         loop {
             match self.next_event()? {
                 Some(SpaceEvent::Cloud(cloud)) => return Ok(Some(cloud)),
-                Some(SpaceEvent::Imu(_)) => {}
+                Some(SpaceEvent::Imu(_) | SpaceEvent::Odometry(_)) => {}
                 None => return Ok(None),
             }
         }
     }
 
-    /// The next cloud or inertial reading; none at the end.
+    /// The next cloud or reading; none at the end.
     ///
     /// # Errors
     /// As [`SpaceStream::next_cloud`].
     pub fn next_event(&mut self) -> Result<Option<SpaceEvent>, LogError> {
         loop {
             if let Some(reading) = self.reading.take() {
-                return Ok(Some(SpaceEvent::Imu(reading)));
+                return Ok(Some(reading));
             }
             if let Some(cloud) = self.pop() {
                 self.delivered += 1;
@@ -216,7 +218,9 @@ impl SpaceStream {
                 let messages = self.decoders.of(message.connection);
                 let taken =
                     take_odometry(&self.plan.odometry, messages, &message, (&mut self.corrected, &mut self.wheels));
-                if let Err(reason) = taken {
+                if let Ok(stamp) = taken {
+                    self.reading = stamp.map(SpaceEvent::Odometry);
+                } else if let Err(reason) = taken {
                     let topic = &message.connection.topic;
                     self.notes.note(NoteKind::UnreadableOdometry, topic, place, || ("a pose", reason));
                 }
@@ -237,7 +241,7 @@ impl SpaceStream {
             self.notes.note(NoteKind::BackwardStamp, topic, place, words);
         }
         self.last_reading = Some(reading.stamp);
-        self.reading = Some(reading);
+        self.reading = Some(SpaceEvent::Imu(reading));
     }
 
     fn take(&mut self, source: usize, made: Made, offset_bytes: u64) {
@@ -328,23 +332,26 @@ fn take_odometry(
     messages: &mut Messages,
     message: &RawMessage<'_>,
     (corrected, wheels): (&mut Option<Corrected<Pose3>>, &mut Wheels),
-) -> Result<(), String> {
+) -> Result<Option<Stamp>, String> {
+    let mut newest = None;
     let mut add = |header: Stamp, odom_from_child: Option<Pose3>, child_from_robot: Pose3| {
         let odom_from_robot = odom_from_child.map(|pose| pose * child_from_robot);
         let is_usable = |pose: &Pose3| pose.is_finite() && pose.translation.norm() <= FARTHEST_M;
         let usable =
             odom_from_robot.filter(is_usable).ok_or("none that is finite, within 10^6 m and has a rotation")?;
         let stamp = stamp_or(header, message.log_stamp).0;
-        match corrected {
-            Some(corrected) => wheels.add(corrected.stamp(stamp), corrected.pose(usable)),
-            None => wheels.add(stamp, usable),
-        }
+        let (stamp, usable) = match corrected {
+            Some(corrected) => (corrected.stamp(stamp), corrected.pose(usable)),
+            None => (stamp, usable),
+        };
+        wheels.add(stamp, usable);
+        newest = newest.max(Some(stamp));
         Ok::<(), String>(())
     };
     match (source, messages) {
         (OdometrySource::Topic { child_from_robot, .. }, Messages::Odometry(decoder)) => {
             let odometry = decoder.decode(message.data).map_err(|error| error.to_string())?;
-            add(odometry.header.stamp, odometry.pose.pose.to_pose3(), *child_from_robot)
+            add(odometry.header.stamp, odometry.pose.pose.to_pose3(), *child_from_robot)?;
         }
         (OdometrySource::Transforms { parent, child, child_from_robot }, Messages::Transforms(decoder)) => {
             let transforms = decoder.decode(message.data).map_err(|error| error.to_string())?;
@@ -353,9 +360,9 @@ fn take_odometry(
             for link in links.filter(|link| is_its(link.header.frame(), &link.child_frame_id)) {
                 add(link.header.stamp, link.transform.to_pose3(), *child_from_robot)?;
             }
-            Ok(())
         }
-        (_, Messages::None(Some(reason))) => Err(reason.clone()),
-        _ => Ok(()),
+        (_, Messages::None(Some(reason))) => return Err(reason.clone()),
+        _ => {}
     }
+    Ok(newest)
 }

@@ -13,7 +13,24 @@ impl Maps for SpaceSweep {
     type Locator = ByJoins;
 }
 
+/// A reading that comes before a cloud.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpaceReading {
+    /// Of an inertial sensor, turned into the robot's frame.
+    Imu(ImuReading),
+    /// Odometry was read at this stamp; what it said comes with the clouds ([`Cloud::odom_from_robot`]).
+    Odometry(Stamp),
+}
+
 impl SpaceMapper {
+    /// Remembers a reading: [`SpaceMapper::add_imu`], [`SpaceMapper::hear_odometry`].
+    pub fn add_reading(&mut self, reading: SpaceReading) {
+        match reading {
+            SpaceReading::Imu(reading) => drop(self.add_imu(reading)),
+            SpaceReading::Odometry(stamp) => self.hear_odometry(stamp),
+        }
+    }
+
     /// Remembers a reading of an inertial sensor, for the robot's rotation between clouds and during a sweep, and for where down is:
     /// hand in what was read before the end of a sweep before its cloud. What comes late, in disorder or not at all is counted
     /// ([`SpaceMapper::imu_report`]) and does no harm.

@@ -19,6 +19,7 @@ use nalgebra::Vector6;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+mod dynamic;
 mod inertial;
 mod mount;
 mod predict;
@@ -30,6 +31,7 @@ mod sweep_motion;
 mod track;
 mod wheels;
 
+use dynamic::DynamicObjects;
 pub use inertial::ImuReport;
 use inertial::Inertial;
 use inertial::LevelWatch;
@@ -58,6 +60,10 @@ const BENT_SIGMAS: f64 = 2.0;
 pub struct SpaceFrontEnd {
     settings: Settings,
     preparation: Preparation,
+    /// What moves.
+    moving: DynamicObjects,
+    /// Points of the present cloud, where it is a keyframe, that lie on it.
+    left_out: usize,
     sensors: Sensors<SpaceSensor>,
     /// The sensor of the present cloud; and of the last cloud that said where the robot is, with its stamp and how surely it did.
     sensor: SensorId,
@@ -181,6 +187,28 @@ impl SpaceFrontEnd {
         0.5 * span.length_s() * (way + scale.range_m * turn) > scale.noise_m
     }
 
+    /// Remembers what was seen, where it is known from where.
+    fn remember_what_was_seen(&mut self, cloud: &Cloud, is_known: bool) {
+        if is_known {
+            let sensor_m = cloud.sensor.robot_from_sensor.translation;
+            let points_m = self.preparation.points();
+            self.moving.remember(cloud.stamp, self.pose.local_from_robot(), points_m, sensor_m);
+        } else {
+            self.moving.forget();
+        }
+    }
+
+    /// Takes what moves out of what is drawn.
+    fn leave_out_what_moves(&mut self, cloud: &Cloud) {
+        let Some(scale) = self.scale() else { return };
+        let (local_from_robot, points_m) = (self.pose.local_from_robot(), self.preparation.points());
+        self.left_out = self.moving.find(cloud.stamp, local_from_robot, points_m, scale.resolution_m);
+        if self.left_out > 0 {
+            let moving = &self.moving;
+            self.preparation.leave_out(|point| moving.moves(point, scale.resolution_m));
+        }
+    }
+
     /// The present cloud is of its sensor: what is learnt of one says nothing of another.
     fn turn_to(&mut self, cloud: &Cloud) {
         self.sensor = self.sensors.of(&cloud.sensor);
@@ -269,6 +297,8 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     fn new(settings: Settings, local_from_robot: Pose3) -> Self {
         Self {
             preparation: Preparation::default(),
+            moving: DynamicObjects::default(),
+            left_out: 0,
             sensors: Sensors::default(),
             sensor: SensorId::default(),
             posed_by: None,
@@ -305,6 +335,10 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         self.pose.covariance(past).carried_by(&stamp_from_middle.adjoint()) + self.carried_on
     }
 
+    fn moving(&self) -> u32 {
+        self.left_out as u32
+    }
+
     fn take_down(&mut self) -> Option<DownEstimate> {
         self.inertial.take_down()
     }
@@ -322,6 +356,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         self.turn_is_read = self.inertial.shape(twist_per_s, cloud.stamp, span, &mut self.motion);
         self.twist_covariance = None;
         self.sees_elsewhere = None;
+        self.left_out = 0;
         let beams = self.preparation.prepare(&self.settings, cloud, &self.motion, refused.is_none());
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
         Prepared { step, predicted, odom_from_robot: cloud.odom_from_robot, beams, refused }
@@ -378,6 +413,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         let by_points = self.twist_covariance.map(|covariance| covariance * (middle_s * middle_s));
         let carried_on = || carried_on_variances(&step, self.predictor.change_per_s(), middle_s);
         self.carried_on = by_points.unwrap_or_else(carried_on);
+        self.remember_what_was_seen(cloud, believed.is_some());
     }
 
     fn new_keyframe(
@@ -400,6 +436,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         {
             return None;
         }
+        self.leave_out_what_moves(cloud);
         Some(self.keyframe_here(past, cloud, believed))
     }
 

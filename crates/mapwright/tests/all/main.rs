@@ -22,6 +22,7 @@ mod jobs;
 mod lasers;
 mod optimizers;
 mod people;
+mod people_space;
 mod render;
 mod render_space;
 mod repair;

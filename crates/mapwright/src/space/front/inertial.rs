@@ -112,7 +112,7 @@ pub(super) struct Inertial {
     since: (Turned, UnitQuaternion<f64>),
     trust: u32,
     proven_rad: f64,
-    /// The robot's velocity at the last cloud, what has pushed it since, and what follows for now.
+    /// The robot's velocity at the last cloud, what has pushed it since, and what it is by both at the present one.
     velocity: Option<Velocity>,
     push: Option<Push>,
     velocity_now: Option<Velocity>,

@@ -58,6 +58,11 @@ impl Preparation {
         SpaceSweep::new(&cloud.sensor, points_m, colours.clone()).with_intensities(intensities)
     }
 
+    /// Points that are not drawn.
+    pub(super) fn leave_out(&mut self, is_left_out: impl Fn(&[f32; 3]) -> bool) {
+        self.drawn.retain(|point| !is_left_out(point));
+    }
+
     /// Whether a cloud can be used at all.
     pub(super) fn check(&self, cloud: &Cloud) -> Result<(), &'static str> {
         cloud.sensor.check()?;

@@ -2,6 +2,7 @@
 //! is learnt anew.
 
 use super::SpaceFrontEnd;
+use super::dynamic::DynamicObjects;
 use super::inertial::{Inertial, LevelWatch};
 use super::predict::Predictor;
 use super::prepare::Preparation;
@@ -31,6 +32,7 @@ impl Resumes<SpaceSweep> for SpaceFrontEnd {
         self.local_map.is_some().put(out);
         self.local_map.iter().for_each(|local_map| local_map.put(out));
         self.level.put(out);
+        self.moving.put(out);
         if self.sensors.are_several() {
             self.sensors.put(out);
             self.predictor.put_sensors(out);
@@ -54,6 +56,7 @@ impl Resumes<SpaceSweep> for SpaceFrontEnd {
             false => None,
         };
         let level = LevelWatch::take(from).filter(|level| level.is_of(past.session))?;
+        let moving = DynamicObjects::restore(from)?;
         let (mut sensors, mut usual, mut posed_by) = (Sensors::default(), PerSensor::default(), None);
         *usual.of(SensorId::default()) = first;
         if !from.is_empty() {
@@ -68,6 +71,7 @@ impl Resumes<SpaceSweep> for SpaceFrontEnd {
         let tracker = new.tracker.clone().used_to(usual, watch);
         Some(Self {
             preparation,
+            moving,
             sensors,
             posed_by,
             predictor,
