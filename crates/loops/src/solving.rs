@@ -103,6 +103,7 @@ impl<P: Pose> Solving<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plane::PlaneSubmaps;
     use mapwright_geom::Cov3;
     use mapwright_graph::Vertex;
 
@@ -123,7 +124,7 @@ mod tests {
         let closures = (edges.len()..edges.len() + 10).collect();
         edges.extend((0..10).map(|k| edge(k, k + 10, Pose2::new(0.0, aside_m(k), 0.0), 0.02)));
         let graph = PoseGraph { vertices: (0..20).map(vertex).collect(), edges, ..PoseGraph::default() };
-        Solving { graph, closures, scope: Scope::Joined(10) }
+        Solving::of::<PlaneSubmaps>(graph, closures, Scope::Joined(10))
     }
 
     #[test]

@@ -1,7 +1,9 @@
 use super::*;
 use crate::places::PlaceIndex;
+use crate::plane::PlaneSubmaps;
 use crate::solving::{Scope, Solving};
-use crate::submaps::Window;
+use crate::space::SpaceSubmaps;
+use crate::submaps::{ClosingPolicy, Window};
 use crate::views::View;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_graph::{Edge as GraphEdge, PoseGraph, Vertex};
@@ -54,6 +56,8 @@ impl<P: Pose> Submaps for Signposts<P> {
     type Measurement = Reading<P>;
     type Submap = P;
     type Places = PlaceIndex;
+
+    const POLICY: ClosingPolicy = if P::TRANSLATION == 2 { PlaneSubmaps::POLICY } else { SpaceSubmaps::POLICY };
 
     fn draw(&self, views: &[View<Reading<P>>]) -> P {
         views[0].sweep.world_from_robot * views[0].submap_from_keyframe.inverse()
@@ -199,7 +203,7 @@ impl<P: Pose> Way<P> {
         let closures = (0..edges.len()).filter(|&at| edges[at].recorded.candidate.is_some()).collect();
         let vertices = self.local_from_keyframe.iter().enumerate().map(vertex).collect();
         let edges = edges.iter().map(edge).collect();
-        Solving { graph: PoseGraph { vertices, edges, ..PoseGraph::default() }, closures, scope: Scope::Whole }
+        Solving::of::<Signposts<P>>(PoseGraph { vertices, edges, ..PoseGraph::default() }, closures, Scope::Whole)
     }
 }
 
