@@ -1,9 +1,9 @@
 //! What another robot says of its own way, looked at again by who has its readings: what it saw at a keyframe has to fit what it saw on the way
 //! there. A robot that says how it moved and is wrong, whatever the reason, says where its readings do not fit each other.
 
-use crate::closing::{NARROW_SUBMAP_M, SUBMAP_M, WINDOW_M, WINDOW_RAD, WINDOW_SIGMAS};
+use crate::closing::{NARROW_SUBMAP_M, WINDOW_M, WINDOW_RAD, WINDOW_SIGMAS};
 use crate::plane::PlaneSubmaps;
-use crate::submaps::{PoseOf, Submaps, Window};
+use crate::submaps::{PoseOf, SUBMAP_M, Submaps, Window};
 use crate::views::{View, views_along, views_up_to};
 use mapwright_geom::{Cov3, Pose, Pose2, Tangent, TangentMatrix};
 use mapwright_record::{EdgeKind, Measurement, NodeId, Objection, Past};

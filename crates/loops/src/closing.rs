@@ -2,7 +2,7 @@
 
 use crate::cascade::Finding;
 use crate::solving::Scope;
-use crate::submaps::{PoseOf, Submaps, Window};
+use crate::submaps::{PoseOf, SUBMAP_M, Submaps, Window};
 use crate::verification::{Judged, Target, Verification, Verified};
 use crate::views::views_along;
 use mapwright_geom::{Pose, Pose2, Tangent, TangentMatrix};
@@ -20,8 +20,6 @@ use supports::{Supports, agree, is_left};
 
 /// Old places are looked for after so much travel, metres.
 const CHECK_EVERY_M: f64 = 1.0;
-/// Length of way that makes a submap, to one side, metres.
-pub const SUBMAP_M: f64 = 8.0;
 /// A submap is made of less way where it has to tell less poses apart, for the window is no wider than this to either side, metres.
 pub(crate) const NARROW_SUBMAP_M: f64 = 2.0;
 const NARROW_M: f64 = 0.5;

@@ -20,8 +20,7 @@ mod views;
 pub use cascade::{Finding, VerifySettings};
 pub use claims::{SaidAndSeen, fit_where_said, is_found_where_said};
 pub use closing::{
-    APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, RUN_WAY_M, SUBMAP_M, WINDOW_M, WINDOW_RAD,
-    is_old, run_of,
+    APART_M, Closing, ClosingSettings, Judgement, KnownPlace, LEFT_M, RUN_WAY_M, WINDOW_M, WINDOW_RAD, is_old, run_of,
 };
 pub use places::{PlaceHit, PlaceIndex};
 pub use plane::PlaneSubmaps;
@@ -29,6 +28,6 @@ pub use plane_submap::{PlaneSubmap, PlaneSubmapSettings};
 pub use plane_verify::PlaneVerifier;
 pub use solving::{Scope, Solved, Solving};
 pub use space::{SpaceSubmap, SpaceSubmaps};
-pub use submaps::{Closes, ClosingPolicy, PoseOf, Submaps, Window};
+pub use submaps::{Closes, ClosingPolicy, PoseOf, SUBMAP_M, Submaps, Window};
 pub use verification::{Judged, Target, Verification, Verified};
 pub use views::{View, views, views_along};

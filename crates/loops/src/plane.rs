@@ -1,12 +1,11 @@
 //! Submaps of lasers in the plane, as closing asks for them.
 
 use crate::cascade::{Finding, VerifySettings};
-use crate::closing::SUBMAP_M;
 use crate::places::PlaceIndex;
 use crate::plane_ends::{Ends, end_points};
 use crate::plane_submap::{PlaneSubmap, PlaneSubmapSettings};
 use crate::plane_verify::{PlaneVerifier, is_wide};
-use crate::submaps::{Closes, ClosingPolicy, Submaps, Window};
+use crate::submaps::{Closes, ClosingPolicy, SUBMAP_M, Submaps, Window};
 use crate::views::View;
 use mapwright_geom::{Pose2, wrap_angle};
 use mapwright_grid::{Matcher, MatcherSettings, SearchWindow};

@@ -28,6 +28,9 @@ pub struct Window<P: Pose> {
     pub half_width_rad: f64,
 }
 
+/// Length of way that makes a submap, to one side, metres.
+pub const SUBMAP_M: f64 = 8.0;
+
 /// What closing keeps to with a kind of submaps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClosingPolicy {
