@@ -1,5 +1,6 @@
 //! What a user wants to have otherwise.
 
+use crate::survey::same_name;
 use mapwright_geom::Pose2;
 use mapwright_ros::PlanarSlice;
 use nalgebra::UnitQuaternion;
@@ -83,6 +84,11 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// Whether a topic is asked for by its name.
+    pub(crate) fn asks_for(&self, topic: &str) -> bool {
+        self.topics.iter().any(|name| same_name(name, topic))
+    }
+
     /// Why a calibration of clouds is none of a planar laser, where one is given.
     pub(crate) fn not_in_plane(&self) -> Result<(), String> {
         let why = "--calibration: expected that of a planar laser, found that of a lidar or depth camera; --space maps clouds with it";

@@ -1,6 +1,5 @@
 //! Which sensors of one robot are mapped together.
 
-use super::plan::is_asked;
 use super::topic::Candidate;
 use crate::choice::Choice;
 use crate::directions::Directions;
@@ -38,7 +37,7 @@ impl<'a> Lidars<'a> {
         for other in others {
             match lidars.why_further(&other, choice, &mut seen) {
                 Ok(why) => lidars.further.push((other, why)),
-                Err(why) if is_asked(other.topic, choice) => {
+                Err(why) if choice.asks_for(&other.topic.name) => {
                     return Err(format!("{} beside {}: {why}", other.topic.name, lidars.chosen.topic.name));
                 }
                 Err(why) => lidars.unused.push(format!("{}: {why}", other.topic.name)),
@@ -69,7 +68,7 @@ impl<'a> Lidars<'a> {
         if let Some(same) = used.find(|used| used.is_of_one_sensor_with(other)) {
             return Err(format!("it has clouds of the sensor of {}", same.topic.name));
         }
-        if is_asked(other.topic, choice) {
+        if choice.asks_for(&other.topic.name) {
             return Ok("as asked for".to_owned());
         }
         if chosen.is_camera {
@@ -99,7 +98,7 @@ impl<'a> Lidars<'a> {
     /// The first, as it is chosen among the others.
     pub(super) fn why_chosen(&self, choice: &Choice) -> String {
         let why = match self.further.len() + self.unused.len() {
-            _ if is_asked(self.chosen.topic, choice) => "as asked for",
+            _ if choice.asks_for(&self.chosen.topic.name) => "as asked for",
             0 => "the only topic that can be mapped in space",
             _ if self.further.is_empty() => "",
             _ => "the most points",

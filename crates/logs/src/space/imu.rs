@@ -4,7 +4,7 @@ use crate::channel::{Messages, TopicKind};
 use crate::choice::Choice;
 use crate::frames::{Place, list};
 use crate::links::{bare, stamp_or};
-use crate::survey::{NO_TURN_RATE, Survey, TopicSurvey, has_turn_rate, same_name};
+use crate::survey::{NO_TURN_RATE, Survey, TopicSurvey, has_turn_rate};
 use crate::words::grouped;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::messages::Imu;
@@ -37,7 +37,7 @@ pub(super) struct Found {
 /// The topic that was asked for, else that which shares most of its name's beginning with the mapped one's, of those the one with most
 /// messages.
 pub(super) fn find(survey: &Survey, mapped: &TopicSurvey, place: &Place, choice: &Choice) -> Found {
-    let is_asked = |topic: &TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
+    let is_asked = |topic: &TopicSurvey| choice.asks_for(&topic.name);
     let mut imus: Vec<_> =
         survey.topics.iter().filter(|topic| is_inertial(topic, mapped) && topic.messages > 0).collect();
     imus.sort_by_key(|topic| {

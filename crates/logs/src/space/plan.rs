@@ -93,7 +93,7 @@ impl SpacePlan {
     /// a planar laser, or what is asked for by name is none of these.
     #[must_use]
     pub fn is_default(survey: &Survey, choice: &Choice) -> bool {
-        let is_asked = |topic: &&TopicSurvey| choice.topics.iter().any(|name| same_name(name, &topic.name));
+        let is_asked = |topic: &&TopicSurvey| choice.asks_for(&topic.name);
         let is_planar = |topic: &TopicSurvey| topic.kind.is_planar() && topic.usable() > 0;
         let spatial = || survey.topics.iter().filter(|topic| is_spatial(topic));
         let any_planar = survey.topics.iter().any(is_planar);
@@ -211,7 +211,7 @@ fn candidates<'a>(
             return Err(format!("{name} is {}{what}, expected clouds, images of depth or odometry", first.type_name));
         }
     }
-    let is_asked = |topic: &&TopicSurvey| is_asked(topic, choice);
+    let is_asked = |topic: &&TopicSurvey| choice.asks_for(&topic.name);
     let mut all: Vec<_> = survey.topics.iter().filter(|topic| is_spatial(topic)).collect();
     let by_name = all.iter().any(is_asked);
     if by_name {
@@ -241,11 +241,6 @@ fn candidates<'a>(
         Some(reason) => Err(reason.clone()),
         None => Ok((found, refused)),
     }
-}
-
-/// Whether a topic is asked for by its name.
-pub(super) fn is_asked(topic: &TopicSurvey, choice: &Choice) -> bool {
-    choice.topics.iter().any(|name| same_name(name, &topic.name))
 }
 
 fn candidate<'a>(

@@ -271,7 +271,11 @@ impl Predictor {
 
     /// A match that alone knew the pose to `information` has put it here instead of where `step` had it.
     pub(super) fn observe(&mut self, settings: &MotionSettings, step: &Step, correction: Pose3, information: &Cov6) {
-        self.wheels.observe(settings, step, correction, information);
+        if step.from_odometry {
+            let motion = (step.last_from_robot, step.elapsed_s, step.steps);
+            let told = (&step.information, !step.from_imu);
+            self.wheels.observe(settings, motion, told, (correction, information));
+        }
     }
 
     /// The robot's twist while a cloud is taken: as it has moved by the last matches, which know its tilting as well; by odometry while
@@ -402,7 +406,7 @@ pub(super) fn carried_on_variances(step: &Step, change_per_s: Option<Vector6<f64
     Cov6::from_diagonal(&Vector6::from_fn(|axis, _| sigma(axis).powi(2)))
 }
 
-pub(super) fn information_of(sigmas_m: [f64; 3], sigmas_rad: [f64; 3]) -> Cov6 {
+fn information_of(sigmas_m: [f64; 3], sigmas_rad: [f64; 3]) -> Cov6 {
     let [a, b, c] = sigmas_m.map(|sigma| 1.0 / (sigma * sigma));
     let [d, e, f] = sigmas_rad.map(|sigma| 1.0 / (sigma * sigma));
     Cov6::from_diagonal(&Vector6::new(a, b, c, d, e, f))

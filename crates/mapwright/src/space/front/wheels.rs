@@ -1,6 +1,5 @@
 //! What odometry says of the motion between two clouds, and how far it is believed: as in the plane, beside what wheels do not see.
 
-use super::predict::{Step, information_of};
 use crate::odometry::{OdometryTrust, odometry_variances};
 use crate::settings::MotionSettings;
 use mapwright_geom::{Cov6, Pose2, Pose3, is_in_place, stored};
@@ -46,20 +45,26 @@ impl Wheels {
         let floor_m = settings.translation_floor_m + settings.translation_per_second_m * elapsed_s;
         let floor_rad = settings.rotation_floor_rad + settings.rotation_per_second_rad * elapsed_s;
         let tilt = floor_rad + unseen;
-        information_of([sigmas[0], sigmas[1], floor_m + unseen], [tilt, tilt, sigmas[2]])
+        let sigmas = [sigmas[0], sigmas[1], floor_m + unseen, tilt, tilt, sigmas[2]];
+        Cov6::from_diagonal(&sigmas.map(|sigma| 1.0 / (sigma * sigma)).into())
     }
 
-    /// A match that alone knew the pose to `information` has put it here instead of where it was predicted.
-    pub(super) fn observe(&mut self, settings: &MotionSettings, step: &Step, correction: Pose3, information: &Cov6) {
-        let Some(scan) = information.try_inverse().filter(|_| step.from_odometry) else { return };
-        let by_model = odometry_variances(settings, planar(step.last_from_robot), step.elapsed_s, step.steps);
+    /// A match that alone knew the pose to `information` has put it so far from where wheels had it that told of such a motion, whose
+    /// information was `told`; of their turns nothing where another sensor told these.
+    pub(super) fn observe(
+        &mut self,
+        settings: &MotionSettings,
+        (motion, elapsed_s, steps): (Pose3, f64, f64),
+        (told, tell_turns): (&Cov6, bool),
+        (correction, information): (Pose3, &Cov6),
+    ) {
+        let Some(scan) = information.try_inverse() else { return };
+        let by_model = odometry_variances(settings, planar(motion), elapsed_s, steps);
         let correction = correction.log();
-        for (expected, (axis, kind)) in by_model.into_iter().zip(COMPARED) {
-            let is_of_wheels = kind == 0 || !step.from_imu;
-            if is_of_wheels {
-                let prior = 1.0 / step.information[(axis, axis)];
-                self.trust.observe(kind, correction[axis], [prior, expected], scan[(axis, axis)]);
-            }
+        let compared = by_model.into_iter().zip(COMPARED).filter(|(_, (_, kind))| *kind == 0 || tell_turns);
+        for (expected, (axis, kind)) in compared {
+            let prior = [1.0 / told[(axis, axis)], expected];
+            self.trust.observe(kind, correction[axis], prior, scan[(axis, axis)]);
         }
     }
 
