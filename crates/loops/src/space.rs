@@ -11,9 +11,9 @@ use crate::views::View;
 use mapwright_geom::{Pose, Pose3};
 use mapwright_record::{Evidence, NodeId, Objection};
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::{Change, Descent, Fit, Matcher, Prior, SurfelMap, SurfelMapSettings, Thinner};
+use mapwright_voxel::{Change, Descent, Fit, Matcher, Prior, RangeImage, SurfelMap, SurfelMapSettings, Thinner};
 use nalgebra::{Matrix6, Vector6};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::PI;
 
 /// Points of a submap lie so far apart, of the smallest voxel's side.
 const POINT_SHARE: f64 = 0.8;
@@ -28,13 +28,6 @@ const UP_AT_MOST: i32 = 3;
 const COMPARED: usize = 3;
 const ELSEWHERE_VOXELS: f64 = 4.0;
 const ELSEWHERE_RAD: f64 = 0.3;
-/// An image of ranges has so many columns around and rows from pole to pole.
-const COLUMNS: usize = 180;
-const ROWS: usize = 90;
-/// A point is seen through where all that was seen in its direction lies beyond it by so many smallest voxels, and this share of
-/// the range.
-const THROUGH_VOXELS: f64 = 1.5;
-const THROUGH_SHARE: f64 = 0.05;
 /// What places look like is compared up to 8 m ([`PlaceIndex`]); that stands for so many rms ranges here.
 const DESCRIBED_RANGES: f64 = 1.5;
 const DESCRIBED_M: f64 = 8.0;
@@ -60,14 +53,8 @@ pub struct SpaceSubmaps {
 pub struct SpaceSubmap {
     map: SurfelMap,
     points_m: Vec<[f32; 3]>,
-    views: Vec<RangeImage>,
-}
-
-/// The least range in each direction from a view.
-#[derive(Debug, Clone)]
-struct RangeImage {
-    view_from_submap: Pose3,
-    ranges_m: Vec<f32>,
+    /// Where each view was, its frame from the submap's, and what it saw.
+    views: Vec<(Pose3, RangeImage)>,
 }
 
 impl SpaceSubmaps {
@@ -165,7 +152,9 @@ impl Submaps for SpaceSubmaps {
         map.refresh();
         let mut points_m = Vec::new();
         Thinner::default().thin(&all, POINT_SHARE * self.map.resolution_m, &mut points_m);
-        SpaceSubmap { map, points_m, views: views.iter().map(RangeImage::of).collect() }
+        let seen =
+            |view: &View<SpaceSweep>| (view.submap_from_keyframe.inverse(), RangeImage::of(view.sweep.points_m()));
+        SpaceSubmap { map, points_m, views: views.iter().map(seen).collect() }
     }
 
     fn look_for(&mut self, query: &SpaceSubmap, target: &SpaceSubmap, window: &Window<Pose3>) -> Finding<Pose3> {
@@ -246,55 +235,18 @@ fn share(fit: &Fit) -> f64 {
     fit.known_share * fit.inlier_share
 }
 
-impl RangeImage {
-    fn of(view: &View<SpaceSweep>) -> Self {
-        let mut ranges_m = vec![f32::INFINITY; COLUMNS * ROWS];
-        for point in view.sweep.points_m() {
-            if let Some((pixel, range_m)) = pixel(point) {
-                ranges_m[pixel] = ranges_m[pixel].min(range_m);
-            }
-        }
-        Self { view_from_submap: view.submap_from_keyframe.inverse(), ranges_m }
-    }
-
-    /// Whether all that was seen around a pixel, and something was, lies beyond so much.
-    fn is_beyond(&self, pixel: usize, range_m: f32) -> bool {
-        let (row, column) = (pixel / COLUMNS, pixel % COLUMNS);
-        if !self.ranges_m[pixel].is_finite() {
-            return false;
-        }
-        let rows = row.saturating_sub(1)..=(row + 1).min(ROWS - 1);
-        rows.flat_map(|row| [COLUMNS - 1, 0, 1].map(|step| row * COLUMNS + (column + step) % COLUMNS))
-            .all(|pixel| self.ranges_m[pixel] > range_m)
-    }
-}
-
-/// The pixel in whose direction a point lies, and its range; none at the origin.
-fn pixel([x, y, z]: [f32; 3]) -> Option<(usize, f32)> {
-    let range_m = x.hypot(y).hypot(z);
-    if !(range_m > 1e-3 && range_m.is_finite()) {
-        return None;
-    }
-    let (around, up) = (f64::from(y).atan2(f64::from(x)), f64::from(z / range_m).clamp(-1.0, 1.0).asin());
-    let column = ((around + PI) / TAU * COLUMNS as f64) as usize % COLUMNS;
-    let row = (((up + FRAC_PI_2) / PI * ROWS as f64) as usize).min(ROWS - 1);
-    Some((row * COLUMNS + column, range_m))
-}
-
 impl SpaceSubmap {
     /// Share of points, of those in directions in which a view has seen something, that a view has seen through.
     fn seen_through(&self, points_m: &[[f32; 3]], submap_from_points: Pose3, resolution_m: f64) -> f64 {
         let (mut judged, mut through) = (vec![false; points_m.len()], vec![false; points_m.len()]);
-        for view in &self.views {
-            let view_from_points = view.view_from_submap * submap_from_points;
+        for (view_from_submap, seen) in &self.views {
+            let view_from_points = *view_from_submap * submap_from_points;
             let rotation = view_from_points.rotation.to_rotation_matrix();
             for (number, point) in points_m.iter().enumerate() {
                 let at = rotation * nalgebra::Vector3::from(point.map(f64::from)) + view_from_points.translation;
-                let Some((pixel, range_m)) = pixel([at.x as f32, at.y as f32, at.z as f32]) else { continue };
-                if view.ranges_m[pixel].is_finite() {
+                if let Some(is_through) = seen.has_seen_through([at.x as f32, at.y as f32, at.z as f32], resolution_m) {
                     judged[number] = true;
-                    let margin_m = THROUGH_VOXELS * resolution_m + THROUGH_SHARE * f64::from(range_m);
-                    through[number] |= view.is_beyond(pixel, range_m + margin_m as f32);
+                    through[number] |= is_through;
                 }
             }
         }

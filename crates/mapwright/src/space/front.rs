@@ -554,6 +554,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         self.pose.switch_on();
         (self.middle_from_stamp, self.carried_on) = (Pose3::identity(), Cov6::zeros());
         (self.posed_by, self.sees_elsewhere) = (None, None);
+        self.moving.forget();
         self.leave();
     }
 

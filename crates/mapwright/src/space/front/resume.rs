@@ -19,7 +19,7 @@ use mapwright_record::Past;
 use mapwright_sensor::SpaceSweep;
 
 impl Resumes<SpaceSweep> for SpaceFrontEnd {
-    const VERSION: u8 = 8;
+    const VERSION: u8 = 9;
 
     fn put(&self, out: &mut Vec<u8>) {
         self.preparation.scale().put(out);
