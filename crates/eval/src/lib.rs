@@ -49,7 +49,7 @@ pub use error::EvalError;
 pub use map_score::{CellImage, CellState, MapScore, score_map};
 pub use nees::{Nees, chi_square_quantile};
 pub use relations::{MissingRelation, MissingSide, Relation, RelationError, RelationReport, relation_errors};
-pub use revisits::{RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
+pub use revisits::{RevisitFit, RevisitReport, RevisitScan, RevisitSettings, revisit_errors, revisit_fits};
 pub use rpe::{Delta, Rpe, RpeSettings, rpe, rpe_of_pairs};
 pub use series::{ErrorAt, ErrorSeries, error_series};
 pub use space::{SegmentError, SegmentErrors, SpaceErrors, space_error_series, space_errors, space_nees};

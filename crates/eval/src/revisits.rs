@@ -55,8 +55,6 @@ pub struct RevisitSettings {
     pub apart: u64,
     /// Scans of a pair were taken nearer to each other, metres.
     pub within_m: f64,
-    /// So many pairs are registered at most, evenly spread.
-    pub pairs_at_most: usize,
     /// The maps of one visit that clouds of others are registered on.
     pub maps: SurfelMapSettings,
 }
@@ -75,13 +73,26 @@ impl RevisitSettings {
     #[must_use]
     pub fn for_range(range_m: f64, noise_m: f64) -> Self {
         let resolution_m = (FINEST_SHARE * range_m).max(1e-3);
-        Self {
-            apart: APART_AT_MOST,
-            within_m: 5.0,
-            pairs_at_most: PAIRS,
-            maps: SurfelMapSettings { resolution_m, levels: LEVELS, noise_m },
-        }
+        Self { apart: APART_AT_MOST, within_m: 5.0, maps: SurfelMapSettings { resolution_m, levels: LEVELS, noise_m } }
     }
+}
+
+/// What registration says of two clouds of different visits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RevisitFit {
+    /// By how much the later one has to be moved and turned to fit the earlier one's map, metres and degrees.
+    Moved {
+        /// How far.
+        metres: f64,
+        /// By how much it turns.
+        degrees: f64,
+    },
+    /// They have seen too little in common.
+    LittleInCommon,
+    /// They have seen the same place, and it does not look the same.
+    Misfit,
+    /// What they have seen leaves a direction open.
+    Loose,
 }
 
 /// What registration asks of a trajectory.
@@ -125,23 +136,14 @@ pub fn revisit_errors<P: AsRef<[[f32; 3]]>>(
     if pairs.is_empty() {
         return Err(no_revisits(scans, &with_pose, settings));
     }
-    let mut registration = Registration::new(*settings);
-    let (mut corrections, mut not_fitting, mut loose) = (Vec::new(), 0, 0);
-    for [earlier, later] in pairs {
-        let (Some(world_from_earlier), Some(world_from_later)) = (poses[earlier], poses[later]) else { continue };
-        let said = world_from_earlier.between(world_from_later);
-        registration.draw(scans, earlier, &points_m);
-        let mapped = map_from_cloud(&scans[earlier]).between(map_from_cloud(&scans[later]));
-        let fit = registration.register(points_m(later).as_ref(), [said, mapped]);
-        if fit.known_share < LEAST_KNOWN || fit.inlier_share < LEAST_FITTING {
-            not_fitting += 1;
-        } else if loosest_m(&fit) > LOOSEST_M {
-            loose += 1;
-        } else {
-            let asked = said.between(fit.map_from_cloud);
-            corrections.push((asked.translation.norm(), asked.rotation.angle().to_degrees()));
-        }
-    }
+    let fits = registered(scans, &poses, &pairs, &points_m, settings);
+    let moved = |fit: &RevisitFit| {
+        if let RevisitFit::Moved { metres, degrees } = *fit { Some((metres, degrees)) } else { None }
+    };
+    let corrections: Vec<(f64, f64)> = fits.iter().filter_map(moved).collect();
+    let count = |kinds: &[RevisitFit]| fits.iter().filter(|fit| kinds.contains(fit)).count();
+    let not_fitting = count(&[RevisitFit::LittleInCommon, RevisitFit::Misfit]);
+    let loose = count(&[RevisitFit::Loose]);
     let (metres, degrees): (Vec<f64>, Vec<f64>) = corrections.iter().copied().unzip();
     Ok(RevisitReport {
         scans: with_pose.len(),
@@ -152,6 +154,49 @@ pub fn revisit_errors<P: AsRef<[[f32; 3]]>>(
         corrections: PoseErrors::of(&corrections),
         percentile_90: quantile(&metres, 0.9).zip(quantile(&degrees, 0.9)),
     })
+}
+
+/// What registration says of such pairs of scans, each by its place in `scans`, the one on whose map the other is registered first; as the
+/// map has their poses. A pair beyond `scans` is left out.
+pub fn revisit_fits<P: AsRef<[[f32; 3]]>>(
+    scans: &[RevisitScan],
+    pairs: &[[usize; 2]],
+    points_m: impl Fn(usize) -> P,
+    settings: &RevisitSettings,
+) -> Vec<RevisitFit> {
+    let poses: Vec<Option<Pose3>> = scans.iter().map(|scan| Some(map_from_cloud(scan))).collect();
+    let pairs: Vec<_> = pairs.iter().filter(|pair| pair.iter().all(|&scan| scan < scans.len())).copied().collect();
+    registered(scans, &poses, &pairs, &points_m, settings)
+}
+
+/// The same of pairs of which both scans have a pose.
+fn registered<P: AsRef<[[f32; 3]]>>(
+    scans: &[RevisitScan],
+    poses: &[Option<Pose3>],
+    pairs: &[[usize; 2]],
+    points_m: &impl Fn(usize) -> P,
+    settings: &RevisitSettings,
+) -> Vec<RevisitFit> {
+    let mut registration = Registration::new(*settings);
+    let mut fits = Vec::with_capacity(pairs.len());
+    for &[earlier, later] in pairs {
+        let (Some(world_from_earlier), Some(world_from_later)) = (poses[earlier], poses[later]) else { continue };
+        let said = world_from_earlier.between(world_from_later);
+        registration.draw(scans, earlier, points_m);
+        let mapped = map_from_cloud(&scans[earlier]).between(map_from_cloud(&scans[later]));
+        let fit = registration.register(points_m(later).as_ref(), [said, mapped]);
+        fits.push(if fit.known_share < LEAST_KNOWN {
+            RevisitFit::LittleInCommon
+        } else if fit.inlier_share < LEAST_FITTING {
+            RevisitFit::Misfit
+        } else if loosest_m(&fit) > LOOSEST_M {
+            RevisitFit::Loose
+        } else {
+            let asked = said.between(fit.map_from_cloud);
+            RevisitFit::Moved { metres: asked.translation.norm(), degrees: asked.rotation.angle().to_degrees() }
+        });
+    }
+    fits
 }
 
 /// Pose of each scan's cloud in the judged trajectory, where that has one.
@@ -181,7 +226,7 @@ fn pairs(scans: &[RevisitScan], with_pose: &[usize], settings: &RevisitSettings)
         let partners: Vec<usize> = with_pose.iter().filter(is_revisit).copied().collect();
         pairs.extend(evenly(&partners, PARTNERS).map(|&earlier| [earlier, later]));
     }
-    evenly(&pairs, settings.pairs_at_most).copied().collect()
+    evenly(&pairs, PAIRS).copied().collect()
 }
 
 fn are_apart(earlier: &RevisitScan, later: &RevisitScan, apart: u64) -> bool {

@@ -72,4 +72,4 @@ pub use settings::{
 pub use space::{
     ImuMount, ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of,
 };
-pub use visits::Visits;
+pub use visits::{MISFIT_M, Visits, visit_pairs};

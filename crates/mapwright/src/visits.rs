@@ -21,7 +21,7 @@ const TURN_M: f64 = 0.5;
 /// Either side is made of so much way, metres.
 const SIDE_M: f64 = 1.0;
 /// What does not fit wherever it is moved counts as if it were so far off, metres, and nothing counts for more.
-const MISFIT_M: f64 = 0.5;
+pub const MISFIT_M: f64 = 0.5;
 /// A turn moves what is so far away, metres.
 const LEVER_M: f64 = 5.0;
 
@@ -46,12 +46,7 @@ impl Visits {
         let way_m = way_m(session);
         let past =
             Past { session, drawn: session.drawn(), local_from_keyframe: session.map_from_keyframe(), way_m: &way_m };
-        let nodes: Vec<NodeId> = map
-            .places()
-            .filter(|&place| session.drawn().get(place).is_some_and(Option::is_some))
-            .map(NodeId::at)
-            .collect();
-        let pairs = pairs(past, &nodes);
+        let pairs = pairs(past, &drawn_nodes(session, map));
         let matcher = Matcher { settings: settings.matcher() };
         let every = pairs.len().div_ceil(COMPARED).max(1);
         let mut moves_m: Vec<f64> =
@@ -62,6 +57,22 @@ impl Visits {
         let mean_m = moves_m.iter().sum::<f64>() / moves_m.len() as f64;
         Self { compared: moves_m.len(), misfits, mean_m, percentile_90_m }
     }
+}
+
+/// Keyframes of a map, by their places in the session, each with the nearest one of an earlier visit before it; evenly spread, so many at most.
+#[must_use]
+pub fn visit_pairs<M: Measurement>(session: &Session<M>, map: &SeparateMap, at_most: usize) -> Vec<[usize; 2]> {
+    let way_m = way_m(session);
+    let past =
+        Past { session, drawn: session.drawn(), local_from_keyframe: session.map_from_keyframe(), way_m: &way_m };
+    let pairs = pairs(past, &drawn_nodes(session, map));
+    let every = pairs.len().div_ceil(at_most.max(1)).max(1);
+    pairs.iter().step_by(every).map(|pair| pair.map(NodeId::index)).collect()
+}
+
+fn drawn_nodes<M: Measurement>(session: &Session<M>, map: &SeparateMap) -> Vec<NodeId> {
+    let is_drawn = |place: &usize| session.drawn().get(*place).is_some_and(Option::is_some);
+    map.places().filter(is_drawn).map(NodeId::at).collect()
 }
 
 /// Keyframes with the nearest of an earlier visit.

@@ -8,7 +8,8 @@ use crate::verdict::{
     unheeded_places,
 };
 use crate::wheels::Wheels;
-use mapwright::{EdgeKind, KeyframeId, MatchReport, Session, SpaceMapper, SpaceSweep, Status};
+use mapwright::{EdgeKind, KeyframeId, MISFIT_M, MatchReport, Session, SpaceMapper, SpaceSweep, Status, visit_pairs};
+use mapwright_eval::RevisitFit;
 use mapwright_geom::TangentMatrix;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -42,8 +43,6 @@ const TORN_SHARE: [f64; 2] = [0.02, 0.1];
 const WHEELS_OFF: f64 = 0.07;
 /// Pairs of visits that are compared at most: registering one takes as long as mapping a cloud.
 const VISITS: usize = 40;
-/// They lie so near to each other at most, metres.
-const VISITS_WITHIN_M: f64 = 5.0;
 
 /// Directions around the sensor, and the share of them in which nothing was ever seen from which on it may be covered, where at least
 /// that share of its beams returned nothing: a sensor that looks one way has no beams there, open sky has some everywhere.
@@ -311,17 +310,20 @@ fn wheels(session: &Session<SpaceSweep>, tally: &Tally) -> Wheels {
     Wheels::in_space(tally.wheels.iter().filter_map(pair))
 }
 
-/// How many pairs of visits of the first map were compared, and by how much they are off each other.
+/// How many pairs of visits of the first map were compared, and by how much they are off each other, as in the plane: in the mean, and nine of
+/// ten by less, metres.
 fn visits(session: &Session<SpaceSweep>) -> (usize, [f64; 2]) {
-    let maps = session.maps();
-    let is_first = |place: usize| maps.first().is_some_and(|map| map.has(place));
-    let revisits = Revisits::of(session, VISITS_WITHIN_M, is_first);
-    let report = revisits.and_then(|mut revisits| {
-        revisits.settings.pairs_at_most = VISITS;
-        revisits.judge(None).ok()
-    });
-    let moved = report.as_ref().and_then(|report| Some((report.corrections.as_ref()?, report.percentile_90?.0)));
-    moved.map_or((0, [0.0; 2]), |(errors, most_m)| (errors.translation_m.count, [errors.translation_m.mean, most_m]))
+    let pairs = session.maps().first().map(|map| visit_pairs(session, map, VISITS)).unwrap_or_default();
+    let fits = Revisits::of(session).map(|revisits| revisits.fits(&pairs)).unwrap_or_default();
+    let moved = |fit: &RevisitFit| match *fit {
+        RevisitFit::Moved { metres, .. } => Some(metres.min(MISFIT_M)),
+        RevisitFit::Misfit => Some(MISFIT_M),
+        RevisitFit::LittleInCommon | RevisitFit::Loose => None,
+    };
+    let mut moves_m: Vec<f64> = fits.iter().filter_map(moved).collect();
+    moves_m.sort_unstable_by(f64::total_cmp);
+    let percentile_90_m = moves_m.get(moves_m.len() * 9 / 10).copied().unwrap_or(0.0);
+    (moves_m.len(), [moves_m.iter().sum::<f64>() / moves_m.len().max(1) as f64, percentile_90_m])
 }
 
 /// Share of the directions around the sensor in which no keyframe saw anything.

@@ -1,22 +1,28 @@
 //! How well what was seen of a place on different visits agrees, in a finished map of space.
 
 use mapwright::{Pose3, Session, SpaceSweep, Stamp, TrajectoryPose};
-use mapwright_eval::{EvalError, RevisitReport, RevisitScan, RevisitSettings, revisit_errors};
+use mapwright_eval::{
+    EvalError, RevisitFit, RevisitReport, RevisitScan, RevisitSettings, revisit_errors, revisit_fits,
+};
 use std::sync::Arc;
 
 /// The keyframes of a session that are drawn.
 pub(crate) struct Revisits {
     scans: Vec<RevisitScan>,
+    /// The places of their keyframes in the session, rising.
+    places: Vec<usize>,
     sweeps: Vec<Arc<SpaceSweep>>,
     pub(crate) settings: RevisitSettings,
+    /// How far the robot drives from scan to scan, metres.
+    step_m: f64,
 }
 
 impl Revisits {
-    /// Those at places that count; visits lie within so many metres of each other. None where there are no points.
-    pub(crate) fn of(session: &Session<SpaceSweep>, within_m: f64, counts: impl Fn(usize) -> bool) -> Option<Self> {
+    /// Those of a session; none where there are no points.
+    pub(crate) fn of(session: &Session<SpaceSweep>) -> Option<Self> {
         let trajectory: Vec<_> = session.trajectory().collect();
-        let (mut scans, mut sweeps) = (Vec::new(), Vec::new());
-        for (place, keyframe) in session.keyframes().iter().enumerate().filter(|(place, _)| counts(*place)) {
+        let (mut scans, mut places, mut sweeps) = (Vec::new(), Vec::new(), Vec::new());
+        for (place, keyframe) in session.keyframes().iter().enumerate() {
             let at = session.scan_place(keyframe.scan).and_then(|scan| trajectory.get(scan));
             let (Some(at), Some(sweep)) = (at, &session.drawn()[place]) else { continue };
             scans.push(RevisitScan {
@@ -25,22 +31,35 @@ impl Revisits {
                 map_from_robot: at.map_from_robot,
                 robot_from_cloud: at.map_from_robot.between(session.map_from_keyframe()[place]),
             });
+            places.push(place);
             sweeps.push(Arc::clone(sweep));
         }
         let sweep = sweeps.iter().find(|sweep| !sweep.points.is_empty())?;
         let range_m = rms_range_m(sweep);
-        let settings = RevisitSettings {
-            apart: RevisitSettings::apart_for(mean_step_m(&trajectory), within_m),
-            within_m,
-            ..RevisitSettings::for_range(range_m, sweep.sensor.sigma_m(range_m))
-        };
-        Some(Self { scans, sweeps, settings })
+        let settings = RevisitSettings::for_range(range_m, sweep.sensor.sigma_m(range_m));
+        Some(Self { scans, places, sweeps, settings, step_m: mean_step_m(&trajectory) })
+    }
+
+    /// The same with visits that lie within so many metres of each other.
+    pub(crate) fn within(self, within_m: f64) -> Self {
+        let apart = RevisitSettings::apart_for(self.step_m, within_m);
+        Self { settings: RevisitSettings { apart, within_m, ..self.settings }, ..self }
+    }
+
+    /// What registration says of pairs of keyframes, by their places in the session, in the map.
+    pub(super) fn fits(&self, pairs: &[[usize; 2]]) -> Vec<RevisitFit> {
+        let scan = |place: usize| self.places.binary_search(&place).ok();
+        let pairs: Vec<[usize; 2]> = pairs.iter().filter_map(|&[a, b]| Some([scan(a)?, scan(b)?])).collect();
+        revisit_fits(&self.scans, &pairs, self.points_m(), &self.settings)
     }
 
     /// What registration asks of the map's poses, or of others.
     pub(crate) fn judge(&self, judged: Option<&[(Stamp, Pose3)]>) -> Result<RevisitReport, EvalError> {
-        let points_m = |scan: usize| -> Vec<[f32; 3]> { self.sweeps[scan].points_m().collect() };
-        revisit_errors(&self.scans, judged, points_m, &self.settings)
+        revisit_errors(&self.scans, judged, self.points_m(), &self.settings)
+    }
+
+    fn points_m(&self) -> impl Fn(usize) -> Vec<[f32; 3]> + '_ {
+        |scan| self.sweeps[scan].points_m().collect()
     }
 }
 

@@ -41,7 +41,7 @@ fn read(results: &Path, args: &EvalArgs) -> Result<(Revisits, Vec<String>), Fail
     let (AnySession::Space(session), losses) = read_any_session(results)? else {
         return Err(refused("--revisits needs a session of space, found one of the plane"));
     };
-    let revisits = Revisits::of(&session, args.within, |_| true);
+    let revisits = Revisits::of(&session).map(|revisits| revisits.within(args.within));
     let mut revisits = revisits.ok_or_else(|| refused("expected keyframes with points, found none"))?;
     revisits.settings.apart = args.apart.unwrap_or(revisits.settings.apart);
     Ok((revisits, losses))
