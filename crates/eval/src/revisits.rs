@@ -281,7 +281,7 @@ impl Registration {
         let last = (middle + NEIGHBOURS).min(scans.len() - 1);
         for other in (middle.saturating_sub(NEIGHBOURS)..=last).filter(is_near) {
             let middle_from_other = map_from_cloud(&scans[middle]).between(map_from_cloud(&scans[other]));
-            self.map.draw(points_m(other).as_ref(), middle_from_other, Change::Add, other as u32);
+            self.map.draw(points_m(other).as_ref(), [0.0; 3], middle_from_other, Change::Add, other as u32);
         }
         self.map.refresh();
     }

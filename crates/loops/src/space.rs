@@ -141,7 +141,7 @@ impl Submaps for SpaceSubmaps {
         for view in views {
             points.clear();
             points.extend(view.sweep.points_m());
-            map.draw(&points, view.submap_from_keyframe, Change::Add, 0);
+            map.draw(&points, view.sweep.origin_m(), view.submap_from_keyframe, Change::Add, 0);
             let rotation = view.submap_from_keyframe.rotation.to_rotation_matrix();
             all.extend(points.iter().map(|point| {
                 let at =

@@ -25,6 +25,12 @@ pub struct SpaceSensor {
 }
 
 impl SpaceSensor {
+    /// Where it is, in the robot's frame, metres.
+    #[must_use]
+    pub fn origin_m(&self) -> [f64; 3] {
+        self.robot_from_sensor.translation.into()
+    }
+
     /// A spinning lidar in the robot's origin: 0.5 to 120 m, 2 cm.
     #[must_use]
     pub fn lidar(name: &str) -> Self {

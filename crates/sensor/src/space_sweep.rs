@@ -42,6 +42,12 @@ impl SpaceSweep {
         Self { intensities: intensities.iter().map(|&intensity| upper_half(intensity)).collect(), ..self }
     }
 
+    /// Where the points were seen from, in the robot's frame, metres.
+    #[must_use]
+    pub fn origin_m(&self) -> [f64; 3] {
+        self.sensor.origin_m()
+    }
+
     /// The intensities of its points.
     pub fn intensities(&self) -> impl ExactSizeIterator<Item = f32> + '_ {
         self.intensities.iter().map(|&code| f32::from_bits(u32::from(code) << 16))

@@ -145,6 +145,8 @@ pub struct Matcher {
     /// Its settings.
     pub settings: MatcherSettings,
     points: Vec<[f64; 3]>,
+    /// Where they were seen from.
+    origin: Option<Vector3<f64>>,
     /// The voxel where each was looked for last, at the present resolution.
     looked: Vec<Looked>,
     residuals: Vec<f32>,
@@ -170,6 +172,15 @@ impl Fit {
     #[must_use]
     pub fn posterior(&self, prior: &Prior) -> f64 {
         self.log_likelihood - prior.unlikeliness(self.map_from_cloud, self.points as usize)
+    }
+
+    /// Log evidence of a prior, nats: how likely its points are, wherever by that prior the pose may be (Laplace's approximation). By it priors
+    /// are compared, one that says more being worth more where it is right.
+    #[must_use]
+    pub fn evidence(&self, prior: &Prior) -> f64 {
+        let log_determinant = |information: Cov6| information.determinant().max(f64::MIN_POSITIVE).ln();
+        let narrower = log_determinant(prior.information + self.information) - log_determinant(prior.information);
+        f64::from(self.points) / POINTS_AS_ONE * self.posterior(prior) - 0.5 * narrower
     }
 }
 
@@ -288,6 +299,7 @@ impl Matcher {
         let every = seen.points_m.len().div_ceil(most.max(1)).max(1);
         self.points.clear();
         self.points.extend(seen.points_m.iter().step_by(every).map(|point| point.map(f64::from)));
+        self.origin = seen.origin_m.map(Vector3::from);
         self.times.clear();
         self.times.extend(seen.times_s.iter().step_by(every).map(|&s| f64::from(s)));
         self.straight.clear();
@@ -416,9 +428,11 @@ impl Matcher {
         let rotation = pose.rotation.to_rotation_matrix();
         let scale = (1.0 - ELSE_SHARE) * ANYWHERE_VOXELS * levels[0].size_m / std::f64::consts::TAU.sqrt();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
+        let eye = self.origin.map(|origin| rotation * origin);
         for (point, looked) in self.points.iter().zip(&mut self.looked) {
-            let at = rotation * Vector3::from(*point) + pose.translation;
-            let Some(surfel) = surfel_at(levels, at.into(), looked) else { continue };
+            let arm = rotation * Vector3::from(*point);
+            let at = arm + pose.translation;
+            let Some(surfel) = surfel_seen(levels, (arm, eye), at, looked) else { continue };
             let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
             product *= ELSE_SHARE + scale * information.sqrt() * (-0.5 * information * off_m * off_m).exp();
             if !(1e-200..1e200).contains(&product) {
@@ -435,10 +449,12 @@ impl Matcher {
     /// The median of what is said of the points by their surfels, and by how far they lie off them, metres.
     fn median(&mut self, levels: &[Level], pose: Pose3, of: impl Fn(&Surfel, f64) -> f64) -> Option<f64> {
         let rotation = pose.rotation.to_rotation_matrix();
+        let eye = self.origin.map(|origin| rotation * origin);
         self.residuals.clear();
         for (point, looked) in self.points.iter().zip(&mut self.looked) {
-            let at = rotation * Vector3::from(*point) + pose.translation;
-            if let Some(surfel) = surfel_at(levels, at.into(), looked) {
+            let arm = rotation * Vector3::from(*point);
+            let at = arm + pose.translation;
+            if let Some(surfel) = surfel_seen(levels, (arm, eye), at, looked) {
                 self.residuals.push(of(surfel, surfel.off_m(at)) as f32);
             }
         }
@@ -465,6 +481,7 @@ impl Matcher {
     /// The objective by the points alone. Logarithms are taken of products.
     fn evaluate(&mut self, levels: &[Level], pose: Pose3, width2: f64) -> Evaluation {
         let rotation = pose.rotation.to_rotation_matrix();
+        let eye = self.origin.map(|origin| rotation * origin);
         let mut sums = Sums::default();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
         let (mut known, mut fitting, mut lines) = (0, 0, 0);
@@ -475,7 +492,7 @@ impl Matcher {
             if product > 1e200 {
                 (log_sum, product) = (log_sum + product.ln(), 1.0);
             }
-            let Some(surfel) = surfel_at(levels, at.into(), looked) else {
+            let Some(surfel) = surfel_seen(levels, (arm, eye), at, looked) else {
                 product *= 1.0 + UNKNOWN_WIDTHS2;
                 lines += u32::from(looked.is_there());
                 continue;
@@ -497,6 +514,17 @@ impl Matcher {
         let cost = 0.5 * width2 * (log_sum + f64::ln(product));
         Evaluation { cost, gradient, hessian, held_shares, known, fitting, lines }
     }
+}
+
+/// The surfel that says something where a point at the end of `arm` lies, if that was seen from its side; `eye` is where from, as the arm is.
+#[inline]
+fn surfel_seen<'a>(
+    levels: &'a [Level],
+    (arm, eye): (Vector3<f64>, Option<Vector3<f64>>),
+    at: Vector3<f64>,
+    looked: &mut Looked,
+) -> Option<&'a Surfel> {
+    surfel_at(levels, at.into(), looked).filter(|surfel| eye.is_none_or(|eye| !surfel.is_behind(arm - eye)))
 }
 
 /// Sums of the derivatives over points.

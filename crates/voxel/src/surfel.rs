@@ -39,7 +39,7 @@ pub struct Surfel {
     pub count: u32,
     /// Their mean, metres.
     pub mean_m: [f32; 3],
-    /// The direction in which they spread least.
+    /// The direction in which they spread least, to the side from which they were seen.
     pub normal: [f32; 3],
     /// What a point on it tells along the normal, 1/m^2; nothing where its points lie on a line.
     pub(crate) information: f32,
@@ -61,6 +61,13 @@ impl Surfel {
     #[inline]
     pub(crate) fn is_telling(&self) -> bool {
         self.information > 0.0
+    }
+
+    /// Whether who looks along such a ray sees its back, which is another surface: the floor above a ceiling, the other side of a wall.
+    #[inline]
+    pub(crate) fn is_behind(&self, ray: Vector3<f64>) -> bool {
+        let along = Vector3::from(self.normal.map(f64::from)).dot(&ray);
+        along > 0.0 && along * along > EDGE_ON * EDGE_ON * ray.norm_squared()
     }
 
     /// Whether a point lies where its points do, however far off.
@@ -132,11 +139,13 @@ impl Sums {
         let [across, along, most] = [0, 1, 2].map(|k| variances[k].max(least * least));
         let ray = Vector3::from(self.rays.map(|sum| sum as f64));
         let is_by_chance = self.count < TELLING_POINTS;
-        let is_edge_on = vectors.column(0).dot(&ray).abs() < EDGE_ON * ray.norm();
+        let along_ray = vectors.column(0).dot(&ray);
+        let is_edge_on = along_ray.abs() < EDGE_ON * ray.norm();
         let information = if is_edge_on || is_by_chance { 0.0 } else { (1.0 / across - ALONG / along).max(0.0) as f32 };
         let spread_m = [along, most].map(|variance| variance.sqrt() as f32);
         let mean_m = [0, 1, 2].map(|k| (corner[k] * size_m + mean[k] * unit_m) as f32);
-        let normal = [0, 1, 2].map(|row| vectors[(row, 0)] as f32);
+        let facing = if along_ray > 0.0 { -1.0 } else { 1.0 };
+        let normal = [0, 1, 2].map(|row| (facing * vectors[(row, 0)]) as f32);
         let far = [0, 1, 2].map(|row| vectors[(row, 2)] as f32);
         Some(Surfel { count: self.count, mean_m, normal, information, spread_m, far })
     }

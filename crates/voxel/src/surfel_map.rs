@@ -136,14 +136,23 @@ impl SurfelMap {
         self.levels.iter().map(|level| level.places.len()).sum()
     }
 
-    /// Adds the points of a cloud, seen from `map_from_cloud`, or takes them away again. Those that are not finite or beyond 2^20
-    /// voxels from the origin are left out. `supplier` is the number of who saw them.
-    pub fn draw(&mut self, points_m: &[[f32; 3]], map_from_cloud: Pose3, change: Change, supplier: u32) {
+    /// Adds the points of a cloud at `map_from_cloud`, or takes them away again; both they and where they were seen from, `origin_m`, are in its
+    /// frame. Those that are not finite or beyond 2^20 voxels from the map's origin are left out. `supplier` is the number of who saw them.
+    pub fn draw(
+        &mut self,
+        points_m: &[[f32; 3]],
+        origin_m: [f64; 3],
+        map_from_cloud: Pose3,
+        change: Change,
+        supplier: u32,
+    ) {
         let rotation = map_from_cloud.rotation.to_rotation_matrix();
+        let origin = rotation * nalgebra::Vector3::from(origin_m);
         for &[x, y, z] in points_m {
             let point = nalgebra::Vector3::new(f64::from(x), f64::from(y), f64::from(z));
-            let along = rotation * point;
-            let at: [f64; 3] = (along + map_from_cloud.translation).into();
+            let arm = rotation * point;
+            let at: [f64; 3] = (arm + map_from_cloud.translation).into();
+            let along = arm - origin;
             let ray: [f64; 3] = (along / along.norm().max(f64::MIN_POSITIVE)).into();
             self.levels.iter_mut().for_each(|level| level.draw(at, ray, change, supplier));
         }
@@ -353,14 +362,14 @@ mod tests {
             let pose = |numbers: &[f64; 6]| Pose3::exp(Vector6::from(*numbers));
             let (mut a, mut b) = (SurfelMap::new(settings), SurfelMap::new(settings));
             for (k, (points, numbers)) in clouds.iter().enumerate() {
-                a.draw(points, pose(numbers), Change::Add, k as u32);
+                a.draw(points, [0.0; 3], pose(numbers), Change::Add, k as u32);
                 a.refresh();
             }
             let gone = gone % clouds.len();
-            a.draw(&clouds[gone].0, pose(&clouds[gone].1), Change::Remove, gone as u32);
+            a.draw(&clouds[gone].0, [0.0; 3], pose(&clouds[gone].1), Change::Remove, gone as u32);
             a.refresh();
             for (k, (points, numbers)) in clouds.iter().enumerate().rev().filter(|(k, _)| *k != gone) {
-                b.draw(points, pose(numbers), Change::Add, k as u32);
+                b.draw(points, [0.0; 3], pose(numbers), Change::Add, k as u32);
             }
             b.refresh();
             prop_assert_eq!(surfels(&a), surfels(&b));
@@ -373,7 +382,7 @@ mod tests {
         let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: 1.0, levels: 1, noise_m: 0.01 });
         let points: Vec<[f32; 3]> =
             (0..100).map(|k| [0.05 + 0.09 * (k % 10) as f32, 0.05 + 0.09 * (k / 10) as f32, 0.5]).collect();
-        map.draw(&points, Pose3::identity(), Change::Add, 7);
+        map.draw(&points, [0.0; 3], Pose3::identity(), Change::Add, 7);
         map.refresh();
         let surfel = *map.surfels().next().unwrap();
         assert!(

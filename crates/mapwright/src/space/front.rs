@@ -52,6 +52,8 @@ const KNOWN_SHARE: f64 = 0.8;
 /// it is looked for, within so many times the way that it usually goes in the time since the cloud before.
 const STRAYED_SHARE: f64 = 0.25;
 const WINDOW_SIGMAS: f64 = 3.0;
+/// Share of the clouds up to which wheels say what is not so.
+const WHEELS_FAIL: f64 = 1e-3;
 /// A sweep's twist is uncertain by so many times what its prior, which is kept tight (`predict::LEFT_OFF`), leaves of it.
 const BENT_SIGMAS: f64 = 2.0;
 
@@ -118,13 +120,14 @@ impl SpaceFrontEnd {
         self.tracker.track(self.local_map.as_ref()?, self.preparation.seen(), ways, (step, undistorted))
     }
 
-    /// The same where the wheels say what is not so: they slip, spin or stand still while the robot goes on as before. So it is if that leaves
-    /// no doubt.
-    fn matched_without_wheels(&mut self, prepared: &mut Prepared) -> Option<Matched> {
+    /// The same where the wheels say what is not so: they slip, spin or stand still while the robot goes on as before. So it is if that is the
+    /// likelier, for all that wheels seldom fail.
+    fn matched_without_wheels(&mut self, prepared: &mut Prepared, by_wheels: &Matched) -> Option<Matched> {
         let step = self.predictor.without_wheels(&prepared.step);
         let predicted = self.pose.local_from_robot() * step.last_from_robot;
         let failed = Prepared { step, predicted, ..*prepared };
-        let matched = self.matched(&failed).filter(|matched| !matched.in_doubt && matched.is_believed())?;
+        let is_likelier = |matched: &Matched| matched.evidence + WHEELS_FAIL.ln() > by_wheels.evidence;
+        let matched = self.matched(&failed).filter(|matched| matched.is_believed() && is_likelier(matched))?;
         let correction = prepared.predicted.between(matched.local_from_robot);
         self.predictor.observe(&self.settings.motion, &prepared.step, correction, &matched.information);
         *prepared = failed;
@@ -150,8 +153,8 @@ impl SpaceFrontEnd {
         if self.bends(bent.twist_per_s, span) {
             self.preparation.prepare(&self.settings, cloud, &self.motion, true);
         }
-        let points = self.preparation.match_points();
-        let again = self.tracker.again(self.local_map.as_ref()?, points, (&matched, &bent, &prior));
+        let seen = self.preparation.seen();
+        let again = self.tracker.again(self.local_map.as_ref()?, seen, (&matched, &bent, &prior));
         // A motion that is taken for even is as wrong as it is uncertain: over the sweep, root mean square.
         let still_bent = bent.covariance * (BENT_SIGMAS.powi(2) * span.length_s().powi(2) / 12.0);
         Some(Matched { information: softened(&again.information, &still_bent), ..again })
@@ -376,7 +379,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
             return None;
         }
         if matched.in_doubt && prepared.step.from_odometry {
-            matched = self.matched_without_wheels(prepared).unwrap_or(matched);
+            matched = self.matched_without_wheels(prepared, &matched).unwrap_or(matched);
         }
         self.tracker.get_used_to(&matched);
         if !matched.is_believed() || prepared.refused.is_some() {

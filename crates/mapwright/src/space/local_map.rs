@@ -184,7 +184,7 @@ impl LocalMapping {
         let at = drawn_at.unwrap_or(past.pose(node));
         self.points.clear();
         self.points.extend(sweep.points_m());
-        self.map.draw(&self.points, at, change, node.number());
+        self.map.draw(&self.points, sweep.origin_m(), at, change, node.number());
         let is_drawn = change == Change::Add;
         view.drawn_at = is_drawn.then_some(at);
         self.report.keyframes =

@@ -93,31 +93,22 @@ pub fn surfels_of(session: &Session<SpaceSweep>, resolution_m: f64) -> MapSurfel
     {
         points_m.clear();
         points_m.extend(sweep.points_m());
-        map.draw(&points_m, map_from_keyframe, Change::Add, number as u32);
+        map.draw(&points_m, sweep.origin_m(), map_from_keyframe, Change::Add, number as u32);
     }
     map.refresh();
     let known: Vec<(usize, u32, &Surfel)> = map.placed_surfels().collect();
     let is_surface = |surfel: &Surfel| surfel.spread_m()[0] >= LINE_SHARE * resolution_m;
     let surfaces: Vec<_> = known.iter().copied().filter(|(.., surfel)| is_surface(surfel)).collect();
-    let surfel = |&(_, supplier, surfel): &(usize, u32, &Surfel)| {
-        let (sweep, map_from_keyframe) = wanted.get(supplier as usize).copied().flatten()?;
-        let sensor_m = map_from_keyframe.transform(sweep.sensor.robot_from_sensor.translation);
-        Some(facing(surfel, sensor_m))
+    let surfel = |&(.., surfel): &(usize, u32, &Surfel)| {
+        let Surfel { mean_m, normal, .. } = *surfel;
+        MapSurfel { mean_m, normal, radius_m: surfel.radius_m() as f32 }
     };
     let places: Vec<usize> = surfaces.iter().map(|(place, ..)| *place).collect();
     MapSurfels {
-        surfels: surfaces.iter().filter_map(surfel).collect(),
+        surfels: surfaces.iter().map(surfel).collect(),
         colours: colours_of(&map, &places, &wanted),
         lines: known.len() - surfaces.len(),
     }
-}
-
-/// A surfel whose normal points towards the sensor.
-fn facing(surfel: &Surfel, sensor_m: nalgebra::Vector3<f64>) -> MapSurfel {
-    let Surfel { mean_m, normal, .. } = *surfel;
-    let to_sensor = sensor_m - nalgebra::Vector3::from(mean_m.map(f64::from));
-    let is_behind = to_sensor.dot(&nalgebra::Vector3::from(normal.map(f64::from))) < 0.0;
-    MapSurfel { mean_m, normal: normal.map(|v| if is_behind { -v } else { v }), radius_m: surfel.radius_m() as f32 }
 }
 
 /// The mean colour of the points in each of these places; none where any keyframe has none.

@@ -47,7 +47,8 @@ impl Scale {
         let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
         let asked_m = settings.space.resolution_m;
         let noise_m = sensor.sigma_m(range_m);
-        let resolution_m = if asked_m > 0.0 { asked_m } else { two_digits(finest_m(points_m, range_m, noise_m)) };
+        let resolution_m =
+            if asked_m > 0.0 { asked_m } else { two_digits(finest_m(points_m, sensor.origin_m(), range_m, noise_m)) };
         let levels =
             (1..LEVELS_AT_MOST).find(|&k| resolution_m * f64::from(1_u32 << (k - 1)) >= COARSEST_SHARE * range_m);
         Self { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST), noise_m }
@@ -55,12 +56,12 @@ impl Scale {
 }
 
 /// Side of the smallest voxels by how far and how densely a cloud's points lie, metres.
-fn finest_m(points_m: &[[f32; 3]], range_m: f64, noise_m: f64) -> f64 {
+fn finest_m(points_m: &[[f32; 3]], origin_m: [f64; 3], range_m: f64, noise_m: f64) -> f64 {
     let usual_m = FINEST_SHARE * range_m;
     let (resolution_m, mut thinned) = (0.5 * usual_m, Vec::new());
     Thinner::default().thin(points_m, DRAWN_SHARE * resolution_m, &mut thinned);
     let mut map = SurfelMap::new(SurfelMapSettings { resolution_m, levels: 1, noise_m });
-    map.draw(&thinned, Pose3::identity(), Change::Add, 0);
+    map.draw(&thinned, origin_m, Pose3::identity(), Change::Add, 0);
     map.refresh();
     let is_dense = Matcher::default().judge(&map, &thinned, Pose3::identity()).known_share >= DENSE_SHARE;
     if is_dense { resolution_m } else { usual_m }

@@ -22,7 +22,7 @@ fn room() -> Vec<[f32; 3]> {
 
 fn map_of(points: &[[f32; 3]]) -> SurfelMap {
     let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: 0.25, levels: 4, noise_m: 0.01 });
-    map.draw(points, Pose3::identity(), Change::Add, 0);
+    map.draw(points, [0.0; 3], Pose3::identity(), Change::Add, 0);
     map.refresh();
     map
 }

@@ -27,7 +27,7 @@ pub(super) struct World {
     twice: &'static str,
     scans: usize,
     /// Seconds until the robot was located rightly; none where it never was.
-    located_s: Option<f64>,
+    pub(super) located_s: Option<f64>,
     /// Whether it is, rightly, at the end.
     located: bool,
     /// Seconds in which it was located wrongly, in all and at a stretch.
@@ -74,7 +74,16 @@ impl Measure for Localise {
     }
 
     fn summary(&self, worlds: &[World]) -> (String, Value, Vec<Floor>) {
-        summary(worlds)
+        let (words, value) = summary(worlds.iter());
+        let located = worlds.iter().filter(|world| world.located).count();
+        let floors = vec![
+            Floor::none(
+                "no robot located wrongly for more than 5 s",
+                worlds.iter().filter(|world| world.is_wrong()).count(),
+            ),
+            Floor::share("95 % located at the end", 0.95, located, worlds.len()),
+        ];
+        (words, value, floors)
     }
 }
 
@@ -82,6 +91,11 @@ impl Measure for Localise {
 pub(super) const NOTHING: &str = "nothing";
 
 impl World {
+    /// Whether the robot took itself to be elsewhere for longer than it may.
+    pub(super) fn is_wrong(&self) -> bool {
+        self.longest_wrong_s > NOTICED_WITHIN_S
+    }
+
     pub(super) fn line(&self) -> String {
         let located = self.located_s.map_or("   never".to_owned(), |s| format!("{s:6.1} s"));
         let error = self.error_m.map_or("      -".to_owned(), |m| format!("{m:.3} m"));
@@ -98,24 +112,20 @@ impl World {
     }
 }
 
-/// The last lines over all worlds, the same for programs, and what must hold.
-pub(super) fn summary(worlds: &[World]) -> (String, Value, Vec<Floor>) {
+/// The last lines over all worlds, and the same for programs.
+pub(super) fn summary<'a>(worlds: impl Iterator<Item = &'a World>) -> (String, Value) {
+    let worlds: Vec<&World> = worlds.collect();
     let mut words = String::new();
     let mut value = serde_json::Map::new();
-    let of = |twice: bool| worlds.iter().filter(move |world| (world.twice != NOTHING) == twice).collect();
+    let of = |twice: bool| worlds.iter().copied().filter(|world| (world.twice != NOTHING) == twice).collect();
     let groups: [(&str, Vec<&World>); 3] =
-        [("all", worlds.iter().collect()), ("ordinary", of(false)), ("two places alike", of(true))];
+        [("all", worlds.clone()), ("ordinary", of(false)), ("two places alike", of(true))];
     for (what, worlds) in groups {
         let group = Group::of(&worlds);
         words += &group.line(what);
         value.insert(what.into(), json!(group));
     }
-    let all = Group::of(&worlds.iter().collect::<Vec<_>>());
-    let floors = vec![
-        Floor::none("no robot located wrongly for more than 5 s", all.wrong),
-        Floor::share("95 % located at the end", 0.95, all.located, all.worlds),
-    ];
-    (words, json!({ "groups": value }), floors)
+    (words, json!({ "groups": value }))
 }
 
 /// Sums over some worlds.
@@ -138,7 +148,7 @@ impl Group {
         Self {
             worlds: worlds.len(),
             located: count(|world| world.located),
-            wrong: count(|world| world.longest_wrong_s > NOTICED_WITHIN_S),
+            wrong: count(World::is_wrong),
             wrong_at_all: count(|world| world.wrong_s > 0.0),
             withdrawn: sum(|world| world.withdrawn),
             withdrawn_rightly_located: sum(|world| world.withdrawn_rightly_located),

@@ -25,6 +25,8 @@ pub(super) struct Preparation {
     all: PointColumns,
     drawn: PointColumns,
     matched: PointColumns,
+    /// Where they were seen from, in the robot's frame, metres.
+    origin_m: [f64; 3],
     thinner: Thinner,
 }
 
@@ -50,7 +52,7 @@ impl Preparation {
 
     /// The same with the time of each after the middle of the sweep, where times are known.
     pub(super) fn seen(&self) -> Seen<'_> {
-        Seen { points_m: &self.matched.points_m, times_s: &self.matched.times_s }
+        Seen { points_m: &self.matched.points_m, times_s: &self.matched.times_s, origin_m: Some(self.origin_m) }
     }
 
     pub(super) fn sweep(&self, cloud: &Cloud) -> SpaceSweep {
@@ -87,6 +89,7 @@ impl Preparation {
         is_sound: bool,
     ) -> BeamCounts {
         self.all.clear();
+        self.origin_m = cloud.sensor.origin_m();
         let mut counts = BeamCounts::default();
         if is_sound {
             self.take(settings, cloud, motion, &mut counts);

@@ -50,6 +50,8 @@ pub struct Matched {
     pub(super) each_known: Option<f64>,
     /// What is known bears it out less than it did the clouds before.
     pub(super) in_doubt: bool,
+    /// Log evidence of what was predicted, nats.
+    pub(super) evidence: f64,
     /// So little of it is known that the map says nothing of the pose.
     pub(super) is_nowhere: bool,
     /// What is known makes it less likely there than anywhere.
@@ -192,13 +194,14 @@ impl Tracker {
     pub(super) fn again(
         &mut self,
         local_map: &LocalMapping,
-        points: &[[f32; 3]],
+        seen: Seen<'_>,
         (before, bent, prior): (&Matched, &BentFit, &Prior),
     ) -> Matched {
-        let mut fit = self.matcher.climb_near(local_map.map(), points, prior, bent.fit.map_from_cloud);
+        let seen = Seen { times_s: &[], ..seen };
+        let mut fit = self.matcher.climb_near(local_map.map(), seen, prior, bent.fit.map_from_cloud);
         fit.evaluations += bent.fit.evaluations + before.report.evaluations;
         fit.information = bent.fit.information;
-        self.judge(local_map, points, prior, &fit, before.report.restarts)
+        self.judge(local_map, seen.points_m, prior, &fit, before.report.restarts)
     }
 
     fn judge(
@@ -241,6 +244,7 @@ impl Tracker {
             status,
             each_known: (known_share > 0.0).then(|| each_known(fit.log_likelihood, fit)),
             in_doubt: self.is_doubtful(fit, prior),
+            evidence: fit.evidence(prior),
             is_nowhere,
             is_contradicted: fit.log_likelihood < 0.0,
             knows_turn: fits == Status::Tracking && is_turn_held,

@@ -49,7 +49,7 @@ impl LocalMapping {
             let sweep = past.drawn[node.index()].as_ref()?;
             again.points.clear();
             again.points.extend(sweep.points_m());
-            again.map.draw(&again.points, at, Change::Add, node.number());
+            again.map.draw(&again.points, sweep.origin_m(), at, Change::Add, node.number());
             again.report.keyframes += 1;
         }
         again.map.refresh();

@@ -13,11 +13,13 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::convert::Infallible;
 
-/// How long a robot is looked at, seconds.
-const LATER_S: f64 = 60.0;
+/// How long a robot is looked at, seconds, and in what time it should know where it is.
+const LATER_S: f64 = 25.0;
+const LOCATED_WITHIN_S: f64 = 10.0;
 /// A waypoint was reached where a keyframe is so near, metres.
 const REACHED_M: f64 = 2.0;
-/// A robot is put down within such a share of the way, from its beginning.
+/// Places in each building at which a robot is put down, within such a share of the way from either end.
+const PLACES: usize = 5;
 const BEGIN_SHARE: f64 = 0.7;
 /// Beside the whole drive's error that of its pieces, joined.
 const MOST_RATIO: f64 = 1.3;
@@ -28,54 +30,104 @@ const LATER_WORLDS: [Kind; 3] = [WORLDS[0], WORLDS[1], WORLDS[2]];
 
 pub(in super::super) struct Localise(pub(in super::super) Drives);
 
+/// Robots put down in one building that is mapped.
+#[derive(Debug, Serialize)]
+pub(in super::super) struct Building {
+    robots: Vec<Located>,
+}
+
 impl Measure for Localise {
-    type World = Located;
+    type World = Building;
     const NAME: &'static str = "localise";
     const FILES: [&'static str; 2] = ["localise.jsonl", "localise.json"];
 
-    fn world(&self, seed: u64) -> Result<Located, Failure> {
+    fn world(&self, seed: u64) -> Result<Building, Failure> {
         let (kind, site) = LATER_WORLDS[(seed % LATER_WORLDS.len() as u64) as usize];
         let site = site(seed);
         let map = Simulated::map_space(&self.0.drive(site.clone(), seed), EVERY, &self.0.settings, |_, _, _| {})?;
-        let mut mapper = SpaceMapper::localising(self.0.settings, map.session().clone())?;
-        let (mut witness, mut was_located) = (Witness::default(), false);
-        let later = Drives { duration_s: LATER_S, ..self.0 };
-        let later = later.drive(begun_elsewhere(site, &map, seed), seed + 1_000_000);
-        for number in (0..).step_by(EVERY) {
-            let Some(taken) = later.cloud(number) else { break };
-            let update = mapper.add_cloud(&taken.cloud);
-            let is_located = update.localisation == Localisation::Joined;
-            let error = error(&map, update.map_from_robot, taken.world_from_robot);
-            witness.see(&update, error, was_located && !is_located);
-            was_located = is_located;
-        }
-        Ok(witness.world(seed, if kind == LATER_WORLDS[2].0 { kind } else { NOTHING }))
+        let way = known_way(&site, &map);
+        let twice = if kind == LATER_WORLDS[2].0 { kind } else { NOTHING };
+        let robots = (0..PLACES).map(|place| self.put_down(&site, &map, (&way, place), (seed, twice)));
+        Ok(Building { robots: robots.collect::<Result<_, _>>()? })
     }
 
-    fn line(world: &Located) -> String {
-        world.line()
+    fn line(world: &Building) -> String {
+        world.robots.iter().map(Located::line).collect::<Vec<_>>().join("\n")
     }
 
-    fn summary(&self, worlds: &[Located]) -> (String, Value, Vec<Floor>) {
-        summary(worlds)
+    fn summary(&self, worlds: &[Building]) -> (String, Value, Vec<Floor>) {
+        let robots = || worlds.iter().flat_map(|world| &world.robots);
+        let (words, value) = summary(robots());
+        let in_time = robots().filter(|robot| robot.located_s.is_some_and(|s| s <= LOCATED_WITHIN_S)).count();
+        let floors = vec![
+            Floor::none(
+                "no robot located wrongly for more than 5 s",
+                robots().filter(|robot| robot.is_wrong()).count(),
+            ),
+            Floor::share("90 % located within 10 s", 0.9, in_time, robots().count()),
+        ];
+        (words, value, floors)
     }
 }
 
-/// The same world, driven from a place on to where the first drive had come, or back from a place for odd seeds.
-fn begun_elsewhere(mut site: SpaceSite, map: &Simulated<SpaceSweep>, seed: u64) -> SpaceSite {
-    let is_reached = |waypoint: &[f64; 3]| {
-        let away_m = |k: usize| (map.truth(k).translation - Vector3::from(*waypoint)).norm();
-        (0..map.keyframe_count()).any(|k| away_m(k) <= REACHED_M)
-    };
-    let reached = site.waypoints.iter().rposition(is_reached).unwrap_or(0);
-    site.waypoints.truncate(reached + 1);
-    if seed % 2 == 1 {
-        site.waypoints.reverse();
+impl Localise {
+    /// A robot that is put down on a way that was driven before, and drives on along it; every other one the other way around.
+    fn put_down(
+        &self,
+        site: &SpaceSite,
+        map: &Simulated<SpaceSweep>,
+        (way, place): (&[[f64; 3]], usize),
+        (seed, twice): (u64, &'static str),
+    ) -> Result<Located, Failure> {
+        let number = seed * PLACES as u64 + place as u64;
+        let mut waypoints = way.to_vec();
+        if number % 2 == 1 {
+            waypoints.reverse();
+        }
+        // Of a fraction that turns evenly over the numbers: any place is as likely.
+        let share = BEGIN_SHARE * (number as f64 * 0.618_033_988_75).fract();
+        let site = SpaceSite { waypoints: from_share(&waypoints, share), ..site.clone() };
+        let later = Drives { duration_s: LATER_S, ..self.0 };
+        let later = later.drive(site, number + 1_000_000);
+        let mut mapper = SpaceMapper::localising(self.0.settings, map.session().clone())?;
+        let (mut witness, mut was_located) = (Witness::default(), false);
+        for cloud in (0..).step_by(EVERY) {
+            let Some(taken) = later.cloud(cloud) else { break };
+            let update = mapper.add_cloud(&taken.cloud);
+            let is_located = update.localisation == Localisation::Joined;
+            let error = error(map, update.map_from_robot, taken.world_from_robot);
+            witness.see(&update, error, was_located && !is_located);
+            was_located = is_located;
+        }
+        Ok(witness.world(seed, twice))
     }
-    // Of a fraction that turns evenly over the seeds: any place is as likely.
-    let begin = (seed as f64 * 0.618_033_988_75).fract() * BEGIN_SHARE * reached as f64;
-    site.waypoints.drain(..begin as usize);
-    site
+}
+
+/// The waypoints that were passed, and where the drive ended.
+fn known_way(site: &SpaceSite, map: &Simulated<SpaceSweep>) -> Vec<[f64; 3]> {
+    let (mut way, mut passed) = (Vec::<[f64; 3]>::new(), 0);
+    for waypoint in &site.waypoints {
+        let away_m = |k: &usize| (map.truth(*k).translation - Vector3::from(*waypoint)).norm();
+        let Some(reached) = (passed..map.keyframe_count()).find(|k| away_m(k) <= REACHED_M) else { break };
+        passed = reached;
+        way.push(*waypoint);
+    }
+    way.extend((0..map.keyframe_count()).last().map(|last| <[f64; 3]>::from(map.truth(last).translation)));
+    way
+}
+
+/// A way from such a share of its length on.
+fn from_share(way: &[[f64; 3]], share: f64) -> Vec<[f64; 3]> {
+    let length_m = |leg: &[[f64; 3]]| (Vector3::from(leg[1]) - Vector3::from(leg[0])).norm();
+    let mut left_m = share * way.windows(2).map(length_m).sum::<f64>();
+    for (after, leg) in way.windows(2).enumerate() {
+        if left_m < length_m(leg) {
+            let begin = Vector3::from(leg[0]).lerp(&Vector3::from(leg[1]), left_m / length_m(leg));
+            return std::iter::once(begin.into()).chain(way[after + 1..].iter().copied()).collect();
+        }
+        left_m -= length_m(leg);
+    }
+    way.to_vec()
 }
 
 pub(in super::super) struct Cut(pub(in super::super) Drives);
