@@ -53,7 +53,7 @@ pub struct SpaceSubmaps {
 pub struct SpaceSubmap {
     map: SurfelMap,
     points_m: Vec<[f32; 3]>,
-    /// Where each view was, its frame from the submap's, and what it saw.
+    /// Where each view's sensor was, a frame at it from the submap's, and what it saw.
     views: Vec<(Pose3, RangeImage)>,
 }
 
@@ -104,7 +104,9 @@ impl SpaceSubmaps {
         let mut ends = Vec::new();
         for view in views {
             let rotation = view.submap_from_keyframe.rotation.to_rotation_matrix();
-            for point in view.sweep.points_m().filter(|[_, _, z]| (FLOOR_M..CEILING_M).contains(z)) {
+            let above_sensor_m = FLOOR_M..CEILING_M;
+            let sensor_m = view.sweep.origin_m()[2] as f32;
+            for point in view.sweep.points_m().filter(|[_, _, z]| above_sensor_m.contains(&(z - sensor_m))) {
                 let at =
                     rotation * nalgebra::Vector3::from(point.map(f64::from)) + view.submap_from_keyframe.translation;
                 ends.push([scale * at.x, scale * at.y]);
@@ -152,8 +154,15 @@ impl Submaps for SpaceSubmaps {
         map.refresh();
         let mut points_m = Vec::new();
         Thinner::default().thin(&all, POINT_SHARE * self.map.resolution_m, &mut points_m);
-        let seen =
-            |view: &View<SpaceSweep>| (view.submap_from_keyframe.inverse(), RangeImage::of(view.sweep.points_m()));
+        let seen = |view: &View<SpaceSweep>| {
+            let origin_m = view.sweep.origin_m();
+            let keyframe_from_sensor = Pose3 { translation: origin_m.into(), ..Pose3::identity() };
+            let from_sensor = |point: [f32; 3]| [0, 1, 2].map(|axis| point[axis] - origin_m[axis] as f32);
+            (
+                (view.submap_from_keyframe * keyframe_from_sensor).inverse(),
+                RangeImage::of(view.sweep.points_m().map(from_sensor)),
+            )
+        };
         SpaceSubmap { map, points_m, views: views.iter().map(seen).collect() }
     }
 

@@ -152,7 +152,7 @@ fn the_motion_during_a_sweep_is_found_with_the_pose() {
     let (map, mut matcher) = (map_of(&points), Matcher::default());
     let (middle, twist_per_s) = (pose([0.1, -0.1, 0.0, 0.0, 0.0, 0.1]), Vector6::new(1.0, 0.2, 0.0, 0.1, -0.5, 2.0));
     let (points_m, times_s) = swept(&points, middle, twist_per_s);
-    let seen = Seen { points_m: &points_m, times_s: &times_s };
+    let seen = Seen { points_m: &points_m, times_s: &times_s, origin_m: Some([0.0; 3]) };
     let vague = TwistPrior { twist_per_s: Vector6::zeros(), information: Cov6::identity() };
     let still = matcher.climb_near(&map, seen, &weak_prior(), Pose3::identity());
     let bent = matcher.climb_bent(&map, seen, (&weak_prior(), still.map_from_cloud), &vague);
@@ -172,7 +172,7 @@ fn a_start_that_turns_straightens_its_sweep() {
     let (map, mut matcher) = (map_of(&points), Matcher::default());
     let twist_per_s = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 6.0);
     let (points_m, times_s) = swept(&points, pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.6]), twist_per_s);
-    let seen = Seen { points_m: &points_m, times_s: &times_s };
+    let seen = Seen { points_m: &points_m, times_s: &times_s, origin_m: Some([0.0; 3]) };
     let start = Start { map_from_cloud: pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]), twist_per_s };
     let turning = matcher.climb(&map, seen, &weak_prior(), start);
     let standing = matcher.climb(&map, seen, &weak_prior(), start.map_from_cloud);
@@ -230,4 +230,54 @@ fn rooms_hold_every_direction_and_floors_corridors_and_edges_do_not() {
     assert!(translation < 1e-6 && rotation > 0.03, "{translation} {rotation}");
     let nothing = keep(None, &|point| point[2] < -0.86 && (point[1] - 0.08).abs() < 0.01);
     assert_eq!(nothing, [0.0; 2], "a line");
+}
+
+/// A flat piece at this height, points 5 cm apart.
+fn slab(z: f32) -> Vec<[f32; 3]> {
+    (0..60).flat_map(|i| (0..60).map(move |k| [0.05 * i as f32, 0.05 * k as f32, z])).collect()
+}
+
+#[test]
+fn the_floor_above_a_ceiling_is_another_surface() {
+    let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: 0.25, levels: 4, noise_m: 0.01 });
+    // From a storey below; the floor of the storey above lies on it, 5 cm thick.
+    map.draw(&slab(0.10), [1.5, 1.5, -2.0], Pose3::identity(), Change::Add, 0);
+    map.refresh();
+    let floor = slab(0.15);
+    let known = |height_m: Option<f64>| {
+        let origin_m = height_m.map(|height_m| [1.5, 1.5, height_m]);
+        let seen = Seen { origin_m, ..floor.as_slice().into() };
+        Matcher::default().judge(&map, seen, Pose3::identity()).known_share
+    };
+    assert!(known(Some(-2.0)) > 0.9 && known(None) > 0.9);
+    assert_eq!(known(Some(2.0)), 0.0);
+    // Where beams lie in it nobody knows which side they see.
+    assert!(known(Some(0.151)) > 0.5);
+}
+
+/// The frame of many robots lies on the floor, under their sensor.
+#[test]
+fn the_floor_is_seen_from_the_sensor_and_not_from_the_frame_on_it() {
+    let floor = slab(0.02);
+    let known_from = |height_m: f64| {
+        let mut map = SurfelMap::new(SurfelMapSettings { resolution_m: 0.25, levels: 1, noise_m: 0.01 });
+        map.draw(&floor, [1.5, 1.5, height_m], Pose3::identity(), Change::Add, 0);
+        map.refresh();
+        Matcher::default().judge(&map, &floor, Pose3::identity()).known_share
+    };
+    assert!(known_from(0.9) > 0.9);
+    assert!(known_from(0.02) < 0.1);
+}
+
+#[test]
+fn a_prior_that_says_more_has_more_evidence_where_it_is_right_and_less_where_it_is_wrong() {
+    let points = room();
+    let map = map_of(&points);
+    let fit = Matcher::default().climb(&map, &points, &weak_prior(), Pose3::identity());
+    let evidence = |off_m: f64, sigma_m: f64| {
+        let map_from_cloud = fit.map_from_cloud * pose([off_m, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        fit.evidence(&Prior { map_from_cloud, information: Cov6::identity() / (sigma_m * sigma_m) })
+    };
+    assert!(evidence(0.01, 0.02) > evidence(0.01, 1.0) + 10.0);
+    assert!(evidence(0.3, 0.02) < evidence(0.3, 1.0) - 10.0);
 }
