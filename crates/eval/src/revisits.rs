@@ -8,7 +8,7 @@ use crate::associate::{MAX_STAMP_DIFFERENCE_S, paired_stamps};
 use crate::error::EvalError;
 use crate::stats::{PoseErrors, quantile};
 use mapwright_geom::{Cov6, Pose3, Stamp};
-use mapwright_voxel::{Change, Fit, Matcher, MatcherSettings, Prior, SurfelMap, SurfelMapSettings, Thinner};
+use mapwright_voxel::{Change, Fit, Matcher, MatcherSettings, Prior, Seen, SurfelMap, SurfelMapSettings, Thinner};
 
 /// So many pairs are registered at most,
 const PAIRS: usize = 300;
@@ -46,6 +46,8 @@ pub struct RevisitScan {
     pub map_from_robot: Pose3,
     /// The frame of its points, seen from there: the identity unless they were undistorted to another time.
     pub robot_from_cloud: Pose3,
+    /// Where the sensor was, in that frame, metres.
+    pub sensor_m: [f64; 3],
 }
 
 /// Which clouds are registered, and how.
@@ -184,7 +186,7 @@ fn registered<P: AsRef<[[f32; 3]]>>(
         let said = world_from_earlier.between(world_from_later);
         registration.draw(scans, earlier, points_m);
         let mapped = map_from_cloud(&scans[earlier]).between(map_from_cloud(&scans[later]));
-        let fit = registration.register(points_m(later).as_ref(), [said, mapped]);
+        let fit = registration.register(points_m(later).as_ref(), scans[later].sensor_m, [said, mapped]);
         fits.push(if fit.known_share < LEAST_KNOWN {
             RevisitFit::LittleInCommon
         } else if fit.inlier_share < LEAST_FITTING {
@@ -281,17 +283,24 @@ impl Registration {
         let last = (middle + NEIGHBOURS).min(scans.len() - 1);
         for other in (middle.saturating_sub(NEIGHBOURS)..=last).filter(is_near) {
             let middle_from_other = map_from_cloud(&scans[middle]).between(map_from_cloud(&scans[other]));
-            self.map.draw(points_m(other).as_ref(), [0.0; 3], middle_from_other, Change::Add, other as u32);
+            self.map.draw(
+                points_m(other).as_ref(),
+                scans[other].sensor_m,
+                middle_from_other,
+                Change::Add,
+                other as u32,
+            );
         }
         self.map.refresh();
     }
 
     /// Of the poses that `starts` lead to, the one that explains most; the first where both do.
-    fn register(&mut self, points_m: &[[f32; 3]], starts: [Pose3; 2]) -> Fit {
+    fn register(&mut self, points_m: &[[f32; 3]], sensor_m: [f64; 3], starts: [Pose3; 2]) -> Fit {
         self.thinner.thin(points_m, POINT_SHARE * self.map.settings().resolution_m, &mut self.points_m);
         let mut climb = |start: Pose3| {
             let prior = Prior { map_from_cloud: start, information: Cov6::zeros() };
-            self.matcher.climb(&self.map, &self.points_m, &prior, start)
+            let seen = Seen { origins_m: &[sensor_m.map(|v| v as f32)], ..self.points_m.as_slice().into() };
+            self.matcher.climb(&self.map, seen, &prior, start)
         };
         let explained = |fit: &Fit| fit.known_share * fit.inlier_share;
         let first = climb(starts[0]);

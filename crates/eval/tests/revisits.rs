@@ -41,7 +41,14 @@ fn there_and_back() -> &'static Visits {
             });
             clouds.push(undistorted.collect());
             let stamp = taken.cloud.stamp;
-            scans.push(RevisitScan { stamp, number, map_from_robot: at, robot_from_cloud: Pose3::identity() });
+            let sensor_m = taken.cloud.sensor.origin_m();
+            scans.push(RevisitScan {
+                stamp,
+                number,
+                map_from_robot: at,
+                robot_from_cloud: Pose3::identity(),
+                sensor_m,
+            });
         }
         Visits { scans, clouds }
     })

@@ -11,8 +11,11 @@ use crate::views::View;
 use mapwright_geom::{Pose, Pose3};
 use mapwright_record::{Evidence, NodeId, Objection};
 use mapwright_sensor::SpaceSweep;
-use mapwright_voxel::{Change, Descent, Fit, Matcher, Prior, RangeImage, SurfelMap, SurfelMapSettings, Thinner};
+use mapwright_voxel::{
+    Change, Descent, Fit, Matcher, PointColumns, Prior, RangeImage, Seen, SurfelMap, SurfelMapSettings, Thinner,
+};
 use nalgebra::{Matrix6, Vector6};
+use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
 
 /// Points of a submap lie so far apart, of the smallest voxel's side.
@@ -31,9 +34,10 @@ const ELSEWHERE_RAD: f64 = 0.3;
 /// What places look like is compared up to 8 m ([`PlaceIndex`]); that stands for so many rms ranges here.
 const DESCRIBED_RANGES: f64 = 1.5;
 const DESCRIBED_M: f64 = 8.0;
-/// What lies this far below and above the sensor is no wall, metres: floor and ceiling.
-const FLOOR_M: f32 = -0.4;
-const CEILING_M: f32 = 2.5;
+/// Places are described by what stands: where the points over a square of such a side, metres at the scale of the plane, lie at heights so
+/// many sides apart. Floors and ceilings say nothing.
+const STANDS_ON_M: f64 = 0.3;
+const STANDS_SIDES: f64 = 2.0;
 /// A robot at a place that looks like this one is within so many rms ranges of where that was seen from.
 const LIKENESS_RANGES: f64 = 0.5;
 
@@ -52,7 +56,8 @@ pub struct SpaceSubmaps {
 #[derive(Debug, Clone)]
 pub struct SpaceSubmap {
     map: SurfelMap,
-    points_m: Vec<[f32; 3]>,
+    /// Points, and where each was seen from.
+    points: PointColumns,
     /// Where each view's sensor was, a frame at it from the submap's, and what it saw.
     views: Vec<(Pose3, RangeImage)>,
 }
@@ -98,22 +103,33 @@ impl SpaceSubmaps {
         a.distance(b) > ELSEWHERE_VOXELS * self.map.resolution_m || a.between(b).angle() > ELSEWHERE_RAD
     }
 
-    /// Points around a keyframe as seen from above, at the scale of places in the plane.
+    /// What stands around a keyframe as seen from above, at the scale of places in the plane.
     fn seen_from_above(&self, views: &[View<SpaceSweep>]) -> Vec<[f64; 2]> {
         let scale = DESCRIBED_M / (DESCRIBED_RANGES * self.range_m);
+        let mut heights = FxHashMap::<[i64; 2], [f64; 2]>::default();
         let mut ends = Vec::new();
         for view in views {
             let rotation = view.submap_from_keyframe.rotation.to_rotation_matrix();
-            let above_sensor_m = FLOOR_M..CEILING_M;
-            let sensor_m = view.sweep.origin_m()[2] as f32;
-            for point in view.sweep.points_m().filter(|[_, _, z]| above_sensor_m.contains(&(z - sensor_m))) {
+            for point in view.sweep.points_m() {
                 let at =
                     rotation * nalgebra::Vector3::from(point.map(f64::from)) + view.submap_from_keyframe.translation;
-                ends.push([scale * at.x, scale * at.y]);
+                let [x, y, z] = [scale * at.x, scale * at.y, scale * at.z];
+                let [low, high] = heights.entry(square([x, y])).or_insert([z, z]);
+                (*low, *high) = (low.min(z), high.max(z));
+                ends.push([x, y]);
             }
         }
+        let stands = |at: &[f64; 2]| {
+            heights.get(&square(*at)).is_some_and(|[low, high]| high - low >= STANDS_SIDES * STANDS_ON_M)
+        };
+        ends.retain(stands);
         ends
     }
+}
+
+/// The square of ground on which something stands.
+fn square(at: [f64; 2]) -> [i64; 2] {
+    at.map(|v| (v / STANDS_ON_M).floor() as i64)
 }
 
 impl Closes for SpaceSweep {
@@ -139,21 +155,22 @@ impl Submaps for SpaceSubmaps {
 
     fn draw(&self, views: &[View<SpaceSweep>]) -> SpaceSubmap {
         let mut map = SurfelMap::new(self.map);
-        let (mut all, mut points) = (Vec::new(), Vec::<[f32; 3]>::new());
+        let (mut all, mut points) = (PointColumns::default(), Vec::<[f32; 3]>::new());
         for view in views {
             points.clear();
             points.extend(view.sweep.points_m());
             map.draw(&points, view.sweep.origin_m(), view.submap_from_keyframe, Change::Add, 0);
             let rotation = view.submap_from_keyframe.rotation.to_rotation_matrix();
-            all.extend(points.iter().map(|point| {
-                let at =
-                    rotation * nalgebra::Vector3::from(point.map(f64::from)) + view.submap_from_keyframe.translation;
+            let in_submap = |point: [f64; 3]| {
+                let at = rotation * nalgebra::Vector3::from(point) + view.submap_from_keyframe.translation;
                 [at.x as f32, at.y as f32, at.z as f32]
-            }));
+            };
+            all.points_m.extend(points.iter().map(|point| in_submap(point.map(f64::from))));
+            all.origins_m.resize(all.points_m.len(), in_submap(view.sweep.origin_m()));
         }
         map.refresh();
-        let mut points_m = Vec::new();
-        Thinner::default().thin(&all, POINT_SHARE * self.map.resolution_m, &mut points_m);
+        let mut thinned = PointColumns::default();
+        Thinner::default().thin_columns(&all, POINT_SHARE * self.map.resolution_m, &mut thinned);
         let seen = |view: &View<SpaceSweep>| {
             let origin_m = view.sweep.origin_m();
             let keyframe_from_sensor = Pose3 { translation: origin_m.into(), ..Pose3::identity() };
@@ -163,11 +180,11 @@ impl Submaps for SpaceSubmaps {
                 RangeImage::of(view.sweep.points_m().map(from_sensor)),
             )
         };
-        SpaceSubmap { map, points_m, views: views.iter().map(seen).collect() }
+        SpaceSubmap { map, points: thinned, views: views.iter().map(seen).collect() }
     }
 
     fn look_for(&mut self, query: &SpaceSubmap, target: &SpaceSubmap, window: &Window<Pose3>) -> Finding<Pose3> {
-        let mut evidence = Evidence { points: query.points_m.len() as u32, ..Evidence::default() };
+        let mut evidence = Evidence { points: query.points.points_m.len() as u32, ..Evidence::default() };
         let starts = self.starts(window);
         self.scored = starts.len() as u64;
         // The window is no measurement; it only must not be left by far.
@@ -177,10 +194,9 @@ impl Submaps for SpaceSubmaps {
         let diagonal = Vector6::new(linear, linear, upright, angular, angular, angular);
         let information = Matrix6::from_diagonal(&diagonal);
         let prior = Prior { map_from_cloud: window.target_from_query, information };
-        let rough =
-            self.matcher.rough(&target.map, &query.points_m, &prior, starts.into_iter(), Descent::Whole, COMPARED);
+        let rough = self.matcher.rough(&target.map, query.seen(), &prior, starts.into_iter(), Descent::Whole, COMPARED);
         let mut fits: Vec<Fit> =
-            rough.into_iter().map(|start| self.matcher.climb(&target.map, &query.points_m, &prior, start)).collect();
+            rough.into_iter().map(|start| self.matcher.climb(&target.map, query.seen(), &prior, start)).collect();
         fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         let Some(&best) = fits.first().filter(|best| share(best) >= self.verify.least_score) else {
             return Finding::none(evidence, Objection::NoMatch);
@@ -190,11 +206,11 @@ impl Submaps for SpaceSubmaps {
         let rival = rivals.map(|fit| fit.log_likelihood).fold(0.0, f64::max);
         evidence.ambiguity = Some(if best.log_likelihood > 0.0 { rival / best.log_likelihood } else { 1.0 });
         let target_from_query = best.map_from_cloud;
-        let back = self.matcher.judge(&query.map, &target.points_m, target_from_query.inverse());
+        let back = self.matcher.judge(&query.map, target.seen(), target_from_query.inverse());
         evidence.overlap = Some(best.known_share.max(back.known_share));
         evidence.inlier_share = Some(best.inlier_share.min(back.inlier_share));
-        let there = target.seen_through(&query.points_m, target_from_query, self.map.resolution_m);
-        let here = query.seen_through(&target.points_m, target_from_query.inverse(), self.map.resolution_m);
+        let there = target.seen_through(&query.points.points_m, target_from_query, self.map.resolution_m);
+        let here = query.seen_through(&target.points.points_m, target_from_query.inverse(), self.map.resolution_m);
         evidence.contradiction = Some(there.max(here));
         let covariance = self.verify.covariance(&best.information);
         let objection = self.verify.objection(&evidence, &covariance);
@@ -245,6 +261,11 @@ fn share(fit: &Fit) -> f64 {
 }
 
 impl SpaceSubmap {
+    fn seen(&self) -> Seen<'_> {
+        let PointColumns { points_m, origins_m, .. } = &self.points;
+        Seen { points_m, times_s: &[], origins_m }
+    }
+
     /// Share of points, of those in directions in which a view has seen something, that a view has seen through.
     fn seen_through(&self, points_m: &[[f32; 3]], submap_from_points: Pose3, resolution_m: f64) -> f64 {
         let (mut judged, mut through) = (vec![false; points_m.len()], vec![false; points_m.len()]);

@@ -9,7 +9,7 @@ use crate::eigen::axes;
 use crate::surfel::Surfel;
 use crate::surfel_map::{Level, Looked, SurfelMap, surfel_at};
 use mapwright_geom::{Cov6, Pose3};
-use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 use std::iter;
 use std::ops::Range;
 
@@ -145,8 +145,8 @@ pub struct Matcher {
     /// Its settings.
     pub settings: MatcherSettings,
     points: Vec<[f64; 3]>,
-    /// Where they were seen from.
-    origin: Option<Vector3<f64>>,
+    /// Where they were seen from: all, or each.
+    origins: Vec<[f64; 3]>,
     /// The voxel where each was looked for last, at the present resolution.
     looked: Vec<Looked>,
     residuals: Vec<f32>,
@@ -299,7 +299,9 @@ impl Matcher {
         let every = seen.points_m.len().div_ceil(most.max(1)).max(1);
         self.points.clear();
         self.points.extend(seen.points_m.iter().step_by(every).map(|point| point.map(f64::from)));
-        self.origin = seen.origin_m.map(Vector3::from);
+        self.origins.clear();
+        let every = if seen.origins_m.len() == seen.points_m.len() { every } else { 1 };
+        self.origins.extend(seen.origins_m.iter().step_by(every).map(|origin| origin.map(f64::from)));
         self.times.clear();
         self.times.extend(seen.times_s.iter().step_by(every).map(|&s| f64::from(s)));
         self.straight.clear();
@@ -428,11 +430,11 @@ impl Matcher {
         let rotation = pose.rotation.to_rotation_matrix();
         let scale = (1.0 - ELSE_SHARE) * ANYWHERE_VOXELS * levels[0].size_m / std::f64::consts::TAU.sqrt();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
-        let eye = self.origin.map(|origin| rotation * origin);
-        for (point, looked) in self.points.iter().zip(&mut self.looked) {
+        let eyes = Eyes::new(&self.origins, rotation);
+        for (number, (point, looked)) in self.points.iter().zip(&mut self.looked).enumerate() {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
-            let Some(surfel) = surfel_seen(levels, (arm, eye), at, looked) else { continue };
+            let Some(surfel) = surfel_seen(levels, (arm, eyes.of(number)), at, looked) else { continue };
             let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
             product *= ELSE_SHARE + scale * information.sqrt() * (-0.5 * information * off_m * off_m).exp();
             if !(1e-200..1e200).contains(&product) {
@@ -449,12 +451,12 @@ impl Matcher {
     /// The median of what is said of the points by their surfels, and by how far they lie off them, metres.
     fn median(&mut self, levels: &[Level], pose: Pose3, of: impl Fn(&Surfel, f64) -> f64) -> Option<f64> {
         let rotation = pose.rotation.to_rotation_matrix();
-        let eye = self.origin.map(|origin| rotation * origin);
+        let eyes = Eyes::new(&self.origins, rotation);
         self.residuals.clear();
-        for (point, looked) in self.points.iter().zip(&mut self.looked) {
+        for (number, (point, looked)) in self.points.iter().zip(&mut self.looked).enumerate() {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
-            if let Some(surfel) = surfel_seen(levels, (arm, eye), at, looked) {
+            if let Some(surfel) = surfel_seen(levels, (arm, eyes.of(number)), at, looked) {
                 self.residuals.push(of(surfel, surfel.off_m(at)) as f32);
             }
         }
@@ -481,18 +483,18 @@ impl Matcher {
     /// The objective by the points alone. Logarithms are taken of products.
     fn evaluate(&mut self, levels: &[Level], pose: Pose3, width2: f64) -> Evaluation {
         let rotation = pose.rotation.to_rotation_matrix();
-        let eye = self.origin.map(|origin| rotation * origin);
+        let eyes = Eyes::new(&self.origins, rotation);
         let mut sums = Sums::default();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
         let (mut known, mut fitting, mut lines) = (0, 0, 0);
         let (fit2, per_width2) = (self.settings.fit_sigmas.powi(2), 1.0 / width2);
-        for (point, looked) in self.points.iter().zip(&mut self.looked) {
+        for (number, (point, looked)) in self.points.iter().zip(&mut self.looked).enumerate() {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
             if product > 1e200 {
                 (log_sum, product) = (log_sum + product.ln(), 1.0);
             }
-            let Some(surfel) = surfel_seen(levels, (arm, eye), at, looked) else {
+            let Some(surfel) = surfel_seen(levels, (arm, eyes.of(number)), at, looked) else {
                 product *= 1.0 + UNKNOWN_WIDTHS2;
                 lines += u32::from(looked.is_there());
                 continue;
@@ -513,6 +515,29 @@ impl Matcher {
         let held_shares = leave_open(&mut gradient, &mut hessian);
         let cost = 0.5 * width2 * (log_sum + f64::ln(product));
         Evaluation { cost, gradient, hessian, held_shares, known, fitting, lines }
+    }
+}
+
+/// Where points are seen from, beside the place of their cloud, along the map's axes.
+#[derive(Clone, Copy)]
+struct Eyes<'a> {
+    rotation: Rotation3<f64>,
+    of_all: Option<Vector3<f64>>,
+    of_each: &'a [[f64; 3]],
+}
+
+impl<'a> Eyes<'a> {
+    /// `origins` in the cloud's frame: one for all, or one for each.
+    fn new(origins: &'a [[f64; 3]], rotation: Rotation3<f64>) -> Self {
+        match origins {
+            [origin] => Self { rotation, of_all: Some(rotation * Vector3::from(*origin)), of_each: &[] },
+            each => Self { rotation, of_all: None, of_each: each },
+        }
+    }
+
+    #[inline]
+    fn of(&self, number: usize) -> Option<Vector3<f64>> {
+        self.of_all.or_else(|| Some(self.rotation * Vector3::from(*self.of_each.get(number)?)))
     }
 }
 

@@ -16,6 +16,7 @@ struct Sum {
     colour: [u32; 3],
     intensity: f64,
     time: f64,
+    origin: [f64; 3],
     count: u32,
 }
 
@@ -30,6 +31,8 @@ pub struct PointColumns {
     pub intensities: Vec<f32>,
     /// When each was taken, seconds after a time that is common to them; empty where that is not known.
     pub times_s: Vec<f32>,
+    /// Where each was seen from, in the same frame, metres; empty where that is not known.
+    pub origins_m: Vec<[f32; 3]>,
 }
 
 impl PointColumns {
@@ -39,14 +42,16 @@ impl PointColumns {
         self.colours.clear();
         self.intensities.clear();
         self.times_s.clear();
+        self.origins_m.clear();
     }
 
     /// Keeps the points of which this holds, with what there is of each.
     pub fn retain(&mut self, holds: impl Fn(&[f32; 3]) -> bool) {
-        let Self { points_m, colours, intensities, times_s } = self;
+        let Self { points_m, colours, intensities, times_s, origins_m } = self;
         keep(colours, points_m, &holds);
         keep(intensities, points_m, &holds);
         keep(times_s, points_m, &holds);
+        keep(origins_m, points_m, &holds);
         points_m.retain(|point| holds(point));
     }
 }
@@ -62,12 +67,12 @@ impl Thinner {
     pub fn thin(&mut self, points_m: &[[f32; 3]], size_m: f64, out: &mut Vec<[f32; 3]>) {
         self.gather(points_m, size_m, |_, _| {});
         out.clear();
-        out.extend(self.sums.iter().map(Sum::mean));
+        out.extend(self.sums.iter().map(|sum| sum.mean_of(sum.point)));
     }
 
     /// The same with the mean of each column that there is.
     pub fn thin_columns(&mut self, from: &PointColumns, size_m: f64, out: &mut PointColumns) {
-        let PointColumns { points_m, colours, intensities, times_s } = from;
+        let PointColumns { points_m, colours, intensities, times_s, origins_m } = from;
         self.gather(points_m, size_m, |sum, number| {
             if let Some(colour) = colours.get(number) {
                 (0..3).for_each(|k| sum.colour[k] += u32::from(colour[k]));
@@ -76,9 +81,12 @@ impl Thinner {
                 sum.intensity += f64::from(*intensity);
             }
             sum.time += times_s.get(number).copied().map_or(0.0, f64::from);
+            if let Some(origin) = origins_m.get(number) {
+                (0..3).for_each(|k| sum.origin[k] += f64::from(origin[k]));
+            }
         });
         out.clear();
-        out.points_m.extend(self.sums.iter().map(Sum::mean));
+        out.points_m.extend(self.sums.iter().map(|sum| sum.mean_of(sum.point)));
         if !colours.is_empty() {
             out.colours.extend(self.sums.iter().map(|sum| sum.colour.map(|v| (v / sum.count) as u8)));
         }
@@ -87,6 +95,9 @@ impl Thinner {
         }
         if !times_s.is_empty() {
             out.times_s.extend(self.sums.iter().map(|sum| (sum.time / f64::from(sum.count)) as f32));
+        }
+        if !origins_m.is_empty() {
+            out.origins_m.extend(self.sums.iter().map(|sum| sum.mean_of(sum.origin)));
         }
     }
 
@@ -110,8 +121,8 @@ impl Thinner {
 }
 
 impl Sum {
-    fn mean(&self) -> [f32; 3] {
-        self.point.map(|v| (v / f64::from(self.count)) as f32)
+    fn mean_of(&self, sum: [f64; 3]) -> [f32; 3] {
+        sum.map(|v| (v / f64::from(self.count)) as f32)
     }
 }
 
@@ -126,6 +137,7 @@ mod tests {
             colours: vec![[10, 0, 255], [1, 2, 3], [20, 0, 255], [0, 0, 0]],
             intensities: vec![1.0, 7.0, 2.0, 0.0],
             times_s: vec![0.1, 0.2, 0.3, 0.4],
+            origins_m: vec![[1.0, 2.0, 3.0], [0.0; 3], [3.0, 2.0, 1.0], [9.0; 3]],
         };
         let mut out = PointColumns::default();
         Thinner::default().thin_columns(&from, 1.0, &mut out);
@@ -135,9 +147,10 @@ mod tests {
         );
         assert!(out.points_m.len() == 2 && (out.points_m[0][0] - 0.2).abs() < 1e-6);
         assert!(out.times_s.len() == 2 && (out.times_s[0] - 0.2).abs() < 1e-6);
+        assert_eq!(out.origins_m, [[2.0, 2.0, 2.0], [0.0; 3]]);
         let bare = PointColumns { points_m: from.points_m, ..PointColumns::default() };
         Thinner::default().thin_columns(&bare, 1.0, &mut out);
         assert!(out.points_m.len() == 2 && out.colours.is_empty());
-        assert!(out.intensities.is_empty() && out.times_s.is_empty());
+        assert!(out.intensities.is_empty() && out.times_s.is_empty() && out.origins_m.is_empty());
     }
 }

@@ -30,6 +30,7 @@ impl Revisits {
                 number: keyframe.scan,
                 map_from_robot: at.map_from_robot,
                 robot_from_cloud: at.map_from_robot.between(session.map_from_keyframe()[place]),
+                sensor_m: sweep.origin_m(),
             });
             places.push(place);
             sweeps.push(Arc::clone(sweep));

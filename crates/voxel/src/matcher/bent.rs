@@ -4,7 +4,7 @@
 //! as its pose does (Dellenbach et al. 2022, "CT-ICP: real-time elastic lidar odometry with loop closure", sec. III; here one twist
 //! beside the pose, with what is known of it as its prior).
 
-use super::{Fit, Level, Matcher, POINTS_AS_ONE, Prior, Sums, along_body, held, surfel_seen};
+use super::{Eyes, Fit, Level, Matcher, POINTS_AS_ONE, Prior, Sums, along_body, held, surfel_seen};
 use crate::surfel_map::SurfelMap;
 use mapwright_geom::{Cov6, Pose3};
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -16,13 +16,14 @@ pub struct Seen<'a> {
     pub points_m: &'a [[f32; 3]],
     /// Seconds after its middle, of each point; none where they were taken at once.
     pub times_s: &'a [f32],
-    /// Where they were seen from, in that frame, metres; none where they were seen from several places, and both sides of a surface are one.
-    pub origin_m: Option<[f64; 3]>,
+    /// Where they were seen from, in that frame, metres: one place for all, or one for each; none where that is not known, and both sides of a
+    /// surface are one.
+    pub origins_m: &'a [[f32; 3]],
 }
 
 impl<'a> From<&'a [[f32; 3]]> for Seen<'a> {
     fn from(points_m: &'a [[f32; 3]]) -> Self {
-        Self { points_m, times_s: &[], origin_m: None }
+        Self { points_m, times_s: &[], origins_m: &[] }
     }
 }
 
@@ -163,12 +164,13 @@ impl Matcher {
     fn reduced(&mut self, levels: &[Level], prior: &Prior, pose: Pose3, of_motion: &Cov6) -> Reduced {
         let width2 = self.width2(levels, pose);
         let rotation = pose.rotation.to_rotation_matrix();
-        let eye = self.origin.map(|origin| rotation * origin);
+        let eyes = Eyes::new(&self.origins, rotation);
         let mut sums = [Sums::default(); 3];
-        for ((point, looked), &time_s) in self.points.iter().zip(&mut self.looked).zip(&self.times) {
+        let points = self.points.iter().zip(&mut self.looked).zip(&self.times);
+        for (number, ((point, looked), &time_s)) in points.enumerate() {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
-            let Some(surfel) = surfel_seen(levels, (arm, eye), at, looked) else { continue };
+            let Some(surfel) = surfel_seen(levels, (arm, eyes.of(number)), at, looked) else { continue };
             let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
             let widths2 = information * off_m * off_m / width2;
             if widths2 >= super::UNKNOWN_WIDTHS2 {

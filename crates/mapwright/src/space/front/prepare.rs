@@ -26,7 +26,7 @@ pub(super) struct Preparation {
     drawn: PointColumns,
     matched: PointColumns,
     /// Where they were seen from, in the robot's frame, metres.
-    origin_m: [f64; 3],
+    origin_m: [f32; 3],
     thinner: Thinner,
 }
 
@@ -52,7 +52,11 @@ impl Preparation {
 
     /// The same with the time of each after the middle of the sweep, where times are known.
     pub(super) fn seen(&self) -> Seen<'_> {
-        Seen { points_m: &self.matched.points_m, times_s: &self.matched.times_s, origin_m: Some(self.origin_m) }
+        Seen {
+            points_m: &self.matched.points_m,
+            times_s: &self.matched.times_s,
+            origins_m: std::slice::from_ref(&self.origin_m),
+        }
     }
 
     pub(super) fn sweep(&self, cloud: &Cloud) -> SpaceSweep {
@@ -89,7 +93,7 @@ impl Preparation {
         is_sound: bool,
     ) -> BeamCounts {
         self.all.clear();
-        self.origin_m = cloud.sensor.origin_m();
+        self.origin_m = cloud.sensor.origin_m().map(|v| v as f32);
         let mut counts = BeamCounts::default();
         if is_sound {
             self.take(settings, cloud, motion, &mut counts);
