@@ -540,6 +540,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         self.wrote(past, new, written);
         self.pose.begin_fragment(written.node);
         self.tracker.watch.begin_anew(stamp);
+        self.tracker.begin_anew();
     }
 
     fn is_leaning(&mut self, session: &Session<SpaceSweep>) -> bool {

@@ -173,6 +173,11 @@ impl Tracker {
         CONTRADICTED_SHARE * self.usual_now().unwrap_or(0.0).max(0.0)
     }
 
+    /// What was usual was so elsewhere.
+    pub(super) fn begin_anew(&mut self) {
+        self.usual = PerSensor::default();
+    }
+
     /// Remembers how likely a match made its cloud, if it is believed.
     pub(super) fn get_used_to(&mut self, matched: &Matched) {
         if let Some(found) = matched.each_known.filter(|_| matched.is_believed()) {
