@@ -89,10 +89,8 @@ fn two_buildings_in_one_recording_are_two_maps() {
     let mut mapper = SpaceMapper::new(Settings::default()).unwrap();
     let said: Vec<Localisation> = both.iter().map(|(cloud, _)| mapper.add_cloud(cloud).localisation).collect();
     let session = mapper.session();
-    // One of the breaks is within the second building, and is joined: it should not be there (docs/decisions/0044-two-sides-in-space.md).
-    assert!(session.maps().len() == 2 && breaks(session).len() <= 2, "{:?}", breaks(session));
-    let apart = said.iter().filter(|said| **said == Localisation::Apart).count();
-    assert!(apart * 2 >= both.len(), "{apart} of {}", both.len());
+    assert_eq!((session.maps().len(), breaks(session).len()), (2, 1), "{:?}", breaks(session));
+    assert_eq!(said.iter().filter(|said| **said == Localisation::Apart).count(), both.len() / 2);
 }
 
 #[test]
