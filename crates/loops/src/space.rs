@@ -38,6 +38,9 @@ const DESCRIBED_M: f64 = 8.0;
 /// many sides apart. Floors and ceilings say nothing.
 const STANDS_ON_M: f64 = 0.3;
 const STANDS_SIDES: f64 = 2.0;
+/// Share of the points that has to fit in the direction in which fewest do ([`Matcher::least_fitting`]): of places that are the same at least
+/// 0.77 do, of floors in elsewhere that everything else lets pass 0.63 at most (docs/decisions/0044-two-sides-in-space.md).
+const LEAST_FITTING: f64 = 0.7;
 /// A robot at a place that looks like this one is within so many rms ranges of where that was seen from.
 const LIKENESS_RANGES: f64 = 0.5;
 
@@ -97,6 +100,13 @@ impl SpaceSubmaps {
             }
         }
         starts
+    }
+
+    /// What is known of either has to fit in every direction, seen from both: not the floor alone.
+    fn objection_along(&mut self, query: &SpaceSubmap, target: &SpaceSubmap, at: Pose3) -> Option<Objection> {
+        let there = self.matcher.least_fitting(&target.map, query.seen(), at);
+        let here = self.matcher.least_fitting(&query.map, target.seen(), at.inverse());
+        (0.5 * (there + here) < LEAST_FITTING).then_some(Objection::Contradiction)
     }
 
     fn is_elsewhere(&self, a: Pose3, b: Pose3) -> bool {
@@ -214,6 +224,7 @@ impl Submaps for SpaceSubmaps {
         evidence.contradiction = Some(there.max(here));
         let covariance = self.verify.covariance(&best.information);
         let objection = self.verify.objection(&evidence, &covariance);
+        let objection = objection.or_else(|| self.objection_along(query, target, target_from_query));
         Finding { target_from_query: Some(target_from_query), covariance, evidence, objection }
     }
 

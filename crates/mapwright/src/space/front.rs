@@ -52,6 +52,9 @@ const KNOWN_SHARE: f64 = 0.8;
 /// it is looked for, within so many times the way that it usually goes in the time since the cloud before.
 const STRAYED_SHARE: f64 = 0.25;
 const WINDOW_SIGMAS: f64 = 3.0;
+/// A cloud in doubt is not where it was found if more of its points than this share lie where the sensor has seen through of late: of clouds
+/// that are, 0.5 % are and with 16 rings up to 3 %, of carried ones 4.6 to 14 % (docs/decisions/0044-two-sides-in-space.md).
+const SEEN_THROUGH_SHARE: f64 = 0.03;
 /// Share of the clouds up to which wheels say what is not so.
 const WHEELS_FAIL: f64 = 1e-3;
 /// A sweep's twist is uncertain by so many times what its prior, which is kept tight (`predict::LEFT_OFF`), leaves of it.
@@ -188,6 +191,13 @@ impl SpaceFrontEnd {
         let Some(scale) = self.preparation.scale() else { return false };
         let [way, turn] = [0, 3].map(|first| twist_per_s.fixed_rows::<3>(first).norm());
         0.5 * span.length_s() * (way + scale.range_m * turn) > scale.noise_m
+    }
+
+    /// Whether the sensor has seen through what it would see now: the robot was carried to where a floor and a wall fit as well.
+    fn is_seen_through(&self, matched: &Matched) -> bool {
+        let Some(scale) = self.scale() else { return false };
+        let points_m = self.preparation.match_points();
+        self.moving.share_seen_through(matched.local_from_robot, points_m, scale.resolution_m) > SEEN_THROUGH_SHARE
     }
 
     /// Remembers what was seen, where it is known from where.
@@ -518,7 +528,7 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
     fn is_found_nowhere(&self, prepared: &Prepared, matched: &Matched) -> bool {
         let away_m = prepared.predicted.distance(matched.local_from_robot);
         let is_far = self.scale().is_some_and(|scale| away_m > STRAYED_SHARE * scale.range_m);
-        let is_unlikely = matched.in_doubt && (is_far || prepared.step.after_gap);
+        let is_unlikely = matched.in_doubt && (is_far || prepared.step.after_gap || self.is_seen_through(matched));
         matched.is_believed() && (is_unlikely || matched.is_contradicted)
     }
 
@@ -540,7 +550,6 @@ impl FrontEnd<SpaceSweep> for SpaceFrontEnd {
         self.wrote(past, new, written);
         self.pose.begin_fragment(written.node);
         self.tracker.watch.begin_anew(stamp);
-        self.tracker.begin_anew();
     }
 
     fn is_leaning(&mut self, session: &Session<SpaceSweep>) -> bool {

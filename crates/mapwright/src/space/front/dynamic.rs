@@ -92,6 +92,23 @@ impl DynamicObjects {
         count
     }
 
+    /// Of the points of a cloud that lie in directions in which something was seen of late those that were seen through.
+    pub(super) fn share_seen_through(&self, local_from_robot: Pose3, points_m: &[[f32; 3]], voxel_m: f64) -> f64 {
+        let views: Vec<(Pose3, &RangeImage)> =
+            self.seen.iter().map(|view| (view.local_from_sensor.between(local_from_robot), &view.image)).collect();
+        let (mut seen, mut through) = (0_usize, 0_usize);
+        for point in points_m {
+            let point = Vector3::from(point.map(f64::from));
+            let said = views.iter().filter_map(|(before_from_now, image)| {
+                image.has_seen_through(before_from_now.transform(point).map(|m| m as f32).into(), voxel_m)
+            });
+            let said = said.reduce(|a, b| a || b);
+            seen += usize::from(said.is_some());
+            through += usize::from(said == Some(true));
+        }
+        through as f64 / seen.max(1) as f64
+    }
+
     /// Whether a point of the last cloud lies on what moves.
     pub(super) fn moves(&self, point: &[f32; 3], voxel_m: f64) -> bool {
         self.moving.binary_search(&place_of(point, voxel_m)).is_ok()
@@ -130,4 +147,31 @@ impl View {
 fn place_of(point: &[f32; 3], voxel_m: f64) -> [i32; 3] {
     let side_m = PLACE_VOXELS * voxel_m;
     point.map(|metres| (f64::from(metres) / side_m).floor() as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wall_that_stands_where_the_sensor_saw_through_was_seen_through() {
+        let wall = |x: f32, half: i16| -> Vec<[f32; 3]> {
+            let across = move |y: i16| (-20..=20_i16).map(move |z| [x, 0.05 * f32::from(y), 0.05 * f32::from(z)]);
+            (-half..=half).flat_map(across).collect()
+        };
+        let mut objects = DynamicObjects::default();
+        let at = |x: f64| Pose3 { translation: Vector3::new(x, 0.0, 0.0), ..Pose3::identity() };
+        let share = |objects: &DynamicObjects, x: f64, seen: &[[f32; 3]]| objects.share_seen_through(at(x), seen, 0.1);
+        assert_eq!(share(&objects, 0.0, &wall(5.0, 60)), 0.0, "nothing was seen yet");
+        objects.remember(Stamp(0), at(0.0), &wall(5.0, 60), Vector3::zeros());
+        assert_eq!(share(&objects, 0.0, &wall(5.0, 60)), 0.0, "the same");
+        assert_eq!(share(&objects, 1.0, &wall(4.0, 60)), 0.0, "the same, seen from nearer");
+        let nearer = share(&objects, 0.0, &wall(3.0, 30));
+        assert!(nearer > 0.9, "{nearer}");
+        let both = [wall(5.0, 60), wall(3.0, 10)].concat();
+        let part = share(&objects, 0.0, &both);
+        assert!(part > 0.05 && part < 0.3, "{part}");
+        let elsewhere: Vec<[f32; 3]> = wall(3.0, 30).iter().map(|[x, y, z]| [-x, *y, *z]).collect();
+        assert_eq!(share(&objects, 0.0, &elsewhere), 0.0, "nobody looked there");
+    }
 }

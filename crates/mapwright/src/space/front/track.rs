@@ -22,8 +22,6 @@ use nalgebra::Vector6;
 const DOUBT_NATS: f64 = 0.25;
 /// or where less than this share of it is known: in a wrong place little is.
 const DOUBT_KNOWN: f64 = 0.75;
-/// and it is contradicted where that is less than this share of what is usual: a floor alone, which fits everywhere, is likelier than nothing.
-const CONTRADICTED_SHARE: f64 = 0.5;
 /// How much the newest cloud counts in what is usual.
 const USUAL_GAIN: f64 = 0.2;
 /// Below this share a match is doubtful, and below the next it is not believed.
@@ -56,7 +54,7 @@ pub struct Matched {
     pub(super) evidence: f64,
     /// So little of it is known that the map says nothing of the pose.
     pub(super) is_nowhere: bool,
-    /// What is known makes it hardly likelier there than anywhere.
+    /// What is known makes it less likely there than anywhere.
     pub(super) is_contradicted: bool,
     /// Who supplied most of what it was matched against.
     pub(super) supplier: Option<NodeId>,
@@ -168,16 +166,6 @@ impl Tracker {
         Some(self.judge(local_map, seen.points_m, &prior, &best, restarts))
     }
 
-    /// Below this a point speaks against the place where it lies.
-    fn least_telling(&self) -> f64 {
-        CONTRADICTED_SHARE * self.usual_now().unwrap_or(0.0).max(0.0)
-    }
-
-    /// What was usual was so elsewhere.
-    pub(super) fn begin_anew(&mut self) {
-        self.usual = PerSensor::default();
-    }
-
     /// Remembers how likely a match made its cloud, if it is believed.
     pub(super) fn get_used_to(&mut self, matched: &Matched) {
         if let Some(found) = matched.each_known.filter(|_| matched.is_believed()) {
@@ -258,7 +246,7 @@ impl Tracker {
             in_doubt: self.is_doubtful(fit, prior),
             evidence: fit.evidence(prior),
             is_nowhere,
-            is_contradicted: known_share > 0.0 && each_known(fit.log_likelihood, fit) < self.least_telling(),
+            is_contradicted: fit.log_likelihood < 0.0,
             knows_turn: fits == Status::Tracking && is_turn_held,
             report,
             supplier: self.supplier(local_map, points, fit.map_from_cloud),
