@@ -41,6 +41,11 @@ const STANDS_SIDES: f64 = 2.0;
 /// Share of the points that has to fit in the direction in which fewest do ([`Matcher::least_fitting`]): of places that are the same at least
 /// 0.77 do, of floors in elsewhere that everything else lets pass 0.63 at most (docs/decisions/0044-two-sides-in-space.md).
 const LEAST_FITTING: f64 = 0.7;
+/// Share of points seen through up to which submaps are of one place, beside so many times that which each has seen through of its own, which
+/// is what moves, glass, and edges: of right closures it is 0.4 % in simulated buildings and 6 times its own in a hall with people, where a
+/// ring of corridors is laid on itself turned by 180 degrees 5 to 16 % and 30 times its own (docs/decisions/0044-two-sides-in-space.md).
+const SEEN_THROUGH: f64 = 0.01;
+const SEEN_THROUGH_TIMES: f64 = 6.0;
 /// A robot at a place that looks like this one is within so many rms ranges of where that was seen from.
 const LIKENESS_RANGES: f64 = 0.5;
 
@@ -219,11 +224,14 @@ impl Submaps for SpaceSubmaps {
         let back = self.matcher.judge(&query.map, target.seen(), target_from_query.inverse());
         evidence.overlap = Some(best.known_share.max(back.known_share));
         evidence.inlier_share = Some(best.inlier_share.min(back.inlier_share));
-        let there = target.seen_through(&query.points.points_m, target_from_query, self.map.resolution_m);
-        let here = query.seen_through(&target.points.points_m, target_from_query.inverse(), self.map.resolution_m);
+        let resolution_m = self.map.resolution_m;
+        let there = target.seen_through(&query.points.points_m, target_from_query, resolution_m);
+        let here = query.seen_through(&target.points.points_m, target_from_query.inverse(), resolution_m);
         evidence.contradiction = Some(there.max(here));
         let covariance = self.verify.covariance(&best.information);
         let objection = self.verify.objection(&evidence, &covariance);
+        let is_contradicted = || there.max(here) > most_seen_through(query, target, resolution_m);
+        let objection = objection.or_else(|| is_contradicted().then_some(Objection::Contradiction));
         let objection = objection.or_else(|| self.objection_along(query, target, target_from_query));
         Finding { target_from_query: Some(target_from_query), covariance, evidence, objection }
     }
@@ -264,6 +272,12 @@ impl Submaps for SpaceSubmaps {
         };
         hits.iter().map(|hit| (hit.node, window)).collect()
     }
+}
+
+/// Share of points that two submaps of one place may have seen through of each other.
+fn most_seen_through(query: &SpaceSubmap, target: &SpaceSubmap, resolution_m: f64) -> f64 {
+    let own = |submap: &SpaceSubmap| submap.seen_through(&submap.points.points_m, Pose3::identity(), resolution_m);
+    SEEN_THROUGH + SEEN_THROUGH_TIMES * own(query).max(own(target))
 }
 
 /// Of all points those that are known and fit.
