@@ -1,0 +1,165 @@
+//! What is taken out of a map of disparity: what stands alone.
+
+use crate::disparity::DisparityMap;
+
+/// Neighbours that lie on one surface differ by no more, pixels (Hirschmueller 2008, section 2.5.1).
+const SMOOTH_PX: f32 = 1.0;
+
+/// Memory that is used again.
+#[derive(Debug, Default)]
+pub(crate) struct Cleaner {
+    before: Vec<f32>,
+    visited: Vec<bool>,
+    patch: Vec<u32>,
+}
+
+impl Cleaner {
+    /// Each known disparity becomes the median of those around it, of 3 x 3 pixels; where one of them is unknown, its own counts
+    /// instead. By what it is moved it is in doubt as well.
+    pub(crate) fn median(&mut self, map: &mut DisparityMap) {
+        let (width, height) = (map.width() as usize, map.height() as usize);
+        if width < 3 || height < 3 {
+            return;
+        }
+        self.before.clone_from(&map.disparity);
+        for y in 1..height - 1 {
+            let rows = [y - 1, y, y + 1].map(|y| &self.before[y * width..][..width]);
+            let row = y * width + 1..(y + 1) * width - 1;
+            crate::lanes::run(Medians { rows, disparity: &mut map.disparity[row.clone()], sigma: &mut map.sigma[row] });
+        }
+    }
+
+    /// Disparities of patches of fewer pixels become unknown; a patch is what hangs together by neighbours, left, right,
+    /// above and below, on one surface.
+    pub(crate) fn speckles(&mut self, map: &mut DisparityMap, least: usize) {
+        let width = map.width() as usize;
+        self.visited.clear();
+        self.visited.resize(map.disparity.len(), false);
+        for start in 0..map.disparity.len() {
+            if self.visited[start] || map.disparity[start].is_nan() {
+                continue;
+            }
+            self.collect(&map.disparity, width, start);
+            if self.patch.len() < least {
+                for at in &self.patch {
+                    map.disparity[*at as usize] = f32::NAN;
+                    map.sigma[*at as usize] = f32::NAN;
+                }
+            }
+        }
+    }
+
+    fn collect(&mut self, disparity: &[f32], width: usize, start: usize) {
+        let Self { visited, patch, .. } = self;
+        patch.clear();
+        patch.push(start as u32);
+        visited[start] = true;
+        let mut next = 0;
+        while let Some(&at) = patch.get(next) {
+            next += 1;
+            let at = at as usize;
+            let here = disparity[at];
+            let mut look = |to: usize| {
+                if !visited[to] && (disparity[to] - here).abs() <= SMOOTH_PX {
+                    visited[to] = true;
+                    patch.push(to as u32);
+                }
+            };
+            let x = at % width;
+            if x > 0 {
+                look(at - 1);
+            }
+            if x + 1 < width {
+                look(at + 1);
+            }
+            if at >= width {
+                look(at - width);
+            }
+            if at + width < disparity.len() {
+                look(at + width);
+            }
+        }
+    }
+}
+
+struct Medians<'a> {
+    rows: [&'a [f32]; 3],
+    disparity: &'a mut [f32],
+    sigma: &'a mut [f32],
+}
+
+impl crate::lanes::Row for Medians<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let count = self.disparity.len();
+        let neighbours: [&[f32]; 9] = std::array::from_fn(|k| &self.rows[k / 3][k % 3..][..count]);
+        let sigma = &mut self.sigma[..count];
+        for x in 0..count {
+            let own = neighbours[4][x];
+            let values = neighbours.map(|row| if row[x].is_nan() { own } else { row[x] });
+            let median = median_of_9(values);
+            let moved = median - own;
+            self.disparity[x] = median;
+            sigma[x] = (sigma[x] * sigma[x] + moved * moved).sqrt();
+        }
+    }
+}
+
+/// By Paeth's network of exchanges (Graphics Gems, 1990).
+#[inline(always)]
+fn median_of_9(mut p: [f32; 9]) -> f32 {
+    const EXCHANGES: [[usize; 2]; 19] = [
+        [1, 2], [4, 5], [7, 8], [0, 1], [3, 4], [6, 7], [1, 2], [4, 5], [7, 8], [0, 3],
+        [5, 8], [4, 7], [3, 6], [1, 4], [2, 5], [4, 7], [4, 2], [6, 4], [4, 2],
+    ];
+    for [low, high] in EXCHANGES {
+        let (a, b) = (p[low], p[high]);
+        p[low] = if b < a { b } else { a };
+        p[high] = if b < a { a } else { b };
+    }
+    p[4]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_network_finds_the_median(values: [i8; 9]) {
+            let values = values.map(f32::from);
+            let mut sorted = values;
+            sorted.sort_by(f32::total_cmp);
+            prop_assert_eq!(median_of_9(values), sorted[4]);
+        }
+    }
+
+    fn map(width: u32, disparity: &[f32]) -> DisparityMap {
+        let mut map = DisparityMap::default();
+        map.reset([width, disparity.len() as u32 / width]);
+        map.disparity.copy_from_slice(disparity);
+        map.sigma = disparity.iter().map(|d| d * 0.0 + 0.1).collect();
+        map
+    }
+
+    #[test]
+    fn one_that_stands_out_is_moved_and_doubted() {
+        let mut map = map(3, &[5.0, 5.0, 5.0, 5.0, 9.0, 6.0, 6.0, 6.0, f32::NAN]);
+        Cleaner::default().median(&mut map);
+        assert_eq!(map.at(1, 1), Some((6.0, (0.01_f32 + 9.0).sqrt())));
+        assert_eq!(map.at(2, 2), None);
+    }
+
+    #[test]
+    fn small_patches_go() {
+        let nan = f32::NAN;
+        let mut map = map(4, &[1.0, 1.5, 9.0, 9.0, 2.0, nan, nan, 9.5, 7.0, 2.0, 2.0, nan]);
+        Cleaner::default().speckles(&mut map, 3);
+        let known: Vec<bool> = map.disparity().iter().map(|d| !d.is_nan()).collect();
+        let t = true;
+        let f = false;
+        assert_eq!(known, [t, t, t, t, t, f, f, t, f, f, f, f]);
+        assert_eq!(map.sigma().iter().filter(|s| s.is_nan()).count(), 6);
+    }
+}

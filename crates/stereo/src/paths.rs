@@ -1,0 +1,151 @@
+//! Costs along paths through the image.
+//!
+//! Hirschmueller, "Stereo processing by semiglobal matching and mutual information", PAMI 30(2), 2008, equation 13: from
+//! pixel `p - r` to pixel `p` of a path, costs `L` of a disparity `d` are
+//! `L(p, d) = C(p, d) + min(L(p-r, d), L(p-r, d+-1) + P1, min L(p-r) + P2) - min L(p-r)`.
+//!
+//! Half of the eight paths run down the image and half run up; the half that runs up is the other one, turned by 180
+//! degrees, as Spangenberg et al., "Large scale semi-global matching on the CPU", IV 2014, do. What is called left here
+//! is then right.
+
+use crate::lanes::{LANES, Row};
+
+/// Paths of one pass: from the left, from above left, from above, from above right.
+pub(crate) const PATHS: usize = 4;
+/// Bytes between the costs of neighbours, more than any costs are, so that no disparity below the first or behind the last is chosen.
+const GAP: usize = 16;
+/// What stands there.
+const NEVER: u8 = u8::MAX;
+
+/// The costs of one path along a row of pixels, with one pixel more on either side where a path has not begun.
+#[derive(Debug, Default, Clone)]
+struct PathRow {
+    costs: Vec<u8>,
+    least: Vec<u8>,
+}
+
+impl PathRow {
+    fn reset(&mut self, width: usize, disparities: usize) {
+        let block = disparities + GAP;
+        self.least.clear();
+        self.least.resize(width + 2, 0);
+        self.costs.clear();
+        self.costs.resize(GAP + (width + 2) * block, NEVER);
+        for costs in self.costs[GAP..].chunks_exact_mut(block) {
+            costs[..disparities].fill(0);
+        }
+    }
+}
+
+/// The costs of all paths of a pass, of the row before and of this one.
+#[derive(Debug, Default)]
+pub(crate) struct Front {
+    before: [PathRow; PATHS - 1],
+    now: [PathRow; PATHS - 1],
+    level: PathRow,
+}
+
+impl Front {
+    /// As before the first row: where a path begins, what was costs nothing.
+    pub(crate) fn reset(&mut self, width: usize, disparities: usize) {
+        for row in self.before.iter_mut().chain(&mut self.now).chain([&mut self.level]) {
+            row.reset(width, disparities);
+        }
+    }
+
+    /// What is now is what was before.
+    pub(crate) fn next_row(&mut self) {
+        std::mem::swap(&mut self.before, &mut self.now);
+    }
+}
+
+/// What is done with the sums of a pixel's costs.
+pub(crate) trait Sink {
+    /// The sums of the pass of one pixel, `LANES` disparities of it. All lanes of a pixel come in order.
+    fn lane(&mut self, x: usize, lane: usize, sums: &[u16; LANES]);
+    /// All lanes of the pixel came.
+    fn pixel(&mut self, x: usize);
+}
+
+/// One row of a pass.
+pub(crate) struct PassRow<'a, S> {
+    /// The paths; the row is their `now`.
+    pub(crate) front: &'a mut Front,
+    /// Costs of the row, disparity by disparity of pixel by pixel.
+    pub(crate) costs: &'a [u8],
+    /// Disparities, in whole lanes.
+    pub(crate) disparities: usize,
+    /// What a step of one disparity costs.
+    pub(crate) small: u8,
+    /// What a larger one costs, by path and pixel.
+    pub(crate) large: &'a [Vec<u8>; PATHS],
+    /// Whether this is the pass that runs up.
+    pub(crate) turned: bool,
+    /// Where the sums go.
+    pub(crate) sink: S,
+}
+
+impl<S: Sink> Row for PassRow<'_, S> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { front, costs, disparities, small, large, turned, mut sink } = self;
+        let block = disparities + GAP;
+        let width = costs.len() / disparities;
+        for i in 0..width {
+            let x = if turned { width - 1 - i } else { i };
+            let costs = &costs[x * disparities..][..disparities];
+            // block i + 1 is this pixel's
+            let (level_before, level_now) = front.level.costs.split_at_mut(GAP + (i + 1) * block - 1);
+            let from: [&[u8]; PATHS] = [
+                &level_before[i * block + GAP - 1..],
+                &front.before[0].costs[i * block + GAP - 1..],
+                &front.before[1].costs[(i + 1) * block + GAP - 1..],
+                &front.before[2].costs[(i + 2) * block + GAP - 1..],
+            ];
+            let least = [
+                front.level.least[i],
+                front.before[0].least[i],
+                front.before[1].least[i + 1],
+                front.before[2].least[i + 2],
+            ];
+            let jump: [u8; PATHS] = std::array::from_fn(|path| least[path].saturating_add(large[path][x]));
+            let [above_left, above, above_right] = &mut front.now;
+            let at = (i + 1) * block + GAP;
+            let to: [&mut [u8]; PATHS] = [
+                &mut level_now[1..],
+                &mut above_left.costs[at..],
+                &mut above.costs[at..],
+                &mut above_right.costs[at..],
+            ];
+            let mut lows = [[NEVER; LANES]; PATHS];
+            for (lane, cost) in costs.as_chunks::<LANES>().0.iter().enumerate() {
+                let mut sums = [0_u16; LANES];
+                for path in 0..PATHS {
+                    let at = lane * LANES;
+                    let (Some(from), Some(to)) = (
+                        from[path][at..].first_chunk::<{ LANES + 2 }>(),
+                        to[path][at..].first_chunk_mut::<LANES>(),
+                    ) else {
+                        return;
+                    };
+                    let mut now = [0_u8; LANES];
+                    for k in 0..LANES {
+                        let near = from[k].min(from[k + 2]).saturating_add(small);
+                        let best = from[k + 1].min(near).min(jump[path]);
+                        now[k] = cost[k].saturating_add(best - least[path]);
+                        lows[path][k] = lows[path][k].min(now[k]);
+                        sums[k] += u16::from(now[k]);
+                    }
+                    *to = now;
+                }
+                sink.lane(x, lane, &sums);
+            }
+            let lowest: [u8; PATHS] = std::array::from_fn(|path| lows[path].iter().fold(NEVER, |a, b| a.min(*b)));
+            front.level.least[i + 1] = lowest[0];
+            for path in 1..PATHS {
+                front.now[path - 1].least[i + 1] = lowest[path];
+            }
+            sink.pixel(x);
+        }
+    }
+}
