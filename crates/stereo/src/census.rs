@@ -3,7 +3,7 @@
 //! Zabih and Woodfill, "Non-parametric local transforms for computing visual correspondence", ECCV 1994.
 
 use crate::image::GreyImage;
-use crate::lanes::{LANES, Row, lanes_for};
+use crate::lanes::{Kernel, LANES, Lanes, lanes_for};
 
 /// Pixels that the window reaches to the left and right of its centre, and above and below it.
 pub(crate) const REACH: [usize; 2] = [4, 3];
@@ -63,17 +63,17 @@ impl<const PLANES: usize> Default for Planes<PLANES> {
 
 impl<const PLANES: usize> Planes<PLANES> {
     /// Transforms a row of an image; `compared` are at most eight comparisons for each plane.
-    pub(crate) fn set(&mut self, compared: &[Compared], image: &Padded, y: usize) {
+    pub(crate) fn set(&mut self, compared: &[Compared], image: &Padded, smoothed: &Padded, y: usize, dead: u16) {
         for (plane, compared) in self.0.iter_mut().zip(compared.chunks(BYTE)) {
             let row = |which: usize| {
                 std::array::from_fn(|bit| {
                     // a comparison that is missing compares a pixel with itself
-                    compared.get(bit).map_or_else(|| image.values(y), |pair| image.row(y, pair[which]))
+                    compared.get(bit).map_or_else(|| image.values(y), |pair| if pair[which] == [0, 0] { smoothed.values(y) } else { image.row(y, pair[which]) })
                 })
             };
             let (a, b): ([&[u16]; BYTE], [&[u16]; BYTE]) = (row(0), row(1));
             plane.resize(a[0].len(), 0);
-            crate::lanes::run(Compare { a, b, plane });
+            crate::lanes::run(Compare { a, b, plane, dead });
         }
     }
 
@@ -92,12 +92,13 @@ struct Compare<'a> {
     a: [&'a [u16]; BYTE],
     b: [&'a [u16]; BYTE],
     plane: &'a mut [u8],
+    dead: u16,
 }
 
-impl Row for Compare<'_> {
+impl Kernel for Compare<'_> {
     #[inline(always)]
-    fn run(self) {
-        let Self { a, b, plane } = self;
+    fn run<L: Lanes>(self, _: L) {
+        let Self { a, b, plane, dead } = self;
         for (lane, out) in plane.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
             let mut bits = [0_u8; LANES];
             for bit in 0..BYTE {
@@ -107,7 +108,7 @@ impl Row for Compare<'_> {
                     return;
                 };
                 for k in 0..LANES {
-                    bits[k] |= u8::from(a[k] < b[k]) << bit;
+                    bits[k] |= u8::from(a[k].saturating_add(dead) < b[k]) << bit;
                 }
             }
             *out = bits;
@@ -135,22 +136,20 @@ pub(crate) struct Costs<'a, const PLANES: usize> {
     pub(crate) costs: &'a mut [u8],
 }
 
-impl<const PLANES: usize> Row for Costs<'_, PLANES> {
+impl<const PLANES: usize> Kernel for Costs<'_, PLANES> {
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self, lanes: L) {
         let Self { left, right, width, asked, disparities, outside, unasked, costs } = self;
         for (x, costs) in costs.chunks_exact_mut(disparities).enumerate().take(width) {
             let from = width - 1 - x;
             for (lane, out) in costs.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-                let mut sum = [0_u8; LANES];
+                let mut sum = lanes.all_bytes(0);
                 for plane in 0..PLANES {
-                    let left = left.0[plane][x];
+                    let left = lanes.all_bytes(left.0[plane][x]);
                     let Some(right) = right.0[plane][from + lane * LANES..].first_chunk::<LANES>() else { return };
-                    for k in 0..LANES {
-                        sum[k] += (left ^ right[k]).count_ones() as u8;
-                    }
+                    sum = lanes.add_bytes(sum, lanes.differing_bits(left, lanes.bytes(right)));
                 }
-                *out = sum;
+                lanes.store_bytes(sum, out);
             }
             if x + 1 < asked {
                 costs[x + 1..asked].fill(outside);

@@ -1,6 +1,7 @@
 //! What is taken out of a map of disparity: what stands alone.
 
 use crate::disparity::DisparityMap;
+use crate::lanes::{Kernel, Lanes};
 
 /// Neighbours that lie on one surface differ by no more, pixels (Hirschmueller 2008, section 2.5.1).
 const SMOOTH_PX: f32 = 1.0;
@@ -88,15 +89,25 @@ struct Medians<'a> {
     sigma: &'a mut [f32],
 }
 
-impl crate::lanes::Row for Medians<'_> {
+impl Kernel for Medians<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self, _: L) {
         let count = self.disparity.len();
-        let neighbours: [&[f32]; 9] = std::array::from_fn(|k| &self.rows[k / 3][k % 3..][..count]);
+        let [above, level, below] = self.rows;
+        let mut neighbours = [above; 9];
+        for k in 0..3 {
+            neighbours[k] = &above[k..][..count];
+            neighbours[3 + k] = &level[k..][..count];
+            neighbours[6 + k] = &below[k..][..count];
+        }
         let sigma = &mut self.sigma[..count];
         for x in 0..count {
             let own = neighbours[4][x];
-            let values = neighbours.map(|row| if row[x].is_nan() { own } else { row[x] });
+            let mut values = [own; 9];
+            for k in 0..9 {
+                let value = neighbours[k][x];
+                values[k] = if value.is_nan() { own } else { value };
+            }
             let median = median_of_9(values);
             let moved = median - own;
             self.disparity[x] = median;
@@ -107,17 +118,31 @@ impl crate::lanes::Row for Medians<'_> {
 
 /// By Paeth's network of exchanges (Graphics Gems, 1990).
 #[inline(always)]
-fn median_of_9(mut p: [f32; 9]) -> f32 {
-    const EXCHANGES: [[usize; 2]; 19] = [
-        [1, 2], [4, 5], [7, 8], [0, 1], [3, 4], [6, 7], [1, 2], [4, 5], [7, 8], [0, 3],
-        [5, 8], [4, 7], [3, 6], [1, 4], [2, 5], [4, 7], [4, 2], [6, 4], [4, 2],
-    ];
-    for [low, high] in EXCHANGES {
-        let (a, b) = (p[low], p[high]);
-        p[low] = if b < a { b } else { a };
-        p[high] = if b < a { a } else { b };
-    }
-    p[4]
+fn median_of_9([mut a, mut b, mut c, mut d, mut e, mut f, mut g, mut h, mut i]: [f32; 9]) -> f32 {
+    (b, c) = ordered(b, c);
+    (e, f) = ordered(e, f);
+    (h, i) = ordered(h, i);
+    (a, b) = ordered(a, b);
+    (d, e) = ordered(d, e);
+    (g, h) = ordered(g, h);
+    (b, c) = ordered(b, c);
+    (e, f) = ordered(e, f);
+    (h, i) = ordered(h, i);
+    d = ordered(a, d).1;
+    f = ordered(f, i).0;
+    (e, h) = ordered(e, h);
+    g = ordered(d, g).1;
+    e = ordered(b, e).1;
+    c = ordered(c, f).0;
+    e = ordered(e, h).0;
+    (e, c) = ordered(e, c);
+    e = ordered(g, e).1;
+    ordered(e, c).0
+}
+
+#[inline(always)]
+fn ordered(a: f32, b: f32) -> (f32, f32) {
+    if b < a { (b, a) } else { (a, b) }
 }
 
 #[cfg(test)]

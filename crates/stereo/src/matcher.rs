@@ -24,11 +24,14 @@ pub struct MatcherSettings {
     pub window: u8,
     pub lr: u16,
     pub median: u8,
+    pub lrmode: u8,
+    pub smooth: u8,
+    pub dead: u16,
 }
 
 impl Default for MatcherSettings {
     fn default() -> Self {
-        Self { disparities: None, small: 10, large: 120, large_least: 30, unique: 0.95, patch: 63, outside: 16, fit: 0, window: 0, lr: 1, median: 1 }
+        Self { disparities: None, small: 10, large: 120, large_least: 30, unique: 0.95, patch: 63, outside: 16, fit: 0, window: 0, lr: 1, median: 1, lrmode: 0, smooth: 0, dead: 0 }
     }
 }
 
@@ -38,6 +41,7 @@ pub struct MatcherOf<const PLANES: usize> {
     settings: MatcherSettings,
     compared: Vec<Compared>,
     images: [Padded; 2],
+    smoothed: [Padded; 2],
     left: Planes<PLANES>,
     right: Planes<PLANES>,
     mirrored: Planes<PLANES>,
@@ -106,6 +110,12 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
         out.reset(left.size());
         self.images[0].set(left);
         self.images[1].set(right);
+        for (i, image) in [left, right].into_iter().enumerate() {
+            if self.settings.smooth == 0 { self.smoothed[i].set(image); continue; }
+            let s = smooth(image);
+            self.smoothed[i].set(&s);
+            if self.settings.smooth == 2 { self.images[i].set(&s); }
+        }
         let penalties = Penalties::of(left, self.settings.large, self.settings.large_least);
         self.sums.resize(extent.width * extent.height * extent.disparities, 0);
         self.costs.resize(extent.width * extent.height * extent.disparities, 0);
@@ -127,8 +137,8 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
         self.front.reset(width, disparities);
         for y in 0..height {
             let costs = &mut self.costs[y * row_len..][..row_len];
-            self.left.set(&self.compared, &self.images[0], y);
-            self.right.set(&self.compared, &self.images[1], y);
+            self.left.set(&self.compared, &self.images[0], &self.smoothed[0], y, self.settings.dead);
+            self.right.set(&self.compared, &self.images[1], &self.smoothed[1], y, self.settings.dead);
             self.right.mirror(width, disparities, &mut self.mirrored);
             let (left, right) = (&self.left, &self.mirrored);
             let bits = self.compared.len() as u8;
@@ -153,15 +163,23 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
             let small = self.settings.small;
             run(PassRow { front: &mut self.front, costs, disparities, small, large: &self.large, turned: true, sink });
             self.front.next_row();
+            let mut claim = vec![(u16::MAX, 0u16); width];
+            for x in 0..width {
+                let w = self.winners.left[x];
+                let d = w.disparity as usize;
+                if d <= x && w.least < claim[x - d].0 { claim[x - d] = (w.least, w.disparity); }
+            }
             for x in 0..width {
                 let w = self.winners.left[x];
                 let d = w.disparity as usize;
                 if d > x || d + 1 >= asked {
                     continue;
                 }
-                if self.winners.of_right(x - d).abs_diff(w.disparity) > self.settings.lr {
-                    continue;
-                }
+                let ok = |xr: usize| {
+                    let r = match self.settings.lrmode { 0 => self.winners.of_right(xr), _ => claim[xr].1 };
+                    r.abs_diff(w.disparity) <= self.settings.lr || (self.settings.lrmode > 0 && claim[xr].0 == u16::MAX)
+                };
+                if !ok(x - d) { continue; }
                 if f32::from(w.second) * self.settings.unique < f32::from(w.least) {
                     continue;
                 }
@@ -172,4 +190,19 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
             }
         }
     }
+}
+
+fn smooth(image: &GreyImage) -> GreyImage {
+    let (w, h) = (image.width() as usize, image.height() as usize);
+    let mut out = vec![0u16; w * h];
+    for y in 0..h { for x in 0..w {
+        let mut sum = 0u32;
+        for dy in [-1isize, 0, 1] { for dx in [-1isize, 0, 1] {
+            let yy = y.saturating_add_signed(dy).min(h - 1); let xx = x.saturating_add_signed(dx).min(w - 1);
+            let k = (2 - dy.abs() as u32) * (2 - dx.abs() as u32);
+            sum += k * u32::from(image.pixels()[yy * w + xx]);
+        } }
+        out[y * w + x] = (sum / 16) as u16;
+    } }
+    GreyImage::new(image.width(), image.height(), out).unwrap()
 }

@@ -8,7 +8,7 @@
 //! degrees, as Spangenberg et al., "Large scale semi-global matching on the CPU", IV 2014, do. What is called left here
 //! is then right.
 
-use crate::lanes::{LANES, Row};
+use crate::lanes::{Kernel, LANES, Lanes};
 
 /// Paths of one pass: from the left, from above left, from above, from above right.
 pub(crate) const PATHS: usize = 4;
@@ -62,9 +62,9 @@ impl Front {
 /// What is done with the sums of a pixel's costs.
 pub(crate) trait Sink {
     /// The sums of the pass of one pixel, `LANES` disparities of it. All lanes of a pixel come in order.
-    fn lane(&mut self, x: usize, lane: usize, sums: &[u16; LANES]);
+    fn lane<L: Lanes>(&mut self, lanes: L, x: usize, lane: usize, sums: [L::Words; 2]);
     /// All lanes of the pixel came.
-    fn pixel(&mut self, x: usize);
+    fn pixel<L: Lanes>(&mut self, lanes: L, x: usize);
 }
 
 /// One row of a pass.
@@ -85,9 +85,9 @@ pub(crate) struct PassRow<'a, S> {
     pub(crate) sink: S,
 }
 
-impl<S: Sink> Row for PassRow<'_, S> {
+impl<S: Sink> Kernel for PassRow<'_, S> {
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self, lanes: L) {
         let Self { front, costs, disparities, small, large, turned, mut sink } = self;
         let block = disparities + GAP;
         let width = costs.len() / disparities;
@@ -108,7 +108,6 @@ impl<S: Sink> Row for PassRow<'_, S> {
                 front.before[1].least[i + 1],
                 front.before[2].least[i + 2],
             ];
-            let jump: [u8; PATHS] = std::array::from_fn(|path| least[path].saturating_add(large[path][x]));
             let [above_left, above, above_right] = &mut front.now;
             let at = (i + 1) * block + GAP;
             let to: [&mut [u8]; PATHS] = [
@@ -117,35 +116,43 @@ impl<S: Sink> Row for PassRow<'_, S> {
                 &mut above.costs[at..],
                 &mut above_right.costs[at..],
             ];
-            let mut lows = [[NEVER; LANES]; PATHS];
+            let mut lows = [lanes.all_bytes(NEVER); PATHS];
+            let mut steps = [(lanes.all_bytes(0), lanes.all_bytes(0)); PATHS];
+            for path in 0..PATHS {
+                let jump = least[path].saturating_add(large[path][x]);
+                steps[path] = (lanes.all_bytes(jump), lanes.all_bytes(least[path]));
+            }
+            let small = lanes.all_bytes(small);
             for (lane, cost) in costs.as_chunks::<LANES>().0.iter().enumerate() {
-                let mut sums = [0_u16; LANES];
+                let cost = lanes.bytes(cost);
+                let mut sums = [lanes.all_words(0); 2];
+                let at = lane * LANES;
                 for path in 0..PATHS {
-                    let at = lane * LANES;
-                    let (Some(from), Some(to)) = (
-                        from[path][at..].first_chunk::<{ LANES + 2 }>(),
+                    let from = &from[path][at..at + LANES + 2];
+                    let (Some(below), Some(same), Some(above), Some(to)) = (
+                        from.first_chunk::<LANES>(),
+                        from[1..].first_chunk::<LANES>(),
+                        from[2..].first_chunk::<LANES>(),
                         to[path][at..].first_chunk_mut::<LANES>(),
                     ) else {
                         return;
                     };
-                    let mut now = [0_u8; LANES];
-                    for k in 0..LANES {
-                        let near = from[k].min(from[k + 2]).saturating_add(small);
-                        let best = from[k + 1].min(near).min(jump[path]);
-                        now[k] = cost[k].saturating_add(best - least[path]);
-                        lows[path][k] = lows[path][k].min(now[k]);
-                        sums[k] += u16::from(now[k]);
-                    }
-                    *to = now;
+                    let near = lanes.min_bytes(lanes.bytes(below), lanes.bytes(above));
+                    let (jump, least) = steps[path];
+                    let best = lanes.min_bytes(lanes.bytes(same), lanes.min_bytes(lanes.add_bytes(near, small), jump));
+                    let now = lanes.add_bytes(cost, lanes.sub_bytes(best, least));
+                    lanes.store_bytes(now, to);
+                    lows[path] = lanes.min_bytes(lows[path], now);
+                    let [first, second] = lanes.widen(now);
+                    sums = [lanes.add_words(sums[0], first), lanes.add_words(sums[1], second)];
                 }
-                sink.lane(x, lane, &sums);
+                sink.lane(lanes, x, lane, sums);
             }
-            let lowest: [u8; PATHS] = std::array::from_fn(|path| lows[path].iter().fold(NEVER, |a, b| a.min(*b)));
-            front.level.least[i + 1] = lowest[0];
+            front.level.least[i + 1] = lanes.lowest_byte(lows[0]);
             for path in 1..PATHS {
-                front.now[path - 1].least[i + 1] = lowest[path];
+                front.now[path - 1].least[i + 1] = lanes.lowest_byte(lows[path]);
             }
-            sink.pixel(x);
+            sink.pixel(lanes, x);
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::census::Padded;
 use crate::image::GreyImage;
-use crate::lanes::Row;
+use crate::lanes::{Kernel, Lanes};
 use crate::paths::PATHS;
 
 /// At so many mean steps between neighbours in a row the penalty is the least.
@@ -58,9 +58,9 @@ struct PenaltyRow<'a> {
     large: &'a mut [u8],
 }
 
-impl Row for PenaltyRow<'_> {
+impl Kernel for PenaltyRow<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self, _: L) {
         let Penalties { most, least, slope } = self.penalties;
         for ((large, here), there) in self.large.iter_mut().zip(self.here).zip(self.there) {
             let fall = (u32::from(here.abs_diff(*there)) * slope) >> FRACTION;

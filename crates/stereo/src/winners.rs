@@ -1,6 +1,6 @@
 //! Which disparity costs least.
 
-use crate::lanes::LANES;
+use crate::lanes::{LANES, Lanes, WORDS};
 use crate::paths::Sink;
 
 /// Keeps the sums of the first pass.
@@ -13,14 +13,15 @@ pub(crate) struct Keep<'a> {
 
 impl Sink for Keep<'_> {
     #[inline(always)]
-    fn lane(&mut self, x: usize, lane: usize, sums: &[u16; LANES]) {
-        if let Some(to) = self.sums[x * self.disparities + lane * LANES..].first_chunk_mut::<LANES>() {
-            *to = *sums;
+    fn lane<L: Lanes>(&mut self, lanes: L, x: usize, lane: usize, sums: [L::Words; 2]) {
+        let to = &mut self.sums[x * self.disparities + lane * LANES..][..LANES];
+        for (to, sums) in to.as_chunks_mut::<WORDS>().0.iter_mut().zip(sums) {
+            lanes.store_words(sums, to);
         }
     }
 
     #[inline(always)]
-    fn pixel(&mut self, _: usize) {}
+    fn pixel<L: Lanes>(&mut self, _: L, _: usize) {}
 }
 
 /// What is known of a pixel's best disparity.
@@ -44,6 +45,8 @@ pub(crate) struct RowWinners {
     right_least: Vec<u16>,
     right_disparity: Vec<u16>,
     sums: Vec<u16>,
+    /// 0, 1, 2 and so on.
+    numbers: Vec<u16>,
 }
 
 impl RowWinners {
@@ -55,6 +58,8 @@ impl RowWinners {
         self.right_least.resize(width + disparities, u16::MAX);
         self.right_disparity.resize(width + disparities, 0);
         self.sums.resize(disparities, 0);
+        self.numbers.clear();
+        self.numbers.extend((0..disparities).map(|d| d as u16));
     }
 
     /// The best disparity of a pixel of the right image, by the same sums.
@@ -75,70 +80,69 @@ pub(crate) struct Choose<'a> {
 
 impl Sink for Choose<'_> {
     #[inline(always)]
-    fn lane(&mut self, x: usize, lane: usize, sums: &[u16; LANES]) {
+    fn lane<L: Lanes>(&mut self, lanes: L, x: usize, lane: usize, sums: [L::Words; 2]) {
         let at = lane * LANES;
-        if let (Some(first), Some(to)) = (
-            self.first[x * self.disparities + at..].first_chunk::<LANES>(),
-            self.found.sums[at..].first_chunk_mut::<LANES>(),
-        ) {
-            for k in 0..LANES {
-                to[k] = first[k] + sums[k];
-            }
+        let first = self.first[x * self.disparities + at..][..LANES].as_chunks::<WORDS>().0;
+        let to = self.found.sums[at..][..LANES].as_chunks_mut::<WORDS>().0;
+        for ((to, first), sums) in to.iter_mut().zip(first).zip(sums) {
+            lanes.store_words(lanes.add_words(lanes.words(first), sums), to);
         }
     }
 
     #[inline(always)]
-    fn pixel(&mut self, x: usize) {
-        let RowWinners { left, right_least, right_disparity, sums } = &mut *self.found;
-        let sums = &sums[..self.disparities];
-        left[x] = winner(sums);
+    fn pixel<L: Lanes>(&mut self, lanes: L, x: usize) {
+        let RowWinners { left, right_least, right_disparity, sums, numbers } = &mut *self.found;
+        let sums = sums[..self.disparities].as_chunks::<WORDS>().0;
+        let numbers = numbers[..self.disparities].as_chunks::<WORDS>().0;
+        left[x] = winner(lanes, sums, numbers);
         let mirrored = left.len() - 1 - x;
-        let (right_least, right_disparity) = (&mut right_least[mirrored..], &mut right_disparity[mirrored..]);
-        for (lane, sums) in sums.as_chunks::<LANES>().0.iter().enumerate() {
-            let at = lane * LANES;
-            let (Some(least), Some(disparity)) =
-                (right_least[at..].first_chunk_mut::<LANES>(), right_disparity[at..].first_chunk_mut::<LANES>())
-            else {
-                return;
-            };
-            let (mut new_least, mut new_disparity) = (*least, *disparity);
-            for k in 0..LANES {
-                new_disparity[k] = if sums[k] < new_least[k] { (at + k) as u16 } else { new_disparity[k] };
-                new_least[k] = sums[k].min(new_least[k]);
-            }
-            (*least, *disparity) = (new_least, new_disparity);
+        let right_least = right_least[mirrored..][..self.disparities].as_chunks_mut::<WORDS>().0;
+        let right_disparity = right_disparity[mirrored..][..self.disparities].as_chunks_mut::<WORDS>().0;
+        for ((sums, numbers), (to_least, to_best)) in sums.iter().zip(numbers).zip(right_least.iter_mut().zip(right_disparity)) {
+            let (least, best) = (lanes.words(to_least), lanes.words(to_best));
+            let new = lanes.min_words(least, lanes.words(sums));
+            lanes.store_words(new, to_least);
+            lanes.store_words(lanes.where_same(new, least, best, lanes.words(numbers)), to_best);
         }
     }
 }
 
 /// The first of the disparities that cost least.
 #[inline(always)]
-fn winner(sums: &[u16]) -> Winner {
-    let least = lowest(sums, |_, sum| sum);
-    let disparity = lowest(sums, |d, sum| if sum == least { d } else { u16::MAX });
-    // within one of the best: d - (best - 1) is 0, 1 or 2
-    let from = disparity.wrapping_sub(1);
-    let second = lowest(sums, |d, sum| if d.wrapping_sub(from) <= 2 { u16::MAX } else { sum });
-    let beside = |d: Option<usize>| d.and_then(|d| sums.get(d)).copied().unwrap_or(u16::MAX);
-    let best = usize::from(disparity);
-    Winner { disparity, least, beside: [beside(best.checked_sub(1)), beside(Some(best + 1))], second }
-}
-
-/// The lowest of what a function makes of all disparities and their sums.
-#[inline(always)]
-fn lowest(sums: &[u16], of: impl Fn(u16, u16) -> u16) -> u16 {
-    let mut lows = [u16::MAX; LANES];
-    for (lane, sums) in sums.as_chunks::<LANES>().0.iter().enumerate() {
-        for k in 0..LANES {
-            lows[k] = lows[k].min(of((lane * LANES + k) as u16, sums[k]));
-        }
+fn winner<L: Lanes>(lanes: L, sums: &[[u16; WORDS]], numbers: &[[u16; WORDS]]) -> Winner {
+    let never = lanes.all_words(u16::MAX);
+    let mut low = never;
+    for sums in sums {
+        low = lanes.min_words(low, lanes.words(sums));
     }
-    lows.iter().fold(u16::MAX, |a, b| a.min(*b))
+    let least = lanes.lowest_word(low);
+    let (same, mut low) = (lanes.all_words(least), never);
+    for (sums, numbers) in sums.iter().zip(numbers) {
+        low = lanes.min_words(low, lanes.where_same(lanes.words(sums), same, lanes.words(numbers), never));
+    }
+    let disparity = lanes.lowest_word(low);
+    // within one of the best: d - (best - 1) is 0, 1 or 2
+    let (from, two, mut low) = (lanes.all_words(disparity.wrapping_sub(1)), lanes.all_words(2), never);
+    for (sums, numbers) in sums.iter().zip(numbers) {
+        let apart = lanes.sub_words(lanes.words(numbers), from);
+        let other = lanes.where_same(apart, lanes.min_words(apart, two), never, lanes.words(sums));
+        low = lanes.min_words(low, other);
+    }
+    let second = lanes.lowest_word(low);
+    let (sums, best) = (sums.as_flattened(), usize::from(disparity));
+    let below = if best == 0 { u16::MAX } else { sums[best - 1] };
+    let above = if best + 1 < sums.len() { sums[best + 1] } else { u16::MAX };
+    Winner { disparity, least, beside: [below, above], second }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn winner(sums: &[u16]) -> Winner {
+        let numbers: Vec<u16> = (0..sums.len() as u16).collect();
+        super::winner(crate::lanes::Plain, sums.as_chunks().0, numbers.as_chunks().0)
+    }
 
     #[test]
     fn the_first_of_the_best() {
