@@ -48,7 +48,7 @@ fn cpu_ms() -> f64 {
 
 fn main() {
     match env("WINDOW", 0u8) {
-        0 => go::<4>(),
+        0 | 6 | 7 => go::<4>(),
         1 => go::<3>(),
         2 => go::<8>(),
         3 => go::<3>(),
@@ -103,6 +103,7 @@ fn go<const P: usize>() {
             if e < *s { one += 1 }
             if e < 2.0 * s { two += 1 }
         }
+        if let Ok(dump) = std::env::var("DUMP") { std::fs::write(format!("{dump}/{name}.f32"), map.disparity().iter().flat_map(|d| d.to_le_bytes()).collect::<Vec<u8>>()).unwrap(); }
         let pc = |a: i32, b: i32| 100.0 * f64::from(a) / f64::from(b);
         println!("{name:8} density {:5.1} %  bad {:5.2} %  rms of good {:.3}  within 1 sigma {:4.1} %, 2 {:4.1} %  {:.1} ms (least {:.1})",
             pc(matched, known), pc(bad, matched), (sq / good as f32).sqrt(), pc(one, matched), pc(two, matched), times[times.len() / 2], times[0]);

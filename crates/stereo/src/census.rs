@@ -99,7 +99,8 @@ impl Kernel for Compare<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let Self { a, b, plane, dead } = self;
-        for (lane, out) in plane.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        let plane = plane.as_chunks_mut::<LANES>().0;
+        for lane in 0..plane.len() {
             let mut bits = [0_u8; LANES];
             for bit in 0..BYTE {
                 let (Some(a), Some(b)) =
@@ -111,7 +112,7 @@ impl Kernel for Compare<'_> {
                     bits[k] |= u8::from(a[k].saturating_add(dead) < b[k]) << bit;
                 }
             }
-            *out = bits;
+            plane[lane] = bits;
         }
     }
 }
@@ -140,16 +141,18 @@ impl<const PLANES: usize> Kernel for Costs<'_, PLANES> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Self { left, right, width, asked, disparities, outside, unasked, costs } = self;
-        for (x, costs) in costs.chunks_exact_mut(disparities).enumerate().take(width) {
+        for x in 0..width {
+            let costs = &mut costs[x * disparities..][..disparities];
             let from = width - 1 - x;
-            for (lane, out) in costs.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+            let registers = costs.as_chunks_mut::<LANES>().0;
+            for lane in 0..registers.len() {
                 let mut sum = lanes.all_bytes(0);
                 for plane in 0..PLANES {
                     let left = lanes.all_bytes(left.0[plane][x]);
                     let Some(right) = right.0[plane][from + lane * LANES..].first_chunk::<LANES>() else { return };
                     sum = lanes.add_bytes(sum, lanes.differing_bits(left, lanes.bytes(right)));
                 }
-                lanes.store_bytes(sum, out);
+                lanes.store_bytes(sum, &mut registers[lane]);
             }
             if x + 1 < asked {
                 costs[x + 1..asked].fill(outside);

@@ -1,23 +1,19 @@
-//! Bytes and words, many at a time: by AVX2 where the processor has it, by plain loops elsewhere, to the same result.
+//! Bytes, many at a time: by AVX2 where the processor has it, by plain loops elsewhere, to the same result.
 //!
 //! The compiler does not find these instructions by itself: it left a third of the loops below as branches.
 
 /// Bytes of a register.
 pub(crate) const LANES: usize = 32;
-/// Words of a register.
-pub(crate) const WORDS: usize = LANES / 2;
 
 /// The least whole number of lanes, as values, that holds so many.
 pub(crate) fn lanes_for(count: usize) -> usize {
     count.next_multiple_of(LANES)
 }
 
-/// Registers of bytes and of words of 16 bits, and what is done with them, lane by lane.
+/// Registers of bytes, and what is done with them, lane by lane.
 pub(crate) trait Lanes: Copy {
     /// Bytes.
     type Bytes: Copy;
-    /// Words.
-    type Words: Copy;
 
     /// Loads a register.
     fn bytes(self, from: &[u8; LANES]) -> Self::Bytes;
@@ -29,31 +25,18 @@ pub(crate) trait Lanes: Copy {
     fn min_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes;
     /// The sum, at most 255.
     fn add_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes;
+    /// The mean, rounded up.
+    fn mean_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes;
     /// The difference, at least 0.
     fn sub_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes;
     /// The number of bits in which two differ.
     fn differing_bits(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes;
     /// The lowest of all lanes.
     fn lowest_byte(self, bytes: Self::Bytes) -> u8;
-    /// Bytes as words, in their order.
-    fn widen(self, bytes: Self::Bytes) -> [Self::Words; 2];
-
-    /// Loads a register.
-    fn words(self, from: &[u16; WORDS]) -> Self::Words;
-    /// Stores a register.
-    fn store_words(self, words: Self::Words, to: &mut [u16; WORDS]);
-    /// The same word in all lanes.
-    fn all_words(self, word: u16) -> Self::Words;
-    /// The lower of two.
-    fn min_words(self, a: Self::Words, b: Self::Words) -> Self::Words;
-    /// The sum, modulo 65536.
-    fn add_words(self, a: Self::Words, b: Self::Words) -> Self::Words;
-    /// The difference, modulo 65536.
-    fn sub_words(self, a: Self::Words, b: Self::Words) -> Self::Words;
-    /// `then` where `a` and `b` are the same, otherwise `other`.
-    fn where_same(self, a: Self::Words, b: Self::Words, then: Self::Words, other: Self::Words) -> Self::Words;
-    /// The lowest of all lanes.
-    fn lowest_word(self, words: Self::Words) -> u16;
+    /// `then` where `a` is no more than two above `b`, modulo 256; otherwise `other`.
+    fn where_near(self, a: Self::Bytes, b: Self::Bytes, then: Self::Bytes, other: Self::Bytes) -> Self::Bytes;
+    /// A bit for each lane in which two are the same, the first lane's lowest.
+    fn same(self, a: Self::Bytes, b: Self::Bytes) -> u32;
 }
 
 /// Work that is done with registers. All of it is inlined, so that it is compiled for each kind of processor.
@@ -86,7 +69,6 @@ fn zip<T: Copy, const N: usize>(mut a: [T; N], b: [T; N], of: impl Fn(T, T) -> T
 
 impl Lanes for Plain {
     type Bytes = [u8; LANES];
-    type Words = [u16; WORDS];
 
     #[inline(always)]
     fn bytes(self, from: &[u8; LANES]) -> Self::Bytes {
@@ -109,6 +91,10 @@ impl Lanes for Plain {
         zip(a, b, u8::saturating_add)
     }
     #[inline(always)]
+    fn mean_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes {
+        zip(a, b, |a, b| (u16::from(a) + u16::from(b)).div_ceil(2) as u8)
+    }
+    #[inline(always)]
     fn sub_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes {
         zip(a, b, u8::saturating_sub)
     }
@@ -121,54 +107,21 @@ impl Lanes for Plain {
         bytes.iter().fold(u8::MAX, |a, b| a.min(*b))
     }
     #[inline(always)]
-    fn widen(self, bytes: Self::Bytes) -> [Self::Words; 2] {
-        let mut words = [[0; WORDS]; 2];
-        for k in 0..WORDS {
-            words[0][k] = u16::from(bytes[k]);
-            words[1][k] = u16::from(bytes[WORDS + k]);
-        }
-        words
-    }
-    #[inline(always)]
-    fn words(self, from: &[u16; WORDS]) -> Self::Words {
-        *from
-    }
-    #[inline(always)]
-    fn store_words(self, words: Self::Words, to: &mut [u16; WORDS]) {
-        *to = words;
-    }
-    #[inline(always)]
-    fn all_words(self, word: u16) -> Self::Words {
-        [word; WORDS]
-    }
-    #[inline(always)]
-    fn min_words(self, a: Self::Words, b: Self::Words) -> Self::Words {
-        zip(a, b, u16::min)
-    }
-    #[inline(always)]
-    fn add_words(self, a: Self::Words, b: Self::Words) -> Self::Words {
-        zip(a, b, u16::wrapping_add)
-    }
-    #[inline(always)]
-    fn sub_words(self, a: Self::Words, b: Self::Words) -> Self::Words {
-        zip(a, b, u16::wrapping_sub)
-    }
-    #[inline(always)]
-    fn where_same(self, a: Self::Words, b: Self::Words, then: Self::Words, mut other: Self::Words) -> Self::Words {
-        for k in 0..WORDS {
-            other[k] = if a[k] == b[k] { then[k] } else { other[k] };
+    fn where_near(self, a: Self::Bytes, b: Self::Bytes, then: Self::Bytes, mut other: Self::Bytes) -> Self::Bytes {
+        for k in 0..LANES {
+            other[k] = if a[k].wrapping_sub(b[k]) <= 2 { then[k] } else { other[k] };
         }
         other
     }
     #[inline(always)]
-    fn lowest_word(self, words: Self::Words) -> u16 {
-        words.iter().fold(u16::MAX, |a, b| a.min(*b))
+    fn same(self, a: Self::Bytes, b: Self::Bytes) -> u32 {
+        (0..LANES).fold(0, |bits, k| bits | u32::from(a[k] == b[k]) << k)
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
-    use super::{Kernel, LANES, Lanes, WORDS};
+    use super::{Kernel, LANES, Lanes};
     use pulp::cast;
     use pulp::x86::V3;
     use std::arch::x86_64::__m256i;
@@ -187,7 +140,6 @@ mod avx2 {
 
     impl Lanes for V3 {
         type Bytes = __m256i;
-        type Words = __m256i;
 
         #[inline(always)]
         fn bytes(self, from: &[u8; LANES]) -> __m256i {
@@ -208,6 +160,10 @@ mod avx2 {
         #[inline(always)]
         fn add_bytes(self, a: __m256i, b: __m256i) -> __m256i {
             self.avx2._mm256_adds_epu8(a, b)
+        }
+        #[inline(always)]
+        fn mean_bytes(self, a: __m256i, b: __m256i) -> __m256i {
+            self.avx2._mm256_avg_epu8(a, b)
         }
         #[inline(always)]
         fn sub_bytes(self, a: __m256i, b: __m256i) -> __m256i {
@@ -233,43 +189,14 @@ mod avx2 {
             self.sse2._mm_cvtsi128_si32(self.sse4_1._mm_minpos_epu16(words)) as u8
         }
         #[inline(always)]
-        fn widen(self, bytes: __m256i) -> [__m256i; 2] {
-            let [low, high]: [std::arch::x86_64::__m128i; 2] = cast(bytes);
-            [self.avx2._mm256_cvtepu8_epi16(low), self.avx2._mm256_cvtepu8_epi16(high)]
+        fn where_near(self, a: __m256i, b: __m256i, then: __m256i, other: __m256i) -> __m256i {
+            let apart = self.avx2._mm256_sub_epi8(a, b);
+            let near = self.avx2._mm256_cmpeq_epi8(apart, self.avx2._mm256_min_epu8(apart, self.all_bytes(2)));
+            self.avx2._mm256_blendv_epi8(other, then, near)
         }
         #[inline(always)]
-        fn words(self, from: &[u16; WORDS]) -> __m256i {
-            cast(*from)
-        }
-        #[inline(always)]
-        fn store_words(self, words: __m256i, to: &mut [u16; WORDS]) {
-            *to = cast(words);
-        }
-        #[inline(always)]
-        fn all_words(self, word: u16) -> __m256i {
-            self.avx._mm256_set1_epi16(word.cast_signed())
-        }
-        #[inline(always)]
-        fn min_words(self, a: __m256i, b: __m256i) -> __m256i {
-            self.avx2._mm256_min_epu16(a, b)
-        }
-        #[inline(always)]
-        fn add_words(self, a: __m256i, b: __m256i) -> __m256i {
-            self.avx2._mm256_add_epi16(a, b)
-        }
-        #[inline(always)]
-        fn sub_words(self, a: __m256i, b: __m256i) -> __m256i {
-            self.avx2._mm256_sub_epi16(a, b)
-        }
-        #[inline(always)]
-        fn where_same(self, a: __m256i, b: __m256i, then: __m256i, other: __m256i) -> __m256i {
-            self.avx2._mm256_blendv_epi8(other, then, self.avx2._mm256_cmpeq_epi16(a, b))
-        }
-        #[inline(always)]
-        fn lowest_word(self, words: __m256i) -> u16 {
-            let [low, high]: [std::arch::x86_64::__m128i; 2] = cast(words);
-            let half = self.sse4_1._mm_min_epu16(low, high);
-            self.sse2._mm_cvtsi128_si32(self.sse4_1._mm_minpos_epu16(half)) as u16
+        fn same(self, a: __m256i, b: __m256i) -> u32 {
+            self.avx2._mm256_movemask_epi8(self.avx2._mm256_cmpeq_epi8(a, b)).cast_unsigned()
         }
     }
 }
@@ -282,52 +209,39 @@ mod tests {
     /// All that registers can do, in one result.
     struct All<'a> {
         bytes: [[u8; LANES]; 2],
-        words: [[u16; WORDS]; 2],
-        out: &'a mut Vec<u16>,
+        out: &'a mut Vec<u8>,
     }
 
     impl Kernel for All<'_> {
         #[inline(always)]
         fn run<L: Lanes>(self, lanes: L) {
-            let Self { bytes: [a, b], words: [c, d], out } = self;
-            let (a, b, c, d) = (lanes.bytes(&a), lanes.bytes(&b), lanes.words(&c), lanes.words(&d));
+            let Self { bytes: [a, b], out } = self;
+            let (a, b) = (lanes.bytes(&a), lanes.bytes(&b));
             for bytes in [
                 lanes.min_bytes(a, b),
                 lanes.add_bytes(a, b),
                 lanes.sub_bytes(a, b),
+                lanes.mean_bytes(a, b),
                 lanes.differing_bits(a, b),
                 lanes.all_bytes(200),
+                lanes.where_near(a, b, lanes.all_bytes(7), b),
+                lanes.where_near(a, lanes.min_bytes(a, b), lanes.all_bytes(7), b),
             ] {
                 let mut stored = [0; LANES];
                 lanes.store_bytes(bytes, &mut stored);
-                out.extend(stored.map(u16::from));
-                for words in lanes.widen(bytes) {
-                    let mut stored = [0; WORDS];
-                    lanes.store_words(words, &mut stored);
-                    out.extend(stored);
-                }
-            }
-            for words in [
-                lanes.min_words(c, d),
-                lanes.add_words(c, d),
-                lanes.sub_words(c, d),
-                lanes.where_same(c, d, lanes.all_words(50_000), d),
-                lanes.where_same(c, lanes.min_words(c, d), c, d),
-            ] {
-                let mut stored = [0; WORDS];
-                lanes.store_words(words, &mut stored);
                 out.extend(stored);
             }
-            out.extend([u16::from(lanes.lowest_byte(a)), lanes.lowest_word(c)]);
+            out.push(lanes.lowest_byte(a));
+            out.extend(lanes.same(a, lanes.min_bytes(a, b)).to_le_bytes());
         }
     }
 
     proptest! {
         #[test]
-        fn registers_do_the_same(bytes: [[u8; LANES]; 2], words: [[u16; WORDS]; 2]) {
+        fn registers_do_the_same(bytes: [[u8; LANES]; 2]) {
             let (mut plain, mut best) = (Vec::new(), Vec::new());
-            All { bytes, words, out: &mut plain }.run(Plain);
-            run(All { bytes, words, out: &mut best });
+            All { bytes, out: &mut plain }.run(Plain);
+            run(All { bytes, out: &mut best });
             prop_assert_eq!(plain, best);
         }
     }

@@ -8,7 +8,7 @@ use crate::image::{GreyImage, SIDE_MAX};
 use crate::lanes::{lanes_for, run};
 use crate::paths::{Front, PATHS, PassRow};
 use crate::penalties::Penalties;
-use crate::winners::{Choose, Keep, RowWinners, Winner};
+use crate::winners::{Choose, Keep, Winner};
 
 /// How images are matched.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,10 +46,13 @@ pub struct MatcherOf<const PLANES: usize> {
     right: Planes<PLANES>,
     mirrored: Planes<PLANES>,
     costs: Vec<u8>,
-    sums: Vec<u16>,
+    sums: Vec<u8>,
+    now: Vec<u8>,
+    totals: Vec<u8>,
+    claims: Vec<(u16, u16)>,
     front: Front,
     large: [Vec<u8>; PATHS],
-    winners: RowWinners,
+    winners: Vec<Winner>,
     cleaner: Cleaner,
 }
 
@@ -71,7 +74,8 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
             0 => (4, 3, true),
             1 => (2, 2, false),
             2 => (4, 3, false),
-            3 => (3, 3, true),
+            3 | 6 => (3, 3, true),
+            7 => (2, 2, false),
             4 => (3, 2, false),
             _ => (3, 3, false),
         };
@@ -83,6 +87,12 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
                     compared.push([[x, y], [0, 0]]);
                 }
             }
+        }
+        if settings.window == 6 {
+            for y in -1..=1 { for x in -1..=1 { if (x, y) != (0, 0) { compared.push([[x, y], [0, 0]]); } } }
+        }
+        if settings.window == 7 {
+            for (x, y) in [(-4, -3), (0, -3), (4, -3), (-4, 0), (-3, -2), (3, -2), (-3, 1), (-1, -3)] { compared.push([[x, y], [-x, -y]]); }
         }
         assert!(compared.len().div_ceil(8) == PLANES, "{}", compared.len());
         Ok(Self { settings, compared, ..Self::default() })
@@ -112,13 +122,17 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
         self.images[1].set(right);
         for (i, image) in [left, right].into_iter().enumerate() {
             if self.settings.smooth == 0 { self.smoothed[i].set(image); continue; }
-            let s = smooth(image);
+            let s = smooth(image, self.settings.smooth);
             self.smoothed[i].set(&s);
-            if self.settings.smooth == 2 { self.images[i].set(&s); }
+            if self.settings.smooth >= 2 { self.images[i].set(&s); }
         }
         let penalties = Penalties::of(left, self.settings.large, self.settings.large_least);
         self.sums.resize(extent.width * extent.height * extent.disparities, 0);
         self.costs.resize(extent.width * extent.height * extent.disparities, 0);
+        self.now.resize(extent.disparities, 0);
+        self.totals.resize(extent.disparities, 0);
+        self.winners.clear();
+        self.winners.resize(extent.width, Winner::default());
         for large in &mut self.large {
             large.resize(lanes_for(extent.width), 0);
         }
@@ -146,7 +160,7 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
             penalties.set_row(&self.images[0], y, false, &mut self.large);
             let sink = Keep { sums: &mut self.sums[y * row_len..][..row_len], disparities };
             let small = self.settings.small;
-            run(PassRow { front: &mut self.front, costs, disparities, small, large: &self.large, turned: false, sink });
+            run(PassRow { front: &mut self.front, costs, disparities, small, large: &self.large, turned: false, sums: &mut self.now, sink });
             self.front.next_row();
         }
     }
@@ -157,33 +171,31 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
         self.front.reset(width, disparities);
         for y in (0..height).rev() {
             penalties.set_row(&self.images[0], y, true, &mut self.large);
-            self.winners.reset(width, disparities);
             let costs = &self.costs[y * row_len..][..row_len];
-            let sink = Choose { first: &self.sums[y * row_len..][..row_len], disparities, found: &mut self.winners };
+            let sink = Choose { first: &self.sums[y * row_len..][..row_len], disparities, totals: &mut self.totals, found: &mut self.winners };
             let small = self.settings.small;
-            run(PassRow { front: &mut self.front, costs, disparities, small, large: &self.large, turned: true, sink });
+            run(PassRow { front: &mut self.front, costs, disparities, small, large: &self.large, turned: true, sums: &mut self.now, sink });
             self.front.next_row();
-            let mut claim = vec![(u16::MAX, 0u16); width];
+            let claim = &mut self.claims; claim.clear(); claim.resize(width, (u16::MAX, 0u16));
             for x in 0..width {
-                let w = self.winners.left[x];
+                let w = self.winners[x];
                 let d = w.disparity as usize;
                 if d <= x && w.least < claim[x - d].0 { claim[x - d] = (w.least, w.disparity); }
             }
             for x in 0..width {
-                let w = self.winners.left[x];
+                let w = self.winners[x];
                 let d = w.disparity as usize;
                 if d > x || d + 1 >= asked {
                     continue;
                 }
                 let ok = |xr: usize| {
-                    let r = match self.settings.lrmode { 0 => self.winners.of_right(xr), _ => claim[xr].1 };
-                    r.abs_diff(w.disparity) <= self.settings.lr || (self.settings.lrmode > 0 && claim[xr].0 == u16::MAX)
+                    claim[xr].1.abs_diff(w.disparity) <= self.settings.lr
                 };
                 if !ok(x - d) { continue; }
-                if f32::from(w.second) * self.settings.unique < f32::from(w.least) {
+                if 2.0 * f32::from(w.second) * self.settings.unique < f32::from(w.least) {
                     continue;
                 }
-                let (a, b) = (f32::from(w.beside[0] - w.least), f32::from(w.beside[1] - w.least));
+                let (a, b) = (f32::from(w.beside[0].saturating_sub(w.least)), f32::from(w.beside[1].saturating_sub(w.least)));
                 let delta = if d == 0 { 0.0 } else if self.settings.fit == 0 { 0.5 * (a - b) / a.max(b).max(1.0) } else { 0.5 * (a - b) / (a + b).max(1.0) };
                 out.disparity[y * width + x] = d as f32 + delta;
                 out.sigma[y * width + x] = (0.01 + 8.0 / (a + b).max(1.0)).sqrt();
@@ -192,14 +204,15 @@ impl<const PLANES: usize> MatcherOf<PLANES> {
     }
 }
 
-fn smooth(image: &GreyImage) -> GreyImage {
+fn smooth(image: &GreyImage, mode: u8) -> GreyImage {
     let (w, h) = (image.width() as usize, image.height() as usize);
     let mut out = vec![0u16; w * h];
     for y in 0..h { for x in 0..w {
         let mut sum = 0u32;
         for dy in [-1isize, 0, 1] { for dx in [-1isize, 0, 1] {
             let yy = y.saturating_add_signed(dy).min(h - 1); let xx = x.saturating_add_signed(dx).min(w - 1);
-            let k = (2 - dy.abs() as u32) * (2 - dx.abs() as u32);
+            let (kx, ky) = match mode { 3 => ([0, 4, 0], [1, 2, 1]), 4 => ([1, 2, 1], [0, 4, 0]), 5 => ([0, 4, 0], [0, 4, 0]), _ => ([1, 2, 1], [1, 2, 1]) };
+            let k = ky[(dy + 1) as usize] * kx[(dx + 1) as usize];
             sum += k * u32::from(image.pixels()[yy * w + xx]);
         } }
         out[y * w + x] = (sum / 16) as u16;

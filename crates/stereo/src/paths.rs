@@ -61,10 +61,8 @@ impl Front {
 
 /// What is done with the sums of a pixel's costs.
 pub(crate) trait Sink {
-    /// The sums of the pass of one pixel, `LANES` disparities of it. All lanes of a pixel come in order.
-    fn lane<L: Lanes>(&mut self, lanes: L, x: usize, lane: usize, sums: [L::Words; 2]);
-    /// All lanes of the pixel came.
-    fn pixel<L: Lanes>(&mut self, lanes: L, x: usize);
+    /// Half of the sum of a pixel's costs over the paths of the pass, disparity by disparity, at most 255.
+    fn take<L: Lanes>(&mut self, lanes: L, x: usize, sums: &[[u8; LANES]]);
 }
 
 /// One row of a pass.
@@ -81,6 +79,8 @@ pub(crate) struct PassRow<'a, S> {
     pub(crate) large: &'a [Vec<u8>; PATHS],
     /// Whether this is the pass that runs up.
     pub(crate) turned: bool,
+    /// Room for the sums of a pixel.
+    pub(crate) sums: &'a mut [u8],
     /// Where the sums go.
     pub(crate) sink: S,
 }
@@ -88,7 +88,8 @@ pub(crate) struct PassRow<'a, S> {
 impl<S: Sink> Kernel for PassRow<'_, S> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { front, costs, disparities, small, large, turned, mut sink } = self;
+        let Self { front, costs, disparities, small, large, turned, sums, mut sink } = self;
+        let sums = sums[..disparities].as_chunks_mut::<LANES>().0;
         let block = disparities + GAP;
         let width = costs.len() / disparities;
         for i in 0..width {
@@ -123,9 +124,10 @@ impl<S: Sink> Kernel for PassRow<'_, S> {
                 steps[path] = (lanes.all_bytes(jump), lanes.all_bytes(least[path]));
             }
             let small = lanes.all_bytes(small);
-            for (lane, cost) in costs.as_chunks::<LANES>().0.iter().enumerate() {
-                let cost = lanes.bytes(cost);
-                let mut sums = [lanes.all_words(0); 2];
+            let costs = &costs.as_chunks::<LANES>().0[..sums.len()];
+            for lane in 0..sums.len() {
+                let cost = lanes.bytes(&costs[lane]);
+                let mut all = [cost; PATHS];
                 let at = lane * LANES;
                 for path in 0..PATHS {
                     let from = &from[path][at..at + LANES + 2];
@@ -143,16 +145,16 @@ impl<S: Sink> Kernel for PassRow<'_, S> {
                     let now = lanes.add_bytes(cost, lanes.sub_bytes(best, least));
                     lanes.store_bytes(now, to);
                     lows[path] = lanes.min_bytes(lows[path], now);
-                    let [first, second] = lanes.widen(now);
-                    sums = [lanes.add_words(sums[0], first), lanes.add_words(sums[1], second)];
+                    all[path] = now;
                 }
-                sink.lane(lanes, x, lane, sums);
+                let sum = lanes.add_bytes(lanes.mean_bytes(all[0], all[1]), lanes.mean_bytes(all[2], all[3]));
+                lanes.store_bytes(sum, &mut sums[lane]);
             }
             front.level.least[i + 1] = lanes.lowest_byte(lows[0]);
             for path in 1..PATHS {
                 front.now[path - 1].least[i + 1] = lanes.lowest_byte(lows[path]);
             }
-            sink.pixel(lanes, x);
+            sink.take(lanes, x, sums);
         }
     }
 }

@@ -62,9 +62,11 @@ impl Kernel for PenaltyRow<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let Penalties { most, least, slope } = self.penalties;
-        for ((large, here), there) in self.large.iter_mut().zip(self.here).zip(self.there) {
-            let fall = (u32::from(here.abs_diff(*there)) * slope) >> FRACTION;
-            *large = most.saturating_sub(fall).max(least) as u8;
+        let (count, large) = (self.large.len(), self.large);
+        let (here, there) = (&self.here[..count], &self.there[..count]);
+        for x in 0..count {
+            let fall = (u32::from(here[x].abs_diff(there[x])) * slope) >> FRACTION;
+            large[x] = most.saturating_sub(fall).max(least) as u8;
         }
     }
 }
