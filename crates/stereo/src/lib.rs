@@ -21,6 +21,6 @@ pub use disparity::DisparityMap;
 pub use error::StereoError;
 pub use files::{EurocCamera, KittiCameras, KittiProjections, MiddleburyPair};
 pub use image::{GreyImage, SIDE_MAX};
-pub use matcher::{Matcher, MatcherOf, MatcherSettings};
+pub use matcher::{Matcher, MatcherSettings};
 pub use pairing::Pairing;
 pub use rectify::{Rectifier, Side};

@@ -24,11 +24,11 @@ impl Sink for Keep<'_> {
 pub(crate) struct Winner {
     /// The disparity, pixels.
     pub(crate) disparity: u16,
-    /// What it costs, over all paths.
+    /// What it costs, half the sum over all paths.
     pub(crate) least: u16,
-    /// What the disparities below and above it cost; 0 where there is none.
+    /// What the disparities below and above it cost; the most that there is where there is none.
     pub(crate) beside: [u16; 2],
-    /// The least that any other disparity costs, at most 255.
+    /// The least that one costs that is not beside it, a quarter of the sum over all paths.
     pub(crate) second: u8,
 }
 
@@ -58,10 +58,10 @@ impl Sink for Choose<'_> {
         }
         let (best, next) = best_and_next(lanes, totals, lanes.lowest_byte(low));
         let (first, second) = (first.as_flattened(), second.as_flattened());
-        let cost = |d: usize| if d < first.len() { u16::from(first[d]) + u16::from(second[d]) } else { 0 };
-        let below = best.wrapping_sub(1);
-        let best = if below < first.len() && cost(below) < cost(best) { below } else { best };
-        let best = if best + 1 < first.len() && cost(best + 1) < cost(best) { best + 1 } else { best };
+        let cost = |d: usize| if d < first.len() { u16::from(first[d]) + u16::from(second[d]) } else { u16::MAX };
+        // means are rounded: one beside it may cost a little less
+        let best = if cost(best.wrapping_sub(1)) < cost(best) { best - 1 } else { best };
+        let best = if cost(best + 1) < cost(best) { best + 1 } else { best };
         self.found[x] = Winner {
             disparity: best as u16,
             least: cost(best),
