@@ -6,6 +6,9 @@ use crate::lanes::{Kernel, Lanes};
 /// Neighbours that lie on one surface differ by no more, pixels (Hirschmueller 2008, section 2.5.1).
 const SMOOTH_PX: f32 = 1.0;
 
+/// So many neighbours are known on more than one side.
+const MOST_OF_8: u8 = 5;
+
 /// Memory that is used again.
 #[derive(Debug, Default)]
 pub(crate) struct Cleaner {
@@ -27,6 +30,27 @@ impl Cleaner {
             let rows = [y - 1, y, y + 1].map(|y| &self.before[y * width..][..width]);
             let row = y * width + 1..(y + 1) * width - 1;
             crate::lanes::run(Medians { rows, disparity: &mut map.disparity[row.clone()], sigma: &mut map.sigma[row] });
+        }
+    }
+
+    /// Fills holes within a surface: an unknown pixel most of whose eight neighbours are known, and lie on one surface, gets their mean. It
+    /// may be off by as much as they differ, besides. Beside an edge of depth nothing is filled in, for there is no telling on which side
+    /// of it a pixel lies (Hirschmueller 2008, section 2.5.3).
+    pub(crate) fn holes(&mut self, map: &mut DisparityMap) {
+        let (width, height) = (map.width() as usize, map.height() as usize);
+        self.before.clone_from(&map.disparity);
+        for y in 1..height.saturating_sub(1) {
+            for x in 1..width.saturating_sub(1) {
+                let at = y * width + x;
+                if self.before[at].is_nan()
+                    && let Some((mean, spread)) = mean_around(&self.before, width, at)
+                {
+                    let around = [at - width, at - 1, at + 1, at + width].map(|at| map.sigma[at]);
+                    let sigma = around.into_iter().fold(0.0, f32::max);
+                    map.disparity[at] = mean;
+                    map.sigma[at] = (sigma * sigma + spread * spread).sqrt();
+                }
+            }
         }
     }
 
@@ -81,6 +105,19 @@ impl Cleaner {
             }
         }
     }
+}
+
+/// The mean of the eight pixels around one, and by how much they differ, if most of them are known and lie on one surface.
+fn mean_around(disparity: &[f32], width: usize, at: usize) -> Option<(f32, f32)> {
+    let (mut low, mut high, mut sum, mut known) = (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0_u8);
+    for from in [at - width - 1, at - 1, at + width - 1] {
+        for value in &disparity[from..from + 3] {
+            if !value.is_nan() {
+                (low, high, sum, known) = (low.min(*value), high.max(*value), sum + value, known + 1);
+            }
+        }
+    }
+    (known >= MOST_OF_8 && high - low <= SMOOTH_PX).then(|| (sum / f32::from(known), high - low))
 }
 
 struct Medians<'a> {
@@ -174,6 +211,21 @@ mod tests {
         Cleaner::default().median(&mut map);
         assert_eq!(map.at(1, 1), Some((6.0, (0.01_f32 + 9.0).sqrt())));
         assert_eq!(map.at(2, 2), None);
+    }
+
+    #[test]
+    fn holes_are_filled_within_a_surface_only() {
+        let nan = f32::NAN;
+        let mut inside = map(3, &[5.0, 5.0, nan, 5.5, nan, 6.0, nan, 6.0, 6.0]);
+        Cleaner::default().holes(&mut inside);
+        let (mean, sigma) = inside.at(1, 1).unwrap();
+        assert!((mean - 33.5 / 6.0).abs() < 1e-6 && (sigma - 1.01_f32.sqrt()).abs() < 1e-6, "{mean} {sigma}");
+        assert_eq!(inside.at(2, 0), None);
+        for at_edge in [[5.0, 5.0, nan, 5.0, nan, nan, 5.0, nan, nan], [5.0, 5.0, 5.0, 5.0, nan, 5.0, 7.0, 7.0, 7.0]] {
+            let mut at_edge = map(3, &at_edge);
+            Cleaner::default().holes(&mut at_edge);
+            assert_eq!(at_edge.at(1, 1), None);
+        }
     }
 
     #[test]

@@ -128,6 +128,7 @@ impl Matcher {
         self.up(extent, penalties, out);
         self.cleaner.median(out);
         self.cleaner.speckles(out, self.settings.patch_px as usize);
+        self.cleaner.holes(out);
         Ok(())
     }
 
