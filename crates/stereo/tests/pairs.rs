@@ -91,8 +91,8 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 
 #[test]
 fn sigma_is_honest_of_planes_of_any_slant_and_noise() {
-    let slants: [(&str, &dyn Fn(f64, f64) -> f64); 4] = [
-        ("level", &|_, _| 12.3),
+    let slants: [(&str, &dyn Fn(f64, f64) -> f64); 8] = [
+        ("level.1", &|_, _| 12.1), ("level.2", &|_, _| 12.2), ("level.3", &|_, _| 12.3), ("level.4", &|_, _| 12.4), ("level.5", &|_, _| 12.5),
         ("ground", &|_, y| 5.0 + 0.12 * y),
         ("wall", &|x, _| 8.0 + 0.08 * x),
         ("both", &|x, y| 6.0 + 0.03 * x + 0.05 * y),
