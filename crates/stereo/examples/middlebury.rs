@@ -25,9 +25,30 @@ struct Pair {
 }
 
 const PAIRS: [Pair; 3] = [
-    Pair { name: "teddy", images: ["im2.png", "im6.png"], truth: "disp2.png", scale: 4.0, disparities: 64, density: 0.86 },
-    Pair { name: "venus", images: ["im2.png", "im6.png"], truth: "disp2.pgm", scale: 8.0, disparities: 32, density: 0.94 },
-    Pair { name: "tsukuba", images: ["im3.png", "im4.png"], truth: "disp3.pgm", scale: 16.0, disparities: 16, density: 0.98 },
+    Pair {
+        name: "teddy",
+        images: ["im2.png", "im6.png"],
+        truth: "disp2.png",
+        scale: 4.0,
+        disparities: 64,
+        density: 0.86,
+    },
+    Pair {
+        name: "venus",
+        images: ["im2.png", "im6.png"],
+        truth: "disp2.pgm",
+        scale: 8.0,
+        disparities: 32,
+        density: 0.94,
+    },
+    Pair {
+        name: "tsukuba",
+        images: ["im3.png", "im4.png"],
+        truth: "disp3.pgm",
+        scale: 16.0,
+        disparities: 16,
+        density: 0.98,
+    },
 ];
 const RUNS: usize = 21;
 
@@ -54,13 +75,16 @@ fn main() {
             image.set_rgb8(size[0], size[1], &pixels).unwrap();
             if half { halved(&image) } else { image }
         });
-        let mut truth: Vec<f32> = read_truth(&folder.join(pair.truth)).iter().map(|v| f32::from(*v) / pair.scale).collect();
+        let mut truth: Vec<f32> =
+            read_truth(&folder.join(pair.truth)).iter().map(|v| f32::from(*v) / pair.scale).collect();
         let mut disparities = pair.disparities;
         if half {
             truth = half_truth(&truth, width, left.size());
             disparities /= 2;
         }
-        let mut matcher = Matcher::new(MatcherSettings { disparities: Some(disparities), uniqueness, ..MatcherSettings::default() }).unwrap();
+        let mut matcher =
+            Matcher::new(MatcherSettings { disparities: Some(disparities), uniqueness, ..MatcherSettings::default() })
+                .unwrap();
         let mut map = DisparityMap::default();
         let mut times: Vec<f64> = (0..RUNS)
             .map(|_| {

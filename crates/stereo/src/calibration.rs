@@ -54,10 +54,7 @@ impl Lens {
 
     /// The direction `(a, b, 1)` that is seen at a column and row: the fixed point of the distortion's equation.
     pub(crate) fn direction(&self, [column, row]: [f64; 2]) -> Option<[f64; 2]> {
-        let seen = [
-            (column - self.centre_px[0]) / self.focal_px[0],
-            (row - self.centre_px[1]) / self.focal_px[1],
-        ];
+        let seen = [(column - self.centre_px[0]) / self.focal_px[0], (row - self.centre_px[1]) / self.focal_px[1]];
         let plain = Self { focal_px: [1.0; 2], centre_px: [0.0; 2], ..*self };
         let mut direction = seen;
         // Newton's steps with the distortion's slope left out halve the error at least, where it is no more than a half
@@ -84,10 +81,7 @@ impl Lens {
                 return fail(of, "a finite number of pixels above zero", focal);
             }
         }
-        for (of, centre, side) in [
-            ("cx", self.centre_px[0], self.width),
-            ("cy", self.centre_px[1], self.height),
-        ] {
+        for (of, centre, side) in [("cx", self.centre_px[0], self.width), ("cy", self.centre_px[1], self.height)] {
             if !(centre > 0.0 && centre < f64::from(side)) {
                 return fail(of, "a place within the image", centre);
             }
@@ -137,7 +131,7 @@ impl Calibration {
         let at = self.right_camera_m();
         let metres = format!("({:.4}, {:.4}, {:.4}) m", at.x, at.y, at.z);
         let apart = at.norm();
-        if !self.right_from_left.is_finite() || !(apart > 0.0 && apart < BASELINE_MOST_M) {
+        if !(self.right_from_left.is_finite() && apart > 0.0 && apart < BASELINE_MOST_M) {
             return fail("a finite place above 0 and below 100 m away", metres);
         }
         if at.x <= 0.0 && -at.x >= at.y.abs() {

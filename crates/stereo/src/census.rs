@@ -204,7 +204,8 @@ mod tests {
         crate::lanes::run(kernel);
         let bits = |image: &Padded, x: isize| {
             NEIGHBOURS.map(|[dx, dy]| {
-                let at = |x: isize, y: isize| image.pixels[(1 + y) as usize * image.stride + (x + 3) as usize];
+                let at =
+                    |x: isize, y: isize| image.pixels[(1 + y).clamp(0, 2) as usize * image.stride + (x + 3) as usize];
                 at(x + dx, dy) < at(x, 0)
             })
         };

@@ -129,7 +129,8 @@ impl Small {
         let (width, height) = (self.width / 2, (self.height / 2).max(1));
         let at = |x: usize, y: usize| self.values[y.min(self.height - 1) * self.width + x];
         let mean = |x: usize, y: usize| 0.25 * (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1));
-        let values = (0..height).flat_map(|y| (0..width).map(move |x| (2 * x, 2 * y))).map(|(x, y)| mean(x, y)).collect();
+        let values =
+            (0..height).flat_map(|y| (0..width).map(move |x| (2 * x, 2 * y))).map(|(x, y)| mean(x, y)).collect();
         Self { width, height, values }
     }
 

@@ -219,3 +219,141 @@ fn tap(lens: &Lens, [column, row]: [f64; 2]) -> Tap {
     let ((x, across), (y, down)) = (within(column, lens.width), within(row, lens.height));
     Tap { at: y * lens.width + x, across, down }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Pairing;
+    use crate::{DisparityMap, Matcher, MatcherSettings};
+    use mapwright_geom::Pose3;
+    use nalgebra::UnitQuaternion;
+
+    const SIZE: [u32; 2] = [320, 240];
+
+    fn lens(focal: f64, distortion: [f64; 5]) -> Lens {
+        let [width, height] = SIZE;
+        Lens { width, height, focal_px: [focal, focal + 2.0], centre_px: [155.0, 124.0], distortion }
+    }
+
+    /// The right camera is rolled, pitched and turned, and a little above and ahead of where it should be.
+    fn tilted() -> Calibration {
+        let rotation = UnitQuaternion::from_euler_angles(0.02, -0.03, 0.05);
+        let left_from_right = Pose3 { translation: Vector3::new(0.2, -0.01, 0.005), rotation };
+        Calibration {
+            left: lens(250.0, [-0.2, 0.05, 0.001, -0.0005, 0.0]),
+            right: lens(255.0, [-0.22, 0.06, -0.001, 0.0005, 0.0]),
+            right_from_left: left_from_right.inverse(),
+        }
+    }
+
+    fn value(x: i64, y: i64) -> f64 {
+        let mut h = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
+        h = (h ^ h >> 29).wrapping_mul(0x7fb5_d329_728e_a185);
+        (h >> 40) as f64 / 16_777_216.0
+    }
+
+    /// Values on a lattice of 3 cm, with straight lines between.
+    fn texture(x_m: f64, y_m: f64) -> f64 {
+        let (u, v) = (x_m / 0.03, y_m / 0.03);
+        let (i, j) = (u.floor(), v.floor());
+        let (a, b) = (u - i, v - j);
+        let at = |di, dj| value(i as i64 + di, j as i64 + dj);
+        (at(0, 0) * (1.0 - a) + at(1, 0) * a) * (1.0 - b) + (at(0, 1) * (1.0 - a) + at(1, 1) * a) * b
+    }
+
+    /// What a camera sees of a wall 3 m ahead of the left one.
+    fn seen(lens: &Lens, camera_from_left: Pose3) -> GreyImage {
+        let left_from_camera = camera_from_left.inverse();
+        let pixels = (0..SIZE[0] * SIZE[1]).map(|at| {
+            let [a, b] = lens.direction([f64::from(at % SIZE[0]), f64::from(at / SIZE[0])]).unwrap();
+            let (from, to) = (left_from_camera.translation, left_from_camera.transform(Vector3::new(a, b, 1.0)));
+            let at = from + (to - from) * ((3.0 - from.z) / (to.z - from.z));
+            (10_000.0 + 40_000.0 * texture(at.x, at.y)) as u16
+        });
+        GreyImage::new(SIZE[0], SIZE[1], pixels.collect()).unwrap()
+    }
+
+    #[test]
+    fn rows_of_a_tilted_pair_are_aligned() {
+        let calibration = tilted();
+        let images =
+            [seen(&calibration.left, Pose3::identity()), seen(&calibration.right, calibration.right_from_left)];
+        assert!(Pairing::of(&images[0], &images[1], 0.0).unwrap().is_misaligned());
+        let rectifier = Rectifier::new(&calibration).unwrap();
+        let mut rectified = [GreyImage::default(), GreyImage::default()];
+        rectifier.rectify(&images[0], Side::Left, &mut rectified[0]).unwrap();
+        rectifier.rectify(&images[1], Side::Right, &mut rectified[1]).unwrap();
+        let [left, right] = &rectified;
+        let pairing = Pairing::of(left, right, 0.0).unwrap();
+        assert!(pairing.matched > 100 && pairing.words().is_empty(), "{pairing:?} {:?}", pairing.words());
+        assert!(pairing.lower_px.abs() < 0.05 && pairing.lower_spread_px < 0.1, "{pairing:?}");
+
+        let settings = MatcherSettings { disparities: Some(40), ..MatcherSettings::default() };
+        let mut map = DisparityMap::default();
+        Matcher::new(settings).unwrap().match_pair(left, right, &mut map).unwrap();
+        let left_from_rectified = rectifier.rectified_from_left().inverse();
+        let mut count = 0.0;
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for point in map.points(&rectifier.camera()) {
+            let z = (left_from_rectified * Vector3::from(point.point_m.map(f64::from))).z;
+            let normalised = (z - 3.0) / f64::from(point.sigma_m);
+            (count, sum, squares) = (count + 1.0, sum + (z - 3.0), squares + normalised.powi(2));
+        }
+        assert!(count > 0.8 * f64::from(SIZE[0] * SIZE[1]), "{count}");
+        assert!((sum / count).abs() < 0.01 && f64::sqrt(squares / count) < 1.0, "{} {}", sum / count, squares / count);
+    }
+
+    #[test]
+    fn a_rectified_pair_stays_as_it_is() {
+        let straight = lens(250.0, [0.0; 5]);
+        let straight = Lens { focal_px: [250.0; 2], centre_px: [159.5, 119.5], ..straight };
+        let mut right_from_left = Pose3::identity();
+        right_from_left.translation.x = -0.2;
+        let rectifier = Rectifier::new(&Calibration { left: straight, right: straight, right_from_left }).unwrap();
+        let camera = rectifier.camera();
+        assert!((camera.fx - 250.0).abs() < 1e-9 && (camera.cx - 159.5).abs() < 1e-9, "{camera:?}");
+        assert!(
+            (camera.baseline_m - 0.2).abs() < 1e-12 && camera.depth_m(10.0).is_some_and(|z| (z - 5.0).abs() < 1e-9)
+        );
+        let image = seen(&straight, Pose3::identity());
+        let mut rectified = GreyImage::default();
+        rectifier.rectify(&image, Side::Left, &mut rectified).unwrap();
+        assert_eq!(image, rectified);
+    }
+
+    #[test]
+    fn numbers_that_are_none_of_a_pair() {
+        let told = |change: &dyn Fn(&mut Calibration)| {
+            let mut calibration = tilted();
+            change(&mut calibration);
+            Rectifier::new(&calibration).unwrap_err().to_string()
+        };
+        let swap = |c: &mut Calibration| {
+            c.right_from_left = c.right_from_left.inverse();
+        };
+        assert!(told(&swap).contains("are left and right swapped?"));
+        assert_eq!(
+            told(&|c| c.left.focal_px[1] = 0.0),
+            "focal length fy of the left camera: expected a finite number of pixels above zero, found 0"
+        );
+        assert!(told(&|c| c.right.distortion[2] = f64::NAN).starts_with("p1 of the right camera"));
+        assert!(told(&|c| c.right.centre_px[0] = 1000.0).contains("a place within the image"));
+        assert!(told(&|c| c.left.distortion[0] = -3.0).contains("holds up to the image's edges"));
+        assert!(told(&|c| c.right.width = 321).contains("expected 320 x 240 pixels, found 321 x 240"));
+        assert!(told(&|c| c.left.width = 1).contains("width of the left camera"));
+        assert!(told(&|c| c.right_from_left.translation.x = f64::NAN).contains("a finite place"));
+        assert!(told(&|c| c.right_from_left.translation *= 0.0).contains("a finite place"));
+        assert!(told(&|c| c.right_from_left.translation *= 5000.0).contains("below 100 m"));
+        assert!(told(&|c| c.right_from_left.translation = Vector3::new(0.0, -1.0, 0.0)).contains("above, below"));
+        let back = |c: &mut Calibration| {
+            let turn = UnitQuaternion::from_euler_angles(0.0, 3.0, 0.0);
+            c.right_from_left.translation = turn * Vector3::new(-0.2, 0.0, 0.0);
+            c.right_from_left.rotation = turn;
+        };
+        assert!(told(&back).contains("look the same way"), "{}", told(&back));
+        let rectifier = Rectifier::new(&tilted()).unwrap();
+        let image = GreyImage::new(20, 10, vec![0; 200]).unwrap();
+        let error = rectifier.rectify(&image, Side::Right, &mut GreyImage::default()).unwrap_err().to_string();
+        assert_eq!(error, "right image: expected 320 x 240 pixels, found 20 x 10");
+    }
+}

@@ -44,10 +44,9 @@ impl EurocCamera {
             let text = error.to_string();
             wrong(FILE, 0, "a camera in YAML", text.lines().next().unwrap_or("none"))
         })?;
-        for (model, expected) in
-            [(&sensor.camera_model, "pinhole"), (&sensor.distortion_model, "radial-tangential")]
-        {
-            let other = model.as_deref().filter(|model| *model != expected && !(expected != "pinhole" && *model == "radtan"));
+        for (model, expected) in [(&sensor.camera_model, "pinhole"), (&sensor.distortion_model, "radial-tangential")] {
+            let other =
+                model.as_deref().filter(|model| *model != expected && !(expected != "pinhole" && *model == "radtan"));
             if let Some(found) = other {
                 return Err(wrong(FILE, 0, format!("a {expected} model"), found));
             }

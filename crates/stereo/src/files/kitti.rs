@@ -218,7 +218,8 @@ mod tests {
         assert!((rectifier.camera().baseline_m - camera.baseline_m).abs() < 1e-3);
         assert!((rectifier.camera().fx - 900.0).abs() < 200.0, "{:?}", rectifier.camera());
         assert!(cameras.raw(0, 2).unwrap_err().to_string().contains("`S_02:`"));
-        let error = KittiCameras::parse(&CAM_TO_CAM.replace("R_01: 9.99", "R_01: 5.99")).unwrap().raw(0, 1).unwrap_err();
+        let error =
+            KittiCameras::parse(&CAM_TO_CAM.replace("R_01: 9.99", "R_01: 5.99")).unwrap().raw(0, 1).unwrap_err();
         assert!(error.to_string().contains("a rotation in `R_01:`"), "{error}");
     }
 }
