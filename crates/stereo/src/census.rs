@@ -158,6 +158,11 @@ impl Kernel for Costs<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Self { left, right, width, asked, disparities, costs } = self;
+        let (mut of_left, mut of_right) = ([&[0_u8][..]; PLANES], [&[0_u8][..]; PLANES]);
+        for plane in 0..PLANES {
+            of_left[plane] = &left.0[plane][..width];
+            of_right[plane] = &right.0[plane][..width + disparities];
+        }
         for x in 0..width {
             let costs = &mut costs[x * disparities..][..disparities];
             let from = width - 1 - x;
@@ -165,8 +170,8 @@ impl Kernel for Costs<'_> {
             for lane in 0..registers.len() {
                 let mut sum = lanes.all_bytes(0);
                 for plane in 0..PLANES {
-                    let left = lanes.all_bytes(left.0[plane][x]);
-                    let Some(right) = right.0[plane][from + lane * LANES..].first_chunk::<LANES>() else { return };
+                    let left = lanes.all_bytes(of_left[plane][x]);
+                    let Some(right) = of_right[plane][from + lane * LANES..].first_chunk::<LANES>() else { return };
                     sum = lanes.add_bytes(sum, lanes.differing_bits(left, lanes.bytes(right)));
                 }
                 lanes.store_bytes(sum, &mut registers[lane]);

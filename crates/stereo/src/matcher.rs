@@ -5,7 +5,7 @@ use crate::clean::Cleaner;
 use crate::disparity::DisparityMap;
 use crate::error::StereoError;
 use crate::image::GreyImage;
-use crate::lanes::{lanes_for, run};
+use crate::lanes::{Kernel, LANES, Lanes, lanes_for, run};
 use crate::paths::{Front, PATHS, PassRow};
 use crate::penalties::{Penalties, SMALL};
 use crate::winners::{Choose, Keep, Winner};
@@ -51,6 +51,7 @@ pub struct Matcher {
     mirrored: Planes,
     costs: Vec<u8>,
     sums: Vec<u8>,
+    of_rows: Vec<u8>,
     front: Front,
     large: [Vec<u8>; PATHS],
     of_pixel: [Vec<u8>; 2],
@@ -97,6 +98,7 @@ impl Matcher {
             mirrored: Planes::default(),
             costs: Vec::new(),
             sums: Vec::new(),
+            of_rows: Vec::new(),
             front: Front::default(),
             large: Default::default(),
             of_pixel: Default::default(),
@@ -211,7 +213,8 @@ impl Matcher {
             self.front.next_row();
             self.claim();
             let row = y * width..(y + 1) * width;
-            self.settle(extent, y, &mut out.disparity[row.clone()], &mut out.sigma[row]);
+            self.add_rows(extent, y);
+            self.settle(extent, &mut out.disparity[row.clone()], &mut out.sigma[row]);
         }
     }
 
@@ -228,7 +231,7 @@ impl Matcher {
     }
 
     /// What is known of each pixel of a row.
-    fn settle(&self, extent: Extent, y: usize, disparities: &mut [f32], sigmas: &mut [f32]) {
+    fn settle(&self, extent: Extent, disparities: &mut [f32], sigmas: &mut [f32]) {
         let MatcherSettings { uniqueness, left_right_px, .. } = self.settings;
         for (x, winner) in self.winners.iter().enumerate() {
             let Some(in_right) = x.checked_sub(usize::from(winner.disparity)) else { continue };
@@ -236,30 +239,55 @@ impl Matcher {
             // the best of those looked at may be a slope towards what was not
             let is_within = usize::from(winner.disparity) + 1 < extent.asked;
             if is_same && is_within && winner.is_unique(uniqueness) {
-                (disparities[x], sigmas[x]) = winner.refined(self.around(extent, x, y, usize::from(winner.disparity)));
+                (disparities[x], sigmas[x]) = winner.refined(self.around(extent, x, usize::from(winner.disparity)));
             }
         }
     }
 
+    /// Sums the costs of three rows.
+    fn add_rows(&mut self, extent: Extent, y: usize) {
+        let row_len = extent.width * extent.disparities;
+        let row = |y: usize| &self.costs[y * row_len..][..row_len];
+        let rows = [row(y.saturating_sub(1)), row(y), row((y + 1).min(extent.height - 1))];
+        self.of_rows.resize(row_len, 0);
+        run(AddRows { rows, sums: &mut self.of_rows });
+    }
+
     /// Costs of the disparities below, at and above one, summed over the pixels around one.
-    fn around(&self, extent: Extent, x: usize, y: usize, disparity: usize) -> [u16; 3] {
-        let Extent { width, height, disparities, .. } = extent;
-        let [across, down] = AROUND;
+    fn around(&self, extent: Extent, x: usize, disparity: usize) -> [u16; 3] {
+        let Extent { width, disparities, .. } = extent;
         // four costs that hold the three, which begin at a whole byte of them
         let from = disparity.saturating_sub(1).min(disparities - 4);
         let skipped = 8 * (disparity.saturating_sub(1) - from);
         let (mut even, mut odd) = (0_u32, 0_u32);
-        for y in y.saturating_sub(down)..(y + down + 1).min(height) {
-            let row = &self.costs[y * width * disparities..][..width * disparities];
-            for x in x.saturating_sub(across)..(x + across + 1).min(width) {
-                if let Some(costs) = row[x * disparities + from..].first_chunk::<4>() {
-                    let costs = u32::from_le_bytes(*costs) >> skipped;
-                    even += costs & 0x00ff_00ff;
-                    odd += (costs >> 8) & 0x00ff_00ff;
-                }
+        for x in x.saturating_sub(ACROSS)..(x + ACROSS + 1).min(width) {
+            if let Some(costs) = self.of_rows[x * disparities + from..].first_chunk::<4>() {
+                let costs = u32::from_le_bytes(*costs) >> skipped;
+                even += costs & 0x00ff_00ff;
+                odd += (costs >> 8) & 0x00ff_00ff;
             }
         }
         [even as u16, odd as u16, (even >> 16) as u16]
+    }
+}
+
+/// Sums three rows of costs: of three bytes of bits no sum is more than a byte.
+struct AddRows<'a> {
+    rows: [&'a [u8]; 3],
+    sums: &'a mut [u8],
+}
+
+impl Kernel for AddRows<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let sums = self.sums.as_chunks_mut::<LANES>().0;
+        let [a, b, c] = self.rows;
+        let (a, b, c) = (a.as_chunks::<LANES>().0, b.as_chunks::<LANES>().0, c.as_chunks::<LANES>().0);
+        let (a, b, c) = (&a[..sums.len()], &b[..sums.len()], &c[..sums.len()]);
+        for lane in 0..sums.len() {
+            let two = lanes.add_bytes(lanes.bytes(&a[lane]), lanes.bytes(&b[lane]));
+            lanes.store_bytes(lanes.add_bytes(two, lanes.bytes(&c[lane])), &mut sums[lane]);
+        }
     }
 }
 
@@ -309,8 +337,8 @@ impl Vertex {
     }
 }
 
-/// Pixels to the left and right, and above and below, whose costs say where the minimum is: together some 500 bits.
-const AROUND: [usize; 2] = [2, 1];
+/// Pixels to the left and right whose costs say where the minimum is, of three rows: together some 500 bits.
+const ACROSS: usize = 2;
 /// How many times each bit that is independent of the others is counted, for windows of neighbours overlap, and paths: measured on drawn
 /// planes of known noise (`tests/pairs.rs`).
 const COUNTED_OFTEN: f32 = 3.0;

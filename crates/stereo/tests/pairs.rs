@@ -91,7 +91,8 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 
 #[test]
 fn sigma_is_honest_of_planes_of_any_slant_and_noise() {
-    let planes: [(&str, &dyn Fn(f64, f64) -> f64); 8] = [
+    type Truth = dyn Fn(f64, f64) -> f64;
+    let planes: [(&str, &Truth); 8] = [
         ("level.1", &|_, _| 12.1),
         ("level.2", &|_, _| 12.2),
         ("level.3", &|_, _| 12.3),
