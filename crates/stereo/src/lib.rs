@@ -42,6 +42,7 @@ mod pairing;
 mod paths;
 mod penalties;
 mod rectify;
+mod refine;
 mod winners;
 
 pub use calibration::{Calibration, Lens};

@@ -8,6 +8,7 @@ use crate::image::GreyImage;
 use crate::lanes::{Kernel, LANES, Lanes, lanes_for, run};
 use crate::paths::{Front, PATHS, PassRow};
 use crate::penalties::{Penalties, SMALL};
+use crate::refine::Refined;
 use crate::winners::{Choose, Keep, Winner};
 
 /// Pixels times disparities, at most: costs and sums take a byte each.
@@ -56,6 +57,7 @@ pub struct Matcher {
     large: [Vec<u8>; PATHS],
     of_pixel: [Vec<u8>; 2],
     winners: Vec<Winner>,
+    refined: Refined,
     claims: Vec<Claim>,
     cleaner: Cleaner,
 }
@@ -103,6 +105,7 @@ impl Matcher {
             large: Default::default(),
             of_pixel: Default::default(),
             winners: Vec::new(),
+            refined: Refined::default(),
             claims: Vec::new(),
             cleaner: Cleaner::default(),
         })
@@ -231,17 +234,21 @@ impl Matcher {
     }
 
     /// What is known of each pixel of a row.
-    fn settle(&self, extent: Extent, disparities: &mut [f32], sigmas: &mut [f32]) {
+    fn settle(&mut self, extent: Extent, disparities: &mut [f32], sigmas: &mut [f32]) {
         let MatcherSettings { uniqueness, left_right_px, .. } = self.settings;
-        for (x, winner) in self.winners.iter().enumerate() {
+        self.refined.reset(extent.width);
+        for x in 0..extent.width {
+            let winner = self.winners[x];
             let Some(in_right) = x.checked_sub(usize::from(winner.disparity)) else { continue };
             let is_same = self.claims[in_right].disparity.abs_diff(winner.disparity) <= left_right_px;
             // the best of those looked at may be a slope towards what was not
             let is_within = usize::from(winner.disparity) + 1 < extent.asked;
             if is_same && is_within && winner.is_unique(uniqueness) {
-                (disparities[x], sigmas[x]) = winner.refined(self.around(extent, x, usize::from(winner.disparity)));
+                let costs = self.around(extent, x, usize::from(winner.disparity));
+                self.refined.set(x, winner, costs);
             }
         }
+        self.refined.write(disparities, sigmas);
     }
 
     /// Sums the costs of three rows.
@@ -254,6 +261,7 @@ impl Matcher {
     }
 
     /// Costs of the disparities below, at and above one, summed over the pixels around one.
+    #[inline]
     fn around(&self, extent: Extent, x: usize, disparity: usize) -> [u16; 3] {
         let Extent { width, disparities, .. } = extent;
         // four costs that hold the three, which begin at a whole byte of them
@@ -296,58 +304,10 @@ impl Winner {
     fn is_unique(&self, uniqueness: f32) -> bool {
         uniqueness >= 1.0 || f32::from(self.least) <= uniqueness * 2.0 * f32::from(self.second)
     }
-
-    /// The disparity to a part of a pixel, and its standard deviation; `around` are costs below, at and above it of the pixels around.
-    ///
-    /// What a jump costs draws all pixels of a level surface to the same whole disparity, so that the sums along the paths say little of the
-    /// part. Costs around the pixel are not drawn, but noisy. The mean of both, weighted by their variances, is used. The variance that
-    /// the paths' minimum would have by its own noise comes on top: it is large where another whole disparity fits as well.
-    fn refined(&self, around: [u16; 3]) -> (f32, f32) {
-        let disparity = f32::from(self.disparity);
-        let paths = Vertex::of([self.beside[0], self.least, self.beside[1]]);
-        if self.disparity == 0 {
-            // there is nothing below: it may lie anywhere within half a pixel
-            return (disparity, (1.0 / 12.0 + paths.variance).sqrt());
-        }
-        let around = Vertex::of(around);
-        let weight = DRAWN_PX2 / (DRAWN_PX2 + around.variance);
-        let shift = paths.shift + weight * (around.shift - paths.shift);
-        let variance = weight * around.variance + paths.variance + LEAST_PX * LEAST_PX;
-        (disparity + shift, variance.sqrt())
-    }
-}
-
-/// Where between two whole disparities costs are least.
-struct Vertex {
-    /// From the middle one of three, pixels.
-    shift: f32,
-    /// By the noise of the costs, pixels squared.
-    variance: f32,
-}
-
-impl Vertex {
-    /// Costs of bits rise about linearly to both sides, so that two lines of the same slope through the three meet at the minimum
-    /// (Haller and Nedevschi, "Design of interpolation functions for subpixel-accuracy stereo-vision systems", IEEE Trans. Image Processing
-    /// 21(2), 2012). What the costs are at the minimum is the number of bits that noise has turned, and has its own size for variance.
-    fn of([below, at, above]: [u16; 3]) -> Self {
-        let slope = f32::from(below.max(above).saturating_sub(at).max(1));
-        let shift = (0.5 * (f32::from(below) - f32::from(above)) / slope).clamp(-0.5, 0.5);
-        let turned = (f32::from(at) - slope * shift.abs()).max(1.0);
-        Self { shift, variance: (COUNTED_OFTEN * turned / (slope * slope)).min(VARIANCE_MOST_PX2) }
-    }
 }
 
 /// Pixels to the left and right whose costs say where the minimum is, of three rows: together some 500 bits.
 const ACROSS: usize = 2;
-/// How many times each bit that is independent of the others is counted, for windows of neighbours overlap, and paths: measured on drawn
-/// planes of known noise (`tests/pairs.rs`).
-const COUNTED_OFTEN: f32 = 3.0;
-/// The variance where costs hardly change, pixels squared: the paths hold a pixel to its neighbours.
-const VARIANCE_MOST_PX2: f32 = 1.0;
-/// How far sums along paths are drawn to a whole disparity on level planes, root mean square over all parts of a pixel: 0.17 pixels, squared.
-const DRAWN_PX2: f32 = 0.03;
-/// What remains of errors without any noise, pixels: the residual of a good calibration.
-const LEAST_PX: f32 = 0.1;
 
 fn refused(setting: &'static str, expected: impl Into<String>, found: impl ToString) -> StereoError {
     StereoError::Settings { setting, expected: expected.into(), found: found.to_string() }
