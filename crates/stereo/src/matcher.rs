@@ -188,7 +188,7 @@ impl Matcher {
                 large: &self.large,
                 turned: false,
                 sums: &mut self.of_pixel[0],
-                sink: Keep { sums, disparities },
+                sink: Keep { sums },
             });
             self.front.next_row();
         }
@@ -211,7 +211,7 @@ impl Matcher {
                 large: &self.large,
                 turned: true,
                 sums,
-                sink: Choose { first, disparities, totals, found: &mut self.winners },
+                sink: Choose { first, totals, found: &mut self.winners },
             });
             self.front.next_row();
             self.claim();

@@ -62,7 +62,7 @@ impl Front {
 /// What is done with the sums of a pixel's costs.
 pub(crate) trait Sink {
     /// Half of the sum of a pixel's costs over the paths of the pass, disparity by disparity, at most 255.
-    fn take<L: Lanes>(&mut self, lanes: L, x: usize, sums: &[[u8; LANES]]);
+    fn take<L: Lanes>(&mut self, lanes: L, x: usize, sums: &[[u8; LANES]], disparities: usize);
 }
 
 /// One row of a pass.
@@ -88,7 +88,20 @@ pub(crate) struct PassRow<'a, S> {
 impl<S: Sink> Kernel for PassRow<'_, S> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { front, costs, disparities, small, large, turned, sums, mut sink } = self;
+        // numbers that the compiler knows make loops of registers straight
+        match self.disparities {
+            32 => self.pass(lanes, 32),
+            64 => self.pass(lanes, 64),
+            128 => self.pass(lanes, 128),
+            disparities => self.pass(lanes, disparities),
+        }
+    }
+}
+
+impl<S: Sink> PassRow<'_, S> {
+    #[inline(always)]
+    fn pass<L: Lanes>(self, lanes: L, disparities: usize) {
+        let Self { front, costs, small, large, turned, sums, mut sink, .. } = self;
         let sums = sums[..disparities].as_chunks_mut::<LANES>().0;
         let block = disparities + GAP;
         let width = costs.len() / disparities;
@@ -154,7 +167,7 @@ impl<S: Sink> Kernel for PassRow<'_, S> {
             for path in 1..PATHS {
                 front.now[path - 1].least[i + 1] = lanes.lowest_byte(lows[path]);
             }
-            sink.take(lanes, x, sums);
+            sink.take(lanes, x, sums, disparities);
         }
     }
 }

@@ -7,14 +7,12 @@ use crate::paths::Sink;
 pub(crate) struct Keep<'a> {
     /// Sums of a row, disparity by disparity of pixel by pixel.
     pub(crate) sums: &'a mut [u8],
-    /// Disparities, in whole lanes.
-    pub(crate) disparities: usize,
 }
 
 impl Sink for Keep<'_> {
     #[inline(always)]
-    fn take<L: Lanes>(&mut self, _: L, x: usize, sums: &[[u8; LANES]]) {
-        let to = self.sums[x * self.disparities..][..self.disparities].as_chunks_mut::<LANES>().0;
+    fn take<L: Lanes>(&mut self, _: L, x: usize, sums: &[[u8; LANES]], disparities: usize) {
+        let to = self.sums[x * disparities..][..disparities].as_chunks_mut::<LANES>().0;
         to.copy_from_slice(sums);
     }
 }
@@ -36,8 +34,6 @@ pub(crate) struct Winner {
 pub(crate) struct Choose<'a> {
     /// Sums of the first pass.
     pub(crate) first: &'a [u8],
-    /// Disparities, in whole lanes.
-    pub(crate) disparities: usize,
     /// Room for the sums of a pixel.
     pub(crate) totals: &'a mut [u8],
     /// What was found.
@@ -46,9 +42,9 @@ pub(crate) struct Choose<'a> {
 
 impl Sink for Choose<'_> {
     #[inline(always)]
-    fn take<L: Lanes>(&mut self, lanes: L, x: usize, second: &[[u8; LANES]]) {
-        let first = self.first[x * self.disparities..][..self.disparities].as_chunks::<LANES>().0;
-        let totals = self.totals[..self.disparities].as_chunks_mut::<LANES>().0;
+    fn take<L: Lanes>(&mut self, lanes: L, x: usize, second: &[[u8; LANES]], disparities: usize) {
+        let first = self.first[x * disparities..][..disparities].as_chunks::<LANES>().0;
+        let totals = self.totals[..disparities].as_chunks_mut::<LANES>().0;
         let mut low = lanes.all_bytes(u8::MAX);
         let second = &second[..totals.len()];
         for lane in 0..totals.len() {
