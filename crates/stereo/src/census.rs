@@ -105,7 +105,7 @@ impl Planes {
     }
 }
 
-/// Sets a bit where a neighbour is darker than the centre.
+/// Sets a bit where a neighbour is no darker than the centre.
 struct Compare<'a> {
     neighbours: [&'a [u16]; BYTE],
     centre: &'a [u16],
@@ -114,19 +114,17 @@ struct Compare<'a> {
 
 impl Kernel for Compare<'_> {
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
+    fn run<L: Lanes>(self, lanes: L) {
         let Self { neighbours, centre, plane } = self;
         let plane = plane.as_chunks_mut::<LANES>().0;
         let centre = &centre.as_chunks::<LANES>().0[..plane.len()];
         for lane in 0..plane.len() {
-            let mut bits = [0_u8; LANES];
+            let mut bits = lanes.all_bytes(0);
             for bit in 0..BYTE {
                 let Some(neighbour) = neighbours[bit][lane * LANES..].first_chunk::<LANES>() else { return };
-                for k in 0..LANES {
-                    bits[k] |= u8::from(neighbour[k] < centre[lane][k]) << bit;
-                }
+                bits = lanes.mark(bits, 1 << bit, neighbour, &centre[lane]);
             }
-            plane[lane] = bits;
+            lanes.store_bytes(bits, &mut plane[lane]);
         }
     }
 }

@@ -35,6 +35,8 @@ pub(crate) trait Lanes: Copy {
     fn lowest_byte(self, bytes: Self::Bytes) -> u8;
     /// `then` where `a` is no more than two above `b`, modulo 256; otherwise `other`.
     fn where_near(self, a: Self::Bytes, b: Self::Bytes, then: Self::Bytes, other: Self::Bytes) -> Self::Bytes;
+    /// Sets `bit` where a word is no less than another.
+    fn mark(self, bytes: Self::Bytes, bit: u8, word: &[u16; LANES], other: &[u16; LANES]) -> Self::Bytes;
     /// A bit for each lane in which two are the same, the first lane's lowest.
     fn same(self, a: Self::Bytes, b: Self::Bytes) -> u32;
 }
@@ -112,6 +114,13 @@ impl Lanes for Plain {
             other[k] = if a[k].wrapping_sub(b[k]) <= 2 { then[k] } else { other[k] };
         }
         other
+    }
+    #[inline(always)]
+    fn mark(self, mut bytes: Self::Bytes, bit: u8, word: &[u16; LANES], other: &[u16; LANES]) -> Self::Bytes {
+        for k in 0..LANES {
+            bytes[k] |= if word[k] >= other[k] { bit } else { 0 };
+        }
+        bytes
     }
     #[inline(always)]
     fn same(self, a: Self::Bytes, b: Self::Bytes) -> u32 {
@@ -195,6 +204,15 @@ mod avx2 {
             self.avx2._mm256_blendv_epi8(other, then, near)
         }
         #[inline(always)]
+        fn mark(self, bytes: __m256i, bit: u8, word: &[u16; LANES], other: &[u16; LANES]) -> __m256i {
+            let ([a, b], [c, d]): ([__m256i; 2], [__m256i; 2]) = (cast(*word), cast(*other));
+            let no_less = |a, b| self.avx2._mm256_cmpeq_epi16(self.avx2._mm256_min_epu16(a, b), b);
+            // packing takes the halves of both registers in turn
+            let packed = self.avx2._mm256_packs_epi16(no_less(a, c), no_less(b, d));
+            let mask = self.avx2._mm256_permute4x64_epi64::<0b11_01_10_00>(packed);
+            self.avx2._mm256_or_si256(bytes, self.avx2._mm256_and_si256(mask, self.all_bytes(bit)))
+        }
+        #[inline(always)]
         fn same(self, a: __m256i, b: __m256i) -> u32 {
             self.avx2._mm256_movemask_epi8(self.avx2._mm256_cmpeq_epi8(a, b)).cast_unsigned()
         }
@@ -209,13 +227,14 @@ mod tests {
     /// All that registers can do, in one result.
     struct All<'a> {
         bytes: [[u8; LANES]; 2],
+        words: [[u16; LANES]; 2],
         out: &'a mut Vec<u8>,
     }
 
     impl Kernel for All<'_> {
         #[inline(always)]
         fn run<L: Lanes>(self, lanes: L) {
-            let Self { bytes: [a, b], out } = self;
+            let Self { bytes: [a, b], words, out } = self;
             let (a, b) = (lanes.bytes(&a), lanes.bytes(&b));
             for bytes in [
                 lanes.min_bytes(a, b),
@@ -224,6 +243,7 @@ mod tests {
                 lanes.mean_bytes(a, b),
                 lanes.differing_bits(a, b),
                 lanes.all_bytes(200),
+                lanes.mark(a, 16, &words[0], &words[1]),
                 lanes.where_near(a, b, lanes.all_bytes(7), b),
                 lanes.where_near(a, lanes.min_bytes(a, b), lanes.all_bytes(7), b),
             ] {
@@ -238,10 +258,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn registers_do_the_same(bytes: [[u8; LANES]; 2]) {
+        fn registers_do_the_same(bytes: [[u8; LANES]; 2], words: [[u16; LANES]; 2]) {
             let (mut plain, mut best) = (Vec::new(), Vec::new());
-            All { bytes, out: &mut plain }.run(Plain);
-            run(All { bytes, out: &mut best });
+            All { bytes, words, out: &mut plain }.run(Plain);
+            run(All { bytes, words, out: &mut best });
             prop_assert_eq!(plain, best);
         }
     }
