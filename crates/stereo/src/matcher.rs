@@ -211,7 +211,12 @@ impl Matcher {
                 large: &self.large,
                 turned: true,
                 sums,
-                sink: Choose { first, totals, found: &mut self.winners },
+                sink: Choose {
+                    first,
+                    is_second_asked: self.settings.uniqueness < 1.0,
+                    totals,
+                    found: &mut self.winners,
+                },
             });
             self.front.next_row();
             self.claim();
@@ -256,21 +261,21 @@ impl Matcher {
         let row_len = extent.width * extent.disparities;
         let row = |y: usize| &self.costs[y * row_len..][..row_len];
         let rows = [row(y.saturating_sub(1)), row(y), row((y + 1).min(extent.height - 1))];
-        self.of_rows.resize(row_len, 0);
-        run(AddRows { rows, sums: &mut self.of_rows });
+        self.of_rows.resize(row_len + LANES, 0);
+        run(AddRows { rows, sums: &mut self.of_rows[..row_len] });
     }
 
     /// Costs of the disparities below, at and above one, summed over the pixels around one.
     #[inline]
     fn around(&self, extent: Extent, x: usize, disparity: usize) -> [u16; 3] {
         let Extent { width, disparities, .. } = extent;
-        // four costs that hold the three, which begin at a whole byte of them
-        let from = disparity.saturating_sub(1).min(disparities - 4);
-        let skipped = 8 * (disparity.saturating_sub(1) - from);
         let (mut even, mut odd) = (0_u32, 0_u32);
-        for x in x.saturating_sub(ACROSS)..(x + ACROSS + 1).min(width) {
-            if let Some(costs) = self.of_rows[x * disparities + from..].first_chunk::<4>() {
-                let costs = u32::from_le_bytes(*costs) >> skipped;
+        let from = x.saturating_sub(ACROSS);
+        let sums = &self.of_rows[from * disparities + disparity.saturating_sub(1)..];
+        for k in 0..(x + ACROSS + 1).min(width) - from {
+            // four bytes at once: the row has room for what is read beyond the third
+            if let Some(costs) = sums[k * disparities..].first_chunk::<4>() {
+                let costs = u32::from_le_bytes(*costs);
                 even += costs & 0x00ff_00ff;
                 odd += (costs >> 8) & 0x00ff_00ff;
             }

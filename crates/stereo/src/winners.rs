@@ -26,7 +26,7 @@ pub(crate) struct Winner {
     pub(crate) least: u16,
     /// What the disparities below and above it cost; the most that there is where there is none.
     pub(crate) beside: [u16; 2],
-    /// The least that one costs that is not beside it, a quarter of the sum over all paths.
+    /// The least that one costs that is not beside it, a quarter of the sum over all paths; 255 where nobody asked.
     pub(crate) second: u8,
 }
 
@@ -34,6 +34,8 @@ pub(crate) struct Winner {
 pub(crate) struct Choose<'a> {
     /// Sums of the first pass.
     pub(crate) first: &'a [u8],
+    /// Whether the second best disparity is asked for.
+    pub(crate) is_second_asked: bool,
     /// Room for the sums of a pixel.
     pub(crate) totals: &'a mut [u8],
     /// What was found.
@@ -52,7 +54,8 @@ impl Sink for Choose<'_> {
             lanes.store_bytes(sum, &mut totals[lane]);
             low = lanes.min_bytes(low, sum);
         }
-        let (best, next) = best_and_next(lanes, totals, lanes.lowest_byte(low));
+        let best = first_of(lanes, totals, lanes.lowest_byte(low));
+        let next = if self.is_second_asked { next_to(lanes, totals, best) } else { u8::MAX };
         let (first, second) = (first.as_flattened(), second.as_flattened());
         let cost = |d: usize| if d < first.len() { u16::from(first[d]) + u16::from(second[d]) } else { u16::MAX };
         // means are rounded: one beside it may cost a little less
@@ -67,9 +70,22 @@ impl Sink for Choose<'_> {
     }
 }
 
-/// The first of the disparities that cost `least`, and the least that one further than a step from it costs.
+/// The first of the disparities that cost `least`.
 #[inline(always)]
-fn best_and_next<L: Lanes>(lanes: L, totals: &[[u8; LANES]], least: u8) -> (usize, u8) {
+fn first_of<L: Lanes>(lanes: L, totals: &[[u8; LANES]], least: u8) -> usize {
+    let least = lanes.all_bytes(least);
+    for lane in 0..totals.len() {
+        let same = lanes.same(lanes.bytes(&totals[lane]), least);
+        if same != 0 {
+            return lane * LANES + same.trailing_zeros() as usize;
+        }
+    }
+    0
+}
+
+/// The least that a disparity costs that is further than a step from the best.
+#[inline(always)]
+fn next_to<L: Lanes>(lanes: L, totals: &[[u8; LANES]], best: usize) -> u8 {
     const NUMBERS: [u8; LANES] = {
         let mut numbers = [0; LANES];
         let mut k = 0;
@@ -79,15 +95,6 @@ fn best_and_next<L: Lanes>(lanes: L, totals: &[[u8; LANES]], least: u8) -> (usiz
         }
         numbers
     };
-    let mut best = 0;
-    let least = lanes.all_bytes(least);
-    for lane in 0..totals.len() {
-        let same = lanes.same(lanes.bytes(&totals[lane]), least);
-        if same != 0 {
-            best = lane * LANES + same.trailing_zeros() as usize;
-            break;
-        }
-    }
     let (numbers, never) = (lanes.bytes(&NUMBERS), lanes.all_bytes(u8::MAX));
     let mut low = never;
     for lane in 0..totals.len() {
@@ -99,7 +106,7 @@ fn best_and_next<L: Lanes>(lanes: L, totals: &[[u8; LANES]], least: u8) -> (usiz
         let others = if is_near { lanes.where_near(numbers, from, never, totals) } else { totals };
         low = lanes.min_bytes(low, others);
     }
-    (best, lanes.lowest_byte(low))
+    lanes.lowest_byte(low)
 }
 
 #[cfg(test)]
@@ -108,7 +115,9 @@ mod tests {
 
     fn winner(totals: &[u8]) -> (usize, u8) {
         let least = *totals.iter().min().unwrap();
-        best_and_next(crate::lanes::Plain, totals.as_chunks().0, least)
+        let (lanes, totals) = (crate::lanes::Plain, totals.as_chunks().0);
+        let best = first_of(lanes, totals, least);
+        (best, next_to(lanes, totals, best))
     }
 
     #[test]
