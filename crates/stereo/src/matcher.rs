@@ -16,6 +16,8 @@ const CELLS_MOST: u64 = 1 << 31;
 /// Without a distance given, the nearest thing is seen by an eighth of the image's width apart, as in OpenCV's examples: at a field of view
 /// of 60 degrees, that is 7 baselines away.
 const WIDTH_SHARE: u32 = 8;
+/// Pixels to the left and right whose costs say where the minimum is, of three rows: together some 500 bits.
+const ACROSS: usize = 2;
 
 /// How images are matched.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -310,9 +312,6 @@ impl Winner {
         uniqueness >= 1.0 || f32::from(self.least) <= uniqueness * 2.0 * f32::from(self.second)
     }
 }
-
-/// Pixels to the left and right whose costs say where the minimum is, of three rows: together some 500 bits.
-const ACROSS: usize = 2;
 
 fn refused(setting: &'static str, expected: impl Into<String>, found: impl ToString) -> StereoError {
     StereoError::Settings { setting, expected: expected.into(), found: found.to_string() }

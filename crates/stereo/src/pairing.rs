@@ -7,7 +7,7 @@ use crate::error::StereoError;
 use crate::image::GreyImage;
 
 /// Images are halved until they are no wider: enough to see which way things move, and to a fraction of a pixel.
-const WIDTH_MOST: usize = 640;
+const WIDTH_MOST: usize = 400;
 /// Corners that are looked for: the best of each of so many parts of the image, across and down.
 const PARTS: [usize; 2] = [16, 12];
 /// Pixels from the centre of what is compared to its edge.
