@@ -105,30 +105,32 @@ impl<S: Sink> PassRow<'_, S> {
         let sums = sums[..disparities].as_chunks_mut::<LANES>().0;
         let block = disparities + GAP;
         let width = costs.len() / disparities;
+        let [of_level, of_above_left, of_above, of_above_right] = large;
+        let large: [&[u8]; PATHS] =
+            [&of_level[..width], &of_above_left[..width], &of_above[..width], &of_above_right[..width]];
+        let Front { before: [b0, b1, b2], now: [n0, n1, n2], level } = front;
+        let least_before = [&b0.least[..width + 2], &b1.least[..width + 2], &b2.least[..width + 2]];
+        let (least0, least1, least2) =
+            (&mut n0.least[..width + 2], &mut n1.least[..width + 2], &mut n2.least[..width + 2]);
+        let small = lanes.all_bytes(small);
         for i in 0..width {
             let x = if turned { width - 1 - i } else { i };
             let costs = &costs[x * disparities..][..disparities];
-            // block i + 1 is this pixel's
-            let (level_before, level_now) = front.level.costs.split_at_mut(GAP + (i + 1) * block - 1);
-            let from: [&[u8]; PATHS] = [
-                &level_before[i * block + GAP - 1..],
-                &front.before[0].costs[i * block + GAP - 1..],
-                &front.before[1].costs[(i + 1) * block + GAP - 1..],
-                &front.before[2].costs[(i + 2) * block + GAP - 1..],
-            ];
-            let least = [
-                front.level.least[i],
-                front.before[0].least[i],
-                front.before[1].least[i + 1],
-                front.before[2].least[i + 2],
-            ];
-            let [above_left, above, above_right] = &mut front.now;
+            // block i + 1 is this pixel's; a path's costs begin one before those of the first disparity
             let at = (i + 1) * block + GAP;
+            let (level_before, level_now) = level.costs.split_at_mut(at - 1);
+            let from: [&[u8]; PATHS] = [
+                &level_before[at - block - 1..][..disparities + 2],
+                &b0.costs[at - block - 1..][..disparities + 2],
+                &b1.costs[at - 1..][..disparities + 2],
+                &b2.costs[at + block - 1..][..disparities + 2],
+            ];
+            let least = [level.least[i], least_before[0][i], least_before[1][i + 1], least_before[2][i + 2]];
             let to: [&mut [u8]; PATHS] = [
-                &mut level_now[1..],
-                &mut above_left.costs[at..],
-                &mut above.costs[at..],
-                &mut above_right.costs[at..],
+                &mut level_now[1..][..disparities],
+                &mut n0.costs[at..][..disparities],
+                &mut n1.costs[at..][..disparities],
+                &mut n2.costs[at..][..disparities],
             ];
             let mut lows = [lanes.all_bytes(NEVER); PATHS];
             let mut steps = [(lanes.all_bytes(0), lanes.all_bytes(0)); PATHS];
@@ -136,7 +138,6 @@ impl<S: Sink> PassRow<'_, S> {
                 let jump = least[path].saturating_add(large[path][x]);
                 steps[path] = (lanes.all_bytes(jump), lanes.all_bytes(least[path]));
             }
-            let small = lanes.all_bytes(small);
             let costs = &costs.as_chunks::<LANES>().0[..sums.len()];
             for lane in 0..sums.len() {
                 let cost = lanes.bytes(&costs[lane]);
@@ -163,10 +164,10 @@ impl<S: Sink> PassRow<'_, S> {
                 let sum = lanes.add_bytes(lanes.mean_bytes(all[0], all[1]), lanes.mean_bytes(all[2], all[3]));
                 lanes.store_bytes(sum, &mut sums[lane]);
             }
-            front.level.least[i + 1] = lanes.lowest_byte(lows[0]);
-            for path in 1..PATHS {
-                front.now[path - 1].least[i + 1] = lanes.lowest_byte(lows[path]);
-            }
+            level.least[i + 1] = lanes.lowest_byte(lows[0]);
+            least0[i + 1] = lanes.lowest_byte(lows[1]);
+            least1[i + 1] = lanes.lowest_byte(lows[2]);
+            least2[i + 1] = lanes.lowest_byte(lows[3]);
             sink.take(lanes, x, sums, disparities);
         }
     }
