@@ -56,11 +56,12 @@ impl Padded {
             let from = image.row(y);
             let [first, last] = [from[0], from[width - 1]];
             row[..left].fill(first);
-            row[left] = smoothed([first, first, from[1.min(width - 1)]]);
-            for (to, from) in row[left + 1..].iter_mut().zip(from.windows(3)) {
-                *to = smoothed([from[0], from[1], from[2]]);
+            row[left..left + width].copy_from_slice(from);
+            if width > 2 {
+                crate::lanes::run(Smooth { from, to: &mut row[left + 1..left + width - 1] });
+                row[left] = smoothed([first, first, from[1]]);
+                row[left + width - 1] = smoothed([from[width - 2], last, last]);
             }
-            row[left + width - 1] = smoothed([from[width.saturating_sub(2)], last, last]);
             row[left + width..].fill(last);
         }
     }
@@ -75,6 +76,24 @@ impl Padded {
     }
 }
 
+/// Smooths all values of a row but the first and the last.
+struct Smooth<'a> {
+    from: &'a [u16],
+    to: &'a mut [u16],
+}
+
+impl Kernel for Smooth<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let (count, to) = (self.to.len(), self.to);
+        let (before, at, behind) = (&self.from[..count], &self.from[1..=count], &self.from[2..count + 2]);
+        for x in 0..count {
+            to[x] = smoothed([before[x], at[x], behind[x]]);
+        }
+    }
+}
+
+#[inline(always)]
 fn smoothed([before, at, behind]: [u16; 3]) -> u16 {
     ((u32::from(before) + 2 * u32::from(at) + u32::from(behind)) >> 2) as u16
 }
