@@ -1,0 +1,147 @@
+//! A keyframe as small pieces of surface, in its own frame: made once, drawn wherever it is.
+
+use crate::error::SurfaceError;
+use crate::pyramid::Pyramid;
+use crate::settings::SurfaceSettings;
+use crate::view::{PointCounts, View};
+use nalgebra::Vector3;
+
+/// A small disc of surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Disc {
+    /// Mean of the points of a voxel, metres, in the keyframe's frame.
+    pub(crate) mean_m: [f32; 3],
+    /// Of length one, towards the sensor.
+    pub(crate) normal: [f32; 3],
+    /// How far it speaks for its surroundings, voxels.
+    pub(crate) radius: f32,
+    /// How much it counts, 0 to 1.
+    pub(crate) weight: f32,
+}
+
+/// A view prepared for surfaces with certain settings: small discs in the keyframe's frame, whatever its pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Patch {
+    pub(crate) voxel_m: f64,
+    pub(crate) discs: Vec<Disc>,
+    /// One each, or none.
+    pub(crate) colours: Vec<[u8; 3]>,
+    /// One for all, or one each, metres.
+    origins_m: Vec<[f32; 3]>,
+    /// Discs to which rays are followed.
+    pub(crate) rays: Vec<u32>,
+    lever_m: f64,
+    counts: PointCounts,
+}
+
+/// A surface that a ray meets at less than this, radians, is seen edge-on: where it lies cannot be said (as of surfels, `voxel/src/surfel.rs`).
+const EDGE_ON: f64 = 0.05;
+/// A disc reaches so far, voxels, where a neighbour follows in every voxel.
+const DISC_VOXELS: f64 = 1.25;
+/// Levels of cells from the first on that is wider than the noise: discs reach up to four voxels over what scans leave between rings.
+const LEVELS: usize = 4;
+/// Noise is taken to be so many voxels at least where points of different ranges are weighed: all of them are rounded by so much.
+const LEAST_NOISE: f64 = 0.01;
+
+impl Patch {
+    /// Prepares a view.
+    ///
+    /// Points are merged by voxels (Oleynikova et al. 2017, "Voxblox", section IV.B, grouped raycasting). The mean of each voxel becomes a disc across the normal of the
+    /// plane through the points around it: of those in the smallest cube, of sides that double, that is wider than the noise and in which they spread both
+    /// ways. Where there is none, the disc faces the sensor. It counts by the cosine at which it is seen (Newcombe et al. 2011, "KinectFusion", section
+    /// 3.3) and by the inverse of the variance at its range.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Setting`] and [`SurfaceError::Columns`]. Points that cannot be used are left out and counted.
+    pub fn prepare(view: &View<'_>, settings: &SurfaceSettings) -> Result<Self, SurfaceError> {
+        settings.validate()?;
+        view.validate()?;
+        let first = first_level(settings);
+        let (pyramid, counts) = Pyramid::build(view, settings.voxel_m, first, first + LEVELS);
+        let mut patch = Self {
+            voxel_m: settings.voxel_m,
+            discs: Vec::with_capacity(pyramid.len()),
+            colours: Vec::new(),
+            origins_m: Vec::new(),
+            rays: Vec::new(),
+            lever_m: 0.0,
+            counts,
+        };
+        let mut has_ray = vec![!settings.carve; pyramid.parents()];
+        for number in 0..pyramid.len() {
+            let Some(disc) = disc_of(&pyramid, number, settings) else { continue };
+            if let Some(has_ray) = has_ray.get_mut(pyramid.parent(number)).filter(|has_ray| !**has_ray) {
+                *has_ray = true;
+                patch.rays.push(patch.discs.len() as u32);
+            }
+            patch.discs.push(disc);
+            patch.origins_m.push(to_f32(pyramid.origin_m(number)));
+            patch.colours.extend(pyramid.colour(number));
+        }
+        let reach_m = |at: &[f32; 3]| Vector3::from(at.map(f64::from)).norm();
+        let means_m = patch.discs.iter().map(|disc| &disc.mean_m);
+        patch.lever_m = means_m.chain(&patch.origins_m).map(reach_m).fold(0.0, f64::max);
+        if view.origins_m.len() == 1 {
+            patch.origins_m.truncate(1);
+        }
+        Ok(patch)
+    }
+
+    /// What became of the view's points.
+    #[must_use]
+    pub fn counts(&self) -> &PointCounts {
+        &self.counts
+    }
+
+    /// How many discs it has.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.discs.len()
+    }
+
+    /// Whether nothing of the view could be used.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.discs.is_empty()
+    }
+
+    /// The farthest of its points and origins from the keyframe, metres: how far a rotation moves them.
+    #[must_use]
+    pub fn lever_m(&self) -> f64 {
+        self.lever_m
+    }
+
+    /// Where a disc was seen from, metres.
+    pub(crate) fn origin_m(&self, disc: usize) -> [f32; 3] {
+        self.origins_m.get(disc).or(self.origins_m.first()).copied().unwrap_or_default()
+    }
+}
+
+/// The disc of a voxel; none where it is seen edge-on.
+fn disc_of(pyramid: &Pyramid, number: usize, settings: &SurfaceSettings) -> Option<Disc> {
+    let voxel_m = settings.voxel_m;
+    let mean = pyramid.mean(number);
+    let to_sensor = pyramid.origin_m(number) / voxel_m - mean;
+    let towards = to_sensor / to_sensor.norm();
+    let plane = pyramid.plane_around(number, settings.noise_m / voxel_m);
+    let (normal, radius) = plane.map_or((towards, DISC_VOXELS), |(normal, level)| {
+        let facing = if normal.dot(&towards) < 0.0 { -normal } else { normal };
+        (facing, pyramid.gap(number, level).max(DISC_VOXELS))
+    });
+    let cosine = normal.dot(&towards);
+    let near_m = settings.noise_m.max(LEAST_NOISE * voxel_m);
+    let noise_m = near_m + settings.noise_per_m * (to_sensor * voxel_m).norm_squared();
+    let weight = cosine * (near_m / noise_m).powi(2);
+    let disc = Disc { mean_m: to_f32(mean * voxel_m), normal: to_f32(normal), radius: radius as f32, weight: weight as f32 };
+    (cosine > EDGE_ON).then_some(disc)
+}
+
+/// The first level whose cells are so wide that noise does not turn a plane: evenly spread points spread by 0.29 of their side, three times the noise.
+fn first_level(settings: &SurfaceSettings) -> usize {
+    let voxels = 10.0 * settings.noise_m / settings.voxel_m;
+    (0..6).find(|&level| f64::from(1_u32 << level) >= voxels).unwrap_or(6)
+}
+
+fn to_f32(v: Vector3<f64>) -> [f32; 3] {
+    [v.x as f32, v.y as f32, v.z as f32]
+}

@@ -1,0 +1,193 @@
+//! The points of a view by cells whose sides double.
+
+use crate::key::{Key, floor, is_within, pack, unpack};
+use crate::plane::{Moments, Plane};
+use crate::view::{PointCounts, View};
+use nalgebra::Vector3;
+use rustc_hash::FxHashMap;
+
+/// Points in a cube.
+#[derive(Debug, Clone)]
+struct Cell {
+    key: Key,
+    /// From its least corner on, voxels.
+    moments: Moments,
+    /// The cell around it on the next level.
+    parent: u32,
+    /// Cells with points in it, of the level before.
+    children: u32,
+}
+
+/// What the points of a cell of the first level have besides.
+#[derive(Debug, Clone, Default)]
+struct Sums {
+    colour: [u32; 3],
+    origin_m: [f64; 3],
+}
+
+/// The points of a view, by cells of the side of a voxel, of two, of four and so on, in the keyframe's frame. Cells are in the order in which points first fell into them.
+#[derive(Debug)]
+pub(crate) struct Pyramid {
+    levels: Vec<Vec<Cell>>,
+    sums: Vec<Sums>,
+    planes: Vec<Vec<Option<Plane>>>,
+    is_coloured: bool,
+}
+
+/// A plane is told by so many points at least, twice what it takes.
+const PLANE_POINTS: f64 = 6.0;
+/// Points of a plane spread by so much of their cell's side at least, across the way along which they spread most: a line of one ring does not. All
+/// over a square it is 0.29.
+const PLANE_SPREAD: f64 = 0.1;
+/// And their spread across the plane is at most this share of it.
+const PLANE_FLATNESS: f64 = 1.0 / 3.0;
+/// Wider gaps between points are not closed, voxels.
+const GAP_VOXELS: f64 = 4.0;
+/// Cells with points in the cell around them, where these lie side by side: four of a plane through the middle, three of one that cuts a corner.
+const SIDE_BY_SIDE: u32 = 3;
+
+impl Pyramid {
+    /// Sorts the points of a view into cells of `levels` levels, and finds the planes from level `first` on.
+    pub(crate) fn build(view: &View<'_>, voxel_m: f64, first: usize, levels: usize) -> (Self, PointCounts) {
+        let mut counts = PointCounts { points: view.points_m.len(), ..PointCounts::default() };
+        let is_coloured = !view.colours.is_empty();
+        let (mut cells, mut sums, mut places) = (Vec::<Cell>::new(), Vec::<Sums>::new(), FxHashMap::default());
+        let (per_m, mut last) = (1.0 / voxel_m, (Key::MAX, 0_u32));
+        for (number, point) in view.points_m.iter().enumerate() {
+            let origin = view.origins_m.get(number).or(view.origins_m.first()).copied().unwrap_or_default();
+            let (at, from) = (point.map(|v| f64::from(v) * per_m), origin.map(|v| f64::from(v) * per_m));
+            if let Some(why) = unusable(&mut counts, at, from) {
+                *why += 1;
+                continue;
+            }
+            let place = at.map(floor);
+            let key = pack(place);
+            if key != last.0 {
+                last = (key, *places.entry(key).or_insert_with(|| {
+                    cells.push(Cell { key, moments: Moments::default(), parent: 0, children: 0 });
+                    sums.push(Sums::default());
+                    cells.len() as u32 - 1
+                }));
+            }
+            let cell = last.1 as usize;
+            cells[cell].moments.add([0, 1, 2].map(|k| at[k] - f64::from(place[k])));
+            (0..3).for_each(|k| sums[cell].origin_m[k] += f64::from(origin[k]));
+            if let Some(colour) = view.colours.get(number) {
+                (0..3).for_each(|k| sums[cell].colour[k] += u32::from(colour[k]));
+            }
+        }
+        let levels = add_levels(cells, levels);
+        let of_level = |cells: &Vec<Cell>| cells.iter().map(|cell| plane_of(&cell.moments)).collect();
+        let planes = levels.iter().enumerate().map(|(level, cells)| if level < first { Vec::new() } else { of_level(cells) });
+        let planes = planes.collect();
+        (Self { levels, sums, planes, is_coloured }, counts)
+    }
+
+    /// How many cells there are on the first level.
+    pub(crate) fn len(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// How many cells there are on the second level.
+    pub(crate) fn parents(&self) -> usize {
+        self.levels.get(1).map_or(0, Vec::len)
+    }
+
+    /// The cell around one of the first level, on the second.
+    pub(crate) fn parent(&self, number: usize) -> usize {
+        self.levels[0][number].parent as usize
+    }
+
+    /// Mean of the points of a cell of the first level, voxels.
+    pub(crate) fn mean(&self, number: usize) -> Vector3<f64> {
+        let cell = &self.levels[0][number];
+        corner(cell.key, 0) + cell.moments.mean()
+    }
+
+    /// Mean of where they were seen from, metres.
+    pub(crate) fn origin_m(&self, number: usize) -> Vector3<f64> {
+        Vector3::from(self.sums[number].origin_m) / self.levels[0][number].moments.count
+    }
+
+    /// Mean of their colours, if they have any.
+    pub(crate) fn colour(&self, number: usize) -> Option<[u8; 3]> {
+        let count = self.levels[0][number].moments.count as u32;
+        self.is_coloured.then(|| self.sums[number].colour.map(|sum| ((sum + count / 2) / count.max(1)) as u8))
+    }
+
+    /// The normal of the plane through the points around a cell of the first level, of the least cell in which they spread both ways, and that cell's level. `noise` is the standard
+    /// deviation of a point, voxels: a cell whose own points are three of it off the plane is none of it.
+    pub(crate) fn plane_around(&self, number: usize, noise: f64) -> Option<(Vector3<f64>, usize)> {
+        let mean = self.mean(number);
+        self.around(number).find_map(|(level, at)| {
+            let plane = (*self.planes[level].get(at)?)?;
+            let side = f64::from(1_u32 << level);
+            let from_plane = plane.normal.dot(&(mean - corner(self.levels[level][at].key, level) - plane.mean));
+            let [across, along] = plane.variances.map(f64::sqrt);
+            let is_plane = along >= PLANE_SPREAD * side && across <= PLANE_FLATNESS * along;
+            (is_plane && from_plane.abs() <= 0.5 + 3.0 * noise).then_some((plane.normal, level))
+        })
+    }
+
+    /// How far apart points are around a cell, voxels: half the side of the least cell in which they lie side by side, at most of one of the level given and at most [`GAP_VOXELS`].
+    pub(crate) fn gap(&self, number: usize, most: usize) -> f64 {
+        let is_dense = |&(level, at): &(usize, usize)| level > 0 && self.levels[level][at].children >= SIDE_BY_SIDE;
+        let level = self.around(number).find(is_dense).map_or(most, |(level, _)| level.min(most));
+        (0.5 * f64::from(1_u32 << level)).min(GAP_VOXELS)
+    }
+
+    /// The cells around a cell of the first level, itself the first: level and number.
+    fn around(&self, number: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let mut at = number;
+        self.levels.iter().enumerate().map(move |(level, cells)| {
+            let here = at;
+            at = cells[here].parent as usize;
+            (level, here)
+        })
+    }
+}
+
+/// Which count a point adds to that cannot be used.
+fn unusable(counts: &mut PointCounts, at: [f64; 3], from: [f64; 3]) -> Option<&mut usize> {
+    let apart = (Vector3::from(at) - Vector3::from(from)).norm_squared();
+    if !apart.is_finite() {
+        Some(&mut counts.not_finite)
+    } else if !(is_within(at) && is_within(from)) {
+        Some(&mut counts.far)
+    } else if apart < 1.0 {
+        Some(&mut counts.near)
+    } else {
+        None
+    }
+}
+
+/// The least corner of a cell, voxels.
+fn corner(key: Key, level: usize) -> Vector3<f64> {
+    Vector3::from(unpack(key).map(|v| f64::from(v << level)))
+}
+
+fn plane_of(moments: &Moments) -> Option<Plane> {
+    if moments.count < PLANE_POINTS { None } else { moments.plane() }
+}
+
+/// The levels above the first, each made of the one before.
+fn add_levels(first: Vec<Cell>, levels: usize) -> Vec<Vec<Cell>> {
+    let mut all = vec![first];
+    for level in 1..levels.max(1) {
+        let Some(below) = all.last_mut() else { break };
+        let (mut above, mut places) = (Vec::<Cell>::new(), FxHashMap::default());
+        for cell in below.iter_mut() {
+            let place = unpack(cell.key);
+            let key = pack(place.map(|v| v >> 1));
+            cell.parent = *places.entry(key).or_insert_with(|| {
+                above.push(Cell { key, moments: Moments::default(), parent: 0, children: 0 });
+                above.len() as u32 - 1
+            });
+            let around = &mut above[cell.parent as usize];
+            around.children += 1;
+            around.moments.merge(&cell.moments, place.map(|v| f64::from((v & 1) << (level - 1))));
+        }
+        all.push(above);
+    }
+    all
+}
