@@ -1,7 +1,7 @@
 //! What is known of the voxels of a block, in integers: adding and taking away are exact, in any order.
 
 use crate::key::{BLOCK_VOXELS, Key};
-use crate::sketch::{DISTANCE_STEPS, Mask, Reading, WEIGHT_MOST, voxels};
+use crate::sketch::{STEPS_MOST, Mask, Reading, WEIGHT_MOST};
 
 /// Whether a view is added or taken away again, exactly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,9 +12,9 @@ pub enum Change {
     Remove,
 }
 
-/// So many views may be drawn: a voxel's sum of weighted distances, of at most `511 * 31` each, stays within 32 bits, its passes within 16.
+/// So many views may be drawn: a voxel's sum of weighted distances, of at most `1023 * 31` each, stays within 32 bits, its passes within 16.
 pub(crate) const VIEWS_MOST: u32 = u16::MAX as u32;
-const _: () = assert!((VIEWS_MOST as i64) * (DISTANCE_STEPS as i64) * (WEIGHT_MOST as i64) < i32::MAX as i64);
+const _: () = assert!((VIEWS_MOST as i64) * (STEPS_MOST as i64) * (WEIGHT_MOST as i64) < i32::MAX as i64);
 
 /// Sums over the views that saw a voxel near a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,38 +34,38 @@ pub(crate) struct Block {
     pub(crate) key: Key,
     pub(crate) near: Option<Box<[Near; BLOCK_VOXELS]>>,
     pub(crate) colours: Option<Box<[Colour; BLOCK_VOXELS]>>,
-    /// Views of which rays passed.
-    pub(crate) passes: Option<Box<[u16; BLOCK_VOXELS]>>,
+    /// Views of which rays passed: bit `k` of the voxels' counts is `passes[k]`, so that a view is added to 64 voxels at once. The last is not empty.
+    pub(crate) passes: Vec<Mask>,
 }
 
 /// Bytes of a block's sums, colours and passes.
-const BYTES: [usize; 3] = [size_of::<Near>(), size_of::<Colour>(), size_of::<u16>()];
+const BYTES: [usize; 2] = [BLOCK_VOXELS * size_of::<Near>(), BLOCK_VOXELS * size_of::<Colour>()];
+/// Of passes while they are few.
+const PASSES_BYTES: usize = 4 * size_of::<Mask>();
 
 impl Block {
     pub(crate) fn new(key: Key) -> Self {
-        Self { key, near: None, colours: None, passes: None }
+        Self { key, near: None, colours: None, passes: Vec::new() }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.near.is_none() && self.passes.is_none()
+        self.near.is_none() && self.passes.is_empty()
     }
 
-    /// What it takes with what it lacks of these: sums, colours, passes.
-    pub(crate) fn bytes_with(block: Option<&Self>, needs: [bool; 3]) -> usize {
-        let has = block.map_or([false; 3], Self::has);
-        (0..3).filter(|&k| has[k] || needs[k]).map(|k| BYTES[k] * BLOCK_VOXELS).sum::<usize>() + size_of::<Self>()
+    /// What it takes with what it lacks of these: sums, colours.
+    pub(crate) fn bytes_with(block: Option<&Self>, needs: [bool; 2]) -> usize {
+        let has = block.map_or([false; 2], |block| [block.near.is_some(), block.colours.is_some()]);
+        let passes = block.map_or(PASSES_BYTES, |block| PASSES_BYTES.max(block.passes.len() * size_of::<Mask>()));
+        (0..2).filter(|&k| has[k] || needs[k]).map(|k| BYTES[k]).sum::<usize>() + passes + size_of::<Self>()
     }
 
     /// What it takes.
     pub(crate) fn bytes(&self) -> usize {
-        Self::bytes_with(Some(self), [false; 3])
-    }
-
-    fn has(&self) -> [bool; 3] {
-        [self.near.is_some(), self.colours.is_some(), self.passes.is_some()]
+        Self::bytes_with(Some(self), [false; 2])
     }
 
     /// Counts what a view says. Sums wrap, so that even what was never added is taken away without a panic.
+    #[inline(never)]
     pub(crate) fn count(&mut self, readings: impl Iterator<Item = (usize, Reading)>, change: Change) {
         for (voxel, Reading { distance, weight, colour }) in readings {
             let near = &mut self.near.get_or_insert_with(|| Box::new([Near::default(); BLOCK_VOXELS]))[voxel];
@@ -86,13 +86,21 @@ impl Block {
     }
 
     /// Counts the voxels that rays of a view passed.
+    #[inline(never)]
     pub(crate) fn count_passes(&mut self, mask: &Mask, change: Change) {
-        let passes = self.passes.get_or_insert_with(|| Box::new([0; BLOCK_VOXELS]));
-        for voxel in voxels(mask) {
-            passes[voxel] = match change {
-                Change::Add => passes[voxel].wrapping_add(1),
-                Change::Remove => passes[voxel].wrapping_sub(1),
-            };
+        let mut carried = *mask;
+        for plane in 0..u16::BITS as usize {
+            if carried.iter().all(|&word| word == 0) {
+                break;
+            }
+            if self.passes.len() <= plane {
+                self.passes.push(Mask::default());
+            }
+            for (bits, carried) in self.passes[plane].iter_mut().zip(&mut carried) {
+                let before = *bits;
+                *bits ^= *carried;
+                *carried &= if change == Change::Add { before } else { !before };
+            }
         }
     }
 
@@ -100,7 +108,7 @@ impl Block {
     pub(crate) fn trim(&mut self) {
         self.near.take_if(|near| near.iter().all(|it| *it == Near::default()));
         self.colours.take_if(|colours| colours.iter().all(|it| *it == Colour::default()));
-        self.passes.take_if(|passes| passes.iter().all(|it| *it == 0));
+        while self.passes.pop_if(|plane| plane.iter().all(|&word| word == 0)).is_some() {}
     }
 
     /// What is known of a voxel.
@@ -110,6 +118,7 @@ impl Block {
 
     /// Views of which rays passed a voxel.
     pub(crate) fn passes(&self, voxel: usize) -> u16 {
-        self.passes.as_ref().map_or(0, |passes| passes[voxel])
+        let bit = |plane: &Mask| (plane[voxel / 64] >> (voxel % 64) & 1) as u16;
+        self.passes.iter().rev().fold(0, |count, plane| count << 1 | bit(plane))
     }
 }

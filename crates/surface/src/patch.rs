@@ -2,7 +2,7 @@
 
 use crate::error::SurfaceError;
 use crate::pyramid::Pyramid;
-use crate::settings::SurfaceSettings;
+use crate::settings::{NOISE_VOXELS, SurfaceSettings, truncation_voxels};
 use crate::view::{PointCounts, View};
 use nalgebra::Vector3;
 
@@ -15,6 +15,8 @@ pub(crate) struct Disc {
     pub(crate) normal: [f32; 3],
     /// How far it speaks for its surroundings, voxels.
     pub(crate) radius: f32,
+    /// How far before and behind it distances are known, voxels.
+    pub(crate) truncation: f32,
     /// How much it counts, 0 to 1.
     pub(crate) weight: f32,
 }
@@ -36,8 +38,8 @@ pub struct Patch {
 
 /// A surface that a ray meets at less than this, radians, is seen edge-on: where it lies cannot be said (as of surfels, `voxel/src/surfel.rs`).
 const EDGE_ON: f64 = 0.05;
-/// A disc reaches so far, voxels, where a neighbour follows in every voxel.
-const DISC_VOXELS: f64 = 1.25;
+/// A disc reaches so many times as far as the next is: four lie around each place.
+pub(crate) const DISC_GAPS: f64 = 1.0;
 /// Levels of cells from the first on that is wider than the noise: discs reach up to four voxels over what scans leave between rings.
 const LEVELS: usize = 4;
 /// Noise is taken to be so many voxels at least where points of different ranges are weighed: all of them are rounded by so much.
@@ -56,8 +58,9 @@ impl Patch {
     pub fn prepare(view: &View<'_>, settings: &SurfaceSettings) -> Result<Self, SurfaceError> {
         settings.validate()?;
         view.validate()?;
-        let first = first_level(settings);
-        let (pyramid, counts) = Pyramid::build(view, settings.voxel_m, first, first + LEVELS);
+        let least = level_above(settings.noise_voxels(0.0));
+        let most = if settings.noise_per_m > 0.0 { level_above(NOISE_VOXELS) } else { least };
+        let (pyramid, counts) = Pyramid::build(view, settings.voxel_m, least, most + LEVELS);
         let mut patch = Self {
             voxel_m: settings.voxel_m,
             discs: Vec::with_capacity(pyramid.len()),
@@ -68,7 +71,7 @@ impl Patch {
             counts,
         };
         let mut has_ray = vec![!settings.carve; pyramid.parents()];
-        for number in 0..pyramid.len() {
+        for number in pyramid.in_order() {
             let Some(disc) = disc_of(&pyramid, number, settings) else { continue };
             if let Some(has_ray) = has_ray.get_mut(pyramid.parent(number)).filter(|has_ray| !**has_ray) {
                 *has_ray = true;
@@ -122,24 +125,29 @@ fn disc_of(pyramid: &Pyramid, number: usize, settings: &SurfaceSettings) -> Opti
     let voxel_m = settings.voxel_m;
     let mean = pyramid.mean(number);
     let to_sensor = pyramid.origin_m(number) / voxel_m - mean;
-    let towards = to_sensor / to_sensor.norm();
-    let plane = pyramid.plane_around(number, settings.noise_m / voxel_m);
-    let (normal, radius) = plane.map_or((towards, DISC_VOXELS), |(normal, level)| {
+    let range = to_sensor.norm();
+    let towards = to_sensor / range;
+    let noise = settings.noise_voxels(range);
+    let plane = pyramid.plane_around(number, level_above(noise), noise);
+    let (normal, radius) = plane.map_or((towards, DISC_GAPS), |(normal, level)| {
         let facing = if normal.dot(&towards) < 0.0 { -normal } else { normal };
-        (facing, pyramid.gap(number, level).max(DISC_VOXELS))
+        (facing, DISC_GAPS * pyramid.gap(number, level))
     });
     let cosine = normal.dot(&towards);
-    let near_m = settings.noise_m.max(LEAST_NOISE * voxel_m);
-    let noise_m = near_m + settings.noise_per_m * (to_sensor * voxel_m).norm_squared();
-    let weight = cosine * (near_m / noise_m).powi(2);
-    let disc = Disc { mean_m: to_f32(mean * voxel_m), normal: to_f32(normal), radius: radius as f32, weight: weight as f32 };
+    let [here, near] = [noise, settings.noise_voxels(0.0)].map(|noise| noise.max(LEAST_NOISE));
+    let disc = Disc {
+        mean_m: to_f32(mean * voxel_m),
+        normal: to_f32(normal),
+        radius: radius as f32,
+        truncation: truncation_voxels(noise) as f32,
+        weight: (cosine * (near / here).powi(2)) as f32,
+    };
     (cosine > EDGE_ON).then_some(disc)
 }
 
-/// The first level whose cells are so wide that noise does not turn a plane: evenly spread points spread by 0.29 of their side, three times the noise.
-fn first_level(settings: &SurfaceSettings) -> usize {
-    let voxels = 10.0 * settings.noise_m / settings.voxel_m;
-    (0..6).find(|&level| f64::from(1_u32 << level) >= voxels).unwrap_or(6)
+/// The first level whose cells are so wide that noise, in voxels, does not turn a plane: evenly spread points spread by 0.29 of their side, three times the noise.
+fn level_above(noise: f64) -> usize {
+    (0..).find(|&level| f64::from(1_u32 << level) >= 10.0 * noise.min(NOISE_VOXELS)).unwrap_or(0)
 }
 
 fn to_f32(v: Vector3<f64>) -> [f32; 3] {

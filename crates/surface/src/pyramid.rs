@@ -14,8 +14,8 @@ struct Cell {
     moments: Moments,
     /// The cell around it on the next level.
     parent: u32,
-    /// Cells with points in it, of the level before.
-    children: u32,
+    /// Cells of the first level in it that have points.
+    filled: u32,
 }
 
 /// What the points of a cell of the first level have besides.
@@ -43,8 +43,10 @@ const PLANE_SPREAD: f64 = 0.1;
 const PLANE_FLATNESS: f64 = 1.0 / 3.0;
 /// Wider gaps between points are not closed, voxels.
 const GAP_VOXELS: f64 = 4.0;
-/// Cells with points in the cell around them, where these lie side by side: four of a plane through the middle, three of one that cuts a corner.
-const SIDE_BY_SIDE: u32 = 3;
+/// How far apart points are is told by so many filled cells at least.
+const GAP_CELLS: u32 = 6;
+/// Cells along the side of those that are drawn one after the other: of a block.
+const TOGETHER_BITS: u32 = 3;
 
 impl Pyramid {
     /// Sorts the points of a view into cells of `levels` levels, and finds the planes from level `first` on.
@@ -64,7 +66,7 @@ impl Pyramid {
             let key = pack(place);
             if key != last.0 {
                 last = (key, *places.entry(key).or_insert_with(|| {
-                    cells.push(Cell { key, moments: Moments::default(), parent: 0, children: 0 });
+                    cells.push(Cell { key, moments: Moments::default(), parent: 0, filled: 1 });
                     sums.push(Sums::default());
                     cells.len() as u32 - 1
                 }));
@@ -115,11 +117,11 @@ impl Pyramid {
         self.is_coloured.then(|| self.sums[number].colour.map(|sum| ((sum + count / 2) / count.max(1)) as u8))
     }
 
-    /// The normal of the plane through the points around a cell of the first level, of the least cell in which they spread both ways, and that cell's level. `noise` is the standard
+    /// The normal of the plane through the points around a cell of the first level, of the least cell from level `first` on in which they spread both ways, and that cell's level. `noise` is the standard
     /// deviation of a point, voxels: a cell whose own points are three of it off the plane is none of it.
-    pub(crate) fn plane_around(&self, number: usize, noise: f64) -> Option<(Vector3<f64>, usize)> {
+    pub(crate) fn plane_around(&self, number: usize, first: usize, noise: f64) -> Option<(Vector3<f64>, usize)> {
         let mean = self.mean(number);
-        self.around(number).find_map(|(level, at)| {
+        self.around(number).skip(first).find_map(|(level, at)| {
             let plane = (*self.planes[level].get(at)?)?;
             let side = f64::from(1_u32 << level);
             let from_plane = plane.normal.dot(&(mean - corner(self.levels[level][at].key, level) - plane.mean));
@@ -129,11 +131,20 @@ impl Pyramid {
         })
     }
 
-    /// How far apart points are around a cell, voxels: half the side of the least cell in which they lie side by side, at most of one of the level given and at most [`GAP_VOXELS`].
+    /// How far apart points are around a cell, voxels: as evenly spread over a face of the cube around it that is filled most, of level `most` at most. Between 1 and [`GAP_VOXELS`].
     pub(crate) fn gap(&self, number: usize, most: usize) -> f64 {
-        let is_dense = |&(level, at): &(usize, usize)| level > 0 && self.levels[level][at].children >= SIDE_BY_SIDE;
-        let level = self.around(number).find(is_dense).map_or(most, |(level, _)| level.min(most));
-        (0.5 * f64::from(1_u32 << level)).min(GAP_VOXELS)
+        let told = self.around(number).take(most + 1).filter(|&(level, at)| self.levels[level][at].filled >= GAP_CELLS);
+        let spread = |(level, at): (usize, usize)| f64::from(1_u32 << level) / f64::from(self.levels[level][at].filled).sqrt();
+        let widest = 0.5 * f64::from(1_u32 << most);
+        told.map(spread).fold(widest, f64::min).clamp(1.0, GAP_VOXELS)
+    }
+
+    /// The cells of the first level, those of one block one after the other: what is drawn lies together in memory.
+    pub(crate) fn in_order(&self) -> Vec<usize> {
+        let block = |cell: &Cell| pack(unpack(cell.key).map(|v| v >> TOGETHER_BITS));
+        let mut order: Vec<(Key, usize)> = self.levels[0].iter().map(block).zip(0..).collect();
+        order.sort_unstable();
+        order.into_iter().map(|(_, number)| number).collect()
     }
 
     /// The cells around a cell of the first level, itself the first: level and number.
@@ -180,11 +191,11 @@ fn add_levels(first: Vec<Cell>, levels: usize) -> Vec<Vec<Cell>> {
             let place = unpack(cell.key);
             let key = pack(place.map(|v| v >> 1));
             cell.parent = *places.entry(key).or_insert_with(|| {
-                above.push(Cell { key, moments: Moments::default(), parent: 0, children: 0 });
+                above.push(Cell { key, moments: Moments::default(), parent: 0, filled: 0 });
                 above.len() as u32 - 1
             });
             let around = &mut above[cell.parent as usize];
-            around.children += 1;
+            around.filled += cell.filled;
             around.moments.merge(&cell.moments, place.map(|v| f64::from((v & 1) << (level - 1))));
         }
         all.push(above);

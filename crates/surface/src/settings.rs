@@ -7,7 +7,7 @@ use crate::error::SurfaceError;
 pub struct SurfaceSettings {
     /// Side of a voxel, metres.
     pub voxel_m: f64,
-    /// Standard deviation of a point across its surface near the sensor, metres, the error of its pose included; at most four voxels.
+    /// Standard deviation of a point across its surface near the sensor, metres, the error of its pose included; at most two voxels.
     pub noise_m: f64,
     /// How much the standard deviation grows with the square of the range, 1/m: 0 of lidars, 0.0019 of structured light (Nguyen, Izadi and Lovell 2012,
     /// "Modeling Kinect sensor noise", eq. 2), some 0.002 of stereo. What is seen from near counts for more.
@@ -28,14 +28,20 @@ impl Default for SurfaceSettings {
 const CELL_REACH: f64 = 1.732_050_807_568_877_2;
 /// A point is off its surface by so many standard deviations at most.
 const NOISE_REACH: f64 = 3.0;
-/// More noise than so many voxels would write whole blocks for each point.
-const NOISE_VOXELS: f64 = 4.0;
+/// More noise than so many voxels would write whole blocks for each point, and belongs to larger voxels.
+pub(crate) const NOISE_VOXELS: f64 = 2.0;
 
 impl SurfaceSettings {
-    /// Distances are known up to here on either side of a surface, voxels: the corners of every cell that the surface crosses, wherever noise puts it.
+    /// Standard deviation of a point at a range, voxels, two at most; `range` is in voxels.
+    pub(crate) fn noise_voxels(&self, range: f64) -> f64 {
+        (self.noise_m / self.voxel_m + self.noise_per_m * self.voxel_m * range * range).min(NOISE_VOXELS)
+    }
+
+    /// Distances are known up to here on either side of a surface, metres, that is seen from a range, metres: the corners of every cell that the surface
+    /// crosses, wherever noise puts it.
     #[must_use]
-    pub fn truncation_voxels(&self) -> f64 {
-        CELL_REACH + NOISE_REACH * self.noise_m / self.voxel_m
+    pub fn truncation_m(&self, range_m: f64) -> f64 {
+        truncation_voxels(self.noise_voxels(range_m / self.voxel_m)) * self.voxel_m
     }
 
     /// Whether they can be used.
@@ -48,8 +54,13 @@ impl SurfaceSettings {
         };
         let (voxel_m, noise_m) = (self.voxel_m, self.noise_m);
         check((1e-6..=1e6).contains(&voxel_m), "voxel_m", "0.000001 to 1000000 m", voxel_m)?;
-        check((0.0..=NOISE_VOXELS * voxel_m).contains(&noise_m), "noise_m", "0 to four voxels", noise_m)?;
+        check((0.0..=NOISE_VOXELS * voxel_m).contains(&noise_m), "noise_m", "0 to two voxels", noise_m)?;
         check((0.0..=1.0).contains(&self.noise_per_m), "noise_per_m", "0 to 1 per m", self.noise_per_m)?;
         check(self.memory_mb > 0, "memory_mb", "1 or more", 0.0)
     }
+}
+
+/// Of a standard deviation in voxels.
+pub(crate) fn truncation_voxels(noise: f64) -> f64 {
+    CELL_REACH + NOISE_REACH * noise
 }

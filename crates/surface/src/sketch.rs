@@ -1,7 +1,7 @@
 //! What one view says of voxels at one pose, before it is counted into a volume.
 
-use crate::key::{BLOCK_BITS, BLOCK_SIDE, BLOCK_VOXELS, Key, floor, is_within, pack, within_block};
-use crate::patch::{Disc, Patch};
+use crate::key::{BLOCK_BITS, BLOCK_VOXELS, Key, floor, is_within, pack, within_block};
+use crate::patch::{DISC_GAPS, Disc, Patch};
 use mapwright_geom::Pose3;
 use nalgebra::{Matrix3, Vector3};
 use rustc_hash::FxHashMap;
@@ -9,28 +9,35 @@ use rustc_hash::FxHashMap;
 /// A set of voxels of a block.
 pub(crate) type Mask = [u64; BLOCK_VOXELS / 64];
 
-/// Steps of a distance up to the truncation.
-pub(crate) const DISTANCE_STEPS: i32 = 511;
+/// Steps of a distance for each voxel.
+pub(crate) const STEPS_PER_VOXEL: f32 = 128.0;
+/// Steps of the greatest distance: just under eight voxels, farther than any truncation.
+pub(crate) const STEPS_MOST: i32 = 1023;
 /// What a view says of a voxel counts so much at most.
 pub(crate) const WEIGHT_MOST: u32 = 31;
 /// A block that rays only pass takes so much less memory than one with readings.
 const PASSED_BLOCKS: usize = 8;
+/// Places along rays are whole numbers of this part of a voxel.
+const RAY_BITS: u32 = 32;
+const RAY_UNIT: f64 = (1_u64 << RAY_BITS) as f64;
 /// A ray is followed for so many voxels at most, the last before its point.
 const RAY_VOXELS: usize = 4096;
 
-/// Sums over the discs around a voxel: weight times distance, weight, what the discs' reach alone would weigh, and that of the discs whose colour counts.
+/// Sums over the discs around a voxel.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
+    /// Of weight times distance.
     distance: f32,
     weight: f32,
-    reach: f32,
-    colour_weight: f32,
 }
+
+/// Sums over the discs whose colour counts there: of weight times red, green and blue, and of weights.
+type ColourSums = [f32; 4];
 
 /// What one view says of a voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Reading {
-    /// Signed distance, in [`DISTANCE_STEPS`]ths of the truncation: positive where the sensor was.
+    /// Signed distance, [`STEPS_PER_VOXEL`]: positive where the sensor was.
     pub(crate) distance: i32,
     /// 1 to [`WEIGHT_MOST`].
     pub(crate) weight: u32,
@@ -41,13 +48,12 @@ pub(crate) struct Reading {
 /// The voxels that one view sees, by blocks. Kept from view to view for its memory.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sketch {
-    truncation: f32,
     places: FxHashMap<Key, u32>,
     keys: Vec<Key>,
     /// Voxels within the truncation.
     near: Vec<Mask>,
     sums: Vec<[Sums; BLOCK_VOXELS]>,
-    colours: Vec<[[f32; 3]; BLOCK_VOXELS]>,
+    colours: Vec<[ColourSums; BLOCK_VOXELS]>,
     passed_places: FxHashMap<Key, u32>,
     passed: Vec<(Key, Mask)>,
     outside: usize,
@@ -56,11 +62,12 @@ pub(crate) struct Sketch {
 
 impl Sketch {
     /// For views of so many blocks at most.
-    pub(crate) fn new(truncation_voxels: f64, block_limit: usize) -> Self {
-        Self { truncation: truncation_voxels as f32, block_limit, ..Self::default() }
+    pub(crate) fn new(block_limit: usize) -> Self {
+        Self { block_limit, ..Self::default() }
     }
 
     /// Draws a patch; what was drawn before is forgotten. Ends early once there are more blocks than the limit.
+    #[inline(never)]
     pub(crate) fn draw(&mut self, patch: &Patch, map_from_keyframe: Pose3) {
         self.clear();
         let per_m = 1.0 / patch.voxel_m;
@@ -86,7 +93,7 @@ impl Sketch {
                 return;
             }
             if is_within(from) && is_within(to) {
-                self.add_ray(from, to, turned(&rotation, disc.normal));
+                self.add_ray(from, to, turned(&rotation, disc.normal), disc.truncation);
             }
         }
     }
@@ -124,26 +131,26 @@ impl Sketch {
         self.passed.iter().map(without_near).filter(|(_, mask)| mask.iter().any(|&word| word != 0))
     }
 
-    /// The mean of what discs say; less than a full disc's reach counts for less.
+    /// The mean of what discs say. Where they do not lie as close as around most places it counts for less.
     fn reading(&self, slot: usize, voxel: usize) -> Reading {
         let sums = &self.sums[slot][voxel];
-        let share = sums.distance / (sums.weight * self.truncation);
-        let weight = sums.weight / sums.reach.max(1.0);
-        let colour = (sums.colour_weight > 0.0)
-            .then(|| self.colours[slot][voxel].map(|sum| (sum / sums.colour_weight + 0.5) as u8));
+        let steps = sums.distance / sums.weight * STEPS_PER_VOXEL;
+        let weight = (sums.weight / REACH_USUAL * WEIGHT_MOST as f32 + 0.5) as u32;
+        let colour = self.colours.get(slot).map(|colours| colours[voxel]).filter(|colour| colour[3] > 0.0);
         Reading {
-            distance: ((share * DISTANCE_STEPS as f32).round() as i32).clamp(-DISTANCE_STEPS, DISTANCE_STEPS),
-            weight: ((weight * WEIGHT_MOST as f32 + 0.5) as u32).clamp(1, WEIGHT_MOST),
-            colour,
+            distance: ((steps + 0.5_f32.copysign(steps)) as i32).clamp(-STEPS_MOST, STEPS_MOST),
+            weight: weight.clamp(1, WEIGHT_MOST),
+            colour: colour.map(|[red, green, blue, weight]| [red, green, blue].map(|sum| (sum / weight + 0.5) as u8)),
         }
     }
 
+    #[inline(never)]
     fn clear(&mut self) {
         for slot in 0..self.keys.len() {
             for voxel in voxels(&std::mem::take(&mut self.near[slot])) {
                 self.sums[slot][voxel] = Sums::default();
                 if let Some(colours) = self.colours.get_mut(slot) {
-                    colours[voxel] = [0.0; 3];
+                    colours[voxel] = ColourSums::default();
                 }
             }
         }
@@ -167,95 +174,82 @@ impl Sketch {
         slot as usize
     }
 
-    /// Writes the voxels around a disc, up to the truncation before and behind it and as far aside as it reaches.
+    /// Writes the voxels around a disc, up to the truncation before and behind it and as far aside as it reaches: in rows along the axis that its normal is nearest to, for
+    /// which both bounds are intervals.
+    #[inline(never)]
     fn add_disc(&mut self, disc: &Disc, at: [f64; 3], normal: [f32; 3], colour: Option<[u8; 3]>) {
-        let reach = |k: usize| {
-            let aside = (1.0 - normal[k] * normal[k]).max(0.0).sqrt();
-            f64::from(self.truncation * normal[k].abs() + disc.radius * aside)
-        };
-        let low: [i32; 3] = [0, 1, 2].map(|k| floor((at[k] - reach(k)).ceil()));
-        let high: [i32; 3] = [0, 1, 2].map(|k| floor(at[k] + reach(k)));
-        let blocks = |k: usize| low[k] >> BLOCK_BITS..=high[k] >> BLOCK_BITS;
-        for (x, y, z) in blocks(2).flat_map(|z| blocks(1).flat_map(move |y| blocks(0).map(move |x| (x, y, z)))) {
-            let block = [x, y, z].map(|v| v << BLOCK_BITS);
-            let from = [0, 1, 2].map(|k| low[k].max(block[k]));
-            let to = [0, 1, 2].map(|k| high[k].min(block[k] + BLOCK_SIDE - 1));
-            self.write(pack([x, y, z]), Part { from, to }, at, normal, disc, colour);
-        }
-    }
-
-    /// The voxels of one block.
-    fn write(&mut self, key: Key, part: Part, at: [f64; 3], normal: [f32; 3], disc: &Disc, colour: Option<[u8; 3]>) {
-        let (truncation, reach2) = (self.truncation, disc.radius * disc.radius);
-        let mut slot = None;
-        let apart = |k: usize, v: i32| (f64::from(v) - at[k]) as f32;
-        for z in part.from[2]..=part.to[2] {
-            let dz = apart(2, z);
-            for y in part.from[1]..=part.to[1] {
-                let dy = apart(1, y);
-                let (along, apart2) = (normal[1] * dy + normal[2] * dz, dy * dy + dz * dz);
-                for x in part.from[0]..=part.to[0] {
-                    let dx = apart(0, x);
-                    let distance = along + normal[0] * dx;
-                    let aside2 = apart2 + dx * dx - distance * distance;
-                    if !(distance.abs() < truncation && aside2 < reach2) {
-                        continue;
-                    }
-                    let reach = 1.0 - aside2.max(0.0) / reach2;
-                    let behind = if distance < 0.0 { 1.0 + distance / truncation } else { 1.0 };
+        let a = (0..3).fold(0, |a, k| if normal[k].abs() > normal[a].abs() { k } else { a });
+        let (u, v) = ((a + 1) % 3, (a + 2) % 3);
+        let base = at.map(floor);
+        let offset: [f32; 3] = [0, 1, 2].map(|k| (at[k] - f64::from(base[k])) as f32);
+        let reach = |k: usize| disc.truncation * normal[k].abs() + disc.radius * (1.0 - normal[k] * normal[k]).max(0.0).sqrt();
+        let steps = |k: usize| ceil_of(offset[k] - reach(k))..=floor_of(offset[k] + reach(k));
+        let colour = colour.map(|colour| colour.map(f32::from)).map(|[red, green, blue]| [red, green, blue, 1.0]);
+        let mut slots = Slots::new([0, 1, 2].map(|k| (base[k] + *steps(k).start()) >> BLOCK_BITS));
+        for iv in steps(v) {
+            for iu in steps(u) {
+                let (du, dv) = (iu as f32 - offset[u], iv as f32 - offset[v]);
+                let row = Row { along: normal[u] * du + normal[v] * dv, apart2: du * du + dv * dv, slope: normal[a] };
+                let Some([from, to]) = row.interval(disc) else { continue };
+                let mut voxel = base;
+                voxel[u] += iu;
+                voxel[v] += iv;
+                for ia in ceil_of(offset[a] + from)..=floor_of(offset[a] + to) {
+                    voxel[a] = base[a] + ia;
+                    let (distance, aside2) = row.at(ia as f32 - offset[a]);
+                    let reach = 1.0 - aside2 / (disc.radius * disc.radius);
+                    let behind = if distance < 0.0 { 1.0 + distance / disc.truncation } else { 1.0 };
                     let weight = disc.weight * reach * behind;
-                    if weight <= 0.0 {
-                        continue;
+                    if weight > 0.0 {
+                        let slot = slots.get(self, voxel);
+                        self.add(slot, within_block(voxel), distance, weight, colour);
                     }
-                    let slot = match slot {
-                        Some(slot) => slot,
-                        None => *slot.insert(self.slot(key)),
-                    };
-                    self.add(slot, within_block([x, y, z]), distance, [reach, weight], colour);
                 }
             }
         }
     }
 
     #[inline]
-    fn add(&mut self, slot: usize, voxel: usize, distance: f32, [reach, weight]: [f32; 2], colour: Option<[u8; 3]>) {
+    fn add(&mut self, slot: usize, voxel: usize, distance: f32, weight: f32, colour: Option<[f32; 4]>) {
         self.near[slot][voxel / 64] |= 1 << (voxel % 64);
         let sums = &mut self.sums[slot][voxel];
         sums.distance += weight * distance;
         sums.weight += weight;
-        sums.reach += reach;
         let Some(colour) = colour.filter(|_| distance.abs() < COLOUR_REACH) else { return };
-        sums.colour_weight += weight;
         if self.colours.len() <= slot {
-            self.colours.resize(self.sums.len(), [[0.0; 3]; BLOCK_VOXELS]);
+            self.colours.resize(self.sums.len(), [ColourSums::default(); BLOCK_VOXELS]);
         }
-        (0..3).for_each(|k| self.colours[slot][voxel][k] += weight * f32::from(colour[k]));
+        (0..4).for_each(|k| self.colours[slot][voxel][k] += weight * colour[k]);
     }
 
-    /// Notes the voxels that a ray goes through before it comes near the surface (Amanatides and Woo 1987, "A fast voxel traversal algorithm"), from the surface to the sensor. A voxel
-    /// is here the cube around its place.
-    fn add_ray(&mut self, from: [f64; 3], to: [f64; 3], normal: [f32; 3]) {
+    /// Notes the voxels on a ray before it comes near the surface, from there to the sensor: the nearest to it in each layer across the axis that it follows most (Bresenham
+    /// 1965, in three dimensions).
+    #[inline(never)]
+    fn add_ray(&mut self, from: [f64; 3], to: [f64; 3], normal: [f32; 3], truncation: f32) {
         let way = Vector3::from(from) - Vector3::from(to);
         let length = way.norm();
         let direction = way / length;
         let cosine = direction.dot(&Vector3::from(normal.map(f64::from)));
-        let skipped = f64::from(self.truncation) / cosine + 1.0;
-        let is_long = skipped < length;
+        let skipped = f64::from(truncation) / cosine + 1.0;
+        let layers = (length - skipped) * direction.amax();
+        let is_long = layers > 0.0;
         if !is_long {
             return;
         }
+        let fixed = |v: f64| (v * RAY_UNIT) as i64;
         let start = Vector3::from(to) + direction * skipped;
-        let mut steps = Steps::new(start.into(), direction.into());
+        let mut at: [i64; 3] = [0, 1, 2].map(|k| fixed(start[k] + 0.5));
+        let step: [i64; 3] = (direction / direction.amax()).map(fixed).into();
         let mut last = (Key::MAX, 0_usize);
-        let voxels = ((length - skipped) * direction.iter().map(|v| v.abs()).sum::<f64>()) as usize;
-        for _ in 0..=voxels.min(RAY_VOXELS) {
-            let key = pack(steps.at.map(|v| v >> BLOCK_BITS));
+        for _ in 0..(layers as usize).min(RAY_VOXELS) {
+            let voxel = at.map(|v| (v >> RAY_BITS) as i32);
+            let key = pack(voxel.map(|v| v >> BLOCK_BITS));
             if key != last.0 {
                 last = (key, self.passed_slot(key));
             }
-            let voxel = within_block(steps.at);
-            self.passed[last.1].1[voxel / 64] |= 1 << (voxel % 64);
-            steps.advance();
+            let bit = within_block(voxel);
+            self.passed[last.1].1[bit / 64] |= 1 << (bit % 64);
+            at = [0, 1, 2].map(|k| at[k] + step[k]);
         }
     }
 
@@ -269,44 +263,86 @@ impl Sketch {
     }
 }
 
+/// Around most places the reach of discs adds up to this: `1 - (r / radius)^2` over a circle of as many gaps between points as a disc's radius has.
+const REACH_USUAL: f32 = 0.5 * std::f32::consts::PI * (DISC_GAPS * DISC_GAPS) as f32;
 /// Colours are those of a surface up to here, voxels: the ends of an edge that it crosses.
 const COLOUR_REACH: f32 = 1.0;
 
-/// Voxels from one to another, both included.
-#[derive(Clone, Copy)]
-struct Part {
-    from: [i32; 3],
-    to: [i32; 3],
+/// Voxels in a row, by how far along it they lie from the foot of a disc's middle.
+struct Row {
+    /// Distance from the disc's plane there, voxels.
+    along: f32,
+    /// Square of the distance from the disc's middle there.
+    apart2: f32,
+    /// How the distance grows along the row: the normal's greatest part.
+    slope: f32,
 }
 
-/// From voxel to voxel along a ray.
-struct Steps {
-    at: [i32; 3],
-    step: [i32; 3],
-    /// How far along the ray the next voxel begins, along each axis.
-    next: [f64; 3],
-    width: [f64; 3],
+impl Row {
+    /// Where it is within the truncation and within the disc's reach: both are intervals, `|along + slope x| < truncation` and a quadratic one.
+    #[inline]
+    fn interval(&self, disc: &Disc) -> Option<[f32; 2]> {
+        let &Self { along, apart2, slope } = self;
+        let (low, high) = ((-disc.truncation - along) / slope, (disc.truncation - along) / slope);
+        let (low, high) = (low.min(high), low.max(high));
+        let (square, half) = (1.0 - slope * slope, along * slope);
+        let rest = apart2 - along * along - disc.radius * disc.radius;
+        if square < UPRIGHT {
+            return (rest < 0.0).then_some([low, high]);
+        }
+        let inside = half * half - square * rest;
+        let root = if inside > 0.0 { inside.sqrt() } else { return None };
+        Some([low.max((half - root) / square), high.min((half + root) / square)])
+    }
+
+    /// The distance from the plane, and the square of that from the middle along it.
+    #[inline]
+    fn at(&self, x: f32) -> (f32, f32) {
+        let distance = self.along + self.slope * x;
+        (distance, (self.apart2 + x * x - distance * distance).max(0.0))
+    }
 }
 
-impl Steps {
-    fn new(start: [f64; 3], direction: [f64; 3]) -> Self {
-        let at = start.map(|v| floor((v + 0.5).floor()));
-        let width = direction.map(|v| 1.0 / v.abs());
-        let next = [0, 1, 2].map(|k| {
-            let gone = start[k] + 0.5 - f64::from(at[k]);
-            let ahead = if direction[k] > 0.0 { 1.0 - gone } else { gone };
-            if direction[k] == 0.0 { f64::INFINITY } else { ahead * width[k] }
-        });
-        Self { at, step: direction.map(|v| if v > 0.0 { 1 } else { -1 }), next, width }
+/// A disc's rows go along its normal: they leave it nowhere.
+const UPRIGHT: f32 = 1e-4;
+
+/// The slots of blocks around a disc, each looked for once.
+struct Slots {
+    low: [i32; 3],
+    slots: [u32; SLOTS * SLOTS * SLOTS],
+}
+
+/// Blocks along an axis that a disc may lie in: it reaches less than 12 voxels to either side.
+const SLOTS: usize = 4;
+const NO_SLOT: u32 = u32::MAX;
+
+impl Slots {
+    fn new(low: [i32; 3]) -> Self {
+        Self { low, slots: [NO_SLOT; SLOTS * SLOTS * SLOTS] }
     }
 
     #[inline]
-    fn advance(&mut self) {
-        let [x, y, z] = self.next;
-        let axis = if x <= y && x <= z { 0 } else { 1 + usize::from(z < y) };
-        self.at[axis] += self.step[axis];
-        self.next[axis] += self.width[axis];
+    fn get(&mut self, sketch: &mut Sketch, voxel: [i32; 3]) -> usize {
+        let block = voxel.map(|v| v >> BLOCK_BITS);
+        let [x, y, z] = [0, 1, 2].map(|k| (block[k] - self.low[k]) as usize & (SLOTS - 1));
+        let slot = &mut self.slots[x | SLOTS * (y | SLOTS * z)];
+        if *slot == NO_SLOT {
+            *slot = sketch.slot(pack(block)) as u32;
+        }
+        *slot as usize
     }
+}
+
+/// Of numbers as small as a disc.
+#[inline]
+fn floor_of(v: f32) -> i32 {
+    let whole = v as i32;
+    whole - i32::from(v < whole as f32)
+}
+
+#[inline]
+fn ceil_of(v: f32) -> i32 {
+    -floor_of(-v)
 }
 
 fn turned(rotation: &Matrix3<f64>, normal: [f32; 3]) -> [f32; 3] {

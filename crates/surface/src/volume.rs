@@ -5,7 +5,7 @@ use crate::error::SurfaceError;
 use crate::key::{BLOCK_BITS, BLOCK_VOXELS, Key, is_within, pack, unpack, within_block};
 use crate::patch::Patch;
 use crate::settings::SurfaceSettings;
-use crate::sketch::{DISTANCE_STEPS, Sketch, WEIGHT_MOST};
+use crate::sketch::{STEPS_PER_VOXEL, Sketch, WEIGHT_MOST};
 use mapwright_geom::Pose3;
 use rustc_hash::FxHashMap;
 
@@ -19,7 +19,6 @@ use rustc_hash::FxHashMap;
 #[derive(Debug, Clone)]
 pub struct Volume {
     settings: SurfaceSettings,
-    truncation: f64,
     places: FxHashMap<Key, u32>,
     blocks: Vec<Block>,
     /// Blocks that are empty and may be used again.
@@ -47,8 +46,7 @@ impl PartialEq for Volume {
         let is_there = |block: &&Block| !block.is_empty();
         let same = |block: &Block| other.block(block.key) == Some(block);
         let count = |volume: &Self| volume.blocks.iter().filter(is_there).count();
-        self.settings.voxel_m == other.settings.voxel_m
-            && self.truncation == other.truncation
+        self.settings == other.settings
             && count(self) == count(other)
             && self.blocks.iter().filter(is_there).all(same)
     }
@@ -61,17 +59,15 @@ impl Volume {
     /// [`SurfaceError::Setting`].
     pub fn new(settings: SurfaceSettings) -> Result<Self, SurfaceError> {
         settings.validate()?;
-        let truncation = settings.truncation_voxels();
-        let limit = memory_bytes(&settings) / Block::bytes_with(None, [true, true, false]);
+        let limit = memory_bytes(&settings) / Block::bytes_with(None, [true, true]);
         Ok(Self {
             settings,
-            truncation,
             places: FxHashMap::default(),
             blocks: Vec::new(),
             empty: Vec::new(),
             bytes: 0,
             views: 0,
-            sketch: Sketch::new(truncation, limit),
+            sketch: Sketch::new(limit),
         })
     }
 
@@ -172,7 +168,7 @@ impl Volume {
         let near = block.near(voxel);
         let corner = unpack(block.key).map(|v| v << BLOCK_BITS);
         let part = |k: u32| (voxel >> (k * BLOCK_BITS) & 7) as i32;
-        let step_m = self.truncation * self.settings.voxel_m / f64::from(DISTANCE_STEPS);
+        let step_m = self.settings.voxel_m / f64::from(STEPS_PER_VOXEL);
         (near.weight > 0).then(|| VoxelDistance {
             index: [corner[0] + part(0), corner[1] + part(1), corner[2] + part(2)],
             distance_m: f64::from(near.distance) / f64::from(near.weight) * step_m,
@@ -181,6 +177,7 @@ impl Volume {
         })
     }
 
+    #[inline(never)]
     fn apply(&mut self, sketch: &Sketch, change: Change) {
         for (key, readings) in sketch.readings() {
             self.change_block(key, change, |block| block.count(readings, change));
@@ -224,13 +221,14 @@ impl Volume {
     }
 
     /// Whether a sketch fits into the memory allowed.
+    #[inline(never)]
     fn check_memory(&self, sketch: &Sketch, is_coloured: bool) -> Result<(), SurfaceError> {
-        let more = |(key, needs): (Key, [bool; 3])| {
+        let more = |(key, needs): (Key, [bool; 2])| {
             let block = self.block(key);
             Block::bytes_with(block, needs) - block.map_or(0, Block::bytes)
         };
-        let of_near = sketch.keys().map(|key| (key, [true, is_coloured, false]));
-        let of_passes = sketch.passes().map(|(key, _)| (key, [false, false, true]));
+        let of_near = sketch.keys().map(|key| (key, [true, is_coloured]));
+        let of_passes = sketch.passes().map(|(key, _)| (key, [false, false]));
         let needed = self.bytes + of_near.chain(of_passes).map(more).sum::<usize>();
         let (allowed, voxel_m) = (memory_bytes(&self.settings), self.settings.voxel_m);
         if needed <= allowed && !sketch.is_beyond_limit() {

@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Colour, Near};
 use crate::key::{BLOCK_BITS, BLOCK_SIDE, pack, unpack, within_block};
-use crate::sketch::{DISTANCE_STEPS, WEIGHT_MOST};
+use crate::sketch::{STEPS_PER_VOXEL, WEIGHT_MOST};
 use crate::volume::Volume;
 
 /// Corners of a block's cells along an axis.
@@ -61,7 +61,7 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// The mean distance of a voxel, in steps. Free space where it lies behind a surface that rays have passed.
+/// The mean distance of a voxel, in steps; one voxel before a surface where it lies behind one that rays have passed.
 fn distance(block: &Block, voxel: usize, least_weight: f64) -> f32 {
     let Near { distance, weight } = block.near(voxel);
     if weight == 0 || f64::from(weight) < least_weight {
@@ -69,7 +69,7 @@ fn distance(block: &Block, voxel: usize, least_weight: f64) -> f32 {
     }
     let passed = i64::from(block.passes(voxel)) * i64::from(WEIGHT_MOST);
     if distance < 0 && passed > PASSES_PER_VIEW * i64::from(weight) {
-        return DISTANCE_STEPS as f32;
+        return STEPS_PER_VOXEL;
     }
     distance as f32 / weight as f32
 }
