@@ -1,6 +1,7 @@
 //! Draws clouds at their poses, and says how long it took and how the mesh lies to them.
 //!
-//! `from_clouds CLOUDS VOXEL_M NOISE_M NOISE_PER_M [OUT.ply|OUT.glb] [key=value ...]`; keys: carve, weight, piece, lazy (keep keyframes, move all of them, and back).
+//! `from_clouds CLOUDS VOXEL_M NOISE_M NOISE_PER_M [OUT.ply|OUT.glb] [key=value ...]`; keys: carve, weight, piece, threads, lazy (keep
+//! keyframes, move all of them, and back), every and range (which points are compared: each of so many, seen from so near).
 //! CLOUDS is, for each cloud, little endian: points u32, 1 where they have colours u32, translation and quaternion x y z w f64, origin f32 x 3, points f32 x 3, colours u8 x 3
 //! (`docs/decisions/0046-surfaces.md` has what writes it).
 
@@ -61,7 +62,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         draw += start.elapsed();
         clouds += 1;
         let every = get("every", 211.0) as usize;
-        samples.extend(cloud.points_m.iter().step_by(every).filter(|p| p.iter().any(|v| *v != 0.0)).map(|p| {
+        let range_m = |p: &[f32; 3]| f64::from(p.iter().map(|v| v * v).sum::<f32>().sqrt());
+        let is_asked = |p: &&[f32; 3]| range_m(p) > 0.1 && range_m(p) < get("range", f64::INFINITY);
+        samples.extend(cloud.points_m.iter().step_by(every).filter(is_asked).map(|p| {
             let at = cloud.map_from_cloud.transform(nalgebra::Vector3::from(p.map(f64::from)));
             [at.x, at.y, at.z]
         }));

@@ -31,6 +31,8 @@ pub(crate) struct Pyramid {
     levels: Vec<Vec<Cell>>,
     sums: Vec<Sums>,
     planes: Vec<Vec<Option<Plane>>>,
+    /// Of all points, metres, if it is the same.
+    one_origin: Option<[f32; 3]>,
     is_coloured: bool,
 }
 
@@ -55,34 +57,44 @@ impl Pyramid {
         let is_coloured = !view.colours.is_empty();
         let (mut cells, mut sums, mut places) = (Vec::<Cell>::new(), Vec::<Sums>::new(), FxHashMap::default());
         let (per_m, mut last) = (1.0 / voxel_m, (Key::MAX, 0_u32));
-        for (number, point) in view.points_m.iter().enumerate() {
-            let origin = view.origins_m.get(number).or(view.origins_m.first()).copied().unwrap_or_default();
-            let (at, from) = (point.map(|v| f64::from(v) * per_m), origin.map(|v| f64::from(v) * per_m));
-            if let Some(why) = unusable(&mut counts, at, from) {
-                *why += 1;
+        let scaled = |at_m: [f32; 3]| at_m.map(|v| f64::from(v) * per_m);
+        let one_origin = (view.origins_m.len() == 1).then(|| view.origins_m[0]);
+        let mut from = one_origin.map_or([0.0; 3], scaled);
+        for (number, &point) in view.points_m.iter().enumerate() {
+            if one_origin.is_none() {
+                from = scaled(view.origins_m[number]);
+            }
+            let at = scaled(point);
+            let apart2: f64 = (0..3).map(|k| (at[k] - from[k]).powi(2)).sum();
+            let is_usable = apart2 >= 1.0 && is_within(at) && is_within(from);
+            if !is_usable {
+                *why_not(&mut counts, apart2) += 1;
                 continue;
             }
             let place = at.map(floor);
             let key = pack(place);
             if key != last.0 {
-                last = (key, *places.entry(key).or_insert_with(|| {
+                let new = cells.len() as u32;
+                last = (key, *places.entry(key).or_insert(new));
+                if last.1 == new {
                     cells.push(Cell { key, moments: Moments::default(), parent: 0, filled: 1 });
                     sums.push(Sums::default());
-                    cells.len() as u32 - 1
-                }));
+                }
             }
             let cell = last.1 as usize;
             cells[cell].moments.add([0, 1, 2].map(|k| at[k] - f64::from(place[k])));
-            (0..3).for_each(|k| sums[cell].origin_m[k] += f64::from(origin[k]));
-            if let Some(colour) = view.colours.get(number) {
-                (0..3).for_each(|k| sums[cell].colour[k] += u32::from(colour[k]));
+            if one_origin.is_none() {
+                (0..3).for_each(|k| sums[cell].origin_m[k] += f64::from(view.origins_m[number][k]));
+            }
+            if is_coloured {
+                (0..3).for_each(|k| sums[cell].colour[k] += u32::from(view.colours[number][k]));
             }
         }
         let levels = add_levels(cells, levels);
         let of_level = |cells: &Vec<Cell>| cells.iter().map(|cell| plane_of(&cell.moments)).collect();
         let planes = levels.iter().enumerate().map(|(level, cells)| if level < first { Vec::new() } else { of_level(cells) });
         let planes = planes.collect();
-        (Self { levels, sums, planes, is_coloured }, counts)
+        (Self { levels, sums, planes, one_origin, is_coloured }, counts)
     }
 
     /// How many cells there are on the first level.
@@ -108,7 +120,8 @@ impl Pyramid {
 
     /// Mean of where they were seen from, metres.
     pub(crate) fn origin_m(&self, number: usize) -> Vector3<f64> {
-        Vector3::from(self.sums[number].origin_m) / self.levels[0][number].moments.count
+        let mean = || Vector3::from(self.sums[number].origin_m) / self.levels[0][number].moments.count;
+        self.one_origin.map_or_else(mean, |origin| Vector3::from(origin.map(f64::from)))
     }
 
     /// Mean of their colours, if they have any.
@@ -158,17 +171,14 @@ impl Pyramid {
     }
 }
 
-/// Which count a point adds to that cannot be used.
-fn unusable(counts: &mut PointCounts, at: [f64; 3], from: [f64; 3]) -> Option<&mut usize> {
-    let apart = (Vector3::from(at) - Vector3::from(from)).norm_squared();
-    if !apart.is_finite() {
-        Some(&mut counts.not_finite)
-    } else if !(is_within(at) && is_within(from)) {
-        Some(&mut counts.far)
-    } else if apart < 1.0 {
-        Some(&mut counts.near)
+/// Which count a point adds to that cannot be used, by the square of its distance from the sensor, voxels.
+fn why_not(counts: &mut PointCounts, apart2: f64) -> &mut usize {
+    if !apart2.is_finite() {
+        &mut counts.not_finite
+    } else if apart2 < 1.0 {
+        &mut counts.near
     } else {
-        None
+        &mut counts.far
     }
 }
 

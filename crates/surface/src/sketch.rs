@@ -185,20 +185,21 @@ impl Sketch {
         let reach = |k: usize| disc.truncation * normal[k].abs() + disc.radius * (1.0 - normal[k] * normal[k]).max(0.0).sqrt();
         let steps = |k: usize| ceil_of(offset[k] - reach(k))..=floor_of(offset[k] + reach(k));
         let colour = colour.map(|colour| colour.map(f32::from)).map(|[red, green, blue]| [red, green, blue, 1.0]);
+        let shape = Shape::of(disc, normal[a]);
         let mut slots = Slots::new([0, 1, 2].map(|k| (base[k] + *steps(k).start()) >> BLOCK_BITS));
         for iv in steps(v) {
             for iu in steps(u) {
                 let (du, dv) = (iu as f32 - offset[u], iv as f32 - offset[v]);
-                let row = Row { along: normal[u] * du + normal[v] * dv, apart2: du * du + dv * dv, slope: normal[a] };
-                let Some([from, to]) = row.interval(disc) else { continue };
+                let row = Row { along: normal[u] * du + normal[v] * dv, apart2: du * du + dv * dv };
+                let Some([from, to]) = shape.interval(&row) else { continue };
                 let mut voxel = base;
                 voxel[u] += iu;
                 voxel[v] += iv;
                 for ia in ceil_of(offset[a] + from)..=floor_of(offset[a] + to) {
                     voxel[a] = base[a] + ia;
-                    let (distance, aside2) = row.at(ia as f32 - offset[a]);
-                    let reach = 1.0 - aside2 / (disc.radius * disc.radius);
-                    let behind = if distance < 0.0 { 1.0 + distance / disc.truncation } else { 1.0 };
+                    let (distance, aside2) = shape.at(&row, ia as f32 - offset[a]);
+                    let reach = 1.0 - aside2 * shape.per_radius2;
+                    let behind = if distance < 0.0 { 1.0 + distance * shape.per_truncation } else { 1.0 };
                     let weight = disc.weight * reach * behind;
                     if weight > 0.0 {
                         let slot = slots.get(self, voxel);
@@ -274,32 +275,61 @@ struct Row {
     along: f32,
     /// Square of the distance from the disc's middle there.
     apart2: f32,
-    /// How the distance grows along the row: the normal's greatest part.
-    slope: f32,
 }
 
-impl Row {
-    /// Where it is within the truncation and within the disc's reach: both are intervals, `|along + slope x| < truncation` and a quadratic one.
-    #[inline]
-    fn interval(&self, disc: &Disc) -> Option<[f32; 2]> {
-        let &Self { along, apart2, slope } = self;
-        let (low, high) = ((-disc.truncation - along) / slope, (disc.truncation - along) / slope);
-        let (low, high) = (low.min(high), low.max(high));
-        let (square, half) = (1.0 - slope * slope, along * slope);
-        let rest = apart2 - along * along - disc.radius * disc.radius;
-        if square < UPRIGHT {
-            return (rest < 0.0).then_some([low, high]);
+/// What is the same for all rows of a disc.
+struct Shape {
+    truncation: f32,
+    per_truncation: f32,
+    radius2: f32,
+    per_radius2: f32,
+    /// How the distance from the plane grows along a row: the normal's greatest part.
+    slope: f32,
+    per_slope: f32,
+    /// `1 - slope^2`.
+    square: f32,
+    per_square: f32,
+}
+
+impl Shape {
+    fn of(disc: &Disc, slope: f32) -> Self {
+        let (radius2, square) = (disc.radius * disc.radius, 1.0 - slope * slope);
+        Self {
+            truncation: disc.truncation,
+            per_truncation: 1.0 / disc.truncation,
+            radius2,
+            per_radius2: 1.0 / radius2,
+            slope,
+            per_slope: 1.0 / slope,
+            square,
+            per_square: 1.0 / square,
         }
-        let inside = half * half - square * rest;
-        let root = if inside > 0.0 { inside.sqrt() } else { return None };
-        Some([low.max((half - root) / square), high.min((half + root) / square)])
+    }
+
+    /// Where a row is within the disc's reach and within the truncation. Both are intervals: of a quadratic, and of `|along + slope x| < truncation`.
+    #[inline]
+    fn interval(&self, &Row { along, apart2 }: &Row) -> Option<[f32; 2]> {
+        let rest = apart2 - along * along - self.radius2;
+        let half = along * self.slope;
+        let inside = half * half - self.square * rest;
+        let is_upright = self.square < UPRIGHT;
+        if if is_upright { rest >= 0.0 } else { inside <= 0.0 } {
+            return None;
+        }
+        let [before, behind] = [-self.truncation - along, self.truncation - along].map(|v| v * self.per_slope);
+        let (low, high) = (before.min(behind), before.max(behind));
+        if is_upright {
+            return Some([low, high]);
+        }
+        let root = inside.sqrt();
+        Some([low.max((half - root) * self.per_square), high.min((half + root) * self.per_square)])
     }
 
     /// The distance from the plane, and the square of that from the middle along it.
     #[inline]
-    fn at(&self, x: f32) -> (f32, f32) {
-        let distance = self.along + self.slope * x;
-        (distance, (self.apart2 + x * x - distance * distance).max(0.0))
+    fn at(&self, row: &Row, x: f32) -> (f32, f32) {
+        let distance = row.along + self.slope * x;
+        (distance, (row.apart2 + x * x - distance * distance).max(0.0))
     }
 }
 
