@@ -1,7 +1,7 @@
 //! What is known of the voxels of a block, in integers: adding and taking away are exact, in any order.
 
 use crate::key::{BLOCK_VOXELS, Key};
-use crate::sketch::{STEPS_MOST, Mask, Reading, WEIGHT_MOST};
+use crate::sketch::{Mask, Reading, STEPS_MOST, WEIGHT_MOST};
 
 /// Whether a view is added or taken away again, exactly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,7 +65,6 @@ impl Block {
     }
 
     /// Counts what a view says. Sums wrap, so that even what was never added is taken away without a panic.
-    #[inline(never)]
     pub(crate) fn count(&mut self, readings: impl Iterator<Item = (usize, Reading)>, change: Change) {
         for (voxel, Reading { distance, weight, colour }) in readings {
             let near = &mut self.near.get_or_insert_with(|| Box::new([Near::default(); BLOCK_VOXELS]))[voxel];
@@ -86,7 +85,6 @@ impl Block {
     }
 
     /// Counts the voxels that rays of a view passed.
-    #[inline(never)]
     pub(crate) fn count_passes(&mut self, mask: &Mask, change: Change) {
         let mut carried = *mask;
         for plane in 0..u16::BITS as usize {

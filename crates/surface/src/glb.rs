@@ -146,7 +146,7 @@ impl Layout {
 
 fn bounds(positions_m: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
     let all = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    positions_m.iter().fold(all, |(low, high), at| {
-        ([0, 1, 2].map(|k| low[k].min(at[k])), [0, 1, 2].map(|k| high[k].max(at[k])))
-    })
+    positions_m
+        .iter()
+        .fold(all, |(low, high), at| ([0, 1, 2].map(|k| low[k].min(at[k])), [0, 1, 2].map(|k| high[k].max(at[k]))))
 }

@@ -68,7 +68,8 @@ impl Mesh {
     #[must_use]
     pub fn edges(&self) -> EdgeCounts {
         let ends = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]];
-        let mut edges: Vec<[u32; 2]> = self.triangles.iter().flat_map(ends).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        let mut edges: Vec<[u32; 2]> =
+            self.triangles.iter().flat_map(ends).map(|[a, b]| [a.min(b), a.max(b)]).collect();
         edges.sort_unstable();
         let mut counts = EdgeCounts::default();
         for same in edges.chunk_by(|a, b| a == b) {

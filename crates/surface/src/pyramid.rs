@@ -92,7 +92,8 @@ impl Pyramid {
         }
         let levels = add_levels(cells, levels);
         let of_level = |cells: &Vec<Cell>| cells.iter().map(|cell| plane_of(&cell.moments)).collect();
-        let planes = levels.iter().enumerate().map(|(level, cells)| if level < first { Vec::new() } else { of_level(cells) });
+        let planes =
+            levels.iter().enumerate().map(|(level, cells)| if level < first { Vec::new() } else { of_level(cells) });
         let planes = planes.collect();
         (Self { levels, sums, planes, one_origin, is_coloured }, counts)
     }
@@ -147,7 +148,8 @@ impl Pyramid {
     /// How far apart points are around a cell, voxels: as evenly spread over a face of the cube around it that is filled most, of level `most` at most. Between 1 and [`GAP_VOXELS`].
     pub(crate) fn gap(&self, number: usize, most: usize) -> f64 {
         let told = self.around(number).take(most + 1).filter(|&(level, at)| self.levels[level][at].filled >= GAP_CELLS);
-        let spread = |(level, at): (usize, usize)| f64::from(1_u32 << level) / f64::from(self.levels[level][at].filled).sqrt();
+        let spread =
+            |(level, at): (usize, usize)| f64::from(1_u32 << level) / f64::from(self.levels[level][at].filled).sqrt();
         let widest = 0.5 * f64::from(1_u32 << most);
         told.map(spread).fold(widest, f64::min).clamp(1.0, GAP_VOXELS)
     }

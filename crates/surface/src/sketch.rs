@@ -67,7 +67,6 @@ impl Sketch {
     }
 
     /// Draws a patch; what was drawn before is forgotten. Ends early once there are more blocks than the limit.
-    #[inline(never)]
     pub(crate) fn draw(&mut self, patch: &Patch, map_from_keyframe: Pose3) {
         self.clear();
         let per_m = 1.0 / patch.voxel_m;
@@ -144,7 +143,6 @@ impl Sketch {
         }
     }
 
-    #[inline(never)]
     fn clear(&mut self) {
         for slot in 0..self.keys.len() {
             for voxel in voxels(&std::mem::take(&mut self.near[slot])) {
@@ -176,19 +174,19 @@ impl Sketch {
 
     /// Writes the voxels around a disc, up to the truncation before and behind it and as far aside as it reaches: in rows along the axis that its normal is nearest to, for
     /// which both bounds are intervals.
-    #[inline(never)]
     fn add_disc(&mut self, disc: &Disc, at: [f64; 3], normal: [f32; 3], colour: Option<[u8; 3]>) {
         let a = (0..3).fold(0, |a, k| if normal[k].abs() > normal[a].abs() { k } else { a });
         let (u, v) = ((a + 1) % 3, (a + 2) % 3);
         let base = at.map(floor);
         let offset: [f32; 3] = [0, 1, 2].map(|k| (at[k] - f64::from(base[k])) as f32);
-        let reach = |k: usize| disc.truncation * normal[k].abs() + disc.radius * (1.0 - normal[k] * normal[k]).max(0.0).sqrt();
-        let steps = |k: usize| ceil_of(offset[k] - reach(k))..=floor_of(offset[k] + reach(k));
+        let reach =
+            |k: usize| disc.truncation * normal[k].abs() + disc.radius * (1.0 - normal[k] * normal[k]).max(0.0).sqrt();
+        let steps: [(i32, i32); 3] = [0, 1, 2].map(|k| (ceil_of(offset[k] - reach(k)), floor_of(offset[k] + reach(k))));
         let colour = colour.map(|colour| colour.map(f32::from)).map(|[red, green, blue]| [red, green, blue, 1.0]);
         let shape = Shape::of(disc, normal[a]);
-        let mut slots = Slots::new([0, 1, 2].map(|k| (base[k] + *steps(k).start()) >> BLOCK_BITS));
-        for iv in steps(v) {
-            for iu in steps(u) {
+        let mut slots = Slots::new([0, 1, 2].map(|k| (base[k] + steps[k].0) >> BLOCK_BITS));
+        for iv in steps[v].0..=steps[v].1 {
+            for iu in steps[u].0..=steps[u].1 {
                 let (du, dv) = (iu as f32 - offset[u], iv as f32 - offset[v]);
                 let row = Row { along: normal[u] * du + normal[v] * dv, apart2: du * du + dv * dv };
                 let Some([from, to]) = shape.interval(&row) else { continue };
@@ -199,7 +197,7 @@ impl Sketch {
                     voxel[a] = base[a] + ia;
                     let (distance, aside2) = shape.at(&row, ia as f32 - offset[a]);
                     let reach = 1.0 - aside2 * shape.per_radius2;
-                    let behind = if distance < 0.0 { 1.0 + distance * shape.per_truncation } else { 1.0 };
+                    let behind = 1.0 + distance.min(0.0) * shape.per_truncation;
                     let weight = disc.weight * reach * behind;
                     if weight > 0.0 {
                         let slot = slots.get(self, voxel);
@@ -225,7 +223,6 @@ impl Sketch {
 
     /// Notes the voxels on a ray before it comes near the surface, from there to the sensor: the nearest to it in each layer across the axis that it follows most (Bresenham
     /// 1965, in three dimensions).
-    #[inline(never)]
     fn add_ray(&mut self, from: [f64; 3], to: [f64; 3], normal: [f32; 3], truncation: f32) {
         let way = Vector3::from(from) - Vector3::from(to);
         let length = way.norm();

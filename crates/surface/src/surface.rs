@@ -171,7 +171,8 @@ impl Keyframe {
     fn has_moved(&self, now: Pose3, threshold_m: f64) -> bool {
         self.map_from_keyframe.is_none_or(|drawn| {
             let turned_rad = drawn.rotation.angle_to(&now.rotation);
-            drawn != now && !(drawn.distance(now) + self.patch.lever_m() * turned_rad <= threshold_m && threshold_m > 0.0)
+            drawn != now
+                && !(drawn.distance(now) + self.patch.lever_m() * turned_rad <= threshold_m && threshold_m > 0.0)
         })
     }
 }

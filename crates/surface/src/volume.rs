@@ -46,9 +46,7 @@ impl PartialEq for Volume {
         let is_there = |block: &&Block| !block.is_empty();
         let same = |block: &Block| other.block(block.key) == Some(block);
         let count = |volume: &Self| volume.blocks.iter().filter(is_there).count();
-        self.settings == other.settings
-            && count(self) == count(other)
-            && self.blocks.iter().filter(is_there).all(same)
+        self.settings == other.settings && count(self) == count(other) && self.blocks.iter().filter(is_there).all(same)
     }
 }
 
@@ -177,7 +175,6 @@ impl Volume {
         })
     }
 
-    #[inline(never)]
     fn apply(&mut self, sketch: &Sketch, change: Change) {
         for (key, readings) in sketch.readings() {
             self.change_block(key, change, |block| block.count(readings, change));
@@ -221,7 +218,6 @@ impl Volume {
     }
 
     /// Whether a sketch fits into the memory allowed.
-    #[inline(never)]
     fn check_memory(&self, sketch: &Sketch, is_coloured: bool) -> Result<(), SurfaceError> {
         let more = |(key, needs): (Key, [bool; 2])| {
             let block = self.block(key);

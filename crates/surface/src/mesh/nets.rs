@@ -94,7 +94,8 @@ fn part_of(volume: &Volume, block: &Block, cases: &[Case; 256], least_weight: f6
         part.cells[cell] = (behind as u8, part.vertices.len() as u16);
         for sheet in 0..case.sheets {
             let at = middle(&distances, case, sheet);
-            let position_m = [0, 1, 2].map(|k| ((corner[k] + place[k] as f64 + at[k]) * volume.settings().voxel_m) as f32);
+            let position_m =
+                [0, 1, 2].map(|k| ((corner[k] + place[k] as f64 + at[k]) * volume.settings().voxel_m) as f32);
             let normal = gradient(&distances, at);
             part.vertices.push(Vertex { position_m, normal, colour: colour_of(&grid, place, case, sheet) });
         }
@@ -174,7 +175,8 @@ impl Net<'_> {
                     at[(axis + 2) % 3] -= bv;
                     self.vertex(&before, at, 4 * axis + (bu + 2 * bv) as usize, cases)
                 };
-                let (Some(a), Some(b), Some(c), Some(d)) = (corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)) else {
+                let (Some(a), Some(b), Some(c), Some(d)) = (corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1))
+                else {
                     continue;
                 };
                 // Counterclockwise seen from along the axis, where the surface is seen from if its beginning lies behind.
