@@ -11,7 +11,7 @@ use crate::volume::Volume;
 /// How a mesh is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeshSettings {
-    /// Voxels that were seen less make no surface: so many views that face it from near, or more from afar and aslant.
+    /// Cells of which no corner was seen so well make no surface: 1 is one view that faces it from near, or more from afar and aslant.
     pub least_weight: f64,
     /// Pieces that hang together and are less than so wide are left out, metres: the diagonal of the box around them. 0 keeps all.
     pub least_piece_m: f64,
@@ -54,7 +54,7 @@ impl Volume {
     /// nets: Gibson 1998, "Constrained elastic surface nets"; several sheets: Nielson 2004, "Dual marching cubes"). A vertex is the mean of where edges are
     /// crossed.
     ///
-    /// There is a surface where all eight voxels were seen near it, and none where rays that passed say there is nothing. Blocks
+    /// There is a surface where all eight voxels were seen near it and one of them well, and none where rays that passed say there is nothing. Blocks
     /// share their vertices. The mesh is a function of the volume, whatever came and went before, and in an order of places.
     #[must_use]
     pub fn mesh(&self, settings: &MeshSettings) -> Mesh {

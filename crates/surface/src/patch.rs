@@ -17,7 +17,7 @@ pub(crate) struct Disc {
     pub(crate) radius: f32,
     /// How far before and behind it distances are known, voxels.
     pub(crate) truncation: f32,
-    /// How much it counts, 0 to 1.
+    /// How much it counts in its middle: around most places that of all discs adds up to 1 where they face the sensor from near.
     pub(crate) weight: f32,
 }
 
@@ -38,10 +38,10 @@ pub struct Patch {
 
 /// A surface that a ray meets at less than this, radians, is seen edge-on: where it lies cannot be said (as of surfels, `voxel/src/surfel.rs`).
 const EDGE_ON: f64 = 0.05;
-/// A disc reaches so many times as far as the next is: four lie around each place.
-pub(crate) const DISC_GAPS: f64 = 1.0;
-/// Levels of cells from the first on that is wider than the noise: discs reach up to four voxels over what scans leave between rings.
-const LEVELS: usize = 4;
+/// A disc reaches as far as the next, and so far at least, voxels: a cell in the corner between two surfaces ends one voxel beyond both, and the last disc lies half a voxel before.
+const DISC_LEAST: f64 = 1.5;
+/// Levels of cells from the first on that is wider than the noise: rings of a lidar up to 16 voxels apart make planes.
+const LEVELS: usize = 5;
 /// Noise is taken to be so many voxels at least where points of different ranges are weighed: all of them are rounded by so much.
 const LEAST_NOISE: f64 = 0.01;
 
@@ -50,8 +50,8 @@ impl Patch {
     ///
     /// Points are merged by voxels (Oleynikova et al. 2017, "Voxblox", section IV.B, grouped raycasting). The mean of each voxel becomes a disc across the normal of the
     /// plane through the points around it: of those in the smallest cube, of sides that double, that is wider than the noise and in which they spread both
-    /// ways. Where there is none, the disc faces the sensor. It counts by the cosine at which it is seen (Newcombe et al. 2011, "KinectFusion", section
-    /// 3.3) and by the inverse of the variance at its range.
+    /// ways. Where there is none, nothing is known: a single ring of a lidar on a distant floor does not say which way the floor lies. A disc counts by
+    /// the cosine at which it is seen (Newcombe et al. 2011, "KinectFusion", section 3.3) and by the inverse of the variance at its range.
     ///
     /// # Errors
     /// [`SurfaceError::Setting`] and [`SurfaceError::Columns`]. Points that cannot be used are left out and counted.
@@ -120,7 +120,7 @@ impl Patch {
     }
 }
 
-/// The disc of a voxel; none where it is seen edge-on.
+/// The disc of a voxel; none where it is seen edge-on, or where no plane goes through the points around it.
 fn disc_of(pyramid: &Pyramid, number: usize, settings: &SurfaceSettings) -> Option<Disc> {
     let voxel_m = settings.voxel_m;
     let mean = pyramid.mean(number);
@@ -128,11 +128,12 @@ fn disc_of(pyramid: &Pyramid, number: usize, settings: &SurfaceSettings) -> Opti
     let range = to_sensor.norm();
     let towards = to_sensor / range;
     let noise = settings.noise_voxels(range);
-    let plane = pyramid.plane_around(number, level_above(noise), noise);
-    let (normal, radius) = plane.map_or((towards, DISC_GAPS), |(normal, level)| {
-        let facing = if normal.dot(&towards) < 0.0 { -normal } else { normal };
-        (facing, DISC_GAPS * pyramid.gap(number, level))
-    });
+    let (normal, level) = pyramid.plane_around(number, level_above(noise), noise)?;
+    let normal = if normal.dot(&towards) < 0.0 { -normal } else { normal };
+    let gap = pyramid.gap(number, level);
+    let radius = gap.max(DISC_LEAST);
+    // The sum of `1 - (r / radius)^2` over discs that lie one gap apart is one.
+    let share = 2.0 / std::f64::consts::PI * (gap / radius).powi(2);
     let cosine = normal.dot(&towards);
     let [here, near] = [noise, settings.noise_voxels(0.0)].map(|noise| noise.max(LEAST_NOISE));
     let disc = Disc {
@@ -140,7 +141,7 @@ fn disc_of(pyramid: &Pyramid, number: usize, settings: &SurfaceSettings) -> Opti
         normal: to_f32(normal),
         radius: radius as f32,
         truncation: truncation_voxels(noise) as f32,
-        weight: (cosine * (near / here).powi(2)) as f32,
+        weight: (cosine * share * (near / here).powi(2)) as f32,
     };
     (cosine > EDGE_ON).then_some(disc)
 }

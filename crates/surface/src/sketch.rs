@@ -1,7 +1,7 @@
 //! What one view says of voxels at one pose, before it is counted into a volume.
 
 use crate::key::{BLOCK_BITS, BLOCK_VOXELS, Key, floor, is_within, pack, within_block};
-use crate::patch::{DISC_GAPS, Disc, Patch};
+use crate::patch::{Disc, Patch};
 use mapwright_geom::Pose3;
 use nalgebra::{Matrix3, Vector3};
 use rustc_hash::FxHashMap;
@@ -134,7 +134,7 @@ impl Sketch {
     fn reading(&self, slot: usize, voxel: usize) -> Reading {
         let sums = &self.sums[slot][voxel];
         let steps = sums.distance / sums.weight * STEPS_PER_VOXEL;
-        let weight = (sums.weight / REACH_USUAL * WEIGHT_MOST as f32 + 0.5) as u32;
+        let weight = (sums.weight * WEIGHT_MOST as f32 + 0.5) as u32;
         let colour = self.colours.get(slot).map(|colours| colours[voxel]).filter(|colour| colour[3] > 0.0);
         Reading {
             distance: ((steps + 0.5_f32.copysign(steps)) as i32).clamp(-STEPS_MOST, STEPS_MOST),
@@ -261,8 +261,6 @@ impl Sketch {
     }
 }
 
-/// Around most places the reach of discs adds up to this: `1 - (r / radius)^2` over a circle of as many gaps between points as a disc's radius has.
-const REACH_USUAL: f32 = 0.5 * std::f32::consts::PI * (DISC_GAPS * DISC_GAPS) as f32;
 /// Colours are those of a surface up to here, voxels: the ends of an edge that it crosses.
 const COLOUR_REACH: f32 = 1.0;
 

@@ -15,6 +15,7 @@ const PASSES_PER_VIEW: i64 = 4;
 /// Distances at the corners of a block's cells, in steps; not a number where it is not known.
 pub(super) struct Grid<'a> {
     distances: [f32; CORNERS * CORNERS * CORNERS],
+    weights: [u32; CORNERS * CORNERS * CORNERS],
     /// The block and those that follow it, by a bit for each axis.
     blocks: [Option<&'a Block>; 8],
 }
@@ -25,8 +26,9 @@ const fn corner_at([x, y, z]: [usize; 3]) -> usize {
 }
 
 impl<'a> Grid<'a> {
-    pub(super) fn of(volume: &'a Volume, block: &'a Block, least_weight: f64) -> Self {
+    pub(super) fn of(volume: &'a Volume, block: &'a Block) -> Self {
         let mut distances = [f32::NAN; CORNERS * CORNERS * CORNERS];
+        let mut weights = [0; CORNERS * CORNERS * CORNERS];
         let place = unpack(block.key);
         let blocks: [Option<&Block>; 8] = std::array::from_fn(|part| {
             let key = pack([0, 1, 2].map(|k| place[k] + (part >> k & 1) as i32));
@@ -39,10 +41,11 @@ impl<'a> Grid<'a> {
             let range = |k: usize| if ahead[k] == 1 { side..CORNERS } else { 0..side };
             for (x, y, z) in range(2).flat_map(|z| range(1).flat_map(move |y| range(0).map(move |x| (x, y, z)))) {
                 let voxel = within_block([x, y, z].map(|v| v as i32));
-                distances[corner_at([x, y, z])] = distance(block, voxel, least_weight);
+                distances[corner_at([x, y, z])] = distance(block, voxel);
+                weights[corner_at([x, y, z])] = block.near(voxel).weight;
             }
         }
-        Self { distances, blocks }
+        Self { distances, weights, blocks }
     }
 
     /// Colour sums of a corner.
@@ -52,19 +55,21 @@ impl<'a> Grid<'a> {
         colours.map_or(Colour::default(), |colours| colours[within_block(corner.map(|v| v as i32))])
     }
 
-    /// Of the eight corners of a cell, if all are known.
-    pub(super) fn cell(&self, [x, y, z]: [usize; 3]) -> Option<[f32; 8]> {
+    /// Distances of the eight corners of a cell, if all are known and the one that was seen best is worth the weight: those behind a surface count for less.
+    pub(super) fn cell(&self, [x, y, z]: [usize; 3], least_weight: f64) -> Option<[f32; 8]> {
         let first = corner_at([x, y, z]);
-        let step = |k: usize| (k & 1) + CORNERS * ((k >> 1 & 1) + CORNERS * (k >> 2));
-        let corners: [f32; 8] = std::array::from_fn(|k| self.distances[first + step(k)]);
-        corners.iter().all(|it| !it.is_nan()).then_some(corners)
+        let place = |k: usize| first + (k & 1) + CORNERS * ((k >> 1 & 1) + CORNERS * (k >> 2));
+        let corners: [f32; 8] = std::array::from_fn(|k| self.distances[place(k)]);
+        let is_known = corners.iter().all(|it| !it.is_nan());
+        let best = (0..8).map(|k| self.weights[place(k)]).max().unwrap_or(0);
+        (is_known && f64::from(best) >= least_weight).then_some(corners)
     }
 }
 
 /// The mean distance of a voxel, in steps; one voxel before a surface where it lies behind one that rays have passed.
-fn distance(block: &Block, voxel: usize, least_weight: f64) -> f32 {
+fn distance(block: &Block, voxel: usize) -> f32 {
     let Near { distance, weight } = block.near(voxel);
-    if weight == 0 || f64::from(weight) < least_weight {
+    if weight == 0 {
         return f32::NAN;
     }
     let passed = i64::from(block.passes(voxel)) * i64::from(WEIGHT_MOST);

@@ -80,12 +80,12 @@ fn by_threads<T: Sync, R: Send>(all: &[T], threads: usize, work: impl Fn(&[T]) -
 /// The vertices of a block; none where it has none.
 fn part_of(volume: &Volume, block: &Block, cases: &[Case; 256], least_weight: f64) -> Option<Part> {
     block.near.as_ref()?;
-    let grid = Grid::of(volume, block, least_weight);
+    let grid = Grid::of(volume, block);
     let mut part = Part { key: block.key, cells: Box::new([(0, 0); BLOCK_VOXELS]), vertices: Vec::new() };
     let corner = unpack(block.key).map(|v| f64::from(v << BLOCK_BITS));
     for cell in 0..BLOCK_VOXELS {
         let place = [0, 1, 2].map(|k| cell >> (k * BLOCK_BITS as usize) & (BLOCK_SIDE as usize - 1));
-        let Some(distances) = grid.cell(place) else { continue };
+        let Some(distances) = grid.cell(place, least_weight) else { continue };
         let behind = (0..8).filter(|&k| distances[k] < 0.0).fold(0_usize, |bits, k| bits | 1 << k);
         let case = &cases[behind];
         if case.sheets == 0 {
