@@ -58,7 +58,7 @@ impl Volume {
     /// share their vertices. The mesh is a function of the volume, whatever came and went before, and in an order of places.
     #[must_use]
     pub fn mesh(&self, settings: &MeshSettings) -> Mesh {
-        let mesh = nets::mesh_of(self, settings);
+        let mesh = pieces::without_unused(nets::mesh_of(self, settings));
         if settings.least_piece_m > 0.0 { pieces::without_small(mesh, settings.least_piece_m) } else { mesh }
     }
 }

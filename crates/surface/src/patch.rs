@@ -38,10 +38,12 @@ pub struct Patch {
 
 /// A surface that a ray meets at less than this, radians, is seen edge-on: where it lies cannot be said (as of surfels, `voxel/src/surfel.rs`).
 const EDGE_ON: f64 = 0.05;
-/// A disc reaches as far as the next, and so far at least, voxels: a cell in the corner between two surfaces ends one voxel beyond both, and the last disc lies half a voxel before.
-const DISC_LEAST: f64 = 1.5;
+/// A disc reaches as far as the next, and so far at least, voxels: the nearest mean of a voxel's points may lie a voxel's diagonal aside.
+const DISC_LEAST: f64 = 1.25;
 /// Levels of cells from the first on that is wider than the noise: rings of a lidar up to 16 voxels apart make planes.
 const LEVELS: usize = 5;
+/// One ray is followed to each cell of this level, of two voxels a side: halfway to the sensor they lie a voxel apart.
+const RAY_LEVEL: usize = 1;
 /// Noise is taken to be so many voxels at least where points of different ranges are weighed: all of them are rounded by so much.
 const LEAST_NOISE: f64 = 0.01;
 
@@ -70,10 +72,11 @@ impl Patch {
             lever_m: 0.0,
             counts,
         };
-        let mut has_ray = vec![!settings.carve; pyramid.parents()];
+        let mut has_ray = vec![!settings.carve; pyramid.cells(RAY_LEVEL)];
         for number in pyramid.in_order() {
             let Some(disc) = disc_of(&pyramid, number, settings) else { continue };
-            if let Some(has_ray) = has_ray.get_mut(pyramid.parent(number)).filter(|has_ray| !**has_ray) {
+            let cell = pyramid.cell_around(number, RAY_LEVEL);
+            if let Some(has_ray) = cell.and_then(|cell| has_ray.get_mut(cell)).filter(|has_ray| !**has_ray) {
                 *has_ray = true;
                 patch.rays.push(patch.discs.len() as u32);
             }

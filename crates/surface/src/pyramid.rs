@@ -43,8 +43,10 @@ const PLANE_POINTS: f64 = 6.0;
 const PLANE_SPREAD: f64 = 0.1;
 /// And their spread across the plane is at most this share of it.
 const PLANE_FLATNESS: f64 = 1.0 / 3.0;
+/// The same of two planes that meet at right angles and are as wide as long: across the bisector they spread by 0.71 of what they do along the edge.
+const EDGE_FLATNESS: f64 = 0.75;
 /// Wider gaps between points are not closed, voxels.
-const GAP_VOXELS: f64 = 4.0;
+const GAP_VOXELS: f64 = 3.0;
 /// How far apart points are is told by so many filled cells at least.
 const GAP_CELLS: u32 = 6;
 /// Cells along the side of those that are drawn one after the other: of a block.
@@ -103,14 +105,14 @@ impl Pyramid {
         self.sums.len()
     }
 
-    /// How many cells there are on the second level.
-    pub(crate) fn parents(&self) -> usize {
-        self.levels.get(1).map_or(0, Vec::len)
+    /// How many cells there are on a level.
+    pub(crate) fn cells(&self, level: usize) -> usize {
+        self.levels.get(level).map_or(0, Vec::len)
     }
 
-    /// The cell around one of the first level, on the second.
-    pub(crate) fn parent(&self, number: usize) -> usize {
-        self.levels[0][number].parent as usize
+    /// The cell around one of the first level, on another.
+    pub(crate) fn cell_around(&self, number: usize, level: usize) -> Option<usize> {
+        self.around(number).nth(level).map(|(_, at)| at)
     }
 
     /// Mean of the points of a cell of the first level, voxels.
@@ -131,18 +133,22 @@ impl Pyramid {
         self.is_coloured.then(|| self.sums[number].colour.map(|sum| ((sum + count / 2) / count.max(1)) as u8))
     }
 
-    /// The normal of the plane through the points around a cell of the first level, of the least cell from level `first` on in which they spread both ways, and that cell's level. `noise` is the standard
-    /// deviation of a point, voxels: a cell whose own points are three of it off the plane is none of it.
+    /// The normal of the plane through the points around a cell of the first level, of the least cell from level `first` on in which they spread both ways and lie flat, and that
+    /// cell's level; where there is none, of the least that is bent as an edge of a room is. `noise` is the standard deviation of a point, voxels: a
+    /// cell whose own points are three of it off the plane is none of it.
     pub(crate) fn plane_around(&self, number: usize, first: usize, noise: f64) -> Option<(Vector3<f64>, usize)> {
         let mean = self.mean(number);
-        self.around(number).skip(first).find_map(|(level, at)| {
-            let plane = (*self.planes[level].get(at)?)?;
-            let side = f64::from(1_u32 << level);
-            let from_plane = plane.normal.dot(&(mean - corner(self.levels[level][at].key, level) - plane.mean));
-            let [across, along] = plane.variances.map(f64::sqrt);
-            let is_plane = along >= PLANE_SPREAD * side && across <= PLANE_FLATNESS * along;
-            (is_plane && from_plane.abs() <= 0.5 + 3.0 * noise).then_some((plane.normal, level))
-        })
+        let with = |flatness: f64| {
+            self.around(number).skip(first).find_map(|(level, at)| {
+                let plane = (*self.planes[level].get(at)?)?;
+                let side = f64::from(1_u32 << level);
+                let from_plane = plane.normal.dot(&(mean - corner(self.levels[level][at].key, level) - plane.mean));
+                let [across, along] = plane.variances.map(f64::sqrt);
+                let is_plane = along >= PLANE_SPREAD * side && across <= flatness * along;
+                (is_plane && from_plane.abs() <= 0.5 + 3.0 * noise).then_some((plane.normal, level))
+            })
+        };
+        with(PLANE_FLATNESS).or_else(|| with(EDGE_FLATNESS))
     }
 
     /// How far apart points are around a cell, voxels: as evenly spread over a face of the cube around it that is filled most, of level `most` at most. Between 1 and [`GAP_VOXELS`].

@@ -107,6 +107,11 @@ impl Sketch {
         self.keys.iter().copied()
     }
 
+    /// Blocks that rays passed.
+    pub(crate) fn passed_blocks(&self) -> usize {
+        self.passed.len()
+    }
+
     /// Whether it was not drawn to its end.
     pub(crate) fn is_beyond_limit(&self) -> bool {
         self.keys.len() + self.passed.len() / PASSED_BLOCKS > self.block_limit
@@ -350,7 +355,7 @@ impl Slots {
     fn get(&mut self, sketch: &mut Sketch, voxel: [i32; 3]) -> usize {
         let block = voxel.map(|v| v >> BLOCK_BITS);
         let [x, y, z] = [0, 1, 2].map(|k| (block[k] - self.low[k]) as usize & (SLOTS - 1));
-        let slot = &mut self.slots[x | SLOTS * (y | SLOTS * z)];
+        let slot = &mut self.slots[x + SLOTS * (y + SLOTS * z)];
         if *slot == NO_SLOT {
             *slot = sketch.slot(pack(block)) as u32;
         }

@@ -219,6 +219,12 @@ impl Volume {
 
     /// Whether a sketch fits into the memory allowed.
     fn check_memory(&self, sketch: &Sketch, is_coloured: bool) -> Result<(), SurfaceError> {
+        let (allowed, voxel_m) = (memory_bytes(&self.settings), self.settings.voxel_m);
+        let most = sketch.keys().count() * Block::bytes_with(None, [true, is_coloured])
+            + sketch.passed_blocks() * Block::bytes_with(None, [false, false]);
+        if self.bytes + most <= allowed && !sketch.is_beyond_limit() {
+            return Ok(());
+        }
         let more = |(key, needs): (Key, [bool; 2])| {
             let block = self.block(key);
             Block::bytes_with(block, needs) - block.map_or(0, Block::bytes)
@@ -226,7 +232,6 @@ impl Volume {
         let of_near = sketch.keys().map(|key| (key, [true, is_coloured]));
         let of_passes = sketch.passes().map(|(key, _)| (key, [false, false]));
         let needed = self.bytes + of_near.chain(of_passes).map(more).sum::<usize>();
-        let (allowed, voxel_m) = (memory_bytes(&self.settings), self.settings.voxel_m);
         if needed <= allowed && !sketch.is_beyond_limit() {
             return Ok(());
         }

@@ -1,4 +1,4 @@
-//! Pieces of a mesh that hang together.
+//! Pieces of a mesh that hang together, and vertices that belong to none.
 
 use super::Mesh;
 
@@ -20,6 +20,13 @@ pub(super) fn without_small(mesh: Mesh, least_m: f64) -> Mesh {
     };
     let stays: Vec<bool> = roots.iter().map(|&root| is_wide(&boxes[root])).collect();
     keep(mesh, &stays)
+}
+
+/// The mesh without vertices that no triangle has.
+pub(super) fn without_unused(mesh: Mesh) -> Mesh {
+    let mut is_used = vec![false; mesh.positions_m.len()];
+    mesh.triangles.iter().flatten().for_each(|&vertex| is_used[vertex as usize] = true);
+    keep(mesh, &is_used)
 }
 
 fn keep(mesh: Mesh, stays: &[bool]) -> Mesh {

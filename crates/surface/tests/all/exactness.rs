@@ -123,18 +123,18 @@ proptest! {
             (Patch::prepare(&view, &settings).unwrap(), pose)
         }).collect();
         let mut rising = Volume::new(settings).unwrap();
-        patches.iter().for_each(|(patch, at)| drop(rising.draw(patch, *at, Change::Add).unwrap()));
+        patches.iter().for_each(|(patch, at)| assert_eq!(rising.draw(patch, *at, Change::Add).unwrap(), 0));
         let mut other = Volume::new(settings).unwrap();
         let first = seed as usize % patches.len();
         other.draw(&patches[first].0, patches[first].1 * patches[0].1, Change::Add).unwrap();
-        patches.iter().rev().for_each(|(patch, at)| drop(other.draw(patch, *at, Change::Add).unwrap()));
+        patches.iter().rev().for_each(|(patch, at)| assert_eq!(other.draw(patch, *at, Change::Add).unwrap(), 0));
         other.draw(&patches[first].0, patches[first].1 * patches[0].1, Change::Remove).unwrap();
         prop_assert!(rising == other);
         prop_assert_eq!(rising.bytes(), other.bytes());
         let mesh = |volume: &Volume, threads| volume.mesh(&MeshSettings { least_weight: 0.0, threads, least_piece_m: 0.05 });
         prop_assert_eq!(mesh(&rising, 1), mesh(&other, 2));
         prop_assert!(rising.voxels().all(|voxel| voxel.distance_m.abs() <= settings.truncation_m(1e9) + 0.1 / 128.0));
-        patches.iter().for_each(|(patch, at)| drop(other.draw(patch, *at, Change::Remove).unwrap()));
+        patches.iter().for_each(|(patch, at)| assert_eq!(other.draw(patch, *at, Change::Remove).unwrap(), 0));
         prop_assert!(other.is_empty() && other.bytes() == 0);
     }
 }

@@ -86,3 +86,13 @@ pub(crate) fn faces(mesh: &Mesh) -> impl Iterator<Item = (Point, Point)> + '_ {
         ((b - a).cross(&(c - a)), (a + b + c) / 3.0)
     })
 }
+
+/// Vertices at which the surface ends.
+pub(crate) fn ends(mesh: &Mesh) -> impl Iterator<Item = Point> + '_ {
+    let edges = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)]);
+    let mut all: Vec<[u32; 2]> = mesh.triangles.iter().flat_map(edges).collect();
+    all.sort_unstable();
+    let of_one: Vec<u32> =
+        all.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).flat_map(|same| same[0]).collect();
+    of_one.into_iter().map(|vertex| Vector3::from(mesh.positions_m[vertex as usize].map(f64::from)))
+}
