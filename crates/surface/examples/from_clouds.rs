@@ -3,7 +3,7 @@
 //! `from_clouds CLOUDS VOXEL_M NOISE_M NOISE_PER_M [OUT.ply|OUT.glb] [key=value ...]`; keys: carve, weight, piece, threads, lazy (keep
 //! keyframes, move all of them, and back), every and range (which points are compared: each of so many, seen from so near).
 //! CLOUDS is, for each cloud, little endian: points u32, 1 where they have colours u32, translation and quaternion x y z w f64, origin f32 x 3, points f32 x 3, colours u8 x 3
-//! (`docs/decisions/0046-surfaces.md` has what writes it).
+//! (`clouds.py` beside this file writes it).
 
 #![allow(clippy::print_stdout, reason = "an example talks to who runs it")]
 
@@ -15,7 +15,7 @@ use std::collections::HashMap;
 use std::error::Error;
 use std::fs::File;
 use std::io::{BufReader, Read};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 struct Cloud {
     map_from_cloud: Pose3,
@@ -49,17 +49,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut clouds, mut discs) = (0_u64, 0);
     while let Some(cloud) = read_cloud(&mut stream)? {
         let view = View { points_m: &cloud.points_m, origins_m: &[cloud.origin_m], colours: &cloud.colours };
-        let start = Instant::now();
+        let start = cpu();
         let patch = Patch::prepare(&view, &settings)?;
-        prepare += start.elapsed();
-        let start = Instant::now();
+        prepare += (cpu() - start);
+        let start = cpu();
         discs += patch.len();
         if get("lazy", 0.0) > 0.0 {
             surface.add_patch(clouds, patch, cloud.map_from_cloud)?;
         } else {
             volume.draw(&patch, cloud.map_from_cloud, Change::Add)?;
         }
-        draw += start.elapsed();
+        draw += (cpu() - start);
         clouds += 1;
         let every = get("every", 211.0) as usize;
         let range_m = |p: &[f32; 3]| f64::from(p.iter().map(|v| v * v).sum::<f32>().sqrt());
@@ -73,13 +73,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         move_and_back(&mut surface)?;
         volume = surface.volume().clone();
     }
-    let start = Instant::now();
+    let start = cpu();
     let mesh = volume.mesh(&mesh_settings);
-    let meshing = start.elapsed();
+    let meshing = (cpu() - start);
     let seconds = |time: Duration| time.as_secs_f64();
     println!("clouds {clouds}, discs {discs}, blocks {}, {} MB", volume.blocks(), volume.bytes() / 1_000_000);
     println!(
-        "prepare {:.2} s, draw {:.2} s, mesh {:.2} s, together {:.2} s",
+        "CPU: prepare {:.2} s, draw {:.2} s, mesh {:.2} s, together {:.2} s",
         seconds(prepare),
         seconds(draw),
         seconds(meshing),
@@ -94,6 +94,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// What the first thread has worked so far (Linux); nothing where nobody says.
+fn cpu() -> Duration {
+    let text = std::fs::read_to_string("/proc/self/schedstat").unwrap_or_default();
+    Duration::from_nanos(text.split(' ').next().and_then(|word| word.parse().ok()).unwrap_or(0))
+}
+
 /// Moves every keyframe and brings it back: the volume is the same to the bit.
 fn move_and_back(surface: &mut Surface) -> Result<(), Box<dyn Error>> {
     let before = surface.volume().clone();
@@ -104,12 +110,12 @@ fn move_and_back(surface: &mut Surface) -> Result<(), Box<dyn Error>> {
         it.iter().map(|&(id, at)| (id, at * by)).collect()
     };
     for some in [some, there] {
-        let start = Instant::now();
+        let start = cpu();
         surface.update(&moved(&some), 0.0)?;
         let is_other = *surface.volume() != before;
         surface.update(&some, 0.0)?;
         let is_same = *surface.volume() == before;
-        let seconds = start.elapsed().as_secs_f64();
+        let seconds = (cpu() - start).as_secs_f64();
         println!("moved {} there {is_other} and back {is_same}: {seconds:.2} s", some.len());
     }
     Ok(())

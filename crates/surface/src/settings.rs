@@ -14,7 +14,7 @@ pub struct SurfaceSettings {
     pub noise_per_m: f64,
     /// Whether rays take away what they pass through: what moved, and noise.
     pub carve: bool,
-    /// What the voxels may take, megabytes.
+    /// What the voxels may take, megabytes. What a [`crate::Surface`] keeps of each keyframe, some 36 bytes for each voxel that it sees a surface in, is beside it.
     pub memory_mb: u32,
 }
 
