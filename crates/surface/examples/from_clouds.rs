@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let view = View { points_m: &cloud.points_m, origins_m: &[cloud.origin_m], colours: &cloud.colours };
         let start = cpu();
         let patch = Patch::prepare(&view, &settings)?;
-        prepare += (cpu() - start);
+        prepare += cpu() - start;
         let start = cpu();
         discs += patch.len();
         if get("lazy", 0.0) > 0.0 {
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         } else {
             volume.draw(&patch, cloud.map_from_cloud, Change::Add)?;
         }
-        draw += (cpu() - start);
+        draw += cpu() - start;
         clouds += 1;
         let every = get("every", 211.0) as usize;
         let range_m = |p: &[f32; 3]| f64::from(p.iter().map(|v| v * v).sum::<f32>().sqrt());
@@ -75,7 +75,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let start = cpu();
     let mesh = volume.mesh(&mesh_settings);
-    let meshing = (cpu() - start);
+    let meshing = cpu() - start;
     let seconds = |time: Duration| time.as_secs_f64();
     println!("clouds {clouds}, discs {discs}, blocks {}, {} MB", volume.blocks(), volume.bytes() / 1_000_000);
     println!(
