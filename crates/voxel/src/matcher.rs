@@ -300,8 +300,8 @@ impl Matcher {
         self.points.clear();
         self.points.extend(seen.points_m.iter().step_by(every).map(|point| point.map(f64::from)));
         self.origins.clear();
-        let every = if seen.origins_m.len() == seen.points_m.len() { every } else { 1 };
-        self.origins.extend(seen.origins_m.iter().step_by(every).map(|origin| origin.map(f64::from)));
+        let every_origin = if seen.origins_m.len() == seen.points_m.len() { every } else { 1 };
+        self.origins.extend(seen.origins_m.iter().step_by(every_origin).map(|origin| origin.map(f64::from)));
         self.times.clear();
         self.times.extend(seen.times_s.iter().step_by(every).map(|&s| f64::from(s)));
         self.straight.clear();

@@ -53,8 +53,8 @@ const KNOWN_SHARE: f64 = 0.8;
 const STRAYED_SHARE: f64 = 0.25;
 const WINDOW_SIGMAS: f64 = 3.0;
 /// A cloud in doubt is not where it was found if more of its points than this share lie where the sensor has seen through of late: of clouds
-/// that are, 0.5 % are and with 16 rings up to 3 %, of carried ones 4.6 to 14 % (docs/decisions/0044-two-sides-in-space.md).
-const SEEN_THROUGH_SHARE: f64 = 0.03;
+/// that are, 0.5 % are and with 16 rings up to 3.6 %, of carried ones 4.6 to 14 % (docs/decisions/0044-two-sides-in-space.md).
+const SEEN_THROUGH_SHARE: f64 = 0.04;
 /// Share of the clouds up to which wheels say what is not so.
 const WHEELS_FAIL: f64 = 1e-3;
 /// A sweep's twist is uncertain by so many times what its prior, which is kept tight (`predict::LEFT_OFF`), leaves of it.
