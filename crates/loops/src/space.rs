@@ -38,9 +38,6 @@ const DESCRIBED_M: f64 = 8.0;
 /// many sides apart. Floors and ceilings say nothing.
 const STANDS_ON_M: f64 = 0.3;
 const STANDS_SIDES: f64 = 2.0;
-/// Share of the points that has to fit in the direction in which fewest do ([`Matcher::least_fitting`]): of places that are the same at least
-/// 0.77 do, of floors in elsewhere that everything else lets pass 0.63 at most (docs/decisions/0044-two-sides-in-space.md).
-const LEAST_FITTING: f64 = 0.7;
 /// Share of points seen through up to which submaps are of one place, beside so many times that which each has seen through of its own, which
 /// is what moves, glass, and edges: of right closures it is 0.4 % in simulated buildings and 6 times its own in a hall with people, where a
 /// ring of corridors is laid on itself turned by 180 degrees 5 to 16 % and 30 times its own (docs/decisions/0044-two-sides-in-space.md).
@@ -105,13 +102,6 @@ impl SpaceSubmaps {
             }
         }
         starts
-    }
-
-    /// What is known of either has to fit in every direction, seen from both: not the floor alone.
-    fn objection_along(&mut self, query: &SpaceSubmap, target: &SpaceSubmap, at: Pose3) -> Option<Objection> {
-        let there = self.matcher.least_fitting(&target.map, query.seen(), at);
-        let here = self.matcher.least_fitting(&query.map, target.seen(), at.inverse());
-        (0.5 * (there + here) < LEAST_FITTING).then_some(Objection::Contradiction)
     }
 
     fn is_elsewhere(&self, a: Pose3, b: Pose3) -> bool {
@@ -232,7 +222,6 @@ impl Submaps for SpaceSubmaps {
         let objection = self.verify.objection(&evidence, &covariance);
         let is_contradicted = || there.max(here) > most_seen_through(query, target, resolution_m);
         let objection = objection.or_else(|| is_contradicted().then_some(Objection::Contradiction));
-        let objection = objection.or_else(|| self.objection_along(query, target, target_from_query));
         Finding { target_from_query: Some(target_from_query), covariance, evidence, objection }
     }
 
@@ -309,3 +298,6 @@ impl SpaceSubmap {
         count(&through) / count(&judged).max(1.0)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,7 +9,7 @@ use crate::eigen::axes;
 use crate::surfel::Surfel;
 use crate::surfel_map::{Level, Looked, SurfelMap, surfel_at};
 use mapwright_geom::{Cov6, Pose3};
-use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 use std::iter;
 use std::ops::Range;
 
@@ -417,32 +417,6 @@ impl Matcher {
     fn forget_voxels(&mut self) {
         self.looked.clear();
         self.looked.resize(self.points.len(), Looked::NOTHING);
-    }
-
-    /// Of the points of which something is known those that fit at a pose, in the direction in which that is the least: each point counts by
-    /// how far its surfel's normal lies along it. A floor fits wherever one is; what place it is the walls have to say.
-    pub fn least_fitting<'a>(&mut self, map: &SurfelMap, seen: impl Into<Seen<'a>>, pose: Pose3) -> f64 {
-        self.take_points(seen.into(), self.settings.points);
-        let rotation = pose.rotation.to_rotation_matrix();
-        let eyes = Eyes::new(&self.origins, rotation);
-        let fit2 = self.settings.fit_sigmas.powi(2);
-        let (mut known, mut fitting) = (Matrix3::<f64>::zeros(), Matrix3::<f64>::zeros());
-        for (number, (point, looked)) in self.points.iter().zip(&mut self.looked).enumerate() {
-            let arm = rotation * Vector3::from(*point);
-            let at = arm + pose.translation;
-            let Some(surfel) = surfel_seen(map.levels(), (arm, eyes.of(number)), at, looked) else { continue };
-            let normal = Vector3::from(surfel.normal.map(f64::from));
-            let along = normal * normal.transpose();
-            known += along;
-            let off_m = surfel.off_m(at);
-            if f64::from(surfel.information) * off_m * off_m < fit2 {
-                fitting += along;
-            }
-        }
-        let (values, vectors) = axes(known);
-        let is_held = |k: &usize| values[*k] > HELD_SHARE * values[2];
-        let share = |k: usize| vectors.column(k).dot(&(fitting * vectors.column(k))) / values[k];
-        (0..3).filter(is_held).map(share).fold(1.0, f64::min)
     }
 
     /// Squared width of the kernel: what residuals are like there, in standard deviations.

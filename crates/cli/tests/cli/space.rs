@@ -101,7 +101,7 @@ fn the_demo_is_good_and_with_voxels_as_large_as_rooms_it_is_not() {
     let folder = folder("demo_space_verdict");
     let demo = |name: &str, settings: &[&str]| {
         let out = folder.join(name);
-        let args = ["demo", "--3d", "--seed", "1", "--seconds", "20", "-o", out.to_str().unwrap()];
+        let args = ["demo", "--3d", "--seed", "3", "--seconds", "20", "-o", out.to_str().unwrap()];
         let output = run(&[args.as_slice(), settings].concat());
         let said = text(&output.stdout);
         let verdict = json(&out.join("report.json"))["verdict"].clone();
@@ -116,7 +116,7 @@ fn the_demo_is_good_and_with_voxels_as_large_as_rooms_it_is_not() {
     assert!(coarse["word"] == "check" || coarse["word"] == "unusable", "{coarse}");
     let reasons = coarse["reasons"].as_array().unwrap();
     let blurred = reasons.iter().find(|reason| reason["what"] == "blurred").unwrap();
-    assert!(blurred["evidence"]["off_m"].as_f64().unwrap() > 0.03, "{coarse}");
+    assert!(blurred["evidence"]["off_m"].as_f64().unwrap() > 0.05, "{coarse}");
 }
 
 #[test]

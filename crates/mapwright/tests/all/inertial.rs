@@ -39,7 +39,7 @@ fn fast_turns_between_clouds_are_predicted_and_the_bias_is_found() {
 #[test]
 fn gravity_bounds_roll_and_pitch_on_the_way_around() {
     // A map that leans by itself, of six beams: one that is level anyway shows nothing.
-    let wanted = Wanted { seed: 6, seconds: 100.0, beams: 6, ..Wanted::default() };
+    let wanted = Wanted { seed: 6, seconds: 140.0, beams: 6, ..Wanted::default() };
     let unlevelled = || {
         let mut settings = Settings::default();
         settings.loops.correction = Correction::None;
@@ -47,8 +47,8 @@ fn gravity_bounds_roll_and_pitch_on_the_way_around() {
     };
     let (with, turns, without) = (mapped(&wanted, Given::Imu), mapped(&wanted, Given::TurnsOnly), unlevelled());
     println!("{:?}, by turns alone {:?}, uncorrected {:?}", with.lean_deg, turns.lean_deg, without.lean_deg);
-    assert!(with.lean_deg[1] < 0.5 && with.lean_deg[1] < turns.lean_deg[1], "{:?}", with.lean_deg);
-    assert!(without.lean_deg[1] > 0.8 && with.lean_deg[1] < 0.5 * without.lean_deg[1], "{:?}", without.lean_deg);
+    assert!(with.lean_deg[1] < 0.7 && with.lean_deg[1] < turns.lean_deg[1], "{:?}", with.lean_deg);
+    assert!(without.lean_deg[1] > 1.0 && with.lean_deg[1] < 0.6 * without.lean_deg[1], "{:?}", without.lean_deg);
     assert!(with.report.gravity > 15 && turns.report.gravity == 0, "{:?}", with.report);
     assert_eq!(with.mapper.session().gravity().len() as u64, with.report.gravity);
     let ate_m = [&with, &turns].map(|found| found.errors.absolute.translation_m.rmse);
