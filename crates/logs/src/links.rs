@@ -192,6 +192,14 @@ impl Links {
         }
     }
 
+    /// The same with one link taken for constant.
+    pub(crate) fn fixed(&self, parent: &str, child: &str) -> Self {
+        let mut fixed = self.clone();
+        let links = fixed.by_child.get_mut(child).into_iter().flatten();
+        links.filter(|link| link.parent == parent).for_each(|link| link.is_static = true);
+        fixed
+    }
+
     /// Takes in what another tree says.
     pub(crate) fn merge(&mut self, other: Self) {
         self.kept += other.kept;

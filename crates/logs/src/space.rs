@@ -1,4 +1,4 @@
-//! Recordings of sensors in space: clouds of points and images of depth, as clouds.
+//! Recordings of sensors in space: clouds of points, images of depth and scans of lasers that tilt, as clouds.
 //!
 //! A [`SpacePlan`] says which topics are mapped, how their sensors sit on the robot and where odometry comes from, each with its
 //! reason; a [`SpaceStream`] reads the recording once more and delivers the clouds, and the readings of an inertial sensor, in order of
@@ -14,6 +14,7 @@ mod packets;
 mod plan;
 mod queue;
 mod stream;
+mod tilting;
 mod topic;
 mod wheels;
 

@@ -38,7 +38,11 @@ impl Messages {
 
     pub(super) fn kind(&self) -> String {
         let plan = self.stream.plan();
-        let what = if plan.kind.is_clouds() { "clouds" } else { "images of depth" };
+        let what = match plan.kind {
+            kind if kind.is_planar() => "swings of the laser",
+            kind if kind.is_clouds() => "clouds",
+            _ => "images of depth",
+        };
         let container = self.stream.survey().container.container;
         let container = container.map_or_else(|| "a recording".to_owned(), |container| container.to_string());
         let topics = std::iter::once(&plan.topic).chain(&plan.further).cloned().collect::<Vec<_>>().join(" and ");

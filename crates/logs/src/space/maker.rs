@@ -1,14 +1,16 @@
 //! Clouds out of messages.
 
 use super::camera::CameraPlan;
+use super::tilting::{Swing, Tilting};
 use super::topic::TopicPlan;
+use super::wheels::Wheels;
 use crate::channel::Messages;
 use crate::links::stamp_or;
 use crate::packets::OUSTER_FRAME;
 use mapwright_bags::RawMessage;
-use mapwright_clouds::{Notes, PacketDecoder, Place, Sweep, read_png16};
+use mapwright_clouds::{NoteKind, Notes, PacketDecoder, Place, Sweep, read_png16};
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_ros::messages::{CompressedImage, DepthCompression, Header, PointCloud2};
+use mapwright_ros::messages::{CompressedImage, DepthCompression, Header, LaserScan, PointCloud2, TfMessage};
 use mapwright_ros::{Cloud as RosCloud, CloudPoints, DepthNumbers};
 use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor, SweepTimes};
 use nalgebra::Vector3;
@@ -52,6 +54,7 @@ pub(super) struct CloudMaker {
     camera: Option<CameraPlan>,
     topic: String,
     packets: Option<Packets>,
+    tilting: Option<Tilting>,
     view: Option<View>,
     unit_m: f64,
     times: SweepTimes,
@@ -65,7 +68,8 @@ impl CloudMaker {
         let packets = decoder.map(|decoder| Packets { decoder, frame: String::new() });
         let (camera, topic) = (plan.camera.clone(), plan.topic.clone());
         let (unit_m, times) = (plan.unit_m, plan.times);
-        Self { sensors: sensors.collect(), camera, topic, packets, view: None, unit_m, times }
+        let tilting = plan.joint.clone().map(|joint| Tilting::new(joint, plan.sensor.robot_from_sensor));
+        Self { sensors: sensors.collect(), camera, topic, packets, tilting, view: None, unit_m, times }
     }
 
     /// The clouds that a message ends, without odometry: one, but of packets none or several.
@@ -94,8 +98,53 @@ impl CloudMaker {
                 self.add_packet(packet.buf, OUSTER_FRAME, recorded, at, notes);
                 self.ended()
             }
+            Messages::Scan(decoder) => self.scan(&decoder.decode(data).map_err(words)?, recorded),
+            Messages::MultiEcho(decoder) => {
+                let scan = decoder.decode(data).map_err(words)?;
+                let first = scan.first_echoes();
+                self.scan(&scan.with_ranges(&first), recorded)
+            }
             _ => self.one(messages, data, recorded).map(|made| vec![made]),
         }
+    }
+
+    /// Hears how the joint of a laser that tilts is turned.
+    pub(super) fn hear(&mut self, transforms: &TfMessage<'_>, recorded: Stamp) {
+        let Some(tilting) = &mut self.tilting else { return };
+        for transform in &transforms.transforms {
+            tilting.hear(transform, stamp_or(transform.header.stamp, recorded).0);
+        }
+    }
+
+    /// The clouds of a laser that tilts whose swing has ended, given odometry; `now` is the time of recording.
+    pub(super) fn swings(&mut self, wheels: &Wheels, now: Stamp, is_end: bool, notes: &mut Notes) -> Vec<Made> {
+        let Some(tilting) = &mut self.tilting else { return Vec::new() };
+        let (swings, lost) = tilting.ended(wheels, now, is_end);
+        for _ in 0..lost {
+            let words = || ("transforms of its joint before and after it, at most 2 s apart", "none");
+            notes.note(NoteKind::UnreadableFrame, &self.topic, 0, words);
+        }
+        let sensor = self.sensors.values().next().cloned();
+        let (clouds, flat): (Vec<Swing>, Vec<Swing>) = swings.into_iter().partition(Swing::is_cloud);
+        for swing in flat {
+            let words = || ("a swing of a laser", format!("one of {:.1} deg", swing.turned_rad.to_degrees()));
+            notes.note(NoteKind::PartialRevolution, &self.topic, 0, words);
+        }
+        let made = |swing: Swing| {
+            let Swing { stamp, points_m, times_s, intensities, .. } = swing;
+            let sensor = sensor.as_ref().map(Arc::clone)?;
+            let cloud =
+                Cloud { stamp, sensor, points_m, times_s, colours: Vec::new(), intensities, odom_from_robot: None };
+            Some(Made { cloud, is_unstamped: false, not_finite: 0, refused_time: None })
+        };
+        clouds.into_iter().filter_map(made).collect()
+    }
+
+    fn scan(&mut self, scan: &LaserScan<'_>, recorded: Stamp) -> Result<Vec<Made>, String> {
+        self.sensor(&scan.header)?;
+        let tilting = self.tilting.as_mut().ok_or("scans of a laser that does not tilt")?;
+        tilting.add(scan, stamp_or(scan.header.stamp, recorded).0, recorded)?;
+        Ok(Vec::new())
     }
 
     /// The clouds that the end of the recording ends.

@@ -4,6 +4,7 @@ use super::camera;
 use super::further::Lidars;
 use super::imu::{self, ImuSource};
 use super::packets::PacketPlan;
+use super::tilting::{Joint, is_tilting};
 use super::topic::{Candidate, TopicPlan};
 use crate::channel::TopicKind;
 use crate::choice::{Choice, OdometryCalibration};
@@ -68,6 +69,7 @@ impl SpacePlan {
             let is_of_depth = topic.name.contains("depth");
             let points = topic.points[0].max(1).saturating_mul(topic.usable());
             (
+                topic.kind.is_planar(),
                 candidate.place.assumed.is_some(),
                 candidate.is_camera,
                 candidate.is_camera && !is_of_depth,
@@ -94,17 +96,19 @@ impl SpacePlan {
     #[must_use]
     pub fn is_default(survey: &Survey, choice: &Choice) -> bool {
         let is_asked = |topic: &&TopicSurvey| choice.asks_for(&topic.name);
-        let is_planar = |topic: &TopicSurvey| topic.kind.is_planar() && topic.usable() > 0;
-        let spatial = || survey.topics.iter().filter(|topic| is_spatial(topic));
+        let is_planar =
+            |topic: &TopicSurvey| topic.kind.is_planar() && topic.usable() > 0 && !is_tilting(survey, topic);
+        let spatial = || survey.topics.iter().filter(|topic| is_spatial(survey, topic));
         let any_planar = survey.topics.iter().any(is_planar);
         choice.slice.is_none()
             && (spatial().any(|topic| is_asked(&topic)) || (spatial().next().is_some() && !any_planar))
     }
 }
 
-/// Whether a topic's messages are clouds or images of depth.
-fn is_spatial(topic: &TopicSurvey) -> bool {
-    topic.messages > 0 && !topic.packets.is_inertial && (topic.kind.is_clouds() || topic.is_depth)
+/// Whether a topic's messages are clouds or images of depth, or scans of a laser that tilts.
+fn is_spatial(survey: &Survey, topic: &TopicSurvey) -> bool {
+    let is_seen = topic.messages > 0 && !topic.packets.is_inertial;
+    is_seen && (topic.kind.is_clouds() || topic.is_depth || is_tilting(survey, topic))
 }
 
 fn decide(
@@ -121,9 +125,11 @@ fn decide(
         Some(found) => (Place { robot_from_sensor: moved_to(place.robot_from_sensor, found), ..place }, None),
         None => (place, assumed_mount),
     };
-    let chosen = Candidate { place, ..chosen };
+    let odometry = odometry::find_in_space(survey, &place, choice);
+    let has_odometry = odometry.source != OdometrySource::None;
+    let joint = chosen.joint.map(|joint| joint.with_odometry(has_odometry));
+    let chosen = Candidate { place, joint, ..chosen };
     let Candidate { topic, place, .. } = &chosen;
-    let odometry = odometry::find_in_space(survey, place, choice);
     let imu = imu::find(survey, topic, place, choice);
     let mut reasons = vec![chosen.words(&why)];
     reasons.extend(chosen.device_words());
@@ -206,20 +212,20 @@ fn candidates<'a>(
             return Err(format!("there is no topic {name}; there are {}", contents(survey)));
         };
         let mut named = survey.topics.iter().filter(|topic| same_name(&topic.name, name));
-        if !named.any(|topic| is_spatial(topic) || topic.kind.is_clouds() || topic.kind.is_motion()) {
+        if !named.any(|topic| is_spatial(survey, topic) || topic.kind.is_clouds() || topic.kind.is_motion()) {
             let what = if first.shape.is_empty() { String::new() } else { format!(" ({})", first.shape) };
             return Err(format!("{name} is {}{what}, expected clouds, images of depth or odometry", first.type_name));
         }
     }
     let is_asked = |topic: &&TopicSurvey| choice.asks_for(&topic.name);
-    let mut all: Vec<_> = survey.topics.iter().filter(|topic| is_spatial(topic)).collect();
+    let mut all: Vec<_> = survey.topics.iter().filter(|topic| is_spatial(survey, topic)).collect();
     let by_name = all.iter().any(is_asked);
     if by_name {
         all.retain(is_asked);
     }
     if all.is_empty() {
-        let expected =
-            "clouds or images of depth, found no topic of PointCloud2, or of Image or CompressedImage with depth";
+        let expected = "clouds, images of depth or scans of a laser that tilts, found no topic of PointCloud2, \
+             of Image or CompressedImage with depth, or of LaserScan on a joint that swings";
         return Err(nothing_of(expected, survey));
     }
     let moved = odometry::topics(survey, choice).first().map(|topic| topic.child_frame()).filter(|f| !f.is_empty());
@@ -260,8 +266,13 @@ fn candidate<'a>(
     }
     let camera = if topic.is_depth { Some(camera::find(survey, topic, options)?) } else { None };
     let packets = topic.kind.is_packets().then(|| PacketPlan::of(survey, topic)).transpose()?;
-    let place = place_in_space(&survey.links, topic.frame(), moved, choice)?;
-    Ok(Candidate { topic, place, is_camera: is_camera(topic), camera, packets })
+    let (joint, place) = if topic.kind.is_planar() {
+        let (joint, place) = Joint::of(survey, topic, moved, choice)?;
+        (Some(joint), place)
+    } else {
+        (None, place_in_space(&survey.links, topic.frame(), moved, choice)?)
+    };
+    Ok(Candidate { topic, place, is_camera: is_camera(topic), camera, packets, joint })
 }
 
 /// Whether a depth camera took a topic's messages: images, or clouds in an optical frame or in rows and named so.

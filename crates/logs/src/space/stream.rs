@@ -53,6 +53,8 @@ pub struct SpaceStream {
     survey: Survey,
     plan: SpacePlan,
     makers: Vec<CloudMaker>,
+    /// Whether lasers tilt.
+    has_joints: bool,
     decoders: Decoders,
     uses: Vec<Option<Use>>,
     waiting: Queue,
@@ -85,6 +87,7 @@ impl SpaceStream {
             recording,
             survey,
             makers: plan.sources.iter().map(CloudMaker::new).collect(),
+            has_joints: plan.sources.iter().any(|source| source.joint.is_some()),
             waiting: Queue::new(plan.sources.len()),
             last_stamps: vec![None; plan.sources.len()],
             corrected: plan.calibration.map(Corrected::new),
@@ -171,6 +174,7 @@ impl SpaceStream {
         let next = next.map_err(|cause| LogError::Recording { name: self.name.clone(), cause })?;
         let Some(message) = next else {
             self.is_end = true;
+            self.take_swings(0);
             for source in 0..self.makers.len() {
                 let last = self.makers[source].finish(&mut self.notes);
                 last.into_iter().for_each(|made| self.take(source, made, 0));
@@ -181,6 +185,12 @@ impl SpaceStream {
         self.now = message.log_stamp;
         let at = message.offset_bytes;
         let place = usize::try_from(at).unwrap_or(usize::MAX);
+        if self.has_joints
+            && let Messages::Transforms(decoder) = self.decoders.of(message.connection)
+            && let Ok(transforms) = decoder.decode(message.data)
+        {
+            self.makers.iter_mut().for_each(|maker| maker.hear(&transforms, message.log_stamp));
+        }
         match used(&mut self.uses, message.connection, &self.plan) {
             Use::Nothing => {}
             Use::Clouds(source) => {
@@ -226,7 +236,18 @@ impl SpaceStream {
                 }
             }
         }
+        if self.has_joints {
+            self.take_swings(at);
+        }
         Ok(())
+    }
+
+    /// Takes in the clouds of lasers that tilt whose swings have ended.
+    fn take_swings(&mut self, at: u64) {
+        for source in 0..self.makers.len() {
+            let swings = self.makers[source].swings(&self.wheels, self.now, self.is_end, &mut self.notes);
+            swings.into_iter().for_each(|made| self.take(source, made, at));
+        }
     }
 
     fn take_reading(&mut self, reading: ImuReading, is_unstamped: bool, place: usize) {

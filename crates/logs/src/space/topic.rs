@@ -2,6 +2,7 @@
 
 use super::camera::{self, CameraPlan};
 use super::packets::PacketPlan;
+use super::tilting::Joint;
 use crate::channel::TopicKind;
 use crate::choice::Choice;
 use crate::frames::{Place, place_in_space};
@@ -19,13 +20,18 @@ pub(super) struct Candidate<'a> {
     pub(super) is_camera: bool,
     pub(super) camera: Option<camera::Found>,
     pub(super) packets: Option<PacketPlan>,
+    pub(super) joint: Option<Joint>,
 }
 
 impl Candidate<'_> {
     /// In words, and why it is mapped.
     pub(super) fn words(&self, why: &str) -> (&'static str, String) {
         let TopicSurvey { name, type_name, shape, .. } = self.topic;
-        let what = if self.topic.kind.is_clouds() { "clouds" } else { "depth" };
+        let what = match self.topic.kind {
+            kind if kind.is_planar() => "scans",
+            kind if kind.is_clouds() => "clouds",
+            _ => "depth",
+        };
         (what, format!("{name} ({type_name}, {} messages, {shape}): {why}", grouped(self.topic.usable())))
     }
 
@@ -38,6 +44,9 @@ impl Candidate<'_> {
     /// Whether the motion during a sweep is undone, in words; none of images.
     pub(super) fn motion_words(&self) -> Option<String> {
         let Self { topic, is_camera, .. } = *self;
+        if let Some(joint) = &self.joint {
+            return Some(joint.words());
+        }
         topic.kind.is_clouds().then(|| match (topic.has_times, is_camera) {
             (true, _) if topic.sweeps.times().unit_s().is_none() => format!(
                 "not undone: times of points span {:.2} s, and clouds come so often that they are of no sweep",
@@ -68,6 +77,8 @@ pub(super) struct TopicPlan {
     pub(super) packets: Option<PacketPlan>,
     /// Of images of depth.
     pub(super) camera: Option<CameraPlan>,
+    /// Of scans of a laser that tilts.
+    pub(super) joint: Option<Joint>,
 }
 
 /// What is said of a topic, in words: what had to be assumed, what is odd and what casts doubt on a map of it.
@@ -95,7 +106,7 @@ impl TopicPlan {
         (choice, options): (&Choice, &CameraOptions),
         candidate: Candidate<'_>,
     ) -> (Self, Said) {
-        let Candidate { topic, place, is_camera, mut camera, packets } = candidate;
+        let Candidate { topic, place, is_camera, mut camera, packets, joint } = candidate;
         let as_made = sensor_of(topic, is_camera, place.robot_from_sensor);
         let units = units_of(topic, &as_made, camera.as_mut(), (choice, options));
         let near = |sensor: SpaceSensor| SpaceSensor {
@@ -114,8 +125,10 @@ impl TopicPlan {
         }
         let times = topic.sweeps.times();
         let of_camera = camera.as_ref().map_or_else(Vec::new, |camera| camera.assumed.clone());
+        let of_joint = joint.as_ref().and_then(Joint::assumed);
+        let assumed = shares_words(topic, times).into_iter().chain(units.assumed).chain(of_camera).chain(of_joint);
         let said = Said {
-            assumed: shares_words(topic, times).into_iter().chain(units.assumed).chain(of_camera).collect(),
+            assumed: assumed.collect(),
             odd: units.odd.into_iter().collect(),
             doubts: camera.as_ref().and_then(|camera| camera.doubt.clone()).into_iter().collect(),
         };
@@ -129,6 +142,7 @@ impl TopicPlan {
             sensors,
             packets,
             camera: camera.map(|camera| camera.plan),
+            joint,
         };
         (plan, said)
     }

@@ -33,14 +33,25 @@ impl Wheels {
 
     /// The reading of a stamp, or interpolated there between two that are near enough, else the one before, if it is near.
     pub(super) fn at(&self, stamp: Stamp) -> Option<Pose3> {
-        let after = self.0.partition_point(|(known, _)| *known <= stamp);
-        let (before_stamp, before) = self.0.get(after.checked_sub(1)?)?;
-        let since_s = stamp.secs_since(*before_stamp);
-        let next = self.0.get(after).map(|(later, pose)| (later.secs_since(*before_stamp), *pose));
-        if let Some((apart_s, later)) = next.filter(|(apart_s, _)| *apart_s <= WINDOW_S) {
-            return Some(*before * Pose3::exp(before.between(later).log() * (since_s / apart_s)));
+        let (before_stamp, before) = self.before(stamp)?;
+        self.between(stamp).or_else(|| (stamp.secs_since(before_stamp) <= WINDOW_S).then_some(before))
+    }
+
+    /// The reading of a stamp, or interpolated there between two that are near enough.
+    pub(super) fn between(&self, stamp: Stamp) -> Option<Pose3> {
+        let (before_stamp, before) = self.before(stamp)?;
+        if before_stamp == stamp {
+            return Some(before);
         }
-        (since_s <= WINDOW_S).then_some(*before)
+        let (later_stamp, later) = *self.0.get(self.0.partition_point(|(known, _)| *known <= stamp))?;
+        let apart_s = later_stamp.secs_since(before_stamp);
+        let share = stamp.secs_since(before_stamp) / apart_s;
+        (apart_s <= WINDOW_S).then(|| before * Pose3::exp(before.between(later).log() * share))
+    }
+
+    /// The last reading up to a stamp.
+    fn before(&self, stamp: Stamp) -> Option<(Stamp, Pose3)> {
+        self.0.get(self.0.partition_point(|(known, _)| *known <= stamp).checked_sub(1)?).copied()
     }
 }
 

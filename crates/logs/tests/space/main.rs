@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 mod depth;
 mod inertial;
 mod lidars;
+mod tilting;
 
 const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 const IMU: &str = "sensor_msgs/msg/Imu";
