@@ -9,6 +9,8 @@ use std::ops::Range;
 /// Odometry over a break whose position is less certain than this says nothing of where the robot is, metres: no closure is looked for in a
 /// window that wide.
 const ODOMETRY_AT_MOST_M: f64 = 8.0;
+/// Standard deviation of a heading that may be any, radians: pi / sqrt(3). Odometry that knows no more says nothing either.
+const ANY_HEADING_RAD: f64 = 1.813_799_364_234_217_7;
 
 /// Fragments that matches and closures hold together.
 #[derive(Debug, Clone, PartialEq)]
@@ -289,7 +291,8 @@ impl Layout {
         let covariance = known.recorded.edge.information.inverted()?;
         let (sigma_m, sigma_rad) =
             (covariance.position_variance_m2().sqrt(), covariance.rotation_variance_rad2().sqrt());
-        (sigma_m <= ODOMETRY_AT_MOST_M).then_some(Link { pieces, sigma_m, sigma_rad })
+        let says_something = sigma_m <= ODOMETRY_AT_MOST_M && sigma_rad < ANY_HEADING_RAD;
+        says_something.then_some(Link { pieces, sigma_m, sigma_rad })
     }
 
     /// The keyframes with which fragments begin that the robot reached unseen.

@@ -213,8 +213,13 @@ fn fragments(starts: &[(u32, FragmentStart)], sigma: f64) -> Story {
     story
 }
 
-fn link(story: &mut Story, [from, to]: [u32; 2], kind: EdgeKind, sigma: f64) {
-    let information = Cov3::identity() / (sigma * sigma);
+/// An edge of so many metres' deviation, and of a fifth as many radians'.
+fn link(story: &mut Story, ends: [u32; 2], kind: EdgeKind, sigma: f64) {
+    link_with(story, ends, kind, [sigma, 0.2 * sigma]);
+}
+
+fn link_with(story: &mut Story, [from, to]: [u32; 2], kind: EdgeKind, [sigma_m, sigma_rad]: [f64; 2]) {
+    let information = Cov3::from_variances(sigma_m * sigma_m, sigma_rad * sigma_rad).try_inverse().unwrap();
     let edge = Edge { kind, information, ..edge(id("one", from), id("one", to)).edge };
     story.add(Entry::Edge(RecordedEdge { edge, candidate: None }));
 }
@@ -270,6 +275,16 @@ fn odometry_over_a_break_links_pieces_unless_it_says_nothing() {
         let story = fragments(&[(0, SwitchedOn), (5, start)], sigma);
         assert_eq!(links(&story), [None, linked.then_some((0, sigma))], "{start:?} {sigma}");
         assert_eq!(maps(&story).len(), 2 - usize::from(linked), "{start:?} {sigma}");
+    }
+    // Nor where it does not know the heading.
+    for (sigma_rad, linked) in [(1.7, true), (1.9, false)] {
+        let mut story = Story::of(&[]);
+        keyframes(&mut story, 4);
+        for (seq, start) in [(0, SwitchedOn), (2, Uncertain)] {
+            story.add(Entry::Fragment(Fragment { first: id("one", seq), start }));
+        }
+        (1..4).for_each(|to| link_with(&mut story, [to - 1, to], EdgeKind::Odometry, [0.5, sigma_rad]));
+        assert_eq!(maps(&story).len(), 2 - usize::from(linked), "{sigma_rad}");
     }
     // Joined fragments that lie apart in time; the later one is linked, and what lies between hangs on the earlier one.
     let mut story = fragments(&[(0, SwitchedOn), (2, Blind), (4, Uncertain), (7, Uncertain)], 2.0);
