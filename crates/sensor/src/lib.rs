@@ -1,6 +1,7 @@
 //! What sensors deliver, and what is done with it before any map is involved.
 //!
 //! - [`LaserModel`], [`LaserScan`], [`Odometry`], [`TurnRate`]: readings of the plane as they arrive.
+//! - [`SonarRing`], [`SonarReading`]: wide cones, and what each echo says.
 //! - [`Pace`]: how fast the robot drives, by its odometry, and which of its steps no robot can have made.
 //! - [`FarOrigin`]: what places that lie too far out are relative to.
 //! - [`SpaceSensor`], [`Cloud`], [`PinholeCamera`], [`DepthImage`], [`ImuReading`]: readings of space.
@@ -14,6 +15,7 @@ mod no_return_codes;
 mod pace;
 mod prepared;
 mod scan;
+mod sonar;
 mod space_sweep;
 mod sweep_times;
 mod turning;
@@ -30,6 +32,7 @@ pub use no_return_codes::{FoundCodes, NoReturnCodes};
 pub use pace::Pace;
 pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};
+pub use sonar::{Echo, SONAR_REACH_MOST_M, Sonar, SonarReading, SonarRing};
 pub use space_sweep::SpaceSweep;
 pub use sweep_times::SweepTimes;
 pub use turning::{TurnRate, TurnRates};

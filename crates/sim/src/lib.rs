@@ -20,6 +20,7 @@
 //! - [`Revisits`]: which times of a drive truly see the same place.
 //! - [`worlds::look_alike`]: buildings made to deceive. [`kidnapping`]: robots carried away.
 //! - [`Radio`]: what robots hear of each other: lost, late, twice, out of order.
+//! - [`SonarSettings`], [`sonar_drive`]: a ring of sonars among smooth walls.
 //! - [`Rovers`]: several robots in one world that drive where they are told and get in each other's way.
 //! - [`space`]: worlds with storeys, lidars, depth cameras and drives in space.
 //! - [`failed_match_cases`]: 200 recordings in which a match must fail.
@@ -42,6 +43,7 @@ mod robot;
 mod route;
 mod rovers;
 mod shape;
+mod sonar;
 pub mod space;
 mod views;
 mod world;
@@ -61,5 +63,6 @@ pub use robot::{Incident, RobotSettings};
 pub use route::{Route, Site};
 pub use rovers::{Rovers, Twist};
 pub use shape::{Circle, Segment};
+pub use sonar::{SonarSettings, TrueSonar, sonar_drive};
 pub use views::{REVISIT_OVERLAP, REVISIT_PATH_M, Revisit, Revisits, view_overlap};
 pub use world::{Door, Moment, Schedule, Walker, World};

@@ -16,7 +16,7 @@ pub use growing::growing_building;
 pub use hall::hall;
 pub use look_alike::{Alias, LookAlike, LookAlikeKind, look_alike};
 pub use loops::loop_of;
-pub use office::{large_office, office_floor, office_to_explore};
+pub use office::{large_office, office_floor, office_to_explore, small_office};
 pub use rooms::{home, rooms, three_rooms};
 pub use twice_the_same::{Relocalisation, TwiceTheSame, relocalisation};
 

@@ -18,14 +18,20 @@ const LARGE_M2: f64 = 2800.0;
 pub fn office_floor(seed: u64) -> Site {
     let mut rng = Rng::keyed(seed, 0x6f66_6669_6365);
     let plan = Plan::draw(&mut rng);
-    let mut builder = Builder::new();
-    plan.build_outer_walls(&mut builder, &mut rng);
-    let rooms = plan.build_rooms(&mut builder, &mut rng);
-    let waypoints = Tour { plan: &plan, rooms: &rooms }.waypoints(&mut rng);
-    builder.reserve(&waypoints);
-    rooms.iter().for_each(|room| room.furnish(&mut builder, &mut rng));
-    plan.furnish_corridors(&mut builder, &mut rng);
-    Site { world: builder.build(), route: Route::new(waypoints) }
+    plan.site(rng)
+}
+
+/// A floor of 40 by 20 m and a drive through it as that of [`office_floor`]: rooms around a ring of corridors with one across.
+#[must_use]
+pub fn small_office(seed: u64) -> Site {
+    let mut rng = Rng::keyed(seed, 0x736d_616c_6c6f);
+    let mut plan = Plan::draw(&mut rng);
+    (plan.width_m, plan.height_m) = (40.0, 20.0);
+    plan.depth_m = [(); 4].map(|()| rng.uniform(3.6, 4.4));
+    let inner_m = plan.width_m - plan.depth_m[1] - plan.depth_m[3] - 2.0 * plan.corridor_m;
+    let start_m = plan.depth_m[3] + plan.corridor_m;
+    plan.across_x_m = vec![start_m + rng.uniform(0.36, 0.64) * inner_m];
+    plan.site(rng)
 }
 
 /// The floor of [`office_floor`] for several robots to explore: doors stand as they are, open, or shut for good. Its route is the corridor
@@ -93,6 +99,18 @@ impl Plan {
         let across_x_m = [0.25, 0.5, 0.75].map(|share| start_m + (share + rng.uniform(-0.04, 0.04)) * inner_m).to_vec();
         let middle_y_m = vec![0.5 * (height_m + depth_m[0] - depth_m[2]) + rng.uniform(-0.6, 0.6)];
         Self { width_m, height_m, depth_m, corridor_m, across_x_m, middle_y_m }
+    }
+
+    /// Rooms, doors and furniture, and a drive through them.
+    fn site(&self, mut rng: Rng) -> Site {
+        let mut builder = Builder::new();
+        self.build_outer_walls(&mut builder, &mut rng);
+        let rooms = self.build_rooms(&mut builder, &mut rng);
+        let waypoints = Tour { plan: self, rooms: &rooms }.waypoints(&mut rng);
+        builder.reserve(&waypoints);
+        rooms.iter().for_each(|room| room.furnish(&mut builder, &mut rng));
+        self.furnish_corridors(&mut builder, &mut rng);
+        Site { world: builder.build(), route: Route::new(waypoints) }
     }
 
     /// Rooms with clear ways in along clear corridors; doors stand as they are.
