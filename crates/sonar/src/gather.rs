@@ -1,0 +1,260 @@
+//! Readings gathered over stretches of way.
+
+use crate::arc::Arc2;
+use crate::drawn::DrawnEchoes;
+use crate::hough::walls;
+use crate::scan::ranges_m;
+use crate::wall::Wall;
+use mapwright_geom::{FARTHEST_M, Pose2, Stamp, wrap_angle};
+use mapwright_sensor::{Echo, LaserModel, LaserScan, Odometry, SonarReading, SonarRing};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// How readings are gathered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GathererSettings {
+    /// Length of a stretch, metres. Shorter ones show too little of a wall to tell its direction; over longer ones odometry bends it.
+    pub stretch_m: f64,
+    /// A turn counts as so much way, metres a radian: about as far as half of what is seen lies away.
+    pub lever_m: f64,
+    /// Beams of the scan that stands for a stretch.
+    pub beams: usize,
+}
+
+impl Default for GathererSettings {
+    fn default() -> Self {
+        Self { stretch_m: 1.0, lever_m: 0.5, beams: 360 }
+    }
+}
+
+/// What became of the readings of single sonars. The fields add up to their number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct EchoCounts {
+    /// Echoes of walls that answered several times.
+    pub used: u64,
+    /// Echoes that no others bear out: detours, other sonars' sound, small things.
+    pub alone: u64,
+    /// Nothing came back: nothing in reach, or a smooth wall that threw the sound away.
+    pub nothing: u64,
+    /// Below the least range.
+    pub too_near: u64,
+    /// Not fired, or not a number.
+    pub not_fired: u64,
+    /// Taken while the robot stood where it had been heard from already: they say nothing new.
+    pub standing: u64,
+    /// Readings without odometry to place them by.
+    pub unplaced: u64,
+}
+
+impl EchoCounts {
+    /// All readings of single sonars.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        let Self { used, alone, nothing, too_near, not_fired, standing, unplaced } = *self;
+        used + alone + nothing + too_near + not_fired + standing + unplaced
+    }
+}
+
+/// A stretch of way, and what was heard on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stretch {
+    /// The scan that stands for its walls, taken where the robot was at its stamp, in the middle of the stretch.
+    pub scan: LaserScan,
+    /// What its echoes say of the cells, in the robot's frame at that stamp.
+    pub echoes: DrawnEchoes,
+    /// Its walls, in that frame.
+    pub walls: Vec<Wall>,
+}
+
+/// Odometry is interpolated between two readings no farther apart, seconds: as for lasers' scans.
+const ODOMETRY_GAP_S: f64 = 2.0;
+/// A robot that has moved less stands, metres and radians: a tenth of a map's cell, and what that is at 1 m.
+const STANDS_M: f64 = 0.01;
+const STANDS_RAD: f64 = 0.01;
+/// A stretch ends with so many readings of single sonars, wherever the robot is.
+const READINGS_MOST: usize = 16_384;
+/// Readings that wait for odometry at most.
+const WAITING_MOST: usize = 4096;
+
+/// One reading, placed.
+#[derive(Debug, Clone)]
+struct Placed {
+    stamp: Stamp,
+    odom_from_robot: Pose2,
+    ring: Arc<SonarRing>,
+    ranges_m: Vec<f32>,
+}
+
+/// Gathers readings and hands out a stretch whenever the robot has driven far enough.
+///
+/// Readings that bring no pose of odometry wait until odometry's readings before and after them are known.
+#[derive(Debug, Clone, Default)]
+pub struct Gatherer {
+    settings: GathererSettings,
+    waiting: VecDeque<SonarReading>,
+    odometry: Option<Odometry>,
+    placed: Vec<Placed>,
+    way_m: f64,
+    laser: Option<Arc<LaserModel>>,
+    counts: EchoCounts,
+    ready: VecDeque<Stretch>,
+}
+
+impl Gatherer {
+    /// With these settings.
+    #[must_use]
+    pub fn new(settings: GathererSettings) -> Self {
+        Self { settings, ..Self::default() }
+    }
+
+    /// What became of the readings so far; those of a stretch that has not ended are not among them.
+    #[must_use]
+    pub fn counts(&self) -> EchoCounts {
+        self.counts
+    }
+
+    /// Takes a ring's readings.
+    pub fn add(&mut self, reading: &SonarReading) {
+        match reading.odom_from_robot.filter(is_in_reach) {
+            Some(odom_from_robot) => self.place(reading.clone(), odom_from_robot),
+            None if self.waiting.len() < WAITING_MOST => self.waiting.push_back(reading.clone()),
+            None => self.unplaced(reading),
+        }
+    }
+
+    /// Takes a reading of the wheels: those of sonars up to it are placed.
+    pub fn add_odometry(&mut self, odometry: &Odometry) {
+        if !is_in_reach(&odometry.odom_from_robot) {
+            return;
+        }
+        let before = self.odometry.replace(*odometry);
+        while let Some(reading) = self.waiting.pop_front_if(|reading| reading.stamp <= odometry.stamp) {
+            match pose_between(before.as_ref(), odometry, reading.stamp) {
+                Some(odom_from_robot) => self.place(reading, odom_from_robot),
+                None => self.unplaced(&reading),
+            }
+        }
+    }
+
+    /// The next stretch that has ended.
+    pub fn next_stretch(&mut self) -> Option<Stretch> {
+        self.ready.pop_front()
+    }
+
+    /// No more readings will come, or what comes is of another way: what was gathered is a stretch.
+    pub fn end(&mut self) {
+        for reading in std::mem::take(&mut self.waiting) {
+            self.unplaced(&reading);
+        }
+        self.odometry = None;
+        self.end_stretch();
+    }
+
+    fn unplaced(&mut self, reading: &SonarReading) {
+        self.counts.unplaced += singles(&reading.ring, &reading.ranges_m);
+    }
+
+    fn place(&mut self, reading: SonarReading, odom_from_robot: Pose2) {
+        if let Some(last) = self.placed.last() {
+            let step = last.odom_from_robot.between(odom_from_robot);
+            let (step_m, turn_rad) = (step.x.hypot(step.y), wrap_angle(step.theta).abs());
+            // Sonars that take turns are each heard once from where the robot stands.
+            let fires = |ranges_m: &[f32]| ranges_m.iter().map(|range| !range.is_nan()).collect::<Vec<_>>();
+            let heard = self.placed.iter().rev().take_while(|placed| stands(placed.odom_from_robot, odom_from_robot));
+            if heard.into_iter().any(|placed| fires(&placed.ranges_m) == fires(&reading.ranges_m)) {
+                self.counts.standing += singles(&reading.ring, &reading.ranges_m);
+                return;
+            }
+            let way_m = step_m + self.settings.lever_m * turn_rad;
+            if way_m > self.settings.stretch_m {
+                self.end_stretch();
+            } else {
+                self.way_m += way_m;
+            }
+        }
+        let SonarReading { stamp, ring, ranges_m, .. } = reading;
+        self.placed.push(Placed { stamp, odom_from_robot, ring, ranges_m });
+        let readings: usize = self.placed.iter().map(|placed| placed.ranges_m.len()).sum();
+        if self.way_m >= self.settings.stretch_m || readings >= READINGS_MOST {
+            self.end_stretch();
+        }
+    }
+
+    fn end_stretch(&mut self) {
+        self.way_m = 0.0;
+        let placed = std::mem::take(&mut self.placed);
+        let Some(middle) = placed.get(placed.len() / 2) else { return };
+        let arcs = self.arcs(&placed, middle.odom_from_robot);
+        let walls = walls(&arcs, 0.5 * self.settings.stretch_m);
+        let used: usize = walls.iter().map(|wall| wall.echoes.len()).sum();
+        self.counts.used += used as u64;
+        self.counts.alone += (arcs.len() - used) as u64;
+        let scan = LaserScan {
+            stamp: middle.stamp,
+            laser: self.laser(&middle.ring),
+            ranges_m: ranges_m(&walls, self.settings.beams),
+            odom_from_robot: Some(middle.odom_from_robot),
+        };
+        self.ready.push_back(Stretch { scan, echoes: DrawnEchoes::new(&arcs, &walls), walls });
+    }
+
+    fn arcs(&mut self, placed: &[Placed], odom_from_stretch: Pose2) -> Vec<Arc2> {
+        let (mut arcs, mut place) = (Vec::new(), 0);
+        for (k, now) in placed.iter().enumerate() {
+            if k > 0 && !stands(placed[k - 1].odom_from_robot, now.odom_from_robot) {
+                place += 1;
+            }
+            let stretch_from_robot = odom_from_stretch.between(now.odom_from_robot);
+            for (sonar, &range_m) in now.ring.sonars.iter().zip(&now.ranges_m) {
+                match sonar.echo(range_m) {
+                    Echo::At(range_m) => arcs.push(Arc2 {
+                        stretch_from_sonar: stretch_from_robot * sonar.robot_from_sonar,
+                        half_rad: 0.5 * sonar.opening_rad,
+                        range_m,
+                        place,
+                    }),
+                    Echo::Nothing => self.counts.nothing += 1,
+                    Echo::TooNear => self.counts.too_near += 1,
+                    Echo::NotFired => self.counts.not_fired += 1,
+                }
+            }
+        }
+        arcs
+    }
+
+    fn laser(&mut self, ring: &SonarRing) -> Arc<LaserModel> {
+        let wanted = ring.stands_for(self.settings.beams);
+        match &self.laser {
+            Some(laser) if **laser == wanted => Arc::clone(laser),
+            _ => Arc::clone(self.laser.insert(Arc::new(wanted))),
+        }
+    }
+}
+
+/// Readings of single sonars.
+fn singles(ring: &SonarRing, ranges_m: &[f32]) -> u64 {
+    ring.sonars.len().min(ranges_m.len()) as u64
+}
+
+/// Whether odometry can be there.
+fn is_in_reach(pose: &Pose2) -> bool {
+    pose.is_finite() && pose.x.abs() <= FARTHEST_M && pose.y.abs() <= FARTHEST_M
+}
+
+fn stands(a: Pose2, b: Pose2) -> bool {
+    let step = a.between(b);
+    step.x.hypot(step.y) < STANDS_M && wrap_angle(step.theta).abs() < STANDS_RAD
+}
+
+/// Odometry's pose at a stamp that lies between two readings, or is that of the later one.
+fn pose_between(before: Option<&Odometry>, after: &Odometry, stamp: Stamp) -> Option<Pose2> {
+    if stamp == after.stamp {
+        return Some(after.odom_from_robot);
+    }
+    let before = before.filter(|before| before.stamp <= stamp)?;
+    let gap_s = after.stamp.secs_since(before.stamp);
+    let share = stamp.secs_since(before.stamp) / gap_s;
+    let step = before.odom_from_robot.between(after.odom_from_robot).log();
+    let pose = before.odom_from_robot * Pose2::exp(step.map(|part| part * share));
+    (gap_s > 0.0 && gap_s <= ODOMETRY_GAP_S && is_in_reach(&pose)).then_some(pose)
+}
