@@ -2,7 +2,7 @@
 
 use crate::error::ExportError;
 use mapwright_formats::CarmenWriter;
-use mapwright_sensor::{LaserModel, LaserScan, Odometry};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, SonarReading};
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::io::Write;
@@ -53,6 +53,16 @@ impl<W: Write> CarmenEvents<W> {
         self.pending.push_back(*odometry);
         let oldest = if self.pending.len() > HELD_BACK { self.pending.pop_front() } else { None };
         oldest.map_or(Ok(()), |odometry| Ok(self.writer.odometry(&odometry)?))
+    }
+
+    /// Behind the wheels' readings that came before.
+    pub(crate) fn sonar(&mut self, reading: &SonarReading) -> Result<(), ExportError> {
+        while let Some(odometry) = self.pending.pop_front() {
+            if !self.is_carried(&odometry) {
+                self.writer.odometry(&odometry)?;
+            }
+        }
+        Ok(self.writer.sonar(reading)?)
     }
 
     pub(crate) fn finish(mut self) -> Result<W, ExportError> {

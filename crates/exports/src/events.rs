@@ -16,6 +16,8 @@ pub struct EventCounts {
     pub odometry: u64,
     /// Readings of a gyroscope.
     pub turn_rates: u64,
+    /// Readings of rings of sonars.
+    pub sonars: u64,
     /// Events of a kind that the format has no place for.
     pub left_out: u64,
 }
@@ -90,6 +92,10 @@ impl<W: Write + Seek> EventWriter<W> {
             (LogEvent::TurnRate(rate), Kind::Ros(ros)) => {
                 ros.turn_rate(rate)?;
                 self.counts.turn_rates += 1;
+            }
+            (LogEvent::Sonar(reading), Kind::Carmen(carmen)) => {
+                carmen.sonar(reading)?;
+                self.counts.sonars += 1;
             }
             _ => self.counts.left_out += 1,
         }

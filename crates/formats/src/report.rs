@@ -102,6 +102,8 @@ pub struct ReadReport {
     pub bytes: u64,
     /// Scans delivered.
     pub scans: u64,
+    /// Readings of rings of sonars delivered.
+    pub sonar_readings: u64,
     /// Odometry readings delivered (those of scans not counted).
     pub odometry: u64,
     /// Delivered events by tag, in order of first appearance.
@@ -137,10 +139,10 @@ pub struct ReadReport {
 }
 
 impl ReadReport {
-    /// Whether at least one scan came out: false for an empty, a binary or a foreign file.
+    /// Whether at least one scan, or reading of sonars, came out: false for an empty, a binary or a foreign file.
     #[must_use]
     pub fn has_scans(&self) -> bool {
-        self.scans > 0
+        self.scans > 0 || self.sonar_readings > 0
     }
 
     /// Whether something that should have been an event is missing.

@@ -3,18 +3,27 @@
 use crate::still::{Movement, Scenery};
 use mapwright_formats::{CarmenReader, FormatError, LogEvent, ReadReport};
 use mapwright_geom::{Pose, Pose2};
-use mapwright_sensor::{LaserScan, Odometry};
+use mapwright_sensor::{LaserScan, Odometry, SonarReading};
 use std::collections::VecDeque;
 use std::io::Read;
 
 /// So many scans are held back at most until odometry moves or what is seen changes; of one that does neither the robot stands.
 const HELD_SCANS: usize = 1024;
 
+/// What was read: a scan and a reading of the wheels lie in the buffers.
+#[derive(Debug)]
+pub(crate) enum Next {
+    Scan,
+    Odometry,
+    Sonar(Box<SonarReading>),
+}
+
 /// What a line leads to.
 #[derive(Debug)]
 pub(crate) enum Held {
     Scan(Box<LaserScan>),
     Odometry(Odometry),
+    Sonar(Box<SonarReading>),
 }
 
 /// Events of a CARMEN log, without odometry for as long as that never moved though what is seen has changed.
@@ -50,36 +59,40 @@ impl<R: Read> CarmenEvents<R> {
         ReadReport { odometry_never_moved: self.is_fake && self.movement.stands_still(), ..self.reader.into_report() }
     }
 
-    /// Puts the next event into one of the two; whether it is a scan.
-    pub(crate) fn next(&mut self, scan: &mut LaserScan, odometry: &mut Odometry) -> Result<Option<bool>, FormatError> {
+    /// Puts the next event into one of the two, where it is of these.
+    pub(crate) fn next(&mut self, scan: &mut LaserScan, odometry: &mut Odometry) -> Result<Option<Next>, FormatError> {
         while !self.movement.has_moved && !self.scenery.has_changed && !self.is_end && self.held_scans < HELD_SCANS {
             self.hold()?;
         }
         self.is_fake |= self.scenery.has_changed && self.movement.stands_still();
         loop {
-            let is_scan = match self.held.pop_front() {
+            let next = match self.held.pop_front() {
                 Some(Held::Scan(held)) => {
                     self.held_scans -= 1;
                     *scan = *held;
-                    true
+                    Next::Scan
                 }
                 Some(Held::Odometry(held)) => {
                     *odometry = held;
-                    false
+                    Next::Odometry
+                }
+                Some(Held::Sonar(held)) => {
+                    self.held_scans -= 1;
+                    Next::Sonar(held)
                 }
                 None => match self.read(scan, odometry)? {
-                    Some(is_scan) => is_scan,
+                    Some(next) => next,
                     None => return Ok(None),
                 },
             };
             let is_silent = self.scenery.has_changed && self.movement.stands_still();
             self.is_fake |= is_silent;
-            match (is_silent, is_scan) {
-                (true, true) => scan.odom_from_robot = None,
-                (true, false) => continue,
-                (false, _) => {}
+            match (is_silent, &next) {
+                (true, Next::Scan) => scan.odom_from_robot = None,
+                (true, Next::Odometry) => continue,
+                (true, Next::Sonar(_)) | (false, _) => {}
             }
-            return Ok(Some(is_scan));
+            return Ok(Some(next));
         }
     }
 
@@ -92,6 +105,7 @@ impl<R: Read> CarmenEvents<R> {
             }
             Some(LogEvent::Scan(scan)) => Held::Scan(Box::new(scan.clone())),
             Some(LogEvent::Odometry(odometry)) => Held::Odometry(*odometry),
+            Some(LogEvent::Sonar(reading)) => Held::Sonar(Box::new(reading.clone())),
             Some(_) => return Ok(()),
         };
         match &held {
@@ -103,13 +117,14 @@ impl<R: Read> CarmenEvents<R> {
                 }
             }
             Held::Odometry(odometry) => see(&mut self.movement, Some(odometry.odom_from_robot)),
+            Held::Sonar(_) => self.held_scans += 1,
         }
         self.held.push_back(held);
         Ok(())
     }
 
     /// Reads one event when none is held.
-    fn read(&mut self, scan: &mut LaserScan, odometry: &mut Odometry) -> Result<Option<bool>, FormatError> {
+    fn read(&mut self, scan: &mut LaserScan, odometry: &mut Odometry) -> Result<Option<Next>, FormatError> {
         loop {
             match self.reader.next_event()? {
                 None => return Ok(None),
@@ -122,13 +137,14 @@ impl<R: Read> CarmenEvents<R> {
                     if self.laser.as_ref() == Some(&scan.laser.name) {
                         self.scenery.see(scan.ranges_m.iter().copied());
                     }
-                    return Ok(Some(true));
+                    return Ok(Some(Next::Scan));
                 }
                 Some(LogEvent::Odometry(next)) => {
                     *odometry = *next;
                     see(&mut self.movement, Some(odometry.odom_from_robot));
-                    return Ok(Some(false));
+                    return Ok(Some(Next::Odometry));
                 }
+                Some(LogEvent::Sonar(reading)) => return Ok(Some(Next::Sonar(Box::new(reading.clone())))),
                 Some(_) => {}
             }
         }

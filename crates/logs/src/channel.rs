@@ -4,7 +4,7 @@ use crate::foxglove;
 use mapwright_bags::{Connection, DefinitionFormat, Encoding};
 use mapwright_ros::messages::{
     CameraInfo, CompressedImage, Image, Imu, Kind, LaserScan, LidarPackets, LivoxScan, MultiEchoLaserScan, Odometry,
-    OusterPacket, PointCloud2, Text, TfMessage,
+    OusterPacket, PointCloud2, Range, Text, TfMessage,
 };
 use mapwright_ros::{Channel, Decoder};
 
@@ -38,6 +38,8 @@ pub enum TopicKind {
     LidarPackets,
     /// `ouster_ros/PacketMsg` and its like.
     OusterPackets,
+    /// `sensor_msgs/Range`.
+    Range,
     /// `std_msgs/String`.
     Text,
     /// Anything else.
@@ -61,6 +63,7 @@ impl TopicKind {
             name if LivoxScan::is(name) => Self::Livox,
             name if LidarPackets::is(name) => Self::LidarPackets,
             name if OusterPacket::is(name) => Self::OusterPackets,
+            name if Range::is(name) => Self::Range,
             name if Text::is(name) => Self::Text,
             foxglove::POINT_CLOUD => Self::Foxglove,
             _ => Self::Other,
@@ -119,6 +122,7 @@ pub(crate) enum Messages {
     Foxglove(foxglove::Layout),
     LidarPackets(Decoder<LidarPackets<'static>>),
     OusterPackets(Decoder<OusterPacket<'static>>),
+    Range(Decoder<Range<'static>>),
     Text(Decoder<Text<'static>>),
     /// Nothing to decode, or nothing that can be: why, where it should have been.
     None(Option<String>),
@@ -151,6 +155,7 @@ impl Messages {
             TopicKind::Livox => Decoder::new(&channel).map(Self::Livox),
             TopicKind::LidarPackets => Decoder::new(&channel).map(Self::LidarPackets),
             TopicKind::OusterPackets => Decoder::new(&channel).map(Self::OusterPackets),
+            TopicKind::Range => Decoder::new(&channel).map(Self::Range),
             TopicKind::Text => Decoder::new(&channel).map(Self::Text),
             TopicKind::Foxglove | TopicKind::Other => return Ok(Self::None(None)),
         };

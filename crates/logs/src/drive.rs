@@ -1,6 +1,6 @@
 //! One or several logs of one drive as one stream of events.
 
-use crate::carmen::CarmenEvents;
+use crate::carmen::{CarmenEvents, Next};
 use crate::chain::Chain;
 use crate::choice::{Choice, MountChoice, OdometryCalibration};
 use crate::corrected::Corrected;
@@ -13,14 +13,14 @@ use crate::order::{Event, Order};
 use crate::plan::Plan;
 use crate::ranges::RangeCheck;
 use crate::report::LogReport;
-use crate::scans::no_scan;
+use crate::scans::{no_scan, no_sonar};
 use crate::stream::Stream;
 use crate::survey::Survey;
 use crate::words::grouped;
 use mapwright_bags::BagError;
 use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, OrderReport, open_log};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserModel, LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, SonarReading, TurnRate};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::fmt;
@@ -87,6 +87,7 @@ pub struct Drive {
     scan: LaserScan,
     odometry: Odometry,
     turn_rate: TurnRate,
+    sonar: SonarReading,
     /// Of the present log.
     order: Order,
     /// By how much its odometry lags, and what waits for that; and lasers whose motion is not undone.
@@ -154,6 +155,7 @@ enum Kind {
     Scan,
     Odometry,
     TurnRate,
+    Sonar,
 }
 
 impl Drive {
@@ -225,6 +227,7 @@ impl Drive {
             scan: no_scan(),
             odometry,
             turn_rate,
+            sonar: no_sonar(),
             order: Order::default(),
             lagging: Lagging::default(),
             timing: Timing::default(),
@@ -288,6 +291,7 @@ impl Drive {
             Kind::Scan => LogEvent::Scan(&self.scan),
             Kind::Odometry => LogEvent::Odometry(&self.odometry),
             Kind::TurnRate => LogEvent::TurnRate(&self.turn_rate),
+            Kind::Sonar => LogEvent::Sonar(&self.sonar),
         }))
     }
 
@@ -344,6 +348,10 @@ impl Drive {
                 self.turn_rate = turn_rate;
                 Kind::TurnRate
             }
+            Event::Sonar(sonar) => {
+                self.sonar = *sonar;
+                Kind::Sonar
+            }
         }))
     }
 
@@ -382,6 +390,7 @@ impl Drive {
         let stamp = match kind {
             Kind::Scan => self.scan.stamp,
             Kind::Odometry => self.odometry.stamp,
+            Kind::Sonar => self.sonar.stamp,
             Kind::TurnRate => return Ok(()),
         };
         self.latest = Some(self.latest.map_or(stamp, |latest| latest.max(stamp)));
@@ -410,7 +419,7 @@ impl Drive {
         match kind {
             Kind::Scan => self.scan.odom_from_robot = self.scan.odom_from_robot.map(|said| corrected.pose(said)),
             Kind::Odometry => self.odometry.odom_from_robot = corrected.pose(self.odometry.odom_from_robot),
-            Kind::TurnRate => {}
+            Kind::TurnRate | Kind::Sonar => {}
         }
     }
 
@@ -424,7 +433,7 @@ impl Drive {
                 let Odometry { stamp, odom_from_robot } = self.odometry;
                 self.odometry.odom_from_robot = self.chain.pose(stamp, odom_from_robot);
             }
-            Kind::TurnRate => {}
+            Kind::TurnRate | Kind::Sonar => {}
         }
     }
 
@@ -504,10 +513,14 @@ impl Part {
                 let mut scan = spare.pop().unwrap_or_else(no_scan);
                 let mut odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
                 Ok(events.next(&mut scan, &mut odometry).map(|event| match event? {
-                    true => Some(Event::Scan(scan)),
-                    false => {
+                    Next::Scan => Some(Event::Scan(scan)),
+                    Next::Odometry => {
                         spare.push(scan);
                         Some(Event::Odometry(odometry))
+                    }
+                    Next::Sonar(reading) => {
+                        spare.push(scan);
+                        Some(Event::Sonar(reading))
                     }
                 }))
             }

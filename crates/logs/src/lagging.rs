@@ -179,6 +179,7 @@ impl Lagging {
         let is_before = |event: &Event| match event {
             Event::Odometry(odometry) => later(odometry.stamp, -lag_s) <= end,
             Event::TurnRate(rate) => rate.stamp <= end,
+            Event::Sonar(reading) => reading.stamp <= end,
             Event::Scan(_) => false,
         };
         let place = self.held.iter().take(BEHIND_MOST).position(is_before).or(first)?;

@@ -5,7 +5,7 @@ use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES};
 use crate::scans::end_of;
 use mapwright_formats::OrderReport;
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{LaserScan, Odometry, SonarReading, TurnRate};
 use std::collections::VecDeque;
 
 /// A radian of turning counts as so many metres of way.
@@ -19,15 +19,17 @@ pub(crate) enum Event {
     Scan(LaserScan),
     Odometry(Odometry),
     TurnRate(TurnRate),
+    Sonar(Box<SonarReading>),
 }
 
 impl Event {
     /// When it was there: a scan at the end of its sweep.
-    fn at(&self) -> Stamp {
+    pub(crate) fn at(&self) -> Stamp {
         match self {
             Self::Scan(scan) => end_of(scan),
             Self::Odometry(odometry) => odometry.stamp,
             Self::TurnRate(turn_rate) => turn_rate.stamp,
+            Self::Sonar(reading) => reading.stamp,
         }
     }
 
@@ -35,7 +37,7 @@ impl Event {
         match self {
             Self::Scan(scan) => scan.odom_from_robot,
             Self::Odometry(odometry) => Some(odometry.odom_from_robot),
-            Self::TurnRate(_) => None,
+            Self::TurnRate(_) | Self::Sonar(_) => None,
         }
     }
 
@@ -43,7 +45,8 @@ impl Event {
     pub(crate) fn held_bytes(&self) -> usize {
         match self {
             Self::Scan(scan) => size_of::<LaserScan>() + scan.ranges_m.capacity() * size_of::<f32>(),
-            _ => 0,
+            Self::Sonar(reading) => size_of::<SonarReading>() + reading.ranges_m.capacity() * size_of::<f32>(),
+            Self::Odometry(_) | Self::TurnRate(_) => 0,
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
 use crate::directions::Directions;
 use crate::frames::{Place, list, place, placed_by_hand};
 use crate::odometry::{self, OdometrySource};
+use crate::sonars::{self, SonarSource};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::turning::{self, TurningSource};
 use crate::unread;
@@ -40,6 +41,8 @@ pub struct Plan {
     pub kind: TopicKind,
     /// Lasers of the same robot that are mapped with it.
     pub further: Vec<FurtherLaser>,
+    /// Sonars of the same robot. Where `kind` is that of sonars there is no laser.
+    pub sonars: Vec<SonarSource>,
     /// Heights of the slice, for clouds.
     pub slice: Option<SliceBounds>,
     /// The robot's frame.
@@ -101,6 +104,9 @@ impl Plan {
             }
         }
         let survey = &*survey.of_robot(choice)?;
+        if is_of_sonars(survey, choice) {
+            return of_sonars(survey, choice);
+        }
         let (mut candidates, refused) = candidates(survey, choice)?;
         candidates.sort_by_key(|candidate| {
             let wanted = (candidate.topic.kind == TopicKind::Cloud) == choice.slice.is_some();
@@ -283,11 +289,15 @@ fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[Strin
     for laser in std::iter::once(&lasers.chosen).chain(lasers.further.iter().map(|(further, _)| further)) {
         mounts_of(laser, survey, choice, &mut mounts);
     }
+    let heard = sonars::find(survey, choice, Some(&place.robot_frame));
+    reasons.extend(sonars_words(&heard.sonars, "drawn where the laser says that the robot was"));
+    reasons.extend(heard.refused.into_iter().map(|reason| ("refused", reason)));
     let further = lasers.further.iter().map(|(other, _)| other.topic);
     Plan {
         scans: topic.name.clone(),
         kind: topic.kind,
         further: further.map(|topic| FurtherLaser { topic: topic.name.clone(), kind: topic.kind }).collect(),
+        sonars: heard.sonars,
         slice: choice.slice.filter(|_| topic.kind == TopicKind::Cloud),
         said_mount: *said_mount,
         robot_frame: place.robot_frame.clone(),
@@ -301,6 +311,61 @@ fn decide(survey: &Survey, choice: &Choice, lasers: Lasers<'_>, refused: &[Strin
         mounts,
         times: topic.sweeps.times(),
     }
+}
+
+/// Whether there are sonars and nothing else to map with, or sonars are asked for.
+fn is_of_sonars(survey: &Survey, choice: &Choice) -> bool {
+    let is_usable = |topic: &&TopicSurvey| topic.kind == TopicKind::Range && topic.usable() > 0;
+    let mut sonars = survey.topics.iter().filter(is_usable).peekable();
+    let scans = || survey.topics.iter().any(|topic| topic.kind.is_scans() || topic.kind.is_clouds());
+    sonars.peek().is_some() && (!scans() || sonars.any(|topic| is_asked(topic, choice)))
+}
+
+/// A recording of sonars alone.
+fn of_sonars(survey: &Survey, choice: &Choice) -> Result<Plan, String> {
+    let sonars::Found { sonars, place, refused } = sonars::find(survey, choice, None);
+    let (Some(place), Some(first)) = (place, sonars.first()) else {
+        return Err(format!("expected sonars that can be mapped with, found none: {}", refused.join("; ")));
+    };
+    let found = odometry::find(survey, &place, choice);
+    if found.source == OdometrySource::None {
+        return Err(format!(
+            "expected odometry beside sonars, for single cones say nothing of how the robot moves, found none: {}",
+            found.reason
+        ));
+    }
+    let mut reasons = sonars_words(&sonars, "mapped by walls that several of their cones agree on").collect::<Vec<_>>();
+    reasons.push(("robot", format!("'{}', {}", place.robot_frame, place.reason)));
+    reasons.push(("odometry", found.reason.clone()));
+    reasons.extend(refused.into_iter().map(|reason| ("refused", reason)));
+    Ok(Plan {
+        scans: first.topic.clone(),
+        kind: TopicKind::Range,
+        further: Vec::new(),
+        slice: None,
+        robot_frame: place.robot_frame.clone(),
+        sensor_frame: first.frame.clone(),
+        odometry: found.source,
+        turning: None,
+        reasons,
+        assumed: found.assumed.into_iter().collect(),
+        said_mount: None,
+        calibration: choice.odometry,
+        transforms: transform_topics(survey),
+        mounts: BTreeMap::new(),
+        times: SweepTimes::Seconds,
+        sonars,
+    })
+}
+
+/// What sonars are used, and for what.
+fn sonars_words(sonars: &[SonarSource], what_for: &str) -> impl Iterator<Item = (&'static str, String)> {
+    let mut topics: Vec<&str> = sonars.iter().map(|sonar| sonar.topic.as_str()).collect();
+    topics.dedup();
+    let is_millimetres = sonars.iter().any(|sonar| sonar.unit_m != 1.0);
+    let unit = if is_millimetres { "; ranges are millimetres, and used as such" } else { "" };
+    let words = format!("{} of {}: {what_for}{unit}", sonars.len(), list(topics.into_iter()));
+    (!sonars.is_empty()).then_some(("sonars", words)).into_iter()
 }
 
 /// Mountings by the frames of a laser's scans.
@@ -394,12 +459,12 @@ fn candidates<'a>(survey: &'a Survey, choice: &Choice) -> Result<(Vec<Candidate<
     for name in &choice.topics {
         let mut named = survey.topics.iter().filter(|topic| same_name(&topic.name, name)).peekable();
         let first = named.peek().map_or("", |topic| topic.type_name.as_str());
-        if !named.any(|topic| topic.kind.is_scans() || topic.kind.is_motion()) {
+        if !named.any(|topic| topic.kind.is_scans() || topic.kind.is_motion() || topic.kind == TopicKind::Range) {
             return Err(format!("{name} is {first}, expected scans or odometry"));
         }
     }
     if all.is_empty() {
-        let expected = "laser scans, found no topic of LaserScan, MultiEchoLaserScan or PointCloud2";
+        let expected = "laser scans, found no topic of LaserScan, MultiEchoLaserScan, PointCloud2 or Range";
         return Err(nothing_of(expected, survey));
     }
     let odometry = odometry::topics(survey, choice);

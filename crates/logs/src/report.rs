@@ -29,6 +29,10 @@ pub struct StreamReport {
     pub messages: u64,
     /// Scans delivered.
     pub scans: u64,
+    /// Readings of sonars delivered.
+    pub sonar_readings: u64,
+    /// Those that were passed over, for odometry did not come within 4,096 of them.
+    pub sonars_passed_over: u64,
     /// Readings of odometry delivered.
     pub odometry: u64,
     /// Turn rates delivered.
@@ -103,6 +107,15 @@ impl LogReport {
             Self::Recording(report) => {
                 report.stream.scans - report.stream.ranges.beyond_reach.count.min(report.stream.scans)
             }
+        }
+    }
+
+    /// Readings of rings of sonars delivered.
+    #[must_use]
+    pub fn sonar_readings(&self) -> u64 {
+        match self {
+            Self::Carmen(report) => report.sonar_readings,
+            Self::Recording(report) => report.stream.sonar_readings,
         }
     }
 

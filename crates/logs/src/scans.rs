@@ -6,7 +6,7 @@ use mapwright_formats::OddHeads;
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{LaserScan, PointCloud2};
 use mapwright_ros::{Cloud, Mounting, PlanarSlice, RosError, SliceCounts};
-use mapwright_sensor::{LaserModel, LaserScan as SensorScan};
+use mapwright_sensor::{LaserModel, LaserScan as SensorScan, SonarReading, SonarRing};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -199,6 +199,12 @@ impl ScanMaker {
 pub(crate) fn no_scan() -> SensorScan {
     let laser = Arc::new(LaserModel::half_circle("", 1));
     SensorScan { stamp: Stamp(0), laser, ranges_m: Vec::new(), odom_from_robot: None }
+}
+
+/// Readings of sonars that hold a place until the first ones come.
+pub(crate) fn no_sonar() -> SonarReading {
+    let ring = Arc::new(SonarRing { name: String::new(), sonars: Vec::new() });
+    SonarReading { stamp: Stamp(0), ring, ranges_m: Vec::new(), odom_from_robot: None }
 }
 
 fn undecodable(error: RosError) -> Problem {

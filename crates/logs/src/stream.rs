@@ -10,13 +10,14 @@ use crate::order::Event;
 use crate::plan::{FurtherLaser, Plan};
 use crate::report::{RecordingReport, StreamReport};
 use crate::scans::{Problem, ScanMaker, Taken};
+use crate::sonars::SonarMaker;
 use crate::survey::{NO_TURN_RATE, Survey, has_turn_rate, same_name};
 use mapwright_bags::{BagError, Connection, RawMessage, Recording};
 use mapwright_formats::TopicReport;
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
-use mapwright_sensor::{FarOrigin, LaserScan, Odometry, TurnRate, TurnRates};
+use mapwright_sensor::{FarOrigin, LaserScan, Odometry, SonarReading, TurnRate, TurnRates};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::path::Path;
@@ -28,6 +29,7 @@ enum Use {
     Scans(usize),
     Odometry,
     Turning,
+    Sonar,
     Nothing,
 }
 
@@ -42,6 +44,10 @@ pub(crate) struct Stream {
     uses: Vec<Option<Use>>,
     merger: Merger,
     turning: Turning,
+    sonars: SonarMaker,
+    /// Readings of sonars that wait for what was taken before them, and what they go before.
+    heard: VecDeque<SonarReading>,
+    next: Option<Event>,
     origin: FarOrigin,
     corrected: Option<Corrected>,
     report: StreamReport,
@@ -66,6 +72,9 @@ impl Stream {
             maker: ScanMaker::new(&plan),
             merger: Merger::new(1 + plan.further.len(), plan.odometry != OdometrySource::None),
             turning: Turning::default(),
+            sonars: SonarMaker::new(&plan.sonars),
+            heard: VecDeque::new(),
+            next: None,
             origin: FarOrigin::at_first_reading(),
             corrected: plan.calibration.map(Corrected::new),
             plan,
@@ -93,6 +102,21 @@ impl Stream {
     }
 
     pub(crate) fn next_event(&mut self) -> Result<Option<Event>, BagError> {
+        if self.plan.sonars.is_empty() {
+            return self.next_of_others();
+        }
+        if self.next.is_none() {
+            self.next = self.next_of_others()?;
+        }
+        let until = self.next.as_ref().map(Event::at);
+        let is_before = |reading: &mut SonarReading| until.is_none_or(|until| reading.stamp <= until);
+        if let Some(reading) = self.heard.pop_front_if(is_before) {
+            return Ok(Some(Event::Sonar(Box::new(reading))));
+        }
+        Ok(self.next.take())
+    }
+
+    fn next_of_others(&mut self) -> Result<Option<Event>, BagError> {
         loop {
             if let Some(rate) = self.turning.next_rate() {
                 self.report.turn_rates += 1;
@@ -131,6 +155,19 @@ impl Stream {
         let messages = self.decoders.of(message.connection);
         let (taken, report) = match used {
             Use::Turning => (self.turning.take(&self.plan, messages, &message), &mut self.report),
+            Use::Sonar => {
+                let reading = self.sonars.reading(messages, &message);
+                let taken = reading.map(|(reading, is_stamped)| {
+                    self.report.sonar_readings += 1;
+                    if self.heard.len() == WINDOW_MESSAGES {
+                        self.heard.pop_front();
+                        self.report.sonars_passed_over += 1;
+                    }
+                    self.heard.push_back(reading);
+                    is_stamped
+                });
+                (taken, &mut self.report)
+            }
             Use::Scans(laser) => {
                 let taken = take_scan(&mut self.maker, messages, &message, (laser, place), &mut self.merger);
                 (taken, &mut self.report)
@@ -291,7 +328,10 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &Plan) -> Us
         };
         let is_turning = plan.turning.as_ref().is_some_and(|turning| same_name(&turning.name, &connection.topic));
         let is_further = |further: &FurtherLaser| kind == further.kind && same_name(&further.topic, &connection.topic);
-        if kind == plan.kind && same_name(&plan.scans, &connection.topic) {
+        let is_sonar = kind == crate::TopicKind::Range;
+        if is_sonar && plan.sonars.iter().any(|sonar| same_name(&sonar.topic, &connection.topic)) {
+            Use::Sonar
+        } else if kind == plan.kind && same_name(&plan.scans, &connection.topic) {
             Use::Scans(0)
         } else if let Some(further) = plan.further.iter().position(is_further) {
             Use::Scans(further + 1)

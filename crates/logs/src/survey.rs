@@ -6,6 +6,7 @@ use crate::directions::{Glimpse, Reach};
 use crate::foxglove::PointCloud;
 use crate::links::{Links, bare, joined, namespace};
 use crate::packets::{Metadata, OUSTER_FRAME, PacketSurvey};
+use crate::sonars::Said;
 use crate::still::{Movement, Scenery};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_clouds::{Distances, OusterInfo, read_png16};
@@ -21,6 +22,8 @@ use std::sync::Arc;
 
 /// Frames of a topic that are remembered.
 const FRAMES_KEPT: usize = 16;
+/// Sonars of one topic that are remembered.
+const SONARS_KEPT: usize = 256;
 /// Who watches is told after so many messages.
 const WATCHED_EVERY: u64 = 64;
 /// Of so many scans one is looked at for the directions in which its laser sees.
@@ -79,6 +82,8 @@ pub struct TopicSurvey {
     pub(crate) sweeps: Sweeps,
     /// What the message says, where it is one number: an option of a camera.
     pub(crate) number: Option<f32>,
+    /// Of sonars, by their frames.
+    pub(crate) sonars: BTreeMap<String, Said>,
     /// Of odometry.
     pub(crate) movement: Movement,
     /// Of planar scans.
@@ -113,6 +118,7 @@ impl TopicSurvey {
             depth_per_m: DepthNumbers::Millimetres.per_m(),
             sweeps: Sweeps::default(),
             number: None,
+            sonars: BTreeMap::new(),
             movement: Movement::default(),
             scenery: Scenery::default(),
             reach: Reach::default(),
@@ -373,6 +379,18 @@ impl TopicSurvey {
                     let of = if self.packets.is_inertial { "of its inertial sensor" } else { "of points" };
                     self.shape = format!("packets of {} bytes, {of}", packet.buf.len());
                     self.points = [packet.buf.len() as u64 / BYTES_A_POINT, 1];
+                }
+            }
+            Messages::Range(decoder) => {
+                let range = decoder.decode(data).map_err(words)?;
+                self.header(&range.header);
+                let frame = range.header.frame();
+                if !self.sonars.contains_key(frame) && self.sonars.len() < SONARS_KEPT {
+                    let said = [range.field_of_view, range.min_range, range.max_range];
+                    self.sonars.insert(frame.to_owned(), said);
+                }
+                if is_first {
+                    self.shape = format!("single ranges within {:.0} deg", range.field_of_view.to_degrees());
                 }
             }
             Messages::Text(decoder) => {

@@ -6,7 +6,7 @@ use crate::survey::{Survey, TopicSurvey};
 use crate::words::grouped;
 
 /// Beginnings of types' names, what their messages are, and what to do.
-const TYPES: [(&str, &str, &str); 26] = [
+const TYPES: [(&str, &str, &str); 25] = [
     ("robosense_msgs/", "a RoboSense's packets", ROBOSENSE),
     ("rslidar_msgs/", "a RoboSense's packets", ROBOSENSE),
     ("rslidar_msg/", "a RoboSense's packets", ROBOSENSE),
@@ -43,11 +43,6 @@ const TYPES: [(&str, &str, &str); 26] = [
         "sensor_msgs/PointCloud",
         "clouds of ROS's old kind",
         "play it through `rosrun point_cloud_converter point_cloud_converter_node` and record its PointCloud2",
-    ),
-    (
-        "sensor_msgs/Range",
-        "single ranges of sonars or infrared",
-        "convert it to CARMEN or record a lidar's LaserScan as well",
     ),
     ("laser_assembler/", "scans put together", "record the LaserScan that they are put together of"),
     ("sick_scan_xd/", "a SICK's own messages", "record the PointCloud2 or LaserScan of sick_scan_xd"),

@@ -6,6 +6,7 @@
 //! | `FLASER`, `RLASER` | n ranges x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp |
 //! | `ROBOTLASER1` to `5` | type start_angle fov step max_range accuracy remission_mode n ranges m remissions, laser pose, robot pose, tv rv forward_safety_dist side_safety_dist turn_axis ipc_timestamp host logger_timestamp |
 //! | `RAWLASER1` to `5` | as `ROBOTLASER` up to the remissions, then ipc_timestamp host logger_timestamp |
+//! | `SONAR` | cone_angle n ranges n times x y theta ipc_timestamp host logger_timestamp; older ones n ranges n and n times x y theta |
 //! | `PARAM` | name value ... |
 //!
 //! A `RAWLASER` is what a driver hands out, before the robot's pose is put to it. Where lines with poses follow within the
@@ -17,6 +18,7 @@ mod fields;
 mod models;
 mod params;
 mod reader;
+mod sonar;
 mod writer;
 
 pub use reader::{CarmenReader, LogEvent};
@@ -32,17 +34,20 @@ enum Tag {
     RobotLaser(u8),
     /// `RAWLASER1` to `RAWLASER5`: without the robot's pose.
     RawLaser(u8),
+    /// A ring of sonars.
+    Sonar,
 }
 
 impl Tag {
     /// Number of tags.
-    const COUNT: usize = 13;
+    const COUNT: usize = 14;
 
     fn of(word: &[u8]) -> Option<Self> {
         match word {
             b"ODOM" => Some(Self::Odometry),
             b"FLASER" => Some(Self::FrontLaser),
             b"RLASER" => Some(Self::RearLaser),
+            b"SONAR" => Some(Self::Sonar),
             [rest @ .., number @ b'1'..=b'5'] if rest == b"ROBOTLASER" => Some(Self::RobotLaser(number - b'0')),
             [rest @ .., number @ b'1'..=b'5'] if rest == b"RAWLASER" => Some(Self::RawLaser(number - b'0')),
             _ => None,
@@ -57,6 +62,7 @@ impl Tag {
             Self::RearLaser => 2,
             Self::RobotLaser(number) => 2 + usize::from(number.clamp(1, 5)),
             Self::RawLaser(number) => 7 + usize::from(number.clamp(1, 5)),
+            Self::Sonar => 13,
         }
     }
 
@@ -66,6 +72,7 @@ impl Tag {
             "ODOM", "FLASER", "RLASER",
             "ROBOTLASER1", "ROBOTLASER2", "ROBOTLASER3", "ROBOTLASER4", "ROBOTLASER5",
             "RAWLASER1", "RAWLASER2", "RAWLASER3", "RAWLASER4", "RAWLASER5",
+            "SONAR",
         ];
         NAMES[self.index()]
     }

@@ -1,6 +1,7 @@
 //! What `PARAM` lines say about the lasers.
 
 use super::fields::{BadLine, Cursor};
+use super::sonar::{REACH_M, SonarParams};
 use crate::report::DropReason;
 use mapwright_geom::Pose2;
 use std::f64::consts::PI;
@@ -22,6 +23,7 @@ pub(super) struct Params {
     pub(super) range_min_m: f64,
     pub(super) beam_period_s: f64,
     pub(super) inverted: bool,
+    pub(super) sonar: SonarParams,
 }
 
 impl Default for Params {
@@ -30,7 +32,7 @@ impl Default for Params {
     fn default() -> Self {
         let front = LaserParams { robot_from_laser: Pose2::IDENTITY, mount_given: false, range_max_m: None };
         let rear = LaserParams { robot_from_laser: Pose2::new(0.0, 0.0, PI), ..front };
-        Self { front, rear, range_min_m: 0.01, beam_period_s: 0.0, inverted: false }
+        Self { front, rear, range_min_m: 0.01, beam_period_s: 0.0, inverted: false, sonar: SonarParams::default() }
     }
 }
 
@@ -40,6 +42,10 @@ pub(super) const RANGE_MIN: &str = "mapwright_laser_range_min";
 pub(super) const BEAM_PERIOD: &str = "mapwright_laser_beam_period";
 /// See [`RANGE_MIN`].
 pub(super) const INVERTED: &str = "mapwright_laser_inverted";
+/// See [`RANGE_MIN`].
+pub(super) const SONAR_RANGE_MAX: &str = "mapwright_sonar_range_max";
+/// See [`RANGE_MIN`].
+pub(super) const SONAR_OPENING: &str = "mapwright_sonar_opening";
 
 impl Params {
     /// Takes over the parameter in the rest of a `PARAM` line. Unknown ones are fine.
@@ -69,6 +75,10 @@ impl Params {
             self.beam_period_s = bounded(line, 0.0, 10.0)?;
         } else if name == INVERTED.as_bytes() {
             self.inverted = bounded(line, 0.0, 1.0)? != 0.0;
+        } else if name == SONAR_RANGE_MAX.as_bytes() {
+            self.sonar.range_max_m = Some(bounded(line, REACH_M[0], REACH_M[1])?);
+        } else if name == SONAR_OPENING.as_bytes() {
+            self.sonar.opening_rad = Some(bounded(line, 1e-3, PI)?);
         }
         Ok(())
     }

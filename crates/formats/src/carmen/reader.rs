@@ -4,12 +4,16 @@ use super::Tag;
 use super::fields::{BadLine, Cursor, PoseField, Tail};
 use super::models::{Geometry, ModelCache, SAME_MOUNT, same_mount};
 use super::params::{LaserParams, Params};
+use super::sonar;
 use crate::error::FormatError;
 use crate::excerpt::Excerpt;
 use crate::lines::{Line, LineReader, MAX_LINE_BYTES};
 use crate::report::{DropReason, DroppedLine, ReadReport, TopicReport};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{Bearings, FarOrigin, LaserScan, OddHead, Odometry, RANGE_MAX_UNSAID_M, SaidBearings, TurnRate};
+use mapwright_sensor::{
+    Bearings, FarOrigin, LaserScan, OddHead, Odometry, RANGE_MAX_UNSAID_M, SaidBearings, SonarReading, SonarRing,
+    TurnRate,
+};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
@@ -24,6 +28,8 @@ pub enum LogEvent<'a> {
     Odometry(&'a Odometry),
     /// A reading of a gyroscope; CARMEN logs have none.
     TurnRate(&'a TurnRate),
+    /// Readings of a ring of sonars.
+    Sonar(&'a SonarReading),
 }
 
 /// Reads a CARMEN log line by line, with bounded memory and no allocation per line.
@@ -115,6 +121,7 @@ impl<R: Read> CarmenReader<R> {
         Ok(Some(match kind {
             EventKind::Scan => LogEvent::Scan(&self.parser.scan),
             EventKind::Odometry => LogEvent::Odometry(&self.parser.odometry),
+            EventKind::Sonar => LogEvent::Sonar(&self.parser.sonar),
         }))
     }
 
@@ -151,7 +158,7 @@ impl<R: Read> CarmenReader<R> {
                     self.parser.raw_lasers = RawLasers::Unused;
                     return Ok(());
                 }
-                Some(Tag::Odometry) | None => {}
+                Some(Tag::Odometry | Tag::Sonar) | None => {}
             }
         }
         Ok(())
@@ -174,6 +181,7 @@ const REAR_COSINE: f64 = -0.866;
 enum EventKind {
     Scan,
     Odometry,
+    Sonar,
 }
 
 /// What a line leads to.
@@ -187,6 +195,7 @@ enum Outcome {
 struct Parser {
     scan: LaserScan,
     odometry: Odometry,
+    sonar: SonarReading,
     params: Params,
     models: ModelCache,
     topics: [Option<Topic>; Tag::COUNT],
@@ -221,11 +230,14 @@ impl Parser {
         let laser = Arc::clone(models.model(Tag::FrontLaser, Geometry::conventional(1, &params.front), &params));
         let scan = LaserScan { stamp: Stamp(0), laser, ranges_m: Vec::new(), odom_from_robot: None };
         let odometry = Odometry { stamp: Stamp(0), odom_from_robot: Pose2::IDENTITY };
+        let ring = Arc::new(SonarRing { name: String::new(), sonars: Vec::new() });
+        let sonar = SonarReading { stamp: Stamp(0), ring, ranges_m: Vec::new(), odom_from_robot: None };
         let report = ReadReport::default();
         let (topics, fullest_layout) = ([None; Tag::COUNT], [0; Tag::COUNT]);
         Self {
             scan,
             odometry,
+            sonar,
             params,
             models,
             topics,
@@ -265,6 +277,7 @@ impl Parser {
         let word = cursor.word();
         match Tag::of(word) {
             Some(Tag::Odometry) => self.read_odometry(cursor, line),
+            Some(Tag::Sonar) => self.read_sonar(cursor, line),
             Some(tag @ Tag::RobotLaser(_)) => self.read_robot_laser(tag, cursor, line),
             Some(Tag::RawLaser(_)) if self.raw_lasers == RawLasers::Unused => self.read_other(word, cursor),
             Some(Tag::RawLaser(number)) => self.read_raw_laser(number, cursor, line),
@@ -300,6 +313,16 @@ impl Parser {
         self.report.odometry += 1;
         self.note_event(Tag::Odometry, line.number, stamp, Some(odom_from_robot));
         Ok(Outcome::Event(EventKind::Odometry))
+    }
+
+    /// `SONAR cone_angle n ranges offsets`; odometry's readings around it say where the robot was.
+    fn read_sonar<'a>(&mut self, cursor: Cursor<'a>, line: Line<'a>) -> Result<Outcome, BadLine<'a>> {
+        let (stamp, odd) = sonar::read(cursor, line.terminated, self.params.sonar, &mut self.sonar)?;
+        self.sonar.stamp = self.stamp(line.number, stamp);
+        odd.into_iter().for_each(|odd| self.report.odd_heads.note(line.number, odd));
+        self.report.sonar_readings += 1;
+        self.note_event(Tag::Sonar, line.number, self.sonar.stamp, None);
+        Ok(Outcome::Event(EventKind::Sonar))
     }
 
     /// `FLASER n ranges x y theta odom_x odom_y odom_theta`; old logs lack the last three.

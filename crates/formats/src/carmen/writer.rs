@@ -2,11 +2,12 @@
 
 use super::Tag;
 use super::models::Geometry;
-use super::params::{BEAM_PERIOD, INVERTED, LaserParams, Params, RANGE_MIN};
+use super::params::{BEAM_PERIOD, INVERTED, LaserParams, Params, RANGE_MIN, SONAR_RANGE_MAX};
+use super::sonar::{MAX_SONARS, REACH_M};
 use crate::error::FormatError;
 use crate::number::write_stamp;
 use mapwright_geom::{FARTHEST_M, Pose2, Stamp};
-use mapwright_sensor::{LaserModel, LaserScan, Odometry};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, SonarReading};
 use std::io::Write;
 use std::sync::Arc;
 
@@ -75,6 +76,43 @@ impl<W: Write> CarmenWriter<W> {
             _ => self.conventional_laser(scan),
         }
         self.finish_event(scan.stamp)
+    }
+
+    /// Writes readings of a ring of sonars, after a reading of the wheels where they bring one. NaN stands for a sonar that was not fired.
+    ///
+    /// # Errors
+    ///
+    /// [`FormatError::OutOfRange`] for a pose that the reader would refuse; [`FormatError::LaserNotRepresentable`] for a ring whose sonars
+    /// differ in cone or reach, or that cannot be mapped with; [`FormatError::Io`].
+    pub fn sonar(&mut self, reading: &SonarReading) -> Result<(), FormatError> {
+        let ring = &reading.ring;
+        let refused = |reason| FormatError::LaserNotRepresentable { laser: ring.name.clone(), reason };
+        let Some(first) = ring.sonars.first() else { return Err(refused("a ring needs at least one sonar")) };
+        let alike = |sonar: &mapwright_sensor::Sonar| {
+            (sonar.opening_rad, sonar.range_max_m) == (first.opening_rad, first.range_max_m)
+        };
+        if ring.sonars.len() > MAX_SONARS
+            || ring.sonars.len() != reading.ranges_m.len()
+            || !ring.sonars.iter().all(alike)
+        {
+            return Err(refused("its sonars must be at most 1024, with one reading, cone and reach each"));
+        }
+        if ring.check().is_err() || first.range_max_m < REACH_M[0] {
+            return Err(refused("its sonars must open by up to pi and hear from 0.1 to 50 m"));
+        }
+        if let Some(odom_from_robot) = reading.odom_from_robot {
+            self.odometry(&Odometry { stamp: reading.stamp, odom_from_robot })?;
+        }
+        if self.params.sonar.range_max_m != Some(first.range_max_m) {
+            self.params.sonar.range_max_m = Some(first.range_max_m);
+            self.param(SONAR_RANGE_MAX, first.range_max_m)?;
+        }
+        self.line.extend_from_slice(Tag::Sonar.name().as_bytes());
+        // With a point, so that it cannot be taken for a count.
+        let _ = write!(self.line, " {:?}", first.opening_rad);
+        push_ranges(&mut self.line, &reading.ranges_m);
+        ring.sonars.iter().for_each(|sonar| push_pose(&mut self.line, sonar.robot_from_sonar));
+        self.finish_event(reading.stamp)
     }
 
     /// Flushes and hands the stream back.
@@ -192,7 +230,8 @@ impl<W: Write> CarmenWriter<W> {
 
 /// The line a laser is written as: by convention where its beams lie that way, and otherwise with its own geometry.
 fn tag_of(laser: &LaserModel, beams: usize) -> Tag {
-    let named = Tag::of(laser.name.as_bytes()).filter(|&tag| !matches!(tag, Tag::Odometry | Tag::RawLaser(_)));
+    let named =
+        Tag::of(laser.name.as_bytes()).filter(|&tag| !matches!(tag, Tag::Odometry | Tag::RawLaser(_) | Tag::Sonar));
     let conventional = Geometry::conventional(beams, &Params::default().front);
     let by_convention =
         (laser.angle_min_rad, laser.angle_step_rad) == (conventional.angle_min_rad, conventional.angle_step_rad);
