@@ -374,6 +374,9 @@ pub(crate) struct DemoArgs {
     /// Instead of the office: four robots that explore a floor, tell each other over a lossy radio and make one map; one of them dies.
     #[arg(long, conflicts_with = "show", group = "driven")]
     pub(crate) fleet: bool,
+    /// Instead of the office's laser: sixteen sonars and wheels that err by 10 %, on a floor of 40 by 20 m.
+    #[arg(long, conflicts_with_all = ["show", "space", "fleet"])]
+    pub(crate) sonar: bool,
     /// The drive of --3d or --fleet ends then, seconds, or with its way.
     #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "driven")]
     pub(crate) seconds: Option<f64>,

@@ -5,7 +5,7 @@ use crate::foreign::{HEAD_BYTES, folder_in_words, kind_of, plain_beginning, plai
 pub(crate) use crate::interrupt::Interrupt;
 use crate::reading::{Reading, found_instead};
 use mapwright_formats::LogEvent;
-use mapwright_logs::{Choice, Drive, Input};
+use mapwright_logs::{Choice, Drive, Input, LogReport};
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -15,6 +15,7 @@ pub(crate) struct Log {
     names: Vec<String>,
     sizes_bytes: Vec<Option<u64>>,
     drive: Drive,
+    takes_sonars: bool,
 }
 
 /// How reading ended.
@@ -52,7 +53,14 @@ impl Log {
     ) -> Result<Self, Failure> {
         let names = inputs.iter().map(|(name, _)| name.clone()).collect();
         let sizes_bytes = paths.iter().map(|path| size_bytes(path)).collect();
-        Ok(Self { names, sizes_bytes, drive: Drive::open_watched(inputs, choice, watch).map_err(Failure::log)? })
+        let drive = Drive::open_watched(inputs, choice, watch).map_err(Failure::log)?;
+        Ok(Self { names, sizes_bytes, drive, takes_sonars: false })
+    }
+
+    /// The same, where readings of sonars are of use without a laser's scans.
+    pub(crate) fn taking_sonars(mut self) -> Self {
+        self.takes_sonars = true;
+        self
     }
 
     /// Size on disk, where that is known of all.
@@ -101,7 +109,8 @@ impl Log {
     pub(crate) fn finish(self) -> Result<Reading, Failure> {
         let (name, notes) = (self.name(), self.drive.notes().to_vec());
         let logs = self.drive.into_reports();
-        if logs.iter().all(|(_, report)| report.scans() == 0) {
+        let is_of_use = |report: &LogReport| report.scans() > 0 || self.takes_sonars && report.sonar_readings() > 0;
+        if !logs.iter().any(|(_, report)| is_of_use(report)) {
             return Err(Failure::NoScan { name, found: found_instead(&logs) });
         }
         Ok(Reading { logs, notes })

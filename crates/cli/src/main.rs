@@ -34,6 +34,7 @@ mod robots;
 mod session;
 mod settings;
 mod simulated;
+mod sonar;
 mod space;
 mod stamps;
 mod status_runs;

@@ -1,6 +1,6 @@
 //! One mapping run: scans in, files out.
 
-use crate::args::{Align, MappingArgs, StampPolicy};
+use crate::args::{Align, MappingArgs, SettingsArgs, StampPolicy};
 use crate::closures::{CLOSURES, ClosureFile};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -12,6 +12,7 @@ use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
 use crate::session::SessionLog;
 use crate::settings;
+use crate::sonar::Sonars;
 use crate::stamps::Stamper;
 use crate::tally::Tally;
 use crate::terminal::count;
@@ -23,6 +24,7 @@ use mapwright::{
 };
 use mapwright_formats::{LogEvent, TumWriter};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
+use mapwright_sensor::SonarReading;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
@@ -51,6 +53,9 @@ pub(crate) struct Mapping {
     has_odometry: bool,
     last_odometry: Option<Pose2>,
     pub(crate) turns: Turns,
+    pub(crate) sonars: Sonars,
+    /// What was asked for, where the settings are those of sonars beside it; and where the robot starts.
+    asked: (SettingsArgs, Pose2),
     /// What the keyframes are of, where it is of several logs or sessions: their names, and the first keyframe of each.
     pub(crate) parts: Vec<(String, usize)>,
 }
@@ -136,6 +141,8 @@ impl Mapping {
             has_odometry: false,
             last_odometry: None,
             turns: Turns::default(),
+            sonars: Sonars::default(),
+            asked: (args.settings.clone(), start),
             parts: Vec::new(),
         })
     }
@@ -161,8 +168,12 @@ impl Mapping {
     /// One event of a log through the mapper.
     pub(crate) fn take(&mut self, event: LogEvent<'_>, position: u64) -> Result<(), Failure> {
         match event {
-            LogEvent::Scan(scan) => self.add_scan(scan, position)?,
-            LogEvent::Odometry(odometry) => self.add_odometry(odometry),
+            LogEvent::Scan(scan) => {
+                self.sonars.see_laser(scan);
+                self.add_scan(scan, position)?;
+            }
+            LogEvent::Odometry(odometry) => self.add_odometry(odometry, position)?,
+            LogEvent::Sonar(reading) => self.add_sonar(reading, position)?,
             LogEvent::TurnRate(rate) => self.add_turn_rate(rate),
             _ => {}
         }
@@ -171,6 +182,8 @@ impl Mapping {
 
     /// Another run begins, wherever its robot is: the next one of the robot that the session ends with.
     pub(crate) fn switch_on(&mut self) -> Result<(), Failure> {
+        let heard = self.sonars.end();
+        self.add_scans_of_sonars(heard, 0)?;
         let robot = self.session().runs().last().map_or(RunId::of_robot("robot"), |run| run.id);
         let update = self.mapper.switch_on(robot);
         self.has_odometry = false;
@@ -201,10 +214,32 @@ impl Mapping {
     }
 
     /// A reading of the wheels.
-    pub(crate) fn add_odometry(&mut self, odometry: &Odometry) {
+    pub(crate) fn add_odometry(&mut self, odometry: &Odometry, position: u64) -> Result<(), Failure> {
         self.has_odometry = true;
         self.last_odometry = Some(odometry.odom_from_robot);
         self.mapper.add_odometry(odometry);
+        let scans = self.sonars.add_odometry(odometry);
+        self.add_scans_of_sonars(scans, position)
+    }
+
+    /// Readings of a ring of sonars.
+    pub(crate) fn add_sonar(&mut self, reading: &SonarReading, position: u64) -> Result<(), Failure> {
+        let scans = self.sonars.add(reading);
+        self.add_scans_of_sonars(scans, position)
+    }
+
+    /// Scans that stand for what sonars have heard. Where they are all that there is, the settings are those of sonars.
+    fn add_scans_of_sonars(&mut self, scans: Vec<LaserScan>, position: u64) -> Result<(), Failure> {
+        for scan in scans {
+            if self.tally.scans == 0 && self.session().keyframes().is_empty() {
+                let use_odometry = self.settings.motion.use_odometry;
+                self.settings = settings::load_over(Settings::of_sonars(), &self.asked.0)?;
+                self.settings.motion.use_odometry = use_odometry;
+                self.mapper = Mapper::starting_at(self.settings, self.asked.1)?;
+            }
+            self.add_scan(&scan, position)?;
+        }
+        Ok(())
     }
 
     /// No more scans will come: old places are looked for anew.
@@ -214,9 +249,12 @@ impl Mapping {
     }
 
     /// No more scans: takes the bar away.
-    pub(crate) fn end_of_scans(&mut self) {
+    pub(crate) fn end_of_scans(&mut self) -> Result<(), Failure> {
+        let scans = self.sonars.end();
+        self.add_scans_of_sonars(scans, 0)?;
         self.clock.end_of_scans();
         self.progress.finish();
+        Ok(())
     }
 
     /// Writes trajectories and maps.
@@ -252,7 +290,8 @@ impl Mapping {
         let writer = MapWriter {
             settings: &self.settings,
             session,
-            drawn: is_whole.then(|| self.mapper.local_map().counts()),
+            drawn: is_whole.then(|| self.mapper.local_map().counts()).filter(|_| !self.sonars.is_alone()),
+            sonars: Some(&self.sonars).filter(|sonars| sonars.is_alone()),
             turn_upright: self.align == Align::Walls,
             picture_side: self.picture_side,
             names: &names,
@@ -260,6 +299,9 @@ impl Mapping {
         let mut made = Vec::with_capacity(maps.len());
         for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
             made.push(writer.write(&mut self.output, (number, map), way)?);
+        }
+        if self.sonars.is_heard() && !self.sonars.is_alone() {
+            writer.write_sonars(&mut self.output, &self.sonars)?;
         }
         remove_outdated_maps(&mut self.output, made.len());
         Ok((made, path_m))

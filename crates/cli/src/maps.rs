@@ -6,7 +6,8 @@ use crate::failure::Failure;
 use crate::image::{MapImage, map_image};
 use crate::output::OutputFolder;
 use crate::picture::{MapOfRuns, RunNames};
-use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings, Visits};
+use crate::sonar::Sonars;
+use mapwright::{Advice, CountGrid, KeyframeId, Pose2, SeparateMap, Session, Settings, Stamp, Visits};
 use mapwright_formats::{Confidence, Frame, Picture, Runs, write_map_yaml, write_pgm, write_png};
 use mapwright_geom::Pose;
 use mapwright_record::Measurement;
@@ -94,6 +95,8 @@ pub(crate) struct MapWriter<'a> {
     pub(crate) session: &'a Session,
     /// What the mapper has drawn already of a session of one map, if that is all of it.
     pub(crate) drawn: Option<&'a CountGrid>,
+    /// Sonars that all the maps are of.
+    pub(crate) sonars: Option<&'a Sonars>,
     pub(crate) turn_upright: bool,
     /// Longer side of a picture, pixels, where it was asked for.
     pub(crate) picture_side: Option<u16>,
@@ -141,11 +144,39 @@ impl MapWriter<'_> {
         })
     }
 
+    /// What sonars heard beside a laser, drawn along its trajectory: `sonar.pgm`, `sonar.yaml` and `sonar.png`.
+    pub(crate) fn write_sonars(&self, output: &mut OutputFolder, sonars: &Sonars) -> Result<(), Failure> {
+        let trajectory: Vec<_> = self.session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
+        let drawn = map_image(&sonars.draw(&trajectory), self.settings.map.passes_per_hit);
+        let way: Vec<_> = trajectory.iter().map(|(_, pose)| *pose).collect();
+        let picture = Picture {
+            world_from_robot: &way,
+            seen: Some(&drawn.seen),
+            side_px: self.picture_side.map(usize::from),
+            ..Picture::default()
+        };
+        output.write("sonar.pgm", |writer| write_pgm(&drawn.image, writer))?;
+        output.write("sonar.yaml", |writer| write_map_yaml(&drawn.image, "sonar.pgm", writer))?;
+        output.write("sonar.png", |writer| write_png(&drawn.image, &picture, writer))
+    }
+
+    /// The trajectory's poses that belong to a map.
+    fn poses_within(&self, map: &SeparateMap) -> Vec<(Stamp, Pose2)> {
+        let scans = self.session.scans().iter().zip(self.session.trajectory());
+        let is_within =
+            |id: Option<KeyframeId>| id.and_then(|id| self.session.place(id)).is_some_and(|place| map.has(place));
+        let within = scans.filter(|(scan, _)| is_within(scan.keyframe));
+        within.map(|(_, pose)| (pose.stamp, pose.map_from_robot)).collect()
+    }
+
     /// Its keyframes at their present poses, and the names of those that are left out.
     fn render(&self, map: &SeparateMap) -> (MapImage, Vec<KeyframeId>) {
         let passes_per_hit = self.settings.map.passes_per_hit;
         if let Some(counts) = self.drawn {
             return (map_image(counts, passes_per_hit), Vec::new());
+        }
+        if let Some(sonars) = self.sonars {
+            return (map_image(&sonars.draw(&self.poses_within(map)), passes_per_hit), Vec::new());
         }
         let (counts, left_out) = draw_believed(self.settings, self.session, map);
         (map_image(&counts, passes_per_hit), left_out)

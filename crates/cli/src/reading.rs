@@ -114,6 +114,9 @@ fn found_in_carmen(report: &ReadReport) -> String {
         return "an empty file".to_owned();
     }
     let mut found = vec![count(report.lines, "line")];
+    if report.sonar_readings > 0 {
+        found.push(format!("{} of sonars", count(report.sonar_readings, "reading")));
+    }
     if report.odometry > 0 {
         found.push(count(report.odometry, "odometry reading"));
     }
@@ -127,7 +130,7 @@ fn found_in_carmen(report: &ReadReport) -> String {
 
 /// The lasers of a CARMEN log that has several.
 fn lasers_of_carmen(report: &ReadReport) -> String {
-    let scans: Vec<_> = report.topics.iter().filter(|topic| topic.name != "ODOM").collect();
+    let scans: Vec<_> = report.topics.iter().filter(|topic| !matches!(&*topic.name, "ODOM" | "SONAR")).collect();
     if scans.len() < 2 {
         return String::new();
     }

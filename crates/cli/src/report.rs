@@ -260,6 +260,7 @@ pub(crate) fn mapping_losses(mapping: &Mapping, made: &Made) -> Vec<String> {
     if lost > 0 {
         losses.push(format!("{} not in the map, for they fit nowhere", count(lost, "scan")));
     }
+    losses.extend(mapping.sonars.losses());
     losses.extend(made.pieces.losses());
     let keyframes_left_out: usize = made.maps.iter().map(|map| map.keyframes_left_out.len()).sum();
     let cells_left_out: u64 = made.maps.iter().map(|map| map.cells_left_out).sum();
@@ -286,8 +287,9 @@ pub(crate) fn full_report(
     losses: &[String],
 ) -> Value {
     let status = mapping.tally.status_report();
+    let sonars = mapping.sonars.to_json();
     let session = mapping.session();
-    json!({
+    let mut report = json!({
         "mapwright": env!("CARGO_PKG_VERSION"),
         "verdict": usable.to_json(),
         "log": name,
@@ -308,7 +310,11 @@ pub(crate) fn full_report(
         "pieces": made.pieces.to_json(),
         "certainty": made.maps.first().map(|map| advice::report(&map.advice)),
         "losses": losses,
-    })
+    });
+    if let Some(sonars) = sonars {
+        report["sonars"] = sonars;
+    }
+    report
 }
 
 /// Whether the map can be used; so many scans were left out before any was mapped.
@@ -401,6 +407,7 @@ fn numbers(name: &str, mapping: &Mapping, made: &Made, timing: &Value) -> String
         let ([width_m, height_m], cell_m) = (map.sides_m, mapping.settings.map.resolution_m);
         let _ = writeln!(text, "{name:<8} {width_m:.0} x {height_m:.0} m, {cell_m} m a cell");
     }
+    text += &mapping.sonars.words();
     text += &made.pieces.words();
     text += &made.maps.first().map(|map| advice::words(&map.advice)).unwrap_or_default();
     text + &quality_words(tally) + &speed_words(mapping, timing)

@@ -20,6 +20,27 @@ pub(crate) fn load(args: &SettingsArgs) -> Result<Settings, Failure> {
     Ok(settings)
 }
 
+/// As [`load`], on top of other values than the defaults: only what file and command line name is changed.
+pub(crate) fn load_over(base: Settings, args: &SettingsArgs) -> Result<Settings, Failure> {
+    let mut settings = base;
+    if let Some(path) = &args.config {
+        let asked = read(path)?;
+        let text = fs::read_to_string(path).map_err(|error| Failure::open(path, error))?;
+        let named: toml::Table = text.parse().unwrap_or_default();
+        let is_named = |section: &str, key: &str| {
+            named.get(section).and_then(toml::Value::as_table).is_some_and(|section| section.contains_key(key))
+        };
+        for line in asked.lines().iter().filter(|line| is_named(line.section, line.key)) {
+            settings.set(&format!("{}.{}", line.section, line.key), &line.value)?;
+        }
+    }
+    for (key, value) in &args.set {
+        settings.set(key, value)?;
+    }
+    settings.validate()?;
+    Ok(settings)
+}
+
 fn read(path: &Path) -> Result<Settings, Failure> {
     let text = fs::read_to_string(path).map_err(|error| Failure::open(path, error))?;
     let parsed: Result<Settings, toml::de::Error> = toml::from_str(&text);

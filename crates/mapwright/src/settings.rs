@@ -335,6 +335,21 @@ const RETIRED: &str = "loops.relocate";
 const REACH_CELLS: f64 = 300.0;
 
 impl Settings {
+    /// What the defaults are where scans stand for what sonars heard: each over a metre of way, its walls known to half a cell of 0.1 m.
+    #[must_use]
+    pub fn of_sonars() -> Self {
+        let defaults = Self::default();
+        Self {
+            map: MapSettings { resolution_m: 0.1, ..defaults.map },
+            // Echoes of moving things are no walls: they are sorted out before.
+            scan: ScanSettings { drop_moving: false, ..defaults.scan },
+            // A wall of some ten echoes is seen by some hundred beams.
+            matching: MatchingSettings { sigma_m: 0.05, capture_sigma_m: 0.3, beam_share: 0.1, ..defaults.matching },
+            live: LiveSettings { gate_m: 0.3, ..defaults.live },
+            ..defaults
+        }
+    }
+
     /// How what was seen along the way is drawn to be compared.
     pub(crate) fn submaps(&self) -> PlaneSubmapSettings {
         PlaneSubmapSettings {

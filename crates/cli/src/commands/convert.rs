@@ -13,7 +13,7 @@ use std::io::{Seek, Write};
 
 pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
     let choice = Choice { odometry_as_stamped: true, ..args.source.choice() };
-    let mut log = Log::open_all(std::slice::from_ref(&args.log), &choice, &mut |_, _| true)?;
+    let mut log = Log::open_all(std::slice::from_ref(&args.log), &choice, &mut |_, _| true)?.taking_sonars();
     let unwritten = |cause: ExportError| Failure::write_in_words(&args.output, &cause);
     let counts = write_whole(&args.output, |file| match args.format() {
         LogFormat::Carmen => pour(&mut log, EventWriter::carmen(file), unwritten),
@@ -24,12 +24,24 @@ pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Failure> {
     let losses = reading.losses();
     let (scans, readings) = (count(counts.scans, "scan"), count(counts.odometry, "odometry reading"));
     let mut what = format!("{scans}, {readings}");
+    if counts.sonars > 0 {
+        what += &format!(", {}", count(counts.sonars, "reading") + " of sonars");
+    }
     if counts.turn_rates > 0 {
         what += &format!(", {}", count(counts.turn_rates, "turn rate"));
     }
     let mut oddities = reading.oddities();
     if counts.left_out > 0 {
-        oddities.push(format!("{} have no place in CARMEN logs", count(counts.left_out, "turn rate")));
+        let what = match args.format() {
+            LogFormat::Carmen => "turn rate",
+            LogFormat::Bag1 | LogFormat::Mcap => "reading of sonars",
+        };
+        oddities.push(match args.format() {
+            LogFormat::Carmen => format!("{} have no place in CARMEN logs", count(counts.left_out, what)),
+            LogFormat::Bag1 | LogFormat::Mcap => {
+                format!("{} are not written: a CARMEN log (.clf) has a place for them", count(counts.left_out, what))
+            }
+        });
     }
     if args.json {
         say_json(&json!({

@@ -2,6 +2,7 @@
 
 mod fleet;
 mod show;
+mod sonar;
 mod space;
 
 use crate::args::DemoArgs;
@@ -28,6 +29,9 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     if args.space {
         return space::run(args);
     }
+    if args.sonar {
+        return sonar::run(args);
+    }
     let mapping_args = &args.mapping;
     settings_of(mapping_args)?;
     let interrupt = Interrupt::watch()?;
@@ -38,7 +42,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     let mut truth = Vec::new();
     for event in office(args.seed, PEOPLE) {
         match event {
-            Event::Odometry(odometry) => mapping.add_odometry(&odometry),
+            Event::Odometry(odometry) => mapping.add_odometry(&odometry, 0)?,
             Event::Scan(scan) => {
                 mapping.add_scan(&scan.scan, 0)?;
                 truth.push(StampedPose { stamp: scan.scan.stamp, world_from_robot: scan.world_from_robot });
@@ -48,11 +52,11 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
             break;
         }
     }
-    mapping.end_of_scans();
+    mapping.end_of_scans()?;
     if !interrupt.came() {
         mapping.look_again()?;
     }
-    finish(args, &name, mapping, &truth, interrupt.came())
+    finish(args, &name, mapping, &truth, interrupt.came(), |_, _| Ok(None))
 }
 
 fn finish(
@@ -61,10 +65,12 @@ fn finish(
     mut mapping: Mapping,
     truth: &[StampedPose],
     interrupted: bool,
+    further: impl Fn(&Mapping, &Ate) -> Result<Option<(String, Value)>, Failure>,
 ) -> Result<Outcome, Failure> {
     let made = mapping.write_results()?;
     write_truth(&mut mapping, truth)?;
     let score = Score::of(&mapping, truth, args)?;
+    let further = further(&mapping, &score.absolute)?;
     let mut lost = report::mapping_losses(&mapping, &made);
     if interrupted {
         lost.push(format!("interrupted after {} scans", truth.len()));
@@ -73,6 +79,9 @@ fn finish(
     let losses: Vec<_> = lost.iter().cloned().chain(usable.loss()).collect();
     let mut full = report::full_report(name, Value::Null, &mut mapping, &made, &usable, &losses);
     full["against_truth"] = score.to_json();
+    if let Some((_, value)) = &further {
+        full["against_truth"]["sonars"] = value.clone();
+    }
     mapping.output.write_json("report.json", &full)?;
     let timing = mapping.clock.report(mapping.tally.scans, mapping.tally.log_s());
     mapping.output.write_json("timing.json", &timing)?;
@@ -81,7 +90,7 @@ fn finish(
         usable: &usable,
         made: &made,
         timing: &timing,
-        truth: score.to_words(),
+        truth: score.to_words() + &further.map_or(String::new(), |(words, _)| words),
         losses: &lost,
         odd: &[],
         used: String::new(),

@@ -168,7 +168,8 @@ impl Found {
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
         let mut log =
-            Log::of(vec![(name.clone(), input)], &[PathBuf::from(path)], choice, &mut |_, _| !interrupt.came())?;
+            Log::of(vec![(name.clone(), input)], &[PathBuf::from(path)], choice, &mut |_, _| !interrupt.came())?
+                .taking_sonars();
         let (mut contents, mut steps) = (Contents::default(), Steps::default());
         let ending = log.for_each(interrupt, |event, _| {
             steps.add(event);

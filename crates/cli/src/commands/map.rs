@@ -39,7 +39,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         }
         Sought::Plane(inputs) => inputs,
     };
-    let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?;
+    let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?.taking_sonars();
     drop(first_pass);
     let resumed = args.mapping.resume.as_ref().map(|path| earlier_in_plane(path)).transpose()?;
     let folder = args.output();
@@ -53,7 +53,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
         let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&event, &mut mapping));
         if is_new? { mapping.take(event, position) } else { Ok(()) }
     })?;
-    mapping.end_of_scans();
+    mapping.end_of_scans()?;
     let name = log.name();
     let read = log.finish()?;
     finish(mapping, Finished { name, read, ending, output: &folder, voice })
@@ -121,6 +121,14 @@ pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Out
 
 /// Scans that do not make a map.
 fn nothing_mapped(name: &str, read: &Reading, mapping: &Mapping) -> Failure {
+    if mapping.sonars.is_heard() && mapping.tally.scans == 0 {
+        let heard = mapping.sonars.words();
+        let odd: String = read.losses().into_iter().chain(read.oddities()).map(|odd| format!("; {odd}")).collect();
+        return Failure::Log(format!(
+            "{name}: expected sonars with odometry beside them, whose echoes walls answer more than once, found none: {}{odd}",
+            heard.trim_start_matches("sonars").trim()
+        ));
+    }
     let tally = &mapping.tally;
     let refused = tally.refused.iter().map(|(reason, &scans)| format!("{} refused: {reason}", count(scans, "scan")));
     let odd = read.losses().into_iter().chain(read.oddities()).chain(refused);

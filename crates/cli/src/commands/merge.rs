@@ -81,7 +81,7 @@ pub(super) fn run(args: &MergeArgs) -> Result<Outcome, Failure> {
         }
     }
     let Some(mut mapping) = mapping else { return Err(Failure::Usage("expected logs or sessions".to_owned())) };
-    mapping.end_of_scans();
+    mapping.end_of_scans()?;
     finish(mapping, Finished { name: names.join(", "), read, ending, output: &args.output, voice: args.mapping.voice })
 }
 
@@ -182,7 +182,7 @@ fn open(
     let mut first_pass = FirstPass::new(interrupt, voice.quiet || voice.json);
     let mut watch = |name: &str, messages| first_pass.look(name, messages);
     let source = robot.map_or_else(|| args.source.clone(), |robot| args.source.of_robot(robot));
-    Log::of(vec![(name.to_owned(), log)], &[path.to_owned()], &source.choice(), &mut watch)
+    Log::of(vec![(name.to_owned(), log)], &[path.to_owned()], &source.choice(), &mut watch).map(Log::taking_sonars)
 }
 
 fn map_log(mut log: Log, mapping: &mut Mapping, interrupt: &Interrupt, read: &mut Reading) -> Result<Ending, Failure> {

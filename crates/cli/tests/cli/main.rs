@@ -28,6 +28,7 @@ mod scripts;
 mod session;
 mod show;
 mod small_robots;
+mod sonar;
 mod space;
 mod space_calibrate;
 mod space_imu;

@@ -203,6 +203,7 @@ fn write_map(team: &TeamResult<'_>, map: &Session, output: &mut OutputFolder) ->
         settings: team.settings,
         session: map,
         drawn: None,
+        sonars: None,
         turn_upright: true,
         picture_side: None,
         names: &names,

@@ -3,6 +3,7 @@
 use crate::terminal::{count, duration, grouped};
 use mapwright::{BeamCounts, LaserModel, LaserScan, Odometry, Pose2, Stamp, Sweep};
 use mapwright_formats::{JumpWatch, LogEvent};
+use mapwright_sensor::{Echo, SonarReading, SonarRing};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -19,6 +20,17 @@ const GAPS_SHOWN: usize = 5;
 pub(super) struct Contents {
     pub(super) odometry: Topic,
     pub(super) lasers: Vec<Laser>,
+    pub(super) sonars: Option<Sonars>,
+}
+
+/// The rings of sonars of the log, as the last of them.
+#[derive(Debug)]
+pub(super) struct Sonars {
+    ring: Arc<SonarRing>,
+    topic: Topic,
+    echoes: u64,
+    silent: u64,
+    unusable: u64,
 }
 
 /// Times and path of one kind of event.
@@ -50,6 +62,7 @@ impl Contents {
         match event {
             LogEvent::Scan(scan) => self.add_scan(scan),
             LogEvent::Odometry(odometry) => self.odometry.add(odometry.stamp, Some(odometry.odom_from_robot)),
+            LogEvent::Sonar(reading) => Sonars::add(&mut self.sonars, reading),
             _ => {}
         }
     }
@@ -68,6 +81,9 @@ impl Contents {
         for laser in &self.lasers {
             let _ = write!(text, "{}", laser.to_words());
         }
+        if let Some(sonars) = &self.sonars {
+            text += &sonars.to_words();
+        }
         if self.odometry.poses > 0 {
             let _ = write!(text, "odometry {}", self.odometry.to_words("reading"));
         }
@@ -75,10 +91,62 @@ impl Contents {
     }
 
     pub(super) fn to_json(&self, name: &str) -> Value {
-        json!({
+        let mut value = json!({
             "log": name,
             "lasers": self.lasers.iter().map(Laser::to_json).collect::<Vec<_>>(),
             "odometry": self.odometry.to_json(),
+        });
+        if let Some(sonars) = &self.sonars {
+            value["sonars"] = sonars.to_json();
+        }
+        value
+    }
+}
+
+impl Sonars {
+    fn add(sonars: &mut Option<Self>, reading: &SonarReading) {
+        let ring = Arc::clone(&reading.ring);
+        let it = sonars.get_or_insert_with(|| Self {
+            ring: Arc::clone(&ring),
+            topic: Topic::default(),
+            echoes: 0,
+            silent: 0,
+            unusable: 0,
+        });
+        it.topic.add(reading.stamp, reading.odom_from_robot);
+        for (sonar, &range_m) in ring.sonars.iter().zip(&reading.ranges_m) {
+            match sonar.echo(range_m) {
+                Echo::At(_) => it.echoes += 1,
+                Echo::Nothing => it.silent += 1,
+                Echo::TooNear | Echo::NotFired => it.unusable += 1,
+            }
+        }
+        it.ring = ring;
+    }
+
+    fn to_words(&self) -> String {
+        let cone_deg = self.ring.sonars.first().map_or(0.0, |sonar| sonar.opening_rad.to_degrees());
+        format!(
+            "sonars   {}: {} cones of {cone_deg:.0} deg, up to {} m\n         {} echoes, {} silent, {} not fired or too near\n         {}",
+            self.ring.name,
+            self.ring.sonars.len(),
+            self.ring.reach_m(),
+            grouped(self.echoes),
+            grouped(self.silent),
+            grouped(self.unusable),
+            self.topic.to_words("reading")
+        )
+    }
+
+    fn to_json(&self) -> Value {
+        json!({
+            "name": self.ring.name,
+            "sonars": self.ring.sonars.len(),
+            "reach_m": self.ring.reach_m(),
+            "echoes": self.echoes,
+            "silent": self.silent,
+            "not_fired_or_too_near": self.unusable,
+            "readings": self.topic.to_json(),
         })
     }
 }

@@ -16,6 +16,7 @@ mod nested;
 mod noise;
 mod offices;
 mod parallel;
+mod sonar;
 mod space;
 mod verdicts;
 
@@ -101,6 +102,10 @@ pub(super) fn run(args: &SuiteArgs) -> Result<Outcome, Failure> {
         }
         Suite::Homes(args) => {
             measure(&homes::Homes { settings: settings_of(&args.run)? }, seeds_of(args, 50), &args.run)
+        }
+        Suite::Sonar(args) => {
+            let settings = crate::settings::load_over(Settings::of_sonars(), &args.run.settings)?;
+            measure(&sonar::SonarOffices { settings }, seeds_of(args, 20), &args.run)
         }
         Suite::Explore(args) => {
             let settings = settings_of(&args.worlds.run)?;
