@@ -14,6 +14,7 @@ fn rewritten(log: &[u8]) -> Result<(Vec<u8>, usize), FormatError> {
         let result = match event {
             LogEvent::Scan(scan) => writer.scan(scan),
             LogEvent::Odometry(odometry) => writer.odometry(odometry),
+            LogEvent::Sonar(reading) => writer.sonar(reading),
             _ => continue,
         };
         written += usize::from(result.is_ok());
