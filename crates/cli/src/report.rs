@@ -323,7 +323,13 @@ pub(crate) fn usable(mapping: &Mapping, made: &Made, left_out: u64) -> Usable {
     let (advice, visits) = made.maps.first().map_or((&unknown.0, unknown.1), |map| (&map.advice, map.visits));
     let tally = &mapping.tally;
     let unused = tally.share_unused(left_out);
-    Usable::of(&Facts { unused, ..Facts::of(tally, &mapping.turns, mapping.session(), advice, visits) })
+    let facts = Facts { unused, ..Facts::of(tally, &mapping.turns, mapping.session(), advice, visits) };
+    if !mapping.sonars.is_alone() {
+        return Usable::of(&facts);
+    }
+    // Of a dozen walls that a stretch has shown many are new, and some wrong: that they fit badly is usual.
+    let badly = facts.degraded + facts.lost;
+    Usable::of(&Facts { degraded: 0.0, lost: 0.0, ..facts }).also(Some(crate::sonar::alone(badly)))
 }
 
 /// Those of pieces that nothing holds to the first one.

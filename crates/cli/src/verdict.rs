@@ -62,6 +62,7 @@ impl Reason {
             "recognised_elsewhere" => "places recognised elsewhere",
             "odometry_disagrees" => "odometry against scans",
             "untested" => "nothing tested",
+            "of_sonars" => "sonars alone",
             "against_velocity" => "sudden motions without wheels",
             other => other,
         }
@@ -113,6 +114,12 @@ impl Usable {
         reasons.sort_by_key(|reason| std::cmp::Reverse(reason.word));
         let word = reasons.first().map_or(Usability::Good, |reason| reason.word);
         Self { word, reasons, expected_error_m, well }
+    }
+
+    /// The same with one reason more.
+    pub(crate) fn also(self, reason: Option<Reason>) -> Self {
+        let reasons = self.reasons.into_iter().map(Some).chain([reason]);
+        Self::by(reasons, self.expected_error_m, self.well)
     }
 
     /// The first line, or the two of them.

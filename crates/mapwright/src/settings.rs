@@ -343,8 +343,16 @@ impl Settings {
             map: MapSettings { resolution_m: 0.1, ..defaults.map },
             // Echoes of moving things are no walls: they are sorted out before.
             scan: ScanSettings { drop_moving: false, ..defaults.scan },
-            // A wall of some ten echoes is seen by some hundred beams.
-            matching: MatchingSettings { sigma_m: 0.05, capture_sigma_m: 0.3, beam_share: 0.1, ..defaults.matching },
+            // Wheels count as what they are, 10 % of ways and turns and 2.5 degrees a metre: scans of sonars say too little to tell.
+            motion: MotionSettings { alpha1: 0.02, alpha2: 0.002, alpha3: 0.02, alpha4: 0.002, ..defaults.motion },
+            // Some ten walls are seen by two hundred beams, right or wrong each as a whole, and a fifth of them is wrong by more than a cell.
+            matching: MatchingSettings {
+                sigma_m: 0.05,
+                capture_sigma_m: 0.1,
+                random_ratio: 0.3,
+                beam_share: 0.02,
+                ..defaults.matching
+            },
             live: LiveSettings { gate_m: 0.3, ..defaults.live },
             ..defaults
         }

@@ -66,6 +66,8 @@ pub struct Stretch {
     pub walls: Vec<Wall>,
 }
 
+/// Walls that so many echoes agree on stand in the scan: those of fewer are drawn, but of them every third is wrong by a cell.
+const SURE_ECHOES: usize = 5;
 /// Odometry is interpolated between two readings no farther apart, seconds: as for lasers' scans.
 const ODOMETRY_GAP_S: f64 = 2.0;
 /// A robot that has moved less stands, metres and radians: a tenth of a map's cell, and what that is at 1 m.
@@ -117,6 +119,10 @@ impl Gatherer {
     pub fn add(&mut self, reading: &SonarReading) {
         match reading.odom_from_robot.filter(is_in_reach) {
             Some(odom_from_robot) => self.place(reading.clone(), odom_from_robot),
+            None if self.odometry.is_some_and(|last| last.stamp == reading.stamp) && self.waiting.is_empty() => {
+                let at = self.odometry.map_or(Pose2::IDENTITY, |last| last.odom_from_robot);
+                self.place(reading.clone(), at);
+            }
             None if self.waiting.len() < WAITING_MOST => self.waiting.push_back(reading.clone()),
             None => self.unplaced(reading),
         }
@@ -192,7 +198,7 @@ impl Gatherer {
         let scan = LaserScan {
             stamp: middle.stamp,
             laser: self.laser(&middle.ring),
-            ranges_m: ranges_m(&walls, self.settings.beams),
+            ranges_m: ranges_m(walls.iter().filter(|wall| wall.echoes.len() >= SURE_ECHOES), self.settings.beams),
             odom_from_robot: Some(middle.odom_from_robot),
         };
         self.ready.push_back(Stretch { scan, echoes: DrawnEchoes::new(&arcs, &walls), walls });

@@ -11,14 +11,14 @@ pub struct Wall {
     pub depth_m: f64,
     /// From where to where echoes came, along the normal turned left, metres.
     pub seen_m: [f64; 2],
-    /// So far beyond either end its line is known to within [`KNOWN_TO_M`], metres.
+    /// So far beyond either end its line is known to within half a cell, metres.
     pub known_beyond_m: f64,
     /// Which echoes it was made of, with the place along it where each came from, metres.
     pub echoes: Vec<(usize, f64)>,
 }
 
 /// A wall's line counts as known where its standard deviation is smaller, metres: half a cell of a map of sonars.
-pub const KNOWN_TO_M: f64 = 0.05;
+pub(crate) const KNOWN_TO_M: f64 = 0.05;
 
 impl Wall {
     /// Unit normal away from the robot, and the direction along it.

@@ -7,6 +7,7 @@ pub(crate) use score::CellScore;
 pub(crate) use simulated::{SonarOffice, sonar_office};
 
 use crate::terminal::{count, grouped};
+use crate::verdict::{Reason, Usability};
 use mapwright::{CountGrid, LaserScan, Odometry, Pose2, Stamp};
 use mapwright_grid::Change;
 use mapwright_sensor::{SonarReading, SonarRing, SweepPoints};
@@ -129,7 +130,7 @@ impl Sonars {
     pub(crate) fn losses(&self) -> Vec<String> {
         let unplaced = self.counts().unplaced;
         let words =
-            || format!("{} without odometry before and after: not used", count(unplaced, "reading of single sonars"));
+            || format!("{} without odometry before and after: not used", count(unplaced, "single reading"));
         (unplaced > 0).then(words).into_iter().collect()
     }
 
@@ -151,6 +152,15 @@ impl Sonars {
             "without_odometry": unplaced,
         }))
     }
+}
+
+/// A map of sonars alone is always to be checked: such a share of its stretches fits badly, and there odometry decides.
+pub(crate) fn alone(badly: f64) -> Reason {
+    let words = format!(
+        "sonars alone made it, and {:.0} % of the stretches fit the map badly: odometry decides there, and nothing but your own look tells how well",
+        100.0 * badly
+    );
+    Reason { word: Usability::Check, what: "of_sonars", words, evidence: json!({ "fit_badly": badly }) }
 }
 
 /// The trajectory's pose at a stamp: its own, or between the two around it; none before the first and after the last.

@@ -28,6 +28,9 @@ pub const KNOWN_SHARE: f64 = 0.3;
 pub(crate) const MISFIT_KNOWN_SHARE: f64 = 0.5;
 /// After so many keyframes without confirmation it is a new part of the map that is tracked.
 const UNCONFIRMED_AT_MOST: usize = 50;
+/// Where beams count with no more than this share (`matching.beam_share`), as those of scans that stand for a dozen echoes of sonars, a scan says
+/// too little to doubt its prediction.
+const LITTLE_SHARE: f64 = 0.1;
 /// Headings tried on doubt beside the predicted one, radians.
 const RESTART_HEADINGS_RAD: [f64; 8] = [-0.15, 0.15, -0.35, 0.35, -0.7, 0.7, -1.3, 1.3];
 /// Headings tried where scans are far apart, radians.
@@ -248,19 +251,24 @@ impl Tracker {
             failures: scene.failures(&prior),
             from_odometry: step.from_odometry,
         };
-        let doubtful = tried.doubtful();
-        if doubtful || scene.predictor.may_be_reversed(step) {
+        // Scans that say little are no reason to look elsewhere: they fit anywhere, and odometry decides.
+        let says_enough = scene.settings.matching.beam_share > LITTLE_SHARE;
+        let doubtful = says_enough && tried.doubtful();
+        if doubtful || says_enough && scene.predictor.may_be_reversed(step) {
             self.restart_failures(scene, &mut tried);
         }
         if doubtful {
             self.restart_headings(scene, &prior, &mut tried);
         }
-        if tried.best.1.inlier_share() < DOUBT_SHARE {
+        if says_enough && tried.best.1.inlier_share() < DOUBT_SHARE {
             self.search(scene, &prior, &mut tried);
         }
-        self.restart_finely(scene, &prior, &mut tried);
-        self.restart_nearby(scene, &prior, &mut tried);
-        let slip_corrected = self.restart_slipped(scene, &mut tried);
+        let mut slip_corrected = false;
+        if says_enough {
+            self.restart_finely(scene, &prior, &mut tried);
+            self.restart_nearby(scene, &prior, &mut tried);
+            slip_corrected = self.restart_slipped(scene, &mut tried);
+        }
         self.observe_share(scene.laser, &tried.best.1);
         let on_odometry = self.on_odometry(&tried, step);
         let reversed = on_odometry.is_some() && tried.is_likelier(&scene.after(step.reversed(), &tried.prior));
@@ -269,6 +277,7 @@ impl Tracker {
         let unconfirmed = self.unconfirmed(scene.next, &agreement);
         let status = match judge(&agreement, odometry_sigmas, step.from_odometry && self.watch.misfits > 0) {
             Status::Tracking if unconfirmed => Status::Degraded,
+            Status::Lost if !says_enough => Status::Degraded,
             status => status,
         };
         let report = MatchReport {
