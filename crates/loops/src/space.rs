@@ -277,7 +277,7 @@ fn share(fit: &Fit) -> f64 {
 impl SpaceSubmap {
     fn seen(&self) -> Seen<'_> {
         let PointColumns { points_m, origins_m, .. } = &self.points;
-        Seen { points_m, times_s: &[], origins_m }
+        Seen { points_m, times_s: &[], origins_m, sigmas_m: &[] }
     }
 
     /// Share of points, of those in directions in which a view has seen something, that a view has seen through.

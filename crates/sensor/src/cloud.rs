@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 /// A sensor whose mount is put right by up to so much is the same, radians.
 const SAME_WAY_RAD: f64 = FRAC_PI_4;
+/// Where a stereo camera's range is uncertain by this share of itself, it sees no farther.
+const STEREO_SIGMA_SHARE: f64 = 1.0 / 16.0;
 
 /// How a sensor in space looks at the world. Shared by all that it takes.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +55,21 @@ impl SpaceSensor {
             range_max_m: 6.0,
             range_sigma_m: 0.001,
             range_sigma_per_m: 0.00143,
+            ..Self::lidar(name)
+        }
+    }
+
+    /// A stereo camera in the robot's origin, its optical axis along z, by focal length times baseline in pixels and metres and the
+    /// standard deviation of a disparity in pixels: `sigma_z = z^2 sigma_d / (f b)`. It sees from `nearest_m` to where that is as large as a
+    /// sixteenth of the range, the side of the voxels in which a scene so far away is drawn: beyond, no surface is told from the next.
+    #[must_use]
+    pub fn stereo_camera(name: &str, focal_baseline_px_m: f64, sigma_px: f64, nearest_m: f64) -> Self {
+        let range_sigma_per_m = sigma_px / focal_baseline_px_m;
+        Self {
+            range_min_m: nearest_m,
+            range_max_m: STEREO_SIGMA_SHARE / range_sigma_per_m,
+            range_sigma_m: 0.0,
+            range_sigma_per_m,
             ..Self::lidar(name)
         }
     }
@@ -105,6 +122,8 @@ pub struct Cloud {
     pub colours: Vec<[u8; 3]>,
     /// How bright each came back, in units of the device; empty where it does not say.
     pub intensities: Vec<f32>,
+    /// Standard deviation of each along its ray, metres; empty where the sensor's own ([`SpaceSensor::sigma_m`]) is all that is known.
+    pub sigmas_m: Vec<f32>,
     /// The wheels' pose of the robot at the stamp, if it came with the cloud.
     pub odom_from_robot: Option<Pose3>,
 }
@@ -254,6 +273,7 @@ impl DepthImage {
             times_s: Vec::new(),
             colours: self.colours.clone(),
             intensities: Vec::new(),
+            sigmas_m: Vec::new(),
             odom_from_robot: None,
         })
     }

@@ -28,6 +28,8 @@ pub struct BeamCounts {
     pub moving: u32,
     /// Returns from what travels with the robot: its own body, who pushes it.
     pub on_robot: u32,
+    /// Points whose own standard deviation is large beside the voxels that they would be drawn in.
+    pub uncertain: u32,
 }
 
 impl BeamCounts {
@@ -40,6 +42,7 @@ impl BeamCounts {
         self.isolated = self.isolated.saturating_add(other.isolated);
         self.moving = self.moving.saturating_add(other.moving);
         self.on_robot = self.on_robot.saturating_add(other.on_robot);
+        self.uncertain = self.uncertain.saturating_add(other.uncertain);
         self.refused = self.refused.saturating_add(other.refused);
     }
 }

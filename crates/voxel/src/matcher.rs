@@ -147,6 +147,8 @@ pub struct Matcher {
     points: Vec<[f64; 3]>,
     /// Where they were seen from: all, or each.
     origins: Vec<[f64; 3]>,
+    /// Standard deviation of each along its ray, metres; none where the surfels' own says all.
+    sigmas: Vec<f32>,
     /// The voxel where each was looked for last, at the present resolution.
     looked: Vec<Looked>,
     residuals: Vec<f32>,
@@ -302,6 +304,8 @@ impl Matcher {
         self.origins.clear();
         let every_origin = if seen.origins_m.len() == seen.points_m.len() { every } else { 1 };
         self.origins.extend(seen.origins_m.iter().step_by(every_origin).map(|origin| origin.map(f64::from)));
+        self.sigmas.clear();
+        self.sigmas.extend(seen.sigmas_m.iter().step_by(every));
         self.times.clear();
         self.times.extend(seen.times_s.iter().step_by(every).map(|&s| f64::from(s)));
         self.straight.clear();
@@ -421,7 +425,7 @@ impl Matcher {
 
     /// Squared width of the kernel: what residuals are like there, in standard deviations.
     fn width2(&mut self, levels: &[Level], pose: Pose3) -> f64 {
-        let median = self.median(levels, pose, |surfel, off_m| f64::from(surfel.information) * off_m * off_m);
+        let median = self.median(levels, pose, |information, off_m| information * off_m * off_m);
         median.map_or(1.0, |median| (self.settings.kernel_medians.powi(2) * median).max(1.0))
     }
 
@@ -430,12 +434,12 @@ impl Matcher {
         let rotation = pose.rotation.to_rotation_matrix();
         let scale = (1.0 - ELSE_SHARE) * ANYWHERE_VOXELS * levels[0].size_m / std::f64::consts::TAU.sqrt();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
-        let eyes = Eyes::new(&self.origins, rotation);
+        let eyes = Eyes::new((&self.origins, &self.sigmas), rotation);
         for (number, (point, looked)) in self.points.iter().zip(&mut self.looked).enumerate() {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
             let Some(surfel) = surfel_seen(levels, (arm, eyes.of(number)), at, looked) else { continue };
-            let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
+            let (off_m, information) = (surfel.off_m(at), eyes.information(number, surfel, arm));
             product *= ELSE_SHARE + scale * information.sqrt() * (-0.5 * information * off_m * off_m).exp();
             if !(1e-200..1e200).contains(&product) {
                 (log_sum, product) = (log_sum + product.ln(), 1.0);
@@ -448,16 +452,16 @@ impl Matcher {
         self.median(levels, pose, |_, off_m| off_m.abs()).unwrap_or(0.0)
     }
 
-    /// The median of what is said of the points by their surfels, and by how far they lie off them, metres.
-    fn median(&mut self, levels: &[Level], pose: Pose3, of: impl Fn(&Surfel, f64) -> f64) -> Option<f64> {
+    /// The median of what is said of the points by what they tell along their surfels' normals, 1/m^2, and by how far they lie off them, metres.
+    fn median(&mut self, levels: &[Level], pose: Pose3, of: impl Fn(f64, f64) -> f64) -> Option<f64> {
         let rotation = pose.rotation.to_rotation_matrix();
-        let eyes = Eyes::new(&self.origins, rotation);
+        let eyes = Eyes::new((&self.origins, &self.sigmas), rotation);
         self.residuals.clear();
         for (number, (point, looked)) in self.points.iter().zip(&mut self.looked).enumerate() {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
             if let Some(surfel) = surfel_seen(levels, (arm, eyes.of(number)), at, looked) {
-                self.residuals.push(of(surfel, surfel.off_m(at)) as f32);
+                self.residuals.push(of(eyes.information(number, surfel, arm), surfel.off_m(at)) as f32);
             }
         }
         if self.residuals.is_empty() {
@@ -483,7 +487,7 @@ impl Matcher {
     /// The objective by the points alone. Logarithms are taken of products.
     fn evaluate(&mut self, levels: &[Level], pose: Pose3, width2: f64) -> Evaluation {
         let rotation = pose.rotation.to_rotation_matrix();
-        let eyes = Eyes::new(&self.origins, rotation);
+        let eyes = Eyes::new((&self.origins, &self.sigmas), rotation);
         let mut sums = Sums::default();
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
         let (mut known, mut fitting, mut lines) = (0, 0, 0);
@@ -499,7 +503,7 @@ impl Matcher {
                 lines += u32::from(looked.is_there());
                 continue;
             };
-            let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
+            let (off_m, information) = (surfel.off_m(at), eyes.information(number, surfel, arm));
             let d2 = information * off_m * off_m;
             known += 1;
             fitting += u32::from(d2 < fit2);
@@ -524,15 +528,28 @@ struct Eyes<'a> {
     rotation: Rotation3<f64>,
     of_all: Option<Vector3<f64>>,
     of_each: &'a [[f64; 3]],
+    /// Standard deviation of each point along its ray, metres; none where surfels say all.
+    sigmas: &'a [f32],
 }
 
 impl<'a> Eyes<'a> {
     /// `origins` in the cloud's frame: one for all, or one for each.
-    fn new(origins: &'a [[f64; 3]], rotation: Rotation3<f64>) -> Self {
+    fn new((origins, sigmas): (&'a [[f64; 3]], &'a [f32]), rotation: Rotation3<f64>) -> Self {
         match origins {
-            [origin] => Self { rotation, of_all: Some(rotation * Vector3::from(*origin)), of_each: &[] },
-            each => Self { rotation, of_all: None, of_each: each },
+            [origin] => Self { rotation, of_all: Some(rotation * Vector3::from(*origin)), of_each: &[], sigmas },
+            each => Self { rotation, of_all: None, of_each: each, sigmas },
         }
+    }
+
+    /// What a point at the end of `arm` tells along the normal of its surfel, 1/m^2: variances of surface and point add up, that of the
+    /// point as its ray meets the surface.
+    #[inline]
+    fn information(&self, number: usize, surfel: &Surfel, arm: Vector3<f64>) -> f64 {
+        let of_surfel = f64::from(surfel.information);
+        let Some(&sigma_m) = self.sigmas.get(number) else { return of_surfel };
+        let ray = self.of(number).map_or(arm, |eye| arm - eye);
+        let across = Vector3::from(surfel.normal.map(f64::from)).dot(&ray) * f64::from(sigma_m);
+        of_surfel / (1.0 + of_surfel * across * across / ray.norm_squared().max(f64::MIN_POSITIVE))
     }
 
     #[inline]

@@ -17,6 +17,7 @@ struct Sum {
     intensity: f64,
     time: f64,
     origin: [f64; 3],
+    sigma: f64,
     count: u32,
 }
 
@@ -33,6 +34,8 @@ pub struct PointColumns {
     pub times_s: Vec<f32>,
     /// Where each was seen from, in the same frame, metres; empty where that is not known.
     pub origins_m: Vec<[f32; 3]>,
+    /// Standard deviation of each along its ray, metres; empty where that is not known.
+    pub sigmas_m: Vec<f32>,
 }
 
 impl PointColumns {
@@ -43,15 +46,32 @@ impl PointColumns {
         self.intensities.clear();
         self.times_s.clear();
         self.origins_m.clear();
+        self.sigmas_m.clear();
+    }
+
+    /// Keeps the points whose number this holds of, with what there is of each.
+    pub fn retain_numbers(&mut self, holds: impl Fn(usize) -> bool) {
+        fn of<T>(column: &mut Vec<T>, holds: &impl Fn(usize) -> bool) {
+            let mut numbers = 0..;
+            column.retain(|_| numbers.next().is_some_and(holds));
+        }
+        let Self { points_m, colours, intensities, times_s, origins_m, sigmas_m } = self;
+        of(points_m, &holds);
+        of(colours, &holds);
+        of(intensities, &holds);
+        of(times_s, &holds);
+        of(origins_m, &holds);
+        of(sigmas_m, &holds);
     }
 
     /// Keeps the points of which this holds, with what there is of each.
     pub fn retain(&mut self, holds: impl Fn(&[f32; 3]) -> bool) {
-        let Self { points_m, colours, intensities, times_s, origins_m } = self;
+        let Self { points_m, colours, intensities, times_s, origins_m, sigmas_m } = self;
         keep(colours, points_m, &holds);
         keep(intensities, points_m, &holds);
         keep(times_s, points_m, &holds);
         keep(origins_m, points_m, &holds);
+        keep(sigmas_m, points_m, &holds);
         points_m.retain(|point| holds(point));
     }
 }
@@ -72,7 +92,7 @@ impl Thinner {
 
     /// The same with the mean of each column that there is.
     pub fn thin_columns(&mut self, from: &PointColumns, size_m: f64, out: &mut PointColumns) {
-        let PointColumns { points_m, colours, intensities, times_s, origins_m } = from;
+        let PointColumns { points_m, colours, intensities, times_s, origins_m, sigmas_m } = from;
         self.gather(points_m, size_m, |sum, number| {
             if let Some(colour) = colours.get(number) {
                 (0..3).for_each(|k| sum.colour[k] += u32::from(colour[k]));
@@ -80,6 +100,8 @@ impl Thinner {
             if let Some(intensity) = intensities.get(number).filter(|intensity| intensity.is_finite()) {
                 sum.intensity += f64::from(*intensity);
             }
+            // neighbours err alike: the mean of points is as uncertain as one of them
+            sum.sigma += sigmas_m.get(number).copied().map_or(0.0, f64::from);
             sum.time += times_s.get(number).copied().map_or(0.0, f64::from);
             if let Some(origin) = origins_m.get(number) {
                 (0..3).for_each(|k| sum.origin[k] += f64::from(origin[k]));
@@ -95,6 +117,9 @@ impl Thinner {
         }
         if !times_s.is_empty() {
             out.times_s.extend(self.sums.iter().map(|sum| (sum.time / f64::from(sum.count)) as f32));
+        }
+        if !sigmas_m.is_empty() {
+            out.sigmas_m.extend(self.sums.iter().map(|sum| (sum.sigma / f64::from(sum.count)) as f32));
         }
         if !origins_m.is_empty() {
             out.origins_m.extend(self.sums.iter().map(|sum| sum.mean_of(sum.origin)));
@@ -138,6 +163,7 @@ mod tests {
             intensities: vec![1.0, 7.0, 2.0, 0.0],
             times_s: vec![0.1, 0.2, 0.3, 0.4],
             origins_m: vec![[1.0, 2.0, 3.0], [0.0; 3], [3.0, 2.0, 1.0], [9.0; 3]],
+            sigmas_m: vec![0.1, 0.5, 0.3, 0.2],
         };
         let mut out = PointColumns::default();
         Thinner::default().thin_columns(&from, 1.0, &mut out);
@@ -147,6 +173,7 @@ mod tests {
         );
         assert!(out.points_m.len() == 2 && (out.points_m[0][0] - 0.2).abs() < 1e-6);
         assert!(out.times_s.len() == 2 && (out.times_s[0] - 0.2).abs() < 1e-6);
+        assert!((out.sigmas_m[0] - 0.2).abs() < 1e-6 && out.sigmas_m[1] == 0.5);
         assert_eq!(out.origins_m, [[2.0, 2.0, 2.0], [0.0; 3]]);
         let bare = PointColumns { points_m: from.points_m, ..PointColumns::default() };
         Thinner::default().thin_columns(&bare, 1.0, &mut out);

@@ -41,18 +41,25 @@ impl Scale {
         GATE_SHARE * self.resolution_m
     }
 
-    /// By the points of a cloud.
-    pub(super) fn of(settings: &Settings, sensor: &SpaceSensor, points_m: &[[f32; 3]]) -> Self {
+    /// By the points of a cloud, and the standard deviation of each where it is known.
+    pub(super) fn of(settings: &Settings, sensor: &SpaceSensor, points_m: &[[f32; 3]], sigmas_m: &[f32]) -> Self {
         let square = |point: &[f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
         let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
         let asked_m = settings.space.resolution_m;
-        let noise_m = sensor.sigma_m(range_m);
+        let noise_m = median(sigmas_m).unwrap_or_else(|| sensor.sigma_m(range_m));
         let resolution_m =
             if asked_m > 0.0 { asked_m } else { two_digits(finest_m(points_m, sensor.origin_m(), range_m, noise_m)) };
         let levels =
             (1..LEVELS_AT_MOST).find(|&k| resolution_m * f64::from(1_u32 << (k - 1)) >= COARSEST_SHARE * range_m);
         Self { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST), noise_m }
     }
+}
+
+/// The median of those that are above zero.
+fn median(sigmas_m: &[f32]) -> Option<f64> {
+    let mut known: Vec<f32> = sigmas_m.iter().copied().filter(|sigma_m| *sigma_m > 0.0).collect();
+    let middle = known.len() / 2;
+    (!known.is_empty()).then(|| f64::from(*known.select_nth_unstable_by(middle, f32::total_cmp).1))
 }
 
 /// Side of the smallest voxels by how far and how densely a cloud's points lie, metres.

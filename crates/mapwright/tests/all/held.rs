@@ -56,6 +56,7 @@ fn judged(points_m: impl Fn(i64, &mut Rng) -> Vec<[f32; 3]>) -> Vec<Status> {
             times_s: Vec::new(),
             colours: Vec::new(),
             intensities: Vec::new(),
+            sigmas_m: Vec::new(),
             odom_from_robot: None,
         };
         let update = mapper.add_cloud(&cloud);

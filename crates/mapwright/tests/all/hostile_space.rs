@@ -64,7 +64,16 @@ fn cloud(rng: &mut Rng, number_of_cloud: i64, sensor: &Arc<SpaceSensor>) -> Clou
     let times_s = (0..times).map(|_| number(rng, 0.1, times_every) as f32).collect();
     let colours = vec![[1, 2, 3]; [0, points_m.len(), 5][rng.below(3)]];
     let odom_from_robot = (rng.below(3) > 0).then(|| pose(rng, 20));
-    Cloud { stamp, sensor: Arc::clone(sensor), points_m, times_s, colours, intensities: Vec::new(), odom_from_robot }
+    Cloud {
+        stamp,
+        sensor: Arc::clone(sensor),
+        points_m,
+        times_s,
+        colours,
+        intensities: Vec::new(),
+        sigmas_m: Vec::new(),
+        odom_from_robot,
+    }
 }
 
 fn imu(rng: &mut Rng, number_of_cloud: i64) -> ImuReading {

@@ -77,6 +77,7 @@ fn clouds_of_any_kind_are_used_or_counted() {
         times_s: Vec::new(),
         colours: Vec::new(),
         intensities: Vec::new(),
+        sigmas_m: Vec::new(),
         odom_from_robot: None,
     };
     let plane = || (0..900).map(|k| [5.0 + 0.1 * (k % 30) as f32, 0.1 * (k / 30) as f32, 0.0]).collect::<Vec<_>>();
@@ -97,6 +98,10 @@ fn clouds_of_any_kind_are_used_or_counted() {
     odd.push(Cloud { times_s: vec![1e30; 900], ..cloud(plane()) });
     odd.push(Cloud { colours: vec![[1, 2, 3]; 5], ..cloud(plane()) });
     odd.push(Cloud { intensities: vec![1.0; 5], ..cloud(plane()) });
+    odd.push(Cloud { sigmas_m: vec![0.1; 5], ..cloud(plane()) });
+    odd.push(Cloud { sigmas_m: vec![f32::NAN; 900], ..cloud(plane()) });
+    odd.push(Cloud { sigmas_m: vec![-1e30; 900], ..cloud(plane()) });
+    odd.push(Cloud { sigmas_m: vec![9.0; 900], ..cloud(plane()) });
     let far = Pose3 { translation: [1e300, 0.0, f64::NAN].into(), ..Pose3::identity() };
     odd.push(Cloud { odom_from_robot: Some(far), ..cloud(plane()) });
     let bad = SpaceSensor { range_sigma_m: f64::NAN, ..SpaceSensor::lidar("bad") };
@@ -110,7 +115,8 @@ fn clouds_of_any_kind_are_used_or_counted() {
             let stamp = Stamp(if stamp % 200_000_000 == 0 { stamp } else { -stamp });
             let update = mapper.add_cloud(&Cloud { stamp, ..cloud.clone() });
             let beams = update.beams;
-            let counted = beams.returns + beams.no_return + beams.too_near + beams.not_a_number + beams.refused;
+            let counted =
+                beams.returns + beams.no_return + beams.too_near + beams.not_a_number + beams.refused + beams.uncertain;
             assert_eq!(counted as usize, cloud.points_m.len(), "{beams:?}");
             assert!(update.map_from_robot.is_finite() && update.unwritten.is_empty());
         }

@@ -19,11 +19,13 @@ pub struct Seen<'a> {
     /// Where they were seen from, in that frame, metres: one place for all, or one for each; none where that is not known, and both sides of a
     /// surface are one.
     pub origins_m: &'a [[f32; 3]],
+    /// Standard deviation of each along its ray, metres; none where the surfels' own says all.
+    pub sigmas_m: &'a [f32],
 }
 
 impl<'a> From<&'a [[f32; 3]]> for Seen<'a> {
     fn from(points_m: &'a [[f32; 3]]) -> Self {
-        Self { points_m, times_s: &[], origins_m: &[] }
+        Self { points_m, times_s: &[], origins_m: &[], sigmas_m: &[] }
     }
 }
 
@@ -164,14 +166,14 @@ impl Matcher {
     fn reduced(&mut self, levels: &[Level], prior: &Prior, pose: Pose3, of_motion: &Cov6) -> Reduced {
         let width2 = self.width2(levels, pose);
         let rotation = pose.rotation.to_rotation_matrix();
-        let eyes = Eyes::new(&self.origins, rotation);
+        let eyes = Eyes::new((&self.origins, &self.sigmas), rotation);
         let mut sums = [Sums::default(); 3];
         let points = self.points.iter().zip(&mut self.looked).zip(&self.times);
         for (number, ((point, looked), &time_s)) in points.enumerate() {
             let arm = rotation * Vector3::from(*point);
             let at = arm + pose.translation;
             let Some(surfel) = surfel_seen(levels, (arm, eyes.of(number)), at, looked) else { continue };
-            let (off_m, information) = (surfel.off_m(at), f64::from(surfel.information));
+            let (off_m, information) = (surfel.off_m(at), eyes.information(number, surfel, arm));
             let widths2 = information * off_m * off_m / width2;
             if widths2 >= super::UNKNOWN_WIDTHS2 {
                 continue;

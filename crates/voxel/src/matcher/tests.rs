@@ -152,7 +152,7 @@ fn the_motion_during_a_sweep_is_found_with_the_pose() {
     let (map, mut matcher) = (map_of(&points), Matcher::default());
     let (middle, twist_per_s) = (pose([0.1, -0.1, 0.0, 0.0, 0.0, 0.1]), Vector6::new(1.0, 0.2, 0.0, 0.1, -0.5, 2.0));
     let (points_m, times_s) = swept(&points, middle, twist_per_s);
-    let seen = Seen { points_m: &points_m, times_s: &times_s, origins_m: &[[0.0; 3]] };
+    let seen = Seen { points_m: &points_m, times_s: &times_s, origins_m: &[[0.0; 3]], sigmas_m: &[] };
     let vague = TwistPrior { twist_per_s: Vector6::zeros(), information: Cov6::identity() };
     let still = matcher.climb_near(&map, seen, &weak_prior(), Pose3::identity());
     let bent = matcher.climb_bent(&map, seen, (&weak_prior(), still.map_from_cloud), &vague);
@@ -172,7 +172,7 @@ fn a_start_that_turns_straightens_its_sweep() {
     let (map, mut matcher) = (map_of(&points), Matcher::default());
     let twist_per_s = Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 6.0);
     let (points_m, times_s) = swept(&points, pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.6]), twist_per_s);
-    let seen = Seen { points_m: &points_m, times_s: &times_s, origins_m: &[[0.0; 3]] };
+    let seen = Seen { points_m: &points_m, times_s: &times_s, origins_m: &[[0.0; 3]], sigmas_m: &[] };
     let start = Start { map_from_cloud: pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]), twist_per_s };
     let turning = matcher.climb(&map, seen, &weak_prior(), start);
     let standing = matcher.climb(&map, seen, &weak_prior(), start.map_from_cloud);
@@ -283,4 +283,29 @@ fn a_prior_that_says_more_has_more_evidence_where_it_is_right_and_less_where_it_
     };
     assert!(evidence(0.01, 0.02) > evidence(0.01, 1.0) + 10.0);
     assert!(evidence(0.3, 0.02) < evidence(0.3, 1.0) - 10.0);
+}
+
+#[test]
+fn points_that_are_known_to_be_uncertain_have_less_to_say() {
+    let points = room();
+    let (map, mut matcher) = (map_of(&points), Matcher::default());
+    // every third point is seen 6 cm farther than it is
+    let farther = |(number, point): (usize, &[f32; 3])| {
+        let range_m = point.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let share = if number % 3 == 0 { 1.0 + 0.06 / range_m } else { 1.0 };
+        [share * point[0], share * point[1], share * point[2]]
+    };
+    // of the half room ahead, so that walls on both sides do not make up for each other
+    let ahead: Vec<[f32; 3]> = points.iter().filter(|point| point[0] > 0.5).copied().collect();
+    let points_m: Vec<[f32; 3]> = ahead.iter().enumerate().map(farther).collect();
+    let sigmas_m: Vec<f32> = (0..points_m.len()).map(|number| if number % 3 == 0 { 0.2 } else { 0.002 }).collect();
+    let alike = Seen { points_m: &points_m, times_s: &[], origins_m: &[[0.0; 3]], sigmas_m: &[] };
+    let without = matcher.climb(&map, alike, &weak_prior(), Pose3::identity());
+    let with = matcher.climb(&map, Seen { sigmas_m: &sigmas_m, ..alike }, &weak_prior(), Pose3::identity());
+    let off_m = |fit: &Fit| fit.map_from_cloud.translation.norm();
+    assert!(off_m(&with) < 0.5 * off_m(&without) && off_m(&with) < 0.004, "{} {}", off_m(&with), off_m(&without));
+    assert!(with.inlier_share >= without.inlier_share);
+    let exact: Vec<f32> = vec![0.0; points_m.len()];
+    let same = matcher.climb(&map, Seen { sigmas_m: &exact, ..alike }, &weak_prior(), Pose3::identity());
+    assert_eq!(same, without);
 }

@@ -15,6 +15,8 @@ use nalgebra::Vector3;
 const LEAST_POINTS: usize = 100;
 /// Of the points within so many of the smallest voxels along each axis, one is matched.
 const MATCHED_SHARE: f64 = 0.8;
+/// Points whose standard deviation is more than such a share of a voxel's side are not used: they lie in it or in the next.
+const UNCERTAIN_SHARE: f64 = 0.5;
 /// A cloud may hold so many points.
 const POINTS_AT_MOST: usize = 1 << 24;
 
@@ -55,6 +57,7 @@ impl Preparation {
         Seen {
             points_m: &self.matched.points_m,
             times_s: &self.matched.times_s,
+            sigmas_m: &self.matched.sigmas_m,
             origins_m: std::slice::from_ref(&self.origin_m),
         }
     }
@@ -79,8 +82,9 @@ impl Preparation {
         if !(cloud.times_s.is_empty() || cloud.times_s.len() == count)
             || !(cloud.colours.is_empty() || cloud.colours.len() == count)
             || !(cloud.intensities.is_empty() || cloud.intensities.len() == count)
+            || !(cloud.sigmas_m.is_empty() || cloud.sigmas_m.len() == count)
         {
-            return Err("the cloud has not as many times, colours or intensities as points");
+            return Err("the cloud has not as many times, colours, intensities or standard deviations as points");
         }
         Ok(())
     }
@@ -101,12 +105,27 @@ impl Preparation {
             counts.refused = cloud.points_m.len().min(u32::MAX as usize) as u32;
         }
         if self.scale.is_none() && self.all.points_m.len() >= LEAST_POINTS {
-            self.scale = Some(Scale::of(settings, &cloud.sensor, &self.all.points_m));
+            self.scale = Some(Scale::of(settings, &cloud.sensor, &self.all.points_m, &self.all.sigmas_m));
         }
         let resolution_m = self.scale.map_or(1.0, |scale| scale.resolution_m);
+        self.leave_out_uncertain(resolution_m, &mut counts);
         self.thinner.thin_columns(&self.all, DRAWN_SHARE * resolution_m, &mut self.drawn);
         self.thinner.thin_columns(&self.drawn, MATCHED_SHARE * resolution_m, &mut self.matched);
         counts
+    }
+
+    /// Leaves out points that are known by themselves to lie anywhere in a voxel.
+    fn leave_out_uncertain(&mut self, resolution_m: f64, counts: &mut BeamCounts) {
+        if self.all.sigmas_m.is_empty() {
+            return;
+        }
+        let most_m = (UNCERTAIN_SHARE * resolution_m) as f32;
+        let before = self.all.points_m.len();
+        let is_certain: Vec<bool> = self.all.sigmas_m.iter().map(|sigma_m| *sigma_m <= most_m).collect();
+        self.all.retain_numbers(|number| is_certain[number]);
+        let left_out = (before - self.all.points_m.len()) as u32;
+        counts.uncertain += left_out;
+        counts.returns -= left_out;
     }
 
     /// Takes the returns, in the robot's frame in the middle of the sweep.
@@ -138,6 +157,7 @@ impl Preparation {
                 self.all.points_m.push([at.x as f32, at.y as f32, at.z as f32]);
                 self.all.colours.extend(cloud.colours.get(number));
                 self.all.intensities.extend(cloud.intensities.get(number));
+                self.all.sigmas_m.extend(cloud.sigmas_m.get(number));
             }
         }
     }

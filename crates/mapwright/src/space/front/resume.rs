@@ -104,7 +104,7 @@ impl SpaceFrontEnd {
         if self.preparation.scale().is_none() {
             let first = past.session.keyframes().first()?;
             let points: Vec<[f32; 3]> = first.sweep.points_m().collect();
-            let scale = Scale::of(&self.settings, &first.sweep.sensor, &points);
+            let scale = Scale::of(&self.settings, &first.sweep.sensor, &points, &[]);
             self.preparation = Preparation::of_scale(Some(scale));
         }
         self.preparation.scale()
