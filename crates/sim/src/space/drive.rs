@@ -1,11 +1,12 @@
 //! A drive in space: clouds and images on the way, with the truth beside them.
 
-use super::depth::DepthCamera;
+use super::depth::{DepthCamera, DepthSettings};
 use super::imu::{self, ImuSettings};
 use super::lidar::{Lidar, LidarSettings};
 use super::path::Path;
 use super::settings::SpaceDriveSettings;
 use super::site::SpaceSite;
+use super::stereo::{StereoPair, StereoSettings};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_sensor::{Cloud, DepthImage, ImuReading};
 use std::sync::Arc;
@@ -30,6 +31,21 @@ pub struct TrueDepthImage {
     pub world_from_robot: Pose3,
 }
 
+/// Two images of a stereo camera and where they were really taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrueStereoPair {
+    /// When both were taken.
+    pub stamp: Stamp,
+    /// Grey values of the left image, row by row.
+    pub left: Vec<u8>,
+    /// Those of the right one.
+    pub right: Vec<u8>,
+    /// Odometry's pose of the robot at the stamp.
+    pub odom_from_robot: Pose3,
+    /// True pose of the robot at the stamp.
+    pub world_from_robot: Pose3,
+}
+
 /// A drive through a site. Stamps begin at zero. The way is simulated at 50 Hz, whatever the rates of the sensors, and clouds
 /// are made when they are asked for, each a function of its number.
 #[derive(Debug, Clone)]
@@ -38,6 +54,7 @@ pub struct SpaceDrive {
     path: Path,
     lidar: Lidar,
     camera: DepthCamera,
+    stereo: StereoPair,
     imu: ImuSettings,
     seed: u64,
 }
@@ -48,9 +65,11 @@ impl SpaceDrive {
     pub fn new(site: Arc<SpaceSite>, mut settings: SpaceDriveSettings) -> Self {
         settings.lidar.rate_hz = settings.lidar.rate_hz.clamp(0.1, 1000.0);
         settings.depth.rate_hz = settings.depth.rate_hz.clamp(0.1, 1000.0);
+        settings.stereo.rate_hz = settings.stereo.rate_hz.clamp(0.1, 1000.0);
         let path = Path::new(&site, &settings);
         let (lidar, camera) = (Lidar::new(settings.lidar), DepthCamera::new(settings.depth));
-        Self { site, path, lidar, camera, imu: settings.imu, seed: settings.seed }
+        let stereo = StereoPair::new(settings.stereo);
+        Self { site, path, lidar, camera, stereo, imu: settings.imu, seed: settings.seed }
     }
 
     /// Where it leads.
@@ -63,6 +82,18 @@ impl SpaceDrive {
     #[must_use]
     pub fn lidar(&self) -> &LidarSettings {
         self.lidar.settings()
+    }
+
+    /// Its depth camera.
+    #[must_use]
+    pub fn depth_camera(&self) -> &DepthSettings {
+        self.camera.settings()
+    }
+
+    /// Its stereo camera.
+    #[must_use]
+    pub fn stereo_camera(&self) -> &StereoSettings {
+        self.stereo.settings()
     }
 
     /// How long it takes, seconds.
@@ -105,6 +136,7 @@ impl SpaceDrive {
             times_s: times.collect(),
             colours: Vec::new(),
             intensities: Vec::new(),
+            sigmas_m: Vec::new(),
             odom_from_robot: Some(here.odom_from_robot),
         };
         Some(TrueCloud { cloud, world_from_robot: here.world_from_robot })
@@ -137,6 +169,22 @@ impl SpaceDrive {
         let depth_m = self.camera.image(&self.site.world, here.world_from_robot, seed, number);
         let image = DepthImage { stamp, camera: Arc::clone(&settings.camera), depth_m, colours: Vec::new() };
         Some(TrueDepthImage { image, odom_from_robot: here.odom_from_robot, world_from_robot: here.world_from_robot })
+    }
+
+    /// A pair of the stereo camera by its number; `None` after the drive. The pattern of surfaces is the same in all pairs of a drive.
+    #[must_use]
+    pub fn stereo_pair(&self, number: u64) -> Option<TrueStereoPair> {
+        let stamp = Stamp(crate::drive::stamp_ns(number, self.stereo.settings().rate_hz));
+        let here = self.path.at(stamp.0)?;
+        let seeds = (self.seed ^ 0x7465_7874, self.seed ^ 0x0073_7465_7265);
+        let [left, right] = self.stereo.images(&self.site.world, here.world_from_robot, seeds, number);
+        let (odom_from_robot, world_from_robot) = (here.odom_from_robot, here.world_from_robot);
+        Some(TrueStereoPair { stamp, left, right, odom_from_robot, world_from_robot })
+    }
+
+    /// All pairs of the stereo camera in order.
+    pub fn stereo_pairs(&self) -> impl Iterator<Item = TrueStereoPair> {
+        (0..).map_while(|number| self.stereo_pair(number))
     }
 
     /// All images of the depth camera in order.

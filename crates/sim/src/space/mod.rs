@@ -17,7 +17,7 @@
 //! - [`worlds`]: buildings with storeys joined by ramps and stairs, nested loops, storeys that look alike, streets around a courtyard.
 //! - [`SpaceWorld`], [`Solid`], [`SpaceSite`]: build your own.
 //! - [`Revisits::in_space`](crate::Revisits::in_space): which times of a drive see the same place.
-//! - [`SpaceDrive`]: the robot's way, its wheels, [`ImuSettings`], [`LidarSettings`] and [`DepthSettings`], and the truth at any time.
+//! - [`SpaceDrive`]: the robot's way, its wheels, [`ImuSettings`], [`LidarSettings`], [`DepthSettings`] and [`StereoSettings`], and the truth at any time.
 
 mod build;
 mod depth;
@@ -30,6 +30,8 @@ mod plan;
 mod settings;
 mod site;
 mod solid;
+mod stereo;
+mod texture;
 mod tree;
 mod turn;
 mod views;
@@ -39,12 +41,13 @@ mod world;
 pub mod worlds;
 
 pub use depth::DepthSettings;
-pub use drive::{SpaceDrive, TrueCloud, TrueDepthImage};
+pub use drive::{SpaceDrive, TrueCloud, TrueDepthImage, TrueStereoPair};
 pub use imu::ImuSettings;
 pub use lidar::LidarSettings;
 pub use settings::SpaceDriveSettings;
 pub use site::SpaceSite;
 pub use solid::Solid;
+pub use stereo::StereoSettings;
 pub use wheels::SpaceOdometryNoise;
 pub use wobble::Wobble;
 pub use world::{SpaceHit, SpaceWorld};

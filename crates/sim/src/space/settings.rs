@@ -3,6 +3,7 @@
 use super::depth::DepthSettings;
 use super::imu::ImuSettings;
 use super::lidar::LidarSettings;
+use super::stereo::StereoSettings;
 use super::wheels::SpaceOdometryNoise;
 use super::wobble::Wobble;
 use crate::robot::RobotSettings;
@@ -20,6 +21,8 @@ pub struct SpaceDriveSettings {
     pub lidar: LidarSettings,
     /// Its depth camera.
     pub depth: DepthSettings,
+    /// Its stereo camera.
+    pub stereo: StereoSettings,
     /// Its inertial sensor.
     pub imu: ImuSettings,
     /// The drive ends then, seconds, or with its way.
@@ -43,6 +46,7 @@ impl Default for SpaceDriveSettings {
             odometry: SpaceOdometryNoise::default(),
             lidar: LidarSettings::default(),
             depth: DepthSettings::default(),
+            stereo: StereoSettings::default(),
             imu: ImuSettings::default(),
             duration_s: f64::INFINITY,
             seed: 0,
