@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let numbers = arguments.next().map(|text| text.split(',').map(str::parse).collect::<Result<Vec<f64>, _>>());
     let intrinsics = numbers.transpose()?.map(<[f64; 4]>::try_from).transpose().map_err(|_| "expected FX,FY,CX,CY")?;
     let depth_scale = arguments.next().map(|text| text.parse()).transpose()?;
-    list(&Disk::open(path.as_ref())?, &CameraOptions { intrinsics, depth_scale, range_unit_m: None })
+    list(&Disk::open(path.as_ref())?, &CameraOptions { intrinsics, depth_scale, range_unit_m: None, baseline_m: None })
 }
 
 fn list(disk: &Disk, options: &CameraOptions) -> Result<(), Box<dyn Error>> {

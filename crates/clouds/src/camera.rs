@@ -10,6 +10,10 @@ use std::sync::Arc;
 
 /// What the command line calls [`CameraOptions::intrinsics`].
 pub const INTRINSICS_KEY: &str = "--intrinsics FX,FY,CX,CY";
+/// What the command line calls [`CameraOptions::baseline_m`].
+pub const BASELINE_KEY: &str = "--baseline M";
+/// Both of a pair.
+pub(crate) const PAIR_KEY: &str = "--intrinsics FX,FY,CX,CY --baseline M";
 /// What the command line calls [`CameraOptions::depth_scale`].
 pub const DEPTH_SCALE_KEY: &str = "--depth-scale S";
 
@@ -22,6 +26,8 @@ pub struct CameraOptions {
     pub depth_scale: Option<f64>,
     /// What one stands for in the coordinates of a folder's clouds, metres.
     pub range_unit_m: Option<f64>,
+    /// From the left camera of a pair to the right one, metres.
+    pub baseline_m: Option<f64>,
 }
 
 impl CameraOptions {
@@ -30,7 +36,9 @@ impl CameraOptions {
     /// # Errors
     /// [`CloudError::Options`].
     pub fn check_scale(&self) -> Result<(), CloudError> {
-        for (number, key) in [(self.depth_scale, DEPTH_SCALE_KEY), (self.range_unit_m, RANGE_UNIT_KEY)] {
+        let numbers =
+            [(self.depth_scale, DEPTH_SCALE_KEY), (self.range_unit_m, RANGE_UNIT_KEY), (self.baseline_m, BASELINE_KEY)];
+        for (number, key) in numbers {
             if let Some(found) = number.filter(|number| !(number.is_finite() && *number > 0.0)) {
                 let reason = format!("expected a finite number above zero, found {found}");
                 return Err(CloudError::Options { key, reason });
@@ -199,8 +207,11 @@ mod tests {
             );
             assert!(told.contains(&format!("found {found}): give --intrinsics FX,FY,CX,CY")), "{told}");
         }
-        let options =
-            CameraOptions { intrinsics: Some([2.0, 2.0, 1.5, 1.0]), depth_scale: Some(0.0), range_unit_m: None };
+        let options = CameraOptions {
+            intrinsics: Some([2.0, 2.0, 1.5, 1.0]),
+            depth_scale: Some(0.0),
+            ..CameraOptions::default()
+        };
         let error = camera(&plan, &options, &notes).unwrap_err().to_string();
         assert!(error.contains("--depth-scale"), "{error}");
         let upside = CameraOptions { intrinsics: Some([481.2, -480.0, 319.5, 239.5]), ..CameraOptions::default() };

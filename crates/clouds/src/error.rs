@@ -43,6 +43,16 @@ pub enum CloudError {
         /// Why.
         reason: String,
     },
+    /// Images of two cameras cannot be those of a pair.
+    #[error("{left} and {right}: {reason}")]
+    Pair {
+        /// What was taken for the left one.
+        left: String,
+        /// What was taken for the right one.
+        right: String,
+        /// Why, and what to do.
+        reason: String,
+    },
     /// There are several recordings in the folder.
     #[error("expected one recording, found one in each of {}: name one", folders.join(", "))]
     Several {

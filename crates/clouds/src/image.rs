@@ -1,6 +1,7 @@
 //! Images of depth and colour.
 
 use crate::error::CloudError;
+use mapwright_stereo::{GreyImage, StereoError};
 use png::{BitDepth, ColorType, Decoder, Limits, Reader, Transformations};
 use std::io::Cursor;
 use zune_core::bytestream::ZCursor;
@@ -118,13 +119,19 @@ fn read_png(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, CloudE
     })
 }
 
-fn read_jpeg(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, CloudError> {
-    let fail = |cause: String| CloudError::content(file, 0, "a JPEG image", cause);
+/// A JPEG whose head was read, and its size.
+fn jpeg_decoder<'a>(file: &str, bytes: &'a [u8]) -> Result<(JpegDecoder<ZCursor<&'a [u8]>>, Size), CloudError> {
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB).set_strict_mode(false);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(|cause| fail(cause.to_string()))?;
+    decoder.decode_headers().map_err(|cause| CloudError::content(file, 0, "a JPEG image", cause.to_string()))?;
+    let size = decoder.info().map_or([0, 0], |info| [u32::from(info.width), u32::from(info.height)]);
+    Ok((decoder, size))
+}
+
+fn read_jpeg(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, CloudError> {
+    let fail = |cause: String| CloudError::content(file, 0, "a JPEG image", cause);
     // the size is looked at before room is made for the pixels
-    let found = decoder.info().map_or([0, 0], |info| [u32::from(info.width), u32::from(info.height)]);
+    let (mut decoder, found) = jpeg_decoder(file, bytes)?;
     if found != size {
         return Err(wrong_size(file, size, found));
     }
@@ -134,6 +141,88 @@ fn read_jpeg(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, Cloud
         return Err(fail(format!("{} bytes of pixels", pixels.len())));
     }
     Ok(colours)
+}
+
+/// An image that a camera took: its grey values, and its colours where it has such.
+#[derive(Debug, Default)]
+pub struct CameraImage {
+    /// Grey values of 8 or 16 bits.
+    pub grey: GreyImage,
+    /// Red, green and blue of each pixel; of grey images that value three times.
+    pub colours: Vec<[u8; 3]>,
+}
+
+/// The size of an image that a camera took.
+pub(crate) fn camera_image_size(file: &str, bytes: &[u8]) -> Result<Size, CloudError> {
+    if bytes.starts_with(&[0xff, 0xd8]) {
+        return jpeg_decoder(file, bytes).map(|(_, size)| size);
+    }
+    let reader = open(file, bytes, Transformations::EXPAND)?;
+    Ok([reader.info().width, reader.info().height])
+}
+
+/// Reads a PNG or JPEG image of grey values or colours; of that size, or where none is given of any that has at most `pixels_most` pixels.
+/// `file` is its name in errors.
+///
+/// # Errors
+/// [`CloudError::Content`] where it is anything else, damaged, of another size, or of more pixels than its bytes can hold.
+pub fn read_camera_image(
+    file: &str,
+    bytes: &[u8],
+    expected: Option<[u32; 2]>,
+    pixels_most: u64,
+) -> Result<CameraImage, CloudError> {
+    let size = camera_image_size(file, bytes)?;
+    if let Some(expected) = expected.filter(|expected| *expected != size) {
+        return Err(wrong_size(file, expected, size));
+    }
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    if pixels > pixels_most {
+        return Err(CloudError::content(file, 16, format!("at most {pixels_most} pixels"), pixels.to_string()));
+    }
+    let mut grey = GreyImage::default();
+    let [width, height] = size;
+    let colours = if bytes.starts_with(&[0xff, 0xd8]) { Some(read_jpeg(file, bytes, size)?) } else { None };
+    let (set, colours) = match colours {
+        Some(colours) => (grey.set_rgb8(width, height, &colours), colours),
+        None => png_shades(file, bytes, &mut grey)?,
+    };
+    set.map_err(|cause| CloudError::content(file, 16, "pixels of an image", cause.to_string()))?;
+    Ok(CameraImage { grey, colours })
+}
+
+/// Grey values and colours of a PNG of any kind: palettes are looked up, few bits spread over eight, alpha is left out; of colours of 16 bits
+/// the upper byte counts.
+#[allow(clippy::type_complexity, reason = "what is said of the size, and the colours")]
+fn png_shades(
+    file: &str,
+    bytes: &[u8],
+    grey: &mut GreyImage,
+) -> Result<(Result<(), StereoError>, Vec<[u8; 3]>), CloudError> {
+    let mut reader = open(file, bytes, Transformations::EXPAND)?;
+    let (width, height) = (reader.info().width, reader.info().height);
+    let (kind, depth) = reader.output_color_type();
+    let pixels = decode(file, &mut reader)?;
+    let samples = kind.samples();
+    let byte_count = if depth == BitDepth::Sixteen { 2 } else { 1 };
+    if kind == ColorType::Grayscale && byte_count == 1 {
+        let set = grey.set_grey8(width, height, &pixels);
+        return Ok((set, pixels.iter().map(|value| [*value; 3]).collect()));
+    }
+    let of_pixel = pixels.chunks_exact(samples * byte_count);
+    if samples < 3 {
+        let value = |pixel: &[u8]| match *pixel {
+            [high, low, ..] if byte_count == 2 => u16::from_be_bytes([high, low]),
+            [value, ..] => u16::from(value),
+            [] => 0,
+        };
+        let values: Vec<u16> = of_pixel.clone().map(value).collect();
+        let colours = of_pixel.map(|pixel| [pixel.first().copied().unwrap_or(0); 3]).collect();
+        return Ok((grey.set_grey16(width, height, &values), colours));
+    }
+    let colour = |pixel: &[u8]| [0, 1, 2].map(|k| pixel.get(k * byte_count).copied().unwrap_or(0));
+    let colours: Vec<[u8; 3]> = of_pixel.map(colour).collect();
+    Ok((grey.set_rgb8(width, height, &colours), colours))
 }
 
 #[cfg(test)]
@@ -196,6 +285,30 @@ mod tests {
         assert!(read_colours("c.jpg", &[0xff, 0xd8, 0xff], [2, 1]).is_err());
     }
 
+    #[test]
+    fn images_of_cameras_of_any_kind() {
+        for (kind, depth, data, grey) in [
+            (ColorType::Grayscale, BitDepth::Eight, &[7, 8][..], [7, 8]),
+            (ColorType::Grayscale, BitDepth::Sixteen, &[1, 2, 0, 9], [258, 9]),
+            (ColorType::Grayscale, BitDepth::One, &[0b0100_0000], [0, 255]),
+            (ColorType::GrayscaleAlpha, BitDepth::Eight, &[7, 0, 8, 0], [7, 8]),
+            (ColorType::Rgb, BitDepth::Eight, &[255, 255, 255, 0, 0, 0], [65_280, 0]),
+            (ColorType::Rgba, BitDepth::Sixteen, &[255, 1, 255, 1, 255, 1, 0, 0, 0, 9, 0, 9, 0, 9, 0, 0], [65_280, 0]),
+        ] {
+            let file = png([2, 1], kind, depth, data);
+            let image = read_camera_image("c.png", &file, Some([2, 1]), 9).unwrap();
+            assert_eq!((image.grey.pixels(), image.colours.len()), (&grey[..], 2), "{kind:?} {depth:?}");
+        }
+        let file = png([2, 1], ColorType::Grayscale, BitDepth::Eight, &[7, 8]);
+        let told = |size, most| read_camera_image("c.png", &file, size, most).unwrap_err().to_string();
+        assert_eq!(told(Some([3, 1]), 9), "c.png, byte 16: expected 3 x 1 pixels, found 2 x 1 pixels");
+        assert_eq!(told(None, 1), "c.png, byte 16: expected at most 1 pixels, found 2");
+        assert!(
+            read_camera_image("c.png", &file[..50], None, 9).unwrap_err().to_string().contains("an image of 2 bytes")
+        );
+        assert!(read_camera_image("c.jpg", &[0xff, 0xd8, 0xff], None, 9).is_err());
+    }
+
     proptest! {
         #[test]
         fn any_bytes(mut bytes: Vec<u8>, cut in 0..90_usize, at in 0..90_usize, byte: u8) {
@@ -209,6 +322,8 @@ mod tests {
             let _ = read_depth("d", &file, [4, 4], 1000.0);
             let _ = read_png16("d", &file, 1 << 20);
             let _ = read_colours("d", &file, [4, 4]);
+            let _ = read_camera_image("d", &file, None, 1 << 20);
+            let _ = read_camera_image("d", &bytes, None, 1 << 20);
         }
     }
 }

@@ -7,6 +7,10 @@ mod nuscenes;
 mod open3d;
 mod packets;
 mod seven_scenes;
+mod stereo_euroc;
+mod stereo_kitti;
+mod stereo_middlebury;
+mod stereo_pair;
 mod tum;
 
 use crate::error::CloudError;
@@ -20,7 +24,18 @@ const CLOUDS: [&str; 5] = [".bin", ".bin.zst", ".pcd", ".ply", ".pcap"];
 
 /// The first kind that the folder is of: kinds that need more to be there come first.
 pub(crate) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
-    let kinds = [tum::find, seven_scenes::find, open3d::find, nuscenes::find, kitti::find, packets::find, files::find];
+    let kinds = [
+        tum::find,
+        seven_scenes::find,
+        open3d::find,
+        nuscenes::find,
+        kitti::find,
+        packets::find,
+        stereo_kitti::find,
+        stereo_euroc::find,
+        stereo_middlebury::find,
+        files::find,
+    ];
     for kind in kinds {
         if let Some(mut plan) = kind(listing)? {
             note_others(listing, &mut plan);

@@ -1,4 +1,4 @@
-//! Recordings of lidars and depth cameras: folders and files in, clouds of points out.
+//! Recordings of lidars, depth cameras and stereo cameras: folders and files in, clouds of points out.
 //!
 //! | kind | what is there |
 //! |---|---|
@@ -7,6 +7,9 @@
 //! | TUM RGB-D | `depth.txt`, `rgb.txt`, `groundtruth.txt` |
 //! | 7-Scenes | `frame-000000.depth.png`, `.color.jpg`, `.pose.txt`, `camera-intrinsics.txt` |
 //! | Open3D | `depth0.png`, `color0.jpg`, `camera.json`, `trajectory.log` |
+//! | KITTI, a pair of cameras | `image_0/000000.png`, `image_1/000000.png` (or 2 and 3), `calib.txt`, `times.txt`, `poses*.txt` |
+//! | EuRoC | `mav0/cam0/data/*.png`, `mav0/cam1/data/*.png`, `sensor.yaml` and `data.csv` of each, `state_groundtruth_estimate0` |
+//! | Middlebury | `im0.png`, `im1.png`, `calib.txt`; or two numbered images |
 //! | packets | a capture (pcap, pcapng) of a Velodyne (VLP-16, Puck LITE and Hi-Res, HDL-32E, VLP-32C), a Hesai PandarXT-32, or an Ouster with its metadata (`.json`) beside it |
 //!
 //! The crate opens no files: whoever may do so implements [`Folder`]. [`recognise`] looks at what is there and says what it
@@ -57,14 +60,16 @@ mod points;
 mod poses;
 mod recording;
 mod scalar;
+mod stereo;
+mod stereo_source;
 mod text;
 
 pub use bins::read_bin;
-pub use camera::{CameraOptions, DEPTH_SCALE_KEY, INTRINSICS_KEY, off_axis_words};
+pub use camera::{BASELINE_KEY, CameraOptions, DEPTH_SCALE_KEY, INTRINSICS_KEY, off_axis_words};
 pub use distances::{Distances, RANGE_UNIT_KEY, UnitOf, Units};
 pub use error::CloudError;
 pub use folder::Folder;
-pub use image::read_png16;
+pub use image::{CameraImage, read_camera_image, read_png16};
 pub use notes::{Note, NoteKind, Noted, Notes};
 pub use packets::lidar::{Lidar, OUSTER_METADATA, PacketDecoder};
 pub use packets::ouster::{OUSTER_IMU_BYTES, OusterInfo, ouster_imu, ouster_numbers};
@@ -75,3 +80,4 @@ pub use ply::read_ply;
 pub use points::Points;
 pub use poses::{Reference, ReferenceFrame};
 pub use recording::{Clouds, Recording, recognise};
+pub use stereo::{StereoDepth, StereoPairPlan, is_turned_words};

@@ -59,6 +59,8 @@ pub enum NoteKind {
     ClockJump,
     /// A cloud that is less than a revolution, delivered.
     PartialRevolution,
+    /// An image of a pair of cameras of which the other one is missing, left out.
+    WithoutPartner,
 }
 
 impl NoteKind {
@@ -103,6 +105,7 @@ impl fmt::Display for NoteKind {
             Self::MissingPackets => "packets missing",
             Self::ClockJump => "the sensor's clock jumps",
             Self::PartialRevolution => "less than a revolution",
+            Self::WithoutPartner => "no image of the other camera",
         })
     }
 }

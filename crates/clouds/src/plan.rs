@@ -7,6 +7,7 @@ use crate::notes::{NoteKind, Notes};
 use crate::packets::flows::Survey;
 use crate::points::UNIX_S;
 use crate::poses::{Reference, stamp_of_text};
+use crate::stereo::StereoPairPlan;
 use mapwright_geom::Stamp;
 use mapwright_sensor::SpaceSensor;
 use std::fmt;
@@ -30,6 +31,12 @@ pub enum Kind {
     SevenScenes,
     /// Open3D's samples: `depth0.png` and so on, `camera.json`.
     Open3d,
+    /// A stereo camera in the layout of KITTI: `image_0`, `image_1`, `calib.txt`.
+    KittiStereo,
+    /// A stereo camera in the layout of EuRoC: `mav0/cam0`, `mav0/cam1`.
+    EurocStereo,
+    /// A pair of images in the layout of Middlebury's: `im0.png` and `im1.png` with `calib.txt`, or two that are numbered.
+    Middlebury,
     /// Packets of a lidar as they came from the network: Velodyne, Ouster, Hesai.
     Packets,
 }
@@ -43,6 +50,9 @@ impl fmt::Display for Kind {
             Self::Tum => "a depth camera in the layout of the TUM RGB-D benchmark",
             Self::SevenScenes => "a depth camera in the layout of 7-Scenes",
             Self::Open3d => "a depth camera in the layout of Open3D's samples",
+            Self::KittiStereo => "a stereo camera in the layout of KITTI",
+            Self::EurocStereo => "a stereo camera in the layout of EuRoC",
+            Self::Middlebury => "a stereo pair in the layout of Middlebury's",
             Self::Packets => "packets of a lidar",
         })
     }
@@ -55,6 +65,8 @@ pub(crate) struct Frame {
     /// None where only the file's points may say.
     pub(crate) stamp: Option<Stamp>,
     pub(crate) colour: Option<String>,
+    /// Of a pair, the image of the right camera.
+    pub(crate) right: Option<String>,
 }
 
 /// What a folder says of its depth camera.
@@ -73,6 +85,18 @@ pub(crate) struct DepthPlan {
     pub(crate) calibrations: Vec<String>,
 }
 
+/// What a folder says of its pair of cameras.
+#[derive(Debug, Clone)]
+pub(crate) struct StereoPlan {
+    pub(crate) size: Size,
+    /// None where only the caller may say it.
+    pub(crate) pair: Option<StereoPairPlan>,
+    /// Where it is from, in words; or why there is none.
+    pub(crate) pair_words: String,
+    /// Disparities to look at, where the folder says it.
+    pub(crate) disparities: Option<u32>,
+}
+
 /// How frames are read.
 #[derive(Debug, Clone)]
 pub(crate) enum Decode {
@@ -81,6 +105,7 @@ pub(crate) enum Decode {
     /// PCD or PLY.
     Files,
     Depth(DepthPlan),
+    Stereo(Box<StereoPlan>),
     /// Revolutions of the packets of one file.
     Packets(Survey),
 }

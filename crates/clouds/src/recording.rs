@@ -16,6 +16,7 @@ use crate::plan::{Decode, FRAME_NS, Frame, Kind, Plan};
 use crate::ply::{is_ply, read_ply};
 use crate::points::{First, Points, times_of};
 use crate::poses::Reference;
+use crate::stereo_source::StereoSource;
 use crate::text::excerpt;
 use mapwright_geom::Stamp;
 use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor, SweepTimes};
@@ -94,6 +95,7 @@ impl<'a> Recording<'a> {
     pub fn camera(&self, options: &CameraOptions) -> Result<Option<Arc<PinholeCamera>>, CloudError> {
         match &self.plan.decode {
             Decode::Depth(plan) => camera(plan, options, &self.plan.notes).map(|(camera, _)| Some(camera)),
+            Decode::Stereo(plan) => StereoSource::new(plan, options).map(|source| Some(Arc::new(source.pinhole()))),
             _ => Ok(None),
         }
     }
@@ -125,6 +127,7 @@ impl<'a> Recording<'a> {
                 let (camera, depth_per_m) = camera(plan, options, &self.plan.notes)?;
                 Source::Depth { directions: camera.directions(), camera, depth_per_m }
             }
+            Decode::Stereo(plan) => Source::Stereo(Box::new(StereoSource::new(plan, options)?)),
             Decode::Packets(survey) => {
                 let file = self.plan.frames.first().map_or("", |frame| &frame.file);
                 let mut window = Window::open(self.folder, file);
@@ -163,6 +166,12 @@ impl<'a> Recording<'a> {
             }
             _ => UnitOf::Clouds(options.range_unit_m),
         };
+        if let (Decode::Stereo(plan), Source::Stereo(source)) = (&self.plan.decode, &mut clouds.source) {
+            clouds.decisions.extend(source.decisions(plan, options));
+            clouds.sensor = Arc::new(source.sensor(&self.sensor));
+            clouds.doubts = source.judge_pairs(self.folder, &self.plan.frames)?;
+            return Ok(clouds);
+        }
         clouds.look_ahead(of);
         Ok(clouds)
     }
@@ -173,6 +182,7 @@ enum Source<'a> {
     Bins(Box<BinReader>, Columns),
     Files,
     Depth { camera: Arc<PinholeCamera>, directions: Vec<[f32; 2]>, depth_per_m: f64 },
+    Stereo(Box<StereoSource>),
     Packets(Box<Sweeps<'a>>),
 }
 
@@ -376,6 +386,9 @@ impl Clouds<'_> {
             let cloud = image.to_cloud(&self.sensor, directions);
             return cloud.map_err(|reason| CloudError::content(&frame.file, 0, "the camera's size", reason));
         }
+        if let Source::Stereo(source) = &mut self.source {
+            return source.cloud(self.folder, frame, &self.sensor);
+        }
         let bytes = read(self.folder, &frame.file)?;
         if let Source::Bins(reader, columns) = &mut self.source {
             let Points { points_m, intensities, .. } = reader.read(&frame.file, &bytes, *columns, &mut self.notes)?;
@@ -394,6 +407,7 @@ impl Clouds<'_> {
             times_s: Vec::new(),
             colours: Vec::new(),
             intensities: Vec::new(),
+            sigmas_m: Vec::new(),
             odom_from_robot: None,
         }
     }
@@ -445,6 +459,7 @@ impl Clouds<'_> {
             times_s: sweep.times_s,
             colours: Vec::new(),
             intensities: sweep.intensities,
+            sigmas_m: Vec::new(),
             odom_from_robot: None,
         };
         self.check_stamp(&file, cloud.stamp);
@@ -466,7 +481,7 @@ impl Clouds<'_> {
         if cloud.points_m.is_empty() {
             self.notes.note(NoteKind::EmptyCloud, file, at, || ("points", "none"));
         }
-        if matches!(self.source, Source::Depth { .. }) {
+        if matches!(self.source, Source::Depth { .. } | Source::Stereo(_)) {
             return;
         }
         let is_none = |point: &&[f32; 3]| !point.iter().all(|v| v.is_finite());

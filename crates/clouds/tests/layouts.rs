@@ -192,8 +192,12 @@ fn a_camera_that_is_not_known_is_asked_for() {
     let recording = opened(&folder);
     let error = recording.clouds(&CameraOptions::default()).unwrap_err().to_string();
     assert_eq!(error, "the folder does not say the camera's focal lengths and centre: give --intrinsics FX,FY,CX,CY");
-    let options =
-        CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: Some(1000.0), range_unit_m: None };
+    let options = CameraOptions {
+        intrinsics: Some([10.0, 10.0, 4.0, 3.0]),
+        depth_scale: Some(1000.0),
+        range_unit_m: None,
+        baseline_m: None,
+    };
     let cloud = recording.clouds(&options).unwrap().next_cloud().unwrap().unwrap();
     assert!((cloud.points_m[0][0] + 2.0).abs() < 1e-6 && (cloud.points_m[0][2] - 5.0).abs() < 1e-6);
 }
@@ -204,7 +208,7 @@ fn depths<'a>(names: &[&str], size: [u32; 2]) -> Memory<'a> {
 }
 
 const INTRINSICS: CameraOptions =
-    CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: None, range_unit_m: None };
+    CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: None, range_unit_m: None, baseline_m: None };
 
 #[test]
 fn one_list_of_both_kinds_of_images_is_read_in_either_order() {
@@ -398,7 +402,7 @@ proptest! {
         if damage < 4 {
             folder.files.insert(name.clone(), content);
         }
-        let options = CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: None, range_unit_m: None };
+        let options = CameraOptions { intrinsics: Some([10.0, 10.0, 4.0, 3.0]), depth_scale: None, range_unit_m: None, baseline_m: None };
         if let Ok(Some(recording)) = recognise(&folder) {
             let mut clouds = recording.clouds(&options).unwrap();
             let mut count = 0;

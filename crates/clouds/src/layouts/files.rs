@@ -38,7 +38,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     });
     let frame = |(place, file): (usize, String)| {
         let stamp = by_name.as_ref().map(|stamps| stamps[place]);
-        Frame { file, stamp, colour: None }
+        Frame { file, stamp, colour: None, right: None }
     };
     Ok(Some(Plan {
         kind: Kind::Files,

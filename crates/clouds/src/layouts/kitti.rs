@@ -31,7 +31,12 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let numbers: Option<Vec<u64>> = names.iter().map(|name| number(stem(name))).collect();
     let stamps = stamps(listing, &folder, &names, numbers.as_deref(), &mut decisions, &mut notes);
     let references = references(listing, &folder, numbers.as_deref(), &stamps, &mut notes);
-    let frames = names.into_iter().zip(stamps).map(|(file, stamp)| Frame { file, stamp: Some(stamp), colour: None });
+    let frames = names.into_iter().zip(stamps).map(|(file, stamp)| Frame {
+        file,
+        stamp: Some(stamp),
+        colour: None,
+        right: None,
+    });
     Ok(Some(Plan {
         kind: Kind::Kitti,
         frames: frames.collect(),
@@ -53,7 +58,7 @@ fn beside(listing: &Listing<'_>, folder: &str, name: &str) -> Option<String> {
     [above, folder].iter().map(|place| format!("{place}{name}")).find(|name| listing.has(name))
 }
 
-fn stamps(
+pub(super) fn stamps(
     listing: &Listing<'_>,
     folder: &str,
     names: &[String],
@@ -155,7 +160,11 @@ fn references(
 }
 
 /// The poses of the frames that are there; none where rows do not belong to frames.
-fn stamped(poses: &[Option<Pose3>], numbers: Option<&[u64]>, stamps: &[Stamp]) -> Option<Vec<(Stamp, Pose3)>> {
+pub(super) fn stamped(
+    poses: &[Option<Pose3>],
+    numbers: Option<&[u64]>,
+    stamps: &[Stamp],
+) -> Option<Vec<(Stamp, Pose3)>> {
     let in_order: Vec<u64> = (0..stamps.len() as u64).collect();
     let numbers = numbers.unwrap_or(&in_order);
     let row_of = RowOf::find(poses.len(), numbers)?;

@@ -37,7 +37,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let frame = |(place, file): (usize, String)| {
         let by_place = Stamp((place as i64).saturating_mul(FRAME_NS));
         let stamp = stamp(&file).filter(|_| has_stamps).unwrap_or(by_place);
-        Frame { file, stamp: Some(stamp), colour: None }
+        Frame { file, stamp: Some(stamp), colour: None, right: None }
     };
     Ok(Some(Plan {
         kind: Kind::NuScenes,

@@ -41,6 +41,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
             file: file.clone(),
             stamp: Some(stamp_of_number(*number)),
             colour: colour(listing, file),
+            right: None,
         })
         .collect();
     let size = size(listing, &frames)?;

@@ -56,7 +56,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let decisions = decisions(&survey, metadata.as_ref().map(|(file, _)| file.as_str()));
     Ok(Some(Plan {
         kind: Kind::Packets,
-        frames: vec![Frame { file: name.clone(), stamp: None, colour: None }],
+        frames: vec![Frame { file: name.clone(), stamp: None, colour: None, right: None }],
         sensor: SpaceSensor { range_max_m, ..SpaceSensor::lidar(&title) },
         decode: Decode::Packets(survey),
         references: Vec::new(),

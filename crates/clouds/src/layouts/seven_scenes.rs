@@ -32,7 +32,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         .map(|(number, base)| {
             let colour = first_there(listing, endings.iter().map(|ending| format!("{base}{ending}")));
             let file = format!("{base}{DEPTH}");
-            Frame { file, stamp: Some(stamp_of_number(*number)), colour }
+            Frame { file, stamp: Some(stamp_of_number(*number)), colour, right: None }
         })
         .collect();
     note_missing_colours(&frames, &mut decisions, &mut notes);

@@ -49,7 +49,7 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
         .into_iter()
         .map(|(stamp, file)| {
             let colour = colours.as_ref().and_then(|colours| nearest(colours, stamp));
-            Frame { file, stamp: Some(stamp), colour }
+            Frame { file, stamp: Some(stamp), colour, right: None }
         })
         .collect();
     if colours.is_some() {
@@ -86,7 +86,7 @@ fn associated(listing: &Listing<'_>, file: &str) -> Result<Option<Plan>, CloudEr
         match stamp_of(stamp) {
             Some(stamp) if listing.has(depth) => {
                 let colour = Some(colour.to_owned()).filter(|colour| listing.has(colour));
-                frames.push(Frame { file: depth.to_owned(), stamp: Some(stamp), colour });
+                frames.push(Frame { file: depth.to_owned(), stamp: Some(stamp), colour, right: None });
             }
             Some(_) => notes.note(NoteKind::MissingFrame, file, 0, || (depth, "no such file")),
             None => notes.note(NoteKind::BadRow, file, 0, || ("a stamp", stamp)),

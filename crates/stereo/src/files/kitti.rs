@@ -43,6 +43,13 @@ impl KittiProjections {
         };
         rectified(of(left)?, of(right)?, size)
     }
+
+    /// How far a camera is to the right of camera 0, metres; none where it is not in the file.
+    #[must_use]
+    pub fn offset_m(&self, camera: usize) -> Option<f64> {
+        let [fx, _, _, shift, ..] = self.0.get(camera).copied().flatten()?;
+        Some(-shift / fx).filter(|metres| metres.is_finite())
+    }
 }
 
 /// `P = K [I | t]`: `P[3] = fx t_x`, where the camera is at `-t_x` along the rows.
