@@ -66,6 +66,8 @@ pub struct TopicSurvey {
     pub shape: String,
     /// Whether its messages are images of depth, by the first of them.
     pub is_depth: bool,
+    /// Whether they are images in grey or colour.
+    pub is_picture: bool,
     /// What the first of its messages says of a camera.
     pub camera: Option<CameraSurvey>,
     /// Of texts: what an Ouster sensor says of itself.
@@ -110,6 +112,7 @@ impl TopicSurvey {
             has_times: false,
             shape: String::new(),
             is_depth: false,
+            is_picture: false,
             camera: None,
             ouster: None,
             packets: PacketSurvey::default(),
@@ -187,6 +190,7 @@ impl TopicSurvey {
         let encoding: String = image.encoding.chars().take(40).collect();
         let numbers = DepthNumbers::of(&image.encoding);
         self.is_depth = numbers.is_some();
+        self.is_picture = image.is_picture();
         self.depth_per_m = numbers.unwrap_or(DepthNumbers::Millimetres).per_m();
         self.shape = format!("images of {} x {} as `{encoding}`", image.width, image.height);
         self.points = [u64::from(image.width) * u64::from(image.height), u64::from(image.height)];
@@ -215,6 +219,7 @@ impl TopicSurvey {
     /// The first image's size and, of the first few, how far they see.
     fn compressed_image(&mut self, image: &CompressedImage<'_>) {
         self.is_depth = is_depth_file(image);
+        self.is_picture = !self.is_depth && [PNG, JPEG].iter().any(|head| image.data.starts_with(head));
         let numbers = image.depth().and_then(|_| DepthNumbers::of_format(&image.format));
         self.depth_per_m = numbers.unwrap_or(DepthNumbers::Millimetres).per_m();
         self.shape = format!("images as `{}`", image.format.chars().take(40).collect::<String>());
@@ -457,6 +462,7 @@ impl Sweeps {
 }
 
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+const JPEG: &[u8] = b"\xff\xd8";
 
 /// Whether a compressed image is one of depth: sent as such, or a greyscale PNG of 16 bits.
 fn is_depth_file(image: &CompressedImage<'_>) -> bool {

@@ -102,14 +102,14 @@ fn sensor_of(topic: &str) -> Option<&str> {
 }
 
 /// What says what the camera is.
-struct Info<'a> {
-    topic: &'a TopicSurvey,
-    camera: &'a CameraSurvey,
+pub(super) struct Info<'a> {
+    pub(super) topic: &'a TopicSurvey,
+    pub(super) camera: &'a CameraSurvey,
     assumed: Option<String>,
 }
 
 /// By its name beside the images; else the one in the images' frame; else the only one of the images' size.
-fn info_of<'a>(survey: &'a Survey, topic: &TopicSurvey) -> Option<Info<'a>> {
+pub(super) fn info_of<'a>(survey: &'a Survey, topic: &TopicSurvey) -> Option<Info<'a>> {
     let named = beside(&topic.name);
     let all = survey.topics.iter().filter_map(|info| Some((info, info.camera.as_ref()?)));
     let all: Vec<_> = all.collect();

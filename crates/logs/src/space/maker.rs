@@ -1,6 +1,7 @@
 //! Clouds out of messages.
 
 use super::camera::CameraPlan;
+use super::pair_maker::{MadePair, PairMaker, Side};
 use super::tilting::{Swing, Tilting};
 use super::topic::TopicPlan;
 use super::wheels::Wheels;
@@ -55,6 +56,7 @@ pub(super) struct CloudMaker {
     topic: String,
     packets: Option<Packets>,
     tilting: Option<Tilting>,
+    pairs: Option<PairMaker>,
     view: Option<View>,
     unit_m: f64,
     times: SweepTimes,
@@ -69,7 +71,8 @@ impl CloudMaker {
         let (camera, topic) = (plan.camera.clone(), plan.topic.clone());
         let (unit_m, times) = (plan.unit_m, plan.times);
         let tilting = plan.joint.clone().map(|joint| Tilting::new(joint, plan.sensor.robot_from_sensor));
-        Self { sensors: sensors.collect(), camera, topic, packets, tilting, view: None, unit_m, times }
+        let pairs = plan.stereo.as_ref().and_then(|stereo| PairMaker::new(&plan.topic, stereo));
+        Self { sensors: sensors.collect(), camera, topic, packets, tilting, pairs, view: None, unit_m, times }
     }
 
     /// The clouds that a message ends, without odometry: one, but of packets none or several.
@@ -133,8 +136,16 @@ impl CloudMaker {
         let made = |swing: Swing| {
             let Swing { stamp, points_m, times_s, intensities, .. } = swing;
             let sensor = sensor.as_ref().map(Arc::clone)?;
-            let cloud =
-                Cloud { stamp, sensor, points_m, times_s, colours: Vec::new(), intensities, odom_from_robot: None };
+            let cloud = Cloud {
+                stamp,
+                sensor,
+                points_m,
+                times_s,
+                colours: Vec::new(),
+                intensities,
+                sigmas_m: Vec::new(),
+                odom_from_robot: None,
+            };
             Some(Made { cloud, is_unstamped: false, not_finite: 0, refused_time: None })
         };
         clouds.into_iter().filter_map(made).collect()
@@ -147,8 +158,48 @@ impl CloudMaker {
         Ok(Vec::new())
     }
 
+    /// The clouds that an image of a pair of cameras completes, without odometry.
+    ///
+    /// # Errors
+    /// Why the message is none, in words.
+    pub(super) fn make_of_pair(
+        &mut self,
+        side: Side,
+        messages: &mut Messages,
+        message: &RawMessage<'_>,
+        notes: &mut Notes,
+    ) -> Result<Vec<Made>, String> {
+        let pairs = self.pairs.as_mut().ok_or("images of one camera, expected those of two")?;
+        let at = usize::try_from(message.offset_bytes).unwrap_or(usize::MAX);
+        let place = (message.log_stamp, at);
+        match messages {
+            Messages::Image(decoder) => {
+                let image = decoder.decode(message.data).map_err(words)?;
+                few_enough(u64::from(image.width) * u64::from(image.height))?;
+                pairs.add(side, &image, place)?;
+            }
+            Messages::CompressedImage(decoder) => {
+                pairs.add_file(side, &decoder.decode(message.data).map_err(words)?, place)?;
+            }
+            Messages::None(Some(reason)) => return Err(reason.clone()),
+            _ => return Err("messages of another kind".to_owned()),
+        }
+        let sensors = &self.sensors;
+        let sensor_of = |frame: &str| sensor_in(sensors, frame);
+        let made = |MadePair { cloud, is_unstamped }| Made { cloud, is_unstamped, not_finite: 0, refused_time: None };
+        Ok(pairs.ended(sensor_of, notes)?.into_iter().map(made).collect())
+    }
+
+    /// What casts doubt on a map of what was read so far, in words.
+    pub(super) fn doubts(&self) -> &[String] {
+        self.pairs.as_ref().map_or(&[], PairMaker::doubts)
+    }
+
     /// The clouds that the end of the recording ends.
     pub(super) fn finish(&mut self, notes: &mut Notes) -> Vec<Made> {
+        if let Some(pairs) = &mut self.pairs {
+            pairs.finish(notes);
+        }
         let Some(packets) = &mut self.packets else { return Vec::new() };
         packets.decoder.finish(&self.topic, notes);
         self.ended().unwrap_or_default()
@@ -181,6 +232,7 @@ impl CloudMaker {
                 times_s: sweep.times_s,
                 colours: Vec::new(),
                 intensities: sweep.intensities,
+                sigmas_m: Vec::new(),
                 odom_from_robot: None,
             },
             is_unstamped: false,
@@ -230,7 +282,7 @@ impl CloudMaker {
     }
 
     fn sensor_in(&self, frame: &str) -> Result<&Arc<SpaceSensor>, String> {
-        self.sensors.get(frame).ok_or_else(|| format!("nothing says where '{frame}' sits on the robot"))
+        sensor_in(&self.sensors, frame)
     }
 
     fn cloud(&self, message: &PointCloud2<'_>, recorded: Stamp) -> Result<Made, String> {
@@ -261,6 +313,7 @@ impl CloudMaker {
             times_s: points.times_s,
             colours: points.colours,
             intensities: points.intensities,
+            sigmas_m: Vec::new(),
             odom_from_robot: None,
         };
         Ok(Made { cloud, is_unstamped, not_finite: points.not_finite, refused_time })
@@ -335,6 +388,10 @@ impl CloudMaker {
             View { directions: camera.directions(), camera: Arc::new(camera) }
         }))
     }
+}
+
+fn sensor_in<'a>(sensors: &'a BTreeMap<String, Arc<SpaceSensor>>, frame: &str) -> Result<&'a Arc<SpaceSensor>, String> {
+    sensors.get(frame).ok_or_else(|| format!("nothing says where '{frame}' sits on the robot"))
 }
 
 fn move_points(cloud: &mut Cloud, frame_from_points: Pose3) {

@@ -4,6 +4,7 @@ use super::camera;
 use super::further::Lidars;
 use super::imu::{self, ImuSource};
 use super::packets::PacketPlan;
+use super::stereo::{self, Pair};
 use super::tilting::{Joint, is_tilting};
 use super::topic::{Candidate, TopicPlan};
 use crate::channel::TopicKind;
@@ -100,8 +101,14 @@ impl SpacePlan {
             |topic: &TopicSurvey| topic.kind.is_planar() && topic.usable() > 0 && !is_tilting(survey, topic);
         let spatial = || survey.topics.iter().filter(|topic| is_spatial(survey, topic));
         let any_planar = survey.topics.iter().any(is_planar);
+        let pairs = stereo::pairs(survey, choice);
+        let is_pair_asked = pairs.iter().any(|pair| choice.asks_for(&pair.left.name));
+        let is_pair = spatial().next().is_none() && !pairs.is_empty() && !any_planar;
         choice.slice.is_none()
-            && (spatial().any(|topic| is_asked(&topic)) || (spatial().next().is_some() && !any_planar))
+            && (is_pair_asked
+                || is_pair
+                || spatial().any(|topic| is_asked(&topic))
+                || (spatial().next().is_some() && !any_planar))
     }
 }
 
@@ -119,7 +126,8 @@ fn decide(
 ) -> SpacePlan {
     let why = lidars.why_chosen(choice);
     let Lidars { chosen, further, .. } = lidars;
-    let (place, assumed_mount) = looking_ahead(chosen.place, chosen.topic, chosen.is_camera);
+    let is_optical = chosen.topic.is_depth || chosen.stereo.is_some();
+    let (place, assumed_mount) = looking_ahead(chosen.place, chosen.topic, (chosen.is_camera, is_optical));
     let calibrated = choice.space.and_then(|space| space.robot_from_sensor);
     let (place, assumed_mount) = match calibrated {
         Some(found) => (Place { robot_from_sensor: moved_to(place.robot_from_sensor, found), ..place }, None),
@@ -176,9 +184,9 @@ fn decide(
 }
 
 /// Where nothing says where a camera sits, its optical axis (z, with x to the right) is taken for the robot's way ahead.
-fn looking_ahead(place: Place, topic: &TopicSurvey, is_camera: bool) -> (Place, Option<String>) {
+fn looking_ahead(place: Place, topic: &TopicSurvey, (is_camera, is_image): (bool, bool)) -> (Place, Option<String>) {
     let Some(assumed) = place.assumed.clone() else { return (place, None) };
-    let is_optical = topic.is_depth || (is_camera && topic.frame().contains("optical"));
+    let is_optical = is_image || (is_camera && topic.frame().contains("optical"));
     let ahead = Pose3::from_quaternion([0.0; 3], [-0.5, 0.5, -0.5, 0.5]).filter(|_| is_optical);
     (Place { robot_from_sensor: ahead.unwrap_or(place.robot_from_sensor), ..place }, Some(assumed))
 }
@@ -207,12 +215,17 @@ fn candidates<'a>(
     choice: &Choice,
     options: &CameraOptions,
 ) -> Result<(Vec<Candidate<'a>>, Vec<String>), String> {
+    let pairs = stereo::pairs(survey, choice);
+    let is_of_pair =
+        |topic: &TopicSurvey| pairs.iter().any(|pair| [pair.left, pair.right].iter().any(|one| one.name == topic.name));
     for name in &choice.topics {
         let Some(first) = survey.topic(name) else {
             return Err(format!("there is no topic {name}; there are {}", contents(survey)));
         };
         let mut named = survey.topics.iter().filter(|topic| same_name(&topic.name, name));
-        if !named.any(|topic| is_spatial(survey, topic) || topic.kind.is_clouds() || topic.kind.is_motion()) {
+        if !named.any(|topic| {
+            is_spatial(survey, topic) || is_of_pair(topic) || topic.kind.is_clouds() || topic.kind.is_motion()
+        }) {
             let what = if first.shape.is_empty() { String::new() } else { format!(" ({})", first.shape) };
             return Err(format!("{name} is {}{what}, expected clouds, images of depth or odometry", first.type_name));
         }
@@ -223,13 +236,17 @@ fn candidates<'a>(
     if by_name {
         all.retain(is_asked);
     }
+    let moved = odometry::topics(survey, choice).first().map(|topic| topic.child_frame()).filter(|f| !f.is_empty());
+    let moved: Vec<_> = moved.into_iter().collect();
+    let is_pair_asked = pairs.iter().any(|pair| choice.asks_for(&pair.left.name) || choice.asks_for(&pair.right.name));
+    if !pairs.is_empty() && (all.is_empty() || (is_pair_asked && !by_name)) {
+        return of_pairs(survey, (choice, options), &pairs, &moved);
+    }
     if all.is_empty() {
         let expected = "clouds, images of depth or scans of a laser that tilts, found no topic of PointCloud2, \
              of Image or CompressedImage with depth, or of LaserScan on a joint that swings";
         return Err(nothing_of(expected, survey));
     }
-    let moved = odometry::topics(survey, choice).first().map(|topic| topic.child_frame()).filter(|f| !f.is_empty());
-    let moved: Vec<_> = moved.into_iter().collect();
     let (mut found, mut refused) = (Vec::new(), Vec::new());
     for topic in all {
         match candidate(survey, choice, options, topic, &moved, by_name) {
@@ -272,7 +289,38 @@ fn candidate<'a>(
     } else {
         (None, place_in_space(&survey.links, topic.frame(), moved, choice)?)
     };
-    Ok(Candidate { topic, place, is_camera: is_camera(topic), camera, packets, joint })
+    Ok(Candidate { topic, place, is_camera: is_camera(topic), camera, packets, joint, stereo: None })
+}
+
+/// The first pair of cameras of which it is known what they are, and why others are not.
+fn of_pairs<'a>(
+    survey: &Survey,
+    (choice, options): (&Choice, &CameraOptions),
+    pairs: &[Pair<'a>],
+    moved: &[&str],
+) -> Result<(Vec<Candidate<'a>>, Vec<String>), String> {
+    let mut refused = Vec::new();
+    for pair in pairs {
+        let found = stereo::find(survey, *pair, options)
+            .and_then(|stereo| Ok((stereo, place_in_space(&survey.links, pair.left.frame(), moved, choice)?)));
+        match found {
+            Ok((found, place)) => {
+                let stereo = Some(found);
+                let candidate = Candidate {
+                    topic: pair.left,
+                    place,
+                    is_camera: true,
+                    camera: None,
+                    packets: None,
+                    joint: None,
+                    stereo,
+                };
+                return Ok((vec![candidate], refused));
+            }
+            Err(reason) => refused.push(reason),
+        }
+    }
+    Err(refused.join("; "))
 }
 
 /// Whether a depth camera took a topic's messages: images, or clouds in an optical frame or in rows and named so.

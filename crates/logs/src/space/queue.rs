@@ -81,6 +81,7 @@ mod tests {
             times_s: Vec::new(),
             colours: Vec::new(),
             intensities: Vec::new(),
+            sigmas_m: Vec::new(),
             odom_from_robot: None,
         };
         let recorded = Stamp(recorded_ms * 1_000_000);

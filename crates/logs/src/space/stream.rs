@@ -2,6 +2,7 @@
 
 use super::imu;
 use super::maker::{CloudMaker, Made};
+use super::pair_maker::Side;
 use super::plan::SpacePlan;
 use super::queue::{Queue, Waiting};
 use super::topic::TopicPlan;
@@ -27,6 +28,8 @@ const FARTHEST_M: f64 = 1e6;
 enum Use {
     /// Of the sensor with this number.
     Clouds(usize),
+    /// Of the pair of cameras with this number.
+    Pair(usize, Side),
     Odometry,
     Imu,
     Nothing,
@@ -124,6 +127,11 @@ impl SpaceStream {
         &self.notes
     }
 
+    /// What casts doubt on a map of what was read so far, in words.
+    pub fn doubts(&self) -> impl Iterator<Item = &String> {
+        self.makers.iter().flat_map(CloudMaker::doubts)
+    }
+
     /// The next cloud; none at the end. Readings before it are passed over.
     ///
     /// # Errors
@@ -201,6 +209,17 @@ impl SpaceStream {
                         self.first_failure.get_or_insert_with(|| reason.clone());
                         let words = || ("a message that can be mapped", reason);
                         self.notes.note(NoteKind::UnreadableFrame, &self.plan.sources[source].topic, place, words);
+                    }
+                }
+            }
+            Use::Pair(source, side) => {
+                let messages = self.decoders.of(message.connection);
+                match self.makers[source].make_of_pair(side, messages, &message, &mut self.notes) {
+                    Ok(all) => all.into_iter().for_each(|made| self.take(source, made, at)),
+                    Err(reason) => {
+                        self.first_failure.get_or_insert_with(|| reason.clone());
+                        let words = || ("an image of a pair", reason);
+                        self.notes.note(NoteKind::UnreadableFrame, &message.connection.topic, place, words);
                     }
                 }
             }
@@ -334,8 +353,15 @@ fn used(uses: &mut Vec<Option<Use>>, connection: &Connection, plan: &SpacePlan) 
             OdometrySource::Transforms { .. } => kind == TopicKind::Transforms,
         };
         let is_source = |source: &TopicPlan| kind == source.kind && same_name(&source.topic, &connection.topic);
-        if let Some(source) = plan.sources.iter().position(is_source) {
-            Use::Clouds(source)
+        let is_right = |source: &TopicPlan| {
+            let of = source.stereo.as_ref();
+            of.is_some_and(|of| kind == of.right_kind && same_name(&of.right, &connection.topic))
+        };
+        if let Some(source) = plan.sources.iter().position(is_right) {
+            Use::Pair(source, Side::Right)
+        } else if let Some(source) = plan.sources.iter().position(is_source) {
+            let is_pair = plan.sources[source].stereo.is_some();
+            if is_pair { Use::Pair(source, Side::Left) } else { Use::Clouds(source) }
         } else if matches!(kind, TopicKind::Imu | TopicKind::OusterPackets)
             && plan.imu.as_ref().is_some_and(|imu| same_name(&imu.name, &connection.topic))
         {

@@ -2,6 +2,7 @@
 
 use super::camera::{self, CameraPlan};
 use super::packets::PacketPlan;
+use super::stereo::{self, StereoTopics};
 use super::tilting::Joint;
 use crate::channel::TopicKind;
 use crate::choice::Choice;
@@ -21,6 +22,7 @@ pub(super) struct Candidate<'a> {
     pub(super) camera: Option<camera::Found>,
     pub(super) packets: Option<PacketPlan>,
     pub(super) joint: Option<Joint>,
+    pub(super) stereo: Option<stereo::Found>,
 }
 
 impl Candidate<'_> {
@@ -28,6 +30,7 @@ impl Candidate<'_> {
     pub(super) fn words(&self, why: &str) -> (&'static str, String) {
         let TopicSurvey { name, type_name, shape, .. } = self.topic;
         let what = match self.topic.kind {
+            _ if self.stereo.is_some() => "stereo",
             kind if kind.is_planar() => "scans",
             kind if kind.is_clouds() => "clouds",
             _ => "depth",
@@ -38,7 +41,8 @@ impl Candidate<'_> {
     /// What sends its packets, or which camera it has, in words.
     pub(super) fn device_words(&self) -> impl Iterator<Item = (&'static str, String)> {
         let packets = self.packets.as_ref().map(|packets| ("lidar", packets.words()));
-        packets.into_iter().chain(self.camera.as_ref().map(|camera| ("camera", camera.reason.clone())))
+        let stereo = self.stereo.as_ref().map(|stereo| ("camera", stereo.reason.clone()));
+        packets.into_iter().chain(self.camera.as_ref().map(|camera| ("camera", camera.reason.clone()))).chain(stereo)
     }
 
     /// Whether the motion during a sweep is undone, in words; none of images.
@@ -79,6 +83,8 @@ pub(super) struct TopicPlan {
     pub(super) camera: Option<CameraPlan>,
     /// Of scans of a laser that tilts.
     pub(super) joint: Option<Joint>,
+    /// Of pairs of images.
+    pub(super) stereo: Option<StereoTopics>,
 }
 
 /// What is said of a topic, in words: what had to be assumed, what is odd and what casts doubt on a map of it.
@@ -106,8 +112,12 @@ impl TopicPlan {
         (choice, options): (&Choice, &CameraOptions),
         candidate: Candidate<'_>,
     ) -> (Self, Said) {
-        let Candidate { topic, place, is_camera, mut camera, packets, joint } = candidate;
-        let as_made = sensor_of(topic, is_camera, place.robot_from_sensor);
+        let Candidate { topic, place, is_camera, mut camera, packets, joint, stereo } = candidate;
+        let made = |robot_from_sensor| match &stereo {
+            Some(found) => SpaceSensor { robot_from_sensor, ..found.topics.sensor.clone() },
+            None => sensor_of(topic, is_camera, robot_from_sensor),
+        };
+        let as_made = made(place.robot_from_sensor);
         let units = units_of(topic, &as_made, camera.as_mut(), (choice, options));
         let near = |sensor: SpaceSensor| SpaceSensor {
             range_min_m: units.range_min_m.unwrap_or(sensor.range_min_m),
@@ -120,7 +130,7 @@ impl TopicPlan {
             if let Ok(other) = place_in_space(&survey.links, frame, &[], &robot)
                 && other.assumed.is_none()
             {
-                sensors.insert(frame.clone(), near(sensor_of(topic, is_camera, other.robot_from_sensor)));
+                sensors.insert(frame.clone(), near(made(other.robot_from_sensor)));
             }
         }
         let times = topic.sweeps.times();
@@ -143,6 +153,7 @@ impl TopicPlan {
             packets,
             camera: camera.map(|camera| camera.plan),
             joint,
+            stereo: stereo.map(|found| found.topics),
         };
         (plan, said)
     }

@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 mod depth;
 mod inertial;
 mod lidars;
+mod stereo;
 mod tilting;
 
 const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
@@ -298,8 +299,12 @@ fn without_camera_info_the_options_are_named() {
     let path = recorder.finish();
     let error = plan(&path, &CameraOptions::default()).unwrap_err();
     assert!(error.contains("--intrinsics FX,FY,CX,CY --depth-scale S"), "{error}");
-    let options =
-        CameraOptions { intrinsics: Some([4.0, 4.0, 1.5, 1.0]), depth_scale: Some(2000.0), range_unit_m: None };
+    let options = CameraOptions {
+        intrinsics: Some([4.0, 4.0, 1.5, 1.0]),
+        depth_scale: Some(2000.0),
+        range_unit_m: None,
+        baseline_m: None,
+    };
     let (clouds, notes, _) = read_with(&path, &Choice::default(), &options);
     assert_eq!(clouds[0].points_m[0], [-0.375, -0.25, 1.0]);
     assert_eq!((clouds.len(), notes.count(NoteKind::UnreadableFrame)), (1, 1));
