@@ -137,8 +137,8 @@ pub(crate) struct SettingsArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct MapArgs {
     /// Logs of one drive in a row: ROS 1 bags, MCAP files, ROS 2 bags (folder or file), CARMEN logs (plain, .gz or .bz2; `-`
-    /// is the standard input). Or one recording of space: a folder of KITTI, PCD or PLY clouds or of depth images (TUM, 7-Scenes,
-    /// Open3D), packets of a Velodyne, Ouster or Hesai (.pcap), or a ROS bag or MCAP file of PointCloud2, a lidar's own messages or images of depth.
+    /// is the standard input). Or one recording of space: a folder of KITTI, PCD or PLY clouds, of depth images (TUM, 7-Scenes,
+    /// Open3D) or of pairs of images (KITTI, EuRoC, Middlebury), packets of a Velodyne, Ouster or Hesai (.pcap), or a ROS bag or MCAP file of PointCloud2, a lidar's own messages or images of depth.
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     #[command(flatten)]
@@ -369,19 +369,25 @@ pub(crate) struct DemoArgs {
     #[arg(long, default_value_t = 5)]
     pub(crate) seed: u64,
     /// Instead of the office: a building of two storeys, mapped in space with a spinning lidar.
-    #[arg(long = "3d", conflicts_with = "show", group = "driven")]
+    #[arg(long = "3d", conflicts_with = "show", groups = ["driven", "in_space"])]
     pub(crate) space: bool,
+    /// The building of --3d, mapped with a depth camera.
+    #[arg(long, conflicts_with = "show", groups = ["driven", "in_space"])]
+    pub(crate) depth: bool,
+    /// The building of --3d, mapped with a stereo camera that sees textured walls.
+    #[arg(long, conflicts_with = "show", groups = ["driven", "in_space"])]
+    pub(crate) stereo: bool,
     /// Instead of the office: four robots that explore a floor, tell each other over a lossy radio and make one map; one of them dies.
     #[arg(long, conflicts_with = "show", group = "driven")]
     pub(crate) fleet: bool,
     /// Instead of the office's laser: sixteen sonars and wheels that err by 10 %, on a floor of 40 by 20 m.
     #[arg(long, conflicts_with_all = ["show", "space", "fleet"])]
     pub(crate) sonar: bool,
-    /// The drive of --3d or --fleet ends then, seconds, or with its way.
+    /// The drive of --3d, --depth, --stereo or --fleet ends then, seconds, or with its way.
     #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "driven")]
     pub(crate) seconds: Option<f64>,
-    /// The robot of --3d has an inertial sensor.
-    #[arg(long, requires = "space")]
+    /// The robot of --3d, --depth or --stereo has an inertial sensor.
+    #[arg(long, requires = "in_space")]
     pub(crate) imu: bool,
     /// Instead of the office: a loop before and after, as before.png and after.png, with the errors of both.
     #[arg(long, value_enum)]

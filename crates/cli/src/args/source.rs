@@ -1,6 +1,6 @@
 //! What to use of a recording.
 
-use super::values::{parse_imu_mount, parse_intrinsics, parse_mount, parse_range_unit, parse_slice};
+use super::values::{parse_baseline, parse_imu_mount, parse_intrinsics, parse_mount, parse_range_unit, parse_slice};
 use crate::calibrated::Calibrated;
 use clap::Args as ClapArgs;
 use mapwright_clouds::CameraOptions;
@@ -38,17 +38,25 @@ pub(crate) struct SourceArgs {
     /// What one stands for in the ranges of scans, or the coordinates of clouds, that are not in metres, metres: 0.001 for millimetres.
     #[arg(long, value_name = "M", value_parser = parse_range_unit)]
     pub(super) range_unit: Option<f64>,
-    /// Of a depth camera: focal lengths and the optical axis, pixels.
+    /// Of a depth camera, or of a rectified pair of cameras: focal lengths and the optical axis, pixels.
     #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse_intrinsics)]
     pub(super) intrinsics: Option<[f64; 4]>,
     /// Of a depth camera: the number that stands for a metre in its images.
     #[arg(long, value_name = "S")]
     pub(super) depth_scale: Option<f64>,
+    /// Of a pair of cameras: from the left one to the right one, metres.
+    #[arg(long, value_name = "M", value_parser = parse_baseline)]
+    pub(super) baseline: Option<f64>,
 }
 
 impl SourceArgs {
     pub(crate) fn camera(&self) -> CameraOptions {
-        CameraOptions { intrinsics: self.intrinsics, depth_scale: self.depth_scale, range_unit_m: self.range_unit }
+        CameraOptions {
+            intrinsics: self.intrinsics,
+            depth_scale: self.depth_scale,
+            range_unit_m: self.range_unit,
+            baseline_m: self.baseline,
+        }
     }
 
     pub(crate) fn choice(&self) -> Choice {

@@ -30,6 +30,7 @@ impl SourceArgs {
             ("--range-unit", self.range_unit.map(|unit_m| unit_m.to_string())),
             ("--intrinsics", self.intrinsics.map(of_intrinsics)),
             ("--depth-scale", self.depth_scale.map(|scale| scale.to_string())),
+            ("--baseline", self.baseline.map(|metres| metres.to_string())),
             ("--start", start.map(of_pose)),
         ];
         options.into_iter().filter_map(|(option, value)| Some((option, value?))).collect()

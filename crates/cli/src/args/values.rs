@@ -70,6 +70,10 @@ pub(super) fn parse_range_unit(text: &str) -> Result<f64, String> {
     within(text, 1e-6..=100.0, "metres from 0.000001 to 100, such as 0.001 for millimetres")
 }
 
+pub(super) fn parse_baseline(text: &str) -> Result<f64, String> {
+    within(text, 1e-3..=100.0, "metres from 0.001 to 100, such as 0.12")
+}
+
 pub(super) fn parse_gap(text: &str) -> Result<Gap, String> {
     let numbers = text
         .split_once(':')

@@ -26,7 +26,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     if args.fleet {
         return fleet::run(args);
     }
-    if args.space {
+    if args.space || args.depth || args.stereo {
         return space::run(args);
     }
     if args.sonar {

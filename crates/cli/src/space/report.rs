@@ -201,6 +201,9 @@ pub(super) fn to_json(
         "not_compared": results.beside.refused,
         "losses": losses,
     });
+    if tally.points.uncertain > 0 {
+        report["points"]["uncertain"] = json!(tally.points.uncertain);
+    }
     if let Some(truth) = &results.truth {
         report["against_truth"] = truth.to_json();
     }
@@ -251,6 +254,14 @@ fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> Str
     );
     if tally.clouds > 0 {
         words += &tracked;
+    }
+    let BeamCounts { returns, uncertain, .. } = tally.points;
+    if uncertain > 0 {
+        let share = 100.0 * f64::from(uncertain) / (f64::from(uncertain) + f64::from(returns)).max(1.0);
+        words += &format!(
+            "points   {} of them ({share:.0} %) are not used: their depth is uncertain by more than half a voxel\n",
+            grouped(u64::from(uncertain))
+        );
     }
     let loops = match results.candidates {
         0 => "no candidate for a closure".to_owned(),

@@ -39,7 +39,7 @@ impl<'a> Source<'a> {
                     None => return Ok(None),
                 }
             },
-            Self::Simulated(simulation) => Ok(simulation.next_cloud(&mut |reading| feel(SpaceReading::Imu(reading)))),
+            Self::Simulated(simulation) => simulation.next_cloud(&mut |reading| feel(SpaceReading::Imu(reading))),
         }
     }
 
@@ -65,7 +65,7 @@ impl<'a> Source<'a> {
         match self {
             Self::Files { clouds, .. } => clouds.sensor(),
             Self::Messages(messages) => &messages.stream.plan().sensor,
-            Self::Simulated(simulation) => &simulation.drive().lidar().sensor,
+            Self::Simulated(simulation) => simulation.sensor(),
         }
     }
 
@@ -138,7 +138,7 @@ impl<'a> Source<'a> {
             Self::Files { clouds, .. } => [clouds.odd().to_vec(), clouds.doubts().to_vec()],
             Self::Messages(messages) => {
                 let plan = messages.stream.plan();
-                [plan.odd.clone(), plan.doubts.clone()]
+                [plan.odd.clone(), plan.doubts.iter().chain(messages.stream.doubts()).cloned().collect()]
             }
             Self::Simulated(_) => Default::default(),
         }

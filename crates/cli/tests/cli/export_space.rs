@@ -36,6 +36,7 @@ fn cloud(number: i64, is_camera: bool) -> Cloud {
         intensities: seen.iter().map(|point| if point[2] < -0.9 { 20.0 } else { 80.0 }).collect(),
         points_m: seen,
         times_s: Vec::new(),
+        sigmas_m: Vec::new(),
         odom_from_robot: Some(Pose3 { translation: ahead_m.into(), ..Pose3::identity() }),
     }
 }

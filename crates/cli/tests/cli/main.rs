@@ -32,6 +32,7 @@ mod sonar;
 mod space;
 mod space_calibrate;
 mod space_imu;
+mod stereo;
 mod suite;
 mod support;
 mod terminal;

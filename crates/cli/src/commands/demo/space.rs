@@ -1,4 +1,4 @@
-//! `mapwright demo --3d`: a building of two storeys.
+//! `mapwright demo --3d`, `--depth` and `--stereo`: a building of two storeys.
 
 use crate::args::DemoArgs;
 use crate::events::Interrupt;
@@ -13,12 +13,20 @@ const BEAMS: usize = 16;
 const COLUMNS: usize = 512;
 const SPEED_M_PER_S: f64 = 1.5;
 const EVERY: usize = 4;
+/// Of a camera's thirty images a second every so many-th: five a second, between which the robot turns by 14 degrees at most.
+const EVERY_IMAGE: usize = 6;
 
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?;
     let interrupt = Interrupt::watch()?;
     let name = format!("simulated building of two storeys, seed {}", args.seed);
-    let simulation = Simulation::of(drive(args), EVERY);
+    let simulation = match (args.depth, args.stereo) {
+        (true, _) => Simulation::of_depth(drive(args), EVERY_IMAGE),
+        (_, true) => {
+            Simulation::of_stereo(drive(args), EVERY_IMAGE).map_err(|cause| Failure::Log(cause.to_string()))?
+        }
+        _ => Simulation::of(drive(args), EVERY),
+    };
     let simulation = if args.imu { simulation.with_imu() } else { simulation };
     let source = Source::Simulated(Box::new(simulation));
     map(&Run { name: &name, output: &args.output, mapping: &args.mapping, goes_on: false }, source, &interrupt)
