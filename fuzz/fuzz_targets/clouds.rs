@@ -25,7 +25,7 @@ impl Folder for OneFile<'_> {
 fuzz_target!(|bytes: &[u8]| {
     let Some((first, bytes)) = bytes.split_first() else { return };
     let file = OneFile(NAMES[usize::from(*first) % NAMES.len()], bytes);
-    let options = CameraOptions { intrinsics: Some([500.0, 500.0, 320.0, 240.0]), depth_scale: None, range_unit_m: None };
+    let options = CameraOptions { intrinsics: Some([500.0, 500.0, 320.0, 240.0]), depth_scale: None, range_unit_m: None, baseline_m: None };
     let Ok(Some(recording)) = recognise(&file) else { return };
     let Ok(mut clouds) = recording.clouds(&options) else { return };
     while let Ok(Some(cloud)) = clouds.next_cloud() {
