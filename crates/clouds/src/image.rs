@@ -19,6 +19,9 @@ const NOTHING: u16 = u16::MAX;
 /// A PNG whose header was read.
 type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
 
+/// A JPEG whose head was read.
+type JpegReader<'a> = JpegDecoder<ZCursor<&'a [u8]>>;
+
 /// Pixels across and down.
 pub(crate) type Size = [u32; 2];
 
@@ -120,7 +123,7 @@ fn read_png(file: &str, bytes: &[u8], size: Size) -> Result<Vec<[u8; 3]>, CloudE
 }
 
 /// A JPEG whose head was read, and its size.
-fn jpeg_decoder<'a>(file: &str, bytes: &'a [u8]) -> Result<(JpegDecoder<ZCursor<&'a [u8]>>, Size), CloudError> {
+fn jpeg_decoder<'a>(file: &str, bytes: &'a [u8]) -> Result<(JpegReader<'a>, Size), CloudError> {
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB).set_strict_mode(false);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(|cause| CloudError::content(file, 0, "a JPEG image", cause.to_string()))?;
@@ -191,14 +194,12 @@ pub fn read_camera_image(
     Ok(CameraImage { grey, colours })
 }
 
+/// What is wrong with the size of an image, if anything, and its colours.
+type Shades = (Result<(), StereoError>, Vec<[u8; 3]>);
+
 /// Grey values and colours of a PNG of any kind: palettes are looked up, few bits spread over eight, alpha is left out; of colours of 16 bits
 /// the upper byte counts.
-#[allow(clippy::type_complexity, reason = "what is said of the size, and the colours")]
-fn png_shades(
-    file: &str,
-    bytes: &[u8],
-    grey: &mut GreyImage,
-) -> Result<(Result<(), StereoError>, Vec<[u8; 3]>), CloudError> {
+fn png_shades(file: &str, bytes: &[u8], grey: &mut GreyImage) -> Result<Shades, CloudError> {
     let mut reader = open(file, bytes, Transformations::EXPAND)?;
     let (width, height) = (reader.info().width, reader.info().height);
     let (kind, depth) = reader.output_color_type();

@@ -129,7 +129,7 @@ fn every_layout_is_recognised_and_read() {
     let folder = euroc();
     let recording = recognise(&folder).unwrap().unwrap();
     let sensor = &recording.sensor().robot_from_sensor;
-    assert_eq!(sensor.translation, [0.1, 0.0, 0.5].into());
+    assert_eq!(sensor.translation, nalgebra::Vector3::new(0.1, 0.0, 0.5));
     // the body is at (1.5, 2, 3), the camera ahead of it and above
     assert!((recording.references()[0].poses[1].1.translation - nalgebra::Vector3::new(1.6, 2.0, 3.5)).norm() < 1e-12);
 }

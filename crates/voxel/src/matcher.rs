@@ -488,7 +488,8 @@ impl Matcher {
     fn evaluate(&mut self, levels: &[Level], pose: Pose3, width2: f64) -> Evaluation {
         let rotation = pose.rotation.to_rotation_matrix();
         let eyes = Eyes::new((&self.origins, &self.sigmas), rotation);
-        let mut sums = Sums::default();
+        // whether surfaces hold the pose is asked of them alone: a wall that is seen from afar is one
+        let (mut sums, mut of_surfaces) = (Sums::default(), Sums::default());
         let (mut log_sum, mut product) = (0.0_f64, 1.0_f64);
         let (mut known, mut fitting, mut lines) = (0, 0, 0);
         let (fit2, per_width2) = (self.settings.fit_sigmas.powi(2), 1.0 / width2);
@@ -513,10 +514,15 @@ impl Matcher {
                 continue;
             }
             product *= 1.0 + widths2;
-            sums.add(information / (1.0 + widths2), off_m, surfel.normal.map(f64::from), &arm);
+            let normal = surfel.normal.map(f64::from);
+            sums.add(information / (1.0 + widths2), off_m, normal, &arm);
+            if !self.sigmas.is_empty() {
+                of_surfaces.add(f64::from(surfel.information) / (1.0 + widths2), off_m, normal, &arm);
+            }
         }
         let (mut gradient, mut hessian) = sums.derivatives();
-        let held_shares = leave_open(&mut gradient, &mut hessian);
+        let of_surfaces = if self.sigmas.is_empty() { hessian } else { of_surfaces.derivatives().1 };
+        let held_shares = leave_open(&of_surfaces, &mut gradient, &mut hessian);
         let cost = 0.5 * width2 * (log_sum + f64::ln(product));
         Evaluation { cost, gradient, hessian, held_shares, known, fitting, lines }
     }
@@ -600,9 +606,9 @@ impl Sums {
 
 /// Leaves open what surfaces hardly hold, of the translations and of the rotations: where they say less of a direction than
 /// [`HELD_SHARE`] of what they say of another, that is noise of their normals, and counts by the square of how far it is below. The shares
-/// (Zhang, Kaess, Singh 2016, "On degeneracy of optimization-based state estimation problems").
-fn leave_open(gradient: &mut Vector6<f64>, hessian: &mut Matrix6<f64>) -> [f64; 2] {
-    let (scale, shares) = held(hessian);
+/// are those of surfaces, whatever single points know of themselves (Zhang, Kaess, Singh 2016, "On degeneracy of optimization-based state estimation problems").
+fn leave_open(of_surfaces: &Matrix6<f64>, gradient: &mut Vector6<f64>, hessian: &mut Matrix6<f64>) -> [f64; 2] {
+    let (scale, shares) = held(of_surfaces);
     if let Some(scale) = scale {
         *gradient = scale * scale * *gradient;
         *hessian = scale * *hessian * scale;

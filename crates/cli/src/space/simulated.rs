@@ -112,10 +112,6 @@ impl Simulation {
         }
     }
 
-    pub(super) fn drive(&self) -> &SpaceDrive {
-        &self.drive
-    }
-
     pub(super) fn sensor(&self) -> &SpaceSensor {
         match &self.eye {
             Eye::Lidar => &self.drive.lidar().sensor,
