@@ -259,7 +259,7 @@ fn numbers(read: &Read, tally: &Tally, results: &Results, timing: &Value) -> Str
     if uncertain > 0 {
         let share = 100.0 * f64::from(uncertain) / (f64::from(uncertain) + f64::from(returns)).max(1.0);
         words += &format!(
-            "points   {} of them ({share:.0} %) are not used: their depth is uncertain by more than half a voxel\n",
+            "points   {} of them ({share:.0} %) are not used: their depth is uncertain by more than a third of a voxel\n",
             grouped(u64::from(uncertain))
         );
     }

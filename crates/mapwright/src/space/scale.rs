@@ -9,6 +9,9 @@ use mapwright_voxel::{Change, Matcher, SurfelMap, SurfelMapSettings, Thinner};
 const FINEST_SHARE: f64 = 1.0 / 16.0;
 /// half of that where points lie so densely that of those of one cloud this share then lies on planes that the cloud itself tells.
 const DENSE_SHARE: f64 = 0.5;
+/// A voxel holds what lies three standard deviations to either side of a surface, where points say how uncertain they are: in smaller ones a point
+/// that is where it should be is hardly more likely there than anywhere.
+const NOISE_IN_VOXEL: f64 = 6.0;
 /// The largest have this side at least, of the rms range.
 const COARSEST_SHARE: f64 = 0.48;
 /// So certain keyframes are matched against, of a voxel's side.
@@ -46,9 +49,13 @@ impl Scale {
         let square = |point: &[f32; 3]| point.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
         let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
         let asked_m = settings.space.resolution_m;
-        let noise_m = median(sigmas_m).unwrap_or_else(|| sensor.sigma_m(range_m));
-        let resolution_m =
-            if asked_m > 0.0 { asked_m } else { two_digits(finest_m(points_m, sensor.origin_m(), range_m, noise_m)) };
+        let of_points_m = median(sigmas_m);
+        let noise_m = of_points_m.unwrap_or_else(|| sensor.sigma_m(range_m));
+        let derived_m = || {
+            let finest_m = finest_m(points_m, sensor.origin_m(), range_m, noise_m);
+            two_digits(finest_m.max(NOISE_IN_VOXEL * of_points_m.unwrap_or(0.0)))
+        };
+        let resolution_m = if asked_m > 0.0 { asked_m } else { derived_m() };
         let levels =
             (1..LEVELS_AT_MOST).find(|&k| resolution_m * f64::from(1_u32 << (k - 1)) >= COARSEST_SHARE * range_m);
         Self { range_m, resolution_m, levels: levels.unwrap_or(LEVELS_AT_MOST), noise_m }

@@ -16,7 +16,7 @@ const LEAST_POINTS: usize = 100;
 /// Of the points within so many of the smallest voxels along each axis, one is matched.
 const MATCHED_SHARE: f64 = 0.8;
 /// Points whose standard deviation is more than such a share of a voxel's side are not used: they lie in it or in the next.
-const UNCERTAIN_SHARE: f64 = 0.5;
+const UNCERTAIN_SHARE: f64 = 1.0 / 3.0;
 /// A cloud may hold so many points.
 const POINTS_AT_MOST: usize = 1 << 24;
 
