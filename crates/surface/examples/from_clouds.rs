@@ -1,7 +1,8 @@
 //! Draws clouds at their poses, and says how long it took and how the mesh lies to them.
 //!
-//! `from_clouds CLOUDS VOXEL_M NOISE_M NOISE_PER_M [OUT.ply|OUT.glb] [key=value ...]`; keys: carve, weight, piece, threads, lazy (keep
+//! `from_clouds CLOUDS VOXEL_M NOISE_M NOISE_PER_M [OUT.ply|OUT.glb] [key=value ...]`; keys: near, carve, weight, piece, threads, lazy (keep
 //! keyframes, move all of them, and back), every and range (which points are compared: each of so many, seen from so near).
+//! `from_clouds CLOUDS MESH.ply [every=N] [range=M]` says how a mesh that was made elsewhere, such as by `mapwright export --to mesh`, lies to them.
 //! CLOUDS is, for each cloud, little endian: points u32, 1 where they have colours u32, translation and quaternion x y z w f64, origin f32 x 3, points f32 x 3, colours u8 x 3
 //! (`clouds.py` beside this file writes it).
 
@@ -29,11 +30,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let named: HashMap<&str, f64> =
         named.iter().filter_map(|arg| arg.split_once('=')).filter_map(|(k, v)| Some((k, v.parse().ok()?))).collect();
     let get = |name: &str, default: f64| named.get(name).copied().unwrap_or(default);
+    if plain.get(1).is_some_and(|name| name.ends_with(".ply")) {
+        return compare(&plain[0], &plain[1], get("every", 211.0) as usize, get("range", f64::INFINITY));
+    }
     let number = |at: usize| -> Result<f64, Box<dyn Error>> { Ok(plain.get(at).ok_or("too few arguments")?.parse()?) };
     let settings = SurfaceSettings {
         voxel_m: number(1)?,
         noise_m: number(2)?,
         noise_per_m: number(3)?,
+        near_m: get("near", 0.0),
         carve: get("carve", 1.0) > 0.0,
         memory_mb: 16_000,
     };
@@ -92,6 +97,45 @@ fn main() -> Result<(), Box<dyn Error>> {
         if path.ends_with(".glb") { write_glb(&mut file, &mesh)? } else { write_ply(&mut file, &mesh)? }
     }
     Ok(())
+}
+
+/// How a mesh lies to clouds: distances within two voxels of 5 cm are told, all that is farther is far.
+fn compare(clouds: &str, mesh: &str, every: usize, range_m: f64) -> Result<(), Box<dyn Error>> {
+    let mut stream = BufReader::with_capacity(1 << 20, File::open(clouds)?);
+    let mut samples = Vec::new();
+    while let Some(cloud) = read_cloud(&mut stream)? {
+        let asked = cloud.points_m.iter().step_by(every).filter(|p| {
+            let from_sensor_m = f64::from(p.iter().map(|v| v * v).sum::<f32>().sqrt());
+            from_sensor_m > 0.1 && from_sensor_m < range_m
+        });
+        samples.extend(asked.map(|p| {
+            let at = cloud.map_from_cloud.transform(nalgebra::Vector3::from(p.map(f64::from)));
+            [at.x, at.y, at.z]
+        }));
+    }
+    let mesh = read_mesh(&std::fs::read(mesh)?).ok_or("no mesh as mapwright writes it")?;
+    println!("vertices {}, triangles {}, edges {:?}", mesh.positions_m.len(), mesh.triangles.len(), mesh.edges());
+    for voxel_m in [0.05, 0.01] {
+        report_distances(&mesh, &samples, voxel_m);
+    }
+    Ok(())
+}
+
+/// A PLY file as `write_ply` makes it.
+fn read_mesh(bytes: &[u8]) -> Option<Mesh> {
+    let end = b"end_header\n";
+    let at = bytes.windows(end.len()).position(|part| part == end)? + end.len();
+    let head = std::str::from_utf8(&bytes[..at]).ok()?;
+    let count = |of: &str| head.lines().find_map(|line| line.strip_prefix(of)?.parse::<usize>().ok());
+    let row = if head.contains("uchar red") { 27 } else { 24 };
+    let (vertices, faces) = bytes.get(at..)?.split_at_checked(row * count("element vertex ")?)?;
+    let single = |bytes: &[u8], k: usize| f32::from_le_bytes(std::array::from_fn(|i| bytes[4 * k + i]));
+    let whole = |bytes: &[u8], k: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[1 + 4 * k + i]));
+    Some(Mesh {
+        positions_m: vertices.chunks_exact(row).map(|v| [0, 1, 2].map(|k| single(v, k))).collect(),
+        triangles: faces.chunks_exact(13).map(|f| [0, 1, 2].map(|k| whole(f, k))).collect(),
+        ..Mesh::default()
+    })
 }
 
 /// What the first thread has worked so far (Linux); nothing where nobody says.

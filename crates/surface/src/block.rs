@@ -73,7 +73,8 @@ impl Block {
                 Change::Add => (near.distance.wrapping_add(weighted), near.weight.wrapping_add(weight)),
                 Change::Remove => (near.distance.wrapping_sub(weighted), near.weight.wrapping_sub(weight)),
             };
-            let Some([red, green, blue]) = colour.map(|colour| colour.map(u32::from)) else { continue };
+            let Some([red, green, blue]) = colour else { continue };
+            let [red, green, blue] = [u32::from(red), u32::from(green), u32::from(blue)];
             let sums = &mut self.colours.get_or_insert_with(|| Box::new([Colour::default(); BLOCK_VOXELS]))[voxel];
             for (sum, part) in sums.iter_mut().zip([red * weight, green * weight, blue * weight, weight]) {
                 *sum = match change {

@@ -28,6 +28,12 @@ pub(crate) fn unpack(key: Key) -> [i32; 3] {
     [part(42), part(21), part(0)]
 }
 
+/// What is asked along each axis; inlined where arrays' own `map` is not, which took two fifths of the time of drawing a cloud.
+#[inline]
+pub(crate) fn along<T>(of: impl Fn(usize) -> T) -> [T; 3] {
+    [of(0), of(1), of(2)]
+}
+
 /// Of a number within [`FARTHEST`].
 #[inline]
 pub(crate) fn floor(v: f64) -> i32 {

@@ -138,7 +138,8 @@ fn disc_of(pyramid: &Pyramid, number: usize, settings: &SurfaceSettings) -> Opti
     // The sum of `1 - (r / radius)^2` over discs that lie one gap apart is one.
     let share = 2.0 / std::f64::consts::PI * (gap / radius).powi(2);
     let cosine = normal.dot(&towards);
-    let [here, near] = [noise, settings.noise_voxels(0.0)].map(|noise| noise.max(LEAST_NOISE));
+    let near = settings.noise_voxels(settings.near_m / voxel_m).max(LEAST_NOISE);
+    let here = noise.max(near);
     let disc = Disc {
         mean_m: to_f32(mean * voxel_m),
         normal: to_f32(normal),

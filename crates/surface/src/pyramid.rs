@@ -1,6 +1,6 @@
 //! The points of a view by cells whose sides double.
 
-use crate::key::{Key, floor, is_within, pack, unpack};
+use crate::key::{Key, along, floor, is_within, pack, unpack};
 use crate::plane::{Moments, Plane};
 use crate::view::{PointCounts, View};
 use nalgebra::Vector3;
@@ -59,7 +59,7 @@ impl Pyramid {
         let is_coloured = !view.colours.is_empty();
         let (mut cells, mut sums, mut places) = (Vec::<Cell>::new(), Vec::<Sums>::new(), FxHashMap::default());
         let (per_m, mut last) = (1.0 / voxel_m, (Key::MAX, 0_u32));
-        let scaled = |at_m: [f32; 3]| at_m.map(|v| f64::from(v) * per_m);
+        let scaled = |at_m: [f32; 3]| along(|k| f64::from(at_m[k]) * per_m);
         let one_origin = (view.origins_m.len() == 1).then(|| view.origins_m[0]);
         let mut from = one_origin.map_or([0.0; 3], scaled);
         for (number, &point) in view.points_m.iter().enumerate() {
@@ -73,7 +73,7 @@ impl Pyramid {
                 *why_not(&mut counts, apart2) += 1;
                 continue;
             }
-            let place = at.map(floor);
+            let place = along(|k| floor(at[k]));
             let key = pack(place);
             if key != last.0 {
                 let new = cells.len() as u32;
@@ -84,7 +84,7 @@ impl Pyramid {
                 }
             }
             let cell = last.1 as usize;
-            cells[cell].moments.add([0, 1, 2].map(|k| at[k] - f64::from(place[k])));
+            cells[cell].moments.add(along(|k| at[k] - f64::from(place[k])));
             if one_origin.is_none() {
                 (0..3).for_each(|k| sums[cell].origin_m[k] += f64::from(view.origins_m[number][k]));
             }

@@ -12,6 +12,9 @@ pub struct SurfaceSettings {
     /// How much the standard deviation grows with the square of the range, 1/m: 0 of lidars, 0.0019 of structured light (Nguyen, Izadi and Lovell 2012,
     /// "Modeling Kinect sensor noise", eq. 2), some 0.002 of stereo. What is seen from near counts for more.
     pub noise_per_m: f64,
+    /// What is seen from here or nearer counts fully, metres, and what is farther by the inverse of its variance beside that: about where most points are, for
+    /// a view counts as one of 31 steps at least and rays take away what counts for little.
+    pub near_m: f64,
     /// Whether rays take away what they pass through: what moved, and noise.
     pub carve: bool,
     /// What the voxels may take, megabytes. What a [`crate::Surface`] keeps of each keyframe, some 36 bytes for each voxel that it sees a surface in, is beside it.
@@ -20,7 +23,7 @@ pub struct SurfaceSettings {
 
 impl Default for SurfaceSettings {
     fn default() -> Self {
-        Self { voxel_m: 0.05, noise_m: 0.01, noise_per_m: 0.0, carve: true, memory_mb: 4096 }
+        Self { voxel_m: 0.05, noise_m: 0.01, noise_per_m: 0.0, near_m: 0.0, carve: true, memory_mb: 4096 }
     }
 }
 
@@ -56,6 +59,7 @@ impl SurfaceSettings {
         check((1e-6..=1e6).contains(&voxel_m), "voxel_m", "0.000001 to 1000000 m", voxel_m)?;
         check((0.0..=NOISE_VOXELS * voxel_m).contains(&noise_m), "noise_m", "0 to two voxels", noise_m)?;
         check((0.0..=1.0).contains(&self.noise_per_m), "noise_per_m", "0 to 1 per m", self.noise_per_m)?;
+        check((0.0..=1e6).contains(&self.near_m), "near_m", "0 to 1000000 m", self.near_m)?;
         check(self.memory_mb > 0, "memory_mb", "1 or more", 0.0)
     }
 }

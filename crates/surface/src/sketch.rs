@@ -1,6 +1,6 @@
 //! What one view says of voxels at one pose, before it is counted into a volume.
 
-use crate::key::{BLOCK_BITS, BLOCK_VOXELS, Key, floor, is_within, pack, within_block};
+use crate::key::{BLOCK_BITS, BLOCK_VOXELS, Key, along, floor, is_within, pack, within_block};
 use crate::patch::{Disc, Patch};
 use mapwright_geom::Pose3;
 use nalgebra::{Matrix3, Vector3};
@@ -144,7 +144,7 @@ impl Sketch {
         Reading {
             distance: ((steps + 0.5_f32.copysign(steps)) as i32).clamp(-STEPS_MOST, STEPS_MOST),
             weight: weight.clamp(1, WEIGHT_MOST),
-            colour: colour.map(|[red, green, blue, weight]| [red, green, blue].map(|sum| (sum / weight + 0.5) as u8)),
+            colour: colour.map(|colour| along(|k| (colour[k] / colour[3] + 0.5) as u8)),
         }
     }
 
@@ -182,14 +182,14 @@ impl Sketch {
     fn add_disc(&mut self, disc: &Disc, at: [f64; 3], normal: [f32; 3], colour: Option<[u8; 3]>) {
         let a = (0..3).fold(0, |a, k| if normal[k].abs() > normal[a].abs() { k } else { a });
         let (u, v) = ((a + 1) % 3, (a + 2) % 3);
-        let base = at.map(floor);
-        let offset: [f32; 3] = [0, 1, 2].map(|k| (at[k] - f64::from(base[k])) as f32);
+        let base = along(|k| floor(at[k]));
+        let offset = along(|k| (at[k] - f64::from(base[k])) as f32);
         let reach =
             |k: usize| disc.truncation * normal[k].abs() + disc.radius * (1.0 - normal[k] * normal[k]).max(0.0).sqrt();
-        let steps: [(i32, i32); 3] = [0, 1, 2].map(|k| (ceil_of(offset[k] - reach(k)), floor_of(offset[k] + reach(k))));
-        let colour = colour.map(|colour| colour.map(f32::from)).map(|[red, green, blue]| [red, green, blue, 1.0]);
+        let steps = along(|k| (ceil_of(offset[k] - reach(k)), floor_of(offset[k] + reach(k))));
+        let colour = colour.map(|[red, green, blue]| [f32::from(red), f32::from(green), f32::from(blue), 1.0]);
         let shape = Shape::of(disc, normal[a]);
-        let mut slots = Slots::new([0, 1, 2].map(|k| (base[k] + steps[k].0) >> BLOCK_BITS));
+        let mut slots = Slots::new(along(|k| (base[k] + steps[k].0) >> BLOCK_BITS));
         for iv in steps[v].0..=steps[v].1 {
             for iu in steps[u].0..=steps[u].1 {
                 let (du, dv) = (iu as f32 - offset[u], iv as f32 - offset[v]);
@@ -241,18 +241,18 @@ impl Sketch {
         }
         let fixed = |v: f64| (v * RAY_UNIT) as i64;
         let start = Vector3::from(to) + direction * skipped;
-        let mut at: [i64; 3] = [0, 1, 2].map(|k| fixed(start[k] + 0.5));
-        let step: [i64; 3] = (direction / direction.amax()).map(fixed).into();
+        let [mut x, mut y, mut z] = along(|k| fixed(start[k] + 0.5));
+        let [dx, dy, dz] = along(|k| fixed(direction[k] / direction.amax()));
         let mut last = (Key::MAX, 0_usize);
         for _ in 0..(layers as usize).min(RAY_VOXELS) {
-            let voxel = at.map(|v| (v >> RAY_BITS) as i32);
-            let key = pack(voxel.map(|v| v >> BLOCK_BITS));
+            let voxel = [(x >> RAY_BITS) as i32, (y >> RAY_BITS) as i32, (z >> RAY_BITS) as i32];
+            let key = pack(along(|k| voxel[k] >> BLOCK_BITS));
             if key != last.0 {
                 last = (key, self.passed_slot(key));
             }
             let bit = within_block(voxel);
             self.passed[last.1].1[bit / 64] |= 1 << (bit % 64);
-            at = [0, 1, 2].map(|k| at[k] + step[k]);
+            (x, y, z) = (x + dx, y + dy, z + dz);
         }
     }
 
@@ -353,8 +353,8 @@ impl Slots {
 
     #[inline]
     fn get(&mut self, sketch: &mut Sketch, voxel: [i32; 3]) -> usize {
-        let block = voxel.map(|v| v >> BLOCK_BITS);
-        let [x, y, z] = [0, 1, 2].map(|k| (block[k] - self.low[k]) as usize & (SLOTS - 1));
+        let block = along(|k| voxel[k] >> BLOCK_BITS);
+        let [x, y, z] = along(|k| (block[k] - self.low[k]) as usize & (SLOTS - 1));
         let slot = &mut self.slots[x + SLOTS * (y + SLOTS * z)];
         if *slot == NO_SLOT {
             *slot = sketch.slot(pack(block)) as u32;

@@ -48,6 +48,8 @@ struct Keyframe {
     patch: Patch,
     /// None where memory did not suffice to draw it.
     map_from_keyframe: Option<Pose3>,
+    /// Discs that lie beyond the places of a map, and are not drawn.
+    outside: usize,
 }
 
 /// What an update did.
@@ -79,6 +81,12 @@ impl Surface {
         self.keyframes.iter().map(|(&id, keyframe)| (id, keyframe.map_from_keyframe))
     }
 
+    /// Pieces of surface that lie beyond half a million voxels from the map's origin at the present render poses, and are not drawn.
+    #[must_use]
+    pub fn outside(&self) -> usize {
+        self.keyframes.values().map(|keyframe| keyframe.outside).sum()
+    }
+
     /// Adds a keyframe at its pose. Says which of its points could not be used.
     ///
     /// # Errors
@@ -99,8 +107,8 @@ impl Surface {
         if self.keyframes.contains_key(&id) {
             return Err(SurfaceError::Twice { id });
         }
-        self.volume.draw(&patch, map_from_keyframe, Change::Add)?;
-        self.keyframes.insert(id, Keyframe { patch, map_from_keyframe: Some(map_from_keyframe) });
+        let outside = self.volume.draw(&patch, map_from_keyframe, Change::Add)?;
+        self.keyframes.insert(id, Keyframe { patch, map_from_keyframe: Some(map_from_keyframe), outside });
         Ok(())
     }
 
@@ -109,7 +117,8 @@ impl Surface {
     /// # Errors
     /// [`SurfaceError::Unknown`].
     pub fn remove(&mut self, id: u64) -> Result<(), SurfaceError> {
-        let Keyframe { patch, map_from_keyframe } = self.keyframes.remove(&id).ok_or(SurfaceError::Unknown { id })?;
+        let Keyframe { patch, map_from_keyframe, .. } =
+            self.keyframes.remove(&id).ok_or(SurfaceError::Unknown { id })?;
         map_from_keyframe.map_or(Ok(()), |at| self.volume.draw(&patch, at, Change::Remove).map(drop))
     }
 
@@ -160,7 +169,7 @@ impl Surface {
     fn draw_at(&mut self, id: u64, map_from_keyframe: Pose3) -> Result<(), SurfaceError> {
         let Some(keyframe) = self.keyframes.get_mut(&id) else { return Ok(()) };
         keyframe.map_from_keyframe = None;
-        self.volume.draw(&keyframe.patch, map_from_keyframe, Change::Add)?;
+        keyframe.outside = self.volume.draw(&keyframe.patch, map_from_keyframe, Change::Add)?;
         keyframe.map_from_keyframe = Some(map_from_keyframe);
         Ok(())
     }

@@ -16,6 +16,8 @@ fn settings_that_cannot_be_are_refused() {
         SurfaceSettings { noise_m: f64::NAN, ..good },
         SurfaceSettings { noise_m: 0.2, ..good },
         SurfaceSettings { noise_per_m: -0.1, ..good },
+        SurfaceSettings { near_m: -1.0, ..good },
+        SurfaceSettings { near_m: f64::NAN, ..good },
         SurfaceSettings { memory_mb: 0, ..good },
     ];
     for settings in bad {
