@@ -70,6 +70,7 @@ pub use settings::{
     MotionSettings, Optimizer, ScanSettings, SettingLine, Settings, SettingsError,
 };
 pub use space::{
-    ImuMount, ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of,
+    ImuMount, ImuReport, MapPoints, MapSurfel, MapSurfels, SpaceMap, SurfaceMap, occupancy_of, points_of,
+    points_of_map, surface_settings, surfels_of, usual_range_m, white_of,
 };
 pub use visits::{MISFIT_M, Visits, visit_pairs};

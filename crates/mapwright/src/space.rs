@@ -5,7 +5,9 @@ mod front;
 mod local_map;
 mod render;
 mod scale;
+mod surface;
 
 pub(crate) use front::SpaceFrontEnd;
 pub use front::{ImuMount, ImuReport};
 pub use render::{MapPoints, MapSurfel, MapSurfels, SpaceMap, occupancy_of, points_of, points_of_map, surfels_of};
+pub use surface::{SurfaceMap, surface_settings, usual_range_m, white_of};

@@ -3,9 +3,10 @@
 
 use mapwright::{
     Beams, Entry, Keyframe, KeyframeId, LeftOut, LeftOutReason, Occupancy, OccupancySettings, Pose3, Run, RunId,
-    Session, Snapshot, SpaceMap, SpaceSweep, occupancy_of,
+    Session, Snapshot, SpaceMap, SpaceSensor, SpaceSweep, SurfaceMap, occupancy_of, surface_settings, white_of,
 };
 use mapwright_sim::space::{LidarSettings, SpaceDrive, SpaceDriveSettings, TrueCloud, worlds};
+use mapwright_surface::{MeshSettings, write_glb};
 use nalgebra::Vector6;
 use proptest::prelude::*;
 use std::sync::{Arc, LazyLock};
@@ -71,6 +72,20 @@ fn seen(occupancy: &Occupancy) -> impl PartialEq + use<> {
     (occupancy.voxels().collect::<Vec<_>>(), octree)
 }
 
+/// A surface without anything.
+fn surface() -> SurfaceMap {
+    let settings = surface_settings(&SpaceSensor::lidar("top"), 10.0, 0.2);
+    SurfaceMap::new(settings, None).expect("voxels of a size that can be")
+}
+
+/// The file that a surface becomes.
+fn file(map: &SurfaceMap, threads: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mesh = map.mesh(&MeshSettings { threads, ..MeshSettings::default() });
+    write_glb(&mut bytes, &mesh).expect("a vector does not fail");
+    bytes
+}
+
 /// The session with every keyframe where it is drawn.
 fn as_drawn(map: &SpaceMap, session: &Session<SpaceSweep>) -> Occupancy {
     let mut session = session.clone();
@@ -126,6 +141,24 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 10, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
+    fn an_exported_surface_is_the_one_drawn_from_scratch(events in events(), threads in 1..4_usize) {
+        let mut session = session(12);
+        let mut map = surface();
+        for (event, look) in events {
+            happen(&event, &mut session);
+            if look {
+                map.follow(&session, threads).expect("memory suffices");
+            }
+        }
+        let mut scratch = surface();
+        scratch.export(&session, 1).expect("memory suffices");
+        let exported = map.export(&session, threads).expect("memory suffices");
+        prop_assert!(exported.volume() == scratch.surface().volume());
+        prop_assert!(exported.volume().is_empty() == session.drawn().iter().all(Option::is_none));
+        prop_assert!(file(&map, threads) == file(&scratch, 1));
+    }
+
+    #[test]
     fn an_exported_map_is_the_one_drawn_from_scratch(events in events()) {
         let mut session = session(12);
         let mut map = SpaceMap::new(SETTINGS);
@@ -176,4 +209,35 @@ fn what_is_left_out_leaves_the_map_and_so_does_what_the_session_has_no_more() {
     let fewer = session(15);
     map.export(&fewer);
     assert!(seen(map.occupancy()) == seen(&occupancy_of(&fewer, SETTINGS)));
+}
+
+#[test]
+fn what_is_left_out_is_in_no_surface_and_intensities_are_grey() {
+    let mut session = session(6);
+    let mut map = surface();
+    map.export(&session, 2).expect("memory suffices");
+    let whole = map.surface().volume().clone();
+    assert!(whole.blocks() > 100, "{} blocks", whole.blocks());
+    assert!(map.mesh(&MeshSettings::default()).colours.is_empty() && white_of(&session).is_none());
+    leave_out(&mut session, 2, Beams::All);
+    map.export(&session, 2).expect("memory suffices");
+    assert!(*map.surface().volume() != whole && map.surface().keyframes().count() == 5);
+
+    // the same keyframe with intensities: half of its points bright, all others nearly dark
+    let keyframe = &MAPPED.keyframes()[0];
+    let count = keyframe.sweep.points.len();
+    let intensities: Vec<f32> = (0..count).map(|k| if k < count / 2 { 200.0 } else { 2.0 }).collect();
+    let sweep = Arc::new(keyframe.sweep.as_ref().clone().with_intensities(&intensities));
+    let mut bright = Session::default();
+    add(&mut bright, Entry::Run(MAPPED.runs().next().expect("a run").clone()));
+    let keyframe = Arc::new(Keyframe { sweep, ..keyframe.as_ref().clone() });
+    add(&mut bright, Entry::Keyframe { keyframe, map_from_keyframe: Pose3::identity() });
+    let white = white_of(&bright);
+    assert_eq!(white, Some(200.0));
+    let mut map = SurfaceMap::new(*whole.settings(), white).expect("voxels of a size that can be");
+    map.export(&bright, 1).expect("memory suffices");
+    let mesh = map.mesh(&MeshSettings::default());
+    let near =
+        |grey: u8| mesh.colours.iter().filter(|colour| colour.iter().all(|part| part.abs_diff(grey) < 4)).count();
+    assert!(near(255) > 10 && near(25) > 10, "{} bright, {} dark", near(255), near(25));
 }
