@@ -47,7 +47,9 @@ pub use map::{
     Curve, RobotWay, write_curve_png, write_map_yaml, write_pgm, write_plain_png, write_png, write_rgb_png,
     write_space_png, write_tinted_png, write_ways_png, write_world_file,
 };
-pub use map::{SpacePlacement, ViewPlacement, wall_direction, write_bare_png, write_bare_space_png};
+pub use map::{
+    SpacePlacement, SpaceView, ViewPlacement, height_colour, wall_direction, write_bare_png, write_bare_space_png,
+};
 pub use mrclam::{
     MrclamPose, MrclamRows, MrclamSighting, MrclamVelocity, read_mrclam_barcodes, read_mrclam_measurements,
     read_mrclam_odometry, read_mrclam_truth,

@@ -45,6 +45,8 @@ pub(super) enum Item {
     Meeting([usize; 2]),
     /// Lines of a colour, by name.
     Lines(Colour, &'static str),
+    /// What is said in words.
+    Words(String),
     /// Heights as colours, from the lowest to the highest, metres.
     Heights { colour_at: fn(f32) -> Colour, low_m: f32, high_m: f32 },
 }
@@ -131,6 +133,7 @@ impl Item {
             }
             Self::Run(marks, name) => vec![Part::Stroke(run_colour(marks[0])), Part::Tag(*marks), text(name)],
             Self::Meeting(pair) => vec![Part::Meeting(*pair), text("met here")],
+            Self::Words(words) => vec![text(words)],
             &Self::Lines(colour, name) => vec![Part::Stroke(colour), text(name)],
             &Self::Heights { colour_at, low_m, high_m } => {
                 // Zero has no sign.
@@ -262,6 +265,7 @@ mod tests {
             Item::Seen,
             Item::Uncertainty { full_m: 0.5 },
             Item::Lines(START, "closures"),
+            Item::Words("from above, storey 1 of 2; 0.4 % of the points lie outside".replace(';', ",")),
             Item::Turned { by_rad: 0.5 },
             Item::Turned { by_rad: -0.123 },
         ];

@@ -27,7 +27,9 @@ pub use plain::{write_plain_png, write_tinted_png, write_world_file};
 pub use plot::{Curve, RobotWay, write_curve_png, write_ways_png};
 pub use read::{MAX_MAP_CELLS, read_map_image};
 pub use runs::{RUN_COLOURS, RunWay, Runs, run_colour};
-pub use space::{SpacePicture, SpacePlacement, upward, write_bare_space_png, write_space_png};
+pub use space::{
+    SpacePicture, SpacePlacement, SpaceView, height_colour, upward, write_bare_space_png, write_space_png,
+};
 pub use walls::{dominant_wall_angle, wall_direction};
 
 use crate::error::FormatError;
