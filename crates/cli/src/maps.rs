@@ -35,7 +35,7 @@ pub(crate) fn remove_outdated_maps(output: &mut OutputFolder, maps: usize) {
 }
 
 /// The names that exports have unless they are given others, and what lies beside them.
-pub(crate) const EXPORTS: [&str; 12] = [
+pub(crate) const EXPORTS: [&str; 14] = [
     "export.tum",
     "export.kitti",
     "export.times",
@@ -48,12 +48,23 @@ pub(crate) const EXPORTS: [&str; 12] = [
     "export.ply",
     "export.pcd",
     "export.bt",
+    "mesh.glb",
+    "mesh.ply",
 ];
 
 /// With the folder's commit the files go that `mapwright export` has made there of an earlier run, under the names that it gives
 /// them; in words, if there are any.
 pub(crate) fn remove_outdated_exports(output: &mut OutputFolder) -> Option<String> {
-    let gone: Vec<_> = EXPORTS.into_iter().filter(|name| output.remove_outdated((*name).to_owned())).collect();
+    let mut gone: Vec<String> =
+        EXPORTS.map(str::to_owned).into_iter().filter(|name| output.remove_outdated(name.clone())).collect();
+    for map in 2.. {
+        let files = ["glb", "ply"].map(|ending| format!("mesh-{map}.{ending}"));
+        let found: Vec<String> = files.into_iter().filter(|name| output.remove_outdated(name.clone())).collect();
+        if found.is_empty() {
+            break;
+        }
+        gone.extend(found);
+    }
     (!gone.is_empty()).then(|| format!("exports of the results before are gone: {}", gone.join(" ")))
 }
 

@@ -17,11 +17,12 @@ pub(crate) struct ExportArgs {
     /// The file; otherwise export.tum, export.mcap and so on in the folder of results.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
-    /// Of a session of the plane whose pieces nothing holds together, for --to pgm, worldfile and mcap: which of its maps, as map-2.png is
-    /// numbered. Otherwise the first.
+    /// Of a session whose pieces nothing holds together, in the plane for --to pgm, worldfile and mcap, in space for --to mesh: which of its
+    /// maps, as map-2.png is numbered. Otherwise the first; meshes of all.
     #[arg(long, value_name = "NUMBER")]
     pub(crate) map: Option<NonZeroUsize>,
-    /// Of a session of space: side of the map's voxels, metres; of a cloud one point in each is kept. Otherwise 0.1.
+    /// Of a session of space: side of the map's voxels, metres; of a cloud one point in each is kept. Otherwise 0.1, and for --to mesh half of
+    /// how far apart the points lie that keyframes keep.
     #[arg(long, value_name = "METRES", value_parser = parse_side)]
     pub(crate) resolution: Option<f64>,
     /// Of a session of space, for --to pgm: what stands between these heights above the robot's way is an obstacle, metres. The
@@ -35,6 +36,9 @@ pub(crate) struct ExportArgs {
     /// messages in the order of their stamps.
     #[arg(long, value_enum)]
     pub(crate) stamps: Option<StampPolicy>,
+    /// Threads to use for --to mesh; the results do not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
     /// One JSON object instead of words.
     #[arg(long)]
     pub(crate) json: bool,
@@ -68,6 +72,9 @@ pub(crate) enum ExportTo {
     Pcd,
     /// Of space: what is occupied, free and unknown, as OctoMap's .bt.
     Octomap,
+    /// Of space: the surface as triangles, with colours or, in grey, intensities; -o NAME.glb (glTF, which any viewer opens) or NAME.ply.
+    /// One for each map that there is.
+    Mesh,
 }
 
 #[derive(Debug, ClapArgs)]

@@ -1,5 +1,6 @@
 //! `mapwright export`
 
+mod mesh;
 mod space;
 
 use crate::args::{ExportArgs, ExportTo};
@@ -59,14 +60,14 @@ impl Exported {
 }
 
 fn of_plane(args: &ExportArgs, session: &Session, path: &Path) -> Result<Exported, Failure> {
-    let refused = |what: &str| Failure::Session {
-        path: args.results.clone(),
-        cause: format!("{what} needs a session of space, found one of the plane"),
-    };
+    let of_other_kind = |what: &str| refused(args, &format!("{what} needs a session of space, found one of the plane"));
     let asked =
         [(args.band.is_some(), "--band"), (args.resolution.is_some(), "--resolution"), (args.surfels, "--surfels")];
     if let Some((_, option)) = asked.iter().find(|(is_asked, _)| *is_asked) {
-        return Err(refused(option));
+        return Err(of_other_kind(option));
+    }
+    if args.threads.is_some() {
+        return Err(Failure::Usage(format!("--threads is for --to mesh, found --to {}", word(args.to))));
     }
     let has_map = matches!(args.to, ExportTo::Mcap | ExportTo::Pgm | ExportTo::Worldfile);
     if args.map.is_some() && !has_map {
@@ -76,8 +77,15 @@ fn of_plane(args: &ExportArgs, session: &Session, path: &Path) -> Result<Exporte
         ExportTo::Tum | ExportTo::Kitti | ExportTo::Csv => trajectory(args, session, path),
         ExportTo::Mcap => mcap(args, session, path),
         ExportTo::Pgm | ExportTo::Worldfile => map(args, session, path),
-        ExportTo::Ply | ExportTo::Pcd | ExportTo::Octomap => Err(refused(&format!("--to {}", word(args.to)))),
+        ExportTo::Ply | ExportTo::Pcd | ExportTo::Octomap | ExportTo::Mesh => {
+            Err(of_other_kind(&format!("--to {}", word(args.to))))
+        }
     }
+}
+
+/// Why it cannot be done with this session.
+fn refused(args: &ExportArgs, cause: &str) -> Failure {
+    Failure::Session { path: args.results.clone(), cause: cause.to_owned() }
 }
 
 /// As it is typed.
@@ -96,6 +104,7 @@ fn default_name(to: ExportTo) -> &'static str {
         ExportTo::Ply => "export.ply",
         ExportTo::Pcd => "export.pcd",
         ExportTo::Octomap => "export.bt",
+        ExportTo::Mesh => "mesh.glb",
     }
 }
 

@@ -81,6 +81,63 @@ fn a_session_of_space_becomes_clouds_an_octree_and_a_floor_plan() {
     assert!(text(&read("export.yaml")).contains("resolution: 0.1"));
 }
 
+/// Vertices of a mesh as it is written, and how many triangles there are.
+fn mesh(ply: &[u8]) -> (Vec<[f32; 3]>, usize) {
+    let end = b"end_header\n";
+    let at = ply.windows(end.len()).position(|part| part == end).unwrap() + end.len();
+    let head = std::str::from_utf8(&ply[..at]).unwrap();
+    let count = |of: &str| head.lines().find_map(|line| line.strip_prefix(of)).unwrap().parse::<usize>().unwrap();
+    let row = if head.contains("uchar red") { 27 } else { 24 };
+    let (vertices, faces) = ply[at..].split_at(row * count("element vertex "));
+    assert_eq!(faces.len(), 13 * count("element face "));
+    let vertex = |v: &[u8]| [0, 1, 2].map(|k| f32::from_le_bytes(v[4 * k..4 * k + 4].try_into().unwrap()));
+    (vertices.chunks_exact(row).map(vertex).collect(), faces.len() / 13)
+}
+
+#[test]
+fn a_mesh_lies_on_the_walls_whatever_the_threads() {
+    let out = folder("export_space_mesh").join("out");
+    mapped(&out, false);
+    let file = |name: &str| out.join(name).display().to_string();
+    let export = |name: &str, more: &[&str]| {
+        let path = file(name);
+        run(&[&["export", out.to_str().unwrap(), "--to", "mesh", "-o", &path, "--resolution", "0.1"], more].concat())
+    };
+    let made = export("room.ply", &[]);
+    assert_code(&made, 0);
+    assert!(text(&made.stdout).contains("with colours; voxels of 0.1 m"), "{}", text(&made.stdout));
+    assert_code(&export("again.ply", &["--threads", "2"]), 0);
+    let ply = fs::read(file("room.ply")).unwrap();
+    assert!(ply == fs::read(file("again.ply")).unwrap(), "other bytes on two threads");
+    let (vertices, triangles) = mesh(&ply);
+    assert!(vertices.len() > 10_000 && triangles > 20_000, "{} {triangles}", vertices.len());
+    let off_m = |[x, y, z]: &[f32; 3]| {
+        let walls = [[-5.97, 6.03], [-3.97, 4.03], [-0.97, 2.03]];
+        let to = |k: usize, v: f32| walls[k].iter().map(|wall| (v - wall).abs()).fold(f32::INFINITY, f32::min);
+        to(0, *x).min(to(1, *y)).min(to(2, *z))
+    };
+    let mut off: Vec<f32> = vertices.iter().map(off_m).collect();
+    off.sort_by(f32::total_cmp);
+    assert!(
+        off[off.len() / 2] < 0.01 && off[off.len() * 95 / 100] < 0.05,
+        "{} {}",
+        off[off.len() / 2],
+        off[off.len() * 95 / 100]
+    );
+    // glTF where nothing is asked for, with voxels by what keyframes keep
+    let usual = run(&["export", out.to_str().unwrap(), "--to", "mesh"]);
+    assert_code(&usual, 0);
+    let glb = fs::read(file("mesh.glb")).unwrap();
+    assert!(glb.starts_with(b"glTF\x02\0\0\0") && glb.len() > 100_000, "{}", glb.len());
+    assert_refused(&export("room.obj", &[]), 2, &["room.obj", "expected a name that ends in .glb or .ply"]);
+    assert_refused(&export("room.ply", &["--map", "3"]), 2, &["expected map 3, found 1 map"]);
+    assert_refused(
+        &run(&["export", out.to_str().unwrap(), "--to", "ply", "--threads", "2"]),
+        1,
+        &["--threads is for --to mesh"],
+    );
+}
+
 /// Rows of floats and colours of a PLY file whose vertices have seven floats and a colour.
 fn discs(ply: &[u8]) -> Vec<([f32; 7], [u8; 3])> {
     let end = b"end_header\n";
@@ -183,7 +240,7 @@ fn what_the_other_kind_of_session_cannot_become_is_told() {
     mapped(&space, false);
     mapped(&camera, true);
     let export = |of: &Path, more: &[&str]| run(&[&["export", of.to_str().unwrap(), "--to"], more].concat());
-    for to in ["ply", "pcd", "octomap"] {
+    for to in ["ply", "pcd", "octomap", "mesh"] {
         assert_refused(
             &export(&plane, &[to]),
             1,

@@ -1,6 +1,6 @@
 //! Sessions of space: trajectories, clouds, octrees and floor plans.
 
-use super::{Exported, word, write_map, write_part, write_times};
+use super::{Exported, mesh, refused, word, write_map, write_part, write_times};
 use crate::args::{ExportArgs, ExportTo};
 use crate::failure::Failure;
 use crate::output::write_whole;
@@ -27,8 +27,11 @@ const CELLS_AT_MOST: u64 = 100_000_000;
 
 /// Writes it.
 pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
-    if args.map.is_some() {
-        return Err(refused(args, "--map needs a session of the plane, found one of space"));
+    if args.map.is_some() && args.to != ExportTo::Mesh {
+        return Err(refused(args, "--map needs a session of the plane or --to mesh, found one of space"));
+    }
+    if args.threads.is_some() && args.to != ExportTo::Mesh {
+        return Err(refused(args, "--threads is for --to mesh alone"));
     }
     if args.band.is_some() && args.to != ExportTo::Pgm {
         return Err(refused(args, "--band is for --to pgm alone"));
@@ -43,18 +46,15 @@ pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Pa
         ExportTo::Mcap => mcap(args, session, path),
         ExportTo::Octomap => octree(&occupancy(args, session), path),
         ExportTo::Pgm => floor_plan(args, session, path),
+        ExportTo::Mesh => mesh::export(args, session, path),
         ExportTo::Worldfile => Err(refused(
             args,
             &format!(
-                "--to {} needs a session of the plane, found one of space: tum, kitti, csv, ply, pcd, mcap, octomap or pgm",
+                "--to {} needs a session of the plane, found one of space: tum, kitti, csv, ply, pcd, mcap, octomap, pgm or mesh",
                 word(args.to)
             ),
         )),
     }
-}
-
-fn refused(args: &ExportArgs, cause: &str) -> Failure {
-    Failure::Session { path: args.results.clone(), cause: cause.to_owned() }
 }
 
 fn trajectory(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
