@@ -1,7 +1,7 @@
 //! The map with its layers, as SVG in the picture's pixels.
 
 use super::drawn::{Drawn, KeyframePlace, WayPose};
-use super::figure::{Figure, pixel};
+use super::figure::{Figure, FigureView};
 use super::html::{base64, escaped};
 use super::robots::colour;
 use super::run::Run;
@@ -45,12 +45,11 @@ pub(super) fn svg(run: &Run, figure: &Figure, id: &str) -> String {
         base64(&figure.png),
     );
     for view in &figure.views {
-        let place = |at: [f64; 3]| pixel(view, at);
-        text += &uncertainty(&run.drawn, figure.map, &place);
-        text += &path(&run.drawn, figure.map, &place);
-        text += &doubt(&run.drawn, figure.map, &place);
-        text += &closures(&run.drawn, figure.map, &place);
-        text += &next(&run.drawn, figure.map, &place);
+        text += &uncertainty(&run.drawn, figure.map, view);
+        text += &path(&run.drawn, figure.map, view);
+        text += &doubt(&run.drawn, figure.map, view);
+        text += &closures(&run.drawn, figure.map, view);
+        text += &next(&run.drawn, figure.map, view);
     }
     text += "<g class=\"here\" hidden=\"\"><circle r=\"7\"/></g>\n</svg>\n";
     text
@@ -64,7 +63,7 @@ pub(super) fn map_name(map: usize) -> String {
 /// Where the map's origin is, of a map of the plane: what is pointed at can be told in metres.
 fn origin(figure: &Figure) -> String {
     match &figure.views[..] {
-        [ViewPlacement { offset_px: [x, y], .. }] => {
+        [FigureView { placement: ViewPlacement { offset_px: [x, y], .. }, .. }] => {
             let turned_rad = figure.level_rad.unwrap_or(0.0);
             format!(" data-origin=\"{},{}\" data-turned=\"{turned_rad}\"", rounded(*x), rounded(*y))
         }
@@ -106,32 +105,34 @@ fn line(pixels: &[[f64; 2]]) -> String {
     if pixels.len() == 1 { text + "h0" } else { text }
 }
 
-type Place<'a> = dyn Fn([f64; 3]) -> [f64; 2] + 'a;
-
-fn path(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
+fn path(drawn: &Drawn, map: usize, view: &FigureView) -> String {
     let mut text = String::from("<g class=\"layer-path\">");
     let mut of_map: Vec<&WayPose> = drawn.way.iter().filter(|pose| pose.map == map).collect();
     of_map.sort_by_key(|pose| pose.part[0]);
     let pixels = |poses: &[&WayPose]| -> Vec<[f64; 2]> {
-        poses.iter().map(|pose| place(pose.map_from_robot.translation.into())).collect()
+        poses.iter().map(|pose| view.pixel(pose.map_from_robot.translation.into())).collect()
     };
+    let is_shown = |pose: &&WayPose| view.shows(pose.map_from_robot.translation.into());
     // Nobody knows how the robot went over a break.
     let is_one = drawn.runs.is_empty();
     for run in of_map.chunk_by(|a, b| is_one || a.part[0] == b.part[0]) {
-        let d: String = run.chunk_by(|a, b| a.part == b.part).map(|part| line(&pixels(part))).collect();
+        let parts =
+            run.chunk_by(|a, b| a.part == b.part && is_shown(a) == is_shown(b)).filter(|part| is_shown(&part[0]));
+        let d: String = parts.map(|part| line(&pixels(part))).collect();
         let (shown, of) = match drawn.runs.iter().find(|known| !is_one && known.number == run[0].part[0]) {
             Some(known) => (format!(" style=\"--run:{}\"", colour(known.number)), format!(" of {}", known.name)),
             None => (String::new(), String::new()),
         };
         let rim = if is_one { "rim" } else { "rim light" };
         let _ = write!(text, "<path class=\"{rim}\" d=\"{d}\"/><path class=\"way\"{shown} d=\"{d}\"/>");
-        let way = pixels(run);
-        if let (Some(first), Some(last)) = (way.first(), way.last()) {
-            text += &if is_one { String::new() } else { format!("<g class=\"of-run\"{shown}>") };
-            text += &marker("start", *first, &format!("start of the way{of}"), START);
-            text += &marker("end", *last, &format!("end of the way{of}"), END);
-            text += if is_one { "" } else { "</g>" };
+        text += &if is_one { String::new() } else { format!("<g class=\"of-run\"{shown}>") };
+        for (end, class, shape) in [(run.first(), "start", START), (run.last(), "end", END)] {
+            if let Some(pose) = end.filter(|pose| is_shown(pose)) {
+                let at = view.pixel(pose.map_from_robot.translation.into());
+                text += &marker(class, at, &format!("{class} of the way{of}"), shape);
+            }
         }
+        text += if is_one { "" } else { "</g>" };
     }
     text + "</g>\n"
 }
@@ -147,33 +148,36 @@ fn marker(class: &str, [x, y]: [f64; 2], title: &str, d: &str) -> String {
 }
 
 /// Scans in doubt as lines from where the robot was before, and where something begins after a break.
-fn doubt(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
+fn doubt(drawn: &Drawn, map: usize, view: &FigureView) -> String {
     let mut text = String::from("<g class=\"layer-doubt\">");
     for status in [Status::Degraded, Status::Lost] {
         let mut d = String::new();
-        for run in drawn.way.chunk_by(|a, b| (a.status, a.map) == (b.status, b.map)) {
-            if run[0].status == status && run[0].map == map {
-                let pixels: Vec<_> = run.iter().map(|pose| place(pose.map_from_robot.translation.into())).collect();
+        let is_shown = |pose: &WayPose| pose.map == map && view.shows(pose.map_from_robot.translation.into());
+        for run in drawn.way.chunk_by(|a, b| (a.status, is_shown(a)) == (b.status, is_shown(b))) {
+            if run[0].status == status && is_shown(&run[0]) {
+                let pixels: Vec<_> =
+                    run.iter().map(|pose| view.pixel(pose.map_from_robot.translation.into())).collect();
                 d += &line(&pixels);
             }
         }
         let _ = write!(text, "<path class=\"{}\" d=\"{d}\"/>", status.name());
     }
     for (keyframe, start) in &drawn.breaks {
-        if let Some(known) = drawn.keyframes.get(*keyframe).filter(|known| known.map == map) {
+        if let Some(known) = drawn.keyframes.get(*keyframe).filter(|known| known.map == map && view.shows(known.place))
+        {
             let title = format!("a fragment begins here after a break: {start}");
-            text += &marker("break", place(known.place), &title, BREAK);
+            text += &marker("break", view.pixel(known.place), &title, BREAK);
         }
     }
     text + "</g>\n"
 }
 
 /// Numbered places to drive to, the first on top.
-fn next(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
+fn next(drawn: &Drawn, map: usize, view: &FigureView) -> String {
     let mut text = String::from("<g class=\"layer-next\">");
     let of_map = drawn.next.iter().filter(|next| next.map == map).enumerate();
-    for (number, next) in of_map.collect::<Vec<_>>().into_iter().rev() {
-        let [x, y] = place(next.place).map(rounded);
+    for (number, next) in of_map.filter(|(_, next)| view.shows(next.place)).collect::<Vec<_>>().into_iter().rev() {
+        let [x, y] = view.pixel(next.place).map(rounded);
         let _ = write!(
             text,
             "<g class=\"mark next\" transform=\"translate({x} {y})\"><path d=\"{NEXT}\"/><text>{}</text><title>{}</title></g>",
@@ -184,7 +188,7 @@ fn next(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     text + "</g>\n"
 }
 
-fn closures(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
+fn closures(drawn: &Drawn, map: usize, view: &FigureView) -> String {
     let groups = [("layer-closures", true), ("layer-refused", false)];
     let mut text = String::new();
     for (layer, is_closure) in groups {
@@ -203,7 +207,9 @@ fn closures(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
                 .map(|joins| joins.each_ref().map(|fragment| fragment.stamp_s.map(f64::to_bits)));
             let is_join = fragments.is_some_and(|fragments| joined.insert(fragments));
             let class = if is_join { "join" } else { candidate.verdict.name() };
-            text += &closure(number, class, [from, to].map(|known| place(known.place)));
+            if [from, to].iter().all(|known| view.shows(known.place)) {
+                text += &closure(number, class, [from, to].map(|known| view.pixel(known.place)));
+            }
         }
         text += "</g>\n";
     }
@@ -222,10 +228,10 @@ fn closure(number: usize, class: &str, ends: [[f64; 2]; 2]) -> String {
 }
 
 /// The way in steps of uncertainty; empty where nothing is known of it.
-fn uncertainty(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
+fn uncertainty(drawn: &Drawn, map: usize, view: &FigureView) -> String {
     let Some(limits_m) = limits_m(&drawn.keyframes) else { return String::new() };
     let step = |known: &KeyframePlace| {
-        let sigma_m = known.sigma_m?;
+        let sigma_m = known.sigma_m.filter(|_| view.shows(known.place))?;
         Some((known.part, limits_m.iter().position(|&limit_m| sigma_m <= limit_m).unwrap_or(STEPS - 1)))
     };
     let mut lines = vec![String::new(); STEPS];
@@ -235,7 +241,7 @@ fn uncertainty(drawn: &Drawn, map: usize, place: &Place<'_>) -> String {
     for run in own.chunk_by(|a, b| step(a) == step(b)) {
         let goes_on = own.get(first + run.len()).is_some_and(|next| next.part == run[0].part);
         let end = first + run.len() + usize::from(goes_on);
-        let pixels: Vec<_> = own[first..end].iter().map(|known| place(known.place)).collect();
+        let pixels: Vec<_> = own[first..end].iter().map(|known| view.pixel(known.place)).collect();
         if let Some((_, step)) = step(run[0]) {
             lines[step] += &line(&pixels);
         }

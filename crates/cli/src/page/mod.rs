@@ -1,6 +1,6 @@
 //! One self-contained page of a run, or of two side by side: HTML with its style and script within, no network.
 //!
-//! What is told stands in the HTML and is drawn as SVG, so that it can be read without a script as well; the script (`page.js`) enlarges
+//! Maps of space can be turned as well (`turning.js`). What is told stands in the HTML and is drawn as SVG, so that it can be read without a script as well; the script (`page.js`) enlarges
 //! maps, switches layers and lays submaps over each other.
 
 mod clock;
@@ -26,6 +26,7 @@ mod space;
 mod status;
 mod submaps;
 mod thinning;
+mod turning;
 mod verdict;
 
 use crate::failure::Failure;
@@ -37,6 +38,7 @@ use std::path::{Path, PathBuf};
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+const TURNING_SCRIPT: &str = include_str!("turning.js");
 
 /// A page, and what of the results could not be read.
 pub(crate) struct Page {
@@ -66,7 +68,7 @@ fn fill(title: &str, body: &str, data: &Value) -> String {
     let parts = [
         ("title", escaped(title)),
         ("style", STYLE.to_owned()),
-        ("script", SCRIPT.to_owned()),
+        ("script", format!("{TURNING_SCRIPT}\n{SCRIPT}")),
         ("body", body.to_owned()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("data", script_json(data)),

@@ -1,7 +1,7 @@
 //! Maps of the plane: a grey picture of at most so many pixels, turned as `map.png` is.
 
 use super::drawn::{Drawn, MAPS_SHOWN, NextPlace, drawn};
-use super::figure::Figure;
+use super::figure::{Figure, FigureView};
 use crate::advice::words_of;
 use crate::drawing::draw_map;
 use crate::failure::Failure;
@@ -97,8 +97,9 @@ fn figure(
         png,
         size_px: placement.size_px,
         px_per_metre: placement.px_per_metre,
-        views: vec![placement.view],
+        views: vec![FigureView::whole(placement.view)],
         level_rad: Some(level_rad),
         is_coloured: false,
+        turning: None,
     })
 }

@@ -9,6 +9,9 @@ use crate::session::{AnySession, settings_of};
 use mapwright::{Pose3, Settings, Stamp};
 use std::path::Path;
 
+/// What maps of space that can be turned take of a page, bytes before they are written as letters: with pictures and all else it stays below 3 MB.
+pub(super) const TURNING_BYTES: usize = 1_000_000;
+
 /// A run, and all that is told of it.
 pub(super) struct Run {
     pub(super) name: String,
@@ -20,7 +23,8 @@ pub(super) struct Run {
 
 impl Run {
     /// Maps of the plane are turned until the direction that is given is level, or as the run has turned them.
-    pub(super) fn read(path: &Path, level_rad: Option<f64>) -> Result<Self, Failure> {
+    /// Of maps of space what can be turned takes so many bytes at most.
+    pub(super) fn read(path: &Path, level_rad: Option<f64>, turning_bytes: usize) -> Result<Self, Failure> {
         let results = Results::read(path)?;
         let (settings, drawn) = match &results.session {
             AnySession::Plane(session) => {
@@ -29,7 +33,7 @@ impl Run {
             }
             AnySession::Space(session) => {
                 let settings = settings_of(session, path)?;
-                (settings, space::draw(session, settings, &results.report)?)
+                (settings, space::draw(session, settings, &results.report, turning_bytes)?)
             }
         };
         let settings = Some(settings).filter(|_| !drawn.way.is_empty());

@@ -134,18 +134,62 @@ fn map(run: &Run, figure: &Figure, id: &str) -> String {
             format!("<button type=\"button\" data-zoom=\"{act}\" aria-label=\"{name}: {what}\" title=\"{what}\">{sign}</button>")
         })
         .collect();
-    format!(
-        "<figure class=\"map-figure\" data-run=\"{id}\">\n<div class=\"frame\">{}<div class=\"zoom\">{buttons}</div>\
+    turning(run, figure, id)
+        + &format!(
+            "<figure class=\"map-figure\" data-run=\"{id}\">\n<div class=\"frame\">{}<div class=\"zoom\">{buttons}</div>\
          <div class=\"scale-bar\" aria-hidden=\"true\"><i></i><span></span></div><output class=\"at\"></output></div>\
          <figcaption>{}</figcaption></figure>\n",
-        layers::svg(run, figure, &format!("map-{id}-{}", figure.map)),
-        escaped(&figure.words)
+            layers::svg(run, figure, &format!("map-{id}-{}", figure.map)),
+            escaped(&figure.words)
+        )
+}
+
+/// The map of space that can be turned; the script shows it where there is WebGL.
+fn turning(run: &Run, figure: &Figure, id: &str) -> String {
+    let Some(turning) = &figure.turning else { return String::new() };
+    let (name, map) = (map_name(figure.map), figure.map);
+    let buttons = [
+        ("in", "+", "nearer"),
+        ("out", "−", "farther"),
+        ("above", "⊤", "from above"),
+        ("side", "⊢", "from the side"),
+        ("all", "⤢", "as at first"),
+    ];
+    let button = |(act, sign, what): &(&str, &str, &str)| {
+        format!(
+            "<button type=\"button\" data-turn=\"{act}\" aria-label=\"{name}: {what}\" title=\"{what}\">{sign}</button>"
+        )
+    };
+    let buttons: String = buttons.iter().map(button).collect();
+    let label = format!("{name} of {} in space, to be turned: its points, the way of the robot and closures", run.name);
+    format!(
+        "<figure class=\"turning\" data-run=\"{id}\" data-map=\"{map}\">\n<div class=\"frame\">\
+         <canvas hidden=\"\" tabindex=\"0\" role=\"img\" aria-label=\"{}\" aria-describedby=\"turning-{id}-{map}\"></canvas>\
+         <div class=\"turning-tools\" hidden=\"\"><div class=\"zoom\">{buttons}</div>\
+         <label class=\"height\">Heights up to <input type=\"range\"/> <span class=\"cut\"></span></label>\
+         <output class=\"at\"></output></div></div>\
+         <figcaption id=\"turning-{id}-{map}\">{}. Drag or arrow keys turn it, <kbd>+</kbd> <kbd>−</kbd> bring it nearer, Shift with either moves it, \
+         <kbd>0</kbd> is as at first; the slider takes away what is higher, such as ceilings.</figcaption>\
+         <noscript><p>Where scripts run the map can be turned. The picture below shows it from above and from the side.</p></noscript></figure>\n",
+        escaped(&label),
+        escaped(&turning.words),
     )
 }
 
 /// What the script is told of a run.
 pub(super) fn data(run: &Run) -> Value {
-    json!({ "closures": closures::to_json(run), "submaps": run.drawn.overlays.to_json(), "way": way(run) })
+    let turning = run
+        .drawn
+        .figures
+        .iter()
+        .filter_map(|figure| Some((figure.map.to_string(), figure.turning.as_ref()?.to_json().clone())));
+    let turning: serde_json::Map<String, Value> = turning.collect();
+    let mut data =
+        json!({ "closures": closures::to_json(run), "submaps": run.drawn.overlays.to_json(), "way": way(run) });
+    if !turning.is_empty() {
+        data["turning"] = Value::Object(turning);
+    }
+    data
 }
 
 /// Times in tenths of a second, and where the robot was in each view of its map: whole pixels.
@@ -155,9 +199,9 @@ fn way(run: &Run) -> Value {
     for (seconds, k) in thinning::peaks(&timed, WAY_POINTS) {
         let pose = run.drawn.way[k as usize];
         let Some(figure) = run.drawn.figures.iter().find(|figure| figure.map == pose.map) else { continue };
-        let at = figure.views.iter().flat_map(|view| {
-            super::figure::pixel(view, pose.map_from_robot.translation.into()).map(|v| v.round() as i64)
-        });
+        let place = pose.map_from_robot.translation.into();
+        let shown = figure.views.iter().filter(|view| view.shows(place));
+        let at = shown.flat_map(|view| view.pixel(place).map(|v| v.round() as i64));
         let at: Vec<i64> = at.collect();
         told.push(json!([(10.0 * seconds).round() as i64, pose.map, at]));
     }

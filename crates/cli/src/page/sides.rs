@@ -2,7 +2,7 @@
 
 use super::errors::{self, Errors, Reference};
 use super::html::escaped;
-use super::run::Run;
+use super::run::{Run, TURNING_BYTES};
 use super::sections::{data, drive_next, layer_switches, maps, section};
 use super::single::{short_name, what_it_is};
 use super::{Beside, Page, closures, fill, inputs, numbers, relations, settings, status, verdict};
@@ -20,9 +20,10 @@ const NAMES: [&str; 2] = ["A", "B"];
 
 pub(super) fn page(folders: [&Path; 2], asked: Beside<'_>) -> Result<Page, Failure> {
     let (reference, relations) = relations::told_apart(asked.reference, asked.relations)?;
-    let first = Run::read(folders[0], None)?;
+    let first = Run::read(folders[0], None, TURNING_BYTES / 2)?;
     // Both maps lie the same way.
-    let second = Run::read(folders[1], first.drawn.figures.first().and_then(|figure| figure.level_rad))?;
+    let second =
+        Run::read(folders[1], first.drawn.figures.first().and_then(|figure| figure.level_rad), TURNING_BYTES / 2)?;
     let runs = [first, second];
     let both = [&runs[0], &runs[1]];
     let [a, b] = both.map(|run| beside(reference, run));

@@ -2,7 +2,7 @@
 
 use super::errors::{self, Reference};
 use super::html::escaped;
-use super::run::Run;
+use super::run::{Run, TURNING_BYTES};
 use super::sections::{data, drive_next, layer_switches, maps, section};
 use super::{Beside, Page, closures, fill, inputs, numbers, relations, robots, settings, status, verdict};
 use crate::failure::Failure;
@@ -12,7 +12,7 @@ use std::path::Path;
 const DETAIL: &str = include_str!("detail.html");
 
 pub(super) fn page(folder: &Path, beside: Beside<'_>) -> Result<Page, Failure> {
-    let run = Run::read(folder, None)?;
+    let run = Run::read(folder, None, TURNING_BYTES)?;
     let (reference, relations) = relations::told_apart(beside.reference, beside.relations)?;
     let related = relations.as_ref().map(|relations| relations.errors(&run)).transpose()?;
     let reference = Reference::of(reference, &run)?;

@@ -228,10 +228,77 @@ fn maps_of_space_have_pages_too() {
     assert_code(&run(&["demo", "--3d", "--seconds", "12", "-o", out.to_str().unwrap(), "--quiet"]), 0);
     let html = page(&out, "space.html", &[]).1;
     assert!(html.contains("a map of space") && html.contains("Absolute error (ATE)"));
-    assert!(html.len() < 1_500_000, "{}", html.len());
+    assert!(html.len() < 3_000_000, "{}", html.len());
+    assert!(html.contains("<noscript>") && html.contains("points, one in each cube of"));
     // the way is drawn from above and from the side
     assert_eq!(html.matches("<path class=\"way\"").count(), 2);
     assert_eq!(data(&html)["a"]["way"][0][2].as_array().unwrap().len(), 4);
+}
+
+#[test]
+fn a_map_of_space_is_turned_in_a_browser() {
+    let Some(chromium) = chromium() else {
+        eprintln!("a map that turns in a browser: skipped: no Chromium (MAPWRIGHT_CHROMIUM or chromium in PATH)");
+        return;
+    };
+    let out = folder("page_turning").join("out");
+    assert_code(&run(&["demo", "--3d", "--seconds", "12", "-o", out.to_str().unwrap(), "--quiet"]), 0);
+    let (path, html) = page(&out, "turning.html", &[]);
+    let mut browser = Browser::open(&chromium, &folder("turning_profile"), &path);
+    let canvas = "document.querySelector('figure.turning canvas')";
+    browser.wait_for(&format!("Boolean({canvas}.dataset.drawn) || {canvas}.hidden"));
+    if browser.value(&format!("{canvas}.hidden")) == true {
+        eprintln!("a map that turns in a browser: skipped: Chromium without WebGL");
+        let told = browser.text("document.querySelector('figure.turning figcaption').textContent");
+        assert!(told.contains("no WebGL"), "{told}");
+        return;
+    }
+    let told = data(&html)["a"]["turning"]["0"]["points"].as_str().unwrap().len() / 4 * 3 / 8;
+    let drawn = browser.text(&format!("{canvas}.dataset.drawn"));
+    let points: usize = drawn.split(',').next().unwrap().parse().unwrap();
+    assert!(points > 1000 && points.abs_diff(told) <= 1, "{drawn} of {told}");
+    // pixels that are not the ground, their colours, and a sum that tells two pictures apart
+    let pixels = format!(
+        "(() => {{ const c = {canvas}, gl = c.getContext('webgl'), all = new Uint8Array(4 * c.width * c.height); \
+         gl.readPixels(0, 0, c.width, c.height, gl.RGBA, gl.UNSIGNED_BYTE, all); const seen = new Set(); let sum = 0, shown = 0; \
+         for (let k = 0; k < all.length; k += 4) {{ const v = all[k] << 16 | all[k + 1] << 8 | all[k + 2]; seen.add(v); \
+         if (k > 0 && v !== (all[0] << 16 | all[1] << 8 | all[2])) shown += 1; sum = (sum * 31 + v) % 1000000007; }} \
+         return [shown / (c.width * c.height), seen.size, sum]; }})()"
+    );
+    let look = |browser: &mut Browser| -> [f64; 3] {
+        // two frames later everything asked for is drawn
+        browser.value("window.frames_seen = 0; requestAnimationFrame(() => requestAnimationFrame(() => { window.frames_seen = 2; }))");
+        browser.wait_for("window.frames_seen === 2");
+        serde_json::from_value(browser.value(&pixels)).unwrap()
+    };
+    let first = look(&mut browser);
+    assert!(first[0] > 0.05 && first[1] > 20.0, "{first:?}");
+    browser.value(&format!("{canvas}.focus()"));
+    assert!(browser.text("getComputedStyle(document.activeElement).outlineStyle") != "none", "focus is seen");
+    let mut last = first;
+    for (key, code, text) in [("ArrowLeft", 37, ""), ("ArrowUp", 38, ""), ("+", 187, "+"), ("-", 189, "-")] {
+        browser.key(key, code, text);
+        let now = look(&mut browser);
+        assert!(now[2] != last[2] && now[0] > 0.02, "{key}: {last:?} {now:?}");
+        last = now;
+    }
+    let words = browser.text("document.querySelector('figure.turning .at').textContent");
+    assert!(words.contains("° above"), "{words}");
+    browser.key("0", 48, "0");
+    assert_eq!(look(&mut browser), first, "as at first");
+    browser.click("[data-turn=above]");
+    assert!(look(&mut browser)[2] != first[2]);
+    // what is higher than the slider says goes
+    let above = look(&mut browser);
+    browser.value(
+        "(() => { const range = document.querySelector('figure.turning input'); range.value = range.min; \
+         range.dispatchEvent(new Event('input')); })()",
+    );
+    assert!(look(&mut browser)[0] < 0.5 * above[0], "{above:?}");
+    assert_eq!(
+        browser.value("performance.getEntriesByType('resource').filter((r) => !r.name.startsWith('data:')).length"),
+        0
+    );
 }
 
 #[test]
