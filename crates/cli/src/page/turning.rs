@@ -74,7 +74,7 @@ impl Turning {
             base64(&coded)
         };
         let every = shown.way.len().div_ceil(WAY_PLACES).max(1);
-        let last = shown.way.last().filter(|_| (shown.way.len() - 1) % every != 0);
+        let last = shown.way.last().filter(|_| !(shown.way.len() - 1).is_multiple_of(every));
         let way = shown.way.iter().step_by(every).chain(last).map(|pose| <[f64; 3]>::from(pose.translation));
         let highest = shown.way.iter().map(|pose| dot(placement.axes[2], pose.translation.into()));
         let outside = all - inside.points_m.len();
