@@ -381,7 +381,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, conflicts_with = "show", group = "driven")]
     pub(crate) fleet: bool,
     /// Instead of the office's laser: sixteen sonars and wheels that err by 10 %, on a floor of 40 by 20 m.
-    #[arg(long, conflicts_with_all = ["show", "space", "fleet"])]
+    #[arg(long, conflicts_with_all = ["show", "in_space", "fleet"])]
     pub(crate) sonar: bool,
     /// The drive of --3d, --depth, --stereo or --fleet ends then, seconds, or with its way.
     #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "driven")]

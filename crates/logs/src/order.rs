@@ -214,6 +214,7 @@ mod tests {
                 Event::Scan(scan) => scan.stamp,
                 Event::Odometry(odometry) => odometry.stamp,
                 Event::TurnRate(turn_rate) => turn_rate.stamp,
+                Event::Sonar(reading) => reading.stamp,
             };
             stamps.push((stamp.as_secs_f64() * 10.0).round() as i64);
         };

@@ -129,8 +129,7 @@ impl Sonars {
     /// What was lost, in words.
     pub(crate) fn losses(&self) -> Vec<String> {
         let unplaced = self.counts().unplaced;
-        let words =
-            || format!("{} without odometry before and after: not used", count(unplaced, "single reading"));
+        let words = || format!("{} without odometry before and after: not used", count(unplaced, "single reading"));
         (unplaced > 0).then(words).into_iter().collect()
     }
 
