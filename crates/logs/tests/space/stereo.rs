@@ -4,6 +4,8 @@ use super::*;
 
 const WIDTH: u32 = 160;
 const HEIGHT: u32 = 80;
+/// A distortion of the equidistant model.
+const FISHEYE: &[f64] = &[0.1, 0.02, 0.001, 0.0];
 
 /// A number that looks random, by its place.
 fn value(x: u32, y: u32) -> u8 {
@@ -181,7 +183,7 @@ fn cameras_that_are_no_pair_are_refused_with_what_to_type() {
     let error = told(pair("zero.mcap", "image_rect", |info| info.p.0[0] = 0.0));
     assert!(error.contains("expected focal lengths above zero in P"), "{error}");
     let error = told(pair("fish.mcap", "image_raw", |info| {
-        (info.distortion_model, info.d) = ("equidistant".into(), [0.1; 4][..].to_vec().into());
+        (info.distortion_model, info.d) = ("equidistant".into(), FISHEYE[..].into());
     }));
     assert!(error.contains("equidistant") && error.contains("record rectified images"), "{error}");
     let mut swapped = Recorder::new("swapped.mcap");
