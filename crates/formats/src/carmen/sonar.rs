@@ -158,7 +158,7 @@ mod tests {
         let (readings, dropped) = read("SONAR 25 2 5110 2320 0 0 0 0 0 90 1 host 1\nSONAR 0.4 1 0.5 0 0 0 1 host 1\n");
         assert!(dropped.is_empty(), "{dropped:?}");
         assert_eq!(readings[0].ranges_m, [5.11, 2.32]);
-        assert!((readings[0].ring.sonars[1].robot_from_sonar.theta - 1.5708).abs() < 1e-4);
+        assert!((readings[0].ring.sonars[1].robot_from_sonar.theta - std::f64::consts::FRAC_PI_2).abs() < 1e-4);
         assert!((readings[0].ring.sonars[0].opening_rad - 0.4363).abs() < 1e-4);
         assert_eq!(readings[1].ranges_m, [0.5]);
     }
