@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """A CARMEN log of what `sonar_udacity8` holds: readings of eight sonars in millimetres, and poses in millimetres and tenths of a degree.
 
-    scripts/sonar_logs.py ../shared/data/sonar_udacity8 udacity8.clf
+    scripts/sonar_logs.py ../shared/data/sonar_udacity8 udacity8.clf udacity8.tum
     mapwright map udacity8.clf -o udacity8
+    mapwright eval udacity8/trajectory.tum --reference udacity8.tum
 
 The folder says directions and poses and no more: the sonars are taken to sit in the robot's origin, with cones of 15 degrees, as far as the six in
 front are apart. 5110 stands for nothing heard; the poses are exact, and become odometry.
@@ -27,10 +28,16 @@ def rows(path):
 
 
 def main():
-    if len(sys.argv) != 3:
+    if len(sys.argv) not in (3, 4):
         sys.exit(__doc__)
     folder = pathlib.Path(sys.argv[1])
     poses = {row[0]: row[1:] for row in rows(folder / "poses.txt")}
+    if len(sys.argv) == 4:
+        with open(sys.argv[3], "w", encoding="ascii") as trajectory:
+            for stamp_ms, (x_mm, y_mm, tenths) in poses.items():
+                half = math.radians(tenths / 10) / 2
+                turn = f"{math.sin(half):.9f} {math.cos(half):.9f}"
+                trajectory.write(f"{stamp_ms / 1000:.3f} {x_mm / 1000} {y_mm / 1000} 0 0 0 {turn}\n")
     with open(sys.argv[2], "w", encoding="ascii") as log:
         log.write(f"PARAM mapwright_sonar_range_max {REACH_M} nohost 0\n")
         for stamp_ms, *ranges_mm in rows(folder / "measurement.txt"):
