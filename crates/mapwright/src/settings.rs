@@ -345,7 +345,7 @@ impl Settings {
             scan: ScanSettings { drop_moving: false, ..defaults.scan },
             // Wheels count as what they are, 10 % of ways and turns and 2.5 degrees a metre: scans of sonars say too little to tell.
             motion: MotionSettings { alpha1: 0.02, alpha2: 0.002, alpha3: 0.02, alpha4: 0.002, ..defaults.motion },
-            // Some ten walls are seen by two hundred beams, right or wrong each as a whole, and a fifth of them is wrong by more than a cell.
+            // Some ten walls are seen by two hundred beams, right or wrong each as a whole.
             matching: MatchingSettings {
                 sigma_m: 0.05,
                 capture_sigma_m: 0.1,

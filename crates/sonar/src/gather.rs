@@ -66,7 +66,8 @@ pub struct Stretch {
     pub walls: Vec<Wall>,
 }
 
-/// Walls that so many echoes agree on stand in the scan: those of fewer are drawn, but of them every third is wrong by a cell.
+/// Walls that so many echoes agree on stand in the scan: those of fewer are drawn, but too often wrong
+/// by a cell to say where the robot is.
 const SURE_ECHOES: usize = 5;
 /// Odometry is interpolated between two readings no farther apart, seconds: as for lasers' scans.
 const ODOMETRY_GAP_S: f64 = 2.0;
