@@ -73,6 +73,7 @@ mod odometry;
 mod order;
 mod packets;
 mod plan;
+mod problem;
 mod ranges;
 mod report;
 mod robots;

@@ -2,6 +2,7 @@
 
 use crate::channel::Messages;
 use crate::plan::{Mount, Plan};
+use crate::problem::Problem;
 use mapwright_formats::OddHeads;
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{LaserScan, PointCloud2};
@@ -13,13 +14,6 @@ use std::sync::Arc;
 
 /// Points that were taken longer after or before their cloud's stamp say nothing of its sweep, seconds.
 const LONGEST_SWEEP_S: f32 = 10.0;
-
-/// Why a message is no scan.
-#[derive(Debug)]
-pub(crate) enum Problem {
-    Undecodable(String),
-    Unusable(String),
-}
 
 /// A scan that waits for its turn.
 #[derive(Debug)]

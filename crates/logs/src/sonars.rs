@@ -5,8 +5,8 @@ use crate::choice::Choice;
 use crate::frames::{Place, place};
 use crate::links::{bare, stamp_or};
 use crate::odometry;
-use crate::scans::Problem;
-use crate::survey::{Survey, TopicSurvey, same_name};
+use crate::problem::Problem;
+use crate::survey::{SonarHead, Survey, TopicSurvey, same_name};
 use mapwright_bags::RawMessage;
 use mapwright_ros::messages::Range;
 use mapwright_ros::planar;
@@ -29,9 +29,6 @@ pub struct SonarSource {
     /// What a number of its messages is, metres.
     pub(crate) unit_m: f64,
 }
-
-/// What a message of one sonar says of it: opening in radians, least and greatest range.
-pub(crate) type Said = [f32; 3];
 
 /// What is found, and why others are not used.
 #[derive(Debug, Default)]
@@ -82,7 +79,7 @@ fn placed(survey: &Survey, choice: &Choice, frame: &str, moved: &[&str], on: Opt
     }
 }
 
-fn source(topic: &TopicSurvey, frame: &str, said: Said, at: &Place) -> Result<SonarSource, String> {
+fn source(topic: &TopicSurvey, frame: &str, said: SonarHead, at: &Place) -> Result<SonarSource, String> {
     let unit_m = if said[2].is_finite() && said[2] >= MILLIMETRES_FROM { 1e-3 } else { 1.0 };
     let forward = at.robot_from_sensor.rotation * Vector3::x();
     let sonar = sonar(said, unit_m, planar(&at.robot_from_sensor));
@@ -98,7 +95,7 @@ fn source(topic: &TopicSurvey, frame: &str, said: Said, at: &Place) -> Result<So
     Ok(SonarSource { topic: topic.name.clone(), frame: frame.to_owned(), sonar, unit_m })
 }
 
-fn sonar([opening_rad, min, max]: Said, unit_m: f64, robot_from_sonar: mapwright_geom::Pose2) -> Sonar {
+fn sonar([opening_rad, min, max]: SonarHead, unit_m: f64, robot_from_sonar: mapwright_geom::Pose2) -> Sonar {
     let [opening_rad, min, max] = [opening_rad, min, max].map(f64::from);
     Sonar { robot_from_sonar, opening_rad, range_min_m: min.max(0.0) * unit_m, range_max_m: max * unit_m }
 }

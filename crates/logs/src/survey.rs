@@ -6,7 +6,6 @@ use crate::directions::{Glimpse, Reach};
 use crate::foxglove::PointCloud;
 use crate::links::{Links, bare, joined, namespace};
 use crate::packets::{Metadata, OUSTER_FRAME, PacketSurvey};
-use crate::sonars::Said;
 use crate::still::{Movement, Scenery};
 use mapwright_bags::{BagError, Connection, RawMessage, ReadReport, Recording};
 use mapwright_clouds::{Distances, OusterInfo, read_png16};
@@ -36,6 +35,9 @@ const SWEEPS_LOOKED_AT: usize = 64;
 const PIXELS_LOOKED_AT: u64 = 1 << 22;
 /// Topics of which the messages are looked at.
 const TOPICS_KEPT: usize = 4096;
+
+/// What a message of one sonar says of it: opening in radians, least and greatest range.
+pub(crate) type SonarHead = [f32; 3];
 
 /// One topic of a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,7 +87,7 @@ pub struct TopicSurvey {
     /// What the message says, where it is one number: an option of a camera.
     pub(crate) number: Option<f32>,
     /// Of sonars, by their frames.
-    pub(crate) sonars: BTreeMap<String, Said>,
+    pub(crate) sonars: BTreeMap<String, SonarHead>,
     /// Of odometry.
     pub(crate) movement: Movement,
     /// Of planar scans.

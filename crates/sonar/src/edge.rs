@@ -1,7 +1,7 @@
 //! Edges: what gives echoes from one point, as a door's frame does, wherever it is heard from.
 
 use crate::arc::Arc2;
-use crate::hough::{Fit, GATE_SIGMAS, LEAST_ECHOES, places};
+use crate::fit::{Fit, GATE_SIGMAS, LEAST_ECHOES, places};
 use crate::wall::{KNOWN_TO_M, Wall};
 use mapwright_geom::{sin_cos, wrap_angle};
 

@@ -2,6 +2,7 @@
 
 use crate::arc::Arc2;
 use crate::edge::edge;
+use crate::fit::{Fit, GATE_SIGMAS, LEAST_ECHOES, Line, places};
 use crate::wall::{KNOWN_TO_M, Wall};
 use mapwright_geom::{sin_cos, wrap_angle};
 use std::f64::consts::TAU;
@@ -10,10 +11,6 @@ use std::f64::consts::TAU;
 const DIRECTIONS: usize = 120;
 /// Depths that are told apart, metres: an echo's noise.
 const DEPTH_STEP_M: f64 = 0.05;
-/// A wall has answered so many times at least, from as many places: two arcs always have a common tangent.
-pub(crate) const LEAST_ECHOES: usize = 3;
-/// Arcs belong to a wall within so many standard deviations.
-pub(crate) const GATE_SIGMAS: f64 = 2.5;
 /// Directions count as equally good down to this share of the most votes.
 const PLATEAU_SHARE: f64 = 0.85;
 /// Two echoes of one wall are no farther apart along it, metres: narrower than a door.
@@ -45,13 +42,6 @@ pub(crate) fn walls(arcs: &[Arc2], most_beyond_m: f64) -> Vec<Wall> {
         walls.extend(pieces);
     }
     walls
-}
-
-/// A line: direction of its normal in radians and depth in metres.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Line {
-    pub(crate) normal_rad: f64,
-    pub(crate) depth_m: f64,
 }
 
 struct Votes {
@@ -127,15 +117,6 @@ impl Votes {
 
 fn direction_rad(direction: usize) -> f64 {
     TAU * direction as f64 / DIRECTIONS as f64
-}
-
-/// A line and the free arcs that are tangent to it.
-pub(crate) struct Fit {
-    pub(crate) line: Line,
-    /// Standard deviation of its direction, radians.
-    direction_sigma_rad: f64,
-    /// The arcs, and the place of each along the line, metres; in order of places.
-    pub(crate) echoes: Vec<(usize, f64)>,
 }
 
 /// Least squares over the arcs near the line, the direction held by the votes; the arcs anew by the line found.
@@ -227,12 +208,4 @@ fn pieces(arcs: &[Arc2], fit: &Fit, most_beyond_m: f64) -> Vec<Wall> {
 /// How far a line goes on where a piece of it was heard: as far as its direction is known, and no farther than half of what was heard.
 fn known_beyond_m(length_m: f64, direction_sigma_rad: f64) -> f64 {
     (KNOWN_TO_M / direction_sigma_rad).min(KNOWN_TO_M + 0.5 * length_m)
-}
-
-/// From how many places a wall answered.
-pub(crate) fn places(arcs: &[Arc2], run: &[(usize, f64)]) -> usize {
-    let mut places: Vec<u32> = run.iter().map(|&(k, _)| arcs[k].place).collect();
-    places.sort_unstable();
-    places.dedup();
-    places.len()
 }

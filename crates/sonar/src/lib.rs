@@ -12,6 +12,7 @@
 mod arc;
 mod drawn;
 mod edge;
+mod fit;
 mod gather;
 mod hough;
 mod scan;
