@@ -15,8 +15,8 @@ const BEHIND_M: f64 = 0.15;
 /// What the echoes of a stretch say: something where each came from, nothing nearer within its cone.
 ///
 /// The table marks the whole arc as occupied. Here the arc has shrunk to where the others of its stretch leave it, the wall that it is
-/// tangent to or the edge that it crosses. Echoes that nothing bears out say nothing: of a detour both halves would be wrong. Nor does silence, for
-/// smooth walls are silent. For the same reason a cone is free up to the walls of its stretch only, and what seems to lie behind one
+/// tangent to or the edge that it crosses. Echoes that nothing bears out say nothing: of a detour both halves would be wrong. Nor does
+/// silence, for smooth walls are silent. For the same reason a cone is free up to the walls of its stretch only, and what seems to lie behind one
 /// came by a detour.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DrawnEchoes {
@@ -49,8 +49,8 @@ impl DrawnEchoes {
         self.echoes.is_empty()
     }
 
-    /// Puts an echo where a scan's points are drawn from: one hit, and free rays over the cone, all in the stretch's frame. Nothing where it came
-    /// by a detour, or where there is no such echo.
+    /// Puts an echo where a scan's points are drawn from: one hit, and free rays over the cone, all in the stretch's frame. Nothing
+    /// where it came by a detour, or where there is no such echo.
     pub fn fill(&self, echo: usize, points: &mut SweepPoints) {
         points.clear();
         let Some(&(arc, number, along_m)) = self.echoes.get(echo) else { return };

@@ -156,7 +156,8 @@ impl Sonars {
 /// A map of sonars alone is always to be checked: such a share of its stretches fits badly, and there odometry decides.
 pub(crate) fn alone(badly: f64) -> Reason {
     let words = format!(
-        "sonars alone made it, and {:.0} % of the stretches fit the map badly: odometry decides there, and nothing but your own look tells how well",
+        "sonars alone made it, and {:.0} % of the stretches fit the map badly: odometry decides there, and nothing but your own look tells \
+         how well",
         100.0 * badly
     );
     Reason { word: Usability::Check, what: "of_sonars", words, evidence: json!({ "fit_badly": badly }) }

@@ -12,8 +12,8 @@ pub(crate) struct SonarOffice {
     pub(crate) events: Box<dyn Iterator<Item = Event<TrueSonar>>>,
 }
 
-/// A robot with 16 sonars whose wheels err by 10 % of every metre and of every radian (sigma of that much way), by 3 % of all ways and turns, and
-/// whose heading drifts as office robots' does.
+/// A robot with 16 sonars whose wheels err by 10 % of every metre and of every radian (sigma of that much way), by 3 % of all ways and
+/// turns, and whose heading drifts as office robots' does.
 pub(crate) fn sonar_office(seed: u64) -> SonarOffice {
     let site = Arc::new(worlds::small_office(seed));
     let odometry = OdometryNoise {
