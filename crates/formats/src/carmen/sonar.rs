@@ -70,7 +70,9 @@ pub(super) fn read<'a>(
     };
     let ring = SonarRing { name: "SONAR".to_owned(), sonars: said.offsets.iter().map(sonar).collect() };
     if let Err(why) = ring.check() {
-        return Err(BadLine::new(DropReason::BadNumber, why, line.clone().word()));
+        let expected = why.split_once("expected ").and_then(|(_, rest)| rest.split(", found").next());
+        let expected = expected.unwrap_or(&why).to_owned();
+        return Err(BadLine::new(DropReason::BadNumber, expected, line.clone().word()));
     }
     if *reading.ring != ring {
         reading.ring = Arc::new(ring);
