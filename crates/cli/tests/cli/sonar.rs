@@ -67,15 +67,20 @@ fn beside_a_laser_the_laser_maps_as_it_does_alone() {
     let (mut both, mut alone) = (CarmenWriter::new(Vec::new()), CarmenWriter::new(Vec::new()));
     let site = Arc::new(worlds::rooms(3));
     let heard = sonar_drive(Arc::clone(&site), settings(), SonarSettings::default());
+    // between two readings of odometry, for before the first and after the last nothing says where sonars were
+    let (mut waiting, mut is_known) = (None, false);
     for (seen, heard) in Drive::new(site, settings()).zip(heard) {
         match (seen, heard) {
             (Event::Scan(seen), Event::Scan(heard)) => {
                 both.scan(&seen.scan).unwrap();
                 alone.scan(&seen.scan).unwrap();
                 let odom_from_robot = None;
-                both.sonar(&mapwright_sensor::SonarReading { odom_from_robot, ..heard.reading }).unwrap();
+                let reading = mapwright_sensor::SonarReading { odom_from_robot, ..heard.reading };
+                waiting = is_known.then_some(reading);
             }
             (Event::Odometry(odometry), _) => {
+                is_known = true;
+                waiting.take().iter().for_each(|reading| both.sonar(reading).unwrap());
                 both.odometry(&odometry).unwrap();
                 alone.odometry(&odometry).unwrap();
             }

@@ -103,9 +103,9 @@ fn folders_of_two_cameras_are_mapped_and_compared_with_their_poses() {
         };
         let out = map("one", "1");
         let report = json(&out.join("report.json"));
-        let ate_m = report["reference"]["ate_rmse_m"].as_f64().unwrap();
-        // 2.7 m of way
-        assert!(ate_m < 0.05, "{layout}: {ate_m} m");
+        // 0.14 m of way from pair to pair
+        let [off_m, off_deg] = ["rpe_median_m", "rpe_median_deg"].map(|key| report["reference"][key].as_f64().unwrap());
+        assert!(off_m < 0.06 && off_deg < 0.5, "{layout}: {off_m} m, {off_deg} deg from pair to pair");
         assert_eq!(report["clouds"], 20);
         let two = map("two", "2");
         for file in ["session.mapwright", "trajectory.tum", "map.ply"] {
