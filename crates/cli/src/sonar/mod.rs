@@ -126,11 +126,12 @@ impl Sonars {
         text
     }
 
-    /// What was lost, in words.
+    /// What was lost, in words; that no odometry follows the last reading of the ring is of any log, and only counted.
     pub(crate) fn losses(&self) -> Vec<String> {
+        let once = self.ring.as_ref().map_or(0, |ring| ring.sonars.len() as u64);
         let unplaced = self.counts().unplaced;
         let words = || format!("{} without odometry before and after: not used", count(unplaced, "single reading"));
-        (unplaced > 0).then(words).into_iter().collect()
+        (unplaced > once).then(words).into_iter().collect()
     }
 
     /// For `report.json`; nothing where no sonar was heard.
