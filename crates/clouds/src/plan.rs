@@ -9,7 +9,7 @@ use crate::points::UNIX_S;
 use crate::poses::{Reference, stamp_of_text};
 use crate::stereo::StereoPairPlan;
 use mapwright_geom::Stamp;
-use mapwright_sensor::SpaceSensor;
+use mapwright_sensor::{ImuReading, SpaceSensor};
 use std::fmt;
 
 /// From one frame to the next where nothing says when they were taken, nanoseconds: lidars turn at 10 Hz.
@@ -95,6 +95,8 @@ pub(crate) struct StereoPlan {
     pub(crate) pair_words: String,
     /// Disparities to look at, where the folder says it.
     pub(crate) disparities: Option<u32>,
+    /// Readings of the inertial sensor beside it, in the robot's frame, by their stamps.
+    pub(crate) readings: Vec<ImuReading>,
 }
 
 /// How frames are read.

@@ -79,7 +79,11 @@ impl<'a> Recording<'a> {
     /// Whether inertial readings come with the clouds.
     #[must_use]
     pub fn has_readings(&self) -> bool {
-        matches!(&self.plan.decode, Decode::Packets(survey) if survey.readings > 0)
+        match &self.plan.decode {
+            Decode::Packets(survey) => survey.readings > 0,
+            Decode::Stereo(plan) => !plan.readings.is_empty(),
+            _ => false,
+        }
     }
 
     /// What took the clouds.
@@ -252,11 +256,12 @@ impl Clouds<'_> {
         self.end()
     }
 
-    /// Inertial readings that came with the clouds read so far, up to the end of the last, and were not asked for; of captures of lidars
-    /// that have such a sensor, in the frame of the points.
+    /// Inertial readings that came with the clouds read so far, up to the end of the last, and were not asked for: of captures of lidars
+    /// that have such a sensor in the frame of the points, of pairs of cameras in the robot's.
     pub fn take_readings(&mut self) -> Vec<ImuReading> {
         match &mut self.source {
             Source::Packets(sweeps) => sweeps.readings().collect(),
+            Source::Stereo(source) => source.readings_until(self.last_stamp, self.place >= self.frames.len()),
             _ => Vec::new(),
         }
     }

@@ -8,8 +8,9 @@ use crate::image::{CameraImage, read_camera_image};
 use crate::plan::{Frame, StereoPlan};
 use crate::stereo::{StereoDepth, StereoPairPlan, is_turned_words};
 use mapwright_geom::Stamp;
-use mapwright_sensor::{Cloud, PinholeCamera, SpaceSensor};
+use mapwright_sensor::{Cloud, ImuReading, PinholeCamera, SpaceSensor};
 use mapwright_stereo::{StereoCamera, StereoError};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// So many pairs are asked whether they are pairs: the first may show a blank wall.
@@ -21,6 +22,8 @@ const PIXELS_MOST: u64 = 1 << 26;
 pub(crate) struct StereoSource {
     depth: StereoDepth,
     size: [u32; 2],
+    /// Those that were not asked for yet.
+    readings: VecDeque<ImuReading>,
 }
 
 impl StereoSource {
@@ -38,7 +41,13 @@ impl StereoSource {
         }
         let pair = pair_of(plan, options)?;
         let depth = StereoDepth::new(&pair, plan.disparities).map_err(|cause| refused(plan, options, &cause))?;
-        Ok(Self { depth, size: plan.size })
+        Ok(Self { depth, size: plan.size, readings: plan.readings.iter().copied().collect() })
+    }
+
+    /// Inertial readings up to the last pair, or all that are left at the end.
+    pub(crate) fn readings_until(&mut self, last: Option<Stamp>, is_end: bool) -> Vec<ImuReading> {
+        let due = self.readings.partition_point(|reading| is_end || last.is_some_and(|last| reading.stamp <= last));
+        self.readings.drain(..due).collect()
     }
 
     /// The left camera as it is seen by after rectification.

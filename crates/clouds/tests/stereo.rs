@@ -72,6 +72,62 @@ fn euroc() -> Memory<'static> {
     folder.with("mav0/state_groundtruth_estimate0/data.csv", truth)
 }
 
+#[test]
+fn readings_of_imu0_come_with_the_pairs_in_the_bodys_frame() {
+    let list = "#timestamp [ns],w,w,w,a,a,a\n1050000000,0,0,0.2,0,0,9.8\n990000000,0.1,0,0,1,0,9.8\nnothing\n1060000000,0,0,0,0,0,9.8\n";
+    // its x is the body's z
+    let mount = "T_BS:\n  cols: 4\n  rows: 4\n  data: [0, 1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0, 1]\n";
+    let folder = euroc().with("mav0/imu0/data.csv", list).with("mav0/imu0/sensor.yaml", mount);
+    let recording = recognise(&folder).unwrap().unwrap();
+    assert!(recording.has_readings() && recording.notes().count(NoteKind::BadRow) == 1);
+    let mut clouds = recording.clouds(&CameraOptions::default()).unwrap();
+    let mut stamps = Vec::new();
+    while clouds.next_cloud().unwrap().is_some() {
+        let readings = clouds.take_readings();
+        for reading in &readings {
+            assert!(reading.specific_force_m_per_s2.is_some_and(|force| (force.y - 9.8).abs() < 1e-9));
+        }
+        if let [first] = readings[..] {
+            assert!((first.turn_rate_rad_per_s.z - 0.1).abs() < 1e-9, "{first:?}");
+        }
+        stamps.push(readings.iter().map(|reading| reading.stamp.0).collect::<Vec<_>>());
+    }
+    assert_eq!(stamps, [vec![990_000_000], vec![1_050_000_000, 1_060_000_000]]);
+    assert!(clouds.decisions().iter().any(|words| words.contains("imu0/data.csv is used: 3 readings")));
+
+    let folder = euroc().with("mav0/imu0/data.csv", list).with("mav0/imu0/sensor.yaml", "T_BS: 5\n");
+    let recording = recognise(&folder).unwrap().unwrap();
+    assert!(!recording.has_readings());
+    let clouds = recording.clouds(&CameraOptions::default()).unwrap();
+    assert!(clouds.decisions().iter().any(|words| words.contains("imu0/data.csv is not used")));
+}
+
+#[test]
+fn raw_recordings_of_kitti_have_dates() {
+    let mut folder = Memory::default();
+    for k in 0..3 {
+        folder = folder
+            .with(&format!("image_00/data/000000000{k}.png"), wall(0, 0))
+            .with(&format!("image_01/data/000000000{k}.png"), wall(8, 0));
+    }
+    let dates = "2011-09-26 13:02:25.964389445\n2011-09-26 13:02:26.067740\n2011-02-30 25:02:26.1\n";
+    let folder = folder.with("image_00/timestamps.txt", dates);
+    let options = CameraOptions {
+        intrinsics: Some([100.0, 100.0, 79.5, 39.5]),
+        baseline_m: Some(0.2),
+        ..CameraOptions::default()
+    };
+    let recording = recognise(&folder).unwrap().unwrap();
+    let mut clouds = recording.clouds(&options).unwrap();
+    let mut stamps = Vec::new();
+    while let Some(cloud) = clouds.next_cloud().unwrap() {
+        stamps.push(cloud.stamp.0);
+    }
+    // a row that is no date is as long after the one before as frames are apart
+    assert_eq!(stamps, [1_317_042_145_964_389_445, 1_317_042_146_067_740_000, 1_317_042_146_167_740_000]);
+    assert!(recording.notes().count(NoteKind::BadRow) > 0);
+}
+
 /// A pair that lies beside the axis by two pixels more in the right image: 10 pixels are 8 of parallax.
 fn middlebury() -> Memory<'static> {
     let calib = "cam0=[100 0 79.5; 0 100 39.5; 0 0 1]\ncam1=[100 0 77.5; 0 100 39.5; 0 0 1]\ndoffs=-2\nbaseline=200\n\

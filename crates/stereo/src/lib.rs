@@ -49,7 +49,7 @@ pub use calibration::{Calibration, Lens};
 pub use camera::{StereoCamera, StereoPoint};
 pub use disparity::DisparityMap;
 pub use error::StereoError;
-pub use files::{EurocCamera, KittiCameras, KittiProjections, MiddleburyPair};
+pub use files::{EurocCamera, EurocImu, KittiCameras, KittiProjections, MiddleburyPair};
 pub use image::{GreyImage, SIDE_MAX};
 pub use matcher::{Matcher, MatcherSettings};
 pub use pairing::Pairing;

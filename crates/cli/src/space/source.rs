@@ -5,7 +5,7 @@ use super::simulated::Simulation;
 use crate::args::SourceArgs;
 use crate::failure::Failure;
 use mapwright::{Cloud, Pose3, SpaceReading, SpaceSensor};
-use mapwright_clouds::{Clouds, Notes, Recording, Reference};
+use mapwright_clouds::{Clouds, Kind, Notes, Recording, Reference};
 use mapwright_logs::{SpaceEvent, SpacePlan};
 use serde_json::Value;
 
@@ -80,7 +80,10 @@ impl<'a> Source<'a> {
     /// The topic of inertial readings, if there is one.
     fn imu_name(&self) -> Option<&str> {
         match self {
-            Self::Files { recording, .. } => recording.has_readings().then_some("the lidar's inertial sensor"),
+            Self::Files { recording, .. } => recording.has_readings().then(|| match recording.kind() {
+                Kind::EurocStereo => "imu0",
+                _ => "the lidar's inertial sensor",
+            }),
             Self::Simulated(simulation) => simulation.imu_name(),
             Self::Messages(messages) => messages.stream.plan().imu.as_ref().map(|imu| imu.name.as_str()),
         }

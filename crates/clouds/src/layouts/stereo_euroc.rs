@@ -9,7 +9,9 @@ use crate::poses::{Reference, ReferenceFrame};
 use crate::stereo::StereoPairPlan;
 use crate::text::rows;
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_stereo::EurocCamera;
+use mapwright_sensor::ImuReading;
+use mapwright_stereo::{EurocCamera, EurocImu};
+use nalgebra::{UnitQuaternion, Vector3};
 
 const IMAGES: [&str; 2] = ["cam0/data/", "cam1/data/"];
 /// Cameras that are triggered together stamp their images alike; those of other recorders differ by transport. Within this nothing moves by
@@ -17,6 +19,8 @@ const IMAGES: [&str; 2] = ["cam0/data/", "cam1/data/"];
 const TOGETHER_NS: u64 = 5_000_000;
 /// Where the poses of the body are.
 const TRUTH: &str = "state_groundtruth_estimate0/data.csv";
+/// Readings of the inertial sensor, and how it sits.
+const IMU: [&str; 2] = ["imu0/data.csv", "imu0/sensor.yaml"];
 
 pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let rights = folders_with(listing, IMAGES[1]);
@@ -37,14 +41,15 @@ pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let frames = frames(pairs, stamps);
     let size = size(listing, &frames)?;
     let files = ["cam0/sensor.yaml", "cam1/sensor.yaml"].map(|name| format!("{folder}{name}"));
+    let mut decisions = vec!["the robot's frame is the body's, by T_BS of the left camera".to_owned()];
     let (said, body_from_left) = match cameras(listing, &files) {
         Ok((pair, body_from_left)) => {
             let words = format!("the pair is that of {} and {}", files[0], files[1]);
-            (Said { pair: Some(pair), words, disparities: None }, body_from_left)
+            let readings = readings(listing, folder, &mut decisions, &mut notes);
+            (Said { pair: Some(pair), words, disparities: None, readings }, body_from_left)
         }
         Err(reason) => (Said::nothing(reason), Pose3::identity()),
     };
-    let decisions = vec!["the robot's frame is the body's, by T_BS of the left camera".to_owned()];
     let references = reference(listing, &format!("{folder}{TRUTH}"), body_from_left, &mut notes);
     let references = references.into_iter().collect();
     Ok(Some(plan(Kind::EurocStereo, (frames, size), said, body_from_left, (references, decisions, notes))))
@@ -59,6 +64,58 @@ fn cameras(listing: &Listing<'_>, files: &[String; 2]) -> Result<(StereoPairPlan
     let [left, right] = [camera(&files[0])?, camera(&files[1])?];
     let pair = EurocCamera::pair(&left, &right).map_err(|error| format!("{} and {}: {error}", files[0], files[1]))?;
     Ok((StereoPairPlan::AsTaken(Box::new(pair)), left.body_from_camera))
+}
+
+/// The readings of `imu0` in the body's frame, by its `T_BS`; none where that is there and cannot be read.
+fn readings(listing: &Listing<'_>, folder: &str, decisions: &mut Vec<String>, notes: &mut Notes) -> Vec<ImuReading> {
+    let [list, mount] = IMU.map(|name| format!("{folder}{name}"));
+    if !listing.has(&list) {
+        return Vec::new();
+    }
+    let body_from_imu = match listing.has(&mount).then(|| text_of(listing, &mount).map(|text| EurocImu::parse(&text))) {
+        None => {
+            decisions.push(format!("there is no {mount}: the inertial sensor is taken to have the body's axes"));
+            UnitQuaternion::identity()
+        }
+        Some(Ok(Ok(imu))) => imu.body_from_imu.rotation,
+        Some(Ok(Err(error))) => {
+            decisions.push(format!("{list} is not used: {error}"));
+            return Vec::new();
+        }
+        Some(Err(error)) => {
+            notes.note_error(NoteKind::FileNotUsed, &mount, error);
+            return Vec::new();
+        }
+    };
+    let bytes = match listing.read(&list) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            notes.note_error(NoteKind::FileNotUsed, &list, error);
+            return Vec::new();
+        }
+    };
+    let mut found = Vec::new();
+    for row in rows(&bytes) {
+        match reading(&row.fields().collect::<Vec<_>>(), body_from_imu) {
+            Some(reading) => found.push(reading),
+            None => notes.note(NoteKind::BadRow, &list, row.offset_bytes, || {
+                ("nanoseconds, a turn rate and a specific force", row.excerpt())
+            }),
+        }
+    }
+    found.sort_by_key(|reading| reading.stamp);
+    if !found.is_empty() {
+        decisions.push(format!("{list} is used: {} readings of an inertial sensor", found.len()));
+    }
+    found
+}
+
+/// Nanoseconds, radians a second about each axis and metres per second squared along it.
+fn reading(fields: &[&str], body_from_imu: UnitQuaternion<f64>) -> Option<ImuReading> {
+    let stamp = Stamp(fields.first()?.parse().ok()?);
+    let numbers: Vec<f64> = fields.get(1..7)?.iter().map(|field| field.parse().ok()).collect::<Option<_>>()?;
+    let [turn, force] = [0, 3].map(|first| body_from_imu * Vector3::from_row_slice(&numbers[first..first + 3]));
+    Some(ImuReading { stamp, turn_rate_rad_per_s: turn, specific_force_m_per_s2: Some(force) })
 }
 
 /// The images of a camera with their stamps: by data.csv, or by their names.

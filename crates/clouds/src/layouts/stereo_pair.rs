@@ -8,7 +8,7 @@ use crate::plan::{Decode, Frame, Kind, Plan, StereoPlan, stem};
 use crate::poses::Reference;
 use crate::stereo::StereoPairPlan;
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_sensor::SpaceSensor;
+use mapwright_sensor::{ImuReading, SpaceSensor};
 use std::collections::BTreeMap;
 
 /// How images of cameras end.
@@ -84,17 +84,24 @@ pub(super) struct Said {
     pub(super) pair: Option<StereoPairPlan>,
     pub(super) words: String,
     pub(super) disparities: Option<u32>,
+    /// Readings of an inertial sensor beside it, in the robot's frame.
+    pub(super) readings: Vec<ImuReading>,
 }
 
 impl Said {
     pub(super) fn nothing(words: impl Into<String>) -> Self {
-        Self { pair: None, words: words.into(), disparities: None }
+        Self { pair: None, words: words.into(), disparities: None, readings: Vec::new() }
     }
 
     /// Of a file that was read.
     pub(super) fn of(file: &str, pair: Result<StereoPairPlan, impl std::fmt::Display>) -> Self {
         match pair {
-            Ok(pair) => Self { pair: Some(pair), words: format!("the pair is that of {file}"), disparities: None },
+            Ok(pair) => Self {
+                pair: Some(pair),
+                words: format!("the pair is that of {file}"),
+                disparities: None,
+                readings: Vec::new(),
+            },
             Err(reason) => Self::nothing(format!("{file}: {reason}")),
         }
     }
@@ -113,10 +120,10 @@ pub(super) fn plan(
     robot_from_left: Pose3,
     (references, decisions, notes): (Vec<Reference>, Vec<String>, Notes),
 ) -> Plan {
-    let Said { pair, words, disparities } = said;
+    let Said { pair, words, disparities, readings } = said;
     // its ranges and noise follow from the pair, once it is known
     let sensor = SpaceSensor { robot_from_sensor: robot_from_left, ..SpaceSensor::lidar("stereo") };
-    let decode = Decode::Stereo(Box::new(StereoPlan { size, pair, pair_words: words, disparities }));
+    let decode = Decode::Stereo(Box::new(StereoPlan { size, pair, pair_words: words, disparities, readings }));
     Plan { kind, frames, sensor, decode, references, decisions, notes }
 }
 

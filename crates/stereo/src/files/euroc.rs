@@ -17,6 +17,30 @@ pub struct EurocCamera {
     pub body_from_camera: Pose3,
 }
 
+/// An inertial sensor: its `sensor.yaml`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EurocImu {
+    /// From its frame to the body's (`T_BS`), metres.
+    pub body_from_imu: Pose3,
+}
+
+impl EurocImu {
+    /// Reads a file's text.
+    ///
+    /// # Errors
+    /// [`StereoError::File`] where it has no mount.
+    pub fn parse(text: &str) -> Result<Self, StereoError> {
+        let Mounted { body_from_sensor } = of_yaml(text, "an inertial sensor in YAML")?;
+        Ok(Self { body_from_imu: body_from_sensor.pose()? })
+    }
+}
+
+#[derive(Deserialize)]
+struct Mounted {
+    #[serde(rename = "T_BS")]
+    body_from_sensor: Matrix,
+}
+
 #[derive(Deserialize)]
 struct Sensor {
     #[serde(rename = "T_BS")]
@@ -40,10 +64,7 @@ impl EurocCamera {
     /// # Errors
     /// [`StereoError::File`] where it is no camera, or not a pinhole with radial and tangential distortion.
     pub fn parse(text: &str) -> Result<Self, StereoError> {
-        let sensor: Sensor = serde_saphyr::from_str(text).map_err(|error| {
-            let text = error.to_string();
-            wrong(FILE, 0, "a camera in YAML", text.lines().next().unwrap_or("none"))
-        })?;
+        let sensor: Sensor = of_yaml(text, "a camera in YAML")?;
         for (model, expected) in [(&sensor.camera_model, "pinhole"), (&sensor.distortion_model, "radial-tangential")] {
             let other =
                 model.as_deref().filter(|model| *model != expected && !(expected != "pinhole" && *model == "radtan"));
@@ -66,9 +87,7 @@ impl EurocCamera {
                 return Err(wrong(FILE, 0, "4 or 5 numbers in `distortion_coefficients`", &found));
             }
         };
-        let body_from_camera = of_matrix(&sensor.body_from_camera.data).ok_or_else(|| {
-            wrong(FILE, 0, "a rigid motion of 4 x 4 in `T_BS`", &format!("{:?}", sensor.body_from_camera.data))
-        })?;
+        let body_from_camera = sensor.body_from_camera.pose()?;
         let lens = Lens { width, height, focal_px: [fx, fy], centre_px: [cx, cy], distortion };
         Ok(Self { lens, body_from_camera })
     }
@@ -85,10 +104,20 @@ impl EurocCamera {
     }
 }
 
-fn of_matrix(data: &[f64]) -> Option<Pose3> {
-    match *data {
-        [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0] => pose([a, b, c, d, e, f, g, h, i], [x, y, z]),
-        _ => None,
+fn of_yaml<T: serde::de::DeserializeOwned>(text: &str, expected: &str) -> Result<T, StereoError> {
+    serde_saphyr::from_str(text).map_err(|error| {
+        let text = error.to_string();
+        wrong(FILE, 0, expected, text.lines().next().unwrap_or("none"))
+    })
+}
+
+impl Matrix {
+    fn pose(&self) -> Result<Pose3, StereoError> {
+        let found = match *self.data {
+            [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0] => pose([a, b, c, d, e, f, g, h, i], [x, y, z]),
+            _ => None,
+        };
+        found.ok_or_else(|| wrong(FILE, 0, "a rigid motion of 4 x 4 in `T_BS`", &format!("{:?}", self.data)))
     }
 }
 

@@ -4,7 +4,7 @@ mod euroc;
 mod kitti;
 mod middlebury;
 
-pub use euroc::EurocCamera;
+pub use euroc::{EurocCamera, EurocImu};
 pub use kitti::{KittiCameras, KittiProjections};
 pub use middlebury::MiddleburyPair;
 
