@@ -2,7 +2,7 @@
 
 use crate::error::CloudError;
 use crate::notes::{NoteKind, Notes};
-use crate::text::{Row, rows};
+use crate::text::{Row, rows, seconds_of_date};
 use mapwright_geom::{Pose3, Stamp};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -128,6 +128,18 @@ pub(crate) fn stamp_of_text(text: &str) -> Option<Stamp> {
     let nanoseconds = (0..9).fold(0, |sum, at| 10 * sum + digits(at));
     let seconds: i64 = whole.parse().ok().filter(|seconds| *seconds < 9_000_000_000)?;
     Some(Stamp(seconds * 1_000_000_000 + nanoseconds))
+}
+
+/// A date and a time of day as KITTI writes them, `2011-09-26 13:02:25.964389445`, as if of UTC.
+pub(crate) fn stamp_of_date(date: &str, time: &str) -> Option<Stamp> {
+    let whole = |text: &str, most: i64| text.parse().ok().filter(|number: &i64| (0..=most).contains(number));
+    let mut parts = date.splitn(3, '-');
+    let [year, month, day] = [9999, 12, 31].map(|most| parts.next().and_then(|part| whole(part, most)));
+    let mut parts = time.splitn(3, ':');
+    let [hour, minute] = [23, 59].map(|most| parts.next().and_then(|part| whole(part, most)));
+    let second = stamp_of_text(parts.next()?).filter(|second| (0..=60).contains(&(second.0 / 1_000_000_000)))?;
+    let seconds = seconds_of_date([year?, month?, day?, hour?, minute?, 0]);
+    Some(Stamp(seconds.checked_mul(1_000_000_000)?.checked_add(second.0)?))
 }
 
 /// A pose as a matrix of four rows, as 7-Scenes has one a file.

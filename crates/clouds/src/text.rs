@@ -51,3 +51,13 @@ pub(crate) fn excerpt(bytes: &[u8]) -> String {
     }
     if shown.is_empty() { "nothing".to_owned() } else { format!("`{shown}`") }
 }
+
+/// Seconds of Unix of year, month, day, hour, minute and second.
+pub(crate) fn seconds_of_date([year, month, day, hour, minute, second]: [i64; 6]) -> i64 {
+    // days from the civil calendar, counted from March, so that leap days stand last
+    let years = year - i64::from(month <= 2);
+    let (era, of_era) = (years.div_euclid(400), years.rem_euclid(400));
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    let days = era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468;
+    days * 86_400 + hour * 3600 + minute * 60 + second
+}

@@ -5,13 +5,16 @@ use crate::error::CloudError;
 use crate::folder::{Listing, ends_with, number, parts};
 use crate::notes::{NoteKind, Notes};
 use crate::plan::{Decode, FRAME_NS, Frame, Kind, Plan, RowOf, note_gaps, stamps_of_names, stem};
-use crate::poses::{PoseRows, Reference, ReferenceFrame, pose_of_rows, pose_rows, stamp_of_text};
+use crate::poses::{PoseRows, Reference, ReferenceFrame, pose_of_rows, pose_rows, stamp_of_date, stamp_of_text};
 use crate::text::{excerpt, rows};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_sensor::SpaceSensor;
 
 /// Names of the transform from the lidar to camera 0.
 const TR: [&str; 3] = ["Tr:", "Tr_velo_to_cam:", "Tr_velo_cam:"];
+
+/// Files of times: of the odometry benchmark, and of the raw recordings.
+const TIMES: [&str; 2] = ["times.txt", "timestamps.txt"];
 
 pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     let names = match listing.only() {
@@ -67,7 +70,7 @@ pub(super) fn stamps(
     notes: &mut Notes,
 ) -> Vec<Stamp> {
     let stems: Vec<&str> = names.iter().map(|name| stem(name)).collect();
-    let file = beside(listing, folder, "times.txt");
+    let file = TIMES.iter().find_map(|name| beside(listing, folder, name));
     if let (Some(file), Some(numbers)) = (&file, numbers) {
         match times(listing, file, numbers, notes) {
             Ok(stamps) => {
@@ -81,7 +84,7 @@ pub(super) fn stamps(
         decisions.push("stamps are the names of the files".to_owned());
         return stamps;
     }
-    decisions.push("no times.txt that fits: frames are taken to be 0.1 s apart".to_owned());
+    decisions.push("no times.txt or timestamps.txt that fits: frames are taken to be 0.1 s apart".to_owned());
     let numbers = numbers.filter(|numbers| numbers.last().is_none_or(|last| *last < u64::from(u32::MAX)));
     if let Some(numbers) = numbers {
         note_gaps(numbers.iter().copied().zip(names.iter().map(String::as_str)), notes);
@@ -90,22 +93,26 @@ pub(super) fn stamps(
     (0..names.len()).map(|place| Stamp(number(place) * FRAME_NS)).collect()
 }
 
-/// Seconds, one row a frame; what has none is 0.1 s after the frame before.
+/// Seconds, or a date and a time of day, one row a frame; what has none is 0.1 s after the frame before.
 fn times(listing: &Listing<'_>, file: &str, numbers: &[u64], notes: &mut Notes) -> Result<Vec<Stamp>, CloudError> {
     let bytes = listing.read(file)?;
     let mut bad = Vec::new();
     let times: Vec<Option<Stamp>> = rows(&bytes)
         .map(|row| {
-            let stamp = row.fields().next().and_then(stamp_of_text);
+            let mut fields = row.fields();
+            let [first, second] = [fields.next().unwrap_or_default(), fields.next().unwrap_or_default()];
+            let stamp = stamp_of_text(first).or_else(|| stamp_of_date(first, second));
             bad.extend(stamp.is_none().then_some(row));
             stamp
         })
         .collect();
     let row_of = RowOf::find(times.len(), numbers).filter(|_| times.iter().any(Option::is_some)).ok_or_else(|| {
         let found = format!("{} rows: {}", times.len(), excerpt(&bytes));
-        CloudError::content(file, 0, format!("seconds for {} frames", numbers.len()), found)
+        CloudError::content(file, 0, format!("seconds or dates for {} frames", numbers.len()), found)
     })?;
-    bad.iter().for_each(|row| notes.note(NoteKind::BadRow, file, row.offset_bytes, || ("seconds", row.excerpt())));
+    bad.iter().for_each(|row| {
+        notes.note(NoteKind::BadRow, file, row.offset_bytes, || ("seconds, or a date and a time", row.excerpt()))
+    });
     let mut last = Stamp(-FRAME_NS);
     let stamp = |(place, number): (usize, &u64)| {
         let row = row_of.row(place, *number);
@@ -127,9 +134,22 @@ fn references(
 ) -> Vec<Reference> {
     let above = parts(folder.trim_end_matches('/')).0;
     let camera_from_lidar = beside(listing, folder, "calib.txt").and_then(|file| calibration(listing, &file, notes));
+    references_in(listing, &[above, folder], (numbers, stamps), notes, |file, poses| {
+        of_camera(parts(file).1, poses, camera_from_lidar)
+    })
+}
+
+/// Poses in files `poses*.txt` of these folders; `of_camera` says what those are that are written as matrices, which KITTI has of camera 0.
+pub(super) fn references_in(
+    listing: &Listing<'_>,
+    folders: &[&str],
+    (numbers, stamps): (Option<&[u64]>, &[Stamp]),
+    notes: &mut Notes,
+    of_camera: impl Fn(&str, Vec<(Stamp, Pose3)>) -> (ReferenceFrame, Vec<(Stamp, Pose3)>),
+) -> Vec<Reference> {
     let is_poses = |name: &&str| {
         let (place, file) = parts(name);
-        (place == above || place == folder) && file.starts_with("poses") && ends_with(file, ".txt")
+        folders.contains(&place) && file.starts_with("poses") && ends_with(file, ".txt")
     };
     let mut references = Vec::new();
     for file in listing.names().filter(is_poses) {
@@ -142,10 +162,7 @@ fn references(
         };
         let found = match pose_rows(file, &bytes, notes) {
             Some(PoseRows::Tum(poses)) => Some((ReferenceFrame::Sensor, poses)),
-            Some(PoseRows::Kitti(poses)) => {
-                let stamped = stamped(&poses, numbers, stamps);
-                stamped.map(|poses| of_camera(parts(file).1, poses, camera_from_lidar))
-            }
+            Some(PoseRows::Kitti(poses)) => stamped(&poses, numbers, stamps).map(|poses| of_camera(file, poses)),
             None => None,
         };
         match found {

@@ -3,13 +3,12 @@
 use super::kitti;
 use super::stereo_pair::{CAMERAS_FRAME, Said, by_name, folders_with, frames, images_in, plan, size, text_of};
 use crate::error::CloudError;
-use crate::folder::{Listing, ends_with, number, parts};
+use crate::folder::{Listing, number, parts};
 use crate::image::Size;
-use crate::notes::{NoteKind, Notes};
+use crate::notes::Notes;
 use crate::plan::{Kind, Plan, stem};
-use crate::poses::{PoseRows, Reference, ReferenceFrame, pose_rows};
+use crate::poses::{Reference, ReferenceFrame};
 use crate::stereo::StereoPairPlan;
-use crate::text::excerpt;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_stereo::{KittiCameras, KittiProjections};
 use nalgebra::Vector3;
@@ -99,43 +98,19 @@ fn of_raw(listing: &Listing<'_>, file: &str, size: Size, camera: usize) -> Resul
     }
 }
 
-/// Poses of camera 0 in files `poses*.txt`, as those of the left camera.
+/// Poses of camera 0, as those of the left camera.
 fn references(
     listing: &Listing<'_>,
     folder: &str,
-    (numbers, stamps): (Option<&[u64]>, &[Stamp]),
+    of_frames: (Option<&[u64]>, &[Stamp]),
     camera_m: f64,
     notes: &mut Notes,
 ) -> Vec<Reference> {
-    let is_poses = |name: &&str| {
-        let (place, file) = parts(name);
-        place == folder && file.starts_with("poses") && ends_with(file, ".txt")
-    };
     let camera_0_from_left = Pose3 { translation: Vector3::new(camera_m, 0.0, 0.0), ..Pose3::identity() };
-    let mut references = Vec::new();
-    for file in listing.names().filter(is_poses) {
-        let bytes = match listing.read(file) {
-            Ok(bytes) => bytes,
-            Err(error) => {
-                notes.note_error(NoteKind::FileNotUsed, file, error);
-                continue;
-            }
-        };
-        let poses = match pose_rows(file, &bytes, notes) {
-            Some(PoseRows::Tum(poses)) => Some(poses),
-            Some(PoseRows::Kitti(poses)) => kitti::stamped(&poses, numbers, stamps),
-            None => None,
-        };
-        match poses {
-            Some(poses) => {
-                let poses = poses.into_iter().map(|(stamp, pose)| (stamp, pose * camera_0_from_left)).collect();
-                references.push(Reference { file: file.to_owned(), frame: ReferenceFrame::Sensor, poses });
-            }
-            None => {
-                let words = || (format!("poses of {} frames", stamps.len()), excerpt(&bytes));
-                notes.note(NoteKind::FileNotUsed, file, 0, words);
-            }
-        }
+    let mut references =
+        kitti::references_in(listing, &[folder], of_frames, notes, |_, poses| (ReferenceFrame::Sensor, poses));
+    for (_, pose) in references.iter_mut().flat_map(|reference| &mut reference.poses) {
+        *pose = *pose * camera_0_from_left;
     }
     references
 }

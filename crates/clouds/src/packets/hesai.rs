@@ -4,6 +4,7 @@ use super::clock::{Clock, Tick};
 use super::sweep::{Place, Revolutions, Sweep, TURN};
 use crate::notes::{NoteKind, Notes};
 use crate::scalar::array;
+use crate::text::seconds_of_date;
 use mapwright_geom::{Stamp, sin_cos};
 
 const FLAG: [u8; 2] = [0xee, 0xff];
@@ -185,12 +186,7 @@ fn reflectivity(payload: &[u8; PAYLOAD_BYTES], block: usize, laser: usize) -> u8
 /// The date of a packet, seconds of Unix: years from 1900, month, day, hour, minute, second.
 fn seconds(payload: &[u8; PAYLOAD_BYTES]) -> i64 {
     let [year, month, day, hour, minute, second] = array(payload, TAIL + 13).unwrap_or_default().map(i64::from);
-    // days from the civil calendar, counted from March, so that leap days stand last
-    let years = 1900 + year - i64::from(month <= 2);
-    let (era, of_era) = (years.div_euclid(400), years.rem_euclid(400));
-    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
-    let days = era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468;
-    days * 86_400 + hour * 3600 + minute * 60 + second
+    seconds_of_date([1900 + year, month, day, hour, minute, second])
 }
 
 #[cfg(test)]
