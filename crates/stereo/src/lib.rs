@@ -41,6 +41,7 @@ mod matcher;
 mod pairing;
 mod paths;
 mod penalties;
+mod polish;
 mod rectify;
 mod refine;
 mod winners;
