@@ -22,6 +22,6 @@ pub use matcher::{
 pub use occupancy::{Occupancy, OccupancySettings, VoxelCounts, log_odds};
 pub use octree::{BtCounts, Leaf, Leaves, Octree, OctreeError, State, write_bt};
 pub use range_image::RangeImage;
-pub use surfel::Surfel;
+pub use surfel::{Surfel, TELLING_POINTS};
 pub use surfel_map::{Change, SurfelMap, SurfelMapSettings};
 pub use thin::{PointColumns, Thinner};

@@ -7,7 +7,8 @@ use nalgebra::{Matrix3, Vector3};
 const PARTS: f64 = 4096.0;
 /// A voxel with fewer points has no surfel, and one of fewer than that is no plane to rely on: so few lie on one by chance.
 const LEAST_POINTS: u32 = 5;
-const TELLING_POINTS: u32 = 8;
+/// A surfel that says where a surface lies has so many points at least.
+pub const TELLING_POINTS: u32 = 8;
 /// A surface is as thick as this share of the voxel's side at least: what is curved or rough within it.
 const LEAST_THICKNESS: f64 = 0.02;
 

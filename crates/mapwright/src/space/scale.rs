@@ -3,15 +3,15 @@
 use crate::settings::Settings;
 use mapwright_geom::{Pose3, Stored};
 use mapwright_sensor::SpaceSensor;
-use mapwright_voxel::{Change, Matcher, SurfelMap, SurfelMapSettings, Thinner};
+use mapwright_voxel::{Change, Matcher, SurfelMap, SurfelMapSettings, TELLING_POINTS, Thinner};
 
 /// Side of the smallest voxels, of the rms range: 0.5 m in a hall, 0.1 m in a room;
 const FINEST_SHARE: f64 = 1.0 / 16.0;
 /// half of that where points lie so densely that of those of one cloud this share then lies on planes that the cloud itself tells.
 const DENSE_SHARE: f64 = 0.5;
-/// A voxel holds what lies three standard deviations to either side of a surface, where points say how uncertain they are: in smaller ones a point
-/// that is where it should be is hardly more likely there than anywhere.
-const NOISE_IN_VOXEL: f64 = 6.0;
+/// A voxel holds what lies three standard deviations to either side of a surface, where points say how uncertain they are, of which three
+/// quarters are true of simulated pairs: in smaller ones a point that is where it should be is hardly more likely there than anywhere.
+const NOISE_IN_VOXEL: f64 = 4.5;
 /// The largest have this side at least, of the rms range.
 const COARSEST_SHARE: f64 = 0.48;
 /// So certain keyframes are matched against, of a voxel's side.
@@ -29,7 +29,7 @@ pub(crate) struct Scale {
     pub(crate) resolution_m: f64,
     /// How many resolutions, each twice as coarse: up to what the robot may move between two clouds.
     pub(crate) levels: usize,
-    /// Noise of a point, metres.
+    /// Noise of a surface's points beside what each says of itself, metres.
     pub(crate) noise_m: f64,
 }
 
@@ -50,7 +50,9 @@ impl Scale {
         let range_m = (points_m.iter().map(square).sum::<f64>() / points_m.len() as f64).sqrt();
         let asked_m = settings.space.resolution_m;
         let of_points_m = median(sigmas_m);
-        let noise_m = of_points_m.unwrap_or_else(|| sensor.sigma_m(range_m));
+        // the matcher adds that of each point, where it is known: of a surface what the points of a surfel leave open together is enough
+        let of_surfaces_m = of_points_m.map(|sigma_m| sigma_m / f64::from(TELLING_POINTS).sqrt());
+        let noise_m = of_surfaces_m.unwrap_or_else(|| sensor.sigma_m(range_m));
         let derived_m = || {
             let finest_m = finest_m(points_m, sensor.origin_m(), range_m, noise_m);
             two_digits(finest_m.max(NOISE_IN_VOXEL * of_points_m.unwrap_or(0.0)))
