@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use mapwright_clouds::{CameraOptions, Folder, StereoDepth, StereoPairPlan, read_camera_image, recognise};
-use mapwright_stereo::{EurocCamera, KittiCameras, KittiProjections, MiddleburyPair};
+use mapwright_stereo::{EurocCamera, EurocImu, KittiCameras, KittiProjections, MiddleburyPair};
 use std::io;
 
 /// The smallest image that is matched: 4 x 2 pixels of one grey value, as PNG.
@@ -12,7 +12,7 @@ const IMAGE: &[u8] = include_bytes!("../seeds/stereo/grey.png");
 
 /// A folder of pairs whose calibration is any text.
 struct Pair<'a> {
-    names: [&'static str; 4],
+    names: &'static [&'static str],
     calibration: &'a [u8],
 }
 
@@ -26,10 +26,11 @@ impl Folder for Pair<'_> {
     }
 }
 
-const FOLDERS: [[&str; 4]; 3] = [
-    ["image_0/0.png", "image_1/0.png", "calib.txt", "times.txt"],
-    ["cam0/data/1000000000.png", "cam1/data/1000000000.png", "cam0/sensor.yaml", "cam1/sensor.yaml"],
-    ["im0.png", "im1.png", "calib.txt", "readme.txt"],
+const FOLDERS: [&[&str]; 4] = [
+    &["image_0/0.png", "image_1/0.png", "calib.txt", "times.txt"],
+    &["image_00/data/0.png", "image_01/data/0.png", "calib_cam_to_cam.txt", "image_00/timestamps.txt"],
+    &["cam0/data/1000000000.png", "cam1/data/1000000000.png", "cam0/sensor.yaml", "cam1/sensor.yaml", "imu0/data.csv"],
+    &["im0.png", "im1.png", "calib.txt", "readme.txt"],
 ];
 
 fuzz_target!(|bytes: &[u8]| {
@@ -46,7 +47,7 @@ fuzz_target!(|bytes: &[u8]| {
             }
         }
     }
-    let _ = MiddleburyPair::parse(&text);
+    let _ = (MiddleburyPair::parse(&text), EurocImu::parse(&text));
     if let Ok(camera) = EurocCamera::parse(&text) {
         let _ = EurocCamera::pair(&camera, &camera);
     }
@@ -57,6 +58,7 @@ fuzz_target!(|bytes: &[u8]| {
         let Ok(mut clouds) = recording.clouds(&CameraOptions::default()) else { continue };
         while let Ok(Some(cloud)) = clouds.next_cloud() {
             assert_eq!(cloud.sigmas_m.len(), cloud.points_m.len());
+            let _ = clouds.take_readings();
         }
     }
 });
