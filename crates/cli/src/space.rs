@@ -1,5 +1,6 @@
 //! Recordings of sensors in space: clouds in, files out.
 
+mod ahead;
 mod calibrate;
 mod disk;
 mod going_on;
@@ -35,6 +36,7 @@ use crate::output::OutputFolder;
 use crate::report::written;
 use crate::session::{EarlierInSpace, earlier_in_space, to_go_on_with_in_space};
 use crate::terminal::{say, say_json};
+use ahead::{Ahead, read_ahead};
 use going_on::GoesOn;
 use mapping::Mapping;
 use mapwright::SpaceReading;
@@ -92,9 +94,25 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
         let reason = "--start is for logs of planar lasers: maps of space begin at their origin";
         return Err(Failure::Log(reason.to_owned()));
     }
+    let (frames, threads) = (source.frames(), args.mapping.threads.unwrap_or(1));
+    let (mapping, is_cut) = read_ahead(&mut source, threads, |clouds| map_all(args, clouds, frames, interrupt))?;
+    let (name, voice) = (args.name, args.mapping.voice);
+    finish(
+        mapping,
+        &Finished { name, read: source.read(), simulation: source.simulation(), is_cut, output: args.output, voice },
+    )
+}
+
+/// Every cloud that an earlier run has not mapped, until somebody interrupts: then true comes with it.
+fn map_all(
+    args: &Run<'_>,
+    clouds: &mut Ahead<'_, '_>,
+    frames: u64,
+    interrupt: &Interrupt,
+) -> Result<(Mapping, bool), Failure> {
     let name = args.name;
     let mut readings: Vec<SpaceReading> = Vec::new();
-    let mut next = source.next_cloud(&mut |reading| readings.push(reading))?;
+    let mut next = clouds.next_cloud(&mut readings)?;
     let mut earlier = args.earlier()?;
     let earlier_losses = earlier.iter_mut().flat_map(|earlier| std::mem::take(&mut earlier.losses)).collect();
     let mut went_on = earlier.map(|earlier| GoesOn::with(earlier, next.as_ref()));
@@ -108,7 +126,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     }
     let session = went_on.as_mut().and_then(|went_on| went_on.session.take());
     let output = OutputFolder::create(args.output)?;
-    let mut mapping = Mapping::begin(args.mapping, output, Some(source.frames()), (session, earlier_losses))?;
+    let mut mapping = Mapping::begin(args.mapping, output, Some(frames), (session, earlier_losses))?;
     let mut is_cut = false;
     while let Some(cloud) = next {
         let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&cloud)).map_err(Failure::Log)?;
@@ -122,7 +140,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
         }
         // Before a cloud that the session has come readings that its mapper knows.
         readings.clear();
-        next = source.next_cloud(&mut |reading| readings.push(reading))?;
+        next = clouds.next_cloud(&mut readings)?;
         if went_on.as_ref().is_some_and(|went_on| !went_on.is_through()) {
             readings.clear();
         }
@@ -134,11 +152,7 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
             "{name}: expected a recording of which the session has the beginning, found one that ends {missing} clouds before the session does"
         )));
     }
-    let voice = args.mapping.voice;
-    finish(
-        mapping,
-        &Finished { name, read: source.read(), simulation: source.simulation(), is_cut, output: args.output, voice },
-    )
+    Ok((mapping, is_cut))
 }
 
 /// A run whose clouds were all taken in.

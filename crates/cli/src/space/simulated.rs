@@ -90,6 +90,16 @@ impl Simulation {
         Ok(Some(taken.cloud))
     }
 
+    /// The truth is that of so many clouds; more were read than mapped.
+    pub(super) fn forget_after(&mut self, clouds: usize) {
+        self.taken.truncate(clouds);
+    }
+
+    #[cfg(test)]
+    pub(super) fn clouds_taken(&self) -> usize {
+        self.taken.len()
+    }
+
     fn look(&mut self) -> Result<Option<TrueCloud>, Failure> {
         match &mut self.eye {
             Eye::Lidar => Ok(self.drive.cloud(self.next)),

@@ -77,6 +77,14 @@ impl<'a> Source<'a> {
         }
     }
 
+    /// Clouds after so many were read for nobody.
+    pub(super) fn forget_after(&mut self, clouds: usize) {
+        match self {
+            Self::Simulated(simulation) => simulation.forget_after(clouds),
+            Self::Files { .. } | Self::Messages(_) => {}
+        }
+    }
+
     /// The topic of inertial readings, if there is one.
     fn imu_name(&self) -> Option<&str> {
         match self {

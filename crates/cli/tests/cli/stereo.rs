@@ -116,11 +116,15 @@ fn folders_of_two_cameras_are_mapped_and_compared_with_their_poses() {
     let bytes = fs::read(&torn).unwrap();
     fs::write(&torn, &bytes[..bytes.len() / 2]).unwrap();
     fs::remove_file(folder.join("kitti/image_0/000007.png")).unwrap();
-    let out = folder.join("damaged");
-    let output = run(&["map", &recordings[0], "-o", out.to_str().unwrap()]);
-    assert_code(&output, 3);
-    let said = text(&output.stdout);
-    assert!(said.contains("no image of the other camera: 1") && said.contains("unreadable frame: 1"), "{said}");
+    let said = ["1", "2"].map(|threads| {
+        let out = folder.join(format!("damaged-{threads}"));
+        let output = run(&["map", &recordings[0], "-o", out.to_str().unwrap(), "--threads", threads]);
+        assert_code(&output, 3);
+        let said = text(&output.stdout);
+        assert!(said.contains("no image of the other camera: 1") && said.contains("unreadable frame: 1"), "{said}");
+        fs::read(out.join("report.json")).unwrap()
+    });
+    assert!(said[0] == said[1]);
 }
 
 #[test]
