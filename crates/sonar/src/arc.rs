@@ -31,6 +31,11 @@ impl Arc2 {
         self.along_m(normal) + self.range_m
     }
 
+    /// The same in the frame of a pose of its own frame.
+    pub(crate) fn seen_from(&self, pose: Pose2) -> Self {
+        Self { stretch_from_sonar: pose.between(self.stretch_from_sonar), ..*self }
+    }
+
     /// Whether sound of the cone meets a wall whose normal, away from the robot, has this direction, straight on.
     #[must_use]
     pub fn faces(&self, normal_rad: f64) -> bool {

@@ -63,18 +63,7 @@ fn towards(arc: &Arc2, point: [f64; 2]) -> (f64, f64) {
 fn crossing(arcs: &[&Arc2], start: [f64; 2]) -> Option<[f64; 2]> {
     let mut point = start;
     for _ in 0..STEPS {
-        let (mut a, mut b, mut c, mut g) = (0.0, 0.0, 0.0, [0.0; 2]);
-        for arc in arcs {
-            let (away_rad, distance_m) = towards(arc, point);
-            let [nx, ny] = unit(away_rad);
-            let weight = arc.sigma_m().powi(-2);
-            let off_m = distance_m - arc.range_m;
-            a += weight * nx * nx;
-            b += weight * nx * ny;
-            c += weight * ny * ny;
-            g[0] += weight * nx * off_m;
-            g[1] += weight * ny * off_m;
-        }
+        let ([a, b, c], g) = normal_equations(arcs, point);
         let determinant = a * c - b * b;
         // With all arcs in one direction up to an angle s the determinant is about (1 - cos^2 s) of what it can be.
         if determinant <= 0.25 * (1.0 - LEAST_SPREAD * LEAST_SPREAD) * 0.25 * (a + c).powi(2) {
@@ -89,4 +78,47 @@ fn crossing(arcs: &[&Arc2], start: [f64; 2]) -> Option<[f64; 2]> {
 fn unit(angle_rad: f64) -> [f64; 2] {
     let (sin, cos) = sin_cos(angle_rad);
     [cos, sin]
+}
+
+/// By how much the echoes of a wall agree better on its line than on any point: the difference of the summed squared deviations.
+pub(crate) fn line_rather_than_point(arcs: &[Arc2], wall: &Wall) -> f64 {
+    let (normal, _) = wall.axes();
+    let echoes: Vec<&Arc2> = wall.echoes.iter().filter_map(|&(k, _)| arcs.get(k)).collect();
+    let point = nearest_to_all(&echoes, wall.at(0.5 * (wall.seen_m[0] + wall.seen_m[1])));
+    let of_line = |arc: &&Arc2| (arc.depth_m(normal) - wall.depth_m) / arc.sigma_m();
+    let of_point = |arc: &&Arc2| deviation(arc, point).min(2.0 * GATE_SIGMAS);
+    echoes.iter().map(|arc| of_point(arc).powi(2) - of_line(arc).powi(2)).sum()
+}
+
+/// The point that arcs agree on best, by damped least squares: where they hardly cross it stays where it was looked for.
+fn nearest_to_all(arcs: &[&Arc2], start: [f64; 2]) -> [f64; 2] {
+    let mut point = start;
+    for _ in 0..STEPS {
+        let ([a, b, c], g) = normal_equations(arcs, point);
+        let damping = 0.01 * (a + c);
+        let (a, c) = (a + damping, c + damping);
+        let determinant = a * c - b * b;
+        if determinant <= 0.0 {
+            break;
+        }
+        point = [point[0] - (c * g[0] - b * g[1]) / determinant, point[1] - (a * g[1] - b * g[0]) / determinant];
+    }
+    point
+}
+
+/// Of the distances to a point over the arcs: products of directions, and directions times what they are off by.
+fn normal_equations(arcs: &[&Arc2], point: [f64; 2]) -> ([f64; 3], [f64; 2]) {
+    let (mut products, mut off) = ([0.0; 3], [0.0; 2]);
+    for arc in arcs {
+        let (away_rad, distance_m) = towards(arc, point);
+        let [nx, ny] = unit(away_rad);
+        let weight = arc.sigma_m().powi(-2);
+        let off_m = distance_m - arc.range_m;
+        products[0] += weight * nx * nx;
+        products[1] += weight * nx * ny;
+        products[2] += weight * ny * ny;
+        off[0] += weight * nx * off_m;
+        off[1] += weight * ny * off_m;
+    }
+    (products, off)
 }

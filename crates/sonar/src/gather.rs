@@ -1,6 +1,7 @@
 //! Readings gathered over stretches of way.
 
 use crate::arc::Arc2;
+use crate::compass::Compass;
 use crate::drawn::DrawnEchoes;
 use crate::hough::walls;
 use crate::scan::ranges_m;
@@ -21,9 +22,12 @@ pub struct GathererSettings {
     pub beams: usize,
 }
 
+/// As how much way a turn counts, metres a radian.
+pub(crate) const LEVER_M: f64 = 0.5;
+
 impl Default for GathererSettings {
     fn default() -> Self {
-        Self { stretch_m: 1.0, lever_m: 0.5, beams: 360 }
+        Self { stretch_m: 1.0, lever_m: LEVER_M, beams: 360 }
     }
 }
 
@@ -76,6 +80,8 @@ const STANDS_M: f64 = 0.01;
 const STANDS_RAD: f64 = 0.01;
 /// A stretch ends with so many readings of single sonars, wherever the robot is.
 const READINGS_MOST: usize = 16_384;
+/// Groups of sonars that take turns, at most.
+const TURNS_MOST: usize = 64;
 /// Readings that wait for odometry at most.
 const WAITING_MOST: usize = 4096;
 
@@ -96,6 +102,9 @@ pub struct Gatherer {
     settings: GathererSettings,
     waiting: VecDeque<SonarReading>,
     odometry: Option<Odometry>,
+    /// Readings used where the robot stands: by odometry, and which sonars fired.
+    here: Vec<(Pose2, Vec<bool>)>,
+    compass: Compass,
     placed: Vec<Placed>,
     way_m: f64,
     laser: Option<Arc<LaserModel>>,
@@ -154,25 +163,45 @@ impl Gatherer {
             self.unplaced(&reading);
         }
         self.odometry = None;
+        self.here.clear();
+        self.compass.end();
+        self.gather_corrected();
         self.end_stretch();
+    }
+
+    /// Walls that told directions so far, and how many of them were parallel or at right angles to the others.
+    #[must_use]
+    pub fn directions_told(&self) -> [f64; 2] {
+        self.compass.walls()
     }
 
     fn unplaced(&mut self, reading: &SonarReading) {
         self.counts.unplaced += singles(&reading.ring, &reading.ranges_m);
     }
 
+    /// Sonars that take turns are each heard once from where the robot stands.
     fn place(&mut self, reading: SonarReading, odom_from_robot: Pose2) {
+        let fires: Vec<bool> = reading.ranges_m.iter().map(|range| !range.is_nan()).collect();
+        self.here.retain(|(at, _)| stands(*at, odom_from_robot));
+        if self.here.len() >= TURNS_MOST || self.here.iter().any(|(_, fired)| *fired == fires) {
+            self.counts.standing += singles(&reading.ring, &reading.ranges_m);
+            return;
+        }
+        self.here.push((odom_from_robot, fires));
+        self.compass.add(reading, odom_from_robot);
+        self.gather_corrected();
+    }
+
+    fn gather_corrected(&mut self) {
+        while let Some((reading, odom_from_robot)) = self.compass.next_corrected() {
+            self.gather(reading, odom_from_robot);
+        }
+    }
+
+    fn gather(&mut self, reading: SonarReading, odom_from_robot: Pose2) {
         if let Some(last) = self.placed.last() {
             let step = last.odom_from_robot.between(odom_from_robot);
-            let (step_m, turn_rad) = (step.x.hypot(step.y), wrap_angle(step.theta).abs());
-            // Sonars that take turns are each heard once from where the robot stands.
-            let fires = |ranges_m: &[f32]| ranges_m.iter().map(|range| !range.is_nan()).collect::<Vec<_>>();
-            let heard = self.placed.iter().rev().take_while(|placed| stands(placed.odom_from_robot, odom_from_robot));
-            if heard.into_iter().any(|placed| fires(&placed.ranges_m) == fires(&reading.ranges_m)) {
-                self.counts.standing += singles(&reading.ring, &reading.ranges_m);
-                return;
-            }
-            let way_m = step_m + self.settings.lever_m * turn_rad;
+            let way_m = step.x.hypot(step.y) + self.settings.lever_m * wrap_angle(step.theta).abs();
             if way_m > self.settings.stretch_m {
                 self.end_stretch();
             } else {

@@ -5,11 +5,13 @@
 //! constant depth: Leonard and Durrant-Whyte 1992; the Hough transform over them: Tardós et al. 2002). A [`Gatherer`] collects
 //! readings over a stretch of way by odometry, finds those tangents, and hands out a [`Stretch`]: a [`LaserScan`] that stands
 //! for the walls and goes through the mapper like any other, and what the echoes say of each cell (the inverse model of
-//! *Probabilistic Robotics*, chapter 9, with the arc shrunk to the place that the other echoes leave).
+//! *Probabilistic Robotics*, chapter 9, with the arc shrunk to the place that the other echoes leave). Before that the directions of
+//! walls correct odometry's headings: those of a building are mostly parallel or at right angles.
 //!
 //! [`LaserScan`]: mapwright_sensor::LaserScan
 
 mod arc;
+mod compass;
 mod drawn;
 mod edge;
 mod fit;
