@@ -343,8 +343,8 @@ impl Settings {
             map: MapSettings { resolution_m: 0.1, ..defaults.map },
             // Echoes of moving things are no walls: they are sorted out before.
             scan: ScanSettings { drop_moving: false, ..defaults.scan },
-            // Wheels count as what they are, 10 % of ways and turns and 2.5 degrees a metre: scans of sonars say too little to tell.
-            motion: MotionSettings { alpha1: 0.02, alpha2: 0.002, alpha3: 0.02, alpha4: 0.002, ..defaults.motion },
+            // Wheels count as what they are, 10 % of ways, for scans of sonars say too little to tell; headings as walls have corrected them.
+            motion: MotionSettings { alpha1: 0.002, alpha2: 3e-4, alpha3: 0.02, alpha4: 0.002, ..defaults.motion },
             // Some ten walls are seen by two hundred beams, right or wrong each as a whole.
             matching: MatchingSettings {
                 sigma_m: 0.05,

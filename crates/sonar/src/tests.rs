@@ -142,3 +142,47 @@ fn a_robot_that_stands_is_heard_once() {
     gatherer.end();
     assert_eq!(gatherer.counts(), EchoCounts { standing: 99 * 16, alone: 16, ..EchoCounts::default() });
 }
+
+/// What the heading of each stretch is off by, radians: driven along true poses with odometry's beside.
+fn off_rad(room: &Room<'_>, poses: impl Iterator<Item = [Pose2; 2]>) -> Vec<f64> {
+    let (ring, mut gatherer, mut truth) = (ring(), Gatherer::new(GathererSettings::default()), Vec::new());
+    for (k, [at, by_wheels]) in poses.enumerate() {
+        let (ranges_m, stamp) = (room.ranges_m(&ring, at), Stamp(200_000_000 * k as i64));
+        truth.push((stamp, at.theta));
+        gatherer.add(&SonarReading { stamp, ring: Arc::clone(&ring), ranges_m, odom_from_robot: Some(by_wheels) });
+    }
+    gatherer.end();
+    let off = |stretch: Stretch| {
+        let (_, theta) = truth.iter().find(|(stamp, _)| *stamp == stretch.scan.stamp)?;
+        Some(wrap_angle(stretch.scan.odom_from_robot?.theta - theta))
+    };
+    std::iter::from_fn(|| gatherer.next_stretch()).filter_map(off).collect()
+}
+
+#[test]
+fn a_corridor_holds_the_heading_of_wheels_that_drift() {
+    // 2 degrees a metre: after 15 m half a radian.
+    let drift = 2f64.to_radians();
+    let along = |k: u32| {
+        let way_m = 0.1 * f64::from(k);
+        let turned_rad = drift * way_m;
+        let by_wheels = Pose2::new(turned_rad.sin() / drift, (1.0 - turned_rad.cos()) / drift, turned_rad);
+        [Pose2::new(way_m, 0.0, 0.0), by_wheels]
+    };
+    let off = off_rad(&Room { walls: &[(UP, 1.2), (-UP, 0.9)], edge: None }, (0..150).map(along));
+    let spread_rad = off.iter().fold(f64::NEG_INFINITY, |most, &off| most.max(off))
+        - off.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(off.len() >= 12 && spread_rad < 0.06, "{off:?}");
+}
+
+#[test]
+fn walls_in_all_directions_leave_good_odometry_as_it_is() {
+    // Five walls, no two of them parallel or at right angles, and a robot that goes round.
+    let walls: Vec<(f64, f64)> = (0..5).map(|k| (f64::from(k) * std::f64::consts::TAU / 5.0, 3.0)).collect();
+    let round = |k: u32| {
+        let angle_rad = 0.1 * f64::from(k);
+        [Pose2::new(angle_rad.sin(), 1.0 - angle_rad.cos(), angle_rad); 2]
+    };
+    let off = off_rad(&Room { walls: &walls, edge: None }, (0..300).map(round));
+    assert!(off.len() >= 20 && off.iter().all(|off| off.abs() < 0.1), "{off:?}");
+}

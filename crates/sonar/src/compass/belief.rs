@@ -48,7 +48,11 @@ impl Belief {
             weights[0] = 1.0 - bins * bins;
             weights[1] = 0.5 * bins * bins;
         } else {
-            weights.iter_mut().take(reach + 1).enumerate().for_each(|(k, w)| *w = (-0.5 * (k as f64 / bins).powi(2)).exp());
+            weights
+                .iter_mut()
+                .take(reach + 1)
+                .enumerate()
+                .for_each(|(k, w)| *w = (-0.5 * (k as f64 / bins).powi(2)).exp());
         }
         let total = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
         let mut spread = [0.0; BINS];
