@@ -2,8 +2,9 @@
 
 use crate::arc::Arc2;
 use crate::wall::Wall;
-use mapwright_geom::sin_cos;
+use mapwright_geom::{Pose2, sin_cos, wrap_angle};
 use mapwright_sensor::SweepPoints;
+use std::collections::HashMap;
 
 /// Free space ends so far before an echo or a wall, metres: the cell of the echo is not free.
 const FREE_SHORT_M: f64 = 0.1;
@@ -23,6 +24,69 @@ pub struct DrawnEchoes {
     walls: Vec<Wall>,
     /// Each with the number of its wall and its place along it, metres.
     echoes: Vec<(Arc2, usize, f64)>,
+}
+
+/// Where walls were heard on the whole way, in cells of the map, and which way they face.
+///
+/// A smooth wall is silent to a cone that it does not face: a cone that heard something behind it says nothing against the wall, and
+/// nothing of what lies behind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeardWalls {
+    cell_m: f64,
+    /// How often, and the sums of the cosines and sines of twice the normal's angle: the same for both sides.
+    cells: HashMap<[i32; 2], (u32, [f64; 2])>,
+}
+
+/// A wall is where so many echoes came from.
+const HEARD_TIMES: u32 = 2;
+
+impl HeardWalls {
+    /// None yet, in a map of cells of this side.
+    #[must_use]
+    pub fn new(cell_m: f64) -> Self {
+        Self { cell_m, cells: HashMap::new() }
+    }
+
+    /// Those of a stretch's echoes, taken at this pose.
+    pub fn add(&mut self, points: &SweepPoints, map_from_robot: Pose2) {
+        for (hit, normal) in points.hits.iter().zip(&points.normals) {
+            let (sin, cos) = sin_cos(2.0 * (map_from_robot.theta + normal[1].atan2(normal[0])));
+            let (times, [x, y]) = self.cells.entry(self.cell(map_from_robot.transform(*hit))).or_default();
+            *times += 1;
+            *x += cos;
+            *y += sin;
+        }
+    }
+
+    /// Ends free rays of a cone with this axis in the robot's frame before walls that are silent to it.
+    pub fn shorten(&self, points: &mut SweepPoints, arc: &Arc2, map_from_robot: Pose2) {
+        let from = map_from_robot.transform(points.origin);
+        let back = map_from_robot.inverse();
+        let seen = Arc2 { stretch_from_sonar: map_from_robot * arc.stretch_from_sonar, ..*arc };
+        for end in &mut points.free_ends {
+            let to = map_from_robot.transform(*end);
+            let (away, far_m) = direction(from, to);
+            let steps = (far_m / self.cell_m).floor().min(1e4) as u32;
+            let at = |step: u32| [0, 1].map(|k| from[k] + f64::from(step) * self.cell_m * away[k]);
+            if let Some(step) = (1..=steps).find(|&step| self.is_silent(at(step), away, &seen)) {
+                *end = back.transform(at(step - 1));
+            }
+        }
+    }
+
+    /// Whether there is a wall that this cone would not have heard.
+    fn is_silent(&self, place: [f64; 2], away: [f64; 2], arc: &Arc2) -> bool {
+        let Some((times, [x, y])) = self.cells.get(&self.cell(place)) else { return false };
+        let normal_rad = 0.5 * y.atan2(*x);
+        let (sin, cos) = sin_cos(normal_rad);
+        let is_away = cos * away[0] + sin * away[1] > 0.0;
+        let away_rad = if is_away { normal_rad } else { wrap_angle(normal_rad + std::f64::consts::PI) };
+        *times >= HEARD_TIMES && !arc.faces(away_rad)
+    }
+
+    fn cell(&self, place: [f64; 2]) -> [i32; 2] {
+        place.map(|metres| (metres / self.cell_m).floor() as i32)
+    }
 }
 
 impl DrawnEchoes {
@@ -47,6 +111,12 @@ impl DrawnEchoes {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.echoes.is_empty()
+    }
+
+    /// An echo's arc.
+    #[must_use]
+    pub fn arc(&self, echo: usize) -> Option<&Arc2> {
+        self.echoes.get(echo).map(|(arc, _, _)| arc)
     }
 
     /// Puts an echo where a scan's points are drawn from: one hit, and free rays over the cone, all in the stretch's frame. Nothing

@@ -25,6 +25,6 @@ mod wall;
 mod tests;
 
 pub use arc::Arc2;
-pub use drawn::DrawnEchoes;
+pub use drawn::{DrawnEchoes, HeardWalls};
 pub use gather::{EchoCounts, Gatherer, GathererSettings, Stretch};
 pub use wall::Wall;

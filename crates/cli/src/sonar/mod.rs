@@ -11,7 +11,7 @@ use crate::verdict::{Reason, Usability};
 use mapwright::{CountGrid, LaserScan, Odometry, Pose2, Stamp};
 use mapwright_grid::Change;
 use mapwright_sensor::{SonarReading, SonarRing, SweepPoints};
-use mapwright_sonar::{DrawnEchoes, EchoCounts, Gatherer};
+use mapwright_sonar::{DrawnEchoes, EchoCounts, Gatherer, HeardWalls};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -84,10 +84,19 @@ impl Sonars {
     /// All echoes at the trajectory's poses, on any number of threads the same.
     pub(crate) fn draw(&self, trajectory: &[(Stamp, Pose2)]) -> CountGrid {
         let (mut grid, mut touched, mut points) = (CountGrid::new(CELL_M), Vec::new(), SweepPoints::default());
-        for (stamp, echoes) in &self.drawn {
-            let Some(map_from_robot) = pose_at(trajectory, *stamp) else { continue };
+        let mut walls = HeardWalls::new(CELL_M);
+        let placed = self.drawn.iter().filter_map(|(stamp, echoes)| Some((pose_at(trajectory, *stamp)?, echoes)));
+        for (map_from_robot, echoes) in placed.clone() {
             for echo in 0..echoes.len() {
                 echoes.fill(echo, &mut points);
+                walls.add(&points, map_from_robot);
+            }
+        }
+        for (map_from_robot, echoes) in placed {
+            for echo in 0..echoes.len() {
+                echoes.fill(echo, &mut points);
+                let Some(arc) = echoes.arc(echo) else { continue };
+                walls.shorten(&mut points, arc, map_from_robot);
                 grid.draw(&points, map_from_robot, Change::Add, &mut touched);
             }
             touched.clear();
