@@ -129,6 +129,13 @@ impl Sonars {
             }
         }
         text += "\n";
+        let [walls, parallel] = self.gatherer.directions_told();
+        if walls > 0.0 && !self.beside_laser {
+            let percent = 100.0 * parallel / walls;
+            text += &format!(
+                "         {walls:.0} walls told a direction, {percent:.0} % of them parallel or at right angles: they hold the heading\n"
+            );
+        }
         if self.beside_laser {
             text += "         the laser says where the robot was; what the sonars heard is drawn there: sonar.png\n";
         }
@@ -147,6 +154,7 @@ impl Sonars {
     pub(crate) fn to_json(&self) -> Option<Value> {
         let ring = self.ring.as_ref().filter(|_| self.is_heard())?;
         let EchoCounts { used, alone, nothing, too_near, not_fired, standing, unplaced } = self.counts();
+        let directions = self.gatherer.directions_told();
         Some(json!({
             "sonars": ring.sonars.len(),
             "readings": self.readings,
@@ -159,6 +167,8 @@ impl Sonars {
             "not_fired": not_fired,
             "while_standing": standing,
             "without_odometry": unplaced,
+            "walls_told": directions[0],
+            "walls_parallel": directions[1].round(),
         }))
     }
 }
