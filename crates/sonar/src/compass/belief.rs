@@ -109,7 +109,7 @@ mod tests {
             assert!((kept_rad - 0.3).abs() < 0.01 && less < sure, "{sigma_rad}: {kept_rad} {less}");
             assert!((spread.0.iter().sum::<f64>() - 1.0).abs() < 1e-9);
         }
-        assert_eq!(Belief::default().mean().1 < 1e-9, true);
+        assert!(Belief::default().mean().1 < 1e-9);
     }
 
     #[test]
