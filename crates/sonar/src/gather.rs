@@ -1,7 +1,7 @@
 //! Readings gathered over stretches of way.
 
 use crate::arc::Arc2;
-use crate::compass::Compass;
+use crate::compass::{Compass, LEVER_M};
 use crate::drawn::DrawnEchoes;
 use crate::hough::walls;
 use crate::scan::ranges_m;
@@ -21,9 +21,6 @@ pub struct GathererSettings {
     /// Beams of the scan that stands for a stretch.
     pub beams: usize,
 }
-
-/// As how much way a turn counts, metres a radian.
-pub(crate) const LEVER_M: f64 = 0.5;
 
 impl Default for GathererSettings {
     fn default() -> Self {

@@ -11,7 +11,6 @@ mod faults;
 
 use crate::arc::Arc2;
 use crate::edge::line_rather_than_point;
-use crate::gather::LEVER_M;
 use crate::hough::walls;
 use belief::{Belief, wrap_right_angle};
 use faults::Faults;
@@ -22,6 +21,8 @@ use std::collections::VecDeque;
 /// Variance of headings a radian turned and a metre driven, rad^2: wheels err by 10 % and by 1.3 degrees beside what they always get wrong.
 const TURN_VARIANCE: f64 = 0.01;
 const WAY_VARIANCE: f64 = 5e-4;
+/// As how much way a turn counts, metres a radian.
+pub(crate) const LEVER_M: f64 = 0.5;
 /// Headings are told anew after so much way, metres, and settled after so much more: walls tell themselves from others over some two
 /// metres, and a second one should be among them.
 const LEG_M: f64 = 0.3;
