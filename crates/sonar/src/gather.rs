@@ -4,6 +4,7 @@ use crate::arc::Arc2;
 use crate::compass::{Compass, LEVER_M};
 use crate::drawn::DrawnEchoes;
 use crate::hough::walls;
+use crate::place::stands;
 use crate::scan::ranges_m;
 use crate::wall::Wall;
 use mapwright_geom::{FARTHEST_M, Pose2, Stamp, wrap_angle};
@@ -72,9 +73,6 @@ pub struct Stretch {
 const SURE_ECHOES: usize = 5;
 /// Odometry is interpolated between two readings no farther apart, seconds: as for lasers' scans.
 const ODOMETRY_GAP_S: f64 = 2.0;
-/// A robot that has moved less stands, metres and radians: a tenth of a map's cell, and what that is at 1 m.
-const STANDS_M: f64 = 0.01;
-const STANDS_RAD: f64 = 0.01;
 /// A stretch ends with so many readings of single sonars, wherever the robot is.
 const READINGS_MOST: usize = 16_384;
 /// Groups of sonars that take turns, at most.
@@ -272,11 +270,6 @@ fn singles(ring: &SonarRing, ranges_m: &[f32]) -> u64 {
 /// Whether odometry can be there.
 fn is_in_reach(pose: &Pose2) -> bool {
     pose.is_finite() && pose.x.abs() <= FARTHEST_M && pose.y.abs() <= FARTHEST_M
-}
-
-fn stands(a: Pose2, b: Pose2) -> bool {
-    let step = a.between(b);
-    step.x.hypot(step.y) < STANDS_M && wrap_angle(step.theta).abs() < STANDS_RAD
 }
 
 /// Odometry's pose at a stamp that lies between two readings, or is that of the later one.

@@ -17,6 +17,7 @@ mod edge;
 mod fit;
 mod gather;
 mod hough;
+mod place;
 mod scan;
 mod wall;
 

@@ -1,6 +1,6 @@
 //! Stretches of rooms whose echoes are computed by geometry: a smooth wall answers where it is met straight on.
 
-use crate::{EchoCounts, Gatherer, GathererSettings, Stretch};
+use crate::{EchoCounts, Gatherer, GathererSettings, HeardWalls, Stretch};
 use mapwright_geom::{Pose2, Stamp, wrap_angle};
 use mapwright_sensor::{Odometry, SonarReading, SonarRing, SweepPoints};
 use std::sync::Arc;
@@ -185,4 +185,28 @@ fn walls_in_all_directions_leave_good_odometry_as_it_is() {
     };
     let off = off_rad(&Room { walls: &walls, edge: None }, (0..300).map(round));
     assert!(off.len() >= 20 && off.iter().all(|off| off.abs() < 0.1), "{off:?}");
+}
+
+#[test]
+fn a_silent_wall_ends_free_space_and_one_that_would_have_been_heard_does_not() {
+    let pose = Pose2::new(3.0, -2.0, 0.7);
+    // A wall across the way, 1 m ahead, that was heard twice; and something 2 m away, straight on and aslant.
+    let wall = SweepPoints { hits: vec![[1.0, 0.0]; 2], normals: vec![[-1.0, 0.0]; 2], ..SweepPoints::default() };
+    let slanted = SweepPoints { normals: vec![[-0.5, 0.75f64.sqrt()]; 2], ..wall.clone() };
+    let free_m = |heard: &SweepPoints, times: usize| {
+        let mut walls = HeardWalls::new(0.1);
+        let some = SweepPoints {
+            hits: heard.hits[..times].to_vec(),
+            normals: heard.normals[..times].to_vec(),
+            ..heard.clone()
+        };
+        walls.add(&some, pose);
+        let arc = crate::Arc2 { stretch_from_sonar: Pose2::IDENTITY, half_rad: 0.2, range_m: 2.0, place: 0 };
+        let mut points = SweepPoints { free_ends: vec![[2.0, 0.0]], ..SweepPoints::default() };
+        walls.shorten(&mut points, &arc, pose);
+        points.free_ends[0][0]
+    };
+    assert!((free_m(&wall, 2) - 2.0).abs() < 1e-9, "it faces the cone, and was not heard: it is not there any more");
+    assert!((0.7..1.0).contains(&free_m(&slanted, 2)), "{}", free_m(&slanted, 2));
+    assert!((free_m(&slanted, 1) - 2.0).abs() < 1e-9, "one echo is no wall");
 }

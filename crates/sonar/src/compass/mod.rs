@@ -12,6 +12,7 @@ mod faults;
 use crate::arc::Arc2;
 use crate::edge::line_rather_than_point;
 use crate::hough::walls;
+use crate::place::stands;
 use belief::{Belief, wrap_right_angle};
 use faults::Faults;
 use mapwright_geom::{Pose2, sin_cos, wrap_angle};
@@ -63,7 +64,9 @@ pub(crate) struct Compass {
     /// Odometry without what wheels always get wrong.
     odom_from_robot: Option<Pose2>,
     way_m: f64,
+    /// Number of the place where the robot is, and where that is by odometry: sonars that take turns are heard from one place.
     place: u32,
+    stood_at: Option<Pose2>,
     legs: VecDeque<Leg>,
     /// Echoes of the last metres, each with the way then.
     heard: VecDeque<(f64, Arc2)>,
@@ -112,7 +115,10 @@ impl Compass {
         let odom_from_robot = self.odom_from_robot.map_or(by_wheels, |last| last * step);
         self.odom_from_robot = Some(odom_from_robot);
         self.way_m += driven_m + LEVER_M * turned_rad.abs();
-        self.place += 1;
+        if self.stood_at.is_none_or(|at| !stands(at, by_wheels)) {
+            self.stood_at = Some(by_wheels);
+            self.place += 1;
+        }
         if self.legs.back().is_none_or(|leg| self.way_m - leg.way_m >= LEG_M) {
             self.find_walls();
             self.legs.push_back(Leg {

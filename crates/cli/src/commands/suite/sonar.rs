@@ -4,7 +4,7 @@ use super::Measure;
 use super::floors::{Floor, stats_in_words};
 use crate::failure::Failure;
 use crate::sonar::{CellScore, SonarOffice, Sonars, sonar_office};
-use mapwright::{Mapper, Pose2, Settings, Status, Verdict};
+use mapwright::{LaserScan, Mapper, Pose2, Settings, Stamp, Status, Verdict};
 use mapwright_eval::{Alignment, Ate, PosePair, ate_of_pairs};
 use mapwright_sim::Event;
 use serde::Serialize;
@@ -31,6 +31,8 @@ pub(super) struct World {
     ate_m: f64,
     odometry_ate_m: f64,
     ratio: f64,
+    /// By odometry in the directions that walls have corrected, before anything is mapped.
+    compass_ate_m: f64,
     cells_right: f64,
     free_right: f64,
     occupied_right: f64,
@@ -49,8 +51,10 @@ impl Measure for SonarOffices {
         let SonarOffice { site, events } = sonar_office(seed);
         let (mut mapper, mut sonars) = (Mapper::new(self.settings)?, Sonars::default());
         let (mut truth, mut way, mut in_doubt) = (BTreeMap::new(), Vec::new(), 0);
-        let mut take = |mapper: &mut Mapper, scans: Vec<_>| {
+        let mut corrected = BTreeMap::new();
+        let mut take = |mapper: &mut Mapper, scans: Vec<LaserScan>| {
             for scan in scans {
+                corrected.insert(scan.stamp, scan.odom_from_robot);
                 in_doubt += usize::from(mapper.add_scan(&scan).status != Status::Tracking);
             }
         };
@@ -68,16 +72,17 @@ impl Measure for SonarOffices {
         mapper.look_again();
         let trajectory: Vec<_> = mapper.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
         let failure = |reason: String| Failure::World { name: format!("sonar office, seed {seed}"), reason };
-        let errors = |by_wheels: bool| -> Result<Ate, Failure> {
+        let errors = |said: &dyn Fn(Stamp, Pose2) -> Option<Pose2>| -> Result<Ate, Failure> {
             let pair = |&(stamp, map_from_robot): &(_, Pose2)| {
-                let (world_from_robot, odom_from_robot) = *truth.get(&stamp)?;
-                let said = if by_wheels { odom_from_robot? } else { map_from_robot };
-                Some(PosePair { stamp, world_from_robot, map_from_robot: said })
+                let (world_from_robot, _) = *truth.get(&stamp)?;
+                Some(PosePair { stamp, world_from_robot, map_from_robot: said(stamp, map_from_robot)? })
             };
             let pairs: Vec<_> = trajectory.iter().filter_map(pair).collect();
             ate_of_pairs(&pairs, Alignment::Rigid).map_err(|cause| failure(cause.to_string()))
         };
-        let (ate, odometry) = (errors(false)?, errors(true)?);
+        let ate = errors(&|_, map_from_robot| Some(map_from_robot))?;
+        let odometry = errors(&|stamp, _| truth.get(&stamp)?.1)?;
+        let compass = errors(&|stamp, _| *corrected.get(&stamp)?)?;
         let (drawn, passes_per_hit) = (sonars.draw(&trajectory), self.settings.map.passes_per_hit);
         let cells = CellScore::of(&drawn, passes_per_hit, ate.alignment.world_from_map, &site, &way);
         let counts = sonars.counts();
@@ -91,6 +96,7 @@ impl Measure for SonarOffices {
             ate_m: ate.translation_m.rmse,
             odometry_ate_m: odometry.translation_m.rmse,
             ratio: ate.translation_m.rmse / odometry.translation_m.rmse,
+            compass_ate_m: compass.translation_m.rmse,
             cells_right: cells.right(),
             free_right: cells.free_share(),
             occupied_right: cells.occupied_share(),
@@ -104,10 +110,11 @@ impl Measure for SonarOffices {
     fn line(world: &World) -> String {
         let percent = |share: f64| 100.0 * share;
         format!(
-            "{:6}  ATE {:6.3} m beside odometry's {:6.3} m ({:.2}); {:4.1} % of the cells right (free {:4.1}, occupied {:4.1}), {:4.1} % of the \
+            "{:6}  ATE {:6.3} m, by headings alone {:6.3} m, odometry {:6.3} m ({:.2}); {:4.1} % of the cells right (free {:4.1}, occupied {:4.1}), {:4.1} % of the \
              walls found; {:4.0} m, {:4} stretches, {:3} in doubt, {:2} closures, {} maps",
             world.seed,
             world.ate_m,
+            world.compass_ate_m,
             world.odometry_ate_m,
             world.ratio,
             percent(world.cells_right),
@@ -128,6 +135,7 @@ impl Measure for SonarOffices {
             &[
                 ("ATE", " m", |world: &World| world.ate_m),
                 ("odometry", " m", |world| world.odometry_ate_m),
+                ("headings", " m", |world| world.compass_ate_m),
                 ("ratio", "", |world| world.ratio),
                 ("wrong", "", |world| 1.0 - world.cells_right),
                 ("occupied", " wrong", |world| 1.0 - world.occupied_right),
@@ -138,6 +146,7 @@ impl Measure for SonarOffices {
         let value = json!({
             "ate_m_mean": mean(|world| world.ate_m),
             "odometry_ate_m_mean": mean(|world| world.odometry_ate_m),
+            "compass_ate_m_mean": mean(|world| world.compass_ate_m),
             "ratio_mean": mean(|world| world.ratio),
             "cells_right_mean": mean(|world| world.cells_right),
             "walls_found_mean": mean(|world| world.walls_found),
