@@ -4,7 +4,7 @@ use crate::disparity::DisparityMap;
 use crate::lanes::{Kernel, Lanes};
 
 /// Neighbours that lie on one surface differ by no more, pixels (Hirschmueller 2008, section 2.5.1).
-pub(crate) const SMOOTH_PX: f32 = 1.0;
+const SMOOTH_PX: f32 = 1.0;
 
 /// So many neighbours are known on more than one side.
 const MOST_OF_8: u8 = 5;

@@ -41,7 +41,6 @@ mod matcher;
 mod pairing;
 mod paths;
 mod penalties;
-mod polish;
 mod rectify;
 mod refine;
 mod winners;

@@ -8,7 +8,6 @@ use crate::image::GreyImage;
 use crate::lanes::{Kernel, LANES, Lanes, lanes_for, run};
 use crate::paths::{Front, PATHS, PassRow};
 use crate::penalties::{Penalties, SMALL};
-use crate::polish::Polish;
 use crate::refine::Refined;
 use crate::winners::{Choose, Keep, Winner};
 
@@ -44,8 +43,8 @@ impl Default for MatcherSettings {
 
 /// Matches rectified pairs; its memory is used again from one pair to the next.
 ///
-/// Semi-global matching (Hirschmueller, PAMI 30(2), 2008) along eight paths, of the census of 7 x 5 pixels; the part of a pixel
-/// is put right by brightness. All costs are integers, so that the same images give the same bytes everywhere.
+/// Semi-global matching (Hirschmueller, PAMI 30(2), 2008) along eight paths, of the census of 7 x 5 pixels. All costs are integers, so that
+/// the same images give the same bytes everywhere.
 #[derive(Debug)]
 pub struct Matcher {
     settings: MatcherSettings,
@@ -63,7 +62,6 @@ pub struct Matcher {
     refined: Refined,
     claims: Vec<Claim>,
     cleaner: Cleaner,
-    polish: Polish,
 }
 
 /// Sizes of a match.
@@ -112,7 +110,6 @@ impl Matcher {
             refined: Refined::default(),
             claims: Vec::new(),
             cleaner: Cleaner::default(),
-            polish: Polish::default(),
         })
     }
 
@@ -139,7 +136,6 @@ impl Matcher {
         self.cleaner.median(out);
         self.cleaner.speckles(out, self.settings.patch_px as usize);
         self.cleaner.holes(out);
-        self.polish.polish(left, right, out);
         Ok(())
     }
 

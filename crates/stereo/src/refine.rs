@@ -15,7 +15,7 @@ const VARIANCE_MOST_PX2: f32 = 1.0;
 /// How far sums along paths are drawn to a whole disparity on level planes, root mean square over all parts of a pixel: 0.17 pixels, squared.
 const DRAWN_PX2: f32 = 0.03;
 /// What remains of errors without any noise, pixels: the residual of a good calibration.
-pub(crate) const LEAST_PX: f32 = 0.1;
+const LEAST_PX: f32 = 0.1;
 /// The variance of what may lie anywhere within half a pixel, pixels squared.
 const WHOLE_PX2: f32 = 1.0 / 12.0;
 
