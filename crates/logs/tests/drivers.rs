@@ -1,58 +1,18 @@
 //! Recordings of what lidars' drivers publish beside clouds: their own points, packets, Foxglove's schema.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::explicit_write, reason = "tests may")]
 
-use mapwright_bags::{Connection, DefinitionFormat, Encoding, McapCompression, McapWriter};
+mod common;
+
+use common::{Recorder, ms};
+use mapwright_bags::{Connection, DefinitionFormat, Encoding};
 use mapwright_clouds::{CameraOptions, Folder, Notes, recognise};
 use mapwright_geom::Stamp;
 use mapwright_logs::{Choice, SpaceEvent, SpacePlan, SpaceStream, Survey};
 use mapwright_ros::messages::{Header, LivoxPoint, LivoxScan, OusterPacket, Text};
-use mapwright_ros::{Encoding as Layout, Field, encode};
+use mapwright_ros::{Encoding as Layout, encode};
 use mapwright_sensor::{Cloud, ImuReading};
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-
-fn ms(ms: i64) -> Stamp {
-    Stamp(1_000_000_000_000 + ms * 1_000_000)
-}
-
-/// A file of messages, each with its topic and type.
-struct Recorder {
-    writer: McapWriter<File>,
-    topics: Vec<(String, u32)>,
-    path: PathBuf,
-}
-
-impl Recorder {
-    fn new(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let writer = McapWriter::new(File::create(&path).unwrap(), McapCompression::None).unwrap();
-        Self { writer, topics: Vec::new(), path }
-    }
-
-    fn add(&mut self, connection: &Connection, at_ms: i64, data: &[u8]) {
-        let known = self.topics.iter().find(|(name, _)| *name == connection.topic).map(|(_, id)| *id);
-        let id = known.unwrap_or_else(|| {
-            let id = self.writer.add_connection(connection).unwrap();
-            self.topics.push((connection.topic.clone(), id));
-            id
-        });
-        self.writer.write(id, ms(at_ms), ms(at_ms), data).unwrap();
-    }
-
-    fn raw(&mut self, topic: &str, kind: &str, at_ms: i64, data: &[u8]) {
-        self.add(&Connection::new(topic, kind, Encoding::Cdr), at_ms, data);
-    }
-
-    fn write<'a>(&mut self, topic: &str, kind: &str, at_ms: i64, message: &impl Field<'a>) {
-        self.raw(topic, kind, at_ms, &encode(message, Layout::Cdr).unwrap());
-    }
-
-    fn finish(self) -> PathBuf {
-        self.writer.finish().unwrap();
-        self.path
-    }
-}
 
 fn planned(survey: &Survey) -> Result<SpacePlan, String> {
     SpacePlan::of(survey, &Choice::default(), &CameraOptions::default())
@@ -102,7 +62,7 @@ fn livox_points_are_clouds_with_times() {
             points: (0..100).map(point).collect(),
             ..LivoxScan::default()
         };
-        log.write("/livox/lidar", "livox_ros_driver2/msg/CustomMsg", 100 * k, &scan);
+        log.write("/livox/lidar", "livox_ros_driver2/msg/CustomMsg", ms(100 * k), &scan);
     }
     let (clouds, _, notes) = read(&log.finish());
     assert_eq!((clouds.len(), notes), (3, Notes::default()));
@@ -144,7 +104,12 @@ fn velodyne_log(name: &str, product: u8) -> PathBuf {
     for scan in 0..3_u32 {
         let all: Vec<_> = (0..75).map(|k| velodyne(75 * scan + k, product)).collect();
         let at_ms = 100 * i64::from(scan);
-        log.raw("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", at_ms, &packets("velodyne", ms(at_ms), &all));
+        log.raw(
+            "/velodyne_packets",
+            "velodyne_msgs/msg/VelodyneScan",
+            ms(at_ms),
+            &packets("velodyne", ms(at_ms), &all),
+        );
     }
     log.finish()
 }
@@ -207,7 +172,7 @@ fn packets_in_messages_are_the_clouds_of_the_same_packets_in_a_capture() {
                 );
                 bytes.extend(packet);
             }
-            log.raw("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", (some[0].0 / 1000) % 1_000_000, &bytes);
+            log.raw("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", ms((some[0].0 / 1000) % 1_000_000), &bytes);
         }
         let (of_messages, ..) = read(&log.finish());
         let recording = recognise(&file).unwrap().unwrap();
@@ -235,7 +200,7 @@ fn any_bytes_as_packets_end_in_notes() {
             let at = (usize::from(random()) << 16 | usize::from(random()) << 8 | usize::from(random())) % message.len();
             message[at] = random();
         }
-        log.raw("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", 100 * k, &message);
+        log.raw("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", ms(100 * k), &message);
     }
     let (clouds, ..) = read(&log.finish());
     assert!(!clouds.is_empty());
@@ -245,7 +210,7 @@ fn foxglove_log(name: &str, encoding: &str, format: &str, message: &[u8]) -> Pat
     let mut log = Recorder::new(name);
     let connection = Connection::new("/points", "foxglove.PointCloud", Encoding::Other(encoding.to_owned()));
     let connection = connection.with_definition(DefinitionFormat::Other(format.to_owned()), "{}");
-    (0..2).for_each(|k| log.add(&connection, 100 * k, message));
+    (0..2).for_each(|k| log.add(&connection, ms(100 * k), message));
     log.finish()
 }
 
@@ -279,7 +244,7 @@ fn what_is_not_read_is_named_with_what_to_do() {
         ),
     ] {
         let mut log = Recorder::new("unread.mcap");
-        log.raw("/lidar", kind, 0, &[0, 1, 0, 0]);
+        log.raw("/lidar", kind, ms(0), &[0, 1, 0, 0]);
         let reason = refused(&log.finish());
         assert!(reason.contains(says), "{says}: {reason}");
     }
@@ -304,20 +269,25 @@ fn ouster(number: u16) -> Vec<u8> {
 fn ouster_log(name: &str, has_metadata: bool) -> PathBuf {
     let mut log = Recorder::new(name);
     if has_metadata {
-        log.write("/ouster/metadata", "std_msgs/msg/String", 0, &Text { data: METADATA.into() });
+        log.write("/ouster/metadata", "std_msgs/msg/String", ms(0), &Text { data: METADATA.into() });
     }
     for number in 0..3 {
         let at_ms = 100 * i64::from(number);
         log.write(
             "/ouster/lidar_packets",
             "ouster_sensor_msgs/msg/PacketMsg",
-            at_ms,
+            ms(at_ms),
             &OusterPacket { buf: &ouster(number) },
         );
         let times = [0, 0, 100_000_000 * u64::from(number) + 50_000_000].map(u64::to_le_bytes).concat();
         let numbers = [0.0, 0.0, 1.0, 0.0, 0.0, 180.0_f32].map(f32::to_le_bytes).concat();
         let imu = [times, numbers].concat();
-        log.write("/ouster/imu_packets", "ouster_sensor_msgs/msg/PacketMsg", at_ms + 50, &OusterPacket { buf: &imu });
+        log.write(
+            "/ouster/imu_packets",
+            "ouster_sensor_msgs/msg/PacketMsg",
+            ms(at_ms + 50),
+            &OusterPacket { buf: &imu },
+        );
     }
     log.finish()
 }

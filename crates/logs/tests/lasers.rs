@@ -1,58 +1,40 @@
 //! Recordings of a robot with several lasers: which are mapped, and why.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests may")]
 
-use mapwright_bags::{Connection, Encoding, McapCompression, McapWriter};
+mod common;
+
+use common::{Recorder, ms};
 use mapwright_formats::LogEvent;
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::Pose3;
 use mapwright_logs::{Choice, Drive, Input, LogReport, Plan, Survey};
 use mapwright_ros::messages::{Header, LaserScan, Odometry, TfMessage, Transform, TransformStamped};
-use mapwright_ros::{Encoding as Layout, Field, encode};
 use nalgebra::UnitQuaternion;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Where a laser sits: frame, x in metres, yaw in degrees.
 type Mount<'a> = (&'a str, f64, f64);
 
-struct Recorder {
-    writer: McapWriter<File>,
-    topics: Vec<(String, u32)>,
-    path: PathBuf,
-}
-
 impl Recorder {
     /// A recording in which these transforms are fixed to `base_link`.
-    fn new(name: &str, mounts: &[Mount<'_>]) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let writer = McapWriter::new(File::create(&path).unwrap(), McapCompression::None).unwrap();
-        let mut recorder = Self { writer, topics: Vec::new(), path };
+    fn with_mounts(name: &str, mounts: &[Mount<'_>]) -> Self {
+        let mut recorder = Self::new(name);
         let link = |&(frame, x, yaw_deg): &Mount<'_>| {
             let mut pose = Pose3::identity();
             pose.translation.x = x;
             pose.rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, yaw_deg.to_radians());
-            let header = Header::new(at(0), "base_link");
+            let header = Header::new(ms(0), "base_link");
             TransformStamped { header, child_frame_id: frame.to_owned().into(), transform: Transform::from(pose) }
         };
         let transforms = mounts.iter().map(link).collect();
-        recorder.write("/tf_static", "tf2_msgs/msg/TFMessage", at(0), &TfMessage { transforms });
+        recorder.write("/tf_static", "tf2_msgs/msg/TFMessage", ms(0), &TfMessage { transforms });
         recorder
     }
 
-    fn write<'a>(&mut self, topic: &str, kind: &str, stamp: Stamp, message: &impl Field<'a>) {
-        let known = self.topics.iter().find(|(name, _)| name == topic).map(|(_, id)| *id);
-        let id = known.unwrap_or_else(|| {
-            let id = self.writer.add_connection(&Connection::new(topic, kind, Encoding::Cdr)).unwrap();
-            self.topics.push((topic.to_owned(), id));
-            id
-        });
-        self.writer.write(id, stamp, stamp, &encode(message, Layout::Cdr).unwrap()).unwrap();
-    }
-
     /// 181 beams over half a turn, all of the same range.
-    fn scan(&mut self, topic: &str, frame: &str, ms: i64, range_m: f32) {
+    fn scan(&mut self, topic: &str, frame: &str, at_ms: i64, range_m: f32) {
         let ranges = [range_m; 181];
         let scan = LaserScan {
-            header: Header::new(at(ms), frame),
+            header: Header::new(ms(at_ms), frame),
             angle_min: -90_f32.to_radians(),
             angle_max: 90_f32.to_radians(),
             angle_increment: 1_f32.to_radians(),
@@ -60,30 +42,24 @@ impl Recorder {
             ranges: ranges.as_slice().into(),
             ..Default::default()
         };
-        self.write(topic, "sensor_msgs/msg/LaserScan", at(ms), &scan);
+        self.write(topic, "sensor_msgs/msg/LaserScan", ms(at_ms), &scan);
     }
 
-    fn odometry(&mut self, ms: i64) {
-        let mut odometry =
-            Odometry { header: Header::new(at(ms), "odom"), child_frame_id: "base_link".into(), ..Default::default() };
-        odometry.pose.pose.position.x = ms as f64 / 1e3;
+    fn odometry(&mut self, at_ms: i64) {
+        let mut odometry = Odometry {
+            header: Header::new(ms(at_ms), "odom"),
+            child_frame_id: "base_link".into(),
+            ..Default::default()
+        };
+        odometry.pose.pose.position.x = at_ms as f64 / 1e3;
         odometry.pose.pose.orientation.w = 1.0;
-        self.write("/odom", "nav_msgs/msg/Odometry", at(ms), &odometry);
+        self.write("/odom", "nav_msgs/msg/Odometry", ms(at_ms), &odometry);
     }
-
-    fn finish(self) -> PathBuf {
-        self.writer.finish().unwrap();
-        self.path
-    }
-}
-
-fn at(ms: i64) -> Stamp {
-    Stamp(1_000_000_000_000 + ms * 1_000_000)
 }
 
 /// A front laser at 10 Hz and a rear one at 5 Hz, which sees `rear_m` far, half a period later; and odometry.
 fn front_and_rear(name: &str, mounts: &[Mount<'_>], rear_m: f32) -> PathBuf {
-    let mut recorder = Recorder::new(name, mounts);
+    let mut recorder = Recorder::with_mounts(name, mounts);
     for k in 0..40 {
         recorder.odometry(100 * k);
         recorder.scan("/front/scan", "front", 100 * k, 2.0);
@@ -117,7 +93,7 @@ fn lasers_that_look_different_ways_are_both_mapped_each_at_its_stamp_and_mount()
     let mut seen = Vec::new();
     while let Some(event) = drive.next_event().unwrap() {
         if let LogEvent::Scan(scan) = event {
-            let ms = (scan.stamp.0 - at(0).0) / 1_000_000;
+            let ms = (scan.stamp.0 - ms(0).0) / 1_000_000;
             let x_mm = scan.odom_from_robot.map(|pose| (pose.x * 1e3).round() as i64);
             assert_eq!(x_mm, Some(ms), "odometry at the stamp of {}", scan.laser.name);
             let is_rear = scan.laser.name == "rear";
@@ -157,7 +133,7 @@ fn a_laser_whose_place_is_unknown_or_that_sees_nothing_else_is_left_out_and_that
     let words = "it sees no direction that the others do not; to map it too: --topic /front/scan --topic /rear/scan";
     assert!(why(&above, "scans").contains(words), "{}", why(&above, "scans"));
     // a topic of the same laser that shows more of its beams
-    let mut recorder = Recorder::new("filtered.mcap", &BOTH);
+    let mut recorder = Recorder::with_mounts("filtered.mcap", &BOTH);
     for k in 0..40 {
         recorder.odometry(100 * k);
         recorder.scan("/filtered", "front", 100 * k, if k % 8 == 0 { 0.3 } else { 2.0 });

@@ -1,15 +1,15 @@
 //! Recordings with everything that goes wrong, made here.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests may")]
 
-use mapwright_bags::{Connection, Encoding, McapCompression, McapWriter};
+mod common;
+
+use common::{Recorder, ms};
 use mapwright_formats::LogEvent;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_logs::{Choice, Drive, Input, LogError, LogReport, OdometrySource, Plan, RecordingReport, Survey};
 use mapwright_ros::messages::{
     Header, Imu, LaserEcho, LaserScan, MultiEchoLaserScan, Odometry, TfMessage, Transform, TransformStamped,
 };
-use mapwright_ros::{Encoding as Layout, Field, encode};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 const SCAN: &str = "sensor_msgs/msg/LaserScan";
@@ -17,38 +17,7 @@ const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 const IMU: &str = "sensor_msgs/msg/Imu";
 const TRANSFORMS: &str = "tf2_msgs/msg/TFMessage";
 
-fn ms(ms: i64) -> Stamp {
-    Stamp(1_000_000_000_000 + ms * 1_000_000)
-}
-
-/// An MCAP file being written; topics are added when they are first used.
-struct Recorder {
-    writer: McapWriter<File>,
-    topics: Vec<(String, u32)>,
-    path: PathBuf,
-}
-
 impl Recorder {
-    fn new(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let writer = McapWriter::new(File::create(&path).unwrap(), McapCompression::None).unwrap();
-        Self { writer, topics: Vec::new(), path }
-    }
-
-    fn raw(&mut self, topic: &str, kind: &str, recorded: Stamp, data: &[u8]) {
-        let known = self.topics.iter().find(|(name, _)| name == topic).map(|(_, id)| *id);
-        let id = known.unwrap_or_else(|| {
-            let id = self.writer.add_connection(&Connection::new(topic, kind, Encoding::Cdr)).unwrap();
-            self.topics.push((topic.to_owned(), id));
-            id
-        });
-        self.writer.write(id, recorded, recorded, data).unwrap();
-    }
-
-    fn write<'a>(&mut self, topic: &str, kind: &str, recorded: Stamp, message: &impl Field<'a>) {
-        self.raw(topic, kind, recorded, &encode(message, Layout::Cdr).unwrap());
-    }
-
     fn scan(&mut self, recorded: Stamp, stamp: Stamp, ranges: &[f32]) {
         let header = Header::new(stamp, "laser");
         let scan =
@@ -93,11 +62,6 @@ impl Recorder {
         let transform = Transform::from(pose);
         let transforms = vec![TransformStamped { header, child_frame_id: child.into(), transform }];
         self.write(topic, TRANSFORMS, stamp, &TfMessage { transforms });
-    }
-
-    fn finish(self) -> PathBuf {
-        self.writer.finish().unwrap();
-        self.path
     }
 }
 

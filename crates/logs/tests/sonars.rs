@@ -1,44 +1,18 @@
 //! Recordings of `sensor_msgs/Range`: rings put together by transforms, and single cones that cannot be.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests may")]
 
-use mapwright_bags::{Connection, Encoding, McapCompression, McapWriter};
+mod common;
+
+use common::{Recorder, ms};
 use mapwright_formats::LogEvent;
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_logs::{Choice, Drive, Input, LogReport, Plan, Survey};
 use mapwright_ros::messages::{Header, Odometry, Range, TfMessage, Transform, TransformStamped};
-use mapwright_ros::{Encoding as Layout, Field, encode};
 use mapwright_sensor::SonarReading;
 use nalgebra::{UnitQuaternion, Vector3};
-use std::fs::File;
-use std::path::{Path, PathBuf};
-
-fn ms(ms: i64) -> Stamp {
-    Stamp(1_000_000_000_000 + ms * 1_000_000)
-}
-
-struct Recorder {
-    writer: McapWriter<File>,
-    topics: Vec<(String, u32)>,
-    path: PathBuf,
-}
+use std::path::Path;
 
 impl Recorder {
-    fn new(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let writer = McapWriter::new(File::create(&path).unwrap(), McapCompression::None).unwrap();
-        Self { writer, topics: Vec::new(), path }
-    }
-
-    fn write<'a>(&mut self, topic: &str, kind: &str, at: Stamp, message: &impl Field<'a>) {
-        let known = self.topics.iter().find(|(name, _)| name == topic).map(|(_, id)| *id);
-        let id = known.unwrap_or_else(|| {
-            let id = self.writer.add_connection(&Connection::new(topic, kind, Encoding::Cdr)).unwrap();
-            self.topics.push((topic.to_owned(), id));
-            id
-        });
-        self.writer.write(id, at, at, &encode(message, Layout::Cdr).unwrap()).unwrap();
-    }
-
     fn range(&mut self, topic: &str, frame: &str, at: Stamp, [opening_rad, max, range]: [f32; 3]) {
         let header = Header::new(at, frame);
         let message =
@@ -62,11 +36,6 @@ impl Recorder {
         let transform = Transform::from(pose);
         let transforms = vec![TransformStamped { header, child_frame_id: frame.into(), transform }];
         self.write("/tf_static", "tf2_msgs/msg/TFMessage", ms(0), &TfMessage { transforms });
-    }
-
-    fn finish(self) -> PathBuf {
-        self.writer.finish().unwrap();
-        self.path
     }
 }
 

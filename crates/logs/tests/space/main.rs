@@ -1,9 +1,8 @@
 //! Recordings of clouds and images of depth with everything that goes wrong, made here.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests may")]
 
-use mapwright_bags::{
-    Bag1Compression, Bag1Writer, Connection, DefinitionFormat, Encoding, McapCompression, McapWriter,
-};
+use common::{Recorder, ms};
+use mapwright_bags::{Bag1Compression, Bag1Writer, Connection, DefinitionFormat, Encoding};
 use mapwright_clouds::{CameraOptions, NoteKind, Notes};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_logs::{Choice, OdometrySource, SpaceEvent, SpacePlan, SpaceStream, Survey};
@@ -11,11 +10,13 @@ use mapwright_ros::messages::{
     CameraInfo, CompressedImage, Header, Image, Imu, LaserScan, Odometry, PointCloud2, PointField, TfMessage,
     Transform, TransformStamped,
 };
-use mapwright_ros::{Encoding as Layout, Field, Fixed, builtin, encode};
+use mapwright_ros::{Encoding as Layout, Fixed, builtin, encode};
 use mapwright_sensor::{Cloud, ImuReading};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+#[path = "../common/mod.rs"]
+mod common;
 mod depth;
 mod inertial;
 mod lidars;
@@ -26,46 +27,7 @@ const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 const IMU: &str = "sensor_msgs/msg/Imu";
 const IMAGE: &str = "sensor_msgs/msg/Image";
 
-fn ms(ms: i64) -> Stamp {
-    Stamp(1_000_000_000_000 + ms * 1_000_000)
-}
-
-/// An MCAP file being written; topics are added when they are first used.
-struct Recorder {
-    writer: McapWriter<File>,
-    topics: Vec<(String, u32)>,
-    path: PathBuf,
-    /// Where not zero, bits of messages are flipped by it.
-    flips: u64,
-}
-
 impl Recorder {
-    fn new(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let writer = McapWriter::new(File::create(&path).unwrap(), McapCompression::None).unwrap();
-        Self { writer, topics: Vec::new(), path, flips: 0 }
-    }
-
-    fn raw(&mut self, topic: &str, kind: &str, recorded: Stamp, data: &[u8]) {
-        let known = self.topics.iter().find(|(name, _)| name == topic).map(|(_, id)| *id);
-        let id = known.unwrap_or_else(|| {
-            let id = self.writer.add_connection(&Connection::new(topic, kind, Encoding::Cdr)).unwrap();
-            self.topics.push((topic.to_owned(), id));
-            id
-        });
-        let mut data = data.to_vec();
-        for _ in 0..if self.flips == 0 { 0 } else { 2 } {
-            self.flips = self.flips.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let at = (self.flips >> 20) as usize % data.len();
-            data[at] ^= 1 << (self.flips >> 61);
-        }
-        self.writer.write(id, recorded, recorded, &data).unwrap();
-    }
-
-    fn write<'a>(&mut self, topic: &str, kind: &str, recorded: Stamp, message: &impl Field<'a>) {
-        self.raw(topic, kind, recorded, &encode(message, Layout::Cdr).unwrap());
-    }
-
     fn cloud(&mut self, at_ms: i64, data: &[u8]) {
         self.write("/points", CLOUD, ms(at_ms), &cloud(ms(at_ms), data));
     }
@@ -129,11 +91,6 @@ impl Recorder {
             ..Default::default()
         };
         self.write("/scan", "sensor_msgs/msg/LaserScan", ms(at_ms), &scan);
-    }
-
-    fn finish(self) -> PathBuf {
-        self.writer.finish().unwrap();
-        self.path
     }
 }
 
