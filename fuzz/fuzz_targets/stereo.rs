@@ -1,5 +1,5 @@
 //! Any text as a calibration of two cameras, and as that beside their images: no panic, and a pair that is found can be used.
-//! `cargo +nightly fuzz run stereo -- -max_total_time=60`
+//! `cargo +nightly fuzz run stereo fuzz/seeds/stereo -- -max_total_time=60`
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -17,13 +17,14 @@ pub(crate) struct Kind {
 }
 
 /// Beginnings of files that are no text, each with what it is and what can be done.
-const BYTES: [(&[u8], &str, &str); 24] = [
+const BYTES: [(&[u8], &str, &str); 25] = [
     (b"\x89PNG\r\n\x1a\n", "a PNG picture", ""),
     (b"\xff\xd8\xff", "a JPEG picture", ""),
     (b"GIF8", "a GIF picture", ""),
     (b"II*\0", "a TIFF picture", ""),
     (b"MM\0*", "a TIFF picture", ""),
     (b"P5\n", "a PGM picture, as maps are", ""),
+    (b"P6\n", "a PPM picture", ""),
     (b"%PDF", "a PDF document", ""),
     (b"PK\x03\x04", "a ZIP archive", "unpack it first"),
     (b"7z\xbc\xaf\x27\x1c", "a 7z archive", "unpack it first"),
@@ -215,7 +216,8 @@ pub(crate) fn folder_in_words(path: &Path, names: &[String]) -> String {
         return "expected a log, found a directory of KITTI's pictures; its clouds are mapped: a folder `velodyne` beside these"
             .to_owned();
     }
-    let pictures = names.iter().filter(|name| name.ends_with(".png") || name.ends_with(".jpg")).count();
+    let is_picture = |name: &&String| [".png", ".jpg", ".pgm", ".ppm"].iter().any(|ending| name.ends_with(ending));
+    let pictures = names.iter().filter(is_picture).count();
     let what = if pictures > 0 && 2 * pictures >= names.len() { "of pictures " } else { "" };
     format!("expected a log, found a directory {what}without .mcap, .db3 or .bag files")
 }

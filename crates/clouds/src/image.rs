@@ -1,6 +1,7 @@
 //! Images of depth and colour.
 
 use crate::error::CloudError;
+use crate::pnm::{Pnm, is_pnm};
 use mapwright_stereo::{GreyImage, StereoError};
 use png::{BitDepth, ColorType, Decoder, Limits, Reader, Transformations};
 use std::io::Cursor;
@@ -13,6 +14,8 @@ use zune_jpeg::JpegDecoder;
 const DEFLATE_RATIO_MAX: usize = 1032;
 /// No camera has more pixels across or down.
 pub(crate) const SIDE_MAX: u32 = 16_384;
+/// How a PNG begins.
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Depth of a pixel that saw nothing, besides 0: the largest number of 16 bits.
 const NOTHING: u16 = u16::MAX;
 
@@ -160,12 +163,22 @@ pub(crate) fn camera_image_size(file: &str, bytes: &[u8]) -> Result<Size, CloudE
     if bytes.starts_with(&[0xff, 0xd8]) {
         return jpeg_decoder(file, bytes).map(|(_, size)| size);
     }
+    if is_pnm(bytes) {
+        return Pnm::open(file, bytes, SIDE_MAX).map(|image| image.size);
+    }
+    if !bytes.starts_with(PNG) {
+        let found = match bytes {
+            [] => "an empty file".to_owned(),
+            _ => format!("a file that begins with {}", bytes[..bytes.len().min(PNG.len())].escape_ascii()),
+        };
+        return Err(CloudError::content(file, 0, "a PNG, JPEG, PGM or PPM image", found));
+    }
     let reader = open(file, bytes, Transformations::EXPAND)?;
     Ok([reader.info().width, reader.info().height])
 }
 
-/// Reads a PNG or JPEG image of grey values or colours; of that size, or where none is given of any that has at most `pixels_most` pixels.
-/// `file` is its name in errors.
+/// Reads a PNG, JPEG, binary PGM or PPM image of grey values or colours; of that size, or where none is given of any that has at most
+/// `pixels_most` pixels. `file` is its name in errors.
 ///
 /// # Errors
 /// [`CloudError::Content`] where it is anything else, damaged, of another size, or of more pixels than its bytes can hold.
@@ -185,10 +198,13 @@ pub fn read_camera_image(
     }
     let mut grey = GreyImage::default();
     let [width, height] = size;
-    let colours = if bytes.starts_with(&[0xff, 0xd8]) { Some(read_jpeg(file, bytes, size)?) } else { None };
-    let (set, colours) = match colours {
-        Some(colours) => (grey.set_rgb8(width, height, &colours), colours),
-        None => png_shades(file, bytes, &mut grey)?,
+    let (set, colours) = if bytes.starts_with(&[0xff, 0xd8]) {
+        let colours = read_jpeg(file, bytes, size)?;
+        (grey.set_rgb8(width, height, &colours), colours)
+    } else if is_pnm(bytes) {
+        pnm_shades(&Pnm::open(file, bytes, SIDE_MAX)?, &mut grey)
+    } else {
+        png_shades(file, bytes, &mut grey)?
     };
     set.map_err(|cause| CloudError::content(file, 16, "pixels of an image", cause.to_string()))?;
     Ok(CameraImage { grey, colours })
@@ -224,6 +240,17 @@ fn png_shades(file: &str, bytes: &[u8], grey: &mut GreyImage) -> Result<Shades, 
     let colour = |pixel: &[u8]| [0, 1, 2].map(|k| pixel.get(k * byte_count).copied().unwrap_or(0));
     let colours: Vec<[u8; 3]> = of_pixel.map(colour).collect();
     Ok((grey.set_rgb8(width, height, &colours), colours))
+}
+
+/// Grey values as they are, and colours in 8 bits.
+fn pnm_shades(image: &Pnm<'_>, grey: &mut GreyImage) -> Shades {
+    let ([width, height], values) = (image.size, image.values());
+    if image.samples == 1 {
+        let set = grey.set_grey16(width, height, &values);
+        return (set, values.iter().map(|value| [image.byte(*value); 3]).collect());
+    }
+    let colours: Vec<[u8; 3]> = values.as_chunks::<3>().0.iter().map(|of| of.map(|value| image.byte(value))).collect();
+    (grey.set_rgb8(width, height, &colours), colours)
 }
 
 #[cfg(test)]
@@ -300,6 +327,15 @@ mod tests {
             let image = read_camera_image("c.png", &file, Some([2, 1]), 9).unwrap();
             assert_eq!((image.grey.pixels(), image.colours.len()), (&grey[..], 2), "{kind:?} {depth:?}");
         }
+        for (file, grey, colours) in [
+            (&b"P5 2 1 255 \x07\x08"[..], [7, 8], [[7; 3], [8; 3]]),
+            (b"P5 2 1 65535 \x01\x02\xff\xff", [258, 65_535], [[1; 3], [255; 3]]),
+            (b"P6 2 1 255 \xff\xff\xff\0\0\0", [65_280, 0], [[255; 3], [0; 3]]),
+            (b"P6 2 1 1023 \x03\xff\x03\xff\x03\xff\0\0\0\0\0\0", [65_280, 0], [[255; 3], [0; 3]]),
+        ] {
+            let image = read_camera_image("c.ppm", file, Some([2, 1]), 9).unwrap();
+            assert_eq!((image.grey.pixels(), &image.colours[..]), (&grey[..], &colours[..]));
+        }
         let file = png([2, 1], ColorType::Grayscale, BitDepth::Eight, &[7, 8]);
         let told = |size, most| read_camera_image("c.png", &file, size, most).unwrap_err().to_string();
         assert_eq!(told(Some([3, 1]), 9), "c.png, byte 16: expected 3 x 1 pixels, found 2 x 1 pixels");
@@ -311,6 +347,14 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn any_portable_map(kind in 0_u8..9, head in "[ 0-9#\n]{0,20}", pixels: Vec<u8>) {
+            let file = [&[b'P', b'0' + kind], head.as_bytes(), &pixels].concat();
+            if let Ok(image) = read_camera_image("d", &file, None, 1 << 20) {
+                prop_assert_eq!(image.grey.pixels().len(), image.colours.len());
+            }
+        }
+
         #[test]
         fn any_bytes(mut bytes: Vec<u8>, cut in 0..90_usize, at in 0..90_usize, byte: u8) {
             let _ = read_colours("c", &bytes, [4, 4]);

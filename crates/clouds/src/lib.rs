@@ -56,6 +56,7 @@ mod packets;
 mod pcd;
 mod plan;
 mod ply;
+mod pnm;
 mod points;
 mod poses;
 mod recording;

@@ -192,6 +192,35 @@ fn every_layout_is_recognised_and_read() {
     assert!((recording.references()[0].poses[1].1.translation - nalgebra::Vector3::new(1.6, 2.0, 3.5)).norm() < 1e-12);
 }
 
+/// The same folder with its grey images as PGM.
+fn as_pgm(folder: &Memory<'_>) -> Memory<'static> {
+    let renamed = |name: &str| name.replace(".png", ".pgm");
+    folder.files.iter().fold(Memory::default(), |made, (name, bytes)| {
+        if !name.ends_with(".png") {
+            return made.with(name, renamed(&String::from_utf8_lossy(bytes)));
+        }
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut pixels = vec![0; (WIDTH * HEIGHT) as usize];
+        reader.next_frame(&mut pixels).unwrap();
+        let header = format!("P5\n# {name}\n{WIDTH} {HEIGHT}\n255\n");
+        made.with(&renamed(name), [header.into_bytes(), pixels].concat())
+    })
+}
+
+#[test]
+fn images_as_pgm_are_read_as_those_of_png() {
+    for folder in [kitti(), euroc(), middlebury()] {
+        let clouds = clouds_of(&folder, &CameraOptions::default()).unwrap();
+        assert_eq!(
+            format!("{:?}", clouds_of(&as_pgm(&folder), &CameraOptions::default()).unwrap()),
+            format!("{clouds:?}")
+        );
+    }
+    // a numbered pair of which there are two kinds is one pair
+    let both = middlebury().with("im0.ppm", *b"P6").with("im1.ppm", *b"P6");
+    clouds_of(&both, &CameraOptions::default()).unwrap().0.iter().for_each(assert_wall);
+}
+
 #[test]
 fn frames_that_one_camera_misses_are_counted_and_said() {
     let mut folder = kitti();
@@ -299,7 +328,9 @@ fn images_that_are_none_are_left_out_and_said() {
     for (bytes, found) in [
         (torn, "expected an image of 12800 bytes"),
         (grey16, "expected 160 x 80 pixels, found 4 x 4 pixels"),
-        (b"no image".to_vec(), "expected a PNG image"),
+        (b"no image".to_vec(), "expected a PNG, JPEG, PGM or PPM image, found a file that begins with no image"),
+        (b"P2 4 4 255 0 0".to_vec(), "byte 0: expected a binary PGM or PPM image (P5 or P6), found P2"),
+        (b"P5 160 80 255\n0".to_vec(), "byte 14: expected 12800 bytes of pixels for 160 x 80, found 1"),
         (vec![0xff, 0xd8, 1, 2], "expected a JPEG image"),
     ] {
         let (clouds, words) = clouds_of(&kitti().with("image_1/000001.png", bytes), &CameraOptions::default()).unwrap();

@@ -17,7 +17,9 @@ const USUAL: [[u64; 2]; 2] = [[2, 6], [1, 5]];
 pub(super) fn find(listing: &Listing<'_>) -> Result<Option<Plan>, CloudError> {
     for word in NAMES {
         let of_pair = |name: &str| is_image(name) && numbered(name, word).is_some();
-        let names = listing.in_one_folder(of_pair)?;
+        let mut names = listing.in_one_folder(of_pair)?;
+        // an image may be there in several formats
+        names.dedup_by(|later, first| stem(later) == stem(first));
         let numbers: Vec<u64> = names.iter().filter_map(|name| numbered(parts(name).1, word)).collect();
         let usual = USUAL.into_iter().find(|pair| pair.iter().all(|number| numbers.contains(number)));
         let chosen = match numbers[..] {

@@ -12,7 +12,7 @@ use mapwright_sensor::{ImuReading, SpaceSensor};
 use std::collections::BTreeMap;
 
 /// How images of cameras end.
-const IMAGES: [&str; 3] = [".png", ".jpg", ".jpeg"];
+const IMAGES: [&str; 5] = [".png", ".jpg", ".jpeg", ".pgm", ".ppm"];
 
 /// Whether a file is an image that is read, by its name.
 pub(super) fn is_image(name: &str) -> bool {
