@@ -153,6 +153,9 @@ pub(crate) struct MapArgs {
     /// or with another log, which may begin anywhere.
     #[arg(long = "continue", conflicts_with_all = ["resume", "start"])]
     pub(crate) goes_on: bool,
+    /// Of a recording of space: the map's surface as well, mesh.glb, as `mapwright export --to mesh` makes it.
+    #[arg(long, conflicts_with = "slice")]
+    pub(crate) mesh: bool,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
 }

@@ -59,8 +59,9 @@ pub(crate) fn remove_outdated_exports(output: &mut OutputFolder) -> Option<Strin
         EXPORTS.map(str::to_owned).into_iter().filter(|name| output.remove_outdated(name.clone())).collect();
     for map in 2.. {
         let files = ["glb", "ply"].map(|ending| format!("mesh-{map}.{ending}"));
+        let is_new = files.iter().any(|name| output.has_begun(name));
         let found: Vec<String> = files.into_iter().filter(|name| output.remove_outdated(name.clone())).collect();
-        if found.is_empty() {
+        if found.is_empty() && !is_new {
             break;
         }
         gone.extend(found);

@@ -89,11 +89,16 @@ impl OutputFolder {
 
     /// With [`OutputFolder::commit`] a file goes that an earlier run has left and this one does not replace. Whether there is one.
     pub(crate) fn remove_outdated(&mut self, name: String) -> bool {
-        let is_there = self.path(&name).is_file();
+        let is_there = !self.has_begun(&name) && self.path(&name).is_file();
         if is_there {
             self.outdated.push(name);
         }
         is_there
+    }
+
+    /// Whether a file of that name is begun.
+    pub(crate) fn has_begun(&self, name: &str) -> bool {
+        self.names.iter().any(|begun| begun == name)
     }
 
     /// The files that are begun, in order.

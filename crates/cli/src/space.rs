@@ -7,6 +7,7 @@ mod going_on;
 mod inertial;
 mod mapping;
 mod merge;
+mod mesh;
 mod messages;
 mod picture;
 mod report;
@@ -20,6 +21,7 @@ mod visits;
 pub(crate) use calibrate::calibrate;
 pub(crate) use disk::Disk;
 pub(crate) use merge::{Input as MergeInput, each_cloud, merge};
+pub(crate) use mesh::{MESH_FILE, Meshing, four_digits, mesh_file, usual_voxel_m};
 pub(crate) use messages::plan_in_words;
 pub(crate) use picture::up;
 pub(crate) use report::{notes_in_words, notes_json};
@@ -76,6 +78,8 @@ pub(crate) struct Run<'a> {
     pub(crate) mapping: &'a MappingArgs,
     /// Go on with the session in the folder of results.
     pub(crate) goes_on: bool,
+    /// The mesh as well.
+    pub(crate) mesh: bool,
 }
 
 impl Run<'_> {
@@ -99,7 +103,15 @@ pub(crate) fn map(args: &Run<'_>, mut source: Source<'_>, interrupt: &Interrupt)
     let (name, voice) = (args.name, args.mapping.voice);
     finish(
         mapping,
-        &Finished { name, read: source.read(), simulation: source.simulation(), is_cut, output: args.output, voice },
+        &Finished {
+            name,
+            read: source.read(),
+            simulation: source.simulation(),
+            is_cut,
+            output: args.output,
+            voice,
+            mesh_threads: args.mesh.then_some(threads as usize),
+        },
     )
 }
 
@@ -163,11 +175,13 @@ struct Finished<'a> {
     is_cut: bool,
     output: &'a Path,
     voice: Voice,
+    /// On so many threads the mesh is made, if it is asked for.
+    mesh_threads: Option<usize>,
 }
 
 /// Writes the results and says what was made and lost.
 fn finish(mut mapping: Mapping, finished: &Finished<'_>) -> Result<Outcome, Failure> {
-    let Finished { name, ref read, simulation, is_cut, output, voice } = *finished;
+    let Finished { name, ref read, simulation, is_cut, output, voice, mesh_threads } = *finished;
     let (mut losses, mut odd) = (read.losses.clone(), read.odd.clone());
     losses.append(&mut mapping.earlier_losses);
     let (lost, noted) = notes_in_words(&read.notes);
@@ -189,6 +203,9 @@ fn finish(mut mapping: Mapping, finished: &Finished<'_>) -> Result<Outcome, Fail
     let results = mapping.write_results(read, simulation)?;
     odd.extend(results.odd());
     losses.extend(results.losses());
+    if let Some(threads) = mesh_threads {
+        losses.extend(mapping.write_meshes(threads)?);
+    }
     let usable = SpaceFacts::of(&mapping.tally, &mut mapping.mapper).doubting(&read.doubts).judged();
     let all_losses: Vec<String> = losses.iter().cloned().chain(usable.loss()).collect();
     let mut report = report::to_json(name, read, &mapping.tally, &results, (&usable, &all_losses));

@@ -9,6 +9,7 @@ use crate::image::MapImage;
 use crate::output::write_whole;
 use crate::report::remarks;
 use crate::session::{AnySession, map_of, read_any_session};
+use crate::space::MESH_FILE;
 use crate::stamps::Stamper;
 use crate::terminal::{count, say, say_json};
 use clap::ValueEnum;
@@ -104,7 +105,7 @@ fn default_name(to: ExportTo) -> &'static str {
         ExportTo::Ply => "export.ply",
         ExportTo::Pcd => "export.pcd",
         ExportTo::Octomap => "export.bt",
-        ExportTo::Mesh => "mesh.glb",
+        ExportTo::Mesh => MESH_FILE,
     }
 }
 

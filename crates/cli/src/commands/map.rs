@@ -37,6 +37,9 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
             drop(first_pass);
             return map_space(args, source, &interrupt);
         }
+        Sought::Plane(_) if args.mesh => {
+            return Err(Failure::Usage("--mesh needs a recording of space, found one of the plane".to_owned()));
+        }
         Sought::Plane(inputs) => inputs,
     };
     let mut log = Log::of(inputs, &args.logs, &args.source.choice(), &mut watch)?.taking_sonars();
@@ -143,7 +146,13 @@ fn map_space(args: &MapArgs, source: Source<'_>, interrupt: &Interrupt) -> Resul
     space::check_choice_of_clouds(&args.source)?;
     let name = args.logs.first().map_or_else(String::new, |path| path.display().to_string());
     space::map(
-        &space::Run { name: &name, output: &args.output(), mapping: &args.mapping, goes_on: args.goes_on },
+        &space::Run {
+            name: &name,
+            output: &args.output(),
+            mapping: &args.mapping,
+            goes_on: args.goes_on,
+            mesh: args.mesh,
+        },
         source,
         interrupt,
     )

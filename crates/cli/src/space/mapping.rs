@@ -1,6 +1,7 @@
 //! A mapper in space, and everything that is made of its updates.
 
 use super::inertial::Felt;
+use super::mesh::{usual_voxel_m, write_meshes};
 use super::report::{Beside, Results};
 use super::source::Read;
 use super::{MAP_SHARE, Simulation, Tally, picture};
@@ -164,6 +165,12 @@ impl Mapping {
         let truth = simulation.map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
         let felt = Felt::of(read, &self.mapper);
         Ok(Results::of(session, (&way, path_m), resolution_m, map_points, beside, truth).feeling(felt))
+    }
+
+    /// The maps' meshes; what is missing of them, in words.
+    pub(super) fn write_meshes(&mut self, threads: usize) -> Result<Vec<String>, Failure> {
+        let voxel_m = usual_voxel_m(self.mapper.resolution_m());
+        write_meshes(&mut self.output, self.log.session(), (voxel_m, threads))
     }
 }
 

@@ -62,7 +62,10 @@ pub(crate) fn merge(args: &MergeArgs, inputs: Vec<(String, Input)>, interrupt: &
         read = merged.and(read, "");
     }
     let (is_cut, voice) = (interrupt.came(), args.mapping.voice);
-    finish(mapping, &Finished { name: &names, read, simulation: None, is_cut, output: &args.output, voice })
+    finish(
+        mapping,
+        &Finished { name: &names, read, simulation: None, is_cut, output: &args.output, voice, mesh_threads: None },
+    )
 }
 
 fn begin(args: &MergeArgs, earlier: Option<Session<SpaceSweep>>, losses: Vec<String>) -> Result<Mapping, Failure> {

@@ -3,6 +3,7 @@
 use crate::support::{assert_code, assert_refused, folder, run, small_log_in, text};
 use mapwright::{Cloud, Pose3, Settings, SpaceMapper, Stamp};
 use mapwright_clouds::{Notes, read_pcd, read_ply};
+use mapwright_formats::write_ply;
 use mapwright_sensor::SpaceSensor;
 use mapwright_voxel::{Octree, State};
 use std::fs;
@@ -136,6 +137,41 @@ fn a_mesh_lies_on_the_walls_whatever_the_threads() {
         1,
         &["--threads is for --to mesh"],
     );
+}
+
+#[test]
+fn a_map_with_its_mesh_has_the_one_that_export_makes() {
+    let folder = folder("map_mesh");
+    let (clouds, out) = (folder.join("clouds"), folder.join("out"));
+    fs::create_dir_all(&clouds).unwrap();
+    for number in 0..3 {
+        let Cloud { points_m, colours, .. } = cloud(number, false);
+        let mut file = Vec::new();
+        write_ply(&points_m, &colours, &[], &mut file).unwrap();
+        fs::write(clouds.join(format!("{number}.ply")), file).unwrap();
+    }
+    let out = out.to_str().unwrap();
+    let mapped = |more: &[&str]| {
+        let output = run(&[&["map", clouds.to_str().unwrap(), "-o", out], more].concat());
+        assert_code(&output, 0);
+        text(&output.stdout).to_owned()
+    };
+    let mesh = folder.join("out/mesh.glb");
+    // the second run replaces what the first one made
+    assert!(mapped(&["--mesh"]).contains(" mesh.glb"));
+    assert!(!mapped(&["--mesh", "--threads", "2"]).contains("are gone"));
+    let with_map = fs::read(&mesh).unwrap();
+    assert!(with_map.starts_with(b"glTF") && with_map.len() > 100_000, "{}", with_map.len());
+    let exported = folder.join("exported.glb");
+    assert_code(&run(&["export", out, "--to", "mesh", "-o", exported.to_str().unwrap()]), 0);
+    assert!(with_map == fs::read(exported).unwrap(), "other bytes than those of export");
+    assert!(mapped(&[]).contains("exports of the results before are gone: mesh.glb"));
+    assert!(!mesh.exists());
+
+    let (plane, log) = (folder.join("plane"), small_log_in(&folder));
+    let refused = run(&["map", &log, "-o", plane.to_str().unwrap(), "--mesh"]);
+    assert_refused(&refused, 2, &["--mesh needs a recording of space, found one of the plane"]);
+    assert!(!plane.exists());
 }
 
 /// Rows of floats and colours of a PLY file whose vertices have seven floats and a colour.

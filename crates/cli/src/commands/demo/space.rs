@@ -29,7 +29,11 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome, Failure> {
     };
     let simulation = if args.imu { simulation.with_imu() } else { simulation };
     let source = Source::Simulated(Box::new(simulation));
-    map(&Run { name: &name, output: &args.output, mapping: &args.mapping, goes_on: false }, source, &interrupt)
+    map(
+        &Run { name: &name, output: &args.output, mapping: &args.mapping, goes_on: false, mesh: false },
+        source,
+        &interrupt,
+    )
 }
 
 fn drive(args: &DemoArgs) -> SpaceDrive {
