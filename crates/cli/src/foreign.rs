@@ -1,6 +1,7 @@
 //! What a file is, told by its first bytes: said where it is given to a command that does not read it.
 
-use mapwright_formats::open_log;
+use mapwright_formats::{Excerpt, open_log};
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -11,7 +12,7 @@ pub(crate) const HEAD_BYTES: u64 = 4096;
 /// A kind of file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Kind {
-    what: &'static str,
+    what: Cow<'static, str>,
     /// What reads it, with `FILE` for its name.
     remedy: &'static str,
 }
@@ -96,7 +97,7 @@ const LOG_TAGS: [&str; 6] = ["PARAM", "ODOM", "FLASER", "RLASER", "ROBOTLASER1",
 /// By the first bytes, after decompression.
 pub(crate) fn kind_of(head: &[u8]) -> Option<Kind> {
     let by_bytes = BYTES.iter().find(|(beginning, ..)| head.starts_with(beginning));
-    let found = by_bytes.map(|&(_, what, remedy)| Kind { what, remedy });
+    let found = by_bytes.map(|&(_, what, remedy)| Kind::new(what, remedy));
     found.or_else(|| of_tar(head)).or_else(|| of_osf(head)).or_else(|| of_text(head))
 }
 
@@ -104,7 +105,7 @@ pub(crate) fn kind_of(head: &[u8]) -> Option<Kind> {
 pub(crate) fn kind_at(path: &Path) -> Option<Kind> {
     let plain = plain_beginning(path);
     if mapwright_logs::Input::is_recording(&plain) {
-        return Some(Kind { what: "a recording of messages", remedy: "`mapwright map FILE -o OUT` maps it" });
+        return Some(Kind::new("a recording of messages", "`mapwright map FILE -o OUT` maps it"));
     }
     kind_of(&plain)
 }
@@ -130,15 +131,17 @@ pub(crate) fn plain_head(head: &[u8]) -> Vec<u8> {
 
 fn of_tar(head: &[u8]) -> Option<Kind> {
     let is_tar = head.get(257..262) == Some(b"ustar");
-    is_tar.then_some(Kind { what: "a tar archive", remedy: "unpack it first: tar -xf FILE" })
+    is_tar.then(|| Kind::new("a tar archive", "unpack it first: tar -xf FILE"))
 }
 
 /// Ouster's OSF is a flatbuffer, whose identifier stands behind its size and the place of its root.
 fn of_osf(head: &[u8]) -> Option<Kind> {
     let is_osf = head.get(8..11) == Some(b"OSF");
-    is_osf.then_some(Kind {
-        what: "an Ouster's recording (OSF)",
-        remedy: "convert it first: ouster-cli source FILE save FILE.pcap, which writes the sensor's metadata beside it as well",
+    is_osf.then(|| {
+        Kind::new(
+            "an Ouster's recording (OSF)",
+            "convert it first: ouster-cli source FILE save FILE.pcap, which writes the sensor's metadata beside it as well",
+        )
     })
 }
 
@@ -146,7 +149,7 @@ fn of_text(head: &[u8]) -> Option<Kind> {
     let text = String::from_utf8_lossy(head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head));
     let text = text.trim_start();
     if let Some(&(_, what, remedy)) = TEXTS.iter().find(|(beginning, ..)| text.starts_with(beginning)) {
-        return Some(Kind { what, remedy });
+        return Some(Kind::new(what, remedy));
     }
     // the last line may be cut
     let whole = text.rfind('\n').map_or(text, |end| &text[..end]);
@@ -154,13 +157,13 @@ fn of_text(head: &[u8]) -> Option<Kind> {
     let words: Vec<_> = line.split_ascii_whitespace().collect();
     let tag = *words.first()?;
     if GRAPH_TAGS.contains(&tag) {
-        return Some(Kind {
-            what: "a pose graph (g2o or TORO)",
-            remedy: "`mapwright optimize FILE -o OUT.g2o` reads it",
-        });
+        return Some(Kind::new("a pose graph (g2o or TORO)", "`mapwright optimize FILE -o OUT.g2o` reads it"));
     }
     if LOG_TAGS.contains(&tag) {
-        return Some(Kind { what: "a CARMEN log", remedy: "`mapwright map FILE -o OUT` maps it" });
+        return Some(Kind::new("a CARMEN log", "`mapwright map FILE -o OUT` maps it"));
+    }
+    if let Some(kind) = of_labelled_rows(whole) {
+        return Some(kind);
     }
     let is_number = |word: &&str| word.parse::<f64>().is_ok();
     let what = match words.len() {
@@ -169,10 +172,36 @@ fn of_text(head: &[u8]) -> Option<Kind> {
         12 => "a trajectory as KITTI has it (rows of 12 numbers)",
         _ => return None,
     };
-    words.iter().all(is_number).then_some(Kind { what, remedy: "`mapwright eval FILE --reference OTHER` compares it" })
+    words.iter().all(is_number).then(|| Kind::new(what, "`mapwright eval FILE --reference OTHER` compares it"))
+}
+
+/// Rows of as many numbers each and a word, between commas: readings to learn from.
+fn of_labelled_rows(text: &str) -> Option<Kind> {
+    let mut rows = text.lines().filter(|line| !line.trim().is_empty()).map(numbers_and_word);
+    let (count, word) = rows.next()??;
+    rows.all(|row| row.is_some_and(|(other, _)| other == count)).then(|| Kind {
+        what: Cow::Owned(format!(
+            "{count} numbers and a word in each line, such as {}, without a header, stamps or poses",
+            Excerpt::new(word.as_bytes())
+        )),
+        remedy: "a map needs to be told when each reading was taken, from where (odometry or poses), and where on the robot \
+                 its sensors sit: a CARMEN log with SONAR or FLASER lines says so, or a recording of ROS",
+    })
+}
+
+/// How many numbers stand in a line before its word.
+fn numbers_and_word(line: &str) -> Option<(usize, &str)> {
+    let (numbers, word) = line.rsplit_once(',')?;
+    let is_word = word.trim().starts_with(|first: char| first.is_ascii_alphabetic());
+    let are_numbers = numbers.split(',').all(|number| number.trim().parse::<f64>().is_ok());
+    (is_word && are_numbers).then(|| (numbers.split(',').count(), word.trim()))
 }
 
 impl Kind {
+    fn new(what: &'static str, remedy: &'static str) -> Self {
+        Self { what: Cow::Borrowed(what), remedy }
+    }
+
     /// What was found instead of what a command reads.
     pub(crate) fn instead(&self, name: &str, expected: &str) -> String {
         let remedy = if self.remedy.is_empty() { String::new() } else { format!("; {}", self.remedy) };
@@ -247,6 +276,12 @@ mod tests {
             (b"\xef\xbb\xbf{\"a\": 1}", "found JSON"),
             (b"\xff\xfeF\0L\0", "UTF-16"),
             (b"# log\nPARAM robot_length 1\n", "found a CARMEN log"),
+            (
+                b"0.4,5.000,1.6,Move-Forward\n0.4,5,1,Turn\n0.4,",
+                "found 3 numbers and a word in each line, such as `Move-Forward`",
+            ),
+            (b"0.4,5,Move\n0.4,Turn\n", "unknown"),
+            (b"0.4,5\n0.4,3\n", "unknown"),
             (b"hello world\n", "unknown"),
             (b"", "unknown"),
         ] {

@@ -18,7 +18,8 @@ fn poses(out: &Path) -> String {
 fn a_file_that_is_something_else_is_named_with_what_reads_it() {
     let folder = folder("something_else");
     let png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x10\0\0\0\x10\x08\0\0\0\0";
-    let cases: [(&str, &[u8], &str); 11] = [
+    let rows = b"0.438,5.000,3.625,Slight-Right-Turn\n0.437,5.000,3.620,Move-Forward\n";
+    let cases: [(&str, &[u8], &str); 12] = [
         ("a.png", png, "a PNG picture"),
         ("a.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF\0", "a JPEG picture"),
         ("a.ply.txt", b"ply\nformat ascii 1.0\n", "a cloud as PLY"),
@@ -30,6 +31,11 @@ fn a_file_that_is_something_else_is_named_with_what_reads_it() {
         ("a.kitti", b"1 0 0 0 0 1 0 0 0 0 1 0\n", "mapwright eval"),
         ("a.pbstream", b"\xdb\x01\xf5\x5b\x7b\x1f\x1d\x7b\x10\0\0\0\0\0\0\0", "pbstream"),
         ("a.bag", b"#ROSRECORD V1.2\nop=\x03\n", "a ROS 1 bag of version 2.0"),
+        (
+            "a.csv",
+            rows,
+            "3 numbers and a word in each line, such as `Slight-Right-Turn`, without a header, stamps or poses",
+        ),
     ];
     let mut packed = GzEncoder::new(Vec::new(), flate2::Compression::fast());
     packed.write_all(png).unwrap();
