@@ -153,14 +153,17 @@ fn turning(run: &Run, figure: &Figure, id: &str) -> String {
         ("out", "−", "farther"),
         ("above", "⊤", "from above"),
         ("side", "⊢", "from the side"),
+        ("storeys", "◫", "storeys beside each other or back"),
         ("all", "⤢", "as at first"),
     ];
+    let buttons = buttons.iter().filter(|(act, ..)| turning.has_storeys || *act != "storeys");
     let button = |(act, sign, what): &(&str, &str, &str)| {
         format!(
             "<button type=\"button\" data-turn=\"{act}\" aria-label=\"{name}: {what}\" title=\"{what}\">{sign}</button>"
         )
     };
-    let buttons: String = buttons.iter().map(button).collect();
+    let buttons: String = buttons.map(button).collect();
+    let storeys = if turning.has_storeys { "; <kbd>S</kbd> puts storeys beside each other, and back" } else { "" };
     let label = format!("{name} of {} in space, to be turned: its points, the way of the robot and closures", run.name);
     format!(
         "<figure class=\"turning\" data-run=\"{id}\" data-map=\"{map}\">\n<div class=\"frame\">\
@@ -169,7 +172,7 @@ fn turning(run: &Run, figure: &Figure, id: &str) -> String {
          <label class=\"height\">Heights up to <input type=\"range\"/> <span class=\"cut\"></span></label>\
          <output class=\"at\"></output></div></div>\
          <figcaption id=\"turning-{id}-{map}\">{}. Drag or arrow keys turn it, <kbd>+</kbd> <kbd>−</kbd> bring it nearer, Shift with either moves it, \
-         <kbd>0</kbd> is as at first; the slider takes away what is higher, such as ceilings.</figcaption>\
+         <kbd>0</kbd> is as at first{storeys}; the slider takes away what is higher, such as ceilings.</figcaption>\
          <noscript><p>Where scripts run the map can be turned. The picture below shows it from above and from the side.</p></noscript></figure>\n",
         escaped(&label),
         escaped(&turning.words),

@@ -5,15 +5,18 @@
 
   const POINTS = `
     attribute vec3 place; attribute float colour;
-    uniform vec3 low, step, eye, right, up, ahead; uniform vec2 scale, planes; uniform float size, cut, fixed_px; uniform vec3 tint;
+    uniform vec3 low, step, eye, right, up, ahead; uniform vec2 scale, planes; uniform float size, cut, fixed_px; uniform vec3 tint; uniform vec4 storeys[9];
     varying vec3 shown;
     void main() {
-      vec3 at = low + step * place - eye;
+      vec3 metres = low + step * place, shift = vec3(0.0);
+      for (int k = 0; k < 9; k += 1) if (metres.z >= storeys[k].w) shift = storeys[k].xyz;
+      metres += shift;
+      vec3 at = metres - eye;
       float depth = dot(ahead, at);
       float z = (planes.y + planes.x) / (planes.y - planes.x) * depth - 2.0 * planes.x * planes.y / (planes.y - planes.x);
       gl_Position = vec4(scale.x * dot(right, at), scale.y * dot(up, at), z, depth);
       gl_PointSize = fixed_px > 0.0 ? fixed_px : clamp(size / max(depth, 0.001), 1.5, 64.0);
-      if (low.z + step.z * place.z > cut) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+      if (metres.z > cut) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
       shown = fixed_px > 0.0 ? tint : vec3(floor(colour / 2048.0) / 31.0, floor(mod(colour, 2048.0) / 32.0) / 63.0, mod(colour, 32.0) / 31.0);
     }`;
   const FRAGMENT = `
@@ -24,6 +27,9 @@
     }`;
   const VIEW_ANGLE = 0.7; // half the height of the view as a tangent
   const STEEPEST = 1.5607; // just below 90 degrees, radians
+  const STOREYS = 9; // above the lowest, at most: each holds a tenth of the way
+  const COLUMNS = 3; // storeys beside each other; more begin another row
+  const APART = 1.08; // from one to the next, of its size
   const TINTS = { way: [0, 0.447, 0.698], rim: [1, 1, 1], start: [0, 0.44, 0.31], end: [0.7, 0.15, 0.12], closure: [0.88, 0.48, 0.06] };
 
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -49,6 +55,16 @@
       this.program = this.gl && program(this.gl);
       if (!this.program) return;
       this.upload();
+      this.captions = (told.storeys.length > 1 ? told.storeys : []).map((_, k) => {
+        const caption = document.createElement("span");
+        caption.className = "caption";
+        caption.textContent = `storey ${k + 1} of ${told.storeys.length}`;
+        caption.hidden = true;
+        figure.querySelector(".turning-tools").before(caption);
+        return caption;
+      });
+      this.apart = false;
+      figure.querySelector("[data-turn=storeys]")?.setAttribute("aria-pressed", "false");
       this.frame();
       this.listen();
       this.canvas.hidden = false;
@@ -72,7 +88,7 @@
       this.counts = { points: points.length / 8, way: Math.floor(way.length / 6), closures: Math.floor(closures.length / 6) };
       this.buffers = { points: buffer(points), way: buffer(way), closures: buffer(closures) };
       this.at = Object.fromEntries(["place", "colour"].map((name) => [name, gl.getAttribLocation(this.program, name)]));
-      const names = ["low", "step", "eye", "right", "up", "ahead", "scale", "planes", "size", "cut", "fixed_px", "tint", "round"];
+      const names = ["low", "step", "eye", "right", "up", "ahead", "scale", "planes", "size", "cut", "fixed_px", "tint", "round", "storeys"];
       this.uniforms = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(this.program, name)]));
     }
 
@@ -93,14 +109,26 @@
       return new Uint8Array(Uint16Array.from(made, Math.round).buffer);
     }
 
+    // How far each storey is shifted, and where what is shown then begins and ends. Beside each other the robot drives at the same height in all.
+    arranged() {
+      const { frame: [low, high], storeys } = this.told;
+      if (!this.apart) return { shifts: storeys.map(() => [0, 0, 0]), low, high };
+      const next = [0, 1].map((k) => APART * (high[k] - low[k]));
+      const shifts = storeys.map(([, level], k) => [(k % COLUMNS) * next[0], -Math.floor(k / COLUMNS) * next[1], storeys[0][1] - level]);
+      const top = storeys.map((_, k) => (k + 1 < storeys.length ? storeys[k + 1][0] : high[2]) + shifts[k][2]);
+      const [right, front] = [Math.max(...shifts.map((shift) => shift[0])), Math.min(...shifts.map((shift) => shift[1]))];
+      return { shifts, low: [low[0], low[1] + front, low[2]], high: [high[0] + right, high[1], Math.max(...top)] };
+    }
+
     // What is turned about, how large it is, and the heights that can be cut off.
     frame() {
-      const [low, high] = this.told.frame;
+      const { low, high, shifts } = this.arranged();
+      this.shifts = shifts;
       this.middle = [0, 1, 2].map((k) => (low[k] + high[k]) / 2);
       this.reach = Math.max(0.5 * Math.hypot(...[0, 1, 2].map((k) => high[k] - low[k])), 0.01);
       const range = this.figure.querySelector("input[type=range]");
       [range.min, range.max, range.step] = [low[2], high[2], "any"];
-      const above = this.told.highest + 1.5;
+      const above = (this.apart ? this.told.storeys[0][1] : this.told.highest) + 1.5;
       this.cut = this.told.highest !== null && above < high[2] ? above : high[2];
       range.value = this.cut;
       this.reset();
@@ -147,13 +175,29 @@
       gl.uniform2f(uniforms.planes, Math.max(0.002 * this.distance, 1e-3), far);
       gl.uniform1f(uniforms.size, 1.5 * told.point * height / (2 * VIEW_ANGLE));
       gl.uniform1f(uniforms.cut, this.cut);
+      const begins = Array.from({ length: STOREYS }, (_, k) => (this.apart && told.storeys[k + 1] ? told.storeys[k + 1][0] : 1e9));
+      gl.uniform4fv(uniforms.storeys, begins.flatMap((begin, k) => [...(this.shifts[k + 1] || [0, 0, 0]), begin]));
       gl.enable(gl.DEPTH_TEST);
       this.bind("points", 8);
       gl.uniform1f(uniforms.fixed_px, 0);
       gl.uniform1f(uniforms.round, 0);
       gl.drawArrays(gl.POINTS, 0, this.counts.points);
       this.drawLines(ratio);
+      this.placeCaptions(axes, eye);
       canvas.dataset.drawn = `${this.counts.points},${this.counts.way}`;
+    }
+
+    // Each before the front edge of its storey's floor.
+    placeCaptions(axes, eye) {
+      const { canvas, told: { frame: [low, high] } } = this;
+      this.captions.forEach((caption, k) => {
+        const at = [(low[0] + high[0]) / 2, low[1], low[2]].map((v, axis) => v + this.shifts[k][axis] - eye[axis]);
+        const along = (axis) => axis.reduce((sum, v, n) => sum + v * at[n], 0);
+        const depth = VIEW_ANGLE * along(axes.ahead);
+        caption.hidden = !this.apart || depth <= 0;
+        caption.style.left = `${canvas.clientWidth / 2 + (canvas.clientHeight / 2) * (along(axes.right) / depth)}px`;
+        caption.style.top = `${(canvas.clientHeight / 2) * (1 - along(axes.up) / depth)}px`;
+      });
     }
 
     bind(name, stride) {
@@ -217,7 +261,7 @@
 
     changed() {
       const degrees = (angle) => Math.round(angle * 180 / Math.PI);
-      this.figure.querySelector(".at").textContent = `seen from ${degrees(this.pitch)}° above, turned by ${((degrees(this.yaw) % 360) + 360) % 360}°`;
+      this.figure.querySelector(".at").textContent = `seen from ${degrees(this.pitch)}° above, turned by ${((degrees(this.yaw) % 360) + 360) % 360}°${this.apart ? ", storeys beside each other" : ""}`;
       this.ask();
     }
 
@@ -226,7 +270,19 @@
       else if (what === "out") this.zoom(1 / 1.3);
       else if (what === "above") { this.pitch = STEEPEST; this.yaw = 0; this.changed(); }
       else if (what === "side") { this.pitch = 0; this.yaw = 0; this.changed(); }
+      else if (what === "storeys") this.part();
       else { this.reset(); this.changed(); }
+    }
+
+    // Storeys beside each other, or back; seen from the same side.
+    part() {
+      if (this.captions.length === 0) return;
+      const { yaw, pitch } = this;
+      this.apart = !this.apart;
+      this.figure.querySelector("[data-turn=storeys]")?.setAttribute("aria-pressed", this.apart);
+      this.frame();
+      Object.assign(this, { yaw, pitch });
+      this.changed();
     }
 
     key(event) {
@@ -234,7 +290,7 @@
       const step = Math.PI / 18;
       const turns = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
       const moves = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
-      const acts = { "+": "in", "=": "in", "-": "out", "0": "all" };
+      const acts = { "+": "in", "=": "in", "-": "out", "0": "all", s: "storeys" };
       if (turns[event.key] && event.shiftKey) this.move(...moves[event.key]);
       else if (turns[event.key]) this.turn(...turns[event.key]);
       else if (acts[event.key]) this.act(acts[event.key]);

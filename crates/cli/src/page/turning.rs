@@ -2,7 +2,7 @@
 
 use super::html::base64;
 use mapwright::{MapPoints, Pose3};
-use mapwright_formats::{SpacePlacement, height_colour};
+use mapwright_formats::{SpacePlacement, SpaceView, height_colour};
 use mapwright_voxel::Thinner;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use serde_json::{Value, json};
@@ -42,6 +42,8 @@ pub(super) struct Shown<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Turning {
     json: Value,
+    /// Whether it has storeys that lie over each other.
+    pub(super) has_storeys: bool,
     /// What of the map it has, in words.
     pub(super) words: String,
 }
@@ -83,7 +85,9 @@ impl Turning {
         } else {
             String::new()
         };
+        let storeys = storeys(placement, shown.way);
         Self {
+            has_storeys: storeys.len() > 1,
             words: format!("{} points, one in each cube of {point_m:.2} m{outside}", places.len()),
             json: json!({
                 "points": base64(&rows),
@@ -93,6 +97,7 @@ impl Turning {
                 "frame": [placement.low_m, placement.high_m],
                 "way": line(&mut way.into_iter()),
                 "highest": highest.reduce(f64::max),
+                "storeys": storeys,
                 "closures": line(&mut shown.closures.iter().flatten().copied()),
             }),
         }
@@ -101,6 +106,20 @@ impl Turning {
     pub(super) fn to_json(&self) -> &Value {
         &self.json
     }
+}
+
+/// Of each storey, from the lowest up, the height where it begins and the middle one of the way there, metres along the axis up.
+fn storeys(placement: &SpacePlacement, way: &[Pose3]) -> Vec<[f64; 2]> {
+    let above = placement.views.split_last().map_or(&[][..], |(_, above)| above);
+    let heights: Vec<f64> = way.iter().map(|pose| dot(placement.axes[2], pose.translation.into())).collect();
+    let storey = |view: &SpaceView| {
+        let [from, to] = view.heights_m;
+        let mut there: Vec<f64> = heights.iter().copied().filter(|height| (from..to).contains(height)).collect();
+        there.sort_unstable_by(f64::total_cmp);
+        let begin = from.max(placement.low_m[2]);
+        [begin, there.get(there.len() / 2).copied().unwrap_or(begin)]
+    };
+    above.iter().map(storey).collect()
 }
 
 /// Where places are rounded: 65,536 steps along each axis from `low` on, metres.
@@ -236,6 +255,31 @@ mod tests {
         let wall = (0..200).flat_map(|i| (0..50).map(move |j| [at(i), 5.0, at(j)]));
         let stray = [[500.0, 2.0, 1.0]];
         MapPoints { points_m: floor.chain(wall).chain(stray).collect(), ..MapPoints::default() }
+    }
+
+    #[test]
+    fn each_storey_is_told_with_the_height_of_its_way() {
+        let floor = |z: f32| (0..200).flat_map(move |i| (0..100).map(move |j| [i as f32 * 0.1, j as f32 * 0.1, z]));
+        let points = MapPoints { points_m: floor(0.0).chain(floor(3.0)).collect(), ..MapPoints::default() };
+        let at = |x: f64, z: f64| Pose3 { translation: [x, 5.0, z].into(), ..Pose3::identity() };
+        let along = |z: f64| (0..160).map(move |k| at(2.0 + 0.1 * f64::from(k), z));
+        let way: Vec<Pose3> = along(0.4).chain(along(3.6)).collect();
+        let way_m: Vec<[f64; 3]> = way.iter().map(|pose| pose.translation.into()).collect();
+        let told = |count: usize| {
+            let picture =
+                SpacePicture { points_m: &points.points_m, way_m: &way_m[..count], ..SpacePicture::default() };
+            let placement = write_bare_space_png(&picture, Vec::new()).unwrap();
+            let shown =
+                Shown { points: &points, way: &way[..count], closures: &[], placement: &placement, point_m: 0.1 };
+            let turning = Turning::of(&shown, 40_000);
+            let storeys: Vec<[f64; 2]> = serde_json::from_value(turning.json["storeys"].clone()).unwrap();
+            assert_eq!(turning.has_storeys, storeys.len() > 1);
+            storeys
+        };
+        let [lower, upper]: [[f64; 2]; 2] = told(320).try_into().unwrap();
+        assert!(lower[0] < 0.0 && lower[1] == 0.4, "{lower:?}");
+        assert!((2.5..3.0).contains(&upper[0]) && upper[1] == 3.6, "{upper:?}");
+        assert_eq!(told(160).len(), 1);
     }
 
     #[test]

@@ -265,12 +265,7 @@ fn a_map_of_space_is_turned_in_a_browser() {
          if (k > 0 && v !== (all[0] << 16 | all[1] << 8 | all[2])) shown += 1; sum = (sum * 31 + v) % 1000000007; }} \
          return [shown / (c.width * c.height), seen.size, sum]; }})()"
     );
-    let look = |browser: &mut Browser| -> [f64; 3] {
-        // two frames later everything asked for is drawn
-        browser.value("window.frames_seen = 0; requestAnimationFrame(() => requestAnimationFrame(() => { window.frames_seen = 2; }))");
-        browser.wait_for("window.frames_seen === 2");
-        serde_json::from_value(browser.value(&pixels)).unwrap()
-    };
+    let look = |browser: &mut Browser| look(browser, &pixels);
     let first = look(&mut browser);
     assert!(first[0] > 0.05 && first[1] > 20.0, "{first:?}");
     browser.value(&format!("{canvas}.focus()"));
@@ -299,6 +294,35 @@ fn a_map_of_space_is_turned_in_a_browser() {
         browser.value("performance.getEntriesByType('resource').filter((r) => !r.name.startsWith('data:')).length"),
         0
     );
+    // one storey needs no button; with a second one, said to begin just above the sensor, S puts it beside the first, and back
+    assert!(!html.contains("data-turn=\"storeys\"") && !html.contains("<kbd>S</kbd>"));
+    let [[begin_m, level_m]]: [[f64; 2]; 1] =
+        serde_json::from_value(data(&html)["a"]["turning"]["0"]["storeys"].clone()).unwrap();
+    let [one, two] = [format!("[[{begin_m:?},{level_m:?}]]"), format!("[[{begin_m},{level_m}],[{level_m},{level_m}]]")];
+    assert_eq!(html.matches(&one).count(), 1, "{one}");
+    let path = path.with_file_name("storeys.html");
+    fs::write(&path, html.replace(&one, &two)).unwrap();
+    drop(browser);
+    let mut browser = Browser::open(&chromium, &folder("storeys_profile"), &path);
+    browser.wait_for(&format!("Boolean({canvas}.dataset.drawn)"));
+    let captions = "[...document.querySelectorAll('figure.turning .caption')].filter((c) => !c.hidden).map((c) => c.textContent).join()";
+    browser.value(&format!("{canvas}.focus()"));
+    let first = look(&mut browser);
+    assert_eq!(browser.text(captions), "");
+    browser.key("s", 83, "s");
+    assert!(look(&mut browser)[2] != first[2]);
+    assert_eq!(browser.text(captions), "storey 1 of 2,storey 2 of 2");
+    browser.key("s", 83, "s");
+    assert_eq!((look(&mut browser), browser.text(captions)), (first, String::new()));
+}
+
+/// What pixels say two frames later, when everything that is asked for is drawn.
+fn look(browser: &mut Browser, pixels: &str) -> [f64; 3] {
+    browser.value(
+        "window.frames_seen = 0; requestAnimationFrame(() => requestAnimationFrame(() => { window.frames_seen = 2; }))",
+    );
+    browser.wait_for("window.frames_seen === 2");
+    serde_json::from_value(browser.value(pixels)).unwrap()
 }
 
 #[test]

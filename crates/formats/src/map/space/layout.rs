@@ -35,6 +35,11 @@ impl Layout {
         }
     }
 
+    /// Without lines below the views, but room for a scale bar that is drawn over it.
+    pub(super) fn bare(scene: &Scene<'_>, side_px: usize) -> Self {
+        Self::with(scene, Sizes::of(scene, side_px, caption_px(side_px)))
+    }
+
     pub(super) fn width(&self) -> usize {
         self.sizes.width
     }
@@ -107,6 +112,11 @@ impl Layout {
     }
 }
 
+/// The height of a line of words.
+fn caption_px(side_px: usize) -> usize {
+    (CAPTION * pen_of(side_px)) as usize
+}
+
 /// How large everything is in the picture, pixels.
 #[derive(Clone, Copy)]
 struct Sizes {
@@ -128,7 +138,7 @@ impl Sizes {
         let storeys = scene.parted.len() + 1;
         let columns = storeys.min(COLUMNS_MOST);
         let rows = storeys.div_ceil(columns);
-        let caption_px = (CAPTION * pen_of(side_px)) as usize;
+        let caption_px = caption_px(side_px);
         let room = |used: usize| side_px.saturating_sub(used).max(50) as f32;
         let across = 2 * MARGIN_PX + (columns - 1) * GAP_PX;
         let down = 2 * MARGIN_PX + rows * GAP_PX + (rows + 1) * caption_px + strip_px;

@@ -93,14 +93,14 @@ pub fn write_space_png(picture: &SpacePicture<'_>, writer: impl Write) -> Result
     encode(&canvas, writer)
 }
 
-/// Writes the same picture with nothing but captions drawn over the points, for who draws over it, and says where it has what.
+/// Writes the same views with nothing but captions drawn over the points and no lines below, for who draws over it, and says where it has what.
 ///
 /// # Errors
 ///
 /// [`FormatError::Png`].
 pub fn write_bare_space_png(picture: &SpacePicture<'_>, writer: impl Write) -> Result<SpacePlacement, FormatError> {
     let scene = Scene::of(picture);
-    let layout = Layout::of(&scene, picture.side_px.clamp(200, 16_384));
+    let layout = Layout::bare(&scene, picture.side_px.clamp(200, 16_384));
     let mut canvas = Canvas::new(layout.width(), layout.height(), GROUND);
     let heights_m = layout.heights(&scene);
     for view in &layout.views {

@@ -93,7 +93,8 @@ fn a_bare_picture_says_where_the_way_would_be() {
     let picture = SpacePicture { points_m: &points_m, way_m: &WAY, ..SpacePicture::default() };
     let drawn = draw(&picture);
     let placement = write_bare_space_png(&picture, Vec::new()).unwrap();
-    assert_eq!(placement.size_px, [drawn.width, drawn.height()]);
+    // without the lines below
+    assert!(placement.size_px[0] == drawn.width && placement.size_px[1] < drawn.height(), "{placement:?}");
     for (place, colour) in WAY.iter().zip([START, END]) {
         for view in &placement.views {
             let ViewPlacement { px_from_map, offset_px } = view.placement;
@@ -164,8 +165,6 @@ fn storeys_lie_beside_each_other_and_a_stray_wall_outside() {
     assert!(across[0].max(across[1]) < 21.0, "{across:?}");
     let wall = 61.0 * 16.0 / points_m.len() as f64;
     assert!((placement.outside_share - wall).abs() < 0.2 * wall, "{} {wall}", placement.outside_share);
-    let image = draw(&picture);
-    assert_eq!([image.width, image.height()], placement.size_px);
 }
 
 #[test]

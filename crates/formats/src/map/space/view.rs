@@ -9,8 +9,10 @@ use crate::map::frame::ViewPlacement;
 use crate::map::options::pen_scale;
 use crate::map::palette::{END, START, way_colour};
 
-/// An arrow of the axes, and that much around its foot.
+/// An arrow of the axes, and where its foot stands in the view, such lengths from its corner: the name of an axis that points up stays
+/// clear of the caption.
 const ARROW_PX: f32 = 30.0;
+const ARROWS_FOOT: [f32; 2] = [1.5, 2.1];
 /// A caption stands so far above its view; a unit of its letters; widths of a pen.
 const CAPTION_UP: f32 = 7.0;
 const CAPTION_UNIT: f32 = 0.8;
@@ -137,7 +139,8 @@ impl View {
 
     /// The map's axes as arrows, but for one that points to the viewer.
     pub(super) fn draw_axes(&self, canvas: &mut Canvas, scene: &Scene<'_>) {
-        let centre = self.corner.map(|corner| corner as f32 + 1.5 * ARROW_PX * pen_scale(canvas));
+        let pen = pen_scale(canvas);
+        let centre = [0, 1].map(|k| self.corner[k] as f32 + ARROWS_FOOT[k] * ARROW_PX * pen);
         // The rims of all first, so that none covers another.
         for (rim_px, colour) in [(2.0, GROUND), (0.0, INK)] {
             for (axis, name) in ["x", "y", "z"].iter().enumerate() {
