@@ -160,6 +160,11 @@ impl TransformBuffer {
         self.links.get(bare(frame)).is_some_and(|link| link.track.span().is_none())
     }
 
+    /// Forgets what moves, as after a clock that was set back; what holds for all times stays.
+    pub fn forget_moving(&mut self) {
+        self.links.retain(|_, link| link.track.span().is_none());
+    }
+
     fn why_not(&self, parent: &str, child: &str, pose: Pose3) -> Option<String> {
         if parent.is_empty() || child.is_empty() {
             return Some("a frame has no name".to_owned());

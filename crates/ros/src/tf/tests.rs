@@ -39,6 +39,17 @@ fn frames_are_found_across_the_tree_and_interpolated() {
 }
 
 #[test]
+fn after_a_clock_that_was_set_back_only_what_never_moves_is_known() {
+    let mut buffer = robot();
+    buffer.forget_moving();
+    assert!(
+        buffer.lookup("odom", "base_link", at(13.0)).is_err() && buffer.lookup("base_link", "laser", at(1.0)).is_ok()
+    );
+    buffer.insert(at(0.5), "odom", "base_link", pose(1.0, 0.0), false).unwrap();
+    assert!(buffer.lookup("odom", "laser", at(0.5)).is_ok(), "times before those known then are taken in again");
+}
+
+#[test]
 fn the_missing_link_is_named() {
     let mut buffer = robot();
     let error = |buffer: &TransformBuffer, target, source, seconds| {
