@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A lane of a [`Door`], from 0: messages of one push out none of another.
 pub type Lane = usize;
@@ -76,21 +76,16 @@ impl<T> Door<T> {
 
     /// The message that has waited longest; waits for one, but no longer than that.
     pub fn next(&self, at_most: Duration) -> Next<T> {
-        let until = Instant::now() + at_most;
-        let mut inside = self.inside();
-        loop {
-            if let Some((lane, message)) = inside.messages.pop_front() {
+        let is_empty = |inside: &mut Inside<T>| inside.messages.is_empty() && !inside.is_closed;
+        let waited = self.came.wait_timeout_while(self.inside(), at_most, is_empty);
+        let mut inside = waited.unwrap_or_else(PoisonError::into_inner).0;
+        match inside.messages.pop_front() {
+            Some((lane, message)) => {
                 inside.lanes[lane].waiting -= 1;
-                return Next::Message(message);
+                Next::Message(message)
             }
-            if inside.is_closed {
-                return Next::Closed;
-            }
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Next::Nothing;
-            }
-            inside = self.came.wait_timeout(inside, left).unwrap_or_else(PoisonError::into_inner).0;
+            None if inside.is_closed => Next::Closed,
+            None => Next::Nothing,
         }
     }
 

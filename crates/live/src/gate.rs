@@ -262,7 +262,7 @@ impl Gate {
                 }
             };
             let Ready::Now(odom_from_robot) = self.odometry_at(stamp, has_waited, now) else { return None };
-            let Some(Waiting { topic, mut scan, .. }) = self.waiting.pop_front() else { return None };
+            let Waiting { topic, mut scan, .. } = self.waiting.pop_front()?;
             scan.laser = self.placed(&scan.laser, &mounting);
             scan.odom_from_robot = odom_from_robot;
             if let Some(topic) = self.topics.get_mut(&topic) {

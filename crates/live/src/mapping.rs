@@ -7,7 +7,7 @@ use mapwright_ros::messages::{LaserScan, Odometry, TfMessage};
 use mapwright_ros::{Channel, Decoder, Encoding, RosError};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// While nothing arrives, scans that wait are looked at so often.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
@@ -88,14 +88,14 @@ pub enum Told<'a> {
 }
 
 /// Maps what comes through the door until it is closed and all that waits is mapped. The mapper stays on this thread; what it hands out as jobs
-/// (`loops.jobs = "handed-out"`) is done on another, one at a time, and taken in between two scans. `started` is when the time of [`Arrived`]
-/// begins.
+/// (`loops.jobs = "handed-out"`) is done on another, one at a time, and taken in between two scans. `now` tells the time that
+/// [`Arrived`] is of, since the start.
 ///
 /// # Errors
 /// [`RosError`] where a built-in definition of a message does not fit, which is a fault of this program.
 pub fn map(
     door: &Door<(Arrived, Heard)>,
-    started: Instant,
+    now: &dyn Fn() -> Duration,
     gate: &mut Gate,
     mapper: &mut Mapper,
     tell: &mut dyn FnMut(Told<'_>, &Mapper),
@@ -114,8 +114,8 @@ pub fn map(
             }
             // What is closed brings no transforms any more.
             let is_over = matches!(next, Next::Closed);
-            let now = if is_over { Duration::MAX } else { started.elapsed() };
-            while let Some(passed) = gate.next(now) {
+            let by_now = if is_over { Duration::MAX } else { now() };
+            while let Some(passed) = gate.next(by_now) {
                 take_in(passed, mapper, tell);
                 worker.turn(mapper, tell);
             }

@@ -67,6 +67,11 @@ fn arrived(k: usize) -> Arrived {
     Arrived { since_start: Duration::from_millis(k as u64), stamp: Stamp(BEGIN) }
 }
 
+/// Nothing waits for long in a test.
+fn soon() -> Duration {
+    Duration::from_millis(1)
+}
+
 fn poses(mapper: &Mapper) -> Vec<(Stamp, Pose2)> {
     mapper.trajectory().map(|at| (at.stamp, at.map_from_robot)).collect()
 }
@@ -85,7 +90,7 @@ fn a_drive_through_the_door_is_mapped_as_one_that_is_handed_to_the_mapper() {
         take_in(passed, &mut alone, &mut |_, _| ());
     }
     let door = Door::new(&[100_000, 100_000]);
-    let (mut gate, mut threaded, started) = (Gate::new(GateSettings::default()), mapper(), Instant::now());
+    let (mut gate, mut threaded) = (Gate::new(GateSettings::default()), mapper());
     let mut scans = 0;
     thread::scope(|scope| {
         scope.spawn(|| {
@@ -99,7 +104,7 @@ fn a_drive_through_the_door_is_mapped_as_one_that_is_handed_to_the_mapper() {
             Told::Update(_) => scans += 1,
             Told::Refused(error) => panic!("{error}"),
         };
-        map(&door, started, &mut gate, &mut threaded, &mut tell).unwrap();
+        map(&door, &soon, &mut gate, &mut threaded, &mut tell).unwrap();
     });
     let sent = all.iter().filter(|heard| matches!(heard, Heard::Scan { .. })).count();
     let tally = gate.tallies().next().unwrap().1;
@@ -118,7 +123,7 @@ fn jobs_are_done_beside_the_mapper_and_come_back() {
     }
     door.close();
     let (mut gate, mut mapper) = (Gate::new(GateSettings::default()), mapper());
-    map(&door, Instant::now(), &mut gate, &mut mapper, &mut |_, _| ()).unwrap();
+    map(&door, &soon, &mut gate, &mut mapper, &mut |_, _| ()).unwrap();
     let looked_at = mapper.candidates().len();
     assert!(looked_at > 0 && mapper.next_job().is_none(), "{looked_at} old places looked at, none left over");
 }
@@ -140,7 +145,7 @@ fn bytes_that_are_no_messages_are_counted_and_told() {
         Told::Refused(error) => refused.push(error.to_string()),
         Told::Update(update) => panic!("{update:?}"),
     };
-    map(&door, Instant::now(), &mut gate, &mut mapper, &mut tell).unwrap();
+    map(&door, &soon, &mut gate, &mut mapper, &mut tell).unwrap();
     let tally = gate.tallies().next().unwrap().1;
     assert_eq!(refused.len(), 2, "{refused:?}");
     assert_eq!(
