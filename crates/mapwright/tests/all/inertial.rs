@@ -51,9 +51,8 @@ fn gravity_bounds_roll_and_pitch_on_the_way_around() {
     assert!(without.lean_deg[1] > 1.0 && with.lean_deg[1] < 0.6 * without.lean_deg[1], "{:?}", without.lean_deg);
     assert!(with.report.gravity > 15 && turns.report.gravity == 0, "{:?}", with.report);
     assert_eq!(with.mapper.session().gravity().len() as u64, with.report.gravity);
-    // Of six beams either is off by 7 to 23 mm; with gravity it is 0.9 to 1.7 times as much from seed to seed.
     let ate_m = [&with, &turns].map(|found| found.errors.absolute.translation_m.rmse);
-    assert!(ate_m[0] < ate_m[1] + 0.01, "{ate_m:?}");
+    assert!(ate_m[0] < 1.1 * ate_m[1], "{ate_m:?}");
 }
 
 #[test]

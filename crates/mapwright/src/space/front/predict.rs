@@ -6,8 +6,8 @@ use crate::settings::MotionSettings;
 use mapwright_geom::{Cov6, Pose3, Stamp, Stored, is_in_place, stored};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 
-/// How fast a robot, or a hand that holds a sensor, may change its speed: metres and radians per second squared. This one does so as it has
-/// of late, where the last of these is worth one cloud.
+/// How fast a robot, or a hand that holds a sensor, changes its speed: metres and radians per second squared. Its turning it changes as it has
+/// of late, where this is the most, and worth one cloud.
 const ACCELERATION_MPS2: f64 = 10.0;
 const ACCELERATION_RADPS2: f64 = 20.0;
 /// How fast it may be where nothing is known of that: metres and radians per second.
@@ -135,8 +135,8 @@ pub(super) struct Predictor {
     /// Running mean of the time between two clouds, seconds, and of the square of how fast the robot moves, metres a second.
     period_s: f64,
     speed2: f64,
-    /// The same of by how much less than it may at most it changes its speed and its turning, squared: one where nothing is known of that.
-    steadiness2: [f64; 2],
+    /// The same of the square of how fast it changes its turning, (rad/s^2)^2, where that is known.
+    turn_change2: Option<f64>,
     /// The last cloud of which it was known how the robot had moved.
     known: Option<Stamp>,
     /// The sensor of the present cloud, and of the last one with the middle of its sweep, seconds after its stamp; and what is known of
@@ -148,7 +148,7 @@ pub(super) struct Predictor {
     unmatched_s: f64,
 }
 stored!(Predictor {
-    stamp, wheels, last, change_per_s, period_s, speed2, steadiness2, known; sensor, newest, own, unmatched_s
+    stamp, wheels, last, change_per_s, period_s, speed2, turn_change2, known; sensor, newest, own, unmatched_s
 });
 
 impl Predictor {
@@ -156,7 +156,7 @@ impl Predictor {
     pub(super) fn restore(from: &mut &[u8]) -> Option<Self> {
         let predictor = Self::take(from)?;
         let is_sound = [predictor.period_s, predictor.speed2].iter().all(|number| (0.0..=LARGEST).contains(number))
-            && predictor.steadiness2.iter().all(|share2| (0.0..=1.0).contains(share2))
+            && predictor.turn_change2.is_none_or(|change2| (0.0..=ACCELERATION_RADPS2.powi(2)).contains(&change2))
             && predictor.last.is_none_or(|(motion, elapsed_s)| {
                 is_in_place(motion) && (PERIOD_S[0]..=PERIOD_S[1]).contains(&elapsed_s)
             })
@@ -261,11 +261,11 @@ impl Predictor {
         carried.turning(step.last_from_robot.rotation, &step.information.fixed_view::<3, 3>(3, 3).into_owned())
     }
 
-    /// By how much the robot changes its speed and its turning, metres and radians per second squared.
-    fn accelerations(&self) -> [f64; 2] {
-        let of_late = |most: f64, share2: f64| most * (share2 + SPEED_WEIGHT * (1.0 - share2)).sqrt();
-        let [way, turn] = self.steadiness2.map(|share2| 1.0 - share2);
-        [of_late(ACCELERATION_MPS2, way), of_late(ACCELERATION_RADPS2, turn)]
+    /// How fast the robot changes its turning, radians per second squared.
+    fn turn_change_radps2(&self) -> f64 {
+        let most2 = ACCELERATION_RADPS2.powi(2);
+        let of_late2 = self.turn_change2.unwrap_or(most2);
+        (of_late2 + SPEED_WEIGHT * (most2 - of_late2)).sqrt()
     }
 
     /// The motion before, carried on over so many seconds, backwards where they are negative, and its information.
@@ -275,9 +275,8 @@ impl Predictor {
             carried.map_or(Pose3::identity(), |(step, last_s)| Pose3::exp(step.log() * (signed_s / last_s)));
         let (speed_mps, speed_radps) = if carried.is_some() { (0.0, 0.0) } else { (SPEED_MPS, SPEED_RADPS) };
         let unsure_s = signed_s.abs() + self.unmatched_s;
-        let [mps2, radps2] = self.accelerations();
-        let sigma_m = LEAST_M + (speed_mps + 0.5 * mps2 * unsure_s) * unsure_s;
-        let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * radps2 * unsure_s) * unsure_s;
+        let sigma_m = LEAST_M + (speed_mps + 0.5 * ACCELERATION_MPS2 * unsure_s) * unsure_s;
+        let sigma_rad = LEAST_RAD + (speed_radps + 0.5 * self.turn_change_radps2() * unsure_s) * unsure_s;
         (last_from_robot, information_of([sigma_m; 3], [sigma_rad; 3]))
     }
 
@@ -381,11 +380,10 @@ impl Predictor {
             let change = |(a, b)| (twist_per_s(b) - twist_per_s(a)).into();
             self.change_per_s = self.own_before().zip(last).map(change);
             if let Some(change_per_s) = self.change_per_s().filter(|_| !is_gap) {
-                let most = [ACCELERATION_MPS2, ACCELERATION_RADPS2];
-                for (k, (share2, most)) in self.steadiness2.iter_mut().zip(most).enumerate() {
-                    let seen = (2.0 * change_per_s.fixed_rows::<3>(3 * k).norm() / (elapsed_s * most)).min(1.0);
-                    *share2 += SPEED_WEIGHT * (1.0 - seen * seen - *share2);
-                }
+                // By constant turning the robot is off by half of this times the squared time.
+                let seen = (2.0 * change_per_s.fixed_rows::<3>(3).norm() / elapsed_s).min(ACCELERATION_RADPS2);
+                let of_late2 = self.turn_change2.unwrap_or(ACCELERATION_RADPS2.powi(2));
+                self.turn_change2 = Some(of_late2 + SPEED_WEIGHT * (seen * seen - of_late2));
             }
         }
         for other in self.own.iter_mut().flatten() {
@@ -446,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn who_drives_evenly_is_thought_to_go_on_so() {
+    fn who_turns_evenly_is_thought_to_go_on_so() {
         let mut predictor = Predictor::default();
         let sigma_rad = |step: Step| 1.0 / step.information[(5, 5)].sqrt();
         let first_rad = sigma_rad(drive(&mut predictor, 0, 3, 0.1));
@@ -460,7 +458,7 @@ mod tests {
     #[test]
     fn no_bytes_make_it_surer_than_that() {
         let mut bytes = Vec::new();
-        Predictor { steadiness2: [1.5, 0.0], ..Predictor::default() }.put(&mut bytes);
+        Predictor { turn_change2: Some(-100.0), ..Predictor::default() }.put(&mut bytes);
         assert!(Predictor::restore(&mut bytes.as_slice()).is_none());
     }
 }
