@@ -83,6 +83,8 @@ struct Topic {
     last: Option<Stamp>,
     /// Why its scans are not used, and since when.
     trouble: Option<(Duration, String)>,
+    /// Whether no transform said in time where the last one was taken.
+    is_without_place: bool,
 }
 
 /// Scans on their way to the mapper, in the order in which they arrived. Bounded in all that it keeps; a scan that waits longer than
@@ -246,14 +248,14 @@ impl Gate {
             let waiting = self.waiting.front()?;
             let (since, stamp, frame) = (waiting.since, waiting.scan.stamp, waiting.scan.laser.name.clone());
             let topic = self.topics.get(&waiting.topic);
-            // One that others of its topic have waited for in vain makes no scan of another laser wait.
-            let is_in_trouble = topic.is_some_and(|topic| topic.trouble.is_some());
-            let has_waited = now.saturating_sub(since) >= self.settings.wait || is_in_trouble;
+            let has_waited = now.saturating_sub(since) >= self.settings.wait;
+            // Where others of its topic have waited for it in vain, nobody waits for its place: no scan of another laser does either.
+            let is_without_place = topic.is_some_and(|topic| topic.is_without_place);
             if topic.is_some_and(|topic| topic.last.is_some_and(|last| stamp <= last)) {
                 self.drop_oldest(Reason::Late);
                 continue;
             }
-            let mounting = match self.mounting(&frame, stamp, has_waited) {
+            let mounting = match self.mounting(&frame, stamp, has_waited || is_without_place) {
                 Ready::Wait => return None,
                 Ready::Now(Ok(mounting)) => mounting,
                 Ready::Now(Err(error)) => {
@@ -267,7 +269,7 @@ impl Gate {
             scan.odom_from_robot = odom_from_robot;
             if let Some(topic) = self.topics.get_mut(&topic) {
                 topic.tally.use_one();
-                (topic.last, topic.trouble) = (Some(stamp), None);
+                (topic.last, topic.trouble, topic.is_without_place) = (Some(stamp), None, false);
             }
             return Some(Passed::Scan(scan));
         }
@@ -390,6 +392,7 @@ impl Gate {
         let reason = if matches!(error, RosError::Tilted { .. }) { Reason::Unusable } else { Reason::NoMount };
         let oldest = self.waiting.pop_front();
         if let Some(topic) = oldest.and_then(|oldest| self.topics.get_mut(&oldest.topic)) {
+            topic.is_without_place = reason == Reason::NoMount;
             topic.refuse(reason, now, error.to_string());
         }
     }

@@ -146,6 +146,31 @@ fn beams_that_change_their_number_are_used_and_broken_scans_named() {
 }
 
 #[test]
+fn after_a_broken_scan_the_next_waits_for_odometry_as_ever() {
+    let mut gate = mounted();
+    drive(&mut gate, 1.0);
+    gate.hear_scan("/scan", &scan(1.02, &[]), at(1.02));
+    gate.hear_scan("/scan", &scan(1.05, &[1.0; 5]), at(1.06));
+    assert!(scans(&mut gate, 1.07).is_empty());
+    drive(&mut gate, 1.1);
+    assert!((scans(&mut gate, 1.11)[0].odom_from_robot.unwrap().x - 1.05).abs() < 1e-9);
+}
+
+#[test]
+fn a_laser_without_a_place_makes_another_wait_once() {
+    let mut gate = mounted();
+    for k in 1..=5 {
+        let seconds = f64::from(k);
+        drive(&mut gate, seconds);
+        let of_rear = ScanMessage { header: Header::new(at(seconds).stamp, "rear"), ..scan(seconds, &[1.0; 5]) };
+        gate.hear_scan("/rear", &of_rear, at(seconds));
+        gate.hear_scan("/scan", &scan(seconds, &[1.0; 5]), at(seconds));
+        assert_eq!(scans(&mut gate, seconds).len(), usize::from(k > 1), "{k}");
+        assert_eq!(scans(&mut gate, seconds + 0.6).len(), usize::from(k == 1), "{k}");
+    }
+}
+
+#[test]
 fn a_clock_that_is_set_back_begins_anew_and_a_late_scan_does_not() {
     let mut gate = mounted();
     for k in 0..50 {

@@ -1,60 +1,17 @@
+#[allow(clippy::expect_used, reason = "of a test")]
+mod robot;
+
 use super::*;
 use crate::gate::GateSettings;
 use crate::tally::Reason;
 use mapwright::{Jobs, Settings};
-use mapwright_geom::{Pose2, Pose3, Stamp};
-use mapwright_ros::encode;
-use mapwright_ros::messages::{Header, TransformStamped};
-use mapwright_sim::{Drive, DriveSettings, Event, worlds};
-use nalgebra::{UnitQuaternion, Vector3};
+use mapwright_geom::{Pose2, Stamp};
+use mapwright_sim::DriveSettings;
+use robot::{BEGIN, lane};
 
-/// Where stamps begin: one of zero is none.
-const BEGIN: i64 = 1_000_000_000_000;
-
-fn link(parent: &str, child: &str, stamp: Stamp, pose: Pose2) -> Vec<u8> {
-    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pose.theta);
-    let pose = Pose3 { translation: Vector3::new(pose.x, pose.y, 0.0), rotation };
-    let header = Header::new(stamp, parent);
-    let transform = TransformStamped { header, child_frame_id: child.into(), transform: pose.into() };
-    encode(&TfMessage { transforms: vec![transform] }, Encoding::Cdr).unwrap()
-}
-
-/// What a robot hears on its way, with the scans that it has at the end: the transforms that belong to one come after it.
 fn heard(seconds: f64) -> Vec<Heard> {
     let settings = DriveSettings { duration_s: seconds, ..DriveSettings::default() };
-    let drive = Drive::new(worlds::loop_of(1, 60.0).into(), settings);
-    let mut all = Vec::new();
-    for event in drive {
-        match event {
-            Event::Odometry(odometry) => {
-                let stamp = Stamp(odometry.stamp.0 + BEGIN);
-                let bytes = link("odom", "base_link", stamp, odometry.odom_from_robot);
-                all.push(Heard::Transforms { bytes, is_static: false });
-            }
-            Event::Scan(scan) => {
-                let scan = scan.scan;
-                if all.len() < 3 {
-                    let mount = scan.laser.robot_from_laser;
-                    let bytes = link("base_link", "laser", Stamp(BEGIN), mount);
-                    all.push(Heard::Transforms { bytes, is_static: true });
-                }
-                let message = LaserScan {
-                    header: Header::new(Stamp(scan.stamp.0 + BEGIN), "laser"),
-                    angle_min: scan.laser.angle_min_rad as f32,
-                    angle_max: (scan.laser.angle_min_rad + (scan.ranges_m.len() - 1) as f64 * scan.laser.angle_step_rad)
-                        as f32,
-                    angle_increment: scan.laser.angle_step_rad as f32,
-                    range_min: scan.laser.range_min_m as f32,
-                    range_max: scan.laser.range_max_m as f32,
-                    ranges: scan.ranges_m[..].into(),
-                    ..Default::default()
-                };
-                let bytes = encode(&message, Encoding::Cdr).unwrap();
-                all.push(Heard::Scan { topic: "/scan".to_owned(), bytes });
-            }
-        }
-    }
-    all
+    robot::heard(settings).into_iter().map(|(_, heard)| heard).collect()
 }
 
 fn mapper() -> Mapper {
@@ -64,7 +21,7 @@ fn mapper() -> Mapper {
 }
 
 fn arrived(k: usize) -> Arrived {
-    Arrived { since_start: Duration::from_millis(k as u64), stamp: Stamp(BEGIN) }
+    Arrived { since_start: Duration::from_millis(k as u64), stamp: BEGIN }
 }
 
 /// Nothing waits for long in a test.
@@ -95,8 +52,7 @@ fn a_drive_through_the_door_is_mapped_as_one_that_is_handed_to_the_mapper() {
     thread::scope(|scope| {
         scope.spawn(|| {
             for (k, heard) in all.iter().enumerate() {
-                let lane = usize::from(!matches!(heard, Heard::Scan { .. }));
-                assert!(door.put(lane, (arrived(k), heard.clone())));
+                assert!(door.put(lane(heard), (arrived(k), heard.clone())));
             }
             door.close();
         });
@@ -106,7 +62,7 @@ fn a_drive_through_the_door_is_mapped_as_one_that_is_handed_to_the_mapper() {
         };
         map(&door, &soon, &mut gate, &mut threaded, &mut tell).unwrap();
     });
-    let sent = all.iter().filter(|heard| matches!(heard, Heard::Scan { .. })).count();
+    let sent = all.iter().filter(|heard| lane(heard) == 0).count();
     let tally = gate.tallies().next().unwrap().1;
     assert!(
         sent > 250 && scans >= sent && tally.used() == sent as u64 && tally.waiting() == 0,
@@ -119,7 +75,7 @@ fn a_drive_through_the_door_is_mapped_as_one_that_is_handed_to_the_mapper() {
 fn jobs_are_done_beside_the_mapper_and_come_back() {
     let door = Door::new(&[100_000, 100_000]);
     for (k, heard) in heard(150.0).into_iter().enumerate() {
-        door.put(usize::from(!matches!(heard, Heard::Scan { .. })), (arrived(k), heard));
+        door.put(lane(&heard), (arrived(k), heard));
     }
     door.close();
     let (mut gate, mut mapper) = (Gate::new(GateSettings::default()), mapper());
