@@ -10,16 +10,14 @@ use std::path::{Path, PathBuf};
 
 /// The first map's mesh where no other name is given.
 pub(crate) const MESH_FILE: &str = "mesh.glb";
-/// Side of voxels, of how far apart the points lie that a keyframe keeps: those of several keyframes lie between each other.
-const VOXEL_SHARE: f64 = 1.0;
-/// How far apart those lie where the session does not say, metres.
+/// How far apart the points lie that a keyframe keeps, where the session does not say, metres.
 const POINTS_APART_M: f64 = 0.1;
 /// Pieces of surface smaller than so many voxels are left out: single points and noise.
 const PIECE_VOXELS: f64 = 8.0;
 
-/// Side of voxels where none is asked for, metres, by the mapper's own.
+/// Side of voxels where none is asked for, metres: as far apart as the points lie that a keyframe keeps, those of several lie between each other.
 pub(crate) fn usual_voxel_m(resolution_m: Option<f64>) -> f64 {
-    VOXEL_SHARE * resolution_m.map_or(POINTS_APART_M, |side_m| MAP_SHARE * side_m)
+    resolution_m.map_or(POINTS_APART_M, |side_m| MAP_SHARE * side_m)
 }
 
 /// How the maps of a session become meshes.

@@ -16,7 +16,20 @@ fn draw(picture: &SpacePicture<'_>) -> Image {
     let mut again = Vec::new();
     write_space_png(picture, &mut again).unwrap();
     assert_eq!(out, again);
-    let mut reader = png::Decoder::new(std::io::Cursor::new(out)).read_info().unwrap();
+    decoded(out)
+}
+
+/// The bare picture, whose placement says its size.
+fn draw_bare(picture: &SpacePicture<'_>) -> (Image, SpacePlacement) {
+    let mut out = Vec::new();
+    let placement = write_bare_space_png(picture, &mut out).unwrap();
+    let image = decoded(out);
+    assert_eq!([image.width, image.height()], placement.size_px);
+    (image, placement)
+}
+
+fn decoded(png: Vec<u8>) -> Image {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut bytes).unwrap();
     let pixels = bytes.as_chunks::<3>().0.to_vec();
@@ -92,9 +105,8 @@ fn a_bare_picture_says_where_the_way_would_be() {
     let (points_m, _) = room();
     let picture = SpacePicture { points_m: &points_m, way_m: &WAY, ..SpacePicture::default() };
     let drawn = draw(&picture);
-    let placement = write_bare_space_png(&picture, Vec::new()).unwrap();
-    // without the lines below
-    assert!(placement.size_px[0] == drawn.width && placement.size_px[1] < drawn.height(), "{placement:?}");
+    let (bare, placement) = draw_bare(&picture);
+    assert!(bare.width == drawn.width && bare.height() < drawn.height(), "without the lines below: {placement:?}");
     for (place, colour) in WAY.iter().zip([START, END]) {
         for view in &placement.views {
             let ViewPlacement { px_from_map, offset_px } = view.placement;
@@ -149,7 +161,7 @@ fn house() -> (Vec<[f32; 3]>, Vec<[f64; 3]>) {
 fn storeys_lie_beside_each_other_and_a_stray_wall_outside() {
     let (points_m, way_m) = house();
     let picture = SpacePicture { points_m: &points_m, way_m: &way_m, point_m: 0.1, ..SpacePicture::default() };
-    let placement = write_bare_space_png(&picture, Vec::new()).unwrap();
+    let (_, placement) = draw_bare(&picture);
     let captions: Vec<&str> = placement.views.iter().map(|view| view.caption.as_str()).collect();
     assert_eq!(captions, ["from above, storey 1 of 2", "from above, storey 2 of 2", "from the side"]);
     let [first, second] = [0, 1].map(|k| placement.views[k].heights_m);
