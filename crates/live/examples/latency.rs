@@ -9,12 +9,12 @@
 #[path = "../src/mapping/tests/robot.rs"]
 mod robot;
 
-use mapwright::{Jobs, Mapper, Settings};
+use mapwright::{Jobs, Mapper, Settings, Update};
 use mapwright_geom::Stamp;
-use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, Told, map};
+use mapwright_live::{Arrived, Door, Driver, Gate, GateSettings, Heard, Reading, map};
 use mapwright_sensor::LaserModel;
 use mapwright_sim::{DriveSettings, LaserSettings};
-use robot::{BEGIN, lane};
+use robot::{BEGIN, Driven, lane};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread;
@@ -34,26 +34,24 @@ fn main() {
     let sent = all.iter().filter(|(_, heard)| lane(heard) == 0).count();
     let mut settings = Settings::default();
     settings.loops.jobs = Jobs::HandedOut;
-    let mut mapper = Mapper::new(settings).expect("valid");
     let (door, mut gate) = (Door::new(&LANES), Gate::new(GateSettings::default()));
     let went_in = |stamp: Stamp| Duration::from_nanos((stamp.0 - BEGIN.0) as u64);
     let started = Instant::now();
     let mut came_out = BTreeMap::new();
+    let mut driven = Driven::new(Mapper::new(settings).expect("valid"), |update: &Update| {
+        came_out.entry(update.stamp).or_insert_with(|| started.elapsed());
+    });
     thread::scope(|scope| {
         scope.spawn(|| {
-            for (stamp, heard) in &all {
-                thread::sleep(went_in(*stamp).saturating_sub(started.elapsed()));
-                door.put(lane(heard), (Arrived { since_start: started.elapsed(), stamp: *stamp }, heard.clone()));
+            for (stamp, heard) in all {
+                thread::sleep(went_in(stamp).saturating_sub(started.elapsed()));
+                door.put(lane(&heard), (Arrived { since_start: started.elapsed(), stamp }, heard));
             }
             door.close();
         });
-        let mut tell = |told: Told<'_>, _: &Mapper| {
-            if let Told::Update(update) = told {
-                came_out.entry(update.stamp).or_insert_with(|| started.elapsed());
-            }
-        };
-        map(&door, &|| started.elapsed(), &mut gate, &mut mapper, &mut tell).expect("built-in definitions");
+        map(&door, &|| started.elapsed(), &mut gate, &mut driven).expect("built-in definitions");
     });
+    let Driven { mapper, .. } = driven;
     let mut waits: Vec<f64> =
         came_out.iter().map(|(stamp, out)| out.saturating_sub(went_in(*stamp)).as_secs_f64() * 1e3).collect();
     waits.sort_by(f64::total_cmp);

@@ -3,9 +3,10 @@
 use crate::pulse::Pulse;
 use crate::tally::{Reason, Tally};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_ros::messages::{LaserScan as ScanMessage, Odometry as OdometryMessage, TfMessage};
+use mapwright_ros::messages::{Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, TfMessage};
 use mapwright_ros::{Mounting, RosError, TransformBuffer, TransformCounts, TransformLimits, planar};
-use mapwright_sensor::{LaserModel, LaserScan, Odometry};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, TurnRate};
+use nalgebra::Vector3;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
@@ -63,8 +64,26 @@ pub struct Arrived {
 pub enum Passed {
     /// A scan, with its laser's place on the robot and odometry's pose at its stamp.
     Scan(LaserScan),
-    /// A reading of odometry.
+    /// What was read between scans.
+    Reading(Reading),
+}
+
+/// What is read of the robot's motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reading {
+    /// Where odometry has it.
     Odometry(Odometry),
+    /// How fast a gyroscope says that it turns.
+    Turning(TurnRate),
+}
+
+impl Reading {
+    fn stamp(&self) -> Stamp {
+        match self {
+            Self::Odometry(odometry) => odometry.stamp,
+            Self::Turning(rate) => rate.stamp,
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -72,6 +91,8 @@ struct Waiting {
     topic: String,
     scan: LaserScan,
     since: Duration,
+    /// Whether it says itself where its laser sits and where odometry has the robot.
+    is_whole: bool,
 }
 
 /// What is known of a topic of scans.
@@ -95,7 +116,7 @@ pub struct Gate {
     transforms: TransformBuffer,
     topics: BTreeMap<String, Topic>,
     waiting: VecDeque<Waiting>,
-    readings: VecDeque<Odometry>,
+    readings: VecDeque<Reading>,
     odometry: Pulse,
     /// Whether transforms say where odometry has the robot: then messages of odometry say it a second time.
     is_told_by_transforms: bool,
@@ -214,11 +235,55 @@ impl Gate {
             Err(error) => return topic.refuse(Reason::Unusable, now, error.to_string()),
         };
         let scan = LaserScan { stamp: stamp_or(message.header.stamp, arrived), ..message.to_sensor(Arc::new(laser)) };
-        self.watch_clock(scan.stamp);
+        self.wait(Waiting { topic: name.to_owned(), scan, since: now, is_whole: false });
+    }
+
+    /// Takes in a scan of a topic that says itself where its laser sits and where odometry has the robot, if anything does: it waits for those
+    /// before it and for nothing else.
+    pub fn hear_whole(&mut self, name: &str, scan: LaserScan, arrived: Arrived) {
+        let Some(topic) = self.topic(name) else { return };
+        topic.tally.arrive(1);
+        topic.pulse.beat(arrived.since_start);
+        self.wait(Waiting { topic: name.to_owned(), scan, since: arrived.since_start, is_whole: true });
+    }
+
+    /// Takes in a reading that needs no transform.
+    pub fn hear_reading(&mut self, reading: Reading, arrived: Arrived) {
+        if matches!(reading, Reading::Odometry(_)) {
+            self.odometry.beat(arrived.since_start);
+        }
+        self.push_reading(reading);
+    }
+
+    /// Takes in an inertial reading: what it says of turning about the robot's upright axis.
+    ///
+    /// # Errors
+    /// [`RosError::Transform`] where nothing says how the sensor sits on the robot.
+    pub fn hear_imu(&mut self, message: &ImuMessage<'_>, arrived: Arrived) -> Result<(), RosError> {
+        let stamp = stamp_or(message.header.stamp, arrived);
+        let robot_from_sensor = self.transforms.lookup(&self.settings.robot_frame, message.header.frame(), stamp)?;
+        let turning = &message.angular_velocity;
+        let rad_per_s = (robot_from_sensor.rotation * Vector3::new(turning.x, turning.y, turning.z)).z;
+        // a covariance that begins with -1 says that there is no such reading
+        if rad_per_s.is_finite() && message.angular_velocity_covariance.0[0] != -1.0 {
+            self.push_reading(Reading::Turning(TurnRate { stamp, rad_per_s }));
+        }
+        Ok(())
+    }
+
+    fn wait(&mut self, waiting: Waiting) {
+        self.watch_clock(waiting.scan.stamp);
         if self.waiting.len() >= self.settings.waiting_most.max(1) {
             self.drop_oldest(Reason::Overtaken);
         }
-        self.waiting.push_back(Waiting { topic: name.to_owned(), scan, since: now });
+        self.waiting.push_back(waiting);
+    }
+
+    fn push_reading(&mut self, reading: Reading) {
+        if self.readings.len() >= READINGS_MOST {
+            self.readings.pop_front();
+        }
+        self.readings.push_back(reading);
     }
 
     /// A message of a topic that is no scan, or one whose bytes are none: counted.
@@ -241,9 +306,9 @@ impl Gate {
     pub fn next(&mut self, now: Duration) -> Option<Passed> {
         loop {
             let scan = self.waiting.front().map(|waiting| waiting.scan.stamp);
-            let is_next = |reading: &mut Odometry| scan.is_none_or(|scan| reading.stamp <= scan);
+            let is_next = |reading: &mut Reading| scan.is_none_or(|scan| reading.stamp() <= scan);
             if let Some(reading) = self.readings.pop_front_if(is_next) {
-                return Some(Passed::Odometry(reading));
+                return Some(Passed::Reading(reading));
             }
             let waiting = self.waiting.front()?;
             let (since, stamp, frame) = (waiting.since, waiting.scan.stamp, waiting.scan.laser.name.clone());
@@ -255,18 +320,25 @@ impl Gate {
                 self.drop_oldest(Reason::Late);
                 continue;
             }
-            let mounting = match self.mounting(&frame, stamp, has_waited || is_without_place) {
-                Ready::Wait => return None,
-                Ready::Now(Ok(mounting)) => mounting,
-                Ready::Now(Err(error)) => {
-                    self.refuse_oldest(now, &error);
-                    continue;
-                }
+            let placed = if waiting.is_whole {
+                None
+            } else {
+                let mounting = match self.mounting(&frame, stamp, has_waited || is_without_place) {
+                    Ready::Wait => return None,
+                    Ready::Now(Ok(mounting)) => mounting,
+                    Ready::Now(Err(error)) => {
+                        self.refuse_oldest(now, &error);
+                        continue;
+                    }
+                };
+                let Ready::Now(odom_from_robot) = self.odometry_at(stamp, has_waited, now) else { return None };
+                Some((mounting, odom_from_robot))
             };
-            let Ready::Now(odom_from_robot) = self.odometry_at(stamp, has_waited, now) else { return None };
             let Waiting { topic, mut scan, .. } = self.waiting.pop_front()?;
-            scan.laser = self.placed(&scan.laser, &mounting);
-            scan.odom_from_robot = odom_from_robot;
+            if let Some((mounting, odom_from_robot)) = placed {
+                scan.laser = self.placed(&scan.laser, &mounting);
+                scan.odom_from_robot = odom_from_robot;
+            }
             if let Some(topic) = self.topics.get_mut(&topic) {
                 topic.tally.use_one();
                 (topic.last, topic.trouble, topic.is_without_place) = (Some(stamp), None, false);
@@ -326,10 +398,7 @@ impl Gate {
         let Ok(pose) = self.transforms.lookup(&self.settings.odom_frame, &self.settings.robot_frame, stamp) else {
             return;
         };
-        if self.readings.len() >= READINGS_MOST {
-            self.readings.pop_front();
-        }
-        self.readings.push_back(Odometry { stamp, odom_from_robot: planar(&pose) });
+        self.push_reading(Reading::Odometry(Odometry { stamp, odom_from_robot: planar(&pose) }));
     }
 
     fn mounting(&self, frame: &str, stamp: Stamp, has_waited: bool) -> Ready<Result<Mounting, RosError>> {

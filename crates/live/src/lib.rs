@@ -17,10 +17,12 @@
 mod door;
 mod gate;
 mod mapping;
+pub mod outgoing;
 mod pulse;
 mod tally;
+pub mod wire;
 
 pub use door::{Door, Lane, Next};
-pub use gate::{Arrived, Gate, GateSettings, Passed};
-pub use mapping::{Heard, Told, map};
+pub use gate::{Arrived, Gate, GateSettings, Passed, Reading};
+pub use mapping::{Asked, Driver, Heard, map};
 pub use tally::{Reason, Tally};

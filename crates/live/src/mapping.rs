@@ -1,10 +1,11 @@
 //! The mapper on one thread, its jobs on another.
 
 use crate::door::{Door, Next};
-use crate::gate::{Arrived, Gate, Passed};
-use mapwright::{Job, JobResult, Mapper, Update};
-use mapwright_ros::messages::{LaserScan, Odometry, TfMessage};
+use crate::gate::{Arrived, Gate, Passed, Reading};
+use mapwright::{Job, JobResult, LaserScan};
+use mapwright_ros::messages::{Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, TfMessage};
 use mapwright_ros::{Channel, Decoder, Encoding, RosError};
+use std::any::Any;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread;
 use std::time::Duration;
@@ -12,8 +13,11 @@ use std::time::Duration;
 /// While nothing arrives, scans that wait are looked at so often.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
-/// A message as it came, in CDR.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// What somebody asks of the driver, who knows what it is.
+pub type Asked = Box<dyn Any + Send>;
+
+/// What comes in at the door: messages as they came, in CDR, and what needs no decoding.
+#[derive(Debug)]
 pub enum Heard {
     /// `sensor_msgs/LaserScan` of a topic.
     Scan {
@@ -41,14 +45,31 @@ pub enum Heard {
         /// How many.
         count: u64,
     },
+    /// A scan of a topic that says itself where its laser sits and where odometry has the robot: of a recording, or of a lidar on a cable.
+    Whole {
+        /// Its name.
+        topic: String,
+        /// The scan.
+        scan: Box<LaserScan>,
+    },
+    /// `sensor_msgs/Imu`.
+    Imu {
+        /// The message.
+        bytes: Vec<u8>,
+    },
+    /// A reading that needs no transform.
+    Reading(Reading),
+    /// Something that is asked of the driver, in its turn.
+    Asked(Asked),
 }
 
 /// Decoders of what is heard, and what of it was unreadable beside scans.
 #[derive(Debug)]
 struct Ears {
-    scan: Decoder<LaserScan<'static>>,
+    scan: Decoder<ScanMessage<'static>>,
     transforms: Decoder<TfMessage<'static>>,
-    odometry: Decoder<Odometry<'static>>,
+    odometry: Decoder<OdometryMessage<'static>>,
+    imu: Decoder<ImuMessage<'static>>,
 }
 
 impl Ears {
@@ -58,36 +79,50 @@ impl Ears {
             scan: Decoder::new(&channel("sensor_msgs/msg/LaserScan")?)?,
             transforms: Decoder::new(&channel("tf2_msgs/msg/TFMessage")?)?,
             odometry: Decoder::new(&channel("nav_msgs/msg/Odometry")?)?,
+            imu: Decoder::new(&channel("sensor_msgs/msg/Imu")?)?,
         })
     }
 
     /// Hands a message on; what is wrong with one that is no scan comes back.
-    fn hear(&mut self, heard: &Heard, arrived: Arrived, gate: &mut Gate) -> Result<(), RosError> {
+    fn hear(&mut self, heard: Heard, arrived: Arrived, gate: &mut Gate) -> Result<(), RosError> {
         match heard {
-            Heard::Scan { topic, bytes } => match self.scan.decode(bytes) {
-                Ok(scan) => gate.hear_scan(topic, &scan, arrived),
-                Err(error) => gate.hear_unreadable(topic, &error, arrived),
+            Heard::Scan { topic, bytes } => match self.scan.decode(&bytes) {
+                Ok(scan) => gate.hear_scan(&topic, &scan, arrived),
+                Err(error) => gate.hear_unreadable(&topic, &error, arrived),
             },
             Heard::Transforms { bytes, is_static } => {
-                return gate.hear_transforms(&self.transforms.decode(bytes)?, *is_static, arrived);
+                return gate.hear_transforms(&self.transforms.decode(&bytes)?, is_static, arrived);
             }
-            Heard::Odometry { bytes } => return gate.hear_odometry(&self.odometry.decode(bytes)?, arrived),
-            Heard::Overtaken { topic, count } => gate.overtaken(topic, *count),
+            Heard::Odometry { bytes } => return gate.hear_odometry(&self.odometry.decode(&bytes)?, arrived),
+            Heard::Overtaken { topic, count } => gate.overtaken(&topic, count),
+            Heard::Whole { topic, scan } => gate.hear_whole(&topic, *scan, arrived),
+            Heard::Imu { bytes } => return gate.hear_imu(&self.imu.decode(&bytes)?, arrived),
+            Heard::Reading(reading) => gate.hear_reading(reading, arrived),
+            Heard::Asked(_) => {}
         }
         Ok(())
     }
 }
 
-/// What [`map`] tells while it runs.
-#[derive(Debug)]
-pub enum Told<'a> {
-    /// A scan was mapped, or the result of a job taken in.
-    Update(&'a Update),
-    /// A message of transforms or odometry was refused.
-    Refused(&'a RosError),
+/// Who maps what comes through the door, and hears of all that happens meanwhile.
+pub trait Driver {
+    /// A reading of the robot's motion.
+    fn add_reading(&mut self, reading: &Reading);
+    /// A scan, with its laser's place on the robot and odometry's pose at its stamp.
+    fn add_scan(&mut self, scan: &LaserScan);
+    /// The next job to be done beside.
+    fn next_job(&mut self) -> Option<Job>;
+    /// The result of a job.
+    fn apply(&mut self, result: JobResult);
+    /// A message of transforms, odometry or inertial readings was refused.
+    fn refused(&mut self, error: &RosError);
+    /// Something that is asked of it.
+    fn asked(&mut self, _what: Asked) {}
+    /// Called after each message and a few hundred times a second where none comes.
+    fn turn(&mut self, _gate: &Gate, _now: Duration) {}
 }
 
-/// Maps what comes through the door until it is closed and all that waits is mapped. The mapper stays on this thread; what it hands out as jobs
+/// Maps what comes through the door until it is closed and all that waits is mapped. The driver stays on this thread; what it hands out as jobs
 /// (`loops.jobs = "handed-out"`) is done on another, one at a time, and taken in between two scans. `now` tells the time that
 /// [`Arrived`] is of, since the start.
 ///
@@ -97,8 +132,7 @@ pub fn map(
     door: &Door<(Arrived, Heard)>,
     now: &dyn Fn() -> Duration,
     gate: &mut Gate,
-    mapper: &mut Mapper,
-    tell: &mut dyn FnMut(Told<'_>, &Mapper),
+    driver: &mut dyn Driver,
 ) -> Result<(), RosError> {
     let mut ears = Ears::new()?;
     let ((jobs, to_do), (done, results)) = (channel::<Job>(), channel::<JobResult>());
@@ -107,36 +141,34 @@ pub fn map(
         let mut worker = Worker { jobs, results, is_busy: false };
         loop {
             let next = door.next(LOOK_AGAIN);
-            if let Next::Message((arrived, heard)) = &next
-                && let Err(error) = ears.hear(heard, *arrived, gate)
-            {
-                tell(Told::Refused(&error), mapper);
-            }
             // What is closed brings no transforms any more.
             let is_over = matches!(next, Next::Closed);
+            match next {
+                Next::Message((_, Heard::Asked(what))) => driver.asked(what),
+                Next::Message((arrived, heard)) => {
+                    if let Err(error) = ears.hear(heard, arrived, gate) {
+                        driver.refused(&error);
+                    }
+                }
+                Next::Nothing | Next::Closed => {}
+            }
             let by_now = if is_over { Duration::MAX } else { now() };
             while let Some(passed) = gate.next(by_now) {
-                take_in(passed, mapper, tell);
-                worker.turn(mapper, tell);
+                match passed {
+                    Passed::Reading(reading) => driver.add_reading(&reading),
+                    Passed::Scan(scan) => driver.add_scan(&scan),
+                }
+                worker.turn(driver);
             }
-            worker.turn(mapper, tell);
+            worker.turn(driver);
+            driver.turn(gate, now());
             if is_over {
-                worker.finish(mapper, tell);
+                worker.finish(driver);
                 return;
             }
         }
     });
     Ok(())
-}
-
-fn take_in(passed: Passed, mapper: &mut Mapper, tell: &mut dyn FnMut(Told<'_>, &Mapper)) {
-    match passed {
-        Passed::Odometry(odometry) => mapper.add_odometry(&odometry),
-        Passed::Scan(scan) => {
-            let update = mapper.add_scan(&scan);
-            tell(Told::Update(&update), mapper);
-        }
-    }
 }
 
 /// Does jobs until nobody has any more.
@@ -157,32 +189,31 @@ struct Worker {
 
 impl Worker {
     /// Takes in a result that is there, and hands out the next job.
-    fn turn(&mut self, mapper: &mut Mapper, tell: &mut dyn FnMut(Told<'_>, &Mapper)) {
+    fn turn(&mut self, driver: &mut dyn Driver) {
         if self.is_busy {
             match self.results.try_recv() {
-                Ok(result) => self.apply(result, mapper, tell),
+                Ok(result) => self.apply(result, driver),
                 Err(TryRecvError::Empty | TryRecvError::Disconnected) => return,
             }
         }
-        if let Some(job) = mapper.next_job() {
+        if let Some(job) = driver.next_job() {
             self.is_busy = self.jobs.send(job).is_ok();
         }
     }
 
     /// Until nothing is left to be done.
-    fn finish(&mut self, mapper: &mut Mapper, tell: &mut dyn FnMut(Told<'_>, &Mapper)) {
-        self.turn(mapper, tell);
+    fn finish(&mut self, driver: &mut dyn Driver) {
+        self.turn(driver);
         while self.is_busy {
             let Ok(result) = self.results.recv() else { return };
-            self.apply(result, mapper, tell);
-            self.turn(mapper, tell);
+            self.apply(result, driver);
+            self.turn(driver);
         }
     }
 
-    fn apply(&mut self, result: JobResult, mapper: &mut Mapper, tell: &mut dyn FnMut(Told<'_>, &Mapper)) {
+    fn apply(&mut self, result: JobResult, driver: &mut dyn Driver) {
         self.is_busy = false;
-        let update = mapper.apply(result);
-        tell(Told::Update(&update), mapper);
+        driver.apply(result);
     }
 }
 

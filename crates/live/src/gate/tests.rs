@@ -41,7 +41,7 @@ fn scans(gate: &mut Gate, seconds: f64) -> Vec<LaserScan> {
     let next = || gate.next(at(seconds).since_start);
     let is_scan = |passed| match passed {
         Passed::Scan(scan) => Some(scan),
-        Passed::Odometry(_) => None,
+        Passed::Reading(_) => None,
     };
     std::iter::from_fn(next).filter_map(is_scan).collect()
 }
@@ -71,7 +71,7 @@ fn odometry_passes_in_the_order_of_stamps_with_the_scans() {
     let order: Vec<Stamp> = std::iter::from_fn(|| gate.next(at(1.2).since_start))
         .map(|passed| match passed {
             Passed::Scan(scan) => scan.stamp,
-            Passed::Odometry(reading) => reading.stamp,
+            Passed::Reading(reading) => reading.stamp(),
         })
         .collect();
     assert_eq!(order, [1.0, 1.05, 1.1].map(|seconds| at(seconds).stamp));

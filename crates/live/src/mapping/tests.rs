@@ -4,10 +4,12 @@ mod robot;
 use super::*;
 use crate::gate::GateSettings;
 use crate::tally::Reason;
-use mapwright::{Jobs, Settings};
+use mapwright::{Jobs, Mapper, Settings, Update};
 use mapwright_geom::{Pose2, Stamp};
+use mapwright_sensor::TurnRate;
 use mapwright_sim::DriveSettings;
-use robot::{BEGIN, lane};
+use robot::{BEGIN, Driven, lane};
+use std::sync::Arc;
 
 fn heard(seconds: f64) -> Vec<Heard> {
     let settings = DriveSettings { duration_s: seconds, ..DriveSettings::default() };
@@ -33,42 +35,45 @@ fn poses(mapper: &Mapper) -> Vec<(Stamp, Pose2)> {
     mapper.trajectory().map(|at| (at.stamp, at.map_from_robot)).collect()
 }
 
-#[test]
-fn a_drive_through_the_door_is_mapped_as_one_that_is_handed_to_the_mapper() {
-    let all = heard(30.0);
-    let (mut ears, mut gate, mut alone) = (Ears::new().unwrap(), Gate::new(GateSettings::default()), mapper());
-    for (k, heard) in all.iter().enumerate() {
-        ears.hear(heard, arrived(k), &mut gate).unwrap();
-        while let Some(passed) = gate.next(arrived(k).since_start) {
-            take_in(passed, &mut alone, &mut |_, _| ());
+fn take_in(gate: &mut Gate, now: Duration, driven: &mut dyn Driver) {
+    while let Some(passed) = gate.next(now) {
+        match passed {
+            Passed::Reading(reading) => driven.add_reading(&reading),
+            Passed::Scan(scan) => driven.add_scan(&scan),
         }
     }
-    while let Some(passed) = gate.next(Duration::MAX) {
-        take_in(passed, &mut alone, &mut |_, _| ());
+}
+
+#[test]
+fn a_drive_through_the_door_is_mapped_as_one_that_is_handed_to_the_mapper() {
+    let (mut ears, mut gate) = (Ears::new().unwrap(), Gate::new(GateSettings::default()));
+    let mut alone = Driven::new(mapper(), |_: &Update| ());
+    for (k, heard) in heard(30.0).into_iter().enumerate() {
+        ears.hear(heard, arrived(k), &mut gate).unwrap();
+        take_in(&mut gate, arrived(k).since_start, &mut alone);
     }
+    take_in(&mut gate, Duration::MAX, &mut alone);
+    let all = heard(30.0);
+    let sent = all.iter().filter(|heard| lane(heard) == 0).count();
     let door = Door::new(&[100_000, 100_000]);
-    let (mut gate, mut threaded) = (Gate::new(GateSettings::default()), mapper());
+    let mut gate = Gate::new(GateSettings::default());
     let mut scans = 0;
+    let mut threaded = Driven::new(mapper(), |_: &Update| scans += 1);
     thread::scope(|scope| {
         scope.spawn(|| {
-            for (k, heard) in all.iter().enumerate() {
-                assert!(door.put(lane(heard), (arrived(k), heard.clone())));
+            for (k, heard) in all.into_iter().enumerate() {
+                assert!(door.put(lane(&heard), (arrived(k), heard)));
             }
             door.close();
         });
-        let mut tell = |told: Told<'_>, _: &Mapper| match told {
-            Told::Update(_) => scans += 1,
-            Told::Refused(error) => panic!("{error}"),
-        };
-        map(&door, &soon, &mut gate, &mut threaded, &mut tell).unwrap();
+        map(&door, &soon, &mut gate, &mut threaded).unwrap();
     });
-    let sent = all.iter().filter(|heard| lane(heard) == 0).count();
+    assert_eq!((poses(&threaded.mapper), threaded.refused), (poses(&alone.mapper), Vec::new()));
     let tally = gate.tallies().next().unwrap().1;
     assert!(
         sent > 250 && scans >= sent && tally.used() == sent as u64 && tally.waiting() == 0,
         "{sent} {scans} {tally}"
     );
-    assert_eq!(poses(&threaded), poses(&alone));
 }
 
 #[test]
@@ -78,10 +83,10 @@ fn jobs_are_done_beside_the_mapper_and_come_back() {
         door.put(lane(&heard), (arrived(k), heard));
     }
     door.close();
-    let (mut gate, mut mapper) = (Gate::new(GateSettings::default()), mapper());
-    map(&door, &soon, &mut gate, &mut mapper, &mut |_, _| ()).unwrap();
-    let looked_at = mapper.candidates().len();
-    assert!(looked_at > 0 && mapper.next_job().is_none(), "{looked_at} old places looked at, none left over");
+    let mut driven = Driven::new(mapper(), |_: &Update| ());
+    map(&door, &soon, &mut Gate::new(GateSettings::default()), &mut driven).unwrap();
+    let looked_at = driven.mapper.candidates().len();
+    assert!(looked_at > 0 && driven.mapper.next_job().is_none(), "{looked_at} old places looked at, none left over");
 }
 
 #[test]
@@ -96,18 +101,56 @@ fn bytes_that_are_no_messages_are_counted_and_told() {
     door.put(1, (arrived(2), Heard::Transforms { bytes: vec![0, 1, 0, 0, 255, 255, 255, 255], is_static: false }));
     door.put(1, (arrived(3), Heard::Odometry { bytes: Vec::new() }));
     door.close();
-    let (mut gate, mut mapper, mut refused) = (Gate::new(GateSettings::default()), mapper(), Vec::new());
-    let mut tell = |told: Told<'_>, _: &Mapper| match told {
-        Told::Refused(error) => refused.push(error.to_string()),
-        Told::Update(update) => panic!("{update:?}"),
-    };
-    map(&door, &soon, &mut gate, &mut mapper, &mut tell).unwrap();
+    let mut gate = Gate::new(GateSettings::default());
+    let mut driven = Driven::new(mapper(), |update: &Update| panic!("{update:?}"));
+    map(&door, &soon, &mut gate, &mut driven).unwrap();
     let tally = gate.tallies().next().unwrap().1;
-    assert_eq!(refused.len(), 2, "{refused:?}");
+    assert_eq!(driven.refused.len(), 2, "{:?}", driven.refused);
     assert_eq!(
         (tally.arrived(), tally.dropped_for(Reason::Unreadable), tally.dropped_for(Reason::Overtaken)),
         (8, 1, 7)
     );
     let words = gate.missing(Duration::from_secs(1)).join("; ");
     assert!(words.contains("expected") && words.contains("found"), "what is wrong with it and where: {words}");
+}
+
+#[test]
+fn whole_scans_wait_for_nothing_and_what_is_asked_is_asked_in_its_turn() {
+    struct Listener(Vec<String>);
+    impl Driver for Listener {
+        fn add_reading(&mut self, reading: &Reading) {
+            self.0.push(format!("{reading:?}"));
+        }
+        fn add_scan(&mut self, scan: &LaserScan) {
+            self.0.push(format!("scan {}", scan.stamp.0));
+        }
+        fn next_job(&mut self) -> Option<Job> {
+            None
+        }
+        fn apply(&mut self, _result: JobResult) {}
+        fn refused(&mut self, error: &RosError) {
+            panic!("{error}");
+        }
+        fn asked(&mut self, what: Asked) {
+            self.0.push(what.downcast_ref::<&str>().unwrap().to_string());
+        }
+    }
+    let door = Door::new(&[10, 10]);
+    let laser = Arc::new(mapwright_sensor::LaserModel::half_circle("laser", 3));
+    let whole = |nanoseconds: i64| {
+        let (stamp, laser) = (Stamp(nanoseconds), Arc::clone(&laser));
+        let scan = Box::new(LaserScan { stamp, laser, ranges_m: vec![1.0; 3], odom_from_robot: None });
+        Heard::Whole { topic: "/cable".to_owned(), scan }
+    };
+    door.put(0, (arrived(0), whole(10)));
+    door.put(1, (arrived(1), Heard::Reading(Reading::Turning(TurnRate { stamp: Stamp(20), rad_per_s: 0.5 }))));
+    door.put(1, (arrived(2), Heard::Asked(Box::new("pause"))));
+    door.put(0, (arrived(3), whole(30)));
+    door.put(0, (arrived(4), whole(30)));
+    door.close();
+    let (mut gate, mut listener) = (Gate::new(GateSettings::default()), Listener(Vec::new()));
+    map(&door, &soon, &mut gate, &mut listener).unwrap();
+    assert_eq!(listener.0, ["scan 10", "Turning(TurnRate { stamp: Stamp(20), rad_per_s: 0.5 })", "pause", "scan 30"]);
+    let tally = gate.tallies().next().unwrap().1;
+    assert_eq!((tally.arrived(), tally.used(), tally.dropped_for(Reason::Late)), (3, 2, 1), "{tally}");
 }

@@ -1,9 +1,10 @@
 //! A simulated robot as others hear it: for tests and examples, which bring `Heard` along.
 
-use super::Heard;
+use super::{Driver, Heard, Reading};
+use mapwright::{Job, JobResult, LaserScan as Scan, Mapper, Update};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{Header, LaserScan, TfMessage, TransformStamped};
-use mapwright_ros::{Encoding, encode};
+use mapwright_ros::{Encoding, RosError, encode};
 use mapwright_sim::{Drive, DriveSettings, Event, worlds};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -55,4 +56,44 @@ pub(crate) fn heard(settings: DriveSettings) -> Vec<(Stamp, Heard)> {
 /// The lane of a message at a door with two: scans, and all else.
 pub(crate) fn lane(heard: &Heard) -> usize {
     usize::from(!matches!(heard, Heard::Scan { .. }))
+}
+
+/// A mapper that drives, and what it tells.
+pub(crate) struct Driven<F: FnMut(&Update)> {
+    pub(crate) mapper: Mapper,
+    pub(crate) tell: F,
+    pub(crate) refused: Vec<String>,
+}
+
+impl<F: FnMut(&Update)> Driven<F> {
+    pub(crate) fn new(mapper: Mapper, tell: F) -> Self {
+        Self { mapper, tell, refused: Vec::new() }
+    }
+}
+
+impl<F: FnMut(&Update)> Driver for Driven<F> {
+    fn add_reading(&mut self, reading: &Reading) {
+        match reading {
+            Reading::Odometry(odometry) => self.mapper.add_odometry(odometry),
+            Reading::Turning(rate) => {
+                self.mapper.add_turn_rate(rate);
+            }
+        }
+    }
+
+    fn add_scan(&mut self, scan: &Scan) {
+        (self.tell)(&self.mapper.add_scan(scan));
+    }
+
+    fn next_job(&mut self) -> Option<Job> {
+        self.mapper.next_job()
+    }
+
+    fn apply(&mut self, result: JobResult) {
+        (self.tell)(&self.mapper.apply(result));
+    }
+
+    fn refused(&mut self, error: &RosError) {
+        self.refused.push(error.to_string());
+    }
 }
