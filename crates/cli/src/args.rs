@@ -3,6 +3,7 @@
 mod export;
 mod fleet;
 mod fleet_net;
+mod live;
 mod merge_maps;
 mod rendezvous;
 mod source;
@@ -13,6 +14,7 @@ mod values;
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
 pub(crate) use fleet_net::{FleetJoinArgs, FleetKeysArgs, FleetStatusArgs};
+pub(crate) use live::{LiveArgs, RosArgs};
 pub(crate) use merge_maps::MergeMapsArgs;
 pub(crate) use rendezvous::RendezvousArgs;
 pub(crate) use source::SourceArgs;
@@ -25,8 +27,8 @@ use mapwright_eval::Delta;
 use mapwright_sim::Gap;
 use std::path::{Path, PathBuf};
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_length, parse_pose, parse_reach, parse_seconds,
-    parse_share,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_length, parse_period, parse_pose, parse_reach,
+    parse_seconds, parse_share,
 };
 
 /// The version, the commit and the features.
@@ -71,6 +73,8 @@ pub(crate) enum Command {
     MergeMaps(MergeMapsArgs),
     /// Where the robot of a log is in a finished map, which stays as it is.
     Localise(LocaliseArgs),
+    /// Map while the robot drives, heard over ROS 2; or play a recording as if it drove.
+    Live(LiveArgs),
     /// Several robots with one map, made while they drive.
     Fleet(FleetArgs),
     /// What is in a log, and everything odd about it.

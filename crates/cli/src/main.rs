@@ -18,6 +18,7 @@ mod hanging;
 mod image;
 mod interrupt;
 mod liar;
+mod live;
 mod mapping;
 mod maps;
 mod output;

@@ -19,8 +19,8 @@ use crate::terminal::count;
 use crate::timing::StageClock;
 use crate::turns::Turns;
 use mapwright::{
-    Beams, Entry, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, MapperOf, Maps, Odometry,
-    Pose2, RunId, Session, Settings, TurnRate,
+    Beams, Entry, Job, JobResult, LaserScan, LeftOut, LeftOutReason, LivePolicy, LocalMapReport, Mapper, MapperOf,
+    Maps, Odometry, Pose2, RunId, Session, Settings, TurnRate, Update,
 };
 use mapwright_formats::{LogEvent, TumWriter};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
@@ -108,13 +108,23 @@ impl Mapping {
     /// Begins a run, or goes on with a session, of which something may be lost; `length` is that of the progress bar.
     pub(crate) fn begin(
         args: &MappingArgs,
+        output: OutputFolder,
+        length: Option<u64>,
+        earlier: Option<(Session, Vec<String>)>,
+    ) -> Result<Self, Failure> {
+        Self::begin_with(args, settings_of(args)?, output, length, earlier)
+    }
+
+    /// The same with these settings.
+    pub(crate) fn begin_with(
+        args: &MappingArgs,
+        settings: Settings,
         mut output: OutputFolder,
         length: Option<u64>,
         earlier: Option<(Session, Vec<String>)>,
     ) -> Result<Self, Failure> {
         let clock = StageClock::start();
         let start = args.start.unwrap_or(Pose2::IDENTITY);
-        let settings = settings_of(args)?;
         let (earlier, earlier_losses) = earlier.map_or((None, Vec::new()), |(session, losses)| (Some(session), losses));
         let log = SessionLog::begin(&mut output, earlier.as_ref())?;
         let mapper = match earlier {
@@ -149,19 +159,45 @@ impl Mapping {
 
     /// One scan through the mapper; `position` is how far along the bar it lies.
     pub(crate) fn add_scan(&mut self, scan: &LaserScan, position: u64) -> Result<(), Failure> {
+        let update = self.map(scan);
+        self.progress.scan(update.stamp, position);
+        self.write(update)
+    }
+
+    /// The same while the robot drives: what came of it, and whether it could be written down.
+    pub(crate) fn add_scan_live(&mut self, scan: &LaserScan) -> (Update, Result<(), Failure>) {
+        let update = self.map(scan);
+        (update.clone(), self.write(update))
+    }
+
+    /// The next job to be done beside.
+    pub(crate) fn next_job(&mut self) -> Option<Job> {
+        self.mapper.next_job()
+    }
+
+    /// A job's result, what came of it, and whether it could be written down.
+    pub(crate) fn apply(&mut self, result: JobResult) -> (Update, Result<(), Failure>) {
+        let update = self.mapper.apply(result);
+        (update.clone(), self.log.add(update.entries))
+    }
+
+    fn map(&mut self, scan: &LaserScan) -> Update {
         let update = self.mapper.add_scan_probed(scan, &mut self.clock);
         self.has_odometry |= scan.odom_from_robot.is_some();
         self.tally.add(&update, self.has_odometry && self.settings.motion.use_odometry);
         self.turns.add(&update, scan.odom_from_robot.or(self.last_odometry), &scan.laser);
+        self.local_map = update.local_map;
+        self.clock.scan(update.scan);
+        update
+    }
+
+    fn write(&mut self, update: Update) -> Result<(), Failure> {
         if let Some(online) = &mut self.online {
             let written = online.write_planar(self.stamper.next(update.stamp), update.map_from_robot);
             written
                 .map_err(|cause| Failure::write(self.output.path(ONLINE), cause))
                 .inspect_err(|_| self.output.failed_to_write())?;
         }
-        self.local_map = update.local_map;
-        self.clock.scan(update.scan);
-        self.progress.scan(update.stamp, position);
         self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())
     }
 

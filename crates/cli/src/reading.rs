@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 
 /// The reports of all logs of a run, with their names.
+#[derive(Default)]
 pub(crate) struct Reading {
     pub(crate) logs: Vec<(String, LogReport)>,
     /// How odometry goes on from one log to the next.

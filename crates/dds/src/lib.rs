@@ -31,9 +31,6 @@ struct Node {
     name: String,
     readers: Vec<[u8; 16]>,
     writers: Vec<[u8; 16]>,
-    /// The same of the participant that serves.
-    service_readers: Vec<[u8; 16]>,
-    service_writers: Vec<[u8; 16]>,
     graph: Writer,
 }
 
@@ -60,20 +57,19 @@ impl Dds {
         let topics =
             Participant::new(u32::from(configuration.domain), &configuration.xml(), "enclave=/;").map_err(failed)?;
         let services = Services::new(configuration.domain)?;
-        let graph = topics.write(GRAPH.0, GRAPH.1, Delivery::Latched { depth: 2 }).map_err(failed)?;
+        let graph = topics.write(GRAPH.0, GRAPH.1, Delivery::Latched { depth: 1 }).map_err(failed)?;
         let (namespace, name) = (namespace.to_owned(), name.to_owned());
-        let (readers, writers, service_readers, service_writers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let node = Node { namespace, name, readers, writers, service_readers, service_writers, graph };
+        let node = Node { namespace, name, readers: Vec::new(), writers: Vec::new(), graph };
         let dds = Self { topics, services, node };
         dds.tell_graph().map_err(failed)?;
         Ok(dds)
     }
 
-    /// Tells others which readers and writers are this node's.
+    /// Tells others which readers and writers are this node's, those of services too, though they are another participant's: a node that is two
+    /// participants' would be listed twice.
     fn tell_graph(&self) -> Result<(), CycloneError> {
-        let Node { namespace, name, readers, writers, service_readers, service_writers, graph } = &self.node;
-        graph.write(&entities(self.topics.guid(), namespace, name, readers, writers))?;
-        graph.write(&entities(self.services.guid(), namespace, name, service_readers, service_writers))
+        let Node { namespace, name, readers, writers, graph } = &self.node;
+        graph.write(&entities(self.topics.guid(), namespace, name, readers, writers))
     }
 }
 
@@ -138,8 +134,8 @@ impl Wire for Dds {
             return Err(failed("no service can be called so".to_owned()));
         }
         let [reader, writer] = self.services.serve(service, answer)?;
-        self.node.service_readers.push(reader);
-        self.node.service_writers.push(writer);
+        self.node.readers.push(reader);
+        self.node.writers.push(writer);
         self.tell_graph().map_err(|error| failed(error.to_string()))
     }
 }

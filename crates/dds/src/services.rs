@@ -178,11 +178,6 @@ impl Services {
         Ok(Self { participant, subscriber, publisher, qos, registry, servers, is_over, waker, thread })
     }
 
-    /// The participant's sixteen bytes that are its own in the world.
-    pub(crate) fn guid(&self) -> [u8; 16] {
-        self.participant.guid().to_bytes()
-    }
-
     /// Answers a service; the sixteen bytes of its reader and its writer come back.
     pub(crate) fn serve(&mut self, service: &Service, answer: Answer) -> Result<[[u8; 16]; 2], WireError> {
         let failed =

@@ -119,7 +119,7 @@ pub trait Driver {
     /// Something that is asked of it.
     fn asked(&mut self, _what: Asked) {}
     /// Called after each message and a few hundred times a second where none comes.
-    fn turn(&mut self, _gate: &Gate, _now: Duration) {}
+    fn turn(&mut self, _gate: &mut Gate, _now: Duration) {}
 }
 
 /// Maps what comes through the door until it is closed and all that waits is mapped. The driver stays on this thread; what it hands out as jobs

@@ -63,16 +63,16 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
 }
 
 /// A run whose scans were all taken in.
-pub(super) struct Finished<'a> {
-    pub(super) name: String,
-    pub(super) read: Reading,
-    pub(super) ending: Ending,
-    pub(super) output: &'a Path,
-    pub(super) voice: Voice,
+pub(crate) struct Finished<'a> {
+    pub(crate) name: String,
+    pub(crate) read: Reading,
+    pub(crate) ending: Ending,
+    pub(crate) output: &'a Path,
+    pub(crate) voice: Voice,
 }
 
 /// Writes the results and says what was made and lost.
-pub(super) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Outcome, Failure> {
+pub(crate) fn finish(mut mapping: Mapping, finished: Finished<'_>) -> Result<Outcome, Failure> {
     let Finished { name, read, ending, output, voice } = finished;
     if ending == Ending::OfLog {
         mapping.look_again()?;

@@ -23,6 +23,7 @@ mod suite;
 
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
+pub(crate) use map::{Finished, finish};
 
 /// Does what was asked for.
 pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
@@ -31,6 +32,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Merge(args) => merge::run(&args),
         Command::MergeMaps(args) => merge_maps::run(&args),
         Command::Localise(args) => localise::run(&args),
+        Command::Live(args) => crate::live::run(&args),
         Command::Fleet(args) => fleet::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Eval(args) => eval::run(&args),

@@ -257,7 +257,7 @@ impl SpaceFrontEnd {
     }
 
     /// Where the cloud is found in what was seen along the way of late, by all that speaks against a closure: the robot may be as far from
-    /// its prediction as it usually goes since the cloud before, and have turned anyhow.
+    /// its prediction as it usually goes since the cloud before, and have turned as far as it can have in that time: anyhow, after a second.
     fn look_around(&self, past: Past<'_, SpaceSweep>, cloud: &Cloud, prepared: &Prepared) -> Option<Pose3> {
         let (newest, mut submaps) = (past.newest()?, self.submaps()?);
         let range_m = self.scale()?.range_m;
@@ -266,6 +266,7 @@ impl SpaceFrontEnd {
         let usual_m = self.predictor.usual_way_m(cloud.stamp);
         let sigma_m = if step.from_odometry { (1.0 / step.information[(0, 0)]).sqrt().min(usual_m) } else { usual_m };
         let reach_m = (WINDOW_SIGMAS * sigma_m).min(SUBMAP_M + range_m);
+        let turn_sigma_rad = 1.0 / self.predictor.without_wheels(step).information[(5, 5)].sqrt();
         let target = submaps.draw(&views_along(past, newest, false, SUBMAP_M));
         let sweep = Arc::new(self.preparation.sweep(cloud));
         let query = submaps.draw(&[View { sweep, submap_from_keyframe: Pose3::identity() }]);
@@ -273,7 +274,7 @@ impl SpaceFrontEnd {
             target_from_query: past.pose(newest).between(prepared.predicted),
             half_width_m: reach_m + STRAYED_SHARE * range_m,
             half_height_m: STRAYED_SHARE * range_m,
-            half_width_rad: PI,
+            half_width_rad: (WINDOW_SIGMAS * turn_sigma_rad).min(PI),
         };
         let found = submaps.look_for(&query, &target, &window);
         let newest_from_robot = found.target_from_query.filter(|_| found.objection.is_none())?;

@@ -1,0 +1,148 @@
+//! `mapwright live`: a robot maps while it drives.
+//!
+//! Threads: those of the wire, or a player, put what arrives in at the door; this one maps; one draws the map; one tells `map -> odom`. None waits for
+//! another but by the door.
+
+mod beat;
+mod clock;
+mod drawer;
+mod driver;
+mod play;
+mod robot;
+
+use crate::args::LiveArgs;
+use crate::events::Interrupt;
+use crate::failure::{Failure, Outcome};
+use crate::mapping::{Mapping, settings_of};
+use crate::output::OutputFolder;
+use crate::session::{earlier_in_plane, to_go_on_with};
+use clock::Clock;
+use drawer::Outlet;
+use driver::{Live, Localising, Work};
+use mapwright::{Mapper, Session, Settings};
+use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, Lane};
+use robot::Told;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+/// Messages that wait at the door at most: of one topic of scans, of transforms, of all else.
+const SCANS_MOST: usize = 20;
+const TRANSFORMS_MOST: usize = 2000;
+const OTHERS_MOST: usize = 2000;
+/// How often it is looked whether somebody wants to stop.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What arrives, on its way to the mapper.
+pub(super) type Entrance = Door<(Arrived, Heard)>;
+
+/// Which lane of the door is whose: first those of the topics of scans.
+#[derive(Debug, Clone)]
+pub(super) struct Lanes {
+    scans: Vec<String>,
+}
+
+impl Lanes {
+    fn of_scan(&self, topic: &str) -> Lane {
+        self.scans.iter().position(|name| name == topic).unwrap_or(0)
+    }
+
+    fn transforms(&self) -> Lane {
+        self.scans.len()
+    }
+
+    fn others(&self) -> Lane {
+        self.scans.len() + 1
+    }
+
+    fn door(&self) -> Entrance {
+        let most: Vec<usize> = self.scans.iter().map(|_| SCANS_MOST).chain([TRANSFORMS_MOST, OTHERS_MOST]).collect();
+        Door::new(&most)
+    }
+}
+
+/// The session that is gone on with, if there is any.
+fn earlier(args: &LiveArgs) -> Result<Option<(Session, Vec<String>)>, Failure> {
+    if args.goes_on {
+        let is_there = |name: &str| args.output.join(name).exists();
+        let any = is_there("session.mapwright") || is_there("session.mapwright.part");
+        return if any { to_go_on_with(&args.output).map(Some) } else { Ok(None) };
+    }
+    args.mapping.resume.as_deref().map(earlier_in_plane).transpose()
+}
+
+pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
+    let mut settings = settings_of(&args.mapping)?;
+    if !args.mapping.settings.set.iter().any(|(key, _)| key == "loops.jobs") {
+        settings.set("loops.jobs", "handed-out")?;
+    }
+    let interrupt = Interrupt::watch()?;
+    let work = match &args.localise {
+        Some(path) => Work::Localising(Box::new(localising(path, settings)?)),
+        None => {
+            let earlier = earlier(args)?;
+            let output = OutputFolder::create(&args.output)?;
+            Work::Mapping(Box::new(Mapping::begin_with(&args.mapping, settings, output, None, earlier)?))
+        }
+    };
+    drive(args, work, settings, &interrupt)
+}
+
+fn localising(path: &Path, settings: Settings) -> Result<Localising, Failure> {
+    let (session, _) = earlier_in_plane(path)?;
+    if session.keyframes().is_empty() {
+        let cause = "expected a map, found no keyframe".to_owned();
+        return Err(Failure::Session { path: path.to_owned(), cause });
+    }
+    Ok(Localising { mapper: Mapper::localising(settings, session)?, scans: 0, located: 0, first: None })
+}
+
+fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+    let names = &args.ros_names;
+    let is_played = args.log.is_some();
+    let lanes = Lanes { scans: if is_played { vec![play::TOPIC.to_owned()] } else { names.scans.clone() } };
+    let (door, clock, over) =
+        (Arc::new(lanes.door()), Arc::new(Clock::start(names.use_sim_time)), AtomicBool::new(false));
+    let mut gate = Gate::new(GateSettings {
+        robot_frame: names.robot_frame.clone(),
+        odom_frame: names.odom_frame.clone(),
+        ..GateSettings::default()
+    });
+    let mut wire = if args.ros || !is_played { Some(robot::join(names)?) } else { None };
+    let (mut told, mut outlet) = (None, None);
+    if let Some(wire) = wire.as_deref_mut() {
+        (told, outlet) = (Some(Told::advertise(wire)?), Some(Outlet::advertise(wire, names)?));
+        if !is_played {
+            robot::hear(wire, names, &lanes, &door, &clock)?;
+        }
+    }
+    let mut live = Live::new(work, settings, (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, told);
+    let played = thread::scope(|scope| {
+        let (over, door, clock) = (&over, &*door, &*clock);
+        let player = args.log.as_deref().map(|log| {
+            scope.spawn(move || {
+                let played = play::play(log, args, (door, &lanes), clock, over);
+                door.close();
+                played
+            })
+        });
+        live.start(scope, outlet);
+        scope.spawn(|| {
+            while !interrupt.came() && !over.load(Ordering::Acquire) {
+                thread::sleep(LOOK);
+            }
+            over.store(true, Ordering::Release);
+            door.close();
+        });
+        let mapped = mapwright_live::map(door, &|| clock.since_start(), &mut gate, &mut live);
+        over.store(true, Ordering::Release);
+        live.stop();
+        let played = player.map(|player| player.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        mapped.map_err(|error| Failure::Log(error.to_string()))?;
+        played.transpose()
+    })?;
+    drop(wire);
+    live.finish(args, played, &gate, interrupt.came())
+}
