@@ -11,12 +11,15 @@
 //!
 //! [`Gate::missing`] says in words what the robot lacks.
 //!
+//! What a ROS 2 node answers besides, services, parameters and the like, is [`node`]'s.
+//!
 //! Nothing here knows a network. Whoever does puts what arrives in at the door and sends out what [`map`] tells.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod door;
 mod gate;
 mod mapping;
+pub mod node;
 pub mod outgoing;
 mod pulse;
 mod tally;

@@ -31,6 +31,23 @@ message! {
 }
 
 message! {
+    /// Cells of a map that changed.
+    OccupancyGridUpdate<'a> = ["map_msgs/OccupancyGridUpdate"];
+    /// When and in which frame.
+    header: Header<'a>,
+    /// Column of the first.
+    x: i32,
+    /// Row of the first.
+    y: i32,
+    /// Cells along x.
+    width: u32,
+    /// Cells along y.
+    height: u32,
+    /// As in [`OccupancyGrid`].
+    data: Slice<'a, i8>,
+}
+
+message! {
     /// Poses in the order in which they were passed.
     Path<'a> = ["nav_msgs/Path"];
     /// When and in which frame.

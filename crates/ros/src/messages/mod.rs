@@ -4,20 +4,25 @@
 //! definition does not have it.
 
 mod geometry;
+mod health;
 mod images;
 mod lidar;
+pub mod lifecycle;
 mod map;
 mod marker;
 mod motion;
+pub mod parameters;
 mod scans;
+pub mod services;
 
 pub use geometry::{
     Header, Point, Pose, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion, TfMessage, Transform,
     TransformStamped, Twist, TwistWithCovariance, Vector3,
 };
+pub use health::{BondStatus, Clock, DiagnosticArray, DiagnosticStatus, KeyValue};
 pub use images::{CameraInfo, CompressedImage, DepthCompression, Image, RegionOfInterest};
 pub use lidar::{Bytes, LidarPacket, LidarPackets, LivoxPoint, LivoxScan, OusterPacket, Text};
-pub use map::{MapMetaData, OccupancyGrid, Path};
+pub use map::{MapMetaData, OccupancyGrid, OccupancyGridUpdate, Path};
 pub use marker::{ColorRgba, Marker, MarkerAction, MarkerArray, MarkerShape};
 pub use motion::{Imu, Odometry, Range};
 pub use scans::{LaserEcho, LaserScan, MultiEchoLaserScan, PointCloud2, PointField};
@@ -37,6 +42,11 @@ pub trait Kind {
     fn is(type_name: &str) -> bool {
         Self::TYPES.contains(&short_name(type_name).as_str())
     }
+}
+
+/// A field's name without the mark that keywords need.
+pub(crate) fn plain(name: &'static str) -> &'static str {
+    name.strip_prefix("r#").unwrap_or(name)
 }
 
 /// A message with its fields in the order of the standard definition.
@@ -64,16 +74,17 @@ macro_rules! message {
                 let mut next = 0;
                 $(
                     let optional = [$(stringify!($optional),)? ""].len() > 1;
-                    check.member::<$ty>(&kind, stringify!($field), optional, &mut next)?;
+                    check.member::<$ty>(&kind, $crate::messages::plain(stringify!($field)), optional, &mut next)?;
                 )*
-                check.others(&kind, &[$(stringify!($field)),*]);
+                check.others(&kind, &[$($crate::messages::plain(stringify!($field))),*]);
                 Ok(())
             }
 
             #[inline]
             fn read(cursor: &mut $crate::wire::Cursor<'a>) -> Result<Self, $crate::RosError> {
                 Ok(Self {
-                    $( $field: $crate::field::Field::read(cursor).map_err(|e| e.inside(stringify!($field)))?, )*
+                    $( $field: $crate::field::Field::read(cursor)
+                        .map_err(|e| e.inside($crate::messages::plain(stringify!($field))))?, )*
                 })
             }
 
@@ -82,7 +93,7 @@ macro_rules! message {
                     return Err($crate::field::mismatch(stringify!($name), value));
                 };
                 Ok(Self {
-                    $( $field: match record.field(stringify!($field)) {
+                    $( $field: match record.field($crate::messages::plain(stringify!($field))) {
                         Some(value) => $crate::field::Field::pick(value)?,
                         None => Default::default(),
                     }, )*
