@@ -10,7 +10,7 @@ use crate::picture::RunNames;
 use crate::pieces::Pieces;
 use crate::pose_graph::pose_graph;
 use crate::progress::Progress;
-use crate::session::SessionLog;
+use crate::session::{SESSION, SessionLog};
 use crate::settings;
 use crate::sonar::Sonars;
 use crate::stamps::Stamper;
@@ -168,6 +168,23 @@ impl Mapping {
     pub(crate) fn add_scan_live(&mut self, scan: &LaserScan) -> (Update, Result<(), Failure>) {
         let update = self.map(scan);
         (update.clone(), self.write(update))
+    }
+
+    /// Another map begins, or goes on with a session, in the same folder; what was mapped up to now stays there under another name.
+    pub(crate) fn begin_anew(&mut self, earlier: Option<Session>) -> Result<(), Failure> {
+        self.log.finish()?;
+        let kept = self.output.keep(SESSION)?;
+        let log = SessionLog::begin(&mut self.output, earlier.as_ref())?;
+        let mapper = match earlier {
+            Some(session) => Mapper::resume(self.settings, session)?,
+            None => Mapper::starting_at(self.settings, self.asked.1)?,
+        };
+        (self.log, self.mapper) = (log, mapper);
+        self.online = Some(TumWriter::new(self.output.begin(ONLINE)?));
+        (self.tally, self.turns, self.last_odometry) = (Tally::default(), Turns::default(), None);
+        self.earlier_losses
+            .push(format!("somebody asked for another map; what was mapped before is in {}", kept.display()));
+        Ok(())
     }
 
     /// The next job to be done beside.

@@ -54,7 +54,9 @@ impl OutputFolder {
     pub(crate) fn begin(&mut self, name: impl Into<Cow<'static, str>>) -> Result<File, Failure> {
         let name = name.into();
         let file = File::create(self.part(&name)).map_err(|error| Failure::write(self.path(&name), error));
-        self.names.push(name);
+        if !self.has_begun(&name) {
+            self.names.push(name);
+        }
         file
     }
 
@@ -75,6 +77,20 @@ impl OutputFolder {
     pub(crate) fn begin_kept(&mut self, name: &'static str) -> Result<File, Failure> {
         self.kept = Some(Cow::Borrowed(name));
         self.begin(name)
+    }
+
+    /// A file that was begun, and will be begun anew, stays as well, under a name that no other has: which one.
+    pub(crate) fn keep(&self, name: &str) -> Result<PathBuf, Failure> {
+        let (stem, ending) = name.rsplit_once('.').unwrap_or((name, "part"));
+        let free = (1..).map(|number| self.path(&format!("{stem}-{number}.{ending}"))).find(|path| !path.exists());
+        let kept = free.unwrap_or_else(|| self.path(name));
+        fs::rename(self.part(name), &kept).map_err(|error| Failure::write(&kept, error))?;
+        Ok(kept)
+    }
+
+    /// Where everything lies.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// A file that the caller writes could not be written.

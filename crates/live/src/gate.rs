@@ -127,6 +127,7 @@ pub struct Gate {
     newest: Option<Stamp>,
     behind: u32,
     set_back: u64,
+    is_paused: bool,
 }
 
 /// Whether something can be said yet.
@@ -154,6 +155,7 @@ impl Gate {
             newest: None,
             behind: 0,
             set_back: 0,
+            is_paused: false,
         }
     }
 
@@ -273,6 +275,12 @@ impl Gate {
 
     fn wait(&mut self, waiting: Waiting) {
         self.watch_clock(waiting.scan.stamp);
+        if self.is_paused {
+            if let Some(topic) = self.topics.get_mut(&waiting.topic) {
+                topic.tally.drop_one(Reason::Paused);
+            }
+            return;
+        }
         if self.waiting.len() >= self.settings.waiting_most.max(1) {
             self.drop_oldest(Reason::Overtaken);
         }
@@ -344,6 +352,21 @@ impl Gate {
                 (topic.last, topic.trouble, topic.is_without_place) = (Some(stamp), None, false);
             }
             return Some(Passed::Scan(scan));
+        }
+    }
+
+    /// Drops all scans that wait.
+    pub fn drop_waiting(&mut self) {
+        while !self.waiting.is_empty() {
+            self.drop_oldest(Reason::Paused);
+        }
+    }
+
+    /// Whether scans are dropped as they come; odometry and transforms are heard all the same.
+    pub fn pause(&mut self, is_paused: bool) {
+        self.is_paused = is_paused;
+        if is_paused {
+            self.drop_waiting();
         }
     }
 

@@ -2,7 +2,8 @@
 
 use mapwright_geom::{Cov3, Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{
-    Header, MapMetaData, OccupancyGrid, PoseWithCovariance, PoseWithCovarianceStamped, TfMessage, TransformStamped,
+    Header, MapMetaData, OccupancyGrid, OccupancyGridUpdate, PoseWithCovariance, PoseWithCovarianceStamped, TfMessage,
+    TransformStamped,
 };
 use mapwright_ros::{Encoding, RosError, encode};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -38,8 +39,24 @@ impl Grid {
     /// # Errors
     /// [`RosError`] where it has more cells than a message can.
     pub fn message(&self, frame: &str) -> Result<Vec<u8>, RosError> {
-        let header = Header::new(self.stamp, frame);
-        encode(&OccupancyGrid { header, info: self.info(), data: self.cells[..].into() }, Encoding::Cdr)
+        encode(&self.as_message(frame), Encoding::Cdr)
+    }
+
+    /// The same, to be a part of another message.
+    #[must_use]
+    pub fn as_message<'a>(&'a self, frame: &'a str) -> OccupancyGrid<'a> {
+        OccupancyGrid { header: Header::new(self.stamp, frame), info: self.info(), data: self.cells[..].into() }
+    }
+
+    /// `map_msgs/OccupancyGridUpdate` of a rectangle of cells.
+    ///
+    /// # Errors
+    /// [`RosError`] for a stamp that is none.
+    pub fn update(&self, frame: &str, rectangle: [[u32; 2]; 2]) -> Result<Vec<u8>, RosError> {
+        let [[x, y], [width, height]] = rectangle;
+        let (header, data) = (Header::new(self.stamp, frame), self.part(rectangle));
+        let [x, y] = [x, y].map(|cell| i32::try_from(cell).unwrap_or(i32::MAX));
+        encode(&OccupancyGridUpdate { header, x, y, width, height, data: data[..].into() }, Encoding::Cdr)
     }
 
     /// `nav_msgs/MapMetaData`.

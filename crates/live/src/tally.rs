@@ -19,6 +19,8 @@ pub enum Reason {
     Late,
     /// Its topic is none that was announced.
     UnknownTopic,
+    /// Somebody has asked that none be taken in for a while, or the node is not active.
+    Paused,
 }
 
 impl fmt::Display for Reason {
@@ -30,6 +32,7 @@ impl fmt::Display for Reason {
             Self::NoMount => "no transform from the sensor to the robot",
             Self::Late => "later ones were used already",
             Self::UnknownTopic => "of a topic that was not announced",
+            Self::Paused => "paused",
         })
     }
 }

@@ -108,13 +108,15 @@ struct Hypothesis {
     map_from_robot: Pose2,
     /// Of a right perturbation.
     covariance: Cov3,
+    /// What was said of it before anything was seen, nats: zero but where somebody says that the robot is there.
+    prior: f64,
     /// What each of the views says of it, nats.
     nats: VecDeque<f64>,
 }
 
 impl Hypothesis {
     fn sum(&self) -> f64 {
-        self.nats.iter().sum()
+        self.prior + self.nats.iter().sum::<f64>()
     }
 
     /// Page's test: by how much the newest views together speak against it, nats, none or negative; and how many they are.
@@ -260,6 +262,23 @@ impl Locator {
         self.decide();
     }
 
+    /// Somebody says where the robot is: as good as all that would have decided for that place. What is seen from there has to agree, and may
+    /// still take it back.
+    pub(crate) fn place(&mut self, map_from_robot: Pose2, covariance: Cov3) {
+        (self.is_located, self.was_wrong) = (false, false);
+        let prior = self.needed_nats();
+        self.hypotheses.clear();
+        let said = Hypothesis { map_from_robot, covariance, prior, nats: VecDeque::new() };
+        let said = self.judged(said, self.local_from_last.unwrap_or(Pose2::IDENTITY));
+        self.hypotheses.push(said);
+    }
+
+    /// The robot may be anywhere: what was seen up to now says nothing of it.
+    pub(crate) fn find_anew(&mut self) {
+        self.forget();
+        self.withdrawal = None;
+    }
+
     /// Nothing is known of where the robot is.
     fn forget(&mut self) {
         if std::mem::take(&mut self.is_located) {
@@ -319,7 +338,8 @@ impl Locator {
             let prior = Prior { world_from_robot: peak, variances, tail: 1e8 };
             let found = self.matcher.gauss_newton(&self.finished.map, &points, &prior, peak);
             let covariance = Cov3::from_diagonal(&variances.into());
-            let hypothesis = Hypothesis { map_from_robot: found.world_from_robot, covariance, nats: VecDeque::new() };
+            let (map_from_robot, nats) = (found.world_from_robot, VecDeque::new());
+            let hypothesis = Hypothesis { map_from_robot, covariance, prior: 0.0, nats };
             if self.hypotheses.iter().all(|known| known.differs_from(&hypothesis)) {
                 self.hypotheses.push(self.judged(hypothesis, local_from_robot));
             }

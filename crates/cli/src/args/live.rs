@@ -37,11 +37,17 @@ pub(crate) struct LiveArgs {
 #[derive(Debug, Clone, ClapArgs)]
 #[command(next_help_heading = "ROS 2")]
 pub(crate) struct RosArgs {
-    /// Name of the node.
+    /// Name of the node, with its namespace if it has one. A node that is called slam_toolbox has that one's services.
     #[arg(long, value_name = "NAME", default_value = "mapwright")]
     pub(crate) node: String,
-    /// Topic of scans (`sensor_msgs/LaserScan`); may be repeated.
-    #[arg(long = "scan", value_name = "TOPIC", default_value = "/scan")]
+    /// Parameters by the names of slam_toolbox and AMCL, as a file of ROS 2.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) params_file: Option<PathBuf>,
+    /// One of these parameters, such as map_update_interval=2.0; may be repeated.
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = super::parse_assignment)]
+    pub(crate) params: Vec<(String, String)>,
+    /// Topic of scans (`sensor_msgs/LaserScan`); may be repeated. Otherwise that of the parameter scan_topic.
+    #[arg(long = "scan", value_name = "TOPIC")]
     pub(crate) scans: Vec<String>,
     /// Topic of odometry (`nav_msgs/Odometry`), used where transforms do not say the same.
     #[arg(long, value_name = "TOPIC", default_value = "/odom")]
@@ -49,22 +55,7 @@ pub(crate) struct RosArgs {
     /// Topic of inertial readings (`sensor_msgs/Imu`).
     #[arg(long, value_name = "TOPIC", default_value = "/imu")]
     pub(crate) imu: String,
-    /// Frame of the map.
-    #[arg(long, value_name = "FRAME", default_value = "map")]
-    pub(crate) map_frame: String,
-    /// Frame of odometry.
-    #[arg(long, value_name = "FRAME", default_value = "odom")]
-    pub(crate) odom_frame: String,
-    /// Frame of the robot.
-    #[arg(long, value_name = "FRAME", default_value = "base_link")]
-    pub(crate) robot_frame: String,
-    /// Seconds between two drawings of the map.
-    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = super::parse_period)]
-    pub(crate) map_every: f64,
-    /// `map -> odom` is told as holding for so many seconds more, so that who reads it need not wait.
-    #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = super::parse_period)]
-    pub(crate) transform_tolerance: f64,
-    /// The time is what `/clock` says.
+    /// Wait until a lifecycle manager configures and activates the node.
     #[arg(long)]
-    pub(crate) use_sim_time: bool,
+    pub(crate) managed: bool,
 }

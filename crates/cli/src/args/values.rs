@@ -119,10 +119,6 @@ pub(super) fn parse_drive(text: &str) -> Result<f64, String> {
     within(text, 100.0..=5000.0, "a length from 100 to 5000 m")
 }
 
-pub(super) fn parse_period(text: &str) -> Result<f64, String> {
-    within(text, 0.01..=3600.0, "seconds from 0.01 to 3600")
-}
-
 pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     within(text, 1.0..=100_000.0, "seconds from 1 to 100000")
 }

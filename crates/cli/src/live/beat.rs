@@ -1,7 +1,10 @@
-//! `map -> odom`, fifty times a second, whatever else is being done.
+//! `map -> odom`, fifty times a second (`transform_publish_period`), whatever else is being done.
 
 use super::clock::Clock;
+use super::node::Node;
+use super::robot::Names;
 use mapwright::{Pose2, Stamp};
+use mapwright_live::node::parameters::Setting;
 use mapwright_live::outgoing::{Link, transforms};
 use mapwright_live::wire::Publisher;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,32 +39,35 @@ impl Known {
     }
 }
 
-/// Whose frames they are.
-pub(super) struct Frames {
-    pub(super) map: String,
-    pub(super) odom: String,
-    pub(super) robot: String,
-    pub(super) tolerance: Duration,
-}
-
 /// Tells it until it is over; a beat that was missed is not made up for.
-pub(super) fn beat(publisher: &dyn Publisher, known: &Known, frames: &Frames, clock: &Clock, over: &AtomicBool) {
+pub(super) fn beat(
+    publisher: &dyn Publisher,
+    known: &Known,
+    (names, node): (&Names, &Node),
+    clock: &Clock,
+    over: &AtomicBool,
+) {
     let mut next = Instant::now();
     let mut told_odometry = Stamp(0);
     while !over.load(Ordering::Acquire) {
-        if let (Some(place), Some(now)) = (known.get(), clock.stamp()) {
-            let stamp = Stamp(now.0.saturating_add(frames.tolerance.as_nanos() as i64));
-            let mut links =
-                vec![Link { parent: &frames.map, child: &frames.odom, stamp, parent_from_child: place.map_from_odom }];
+        node.beat(clock);
+        let period_s = node.number(Setting::TransformPeriod);
+        let is_told = period_s > 0.0 && node.flag(Setting::Broadcast) && node.is_active();
+        if let (true, Some(place), Some(now)) = (is_told, known.get(), clock.stamp()) {
+            let tolerance = Duration::from_secs_f64(node.number(Setting::TransformTolerance).clamp(0.0, 10.0));
+            let stamp = Stamp(now.0.saturating_add(tolerance.as_nanos() as i64));
+            let (parent, child) = (&names.map_frame, &names.odom_frame);
+            let mut links = vec![Link { parent, child, stamp, parent_from_child: place.map_from_odom }];
             if place.is_without_odometry && place.stamp > told_odometry {
                 told_odometry = place.stamp;
-                let (parent, child, stamp) = (&frames.odom, &frames.robot, place.stamp);
+                let (parent, child, stamp) = (&names.odom_frame, &names.robot_frame, place.stamp);
                 links.push(Link { parent, child, stamp, parent_from_child: place.odom_from_robot });
             }
             // Whoever does not get this one gets the next.
             let _ = transforms(&links).map(|bytes| publisher.publish(&bytes));
         }
-        next = (next + PERIOD).max(Instant::now());
+        let period = if period_s > 0.0 { Duration::from_secs_f64(period_s.clamp(0.005, 1.0)) } else { PERIOD };
+        next = (next + period).max(Instant::now());
         thread::sleep(next.saturating_duration_since(Instant::now()));
     }
 }

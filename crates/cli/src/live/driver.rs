@@ -1,26 +1,33 @@
 //! The one who maps, and what becomes of it.
 
-use super::beat::{Frames, Known, Place, beat};
+use super::beat::{Known, Place, beat};
 use super::clock::Clock;
-use super::drawer::{Outlet, ToDraw, draw};
-use super::robot::Told;
+use super::drawer::{Drawer, Outlet, Reply, ToDraw, place_of};
+use super::node::{Node, Question};
+use super::robot::{Names, Told};
 use super::{Entrance, Lanes};
-use crate::args::{LiveArgs, RosArgs};
+use crate::args::LiveArgs;
 use crate::commands::{Finished, finish};
 use crate::events::Ending;
 use crate::failure::{Failure, Outcome};
 use crate::mapping::Mapping;
 use crate::reading::Reading as ReadingReport;
+use crate::session::earlier_in_plane;
 use crate::terminal::{count, say, say_json};
-use mapwright::{Job, JobResult, LaserScan, Localisation, Mapper, Session, Settings, Update};
+use mapwright::{Job, JobResult, LaserScan, Localisation, Mapper, Pose2, Session, Settings, Stamp, Update};
+use mapwright_geom::Cov3;
+use mapwright_live::node::asked::{Asked, PoseGiven, Said, Start, Why};
+use mapwright_live::node::diagnostics::Diagnostics;
 use mapwright_live::outgoing::pose;
 use mapwright_live::{Driver, Gate, Reading};
 use mapwright_ros::RosError;
+use nalgebra::{Rotation3, Vector3};
 use serde_json::json;
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::{Receiver, Sender};
 use std::thread::Scope;
 use std::time::Duration;
 
@@ -51,17 +58,18 @@ pub(super) struct Live {
     lanes: Lanes,
     door: Arc<Entrance>,
     clock: Arc<Clock>,
-    names: RosArgs,
-    told: Option<Arc<Told>>,
+    ros: Option<Ros>,
     known: Arc<Known>,
     is_over: Arc<AtomicBool>,
-    to_draw: Option<Sender<ToDraw>>,
     /// Of each lane of scans, how many were overtaken at the door as far as the gate knows.
     overtaken: Vec<u64>,
     watched: Duration,
     /// What was missing when it was looked at last.
     missing: BTreeSet<String>,
+    diagnostics: Diagnostics,
     is_quiet: bool,
+    is_paused: bool,
+    drops_waiting: bool,
     has_odometry: bool,
     refused: u64,
     /// Why what is mapped is not written, since when.
@@ -70,14 +78,21 @@ pub(super) struct Live {
     losses: Vec<String>,
 }
 
+/// Others, and what they are told.
+pub(super) struct Ros {
+    pub(super) names: Names,
+    pub(super) told: Arc<Told>,
+    pub(super) node: Arc<Node>,
+    pub(super) to_draw: Sender<ToDraw>,
+}
+
 impl Live {
     pub(super) fn new(
-        work: Work,
-        settings: Settings,
+        (work, settings): (Work, Settings),
         (lanes, door): (Lanes, Arc<Entrance>),
         clock: Arc<Clock>,
         args: &LiveArgs,
-        told: Option<Told>,
+        ros: Option<Ros>,
     ) -> Self {
         let (overtaken, voice) = (vec![0; lanes.scans.len()], args.mapping.voice);
         Self {
@@ -86,15 +101,16 @@ impl Live {
             lanes,
             door,
             clock,
-            names: args.ros_names.clone(),
-            told: told.map(Arc::new),
+            ros,
             known: Arc::default(),
             is_over: Arc::default(),
-            to_draw: None,
             overtaken,
             watched: Duration::ZERO,
             missing: BTreeSet::new(),
+            diagnostics: Diagnostics::default(),
             is_quiet: voice.quiet || voice.json,
+            is_paused: false,
+            drops_waiting: false,
             has_odometry: false,
             refused: 0,
             unwritten: None,
@@ -110,27 +126,29 @@ impl Live {
     }
 
     /// Begins to draw and to tell, where anybody hears it.
-    pub(super) fn start<'scope>(&mut self, scope: &'scope Scope<'scope, '_>, outlet: Option<Outlet>) {
-        let Some(told) = self.told.clone() else { return };
-        let (sender, heard) = channel();
-        self.to_draw = Some(sender);
-        let drawn = (self.settings, self.session().clone());
-        let (clock, every) = (Arc::clone(&self.clock), Duration::from_secs_f64(self.names.map_every));
-        scope.spawn(move || draw(&heard, drawn, outlet.as_ref(), &clock, every));
+    pub(super) fn start<'scope>(
+        &mut self,
+        scope: &'scope Scope<'scope, '_>,
+        (outlet, heard): (Outlet, Receiver<ToDraw>),
+        folder: &Path,
+    ) {
+        let Some(ros) = &self.ros else { return };
+        let (clock, node) = (Arc::clone(&self.clock), Arc::clone(&ros.node));
+        let (settings, session) = (self.settings, self.session().clone());
+        let drawer = Drawer { settings, session, folder: folder.to_owned(), clock, node };
+        scope.spawn(move || drawer.draw(&heard, Some(outlet)));
         let (known, clock, over) = (Arc::clone(&self.known), Arc::clone(&self.clock), Arc::clone(&self.is_over));
-        let frames = Frames {
-            map: self.names.map_frame.clone(),
-            odom: self.names.odom_frame.clone(),
-            robot: self.names.robot_frame.clone(),
-            tolerance: Duration::from_secs_f64(self.names.transform_tolerance),
-        };
-        scope.spawn(move || beat(&*told.tf, &known, &frames, &clock, &over));
+        let (names, told, node) = (ros.names.clone(), Arc::clone(&ros.told), Arc::clone(&ros.node));
+        scope.spawn(move || beat(&*told.tf, &known, (&names, &node), &clock, &over));
     }
 
     /// Ends what was begun.
     pub(super) fn stop(&mut self) {
         self.is_over.store(true, Ordering::Release);
-        self.to_draw = None;
+        if let Some(ros) = &self.ros {
+            // Who draws may have ended already.
+            let _ = ros.to_draw.send(ToDraw::End);
+        }
     }
 
     /// Tells others what came of a scan, or of a job.
@@ -145,8 +163,8 @@ impl Live {
             odom_from_robot: update.odom_from_robot,
             is_without_odometry: !self.has_odometry,
         }));
-        if let Some(told) = &self.told
-            && let Ok(bytes) = pose(&self.names.map_frame, update.stamp, update.map_from_robot, &update.covariance)
+        if let Some(Ros { names, told, .. }) = &self.ros
+            && let Ok(bytes) = pose(&names.map_frame, update.stamp, update.map_from_robot, &update.covariance)
         {
             // The next one follows soon.
             let _ = told.pose.publish(&bytes);
@@ -173,7 +191,7 @@ impl Live {
     }
 
     /// Says something to whoever looks.
-    fn notice(&self, words: &str) {
+    pub(super) fn notice(&self, words: &str) {
         if !self.is_quiet {
             let _ = say(&format!("{:>7.1} s  {words}\n", self.clock.since_start().as_secs_f64()));
         }
@@ -197,6 +215,86 @@ impl Live {
             self.notice("nothing is missing any more");
         }
         self.missing = missing;
+        if let Some(Ros { node, .. }) = &self.ros {
+            let missing: Vec<String> = self.missing.iter().cloned().collect();
+            let stamp = self.clock.stamp().unwrap_or(Stamp(0));
+            let message = self.diagnostics.report(&node.name, stamp, gate.tallies(), &missing);
+            let _ = node.diagnostics.publish(&message);
+        }
+    }
+
+    /// What somebody asks, done or refused.
+    fn answer(&mut self, asked: Asked) -> Reply {
+        let done = Reply::Said(Said::Done);
+        match (asked, &mut self.work) {
+            (Asked::Pause, _) => {
+                self.is_paused = !self.is_paused;
+                self.ros.iter().for_each(|ros| ros.node.tell_paused(self.is_paused));
+                Reply::Said(Said::Paused(self.is_paused))
+            }
+            (Asked::ClearQueue, _) => {
+                self.drops_waiting = true;
+                done
+            }
+            // Every scan is matched, whether the robot stands or not.
+            (Asked::NoMotionUpdate, _) => done,
+            (Asked::Reset { pause }, Work::Mapping(mapping)) => {
+                self.is_paused = pause;
+                match mapping.begin_anew(None) {
+                    Ok(()) => self.anew(),
+                    Err(failure) => Reply::refused(Why::Other, failure.to_string()),
+                }
+            }
+            (Asked::Deserialize { file, start }, Work::Mapping(mapping)) => {
+                if let Start::LocaliseFrom { .. } = start {
+                    return Reply::refused(Why::WrongMode, "to be found in a finished map, start with --localise");
+                }
+                let path = match place_of(mapping.output.folder(), &file) {
+                    Ok(path) => path.with_extension("mapwright"),
+                    Err(words) => return Reply::refused(Why::NoSuchFile, words),
+                };
+                if !path.exists() {
+                    return Reply::refused(Why::NoSuchFile, format!("there is no {}", path.display()));
+                }
+                match earlier_in_plane(&path).and_then(|(session, _)| mapping.begin_anew(Some(session))) {
+                    Ok(()) => self.anew(),
+                    Err(failure) => Reply::refused(Why::Unreadable, failure.to_string()),
+                }
+            }
+            (Asked::FindAnew, Work::Localising(localising)) => {
+                localising.mapper.find_anew();
+                done
+            }
+            (Asked::SetPose(given), Work::Localising(localising)) => {
+                let frame = self.ros.as_ref().map_or("map", |ros| ros.names.map_frame.as_str());
+                if !given.frame.is_empty() && given.frame != frame {
+                    let words = format!("expected a pose in {frame}, found one in {}", given.frame);
+                    return Reply::refused(Why::Other, words);
+                }
+                let (map_from_robot, covariance) = in_the_plane(&given);
+                match localising.mapper.place(map_from_robot, covariance) {
+                    true => done,
+                    false => Reply::refused(Why::Other, "expected a pose with a covariance, found none"),
+                }
+            }
+            (Asked::LoadMap { .. } | Asked::Reset { .. } | Asked::Deserialize { .. }, Work::Localising(_)) => {
+                Reply::refused(Why::WrongMode, "the finished map stays as it is; start again with another one")
+            }
+            (Asked::FindAnew | Asked::SetPose(_) | Asked::LoadMap { .. }, Work::Mapping(_)) => Reply::refused(
+                Why::WrongMode,
+                "a map is being made; to be found in a finished one, start with --localise",
+            ),
+            _ => Reply::refused(Why::Other, "that is not offered"),
+        }
+    }
+
+    /// Everything has begun anew.
+    fn anew(&mut self) -> Reply {
+        self.known.set(None);
+        if let Some(ros) = &self.ros {
+            let _ = ros.to_draw.send(ToDraw::Anew(Box::new(self.session().clone())));
+        }
+        Reply::Said(Said::Done)
     }
 
     /// Writes the results and says what was made and lost.
@@ -313,19 +411,50 @@ impl Driver for Live {
         self.refused += 1;
     }
 
+    fn asked(&mut self, what: mapwright_live::Asked) {
+        let Ok(question) = what.downcast::<Question>() else { return };
+        let Question { asked, reply } = *question;
+        let answer = self.answer(asked);
+        match (reply, answer) {
+            // Whoever asked may have gone.
+            (Some(reply), answer) => drop(reply.try_send(answer)),
+            (None, Reply::Said(Said::Refused(_, words))) => self.notice(&format!("refused: {words}")),
+            (None, _) => {}
+        }
+    }
+
     fn turn(&mut self, gate: &mut Gate, now: Duration) {
+        let is_active = self.ros.as_ref().is_none_or(|ros| ros.node.is_active());
+        gate.pause(self.is_paused || !is_active);
+        if std::mem::take(&mut self.drops_waiting) {
+            gate.drop_waiting();
+        }
         if now >= self.watched + WATCH_EVERY {
             self.watched = now;
             self.watch(gate, now);
+            let words = self.ros.as_ref().map_or_else(Vec::new, |ros| ros.node.words());
+            words.iter().for_each(|words| self.notice(words));
         }
     }
 }
 
 impl Live {
     fn draw(&self, update: Update) {
-        if let (Some(to_draw), Work::Mapping(_)) = (&self.to_draw, &self.work) {
+        if let (Some(ros), Work::Mapping(_)) = (&self.ros, &self.work) {
             // Who draws goes last.
-            let _ = to_draw.send(ToDraw::Entries(update.entries));
+            let _ = ros.to_draw.send(ToDraw::Entries(update.entries));
         }
     }
+}
+
+/// What a pose in space says of a robot in the plane, with the covariance in the robot's axes.
+fn in_the_plane(given: &PoseGiven) -> (Pose2, Cov3) {
+    let pose = given.frame_from_robot;
+    let theta = pose.rotation.euler_angles().2;
+    let entry = |row: usize, column: usize| given.covariance[6 * row + column];
+    let places = [0, 1, 5];
+    let in_map = Cov3::from_fn(|row, column| entry(places[row], places[column]));
+    let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), theta);
+    let covariance = turned.matrix().transpose() * in_map * turned.matrix();
+    (Pose2::new(pose.translation.x, pose.translation.y, theta), covariance)
 }

@@ -7,6 +7,7 @@ mod beat;
 mod clock;
 mod drawer;
 mod driver;
+mod node;
 mod play;
 mod robot;
 
@@ -18,13 +19,17 @@ use crate::output::OutputFolder;
 use crate::session::{earlier_in_plane, to_go_on_with};
 use clock::Clock;
 use drawer::Outlet;
-use driver::{Live, Localising, Work};
+use driver::{Live, Localising, Ros, Work};
 use mapwright::{Mapper, Session, Settings};
+use mapwright_live::node::NodeName;
+use mapwright_live::node::parameters::Setting;
 use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, Lane};
-use robot::Told;
+use node::Node;
+use robot::{Names, Told};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
@@ -100,37 +105,51 @@ fn localising(path: &Path, settings: Settings) -> Result<Localising, Failure> {
 }
 
 fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt) -> Result<Outcome, Failure> {
-    let names = &args.ros_names;
+    let node = NodeName::new(&args.ros_names.node).map_err(|error| Failure::Usage(error.to_string()))?;
+    let (parameters, words) = robot::parameters(&args.ros_names, &node)?;
+    let names = Names::of(&args.ros_names, &parameters, &node);
     let is_played = args.log.is_some();
     let lanes = Lanes { scans: if is_played { vec![play::TOPIC.to_owned()] } else { names.scans.clone() } };
     let (door, clock, over) =
-        (Arc::new(lanes.door()), Arc::new(Clock::start(names.use_sim_time)), AtomicBool::new(false));
+        (Arc::new(lanes.door()), Arc::new(Clock::start(names.is_simulated)), AtomicBool::new(false));
     let mut gate = Gate::new(GateSettings {
         robot_frame: names.robot_frame.clone(),
         odom_frame: names.odom_frame.clone(),
+        wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),
         ..GateSettings::default()
     });
-    let mut wire = if args.ros || !is_played { Some(robot::join(names)?) } else { None };
-    let (mut told, mut outlet) = (None, None);
+    let mut wire = if args.ros || !is_played { Some(robot::join(&node)?) } else { None };
+    let (mut ros, mut outlet) = (None, None);
     if let Some(wire) = wire.as_deref_mut() {
-        (told, outlet) = (Some(Told::advertise(wire)?), Some(Outlet::advertise(wire, names)?));
+        let (to_draw, heard) = channel();
+        let (told, node) = (Arc::new(Told::advertise(wire, &node)?), Arc::new(Node::new(wire, node, parameters)?));
+        outlet = Some((Outlet::advertise(wire, &names)?, heard));
+        let others = (&door, lanes.others());
+        node::serve(wire, &node, others, (&clock, &names.map_frame), &to_draw)?;
+        node::hear(wire, &node, others, &clock)?;
         if !is_played {
-            robot::hear(wire, names, &lanes, &door, &clock)?;
+            robot::hear(wire, &names, &lanes, &door, &clock)?;
         }
+        ros = Some(Ros { names, told, node, to_draw });
     }
-    let mut live = Live::new(work, settings, (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, told);
+    let ended = ros.as_ref().map(|ros| Arc::clone(&ros.node));
+    let mut live = Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, ros);
+    words.iter().for_each(|words| live.notice(words));
     let played = thread::scope(|scope| {
         let (over, door, clock) = (&over, &*door, &*clock);
         let player = args.log.as_deref().map(|log| {
-            scope.spawn(move || {
+            scope.spawn(|| {
                 let played = play::play(log, args, (door, &lanes), clock, over);
                 door.close();
                 played
             })
         });
-        live.start(scope, outlet);
+        if let Some(outlet) = outlet {
+            live.start(scope, outlet, &args.output);
+        }
         scope.spawn(|| {
-            while !interrupt.came() && !over.load(Ordering::Acquire) {
+            let is_shut_down = || ended.as_ref().is_some_and(|node| node.is_shut_down.load(Ordering::Acquire));
+            while !interrupt.came() && !is_shut_down() && !over.load(Ordering::Acquire) {
                 thread::sleep(LOOK);
             }
             over.store(true, Ordering::Release);

@@ -6,6 +6,8 @@ use super::{Entrance, Lanes};
 use crate::args::RosArgs;
 use crate::failure::Failure;
 use mapwright_live::Heard;
+use mapwright_live::node::NodeName;
+use mapwright_live::node::parameters::{ParameterFile, ParameterValue, Parameters, Setting};
 use mapwright_live::wire::{Delivery, Hear, Publisher, Topic, Wire, WireError};
 use std::sync::Arc;
 
@@ -25,15 +27,15 @@ impl From<WireError> for Failure {
 
 /// Joins the system that the environment names.
 #[cfg(feature = "dds")]
-pub(super) fn join(names: &RosArgs) -> Result<Box<dyn Wire>, Failure> {
+pub(super) fn join(node: &NodeName) -> Result<Box<dyn Wire>, Failure> {
     use mapwright_dds::{Configuration, Dds};
     let configuration = Configuration::from_environment().map_err(|error| Failure::Usage(error.to_string()))?;
-    Ok(Box::new(Dds::join(&configuration, "/", &names.node)?))
+    Ok(Box::new(Dds::join(&configuration, node.namespace(), node.name())?))
 }
 
 /// There is no wire in this build.
 #[cfg(not(feature = "dds"))]
-pub(super) fn join(_names: &RosArgs) -> Result<Box<dyn Wire>, Failure> {
+pub(super) fn join(_node: &NodeName) -> Result<Box<dyn Wire>, Failure> {
     Err(Failure::Usage(
         "this mapwright was built without ROS 2; build it with `cargo build --release --features dds` (needs cmake and libclang), or use a \
          package"
@@ -41,10 +43,74 @@ pub(super) fn join(_names: &RosArgs) -> Result<Box<dyn Wire>, Failure> {
     ))
 }
 
+/// Names in the system, and what can be set.
+pub(super) fn parameters(args: &RosArgs, node: &NodeName) -> Result<(Parameters, Vec<String>), Failure> {
+    let mut parameters = Parameters::default();
+    let mut words = Vec::new();
+    if let Some(path) = &args.params_file {
+        let wrong = |cause: String| Failure::Config { path: path.clone(), cause };
+        let text = std::fs::read_to_string(path).map_err(|error| Failure::open(path, error))?;
+        let file = ParameterFile::parse(&text).map_err(|error| wrong(error.to_string()))?;
+        words = parameters.take(&file, node).map_err(|error| wrong(error.to_string()))?.words();
+    }
+    let given = args.params.iter().map(|(name, value)| (name.as_str(), value_of(value)));
+    let managed = args.managed.then_some(("autostart_node", ParameterValue::Bool(false)));
+    for (name, value) in given.chain(managed) {
+        parameters.set(name, value).map_err(Failure::Usage)?;
+    }
+    Ok((parameters, words))
+}
+
+/// What a text stands for, as ROS 2 reads it on a command line.
+fn value_of(text: &str) -> ParameterValue {
+    let number = || text.parse().ok().filter(|number: &f64| number.is_finite());
+    match text {
+        "true" | "True" => ParameterValue::Bool(true),
+        "false" | "False" => ParameterValue::Bool(false),
+        _ => match (text.parse(), number()) {
+            (Ok(integer), _) => ParameterValue::Integer(integer),
+            (_, Some(number)) => ParameterValue::Double(number),
+            _ => ParameterValue::Text(text.to_owned()),
+        },
+    }
+}
+
+/// The names that the parameters have.
+#[derive(Debug, Clone)]
+pub(super) struct Names {
+    pub(super) scans: Vec<String>,
+    pub(super) odometry: String,
+    pub(super) imu: String,
+    pub(super) map_topic: String,
+    pub(super) map_frame: String,
+    pub(super) odom_frame: String,
+    pub(super) robot_frame: String,
+    pub(super) is_simulated: bool,
+}
+
+impl Names {
+    pub(super) fn of(args: &RosArgs, parameters: &Parameters, node: &NodeName) -> Self {
+        let text = |setting| parameters.text(setting).to_owned();
+        let topic = |name: &str| node.beside(name);
+        let scans: Vec<String> = args.scans.iter().map(|name| topic(name)).collect();
+        let scans = if scans.is_empty() { vec![topic(parameters.text(Setting::ScanTopic))] } else { scans };
+        Self {
+            scans,
+            odometry: topic(&args.odometry),
+            imu: topic(&args.imu),
+            map_topic: topic(parameters.text(Setting::MapTopic)),
+            map_frame: text(Setting::MapFrame),
+            odom_frame: text(Setting::OdomFrame),
+            robot_frame: text(Setting::RobotFrame),
+            is_simulated: parameters.flag(Setting::SimTime),
+        }
+    }
+}
+
 /// Hears sensors, transforms and the clock.
 pub(super) fn hear(
     wire: &mut dyn Wire,
-    names: &RosArgs,
+    names: &Names,
     lanes: &Lanes,
     door: &Arc<Entrance>,
     clock: &Arc<Clock>,
@@ -69,7 +135,7 @@ pub(super) fn hear(
     wire.subscribe(&odometry, into(lanes.others(), Box::new(|bytes| Heard::Odometry { bytes })))?;
     let imu = Topic::new(&names.imu, "sensor_msgs/msg/Imu", SENSOR);
     wire.subscribe(&imu, into(lanes.others(), Box::new(|bytes| Heard::Imu { bytes })))?;
-    if names.use_sim_time {
+    if names.is_simulated {
         let clock = Arc::clone(clock);
         // a head of four bytes, seconds, nanoseconds
         let hear = move |bytes: &[u8]| {
@@ -92,19 +158,23 @@ pub(super) struct Told {
 }
 
 impl Told {
-    pub(super) fn advertise(wire: &mut dyn Wire) -> Result<Self, Failure> {
-        let mut topic = |name, kind, delivery| wire.advertise(&Topic::new(name, kind, delivery));
+    pub(super) fn advertise(wire: &mut dyn Wire, node: &NodeName) -> Result<Self, Failure> {
+        let mut topic = |name: &str, kind, delivery| wire.advertise(&Topic::new(name, kind, delivery));
         let tf = topic("/tf", TF, EVENTS)?;
-        let (pose, amcl_pose) =
-            (topic("/pose", POSE, Delivery::Reliable { depth: 10 })?, topic("/amcl_pose", POSE, LATEST)?);
+        let pose = topic(&node.beside("pose"), POSE, Delivery::Reliable { depth: 10 })?;
+        let amcl_pose = topic(&node.beside("amcl_pose"), POSE, LATEST)?;
         Ok(Self { tf, pose, amcl_pose })
     }
 }
 
 impl Outlet {
-    pub(super) fn advertise(wire: &mut dyn Wire, names: &RosArgs) -> Result<Self, Failure> {
-        let map = wire.advertise(&Topic::new("/map", "nav_msgs/msg/OccupancyGrid", LATEST))?;
-        let metadata = wire.advertise(&Topic::new("/map_metadata", "nav_msgs/msg/MapMetaData", LATEST))?;
-        Ok(Self { map, metadata, frame: names.map_frame.clone() })
+    pub(super) fn advertise(wire: &mut dyn Wire, names: &Names) -> Result<Self, Failure> {
+        let mut topic = |ending, kind, delivery| {
+            wire.advertise(&Topic::new(&format!("{}{ending}", names.map_topic), kind, delivery))
+        };
+        let map = topic("", "nav_msgs/msg/OccupancyGrid", LATEST)?;
+        let metadata = topic("_metadata", "nav_msgs/msg/MapMetaData", LATEST)?;
+        let updates = topic("_updates", "map_msgs/msg/OccupancyGridUpdate", Delivery::Reliable { depth: 1 })?;
+        Ok(Self { map, metadata, updates, frame: names.map_frame.clone(), told: None })
     }
 }

@@ -35,6 +35,12 @@ impl NodeName {
         &self.name
     }
 
+    /// The namespace: `/` where it has none.
+    #[must_use]
+    pub fn namespace(&self) -> &str {
+        if self.namespace.is_empty() { "/" } else { &self.namespace }
+    }
+
     /// With its namespace: `/robot1/slam_toolbox`.
     #[must_use]
     pub fn full(&self) -> String {

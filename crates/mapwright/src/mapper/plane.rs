@@ -5,7 +5,7 @@ use crate::front::PlaneFrontEnd;
 use crate::front_end::{FrontEnd, Maps};
 use crate::locate::{Location, Locator, Withdrawal};
 use crate::render::GlobalMap;
-use mapwright_geom::TangentMatrix;
+use mapwright_geom::{Cov3, Pose2, TangentMatrix};
 use mapwright_grid::{CountGrid, LocalMap};
 use mapwright_loops::KnownPlace;
 use mapwright_record::KeyframeId;
@@ -49,6 +49,25 @@ impl Mapper {
     #[must_use]
     pub fn local_map(&self) -> &LocalMap {
         self.front.local_map()
+    }
+
+    /// Somebody says where the robot is in the finished map now, with the covariance of a right perturbation (m^2, m rad, rad^2): that place is
+    /// believed from the next scan on that agrees, and as long as what is seen does not speak against it. Nothing where there is no finished
+    /// map ([`Mapper::localising`](crate::MapperOf::localising)), or the numbers are no pose and no covariance.
+    pub fn place(&mut self, map_from_robot: Pose2, covariance: Cov3) -> bool {
+        let is_sound = map_from_robot.is_finite() && covariance.cholesky().is_some();
+        match self.locator.as_mut().filter(|_| is_sound) {
+            Some(locator) => {
+                locator.place(map_from_robot, covariance);
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// The robot may have been carried anywhere in the finished map: it is looked for anew. Whether there is one.
+    pub fn find_anew(&mut self) -> bool {
+        self.locator.as_mut().map(|locator| locator.find_anew()).is_some()
     }
 
     /// How certain the first keyframe of each patch of the map is relative to the newest one: larger standard deviation
