@@ -4,7 +4,7 @@
 //! ```sh
 //! cargo run --release -p mapwright-dds --example echo -- /in /out std_msgs/msg/String
 //! ```
-#![allow(clippy::print_stdout, clippy::expect_used, reason = "an example says what it does")]
+#![allow(clippy::print_stdout, clippy::expect_used, clippy::panic, reason = "an example says what it does")]
 
 use mapwright_dds::{Configuration, Dds};
 use mapwright_live::wire::{Delivery, Service, Topic, Wire};

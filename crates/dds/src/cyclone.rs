@@ -10,16 +10,17 @@ use cyclors::{
     dds_create_qos, dds_create_reader, dds_create_writer, dds_delete, dds_delete_listener, dds_delete_qos,
     dds_durability_kind_DDS_DURABILITY_TRANSIENT_LOCAL, dds_durability_kind_DDS_DURABILITY_VOLATILE, dds_entity_t,
     dds_get_entity_sertype, dds_get_guid, dds_get_publication_matched_status, dds_guid_t,
-    dds_history_kind_DDS_HISTORY_KEEP_LAST, dds_lset_data_available_arg, dds_publication_matched_status_t,
-    dds_qset_data_representation, dds_qset_durability, dds_qset_durability_service, dds_qset_history,
-    dds_qset_ignorelocal, dds_qset_reliability, dds_qset_userdata, dds_qset_writer_data_lifecycle,
+    dds_history_kind_DDS_HISTORY_KEEP_LAST, dds_log_data_t, dds_lset_data_available_arg,
+    dds_publication_matched_status_t, dds_qset_data_representation, dds_qset_durability, dds_qset_durability_service,
+    dds_qset_history, dds_qset_ignorelocal, dds_qset_reliability, dds_qset_userdata, dds_qset_writer_data_lifecycle,
     dds_reliability_kind_DDS_RELIABILITY_BEST_EFFORT, dds_reliability_kind_DDS_RELIABILITY_RELIABLE, dds_sample_info_t,
-    dds_strretcode, dds_takecdr, dds_writecdr, ddsi_serdata, ddsi_serdata_from_ser_iov, ddsi_serdata_kind_SDK_DATA,
-    ddsi_serdata_size, ddsi_serdata_to_ser_ref, ddsi_serdata_to_ser_unref, ddsi_serdata_unref, ddsi_sertype,
-    ddsrt_iovec_t,
+    dds_set_log_sink, dds_strretcode, dds_takecdr, dds_writecdr, ddsi_serdata, ddsi_serdata_from_ser_iov,
+    ddsi_serdata_kind_SDK_DATA, ddsi_serdata_size, ddsi_serdata_to_ser_ref, ddsi_serdata_to_ser_unref,
+    ddsi_serdata_unref, ddsi_sertype, ddsrt_iovec_t,
 };
 use mapwright_live::wire::{Delivery, Hear};
 use std::ffi::{CStr, CString, c_void};
+use std::io::Write;
 use std::mem::MaybeUninit;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
@@ -95,6 +96,22 @@ impl Drop for Qos {
     }
 }
 
+/// What the library says of types: others describe theirs in a way that it cannot read, which nobody needs.
+const OF_TYPES: &[u8] = b"type object";
+
+/// Says what the library has to say on the standard error, as it does itself, but for what is of no use.
+unsafe extern "C" fn say(_: *mut c_void, data: *const dds_log_data_t) {
+    // SAFETY: the library calls it with data that holds until it returns, with a text of so many bytes.
+    let text = unsafe {
+        let data = &*data;
+        if data.message.is_null() { &[][..] } else { std::slice::from_raw_parts(data.message.cast::<u8>(), data.size) }
+    };
+    if !text.windows(OF_TYPES.len()).any(|part| part == OF_TYPES) {
+        // nothing helps where that cannot be written
+        let _ = std::io::stderr().write_all(&[b"Cyclone DDS: ", text].concat());
+    }
+}
+
 /// What is called with samples; its place does not change while the reader is there.
 struct Listening(Mutex<Hear>);
 
@@ -126,6 +143,8 @@ impl Participant {
     /// Joins a domain with a configuration in XML.
     pub(crate) fn new(domain: u32, configuration: &str, user_data: &str) -> Result<Self, CycloneError> {
         let configuration = text(configuration)?;
+        // SAFETY: a function that is there as long as the program, and needs nothing.
+        unsafe { dds_set_log_sink(Some(say), ptr::null_mut()) };
         // SAFETY: the text outlives the call, which copies what it needs of it.
         let made = check(unsafe { dds_create_domain(domain, configuration.as_ptr()) })?;
         let qos = Qos::new(Delivery::Reliable { depth: 1 });

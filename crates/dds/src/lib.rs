@@ -138,6 +138,10 @@ impl Wire for Dds {
         self.node.writers.push(writer);
         self.tell_graph().map_err(|error| failed(error.to_string()))
     }
+
+    fn response_most(&self) -> usize {
+        services::RESPONSE_MOST
+    }
 }
 
 struct Told {

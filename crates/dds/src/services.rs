@@ -12,16 +12,22 @@ use rustdds::no_key::{
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::rpc::SampleIdentity;
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, Duration, GUID, Publisher, QosPolicies, QosPolicyBuilder, RTPSEntity,
-    RepresentationIdentifier, SequenceNumber, Subscriber, Timestamp, TopicKind, WriteOptionsBuilder,
+    DataWriterStatus, DomainParticipant, DomainParticipantBuilder, GUID, Publisher, QosPolicies, QosPolicyBuilder,
+    RTPSEntity, RepresentationIdentifier, SequenceNumber, StatusEvented, Subscriber, Timestamp, TopicKind,
+    WriteOptionsBuilder,
 };
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
+/// A response that fits into one packet of Ethernet with what is sent beside it, bytes. A longer one goes in parts, and RustDDS 0.15 puts one byte too
+/// many into parts that say which request they belong to: clients of Fast DDS drop them.
+pub(crate) const RESPONSE_MOST: usize = 1300;
 /// The maker of Cyclone DDS in front of its participants' numbers.
 const CYCLONE: [u8; 2] = [0x01, 0x10];
 /// What Cyclone's clients put in front of a request: half of their number, and the request's.
@@ -79,11 +85,28 @@ impl SerializerAdapter<Raw> for AsItIs {
     }
 }
 
+/// A response waits so long at most until its reader is known: sent before, it would be lost.
+const READER_WITHIN: Duration = Duration::from_millis(200);
+const LOOK_AGAIN: Duration = Duration::from_millis(1);
+/// Participants whose readers are known; the first are forgotten.
+const KNOWN_MOST: usize = 1000;
+
 /// A service with who answers it.
 struct Server {
     requests: SimpleDataReader<Raw, AsItIs>,
     responses: DataWriter<Raw, AsItIs>,
+    /// The participants that are known to hear the responses.
+    known: VecDeque<[u8; PREFIX_BYTES]>,
     answer: Answer,
+}
+
+/// Bytes of a number that are the participant's.
+const PREFIX_BYTES: usize = 12;
+
+fn prefix(guid: GUID) -> [u8; PREFIX_BYTES] {
+    let mut prefix = [0; PREFIX_BYTES];
+    prefix.copy_from_slice(&guid.to_bytes()[..PREFIX_BYTES]);
+    prefix
 }
 
 impl Server {
@@ -112,10 +135,40 @@ impl Server {
         let Some((head, message)) = split(writer, &request.sample.0) else { return };
         let Ok(response) = catch_unwind(AssertUnwindSafe(|| (self.answer)(&message))) else { return };
         let response = Raw(with_head(&head, response));
+        self.wait_for_reader(prefix(identity.writer_guid));
         let options =
             WriteOptionsBuilder::new().source_timestamp(Timestamp::now()).related_sample_identity(identity).build();
         // Whoever has gone meanwhile gets nothing.
         let _ = self.responses.write_with_options(response, options);
+    }
+}
+
+impl Server {
+    /// A client that has just come may have found this service before its reader of responses was found.
+    fn wait_for_reader(&mut self, client: [u8; PREFIX_BYTES]) {
+        let begun = Instant::now();
+        loop {
+            while let Some(status) = self.responses.try_recv_status() {
+                if let DataWriterStatus::PublicationMatched { reader, .. } = status {
+                    self.know(prefix(reader));
+                }
+            }
+            if self.known.contains(&client) {
+                return;
+            }
+            if begun.elapsed() >= READER_WITHIN {
+                // Nobody waits for it a second time.
+                return self.know(client);
+            }
+            thread::sleep(LOOK_AGAIN);
+        }
+    }
+
+    fn know(&mut self, participant: [u8; PREFIX_BYTES]) {
+        if self.known.len() >= KNOWN_MOST {
+            self.known.pop_front();
+        }
+        self.known.push_back(participant);
     }
 }
 
@@ -130,12 +183,14 @@ fn split(writer: GUID, request: &[u8]) -> Option<(Vec<u8>, Vec<u8>)> {
     Some((head.to_vec(), [cdr, message].concat()))
 }
 
-/// A response with what was in front of the request put in front of it.
+/// A response with what was in front of the request put in front of it, up to a multiple of four bytes, as RustDDS wants it.
 fn with_head(head: &[u8], response: Vec<u8>) -> Vec<u8> {
-    match response.split_at_checked(CDR_LE.len()) {
+    let mut whole = match response.split_at_checked(CDR_LE.len()) {
         Some((cdr, message)) if !head.is_empty() => [cdr, head, message].concat(),
         _ => response,
-    }
+    };
+    whole.resize(whole.len().next_multiple_of(4), 0);
+    whole
 }
 
 /// Answers services on a thread of its own, until dropped.
@@ -159,7 +214,7 @@ impl Services {
         let io = |error: io::Error| failed(error.to_string());
         let participant = DomainParticipantBuilder::new(domain).build().map_err(|e| failed(e.to_string()))?;
         let qos = QosPolicyBuilder::new()
-            .reliability(Reliability::Reliable { max_blocking_time: Duration::from_millis(100) })
+            .reliability(Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) })
             .durability(Durability::Volatile)
             .history(History::KeepLast { depth: DEPTH })
             .build();
@@ -201,7 +256,7 @@ impl Services {
         self.registry
             .register(&mut requests, Token(servers.len()), Interest::READABLE)
             .map_err(|e| failed(e.to_string()))?;
-        servers.push(Server { requests, responses, answer });
+        servers.push(Server { requests, responses, known: VecDeque::new(), answer });
         drop(servers);
         // one may have come before anybody looked
         let _ = self.waker.wake();
@@ -248,7 +303,7 @@ mod tests {
         let (head, message) = split(cyclone, &request).unwrap();
         assert_eq!((head.clone(), message), ((10..26).collect::<Vec<u8>>(), vec![0, 1, 0, 0, 7, 0, 0, 0]));
         let response = with_head(&head, vec![0, 1, 0, 0, 1]);
-        assert_eq!(response, CDR_LE.into_iter().chain(10..26).chain([1]).collect::<Vec<u8>>());
+        assert_eq!(response, CDR_LE.into_iter().chain(10..26).chain([1, 0, 0, 0]).collect::<Vec<u8>>());
         assert_eq!(split(cyclone, &request[..19]), None, "too short");
     }
 

@@ -2,6 +2,8 @@
 
 use super::{MappingArgs, SourceArgs};
 use clap::Args as ClapArgs;
+use mapwright::Pose2;
+use mapwright_lidars::LidarPlace;
 use std::path::PathBuf;
 
 #[derive(Debug, ClapArgs)]
@@ -12,6 +14,12 @@ pub(crate) struct LiveArgs {
     pub(crate) log: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+    /// A lidar on a cable: ld06, ld19 or rplidar, and its port, as ld06:/dev/ttyUSB0; and @ and the baud rate where it is another.
+    #[arg(long, value_name = "KIND:PORT", conflicts_with = "log")]
+    pub(crate) lidar: Option<LidarPlace>,
+    /// Where that lidar sits on the robot: metres, metres, radians.
+    #[arg(long, value_name = "X,Y,YAW", value_parser = super::parse_pose, allow_hyphen_values = true, requires = "lidar")]
+    pub(crate) lidar_mount: Option<Pose2>,
     /// The recording is played so many times as fast as it was made.
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = super::parse_factor)]
     pub(crate) rate: f64,

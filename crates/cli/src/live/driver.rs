@@ -1,6 +1,7 @@
 //! The one who maps, and what becomes of it.
 
 use super::beat::{Known, Place, beat};
+use super::cable::Words;
 use super::clock::Clock;
 use super::drawer::{Drawer, Outlet, Reply, ToDraw, place_of};
 use super::node::{Node, Question};
@@ -67,6 +68,8 @@ pub(super) struct Live {
     /// What was missing when it was looked at last.
     missing: BTreeSet<String>,
     diagnostics: Diagnostics,
+    /// What happens at the cable of a lidar.
+    pub(super) at_cable: Arc<Words>,
     is_quiet: bool,
     is_paused: bool,
     drops_waiting: bool,
@@ -108,6 +111,7 @@ impl Live {
             watched: Duration::ZERO,
             missing: BTreeSet::new(),
             diagnostics: Diagnostics::default(),
+            at_cable: Arc::default(),
             is_quiet: voice.quiet || voice.json,
             is_paused: false,
             drops_waiting: false,
@@ -433,7 +437,7 @@ impl Driver for Live {
             self.watched = now;
             self.watch(gate, now);
             let words = self.ros.as_ref().map_or_else(Vec::new, |ros| ros.node.words());
-            words.iter().for_each(|words| self.notice(words));
+            words.iter().chain(&self.at_cable.take()).for_each(|words| self.notice(words));
         }
     }
 }

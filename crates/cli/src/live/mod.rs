@@ -4,6 +4,7 @@
 //! another but by the door.
 
 mod beat;
+mod cable;
 mod clock;
 mod drawer;
 mod driver;
@@ -20,7 +21,7 @@ use crate::session::{earlier_in_plane, to_go_on_with};
 use clock::Clock;
 use drawer::Outlet;
 use driver::{Live, Localising, Ros, Work};
-use mapwright::{Mapper, Session, Settings};
+use mapwright::{Mapper, Pose2, Session, Settings};
 use mapwright_live::node::NodeName;
 use mapwright_live::node::parameters::Setting;
 use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, Lane};
@@ -80,6 +81,12 @@ fn earlier(args: &LiveArgs) -> Result<Option<(Session, Vec<String>)>, Failure> {
 
 pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     let mut settings = settings_of(&args.mapping)?;
+    if let Some(lidar) = args.lidar.as_ref().filter(|lidar| !lidar.kind.is_serial()) {
+        return Err(Failure::Usage(format!(
+            "{:?} is a lidar of space, which is not mapped while it drives yet; record it as .pcap and map that",
+            lidar.kind
+        )));
+    }
     if !args.mapping.settings.set.iter().any(|(key, _)| key == "loops.jobs") {
         settings.set("loops.jobs", "handed-out")?;
     }
@@ -108,8 +115,13 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
     let node = NodeName::new(&args.ros_names.node).map_err(|error| Failure::Usage(error.to_string()))?;
     let (parameters, words) = robot::parameters(&args.ros_names, &node)?;
     let names = Names::of(&args.ros_names, &parameters, &node);
-    let is_played = args.log.is_some();
-    let lanes = Lanes { scans: if is_played { vec![play::TOPIC.to_owned()] } else { names.scans.clone() } };
+    let is_heard = args.log.is_none() && args.lidar.is_none();
+    let scans = match (&args.log, &args.lidar) {
+        (Some(_), _) => vec![play::TOPIC.to_owned()],
+        (None, Some(_)) => vec![cable::TOPIC.to_owned()],
+        (None, None) => names.scans.clone(),
+    };
+    let lanes = Lanes { scans };
     let (door, clock, over) =
         (Arc::new(lanes.door()), Arc::new(Clock::start(names.is_simulated)), AtomicBool::new(false));
     let mut gate = Gate::new(GateSettings {
@@ -118,7 +130,7 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
         wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),
         ..GateSettings::default()
     });
-    let mut wire = if args.ros || !is_played { Some(robot::join(&node)?) } else { None };
+    let mut wire = if args.ros || is_heard { Some(robot::join(&node)?) } else { None };
     let (mut ros, mut outlet) = (None, None);
     if let Some(wire) = wire.as_deref_mut() {
         let (to_draw, heard) = channel();
@@ -127,7 +139,7 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
         let others = (&door, lanes.others());
         node::serve(wire, &node, others, (&clock, &names.map_frame), &to_draw)?;
         node::hear(wire, &node, others, &clock)?;
-        if !is_played {
+        if is_heard {
             robot::hear(wire, &names, &lanes, &door, &clock)?;
         }
         ros = Some(Ros { names, told, node, to_draw });
@@ -135,6 +147,7 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
     let ended = ros.as_ref().map(|ros| Arc::clone(&ros.node));
     let mut live = Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, ros);
     words.iter().for_each(|words| live.notice(words));
+    let at_cable = Arc::clone(&live.at_cable);
     let played = thread::scope(|scope| {
         let (over, door, clock) = (&over, &*door, &*clock);
         let player = args.log.as_deref().map(|log| {
@@ -144,6 +157,17 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
                 played
             })
         });
+        if let Some(place) = &args.lidar {
+            scope.spawn(|| {
+                cable::read(
+                    place,
+                    args.lidar_mount.unwrap_or(Pose2::IDENTITY),
+                    (door, &lanes),
+                    clock,
+                    (&at_cable, over),
+                )
+            });
+        }
         if let Some(outlet) = outlet {
             live.start(scope, outlet, &args.output);
         }
