@@ -14,7 +14,7 @@ mod values;
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
 pub(crate) use fleet_net::{FleetJoinArgs, FleetKeysArgs, FleetStatusArgs};
-pub(crate) use live::{LiveArgs, RosArgs};
+pub(crate) use live::{LiveArgs, RosArgs, ViewArgs, ViewResultsArgs};
 pub(crate) use merge_maps::MergeMapsArgs;
 pub(crate) use rendezvous::RendezvousArgs;
 pub(crate) use source::SourceArgs;
@@ -75,6 +75,8 @@ pub(crate) enum Command {
     Localise(LocaliseArgs),
     /// Map while the robot drives, heard over ROS 2; or play a recording as if it drove.
     Live(LiveArgs),
+    /// A finished run in a browser, with a time line.
+    View(ViewResultsArgs),
     /// Several robots with one map, made while they drive.
     Fleet(FleetArgs),
     /// What is in a log, and everything odd about it.

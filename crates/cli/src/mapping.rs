@@ -187,6 +187,11 @@ impl Mapping {
         Ok(())
     }
 
+    /// What the mapper has recorded, the update included that was just made.
+    pub(crate) fn mapper_session(&self) -> &Session {
+        self.mapper.session()
+    }
+
     /// The next job to be done beside.
     pub(crate) fn next_job(&mut self) -> Option<Job> {
         self.mapper.next_job()

@@ -185,7 +185,8 @@ fn of_other_kind(path: &Path, kind: &str, log: &str) -> Failure {
     Failure::Session { path: path.to_owned(), cause }
 }
 
-fn read_bytes(path: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
+/// The bytes of a folder's session, or of that file.
+pub(crate) fn read_bytes(path: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
     let path = if path.is_dir() { in_folder(path) } else { path.to_owned() };
     let bytes = fs::read(&path).map_err(|error| Failure::open(&path, format!("{error}; `mapwright map` writes it")))?;
     Ok((path, bytes))

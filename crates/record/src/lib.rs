@@ -32,7 +32,9 @@ pub use error::EntryError;
 pub use id::{KeyframeId, RunId};
 pub use keyframe::{Edge, EdgeKind, Keyframe, Measurement};
 pub use left_out::{Beams, LeftOut, LeftOutReason};
-pub use log::{EntryReader, LogError, LogLoss, LogReport, LogWriter, SESSION_MAGIC, checkpoint_end, read_log};
+pub use log::{
+    EntryReader, LogError, LogLoss, LogReport, LogWriter, SESSION_MAGIC, checkpoint_end, read_entries, read_log,
+};
 pub use node::NodeId;
 pub use past::Past;
 pub use pose::is_sound;

@@ -1,9 +1,10 @@
 //! What can be asked for of a robot that drives.
 
-use super::{MappingArgs, SourceArgs};
+use super::{MappingArgs, SettingsArgs, SourceArgs};
 use clap::Args as ClapArgs;
 use mapwright::Pose2;
 use mapwright_lidars::LidarPlace;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 #[derive(Debug, ClapArgs)]
@@ -36,6 +37,8 @@ pub(crate) struct LiveArgs {
     #[arg(long, value_name = "SESSION", conflicts_with_all = ["start", "resume"])]
     pub(crate) localise: Option<PathBuf>,
     #[command(flatten)]
+    pub(crate) view: ViewArgs,
+    #[command(flatten)]
     pub(crate) ros_names: RosArgs,
     #[command(flatten)]
     pub(crate) mapping: MappingArgs,
@@ -66,4 +69,27 @@ pub(crate) struct RosArgs {
     /// Wait until a lifecycle manager configures and activates the node.
     #[arg(long)]
     pub(crate) managed: bool,
+}
+
+/// A page in a browser.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct ViewArgs {
+    /// Show a page in a browser, on this machine alone unless another address is given; the address of the page is said. Port 0 is any that is
+    /// free.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub(crate) view: Option<Option<SocketAddr>>,
+    /// What whoever looks from another machine must know: 16 to 128 characters.
+    #[arg(long, value_name = "TOKEN")]
+    pub(crate) view_token: Option<String>,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ViewResultsArgs {
+    /// A folder of results, or its `session.mapwright`.
+    #[arg(value_name = "RESULTS")]
+    pub(crate) results: PathBuf,
+    #[command(flatten)]
+    pub(crate) view: ViewArgs,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
 }

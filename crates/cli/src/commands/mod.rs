@@ -20,6 +20,7 @@ mod perturb;
 mod rendezvous;
 mod report;
 mod suite;
+mod view;
 
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
@@ -33,6 +34,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::MergeMaps(args) => merge_maps::run(&args),
         Command::Localise(args) => localise::run(&args),
         Command::Live(args) => crate::live::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Fleet(args) => fleet::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Eval(args) => eval::run(&args),

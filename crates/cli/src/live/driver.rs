@@ -6,6 +6,7 @@ use super::clock::Clock;
 use super::drawer::{Drawer, Outlet, Reply, ToDraw, place_of};
 use super::node::{Node, Question};
 use super::robot::{Names, Told};
+use super::view::View;
 use super::{Entrance, Lanes};
 use crate::args::LiveArgs;
 use crate::commands::{Finished, finish};
@@ -60,6 +61,7 @@ pub(super) struct Live {
     door: Arc<Entrance>,
     clock: Arc<Clock>,
     ros: Option<Ros>,
+    view: Option<View>,
     known: Arc<Known>,
     is_over: Arc<AtomicBool>,
     /// Of each lane of scans, how many were overtaken at the door as far as the gate knows.
@@ -95,16 +97,17 @@ impl Live {
         (lanes, door): (Lanes, Arc<Entrance>),
         clock: Arc<Clock>,
         args: &LiveArgs,
-        ros: Option<Ros>,
+        (ros, view): (Option<Ros>, Option<View>),
     ) -> Self {
         let (overtaken, voice) = (vec![0; lanes.scans.len()], args.mapping.voice);
-        Self {
+        let live = Self {
             work,
             settings,
             lanes,
             door,
             clock,
             ros,
+            view,
             known: Arc::default(),
             is_over: Arc::default(),
             overtaken,
@@ -119,7 +122,9 @@ impl Live {
             refused: 0,
             unwritten: None,
             losses: Vec::new(),
-        }
+        };
+        live.view.iter().for_each(|view| live.notice(&format!("to look at: {}", view.url())));
+        live
     }
 
     fn session(&self) -> &Session {
@@ -219,6 +224,11 @@ impl Live {
             self.notice("nothing is missing any more");
         }
         self.missing = missing;
+        if let Some(view) = &mut self.view {
+            let missing = self.missing.iter().map(|words| ("missing".to_owned(), words.clone()));
+            let tallies = gate.tallies().map(|(topic, tally)| (topic.to_owned(), tally.to_string()));
+            view.status(&missing.chain(tallies).collect::<Vec<_>>());
+        }
         if let Some(Ros { node, .. }) = &self.ros {
             let missing: Vec<String> = self.missing.iter().cloned().collect();
             let stamp = self.clock.stamp().unwrap_or(Stamp(0));
@@ -384,6 +394,7 @@ impl Driver for Live {
         };
         self.written(result);
         self.tell(&update, is_located);
+        self.show(Some(scan), &update);
         self.draw(update);
     }
 
@@ -400,6 +411,7 @@ impl Driver for Live {
                 let (update, result) = mapping.apply(job);
                 self.written(result);
                 self.tell(&update, true);
+                self.show(None, &update);
                 self.draw(update);
             }
             Work::Localising(localising) => {
@@ -429,7 +441,8 @@ impl Driver for Live {
 
     fn turn(&mut self, gate: &mut Gate, now: Duration) {
         let is_active = self.ros.as_ref().is_none_or(|ros| ros.node.is_active());
-        gate.pause(self.is_paused || !is_active);
+        let is_held = self.view.as_ref().is_some_and(View::is_paused);
+        gate.pause(self.is_paused || is_held || !is_active);
         if std::mem::take(&mut self.drops_waiting) {
             gate.drop_waiting();
         }
@@ -443,6 +456,16 @@ impl Driver for Live {
 }
 
 impl Live {
+    fn show(&mut self, scan: Option<&LaserScan>, update: &Update) {
+        let session = match &self.work {
+            Work::Mapping(mapping) => mapping.mapper_session(),
+            Work::Localising(localising) => localising.mapper.session(),
+        };
+        if let Some(view) = &mut self.view {
+            view.show(scan, update, session);
+        }
+    }
+
     fn draw(&self, update: Update) {
         if let (Some(ros), Work::Mapping(_)) = (&self.ros, &self.work) {
             // Who draws goes last.

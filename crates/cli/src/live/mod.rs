@@ -11,6 +11,7 @@ mod driver;
 mod node;
 mod play;
 mod robot;
+mod view;
 
 use crate::args::LiveArgs;
 use crate::events::Interrupt;
@@ -18,6 +19,9 @@ use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
 use crate::session::{earlier_in_plane, to_go_on_with};
+#[cfg(feature = "view")]
+pub(crate) use view::{access, pen};
+
 use clock::Clock;
 use drawer::Outlet;
 use driver::{Live, Localising, Ros, Work};
@@ -33,6 +37,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
+use view::View;
 
 /// Messages that wait at the door at most: of one topic of scans, of transforms, of all else.
 const SCANS_MOST: usize = 20;
@@ -145,7 +150,9 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
         ros = Some(Ros { names, told, node, to_draw });
     }
     let ended = ros.as_ref().map(|ros| Arc::clone(&ros.node));
-    let mut live = Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, ros);
+    let view = View::open(&args.view, &settings)?;
+    let mut live =
+        Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, (ros, view));
     words.iter().for_each(|words| live.notice(words));
     let at_cable = Arc::clone(&live.at_cable);
     let played = thread::scope(|scope| {

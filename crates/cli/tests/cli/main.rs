@@ -14,6 +14,7 @@ mod export_space;
 mod fleet_net;
 mod lag;
 mod lasers;
+mod live;
 mod map;
 mod merge_maps;
 mod optimize;

@@ -78,7 +78,7 @@ pub(crate) mod sweep;
 mod v1;
 mod write;
 
-pub use read::{EntryReader, checkpoint_end, read_log};
+pub use read::{EntryReader, checkpoint_end, read_entries, read_log};
 pub use write::LogWriter;
 
 use crate::keyframe::Measurement;

@@ -47,6 +47,21 @@ pub fn read_log<M: Measurement>(bytes: &[u8]) -> Result<(Session<M>, LogReport),
     }
 }
 
+/// The entries of a file of version 2, in order, each as it was when it was written, and what was left out as of [`read_log`].
+///
+/// # Errors
+/// Another kind of file, another version.
+pub fn read_entries<M: Measurement>(bytes: &[u8]) -> Result<(Vec<Entry<M>>, LogReport), LogError> {
+    match version(bytes)? {
+        VERSION => {
+            let mut reader = LogReader { told: Some(Vec::new()), ..LogReader::new() };
+            let report = reader.read_all(bytes);
+            Ok((reader.told.unwrap_or_default(), report))
+        }
+        found => Err(LogError::Version { found }),
+    }
+}
+
 /// How many of these bytes, of a file of version 2, lead up to the last checkpoint before anything damaged, with it; none where there is
 /// none. What they hold is a session that ends with it.
 #[must_use]
@@ -167,6 +182,11 @@ impl<M: Measurement> LogReader<M> {
     }
 
     fn read(mut self, bytes: &[u8]) -> (Session<M>, LogReport) {
+        let report = self.read_all(bytes);
+        (self.session, report)
+    }
+
+    fn read_all(&mut self, bytes: &[u8]) -> LogReport {
         let mut report = LogReport::new(VERSION);
         let (mut at, mut good_bytes, mut torn) = (HEADER_BYTES, HEADER_BYTES, 0);
         while at < bytes.len() {
@@ -186,7 +206,7 @@ impl<M: Measurement> LogReader<M> {
             };
         }
         report.good_bytes = (report.lost == torn && self.numbers_as_the_log()).then_some(good_bytes);
-        (self.session, report)
+        report
     }
 
     /// Whether the session numbers everything as the log does, but for sensors at its end that would be cut off.

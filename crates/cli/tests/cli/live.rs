@@ -1,0 +1,99 @@
+//! `mapwright live`: a recording that is played as if the robot drove.
+
+use crate::support::{assert_code, assert_refused, folder, run, small_log_in, spawn, text};
+use std::fs;
+use std::path::Path;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Nothing is dropped where the mapper keeps up, and then live is as from the log, to the byte, where closures are looked for in between.
+#[test]
+fn what_is_played_is_mapped_as_from_the_log() {
+    let folder = folder("live_played");
+    let log = small_log_in(&folder);
+    let [live, map] = ["live", "map"].map(|name| folder.join(name).display().to_string());
+    assert_code(&run(&["map", &log, "-o", &map, "--quiet"]), 0);
+    let output = run(&["live", &log, "--rate", "20", "-o", &live, "--set", "loops.jobs=inline"]);
+    assert_code(&output, 0);
+    for name in ["trajectory.tum", "trajectory_online.tum", "session.mapwright", "map.pgm"] {
+        let read = |run: &str| fs::read(Path::new(run).join(name)).unwrap();
+        assert!(read(&live) == read(&map), "{name} differs: {}", text(&output.stdout));
+    }
+    // Jobs beside the mapper close the same loops, a scan sooner or later.
+    let beside = folder.join("beside").display().to_string();
+    assert_code(&run(&["live", &log, "--rate", "20", "-o", &beside, "--quiet"]), 0);
+    let lines = |run: &str| fs::read_to_string(Path::new(run).join("trajectory.tum")).unwrap().lines().count();
+    assert_eq!(lines(&beside), lines(&map));
+}
+
+/// A run that is killed in the middle leaves what it has mapped, and the next one goes on with it.
+#[test]
+fn a_killed_robot_goes_on() {
+    let folder = folder("live_killed");
+    let log = small_log_in(&folder);
+    let out = folder.join("out");
+    let path = out.display().to_string();
+    let mut child = spawn(&["live", &log, "--rate", "5", "-o", &path, "--continue", "--quiet"]);
+    let part = out.join("session.mapwright.part");
+    let begun = Instant::now();
+    while fs::metadata(&part).map_or(0, |part| part.len()) < 20_000 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "nothing is written while it drives");
+        thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = fs::metadata(&part).unwrap().len();
+    let output = run(&["live", &log, "--rate", "20", "-o", &path, "--continue"]);
+    assert!([Some(0), Some(3)].contains(&output.status.code()), "{}", text(&output.stderr));
+    assert!(fs::metadata(out.join("session.mapwright")).unwrap().len() > before, "{}", text(&output.stdout));
+}
+
+/// Ctrl-C ends a drive with its results.
+#[cfg(unix)]
+#[test]
+fn what_is_interrupted_leaves_results() {
+    let folder = folder("live_interrupted");
+    let log = small_log_in(&folder);
+    let out = folder.join("out");
+    let child = spawn(&["live", &log, "-o", out.to_str().unwrap()]);
+    thread::sleep(Duration::from_secs(4));
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_code(&output, 3);
+    assert!(text(&output.stdout).contains("interrupted"), "{}", text(&output.stdout));
+    assert!(out.join("map.pgm").exists());
+}
+
+#[test]
+fn what_cannot_be_is_said() {
+    let folder = folder("live_wrong");
+    let (log, out) = (small_log_in(&folder), folder.join("out"));
+    let out = out.to_str().unwrap();
+    assert_refused(&run(&["live", "nowhere.clf", "-o", out]), 1, &["nowhere.clf"]);
+    assert_refused(&run(&["live", "--lidar", "sick:/dev/ttyUSB0", "-o", out]), 2, &["sick"]);
+    assert_refused(&run(&["live", "--lidar", "velodyne:2368", "-o", out]), 2, &["lidar of space"]);
+    assert_refused(&run(&["live", &log, "-o", out, "--node", "no name"]), 2, &["no name"]);
+    assert_refused(&run(&["live", &log, "-o", out, "--param", "mode=flying"]), 2, &["mode"]);
+    #[cfg(not(feature = "dds"))]
+    assert_refused(&run(&["live", "-o", out]), 2, &["built without ROS 2", "--features dds"]);
+    #[cfg(not(feature = "view"))]
+    assert_refused(&run(&["live", &log, "-o", out, "--view"]), 2, &["built without the view"]);
+    #[cfg(feature = "view")]
+    assert_refused(&run(&["live", &log, "-o", out, "--view", "0.0.0.0:0"]), 2, &["token"]);
+}
+
+/// A cable whose other end is silent is no reason to wait: it is said, and Ctrl-C ends it.
+#[cfg(unix)]
+#[test]
+fn a_cable_that_is_not_there_is_looked_for() {
+    let folder = folder("live_cable");
+    let out = folder.join("out");
+    let child = spawn(&["live", "--lidar", "ld06:/dev/none", "-o", out.to_str().unwrap()]);
+    thread::sleep(Duration::from_secs(3));
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert!(said.contains("/dev/none: ") && said.contains("looked for every second"), "{said}");
+}
