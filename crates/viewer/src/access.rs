@@ -1,4 +1,5 @@
-//! Who may look: pages of another site may not, whatever name they gave this machine's address, and beyond this machine nobody without the token.
+//! Who may look: pages of another site may not, whatever name they gave this machine's address, and beyond this machine nobody without the
+//! token.
 
 use crate::error::ViewerError;
 use axum::http::header::{HOST, ORIGIN};

@@ -17,17 +17,17 @@
 //!
 //! Parts, from the mapper to the browser:
 //!
-//! 1. [`Viewer::show`] runs on the mapper's thread. It reads what is new of a session into [`News`], plain data, when the view asks for it: at
-//!    most ten times a second, and never while nobody watches.
-//! 2. The view has one thread. It draws keyframes where they are now, cell by cell as the exported map does, and puts what a page shows into a
-//!    [`Scene`]: items of bytes, each with the version in which it changed last.
+//! 1. [`Viewer::show`] runs on the mapper's thread. It reads what is new of a session into [`News`], plain data, when the view asks for
+//!    it: at most ten times a second, and never while nobody watches.
+//! 2. The view has one thread. It draws keyframes where they are now, cell by cell as the exported map does, and puts what a page shows
+//!    into a [`Scene`]: items of bytes, each with the version in which it changed last.
 //! 3. A page says when it is ready for more and gets what has changed since, the oldest change first. Whoever is slow gets the newest state
 //!    later; nothing waits for anybody, and nothing is queued. What the messages hold: [`wire`].
 //!
 //! A finished run is shown by the same page, with a time line: [`Replay`].
 //!
-//! Nobody but who sits at this machine sees anything: the view listens on 127.0.0.1, and on another address only with a token. What a page of
-//! another site asks for is refused by its `Host` and its `Origin`.
+//! Nobody but who sits at this machine sees anything: the view listens on 127.0.0.1, and on another address only with a token. What a page
+//! of another site asks for is refused by its `Host` and its `Origin`.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod access;

@@ -16,9 +16,10 @@ const BLOCK: usize = 64;
 const MOST_SCAN_POINTS: usize = 2000;
 /// How long a round may take to draw what is new, and what has moved: what is new is missing, what has moved is only somewhat off.
 const TO_DRAW_NEW: Duration = Duration::from_millis(80);
-const TO_DRAW_MOVED: Duration = Duration::from_millis(30);
-/// Tiles that a round tells at most.
-const MOST_TILES: usize = 600;
+const TO_DRAW_MOVED: Duration = Duration::from_millis(20);
+/// How long it may take to read tiles, those that nobody has seen yet and those that may have changed: these come in turn.
+const TO_READ_NEW: Duration = Duration::from_millis(50);
+const TO_READ_AGAIN: Duration = Duration::from_millis(3);
 /// A closure that was not told yet: numbers of the session may come in any order.
 const UNTOLD: Closure = Closure { from: u32::MAX, to: u32::MAX, verdict: Verdict::Waiting(Objection::Alone) };
 /// Numbers of closures beyond this are a fault of the caller.
@@ -143,8 +144,14 @@ impl Model {
                 self.picture.redraw(number, wanted);
             }
         }
-        for (tile, cells) in self.picture.take_changed(MOST_TILES) {
-            scene.set(Key::Tile(tile.0, tile.1), wire::tile(tile, &cells));
+        for (fresh, time) in [(true, TO_READ_NEW), (false, TO_READ_AGAIN)] {
+            let begun = Instant::now();
+            while let Some((tile, cells)) = self.picture.next_changed(fresh) {
+                scene.set(Key::Tile(tile.0, tile.1), wire::tile(tile, &cells));
+                if begun.elapsed() > time {
+                    break;
+                }
+            }
         }
     }
 

@@ -80,8 +80,8 @@ pub struct Placed {
     pub seen: Seen,
     /// Where the robot was, in the map.
     pub map_from_robot: Pose3,
-    /// Standard deviation of its position along the direction of which least is known, metres, as the caller knows it: of a robot that drives
-    /// relative to the keyframe that its scan was matched against. None where it is not known.
+    /// Standard deviation of its position along the direction of which least is known, metres, as the caller knows it: of a robot that
+    /// drives relative to the keyframe that its scan was matched against. None where it is not known.
     pub sigma_m: Option<f64>,
     /// How well the robot knew then where it was.
     pub status: Status,

@@ -26,8 +26,8 @@ fn script() -> String {
     tight(SCRIPT, "_$")
 }
 
-/// Without comments, and without white space that says nothing: it is needed between letters, digits and the signs of `kept`. Comments have lines of
-/// their own, each statement ends in a sign, and there are no patterns between slashes.
+/// Without comments, and without white space that says nothing: it is needed between letters, digits and the signs of `kept`. Comments
+/// have lines of their own, each statement ends in a sign, and there are no patterns between slashes.
 fn tight(text: &str, kept: &str) -> String {
     let mut out = String::new();
     for line in text.lines().map(str::trim).filter(|line| !line.starts_with("//")) {

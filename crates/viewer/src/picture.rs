@@ -6,6 +6,7 @@ use mapwright_geom::{Pose2, Pose3};
 use mapwright_grid::{Change, CountGrid};
 use mapwright_sensor::{BeamTable, Sweep, SweepPoints};
 use std::collections::BTreeSet;
+use std::ops::Bound;
 use std::sync::Arc;
 
 /// A keyframe is drawn anew when one of its points may have moved by more than this share of a cell, as in the exported map.
@@ -58,6 +59,8 @@ impl Pen {
 struct Drawn {
     sweep: Arc<Sweep>,
     map_from_robot: Pose2,
+    /// The same as it was told.
+    told: Pose3,
     /// Distance of its farthest point from the robot, metres: how far a rotation moves it.
     lever_m: f64,
 }
@@ -67,7 +70,12 @@ pub(crate) struct Picture {
     pen: Pen,
     counts: CountGrid,
     drawn: Vec<Option<Drawn>>,
+    /// Tiles in which cells may have changed: those that were read before, and those that were not.
     changed: BTreeSet<(i32, i32)>,
+    fresh: BTreeSet<(i32, i32)>,
+    read: BTreeSet<(i32, i32)>,
+    /// Of those that were read before, the one that was read last.
+    last: (i32, i32),
     points: SweepPoints,
     table: BeamTable,
 }
@@ -88,6 +96,9 @@ impl Picture {
             counts: CountGrid::new(pen.resolution_m),
             drawn: Vec::new(),
             changed: BTreeSet::new(),
+            fresh: BTreeSet::new(),
+            read: BTreeSet::new(),
+            last: (0, 0),
             points: SweepPoints::default(),
             table: BeamTable::default(),
         }
@@ -105,7 +116,7 @@ impl Picture {
             match (self.drawn.get(number).and_then(Option::as_ref), seen) {
                 (None, Seen::Plane(_)) if map_from_robot.is_finite() => work.push(Work::New(number)),
                 (Some(drawn), Seen::Plane(sweep)) => {
-                    if !Arc::ptr_eq(&drawn.sweep, sweep) || self.has_moved(drawn, in_plane(map_from_robot)) {
+                    if !Arc::ptr_eq(&drawn.sweep, sweep) || self.has_moved(drawn, map_from_robot) {
                         work.push(Work::Old(number));
                     }
                 }
@@ -117,7 +128,11 @@ impl Picture {
         work
     }
 
-    fn has_moved(&self, drawn: &Drawn, now: Pose2) -> bool {
+    fn has_moved(&self, drawn: &Drawn, told: Pose3) -> bool {
+        if drawn.told == told {
+            return false;
+        }
+        let now = in_plane(told);
         let turned_rad = drawn.map_from_robot.between(now).theta.abs();
         drawn.map_from_robot.distance(now) + drawn.lever_m * turned_rad > FOLLOW_CELLS * self.pen.resolution_m
     }
@@ -133,10 +148,11 @@ impl Picture {
         if let Some((Seen::Plane(sweep), &map_from_robot)) = wanted
             && map_from_robot.is_finite()
         {
-            let map_from_robot = in_plane(map_from_robot);
+            let told = map_from_robot;
+            let map_from_robot = in_plane(told);
             self.draw(sweep, map_from_robot, Change::Add);
             let lever_m = self.lever_m();
-            self.drawn[number] = Some(Drawn { sweep: Arc::clone(sweep), map_from_robot, lever_m });
+            self.drawn[number] = Some(Drawn { sweep: Arc::clone(sweep), map_from_robot, told, lever_m });
         }
     }
 
@@ -175,19 +191,34 @@ impl Picture {
                 if *last != Some(around) {
                     *last = Some(around);
                     let [[x0, x1], [y0, y1]] = around;
-                    self.changed.extend((y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))));
+                    for tile in (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))) {
+                        let known = self.read.contains(&tile);
+                        if known {
+                            self.changed.insert(tile)
+                        } else {
+                            self.fresh.insert(tile)
+                        };
+                    }
                 }
             }
         }
     }
 
-    /// Up to so many of the tiles in which cells may have changed since they were taken, with their cells row by row.
-    pub(crate) fn take_changed(&mut self, most: usize) -> Vec<((i32, i32), Vec<u8>)> {
-        let taken: Vec<(i32, i32)> = self.changed.iter().copied().take(most).collect();
-        for tile in &taken {
-            self.changed.remove(tile);
-        }
-        taken.into_iter().map(|tile| (tile, self.cells(tile))).collect()
+    /// A tile in which cells may have changed since it was read, of those that were never read or of the
+    /// others in turn; with its cells row by row.
+    pub(crate) fn next_changed(&mut self, fresh: bool) -> Option<((i32, i32), Vec<u8>)> {
+        let tile = if fresh {
+            self.fresh.pop_first()?
+        } else {
+            let (after, first) =
+                (self.changed.range((Bound::Excluded(self.last), Bound::Unbounded)).next(), self.changed.first());
+            let tile = *after.or(first)?;
+            self.changed.remove(&tile);
+            self.last = tile;
+            tile
+        };
+        self.read.insert(tile);
+        Some((tile, self.cells(tile)))
     }
 
     /// Cells of a tile, the lowest row first.
@@ -214,7 +245,7 @@ impl Picture {
 
     #[cfg(test)]
     pub(crate) fn has_changed(&self) -> bool {
-        !self.changed.is_empty()
+        !self.changed.is_empty() || !self.fresh.is_empty()
     }
 
     #[cfg(test)]

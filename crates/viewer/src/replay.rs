@@ -58,8 +58,8 @@ impl Replay {
 
 /// Makes a [`Replay`] of a log, entry by entry.
 ///
-/// A session keeps neither covariances nor what was thought of each scan, so no uncertainty is shown, and a keyframe whose scan hardly fitted
-/// counts as degraded.
+/// A session keeps neither covariances nor what was thought of each scan, so no uncertainty is shown, and a keyframe whose scan hardly
+/// fitted counts as degraded.
 #[derive(Debug)]
 pub struct ReplayMaker<M: View> {
     session: Session<M>,

@@ -45,8 +45,8 @@ struct Item {
 
 /// What a page shows: items of bytes, each with the version of the scene in which it changed last.
 ///
-/// Whoever knows a version asks for what has changed since ([`Scene::since`]). However often and with whatever bound it asks, it ends up with
-/// what somebody gets who knows nothing; the scene keeps nothing of who asks.
+/// Whoever knows a version asks for what has changed since ([`Scene::since`]). However often and with whatever bound it asks, it ends up
+/// with what somebody gets who knows nothing; the scene keeps nothing of who asks.
 #[derive(Debug, Default)]
 pub struct Scene {
     items: BTreeMap<Key, Item>,
@@ -62,8 +62,8 @@ impl Scene {
         self.version
     }
 
-    /// What has changed after a version, as one message ([`crate::wire`]): the oldest changes first, as many as fit into `most_bytes`, but one at
-    /// least. Comes with the version that the message leads to. None where nothing has changed.
+    /// What has changed after a version, as one message ([`crate::wire`]): the oldest changes first, as many as fit into `most_bytes`, but
+    /// one at least. Comes with the version that the message leads to. None where nothing has changed.
     #[must_use]
     pub fn since(&self, version: u64, most_bytes: usize) -> Option<(Vec<u8>, u64)> {
         let mut message = HEAD.to_vec();

@@ -175,8 +175,8 @@ impl Viewer {
         self.passage.watching.load(Ordering::Relaxed)
     }
 
-    /// Shows what an update has changed, at most ten times a second; between these, and while nobody watches, it is only noted of a keyframe how
-    /// certain it was. Never waits. `session` is that of the mapper, the same at each call.
+    /// Shows what an update has changed, at most ten times a second; between these, and while nobody watches, it is only noted of a
+    /// keyframe how certain it was. Never waits. `session` is that of the mapper, the same at each call.
     pub fn show<M: View>(&mut self, update: &Update<M>, session: &Session<M>) {
         self.feed.hear(update, session);
         if !self.passage.is_wanted.load(Ordering::Acquire) {
@@ -207,8 +207,8 @@ impl Viewer {
         self.passage.is_wanted.store(false, Ordering::Release);
     }
 
-    /// The end points of the scan that the next update is of, in the robot's frame, metres; they are asked for only where they are shown. Without
-    /// them the newest keyframe's are.
+    /// The end points of the scan that the next update is of, in the robot's frame, metres; they are asked for only where they are shown.
+    /// Without them the newest keyframe's are.
     pub fn scan(&mut self, points_m: impl FnOnce() -> Vec<[f32; 3]>) {
         if self.passage.is_wanted.load(Ordering::Relaxed) {
             self.scan_m = Some(points_m());

@@ -1,27 +1,31 @@
 //! What the page and the view say to each other.
 //!
-//! **From the view**: binary messages, little endian. Each begins with the four bytes `MW`, 1 (the version), 0, and is a row of records: a kind
-//! (`u32`), the length of what follows (`u32`, bytes), and that, filled up with zeros to a multiple of four bytes. Metres, seconds, radians;
-//! positions in the frame of the map, x and y in the plane, z up. Keyframes are counted from zero in the order they were made.
+//! **From the view**: binary messages, little endian. Each begins with the four bytes `MW`, 1 (the version), 0, and is a row of records: a
+//! kind (`u32`), the length of what follows (`u32`, bytes), and that, filled up with zeros to a multiple of four bytes. Metres, seconds,
+//! radians; positions in the frame of the map, x and y in the plane, z up. Keyframes are counted from zero in the order they were made.
 //!
-//! | kind | holds |
-//! |---|---|
-//! | 1 frame | `f32` side of a cell in metres; `u32` 1 for maps of space, else 0; `u32` abilities: 1 the run can be paused, 2 it has a time line |
-//! | 2 tile | `i32` column, `i32` row of the tile; its 64 x 64 cells from the lowest row on, each row by rising x: pairs of a count (`u8`, 1 to 255) and a value (`u8`). 0 is free, 255 an obstacle, 128 unknown. Cell (0, 0) of tile (0, 0) has its corner at the origin |
-//! | 3 path | `u32` number of the first keyframe; of each `f32` x, y, z, quaternion x, y, z, w, standard deviation of the position (NaN: not known), `u32` flags: 0 to 1 status (0 tracking, 1 degraded, 2 lost), 2 a break before it, 3 left out of the map |
-//! | 4 closures | `u32` number of the first; of each `u32` old keyframe, `u32` new keyframe (2^32 - 1: not known), `u8` state (0 waiting, 1 accepted, 2 refused, 3 withdrawn), `u8` reason (place in the words, 255 none), `u16` 0 |
-//! | 5 scan | `f32` x, y, z, quaternion x, y, z, w of the robot then; of each end point `f32` x, y, z in the robot's frame |
-//! | 6 robot | `f32` x, y, z, quaternion x, y, z, w; covariance of the position xx, xy, xz, yy, yz, zz in m^2; standard deviation of the heading; `u32` status as above; `u32` 1 where its map is joined with the rest |
-//! | 7 lines | text in UTF-8, a line each: a name, a tab, a value |
-//! | 8 clock | `f32` seconds since the begin, `f32` those of the whole run (0: it is going on), `f32` how many times as fast as it was, `u32` 1 while paused |
-//! | 9 cloud | `u32` keyframe, `f32` metres per step, points of it in the robot's frame: `i16` x, y, z in steps |
-//! | 10 totals | `u32` keyframes, `u32` closures: what is beyond is gone |
-//! | 11 words | the reasons, UTF-8, a line each |
+//! - 1 frame: `f32` side of a cell in metres; `u32` 1 for maps of space, else 0; `u32` abilities: 1 the run can be paused, 2 it has a time
+//!   line
+//! - 2 tile: `i32` column, `i32` row of the tile; its 64 x 64 cells from the lowest row on, each row by rising x: pairs of a count (`u8`,
+//!   1 to 255) and a value (`u8`). 0 is free, 255 an obstacle, 128 unknown. Cell (0, 0) of tile (0, 0) has its corner at the origin
+//! - 3 path: `u32` number of the first keyframe; of each `f32` x, y, z, quaternion x, y, z, w, standard deviation of the position (NaN:
+//!   not known), `u32` flags: 0 to 1 status (0 tracking, 1 degraded, 2 lost), 2 a break before it, 3 left out of the map
+//! - 4 closures: `u32` number of the first; of each `u32` old keyframe, `u32` new keyframe (2^32 - 1: not known), `u8` state (0 waiting, 1
+//!   accepted, 2 refused, 3 withdrawn), `u8` reason (place in the words, 255 none), `u16` 0
+//! - 5 scan: `f32` x, y, z, quaternion x, y, z, w of the robot then; of each end point `f32` x, y, z in the robot's frame
+//! - 6 robot: `f32` x, y, z, quaternion x, y, z, w; covariance of the position xx, xy, xz, yy, yz, zz in m^2; standard deviation of the
+//!   heading; `u32` status as above; `u32` 1 where its map is joined with the rest
+//! - 7 lines: text in UTF-8, a line each: a name, a tab, a value
+//! - 8 clock: `f32` seconds since the begin, `f32` those of the whole run (0: it is going on), `f32` how many times as fast as it was,
+//!   `u32` 1 while paused
+//! - 9 cloud: `u32` keyframe, `f32` metres per step, points of it in the robot's frame: `i16` x, y, z in steps
+//! - 10 totals: `u32` keyframes, `u32` closures: what is beyond is gone
+//! - 11 words: the reasons, UTF-8, a line each
 //!
 //! A record replaces the one of its kind and place that came before.
 //!
-//! **From the page**: text messages of [`MOST_ASKED`] bytes at most. `ready` asks for one message, which comes when there is something new. `pause`,
-//! `resume`, `seek SECONDS` and `speed TIMES` steer what can be steered. Anything else ends the connection.
+//! **From the page**: text messages of [`MOST_ASKED`] bytes at most. `ready` asks for one message, which comes when there is something
+//! new. `pause`, `resume`, `seek SECONDS` and `speed TIMES` steer what can be steered. Anything else ends the connection.
 
 use crate::news::{Closure, Placed, Robot, Seen};
 use mapwright_geom::Pose3;

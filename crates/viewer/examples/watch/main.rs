@@ -1,9 +1,9 @@
-//! A simulated robot that maps while it drives, in real time, with the view: 1440 beams at 40 Hz, loops closed on another thread. Prints what the
-//! view costs.
+//! A simulated robot that maps while it drives, in real time, with the view: 1440 beams at 40 Hz, loops closed on another thread. Prints
+//! what the view costs.
 //!
 //! ```sh
 //! cargo run --release -p mapwright-viewer --example watch [SECONDS]           # open the address that it prints
-//! cargo run --release -p mapwright-viewer --example watch cost                # a grid of 2000 x 2000 cells, watched by a client of its own
+//! cargo run --release -p mapwright-viewer --example watch cost                # a grid of 2000 x 2000 cells
 //! cargo run --release -p mapwright-viewer --example watch replay [SECONDS]    # maps at once, then plays the run
 //! cargo run --release -p mapwright-viewer --example watch space [SECONDS]     # the same of a lidar in space
 //! ```

@@ -58,7 +58,7 @@ const all = () => {
   if (box[0] > box[2]) return;
   [eye.x, eye.y] = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
   const narrow = size[0] < 700;
-  eye.scale = Math.min((size[0] - (narrow ? 30 : 60)) / (box[2] - box[0]), (size[1] - (narrow ? 300 : 120)) / (box[3] - box[1]));
+  eye.scale = Math.min((size[0] - (narrow ? 30 : 60)) / (box[2] - box[0]), (size[1] - (narrow ? 320 : run.can & 2 ? 260 : 120)) / (box[3] - box[1]));
   follow(false);
 };
 const press = (name, is) => id(name).setAttribute("aria-pressed", !!is);
@@ -79,7 +79,7 @@ const program = (vertex, fragment) => {
 };
 const SEEN = "uniform vec3 eye,right,up,near;uniform vec2 half_m;vec4 seen(vec3 p){p-=eye;return vec4(dot(right,p)/half_m.x,dot(up,p)/half_m.y,-dot(near,p)/2000.,1);}";
 const cells = program(SEEN + "uniform vec3 box;out vec2 at;void main(){at=vec2(gl_VertexID&1,gl_VertexID>>1);gl_Position=seen(vec3(box.xy+at*box.z,0));}",
-  "uniform sampler2D page;uniform vec3 low,mid,high;in vec2 at;out vec4 c;void main(){float v=texture(page,at).r*255./128.;c=vec4(v<1.?mix(low,mid,v):mix(mid,high,min(v-1.,1.)),1);}");
+  "uniform sampler2D page;uniform vec3 low,mid,high;in vec2 at;out vec4 c;void main(){float v=texture(page,at,-1.).r*255./128.;c=vec4(v<1.?mix(low,mid,v):mix(mid,high,min(v-1.,1.)),1);}");
 const dots = program(SEEN + "uniform sampler2D poses;uniform float size;uniform vec2 heights;layout(location=0)in vec4 point;layout(location=1)in uint keyframe;out float h;" +
   "void main(){ivec2 at=ivec2(int(keyframe&255u)*2,int(keyframe>>8));vec4 t=texelFetch(poses,at,0),q=texelFetch(poses,at+ivec2(1,0),0);vec3 p=point.xyz*t.w;" +
   "p=p+2.*cross(q.xyz,cross(q.xyz,p)+q.w*p)+t.xyz;h=(p.z-heights.x)/(heights.y-heights.x);gl_Position=t.w>0.?seen(p):vec4(2,2,2,1);gl_PointSize=size;}",
