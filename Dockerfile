@@ -11,7 +11,7 @@ WORKDIR /build
 COPY . .
 ARG COMMIT=""
 # /tmp: compressed ROS 2 bags of SQLite are unpacked there
-RUN MAPWRIGHT_COMMIT="$COMMIT" cargo build --release --locked -p mapwright-cli --features net --target x86_64-unknown-linux-musl \
+RUN MAPWRIGHT_COMMIT="$COMMIT" cargo build --release --locked -p mapwright-cli --features net,view --target x86_64-unknown-linux-musl \
     && install -D -s target/x86_64-unknown-linux-musl/release/mapwright /image/usr/bin/mapwright \
     && install -D -m 644 -t /image/usr/share/doc/mapwright LICENSE-MIT LICENSE-APACHE \
     && install -d -m 1777 /image/tmp

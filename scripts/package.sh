@@ -45,6 +45,12 @@ pages() {
     "$1" completions fish >"$2/completions/mapwright.fish"
 }
 
+# ROS 2 where what builds it is there: cmake and libclang.
+deb_features=net,view
+if command -v cmake >/dev/null && ls /usr/lib/llvm*/lib/libclang*.so* /usr/lib/*/libclang*.so* >/dev/null 2>&1; then
+    deb_features=$deb_features,dds
+fi
+
 missing_deb() {
     command -v dpkg-shlibdeps >/dev/null || echo "no dpkg-shlibdeps: apt-get install dpkg-dev"
 }
@@ -56,7 +62,7 @@ build_deb() {
         env -u CARGO_TARGET_DIR CARGO_PROFILE_DEV_DEBUG=false cargo install cargo-deb --version "$cargo_deb_version" \
             --locked --debug --force --root "$tools"
     fi
-    "$built" || cargo build --profile "$profile" -p mapwright-cli --features net
+    "$built" || cargo build --profile "$profile" -p mapwright-cli --features "$deb_features"
     pages "$target/$folder/mapwright" "$target/$folder/package"
     "$tools/bin/cargo-deb" -p mapwright-cli --profile "$profile" --no-build --output "$out/"
 }
@@ -70,7 +76,7 @@ missing_static() {
 
 build_static() {
     local name=mapwright-$version-x86_64-linux-static
-    "$built" || cargo build --profile "$profile" -p mapwright-cli --features net --target "$musl"
+    "$built" || cargo build --profile "$profile" -p mapwright-cli --features net,view --target "$musl"
     pages "$target/$musl/$folder/mapwright" "$out/$name"
     cp "$target/$musl/$folder/mapwright" LICENSE-MIT LICENSE-APACHE README.md "$out/$name"
     strip "$out/$name/mapwright"

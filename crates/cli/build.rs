@@ -16,7 +16,9 @@ fn main() {
     let commit = git(&["rev-parse", "--short=10", "HEAD"]).or_else(told).map(|commit| format!("commit {commit}"));
     let sqlite = if env::var_os("CARGO_FEATURE_SQLITE").is_some() { "with sqlite" } else { "without sqlite" };
     let net = if env::var_os("CARGO_FEATURE_NET").is_some() { "with net" } else { "without net" };
-    let words: Vec<String> = commit.into_iter().chain([net, sqlite].map(str::to_owned)).collect();
+    let dds = if env::var_os("CARGO_FEATURE_DDS").is_some() { "with ROS 2" } else { "without ROS 2" };
+    let view = if env::var_os("CARGO_FEATURE_VIEW").is_some() { "with view" } else { "without view" };
+    let words: Vec<String> = commit.into_iter().chain([net, dds, view, sqlite].map(str::to_owned)).collect();
     println!("cargo::rustc-env=MAPWRIGHT_BUILD={}", words.join(", "));
 }
 

@@ -74,7 +74,7 @@ pub(crate) enum Command {
     /// Where the robot of a log is in a finished map, which stays as it is.
     Localise(LocaliseArgs),
     /// Map while the robot drives, heard over ROS 2; or play a recording as if it drove.
-    Live(LiveArgs),
+    Live(Box<LiveArgs>),
     /// A finished run in a browser, with a time line.
     View(ViewResultsArgs),
     /// Several robots with one map, made while they drive.

@@ -18,7 +18,6 @@ mod hanging;
 mod image;
 mod interrupt;
 mod liar;
-mod live;
 mod mapping;
 mod maps;
 mod output;

@@ -25,8 +25,9 @@ const LANES: [usize; 2] = [20, 2000];
 
 fn main() {
     let seconds: f64 = std::env::args().nth(1).map_or(30.0, |text| text.parse().expect("seconds"));
-    let model = LaserModel { range_max_m: 20.0, ..LaserModel::half_circle("laser", 1440) };
-    let laser = LaserSettings { model: Arc::new(model), ..LaserSettings::default() };
+    let laser = LaserSettings::with_field_of_view(std::f64::consts::PI, 1440);
+    let model = LaserModel { name: "laser".to_owned(), range_max_m: 20.0, ..(*laser.model).clone() };
+    let laser = LaserSettings { model: Arc::new(model), ..laser };
     let (scan_rate_hz, odometry_rate_hz) = (40.0, 100.0);
     let drive =
         DriveSettings { duration_s: seconds, scan_rate_hz, odometry_rate_hz, laser, ..DriveSettings::default() };

@@ -11,6 +11,7 @@ mod explore;
 mod export;
 mod fleet;
 mod info;
+mod live;
 mod localise;
 mod map;
 mod merge;
@@ -24,7 +25,6 @@ mod view;
 
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
-pub(crate) use map::{Finished, finish};
 
 /// Does what was asked for.
 pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
@@ -33,7 +33,7 @@ pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {
         Command::Merge(args) => merge::run(&args),
         Command::MergeMaps(args) => merge_maps::run(&args),
         Command::Localise(args) => localise::run(&args),
-        Command::Live(args) => crate::live::run(&args),
+        Command::Live(args) => live::run(&args),
         Command::View(args) => view::run(&args),
         Command::Fleet(args) => fleet::run(&args),
         Command::Info(args) => info::run(&args),

@@ -6,8 +6,8 @@ use crate::failure::{Failure, Outcome};
 /// Plays a finished run in a browser, until Ctrl-C.
 #[cfg(feature = "view")]
 pub(super) fn run(args: &ViewResultsArgs) -> Result<Outcome, Failure> {
+    use super::live::{access, pen};
     use crate::events::Interrupt;
-    use crate::live::{access, pen};
     use crate::session::{AnySession, read_any_session, read_bytes};
     use crate::settings;
     use crate::terminal::say;

@@ -1,15 +1,16 @@
 //! The one who maps, and what becomes of it.
 
+use super::asking::{Reply, ToDraw};
 use super::beat::{Known, Place, beat};
 use super::cable::Words;
 use super::clock::Clock;
-use super::drawer::{Drawer, Outlet, Reply, ToDraw, place_of};
+use super::drawer::{Drawer, Outlet, place_of};
 use super::node::{Node, Question};
 use super::robot::{Names, Told};
 use super::view::View;
 use super::{Entrance, Lanes};
 use crate::args::LiveArgs;
-use crate::commands::{Finished, finish};
+use crate::commands::map::{Finished, finish};
 use crate::events::Ending;
 use crate::failure::{Failure, Outcome};
 use crate::mapping::Mapping;

@@ -1,5 +1,6 @@
 //! The map as others see it, drawn beside the mapper from what is written down.
 
+use super::asking::{Reply, ToDraw};
 use super::clock::Clock;
 use super::node::Node;
 use crate::failure::Failure;
@@ -14,36 +15,8 @@ use mapwright_live::wire::Publisher;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
-
-/// What comes of what somebody asks.
-pub(super) enum Reply {
-    Said(Said<'static>),
-    Map(Grid),
-}
-
-impl Reply {
-    pub(super) fn refused(why: Why, words: impl Into<String>) -> Self {
-        Self::Said(Said::Refused(why, words.into()))
-    }
-}
-
-/// What the drawer is told.
-pub(super) enum ToDraw {
-    /// What was written down.
-    Entries(Vec<Entry>),
-    /// Everything begins anew, with this.
-    Anew(Box<Session>),
-    /// Somebody wants the map as it is.
-    Map(SyncSender<Reply>),
-    /// Somebody wants the map in files of a name.
-    Save { name: String, reply: SyncSender<Reply> },
-    /// Somebody wants the session in a file.
-    Serialize { file: String, reply: SyncSender<Reply> },
-    /// Nothing more comes.
-    End,
-}
 
 /// Where it goes.
 pub(super) struct Outlet {

@@ -1,8 +1,8 @@
 //! The node's services, parameters, states and bond.
 
 use super::Entrance;
+use super::asking::{Reply, ToDraw};
 use super::clock::Clock;
-use super::drawer::{Reply, ToDraw};
 use crate::failure::Failure;
 use mapwright_geom::Stamp;
 use mapwright_live::node::NodeName;

@@ -3,6 +3,7 @@
 //! Threads: those of the wire, or a player, put what arrives in at the door; this one maps; one draws the map; one tells `map -> odom`. None waits for
 //! another but by the door.
 
+mod asking;
 mod beat;
 mod cable;
 mod clock;
