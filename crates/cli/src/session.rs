@@ -7,7 +7,7 @@ use crate::output::{OutputFolder, part_of};
 use mapwright::{Entry, SeparateMap, Session, Settings, SpaceSweep, Sweep};
 use mapwright_record::{LogError, LogReport, LogWriter, Measurement, SESSION_MAGIC, checkpoint_end, read_log};
 use std::fs::{self, File};
-use std::io::{Read, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -27,6 +27,8 @@ pub(crate) struct SessionLog<M: Measurement = Sweep> {
     written: Instant,
     /// Bytes so far.
     bytes: usize,
+    /// Of these, how many are in the file, whole entries.
+    in_file: u64,
 }
 
 impl<M: Measurement> SessionLog<M> {
@@ -40,6 +42,7 @@ impl<M: Measurement> SessionLog<M> {
             unwritten: earlier.map_or_else(Vec::new, Session::encode),
             written: Instant::now(),
             bytes: 0,
+            in_file: 0,
         };
         // From now on it is a log, be it empty.
         log.finish()?;
@@ -76,10 +79,16 @@ impl<M: Measurement> SessionLog<M> {
         self.write()
     }
 
+    /// What cannot be written now is tried again with what comes next; of what was written in part nothing stays, so that the file is whole.
     fn write(&mut self) -> Result<(), Failure> {
-        self.file.write_all(&self.unwritten).map_err(|error| Failure::write(&self.path, error))?;
-        self.unwritten.clear();
         self.written = Instant::now();
+        if let Err(error) = self.file.write_all(&self.unwritten) {
+            // nothing helps where that fails as well
+            let _ = self.file.set_len(self.in_file).and_then(|()| self.file.seek(SeekFrom::Start(self.in_file)));
+            return Err(Failure::write(&self.path, error));
+        }
+        self.in_file += self.unwritten.len() as u64;
+        self.unwritten.clear();
         Ok(())
     }
 }

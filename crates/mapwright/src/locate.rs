@@ -548,6 +548,31 @@ mod tests {
         assert!(location.nats - location.rival_nats > DECIDED_NATS);
     }
 
+    /// The first views agree with what somebody says, or take it back and find the robot where it is.
+    #[test]
+    fn what_somebody_says_is_believed_as_long_as_nothing_speaks_against_it() {
+        let (mut locator, scans, poses) = mapped();
+        let sigmas = Cov3::from_diagonal(&[0.01, 0.01, 0.002].into());
+        let is_at = |locator: &Locator, pose: Pose2| {
+            let location = locator.location().filter(|location| location.is_located);
+            location.is_some_and(|location| !is_elsewhere(location.map_from_robot, pose, [0.2, 0.05]))
+        };
+        see(&mut locator, &scans[100], poses[100]);
+        assert!(locator.location().is_none_or(|location| !location.is_located), "one scan tells nobody");
+        locator.place(poses[100] * Pose2::new(0.1, -0.05, 0.02), sigmas);
+        let found = (101..160).find(|&at| {
+            see(&mut locator, &scans[at], poses[at]);
+            is_at(&locator, poses[at])
+        });
+        assert!(found.is_some_and(|at| at < 115), "within a second and a half: {found:?}");
+        // Said wrongly: it is elsewhere.
+        locator.place(poses[900], sigmas);
+        (160..400).for_each(|at| see(&mut locator, &scans[at], poses[at]));
+        assert!(is_at(&locator, poses[399]), "{:?}", locator.location());
+        locator.find_anew();
+        assert!(locator.location().is_none());
+    }
+
     #[test]
     fn in_a_map_without_anything_nothing_is_found() {
         let (_, scans, poses) = mapped();
