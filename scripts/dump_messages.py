@@ -33,6 +33,8 @@ CODES = {
 def scalar(kind, value):
     if isinstance(value, (bytes, bytearray)):
         return bytes(value).hex()
+    if kind in ("octet", "byte"):
+        value = int(value) & 0xFF  # rosbags gives it a sign, the standard has none
     return struct.pack(">" + CODES[kind], value).hex()
 
 
