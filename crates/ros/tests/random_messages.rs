@@ -163,9 +163,9 @@ fn another_reader_sees_the_same_in_all_messages() {
             let is_of_service = name.ends_with("_Request") || name.ends_with("_Response");
             is_of_service || name.starts_with("rcl_interfaces/") || name.starts_with("lifecycle_msgs/")
         };
-        let is_there =
-            |name: &&str| !name.starts_with("builtin_interfaces") && !(style == Style::Ros1 && is_of_ros2(name));
-        for name in names.filter(is_there) {
+        let is_left_out =
+            |name: &str| name.starts_with("builtin_interfaces") || style == Style::Ros1 && is_of_ros2(name);
+        for name in names.filter(|name| !is_left_out(name)) {
             let channel = Channel::new(name, style.encoding(), None).unwrap();
             let text = builtin::text(name, style.encoding()).unwrap();
             write!(out, "C {} {format} {} topic\n{text}\n", long_name(name), text.len()).unwrap();
