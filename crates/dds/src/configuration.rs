@@ -87,7 +87,10 @@ impl Configuration {
         let local = if self.range == Range::Localhost { "<Peer address=\"localhost\"/>" } else { "" };
         let multicast = match self.range {
             Range::Subnet => "",
-            Range::Localhost | Range::Off => "<AllowMulticast>false</AllowMulticast>",
+            Range::Off => "<AllowMulticast>false</AllowMulticast>",
+            Range::Localhost => {
+                "<AllowMulticast>false</AllowMulticast><Interfaces><NetworkInterface address=\"127.0.0.1\"/></Interfaces>"
+            }
         };
         let ours = format!(
             "<CycloneDDS><Domain><General>{multicast}</General><Discovery><ParticipantIndex>auto</ParticipantIndex>\

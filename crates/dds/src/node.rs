@@ -44,7 +44,7 @@ impl Dds {
         }
         let topics =
             Participant::new(u32::from(configuration.domain), &configuration.xml(), "enclave=/;").map_err(failed)?;
-        let services = Services::new(configuration.domain)?;
+        let services = Services::new(configuration.domain, configuration.range)?;
         let graph = topics.write(GRAPH.0, GRAPH.1, Delivery::Latched { depth: 1 }).map_err(failed)?;
         let (namespace, name) = (namespace.to_owned(), name.to_owned());
         let node = Node { namespace, name, readers: Vec::new(), writers: Vec::new(), graph };

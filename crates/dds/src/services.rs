@@ -2,6 +2,7 @@
 //! not hand out; those of Cyclone DDS say it in front of the message. Who asks is told apart by the two bytes of the maker that begin every
 //! participant's number (DDSI-RTPS 2.5, 8.2.4.1 and 9.3.1.5).
 
+use crate::configuration::Range;
 use mapwright_live::wire::{Answer, Service, WireError};
 use rustdds::bytes::Bytes;
 use rustdds::mio1::{Events, Interest, Poll, Registry, Token, Waker};
@@ -19,6 +20,7 @@ use rustdds::{
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::io;
+use std::net::Ipv4Addr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -209,10 +211,16 @@ pub(crate) struct Services {
 const WOKEN: Token = Token(usize::MAX);
 
 impl Services {
-    pub(crate) fn new(domain: u16) -> Result<Self, WireError> {
+    /// In a domain; where others in the network are not looked for, on this machine alone.
+    pub(crate) fn new(domain: u16, range: Range) -> Result<Self, WireError> {
         let failed = |why: String| WireError { doing: format!("a participant for services in domain {domain}"), why };
         let io = |error: io::Error| failed(error.to_string());
-        let participant = DomainParticipantBuilder::new(domain).build().map_err(|e| failed(e.to_string()))?;
+        let builder = DomainParticipantBuilder::new(domain);
+        let builder = match range {
+            Range::Subnet => builder,
+            Range::Localhost | Range::Off => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
+        };
+        let participant = builder.build().map_err(|e| failed(e.to_string()))?;
         let qos = QosPolicyBuilder::new()
             .reliability(Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) })
             .durability(Durability::Volatile)

@@ -88,19 +88,26 @@ fn names_that_cannot_be_are_refused() {
     assert_eq!(refused(&mut dds, "/scan", "String"), "topic /scan of type String: no such type");
 }
 
-/// A client of rclpy hears, tells, is answered and sees the node once.
+/// A client of rclpy hears, tells, is answered and sees the node once: in the network, and on this machine alone.
 #[test]
 fn rclpy_hears_tells_and_is_answered() {
     let Ok(python) = std::env::var("MAPWRIGHT_ROS_PYTHON") else {
         eprintln!("rclpy_hears_tells_and_is_answered: skipped: no MAPWRIGHT_ROS_PYTHON with rclpy");
         return;
     };
-    let mut child = echo(143, "SUBNET", ["/in", "/out"]);
-    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/peer.py");
-    let output = Command::new(python).arg(script).env("ROS_DOMAIN_ID", "143").output().unwrap();
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(said.lines().last(), Some("20 of 20 messages, 20 of 20 answers, seen once"), "{said}");
+    for (domain, range) in [(143, "SUBNET"), (144, "LOCALHOST")] {
+        let mut child = echo(domain, range, ["/in", "/out"]);
+        let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/peer.py");
+        let output = Command::new(&python)
+            .arg(script)
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", range)
+            .output()
+            .unwrap();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(said.lines().last(), Some("20 of 20 messages, 20 of 20 answers, seen once"), "{range}: {said}");
+    }
 }

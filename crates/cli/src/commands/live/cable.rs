@@ -92,13 +92,13 @@ impl Cable<'_> {
     ) -> io::Result<()> {
         let mut bytes = [0; 4096];
         while !over.load(Ordering::Acquire) {
-            let Some(now) = clock.stamp() else { continue };
+            let now = clock.arrived().stamp;
             while let Some(request) = self.lidar.next_request(now) {
                 send(port, &request)?;
             }
             match port.read(&mut bytes) {
                 Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-                Ok(count) => self.lidar.receive(&bytes[..count], clock.stamp().unwrap_or(now)),
+                Ok(count) => self.lidar.receive(&bytes[..count], clock.arrived().stamp),
                 Err(error) if error.kind() == io::ErrorKind::TimedOut => {}
                 Err(error) => return Err(error),
             }

@@ -12,6 +12,7 @@ use mapwright_live::node::asked::{Said, Why};
 use mapwright_live::node::parameters::Setting;
 use mapwright_live::outgoing::Grid;
 use mapwright_live::wire::Publisher;
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -102,11 +103,11 @@ impl Drawer {
         }
         let name = if name.is_empty() { "saved" } else { name };
         self.written(name, |path| {
-            let (image, pgm) = (self.image(map), path.with_extension("pgm"));
+            let (image, pgm) = (self.image(map), with_ending(&path, "pgm"));
             let name = pgm.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let failed = |cause| Failure::write(&pgm, cause);
             write_whole(&pgm, |writer| write_pgm(&image, writer).map_err(failed))?;
-            write_whole(&path.with_extension("yaml"), |writer| write_map_yaml(&image, &name, writer).map_err(failed))
+            write_whole(&with_ending(&path, "yaml"), |writer| write_map_yaml(&image, &name, writer).map_err(failed))
         })
     }
 
@@ -114,7 +115,7 @@ impl Drawer {
     fn serialize(&self, file: &str) -> Reply {
         let bytes = self.session.encode();
         self.written(file, |path| {
-            let path = path.with_extension("mapwright");
+            let path = with_ending(&path, "mapwright");
             write_whole(&path, |writer| writer.write_all(&bytes).map_err(|error| Failure::write(&path, error)))
         })
     }
@@ -139,6 +140,15 @@ pub(super) fn place_of(folder: &Path, name: &str) -> Result<PathBuf, String> {
         return Err(format!("expected the name of a file in {}, found {name:?}", folder.display()));
     }
     Ok(folder.join(path))
+}
+
+/// A name with an ending, in place of one of those that such files have.
+pub(super) fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let is_ending = |found: &OsStr| ["pgm", "yaml", "mapwright"].iter().any(|known| found == *known);
+    match path.extension().filter(|found| is_ending(found)) {
+        Some(_) => path.with_extension(ending),
+        None => path.with_file_name(format!("{}.{ending}", path.file_name().unwrap_or_default().to_string_lossy())),
+    }
 }
 
 impl Outlet {

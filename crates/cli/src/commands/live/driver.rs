@@ -4,7 +4,7 @@ use super::asking::{Reply, ToDraw};
 use super::beat::{Known, Place, beat};
 use super::cable::Words;
 use super::clock::Clock;
-use super::drawer::{Drawer, Outlet, place_of};
+use super::drawer::{Drawer, Outlet, place_of, with_ending};
 use super::node::{Node, Question};
 use super::robot::{Names, Told};
 use super::view::View;
@@ -73,6 +73,9 @@ pub(super) struct Live {
     diagnostics: Diagnostics,
     /// What happens at the cable of a lidar.
     pub(super) at_cable: Arc<Words>,
+    /// Somebody who watches holds the recording.
+    pub(super) is_held: Arc<AtomicBool>,
+    is_played: bool,
     is_quiet: bool,
     is_paused: bool,
     drops_waiting: bool,
@@ -116,6 +119,8 @@ impl Live {
             missing: BTreeSet::new(),
             diagnostics: Diagnostics::default(),
             at_cable: Arc::default(),
+            is_held: Arc::default(),
+            is_played: args.log.is_some(),
             is_quiet: voice.quiet || voice.json,
             is_paused: false,
             drops_waiting: false,
@@ -156,6 +161,7 @@ impl Live {
     pub(super) fn stop(&mut self) {
         self.is_over.store(true, Ordering::Release);
         if let Some(ros) = &self.ros {
+            ros.node.leave(&self.clock);
             // Who draws may have ended already.
             let _ = ros.to_draw.send(ToDraw::End);
         }
@@ -207,7 +213,8 @@ impl Live {
         }
     }
 
-    fn watch(&mut self, gate: &mut Gate, now: Duration) {
+    /// What was overtaken at the door has arrived, and was dropped.
+    fn count_overtaken(&mut self, gate: &mut Gate) {
         for (lane, (topic, known)) in self.lanes.scans.iter().zip(&mut self.overtaken).enumerate() {
             let (_, overtaken) = self.door.counts(lane);
             if overtaken > *known {
@@ -215,6 +222,10 @@ impl Live {
                 *known = overtaken;
             }
         }
+    }
+
+    fn watch(&mut self, gate: &mut Gate, now: Duration) {
+        self.count_overtaken(gate);
         let missing: BTreeSet<String> = gate.missing(now).into_iter().collect();
         // Words that only count on are no news.
         let kind = |words: &String| words.split(|c: char| c.is_ascii_digit()).map(str::to_owned).collect::<String>();
@@ -255,6 +266,7 @@ impl Live {
             (Asked::NoMotionUpdate, _) => done,
             (Asked::Reset { pause }, Work::Mapping(mapping)) => {
                 self.is_paused = pause;
+                self.ros.iter().for_each(|ros| ros.node.tell_paused(pause));
                 match mapping.begin_anew(None) {
                     Ok(()) => self.anew(),
                     Err(failure) => Reply::refused(Why::Other, failure.to_string()),
@@ -265,13 +277,17 @@ impl Live {
                     return Reply::refused(Why::WrongMode, "to be found in a finished map, start with --localise");
                 }
                 let path = match place_of(mapping.output.folder(), &file) {
-                    Ok(path) => path.with_extension("mapwright"),
+                    Ok(path) => with_ending(&path, "mapwright"),
                     Err(words) => return Reply::refused(Why::NoSuchFile, words),
                 };
                 if !path.exists() {
                     return Reply::refused(Why::NoSuchFile, format!("there is no {}", path.display()));
                 }
-                match earlier_in_plane(&path).and_then(|(session, _)| mapping.begin_anew(Some(session))) {
+                // Wherever it is said to stand: it is found.
+                let goes_on = earlier_in_plane(&path)
+                    .and_then(|(session, _)| mapping.begin_anew(Some(session)))
+                    .and_then(|()| mapping.switch_on());
+                match goes_on {
                     Ok(()) => self.anew(),
                     Err(failure) => Reply::refused(Why::Unreadable, failure.to_string()),
                 }
@@ -317,9 +333,10 @@ impl Live {
         mut self,
         args: &LiveArgs,
         played: Option<(String, ReadingReport)>,
-        gate: &Gate,
+        gate: &mut Gate,
         interrupted: bool,
     ) -> Result<Outcome, Failure> {
+        self.count_overtaken(gate);
         let arrived: Vec<String> = gate.tallies().map(|(topic, tally)| format!("{topic}: {tally}")).collect();
         let dropped = gate.tallies().flat_map(|(_, tally)| tally.dropped().map(|(_, count)| count)).sum::<u64>();
         self.losses.extend(self.unwritten.take().map(|(_, why)| why));
@@ -443,7 +460,9 @@ impl Driver for Live {
     fn turn(&mut self, gate: &mut Gate, now: Duration) {
         let is_active = self.ros.as_ref().is_none_or(|ros| ros.node.is_active());
         let is_held = self.view.as_ref().is_some_and(View::is_paused);
-        gate.pause(self.is_paused || is_held || !is_active);
+        // A recording waits; a robot drives on, and its scans are counted.
+        self.is_held.store(is_held, Ordering::Release);
+        gate.pause(self.is_paused || is_held && !self.is_played || !is_active);
         if std::mem::take(&mut self.drops_waiting) {
             gate.drop_waiting();
         }

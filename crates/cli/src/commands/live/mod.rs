@@ -26,13 +26,14 @@ pub(crate) use view::{access, pen};
 use clock::Clock;
 use drawer::Outlet;
 use driver::{Live, Localising, Ros, Work};
-use mapwright::{Mapper, Pose2, Session, Settings};
+use mapwright::{Mapper, Pose2, Settings};
+use mapwright_geom::Cov3;
 use mapwright_live::node::NodeName;
-use mapwright_live::node::parameters::Setting;
+use mapwright_live::node::parameters::{Parameters, Setting};
 use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, Lane};
 use node::Node;
 use robot::{Names, Told};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
@@ -75,14 +76,37 @@ impl Lanes {
     }
 }
 
-/// The session that is gone on with, if there is any.
-fn earlier(args: &LiveArgs) -> Result<Option<(Session, Vec<String>)>, Failure> {
-    if args.goes_on {
-        let is_there = |name: &str| args.output.join(name).exists();
-        let any = is_there("session.mapwright") || is_there("session.mapwright.part");
-        return if any { to_go_on_with(&args.output).map(Some) } else { Ok(None) };
+/// What is done with scans: a map that begins, that goes on, or that is finished.
+fn work(
+    args: &LiveArgs,
+    settings: Settings,
+    (named, start): (Option<(PathBuf, bool)>, Option<(Pose2, Cov3)>),
+) -> Result<Work, Failure> {
+    let (named, is_found) = named.map_or((None, false), |(path, is_found)| (Some(path), is_found));
+    let finished = args.localise.clone().or_else(|| named.clone().filter(|_| is_found));
+    if let Some(path) = finished {
+        let mut localising = localising(&path, settings)?;
+        if let Some((map_from_robot, covariance)) = start {
+            localising.mapper.place(map_from_robot, covariance);
+        }
+        return Ok(Work::Localising(Box::new(localising)));
     }
-    args.mapping.resume.as_deref().map(earlier_in_plane).transpose()
+    let is_there = |name: &str| args.output.join(name).exists();
+    let goes_on = args.goes_on && (is_there("session.mapwright") || is_there("session.mapwright.part"));
+    let resumed = args.mapping.resume.clone().or_else(|| named.filter(|_| !args.goes_on));
+    let earlier = if goes_on {
+        Some(to_go_on_with(&args.output)?)
+    } else {
+        resumed.as_deref().map(earlier_in_plane).transpose()?
+    };
+    let is_earlier = earlier.is_some();
+    let output = OutputFolder::create(&args.output)?;
+    let mut mapping = Mapping::begin_with(&args.mapping, settings, output, None, earlier)?;
+    if is_earlier {
+        // Nobody has watched the robot since: it may be anywhere.
+        mapping.switch_on()?;
+    }
+    Ok(Work::Mapping(Box::new(mapping)))
 }
 
 pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
@@ -96,16 +120,12 @@ pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     if !args.mapping.settings.set.iter().any(|(key, _)| key == "loops.jobs") {
         settings.set("loops.jobs", "handed-out")?;
     }
+    let node = NodeName::new(&args.ros_names.node).map_err(|error| Failure::Usage(error.to_string()))?;
+    let (parameters, words) = robot::parameters(&args.ros_names, &node)?;
+    robot::apply(&parameters, &args.mapping, &mut settings)?;
     let interrupt = Interrupt::watch()?;
-    let work = match &args.localise {
-        Some(path) => Work::Localising(Box::new(localising(path, settings)?)),
-        None => {
-            let earlier = earlier(args)?;
-            let output = OutputFolder::create(&args.output)?;
-            Work::Mapping(Box::new(Mapping::begin_with(&args.mapping, settings, output, None, earlier)?))
-        }
-    };
-    drive(args, work, settings, &interrupt)
+    let work = work(args, settings, (robot::session(&parameters)?, robot::start(&parameters)))?;
+    drive(args, (work, settings), (node, parameters, words), &interrupt)
 }
 
 fn localising(path: &Path, settings: Settings) -> Result<Localising, Failure> {
@@ -117,9 +137,12 @@ fn localising(path: &Path, settings: Settings) -> Result<Localising, Failure> {
     Ok(Localising { mapper: Mapper::localising(settings, session)?, scans: 0, located: 0, first: None })
 }
 
-fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt) -> Result<Outcome, Failure> {
-    let node = NodeName::new(&args.ros_names.node).map_err(|error| Failure::Usage(error.to_string()))?;
-    let (parameters, words) = robot::parameters(&args.ros_names, &node)?;
+fn drive(
+    args: &LiveArgs,
+    (work, settings): (Work, Settings),
+    (node, parameters, words): (NodeName, Parameters, Vec<String>),
+    interrupt: &Interrupt,
+) -> Result<Outcome, Failure> {
     let names = Names::of(&args.ros_names, &parameters, &node);
     let is_heard = args.log.is_none() && args.lidar.is_none();
     let scans = match (&args.log, &args.lidar) {
@@ -155,12 +178,12 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
     let mut live =
         Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, (ros, view));
     words.iter().for_each(|words| live.notice(words));
-    let at_cable = Arc::clone(&live.at_cable);
+    let (at_cable, held) = (Arc::clone(&live.at_cable), Arc::clone(&live.is_held));
     let played = thread::scope(|scope| {
         let (over, door, clock) = (&over, &*door, &*clock);
         let player = args.log.as_deref().map(|log| {
             scope.spawn(|| {
-                let played = play::play(log, args, (door, &lanes), clock, over);
+                let played = play::play(log, args, (door, &lanes), clock, (&held, over));
                 door.close();
                 played
             })
@@ -195,5 +218,5 @@ fn drive(args: &LiveArgs, work: Work, settings: Settings, interrupt: &Interrupt)
         played.transpose()
     })?;
     drop(wire);
-    live.finish(args, played, &gate, interrupt.came())
+    live.finish(args, played, &mut gate, interrupt.came())
 }

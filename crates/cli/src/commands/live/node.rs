@@ -53,7 +53,7 @@ impl Node {
     pub(super) fn new(wire: &mut dyn Wire, name: NodeName, parameters: Parameters) -> Result<Self, Failure> {
         let mut topic = |name: &str, kind| wire.advertise(&Topic::new(name, kind, Delivery::Reliable { depth: 100 }));
         let events = topic(&name.below("transition_event"), "lifecycle_msgs/msg/TransitionEvent")?;
-        let changes = topic(&name.beside("parameter_events"), "rcl_interfaces/msg/ParameterEvent")?;
+        let changes = topic("/parameter_events", "rcl_interfaces/msg/ParameterEvent")?;
         let bonds = topic(&bond::topic(&name), "bond/msg/Status")?;
         let diagnostics = topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")?;
         let lifecycle = Mutex::new(Lifecycle::new(parameters.flag(Setting::Autostart)));
@@ -105,6 +105,16 @@ impl Node {
         let message = lock(&self.bond).as_mut().and_then(|bond| bond.due(clock.since_start(), stamp));
         // Whoever misses one hears the next.
         let _ = message.map(|message| self.bonds.publish(&message));
+    }
+
+    /// The node ends: whoever watches it hears that it has not died.
+    pub(super) fn leave(&self, clock: &Clock) {
+        let mut bond = lock(&self.bond);
+        if let (Some(bond), Some(stamp)) = (bond.as_mut(), clock.stamp()) {
+            let now = clock.since_start();
+            bond.leave(now);
+            let _ = bond.due(now, stamp).map(|message| self.bonds.publish(&message));
+        }
     }
 
     /// A turn that has begun is done.
@@ -234,7 +244,10 @@ pub(super) fn hear(
             Err(error) => listener.note(format!("initialpose: {error}")),
         }
     };
-    wire.subscribe(&Topic::new("/initialpose", kind, Delivery::Reliable { depth: 5 }), Box::new(hear))?;
+    wire.subscribe(
+        &Topic::new(&node.name.beside("initialpose"), kind, Delivery::Reliable { depth: 5 }),
+        Box::new(hear),
+    )?;
     let (node, clock) = (Arc::clone(node), Arc::clone(clock));
     let bonds = Topic::new(&bond::topic(&node.name), "bond/msg/Status", Delivery::Reliable { depth: 100 });
     let hear = move |bytes: &[u8]| {

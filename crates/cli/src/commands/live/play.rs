@@ -28,7 +28,7 @@ pub(super) fn play(
     args: &LiveArgs,
     (door, lanes): (&Entrance, &Lanes),
     clock: &Clock,
-    over: &AtomicBool,
+    (held, over): (&AtomicBool, &AtomicBool),
 ) -> Result<(String, ReadingReport), Failure> {
     let interrupt = Interrupt::of_none();
     let mut first_pass = FirstPass::new(&interrupt, true);
@@ -47,7 +47,7 @@ pub(super) fn play(
             LogEvent::TurnRate(rate) => (lanes.others(), rate.stamp, Heard::Reading(Reading::Turning(*rate))),
             _ => continue,
         };
-        if !pace.wait_for(stamp, over) {
+        if !pace.wait_for(stamp, held, over) {
             break;
         }
         door.put(lane, (clock.arrived(), heard));
@@ -63,11 +63,14 @@ struct Pace {
 }
 
 impl Pace {
-    /// Waits until an event of a stamp is due; false where it is over meanwhile.
-    fn wait_for(&mut self, stamp: Stamp, over: &AtomicBool) -> bool {
+    /// Waits until an event of a stamp is due, and while somebody who watches holds it; false where it is over meanwhile.
+    fn wait_for(&mut self, stamp: Stamp, held: &AtomicBool, over: &AtomicBool) -> bool {
         let elapsed_s = self.last.replace(stamp).map_or(0.0, |last| stamp.secs_since(last)).max(0.0);
         self.due += Duration::from_secs_f64(elapsed_s / self.rate).min(GAP);
         loop {
+            if held.load(Ordering::Acquire) {
+                self.due = Instant::now() + NAP;
+            }
             let left = self.due.saturating_duration_since(Instant::now());
             if over.load(Ordering::Acquire) || left.is_zero() {
                 return !over.load(Ordering::Acquire);

@@ -3,12 +3,16 @@
 use super::clock::Clock;
 use super::drawer::Outlet;
 use super::{Entrance, Lanes};
-use crate::args::RosArgs;
+use crate::args::{MappingArgs, RosArgs};
 use crate::failure::Failure;
+use mapwright::{Pose2, Settings};
+use mapwright_geom::Cov3;
 use mapwright_live::Heard;
 use mapwright_live::node::NodeName;
 use mapwright_live::node::parameters::{ParameterFile, ParameterValue, Parameters, Setting};
 use mapwright_live::wire::{Delivery, Hear, Publisher, Topic, Wire, WireError};
+use std::f64::consts::PI;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 const SCAN: &str = "sensor_msgs/msg/LaserScan";
@@ -73,6 +77,57 @@ fn value_of(text: &str) -> ParameterValue {
             _ => ParameterValue::Text(text.to_owned()),
         },
     }
+}
+
+/// What the parameters set of the mapper. What is set by `--set` stays as it is.
+pub(super) fn apply(parameters: &Parameters, args: &MappingArgs, settings: &mut Settings) -> Result<(), Failure> {
+    let (before, number) = (Parameters::default(), |setting| parameters.number(setting));
+    let mut set = |key: &str, value: String| {
+        let is_set = args.settings.set.iter().any(|(set, _)| set == key);
+        if is_set { Ok(()) } else { settings.set(key, &value).map_err(Failure::from) }
+    };
+    if parameters.get(Setting::Resolution) != before.get(Setting::Resolution) {
+        set("map.resolution_m", number(Setting::Resolution).to_string())?;
+    }
+    for (setting, key) in [(Setting::MaxRange, "scan.max_range_m"), (Setting::MinRange, "scan.min_range_m")] {
+        if number(setting) > 0.0 {
+            set(key, number(setting).to_string())?;
+        }
+    }
+    if !parameters.flag(Setting::LoopClosing) {
+        set("loops.by_pose", "false".to_owned())?;
+        set("loops.by_place", "false".to_owned())?;
+    }
+    Ok(())
+}
+
+/// A session that the parameters name, and whether the robot is only to be found in it.
+pub(super) fn session(parameters: &Parameters) -> Result<Option<(PathBuf, bool)>, Failure> {
+    let (name, is_found) = (parameters.text(Setting::MapFile), parameters.text(Setting::Mode) == "localization");
+    if name.is_empty() {
+        return match is_found {
+            true => {
+                Err(Failure::Usage("mode localization: expected a session in map_file_name, found none".to_owned()))
+            }
+            false => Ok(None),
+        };
+    }
+    let path = PathBuf::from(name);
+    let is_there = path.exists();
+    Ok(Some((if is_there { path } else { PathBuf::from(format!("{name}.mapwright")) }, is_found)))
+}
+
+/// Where the parameters say that the robot stands in the map, with the covariance that AMCL gives such a pose (0.5 m and pi/12).
+pub(super) fn start(parameters: &Parameters) -> Option<(Pose2, Cov3)> {
+    let at = match parameters.get(Setting::StartPose) {
+        ParameterValue::Doubles(at) if at.len() == 3 => Pose2::new(at[0], at[1], at[2]),
+        _ if parameters.flag(Setting::SetInitialPose) => {
+            let [x, y, yaw] = [Setting::InitialX, Setting::InitialY, Setting::InitialYaw].map(|s| parameters.number(s));
+            Pose2::new(x, y, yaw)
+        }
+        _ => return None,
+    };
+    Some((at, Cov3::from_diagonal(&[0.25, 0.25, (PI / 12.0).powi(2)].into())))
 }
 
 /// The names that the parameters have.

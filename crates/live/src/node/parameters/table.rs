@@ -18,26 +18,20 @@ pub enum Setting {
     TransformPeriod,
     TransformWait,
     TransformTolerance,
-    TransformWindow,
     Broadcast,
     Mode,
     MapFile,
     StartPose,
-    StartAtDock,
     SetInitialPose,
     InitialX,
     InitialY,
     InitialZ,
     InitialYaw,
     SimTime,
-    ScanMatching,
     LoopClosing,
     MaxRange,
     MinRange,
-    KeyframeDistance,
-    KeyframeAngle,
     Paused,
-    Bond,
     BondPeriod,
     Autostart,
 }
@@ -173,7 +167,7 @@ use Given::{Bool, Double, Doubles, Text};
 use When::{Configuring, Never, Running};
 
 /// All of them. Defaults are those of the gate, of the mapper's settings and of the node, not slam_toolbox's.
-pub(super) static TABLE: [Entry; 32] = [
+pub(super) static TABLE: [Entry; 26] = [
     entry(
         Setting::RobotFrame,
         &["base_frame", "base_frame_id"],
@@ -220,14 +214,6 @@ pub(super) static TABLE: [Entry; 32] = [
     )
     .within(0.0, 10.0),
     entry(
-        Setting::TransformWindow,
-        &["tf_buffer_duration"],
-        Double(10.0),
-        Configuring,
-        "Transforms of so long are kept, seconds.",
-    )
-    .within(1.0, 600.0),
-    entry(
         Setting::Broadcast,
         &["tf_broadcast"],
         Bool(true),
@@ -247,7 +233,7 @@ pub(super) static TABLE: [Entry; 32] = [
         &["map_file_name"],
         Text(""),
         Configuring,
-        "A session to go on with, without an ending; empty for none.",
+        "A session to go on with, or to find the robot in, without an ending; empty for none.",
     ),
     entry(
         Setting::StartPose,
@@ -257,13 +243,6 @@ pub(super) static TABLE: [Entry; 32] = [
         "Where the robot stands in that session's map: metres, metres, radians; empty where it is not known.",
     )
     .long(3),
-    entry(
-        Setting::StartAtDock,
-        &["map_start_at_dock"],
-        Bool(false),
-        Configuring,
-        "Whether the robot stands where that session began.",
-    ),
     entry(
         Setting::SetInitialPose,
         &["set_initial_pose"],
@@ -290,7 +269,7 @@ pub(super) static TABLE: [Entry; 32] = [
         &["initial_pose.z"],
         Double(0.0),
         Configuring,
-        "Where the robot stands in the map, metres.",
+        "Its height there, metres; without meaning in the plane.",
     ),
     entry(
         Setting::InitialYaw,
@@ -305,13 +284,6 @@ pub(super) static TABLE: [Entry; 32] = [
         Bool(false),
         Configuring,
         "Whether the time is that of the topic /clock.",
-    ),
-    entry(
-        Setting::ScanMatching,
-        &["use_scan_matching"],
-        Bool(true),
-        Configuring,
-        "Whether scans are matched; else odometry is believed.",
     ),
     entry(Setting::LoopClosing, &["do_loop_closing"], Bool(true), Configuring, "Whether old places are looked for."),
     entry(
@@ -331,34 +303,11 @@ pub(super) static TABLE: [Entry; 32] = [
     )
     .within(-1.0, 1000.0),
     entry(
-        Setting::KeyframeDistance,
-        &["minimum_travel_distance"],
-        Double(0.2),
-        Configuring,
-        "A keyframe after so much way, metres.",
-    )
-    .within(0.01, 10.0),
-    entry(
-        Setting::KeyframeAngle,
-        &["minimum_travel_heading"],
-        Double(0.1),
-        Configuring,
-        "A keyframe after so much turning, radians.",
-    )
-    .within(0.01, 3.2),
-    entry(
         Setting::Paused,
         &["paused_new_measurements"],
         Bool(false),
         Never,
         "Whether scans are not taken in at present.",
-    ),
-    entry(
-        Setting::Bond,
-        &["use_lifecycle_manager"],
-        Bool(false),
-        Configuring,
-        "Whether a lifecycle manager wants to hear that the node is alive.",
     ),
     entry(
         Setting::BondPeriod,
@@ -378,7 +327,7 @@ pub(super) static TABLE: [Entry; 32] = [
 ];
 
 /// Parameters of slam_toolbox (Jazzy) and AMCL (Kilted) without a meaning here.
-pub(super) const IGNORED: [&str; 91] = [
+pub(super) const IGNORED: [&str; 97] = [
     "alpha1",
     "alpha2",
     "alpha3",
@@ -432,6 +381,7 @@ pub(super) const IGNORED: [&str; 91] = [
     "loop_search_space_dimension",
     "loop_search_space_resolution",
     "loop_search_space_smear_deviation",
+    "map_start_at_dock",
     "map_topic",
     "max_beams",
     "max_particles",
@@ -440,6 +390,8 @@ pub(super) const IGNORED: [&str; 91] = [
     "minimum_angle_penalty",
     "minimum_distance_penalty",
     "minimum_time_interval",
+    "minimum_travel_distance",
+    "minimum_travel_heading",
     "occupancy_threshold",
     "odom_topic",
     "pf_err",
@@ -459,12 +411,15 @@ pub(super) const IGNORED: [&str; 91] = [
     "sigma_hit",
     "solver_plugin",
     "stack_size_to_use",
+    "tf_buffer_duration",
     "throttle_scans",
     "update_min_a",
     "update_min_d",
+    "use_lifecycle_manager",
     "use_map_saver",
     "use_response_expansion",
     "use_scan_barycenter",
+    "use_scan_matching",
     "yaw_covariance_scale",
     "z_hit",
     "z_max",
