@@ -76,17 +76,21 @@ impl Lanes {
     }
 }
 
+/// What the parameters say of where a robot begins.
+struct Begin {
+    /// A session, and whether the robot is only found in it.
+    session: Option<(PathBuf, bool)>,
+    /// Where it is in that session's map.
+    pose: Option<(Pose2, Cov3)>,
+}
+
 /// What is done with scans: a map that begins, that goes on, or that is finished.
-fn work(
-    args: &LiveArgs,
-    settings: Settings,
-    (named, start): (Option<(PathBuf, bool)>, Option<(Pose2, Cov3)>),
-) -> Result<Work, Failure> {
-    let (named, is_found) = named.map_or((None, false), |(path, is_found)| (Some(path), is_found));
+fn work(args: &LiveArgs, settings: Settings, begin: Begin) -> Result<Work, Failure> {
+    let (named, is_found) = begin.session.map_or((None, false), |(path, is_found)| (Some(path), is_found));
     let finished = args.localise.clone().or_else(|| named.clone().filter(|_| is_found));
     if let Some(path) = finished {
         let mut localising = localising(&path, settings)?;
-        if let Some((map_from_robot, covariance)) = start {
+        if let Some((map_from_robot, covariance)) = begin.pose {
             localising.mapper.place(map_from_robot, covariance);
         }
         return Ok(Work::Localising(Box::new(localising)));
@@ -124,7 +128,8 @@ pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     let (parameters, words) = robot::parameters(&args.ros_names, &node)?;
     robot::apply(&parameters, &args.mapping, &mut settings)?;
     let interrupt = Interrupt::watch()?;
-    let work = work(args, settings, (robot::session(&parameters)?, robot::start(&parameters)))?;
+    let begin = Begin { session: robot::session(&parameters)?, pose: robot::start(&parameters) };
+    let work = work(args, settings, begin)?;
     drive(args, (work, settings), (node, parameters, words), &interrupt)
 }
 
