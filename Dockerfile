@@ -1,22 +1,21 @@
-# A small image with nothing but the static binary:
+# An image with the command, ROS 2 without ROS included:
 #
 #     docker build -t mapwright .
 #     docker run --rm -u "$(id -u):$(id -g)" -v "$PWD:/data" mapwright map drive.bag -o robot
+#     docker run --rm --network host --ipc host -u "$(id -u):$(id -g)" -v "$PWD:/data" mapwright live -o house
 FROM rust:1.95-slim-bookworm AS build
+# Cyclone DDS is built by cmake, its bindings by libclang.
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends musl-tools \
+    && apt-get install -y --no-install-recommends cmake g++ libclang-dev make \
     && rm -rf /var/lib/apt/lists/*
-RUN rustup target add x86_64-unknown-linux-musl
 WORKDIR /build
 COPY . .
 ARG COMMIT=""
-# /tmp: compressed ROS 2 bags of SQLite are unpacked there
-RUN MAPWRIGHT_COMMIT="$COMMIT" cargo build --release --locked -p mapwright-cli --features net,view --target x86_64-unknown-linux-musl \
-    && install -D -s target/x86_64-unknown-linux-musl/release/mapwright /image/usr/bin/mapwright \
-    && install -D -m 644 -t /image/usr/share/doc/mapwright LICENSE-MIT LICENSE-APACHE \
-    && install -d -m 1777 /image/tmp
+RUN MAPWRIGHT_COMMIT="$COMMIT" cargo build --release --locked -p mapwright-cli --features net,view,dds \
+    && install -D -s target/release/mapwright /image/usr/bin/mapwright \
+    && install -D -m 644 -t /image/usr/share/doc/mapwright LICENSE-MIT LICENSE-APACHE
 
-FROM scratch
+FROM debian:bookworm-slim
 COPY --from=build /image /
 WORKDIR /data
 ENTRYPOINT ["/usr/bin/mapwright"]

@@ -27,8 +27,8 @@ use mapwright_eval::Delta;
 use mapwright_sim::Gap;
 use std::path::{Path, PathBuf};
 use values::{
-    parse_assignment, parse_delta, parse_factor, parse_gap, parse_length, parse_pose, parse_reach, parse_seconds,
-    parse_share,
+    parse_assignment, parse_delta, parse_factor, parse_gap, parse_length, parse_pose, parse_radius, parse_reach,
+    parse_seconds, parse_share,
 };
 
 /// The version, the commit and the features.

@@ -19,6 +19,7 @@ use cyclors::{
     ddsi_serdata_unref, ddsi_sertype, ddsrt_iovec_t,
 };
 use mapwright_live::wire::{Delivery, Hear};
+use std::collections::VecDeque;
 use std::ffi::{CStr, CString, c_void};
 use std::io::Write;
 use std::mem::MaybeUninit;
@@ -30,6 +31,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 const BLOCKING_NS: i64 = 100_000_000;
 /// Samples taken at once.
 const AT_ONCE: usize = 16;
+/// Samples of a topic with several readers that are known to have been heard.
+const HEARD: usize = 64;
 /// The representation that ROS 2 uses.
 const XCDR1: i16 = 0;
 
@@ -61,7 +64,7 @@ impl Qos {
             Delivery::BestEffort { depth } => {
                 (dds_reliability_kind_DDS_RELIABILITY_BEST_EFFORT, dds_durability_kind_DDS_DURABILITY_VOLATILE, depth)
             }
-            Delivery::Reliable { depth } => {
+            Delivery::Reliable { depth } | Delivery::AsOffered { depth } => {
                 (dds_reliability_kind_DDS_RELIABILITY_RELIABLE, dds_durability_kind_DDS_DURABILITY_VOLATILE, depth)
             }
             Delivery::Latched { depth } => (
@@ -112,8 +115,29 @@ unsafe extern "C" fn say(_: *mut c_void, data: *const dds_log_data_t) {
     }
 }
 
-/// What is called with samples; its place does not change while the reader is there.
-struct Listening(Mutex<Hear>);
+/// What is called with samples; its place does not change while its readers are there.
+struct Listening(Mutex<Ear>);
+
+/// Who hears, and of several readers of one topic which samples were heard: the writers' numbers, and when each wrote.
+struct Ear {
+    hear: Hear,
+    heard: Option<VecDeque<(u64, i64)>>,
+}
+
+impl Ear {
+    /// Whether a sample is heard for the first time.
+    fn is_new(&mut self, writer: u64, written: i64) -> bool {
+        let Some(heard) = &mut self.heard else { return true };
+        if heard.contains(&(writer, written)) {
+            return false;
+        }
+        if heard.len() >= HEARD {
+            heard.pop_front();
+        }
+        heard.push_back((writer, written));
+        true
+    }
+}
 
 /// A participant's handle and its domain's, which go when nobody has them any more.
 #[derive(Debug)]
@@ -135,8 +159,8 @@ impl Drop for Handles {
 /// A participant of a domain with its readers.
 pub(crate) struct Participant {
     handles: Arc<Handles>,
-    /// Each reader with what it calls; boxed, for the library knows where that is.
-    readers: Vec<(dds_entity_t, Box<Listening>)>,
+    /// Each reader with what it calls; in a place of its own, for the library knows where that is.
+    readers: Vec<(dds_entity_t, Arc<Listening>)>,
 }
 
 impl Participant {
@@ -178,20 +202,41 @@ impl Participant {
         })
     }
 
-    /// Hears a topic as long as the participant is there; the reader's sixteen bytes come back.
+    /// Hears a topic as long as the participant is there; the sixteen bytes of its readers come back. What is heard as it is offered has two: one
+    /// that asks for what was lost, which those who keep nothing do not match, and one that does not; what both hear is heard once.
     pub(crate) fn read(
         &mut self,
         name: &str,
         kind: &str,
         delivery: Delivery,
         hear: Hear,
-    ) -> Result<[u8; 16], CycloneError> {
+    ) -> Result<Vec<[u8; 16]>, CycloneError> {
         let topic = self.topic(name, kind)?;
+        let deliveries = match delivery {
+            Delivery::AsOffered { depth } => vec![Delivery::Reliable { depth }, Delivery::BestEffort { depth }],
+            one => vec![one],
+        };
+        let heard = (deliveries.len() > 1).then(VecDeque::new);
+        let listening = Arc::new(Listening(Mutex::new(Ear { hear, heard })));
+        let mut guids = Vec::new();
+        for delivery in deliveries {
+            let reader = self.reader(topic, delivery, &listening)?;
+            self.readers.push((reader, Arc::clone(&listening)));
+            guids.push(guid(reader));
+        }
+        Ok(guids)
+    }
+
+    fn reader(
+        &self,
+        topic: dds_entity_t,
+        delivery: Delivery,
+        listening: &Arc<Listening>,
+    ) -> Result<dds_entity_t, CycloneError> {
         let qos = Qos::new(delivery);
-        let listening = Box::new(Listening(Mutex::new(hear)));
-        let address = ptr::from_ref::<Listening>(&listening).cast_mut().cast::<c_void>();
-        // SAFETY: `listening` is boxed and kept until after the reader is deleted (in `drop`), so that `address` holds; `on_data` is what the
-        // library expects. The listener is copied by the call that makes the reader.
+        let address = Arc::as_ptr(listening).cast_mut().cast::<c_void>();
+        // SAFETY: `listening` stays where it is, and is kept by whoever calls this until after the reader is deleted (in `drop`), so that `address`
+        // holds; `on_data` is what the library expects. The listener is copied by the call that makes the reader.
         let reader = unsafe {
             let listener = dds_create_listener(ptr::null_mut());
             dds_lset_data_available_arg(listener, Some(on_data), address, true);
@@ -199,9 +244,7 @@ impl Participant {
             dds_delete_listener(listener);
             reader
         };
-        let reader = check(reader)?;
-        self.readers.push((reader, listening));
-        Ok(guid(reader))
+        check(reader)
     }
 
     /// A writer of a topic, which keeps the participant there.
@@ -283,13 +326,13 @@ unsafe extern "C" fn on_data(reader: dds_entity_t, address: *mut c_void) {
     let listening = unsafe { &*address.cast::<Listening>() };
     // Nothing unwinds into C; a hearer that panics hears the next message all the same.
     let _ = catch_unwind(AssertUnwindSafe(|| {
-        let mut hear = listening.0.lock().unwrap_or_else(PoisonError::into_inner);
-        while take(reader, &mut hear) == AT_ONCE {}
+        let mut ear = listening.0.lock().unwrap_or_else(PoisonError::into_inner);
+        while take(reader, &mut ear) == AT_ONCE {}
     }));
 }
 
 /// Hands on what a reader has; how many samples it were.
-fn take(reader: dds_entity_t, hear: &mut Hear) -> usize {
+fn take(reader: dds_entity_t, ear: &mut Ear) -> usize {
     let mut samples = [ptr::null_mut::<ddsi_serdata>(); AT_ONCE];
     let mut infos = [const { MaybeUninit::<dds_sample_info_t>::uninit() }; AT_ONCE];
     // SAFETY: room for `AT_ONCE` samples and as many infos.
@@ -306,8 +349,9 @@ fn take(reader: dds_entity_t, hear: &mut Hear) -> usize {
     for (sample, info) in samples[..taken].iter().zip(&infos) {
         let sample = Sample(*sample);
         // SAFETY: the library has filled the first `taken`.
-        if unsafe { info.assume_init_ref() }.valid_data {
-            sample.with_bytes(|bytes| hear(bytes));
+        let info = unsafe { info.assume_init_ref() };
+        if info.valid_data && ear.is_new(info.publication_handle, info.source_timestamp) {
+            sample.with_bytes(|bytes| (ear.hear)(bytes));
         }
     }
     taken

@@ -102,8 +102,8 @@ fn failed(topic: &Topic) -> impl Fn(CycloneError) -> WireError {
 impl Wire for Dds {
     fn subscribe(&mut self, topic: &Topic, hear: Hear) -> Result<(), WireError> {
         let (name, kind) = topic_names(topic)?;
-        let reader = self.topics.read(&name, &kind, topic.delivery, hear).map_err(failed(topic))?;
-        self.node.readers.push(reader);
+        let readers = self.topics.read(&name, &kind, topic.delivery, hear).map_err(failed(topic))?;
+        self.node.readers.extend(readers);
         self.tell_graph().map_err(failed(topic))
     }
 

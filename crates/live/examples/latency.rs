@@ -11,7 +11,7 @@ mod robot;
 
 use mapwright::{Jobs, Mapper, Settings, Update};
 use mapwright_geom::Stamp;
-use mapwright_live::{Arrived, Door, Driver, Gate, GateSettings, Heard, Reading, map};
+use mapwright_live::{Arrived, Door, Driver, Gate, GateSettings, Heard, Passed, Reading, map};
 use mapwright_sensor::LaserModel;
 use mapwright_sim::{DriveSettings, LaserSettings};
 use robot::{BEGIN, Driven, lane};

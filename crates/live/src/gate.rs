@@ -1,11 +1,17 @@
-//! Scans wait here until transforms say where they were taken.
+//! Scans and clouds wait here until transforms say where they were taken.
 
+mod clouds;
+
+use crate::gate::clouds::CloudTopic;
 use crate::pulse::Pulse;
 use crate::tally::{Reason, Tally};
-use mapwright_geom::{Pose2, Stamp};
-use mapwright_ros::messages::{Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, TfMessage};
+use mapwright::SpaceReading;
+use mapwright_geom::{Pose3, Stamp};
+use mapwright_ros::messages::{
+    Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, PointCloud2, TfMessage,
+};
 use mapwright_ros::{Mounting, RosError, TransformBuffer, TransformCounts, TransformLimits, planar};
-use mapwright_sensor::{LaserModel, LaserScan, Odometry, TurnRate};
+use mapwright_sensor::{Cloud, ImuReading, LaserModel, LaserScan, Odometry, SpaceSensor, TurnRate};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -37,6 +43,8 @@ pub struct GateSettings {
     pub wait: Duration,
     /// So many scans wait at most; the oldest makes room.
     pub waiting_most: usize,
+    /// Whether it is clouds that are mapped, in space.
+    pub is_in_space: bool,
 }
 
 impl Default for GateSettings {
@@ -46,6 +54,7 @@ impl Default for GateSettings {
             odom_frame: "odom".to_owned(),
             wait: Duration::from_millis(500),
             waiting_most: 100,
+            is_in_space: false,
         }
     }
 }
@@ -64,7 +73,9 @@ pub struct Arrived {
 pub enum Passed {
     /// A scan, with its laser's place on the robot and odometry's pose at its stamp.
     Scan(LaserScan),
-    /// What was read between scans.
+    /// A cloud, with its sensor's place on the robot and odometry's pose at its stamp.
+    Cloud(Cloud),
+    /// What was read between them.
     Reading(Reading),
 }
 
@@ -75,6 +86,8 @@ pub enum Reading {
     Odometry(Odometry),
     /// How fast a gyroscope says that it turns.
     Turning(TurnRate),
+    /// What is read in space.
+    InSpace(SpaceReading),
 }
 
 impl Reading {
@@ -82,6 +95,38 @@ impl Reading {
         match self {
             Self::Odometry(odometry) => odometry.stamp,
             Self::Turning(rate) => rate.stamp,
+            Self::InSpace(SpaceReading::Imu(reading)) => reading.stamp,
+            Self::InSpace(SpaceReading::Odometry(stamp)) => *stamp,
+        }
+    }
+}
+
+#[derive(Debug)]
+enum What {
+    Scan(LaserScan),
+    Cloud(Cloud),
+}
+
+impl What {
+    fn stamp(&self) -> Stamp {
+        match self {
+            Self::Scan(scan) => scan.stamp,
+            Self::Cloud(cloud) => cloud.stamp,
+        }
+    }
+
+    /// When its last point was taken; a scan's beams are laid out by whoever maps it.
+    fn end(&self) -> Stamp {
+        match self {
+            Self::Scan(scan) => scan.stamp,
+            Self::Cloud(cloud) => clouds::end(cloud),
+        }
+    }
+
+    fn frame(&self) -> &str {
+        match self {
+            Self::Scan(scan) => &scan.laser.name,
+            Self::Cloud(cloud) => &cloud.sensor.name,
         }
     }
 }
@@ -89,7 +134,7 @@ impl Reading {
 #[derive(Debug)]
 struct Waiting {
     topic: String,
-    scan: LaserScan,
+    what: What,
     since: Duration,
     /// Whether it says itself where its laser sits and where odometry has the robot.
     is_whole: bool,
@@ -106,6 +151,7 @@ struct Topic {
     trouble: Option<(Duration, String)>,
     /// Whether no transform said in time where the last one was taken.
     is_without_place: bool,
+    clouds: CloudTopic,
 }
 
 /// Scans on their way to the mapper, in the order in which they arrived. Bounded in all that it keeps; a scan that waits longer than
@@ -117,17 +163,30 @@ pub struct Gate {
     topics: BTreeMap<String, Topic>,
     waiting: VecDeque<Waiting>,
     readings: VecDeque<Reading>,
+    /// What waits for nothing.
+    at_once: VecDeque<Reading>,
     odometry: Pulse,
+    inertial: Pulse,
+    /// The stamp of the newest inertial reading.
+    felt: Option<Stamp>,
     /// Whether transforms say where odometry has the robot: then messages of odometry say it a second time.
     is_told_by_transforms: bool,
     /// Why the last scan had no odometry.
     without_odometry: Option<String>,
     unknown: Tally,
     lasers: BTreeMap<String, Arc<LaserModel>>,
+    sensors: BTreeMap<String, Arc<SpaceSensor>>,
     newest: Option<Stamp>,
     behind: u32,
     set_back: u64,
     is_paused: bool,
+}
+
+/// How a sensor sits on the robot.
+#[derive(Debug, Clone, Copy)]
+enum Mounted {
+    InPlane(Mounting),
+    InSpace(Pose3),
 }
 
 /// Whether something can be said yet.
@@ -147,11 +206,15 @@ impl Gate {
             topics: BTreeMap::new(),
             waiting: VecDeque::new(),
             readings: VecDeque::new(),
+            at_once: VecDeque::new(),
             odometry: Pulse::default(),
+            inertial: Pulse::default(),
+            felt: None,
             is_told_by_transforms: false,
             without_odometry: None,
             unknown: Tally::default(),
             lasers: BTreeMap::new(),
+            sensors: BTreeMap::new(),
             newest: None,
             behind: 0,
             set_back: 0,
@@ -237,7 +300,30 @@ impl Gate {
             Err(error) => return topic.refuse(Reason::Unusable, now, error.to_string()),
         };
         let scan = LaserScan { stamp: stamp_or(message.header.stamp, arrived), ..message.to_sensor(Arc::new(laser)) };
-        self.wait(Waiting { topic: name.to_owned(), scan, since: now, is_whole: false });
+        self.wait(Waiting { topic: name.to_owned(), what: What::Scan(scan), since: now, is_whole: false });
+    }
+
+    /// Takes in a cloud of a topic.
+    pub fn hear_cloud(&mut self, name: &str, message: &PointCloud2<'_>, arrived: Arrived) {
+        let now = arrived.since_start;
+        let Some(topic) = self.topic(name) else { return };
+        topic.tally.arrive(1);
+        topic.pulse.beat(now);
+        match topic.clouds.cloud(name, message, stamp_or(message.header.stamp, arrived)) {
+            Ok(cloud) => {
+                self.wait(Waiting { topic: name.to_owned(), what: What::Cloud(cloud), since: now, is_whole: false });
+            }
+            Err(why) => topic.refuse(Reason::Unusable, now, why),
+        }
+    }
+
+    /// Takes in a cloud of a topic that says itself where its sensor sits and where odometry has the robot, if anything does.
+    pub fn hear_whole_cloud(&mut self, name: &str, cloud: Cloud, arrived: Arrived) {
+        let Some(topic) = self.topic(name) else { return };
+        topic.tally.arrive(1);
+        topic.pulse.beat(arrived.since_start);
+        let since = arrived.since_start;
+        self.wait(Waiting { topic: name.to_owned(), what: What::Cloud(cloud), since, is_whole: true });
     }
 
     /// Takes in a scan of a topic that says itself where its laser sits and where odometry has the robot, if anything does: it waits for those
@@ -246,35 +332,73 @@ impl Gate {
         let Some(topic) = self.topic(name) else { return };
         topic.tally.arrive(1);
         topic.pulse.beat(arrived.since_start);
-        self.wait(Waiting { topic: name.to_owned(), scan, since: arrived.since_start, is_whole: true });
+        let since = arrived.since_start;
+        self.wait(Waiting { topic: name.to_owned(), what: What::Scan(scan), since, is_whole: true });
     }
 
     /// Takes in a reading that needs no transform.
     pub fn hear_reading(&mut self, reading: Reading, arrived: Arrived) {
-        if matches!(reading, Reading::Odometry(_)) {
-            self.odometry.beat(arrived.since_start);
+        match reading {
+            Reading::Odometry(_) | Reading::InSpace(SpaceReading::Odometry(_)) => {
+                self.odometry.beat(arrived.since_start);
+            }
+            Reading::InSpace(SpaceReading::Imu(reading)) => self.feel(reading.stamp, arrived),
+            Reading::Turning(_) => {}
         }
-        self.push_reading(reading);
+        match reading {
+            // As of a recording, whose clouds wait for nothing either.
+            Reading::InSpace(_) => self.at_once.push_back(reading),
+            _ => self.push_reading(reading),
+        }
     }
 
-    /// Takes in an inertial reading: what it says of turning about the robot's upright axis.
+    /// Takes in an inertial reading: in the plane what it says of turning about the robot's upright axis, in space all of it.
     ///
     /// # Errors
-    /// [`RosError::Transform`] where nothing says how the sensor sits on the robot.
+    /// [`RosError::Transform`] where nothing says how the sensor sits on the robot, or where it reads what cannot be.
     pub fn hear_imu(&mut self, message: &ImuMessage<'_>, arrived: Arrived) -> Result<(), RosError> {
         let stamp = stamp_or(message.header.stamp, arrived);
-        let robot_from_sensor = self.transforms.lookup(&self.settings.robot_frame, message.header.frame(), stamp)?;
-        let turning = &message.angular_velocity;
-        let rad_per_s = (robot_from_sensor.rotation * Vector3::new(turning.x, turning.y, turning.z)).z;
+        let robot = self.settings.robot_frame.as_str();
+        let robot_from_sensor = self.transforms.lookup(robot, message.header.frame(), stamp)?;
         // a covariance that begins with -1 says that there is no such reading
-        if rad_per_s.is_finite() && message.angular_velocity_covariance.0[0] != -1.0 {
-            self.push_reading(Reading::Turning(TurnRate { stamp, rad_per_s }));
+        if message.angular_velocity_covariance.0[0] == -1.0 {
+            return Ok(());
+        }
+        let turning = &message.angular_velocity;
+        let turning = robot_from_sensor.rotation * Vector3::new(turning.x, turning.y, turning.z);
+        let force = &message.linear_acceleration;
+        let force = Vector3::new(force.x, force.y, force.z);
+        let is_felt = message.linear_acceleration_covariance.0[0] != -1.0 && force != Vector3::zeros();
+        let reading = ImuReading {
+            stamp,
+            turn_rate_rad_per_s: turning,
+            specific_force_m_per_s2: is_felt.then(|| robot_from_sensor.rotation * force),
+        };
+        if !self.settings.is_in_space && turning.z.is_finite() {
+            self.push_reading(Reading::Turning(TurnRate { stamp, rad_per_s: turning.z }));
+        } else if self.settings.is_in_space {
+            if !reading.is_sound() {
+                let (parent, child) = (robot.to_owned(), message.header.frame().to_owned());
+                let reason = format!(
+                    "an inertial reading of {} rad/s and {} m/s^2: not finite, or beyond 100 rad/s or 500 m/s^2",
+                    turning.norm(),
+                    force.norm()
+                );
+                return Err(RosError::Transform { parent, child, reason });
+            }
+            self.feel(stamp, arrived);
+            self.push_reading(Reading::InSpace(SpaceReading::Imu(reading)));
         }
         Ok(())
     }
 
+    fn feel(&mut self, stamp: Stamp, arrived: Arrived) {
+        self.inertial.beat(arrived.since_start);
+        self.felt = self.felt.max(Some(stamp));
+    }
+
     fn wait(&mut self, waiting: Waiting) {
-        self.watch_clock(waiting.scan.stamp);
+        self.watch_clock(waiting.what.stamp());
         if self.is_paused {
             if let Some(topic) = self.topics.get_mut(&waiting.topic) {
                 topic.tally.drop_one(Reason::Paused);
@@ -313,45 +437,65 @@ impl Gate {
     /// The next that is for the mapper, if any is by now.
     pub fn next(&mut self, now: Duration) -> Option<Passed> {
         loop {
-            let scan = self.waiting.front().map(|waiting| waiting.scan.stamp);
-            let is_next = |reading: &mut Reading| scan.is_none_or(|scan| reading.stamp() <= scan);
+            if let Some(reading) = self.at_once.pop_front() {
+                return Some(Passed::Reading(reading));
+            }
+            let end = self.waiting.front().map(|waiting| waiting.what.end());
+            let is_next = |reading: &mut Reading| end.is_none_or(|end| reading.stamp() <= end);
             if let Some(reading) = self.readings.pop_front_if(is_next) {
                 return Some(Passed::Reading(reading));
             }
             let waiting = self.waiting.front()?;
-            let (since, stamp, frame) = (waiting.since, waiting.scan.stamp, waiting.scan.laser.name.clone());
+            let (since, stamp, frame) = (waiting.since, waiting.what.stamp(), waiting.what.frame().to_owned());
             let topic = self.topics.get(&waiting.topic);
             let has_waited = now.saturating_sub(since) >= self.settings.wait;
-            // Where others of its topic have waited for it in vain, nobody waits for its place: no scan of another laser does either.
+            // Where others of its topic have waited for it in vain, nobody waits for its place: no scan of another sensor does either.
             let is_without_place = topic.is_some_and(|topic| topic.is_without_place);
             if topic.is_some_and(|topic| topic.last.is_some_and(|last| stamp <= last)) {
                 self.drop_oldest(Reason::Late);
                 continue;
             }
+            if !waiting.is_whole && !self.is_felt(&waiting.what, has_waited, now) {
+                return None;
+            }
             let placed = if waiting.is_whole {
                 None
             } else {
-                let mounting = match self.mounting(&frame, stamp, has_waited || is_without_place) {
+                let place = match self.place(&frame, stamp, has_waited || is_without_place) {
                     Ready::Wait => return None,
-                    Ready::Now(Ok(mounting)) => mounting,
+                    Ready::Now(Ok(place)) => place,
                     Ready::Now(Err(error)) => {
                         self.refuse_oldest(now, &error);
                         continue;
                     }
                 };
                 let Ready::Now(odom_from_robot) = self.odometry_at(stamp, has_waited, now) else { return None };
-                Some((mounting, odom_from_robot))
+                Some((place, odom_from_robot))
             };
-            let Waiting { topic, mut scan, .. } = self.waiting.pop_front()?;
-            if let Some((mounting, odom_from_robot)) = placed {
-                scan.laser = self.placed(&scan.laser, &mounting);
-                scan.odom_from_robot = odom_from_robot;
-            }
+            let Waiting { topic, what, .. } = self.waiting.pop_front()?;
             if let Some(topic) = self.topics.get_mut(&topic) {
                 topic.tally.use_one();
                 (topic.last, topic.trouble, topic.is_without_place) = (Some(stamp), None, false);
             }
-            return Some(Passed::Scan(scan));
+            return Some(self.passed(what, placed));
+        }
+    }
+
+    /// A scan or a cloud where it was taken.
+    fn passed(&mut self, what: What, placed: Option<(Mounted, Option<Pose3>)>) -> Passed {
+        match (what, placed) {
+            (What::Scan(mut scan), Some((Mounted::InPlane(mounting), odom_from_robot))) => {
+                scan.laser = self.placed(&scan.laser, &mounting);
+                scan.odom_from_robot = odom_from_robot.map(|pose| planar(&pose));
+                Passed::Scan(scan)
+            }
+            (What::Cloud(mut cloud), Some((Mounted::InSpace(robot_from_sensor), odom_from_robot))) => {
+                cloud.sensor = self.placed_in_space(&cloud.sensor, robot_from_sensor);
+                cloud.odom_from_robot = odom_from_robot;
+                Passed::Cloud(cloud)
+            }
+            (What::Scan(scan), _) => Passed::Scan(scan),
+            (What::Cloud(cloud), _) => Passed::Cloud(cloud),
         }
     }
 
@@ -375,7 +519,8 @@ impl Gate {
     pub fn missing(&self, now: Duration) -> Vec<String> {
         let mut words = Vec::new();
         if self.topics.is_empty() && now > NOTHING_YET {
-            words.push(format!("no scan has arrived for {:.0} s", now.as_secs_f64()));
+            let what = if self.settings.is_in_space { "cloud" } else { "scan" };
+            words.push(format!("no {what} has arrived for {:.0} s", now.as_secs_f64()));
         }
         for (name, topic) in &self.topics {
             if let Some(silent) = topic.pulse.fallen_silent(now) {
@@ -383,9 +528,12 @@ impl Gate {
             } else if let Some((since, why)) = &topic.trouble {
                 let for_s = now.saturating_sub(*since).as_secs_f64();
                 words.push(format!("{name} arrives and has not been used for {for_s:.1} s: {why}"));
+            } else if let Some(odd) = &topic.clouds.odd {
+                words.push(format!("{name}: {odd}"));
             }
         }
-        words.extend(self.without_odometry.as_ref().map(|why| format!("scans are mapped without odometry: {why}")));
+        let what = if self.settings.is_in_space { "clouds" } else { "scans" };
+        words.extend(self.without_odometry.as_ref().map(|why| format!("{what} are mapped without odometry: {why}")));
         words
     }
 
@@ -421,24 +569,34 @@ impl Gate {
         let Ok(pose) = self.transforms.lookup(&self.settings.odom_frame, &self.settings.robot_frame, stamp) else {
             return;
         };
-        self.push_reading(Reading::Odometry(Odometry { stamp, odom_from_robot: planar(&pose) }));
+        self.push_reading(match self.settings.is_in_space {
+            true => Reading::InSpace(SpaceReading::Odometry(stamp)),
+            false => Reading::Odometry(Odometry { stamp, odom_from_robot: planar(&pose) }),
+        });
     }
 
-    fn mounting(&self, frame: &str, stamp: Stamp, has_waited: bool) -> Ready<Result<Mounting, RosError>> {
+    /// Whether what an inertial sensor feels until the end of a cloud is known, or nobody waits for it any more.
+    fn is_felt(&self, what: &What, has_waited: bool, now: Duration) -> bool {
+        let is_over = has_waited || self.inertial.silence(now) >= self.settings.wait;
+        matches!(what, What::Scan(_)) || is_over || self.felt.is_none_or(|felt| felt >= what.end())
+    }
+
+    fn place(&self, frame: &str, stamp: Stamp, has_waited: bool) -> Ready<Result<Mounted, RosError>> {
         match self.transforms.lookup(&self.settings.robot_frame, frame, stamp) {
-            Ok(pose) => Ready::Now(Mounting::project(pose, TILT_MOST_DEG)),
+            Ok(pose) if self.settings.is_in_space => Ready::Now(Ok(Mounted::InSpace(pose))),
+            Ok(pose) => Ready::Now(Mounting::project(pose, TILT_MOST_DEG).map(Mounted::InPlane)),
             Err(_) if !has_waited => Ready::Wait,
             Err(error) => Ready::Now(Err(error)),
         }
     }
 
     /// Odometry's pose at a stamp: between the readings around it; else, once nothing later comes, the one before.
-    fn odometry_at(&mut self, stamp: Stamp, has_waited: bool, now: Duration) -> Ready<Option<Pose2>> {
+    fn odometry_at(&mut self, stamp: Stamp, has_waited: bool, now: Duration) -> Ready<Option<Pose3>> {
         let (odom, robot) = (&self.settings.odom_frame, &self.settings.robot_frame);
         let error = match self.transforms.lookup(odom, robot, stamp) {
             Ok(pose) => {
                 self.without_odometry = None;
-                return Ready::Now(Some(planar(&pose)));
+                return Ready::Now(Some(pose));
             }
             Err(error) => error,
         };
@@ -453,7 +611,7 @@ impl Gate {
         let before = known.filter(|(_, last)| stamp.secs_since(*last) <= ODOMETRY_GAP_S);
         let pose = before.and_then(|(_, last)| self.transforms.lookup(odom, robot, last).ok());
         self.without_odometry = pose.is_none().then(|| error.to_string());
-        Ready::Now(pose.map(|pose| planar(&pose)))
+        Ready::Now(pose)
     }
 
     /// The laser where it sits; lasers that are alike are shared.
@@ -468,6 +626,22 @@ impl Gate {
                 }
                 let made = Arc::new(laser);
                 self.lasers.insert(made.name.clone(), Arc::clone(&made));
+                made
+            }
+        }
+    }
+
+    /// The same of a sensor in space.
+    fn placed_in_space(&mut self, sensor: &SpaceSensor, robot_from_sensor: Pose3) -> Arc<SpaceSensor> {
+        let sensor = SpaceSensor { robot_from_sensor, ..sensor.clone() };
+        match self.sensors.get(&sensor.name) {
+            Some(known) if **known == sensor => Arc::clone(known),
+            _ => {
+                if self.sensors.len() >= TOPICS_MOST {
+                    self.sensors.clear();
+                }
+                let made = Arc::new(sensor);
+                self.sensors.insert(made.name.clone(), Arc::clone(&made));
                 made
             }
         }
@@ -497,13 +671,13 @@ impl Gate {
         if self.behind < SET_BACK_SCANS {
             return;
         }
-        (self.newest, self.behind, self.set_back) = (Some(stamp), 0, self.set_back + 1);
+        (self.newest, self.behind, self.set_back, self.felt) = (Some(stamp), 0, self.set_back + 1, None);
         self.transforms.forget_moving();
         self.readings.clear();
         self.topics.values_mut().for_each(|topic| topic.last = None);
         let before: Vec<Waiting> = self.waiting.drain(..).collect();
         for waiting in before {
-            if waiting.scan.stamp.secs_since(stamp).abs() <= WINDOW_S {
+            if waiting.what.stamp().secs_since(stamp).abs() <= WINDOW_S {
                 self.waiting.push_back(waiting);
             } else if let Some(topic) = self.topics.get_mut(&waiting.topic) {
                 topic.tally.drop_one(Reason::Late);

@@ -2,8 +2,10 @@
 
 use crate::door::{Door, Next};
 use crate::gate::{Arrived, Gate, Passed, Reading};
-use mapwright::{Job, JobResult, LaserScan};
-use mapwright_ros::messages::{Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, TfMessage};
+use mapwright::{Cloud, Job, JobResult, LaserScan, Maps};
+use mapwright_ros::messages::{
+    Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, PointCloud2, TfMessage,
+};
 use mapwright_ros::{Channel, Decoder, Encoding, RosError};
 use std::any::Any;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -26,6 +28,20 @@ pub enum Heard {
         /// The message.
         bytes: Vec<u8>,
     },
+    /// `sensor_msgs/PointCloud2` of a topic.
+    Cloud {
+        /// Its name.
+        topic: String,
+        /// The message.
+        bytes: Vec<u8>,
+    },
+    /// A cloud of a topic that says itself where its sensor sits and where odometry has the robot: of a recording, or of a lidar over the network.
+    WholeCloud {
+        /// Its name.
+        topic: String,
+        /// The cloud.
+        cloud: Box<Cloud>,
+    },
     /// `tf2_msgs/TFMessage`.
     Transforms {
         /// The message.
@@ -38,7 +54,7 @@ pub enum Heard {
         /// The message.
         bytes: Vec<u8>,
     },
-    /// Scans of a topic that were overtaken before they came to the door.
+    /// Scans or clouds of a topic that were overtaken before they came to the door.
     Overtaken {
         /// Its name.
         topic: String,
@@ -67,6 +83,7 @@ pub enum Heard {
 #[derive(Debug)]
 struct Ears {
     scan: Decoder<ScanMessage<'static>>,
+    cloud: Decoder<PointCloud2<'static>>,
     transforms: Decoder<TfMessage<'static>>,
     odometry: Decoder<OdometryMessage<'static>>,
     imu: Decoder<ImuMessage<'static>>,
@@ -77,6 +94,7 @@ impl Ears {
         let channel = |name: &str| Channel::new(name, Encoding::Cdr, None);
         Ok(Self {
             scan: Decoder::new(&channel("sensor_msgs/msg/LaserScan")?)?,
+            cloud: Decoder::new(&channel("sensor_msgs/msg/PointCloud2")?)?,
             transforms: Decoder::new(&channel("tf2_msgs/msg/TFMessage")?)?,
             odometry: Decoder::new(&channel("nav_msgs/msg/Odometry")?)?,
             imu: Decoder::new(&channel("sensor_msgs/msg/Imu")?)?,
@@ -90,6 +108,11 @@ impl Ears {
                 Ok(scan) => gate.hear_scan(&topic, &scan, arrived),
                 Err(error) => gate.hear_unreadable(&topic, &error, arrived),
             },
+            Heard::Cloud { topic, bytes } => match self.cloud.decode(&bytes) {
+                Ok(cloud) => gate.hear_cloud(&topic, &cloud, arrived),
+                Err(error) => gate.hear_unreadable(&topic, &error, arrived),
+            },
+            Heard::WholeCloud { topic, cloud } => gate.hear_whole_cloud(&topic, *cloud, arrived),
             Heard::Transforms { bytes, is_static } => {
                 return gate.hear_transforms(&self.transforms.decode(&bytes)?, is_static, arrived);
             }
@@ -106,14 +129,15 @@ impl Ears {
 
 /// Who maps what comes through the door, and hears of all that happens meanwhile.
 pub trait Driver {
-    /// A reading of the robot's motion.
-    fn add_reading(&mut self, reading: &Reading);
-    /// A scan, with its laser's place on the robot and odometry's pose at its stamp.
-    fn add_scan(&mut self, scan: &LaserScan);
+    /// What is mapped: the plane or space.
+    type Maps: Maps;
+
+    /// What comes through the gate: scans or clouds, and what is read between them.
+    fn add(&mut self, passed: &Passed);
     /// The next job to be done beside.
-    fn next_job(&mut self) -> Option<Job>;
+    fn next_job(&mut self) -> Option<Job<Self::Maps>>;
     /// The result of a job.
-    fn apply(&mut self, result: JobResult);
+    fn apply(&mut self, result: JobResult<Self::Maps>);
     /// A message of transforms, odometry or inertial readings was refused.
     fn refused(&mut self, error: &RosError);
     /// Something that is asked of it.
@@ -128,14 +152,14 @@ pub trait Driver {
 ///
 /// # Errors
 /// [`RosError`] where a built-in definition of a message does not fit, which is a fault of this program.
-pub fn map(
+pub fn map<M: Maps>(
     door: &Door<(Arrived, Heard)>,
     now: &dyn Fn() -> Duration,
     gate: &mut Gate,
-    driver: &mut dyn Driver,
+    driver: &mut dyn Driver<Maps = M>,
 ) -> Result<(), RosError> {
     let mut ears = Ears::new()?;
-    let ((jobs, to_do), (done, results)) = (channel::<Job>(), channel::<JobResult>());
+    let ((jobs, to_do), (done, results)) = (channel::<Job<M>>(), channel::<JobResult<M>>());
     thread::scope(|scope| {
         scope.spawn(move || work(&to_do, &done));
         let mut worker = Worker { jobs, results, is_busy: false };
@@ -154,10 +178,7 @@ pub fn map(
             }
             let by_now = if is_over { Duration::MAX } else { now() };
             while let Some(passed) = gate.next(by_now) {
-                match passed {
-                    Passed::Reading(reading) => driver.add_reading(&reading),
-                    Passed::Scan(scan) => driver.add_scan(&scan),
-                }
+                driver.add(&passed);
                 worker.turn(driver);
             }
             worker.turn(driver);
@@ -172,7 +193,7 @@ pub fn map(
 }
 
 /// Does jobs until nobody has any more.
-fn work(to_do: &Receiver<Job>, done: &Sender<JobResult>) {
+fn work<M: Maps>(to_do: &Receiver<Job<M>>, done: &Sender<JobResult<M>>) {
     for job in to_do {
         if done.send(job.run()).is_err() {
             return;
@@ -181,15 +202,15 @@ fn work(to_do: &Receiver<Job>, done: &Sender<JobResult>) {
 }
 
 /// The other thread, as the mapper's sees it.
-struct Worker {
-    jobs: Sender<Job>,
-    results: Receiver<JobResult>,
+struct Worker<M: Maps> {
+    jobs: Sender<Job<M>>,
+    results: Receiver<JobResult<M>>,
     is_busy: bool,
 }
 
-impl Worker {
+impl<M: Maps> Worker<M> {
     /// Takes in a result that is there, and hands out the next job.
-    fn turn(&mut self, driver: &mut dyn Driver) {
+    fn turn(&mut self, driver: &mut dyn Driver<Maps = M>) {
         if self.is_busy {
             match self.results.try_recv() {
                 Ok(result) => self.apply(result, driver),
@@ -202,7 +223,7 @@ impl Worker {
     }
 
     /// Until nothing is left to be done.
-    fn finish(&mut self, driver: &mut dyn Driver) {
+    fn finish(&mut self, driver: &mut dyn Driver<Maps = M>) {
         self.turn(driver);
         while self.is_busy {
             let Ok(result) = self.results.recv() else { return };
@@ -211,7 +232,7 @@ impl Worker {
         }
     }
 
-    fn apply(&mut self, result: JobResult, driver: &mut dyn Driver) {
+    fn apply(&mut self, result: JobResult<M>, driver: &mut dyn Driver<Maps = M>) {
         self.is_busy = false;
         driver.apply(result);
     }

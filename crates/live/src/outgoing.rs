@@ -1,9 +1,9 @@
 //! What others are told, as messages of ROS 2 in CDR.
 
-use mapwright_geom::{Cov3, Pose2, Pose3, Stamp};
+use mapwright_geom::{Cov3, Cov6, Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{
-    Header, MapMetaData, OccupancyGrid, OccupancyGridUpdate, PoseWithCovariance, PoseWithCovarianceStamped, TfMessage,
-    TransformStamped,
+    Header, MapMetaData, OccupancyGrid, OccupancyGridUpdate, PointCloud2, PointField, PoseStamped, PoseWithCovariance,
+    PoseWithCovarianceStamped, TfMessage, TransformStamped,
 };
 use mapwright_ros::{Encoding, RosError, encode};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -110,7 +110,7 @@ pub struct Link<'a> {
     /// Until when it holds.
     pub stamp: Stamp,
     /// Pose of the child in the parent.
-    pub parent_from_child: Pose2,
+    pub parent_from_child: Pose3,
 }
 
 /// `tf2_msgs/TFMessage` of these transforms.
@@ -121,7 +121,7 @@ pub fn transforms(links: &[Link<'_>]) -> Result<Vec<u8>, RosError> {
     let transforms = links.iter().map(|link| TransformStamped {
         header: Header::new(link.stamp, link.parent),
         child_frame_id: link.child.into(),
-        transform: in_space(link.parent_from_child).into(),
+        transform: link.parent_from_child.into(),
     });
     encode(&TfMessage { transforms: transforms.collect() }, Encoding::Cdr)
 }
@@ -146,7 +146,61 @@ pub fn pose(frame: &str, stamp: Stamp, map_from_robot: Pose2, covariance: &Cov3)
     encode(&PoseWithCovarianceStamped { header: Header::new(stamp, frame), pose: message }, Encoding::Cdr)
 }
 
-fn in_space(pose: Pose2) -> Pose3 {
+/// `geometry_msgs/PoseStamped` in a frame.
+///
+/// # Errors
+/// [`RosError`] for a stamp that is none.
+pub fn goal(frame: &str, stamp: Stamp, map_from_goal: Pose2) -> Result<Vec<u8>, RosError> {
+    let message = PoseStamped { header: Header::new(stamp, frame), pose: in_space(map_from_goal).into() };
+    encode(&message, Encoding::Cdr)
+}
+
+/// `geometry_msgs/PoseWithCovarianceStamped` of a robot in space, whose covariance is of its position and its rotation vector.
+///
+/// # Errors
+/// [`RosError`] for a stamp that is none.
+pub fn pose_in_space(frame: &str, stamp: Stamp, map_from_robot: Pose3, covariance: &Cov6) -> Result<Vec<u8>, RosError> {
+    let rotation = map_from_robot.rotation.to_rotation_matrix();
+    let mut turned = Cov6::zeros();
+    turned.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
+    turned.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
+    let in_map = turned * covariance * turned.transpose();
+    let mut message = PoseWithCovariance { pose: map_from_robot.into(), ..PoseWithCovariance::default() };
+    let entries = &mut message.covariance.0;
+    (0..36).for_each(|at| entries[at] = in_map[(at / 6, at % 6)]);
+    encode(&PoseWithCovarianceStamped { header: Header::new(stamp, frame), pose: message }, Encoding::Cdr)
+}
+
+/// `sensor_msgs/PointCloud2` of points in a frame, metres.
+///
+/// # Errors
+/// [`RosError`] for a stamp that is none, or where there are more points than a message can have.
+pub fn points(frame: &str, stamp: Stamp, points_m: &[[f32; 3]]) -> Result<Vec<u8>, RosError> {
+    /// Bytes of a point: three numbers of four bytes.
+    const STEP: u32 = 12;
+    /// What PointField calls them.
+    const FLOAT32: u8 = 7;
+    let field =
+        |(name, offset): (&'static str, u32)| PointField { name: name.into(), offset, datatype: FLOAT32, count: 1 };
+    let width = u32::try_from(points_m.len()).unwrap_or(u32::MAX);
+    let data: Vec<u8> = points_m.iter().flatten().flat_map(|coordinate| coordinate.to_le_bytes()).collect();
+    let message = PointCloud2 {
+        header: Header::new(stamp, frame),
+        height: 1,
+        width,
+        fields: [("x", 0), ("y", 4), ("z", 8)].map(field).into(),
+        is_bigendian: false,
+        point_step: STEP,
+        row_step: STEP.saturating_mul(width),
+        data: &data,
+        is_dense: true,
+    };
+    encode(&message, Encoding::Cdr)
+}
+
+/// A pose of the plane in space.
+#[must_use]
+pub fn in_space(pose: Pose2) -> Pose3 {
     let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pose.theta);
     Pose3 { translation: Vector3::new(pose.x, pose.y, 0.0), rotation }
 }
@@ -176,6 +230,28 @@ mod tests {
             "{entries:?}"
         );
         assert_eq!((entries[14], read.header.frame(), read.header.stamp), (NOT_ESTIMATED, "map", Stamp(5)));
+    }
+
+    #[test]
+    fn a_pose_in_space_has_its_covariance_in_the_maps_axes() {
+        // 3 along the robot's way, which is the map's y; 0.5 about its upright axis, which is the map's
+        let covariance = Cov6::from_diagonal(&[3.0, 1.0, 2.0, 0.1, 0.2, 0.5].into());
+        let map_from_robot = in_space(Pose2::new(1.0, 2.0, FRAC_PI_2));
+        let bytes = pose_in_space("map", Stamp(5), map_from_robot, &covariance).unwrap();
+        let mut decoder: Decoder<PoseWithCovarianceStamped<'static>> =
+            Decoder::new(&channel("geometry_msgs/PoseWithCovarianceStamped")).unwrap();
+        let entries = decoder.decode(&bytes).unwrap().pose.covariance.0;
+        let found = [0, 7, 14, 21, 28, 35].map(|at| (1e9 * entries[at]).round() / 1e9);
+        assert_eq!(found, [1.0, 3.0, 2.0, 0.2, 0.1, 0.5]);
+    }
+
+    #[test]
+    fn points_are_read_as_they_were() {
+        let told = [[1.0, -2.0, 3.5], [0.0, 0.25, -7.0]];
+        let bytes = points("map", Stamp(5), &told).unwrap();
+        let mut decoder: Decoder<PointCloud2<'static>> = Decoder::new(&channel("sensor_msgs/PointCloud2")).unwrap();
+        let read = decoder.decode(&bytes).unwrap();
+        assert_eq!(mapwright_ros::Cloud::new(&read).unwrap().to_points().points_m, told);
     }
 
     #[test]

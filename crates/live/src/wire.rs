@@ -15,6 +15,11 @@ pub enum Delivery {
         /// So many of the newest are kept for who is slow.
         depth: u32,
     },
+    /// For who hears: what gets lost is sent again where whoever sends keeps it, and lost where not. Who sends keeps it.
+    AsOffered {
+        /// So many of the newest are kept for who is slow.
+        depth: u32,
+    },
     /// As reliable, and who comes later gets the newest as well (transient local).
     Latched {
         /// So many of the newest are kept for who is slow or late.

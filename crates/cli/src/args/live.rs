@@ -15,12 +15,16 @@ pub(crate) struct LiveArgs {
     pub(crate) log: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
-    /// A lidar on a cable: ld06, ld19 or rplidar, and its port, as ld06:/dev/ttyUSB0; and @ and the baud rate where it is another.
+    /// A lidar on a cable: ld06, ld19 or rplidar, and its port, as ld06:/dev/ttyUSB0; and @ and the baud rate where it is another. Or one of space on
+    /// the network: velodyne, ouster or hesai, and the port or the address at which its datagrams arrive, as velodyne:2368.
     #[arg(long, value_name = "KIND:PORT", conflicts_with = "log")]
     pub(crate) lidar: Option<LidarPlace>,
     /// Where that lidar sits on the robot: metres, metres, radians.
     #[arg(long, value_name = "X,Y,YAW", value_parser = super::parse_pose, allow_hyphen_values = true, requires = "lidar")]
     pub(crate) lidar_mount: Option<Pose2>,
+    /// What an Ouster says of itself (`curl http://SENSOR/api/v1/sensor/metadata`).
+    #[arg(long, value_name = "FILE", requires = "lidar")]
+    pub(crate) lidar_metadata: Option<PathBuf>,
     /// The recording is played so many times as fast as it was made.
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = super::parse_factor)]
     pub(crate) rate: f64,
@@ -60,12 +64,21 @@ pub(crate) struct RosArgs {
     /// Topic of scans (`sensor_msgs/LaserScan`); may be repeated. Otherwise that of the parameter scan_topic.
     #[arg(long = "scan", value_name = "TOPIC")]
     pub(crate) scans: Vec<String>,
+    /// Topic of clouds (`sensor_msgs/PointCloud2`), of a lidar or a depth camera: they are mapped, in space, and no scans; may be repeated.
+    #[arg(long = "points", value_name = "TOPIC", conflicts_with_all = ["log", "lidar", "scans", "localise"])]
+    pub(crate) points: Vec<String>,
     /// Topic of odometry (`nav_msgs/Odometry`), used where transforms do not say the same.
     #[arg(long, value_name = "TOPIC", default_value = "/odom")]
     pub(crate) odometry: String,
     /// Topic of inertial readings (`sensor_msgs/Imu`).
     #[arg(long, value_name = "TOPIC", default_value = "/imu")]
     pub(crate) imu: String,
+    /// Tell goals (`goal_pose`) until the map shows all that the robot can reach: Nav2 drives there.
+    #[arg(long, conflicts_with_all = ["localise", "points"])]
+    pub(crate) explore: bool,
+    /// Radius of the circle that the robot needs, metres.
+    #[arg(long, value_name = "METRES", default_value_t = 0.2, value_parser = super::parse_radius, requires = "explore")]
+    pub(crate) robot_radius: f64,
     /// Wait until a lifecycle manager configures and activates the node.
     #[arg(long)]
     pub(crate) managed: bool,

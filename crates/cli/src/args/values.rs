@@ -107,6 +107,10 @@ pub(super) fn parse_factor(text: &str) -> Result<f64, String> {
     within(text, 0.01..=100.0, "a factor from 0.01 to 100")
 }
 
+pub(super) fn parse_radius(text: &str) -> Result<f64, String> {
+    within(text, 0.05..=5.0, "a radius from 0.05 to 5 m")
+}
+
 fn within(text: &str, range: std::ops::RangeInclusive<f64>, expected: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v| range.contains(v)).ok_or_else(|| format!("expected {expected}"))
 }

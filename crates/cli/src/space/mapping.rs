@@ -16,7 +16,7 @@ use crate::progress::Progress;
 use crate::session::SessionLog;
 use crate::stamps::Stamper;
 use crate::timing::StageClock;
-use mapwright::{Cloud, Pose3, RunId, Session, SpaceMapper, SpaceSensor, SpaceSweep, Stamp, Update};
+use mapwright::{Cloud, Pose3, RunId, Session, Settings, SpaceMapper, SpaceSensor, SpaceSweep, Stamp, Update};
 use mapwright_formats::{StampedPose3, TumWriter, write_ply};
 use mapwright_graph::g2o::{AnyPoseGraph, write_g2o};
 use std::fs::File;
@@ -29,7 +29,7 @@ const LOG_PER_CHECKPOINT: usize = 16;
 /// A mapper in space, and everything that is made of its updates.
 pub(super) struct Mapping {
     pub(super) mapper: SpaceMapper,
-    log: SessionLog<SpaceSweep>,
+    pub(super) log: SessionLog<SpaceSweep>,
     pub(super) earlier_losses: Vec<String>,
     pub(super) tally: Tally,
     pub(super) clock: StageClock,
@@ -46,12 +46,22 @@ pub(super) struct Mapping {
 impl Mapping {
     pub(super) fn begin(
         args: &MappingArgs,
+        output: OutputFolder,
+        length: Option<u64>,
+        earlier: (Option<Session<SpaceSweep>>, Vec<String>),
+    ) -> Result<Self, Failure> {
+        Self::begin_with(args, settings_of(args)?, output, length, earlier)
+    }
+
+    /// The same with these settings.
+    pub(super) fn begin_with(
+        args: &MappingArgs,
+        settings: Settings,
         mut output: OutputFolder,
         length: Option<u64>,
         (earlier, earlier_losses): (Option<Session<SpaceSweep>>, Vec<String>),
     ) -> Result<Self, Failure> {
         let clock = StageClock::start();
-        let settings = settings_of(args)?;
         let log = SessionLog::begin(&mut output, earlier.as_ref())?;
         let mapper = match earlier {
             Some(session) => SpaceMapper::resume(settings, session)?,
@@ -75,14 +85,41 @@ impl Mapping {
     }
 
     pub(super) fn add_cloud(&mut self, cloud: &Cloud) -> Result<(), Failure> {
-        let update: Update<SpaceSweep> = self.mapper.add_cloud(cloud);
+        let update = self.map(cloud);
+        self.write(update)
+    }
+
+    /// The same while the robot drives: what came of it, and whether it could be written down.
+    pub(super) fn add_cloud_live(&mut self, cloud: &Cloud) -> (Update<SpaceSweep>, Result<(), Failure>) {
+        let update = self.map(cloud);
+        (update.clone(), self.write(update))
+    }
+
+    /// All that was recorded.
+    pub(super) fn session(&self) -> &Session<SpaceSweep> {
+        self.log.session()
+    }
+
+    /// The trajectory as it is known while it is driven begins anew.
+    pub(super) fn begin_trajectory(&mut self) -> Result<(), Failure> {
+        self.online = Some(TumWriter::new(self.output.begin(ONLINE)?));
+        self.tally = Tally::default();
+        Ok(())
+    }
+
+    fn map(&mut self, cloud: &Cloud) -> Update<SpaceSweep> {
+        let update = self.mapper.add_cloud(cloud);
         self.tally.add(cloud, &update);
+        self.clock.scan(update.scan);
+        self.progress.scan(update.stamp, self.tally.clouds);
+        update
+    }
+
+    fn write(&mut self, update: Update<SpaceSweep>) -> Result<(), Failure> {
         if let Some(online) = &mut self.online {
             let pose = stamped(self.stamper.next(update.stamp), update.map_from_robot);
             online.write(&pose).map_err(|cause| Failure::write(self.output.path(ONLINE), cause))?;
         }
-        self.clock.scan(update.scan);
-        self.progress.scan(update.stamp, self.tally.clouds);
         self.log.add(update.entries).inspect_err(|_| self.output.failed_to_write())?;
         self.take_down()
     }

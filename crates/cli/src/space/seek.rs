@@ -97,7 +97,7 @@ pub(crate) fn is_of_space(path: &Path, args: &SourceArgs) -> Result<bool, Failur
 }
 
 /// The clouds of a recording of messages.
-pub(super) fn in_space<'a>(
+pub(crate) fn in_space<'a>(
     path: &Path,
     args: &SourceArgs,
     watch: &mut dyn FnMut(&str, u64) -> bool,

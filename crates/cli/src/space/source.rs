@@ -24,7 +24,7 @@ impl<'a> Source<'a> {
     }
 
     /// The next cloud; none at the end. Readings that come before it are handed to `feel`.
-    pub(super) fn next_cloud(&mut self, feel: &mut dyn FnMut(SpaceReading)) -> Result<Option<Cloud>, Failure> {
+    pub(crate) fn next_cloud(&mut self, feel: &mut dyn FnMut(SpaceReading)) -> Result<Option<Cloud>, Failure> {
         match self {
             Self::Files { clouds, name, .. } => {
                 let cloud = clouds.next_cloud().map_err(|cause| Failure::Log(format!("{name}: {cause}")))?;
@@ -164,7 +164,7 @@ impl<'a> Source<'a> {
     }
 
     /// All that is to be said of it, once it was read.
-    pub(super) fn read(&self) -> Read {
+    pub(crate) fn read(&self) -> Read {
         let (losses, mut odd) = self.damages();
         let [more, doubts] = self.doubts();
         odd.extend(more);
@@ -197,7 +197,7 @@ impl<'a> Source<'a> {
 
 /// What is said of a source that was read, or of several in a row.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Read {
+pub(crate) struct Read {
     pub(super) kind: String,
     pub(super) frames: u64,
     /// None where nothing but sessions was read.
@@ -223,6 +223,11 @@ pub(super) struct Read {
 }
 
 impl Read {
+    /// Of clouds that were heard while the robot drove.
+    pub(crate) fn live(topics: &str) -> Self {
+        Self { kind: format!("clouds of {topics}, live"), ..Self::default() }
+    }
+
     pub(super) fn robot_from_sensor(&self) -> Pose3 {
         self.sensor.as_ref().map_or_else(Pose3::identity, |sensor| sensor.robot_from_sensor)
     }

@@ -41,7 +41,7 @@ fn scans(gate: &mut Gate, seconds: f64) -> Vec<LaserScan> {
     let next = || gate.next(at(seconds).since_start);
     let is_scan = |passed| match passed {
         Passed::Scan(scan) => Some(scan),
-        Passed::Reading(_) => None,
+        Passed::Cloud(_) | Passed::Reading(_) => None,
     };
     std::iter::from_fn(next).filter_map(is_scan).collect()
 }
@@ -72,6 +72,7 @@ fn odometry_passes_in_the_order_of_stamps_with_the_scans() {
         .map(|passed| match passed {
             Passed::Scan(scan) => scan.stamp,
             Passed::Reading(reading) => reading.stamp(),
+            Passed::Cloud(cloud) => cloud.stamp,
         })
         .collect();
     assert_eq!(order, [1.0, 1.05, 1.1].map(|seconds| at(seconds).stamp));
@@ -229,6 +230,105 @@ fn events() -> impl Strategy<Value = Vec<Event>> {
         1 => prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(1e300)].prop_map(Event::Odd),
     ];
     prop::collection::vec(event, 0..150)
+}
+
+/// Three points of a frame, taken `spread` seconds apart.
+fn cloud_bytes(spread: f32) -> Vec<u8> {
+    let points = [[1.0, 0.0, 0.5], [2.0, 1.0, 0.0], [f32::NAN, 0.0, 0.0]];
+    let timed = (0_u16..).zip(points).flat_map(|(k, [x, y, z])| [x, y, z, spread * f32::from(k)]);
+    timed.flat_map(f32::to_le_bytes).collect()
+}
+
+fn cloud<'a>(seconds: f64, frame: &'a str, data: &'a [u8]) -> PointCloud2<'a> {
+    let field = |(name, offset): (&'static str, u32)| mapwright_ros::messages::PointField {
+        name: name.into(),
+        offset,
+        datatype: 7,
+        count: 1,
+    };
+    PointCloud2 {
+        header: Header::new(at(seconds).stamp, frame),
+        height: 1,
+        width: (data.len() / 16) as u32,
+        fields: [("x", 0), ("y", 4), ("z", 8), ("time", 12)].map(field).into(),
+        is_bigendian: false,
+        point_step: 16,
+        row_step: data.len() as u32,
+        data,
+        is_dense: false,
+    }
+}
+
+fn imu(seconds: f64, forward: f64) -> ImuMessage<'static> {
+    let mut message = ImuMessage { header: Header::new(at(seconds).stamp, "lidar"), ..Default::default() };
+    (message.angular_velocity.x, message.linear_acceleration.z) = (forward, 9.81);
+    message
+}
+
+fn in_space() -> Gate {
+    let mut gate = Gate::new(GateSettings { is_in_space: true, ..GateSettings::default() });
+    gate.hear_transforms(&link("base_link", "lidar", 0.0, 0.2), true, at(0.0)).unwrap();
+    gate
+}
+
+fn passed(gate: &mut Gate, seconds: f64) -> Vec<Passed> {
+    std::iter::from_fn(|| gate.next(at(seconds).since_start)).collect()
+}
+
+#[test]
+fn a_cloud_waits_for_odometry_at_its_beginning_and_for_inertial_readings_until_its_end() {
+    let (mut gate, data) = (in_space(), cloud_bytes(0.04));
+    drive(&mut gate, 0.9);
+    gate.hear_imu(&imu(0.95, 0.5), at(0.95)).unwrap();
+    gate.hear_cloud("/points", &cloud(1.0, "lidar", &data), at(1.09));
+    let is_cloud = |passed: &Passed| matches!(passed, Passed::Cloud(_));
+    assert!(!passed(&mut gate, 1.1).iter().any(is_cloud), "neither is there");
+    drive(&mut gate, 1.1);
+    assert!(!passed(&mut gate, 1.11).iter().any(is_cloud), "its end is not felt yet");
+    gate.hear_imu(&imu(1.03, 0.5), at(1.12)).unwrap();
+    assert!(!passed(&mut gate, 1.13).iter().any(is_cloud), "its end is not felt yet");
+    gate.hear_imu(&imu(1.12, 0.7), at(1.13)).unwrap();
+    let out = passed(&mut gate, 1.14);
+    let found: Vec<&Cloud> = out
+        .iter()
+        .filter_map(|passed| match passed {
+            Passed::Cloud(cloud) => Some(cloud),
+            _ => None,
+        })
+        .collect();
+    let [cloud] = found[..] else { panic!("{out:?}") };
+    let pose = cloud.odom_from_robot.unwrap();
+    assert!((pose.translation.x - 1.0).abs() < 1e-9 && cloud.sensor.robot_from_sensor.translation.x == 0.2, "{pose:?}");
+    assert_eq!((cloud.points_m.len(), &cloud.times_s[..2]), (3, &[0.0, 0.04][..]));
+    assert!(gate.missing(at(1.15).since_start).is_empty());
+}
+
+#[test]
+fn a_cloud_that_nothing_says_the_place_of_is_said_and_one_without_points_too() {
+    let (mut gate, data) = (in_space(), cloud_bytes(0.0));
+    gate.hear_cloud("/points", &cloud(1.0, "camera", &data), at(1.0));
+    assert!(passed(&mut gate, 1.1).is_empty());
+    assert!(passed(&mut gate, 2.0).is_empty());
+    assert!(gate.missing(at(2.0).since_start)[0].contains("camera"), "{:?}", gate.missing(at(2.0).since_start));
+    gate.hear_cloud("/points", &cloud(2.1, "lidar", &data[32..]), at(2.1));
+    gate.hear_cloud("/points", &cloud(2.2, "lidar", &[]), at(2.2));
+    let (_, tally) = gate.tallies().next().unwrap();
+    assert_eq!((tally.arrived(), tally.dropped_for(Reason::NoMount), tally.dropped_for(Reason::Unusable)), (3, 1, 2));
+    let odd = ImuMessage { header: Header::new(at(2.3).stamp, "lidar"), ..imu(2.3, f64::NAN) };
+    assert!(gate.hear_imu(&odd, at(2.3)).is_err(), "no robot turns so");
+}
+
+#[test]
+fn times_of_points_that_cannot_be_of_a_sweep_are_left_out_and_said() {
+    let (mut gate, data) = (in_space(), cloud_bytes(0.5));
+    for k in 0..10_u8 {
+        gate.hear_cloud("/points", &cloud(1.0 + 0.1 * f64::from(k), "lidar", &data), at(1.0 + 0.1 * f64::from(k)));
+    }
+    assert!(
+        gate.missing(at(2.0).since_start)[0].contains("times of points"),
+        "{:?}",
+        gate.missing(at(2.0).since_start)
+    );
 }
 
 proptest! {

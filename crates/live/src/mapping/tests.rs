@@ -35,12 +35,9 @@ fn poses(mapper: &Mapper) -> Vec<(Stamp, Pose2)> {
     mapper.trajectory().map(|at| (at.stamp, at.map_from_robot)).collect()
 }
 
-fn take_in(gate: &mut Gate, now: Duration, driven: &mut dyn Driver) {
+fn take_in(gate: &mut Gate, now: Duration, driven: &mut dyn Driver<Maps = mapwright_sensor::Sweep>) {
     while let Some(passed) = gate.next(now) {
-        match passed {
-            Passed::Reading(reading) => driven.add_reading(&reading),
-            Passed::Scan(scan) => driven.add_scan(&scan),
-        }
+        driven.add(&passed);
     }
 }
 
@@ -118,11 +115,13 @@ fn bytes_that_are_no_messages_are_counted_and_told() {
 fn whole_scans_wait_for_nothing_and_what_is_asked_is_asked_in_its_turn() {
     struct Listener(Vec<String>);
     impl Driver for Listener {
-        fn add_reading(&mut self, reading: &Reading) {
-            self.0.push(format!("{reading:?}"));
-        }
-        fn add_scan(&mut self, scan: &LaserScan) {
-            self.0.push(format!("scan {}", scan.stamp.0));
+        type Maps = mapwright_sensor::Sweep;
+        fn add(&mut self, passed: &Passed) {
+            self.0.push(match passed {
+                Passed::Reading(reading) => format!("{reading:?}"),
+                Passed::Scan(scan) => format!("scan {}", scan.stamp.0),
+                Passed::Cloud(cloud) => format!("cloud {}", cloud.stamp.0),
+            });
         }
         fn next_job(&mut self) -> Option<Job> {
             None

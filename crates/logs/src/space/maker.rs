@@ -300,49 +300,14 @@ impl CloudMaker {
         recorded: Stamp,
     ) -> Result<Made, String> {
         let sensor = Arc::clone(self.sensor(header)?);
-        let refused_time = self.settle_times(&mut points, is_absolute);
+        let refused_time = points.settle_times(self.times, is_absolute);
         if self.unit_m != 1.0 {
             let metres = |coordinate: &mut f32| *coordinate = (f64::from(*coordinate) * self.unit_m) as f32;
             points.points_m.iter_mut().flatten().for_each(metres);
         }
         let (header, is_unstamped) = stamp_or(header.stamp, recorded);
-        let cloud = Cloud {
-            stamp: Stamp(header.0.saturating_add(Stamp::from_secs_f64(points.start_s).0)),
-            sensor,
-            points_m: points.points_m,
-            times_s: points.times_s,
-            colours: points.colours,
-            intensities: points.intensities,
-            sigmas_m: Vec::new(),
-            odom_from_robot: None,
-        };
-        Ok(Made { cloud, is_unstamped, not_finite: points.not_finite, refused_time })
-    }
-
-    /// Brings times to seconds, or takes them away; then what they should be and are.
-    fn settle_times(&self, points: &mut CloudPoints, is_absolute: bool) -> Option<[String; 2]> {
-        if let Some(field) = &points.refused_time {
-            return Some([format!("`{field}` within a sweep of 1.5 s"), "other numbers".to_owned()]);
-        }
-        if points.times_s.is_empty() {
-            return None;
-        }
-        match self.times {
-            SweepTimes::Seconds => None,
-            // times of the stamp's own clock are no shares of anything
-            SweepTimes::Shares { sweep_s } if !is_absolute => {
-                points.times_s.iter_mut().for_each(|time| *time *= sweep_s as f32);
-                points.start_s *= sweep_s;
-                None
-            }
-            SweepTimes::Shares { sweep_s: interval_s } | SweepTimes::Refused { interval_s } => {
-                let last_s = points.times_s.iter().copied().fold(0.0, f32::max);
-                points.times_s.clear();
-                points.start_s = if is_absolute { points.start_s } else { 0.0 };
-                let expected = format!("times within a sweep, as clouds come every {interval_s:.2} s");
-                Some([expected, format!("times that span {last_s:.2} s")])
-            }
-        }
+        let not_finite = points.not_finite;
+        Ok(Made { cloud: points.into_cloud(header, sensor), is_unstamped, not_finite, refused_time })
     }
 
     /// Size and depth of a compressed image.

@@ -3,6 +3,9 @@
 use super::Cloud;
 use super::access::Access;
 use super::time::SWEEP_S;
+use mapwright_geom::Stamp;
+use mapwright_sensor::{Cloud as SensorCloud, SpaceSensor, SweepTimes};
+use std::sync::Arc;
 
 /// All points of a cloud, row by row.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -55,6 +58,50 @@ impl Cloud<'_> {
             refused_time,
             colours: colours.unwrap_or_default(),
             intensities,
+        }
+    }
+}
+
+impl CloudPoints {
+    /// Brings times to seconds by what they are, or takes them away; then what they should be and are, in words. `is_absolute` where they are of
+    /// the stamp's own clock.
+    pub fn settle_times(&mut self, times: SweepTimes, is_absolute: bool) -> Option<[String; 2]> {
+        if let Some(field) = &self.refused_time {
+            return Some([format!("`{field}` within a sweep of {SWEEP_S} s"), "other numbers".to_owned()]);
+        }
+        if self.times_s.is_empty() {
+            return None;
+        }
+        match times {
+            SweepTimes::Seconds => None,
+            // times of the stamp's own clock are no shares of anything
+            SweepTimes::Shares { sweep_s } if !is_absolute => {
+                self.times_s.iter_mut().for_each(|time| *time *= sweep_s as f32);
+                self.start_s *= sweep_s;
+                None
+            }
+            SweepTimes::Shares { sweep_s: interval_s } | SweepTimes::Refused { interval_s } => {
+                let last_s = self.times_s.iter().copied().fold(0.0, f32::max);
+                self.times_s.clear();
+                self.start_s = if is_absolute { self.start_s } else { 0.0 };
+                let expected = format!("times within a sweep, as clouds come every {interval_s:.2} s");
+                Some([expected, format!("times that span {last_s:.2} s")])
+            }
+        }
+    }
+
+    /// A cloud of a sensor, whose message has this stamp; without odometry.
+    #[must_use]
+    pub fn into_cloud(self, stamp: Stamp, sensor: Arc<SpaceSensor>) -> SensorCloud {
+        SensorCloud {
+            stamp: Stamp(stamp.0.saturating_add(Stamp::from_secs_f64(self.start_s).0)),
+            sensor,
+            points_m: self.points_m,
+            times_s: self.times_s,
+            colours: self.colours,
+            intensities: self.intensities,
+            sigmas_m: Vec::new(),
+            odom_from_robot: None,
         }
     }
 }

@@ -3,6 +3,7 @@
 use mapwright::{Entry, Session};
 use mapwright_live::node::asked::{Said, Why};
 use mapwright_live::outgoing::Grid;
+use mapwright_record::Measurement;
 use std::sync::mpsc::SyncSender;
 
 /// What comes of what somebody asks.
@@ -18,11 +19,11 @@ impl Reply {
 }
 
 /// What the drawer is told.
-pub(super) enum ToDraw {
+pub(super) enum ToDraw<M: Measurement> {
     /// What was written down.
-    Entries(Vec<Entry>),
+    Entries(Vec<Entry<M>>),
     /// Everything begins anew, with this.
-    Anew(Box<Session>),
+    Anew(Box<Session<M>>),
     /// Somebody wants the map as it is.
     Map(SyncSender<Reply>),
     /// Somebody wants the map in files of a name.

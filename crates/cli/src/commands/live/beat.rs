@@ -3,7 +3,7 @@
 use super::clock::Clock;
 use super::node::Node;
 use super::robot::Names;
-use mapwright::{Pose2, Stamp};
+use mapwright::{Pose3, Stamp};
 use mapwright_live::node::parameters::Setting;
 use mapwright_live::outgoing::{Link, transforms};
 use mapwright_live::wire::Publisher;
@@ -19,8 +19,8 @@ const PERIOD: Duration = Duration::from_millis(20);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     pub(super) stamp: Stamp,
-    pub(super) map_from_odom: Pose2,
-    pub(super) odom_from_robot: Pose2,
+    pub(super) map_from_odom: Pose3,
+    pub(super) odom_from_robot: Pose3,
     /// Nobody else tells where odometry has the robot.
     pub(super) is_without_odometry: bool,
 }

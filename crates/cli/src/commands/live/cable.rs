@@ -28,7 +28,7 @@ impl Words {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn say(&self, words: String) {
+    pub(super) fn say(&self, words: String) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if all.len() < 100 {
             all.push(words);

@@ -1,17 +1,17 @@
 //! The map as others see it, drawn beside the mapper from what is written down.
 
 use super::asking::{Reply, ToDraw};
+use super::beat::Known;
 use super::clock::Clock;
 use super::node::Node;
+use super::robot::Names;
 use crate::failure::Failure;
-use crate::image::map_image;
 use crate::output::write_whole;
-use mapwright::{Entry, GlobalMap, Session, Settings, Stamp};
-use mapwright_formats::{GridImage, UNKNOWN, write_map_yaml, write_pgm};
+use mapwright::{Entry, Maps, Pose3, Session, Settings, Update};
 use mapwright_live::node::asked::{Said, Why};
 use mapwright_live::node::parameters::Setting;
-use mapwright_live::outgoing::Grid;
-use mapwright_live::wire::Publisher;
+use mapwright_live::wire::Wire;
+use mapwright_ros::RosError;
 use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
@@ -19,30 +19,58 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// Where it goes.
-pub(super) struct Outlet {
-    pub(super) map: Box<dyn Publisher>,
-    pub(super) metadata: Box<dyn Publisher>,
-    pub(super) updates: Box<dyn Publisher>,
-    pub(super) frame: String,
-    /// What was told last.
-    pub(super) told: Option<Grid>,
+/// What takes long to draw is drawn more seldom: for so many times as long nothing is drawn.
+const PAUSES: u32 = 10;
+
+/// What is wanted beside the map.
+pub(super) struct Wanted<'a> {
+    pub(super) settings: &'a Settings,
+    /// Whether goals are to be told.
+    pub(super) explores: bool,
+    /// Radius of the circle that the robot needs, metres.
+    pub(super) radius_m: f64,
+    /// Where the robot is.
+    pub(super) known: &'a Arc<Known>,
+}
+
+/// What can be drawn while a robot drives, and told.
+pub(super) trait Drawn: Maps {
+    /// Whether it is clouds that are mapped.
+    const IS_IN_SPACE: bool;
+    /// What is drawn on.
+    type Canvas;
+    /// Where it goes.
+    type Outlet: Send;
+    /// Topics for it.
+    fn advertise(wire: &mut dyn Wire, names: &Names, wanted: &Wanted<'_>) -> Result<Self::Outlet, Failure>;
+    /// One that nothing is drawn on.
+    fn canvas(settings: &Settings) -> Self::Canvas;
+    /// Tells the map as it is now.
+    fn tell(drawer: &Drawer<Self>, canvas: &mut Self::Canvas, outlet: &mut Self::Outlet);
+    /// What a service says of the map.
+    fn said(drawer: &Drawer<Self>, canvas: &mut Self::Canvas) -> Reply;
+    /// Writes the map in files of a name.
+    fn save(drawer: &Drawer<Self>, canvas: &mut Self::Canvas, path: &Path) -> Result<(), Failure>;
+    /// A pose in space; in the plane z is zero.
+    fn in_space(pose: Self::Pose) -> Pose3;
+    /// Where the robot is, as a message.
+    fn pose(frame: &str, update: &Update<Self>) -> Result<Vec<u8>, RosError>;
 }
 
 /// Who draws.
-pub(super) struct Drawer {
+pub(super) struct Drawer<M: Drawn> {
     pub(super) settings: Settings,
-    pub(super) session: Session,
+    pub(super) session: Session<M>,
     /// Where files go.
     pub(super) folder: PathBuf,
     pub(super) clock: Arc<Clock>,
     pub(super) node: Arc<Node>,
 }
 
-impl Drawer {
+impl<M: Drawn> Drawer<M> {
     /// Draws until it is told that nothing more comes.
-    pub(super) fn draw(mut self, heard: &Receiver<ToDraw>, mut outlet: Option<Outlet>) {
-        let mut map = GlobalMap::without_normals(&self.settings);
+    pub(super) fn draw(mut self, heard: &Receiver<ToDraw<M>>, mut outlet: M::Outlet) {
+        let mut canvas = M::canvas(&self.settings);
         let mut is_new = !self.session.keyframes().is_empty();
         let mut next = Instant::now();
         loop {
@@ -55,60 +83,41 @@ impl Drawer {
                     }
                 }
                 Ok(ToDraw::Anew(session)) => {
-                    (self.session, map, is_new) = (*session, GlobalMap::without_normals(&self.settings), true);
+                    (self.session, canvas, is_new) = (*session, M::canvas(&self.settings), true);
                 }
                 // Whoever asked may have gone.
-                Ok(ToDraw::Map(reply)) => drop(reply.try_send(self.said(&mut map))),
-                Ok(ToDraw::Save { name, reply }) => drop(reply.try_send(self.save(&name, &mut map))),
+                Ok(ToDraw::Map(reply)) => {
+                    let said = self.if_any(|drawer| M::said(drawer, &mut canvas));
+                    drop(reply.try_send(said));
+                }
+                Ok(ToDraw::Save { name, reply }) => {
+                    let name = if name.is_empty() { "saved" } else { &name };
+                    let save = |path: PathBuf| M::save(&self, &mut canvas, &path);
+                    let said = self.if_any(|drawer| drawer.written(name, save));
+                    drop(reply.try_send(said));
+                }
                 Ok(ToDraw::Serialize { file, reply }) => drop(reply.try_send(self.serialize(&file))),
                 Ok(ToDraw::End) | Err(RecvTimeoutError::Disconnected) => return,
                 Err(RecvTimeoutError::Timeout) => {
-                    next = Instant::now() + Duration::from_secs_f64(self.node.number(Setting::MapInterval).max(0.05));
-                    if let Some(outlet) = outlet.as_mut().filter(|_| is_new && self.node.is_active()) {
+                    let begun = Instant::now();
+                    if is_new && self.node.is_active() {
                         is_new = false;
-                        outlet.tell(self.grid(&mut map));
+                        M::tell(&self, &mut canvas, &mut outlet);
                     }
+                    let interval_s = self.node.number(Setting::MapInterval).max(0.05);
+                    let drawn = begun.elapsed() * PAUSES;
+                    next = Instant::now() + Duration::from_secs_f64(interval_s).max(drawn);
                 }
             }
         }
     }
 
-    fn image(&self, map: &mut GlobalMap) -> GridImage {
-        map.follow(&self.session, 1);
-        map_image(map.counts(), self.settings.map.passes_per_hit).image
-    }
-
-    fn grid(&self, map: &mut GlobalMap) -> Grid {
-        let image = self.image(map);
-        Grid {
-            stamp: self.clock.stamp().unwrap_or(Stamp(0)),
-            resolution_m: image.resolution_m,
-            size: [image.width as u32, image.height as u32],
-            origin: image.world_from_map,
-            cells: image.cells.iter().map(|&cell| if cell == UNKNOWN { -1 } else { cell.min(100) as i8 }).collect(),
-        }
-    }
-
-    fn said(&self, map: &mut GlobalMap) -> Reply {
+    /// What is said where something is mapped.
+    fn if_any(&self, said: impl FnOnce(&Self) -> Reply) -> Reply {
         if self.session.keyframes().is_empty() {
             return Reply::refused(Why::NoMap, "nothing is mapped yet");
         }
-        Reply::Map(self.grid(map))
-    }
-
-    /// The map as Nav2 reads it.
-    fn save(&self, name: &str, map: &mut GlobalMap) -> Reply {
-        if self.session.keyframes().is_empty() {
-            return Reply::refused(Why::NoMap, "nothing is mapped yet");
-        }
-        let name = if name.is_empty() { "saved" } else { name };
-        self.written(name, |path| {
-            let (image, pgm) = (self.image(map), with_ending(&path, "pgm"));
-            let name = pgm.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let failed = |cause| Failure::write(&pgm, cause);
-            write_whole(&pgm, |writer| write_pgm(&image, writer).map_err(failed))?;
-            write_whole(&with_ending(&path, "yaml"), |writer| write_map_yaml(&image, &name, writer).map_err(failed))
-        })
+        said(self)
     }
 
     /// Everything, to go on with.
@@ -148,18 +157,5 @@ pub(super) fn with_ending(path: &Path, ending: &str) -> PathBuf {
     match path.extension().filter(|found| is_ending(found)) {
         Some(_) => path.with_extension(ending),
         None => path.with_file_name(format!("{}.{ending}", path.file_name().unwrap_or_default().to_string_lossy())),
-    }
-}
-
-impl Outlet {
-    /// The map whole for who comes later, and where its cells are the same what has changed, for those who have it: that comes first and is small.
-    /// What cannot be sent now is sent with the next one.
-    fn tell(&mut self, grid: Grid) {
-        let rectangle = self.told.as_ref().and_then(|told| grid.changed(told)).filter(|[_, size]| *size != grid.size);
-        let updated = rectangle.map(|rectangle| grid.update(&self.frame, rectangle));
-        let _ = updated.map(|message| message.map(|bytes| self.updates.publish(&bytes)));
-        let _ = grid.metadata().map(|bytes| self.metadata.publish(&bytes));
-        let _ = grid.message(&self.frame).map(|bytes| self.map.publish(&bytes));
-        self.told = Some(grid);
     }
 }

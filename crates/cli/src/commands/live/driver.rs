@@ -4,28 +4,20 @@ use super::asking::{Reply, ToDraw};
 use super::beat::{Known, Place, beat};
 use super::cable::Words;
 use super::clock::Clock;
-use super::drawer::{Drawer, Outlet, place_of, with_ending};
+use super::drawer::{Drawer, Drawn};
 use super::node::{Node, Question};
 use super::robot::{Names, Told};
 use super::view::View;
+use super::work::{Answer, Driven, Played, Step, Work};
 use super::{Entrance, Lanes};
 use crate::args::LiveArgs;
-use crate::commands::map::{Finished, finish};
-use crate::events::Ending;
 use crate::failure::{Failure, Outcome};
-use crate::mapping::Mapping;
-use crate::reading::Reading as ReadingReport;
-use crate::session::earlier_in_plane;
-use crate::terminal::{count, say, say_json};
-use mapwright::{Job, JobResult, LaserScan, Localisation, Mapper, Pose2, Session, Settings, Stamp, Update};
-use mapwright_geom::Cov3;
-use mapwright_live::node::asked::{Asked, PoseGiven, Said, Start, Why};
+use crate::terminal::{count, say};
+use mapwright::{Job, JobResult, Settings, Stamp, Update};
+use mapwright_live::node::asked::{Asked, Said};
 use mapwright_live::node::diagnostics::Diagnostics;
-use mapwright_live::outgoing::pose;
-use mapwright_live::{Driver, Gate, Reading};
+use mapwright_live::{Driver, Gate, Passed, Reading};
 use mapwright_ros::RosError;
-use nalgebra::{Rotation3, Vector3};
-use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -37,31 +29,14 @@ use std::time::Duration;
 /// What is missing is looked at so often.
 const WATCH_EVERY: Duration = Duration::from_secs(1);
 
-/// What is done with scans.
-pub(super) enum Work {
-    /// A map is made, and written down.
-    Mapping(Box<Mapping>),
-    /// A finished map says where the robot is.
-    Localising(Box<Localising>),
-}
-
-/// A robot in a finished map.
-pub(super) struct Localising {
-    pub(super) mapper: Mapper,
-    pub(super) scans: u64,
-    pub(super) located: u64,
-    /// Until the robot was located first, scans.
-    pub(super) first: Option<u64>,
-}
-
 /// A robot that drives.
-pub(super) struct Live {
-    work: Work,
+pub(super) struct Live<W: Work> {
+    work: W,
     settings: Settings,
     lanes: Lanes,
     door: Arc<Entrance>,
     clock: Arc<Clock>,
-    ros: Option<Ros>,
+    ros: Option<Ros<W::Maps>>,
     view: Option<View>,
     known: Arc<Known>,
     is_over: Arc<AtomicBool>,
@@ -88,20 +63,20 @@ pub(super) struct Live {
 }
 
 /// Others, and what they are told.
-pub(super) struct Ros {
+pub(super) struct Ros<M: Drawn> {
     pub(super) names: Names,
     pub(super) told: Arc<Told>,
     pub(super) node: Arc<Node>,
-    pub(super) to_draw: Sender<ToDraw>,
+    pub(super) to_draw: Sender<ToDraw<M>>,
 }
 
-impl Live {
+impl<W: Work> Live<W> {
     pub(super) fn new(
-        (work, settings): (Work, Settings),
+        (work, settings): (W, Settings),
         (lanes, door): (Lanes, Arc<Entrance>),
-        clock: Arc<Clock>,
+        (clock, known): (Arc<Clock>, Arc<Known>),
         args: &LiveArgs,
-        (ros, view): (Option<Ros>, Option<View>),
+        (ros, view): (Option<Ros<W::Maps>>, Option<View>),
     ) -> Self {
         let (overtaken, voice) = (vec![0; lanes.scans.len()], args.mapping.voice);
         let live = Self {
@@ -112,7 +87,7 @@ impl Live {
             clock,
             ros,
             view,
-            known: Arc::default(),
+            known,
             is_over: Arc::default(),
             overtaken,
             watched: Duration::ZERO,
@@ -133,25 +108,18 @@ impl Live {
         live
     }
 
-    fn session(&self) -> &Session {
-        match &self.work {
-            Work::Mapping(mapping) => mapping.session(),
-            Work::Localising(localising) => localising.mapper.session(),
-        }
-    }
-
     /// Begins to draw and to tell, where anybody hears it.
     pub(super) fn start<'scope>(
         &mut self,
         scope: &'scope Scope<'scope, '_>,
-        (outlet, heard): (Outlet, Receiver<ToDraw>),
+        (outlet, heard): (<W::Maps as Drawn>::Outlet, Receiver<ToDraw<W::Maps>>),
         folder: &Path,
     ) {
         let Some(ros) = &self.ros else { return };
         let (clock, node) = (Arc::clone(&self.clock), Arc::clone(&ros.node));
-        let (settings, session) = (self.settings, self.session().clone());
+        let (settings, session) = (self.settings, self.work.session().clone());
         let drawer = Drawer { settings, session, folder: folder.to_owned(), clock, node };
-        scope.spawn(move || drawer.draw(&heard, Some(outlet)));
+        scope.spawn(move || drawer.draw(&heard, outlet));
         let (known, clock, over) = (Arc::clone(&self.known), Arc::clone(&self.clock), Arc::clone(&self.is_over));
         let (names, told, node) = (ros.names.clone(), Arc::clone(&ros.told), Arc::clone(&ros.node));
         scope.spawn(move || beat(&*told.tf, &known, (&names, &node), &clock, &over));
@@ -168,19 +136,19 @@ impl Live {
     }
 
     /// Tells others what came of a scan, or of a job.
-    fn tell(&mut self, update: &Update, is_located: bool) {
+    fn tell(&mut self, update: &Update<W::Maps>, is_located: bool) {
         if !is_located {
             self.known.set(None);
             return;
         }
         self.known.set(Some(Place {
             stamp: update.stamp,
-            map_from_odom: update.map_from_odom,
-            odom_from_robot: update.odom_from_robot,
+            map_from_odom: <W::Maps as Drawn>::in_space(update.map_from_odom),
+            odom_from_robot: <W::Maps as Drawn>::in_space(update.odom_from_robot),
             is_without_odometry: !self.has_odometry,
         }));
         if let Some(Ros { names, told, .. }) = &self.ros
-            && let Ok(bytes) = pose(&names.map_frame, update.stamp, update.map_from_robot, &update.covariance)
+            && let Ok(bytes) = <W::Maps as Drawn>::pose(&names.map_frame, update)
         {
             // The next one follows soon.
             let _ = told.pose.publish(&bytes);
@@ -251,79 +219,37 @@ impl Live {
 
     /// What somebody asks, done or refused.
     fn answer(&mut self, asked: Asked) -> Reply {
-        let done = Reply::Said(Said::Done);
-        match (asked, &mut self.work) {
-            (Asked::Pause, _) => {
-                self.is_paused = !self.is_paused;
-                self.ros.iter().for_each(|ros| ros.node.tell_paused(self.is_paused));
-                Reply::Said(Said::Paused(self.is_paused))
+        match asked {
+            Asked::Pause => {
+                self.pause(!self.is_paused);
+                return Reply::Said(Said::Paused(self.is_paused));
             }
-            (Asked::ClearQueue, _) => {
+            Asked::ClearQueue => {
                 self.drops_waiting = true;
-                done
+                return Reply::Said(Said::Done);
             }
             // Every scan is matched, whether the robot stands or not.
-            (Asked::NoMotionUpdate, _) => done,
-            (Asked::Reset { pause }, Work::Mapping(mapping)) => {
-                self.is_paused = pause;
-                self.ros.iter().for_each(|ros| ros.node.tell_paused(pause));
-                match mapping.begin_anew(None) {
-                    Ok(()) => self.anew(),
-                    Err(failure) => Reply::refused(Why::Other, failure.to_string()),
-                }
-            }
-            (Asked::Deserialize { file, start }, Work::Mapping(mapping)) => {
-                if let Start::LocaliseFrom { .. } = start {
-                    return Reply::refused(Why::WrongMode, "to be found in a finished map, start with --localise");
-                }
-                let path = match place_of(mapping.output.folder(), &file) {
-                    Ok(path) => with_ending(&path, "mapwright"),
-                    Err(words) => return Reply::refused(Why::NoSuchFile, words),
-                };
-                if !path.exists() {
-                    return Reply::refused(Why::NoSuchFile, format!("there is no {}", path.display()));
-                }
-                // Wherever it is said to stand: it is found.
-                let goes_on = earlier_in_plane(&path)
-                    .and_then(|(session, _)| mapping.begin_anew(Some(session)))
-                    .and_then(|()| mapping.switch_on());
-                match goes_on {
-                    Ok(()) => self.anew(),
-                    Err(failure) => Reply::refused(Why::Unreadable, failure.to_string()),
-                }
-            }
-            (Asked::FindAnew, Work::Localising(localising)) => {
-                localising.mapper.find_anew();
-                done
-            }
-            (Asked::SetPose(given), Work::Localising(localising)) => {
-                let frame = self.ros.as_ref().map_or("map", |ros| ros.names.map_frame.as_str());
-                if !given.frame.is_empty() && given.frame != frame {
-                    let words = format!("expected a pose in {frame}, found one in {}", given.frame);
-                    return Reply::refused(Why::Other, words);
-                }
-                let (map_from_robot, covariance) = in_the_plane(&given);
-                match localising.mapper.place(map_from_robot, covariance) {
-                    true => done,
-                    false => Reply::refused(Why::Other, "expected a pose with a covariance, found none"),
-                }
-            }
-            (Asked::LoadMap { .. } | Asked::Reset { .. } | Asked::Deserialize { .. }, Work::Localising(_)) => {
-                Reply::refused(Why::WrongMode, "the finished map stays as it is; start again with another one")
-            }
-            (Asked::FindAnew | Asked::SetPose(_) | Asked::LoadMap { .. }, Work::Mapping(_)) => Reply::refused(
-                Why::WrongMode,
-                "a map is being made; to be found in a finished one, start with --localise",
-            ),
-            _ => Reply::refused(Why::Other, "that is not offered"),
+            Asked::NoMotionUpdate => return Reply::Said(Said::Done),
+            Asked::Reset { pause } if self.work.is_made() => self.pause(pause),
+            _ => {}
         }
+        let frame = self.ros.as_ref().map_or("map", |ros| ros.names.map_frame.as_str());
+        match self.work.answer(asked, frame) {
+            Answer::Reply(reply) => reply,
+            Answer::Anew => self.anew(),
+        }
+    }
+
+    fn pause(&mut self, is_paused: bool) {
+        self.is_paused = is_paused;
+        self.ros.iter().for_each(|ros| ros.node.tell_paused(is_paused));
     }
 
     /// Everything has begun anew.
     fn anew(&mut self) -> Reply {
         self.known.set(None);
         if let Some(ros) = &self.ros {
-            let _ = ros.to_draw.send(ToDraw::Anew(Box::new(self.session().clone())));
+            let _ = ros.to_draw.send(ToDraw::Anew(Box::new(self.work.session().clone())));
         }
         Reply::Said(Said::Done)
     }
@@ -332,7 +258,7 @@ impl Live {
     pub(super) fn finish(
         mut self,
         args: &LiveArgs,
-        played: Option<(String, ReadingReport)>,
+        played: Option<(String, Played)>,
         gate: &mut Gate,
         interrupted: bool,
     ) -> Result<Outcome, Failure> {
@@ -341,100 +267,41 @@ impl Live {
         let dropped = gate.tallies().flat_map(|(_, tally)| tally.dropped().map(|(_, count)| count)).sum::<u64>();
         self.losses.extend(self.unwritten.take().map(|(_, why)| why));
         if dropped > 0 {
-            self.losses.push(format!("{} dropped: {}", count(dropped, "scan"), arrived.join("; ")));
+            let what = if W::Maps::IS_IN_SPACE { "cloud" } else { "scan" };
+            self.losses.push(format!("{} dropped: {}", count(dropped, what), arrived.join("; ")));
         }
         if self.refused > 0 {
             self.losses.push(format!("{} of transforms or odometry refused", count(self.refused, "message")));
         }
-        match self.work {
-            Work::Mapping(mut mapping) => {
-                mapping.end_of_scans()?;
-                mapping.earlier_losses.append(&mut self.losses);
-                let ending = if played.is_some() && interrupted { Ending::Interrupted } else { Ending::OfLog };
-                let (name, read) = played.unwrap_or_else(|| ("live".to_owned(), ReadingReport::default()));
-                let voice = args.mapping.voice;
-                finish(*mapping, Finished { name, read, ending, output: &args.output, voice })
-            }
-            Work::Localising(localising) => localising.finish(args, &arrived, &self.losses),
-        }
+        let topics = self.lanes.scans.join(", ");
+        let driven = Driven { args, played, topics, arrived, losses: self.losses, is_interrupted: interrupted };
+        self.work.finish(driven)
     }
 }
 
-impl Localising {
-    fn finish(&self, args: &LiveArgs, arrived: &[String], losses: &[String]) -> Result<Outcome, Failure> {
-        let Self { scans, located, first, .. } = self;
-        if args.mapping.voice.json {
-            say_json(&json!({ "scans": scans, "located": located, "first_located": first, "losses": losses }))?;
-        } else if !args.mapping.voice.quiet {
-            let first =
-                first.map_or("never located".to_owned(), |first| format!("first after {}", count(first, "scan")));
-            say(&format!("located  {located} of {}, {first}\n", count(*scans, "scan")))?;
-            say(&format!("arrived  {}\n", arrived.join("; ")))?;
-        }
-        Ok(Outcome::of_losses(losses))
-    }
-}
+impl<W: Work> Driver for Live<W> {
+    type Maps = W::Maps;
 
-impl Driver for Live {
-    fn add_reading(&mut self, reading: &Reading) {
-        self.has_odometry |= matches!(reading, Reading::Odometry(_));
-        match (&mut self.work, reading) {
-            (Work::Mapping(mapping), Reading::Odometry(odometry)) => {
-                let result = mapping.add_odometry(odometry, 0);
-                self.written(result);
-            }
-            (Work::Mapping(mapping), Reading::Turning(rate)) => mapping.add_turn_rate(rate),
-            (Work::Localising(localising), Reading::Odometry(odometry)) => localising.mapper.add_odometry(odometry),
-            (Work::Localising(localising), Reading::Turning(rate)) => {
-                localising.mapper.add_turn_rate(rate);
-            }
-        }
-    }
-
-    fn add_scan(&mut self, scan: &LaserScan) {
-        self.has_odometry |= scan.odom_from_robot.is_some();
-        let (update, is_located, result) = match &mut self.work {
-            Work::Mapping(mapping) => {
-                let (update, result) = mapping.add_scan_live(scan);
-                (update, true, result)
-            }
-            Work::Localising(localising) => {
-                let update = localising.mapper.add_scan(scan);
-                let is_located = update.localisation == Localisation::Joined
-                    && localising.mapper.location().is_none_or(|location| location.is_located);
-                localising.scans += 1;
-                localising.located += u64::from(is_located);
-                if is_located && localising.first.is_none() {
-                    localising.first = Some(localising.scans);
-                }
-                (update, is_located, Ok(()))
-            }
+    fn add(&mut self, passed: &Passed) {
+        self.has_odometry |= match passed {
+            Passed::Scan(scan) => scan.odom_from_robot.is_some(),
+            Passed::Cloud(cloud) => cloud.odom_from_robot.is_some(),
+            Passed::Reading(reading) => matches!(reading, Reading::Odometry(_)),
         };
-        self.written(result);
-        self.tell(&update, is_located);
-        self.show(Some(scan), &update);
-        self.draw(update);
-    }
-
-    fn next_job(&mut self) -> Option<Job> {
-        match &mut self.work {
-            Work::Mapping(mapping) => mapping.next_job(),
-            Work::Localising(localising) => localising.mapper.next_job(),
+        match self.work.add(passed) {
+            Ok(Some(step)) => self.step(Some(passed), step),
+            Ok(None) => {}
+            Err(failure) => self.written(Err(failure)),
         }
     }
 
-    fn apply(&mut self, job: JobResult) {
-        match &mut self.work {
-            Work::Mapping(mapping) => {
-                let (update, result) = mapping.apply(job);
-                self.written(result);
-                self.tell(&update, true);
-                self.show(None, &update);
-                self.draw(update);
-            }
-            Work::Localising(localising) => {
-                localising.mapper.apply(job);
-            }
+    fn next_job(&mut self) -> Option<Job<W::Maps>> {
+        self.work.next_job()
+    }
+
+    fn apply(&mut self, job: JobResult<W::Maps>) {
+        if let Some(step) = self.work.apply(job) {
+            self.step(None, step);
         }
     }
 
@@ -475,33 +342,17 @@ impl Driver for Live {
     }
 }
 
-impl Live {
-    fn show(&mut self, scan: Option<&LaserScan>, update: &Update) {
-        let session = match &self.work {
-            Work::Mapping(mapping) => mapping.mapper_session(),
-            Work::Localising(localising) => localising.mapper.session(),
-        };
+impl<W: Work> Live<W> {
+    /// What came of a scan, a cloud or a job is told, shown and drawn.
+    fn step(&mut self, passed: Option<&Passed>, step: Step<W::Maps>) {
+        self.written(step.written);
+        self.tell(&step.update, step.is_located);
         if let Some(view) = &mut self.view {
-            view.show(scan, update, session);
+            view.show(passed, &step.update, self.work.newest());
         }
-    }
-
-    fn draw(&self, update: Update) {
-        if let (Some(ros), Work::Mapping(_)) = (&self.ros, &self.work) {
+        if let Some(ros) = self.ros.as_ref().filter(|_| self.work.is_made()) {
             // Who draws goes last.
-            let _ = ros.to_draw.send(ToDraw::Entries(update.entries));
+            let _ = ros.to_draw.send(ToDraw::Entries(step.update.entries));
         }
     }
-}
-
-/// What a pose in space says of a robot in the plane, with the covariance in the robot's axes.
-fn in_the_plane(given: &PoseGiven) -> (Pose2, Cov3) {
-    let pose = given.frame_from_robot;
-    let theta = pose.rotation.euler_angles().2;
-    let entry = |row: usize, column: usize| given.covariance[6 * row + column];
-    let places = [0, 1, 5];
-    let in_map = Cov3::from_fn(|row, column| entry(places[row], places[column]));
-    let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), theta);
-    let covariance = turned.matrix().transpose() * in_map * turned.matrix();
-    (Pose2::new(pose.translation.x, pose.translation.y, theta), covariance)
 }

@@ -7,31 +7,41 @@ mod asking;
 mod beat;
 mod cable;
 mod clock;
+mod clouds;
+mod datagrams;
 mod drawer;
 mod driver;
+mod goals;
 mod node;
+mod pictures;
+mod plane;
 mod play;
 mod robot;
 mod view;
+mod work;
 
 use crate::args::LiveArgs;
 use crate::events::Interrupt;
 use crate::failure::{Failure, Outcome};
 use crate::mapping::{Mapping, settings_of};
 use crate::output::OutputFolder;
-use crate::session::{earlier_in_plane, to_go_on_with};
+use crate::session::{earlier_in_plane, earlier_in_space, to_go_on_with, to_go_on_with_in_space};
+use crate::space::Drive;
 #[cfg(feature = "view")]
 pub(crate) use view::{access, pen};
 
+use beat::Known;
 use clock::Clock;
-use drawer::Outlet;
-use driver::{Live, Localising, Ros, Work};
+use clouds::Clouds;
+use drawer::{Drawn, Wanted};
+use driver::{Live, Ros};
 use mapwright::{Mapper, Pose2, Settings};
 use mapwright_geom::Cov3;
 use mapwright_live::node::NodeName;
 use mapwright_live::node::parameters::{Parameters, Setting};
 use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, Lane};
 use node::Node;
+use plane::{Localising, Plane};
 use robot::{Names, Told};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,11 +50,15 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 use view::View;
+use work::Work;
 
-/// Messages that wait at the door at most: of one topic of scans, of transforms, of all else.
+/// Messages that wait at the door at most: of one topic of scans, or of clouds, of transforms, of all else.
 const SCANS_MOST: usize = 20;
+const CLOUDS_MOST: usize = 5;
 const TRANSFORMS_MOST: usize = 2000;
 const OTHERS_MOST: usize = 2000;
+/// A large cloud, and the beginning of the next one, bytes.
+const RECEIVED_LEAST: u64 = 4 << 20;
 /// How often it is looked whether somebody wants to stop.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -55,6 +69,8 @@ pub(super) type Entrance = Door<(Arrived, Heard)>;
 #[derive(Debug, Clone)]
 pub(super) struct Lanes {
     scans: Vec<String>,
+    /// Whether these are topics of clouds.
+    are_clouds: bool,
 }
 
 impl Lanes {
@@ -71,7 +87,8 @@ impl Lanes {
     }
 
     fn door(&self) -> Entrance {
-        let most: Vec<usize> = self.scans.iter().map(|_| SCANS_MOST).chain([TRANSFORMS_MOST, OTHERS_MOST]).collect();
+        let of_one = if self.are_clouds { CLOUDS_MOST } else { SCANS_MOST };
+        let most: Vec<usize> = self.scans.iter().map(|_| of_one).chain([TRANSFORMS_MOST, OTHERS_MOST]).collect();
         Door::new(&most)
     }
 }
@@ -85,7 +102,7 @@ struct Begin {
 }
 
 /// What is done with scans: a map that begins, that goes on, or that is finished.
-fn work(args: &LiveArgs, settings: Settings, begin: Begin) -> Result<Work, Failure> {
+fn in_plane(args: &LiveArgs, settings: Settings, begin: Begin) -> Result<Plane, Failure> {
     let (named, is_found) = begin.session.map_or((None, false), |(path, is_found)| (Some(path), is_found));
     let finished = args.localise.clone().or_else(|| named.clone().filter(|_| is_found));
     if let Some(path) = finished {
@@ -93,12 +110,10 @@ fn work(args: &LiveArgs, settings: Settings, begin: Begin) -> Result<Work, Failu
         if let Some((map_from_robot, covariance)) = begin.pose {
             localising.mapper.place(map_from_robot, covariance);
         }
-        return Ok(Work::Localising(Box::new(localising)));
+        return Ok(Plane::Localising(Box::new(localising)));
     }
-    let is_there = |name: &str| args.output.join(name).exists();
-    let goes_on = args.goes_on && (is_there("session.mapwright") || is_there("session.mapwright.part"));
     let resumed = args.mapping.resume.clone().or_else(|| named.filter(|_| !args.goes_on));
-    let earlier = if goes_on {
+    let earlier = if goes_on(args) {
         Some(to_go_on_with(&args.output)?)
     } else {
         resumed.as_deref().map(earlier_in_plane).transpose()?
@@ -110,17 +125,38 @@ fn work(args: &LiveArgs, settings: Settings, begin: Begin) -> Result<Work, Failu
         // Nobody has watched the robot since: it may be anywhere.
         mapping.switch_on()?;
     }
-    Ok(Work::Mapping(Box::new(mapping)))
+    Ok(Plane::Mapping(Box::new(mapping)))
+}
+
+/// What is done with clouds: a map that begins or goes on.
+fn in_space(args: &LiveArgs, settings: Settings, begin: Begin) -> Result<Clouds, Failure> {
+    let is_found = begin.session.as_ref().is_some_and(|(_, is_found)| *is_found);
+    if args.localise.is_some() || is_found {
+        let words = "to be found in a finished map is for planar lasers yet, found clouds";
+        return Err(Failure::Usage(words.to_owned()));
+    }
+    if args.mapping.start.is_some() {
+        return Err(Failure::Usage("--start is for planar lasers: maps of space begin at their origin".to_owned()));
+    }
+    let named = begin.session.map(|(path, _)| path);
+    let resumed = args.mapping.resume.clone().or_else(|| named.filter(|_| !args.goes_on));
+    let earlier = if goes_on(args) {
+        Some(to_go_on_with_in_space(&args.output)?)
+    } else {
+        resumed.as_deref().map(earlier_in_space).transpose()?
+    };
+    let output = OutputFolder::create(&args.output)?;
+    Ok(Clouds(Drive::begin(&args.mapping, settings, output, earlier)?))
+}
+
+/// Whether there is something to go on with, where that is asked for.
+fn goes_on(args: &LiveArgs) -> bool {
+    let is_there = |name: &str| args.output.join(name).exists();
+    args.goes_on && (is_there("session.mapwright") || is_there("session.mapwright.part"))
 }
 
 pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     let mut settings = settings_of(&args.mapping)?;
-    if let Some(lidar) = args.lidar.as_ref().filter(|lidar| !lidar.kind.is_serial()) {
-        return Err(Failure::Usage(format!(
-            "{:?} is a lidar of space, which is not mapped while it drives yet; record it as .pcap and map that",
-            lidar.kind
-        )));
-    }
     if !args.mapping.settings.set.iter().any(|(key, _)| key == "loops.jobs") {
         settings.set("loops.jobs", "handed-out")?;
     }
@@ -129,8 +165,14 @@ pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     robot::apply(&parameters, &args.mapping, &mut settings)?;
     let interrupt = Interrupt::watch()?;
     let begin = Begin { session: robot::session(&parameters)?, pose: robot::start(&parameters) };
-    let work = work(args, settings, begin)?;
-    drive(args, (work, settings), (node, parameters, words), &interrupt)
+    let is_of_space = args.log.as_ref().is_some_and(|log| play::is_of_space(log, args).unwrap_or(false));
+    let is_lidar_of_space = args.lidar.as_ref().is_some_and(|lidar| !lidar.kind.is_serial());
+    if is_of_space || is_lidar_of_space || !args.ros_names.points.is_empty() {
+        let clouds = in_space(args, settings, begin)?;
+        return drive(args, (clouds, settings), (node, parameters, words), &interrupt);
+    }
+    let plane = in_plane(args, settings, begin)?;
+    drive(args, (plane, settings), (node, parameters, words), &interrupt)
 }
 
 fn localising(path: &Path, settings: Settings) -> Result<Localising, Failure> {
@@ -142,9 +184,20 @@ fn localising(path: &Path, settings: Settings) -> Result<Localising, Failure> {
     Ok(Localising { mapper: Mapper::localising(settings, session)?, scans: 0, located: 0, first: None })
 }
 
-fn drive(
+/// What to type where the system keeps less of what arrives than a cloud is long.
+fn short_buffers() -> Option<String> {
+    let most = std::fs::read_to_string("/proc/sys/net/core/rmem_max").ok()?;
+    let most: u64 = most.trim().parse().ok()?;
+    (most < RECEIVED_LEAST).then(|| {
+        format!(
+            "the system keeps {most} bytes of what arrives at most, less than a large cloud, whose parts then have to be sent again:              sudo sysctl -w net.core.rmem_max={RECEIVED_LEAST}"
+        )
+    })
+}
+
+fn drive<W: Work>(
     args: &LiveArgs,
-    (work, settings): (Work, Settings),
+    (work, settings): (W, Settings),
     (node, parameters, words): (NodeName, Parameters, Vec<String>),
     interrupt: &Interrupt,
 ) -> Result<Outcome, Failure> {
@@ -153,23 +206,32 @@ fn drive(
     let scans = match (&args.log, &args.lidar) {
         (Some(_), _) => vec![play::TOPIC.to_owned()],
         (None, Some(_)) => vec![cable::TOPIC.to_owned()],
-        (None, None) => names.scans.clone(),
+        (None, None) if names.clouds.is_empty() => names.scans.clone(),
+        (None, None) => names.clouds.clone(),
     };
-    let lanes = Lanes { scans };
+    let lanes = Lanes { scans, are_clouds: W::Maps::IS_IN_SPACE };
     let (door, clock, over) =
         (Arc::new(lanes.door()), Arc::new(Clock::start(names.is_simulated)), AtomicBool::new(false));
     let mut gate = Gate::new(GateSettings {
         robot_frame: names.robot_frame.clone(),
         odom_frame: names.odom_frame.clone(),
+        is_in_space: W::Maps::IS_IN_SPACE,
         wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),
         ..GateSettings::default()
     });
     let mut wire = if args.ros || is_heard { Some(robot::join(&node)?) } else { None };
-    let (mut ros, mut outlet) = (None, None);
+    let metadata = args.lidar_metadata.as_deref().map(datagrams::metadata).transpose()?;
+    let (known, mut ros, mut outlet) = (Arc::<Known>::default(), None, None);
     if let Some(wire) = wire.as_deref_mut() {
         let (to_draw, heard) = channel();
         let (told, node) = (Arc::new(Told::advertise(wire, &node)?), Arc::new(Node::new(wire, node, parameters)?));
-        outlet = Some((Outlet::advertise(wire, &names)?, heard));
+        let wanted = Wanted {
+            settings: &settings,
+            explores: args.ros_names.explore,
+            radius_m: args.ros_names.robot_radius,
+            known: &known,
+        };
+        outlet = Some((W::Maps::advertise(wire, &names, &wanted)?, heard));
         let others = (&door, lanes.others());
         node::serve(wire, &node, others, (&clock, &names.map_frame), &to_draw)?;
         node::hear(wire, &node, others, &clock)?;
@@ -181,27 +243,24 @@ fn drive(
     let ended = ros.as_ref().map(|ros| Arc::clone(&ros.node));
     let view = View::open(&args.view, &settings)?;
     let mut live =
-        Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), Arc::clone(&clock), args, (ros, view));
-    words.iter().for_each(|words| live.notice(words));
+        Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), (Arc::clone(&clock), known), args, (ros, view));
+    let short = (is_heard && W::Maps::IS_IN_SPACE).then(short_buffers).flatten();
+    words.iter().chain(&short).for_each(|words| live.notice(words));
     let (at_cable, held) = (Arc::clone(&live.at_cable), Arc::clone(&live.is_held));
     let played = thread::scope(|scope| {
-        let (over, door, clock) = (&over, &*door, &*clock);
+        let (over, door, clock, lanes, at_cable) = (&over, &*door, &*clock, &lanes, &*at_cable);
         let player = args.log.as_deref().map(|log| {
             scope.spawn(|| {
-                let played = play::play(log, args, (door, &lanes), clock, (&held, over));
+                let played = play::play(log, args, (door, lanes), clock, (&held, over));
                 door.close();
                 played
             })
         });
         if let Some(place) = &args.lidar {
-            scope.spawn(|| {
-                cable::read(
-                    place,
-                    args.lidar_mount.unwrap_or(Pose2::IDENTITY),
-                    (door, &lanes),
-                    clock,
-                    (&at_cable, over),
-                )
+            let mount = args.lidar_mount.unwrap_or(Pose2::IDENTITY);
+            scope.spawn(move || match place.kind.is_serial() {
+                true => cable::read(place, mount, (door, lanes), clock, (at_cable, over)),
+                false => datagrams::read(place, metadata, mount, (door, lanes), clock, (at_cable, over)),
             });
         }
         if let Some(outlet) = outlet {

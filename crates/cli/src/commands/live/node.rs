@@ -12,6 +12,7 @@ use mapwright_live::node::lifecycle::{self, Lifecycle, Outcome, State, Turn};
 use mapwright_live::node::parameters::{self, ParameterValue, Parameters, Setting};
 use mapwright_live::wire::{Answer, Delivery, Publisher, Service, Topic, Wire};
 use mapwright_live::{Heard, Lane};
+use mapwright_record::Measurement;
 use mapwright_ros::messages::PoseWithCovarianceStamped;
 use mapwright_ros::{Channel, Decoder, Encoding};
 use std::cell::OnceCell;
@@ -84,7 +85,7 @@ impl Node {
         std::mem::take(&mut lock(&self.words))
     }
 
-    fn note(&self, words: String) {
+    pub(super) fn note(&self, words: String) {
         let mut all = lock(&self.words);
         if all.len() < 100 {
             all.push(words);
@@ -160,12 +161,12 @@ fn instance() -> String {
 }
 
 /// Answers everything that a node is asked.
-pub(super) fn serve(
+pub(super) fn serve<M: Measurement + 'static>(
     wire: &mut dyn Wire,
     node: &Arc<Node>,
     (door, lane): (&Arc<Entrance>, Lane),
     (clock, frame): (&Arc<Clock>, &str),
-    to_draw: &Sender<ToDraw>,
+    to_draw: &Sender<ToDraw<M>>,
 ) -> Result<(), Failure> {
     let most = wire.response_most();
     let mut answer = |name: String, kind: &'static str, answer: Answer| wire.serve(&Service { name, kind }, answer);
@@ -273,7 +274,7 @@ struct Asks {
 }
 
 impl Asks {
-    fn answer(&self, request: &[u8], to_draw: &Sender<ToDraw>) -> Vec<u8> {
+    fn answer<M: Measurement>(&self, request: &[u8], to_draw: &Sender<ToDraw<M>>) -> Vec<u8> {
         let map = OnceCell::new();
         let answer = self.service.answer(request, |asked| {
             let (reply, replied) = sync_channel(1);

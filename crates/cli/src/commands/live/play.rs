@@ -1,12 +1,13 @@
 //! A recording, played at its own pace.
 
 use super::clock::Clock;
+use super::work::Played;
 use super::{Entrance, Lanes};
 use crate::args::LiveArgs;
 use crate::events::{Interrupt, Log};
 use crate::failure::Failure;
 use crate::progress::FirstPass;
-use crate::reading::Reading as ReadingReport;
+use crate::space::{self, Disk, Source};
 use mapwright::Stamp;
 use mapwright_formats::LogEvent;
 use mapwright_live::{Heard, Reading};
@@ -22,6 +23,11 @@ const NAP: Duration = Duration::from_millis(100);
 /// A gap in the recording is waited for no longer.
 const GAP: Duration = Duration::from_secs(5);
 
+/// Whether the clouds of a recording are mapped, in space.
+pub(super) fn is_of_space(path: &Path, args: &LiveArgs) -> Result<bool, Failure> {
+    space::is_of_space(path, &args.source)
+}
+
 /// Plays a recording through the door; where its clock jumps ahead or back nobody waits for it.
 pub(super) fn play(
     path: &Path,
@@ -29,12 +35,16 @@ pub(super) fn play(
     (door, lanes): (&Entrance, &Lanes),
     clock: &Clock,
     (held, over): (&AtomicBool, &AtomicBool),
-) -> Result<(String, ReadingReport), Failure> {
+) -> Result<(String, Played), Failure> {
     let interrupt = Interrupt::of_none();
     let mut first_pass = FirstPass::new(&interrupt, true);
     let watch = &mut |name: &str, messages| first_pass.look(name, messages) && !over.load(Ordering::Acquire);
+    let pace = Pace { rate: args.rate, last: None, due: Instant::now(), held, over };
+    if lanes.are_clouds {
+        return play_clouds(path, args, (door, lanes), clock, pace, watch);
+    }
     let mut log = Log::open_all(&[path.to_owned()], &args.source.choice(), watch)?;
-    let mut pace = Pace { rate: args.rate, last: None, due: Instant::now() };
+    let mut pace = pace;
     while let Some(event) = log.next_event()? {
         let (lane, stamp, heard) = match event {
             LogEvent::Scan(scan) => {
@@ -47,24 +57,60 @@ pub(super) fn play(
             LogEvent::TurnRate(rate) => (lanes.others(), rate.stamp, Heard::Reading(Reading::Turning(*rate))),
             _ => continue,
         };
-        if !pace.wait_for(stamp, held, over) {
+        if !pace.wait_for(stamp) {
             break;
         }
         door.put(lane, (clock.arrived(), heard));
     }
     let name = log.name();
-    Ok((name, log.finish()?))
+    Ok((name, Played::Plane(Box::new(log.finish()?))))
 }
 
-struct Pace {
+fn play_clouds(
+    path: &Path,
+    args: &LiveArgs,
+    (door, lanes): (&Entrance, &Lanes),
+    clock: &Clock,
+    mut pace: Pace<'_>,
+    watch: &mut dyn FnMut(&str, u64) -> bool,
+) -> Result<(String, Played), Failure> {
+    let name = path.display().to_string();
+    let disk = Disk::open(path)?;
+    let recording = disk.as_ref().map(Disk::recording).transpose()?.flatten();
+    let mut source = match &recording {
+        Some(recording) => {
+            space::check_choice_of_files(&args.source)?;
+            Source::files(name.clone(), recording, &args.source)?
+        }
+        None => space::in_space(path, &args.source, watch)?,
+    };
+    let mut readings = Vec::new();
+    while let Some(cloud) = source.next_cloud(&mut |reading| readings.push(reading))? {
+        if !pace.wait_for(cloud.stamp) {
+            break;
+        }
+        for reading in readings.drain(..) {
+            door.put(lanes.others(), (clock.arrived(), Heard::Reading(Reading::InSpace(reading))));
+        }
+        let whole = Heard::WholeCloud { topic: TOPIC.to_owned(), cloud: Box::new(cloud) };
+        door.put(lanes.of_scan(TOPIC), (clock.arrived(), whole));
+    }
+    Ok((name, Played::Space(Box::new(source.read()))))
+}
+
+struct Pace<'a> {
     rate: f64,
     last: Option<Stamp>,
     due: Instant,
+    /// Somebody who watches holds it.
+    held: &'a AtomicBool,
+    over: &'a AtomicBool,
 }
 
-impl Pace {
+impl Pace<'_> {
     /// Waits until an event of a stamp is due, and while somebody who watches holds it; false where it is over meanwhile.
-    fn wait_for(&mut self, stamp: Stamp, held: &AtomicBool, over: &AtomicBool) -> bool {
+    fn wait_for(&mut self, stamp: Stamp) -> bool {
+        let (held, over) = (self.held, self.over);
         let elapsed_s = self.last.replace(stamp).map_or(0.0, |last| stamp.secs_since(last)).max(0.0);
         self.due += Duration::from_secs_f64(elapsed_s / self.rate).min(GAP);
         loop {

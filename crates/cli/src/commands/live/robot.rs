@@ -1,7 +1,6 @@
 //! The robot as a node of ROS 2 among others.
 
 use super::clock::Clock;
-use super::drawer::Outlet;
 use super::{Entrance, Lanes};
 use crate::args::{MappingArgs, RosArgs};
 use crate::failure::Failure;
@@ -16,10 +15,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 const SCAN: &str = "sensor_msgs/msg/LaserScan";
+const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 const TF: &str = "tf2_msgs/msg/TFMessage";
 const POSE: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
 /// Readings that are kept for who is slow, as `rclcpp::SensorDataQoS` has them twice.
 const SENSOR: Delivery = Delivery::BestEffort { depth: 10 };
+/// Clouds are of hundreds of packets each, of which some get lost where nobody asks for them again; not every driver keeps them.
+const CLOUDS: Delivery = Delivery::AsOffered { depth: 5 };
 const EVENTS: Delivery = Delivery::Reliable { depth: 100 };
 const LATEST: Delivery = Delivery::Latched { depth: 1 };
 
@@ -134,9 +136,12 @@ pub(super) fn start(parameters: &Parameters) -> Option<(Pose2, Cov3)> {
 #[derive(Debug, Clone)]
 pub(super) struct Names {
     pub(super) scans: Vec<String>,
+    /// Where clouds are mapped.
+    pub(super) clouds: Vec<String>,
     pub(super) odometry: String,
     pub(super) imu: String,
     pub(super) map_topic: String,
+    pub(super) goal_topic: String,
     pub(super) map_frame: String,
     pub(super) odom_frame: String,
     pub(super) robot_frame: String,
@@ -149,10 +154,13 @@ impl Names {
         let topic = |name: &str| node.beside(name);
         let scans: Vec<String> = args.scans.iter().map(|name| topic(name)).collect();
         let scans = if scans.is_empty() { vec![topic(parameters.text(Setting::ScanTopic))] } else { scans };
+        let clouds = args.points.iter().map(|name| topic(name)).collect();
         Self {
             scans,
+            clouds,
             odometry: topic(&args.odometry),
             imu: topic(&args.imu),
+            goal_topic: topic("goal_pose"),
             map_topic: topic(parameters.text(Setting::MapTopic)),
             map_frame: text(Setting::MapFrame),
             odom_frame: text(Setting::OdomFrame),
@@ -176,7 +184,12 @@ pub(super) fn hear(
             door.put(lane, (clock.arrived(), heard(bytes.to_vec())));
         })
     };
-    for name in &names.scans {
+    for name in &names.clouds {
+        let topic = name.clone();
+        let heard = Box::new(move |bytes| Heard::Cloud { topic: topic.clone(), bytes });
+        wire.subscribe(&Topic::new(name, CLOUD, CLOUDS), into(lanes.of_scan(name), heard))?;
+    }
+    for name in names.scans.iter().filter(|_| names.clouds.is_empty()) {
         let topic = name.clone();
         let heard = Box::new(move |bytes| Heard::Scan { topic: topic.clone(), bytes });
         wire.subscribe(&Topic::new(name, SCAN, SENSOR), into(lanes.of_scan(name), heard))?;
@@ -219,17 +232,5 @@ impl Told {
         let pose = topic(&node.beside("pose"), POSE, Delivery::Reliable { depth: 10 })?;
         let amcl_pose = topic(&node.beside("amcl_pose"), POSE, LATEST)?;
         Ok(Self { tf, pose, amcl_pose })
-    }
-}
-
-impl Outlet {
-    pub(super) fn advertise(wire: &mut dyn Wire, names: &Names) -> Result<Self, Failure> {
-        let mut topic = |ending, kind, delivery| {
-            wire.advertise(&Topic::new(&format!("{}{ending}", names.map_topic), kind, delivery))
-        };
-        let map = topic("", "nav_msgs/msg/OccupancyGrid", LATEST)?;
-        let metadata = topic("_metadata", "nav_msgs/msg/MapMetaData", LATEST)?;
-        let updates = topic("_updates", "map_msgs/msg/OccupancyGridUpdate", Delivery::Reliable { depth: 1 })?;
-        Ok(Self { map, metadata, updates, frame: names.map_frame.clone(), told: None })
     }
 }

@@ -4,8 +4,14 @@
 mod shown {
     use crate::args::ViewArgs;
     use crate::failure::Failure;
-    use mapwright::{LaserScan, Session, Settings, Update};
+    use mapwright::{Cloud, LaserScan, Session, Settings, Update};
+    use mapwright_live::Passed;
+    pub(crate) use mapwright_viewer::View as Shown;
     use mapwright_viewer::{Pen, Settings as Access, Viewer, ViewerError};
+    use nalgebra::Vector3;
+
+    /// Points of a cloud that are shown while it is the newest.
+    const POINTS_SHOWN: usize = 2000;
 
     impl From<ViewerError> for Failure {
         fn from(error: ViewerError) -> Self {
@@ -43,9 +49,11 @@ mod shown {
             self.0.url()
         }
 
-        pub(crate) fn show(&mut self, scan: Option<&LaserScan>, update: &Update, session: &Session) {
-            if let Some(scan) = scan {
-                self.0.scan(|| points_m(scan));
+        pub(crate) fn show<M: Shown>(&mut self, passed: Option<&Passed>, update: &Update<M>, session: &Session<M>) {
+            match passed {
+                Some(Passed::Scan(scan)) => self.0.scan(|| points_m(scan)),
+                Some(Passed::Cloud(cloud)) => self.0.scan(|| some_points_m(cloud)),
+                Some(Passed::Reading(_)) | None => {}
             }
             self.0.show(update, session);
         }
@@ -57,6 +65,17 @@ mod shown {
         pub(crate) fn is_paused(&self) -> bool {
             self.0.is_paused()
         }
+    }
+
+    /// Some points of a cloud, in the robot's frame, metres.
+    fn some_points_m(cloud: &Cloud) -> Vec<[f32; 3]> {
+        let every = cloud.points_m.len().div_ceil(POINTS_SHOWN).max(1);
+        let there = cloud.points_m.iter().step_by(every).filter(|point| point.iter().all(|v| v.is_finite()));
+        let in_robot = |point: &[f32; 3]| {
+            let at = cloud.sensor.robot_from_sensor.transform(Vector3::from(point.map(f64::from)));
+            [at.x as f32, at.y as f32, at.z as f32]
+        };
+        there.map(in_robot).collect()
     }
 
     /// Where the beams of a scan end, in the robot's frame, metres.
@@ -80,7 +99,12 @@ mod shown {
 mod shown {
     use crate::args::ViewArgs;
     use crate::failure::Failure;
-    use mapwright::{LaserScan, Session, Settings, Update};
+    use mapwright::{Maps, Session, Settings, Update};
+    use mapwright_live::Passed;
+
+    /// What could be shown.
+    pub(crate) trait Shown: Maps {}
+    impl<M: Maps> Shown for M {}
 
     /// There is no page in this build.
     pub(crate) enum View {}
@@ -99,7 +123,7 @@ mod shown {
             match *self {}
         }
 
-        pub(crate) fn show(&mut self, _scan: Option<&LaserScan>, _update: &Update, _session: &Session) {
+        pub(crate) fn show<M: Shown>(&mut self, _passed: Option<&Passed>, _update: &Update<M>, _session: &Session<M>) {
             match *self {}
         }
 
@@ -113,6 +137,6 @@ mod shown {
     }
 }
 
-pub(crate) use shown::View;
+pub(crate) use shown::{Shown, View};
 #[cfg(feature = "view")]
 pub(crate) use shown::{access, pen};

@@ -1,10 +1,11 @@
 //! A simulated robot as others hear it: for tests and examples, which bring `Heard` along.
 
-use super::{Driver, Heard, Reading};
-use mapwright::{Job, JobResult, LaserScan as Scan, Mapper, Update};
+use super::{Driver, Heard, Passed, Reading};
+use mapwright::{Job, JobResult, Mapper, Update};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{Header, LaserScan, TfMessage, TransformStamped};
 use mapwright_ros::{Encoding, RosError, encode};
+use mapwright_sensor::Sweep;
 use mapwright_sim::{Drive, DriveSettings, Event, worlds};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -72,17 +73,17 @@ impl<F: FnMut(&Update)> Driven<F> {
 }
 
 impl<F: FnMut(&Update)> Driver for Driven<F> {
-    fn add_reading(&mut self, reading: &Reading) {
-        match reading {
-            Reading::Odometry(odometry) => self.mapper.add_odometry(odometry),
-            Reading::Turning(rate) => {
+    type Maps = Sweep;
+
+    fn add(&mut self, passed: &Passed) {
+        match passed {
+            Passed::Scan(scan) => (self.tell)(&self.mapper.add_scan(scan)),
+            Passed::Reading(Reading::Odometry(odometry)) => self.mapper.add_odometry(odometry),
+            Passed::Reading(Reading::Turning(rate)) => {
                 self.mapper.add_turn_rate(rate);
             }
+            Passed::Cloud(_) | Passed::Reading(Reading::InSpace(_)) => {}
         }
-    }
-
-    fn add_scan(&mut self, scan: &Scan) {
-        (self.tell)(&self.mapper.add_scan(scan));
     }
 
     fn next_job(&mut self) -> Option<Job> {
