@@ -5,7 +5,6 @@ use crate::failure::Failure;
 use crate::terminal::count;
 use mapwright::{CountGrid, Pose2, Settings, Stamp};
 use mapwright_explore::{Decides, Exploration, ExploreSettings, Explorer, OccupancyMap, Order};
-use mapwright_geom::Pose;
 use mapwright_live::outgoing::goal;
 use mapwright_live::wire::{Delivery, Publisher, Topic, Wire};
 use std::sync::Arc;

@@ -190,7 +190,8 @@ fn short_buffers() -> Option<String> {
     let most: u64 = most.trim().parse().ok()?;
     (most < RECEIVED_LEAST).then(|| {
         format!(
-            "the system keeps {most} bytes of what arrives at most, less than a large cloud, whose parts then have to be sent again:              sudo sysctl -w net.core.rmem_max={RECEIVED_LEAST}"
+            "the system keeps {most} bytes of what arrives at most, less than a large cloud, whose parts then have to be sent again: \
+             sudo sysctl -w net.core.rmem_max={RECEIVED_LEAST}"
         )
     })
 }
