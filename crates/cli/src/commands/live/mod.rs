@@ -13,6 +13,7 @@ mod node;
 mod play;
 mod robot;
 mod view;
+mod wires;
 
 use crate::args::LiveArgs;
 use crate::events::Interrupt;
@@ -164,7 +165,7 @@ fn drive(
         wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),
         ..GateSettings::default()
     });
-    let mut wire = if args.ros || is_heard { Some(robot::join(&node)?) } else { None };
+    let mut wire = if args.ros || is_heard { Some(wires::join(args.ros_names.wire, &node)?) } else { None };
     let (mut ros, mut outlet) = (None, None);
     if let Some(wire) = wire.as_deref_mut() {
         let (to_draw, heard) = channel();
