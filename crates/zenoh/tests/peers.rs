@@ -331,6 +331,93 @@ fn who_takes_nothing_stops_nobody() {
     also.signal("-CONT");
 }
 
+/// Who has come late, is being sent what was kept and stops in the middle of it: as above, and what others tell is heard meanwhile.
+#[test]
+fn who_comes_late_and_stops_stops_nobody() {
+    if let Ok(port) = std::env::var(LATE) {
+        return come_late(port.parse().unwrap());
+    }
+    let port = free_port();
+    let mut wire = join(port, "teller");
+    let small = wire.advertise(&Topic::new("/small", KIND, RELIABLE)).unwrap();
+    let large = wire.advertise(&Topic::new("/large", KIND, KEPT)).unwrap();
+    let heard = hear(&mut wire, "/in", RELIABLE);
+    large.publish(&text(200_000_000)).unwrap();
+    let mut other = join(port, "other");
+    let also_heard = hear(&mut other, "/small", RELIABLE);
+    let asker = other.advertise(&Topic::new("/in", KIND, RELIABLE)).unwrap();
+    until(|| asker.listeners() == 1 && small.listeners() == 1);
+    let own = std::env::current_exe().unwrap();
+    let stopped: Vec<Echo> = (0..3)
+        .map(|_| {
+            let mut command = Command::new(&own);
+            command.args(["--exact", "who_comes_late_and_stops_stops_nobody", "--nocapture"]);
+            let child = command.env(LATE, port.to_string()).stdout(Stdio::piped()).spawn().unwrap();
+            let mut late = Echo(child);
+            let mut lines = BufReader::new(late.0.stdout.as_mut().unwrap()).lines();
+            while !lines.next().unwrap().unwrap().ends_with("asks") {}
+            sleep(Duration::from_millis(60));
+            late.signal("-STOP");
+            late
+        })
+        .collect();
+    let (mut longest, mut longest_way) = (Duration::ZERO, Duration::ZERO);
+    for round in 0..100 {
+        for publisher in [&small, &large] {
+            let begun = Instant::now();
+            publisher.publish(&text(round)).unwrap();
+            longest = longest.max(begun.elapsed());
+        }
+        let begun = Instant::now();
+        asker.publish(&text(3)).unwrap();
+        next(&heard);
+        next(&also_heard);
+        longest_way = longest_way.max(begun.elapsed());
+        sleep(Duration::from_millis(20));
+    }
+    eprintln!("longest publish {longest:?}, longest way {longest_way:?}");
+    assert!(longest < Duration::from_millis(150), "{longest:?}");
+    assert!(longest_way < Duration::from_secs(1), "{longest_way:?}");
+    drop(stopped);
+}
+
+const LATE: &str = "MAPWRIGHT_TEST_LATE";
+
+fn come_late(port: u16) {
+    let mut wire = join(port, "late");
+    println!("asks");
+    let heard = hear(&mut wire, "/large", KEPT);
+    println!("{}", next(&heard).len());
+}
+
+/// Who has been stopped for longer than it is waited for and goes on is heard and hears again, be it at the router or beside it.
+#[test]
+fn who_goes_on_is_met_again() {
+    for is_beside in [false, true] {
+        let port = free_port();
+        let router = is_beside.then(|| join(port, "router"));
+        let mut wire = join(port, "teller");
+        assert_eq!(wire.is_router(), router.is_none());
+        let large = wire.advertise(&Topic::new("/in", KIND, KEPT)).unwrap();
+        let heard = hear(&mut wire, "/out", RELIABLE);
+        let echo = Echo::start(port, ["/in", "/out"]);
+        until(|| large.listeners() == 1);
+        echo.signal("-STOP");
+        for _ in 0..40 {
+            large.publish(&text(1_000_000)).unwrap();
+            sleep(Duration::from_millis(200));
+        }
+        echo.signal("-CONT");
+        let begun = Instant::now();
+        while !heard.try_iter().any(|bytes| bytes == text(7)) {
+            large.publish(&text(7)).unwrap();
+            assert!(begun.elapsed() < Duration::from_secs(30), "beside the router: {is_beside}");
+            sleep(Duration::from_millis(100));
+        }
+        eprintln!("beside the router: {is_beside}, met again after {:?}", begun.elapsed());
+    }
+}
+
 /// A client in Python on Zenoh's own library, and one of hiroz, which is made by others after rmw_zenoh.
 #[test]
 fn others_hear_tell_and_are_answered() {
