@@ -11,7 +11,7 @@ RUN apt-get update \
 WORKDIR /build
 COPY . .
 ARG COMMIT=""
-RUN MAPWRIGHT_COMMIT="$COMMIT" cargo build --release --locked -p mapwright-cli --features net,view,dds \
+RUN MAPWRIGHT_COMMIT="$COMMIT" cargo build --release --locked -p mapwright-cli --features net,view,dds,zenoh \
     && install -D -s target/release/mapwright /image/usr/bin/mapwright \
     && install -D -m 644 -t /image/usr/share/doc/mapwright LICENSE-MIT LICENSE-APACHE
 

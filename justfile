@@ -12,11 +12,11 @@ fmt:
 
 # lints, warnings denied
 lint:
-    cargo clippy --workspace --all-targets --features mapwright-cli/net,mapwright-cli/view -- -D warnings
+    cargo clippy --workspace --all-targets --features mapwright-cli/net,mapwright-cli/view,mapwright-cli/zenoh -- -D warnings
 
 # all tests
 test:
-    cargo test --workspace --features mapwright-cli/net,mapwright-cli/view
+    cargo test --workspace --features mapwright-cli/net,mapwright-cli/view,mapwright-cli/zenoh
 
 # documentation, warnings denied
 doc:

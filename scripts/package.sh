@@ -46,7 +46,7 @@ pages() {
 }
 
 # ROS 2 where what builds it is there: cmake and libclang.
-deb_features=net,view
+deb_features=net,view,zenoh
 if command -v cmake >/dev/null && ls /usr/lib/llvm*/lib/libclang*.so* /usr/lib/*/libclang*.so* >/dev/null 2>&1; then
     deb_features=$deb_features,dds
 fi
@@ -76,7 +76,7 @@ missing_static() {
 
 build_static() {
     local name=mapwright-$version-x86_64-linux-static
-    "$built" || cargo build --profile "$profile" -p mapwright-cli --features net,view --target "$musl"
+    "$built" || cargo build --profile "$profile" -p mapwright-cli --features net,view,zenoh --target "$musl"
     pages "$target/$musl/$folder/mapwright" "$out/$name"
     cp "$target/$musl/$folder/mapwright" LICENSE-MIT LICENSE-APACHE README.md "$out/$name"
     strip "$out/$name/mapwright"

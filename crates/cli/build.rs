@@ -17,8 +17,10 @@ fn main() {
     let sqlite = if env::var_os("CARGO_FEATURE_SQLITE").is_some() { "with sqlite" } else { "without sqlite" };
     let net = if env::var_os("CARGO_FEATURE_NET").is_some() { "with net" } else { "without net" };
     let dds = if env::var_os("CARGO_FEATURE_DDS").is_some() { "with ROS 2" } else { "without ROS 2" };
+    let zenoh =
+        if env::var_os("CARGO_FEATURE_ZENOH").is_some() { "with ROS 2 over Zenoh" } else { "without ROS 2 over Zenoh" };
     let view = if env::var_os("CARGO_FEATURE_VIEW").is_some() { "with view" } else { "without view" };
-    let words: Vec<String> = commit.into_iter().chain([net, dds, view, sqlite].map(str::to_owned)).collect();
+    let words: Vec<String> = commit.into_iter().chain([net, dds, zenoh, view, sqlite].map(str::to_owned)).collect();
     println!("cargo::rustc-env=MAPWRIGHT_BUILD={}", words.join(", "));
 }
 

@@ -14,7 +14,7 @@ mod values;
 pub(crate) use export::{ConvertArgs, ExportArgs, ExportTo, LogFormat};
 pub(crate) use fleet::{FleetArgs, FleetCommand, FleetSimulateArgs};
 pub(crate) use fleet_net::{FleetJoinArgs, FleetKeysArgs, FleetStatusArgs};
-pub(crate) use live::{LiveArgs, RosArgs, ViewArgs, ViewResultsArgs};
+pub(crate) use live::{LiveArgs, RosArgs, ViewArgs, ViewResultsArgs, WireKind};
 pub(crate) use merge_maps::MergeMapsArgs;
 pub(crate) use rendezvous::RendezvousArgs;
 pub(crate) use source::SourceArgs;

@@ -14,8 +14,6 @@ mod configuration;
 #[cfg(feature = "cyclone")]
 mod cyclone;
 #[cfg(feature = "cyclone")]
-mod names;
-#[cfg(feature = "cyclone")]
 mod node;
 #[cfg(feature = "cyclone")]
 mod services;

@@ -2,9 +2,9 @@
 
 use crate::configuration::Configuration;
 use crate::cyclone::{CycloneError, Participant, Writer};
+use crate::services;
 use crate::services::Services;
-use crate::{names, services};
-use mapwright_live::wire::{Answer, Delivery, Hear, Publisher, Service, Topic, Wire, WireError};
+use mapwright_live::wire::{Answer, Delivery, Hear, Publisher, Service, Topic, Wire, WireError, names};
 
 /// A node of ROS 2 in a domain of DDS.
 pub struct Dds {

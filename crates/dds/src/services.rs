@@ -3,7 +3,7 @@
 //! participant's number (DDSI-RTPS 2.5, 8.2.4.1 and 9.3.1.5).
 
 use crate::configuration::Range;
-use mapwright_live::wire::{Answer, Service, WireError};
+use mapwright_live::wire::{Answer, Service, WireError, names};
 use rustdds::bytes::Bytes;
 use rustdds::mio1::{Events, Interest, Poll, Registry, Token, Waker};
 use rustdds::no_key::{
@@ -246,7 +246,7 @@ impl Services {
         let failed =
             |why: String| WireError { doing: format!("service {} of type {}", service.name, service.kind), why };
         let topic = |prefix: &str, suffix: &str, part: &str| {
-            let kind = crate::names::dds_type(service.kind, part).ok_or_else(|| failed("no such type".to_owned()))?;
+            let kind = names::dds_type(service.kind, part).ok_or_else(|| failed("no such type".to_owned()))?;
             let name = format!("{prefix}{}{suffix}", service.name);
             self.participant.create_topic(name, kind, &self.qos, TopicKind::NoKey).map_err(|e| failed(e.to_string()))
         };

@@ -1,5 +1,7 @@
 //! What a wire to other programs does, whatever it is made of.
 
+pub mod names;
+
 use std::fmt;
 
 /// How messages of a topic are delivered, by the words of ROS 2.

@@ -1,6 +1,6 @@
 //! The wire of a team of robots: bytes in and out over Zenoh, with TLS on both sides; and the keys and certificates that go with it.
 //!
-//! The only crate that knows Zenoh, and it knows nothing of maps. [`Wire`] is a connection to the team: it hands out what others have said with
+//! It knows Zenoh and nothing of maps. [`Wire`] is a connection to the team: it hands out what others have said with
 //! the name in their certificate, and says which of them are reached. Each robot can speak in its own name alone, by rules that every other
 //! robot applies to it. [`Authority`] makes certificates, [`Credentials`] are what one robot has of them.
 

@@ -1,7 +1,7 @@
 //! What can be asked for of a robot that drives.
 
 use super::{MappingArgs, SettingsArgs, SourceArgs};
-use clap::Args as ClapArgs;
+use clap::{Args as ClapArgs, ValueEnum};
 use mapwright::Pose2;
 use mapwright_lidars::LidarPlace;
 use std::net::SocketAddr;
@@ -52,6 +52,9 @@ pub(crate) struct LiveArgs {
 #[derive(Debug, Clone, ClapArgs)]
 #[command(next_help_heading = "ROS 2")]
 pub(crate) struct RosArgs {
+    /// What nodes of ROS 2 speak. Otherwise what RMW_IMPLEMENTATION says, as for them.
+    #[arg(long, value_enum)]
+    pub(crate) wire: Option<WireKind>,
     /// Name of the node, with its namespace if it has one. A node that is called slam_toolbox has that one's services.
     #[arg(long, value_name = "NAME", default_value = "mapwright")]
     pub(crate) node: String,
@@ -82,6 +85,15 @@ pub(crate) struct RosArgs {
     /// Wait until a lifecycle manager configures and activates the node.
     #[arg(long)]
     pub(crate) managed: bool,
+}
+
+/// What nodes of ROS 2 speak.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WireKind {
+    /// DDS, as Fast DDS and Cyclone DDS do
+    Dds,
+    /// Zenoh, as rmw_zenoh does
+    Zenoh,
 }
 
 /// A page in a browser.

@@ -77,7 +77,9 @@ fn what_cannot_be_is_said() {
     assert_refused(&run(&["live", &log, "-o", out, "--node", "no name"]), 2, &["no name"]);
     assert_refused(&run(&["live", &log, "-o", out, "--param", "mode=flying"]), 2, &["mode"]);
     #[cfg(not(feature = "dds"))]
-    assert_refused(&run(&["live", "-o", out]), 2, &["built without ROS 2", "--features dds"]);
+    assert_refused(&run(&["live", "-o", out, "--wire", "dds"]), 2, &["built without ROS 2", "--features dds"]);
+    #[cfg(not(feature = "zenoh"))]
+    assert_refused(&run(&["live", "-o", out, "--wire", "zenoh"]), 2, &["built without ROS 2", "--features zenoh"]);
     #[cfg(not(feature = "view"))]
     assert_refused(&run(&["live", &log, "-o", out, "--view"]), 2, &["built without the view"]);
     #[cfg(feature = "view")]

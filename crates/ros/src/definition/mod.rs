@@ -4,6 +4,7 @@ mod idl;
 mod md5;
 mod msg;
 mod resolve;
+mod rihs;
 
 use crate::error::{RosError, excerpt};
 use crate::schema::{Arity, Constant, StructType};
@@ -95,6 +96,14 @@ impl Definition {
     /// [`RosError::MissingType`] and [`RosError::Nesting`].
     pub fn md5sum(&self) -> Result<String, RosError> {
         md5::md5sum(&self.root, &self.messages)
+    }
+
+    /// ROS 2's hash of the fields, by which its nodes tell whether they mean the same type: `RIHS01_` and 64 hexadecimal digits.
+    ///
+    /// # Errors
+    /// [`RosError::MissingType`] and [`RosError::Nesting`].
+    pub fn type_hash(&self) -> Result<String, RosError> {
+        rihs::type_hash(&self.root, &self.messages)
     }
 }
 

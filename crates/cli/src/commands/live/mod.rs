@@ -18,6 +18,7 @@ mod plane;
 mod play;
 mod robot;
 mod view;
+mod wires;
 mod work;
 
 use crate::args::LiveArgs;
@@ -220,7 +221,7 @@ fn drive<W: Work>(
         wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),
         ..GateSettings::default()
     });
-    let mut wire = if args.ros || is_heard { Some(robot::join(&node)?) } else { None };
+    let mut wire = if args.ros || is_heard { Some(wires::join(args.ros_names.wire, &node)?) } else { None };
     let metadata = args.lidar_metadata.as_deref().map(datagrams::metadata).transpose()?;
     let (known, mut ros, mut outlet) = (Arc::<Known>::default(), None, None);
     if let Some(wire) = wire.as_deref_mut() {

@@ -31,24 +31,6 @@ impl From<WireError> for Failure {
     }
 }
 
-/// Joins the system that the environment names.
-#[cfg(feature = "dds")]
-pub(super) fn join(node: &NodeName) -> Result<Box<dyn Wire>, Failure> {
-    use mapwright_dds::{Configuration, Dds};
-    let configuration = Configuration::from_environment().map_err(|error| Failure::Usage(error.to_string()))?;
-    Ok(Box::new(Dds::join(&configuration, node.namespace(), node.name())?))
-}
-
-/// There is no wire in this build.
-#[cfg(not(feature = "dds"))]
-pub(super) fn join(_node: &NodeName) -> Result<Box<dyn Wire>, Failure> {
-    Err(Failure::Usage(
-        "this mapwright was built without ROS 2; build it with `cargo build --release --features dds` (needs cmake and libclang), or use a \
-         package"
-            .to_owned(),
-    ))
-}
-
 /// Names in the system, and what can be set.
 pub(super) fn parameters(args: &RosArgs, node: &NodeName) -> Result<(Parameters, Vec<String>), Failure> {
     let mut parameters = Parameters::default();

@@ -1,8 +1,9 @@
-//! Names of ROS 2 as DDS has them (design.ros2.org, "Topic and Service name mapping to DDS").
+//! Names of ROS 2 as wires have them (design.ros2.org, "Topic and Service name mapping to DDS").
 
 /// `sensor_msgs/msg/LaserScan` as `sensor_msgs::msg::dds_::LaserScan_`, with `part` (`_Request`) before the last line; none where it is no
 /// name of a type.
-pub(crate) fn dds_type(kind: &str, part: &str) -> Option<String> {
+#[must_use]
+pub fn dds_type(kind: &str, part: &str) -> Option<String> {
     let mut parts = kind.split('/');
     let (Some(package), Some(middle), Some(name), None) = (parts.next(), parts.next(), parts.next(), parts.next())
     else {
@@ -14,7 +15,8 @@ pub(crate) fn dds_type(kind: &str, part: &str) -> Option<String> {
 }
 
 /// Whether a topic or service can be called so: absolute, of letters, digits and lines, no empty parts.
-pub(crate) fn is_name(name: &str) -> bool {
+#[must_use]
+pub fn is_name(name: &str) -> bool {
     let is_part = |part: &str| {
         !part.is_empty()
             && !part.starts_with(|c: char| c.is_ascii_digit())
