@@ -1,5 +1,6 @@
 //! `mapwright live`: a recording that is played as if the robot drove.
 
+use crate::space_imu::record_part;
 use crate::support::{assert_code, assert_refused, folder, run, small_log_in, spawn, text};
 use std::fs;
 use std::path::Path;
@@ -25,6 +26,46 @@ fn what_is_played_is_mapped_as_from_the_log() {
     }
     let lines = |run: &str| fs::read_to_string(Path::new(run).join("trajectory.tum")).unwrap().lines().count();
     assert_eq!(lines(&beside), lines(&map));
+}
+
+/// Clouds as well, with what an inertial sensor feels between them.
+#[test]
+fn clouds_that_are_played_are_mapped_as_from_the_recording() {
+    let folder = folder("live_clouds");
+    let recording = folder.join("drive.mcap");
+    record_part(&recording, true, 0..16);
+    let recording = recording.display().to_string();
+    let [live, map] = ["live", "map"].map(|name| folder.join(name).display().to_string());
+    let played = spawn(&["live", &recording, "-o", &live, "--set", "loops.jobs=inline"]);
+    let mapped = run(&["map", &recording, "-o", &map, "--quiet"]);
+    let played = played.wait_with_output().unwrap();
+    assert_eq!(played.status.code(), mapped.status.code(), "{}", text(&played.stdout));
+    for name in ["trajectory.tum", "trajectory_online.tum", "session.mapwright", "map.ply"] {
+        let read = |run: &str| fs::read(Path::new(run).join(name)).unwrap();
+        assert!(read(&live) == read(&map), "{name} differs: {}", text(&played.stdout));
+    }
+}
+
+/// What is no packet of the lidar's makes no cloud, and is not waited for for ever.
+#[cfg(unix)]
+#[test]
+fn datagrams_that_are_none_of_a_lidar_are_said() {
+    let folder = folder("live_datagrams");
+    let port = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let (place, out) = (format!("velodyne:127.0.0.1:{port}"), folder.join("out"));
+    let child = spawn(&["live", "--lidar", &place, "-o", out.to_str().unwrap()]);
+    let sender = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    for length in 0..300 {
+        // While nobody is there yet they are refused.
+        let _ = sender.send_to(&vec![length as u8; 5 * length], ("127.0.0.1", port));
+        thread::sleep(Duration::from_millis(10));
+    }
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert_code(&output, 1);
+    assert!(said.contains(&format!("datagrams are heard at 127.0.0.1:{port}")) && said.contains("0 clouds"), "{said}");
 }
 
 /// A run that is killed in the middle leaves what it has mapped, and the next one goes on with it.
@@ -73,7 +114,8 @@ fn what_cannot_be_is_said() {
     let out = out.to_str().unwrap();
     assert_refused(&run(&["live", "nowhere.clf", "-o", out]), 1, &["nowhere.clf"]);
     assert_refused(&run(&["live", "--lidar", "sick:/dev/ttyUSB0", "-o", out]), 2, &["sick"]);
-    assert_refused(&run(&["live", "--lidar", "velodyne:2368", "-o", out]), 2, &["lidar of space"]);
+    assert_refused(&run(&["live", "--lidar", "velodyne:2368", "-o", out, "--localise", out]), 2, &["planar lasers"]);
+    assert_refused(&run(&["live", "--lidar", "ouster:7502", "--lidar-metadata", &log, "-o", out]), 2, &["metadata"]);
     assert_refused(&run(&["live", &log, "-o", out, "--node", "no name"]), 2, &["no name"]);
     assert_refused(&run(&["live", &log, "-o", out, "--param", "mode=flying"]), 2, &["mode"]);
     #[cfg(not(feature = "dds"))]

@@ -134,7 +134,7 @@ fn record(path: &Path, with_imu: bool) -> String {
 }
 
 /// Of those clouds these, with what was read since the one before.
-fn record_part(path: &Path, with_imu: bool, clouds: std::ops::Range<usize>) -> String {
+pub(super) fn record_part(path: &Path, with_imu: bool, clouds: std::ops::Range<usize>) -> String {
     let usual = SpaceDriveSettings::default();
     let settings = SpaceDriveSettings {
         lidar: LidarSettings { columns: 240, ..LidarSettings::spinning(16) },
