@@ -2,7 +2,7 @@
 
 use crate::configuration::Configuration;
 use crate::keys::{Attachment, Kind, Named, NodeKeys, listener_tokens, qos, sender};
-use crate::latched::Latched;
+use crate::latched::{self, Latched};
 use crate::listeners::{Listeners, tell};
 use crate::opening;
 use crate::services::Services;
@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 use zenoh::liveliness::LivelinessToken;
-use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::qos::Reliability;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
@@ -145,7 +145,7 @@ impl Wire for Zenoh {
         let way = match topic.delivery {
             Delivery::BestEffort { .. } => now(&self.session, key, Reliability::BestEffort),
             Delivery::Reliable { .. } | Delivery::AsOffered { .. } => now(&self.session, key, Reliability::Reliable),
-            Delivery::Latched { depth } => Latched::advertise(&self.session, key, depth).map(Way::Latched),
+            Delivery::Latched { depth } => Latched::advertise(&self.session, &key, depth).map(Way::Latched),
         };
         let way = way.map_err(topic_failed(topic))?;
         let tokens = listener_tokens(self.keys.domain, &named);
@@ -186,10 +186,8 @@ enum Way {
     Latched(Latched),
 }
 
-/// Nobody who is slow makes others wait (`Drop`); rmw_zenoh does the same of all topics that keep a number of messages.
 fn now(session: &Session, key: String, reliability: Reliability) -> zenoh::Result<Way> {
-    let publisher = session.declare_publisher(key).congestion_control(CongestionControl::Drop);
-    publisher.reliability(reliability).wait().map(Way::Now)
+    latched::short(session.declare_publisher(key)).reliability(reliability).wait().map(Way::Now)
 }
 
 struct Told {

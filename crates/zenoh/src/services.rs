@@ -8,6 +8,7 @@ use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
+use zenoh::key_expr::KeyExpr;
 use zenoh::query::Query;
 use zenoh::{Session, Wait};
 
@@ -16,7 +17,7 @@ const REQUESTS_MOST: usize = 100;
 
 enum Work {
     /// Another service, with the key of its responses.
-    Serve(String, Answer),
+    Serve(KeyExpr<'static>, Answer),
     /// A request to the service of this number.
     Asked(usize, Query),
     Over,
@@ -44,6 +45,7 @@ impl Services {
         answer: Answer,
     ) -> zenoh::Result<()> {
         let (number, work) = (self.count, self.work.clone());
+        let key = KeyExpr::try_from(key)?;
         self.work.send(Work::Serve(key, answer)).map_err(|_| "the thread that answers services has ended")?;
         self.count += 1;
         let asked = move |query: Query| match work.try_send(Work::Asked(number, query)) {
@@ -80,7 +82,7 @@ fn answer_until_over(work: &Receiver<Work>) {
     }
 }
 
-fn answer_query(query: &Query, key: &str, answer: &mut Answer) {
+fn answer_query(query: &Query, key: &KeyExpr<'static>, answer: &mut Answer) {
     let Some(asked) = query.attachment().and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes())) else {
         return refuse(query, "expected an attachment of 33 bytes: number, time and sender of the request");
     };
@@ -90,7 +92,7 @@ fn answer_query(query: &Query, key: &str, answer: &mut Answer) {
     let Ok(response) = catch_unwind(AssertUnwindSafe(|| answer(&request.to_bytes()))) else {
         return refuse(query, "the request could not be answered");
     };
-    let key = if query.key_expr().is_wild() { key } else { query.key_expr().as_str() };
+    let key = if query.key_expr().is_wild() { key } else { query.key_expr() };
     let attachment = Attachment { stamp_ns: now_ns(), ..asked }.to_bytes();
     // Whoever has gone meanwhile gets nothing.
     let _ = query.reply(key, response).attachment(attachment).wait();
