@@ -25,6 +25,7 @@ use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use mapwright::Pose2;
 use mapwright_eval::Delta;
 use mapwright_sim::Gap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use values::{
     parse_assignment, parse_delta, parse_factor, parse_gap, parse_length, parse_pose, parse_radius, parse_reach,
@@ -275,8 +276,8 @@ pub(crate) struct Voice {
 }
 
 /// Whether the command is asked to say what it says as JSON: a failure too.
-pub(crate) fn asks_for_json() -> bool {
-    std::env::args_os().any(|arg| arg == "--json")
+pub(crate) fn asks_for_json(words: &[OsString]) -> bool {
+    words.iter().any(|word| word == "--json")
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -7,7 +7,9 @@ use mapwright_graph::GraphError;
 use mapwright_graph::g2o::G2oError;
 use mapwright_logs::LogError;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+
+/// Exit code of wrong usage.
+pub(crate) const USAGE: u8 = 2;
 
 /// A command that did what it was asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,10 +25,11 @@ impl Outcome {
         if losses.is_empty() { Self::Done } else { Self::WithLoss }
     }
 
-    pub(crate) fn exit_code(self) -> ExitCode {
+    /// The number that the command ends with.
+    pub(crate) fn code(self) -> u8 {
         match self {
-            Self::Done => ExitCode::SUCCESS,
-            Self::WithLoss => ExitCode::from(3),
+            Self::Done => 0,
+            Self::WithLoss => 3,
         }
     }
 }
@@ -97,15 +100,10 @@ impl Failure {
         Self::Open { path: path.to_owned(), reason: reason.to_string() }
     }
 
-    /// Wrong settings are wrong usage.
-    pub(crate) fn exit_code(&self) -> ExitCode {
-        ExitCode::from(self.code())
-    }
-
-    /// The number that the command ends with.
+    /// The number that the command ends with: wrong settings are wrong usage.
     pub(crate) fn code(&self) -> u8 {
         match self {
-            Self::Config { .. } | Self::Settings(_) | Self::Usage(_) => 2,
+            Self::Config { .. } | Self::Settings(_) | Self::Usage(_) => USAGE,
             _ => 1,
         }
     }

@@ -28,6 +28,11 @@ impl Interrupt {
         Self(Arc::default())
     }
 
+    /// One that comes when somebody else, who handles the process's signals, says so.
+    pub(crate) fn told_by(asked: Arc<AtomicBool>) -> Self {
+        Self(asked)
+    }
+
     pub(crate) fn came(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

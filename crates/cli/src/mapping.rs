@@ -324,14 +324,10 @@ impl Mapping {
                 .inspect_err(|_| self.output.failed_to_write())?;
         }
         self.log.add(self.mapper.checkpoint().entries)?;
-        self.write_trajectory()?;
-        self.write_graph()?;
+        write_trajectory(&mut self.output, self.log.session(), self.policy)?;
+        write_graph(&mut self.output, self.log.session())?;
         let (made, path_m) = self.write_maps()?;
-        let left_out = made.iter().flat_map(|map| &map.keyframes_left_out).map(|&keyframe| {
-            let (beams, reason) = (Beams::All, LeftOutReason::ContradictsTheMap);
-            Entry::LeftOut(LeftOut { keyframe, beams, reason })
-        });
-        self.log.add(left_out.collect())?;
+        self.log.add(entries_of_left_out(&made))?;
         self.log.finish()?;
         Ok(Made { path_m, pieces: Pieces::of(self.session()), maps: made })
     }
@@ -364,29 +360,40 @@ impl Mapping {
         remove_outdated_maps(&mut self.output, made.len());
         Ok((made, path_m))
     }
+}
 
-    /// The final trajectory, every scan in arrival order.
-    fn write_trajectory(&mut self) -> Result<(), Failure> {
-        let mut stamper = Stamper::new(self.policy);
-        let poses = self.log.session().trajectory();
-        self.output.write("trajectory.tum", |writer| {
-            let mut trajectory = TumWriter::new(writer);
-            for pose in poses {
-                trajectory.write_planar(stamper.next(pose.stamp), pose.map_from_robot)?;
-            }
-            trajectory.finish().map(|_| ())
-        })
-    }
+/// Keyframes that the maps leave out, for the log.
+pub(crate) fn entries_of_left_out(made: &[MadeMap]) -> Vec<Entry> {
+    let left_out = made.iter().flat_map(|map| &map.keyframes_left_out).map(|&keyframe| {
+        let (beams, reason) = (Beams::All, LeftOutReason::ContradictsTheMap);
+        Entry::LeftOut(LeftOut { keyframe, beams, reason })
+    });
+    left_out.collect()
+}
 
-    /// Keyframes with the edges that stand, and all candidates.
-    fn write_graph(&mut self) -> Result<(), Failure> {
-        let session = self.log.session();
-        let graph = AnyPoseGraph::Planar(pose_graph(session, session.map_from_keyframe(), |_, _| true));
-        self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
-        let closures = ClosureFile::of(session);
-        self.output.write(CLOSURES, |mut writer| {
-            serde_json::to_writer_pretty(&mut writer, &closures).map_err(std::io::Error::from)?;
-            Ok(writer.write_all(b"\n")?)
-        })
-    }
+/// The final trajectory, every scan in arrival order.
+pub(crate) fn write_trajectory(
+    output: &mut OutputFolder,
+    session: &Session,
+    policy: StampPolicy,
+) -> Result<(), Failure> {
+    let mut stamper = Stamper::new(policy);
+    output.write("trajectory.tum", |writer| {
+        let mut trajectory = TumWriter::new(writer);
+        for pose in session.trajectory() {
+            trajectory.write_planar(stamper.next(pose.stamp), pose.map_from_robot)?;
+        }
+        trajectory.finish().map(|_| ())
+    })
+}
+
+/// Keyframes with the edges that stand, and all candidates.
+pub(crate) fn write_graph(output: &mut OutputFolder, session: &Session) -> Result<(), Failure> {
+    let graph = AnyPoseGraph::Planar(pose_graph(session, session.map_from_keyframe(), |_, _| true));
+    output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
+    let closures = ClosureFile::of(session);
+    output.write(CLOSURES, |mut writer| {
+        serde_json::to_writer_pretty(&mut writer, &closures).map_err(std::io::Error::from)?;
+        Ok(writer.write_all(b"\n")?)
+    })
 }

@@ -94,8 +94,11 @@ impl<M: Measurement> SessionLog<M> {
 }
 
 /// A session of either kind.
-pub(crate) enum AnySession {
+#[derive(Debug)]
+pub enum AnySession {
+    /// Of planar lasers or sonars.
     Plane(Session),
+    /// Of sensors in space.
     Space(Session<SpaceSweep>),
 }
 

@@ -22,6 +22,7 @@ mod visits;
 pub(crate) use calibrate::calibrate;
 pub(crate) use disk::Disk;
 pub(crate) use live::Drive;
+pub(crate) use mapping::write_session;
 pub(crate) use merge::{Input as MergeInput, each_cloud, merge};
 pub(crate) use mesh::{MESH_FILE, Meshing, four_digits, mesh_file, usual_voxel_m};
 pub(crate) use messages::plan_in_words;

@@ -18,24 +18,28 @@ use serde_json::json;
 use std::path::Path;
 
 pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
+    run_until(args, &Interrupt::watch()?)
+}
+
+/// Maps until somebody interrupts.
+pub(crate) fn run_until(args: &MapArgs, interrupt: &Interrupt) -> Result<Outcome, Failure> {
     settings_of(&args.mapping)?; // wrong usage is told before anything is touched
-    let interrupt = Interrupt::watch()?;
     if let [path] = &args.logs[..]
         && let Some(disk) = Disk::open(path)?
         && let Some(recording) = disk.recording()?
     {
         space::check_choice_of_files(&args.source)?;
         let source = Source::files(path.display().to_string(), &recording, &args.source)?;
-        return map_space(args, source, &interrupt);
+        return map_space(args, source, interrupt);
     }
     let clock = StageClock::start(); // a recording's first pass counts as well
     let voice = args.mapping.voice;
-    let mut first_pass = FirstPass::new(&interrupt, voice.quiet || voice.json);
+    let mut first_pass = FirstPass::new(interrupt, voice.quiet || voice.json);
     let mut watch = |name: &str, messages| first_pass.look(name, messages);
     let inputs = match space::seek(args, &mut watch)? {
         Sought::Space(source) => {
             drop(first_pass);
-            return map_space(args, source, &interrupt);
+            return map_space(args, source, interrupt);
         }
         Sought::Plane(_) if args.mesh => {
             return Err(Failure::Usage("--mesh needs a recording of space, found one of the plane".to_owned()));
@@ -52,7 +56,7 @@ pub(super) fn run(args: &MapArgs) -> Result<Outcome, Failure> {
     let mut mapping = Mapping::begin(&args.mapping, output, log.size_bytes(), earlier)?;
     mapping.clock = clock;
     mapping.switched = args.source.switched(args.mapping.start);
-    let ending = log.for_each(&interrupt, |event, position| {
+    let ending = log.for_each(interrupt, |event, position| {
         let is_new = went_on.as_mut().map_or(Ok(true), |went_on| went_on.is_new(&event, &mut mapping));
         if is_new? { mapping.take(event, position) } else { Ok(()) }
     })?;

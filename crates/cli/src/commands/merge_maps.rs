@@ -49,7 +49,7 @@ pub(super) fn run(args: &MergeMapsArgs) -> Result<Outcome, Failure> {
 }
 
 /// Of a folder of results its map.
-fn yaml_of(path: &Path) -> PathBuf {
+pub(crate) fn yaml_of(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("map.yaml") } else { path.to_owned() }
 }
 
@@ -74,7 +74,8 @@ fn refuse_to_overwrite(yamls: &[PathBuf; 2], outputs: &[PathBuf; 3]) -> Result<(
     }
 }
 
-fn read(yaml: &Path) -> Result<GridImage, Failure> {
+/// The map that a YAML tells of.
+pub(crate) fn read(yaml: &Path) -> Result<GridImage, Failure> {
     let opened = |path: &Path| match File::open(path) {
         Ok(_) if path.is_dir() => Err(Failure::open(path, "expected a file, found a directory")),
         Ok(file) => Ok(BufReader::new(file)),

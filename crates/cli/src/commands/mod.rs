@@ -25,6 +25,8 @@ mod view;
 
 use crate::args::Command;
 use crate::failure::{Failure, Outcome};
+pub(crate) use map::run_until as map_until;
+pub(crate) use merge_maps::{read as read_map, yaml_of};
 
 /// Does what was asked for.
 pub(crate) fn run(command: Command) -> Result<Outcome, Failure> {

@@ -172,32 +172,9 @@ impl Mapping {
         self.log.add(self.mapper.checkpoint().entries)?;
         self.log.finish()?;
         let session = self.log.session();
-        let mut stamper = Stamper::new(self.policy);
-        let way: Vec<(Stamp, Pose3)> = session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
-        self.output.write("trajectory.tum", |writer| {
-            let mut trajectory = TumWriter::new(writer);
-            way.iter().try_for_each(|&(stamp, pose)| trajectory.write(&stamped(stamper.next(stamp), pose)))?;
-            trajectory.finish().map(|_| ())
-        })?;
-        let graph = AnyPoseGraph::Spatial(pose_graph(session, session.map_from_keyframe(), |_, _| true));
-        self.output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
         let resolution_m = self.mapper.resolution_m().unwrap_or(1.0);
-        let first = session.keyframes().first().map(|keyframe| keyframe.sweep.sensor.as_ref());
-        let sensor = read.sensor.as_ref().or(first).cloned().unwrap_or_else(|| SpaceSensor::lidar("lidar"));
-        let maps = session.maps();
-        let (ways, path_m) = ways(session, &maps);
-        let mut map_points = 0;
-        for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
-            let points = mapwright::points_of_map(session, map, MAP_SHARE * resolution_m);
-            map_points += points.points_m.len();
-            self.output.write(map_file(number, "ply"), |writer| {
-                write_ply(&points.points_m, &points.colours, &points.intensities, writer)
-            })?;
-            let shown = picture::Shown { map, way, points: &points, point_m: MAP_SHARE * resolution_m };
-            let name = map_file(number, "png");
-            picture::write(&mut self.output, &name, (&sensor, session), &shown, self.picture_side)?;
-        }
-        remove_outdated_maps(&mut self.output, maps.len());
+        let files = Files { policy: self.policy, picture_side: self.picture_side, resolution_m };
+        let Written { way, path_m, map_points } = files.write(&mut self.output, session, read.sensor.as_ref())?;
         let beside = Beside::of(read, &way);
         let truth = simulation.map(|simulation| simulation.judge(&mut self.output, session)).transpose()?;
         let felt = Felt::of(read, &self.mapper);
@@ -209,6 +186,69 @@ impl Mapping {
         let voxel_m = usual_voxel_m(self.mapper.resolution_m());
         write_meshes(&mut self.output, self.log.session(), (voxel_m, threads))
     }
+}
+
+/// How a session's files are written.
+struct Files {
+    policy: StampPolicy,
+    picture_side: Option<u16>,
+    /// Side of the smallest voxels.
+    resolution_m: f64,
+}
+
+/// What was written of a session.
+struct Written {
+    way: Vec<(Stamp, Pose3)>,
+    path_m: f64,
+    map_points: usize,
+}
+
+impl Files {
+    /// Trajectory, graph and maps; `sensor` is the recording's, where that is known.
+    fn write(
+        &self,
+        output: &mut OutputFolder,
+        session: &Session<SpaceSweep>,
+        sensor: Option<&SpaceSensor>,
+    ) -> Result<Written, Failure> {
+        let mut stamper = Stamper::new(self.policy);
+        let way: Vec<(Stamp, Pose3)> = session.trajectory().map(|pose| (pose.stamp, pose.map_from_robot)).collect();
+        output.write("trajectory.tum", |writer| {
+            let mut trajectory = TumWriter::new(writer);
+            way.iter().try_for_each(|&(stamp, pose)| trajectory.write(&stamped(stamper.next(stamp), pose)))?;
+            trajectory.finish().map(|_| ())
+        })?;
+        let graph = AnyPoseGraph::Spatial(pose_graph(session, session.map_from_keyframe(), |_, _| true));
+        output.write("graph.g2o", |writer| Ok(write_g2o(&graph, writer)?))?;
+        let first = session.keyframes().first().map(|keyframe| keyframe.sweep.sensor.as_ref());
+        let sensor = sensor.or(first).cloned().unwrap_or_else(|| SpaceSensor::lidar("lidar"));
+        let maps = session.maps();
+        let (ways, path_m) = ways(session, &maps);
+        let (mut map_points, point_m) = (0, MAP_SHARE * self.resolution_m);
+        for (number, (map, way)) in maps.iter().zip(&ways).enumerate() {
+            let points = mapwright::points_of_map(session, map, point_m);
+            map_points += points.points_m.len();
+            output.write(map_file(number, "ply"), |writer| {
+                write_ply(&points.points_m, &points.colours, &points.intensities, writer)
+            })?;
+            let shown = picture::Shown { map, way, points: &points, point_m };
+            let name = map_file(number, "png");
+            picture::write(output, &name, (&sensor, session), &shown, self.picture_side)?;
+        }
+        remove_outdated_maps(output, maps.len());
+        Ok(Written { way, path_m, map_points })
+    }
+}
+
+/// Writes what a session alone tells.
+pub(crate) fn write_session(
+    output: &mut OutputFolder,
+    session: &Session<SpaceSweep>,
+    resolution_m: f64,
+) -> Result<(), Failure> {
+    SessionLog::begin(output, Some(session))?;
+    let files = Files { policy: StampPolicy::Log, picture_side: None, resolution_m };
+    files.write(output, session, None).map(|_| ())
 }
 
 fn stamped(stamp: Stamp, pose: Pose3) -> StampedPose3 {
