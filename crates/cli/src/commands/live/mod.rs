@@ -206,7 +206,7 @@ fn drive<W: Work>(
     let names = Names::of(&args.ros_names, &parameters, &node);
     let is_heard = args.log.is_none() && args.lidar.is_none();
     let scans = match (&args.log, &args.lidar) {
-        (Some(_), _) => vec![play::TOPIC.to_owned()],
+        (Some(_), _) => vec![if W::Maps::IS_IN_SPACE { play::CLOUDS } else { play::TOPIC }.to_owned()],
         (None, Some(_)) => vec![cable::TOPIC.to_owned()],
         (None, None) if names.clouds.is_empty() => names.scans.clone(),
         (None, None) => names.clouds.clone(),

@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 
 /// What its scans are called.
 pub(super) const TOPIC: &str = "scan";
+/// What its clouds are called.
+pub(super) const CLOUDS: &str = "cloud";
 /// Nobody sleeps longer than this without looking whether it is over.
 const NAP: Duration = Duration::from_millis(100);
 /// A gap in the recording is waited for no longer.
@@ -92,8 +94,8 @@ fn play_clouds(
         for reading in readings.drain(..) {
             door.put(lanes.others(), (clock.arrived(), Heard::Reading(Reading::InSpace(reading))));
         }
-        let whole = Heard::WholeCloud { topic: TOPIC.to_owned(), cloud: Box::new(cloud) };
-        door.put(lanes.of_scan(TOPIC), (clock.arrived(), whole));
+        let whole = Heard::WholeCloud { topic: CLOUDS.to_owned(), cloud: Box::new(cloud) };
+        door.put(lanes.of_scan(CLOUDS), (clock.arrived(), whole));
     }
     Ok((name, Played::Space(Box::new(source.read()))))
 }
