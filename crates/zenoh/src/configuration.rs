@@ -7,7 +7,7 @@ use zenoh::Config;
 
 /// A session as rmw_zenoh sets it up, where that differs from what Zenoh does by itself; the reasons are in its
 /// `DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5`. What differs from there: nobody is waited for longer than a tenth of a second
-/// (`max_wait_before_drop_fragments`; what is large has a queue of its own, `data_low`), a peer that takes nothing for 5 s is left
+/// (`max_wait_before_drop_fragments`; what is large has a queue of its own, `data_low`), a peer that takes nothing for 1 s of what must arrive is left
 /// (`wait_before_close`), and no message is larger than 256 MiB.
 const SESSION: &str = r#"{
     mode: "peer",
@@ -33,7 +33,7 @@ const SESSION: &str = r#"{
                     size: { data_low: 16 },
                     congestion_control: {
                         drop: { wait_before_drop: 1000, max_wait_before_drop_fragments: 80000 },
-                        block: { wait_before_close: 5000000 },
+                        block: { wait_before_close: 1000000 },
                     },
                 },
             },
