@@ -153,25 +153,25 @@ pub(crate) struct Closure {
 
 #[pymethods]
 impl Closure {
-    /// Number of the old keyframe.
+    /// Number of the earlier keyframe.
     #[getter]
-    fn old(&self) -> u32 {
+    fn earlier(&self) -> u32 {
         self.from
     }
 
-    /// Number of the new keyframe.
+    /// Number of the later keyframe.
     #[getter]
-    fn new(&self) -> u32 {
+    fn later(&self) -> u32 {
         self.to
     }
 
-    /// Pose of the new keyframe in the frame of the old one, numbers as of `Update.pose`.
+    /// Pose of the later keyframe in the frame of the earlier one, numbers as of `Update.pose`.
     #[getter]
-    fn old_from_new<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+    fn earlier_from_later<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.from_from_to)
     }
 
     fn __repr__(&self) -> String {
-        format!("Closure(old={}, new={})", self.from, self.to)
+        format!("Closure(earlier={}, later={})", self.from, self.to)
     }
 }

@@ -15,14 +15,14 @@ class Closure:
     """A loop closure: two keyframes of one place."""
 
     @property
-    def old(self) -> int:
-        """Number of the old keyframe."""
+    def earlier(self) -> int:
+        """Number of the earlier keyframe."""
     @property
-    def new(self) -> int:
-        """Number of the new keyframe."""
+    def later(self) -> int:
+        """Number of the later keyframe."""
     @property
-    def old_from_new(self) -> NDArray[np.float64]:
-        """Pose of the new keyframe in the frame of the old one."""
+    def earlier_from_later(self) -> NDArray[np.float64]:
+        """Pose of the later keyframe in the frame of the earlier one."""
 
 class Update:
     """What one scan or cloud led to."""
