@@ -2,6 +2,10 @@
 
 use mapwright_live::wire::Delivery;
 use sha2::{Digest, Sha256};
+use std::time::SystemTime;
+
+/// No message is larger, bytes: none is sent, and of who sends one nothing is taken.
+pub(crate) const MESSAGE_MOST: usize = 1 << 28;
 
 /// What a token is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,6 +131,12 @@ impl Attachment {
         let sender = sender.try_into().ok().filter(|_| usize::from(*length) == SENDER_BYTES)?;
         Some(Self { number: i64::from_le_bytes(*number), stamp_ns: i64::from_le_bytes(*stamp), sender })
     }
+}
+
+/// Nanoseconds since 1970.
+pub(crate) fn now_ns() -> i64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }
 
 /// The number by which others know who sent something, made of its token.

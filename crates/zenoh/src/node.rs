@@ -1,7 +1,7 @@
 //! A node of ROS 2.
 
 use crate::configuration::Configuration;
-use crate::keys::{Attachment, Kind, Named, NodeKeys, listener_tokens, qos, sender};
+use crate::keys::{Attachment, Kind, MESSAGE_MOST, Named, NodeKeys, listener_tokens, now_ns, qos, sender};
 use crate::latched::{self, Latched};
 use crate::listeners::{Listeners, tell};
 use crate::opening;
@@ -11,15 +11,13 @@ use mapwright_ros::builtin;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::Reliability;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
-/// No message is larger, bytes: none is sent, and of who sends one nothing is taken.
-pub(crate) const MESSAGE_MOST: usize = 1 << 28;
 /// What was kept for who comes late arrives within that time.
 const KEPT_WITHIN: Duration = Duration::from_secs(60);
 /// Services are asked and answered as `rmw_qos_profile_services_default` says.
@@ -91,12 +89,6 @@ fn named(name: &str, kind: &str) -> Result<Named, String> {
 fn topic_failed<E: ToString>(topic: &Topic) -> impl Fn(E) -> WireError {
     let doing = format!("topic {} of type {}", topic.name, topic.kind);
     move |error| WireError { doing: doing.clone(), why: error.to_string() }
-}
-
-/// Nanoseconds since 1970.
-pub(crate) fn now_ns() -> i64 {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }
 
 /// Hands on what is a message.

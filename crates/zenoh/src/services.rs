@@ -1,8 +1,7 @@
 //! Services: queries with the request as their payload. They are answered one after another on a thread of their own, so that one that takes
 //! long keeps nothing else from arriving.
 
-use crate::keys::Attachment;
-use crate::node::{MESSAGE_MOST, now_ns};
+use crate::keys::{Attachment, MESSAGE_MOST, now_ns};
 use mapwright_live::wire::Answer;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -386,7 +386,8 @@ fn who_comes_late_and_stops_stops_nobody() {
     }
     eprintln!("longest publish {longest:?}, longest way {longest_way:?}");
     assert!(longest < Duration::from_millis(150), "{longest:?}");
-    assert!(longest_way < Duration::from_secs(1), "{longest_way:?}");
+    // with one second in which a peer is given up
+    assert!(longest_way < Duration::from_secs(3), "{longest_way:?}");
 }
 
 const LATE: &str = "MAPWRIGHT_TEST_LATE";
