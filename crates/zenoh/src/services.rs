@@ -47,11 +47,13 @@ impl Services {
         let key = KeyExpr::try_from(key)?;
         self.work.send(Work::Serve(key, answer)).map_err(|_| "the thread that answers services has ended")?;
         self.count += 1;
-        let asked = move |query: Query| match work.try_send(Work::Asked(number, query)) {
-            Err(TrySendError::Full(Work::Asked(_, query)) | TrySendError::Disconnected(Work::Asked(_, query))) => {
+        let asked = move |query: Query| {
+            let full = work.try_send(Work::Asked(number, query));
+            if let Err(TrySendError::Full(Work::Asked(_, query)) | TrySendError::Disconnected(Work::Asked(_, query))) =
+                full
+            {
                 refuse(&query, "too many requests wait");
             }
-            _ => {}
         };
         session.declare_queryable(any_key).complete(true).callback(asked).background().wait()
     }
