@@ -1,6 +1,6 @@
 //! Beside other programs: another process of this crate, sessions of Zenoh that speak as rmw_zenoh does, and a client in Python and one of hiroz where
 //! there are such.
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests may")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, clippy::print_stdout, reason = "tests may")]
 
 use mapwright_live::wire::{Delivery, Publisher, Service, Topic, Wire};
 use mapwright_zenoh::{Configuration, Zenoh};
@@ -462,5 +462,5 @@ fn publishers_are_shared_by_threads() {
             scope.spawn(|| (0..25).for_each(|length| publisher.publish(&text(length)).unwrap()));
         }
     });
-    assert_eq!((0..100).map(|_| next(&heard)).count(), 100);
+    (0..100).for_each(|_| drop(next(&heard)));
 }

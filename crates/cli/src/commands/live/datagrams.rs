@@ -42,7 +42,7 @@ pub(super) fn read(
     clock: &Clock,
     (words, over): (&Words, &AtomicBool),
 ) {
-    let udp = metadata.and_then(|text| Udp::ouster(&text).ok()).unwrap_or_else(Udp::new);
+    let udp = metadata.and_then(|text| Udp::ouster(&text).ok()).unwrap_or_default();
     let mut line = Line { udp, robot_from_lidar, sensor: None, problem: None, is_silent: false };
     let mut trouble: Option<String> = None;
     while !over.load(Ordering::Acquire) {
