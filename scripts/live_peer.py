@@ -26,6 +26,7 @@ arguments.add_argument("--beams", type=int, default=1440)
 arguments.add_argument("--pid", type=int)
 given = arguments.parse_args()
 
+started = time.monotonic()
 rclpy.init()
 node = rclpy.create_node("robot")
 sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -177,7 +178,8 @@ print(json.dumps({
     "mapped": len(waits),
     "pose_ms": {"median": waits[len(waits) // 2], "p99": waits[int(0.99 * len(waits))], "most": waits[-1]} if waits else None,
     "map_from_odom": {"hertz": 1e3 * len(gaps) / sum(gaps), "largest_gap_ms": max(gaps)} if gaps else None,
+    "first_pose_s": min(came.values()) - started if came else None,
     "maps": len(maps),
     "last_map": maps[-1] if maps else None,
     "memory_mb": [early_mb, late_mb],
-}))
+}), flush=True)
