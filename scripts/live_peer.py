@@ -1,13 +1,17 @@
 """A robot of ROS 2 beside `mapwright live`, and what it gets back: the figures of docs/decisions/0049-live.md.
 
-    python scripts/live_peer.py [--seconds S] [--hertz HZ] [--beams N] [--pid PID]
+    python scripts/live_peer.py [--seconds S] [--hertz HZ] [--beams N] [--pid PID] [--hanging N]
 
 Needs rclpy with sensor_msgs and nav_msgs; with the package cyclonedds it hears /tf as well. It drives circles in a room with pillars, publishes
-/scan and /odom, and prints one line of JSON. `--pid` is that of `mapwright live`, whose memory is read at a third of the way and at the end.
+/scan and /odom, and prints one line of JSON. `--pid` is that of `mapwright live`, whose memory is read at a third of the way and at the end. `--hanging`: so many other readers of /tf (of CycloneDDS) stop
+without a word at a quarter of the way.
 """
 import argparse
 import json
 import math
+import signal
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import dataclass
@@ -24,6 +28,8 @@ arguments.add_argument("--seconds", type=float, default=30.0)
 arguments.add_argument("--hertz", type=float, default=40.0)
 arguments.add_argument("--beams", type=int, default=1440)
 arguments.add_argument("--pid", type=int)
+arguments.add_argument("--hanging", type=int, default=0)
+arguments.add_argument("--read", action="store_true", help=argparse.SUPPRESS)
 given = arguments.parse_args()
 
 started = time.monotonic()
@@ -153,16 +159,22 @@ def hear_transforms(over):
 
 
 over = threading.Event()
+if given.read:
+    hear_transforms(over)
+others = [subprocess.Popen([sys.executable, __file__, "--read"]) for _ in range(given.hanging)]
+time.sleep(3 if others else 0)
 listener = threading.Thread(target=hear_transforms, args=(over,))
 listener.start()
 end = time.monotonic() + 30
 while scans.get_subscription_count() < 1 and time.monotonic() < end:
     rclpy.spin_once(node, timeout_sec=0.1)
 driver = threading.Thread(target=drive)
-begun, early_mb = time.monotonic(), None
+begun, early_mb, stopped = time.monotonic(), None, []
 driver.start()
 while driver.is_alive():
     rclpy.spin_once(node, timeout_sec=0.05)
+    if others and not stopped and time.monotonic() - begun > given.seconds / 4:
+        stopped = [other.send_signal(signal.SIGSTOP) for other in others]
     if early_mb is None and time.monotonic() - begun > given.seconds / 3:
         early_mb = resident_mb()
 end = time.monotonic() + 3
@@ -171,6 +183,8 @@ while time.monotonic() < end:
 late_mb = resident_mb()
 over.set()
 listener.join()
+for other in others:
+    other.kill()
 waits = sorted(1e3 * (came[stamp] - sent[stamp]) for stamp in came if stamp in sent)
 gaps = [1e3 * (b - a) for a, b in zip(links, links[1:])]
 print(json.dumps({

@@ -48,18 +48,21 @@ pub(super) fn play(
     let mut log = Log::open_all(&[path.to_owned()], &args.source.choice(), watch)?;
     let mut pace = pace;
     while let Some(event) = log.next_event()? {
-        let (lane, stamp, heard) = match event {
+        let (lane, is_due, heard) = match event {
             LogEvent::Scan(scan) => {
                 let whole = Heard::Whole { topic: TOPIC.to_owned(), scan: Box::new(scan.clone()) };
-                (lanes.of_scan(TOPIC), scan.stamp, whole)
+                (lanes.of_scan(TOPIC), pace.wait_for(scan.stamp), whole)
             }
             LogEvent::Odometry(odometry) => {
-                (lanes.others(), odometry.stamp, Heard::Reading(Reading::Odometry(*odometry)))
+                let heard = Heard::Reading(Reading::Odometry(*odometry));
+                (lanes.others(), pace.wait_between(odometry.stamp), heard)
             }
-            LogEvent::TurnRate(rate) => (lanes.others(), rate.stamp, Heard::Reading(Reading::Turning(*rate))),
+            LogEvent::TurnRate(rate) => {
+                (lanes.others(), pace.wait_between(rate.stamp), Heard::Reading(Reading::Turning(*rate)))
+            }
             _ => continue,
         };
-        if !pace.wait_for(stamp) {
+        if !is_due {
             break;
         }
         door.put(lane, (clock.arrived(), heard));
@@ -110,20 +113,54 @@ struct Pace<'a> {
 }
 
 impl Pace<'_> {
-    /// Waits until an event of a stamp is due, and while somebody who watches holds it; false where it is over meanwhile.
+    /// Waits until a scan or a cloud of a stamp is due, by the time since the one before; false where it is over meanwhile.
     fn wait_for(&mut self, stamp: Stamp) -> bool {
-        let (held, over) = (self.held, self.over);
-        let elapsed_s = self.last.replace(stamp).map_or(0.0, |last| stamp.secs_since(last)).max(0.0);
-        self.due += Duration::from_secs_f64(elapsed_s / self.rate).min(GAP);
+        self.due += self.after_last(stamp);
+        self.last = Some(stamp);
+        self.wait(Duration::ZERO)
+    }
+
+    /// The same of a reading between two of them, whose stamps may be any: no other waits for it.
+    fn wait_between(&mut self, stamp: Stamp) -> bool {
+        self.wait(self.after_last(stamp))
+    }
+
+    fn after_last(&self, stamp: Stamp) -> Duration {
+        let elapsed_s = self.last.map_or(0.0, |last| stamp.secs_since(last)).max(0.0);
+        Duration::from_secs_f64(elapsed_s / self.rate).min(GAP)
+    }
+
+    /// Waits until so long after what is due, and while somebody who watches holds it; false where it is over meanwhile.
+    fn wait(&mut self, after: Duration) -> bool {
         loop {
-            if held.load(Ordering::Acquire) {
+            if self.held.load(Ordering::Acquire) {
                 self.due = Instant::now() + NAP;
             }
-            let left = self.due.saturating_duration_since(Instant::now());
-            if over.load(Ordering::Acquire) || left.is_zero() {
-                return !over.load(Ordering::Acquire);
+            let left = (self.due + after).saturating_duration_since(Instant::now());
+            if self.over.load(Ordering::Acquire) || left.is_zero() {
+                return !self.over.load(Ordering::Acquire);
             }
             thread::sleep(left.min(NAP));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn readings_with_stamps_of_another_clock_hold_up_nothing() {
+        let [held, over] = [false, false].map(AtomicBool::new);
+        let mut pace = Pace { rate: 100.0, last: None, due: Instant::now(), held: &held, over: &over };
+        let begun = Instant::now();
+        for k in 0..50 {
+            let at = |s: f64| Stamp::from_secs_f64(331.0 + 0.1 * f64::from(k) + s);
+            assert!(pace.wait_for(at(0.0)) && pace.wait_between(Stamp(0)) && pace.wait_between(at(0.05)));
+        }
+        assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+        assert!(begun.elapsed() >= Duration::from_millis(49), "{:?}", begun.elapsed());
+        over.store(true, Ordering::Release);
+        assert!(!pace.wait_for(Stamp::from_secs_f64(1000.0)));
     }
 }
