@@ -1,4 +1,4 @@
-"""A client on Zenoh's own Python library that speaks as rmw_zenoh does, beside the example `echo`: twenty messages there and back, twenty answers, and the
+"""A client on Zenoh's own Python library that speaks as rmw_zenoh does, beside the example `zenoh_echo`: twenty messages there and back, twenty answers, and the
 node's name."""
 import struct
 import sys

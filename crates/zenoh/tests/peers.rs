@@ -33,14 +33,14 @@ fn join(port: u16, name: &str) -> Zenoh {
     Zenoh::join(&configuration(port), "/", name).unwrap()
 }
 
-/// The example `echo`, which Cargo builds with the tests.
+/// The example `zenoh_echo`, which Cargo builds with the tests.
 struct Echo(Child);
 
 impl Echo {
     fn start(port: u16, [heard, told]: [&str; 2]) -> Self {
         let tests = std::env::current_exe().unwrap();
         let target: PathBuf = tests.parent().unwrap().parent().unwrap().join("examples");
-        let mut child = Command::new(target.join("echo"))
+        let mut child = Command::new(target.join("zenoh_echo"))
             .args([heard, told, KIND])
             .env("ROS_DOMAIN_ID", "0")
             .env("ZENOH_CONFIG_OVERRIDE", format!("connect/endpoints=[\"tcp/localhost:{port}\"]"))

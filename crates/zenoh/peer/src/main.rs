@@ -1,4 +1,4 @@
-//! Beside the example `echo`: twenty messages there and back, twenty answers, and the node's name.
+//! Beside the example `zenoh_echo`: twenty messages there and back, twenty answers, and the node's name.
 
 use hiroz::context::ZContextBuilder;
 use hiroz::entity::{TypeHash, TypeInfo};

@@ -2,7 +2,7 @@
 //! a network, and for tests beside other programs.
 //!
 //! ```sh
-//! cargo run --release -p mapwright-zenoh --example echo -- /in /out std_msgs/msg/String
+//! cargo run --release -p mapwright-zenoh --example zenoh_echo -- /in /out std_msgs/msg/String
 //! ```
 #![allow(clippy::print_stdout, clippy::expect_used, clippy::panic, reason = "an example says what it does")]
 
