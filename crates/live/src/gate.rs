@@ -167,7 +167,7 @@ pub struct Gate {
     at_once: VecDeque<Reading>,
     odometry: Pulse,
     inertial: Pulse,
-    /// The stamp of the newest inertial reading.
+    /// The stamp of the last inertial reading.
     felt: Option<Stamp>,
     /// Whether transforms say where odometry has the robot: then messages of odometry say it a second time.
     is_told_by_transforms: bool,
@@ -347,7 +347,7 @@ impl Gate {
         }
         match reading {
             // As of a recording, whose clouds wait for nothing either.
-            Reading::InSpace(_) => self.at_once.push_back(reading),
+            Reading::InSpace(_) => push(&mut self.at_once, reading),
             _ => self.push_reading(reading),
         }
     }
@@ -394,7 +394,8 @@ impl Gate {
 
     fn feel(&mut self, stamp: Stamp, arrived: Arrived) {
         self.inertial.beat(arrived.since_start);
-        self.felt = self.felt.max(Some(stamp));
+        // The last, not the newest: one stamp far ahead would say for ever that all is felt.
+        self.felt = Some(stamp);
     }
 
     fn wait(&mut self, waiting: Waiting) {
@@ -412,10 +413,7 @@ impl Gate {
     }
 
     fn push_reading(&mut self, reading: Reading) {
-        if self.readings.len() >= READINGS_MOST {
-            self.readings.pop_front();
-        }
-        self.readings.push_back(reading);
+        push(&mut self.readings, reading);
     }
 
     /// A message of a topic that is no scan, or one whose bytes are none: counted.
@@ -692,6 +690,14 @@ impl Topic {
         let since = self.trouble.take().map_or(now, |(since, _)| since);
         self.trouble = Some((since, why));
     }
+}
+
+/// The oldest makes room.
+fn push(readings: &mut VecDeque<Reading>, reading: Reading) {
+    if readings.len() >= READINGS_MOST {
+        readings.pop_front();
+    }
+    readings.push_back(reading);
 }
 
 /// The stamp of a header, or when its message arrived where it has none.

@@ -304,6 +304,21 @@ fn a_cloud_waits_for_odometry_at_its_beginning_and_for_inertial_readings_until_i
 }
 
 #[test]
+fn a_stamp_far_ahead_does_not_say_for_ever_that_all_is_felt() {
+    let (mut gate, data) = (in_space(), cloud_bytes(0.04));
+    for seconds in [0.9, 1e6, 0.95] {
+        gate.hear_imu(&imu(seconds, 0.5), at(0.95)).unwrap();
+    }
+    drive(&mut gate, 0.9);
+    drive(&mut gate, 1.1);
+    gate.hear_cloud("/points", &cloud(1.0, "lidar", &data), at(1.1));
+    let is_cloud = |passed: &Passed| matches!(passed, Passed::Cloud(_));
+    assert!(!passed(&mut gate, 1.11).iter().any(is_cloud), "its end is not felt yet");
+    gate.hear_imu(&imu(1.1, 0.5), at(1.12)).unwrap();
+    assert!(passed(&mut gate, 1.13).iter().any(is_cloud));
+}
+
+#[test]
 fn a_cloud_that_nothing_says_the_place_of_is_said_and_one_without_points_too() {
     let (mut gate, data) = (in_space(), cloud_bytes(0.0));
     gate.hear_cloud("/points", &cloud(1.0, "camera", &data), at(1.0));

@@ -55,7 +55,7 @@ use work::Work;
 
 /// Messages that wait at the door at most: of one topic of scans, or of clouds, of transforms, of all else.
 const SCANS_MOST: usize = 20;
-const CLOUDS_MOST: usize = 5;
+const CLOUDS_MOST: usize = 10;
 const TRANSFORMS_MOST: usize = 2000;
 const OTHERS_MOST: usize = 2000;
 /// A large cloud, and the beginning of the next one, bytes.
@@ -166,7 +166,7 @@ pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     robot::apply(&parameters, &args.mapping, &mut settings)?;
     let interrupt = Interrupt::watch()?;
     let begin = Begin { session: robot::session(&parameters)?, pose: robot::start(&parameters) };
-    let is_of_space = args.log.as_ref().is_some_and(|log| play::is_of_space(log, args).unwrap_or(false));
+    let is_of_space = args.log.as_ref().map_or(Ok(false), |log| play::is_of_space(log, args))?;
     let is_lidar_of_space = args.lidar.as_ref().is_some_and(|lidar| !lidar.kind.is_serial());
     if is_of_space || is_lidar_of_space || !args.ros_names.points.is_empty() {
         let clouds = in_space(args, settings, begin)?;
@@ -215,11 +215,11 @@ fn drive<W: Work>(
     let (door, clock, over) =
         (Arc::new(lanes.door()), Arc::new(Clock::start(names.is_simulated)), AtomicBool::new(false));
     let mut gate = Gate::new(GateSettings {
+        waiting_most: if W::Maps::IS_IN_SPACE { CLOUDS_MOST } else { GateSettings::default().waiting_most },
         robot_frame: names.robot_frame.clone(),
         odom_frame: names.odom_frame.clone(),
         is_in_space: W::Maps::IS_IN_SPACE,
         wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),
-        ..GateSettings::default()
     });
     let mut wire = if args.ros || is_heard { Some(wires::join(args.ros_names.wire, &node)?) } else { None };
     let metadata = args.lidar_metadata.as_deref().map(datagrams::metadata).transpose()?;
