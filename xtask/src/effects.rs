@@ -6,7 +6,7 @@ use proc_macro2::{Group, TokenStream, TokenTree};
 use std::path::Path;
 
 /// Crates that may do everything: they talk to the world.
-const OUTERMOST: [&str; 6] = ["net", "dds", "zenoh", "viewer", "python", "cli"];
+const OUTERMOST: [&str; 7] = ["net", "rtps", "dds", "zenoh", "viewer", "python", "cli"];
 /// Files elsewhere that may open files: a recording can be a folder, and SQLite opens its database itself, whose head is
 /// read beside it.
 const OPEN_FILES: [&str; 2] = ["crates/bags/src/folder.rs", "crates/bags/src/sqlite/head.rs"];

@@ -1,5 +1,5 @@
-//! Says what it hears: the messages of one topic are told again on another, and the service `/echo/state` answers, until the standard input ends. For trying
-//! a network, and for tests beside other programs.
+//! Says what it hears: the messages of one topic are told again on another, and the services `/echo/state` and `/echo/long` (2 MB) answer, until the standard input
+//! ends. For trying a network, and for tests beside other programs.
 //!
 //! ```sh
 //! cargo run --release -p mapwright-dds --example echo -- /in /out std_msgs/msg/String
@@ -31,6 +31,12 @@ fn main() {
         [&[0, 1, 0, 0, 3, 0, 0, 0, 7, 0, 0, 0], &b"active\0"[..]].concat()
     };
     dds.serve(&service, Box::new(answer)).expect("a service");
+    let service = Service { name: "/echo/long".to_owned(), kind: "std_srvs/srv/Trigger" };
+    // yes, and a text
+    let length = 2_000_000_u32;
+    let head = [&[0, 1, 0, 0, 1, 0, 0, 0][..], &(length + 1).to_le_bytes()].concat();
+    let long = move |_: &[u8]| [&head[..], &vec![b'x'; length as usize], &[0]].concat();
+    dds.serve(&service, Box::new(long)).expect("a service");
     println!("ready");
     let _ = std::io::stdin().read(&mut [0]);
 }

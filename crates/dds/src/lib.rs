@@ -1,8 +1,7 @@
-//! ROS 2 over DDS without ROS: topics through Cyclone DDS, services through RustDDS.
+//! ROS 2 over DDS without ROS: topics through Cyclone DDS, services through [`mapwright_rtps`].
 //!
-//! Two libraries, for neither does both well: Cyclone moves large messages into peers with small buffers many times faster, RustDDS says to which
-//! request a response is in the way that Fast DDS wants it. Both join the same domain; to other programs they are two participants of
-//! one node. What decided is in `docs/decisions/0049-live.md`.
+//! Two participants of one node, for Cyclone moves large messages into peers with small buffers faster than anything else does, but does not say to
+//! which request a response is in the way that Fast DDS wants it. What decided is in `docs/decisions/0049-live.md`.
 //!
 //! The environment is read as ROS 2's nodes read it: `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_STATIC_PEERS`, `CYCLONEDDS_URI`.
 //!

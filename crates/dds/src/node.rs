@@ -2,7 +2,6 @@
 
 use crate::configuration::Configuration;
 use crate::cyclone::{CycloneError, Participant, Writer};
-use crate::services;
 use crate::services::Services;
 use mapwright_live::wire::{Answer, Delivery, Hear, Publisher, Service, Topic, Wire, WireError, names};
 
@@ -44,7 +43,7 @@ impl Dds {
         }
         let topics =
             Participant::new(u32::from(configuration.domain), &configuration.xml(), "enclave=/;").map_err(failed)?;
-        let services = Services::new(configuration.domain, configuration.range)?;
+        let services = Services::new(configuration)?;
         let graph = topics.write(GRAPH.0, GRAPH.1, Delivery::Latched { depth: 1 }).map_err(failed)?;
         let (namespace, name) = (namespace.to_owned(), name.to_owned());
         let node = Node { namespace, name, readers: Vec::new(), writers: Vec::new(), graph };
@@ -125,10 +124,6 @@ impl Wire for Dds {
         self.node.readers.push(reader);
         self.node.writers.push(writer);
         self.tell_graph().map_err(|error| failed(error.to_string()))
-    }
-
-    fn response_most(&self) -> usize {
-        services::RESPONSE_MOST
     }
 }
 

@@ -99,11 +99,6 @@ pub trait Wire {
     /// # Errors
     /// [`WireError`] where there can be no such service.
     fn serve(&mut self, service: &Service, answer: Answer) -> Result<(), WireError>;
-
-    /// A longer response, bytes, may not arrive.
-    fn response_most(&self) -> usize {
-        usize::MAX
-    }
 }
 
 /// Tells a topic's messages.

@@ -158,10 +158,6 @@ impl Wire for Zenoh {
         self.tokens.push(tell(&self.session, &token).map_err(|error| failed(error.to_string()))?);
         Ok(())
     }
-
-    fn response_most(&self) -> usize {
-        MESSAGE_MOST
-    }
 }
 
 impl Drop for Zenoh {

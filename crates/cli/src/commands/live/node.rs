@@ -168,12 +168,11 @@ pub(super) fn serve<M: Measurement + 'static>(
     (clock, frame): (&Arc<Clock>, &str),
     to_draw: &Sender<ToDraw<M>>,
 ) -> Result<(), Failure> {
-    let most = wire.response_most();
     let mut answer = |name: String, kind: &'static str, answer: Answer| wire.serve(&Service { name, kind }, answer);
     for service in offered(&node.name) {
         let (name, kind) = (service.name.clone(), service.type_name);
         let (node, door, clock, frame) = (Arc::clone(node), Arc::clone(door), Arc::clone(clock), frame.to_owned());
-        let asks = Asks { service, node, door, lane, clock, frame, most };
+        let asks = Asks { service, node, door, lane, clock, frame };
         let to_draw = to_draw.clone();
         answer(name, kind, Box::new(move |request| asks.answer(request, &to_draw)))?;
     }
@@ -192,17 +191,7 @@ pub(super) fn serve<M: Measurement + 'static>(
     }
     for (name, kind, question) in lifecycle::questions(&node.name) {
         let node = Arc::clone(node);
-        let answered = move |request: &[u8]| {
-            let bytes = lock(&node.lifecycle).answer(question, request).bytes;
-            if bytes.len() > most {
-                node.note(format!(
-                    "a list of states of {} bytes, expected {most} at most: it may not arrive",
-                    bytes.len()
-                ));
-            }
-            bytes
-        };
-        answer(name, kind, Box::new(answered))?;
+        answer(name, kind, Box::new(move |request| lock(&node.lifecycle).answer(question, request).bytes))?;
     }
     let (name, changing, clock) = (node.name.below("change_state"), Arc::clone(node), Arc::clone(clock));
     let change = move |request: &[u8]| {
@@ -269,8 +258,6 @@ struct Asks {
     lane: Lane,
     clock: Arc<Clock>,
     frame: String,
-    /// A longer response may not arrive, bytes.
-    most: usize,
 }
 
 impl Asks {
@@ -294,15 +281,6 @@ impl Asks {
             }
         });
         answer.refusal.into_iter().for_each(|words| self.node.note(words));
-        if answer.bytes.len() <= self.most {
-            return answer.bytes;
-        }
-        let words = format!(
-            "a response of {} bytes, expected {} at most; the topic of the map has it",
-            answer.bytes.len(),
-            self.most
-        );
-        self.node.note(format!("{}: {words}", self.service.name));
-        self.service.response(&Said::Refused(Why::Other, words))
+        answer.bytes
     }
 }
