@@ -25,6 +25,16 @@ impl Pose3 {
         Self { translation: Vector3::zeros(), rotation: UnitQuaternion::identity() }
     }
 
+    /// The same height, roll and pitch at another place of the plane: of that x, y and heading.
+    #[must_use]
+    pub fn moved_in_plane(self, to: crate::Pose2) -> Self {
+        let (roll, pitch, _) = self.rotation.euler_angles();
+        Self {
+            rotation: UnitQuaternion::from_euler_angles(roll, pitch, to.theta),
+            translation: Vector3::new(to.x, to.y, self.translation.z),
+        }
+    }
+
     /// A pose from metres and the components of a quaternion, which is normalised; none where it has no direction.
     #[must_use]
     pub fn from_quaternion(translation: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Self> {

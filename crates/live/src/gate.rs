@@ -1,26 +1,28 @@
 //! Scans and clouds wait here until transforms say where they were taken.
 
 mod clouds;
+mod odometry;
 
 use crate::gate::clouds::CloudTopic;
+use crate::gate::odometry::{Place, Track};
 use crate::pulse::Pulse;
 use crate::tally::{Reason, Tally};
 use mapwright::SpaceReading;
-use mapwright_geom::{Pose3, Stamp};
+use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{
     Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, PointCloud2, TfMessage,
 };
 use mapwright_ros::{Mounting, RosError, TransformBuffer, TransformCounts, TransformLimits, planar};
-use mapwright_sensor::{Cloud, ImuReading, LaserModel, LaserScan, Odometry, SpaceSensor, TurnRate};
-use nalgebra::Vector3;
+use mapwright_sensor::{
+    Cloud, ImuReading, LaserModel, LaserScan, Odometry, OdometryCalibration, SpaceSensor, TurnRate,
+};
+use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
 /// A laser's plane is tilted by no more, degrees: else a wall is not where it seems.
 const TILT_MOST_DEG: f64 = 5.0;
-/// Odometry's last pose stands for one that does not come for so long, seconds.
-const ODOMETRY_GAP_S: f64 = 2.0;
 /// Transforms of so long are kept, seconds.
 const WINDOW_S: f64 = 10.0;
 /// A clock has been set back once so many scans in a row lie before what is kept.
@@ -32,8 +34,23 @@ const TOPICS_MOST: usize = 100;
 /// Nothing at all is worth a word after this time.
 const NOTHING_YET: Duration = Duration::from_secs(5);
 
+/// What is known of the robot's sensors, whatever messages say: by a calibration, or by who mounted them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct KnownSensors {
+    /// Where the planar laser sits, metres and radians, and whether it hangs upside down.
+    pub laser: Option<(Pose2, bool)>,
+    /// Where the sensor of clouds sits in the plane of the robot, metres and radians; height, roll and pitch are those of the transforms.
+    pub lidar: Option<Pose2>,
+    /// How the inertial sensor sits: turns what it reads into the robot's frame.
+    pub imu: Option<UnitQuaternion<f64>>,
+    /// By how much the inertial sensor's stamps are late, seconds.
+    pub imu_lag_s: f64,
+    /// What is wrong with odometry.
+    pub odometry: Option<OdometryCalibration>,
+}
+
 /// What a gate is told of the robot.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct GateSettings {
     /// The robot's own frame.
     pub robot_frame: String,
@@ -45,6 +62,8 @@ pub struct GateSettings {
     pub waiting_most: usize,
     /// Whether it is clouds that are mapped, in space.
     pub is_in_space: bool,
+    /// What is known of its sensors.
+    pub known: KnownSensors,
 }
 
 impl Default for GateSettings {
@@ -55,6 +74,7 @@ impl Default for GateSettings {
             wait: Duration::from_millis(500),
             waiting_most: 100,
             is_in_space: false,
+            known: KnownSensors::default(),
         }
     }
 }
@@ -166,6 +186,7 @@ pub struct Gate {
     /// What waits for nothing.
     at_once: VecDeque<Reading>,
     odometry: Pulse,
+    track: Track,
     inertial: Pulse,
     /// The stamp of the last inertial reading.
     felt: Option<Stamp>,
@@ -201,6 +222,7 @@ impl Gate {
     pub fn new(settings: GateSettings) -> Self {
         let limits = TransformLimits { window_s: WINDOW_S, ..TransformLimits::default() };
         Self {
+            track: Track::new(settings.is_in_space, settings.known.odometry),
             settings,
             transforms: TransformBuffer::new(limits),
             topics: BTreeMap::new(),
@@ -359,20 +381,24 @@ impl Gate {
     pub fn hear_imu(&mut self, message: &ImuMessage<'_>, arrived: Arrived) -> Result<(), RosError> {
         let stamp = stamp_or(message.header.stamp, arrived);
         let robot = self.settings.robot_frame.as_str();
-        let robot_from_sensor = self.transforms.lookup(robot, message.header.frame(), stamp)?;
+        let robot_from_sensor = match self.settings.known.imu {
+            Some(rotation) => rotation,
+            None => self.transforms.lookup(robot, message.header.frame(), stamp)?.rotation,
+        };
+        let stamp = earlier(stamp, self.settings.known.imu_lag_s);
         // a covariance that begins with -1 says that there is no such reading
         if message.angular_velocity_covariance.0[0] == -1.0 {
             return Ok(());
         }
         let turning = &message.angular_velocity;
-        let turning = robot_from_sensor.rotation * Vector3::new(turning.x, turning.y, turning.z);
+        let turning = robot_from_sensor * Vector3::new(turning.x, turning.y, turning.z);
         let force = &message.linear_acceleration;
         let force = Vector3::new(force.x, force.y, force.z);
         let is_felt = message.linear_acceleration_covariance.0[0] != -1.0 && force != Vector3::zeros();
         let reading = ImuReading {
             stamp,
             turn_rate_rad_per_s: turning,
-            specific_force_m_per_s2: is_felt.then(|| robot_from_sensor.rotation * force),
+            specific_force_m_per_s2: is_felt.then(|| robot_from_sensor * force),
         };
         if !self.settings.is_in_space && turning.z.is_finite() {
             self.push_reading(Reading::Turning(TurnRate { stamp, rad_per_s: turning.z }));
@@ -480,16 +506,23 @@ impl Gate {
     }
 
     /// A scan or a cloud where it was taken.
-    fn passed(&mut self, what: What, placed: Option<(Mounted, Option<Pose3>)>) -> Passed {
+    fn passed(&mut self, what: What, placed: Option<(Mounted, Option<Place>)>) -> Passed {
         match (what, placed) {
             (What::Scan(mut scan), Some((Mounted::InPlane(mounting), odom_from_robot))) => {
                 scan.laser = self.placed(&scan.laser, &mounting);
-                scan.odom_from_robot = odom_from_robot.map(|pose| planar(&pose));
+                scan.odom_from_robot = match odom_from_robot {
+                    Some(Place::InPlane(pose)) => Some(pose),
+                    Some(Place::InSpace(pose)) => Some(planar(&pose)),
+                    None => None,
+                };
                 Passed::Scan(scan)
             }
             (What::Cloud(mut cloud), Some((Mounted::InSpace(robot_from_sensor), odom_from_robot))) => {
                 cloud.sensor = self.placed_in_space(&cloud.sensor, robot_from_sensor);
-                cloud.odom_from_robot = odom_from_robot;
+                cloud.odom_from_robot = match odom_from_robot {
+                    Some(Place::InSpace(pose)) => Some(pose),
+                    _ => None,
+                };
                 Passed::Cloud(cloud)
             }
             (What::Scan(scan), _) => Passed::Scan(scan),
@@ -564,13 +597,16 @@ impl Gate {
     /// Odometry has told where the robot is.
     fn hear_place(&mut self, stamp: Stamp, arrived: Arrived) {
         self.odometry.beat(arrived.since_start);
-        let Ok(pose) = self.transforms.lookup(&self.settings.odom_frame, &self.settings.robot_frame, stamp) else {
-            return;
-        };
-        self.push_reading(match self.settings.is_in_space {
-            true => Reading::InSpace(SpaceReading::Odometry(stamp)),
-            false => Reading::Odometry(Odometry { stamp, odom_from_robot: planar(&pose) }),
+        let (odom, robot) = (&self.settings.odom_frame, &self.settings.robot_frame);
+        let there = self.transforms.lookup(odom, robot, stamp).map(|pose| (stamp, pose)).or_else(|error| {
+            // Of several links that move each is told by itself: the place is known up to the one that was told first.
+            let last = self.transforms.known_times(odom, robot)?.map(|(_, last)| last).ok_or(error)?;
+            self.transforms.lookup(odom, robot, last).map(|pose| (last, pose))
         });
+        let Ok((stamp, pose)) = there else { return };
+        if let Some(reading) = self.track.add(stamp, pose) {
+            self.push_reading(reading);
+        }
     }
 
     /// Whether what an inertial sensor feels until the end of a cloud is known, or nobody waits for it any more.
@@ -580,8 +616,15 @@ impl Gate {
     }
 
     fn place(&self, frame: &str, stamp: Stamp, has_waited: bool) -> Ready<Result<Mounted, RosError>> {
+        let known = &self.settings.known;
+        if let Some((robot_from_laser, inverted)) = known.laser.filter(|_| !self.settings.is_in_space) {
+            return Ready::Now(Ok(Mounted::InPlane(Mounting { robot_from_laser, inverted, ..Mounting::IDENTITY })));
+        }
         match self.transforms.lookup(&self.settings.robot_frame, frame, stamp) {
-            Ok(pose) if self.settings.is_in_space => Ready::Now(Ok(Mounted::InSpace(pose))),
+            Ok(pose) if self.settings.is_in_space => {
+                let pose = known.lidar.map_or(pose, |found| pose.moved_in_plane(found));
+                Ready::Now(Ok(Mounted::InSpace(pose)))
+            }
             Ok(pose) => Ready::Now(Mounting::project(pose, TILT_MOST_DEG).map(Mounted::InPlane)),
             Err(_) if !has_waited => Ready::Wait,
             Err(error) => Ready::Now(Err(error)),
@@ -589,27 +632,23 @@ impl Gate {
     }
 
     /// Odometry's pose at a stamp: between the readings around it; else, once nothing later comes, the one before.
-    fn odometry_at(&mut self, stamp: Stamp, has_waited: bool, now: Duration) -> Ready<Option<Pose3>> {
-        let (odom, robot) = (&self.settings.odom_frame, &self.settings.robot_frame);
-        let error = match self.transforms.lookup(odom, robot, stamp) {
-            Ok(pose) => {
-                self.without_odometry = None;
-                return Ready::Now(Some(pose));
-            }
-            Err(error) => error,
-        };
-        let is_over = has_waited || self.odometry.silence(now) >= self.settings.wait;
-        let known = self.transforms.known_times(odom, robot).ok().flatten();
-        if known.is_some_and(|(first, _)| stamp < first) {
+    fn odometry_at(&mut self, stamp: Stamp, has_waited: bool, now: Duration) -> Ready<Option<Place>> {
+        let span = self.track.span();
+        if span.is_some_and(|[first, _]| stamp < first) {
             return Ready::Now(None);
         }
-        if !is_over {
+        let is_over = has_waited || self.odometry.silence(now) >= self.settings.wait;
+        if !is_over && span.is_none_or(|[_, last]| stamp > last) {
             return Ready::Wait;
         }
-        let before = known.filter(|(_, last)| stamp.secs_since(*last) <= ODOMETRY_GAP_S);
-        let pose = before.and_then(|(_, last)| self.transforms.lookup(odom, robot, last).ok());
-        self.without_odometry = pose.is_none().then(|| error.to_string());
-        Ready::Now(pose)
+        let place = self.track.at(stamp);
+        self.without_odometry = if place.is_none() {
+            let error = self.transforms.lookup(&self.settings.odom_frame, &self.settings.robot_frame, stamp).err();
+            Some(error.map_or_else(|| "its readings are too far apart".to_owned(), |error| error.to_string()))
+        } else {
+            None
+        };
+        Ready::Now(place)
     }
 
     /// The laser where it sits; lasers that are alike are shared.
@@ -671,6 +710,7 @@ impl Gate {
         }
         (self.newest, self.behind, self.set_back, self.felt) = (Some(stamp), 0, self.set_back + 1, None);
         self.transforms.forget_moving();
+        self.track.clear();
         self.readings.clear();
         self.topics.values_mut().for_each(|topic| topic.last = None);
         let before: Vec<Waiting> = self.waiting.drain(..).collect();
@@ -698,6 +738,10 @@ fn push(readings: &mut VecDeque<Reading>, reading: Reading) {
         readings.pop_front();
     }
     readings.push_back(reading);
+}
+
+fn earlier(stamp: Stamp, by_s: f64) -> Stamp {
+    Stamp(stamp.0.saturating_sub(Stamp::from_secs_f64(by_s).0))
 }
 
 /// The stamp of a header, or when its message arrived where it has none.

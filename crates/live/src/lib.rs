@@ -26,6 +26,6 @@ mod tally;
 pub mod wire;
 
 pub use door::{Door, Lane, Next};
-pub use gate::{Arrived, Gate, GateSettings, Passed, Reading};
+pub use gate::{Arrived, Gate, GateSettings, KnownSensors, Passed, Reading};
 pub use mapping::{Asked, Driver, Heard, map};
 pub use tally::{Reason, Tally};

@@ -3,26 +3,8 @@
 use crate::survey::same_name;
 use mapwright_geom::Pose2;
 use mapwright_ros::PlanarSlice;
+use mapwright_sensor::OdometryCalibration;
 use nalgebra::UnitQuaternion;
-
-/// What is known to be wrong with odometry.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OdometryCalibration {
-    /// True distance per reported distance.
-    pub translation_scale: f64,
-    /// True turn per reported turn.
-    pub rotation_scale: f64,
-    /// True turn per metre driven that is not reported, radians per metre.
-    pub drift_rad_per_m: f64,
-    /// Time by which it lags behind the laser, seconds.
-    pub lag_s: f64,
-}
-
-impl OdometryCalibration {
-    pub(crate) fn of_lag(lag_s: f64) -> Self {
-        Self { translation_scale: 1.0, rotation_scale: 1.0, drift_rad_per_m: 0.0, lag_s }
-    }
-}
 
 /// Where a planar laser sits.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,8 +2,7 @@
 
 use crate::carmen::{CarmenEvents, Next};
 use crate::chain::Chain;
-use crate::choice::{Choice, MountChoice, OdometryCalibration};
-use crate::corrected::Corrected;
+use crate::choice::{Choice, MountChoice};
 use crate::error::LogError;
 use crate::lag::Lag;
 use crate::lagging::{AtOnce, Lagging, Timing, is_learnt};
@@ -20,7 +19,9 @@ use crate::words::grouped;
 use mapwright_bags::BagError;
 use mapwright_formats::{CarmenReader, FormatError, LogEvent, LogStream, OrderReport, open_log};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserModel, LaserScan, Odometry, SonarReading, TurnRate};
+use mapwright_sensor::{
+    CorrectedOdometry, LaserModel, LaserScan, Odometry, OdometryCalibration, SonarReading, TurnRate,
+};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::fmt;
@@ -117,7 +118,7 @@ pub struct Drive {
     mount: Option<ByHand>,
     /// What is taken out of the odometry of logs that are read once.
     calibration: Option<OdometryCalibration>,
-    corrected: Option<Corrected>,
+    corrected: Option<CorrectedOdometry>,
 }
 
 /// The mounting that is asked for, for the first laser of a log that is read once, and for all scans of that.
@@ -303,7 +304,7 @@ impl Drive {
                 self.is_begun = true;
                 let is_read_once = matches!(part.reader, Reader::Carmen(..));
                 let calibration = self.calibration.filter(|_| is_read_once);
-                self.corrected = calibration.map(Corrected::new);
+                self.corrected = calibration.map(CorrectedOdometry::new);
                 let lag_s = calibration.map(|calibration| calibration.lag_s);
                 self.lagging = Lagging::of(lag_s, self.is_learnt && is_read_once);
             }

@@ -2,7 +2,7 @@
 
 use crate::choice::Choice;
 use crate::lag::{Lag, LagEstimator};
-use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES, WINDOW_S};
+use crate::merge::{WINDOW_BYTES, WINDOW_MESSAGES};
 use crate::order::Event;
 use crate::plan::Plan;
 use crate::scans::end_of;
@@ -10,7 +10,7 @@ use crate::stream::Stream;
 use crate::survey::Survey;
 use mapwright_bags::BagError;
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{LaserModel, LaserScan, Odometry, Pace};
+use mapwright_sensor::{LaserModel, LaserScan, Odometry, OdometryReading, Pace};
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
@@ -99,8 +99,8 @@ pub(crate) struct Lagging {
     pub(crate) timing: Timing,
     /// The lag is given, not learnt: it is that of the readings as well, which are nearer to each other than scans.
     is_given: bool,
-    /// Odometry of the scans, in the order of their stamps; whether it begins anew there.
-    readings: VecDeque<(Odometry, bool)>,
+    /// Odometry of the scans, in the order of their stamps.
+    readings: VecDeque<OdometryReading<Pose2>>,
     pace: Pace,
     is_over: bool,
 }
@@ -150,11 +150,12 @@ impl Lagging {
     }
 
     fn remember(&mut self, reading: Odometry) {
-        let last = self.readings.back().map(|(last, _)| *last);
+        let last = self.readings.back().copied();
         let since_s = last.map_or(0.0, |last| reading.stamp.secs_since(last.stamp));
         let step = last.map(|last| last.odom_from_robot.between(reading.odom_from_robot));
         let is_anew = since_s < 0.0 || step.is_some_and(|step| !self.pace.add(since_s, step));
-        self.readings.push_back((reading, is_anew));
+        let Odometry { stamp, odom_from_robot } = reading;
+        self.readings.push_back(OdometryReading { stamp, odom_from_robot, is_anew });
         if self.readings.len() > HELD_MOST {
             self.readings.pop_front();
         }
@@ -172,7 +173,7 @@ impl Lagging {
             return self.take(0).map(|event| earlier(event, lag_s));
         };
         let (at, end) = (later(scan.stamp, lag_s), end_of(scan));
-        let is_known = self.readings.back().is_some_and(|(last, _)| last.stamp >= at);
+        let is_known = self.readings.back().is_some_and(|last| last.stamp >= at);
         if !is_known && !self.is_over && self.held.len() < WINDOW_MESSAGES && self.bytes <= WINDOW_BYTES {
             return None;
         }
@@ -198,21 +199,13 @@ impl Lagging {
 
     /// Between the scans around a time; at most a window after the last one where it was.
     fn odometry_at(&self, at: Stamp) -> Option<Pose2> {
-        let after = self.readings.iter().position(|(reading, _)| reading.stamp >= at);
-        if let Some((same, _)) = after.and_then(|after| self.readings.get(after)).filter(|(same, _)| same.stamp == at) {
+        let after = self.readings.iter().position(|reading| reading.stamp >= at);
+        let next = after.and_then(|after| self.readings.get(after));
+        if let Some(same) = next.filter(|same| same.stamp == at) {
             return Some(same.odom_from_robot);
         }
         let before = after.unwrap_or(self.readings.len()).checked_sub(1)?;
-        let (before, _) = self.readings.get(before)?;
-        let since_s = at.secs_since(before.stamp);
-        if let Some((after, false)) = after.and_then(|after| self.readings.get(after)) {
-            let apart_s = after.stamp.secs_since(before.stamp);
-            if apart_s > 0.0 && apart_s <= WINDOW_S {
-                let step = before.odom_from_robot.between(after.odom_from_robot).log();
-                return Some(before.odom_from_robot * Pose2::exp(step.map(|part| part * since_s / apart_s)));
-            }
-        }
-        (since_s <= WINDOW_S).then_some(before.odom_from_robot)
+        self.readings.get(before)?.interpolated(next, at)
     }
 }
 

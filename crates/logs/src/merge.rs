@@ -3,12 +3,12 @@
 use crate::clock::{Arrival, Clock};
 use crate::scans::{Taken, end_of as scan_end};
 use mapwright_geom::{Pose2, Stamp};
-use mapwright_sensor::{Odometry, Pace};
+use mapwright_sensor::{ODOMETRY_APART_MOST_S, Odometry, OdometryReading, Pace};
 use std::collections::VecDeque;
 
 /// How long a message waits for those of another topic, seconds between the times of recording; and how far readings of
 /// odometry may lie apart to be interpolated.
-pub const WINDOW_S: f64 = 2.0;
+pub const WINDOW_S: f64 = ODOMETRY_APART_MOST_S;
 /// How many messages wait at most.
 pub const WINDOW_MESSAGES: usize = 4096;
 
@@ -29,13 +29,7 @@ struct Waiting<T> {
 }
 
 /// A reading, with its stamp on a clock that is never set.
-#[derive(Debug, Clone, Copy)]
-struct Reading {
-    at: Stamp,
-    odom_from_robot: Pose2,
-    /// Odometry begins anew with it: nothing lies between it and the one before.
-    is_anew: bool,
-}
+type Reading = OdometryReading<Pose2>;
 
 /// A message whose turn it is; its number in the recording, and whether others with later stamps went before it.
 #[derive(Debug)]
@@ -142,17 +136,17 @@ impl Merger {
         let undecided = self.odometry_clock.undecided();
         let (at, set_by_s) = self.odometry_clock.follow(odometry.stamp, self.recorded, &self.lasers[0].clock);
         let odom_from_robot = odometry.odom_from_robot;
-        let is_anew = self
-            .last_pushed
-            .is_some_and(|last| !self.pace.add(at.secs_since(last.at), last.odom_from_robot.between(odom_from_robot)));
-        let reading = Reading { at, odom_from_robot, is_anew };
+        let is_anew = self.last_pushed.is_some_and(|last| {
+            !self.pace.add(at.secs_since(last.stamp), last.odom_from_robot.between(odom_from_robot))
+        });
+        let reading = Reading { stamp: at, odom_from_robot, is_anew };
         self.last_pushed = Some(reading);
         self.odometry.push_back(Waiting { recorded: self.now, place, at, item: (odometry, reading) });
         if set_by_s.is_some() {
             let clock = &self.odometry_clock;
             self.odometry.iter_mut().rev().skip(1).take(undecided).for_each(|late| {
                 late.at = clock.at(late.item.0.stamp);
-                late.item.1.at = late.at;
+                late.item.1.stamp = late.at;
             });
         }
         self.clock_set = set_by_s.map(|by_s| (Source::Odometry, by_s)).or(self.clock_set);
@@ -213,18 +207,18 @@ impl Merger {
         let Waiting { place, at, item, .. } = waiting.pop_front()?;
         self.scan_bytes = self.scan_bytes.saturating_sub(item.held_bytes());
         let steps_back = last.replace(at).is_some_and(|last| at < last);
-        let is_late = !steps_back && self.past.back().is_some_and(|odometry| end < odometry.at);
+        let is_late = !steps_back && self.past.back().is_some_and(|odometry| end < odometry.stamp);
         self.last_scan = Some(at);
         Some(Next { place, at, is_late, item })
     }
 
     fn pop_odometry(&mut self) -> Option<Next<Odometry>> {
         let Waiting { place, at, item: (item, reading), .. } = self.odometry.pop_front()?;
-        let steps_back = self.past.back().is_some_and(|last| at < last.at);
+        let steps_back = self.past.back().is_some_and(|last| at < last.stamp);
         let is_late = !steps_back && self.last_scan.is_some_and(|scan| at < scan);
         self.past.push_back(reading);
         while self.past.len() > WINDOW_MESSAGES
-            || self.past.front().is_some_and(|first| at.secs_since(first.at) > WINDOW_S)
+            || self.past.front().is_some_and(|first| at.secs_since(first.stamp) > WINDOW_S)
         {
             if self.older.len() == OLDER_KEPT {
                 self.older.pop_front();
@@ -239,13 +233,13 @@ impl Merger {
         let waiting = self.odometry.front().map(|waiting| &waiting.item.1);
         // where stamps step backwards, the reading of this very stamp may stand anywhere
         let all = self.odometry.iter().map(|waiting| &waiting.item.1).chain(self.past.iter().rev());
-        if let Some(same) = all.into_iter().find(|reading| reading.at == at) {
+        if let Some(same) = all.into_iter().find(|reading| reading.stamp == at) {
             return Some(same.odom_from_robot);
         }
         let mut after: Option<&Reading> = None;
         for reading in waiting.into_iter().chain(self.past.iter().rev()).chain(self.older.iter().rev()) {
-            if reading.at <= at {
-                return between(reading, after, at);
+            if reading.stamp <= at {
+                return reading.interpolated(after, at);
             }
             after = Some(reading);
         }
@@ -258,8 +252,8 @@ impl Merger {
         let mut after: Option<&Reading> = None;
         for reading in waiting.into_iter().chain(self.past.iter().rev()).chain(self.older.iter().rev()) {
             let after_it = after.filter(|after| !after.is_anew);
-            let apart_s = after_it.map_or(0.0, |after| after.at.secs_since(reading.at));
-            if let Some(after) = after_it.filter(|_| apart_s > 0.0 && apart_s <= WINDOW_S && reading.at <= at) {
+            let apart_s = after_it.map_or(0.0, |after| after.stamp.secs_since(reading.stamp));
+            if let Some(after) = after_it.filter(|_| apart_s > 0.0 && apart_s <= WINDOW_S && reading.stamp <= at) {
                 let step = reading.odom_from_robot.between(after.odom_from_robot).log();
                 return Some(step.map(|part| part / apart_s));
             }
@@ -270,7 +264,7 @@ impl Merger {
 
     /// The time of the last reading delivered.
     pub(crate) fn last_odometry(&self) -> Option<Stamp> {
-        self.past.back().map(|odometry| odometry.at)
+        self.past.back().map(|odometry| odometry.stamp)
     }
 }
 
@@ -278,18 +272,6 @@ impl Merger {
 fn end_of(scan: &Waiting<Taken>) -> Stamp {
     let taken = &scan.item.scan;
     Stamp(scan.at.0.saturating_add(scan_end(taken).0.saturating_sub(taken.stamp.0)))
-}
-
-fn between(before: &Reading, after: Option<&Reading>, at: Stamp) -> Option<Pose2> {
-    let since_s = at.secs_since(before.at);
-    if let Some(after) = after.filter(|after| !after.is_anew) {
-        let apart_s = after.at.secs_since(before.at);
-        if apart_s > 0.0 && apart_s <= WINDOW_S {
-            let step = before.odom_from_robot.between(after.odom_from_robot).log();
-            return Some(before.odom_from_robot * Pose2::exp(step.map(|part| part * since_s / apart_s)));
-        }
-    }
-    (since_s <= WINDOW_S).then_some(before.odom_from_robot)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What to use of a recording, and why.
 
 use crate::channel::TopicKind;
-use crate::choice::{Choice, MountChoice, OdometryCalibration, SliceBounds};
+use crate::choice::{Choice, MountChoice, SliceBounds};
 use crate::directions::Directions;
 use crate::frames::{Place, list, place, placed_by_hand};
 use crate::odometry::{self, OdometrySource};
@@ -13,7 +13,7 @@ use crate::words::{grouped, with_damage};
 use mapwright_geom::{Pose2, Pose3};
 use mapwright_ros::Mounting;
 use mapwright_ros::messages::Image;
-use mapwright_sensor::SweepTimes;
+use mapwright_sensor::{OdometryCalibration, SweepTimes};
 use std::collections::BTreeMap;
 
 /// The most by which a scan plane may be tilted against the robot's, degrees.

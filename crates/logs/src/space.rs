@@ -18,7 +18,6 @@ mod stereo;
 mod stream;
 mod tilting;
 mod topic;
-mod wheels;
 
 pub use calibrator::{ImuCalibrator, ImuFit};
 pub use imu::ImuSource;

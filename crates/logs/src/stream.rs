@@ -2,7 +2,6 @@
 
 use crate::channel::{Decoders, Messages};
 use crate::clock::ClockStep;
-use crate::corrected::Corrected;
 use crate::links::{bare, stamp_or};
 use crate::merge::{Merger, Next, Source, Turn, WINDOW_MESSAGES};
 use crate::odometry::OdometrySource;
@@ -18,7 +17,7 @@ use mapwright_formats::TopicReport;
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::TfMessage;
 use mapwright_ros::planar;
-use mapwright_sensor::{FarOrigin, LaserScan, Odometry, SonarReading, TurnRate, TurnRates};
+use mapwright_sensor::{CorrectedOdometry, FarOrigin, LaserScan, Odometry, SonarReading, TurnRate, TurnRates};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::path::Path;
@@ -50,7 +49,7 @@ pub(crate) struct Stream {
     heard: VecDeque<SonarReading>,
     next: Option<Event>,
     origin: FarOrigin,
-    corrected: Option<Corrected>,
+    corrected: Option<CorrectedOdometry>,
     report: StreamReport,
     /// By laser, the beams of the last scan.
     last_beams: Vec<Option<usize>>,
@@ -77,7 +76,7 @@ impl Stream {
             heard: VecDeque::new(),
             next: None,
             origin: FarOrigin::at_first_reading(),
-            corrected: plan.calibration.map(Corrected::new),
+            corrected: plan.calibration.map(CorrectedOdometry::new),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),

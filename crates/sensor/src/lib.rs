@@ -7,11 +7,13 @@
 //! - [`SpaceSensor`], [`Cloud`], [`PinholeCamera`], [`DepthImage`], [`ImuReading`]: readings of space.
 
 mod cloud;
+mod corrected_odometry;
 mod far_origin;
 mod head;
 mod imu;
 mod motion;
 mod no_return_codes;
+mod odometry_track;
 mod pace;
 mod prepared;
 mod scan;
@@ -21,6 +23,7 @@ mod sweep_times;
 mod turning;
 
 pub use cloud::{Cloud, DepthImage, PinholeCamera, SpaceSensor};
+pub use corrected_odometry::{CorrectedOdometry, OdometryCalibration, OdometryStep};
 pub use far_origin::FarOrigin;
 pub use head::{Bearings, OddHead, RANGE_MAX_UNSAID_M, SWEEP_MOST_S, SaidBearings, settle_ranges, settle_times};
 pub use imu::{
@@ -29,6 +32,7 @@ pub use imu::{
 };
 pub use motion::{Decomposed, MotionModel};
 pub use no_return_codes::{FoundCodes, NoReturnCodes};
+pub use odometry_track::{ODOMETRY_APART_MOST_S, OdometryReading, OdometryTrack};
 pub use pace::Pace;
 pub use prepared::{BEAM_DROPPED, BEAM_NO_RETURN, BeamCounts, BeamTable, Sweep, SweepPoints};
 pub use scan::{LaserModel, LaserScan, Odometry};

@@ -107,6 +107,50 @@ fn odometry_that_falls_silent_holds_for_a_while() {
 }
 
 #[test]
+fn what_is_known_of_sensors_counts_before_what_messages_say() {
+    let odometry =
+        OdometryCalibration { translation_scale: 2.0, rotation_scale: 1.0, drift_rad_per_m: 0.0, lag_s: 0.1 };
+    let known = KnownSensors {
+        laser: Some((Pose2::new(0.3, 0.0, 1.0), true)),
+        imu: Some(UnitQuaternion::identity()),
+        imu_lag_s: 0.25,
+        odometry: Some(odometry),
+        ..KnownSensors::default()
+    };
+    let mut gate = Gate::new(GateSettings { known, ..GateSettings::default() });
+    drive(&mut gate, 1.0);
+    gate.hear_scan("/scan", &scan(1.0, &[1.0; 5]), at(1.0));
+    assert!(scans(&mut gate, 1.05).is_empty(), "the reading that is true at its stamp comes a lag later");
+    drive(&mut gate, 1.2);
+    let found = scans(&mut gate, 1.2);
+    assert_eq!(found[0].laser.robot_from_laser, Pose2::new(0.3, 0.0, 1.0));
+    assert!(found[0].laser.inverted, "as it was said, with no transform to its frame");
+    // Read at 1.1 s by its stamps, 0.1 m on from 1 m, which was 0.2 m.
+    assert!((found[0].odom_from_robot.unwrap().x - 1.2).abs() < 1e-9, "{found:?}");
+    let message = ImuMessage { header: Header::new(at(1.5).stamp, "imu"), ..Default::default() };
+    gate.hear_imu(&message, at(1.5)).unwrap();
+    let rates = std::iter::from_fn(|| gate.next(at(1.6).since_start)).filter_map(|passed| match passed {
+        Passed::Reading(Reading::Turning(rate)) => Some(rate.stamp),
+        _ => None,
+    });
+    assert_eq!(rates.collect::<Vec<_>>(), [at(1.25).stamp]);
+}
+
+/// A base on springs: two links that move, each told by itself.
+#[test]
+fn odometry_of_two_moving_links_is_known_as_far_as_both_are() {
+    let mut gate = mounted();
+    for tenth in 10..20 {
+        let seconds = 0.1 * f64::from(tenth);
+        gate.hear_transforms(&link("odom", "footprint", seconds, seconds), false, at(seconds)).unwrap();
+        gate.hear_transforms(&link("footprint", "base_link", seconds + 0.03, 0.5), false, at(seconds + 0.03)).unwrap();
+    }
+    gate.hear_scan("/scan", &scan(1.55, &[1.0; 5]), at(1.95));
+    let found = scans(&mut gate, 1.95);
+    assert!((found[0].odom_from_robot.unwrap().x - 2.05).abs() < 1e-9, "{found:?}");
+}
+
+#[test]
 fn what_says_nothing_of_its_place_is_dropped_and_named() {
     let mut gate = Gate::new(GateSettings::default());
     for k in 1..=4 {

@@ -4,7 +4,6 @@ use super::camera::CameraPlan;
 use super::pair_maker::{MadePair, PairMaker, Side};
 use super::tilting::{Swing, Tilting};
 use super::topic::TopicPlan;
-use super::wheels::Wheels;
 use crate::channel::Messages;
 use crate::links::stamp_or;
 use crate::packets::OUSTER_FRAME;
@@ -13,7 +12,7 @@ use mapwright_clouds::{NoteKind, Notes, PacketDecoder, Place, Sweep, read_png16}
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::messages::{CompressedImage, DepthCompression, Header, LaserScan, PointCloud2, TfMessage};
 use mapwright_ros::{Cloud as RosCloud, CloudPoints, DepthNumbers};
-use mapwright_sensor::{Cloud, DepthImage, ImuReading, PinholeCamera, SpaceSensor, SweepTimes};
+use mapwright_sensor::{Cloud, DepthImage, ImuReading, OdometryTrack, PinholeCamera, SpaceSensor, SweepTimes};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -120,7 +119,13 @@ impl CloudMaker {
     }
 
     /// The clouds of a laser that tilts whose swing has ended, given odometry; `now` is the time of recording.
-    pub(super) fn swings(&mut self, wheels: &Wheels, now: Stamp, is_end: bool, notes: &mut Notes) -> Vec<Made> {
+    pub(super) fn swings(
+        &mut self,
+        wheels: &OdometryTrack<Pose3>,
+        now: Stamp,
+        is_end: bool,
+        notes: &mut Notes,
+    ) -> Vec<Made> {
         let Some(tilting) = &mut self.tilting else { return Vec::new() };
         let (swings, lost) = tilting.ended(wheels, now, is_end);
         for _ in 0..lost {

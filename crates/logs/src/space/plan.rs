@@ -8,7 +8,7 @@ use super::stereo::{self, Pair};
 use super::tilting::{Joint, is_tilting};
 use super::topic::{Candidate, TopicPlan};
 use crate::channel::TopicKind;
-use crate::choice::{Choice, OdometryCalibration};
+use crate::choice::Choice;
 use crate::frames::{Place, place_in_space};
 use crate::links::{bare, is_world};
 use crate::odometry::{self, OdometrySource};
@@ -16,9 +16,8 @@ use crate::plan::{contents, nothing_of};
 use crate::survey::{Survey, TopicSurvey, same_name};
 use crate::words::with_damage;
 use mapwright_clouds::{CameraOptions, DEPTH_SCALE_KEY};
-use mapwright_geom::{Pose2, Pose3};
-use mapwright_sensor::SpaceSensor;
-use nalgebra::{UnitQuaternion, Vector3};
+use mapwright_geom::Pose3;
+use mapwright_sensor::{OdometryCalibration, SpaceSensor};
 use std::cmp::Reverse;
 
 /// What is mapped in space.
@@ -130,7 +129,7 @@ fn decide(
     let (place, assumed_mount) = looking_ahead(chosen.place, chosen.topic, (chosen.is_camera, is_optical));
     let calibrated = choice.space.and_then(|space| space.robot_from_sensor);
     let (place, assumed_mount) = match calibrated {
-        Some(found) => (Place { robot_from_sensor: moved_to(place.robot_from_sensor, found), ..place }, None),
+        Some(found) => (Place { robot_from_sensor: place.robot_from_sensor.moved_in_plane(found), ..place }, None),
         None => (place, assumed_mount),
     };
     let odometry = odometry::find_in_space(survey, &place, choice);
@@ -189,15 +188,6 @@ fn looking_ahead(place: Place, topic: &TopicSurvey, (is_camera, is_image): (bool
     let is_optical = is_image || (is_camera && topic.frame().contains("optical"));
     let ahead = Pose3::from_quaternion([0.0; 3], [-0.5, 0.5, -0.5, 0.5]).filter(|_| is_optical);
     (Place { robot_from_sensor: ahead.unwrap_or(place.robot_from_sensor), ..place }, Some(assumed))
-}
-
-/// A place of which the position in the robot's plane and the yaw were found to be others.
-fn moved_to(robot_from_sensor: Pose3, found: Pose2) -> Pose3 {
-    let (roll, pitch, _) = robot_from_sensor.rotation.euler_angles();
-    Pose3 {
-        rotation: UnitQuaternion::from_euler_angles(roll, pitch, found.theta),
-        translation: Vector3::new(found.x, found.y, robot_from_sensor.translation.z),
-    }
 }
 
 fn mounting_words(sensor: &str, place: &Place, is_calibrated: bool) -> String {

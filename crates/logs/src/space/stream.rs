@@ -6,9 +6,7 @@ use super::pair_maker::Side;
 use super::plan::SpacePlan;
 use super::queue::{Queue, Waiting};
 use super::topic::TopicPlan;
-use super::wheels::Wheels;
 use crate::channel::{Decoders, Messages, TopicKind};
-use crate::corrected::Corrected;
 use crate::error::LogError;
 use crate::links::{bare, stamp_or};
 use crate::merge::WINDOW_S;
@@ -17,7 +15,7 @@ use crate::survey::{Survey, same_name};
 use mapwright_bags::{Connection, RawMessage, Recording};
 use mapwright_clouds::{NoteKind, Notes};
 use mapwright_geom::{Pose3, Stamp};
-use mapwright_sensor::{Cloud, ImuReading};
+use mapwright_sensor::{Cloud, CorrectedOdometry, ImuReading, OdometryReading, OdometryTrack};
 use std::path::Path;
 
 /// Odometry farther from its origin than this is none, metres.
@@ -61,9 +59,9 @@ pub struct SpaceStream {
     decoders: Decoders,
     uses: Vec<Option<Use>>,
     waiting: Queue,
-    wheels: Wheels,
+    wheels: OdometryTrack<Pose3>,
     /// Takes out what is known to be wrong with odometry.
-    corrected: Option<Corrected<Pose3>>,
+    corrected: Option<CorrectedOdometry<Pose3>>,
     /// A reading that was not delivered yet, and the stamp of the last one.
     reading: Option<SpaceEvent>,
     last_reading: Option<Stamp>,
@@ -93,11 +91,11 @@ impl SpaceStream {
             has_joints: plan.sources.iter().any(|source| source.joint.is_some()),
             waiting: Queue::new(plan.sources.len()),
             last_stamps: vec![None; plan.sources.len()],
-            corrected: plan.calibration.map(Corrected::new),
+            corrected: plan.calibration.map(CorrectedOdometry::new),
             plan,
             decoders: Decoders::default(),
             uses: Vec::new(),
-            wheels: Wheels::default(),
+            wheels: OdometryTrack::default(),
             reading: None,
             last_reading: None,
             notes: Notes::default(),
@@ -315,7 +313,7 @@ impl SpaceStream {
         let newest_reading = self.last_reading;
         let newest_count = self.wheels.newest();
         let is_due = |first: &Waiting| {
-            let is_counted = !has_odometry || newest_count.is_some_and(|newest| newest >= first.cloud.stamp);
+            let is_counted = !has_odometry || newest_count.is_some_and(|newest| newest.stamp >= first.cloud.stamp);
             let is_felt = !has_imu || newest_reading.is_some_and(|newest| newest >= first.end);
             is_counted && is_felt
         };
@@ -378,7 +376,7 @@ fn take_odometry(
     source: &OdometrySource,
     messages: &mut Messages,
     message: &RawMessage<'_>,
-    (corrected, wheels): (&mut Option<Corrected<Pose3>>, &mut Wheels),
+    (corrected, wheels): (&mut Option<CorrectedOdometry<Pose3>>, &mut OdometryTrack<Pose3>),
 ) -> Result<Option<Stamp>, String> {
     let mut newest = None;
     let mut add = |header: Stamp, odom_from_child: Option<Pose3>, child_from_robot: Pose3| {
@@ -391,7 +389,7 @@ fn take_odometry(
             Some(corrected) => (corrected.stamp(stamp), corrected.pose(usable)),
             None => (stamp, usable),
         };
-        wheels.add(stamp, usable);
+        wheels.add(OdometryReading { stamp, odom_from_robot: usable, is_anew: false });
         newest = newest.max(Some(stamp));
         Ok::<(), String>(())
     };

@@ -4,7 +4,6 @@
 //! robot's motion during a swing is undone by its odometry; where there is none, a short swing's points keep their times, and for a long
 //! one the robot is taken to stand, which the plan says.
 
-use super::wheels::Wheels;
 use crate::choice::Choice;
 use crate::frames::{Place, SWING_MOST_RAD, place_in_space};
 use crate::links::{Link, Links, bare, base_rank, is_world};
@@ -13,7 +12,7 @@ use crate::survey::{Survey, TopicSurvey};
 use mapwright_geom::{Pose3, Stamp};
 use mapwright_ros::Mounting;
 use mapwright_ros::messages::{LaserScan, TransformStamped};
-use mapwright_sensor::LaserModel;
+use mapwright_sensor::{LaserModel, OdometryReading, OdometryTrack};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
@@ -155,7 +154,7 @@ struct Going {
 pub(super) struct Tilting {
     joint: Joint,
     robot_from_sensor: Pose3,
-    turns: Wheels,
+    turns: OdometryTrack<Pose3>,
     waiting: VecDeque<Waiting>,
     going: Going,
     ready: Vec<Swing>,
@@ -172,7 +171,7 @@ impl Tilting {
         let is_its =
             transform.header.frame() == self.joint.parent && bare(&transform.child_frame_id) == self.joint.child;
         if let Some(pose) = transform.transform.to_pose3().filter(|pose| is_its && pose.is_finite()) {
-            self.turns.add(stamp, pose);
+            self.turns.add(OdometryReading { stamp, odom_from_robot: pose, is_anew: false });
         }
     }
 
@@ -191,11 +190,12 @@ impl Tilting {
     }
 
     /// The swings that have ended, given odometry and the time of recording; how many scans no transform says anything of.
-    pub(super) fn ended(&mut self, wheels: &Wheels, now: Stamp, is_end: bool) -> (Vec<Swing>, usize) {
+    pub(super) fn ended(&mut self, wheels: &OdometryTrack<Pose3>, now: Stamp, is_end: bool) -> (Vec<Swing>, usize) {
         let mut lost = 0;
         while let Some(first) = self.waiting.front() {
-            let is_known = self.turns.newest().is_some_and(|newest| newest >= first.end);
-            let is_counted = !self.joint.has_odometry || wheels.newest().is_some_and(|newest| newest >= first.end);
+            let is_known = self.turns.newest().is_some_and(|newest| newest.stamp >= first.end);
+            let is_counted =
+                !self.joint.has_odometry || wheels.newest().is_some_and(|newest| newest.stamp >= first.end);
             let is_late = now.secs_since(first.recorded) > WINDOW_S || self.waiting.len() > WINDOW_MESSAGES;
             if !(is_known && is_counted || is_late || is_end) {
                 break;
@@ -210,7 +210,7 @@ impl Tilting {
     }
 
     /// Adds a scan to the swing; false where no transform says where its laser was.
-    fn join(&mut self, scan: &Waiting, wheels: &Wheels) -> bool {
+    fn join(&mut self, scan: &Waiting, wheels: &OdometryTrack<Pose3>) -> bool {
         let ends = self.turns.between(scan.stamp).zip(self.turns.between(scan.end));
         let Some((before, after)) = ends else { return false };
         if self.turns_back(&after.rotation) || self.is_whole(scan) {

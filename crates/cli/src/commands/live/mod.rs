@@ -40,7 +40,8 @@ use mapwright::{Mapper, Pose2, Settings};
 use mapwright_geom::Cov3;
 use mapwright_live::node::NodeName;
 use mapwright_live::node::parameters::{Parameters, Setting};
-use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, Lane};
+use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, KnownSensors, Lane};
+use mapwright_logs::Choice;
 use node::Node;
 use plane::{Localising, Plane};
 use robot::{Names, Told};
@@ -197,6 +198,40 @@ fn short_buffers() -> Option<String> {
     })
 }
 
+/// What a calibration, or who mounted them, says of a robot's sensors.
+fn known_sensors(choice: &Choice) -> KnownSensors {
+    KnownSensors {
+        laser: choice.mount.map(|mount| (mount.robot_from_laser, mount.inverted)),
+        lidar: choice.space.and_then(|space| space.robot_from_sensor),
+        imu: choice.imu_mount,
+        imu_lag_s: choice.space.map_or(0.0, |space| space.imu_lag_s),
+        odometry: choice.odometry,
+    }
+}
+
+/// Refuses what is said of a recording where none is played: it would be of no effect.
+fn only_of_recordings(choice: &Choice, is_cable: bool) -> Result<(), Failure> {
+    let has_known = known_sensors(choice) != KnownSensors::default();
+    let given = [
+        (!choice.topics.is_empty(), "--topic", "--scan, --points, --odometry and --imu name topics that are heard"),
+        (choice.robot.is_some(), "--robot", "topics that are heard are named one by one"),
+        (choice.slice.is_some(), "--slice", "clouds that are heard are mapped in space"),
+        (choice.range_unit_m.is_some(), "--range-unit", "scans that are heard are in metres"),
+        (is_cable && choice.frame.is_some(), "--frame", "a lidar on a cable has none"),
+        (
+            is_cable && has_known,
+            "--mount, --imu-mount or --calibration",
+            "--lidar-mount says where a lidar on a cable sits",
+        ),
+    ];
+    match given.into_iter().find(|(is_given, ..)| *is_given) {
+        Some((_, option, instead)) => {
+            Err(Failure::Usage(format!("{option} is for recordings that are played: {instead}")))
+        }
+        None => Ok(()),
+    }
+}
+
 fn drive<W: Work>(
     args: &LiveArgs,
     (work, settings): (W, Settings),
@@ -214,9 +249,14 @@ fn drive<W: Work>(
     let lanes = Lanes { scans, are_clouds: W::Maps::IS_IN_SPACE };
     let (door, clock, over) =
         (Arc::new(lanes.door()), Arc::new(Clock::start(names.is_simulated)), AtomicBool::new(false));
+    let choice = args.source.choice();
+    if args.log.is_none() {
+        only_of_recordings(&choice, args.lidar.is_some())?;
+    }
     let mut gate = Gate::new(GateSettings {
+        known: if is_heard { known_sensors(&choice) } else { KnownSensors::default() },
         waiting_most: if W::Maps::IS_IN_SPACE { CLOUDS_MOST } else { GateSettings::default().waiting_most },
-        robot_frame: names.robot_frame.clone(),
+        robot_frame: choice.frame.clone().unwrap_or_else(|| names.robot_frame.clone()),
         odom_frame: names.odom_frame.clone(),
         is_in_space: W::Maps::IS_IN_SPACE,
         wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),

@@ -1,12 +1,33 @@
 //! Odometry with what is known to be wrong with it taken out.
 
-use crate::choice::OdometryCalibration;
 use mapwright_geom::{Pose, Pose2, Pose3, Stamp};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A pose of which a step can be corrected.
-pub(crate) trait Step: Pose {
+/// What is known to be wrong with odometry.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OdometryCalibration {
+    /// True distance per reported distance.
+    pub translation_scale: f64,
+    /// True turn per reported turn.
+    pub rotation_scale: f64,
+    /// True turn per metre driven that is not reported, radians per metre.
+    pub drift_rad_per_m: f64,
+    /// Time by which it lags behind the laser, seconds.
+    pub lag_s: f64,
+}
+
+impl OdometryCalibration {
+    /// One that lags, and is right otherwise.
+    #[must_use]
+    pub fn of_lag(lag_s: f64) -> Self {
+        Self { translation_scale: 1.0, rotation_scale: 1.0, drift_rad_per_m: 0.0, lag_s }
+    }
+}
+
+/// A pose of which a step can be corrected: of the plane, or of space.
+pub trait OdometryStep: Pose {
     /// The step as it should be.
+    #[must_use]
     fn corrected(self, calibration: &OdometryCalibration) -> Self;
 }
 
@@ -15,7 +36,7 @@ fn drift_rad(calibration: &OdometryCalibration, ahead_m: f64, way_m: f64) -> f64
     calibration.drift_rad_per_m * if ahead_m < 0.0 { -way_m } else { way_m }
 }
 
-impl Step for Pose2 {
+impl OdometryStep for Pose2 {
     fn corrected(self, calibration: &OdometryCalibration) -> Self {
         let OdometryCalibration { translation_scale, rotation_scale, .. } = *calibration;
         let turn_rad = rotation_scale * self.theta + drift_rad(calibration, self.x, self.x.hypot(self.y));
@@ -23,7 +44,7 @@ impl Step for Pose2 {
     }
 }
 
-impl Step for Pose3 {
+impl OdometryStep for Pose3 {
     /// About the axis that is up on the robot; roll and pitch are what something else has measured.
     fn corrected(self, calibration: &OdometryCalibration) -> Self {
         let OdometryCalibration { translation_scale, rotation_scale, .. } = *calibration;
@@ -36,24 +57,27 @@ impl Step for Pose3 {
 
 /// Puts odometry together anew, step by step.
 #[derive(Debug, Clone)]
-pub(crate) struct Corrected<P = Pose2> {
+pub struct CorrectedOdometry<P = Pose2> {
     calibration: OdometryCalibration,
     /// The last pose as said, and as it should be.
     last: Option<[P; 2]>,
 }
 
-impl<P: Step> Corrected<P> {
-    pub(crate) fn new(calibration: OdometryCalibration) -> Self {
+impl<P: OdometryStep> CorrectedOdometry<P> {
+    /// With what is known to be wrong.
+    #[must_use]
+    pub fn new(calibration: OdometryCalibration) -> Self {
         Self { calibration, last: None }
     }
 
     /// When a reading with this stamp was true.
-    pub(crate) fn stamp(&self, stamp: Stamp) -> Stamp {
+    #[must_use]
+    pub fn stamp(&self, stamp: Stamp) -> Stamp {
         Stamp(stamp.0.saturating_sub(Stamp::from_secs_f64(self.calibration.lag_s).0))
     }
 
     /// The pose as it should be.
-    pub(crate) fn pose(&mut self, said: P) -> P {
+    pub fn pose(&mut self, said: P) -> P {
         let corrected =
             self.last.map_or(said, |[before, corrected]| corrected * before.between(said).corrected(&self.calibration));
         self.last = Some([said, corrected]);
@@ -69,7 +93,7 @@ mod tests {
     fn what_is_wrong_is_taken_out() {
         let calibration =
             OdometryCalibration { translation_scale: 1.02, rotation_scale: 0.97, drift_rad_per_m: 0.01, lag_s: 0.1 };
-        let mut corrected = Corrected::new(calibration);
+        let mut corrected = CorrectedOdometry::new(calibration);
         let (mut said, mut truth) = (Pose2::new(3.0, 1.0, 0.5), Pose2::new(3.0, 1.0, 0.5));
         for k in 0..200_i64 {
             let (turn, ahead_m) = (0.05 * (k as f64 * 0.1).sin(), 0.1);
@@ -87,7 +111,7 @@ mod tests {
         let step = Pose3::exp([0.5, 0.1, 0.2, 0.03, -0.02, 0.4].into());
         let turn = step.corrected(&calibration).rotation.scaled_axis();
         assert!((turn - Vector3::new(0.03, -0.02, 0.36)).norm() < 1e-9, "{turn}");
-        let mut corrected = Corrected::new(calibration);
+        let mut corrected = CorrectedOdometry::new(calibration);
         corrected.pose(Pose3::identity());
         assert!((corrected.pose(step).translation - step.translation * 1.1).norm() < 1e-12);
     }
