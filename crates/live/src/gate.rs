@@ -475,7 +475,9 @@ impl Gate {
             let has_waited = now.saturating_sub(since) >= self.settings.wait;
             // Where others of its topic have waited for it in vain, nobody waits for its place: no scan of another sensor does either.
             let is_without_place = topic.is_some_and(|topic| topic.is_without_place);
-            if topic.is_some_and(|topic| topic.last.is_some_and(|last| stamp <= last)) {
+            // Clocks that are corrected step back a little: what was taken then is mapped as of a recording.
+            let is_over = |last: Stamp| stamp == last || last.secs_since(stamp) > WINDOW_S;
+            if topic.is_some_and(|topic| topic.last.is_some_and(is_over)) {
                 self.drop_oldest(Reason::Late);
                 continue;
             }

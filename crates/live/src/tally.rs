@@ -15,7 +15,7 @@ pub enum Reason {
     Unusable,
     /// No transform says where its sensor sits on the robot.
     NoMount,
-    /// A later one of its topic was used already.
+    /// It was used already, or one of its topic that is later by more than ten seconds.
     Late,
     /// Its topic is none that was announced.
     UnknownTopic,
@@ -30,7 +30,7 @@ impl fmt::Display for Reason {
             Self::Unreadable => "unreadable",
             Self::Unusable => "geometry that cannot be mapped with",
             Self::NoMount => "no transform from the sensor to the robot",
-            Self::Late => "later ones were used already",
+            Self::Late => "they or much later ones were used already",
             Self::UnknownTopic => "of a topic that was not announced",
             Self::Paused => "paused",
         })

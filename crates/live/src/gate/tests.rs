@@ -136,6 +136,20 @@ fn what_is_known_of_sensors_counts_before_what_messages_say() {
     assert_eq!(rates.collect::<Vec<_>>(), [at(1.25).stamp]);
 }
 
+/// As a clock is that is corrected now and then: all that was seen is mapped, in the order in which it came.
+#[test]
+fn stamps_that_step_back_a_little_are_used() {
+    let mut gate = mounted();
+    (0..40).for_each(|tenth| drive(&mut gate, 0.1 * f64::from(tenth)));
+    for seconds in [1.0, 2.0, 1.9, 1.9, 3.0] {
+        gate.hear_scan("/scan", &scan(seconds, &[1.0; 5]), at(3.9));
+    }
+    let found: Vec<f64> = scans(&mut gate, 3.9).iter().map(|scan| scan.odom_from_robot.unwrap().x).collect();
+    let expected = [1.0, 2.0, 1.9, 3.0];
+    assert!(found.len() == 4 && found.iter().zip(expected).all(|(x, y)| (x - y).abs() < 1e-9), "{found:?}");
+    assert_eq!(gate.tallies().next().unwrap().1.dropped_for(Reason::Late), 1, "the same twice");
+}
+
 /// A base on springs: two links that move, each told by itself.
 #[test]
 fn odometry_of_two_moving_links_is_known_as_far_as_both_are() {
