@@ -1,7 +1,7 @@
 //! Services on the network: sockets, threads and time around a [`Participant`].
 
 use crate::ids::{Guid, Prefix};
-use crate::interfaces::{ALL, addresses, own, sender, shared};
+use crate::interfaces::{ALL, LOOK, addresses, own, sender, shared};
 use crate::packets::To;
 use crate::participant::{Participant, Request, ServiceNames};
 use std::collections::hash_map::RandomState;
@@ -133,32 +133,35 @@ impl Shared {
     }
 
     /// Does what is due until it is over.
-    fn turn(&self, configuration: &Configuration) {
-        let mut look_at = Duration::ZERO;
+    fn turn(&self) {
         while !self.is_over.load(Ordering::Acquire) {
-            let now = self.now();
-            if now >= look_at {
-                self.look_around(configuration);
-                look_at = now + ADDRESSES_EVERY;
-            }
             let mut participant = lock(&self.participant);
-            let next = participant.turn(now).min(look_at);
+            let next = participant.turn(self.now());
             self.flush(participant);
-            let is_changed = lock(&self.is_changed);
-            let wait = next.saturating_sub(self.now());
+            let mut is_changed = lock(&self.is_changed);
             if !*is_changed {
-                *self
-                    .changed
-                    .wait_timeout(is_changed, wait)
-                    .map_or_else(|error| error.into_inner().0, |(guard, _)| guard) = false;
-            } else {
-                let mut is_changed = is_changed;
-                *is_changed = false;
+                let wait = next.saturating_sub(self.now()).min(LOOK);
+                let waited = self.changed.wait_timeout(is_changed, wait);
+                is_changed = waited.map_or_else(|error| error.into_inner().0, |(guard, _)| guard);
             }
+            *is_changed = false;
         }
         let mut participant = lock(&self.participant);
         participant.leave();
         self.flush(participant);
+    }
+
+    /// Looks around now and then, on a thread of its own: a name that nobody resolves is waited for.
+    fn watch(&self, configuration: &Configuration) {
+        let mut look_at = Duration::ZERO;
+        while !self.is_over.load(Ordering::Acquire) {
+            if self.now() >= look_at {
+                self.look_around(configuration);
+                self.change();
+                look_at = self.now() + ADDRESSES_EVERY;
+            }
+            thread::sleep(LOOK);
+        }
     }
 
     /// Looks where this machine is found now, and where others are.
@@ -269,7 +272,12 @@ impl Services {
         let configuration = configuration.clone();
         services.start("rtps", {
             let shared = Arc::clone(&shared);
-            move || shared.turn(&configuration)
+            move || shared.turn()
+        })?;
+        // Nobody waits for its end, for it may wait for a name.
+        thread::Builder::new().name("rtps looks".to_owned()).spawn({
+            let shared = Arc::clone(&shared);
+            move || shared.watch(&configuration)
         })?;
         services.start("services", move || answer(&shared, &requests))?;
         Ok(services)

@@ -7,9 +7,9 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddrV4;
 use std::time::Duration;
 
-/// Samples that are kept of a writer for who has not confirmed them, and their bytes.
+/// Samples that are kept of a writer for who has not confirmed them, and their bytes, but for the last one.
 const SAMPLES_MOST: usize = 256;
-const BYTES_MOST: usize = 256 << 20;
+const BYTES_MOST: usize = 32 << 20;
 /// Readers of one writer.
 const READERS_MOST: usize = 1000;
 /// Who has not confirmed is asked so soon, and twice as late each time, up to the second.
