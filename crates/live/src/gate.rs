@@ -8,7 +8,7 @@ use crate::gate::odometry::{Place, Track};
 use crate::pulse::Pulse;
 use crate::tally::{Reason, Tally};
 use mapwright::SpaceReading;
-use mapwright_geom::{Pose2, Pose3, Stamp};
+use mapwright_geom::{Pose, Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{
     Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, PointCloud2, TfMessage,
 };
@@ -187,6 +187,9 @@ pub struct Gate {
     at_once: VecDeque<Reading>,
     odometry: Pulse,
     track: Track,
+    /// The stamp with which odometry's last place was told.
+    placed: Option<Stamp>,
+    used_from_told: Pose3,
     inertial: Pulse,
     /// The stamp of the last inertial reading.
     felt: Option<Stamp>,
@@ -230,6 +233,8 @@ impl Gate {
             readings: VecDeque::new(),
             at_once: VecDeque::new(),
             odometry: Pulse::default(),
+            placed: None,
+            used_from_told: Pose3::identity(),
             inertial: Pulse::default(),
             felt: None,
             is_told_by_transforms: false,
@@ -277,15 +282,20 @@ impl Gate {
         is_static: bool,
         arrived: Arrived,
     ) -> Result<(), RosError> {
-        let result = self.transforms.insert_message(message, is_static);
+        let mut result = self.transforms.insert_message(message, is_static);
+        let mut told: Vec<Stamp> = Vec::new();
         for transform in &message.transforms {
             let is_odometry = self.transforms.parent(&transform.child_frame_id) == Some(transform.header.frame())
                 && self.is_on_the_way(&transform.child_frame_id)
                 && !is_static;
-            if is_odometry {
-                self.is_told_by_transforms = true;
-                self.hear_place(transform.header.stamp, arrived);
+            // Of several links at one time one place follows.
+            if is_odometry && !told.contains(&transform.header.stamp) {
+                told.push(transform.header.stamp);
             }
+        }
+        for stamp in told {
+            self.is_told_by_transforms = true;
+            result = result.and(self.hear_place(stamp, arrived));
         }
         result
     }
@@ -305,8 +315,7 @@ impl Gate {
         };
         let stamp = stamp_or(message.header.stamp, arrived);
         self.transforms.insert(stamp, &odom, &robot, pose, false)?;
-        self.hear_place(stamp, arrived);
-        Ok(())
+        self.hear_place(stamp, arrived)
     }
 
     /// Takes in a scan of a topic.
@@ -496,6 +505,11 @@ impl Gate {
                     }
                 };
                 let Ready::Now(odom_from_robot) = self.odometry_at(stamp, has_waited, now) else { return None };
+                self.used_from_told = match (odom_from_robot, self.told_at(stamp)) {
+                    (Some(Place::InPlane(used)), Some(told)) => used.in_space() * planar(&told).in_space().inverse(),
+                    (Some(Place::InSpace(used)), Some(told)) => used * told.inverse(),
+                    (None, _) | (_, None) => self.used_from_told,
+                };
                 Some((place, odom_from_robot))
             };
             let Waiting { topic, what, .. } = self.waiting.pop_front()?;
@@ -597,18 +611,37 @@ impl Gate {
     }
 
     /// Odometry has told where the robot is.
-    fn hear_place(&mut self, stamp: Stamp, arrived: Arrived) {
+    fn hear_place(&mut self, stamp: Stamp, arrived: Arrived) -> Result<(), RosError> {
         self.odometry.beat(arrived.since_start);
         let (odom, robot) = (&self.settings.odom_frame, &self.settings.robot_frame);
-        let there = self.transforms.lookup(odom, robot, stamp).map(|pose| (stamp, pose)).or_else(|error| {
+        let there = self.transforms.lookup(odom, robot, stamp).ok().map(|pose| (stamp, pose)).or_else(|| {
             // Of several links that move each is told by itself: the place is known up to the one that was told first.
-            let last = self.transforms.known_times(odom, robot)?.map(|(_, last)| last).ok_or(error)?;
-            self.transforms.lookup(odom, robot, last).map(|pose| (last, pose))
+            let last = self.transforms.known_times(odom, robot).ok()??.1;
+            let is_new = self.placed.is_none_or(|placed| last > placed);
+            Some((last, self.transforms.lookup(odom, robot, last).ok().filter(|_| is_new)?))
         });
-        let Ok((stamp, pose)) = there else { return };
-        if let Some(reading) = self.track.add(stamp, pose) {
-            self.push_reading(reading);
-        }
+        let Some((stamp, pose)) = there else { return Ok(()) };
+        self.placed = Some(stamp);
+        let Some(reading) = self.track.add(stamp, pose) else {
+            let reason = format!("odometry is at {:e} m, {:e} m, too far out", pose.translation.x, pose.translation.y);
+            return Err(RosError::Transform { parent: odom.clone(), child: robot.clone(), reason });
+        };
+        self.push_reading(reading);
+        Ok(())
+    }
+
+    /// Turns where odometry has the robot as it is told, and as others therefore look it up, into where it is mapped with: with what is known to be wrong
+    /// taken out, and near the origin. Of the last scan or cloud that passed.
+    #[must_use]
+    pub fn used_from_told(&self) -> Pose3 {
+        self.used_from_told
+    }
+
+    /// Odometry's pose as it is told, at a stamp or the last before.
+    fn told_at(&self, stamp: Stamp) -> Option<Pose3> {
+        let (odom, robot) = (&self.settings.odom_frame, &self.settings.robot_frame);
+        let at = |stamp| self.transforms.lookup(odom, robot, stamp).ok();
+        at(stamp).or_else(|| at(self.transforms.known_times(odom, robot).ok()??.1))
     }
 
     /// Whether what an inertial sensor feels until the end of a cloud is known, or nobody waits for it any more.
@@ -713,6 +746,7 @@ impl Gate {
         (self.newest, self.behind, self.set_back, self.felt) = (Some(stamp), 0, self.set_back + 1, None);
         self.transforms.forget_moving();
         self.track.clear();
+        self.placed = None;
         self.readings.clear();
         self.topics.values_mut().for_each(|topic| topic.last = None);
         let before: Vec<Waiting> = self.waiting.drain(..).collect();

@@ -133,7 +133,7 @@ pub trait Driver {
     type Maps: Maps;
 
     /// What comes through the gate: scans or clouds, and what is read between them.
-    fn add(&mut self, passed: &Passed);
+    fn add(&mut self, passed: &Passed, gate: &Gate);
     /// The next job to be done beside.
     fn next_job(&mut self) -> Option<Job<Self::Maps>>;
     /// The result of a job.
@@ -178,7 +178,7 @@ pub fn map<M: Maps>(
             }
             let by_now = if is_over { Duration::MAX } else { now() };
             while let Some(passed) = gate.next(by_now) {
-                driver.add(&passed);
+                driver.add(&passed, gate);
                 worker.turn(driver);
             }
             worker.turn(driver);

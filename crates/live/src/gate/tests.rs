@@ -127,6 +127,8 @@ fn what_is_known_of_sensors_counts_before_what_messages_say() {
     assert!(found[0].laser.inverted, "as it was said, with no transform to its frame");
     // Read at 1.1 s by its stamps, 0.1 m on from 1 m, which was 0.2 m.
     assert!((found[0].odom_from_robot.unwrap().x - 1.2).abs() < 1e-9, "{found:?}");
+    // Whoever looks up the robot at 1.0 s finds it at 1 m.
+    assert!((gate.used_from_told().translation.x - 0.2).abs() < 1e-9, "{:?}", gate.used_from_told());
     let message = ImuMessage { header: Header::new(at(1.5).stamp, "imu"), ..Default::default() };
     gate.hear_imu(&message, at(1.5)).unwrap();
     let rates = std::iter::from_fn(|| gate.next(at(1.6).since_start)).filter_map(|passed| match passed {
@@ -148,6 +150,22 @@ fn stamps_that_step_back_a_little_are_used() {
     let expected = [1.0, 2.0, 1.9, 3.0];
     assert!(found.len() == 4 && found.iter().zip(expected).all(|(x, y)| (x - y).abs() < 1e-9), "{found:?}");
     assert_eq!(gate.tallies().next().unwrap().1.dropped_for(Reason::Late), 1, "the same twice");
+}
+
+#[test]
+fn odometry_far_out_is_mapped_near_the_origin_and_told_where_it_is() {
+    let mut gate = mounted();
+    let far = |gate: &mut Gate, seconds: f64, x: f64| {
+        gate.hear_transforms(&link("odom", "base_link", seconds, x), false, at(seconds))
+    };
+    far(&mut gate, 1.0, 4.5e6).unwrap();
+    far(&mut gate, 1.1, 4.5e6 + 0.1).unwrap();
+    gate.hear_scan("/scan", &scan(1.1, &[1.0; 5]), at(1.1));
+    let found = scans(&mut gate, 1.1);
+    assert!((found[0].odom_from_robot.unwrap().x - 0.1).abs() < 1e-6, "{found:?}");
+    assert!((gate.used_from_told().translation.x + 4.5e6).abs() < 1e-6);
+    let error = far(&mut gate, 1.2, 9e9).unwrap_err().to_string();
+    assert!(error.contains("odometry is at 9e9 m, 0e0 m, too far out"), "{error}");
 }
 
 /// A base on springs: two links that move, each told by itself.
@@ -418,7 +436,10 @@ proptest! {
                     heard += 1;
                     gate.hear_scan(["/a", "/b", "/c"][topic], &scan(seconds, &[1.0; 6][..beams]), at(now));
                 }
-                Event::Drive(seconds) => drive(&mut gate, seconds),
+                Event::Drive(seconds) => {
+                    // Places may jump by 10^300 m here, which is refused and said.
+                    let _ = gate.hear_transforms(&link("odom", "base_link", seconds, seconds), false, at(seconds));
+                }
                 Event::Mount => gate.hear_transforms(&link("base_link", "laser", now, 0.1), true, at(now)).unwrap(),
                 Event::Odd(x) => { let _ = gate.hear_transforms(&link("odom", "base_link", now, x), false, at(now)); }
                 Event::Wait(seconds) => {

@@ -37,7 +37,7 @@ fn poses(mapper: &Mapper) -> Vec<(Stamp, Pose2)> {
 
 fn take_in(gate: &mut Gate, now: Duration, driven: &mut dyn Driver<Maps = mapwright_sensor::Sweep>) {
     while let Some(passed) = gate.next(now) {
-        driven.add(&passed);
+        driven.add(&passed, gate);
     }
 }
 
@@ -116,7 +116,7 @@ fn whole_scans_wait_for_nothing_and_what_is_asked_is_asked_in_its_turn() {
     struct Listener(Vec<String>);
     impl Driver for Listener {
         type Maps = mapwright_sensor::Sweep;
-        fn add(&mut self, passed: &Passed) {
+        fn add(&mut self, passed: &Passed, _gate: &Gate) {
             self.0.push(match passed {
                 Passed::Reading(reading) => format!("{reading:?}"),
                 Passed::Scan(scan) => format!("scan {}", scan.stamp.0),

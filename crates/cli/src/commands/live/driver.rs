@@ -13,7 +13,7 @@ use super::{Entrance, Lanes};
 use crate::args::LiveArgs;
 use crate::failure::{Failure, Outcome};
 use crate::terminal::{count, say};
-use mapwright::{Job, JobResult, Settings, Stamp, Update};
+use mapwright::{Job, JobResult, Pose3, Settings, Stamp, Update};
 use mapwright_live::node::asked::{Asked, Said};
 use mapwright_live::node::diagnostics::Diagnostics;
 use mapwright_live::{Driver, Gate, Passed, Reading};
@@ -55,6 +55,8 @@ pub(super) struct Live<W: Work> {
     is_paused: bool,
     drops_waiting: bool,
     has_odometry: bool,
+    /// As [`Gate::used_from_told`].
+    used_from_told: Pose3,
     refused: u64,
     /// Why what is mapped is not written, since when.
     unwritten: Option<(Duration, String)>,
@@ -100,6 +102,7 @@ impl<W: Work> Live<W> {
             is_paused: false,
             drops_waiting: false,
             has_odometry: false,
+            used_from_told: Pose3::identity(),
             refused: 0,
             unwritten: None,
             losses: Vec::new(),
@@ -143,8 +146,9 @@ impl<W: Work> Live<W> {
         }
         self.known.set(Some(Place {
             stamp: update.stamp,
-            map_from_odom: <W::Maps as Drawn>::in_space(update.map_from_odom),
-            odom_from_robot: <W::Maps as Drawn>::in_space(update.odom_from_robot),
+            // Others look up where odometry has the robot as it is told.
+            map_from_odom: <W::Maps as Drawn>::in_space(update.map_from_odom) * self.used_from_told,
+            odom_from_robot: self.used_from_told.inverse() * <W::Maps as Drawn>::in_space(update.odom_from_robot),
             is_without_odometry: !self.has_odometry,
         }));
         if let Some(Ros { names, told, .. }) = &self.ros
@@ -282,7 +286,8 @@ impl<W: Work> Live<W> {
 impl<W: Work> Driver for Live<W> {
     type Maps = W::Maps;
 
-    fn add(&mut self, passed: &Passed) {
+    fn add(&mut self, passed: &Passed, gate: &Gate) {
+        self.used_from_told = gate.used_from_told();
         self.has_odometry |= match passed {
             Passed::Scan(scan) => scan.odom_from_robot.is_some(),
             Passed::Cloud(cloud) => cloud.odom_from_robot.is_some(),

@@ -1,6 +1,6 @@
 //! A simulated robot as others hear it: for tests and examples, which bring `Heard` along.
 
-use super::{Driver, Heard, Passed, Reading};
+use super::{Driver, Gate, Heard, Passed, Reading};
 use mapwright::{Job, JobResult, Mapper, Update};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_ros::messages::{Header, LaserScan, TfMessage, TransformStamped};
@@ -75,7 +75,7 @@ impl<F: FnMut(&Update)> Driven<F> {
 impl<F: FnMut(&Update)> Driver for Driven<F> {
     type Maps = Sweep;
 
-    fn add(&mut self, passed: &Passed) {
+    fn add(&mut self, passed: &Passed, _gate: &Gate) {
         match passed {
             Passed::Scan(scan) => (self.tell)(&self.mapper.add_scan(scan)),
             Passed::Reading(Reading::Odometry(odometry)) => self.mapper.add_odometry(odometry),
