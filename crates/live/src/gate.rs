@@ -187,9 +187,9 @@ pub struct Gate {
     at_once: VecDeque<Reading>,
     odometry: Pulse,
     track: Track,
-    /// The stamp with which odometry's last place was told.
+    /// The latest stamp with which odometry's place was told.
     placed: Option<Stamp>,
-    used_from_told: Pose3,
+    told: Option<Pose3>,
     inertial: Pulse,
     /// The stamp of the last inertial reading.
     felt: Option<Stamp>,
@@ -234,7 +234,7 @@ impl Gate {
             at_once: VecDeque::new(),
             odometry: Pulse::default(),
             placed: None,
-            used_from_told: Pose3::identity(),
+            told: None,
             inertial: Pulse::default(),
             felt: None,
             is_told_by_transforms: false,
@@ -505,11 +505,7 @@ impl Gate {
                     }
                 };
                 let Ready::Now(odom_from_robot) = self.odometry_at(stamp, has_waited, now) else { return None };
-                self.used_from_told = match (odom_from_robot, self.told_at(stamp)) {
-                    (Some(Place::InPlane(used)), Some(told)) => used.in_space() * planar(&told).in_space().inverse(),
-                    (Some(Place::InSpace(used)), Some(told)) => used * told.inverse(),
-                    (None, _) | (_, None) => self.used_from_told,
-                };
+                self.told = self.told_at(stamp).or(self.told);
                 Some((place, odom_from_robot))
             };
             let Waiting { topic, what, .. } = self.waiting.pop_front()?;
@@ -621,7 +617,7 @@ impl Gate {
             Some((last, self.transforms.lookup(odom, robot, last).ok().filter(|_| is_new)?))
         });
         let Some((stamp, pose)) = there else { return Ok(()) };
-        self.placed = Some(stamp);
+        self.placed = self.placed.max(Some(stamp));
         let Some(reading) = self.track.add(stamp, pose) else {
             let reason = format!("odometry is at {:e} m, {:e} m, too far out", pose.translation.x, pose.translation.y);
             return Err(RosError::Transform { parent: odom.clone(), child: robot.clone(), reason });
@@ -630,18 +626,19 @@ impl Gate {
         Ok(())
     }
 
-    /// Turns where odometry has the robot as it is told, and as others therefore look it up, into where it is mapped with: with what is known to be wrong
-    /// taken out, and near the origin. Of the last scan or cloud that passed.
+    /// Where odometry had the robot when the last scan or cloud was taken that passed: as it is told, and as others therefore look it up, not as it
+    /// is mapped with. None where nobody has told.
     #[must_use]
-    pub fn used_from_told(&self) -> Pose3 {
-        self.used_from_told
+    pub fn told(&self) -> Option<Pose3> {
+        self.told
     }
 
     /// Odometry's pose as it is told, at a stamp or the last before.
     fn told_at(&self, stamp: Stamp) -> Option<Pose3> {
         let (odom, robot) = (&self.settings.odom_frame, &self.settings.robot_frame);
         let at = |stamp| self.transforms.lookup(odom, robot, stamp).ok();
-        at(stamp).or_else(|| at(self.transforms.known_times(odom, robot).ok()??.1))
+        let pose = at(stamp).or_else(|| at(self.transforms.known_times(odom, robot).ok()??.1))?;
+        Some(if self.settings.is_in_space { pose } else { planar(&pose).in_space() })
     }
 
     /// Whether what an inertial sensor feels until the end of a cloud is known, or nobody waits for it any more.
@@ -673,7 +670,9 @@ impl Gate {
             return Ready::Now(None);
         }
         let is_over = has_waited || self.odometry.silence(now) >= self.settings.wait;
-        if !is_over && span.is_none_or(|[_, last]| stamp > last) {
+        // Where what is told runs ahead of what was true, others look up the place at the stamp itself.
+        let is_told = self.placed.is_some_and(|placed| stamp <= placed);
+        if !is_over && (span.is_none_or(|[_, last]| stamp > last) || !is_told) {
             return Ready::Wait;
         }
         let place = self.track.at(stamp);
@@ -746,7 +745,7 @@ impl Gate {
         (self.newest, self.behind, self.set_back, self.felt) = (Some(stamp), 0, self.set_back + 1, None);
         self.transforms.forget_moving();
         self.track.clear();
-        self.placed = None;
+        (self.placed, self.told) = (None, None);
         self.readings.clear();
         self.topics.values_mut().for_each(|topic| topic.last = None);
         let before: Vec<Waiting> = self.waiting.drain(..).collect();

@@ -16,7 +16,7 @@ use crate::terminal::{count, say};
 use mapwright::{Job, JobResult, Pose3, Settings, Stamp, Update};
 use mapwright_live::node::asked::{Asked, Said};
 use mapwright_live::node::diagnostics::Diagnostics;
-use mapwright_live::{Driver, Gate, Passed, Reading};
+use mapwright_live::{Driver, Gate, Passed};
 use mapwright_ros::RosError;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -54,9 +54,8 @@ pub(super) struct Live<W: Work> {
     is_quiet: bool,
     is_paused: bool,
     drops_waiting: bool,
-    has_odometry: bool,
-    /// As [`Gate::used_from_told`].
-    used_from_told: Pose3,
+    /// As [`Gate::told`].
+    told_odometry: Option<Pose3>,
     refused: u64,
     /// Why what is mapped is not written, since when.
     unwritten: Option<(Duration, String)>,
@@ -101,8 +100,7 @@ impl<W: Work> Live<W> {
             is_quiet: voice.quiet || voice.json,
             is_paused: false,
             drops_waiting: false,
-            has_odometry: false,
-            used_from_told: Pose3::identity(),
+            told_odometry: None,
             refused: 0,
             unwritten: None,
             losses: Vec::new(),
@@ -144,12 +142,15 @@ impl<W: Work> Live<W> {
             self.known.set(None);
             return;
         }
+        // The mapper's own odometry begins where it began; others look up where theirs has the robot.
+        let map_from_robot = <W::Maps as Drawn>::in_space(update.map_from_robot);
+        let own = <W::Maps as Drawn>::in_space(update.odom_from_robot);
+        let odom_from_robot = self.told_odometry.unwrap_or(own);
         self.known.set(Some(Place {
             stamp: update.stamp,
-            // Others look up where odometry has the robot as it is told.
-            map_from_odom: <W::Maps as Drawn>::in_space(update.map_from_odom) * self.used_from_told,
-            odom_from_robot: self.used_from_told.inverse() * <W::Maps as Drawn>::in_space(update.odom_from_robot),
-            is_without_odometry: !self.has_odometry,
+            map_from_odom: map_from_robot * odom_from_robot.inverse(),
+            odom_from_robot,
+            is_without_odometry: self.told_odometry.is_none(),
         }));
         if let Some(Ros { names, told, .. }) = &self.ros
             && let Ok(bytes) = <W::Maps as Drawn>::pose(&names.map_frame, update)
@@ -287,12 +288,7 @@ impl<W: Work> Driver for Live<W> {
     type Maps = W::Maps;
 
     fn add(&mut self, passed: &Passed, gate: &Gate) {
-        self.used_from_told = gate.used_from_told();
-        self.has_odometry |= match passed {
-            Passed::Scan(scan) => scan.odom_from_robot.is_some(),
-            Passed::Cloud(cloud) => cloud.odom_from_robot.is_some(),
-            Passed::Reading(reading) => matches!(reading, Reading::Odometry(_)),
-        };
+        self.told_odometry = gate.told();
         match self.work.add(passed) {
             Ok(Some(step)) => self.step(Some(passed), step),
             Ok(None) => {}
