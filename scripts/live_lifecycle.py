@@ -9,12 +9,10 @@ was there from both sides, the longest silence of the node's side and its states
 import argparse
 import time
 import uuid
-from dataclasses import dataclass
 
 import rclpy
+from cyclone_types import BondStatus, Header, Time
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float32, int32, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
@@ -30,31 +28,9 @@ arguments.add_argument("--domain", type=int, default=0)
 given = arguments.parse_args()
 
 
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    sec: int32
-    nanosec: uint32
-
-
-@dataclass
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class Status(IdlStruct, typename="bond::msg::dds_::Status_"):
-    header: Header
-    id: str
-    instance_id: str
-    active: bool
-    heartbeat_timeout: float32
-    heartbeat_period: float32
-
-
 participant = DomainParticipant(given.domain)
 kept = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(100))
-topic = Topic(participant, "rt/bond", Status, qos=kept)
+topic = Topic(participant, "rt/bond", BondStatus, qos=kept)
 writer, reader = DataWriter(participant, topic, qos=kept), DataReader(participant, topic, qos=kept)
 ours = str(uuid.uuid4())
 rclpy.init()
@@ -78,7 +54,7 @@ def go(transition, label):
 
 
 def status(active):
-    return Status(Header(Time(0, 0), ""), given.node, ours, active, 4.0, 0.25)
+    return BondStatus(Header(Time(0, 0), ""), given.node, ours, active, 4.0, 0.25)
 
 
 assert change.wait_for_service(timeout_sec=10.0) and state.wait_for_service(timeout_sec=10.0), "the node is not there"

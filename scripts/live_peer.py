@@ -14,7 +14,6 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import dataclass
 
 import numpy as np
 import rclpy
@@ -99,53 +98,14 @@ def resident_mb():
 
 def hear_transforms(over):
     try:
+        from cyclone_types import TFMessage
         from cyclonedds.domain import DomainParticipant
-        from cyclonedds.idl import IdlStruct
-        from cyclonedds.idl.types import float64, int32, sequence, uint32
         from cyclonedds.qos import Policy, Qos
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic
         from cyclonedds.util import duration
     except ImportError:
         return
-
-    @dataclass
-    class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-        sec: int32
-        nanosec: uint32
-
-    @dataclass
-    class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-        stamp: Time
-        frame_id: str
-
-    @dataclass
-    class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
-        x: float64
-        y: float64
-        z: float64
-
-    @dataclass
-    class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
-        x: float64
-        y: float64
-        z: float64
-        w: float64
-
-    @dataclass
-    class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
-        translation: Vector3
-        rotation: Quaternion
-
-    @dataclass
-    class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
-        header: Header
-        child_frame_id: str
-        transform: Transform
-
-    @dataclass
-    class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
-        transforms: sequence[TransformStamped]
 
     import os
 
