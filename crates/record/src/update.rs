@@ -106,9 +106,9 @@ pub struct Update<M: Measurement = Sweep> {
     pub status: Status,
     /// Whether what it maps is joined with the rest.
     pub localisation: Localisation,
-    /// Frame of continuous odometry in the map; jumps when the map is corrected.
+    /// Frame of `odom_from_robot` in the map; jumps when the map is corrected. Not that of the robot's own odometry, whose numbers may begin anywhere.
     pub map_from_odom: M::Pose,
-    /// Pose of the robot by odometry alone; never jumps.
+    /// Pose of the robot by odometry alone, summed up by the mapper from where it began; never jumps.
     pub odom_from_robot: M::Pose,
     /// The keyframe this scan became, if it did.
     pub keyframe: Option<KeyframeId>,
