@@ -16,6 +16,7 @@ mod embedding;
 mod events;
 mod exploring;
 mod failure;
+mod floor;
 mod foreign;
 mod going_on;
 mod hanging;

@@ -74,6 +74,13 @@ impl<T> Door<T> {
         true
     }
 
+    /// Whether the next message of a lane would push out another.
+    #[must_use]
+    pub fn is_full(&self, lane: Lane) -> bool {
+        let inside = self.inside();
+        !inside.is_closed && inside.lanes.get(lane).is_some_and(|state| state.waiting >= state.most)
+    }
+
     /// The message that has waited longest; waits for one, but no longer than that.
     pub fn next(&self, at_most: Duration) -> Next<T> {
         let is_empty = |inside: &mut Inside<T>| inside.messages.is_empty() && !inside.is_closed;
@@ -140,6 +147,7 @@ mod tests {
     fn what_waits_comes_out_of_a_closed_door() {
         let door = Door::new(&[2]);
         door.put(0, 1);
+        assert!(!door.is_full(0));
         door.close();
         assert!(!door.put(0, 2), "closed");
         assert_eq!((door.next(SOON), door.next(SOON)), (Next::Message(1), Next::Closed));

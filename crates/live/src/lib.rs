@@ -27,5 +27,5 @@ pub mod wire;
 
 pub use door::{Door, Lane, Next};
 pub use gate::{Arrived, Gate, GateSettings, KnownSensors, Passed, Reading};
-pub use mapping::{Asked, Driver, Heard, map};
+pub use mapping::{Asked, Driver, Heard, Results, map};
 pub use tally::{Reason, Tally};

@@ -127,6 +127,15 @@ impl Ears {
     }
 }
 
+/// Which results of jobs are taken in now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Results {
+    /// Those that are there.
+    Done,
+    /// So many, however long they take: as a run that is replayed has taken them in.
+    These(usize),
+}
+
 /// Who maps what comes through the door, and hears of all that happens meanwhile.
 pub trait Driver {
     /// What is mapped: the plane or space.
@@ -136,6 +145,10 @@ pub trait Driver {
     fn add(&mut self, passed: &Passed, gate: &Gate);
     /// The next job to be done beside.
     fn next_job(&mut self) -> Option<Job<Self::Maps>>;
+    /// Which results of jobs are taken in now.
+    fn results(&mut self) -> Results {
+        Results::Done
+    }
     /// The result of a job.
     fn apply(&mut self, result: JobResult<Self::Maps>);
     /// A message of transforms, odometry or inertial readings was refused.
@@ -209,16 +222,38 @@ struct Worker<M: Maps> {
 }
 
 impl<M: Maps> Worker<M> {
-    /// Takes in a result that is there, and hands out the next job.
+    /// Takes in what results are wanted, and hands out the next job.
     fn turn(&mut self, driver: &mut dyn Driver<Maps = M>) {
-        if self.is_busy {
-            match self.results.try_recv() {
+        match driver.results() {
+            Results::Done if self.is_busy => match self.results.try_recv() {
                 Ok(result) => self.apply(result, driver),
                 Err(TryRecvError::Empty | TryRecvError::Disconnected) => return,
+            },
+            Results::Done => {}
+            Results::These(count) => {
+                for _ in 0..count {
+                    self.hand_out(driver);
+                    self.wait(driver);
+                }
             }
         }
-        if let Some(job) = driver.next_job() {
+        self.hand_out(driver);
+    }
+
+    fn hand_out(&mut self, driver: &mut dyn Driver<Maps = M>) {
+        if !self.is_busy
+            && let Some(job) = driver.next_job()
+        {
             self.is_busy = self.jobs.send(job).is_ok();
+        }
+    }
+
+    /// Takes in the result of what was handed out.
+    fn wait(&mut self, driver: &mut dyn Driver<Maps = M>) {
+        if std::mem::take(&mut self.is_busy)
+            && let Ok(result) = self.results.recv()
+        {
+            driver.apply(result);
         }
     }
 
@@ -226,9 +261,8 @@ impl<M: Maps> Worker<M> {
     fn finish(&mut self, driver: &mut dyn Driver<Maps = M>) {
         self.turn(driver);
         while self.is_busy {
-            let Ok(result) = self.results.recv() else { return };
-            self.apply(result, driver);
-            self.turn(driver);
+            self.wait(driver);
+            self.hand_out(driver);
         }
     }
 

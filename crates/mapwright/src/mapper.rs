@@ -273,6 +273,7 @@ impl<M: Maps> MapperOf<M> {
     /// A result that does not belong to this mapper is left out.
     pub fn apply(&mut self, result: JobResult<M>) -> Update<M> {
         self.back.came_back();
+        self.store.add_result_taken_in();
         self.take_in(result);
         self.report(Told::default())
     }

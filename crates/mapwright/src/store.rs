@@ -400,6 +400,11 @@ impl<M: Measurement> Store<M> {
         self.write(Entry::Snapshot(Snapshot { number, map_from_keyframe: moved }));
     }
 
+    /// What follows is of a job's result, that came between two scans.
+    pub(crate) fn add_result_taken_in(&mut self) {
+        self.write(Entry::ResultTakenIn { scan: self.next_scan() });
+    }
+
     /// The wheels have slipped: keyframes from one on are moved, edges across say what they say now, the wheels' not much, and
     /// matches of the last keyframes before with old places nothing, for they may have been led astray by it. The poses before.
     pub(crate) fn shift(

@@ -127,6 +127,7 @@ impl Adoption {
             Entry::BackTo(_)
             | Entry::Scan(_)
             | Entry::WheelSlip(_)
+            | Entry::ResultTakenIn { .. }
             | Entry::OdometryOrigin(_)
             | Entry::Snapshot(_)
             | Entry::Checkpoint(_) => true,

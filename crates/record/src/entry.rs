@@ -58,6 +58,11 @@ pub enum Entry<M: Measurement = Sweep> {
     LeftOut(LeftOut),
     /// The wheels have slipped, and what was mapped since was moved.
     WheelSlip(WheelSlip),
+    /// The result of a job that was handed out was taken in, before the scan of this number: in that order the run can be replayed.
+    ResultTakenIn {
+        /// As many scans had been taken in.
+        scan: u64,
+    },
     /// Where the odometry of the scans from one on has its own origin.
     OdometryOrigin(OdometryOrigin<M::Pose>),
     /// Where down is at a keyframe.

@@ -16,7 +16,7 @@ pub(crate) struct Step {
 }
 
 /// Kinds of steps.
-pub(crate) const KINDS: u8 = 18;
+pub(crate) const KINDS: u8 = 19;
 
 pub(crate) fn steps(most: usize) -> impl Strategy<Value = Vec<Step>> {
     let step = (0..KINDS, any::<u32>(), any::<u32>(), -1e5..1e5_f64);
@@ -190,6 +190,7 @@ impl Story {
                 let from = if b.is_multiple_of(2) { self.session.next_id() } else { self.any_keyframe(b) };
                 from.map(|from| Entry::WheelSlip(WheelSlip { scan: u64::from(a), from, metres: x }))
             }
+            18 => Some(Entry::ResultTakenIn { scan: u64::from(a) }),
             15 if self.session.odometry_origins().last().is_none_or(|last| last.from_scan < u64::from(a)) => {
                 let (from_scan, odom_from_start) = (u64::from(a), pose(x));
                 Some(Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }))

@@ -4,6 +4,7 @@ use super::{MappingArgs, SettingsArgs, SourceArgs};
 use clap::{Args as ClapArgs, ValueEnum};
 use mapwright::Pose2;
 use mapwright_lidars::LidarPlace;
+use mapwright_logs::SliceBounds;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -28,6 +29,10 @@ pub(crate) struct LiveArgs {
     /// The recording is played so many times as fast as it was made.
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = super::parse_factor)]
     pub(crate) rate: f64,
+    /// Replay what this run has heard, recorded meanwhile (`ros2 bag record`), to the same bytes: the scans it has mapped, and what came of
+    /// loop closing taken in where it was then. A folder of results or its `session.mapwright`.
+    #[arg(long, value_name = "SESSION", requires = "log", conflicts_with = "localise")]
+    pub(crate) replay: Option<PathBuf>,
     /// Tell others over ROS 2 even where a recording is played.
     #[arg(long)]
     pub(crate) ros: bool,
@@ -70,6 +75,9 @@ pub(crate) struct RosArgs {
     /// Topic of clouds (`sensor_msgs/PointCloud2`), of a lidar or a depth camera: they are mapped, in space, and no scans; may be repeated.
     #[arg(long = "points", value_name = "TOPIC", conflicts_with_all = ["log", "lidar", "scans", "localise"])]
     pub(crate) points: Vec<String>,
+    /// Of clouds: tell a grid on `/map` as well, for Nav2. What stands between these heights above the robot's way is an obstacle, metres.
+    #[arg(long, value_name = "ZMIN:ZMAX", value_parser = super::values::parse_slice, allow_hyphen_values = true)]
+    pub(crate) band: Option<SliceBounds>,
     /// Topic of odometry (`nav_msgs/Odometry`), used where transforms do not say the same.
     #[arg(long, value_name = "TOPIC", default_value = "/odom")]
     pub(crate) odometry: String,

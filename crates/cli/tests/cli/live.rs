@@ -24,6 +24,13 @@ fn what_is_played_is_mapped_as_from_the_log() {
         let read = |run: &str| fs::read(Path::new(run).join(name)).unwrap();
         assert!(read(&live) == read(&map), "{name} differs: {}", text(&inline.stdout));
     }
+    // However fast it is replayed, what came of the jobs is taken in where it was.
+    let again = folder.join("again").display().to_string();
+    assert_code(&run(&["live", &log, "--rate", "50", "--replay", &beside, "-o", &again]), 0);
+    for name in ["trajectory.tum", "trajectory_online.tum", "session.mapwright", "map.pgm"] {
+        let read = |run: &str| fs::read(Path::new(run).join(name)).unwrap();
+        assert!(read(&again) == read(&beside), "{name} differs");
+    }
     let lines = |run: &str| fs::read_to_string(Path::new(run).join("trajectory.tum")).unwrap().lines().count();
     assert_eq!(lines(&beside), lines(&map));
 }
@@ -116,6 +123,9 @@ fn what_cannot_be_is_said() {
     assert_refused(&run(&["live", "--lidar", "sick:/dev/ttyUSB0", "-o", out]), 2, &["sick"]);
     assert_refused(&run(&["live", "--lidar", "velodyne:2368", "-o", out, "--localise", out]), 2, &["planar lasers"]);
     assert_refused(&run(&["live", "--lidar", "ouster:7502", "--lidar-metadata", &log, "-o", out]), 2, &["metadata"]);
+    assert_refused(&run(&["live", &log, "-o", out, "--band", "0.1:0.5"]), 2, &["--band is of clouds"]);
+    assert_refused(&run(&["live", &log, "-o", out, "--replay", "nowhere"]), 1, &["nowhere"]);
+    assert_refused(&run(&["live", "-o", out, "--replay", out]), 2, &["LOG"]);
     assert_refused(&run(&["live", &log, "-o", out, "--node", "no name"]), 2, &["no name"]);
     assert_refused(&run(&["live", &log, "-o", out, "--param", "mode=flying"]), 2, &["mode"]);
     #[cfg(not(feature = "dds"))]

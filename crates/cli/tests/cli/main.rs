@@ -24,6 +24,8 @@ mod real_logs;
 mod recordings;
 mod rendezvous;
 mod robot;
+#[cfg(feature = "dds")]
+mod ros;
 mod runs;
 mod scripts;
 mod session;

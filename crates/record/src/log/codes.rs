@@ -27,11 +27,12 @@ pub(super) enum Kind {
     Checkpoint,
     Gravity,
     BackTo,
+    ResultTakenIn,
 }
 
 coded!(Kind: Run = 1, Sensor = 2, Scan = 3, Keyframe = 4, Fragment = 5, Edge = 6, Remeasured = 7, Withdrawn = 8,
     Candidate = 9, Verdict = 10, LeftOut = 11, WheelSlip = 12, Snapshot = 13, OdometryOrigin = 14,
-    Checkpoint = 15, Gravity = 16, BackTo = 17);
+    Checkpoint = 15, Gravity = 16, BackTo = 17, ResultTakenIn = 18);
 coded!(FragmentStart: SwitchedOn = 0, Relocalised = 1, Resumed = 2, Uncertain = 3, Blind = 4, Lost = 5,
     Contradicted = 6);
 coded!(EdgeKind: Odometry = 0, Match = 1, Closure = 2);
@@ -61,6 +62,7 @@ impl Kind {
             Self::Checkpoint => "checkpoint",
             Self::Gravity => "gravity",
             Self::BackTo => "return to a run",
+            Self::ResultTakenIn => "result taken in",
         }
     }
 }

@@ -259,6 +259,11 @@ impl<M: Measurement> LogReader<M> {
             Kind::Verdict => self.verdict(cursor)?,
             Kind::LeftOut => self.left_out(cursor)?,
             Kind::WheelSlip => self.wheel_slip(cursor)?,
+            Kind::ResultTakenIn => {
+                let scan = cursor.u64("a result's scan")?;
+                cursor.end()?;
+                self.add(Entry::ResultTakenIn { scan })?;
+            }
             Kind::OdometryOrigin => self.odometry_origin(cursor)?,
             Kind::Gravity => self.gravity(cursor)?,
             Kind::Checkpoint => self.add(Entry::Checkpoint(Checkpoint { state: cursor.rest().into() }))?,

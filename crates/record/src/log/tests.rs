@@ -150,7 +150,7 @@ proptest! {
         let mut mixed = bytes[..keep.index(bytes.len())].to_vec();
         mixed.extend(&tail);
         let _ = Session::read(&mixed);
-        for kind in 0..17 {
+        for kind in 0..19 {
             // a right checksum around a wrong payload
             let (session, _) = read(&[&bytes[..], &entry(kind, 1, &tail)].concat());
             prop_assert_eq!(whole(&session.encode()), session);
@@ -343,7 +343,7 @@ fn a_damaged_length_ends_the_reading() {
 #[test]
 fn lengths_are_not_believed() {
     let start = [&SESSION_MAGIC[..], &VERSION.to_le_bytes()].concat();
-    for kind in 0..17 {
+    for kind in 0..19 {
         let (session, report) = read(&[&start[..], &[kind, 1], &u32::MAX.to_le_bytes(), &[7; 40]].concat());
         assert_eq!((session, report.lost_bytes), (Session::default(), 46));
         assert_eq!(report.losses[0].found, "46 bytes of 4294967305");

@@ -150,6 +150,9 @@ impl<M: Measurement> LogWriter<M> {
             Entry::Verdict { number, verdict, agreeing } => self.verdict(out, *number, *verdict, *agreeing),
             Entry::LeftOut(left_out) => self.left_out(out, left_out),
             Entry::WheelSlip(slip) => self.wheel_slip(out, slip),
+            Entry::ResultTakenIn { scan } => {
+                put_entry(out, Kind::ResultTakenIn, |out| out.extend_from_slice(&scan.to_le_bytes()))
+            }
             Entry::OdometryOrigin(OdometryOrigin { from_scan, odom_from_start }) => {
                 put_entry(out, Kind::OdometryOrigin, |out| {
                     out.extend_from_slice(&from_scan.to_le_bytes());
@@ -449,6 +452,7 @@ impl<M: Measurement> Whole<'_, M> {
         edges.filter(|(edge, _)| edge.withdrawn).for_each(|(_, number)| self.put(&Entry::Withdrawn { number }));
         session.left_out().iter().for_each(|left_out| self.put(&Entry::LeftOut(left_out.clone())));
         session.slips().iter().for_each(|slip| self.put(&Entry::WheelSlip(*slip)));
+        session.results_taken_in().iter().for_each(|&scan| self.put(&Entry::ResultTakenIn { scan }));
         session.odometry_origins().iter().for_each(|origin| self.put(&Entry::OdometryOrigin(*origin)));
         session.gravity().iter().for_each(|gravity| self.put(&Entry::Gravity(*gravity)));
         let snapshot = Snapshot { number: session.corrections(), map_from_keyframe: Vec::new() };

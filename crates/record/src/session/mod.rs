@@ -43,6 +43,7 @@ pub struct Session<M: Measurement = Sweep> {
     candidates: Vec<Candidate<M::Pose>>,
     left_out: Vec<LeftOut>,
     slips: Vec<WheelSlip>,
+    results_taken_in: Vec<u64>,
     odometry_origins: Vec<OdometryOrigin<M::Pose>>,
     gravity: Vec<Gravity>,
     corrections: u32,
@@ -98,6 +99,7 @@ impl<M: Measurement> Default for Session<M> {
             candidates: Vec::new(),
             left_out: Vec::new(),
             slips: Vec::new(),
+            results_taken_in: Vec::new(),
             odometry_origins: Vec::new(),
             gravity: Vec::new(),
             corrections: 0,
@@ -136,6 +138,10 @@ impl<M: Measurement> Session<M> {
             Entry::Verdict { number, verdict, agreeing } => self.change_verdict(number, verdict, agreeing),
             Entry::LeftOut(left_out) => self.leave_out(left_out),
             Entry::WheelSlip(slip) => self.add_slip(slip),
+            Entry::ResultTakenIn { scan } => {
+                self.results_taken_in.push(scan);
+                Ok(())
+            }
             Entry::OdometryOrigin(origin) => self.add_origin(origin),
             Entry::Gravity(gravity) => self.add_gravity(gravity),
             Entry::Snapshot(snapshot) => self.correct(&snapshot),
@@ -458,6 +464,13 @@ impl<M: Measurement> Session<M> {
     #[must_use]
     pub fn slips(&self) -> &[WheelSlip] {
         &self.slips
+    }
+
+    /// Before which scan each result of a job that was handed out was taken in, by the number of scans there were, in that order. Replayed with
+    /// these the run comes to the same bytes.
+    #[must_use]
+    pub fn results_taken_in(&self) -> &[u64] {
+        &self.results_taken_in
     }
 
     /// Where odometry has its origin, in the order of the scans that each holds for.

@@ -3,27 +3,23 @@
 use super::{Exported, mesh, refused, word, write_map, write_part, write_times};
 use crate::args::{ExportArgs, ExportTo};
 use crate::failure::Failure;
+use crate::floor::{CELLS_AT_MOST, RESOLUTION_M, floor_image, is_upright};
 use crate::output::write_whole;
 use crate::stamps::Stamper;
 use crate::terminal::{count, grouped};
-use mapwright::{MapSurfel, Pose2, Pose3, Session, SpaceSweep, TrajectoryPose, occupancy_of, points_of, surfels_of};
+use mapwright::{MapSurfel, Pose3, Session, SpaceSweep, TrajectoryPose, occupancy_of, points_of, surfels_of};
 use mapwright_exports::{SpacePoints, write_space_session_mcap};
 use mapwright_formats::{
-    CsvPose, Disc, FormatError, GridImage, StampedPose3, TumWriter, UNKNOWN, write_pcd, write_ply, write_ply_discs,
-    write_space_csv, write_space_kitti,
+    CsvPose, Disc, FormatError, StampedPose3, TumWriter, write_pcd, write_ply, write_ply_discs, write_space_csv,
+    write_space_kitti,
 };
 use mapwright_logs::SliceBounds;
-use mapwright_voxel::{FloorCell, Occupancy, OccupancySettings, Octree, floor_cells, write_bt};
+use mapwright_voxel::{Occupancy, OccupancySettings, Octree, write_bt};
 use std::io::Write;
-use std::ops::Range;
 use std::path::Path;
 
-/// Side of voxels unless said, metres: OctoMap's own.
-const RESOLUTION_M: f64 = 0.1;
 /// Heights of obstacles above the robot's origin unless said, metres: those that a sensor sees without looking up or down far.
 const BAND: SliceBounds = SliceBounds { z_min_m: -0.3, z_max_m: 0.3 };
-/// Cells that an image may have.
-const CELLS_AT_MOST: u64 = 100_000_000;
 
 /// Writes it.
 pub(super) fn export(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
@@ -159,10 +155,7 @@ fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> 
             "a floor plan needs a map whose z axis points upwards, found one that points where a camera looks",
         ));
     }
-    let way_m: Vec<[f64; 3]> = session.map_from_keyframe().iter().map(|pose| pose.translation.into()).collect();
-    let band = args.band.unwrap_or(BAND);
-    let cells = floor_cells(&occupancy(args, session), &way_m, [band.z_min_m, band.z_max_m]);
-    let image = image_of(&cells, resolution_m(args)).map_err(|cells| {
+    let image = floor_image(&occupancy(args, session), session, args.band.unwrap_or(BAND)).map_err(|cells| {
         refused(
             args,
             &format!(
@@ -171,40 +164,4 @@ fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> 
         )
     })?;
     write_map(args.to, &image, path)
-}
-
-/// Whether the map's z axis may point upwards. Of a camera whose mounting is not known it is the optical axis: all that it sees
-/// first lies on that side, and farther along it than across.
-fn is_upright(session: &Session<SpaceSweep>) -> bool {
-    let first = session.drawn().iter().flatten().find(|sweep| !sweep.points.is_empty());
-    first.is_none_or(|sweep| {
-        let farther_across = |point: &[i16; 3]| {
-            point[2] <= 0 || point[0].unsigned_abs().max(point[1].unsigned_abs()) > point[2].unsigned_abs()
-        };
-        sweep.points.iter().any(farther_across)
-    })
-}
-
-/// The known cells as an image; how many it would have where those are too many.
-fn image_of(cells: &[FloorCell], resolution_m: f64) -> Result<GridImage, u64> {
-    let [columns, rows] = [range(cells.iter().map(|cell| cell.x)), range(cells.iter().map(|cell| cell.y))];
-    let size = columns.len() as u64 * rows.len() as u64;
-    if size > CELLS_AT_MOST {
-        return Err(size);
-    }
-    let (width, height) = (columns.len(), rows.len());
-    let mut image = vec![UNKNOWN; width * height];
-    for cell in cells {
-        let at = (cell.y - rows.start) as usize * width + (cell.x - columns.start) as usize;
-        image[at] = if cell.is_occupied { 100 } else { 0 };
-    }
-    let corner_m = [columns.start, rows.start].map(|v| f64::from(v) * resolution_m);
-    let world_from_map = Pose2::new(corner_m[0], corner_m[1], 0.0);
-    Ok(GridImage { width, height, resolution_m, world_from_map, cells: image })
-}
-
-/// From the least to the greatest; one cell where there is none, for no image is empty.
-fn range(values: impl Iterator<Item = i32> + Clone) -> Range<i32> {
-    let ends = values.clone().min().zip(values.max());
-    ends.map_or(0..1, |(least, most)| least..most + 1)
 }

@@ -11,6 +11,7 @@ use mapwright::{Entry, Maps, Pose3, Session, Settings, Update};
 use mapwright_live::node::asked::{Said, Why};
 use mapwright_live::node::parameters::Setting;
 use mapwright_live::wire::Wire;
+use mapwright_logs::SliceBounds;
 use mapwright_ros::RosError;
 use std::ffi::OsStr;
 use std::io::Write;
@@ -29,6 +30,8 @@ pub(super) struct Wanted<'a> {
     pub(super) explores: bool,
     /// Radius of the circle that the robot needs, metres.
     pub(super) radius_m: f64,
+    /// Whether a floor plan of a map of space is.
+    pub(super) band: Option<SliceBounds>,
     /// Where the robot is.
     pub(super) known: &'a Arc<Known>,
 }
@@ -44,7 +47,7 @@ pub(super) trait Drawn: Maps {
     /// Topics for it.
     fn advertise(wire: &mut dyn Wire, names: &Names, wanted: &Wanted<'_>) -> Result<Self::Outlet, Failure>;
     /// One that nothing is drawn on.
-    fn canvas(settings: &Settings) -> Self::Canvas;
+    fn canvas(drawer: &Drawer<Self>) -> Self::Canvas;
     /// Tells the map as it is now.
     fn tell(drawer: &Drawer<Self>, canvas: &mut Self::Canvas, outlet: &mut Self::Outlet);
     /// What a service says of the map.
@@ -63,6 +66,8 @@ pub(super) struct Drawer<M: Drawn> {
     pub(super) session: Session<M>,
     /// Where files go.
     pub(super) folder: PathBuf,
+    /// Heights of obstacles above the robot's way, where a floor plan of a map of space is asked for.
+    pub(super) band: Option<SliceBounds>,
     pub(super) clock: Arc<Clock>,
     pub(super) node: Arc<Node>,
 }
@@ -70,7 +75,7 @@ pub(super) struct Drawer<M: Drawn> {
 impl<M: Drawn> Drawer<M> {
     /// Draws until it is told that nothing more comes.
     pub(super) fn draw(mut self, heard: &Receiver<ToDraw<M>>, mut outlet: M::Outlet) {
-        let mut canvas = M::canvas(&self.settings);
+        let mut canvas = M::canvas(&self);
         let mut is_new = !self.session.keyframes().is_empty();
         let mut next = Instant::now();
         loop {
@@ -83,7 +88,8 @@ impl<M: Drawn> Drawer<M> {
                     }
                 }
                 Ok(ToDraw::Anew(session)) => {
-                    (self.session, canvas, is_new) = (*session, M::canvas(&self.settings), true);
+                    (self.session, is_new) = (*session, true);
+                    canvas = M::canvas(&self);
                 }
                 // Whoever asked may have gone.
                 Ok(ToDraw::Map(reply)) => {

@@ -6,6 +6,7 @@ use super::cable::Words;
 use super::clock::Clock;
 use super::drawer::{Drawer, Drawn};
 use super::node::{Node, Question};
+use super::replay::Replay;
 use super::robot::{Names, Told};
 use super::view::View;
 use super::work::{Answer, Driven, Played, Step, Work};
@@ -16,7 +17,8 @@ use crate::terminal::{count, say};
 use mapwright::{Job, JobResult, Pose3, Settings, Stamp, Update};
 use mapwright_live::node::asked::{Asked, Said};
 use mapwright_live::node::diagnostics::Diagnostics;
-use mapwright_live::{Driver, Gate, Passed};
+use mapwright_live::{Driver, Gate, Passed, Results};
+use mapwright_logs::SliceBounds;
 use mapwright_ros::RosError;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -50,7 +52,9 @@ pub(super) struct Live<W: Work> {
     pub(super) at_cable: Arc<Words>,
     /// Somebody who watches holds the recording.
     pub(super) is_held: Arc<AtomicBool>,
+    band: Option<SliceBounds>,
     is_played: bool,
+    pub(super) replay: Option<Replay>,
     is_quiet: bool,
     is_paused: bool,
     drops_waiting: bool,
@@ -96,7 +100,9 @@ impl<W: Work> Live<W> {
             diagnostics: Diagnostics::default(),
             at_cable: Arc::default(),
             is_held: Arc::default(),
+            band: args.ros_names.band,
             is_played: args.log.is_some(),
+            replay: None,
             is_quiet: voice.quiet || voice.json,
             is_paused: false,
             drops_waiting: false,
@@ -119,7 +125,7 @@ impl<W: Work> Live<W> {
         let Some(ros) = &self.ros else { return };
         let (clock, node) = (Arc::clone(&self.clock), Arc::clone(&ros.node));
         let (settings, session) = (self.settings, self.work.session().clone());
-        let drawer = Drawer { settings, session, folder: folder.to_owned(), clock, node };
+        let drawer = Drawer { settings, session, folder: folder.to_owned(), band: self.band, clock, node };
         scope.spawn(move || drawer.draw(&heard, outlet));
         let (known, clock, over) = (Arc::clone(&self.known), Arc::clone(&self.clock), Arc::clone(&self.is_over));
         let (names, told, node) = (ros.names.clone(), Arc::clone(&ros.told), Arc::clone(&ros.node));
@@ -288,6 +294,16 @@ impl<W: Work> Driver for Live<W> {
     type Maps = W::Maps;
 
     fn add(&mut self, passed: &Passed, gate: &Gate) {
+        let stamp = match passed {
+            Passed::Scan(scan) => Some(scan.stamp),
+            Passed::Cloud(cloud) => Some(cloud.stamp),
+            Passed::Reading(_) => None,
+        };
+        if let (Some(replay), Some(stamp)) = (&self.replay, stamp)
+            && !replay.has(stamp)
+        {
+            return;
+        }
         self.told_odometry = gate.told();
         match self.work.add(passed) {
             Ok(Some(step)) => self.step(Some(passed), step),
@@ -298,6 +314,11 @@ impl<W: Work> Driver for Live<W> {
 
     fn next_job(&mut self) -> Option<Job<W::Maps>> {
         self.work.next_job()
+    }
+
+    fn results(&mut self) -> Results {
+        let scans = self.work.newest().next_scan();
+        self.replay.as_mut().map_or(Results::Done, |replay| replay.due(scans))
     }
 
     fn apply(&mut self, job: JobResult<W::Maps>) {

@@ -16,6 +16,7 @@ mod node;
 mod pictures;
 mod plane;
 mod play;
+mod replay;
 mod robot;
 mod view;
 mod wires;
@@ -44,6 +45,7 @@ use mapwright_live::{Arrived, Door, Gate, GateSettings, Heard, KnownSensors, Lan
 use mapwright_logs::Choice;
 use node::Node;
 use plane::{Localising, Plane};
+use replay::Replay;
 use robot::{Names, Told};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -171,10 +173,21 @@ pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     let is_lidar_of_space = args.lidar.as_ref().is_some_and(|lidar| !lidar.kind.is_serial());
     if is_of_space || is_lidar_of_space || !args.ros_names.points.is_empty() {
         let clouds = in_space(args, settings, begin)?;
-        return drive(args, (clouds, settings), (node, parameters, words), &interrupt);
+        let replay = args.replay.as_deref().map(|path| {
+            let earlier = earlier_in_space(path)?;
+            Replay::of(path, &earlier.session, clouds.newest().next_scan())
+        });
+        return drive(args, (clouds, settings, replay.transpose()?), (node, parameters, words), &interrupt);
+    }
+    if args.ros_names.band.is_some() {
+        return Err(Failure::Usage("--band is of clouds: scans of a planar laser make a grid without it".to_owned()));
     }
     let plane = in_plane(args, settings, begin)?;
-    drive(args, (plane, settings), (node, parameters, words), &interrupt)
+    let replay = args.replay.as_deref().map(|path| {
+        let (session, _) = earlier_in_plane(path)?;
+        Replay::of(path, &session, plane.newest().next_scan())
+    });
+    drive(args, (plane, settings, replay.transpose()?), (node, parameters, words), &interrupt)
 }
 
 fn localising(path: &Path, settings: Settings) -> Result<Localising, Failure> {
@@ -234,7 +247,7 @@ fn only_of_recordings(choice: &Choice, is_cable: bool) -> Result<(), Failure> {
 
 fn drive<W: Work>(
     args: &LiveArgs,
-    (work, settings): (W, Settings),
+    (work, settings, replay): (W, Settings, Option<Replay>),
     (node, parameters, words): (NodeName, Parameters, Vec<String>),
     interrupt: &Interrupt,
 ) -> Result<Outcome, Failure> {
@@ -271,6 +284,7 @@ fn drive<W: Work>(
             settings: &settings,
             explores: args.ros_names.explore,
             radius_m: args.ros_names.robot_radius,
+            band: args.ros_names.band,
             known: &known,
         };
         outlet = Some((W::Maps::advertise(wire, &names, &wanted)?, heard));
@@ -287,6 +301,7 @@ fn drive<W: Work>(
     let mut live =
         Live::new((work, settings), (lanes.clone(), Arc::clone(&door)), (Arc::clone(&clock), known), args, (ros, view));
     let short = (is_heard && W::Maps::IS_IN_SPACE).then(short_buffers).flatten();
+    live.replay = replay;
     words.iter().chain(&short).for_each(|words| live.notice(words));
     let (at_cable, held) = (Arc::clone(&live.at_cable), Arc::clone(&live.is_held));
     let played = thread::scope(|scope| {

@@ -5,13 +5,18 @@ use super::drawer::{Drawer, Drawn, Wanted, with_ending};
 use super::goals::Goals;
 use super::robot::Names;
 use crate::failure::Failure;
+use crate::floor::{RESOLUTION_M, floor_image};
 use crate::image::map_image;
 use crate::output::write_whole;
-use mapwright::{GlobalMap, MapPoints, Pose2, Pose3, Settings, SpaceSweep, Stamp, Update, points_of, usual_range_m};
+use mapwright::{
+    GlobalMap, MapPoints, OccupancySettings, Pose2, Pose3, Session, SpaceMap, SpaceSweep, Stamp, Update, points_of,
+    usual_range_m,
+};
 use mapwright_formats::{GridImage, UNKNOWN, write_map_yaml, write_pgm, write_ply};
 use mapwright_live::node::asked::Why;
 use mapwright_live::outgoing::{Grid, in_space, points, pose, pose_in_space};
 use mapwright_live::wire::{Delivery, Publisher, Topic, Wire};
+use mapwright_logs::SliceBounds;
 use mapwright_ros::RosError;
 use mapwright_sensor::Sweep;
 use std::path::Path;
@@ -21,13 +26,41 @@ const LATEST: Delivery = Delivery::Latched { depth: 1 };
 const CUBE_SHARE: f64 = 0.005;
 
 /// Where a grid goes.
-pub(super) struct GridOutlet {
+struct GridTopics {
     map: Box<dyn Publisher>,
     metadata: Box<dyn Publisher>,
     updates: Box<dyn Publisher>,
     frame: String,
     /// What was told last.
     told: Option<Grid>,
+}
+
+impl GridTopics {
+    fn advertise(wire: &mut dyn Wire, names: &Names) -> Result<Self, Failure> {
+        let mut topic = |ending, kind, delivery| {
+            wire.advertise(&Topic::new(&format!("{}{ending}", names.map_topic), kind, delivery))
+        };
+        let map = topic("", "nav_msgs/msg/OccupancyGrid", LATEST)?;
+        let metadata = topic("_metadata", "nav_msgs/msg/MapMetaData", LATEST)?;
+        let updates = topic("_updates", "map_msgs/msg/OccupancyGridUpdate", Delivery::Reliable { depth: 1 })?;
+        Ok(Self { map, metadata, updates, frame: names.map_frame.clone(), told: None })
+    }
+
+    /// The map whole for who comes later, and where its cells are the same what has changed, for those who have it: that comes first and is small.
+    /// What cannot be sent now is sent with the next one.
+    fn tell(&mut self, grid: Grid) {
+        let rectangle = self.told.as_ref().and_then(|told| grid.changed(told)).filter(|[_, size]| *size != grid.size);
+        let updated = rectangle.map(|rectangle| grid.update(&self.frame, rectangle));
+        let _ = updated.map(|message| message.map(|bytes| self.updates.publish(&bytes)));
+        let _ = grid.metadata().map(|bytes| self.metadata.publish(&bytes));
+        let _ = grid.message(&self.frame).map(|bytes| self.map.publish(&bytes));
+        self.told = Some(grid);
+    }
+}
+
+/// Where a map of the plane goes.
+pub(super) struct GridOutlet {
+    topics: GridTopics,
     /// Where the robot should go, if that is asked for.
     goals: Option<Goals>,
 }
@@ -39,34 +72,20 @@ impl Drawn for Sweep {
     type Outlet = GridOutlet;
 
     fn advertise(wire: &mut dyn Wire, names: &Names, wanted: &Wanted<'_>) -> Result<GridOutlet, Failure> {
-        let mut topic = |ending, kind, delivery| {
-            wire.advertise(&Topic::new(&format!("{}{ending}", names.map_topic), kind, delivery))
-        };
-        let map = topic("", "nav_msgs/msg/OccupancyGrid", LATEST)?;
-        let metadata = topic("_metadata", "nav_msgs/msg/MapMetaData", LATEST)?;
-        let updates = topic("_updates", "map_msgs/msg/OccupancyGridUpdate", Delivery::Reliable { depth: 1 })?;
+        let topics = GridTopics::advertise(wire, names)?;
         let goals = wanted.explores.then(|| {
             let to = (names.goal_topic.as_str(), names.map_frame.as_str());
             Goals::advertise(wire, to, wanted.settings, (wanted.radius_m, wanted.known))
         });
-        let (frame, goals) = (names.map_frame.clone(), goals.transpose()?);
-        Ok(GridOutlet { map, metadata, updates, frame, told: None, goals })
+        Ok(GridOutlet { topics, goals: goals.transpose()? })
     }
 
-    fn canvas(settings: &Settings) -> GlobalMap {
-        GlobalMap::without_normals(settings)
+    fn canvas(drawer: &Drawer<Self>) -> GlobalMap {
+        GlobalMap::without_normals(&drawer.settings)
     }
 
-    /// The map whole for who comes later, and where its cells are the same what has changed, for those who have it: that comes first and is small.
-    /// What cannot be sent now is sent with the next one.
     fn tell(drawer: &Drawer<Self>, map: &mut GlobalMap, outlet: &mut GridOutlet) {
-        let grid = grid(drawer, map);
-        let rectangle = outlet.told.as_ref().and_then(|told| grid.changed(told)).filter(|[_, size]| *size != grid.size);
-        let updated = rectangle.map(|rectangle| grid.update(&outlet.frame, rectangle));
-        let _ = updated.map(|message| message.map(|bytes| outlet.updates.publish(&bytes)));
-        let _ = grid.metadata().map(|bytes| outlet.metadata.publish(&bytes));
-        let _ = grid.message(&outlet.frame).map(|bytes| outlet.map.publish(&bytes));
-        outlet.told = Some(grid);
+        outlet.topics.tell(grid(drawer, &image(drawer, map)));
         let now = (drawer.clock.since_start(), drawer.clock.stamp().unwrap_or(Stamp(0)));
         let passes_per_hit = drawer.settings.map.passes_per_hit;
         let words = outlet.goals.as_mut().and_then(|goals| goals.decide(map.counts(), passes_per_hit, now));
@@ -74,16 +93,12 @@ impl Drawn for Sweep {
     }
 
     fn said(drawer: &Drawer<Self>, map: &mut GlobalMap) -> Reply {
-        Reply::Map(grid(drawer, map))
+        Reply::Map(grid(drawer, &image(drawer, map)))
     }
 
     /// The map as Nav2 reads it.
     fn save(drawer: &Drawer<Self>, map: &mut GlobalMap, path: &Path) -> Result<(), Failure> {
-        let (image, pgm) = (image(drawer, map), with_ending(path, "pgm"));
-        let name = pgm.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let failed = |cause| Failure::write(&pgm, cause);
-        write_whole(&pgm, |writer| write_pgm(&image, writer).map_err(failed))?;
-        write_whole(&with_ending(path, "yaml"), |writer| write_map_yaml(&image, &name, writer).map_err(failed))
+        save_grid(&image(drawer, map), path)
     }
 
     fn in_space(pose: Pose2) -> Pose3 {
@@ -100,8 +115,15 @@ fn image(drawer: &Drawer<Sweep>, map: &mut GlobalMap) -> GridImage {
     map_image(map.counts(), drawer.settings.map.passes_per_hit).image
 }
 
-fn grid(drawer: &Drawer<Sweep>, map: &mut GlobalMap) -> Grid {
-    let image = image(drawer, map);
+fn save_grid(image: &GridImage, path: &Path) -> Result<(), Failure> {
+    let pgm = with_ending(path, "pgm");
+    let name = pgm.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let failed = |cause| Failure::write(&pgm, cause);
+    write_whole(&pgm, |writer| write_pgm(image, writer).map_err(failed))?;
+    write_whole(&with_ending(path, "yaml"), |writer| write_map_yaml(image, &name, writer).map_err(failed))
+}
+
+fn grid<M: Drawn>(drawer: &Drawer<M>, image: &GridImage) -> Grid {
     Grid {
         stamp: drawer.clock.stamp().unwrap_or(Stamp(0)),
         resolution_m: image.resolution_m,
@@ -111,44 +133,74 @@ fn grid(drawer: &Drawer<Sweep>, map: &mut GlobalMap) -> Grid {
     }
 }
 
-/// Where points go.
+/// Where a map of space goes.
 pub(super) struct PointsOutlet {
     points: Box<dyn Publisher>,
     frame: String,
+    /// A floor plan, where one is asked for.
+    grid: Option<GridTopics>,
+}
+
+/// What stands in the way of a robot that drives, kept in step with the map of space.
+pub(super) struct Floor {
+    map: SpaceMap,
+    band: SliceBounds,
+}
+
+impl Floor {
+    fn image(&mut self, session: &Session<SpaceSweep>) -> Option<GridImage> {
+        self.map.follow(session);
+        floor_image(self.map.occupancy(), session, self.band).ok()
+    }
 }
 
 impl Drawn for SpaceSweep {
     const IS_IN_SPACE: bool = true;
 
-    type Canvas = ();
+    type Canvas = Option<Floor>;
     type Outlet = PointsOutlet;
 
-    fn advertise(wire: &mut dyn Wire, names: &Names, _wanted: &Wanted<'_>) -> Result<PointsOutlet, Failure> {
+    fn advertise(wire: &mut dyn Wire, names: &Names, wanted: &Wanted<'_>) -> Result<PointsOutlet, Failure> {
         let topic = Topic::new(&format!("{}_points", names.map_topic), "sensor_msgs/msg/PointCloud2", LATEST);
-        Ok(PointsOutlet { points: wire.advertise(&topic)?, frame: names.map_frame.clone() })
+        let grid = wanted.band.map(|_| GridTopics::advertise(wire, names)).transpose()?;
+        Ok(PointsOutlet { points: wire.advertise(&topic)?, frame: names.map_frame.clone(), grid })
     }
 
-    fn canvas(_settings: &Settings) {}
+    fn canvas(drawer: &Drawer<Self>) -> Option<Floor> {
+        let settings = OccupancySettings { resolution_m: RESOLUTION_M, ..OccupancySettings::default() };
+        drawer.band.map(|band| Floor { map: SpaceMap::new(settings), band })
+    }
 
-    fn tell(drawer: &Drawer<Self>, (): &mut (), outlet: &mut PointsOutlet) {
+    fn tell(drawer: &Drawer<Self>, floor: &mut Option<Floor>, outlet: &mut PointsOutlet) {
         let stamp = drawer.clock.stamp().unwrap_or(Stamp(0));
         // What cannot be sent now is sent with the next one.
         let _ = points(&outlet.frame, stamp, &all_points(drawer).points_m).map(|bytes| outlet.points.publish(&bytes));
+        if let (Some(floor), Some(topics)) = (floor, &mut outlet.grid)
+            && let Some(image) = floor.image(&drawer.session)
+        {
+            topics.tell(grid(drawer, &image));
+        }
     }
 
-    fn said(_drawer: &Drawer<Self>, (): &mut ()) -> Reply {
-        Reply::refused(
-            Why::WrongMode,
-            "clouds are mapped, of which there is no grid; the topic of its points has the map",
-        )
+    fn said(drawer: &Drawer<Self>, floor: &mut Option<Floor>) -> Reply {
+        match floor.as_mut().map(|floor| floor.image(&drawer.session)) {
+            Some(Some(image)) => Reply::Map(grid(drawer, &image)),
+            Some(None) => Reply::refused(Why::Other, "the map is larger than a grid may be"),
+            None => Reply::refused(
+                Why::WrongMode,
+                "clouds are mapped: the topic of its points has the map, and with --band it has a grid as well",
+            ),
+        }
     }
 
-    fn save(drawer: &Drawer<Self>, (): &mut (), path: &Path) -> Result<(), Failure> {
+    fn save(drawer: &Drawer<Self>, floor: &mut Option<Floor>, path: &Path) -> Result<(), Failure> {
         let (points, ply) = (all_points(drawer), with_ending(path, "ply"));
         let failed = |cause| Failure::write(&ply, cause);
         write_whole(&ply, |writer| {
             write_ply(&points.points_m, &points.colours, &points.intensities, writer).map_err(failed)
-        })
+        })?;
+        let image = floor.as_mut().and_then(|floor| floor.image(&drawer.session));
+        image.map_or(Ok(()), |image| save_grid(&image, path))
     }
 
     fn in_space(pose: Pose3) -> Pose3 {

@@ -10,7 +10,7 @@ use crate::progress::FirstPass;
 use crate::space::{self, Disk, Source};
 use mapwright::Stamp;
 use mapwright_formats::LogEvent;
-use mapwright_live::{Heard, Reading};
+use mapwright_live::{Arrived, Heard, Lane, Reading};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -22,6 +22,8 @@ pub(super) const TOPIC: &str = "scan";
 pub(super) const CLOUDS: &str = "cloud";
 /// Nobody sleeps longer than this without looking whether it is over.
 const NAP: Duration = Duration::from_millis(100);
+/// A door that is full is looked at again so soon.
+const FULL: Duration = Duration::from_millis(1);
 /// A gap in the recording is waited for no longer.
 const GAP: Duration = Duration::from_secs(5);
 
@@ -65,10 +67,18 @@ pub(super) fn play(
         if !is_due {
             break;
         }
-        door.put(lane, (clock.arrived(), heard));
+        put(door, lane, (clock.arrived(), heard), args);
     }
     let name = log.name();
     Ok((name, Played::Plane(Box::new(log.finish()?))))
+}
+
+/// A robot waits for nobody who maps; what replays a run does, so that nothing of it is overtaken.
+fn put(door: &Entrance, lane: Lane, message: (Arrived, Heard), args: &LiveArgs) {
+    while args.replay.is_some() && door.is_full(lane) {
+        thread::sleep(FULL);
+    }
+    door.put(lane, message);
 }
 
 fn play_clouds(
@@ -95,10 +105,10 @@ fn play_clouds(
             break;
         }
         for reading in readings.drain(..) {
-            door.put(lanes.others(), (clock.arrived(), Heard::Reading(Reading::InSpace(reading))));
+            put(door, lanes.others(), (clock.arrived(), Heard::Reading(Reading::InSpace(reading))), args);
         }
         let whole = Heard::WholeCloud { topic: CLOUDS.to_owned(), cloud: Box::new(cloud) };
-        door.put(lanes.of_scan(CLOUDS), (clock.arrived(), whole));
+        put(door, lanes.of_scan(CLOUDS), (clock.arrived(), whole), args);
     }
     Ok((name, Played::Space(Box::new(source.read()))))
 }
