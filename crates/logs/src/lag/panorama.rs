@@ -90,21 +90,56 @@ impl Panorama {
 
     /// The mean difference if the robot has turned by so many bearings; infinite where too few are seen in both.
     fn apart(&self, later: &Self, turned: i64) -> f64 {
-        let count = self.logs.len() as i64;
-        let pair_with = |at: i64| {
-            let then = at + turned;
-            let then = if self.is_round { then.rem_euclid(count) } else { then };
-            Some((*self.logs.get(usize::try_from(then).ok()?)?, later.logs[at as usize]))
-        };
-        let (mut sum, mut common) = (0.0_f64, 0_usize);
-        for (then, now) in (0..count).filter_map(pair_with) {
-            let apart = (then - now).abs();
-            if !apart.is_nan() {
-                sum += f64::from(apart.min(APART_MOST));
-                common += 1;
-            }
+        let (then, now, count) = (&self.logs[..], &later.logs[..], self.logs.len() as i64);
+        let ahead = (if self.is_round { turned.rem_euclid(count) } else { turned.clamp(-count, count) }) as isize;
+        let [of_then, of_now] = if ahead < 0 { [0, ahead.unsigned_abs()] } else { [ahead.unsigned_abs(), 0] };
+        let mut all = Differences::default();
+        all.add(&then[of_then..], &now[of_now..]);
+        if self.is_round {
+            all.add(then, &now[now.len() - of_then..]);
         }
+        let (sum, common) = all.total();
         let is_enough = common >= COMMON_LEAST && common as f64 >= COMMON_SHARE * self.hits.min(later.hits) as f64;
         if is_enough { sum / common as f64 } else { f64::INFINITY }
+    }
+}
+
+const LANES: usize = 8;
+
+/// Differences of logarithms, summed side by side.
+#[derive(Default)]
+struct Differences {
+    sums: [f32; LANES],
+    counts: [u32; LANES],
+}
+
+impl Differences {
+    /// Those of what both have, as far as both reach.
+    fn add(&mut self, then: &[f32], now: &[f32]) {
+        let length = then.len().min(now.len());
+        let ((then, then_rest), (now, now_rest)) =
+            (then[..length].as_chunks::<LANES>(), now[..length].as_chunks::<LANES>());
+        for (then, now) in then.iter().zip(now) {
+            self.add_lanes(then, now);
+        }
+        for (lane, (then, now)) in then_rest.iter().zip(now_rest).enumerate() {
+            let [mut thens, mut nows] = [[f32::NAN; LANES]; 2];
+            (thens[lane], nows[lane]) = (*then, *now);
+            self.add_lanes(&thens, &nows);
+        }
+    }
+
+    fn add_lanes(&mut self, then: &[f32; LANES], now: &[f32; LANES]) {
+        for lane in 0..LANES {
+            let apart = (then[lane] - now[lane]).abs();
+            let is_in_both = !apart.is_nan();
+            self.sums[lane] += if is_in_both { apart.min(APART_MOST) } else { 0.0 };
+            self.counts[lane] += u32::from(is_in_both);
+        }
+    }
+
+    fn total(&self) -> (f64, usize) {
+        let sum = self.sums.iter().map(|sum| f64::from(*sum)).sum();
+        (sum, self.counts.iter().map(|count| *count as usize).sum())
     }
 }
