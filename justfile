@@ -30,10 +30,15 @@ arrows:
 deny:
     cargo deny check bans licenses sources
 
-data := env("MAPWRIGHT_DATA", "../shared/data") / "2d_benchmark"
+data_all := env("MAPWRIGHT_DATA", "../shared/data")
+data := data_all / "2d_benchmark"
 figures := env("CARGO_TARGET_DIR", "target") / "figures"
 mapwright := env("CARGO_TARGET_DIR", "target") / "release/mapwright"
 starts := "0,0,0 0.011,0.023,0.3 0.027,0.041,0.8 0.034,0.012,1.2 0.043,0.031,1.7 -0.013,0.022,2.3 -0.024,-0.036,-0.6 -0.031,-0.017,-2.5"
+
+# a build, or two beside each other, by distributions over all real logs: just judge target/release/mapwright [OTHER] --day both
+judge *args:
+    python3 scripts/judge.py {{data_all}} {{args}}
 
 # a simulated office floor, mapped and compared with the truth
 demo *args:

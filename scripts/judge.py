@@ -43,7 +43,7 @@ FACTS = {
     "wean1": (["2d_small/wean1.clf.gz"], lambda out, report: report["verdict"]["word"] == "good"),
     "expt10": (["2d_small/19_jan17_expt10.bag"], lambda out, report: maps(report) == 1),
     "may9-twice": (["2d_small/18_may9_before1.bag", "2d_small/18_may9_after1.bag"], lambda out, report: maps(report) == 1),
-    "ariana": (["2d_small/ariana_person1.bag"], lambda out, report: tracked(report) >= 0.96),
+    "ariana": (["2d_small/ariana_person1.bag"], lambda out, report: tracked(report) >= 0.93),
     "mink-test": (["2d_small/mink_test.bag"], lambda out, report: tracked(report) >= 0.98),
     "mink-wall": (["2d_small/mink_wall.bag"], lambda out, report: tracked(report) >= 0.98),
     "mink-square": (["2d_small/mink_square.bag"], lambda out, report: tracked(report) >= 0.95),

@@ -1,7 +1,6 @@
 //! Cycles: which old places to look for, and which findings to believe.
 
 use crate::cascade::Finding;
-use crate::solving::Scope;
 use crate::submaps::{PoseOf, SUBMAP_M, Submaps, Window};
 use crate::verification::{Judged, Target, Verification, Verified};
 use crate::views::views_along;
@@ -122,8 +121,6 @@ pub struct Closing<S: Submaps> {
     /// Closures the poses do not follow yet.
     strained: usize,
     urgent: bool,
-    /// Where what has just been joined begins.
-    joined: Option<NodeId>,
     /// Looks since the last closure that have seen nothing of the old places that the poses have nearby.
     unseen: u32,
     /// Pieces of the map that nothing joins.
@@ -161,7 +158,6 @@ impl<S: Submaps> Closing<S> {
             described_m: None,
             strained: 0,
             urgent: false,
-            joined: None,
             unseen: 0,
             apart: Apart::default(),
         }
@@ -516,9 +512,6 @@ impl<S: Submaps> Closing<S> {
 
     /// A candidate has become a closure, with this edge between these nodes.
     pub fn accepted(&mut self, past: Past<'_, S::Measurement>, [from, to]: [NodeId; 2], edge: &Edge<PoseOf<S>>) {
-        if self.is_between(from, to) {
-            self.joined = self.apart.misled(from.max(to));
-        }
         self.see_pieces(past);
         self.unseen = 0;
         self.supports.learn(from, to, supports::Found::Here);
@@ -527,19 +520,14 @@ impl<S: Submaps> Closing<S> {
         self.urgent |= error.length() + LEVER_M * error.angle() > STRAIN_M;
     }
 
-    /// How the graph is to be solved now, if it is; then it counts as solved. There are so many closures.
-    pub fn take_solving_due(&mut self, closures: impl FnOnce() -> usize) -> Option<Scope> {
-        let joined = self.joined.take();
+    /// Whether the graph is to be solved now; then it counts as solved. There are so many closures.
+    pub fn take_solving_due(&mut self, closures: impl FnOnce() -> usize) -> bool {
         let is_crowded = self.strained >= STRAINED_AT_MOST && self.strained >= closures() / STRAINED_OF;
-        if !is_crowded && !self.urgent {
-            return None;
+        let is_due = is_crowded || self.urgent;
+        if is_due {
+            (self.urgent, self.strained) = (false, 0);
         }
-        self.urgent = false;
-        if let Some(first) = joined.filter(|_| !is_crowded) {
-            return Some(Scope::Joined(first.index()));
-        }
-        self.strained = 0;
-        Some(Scope::Whole)
+        is_due
     }
 
     /// A closure between two keyframes was none.

@@ -26,7 +26,7 @@ pub use places::{PlaceHit, PlaceIndex};
 pub use plane::PlaneSubmaps;
 pub use plane_submap::{PlaneSubmap, PlaneSubmapSettings};
 pub use plane_verify::PlaneVerifier;
-pub use solving::{Scope, Solved, Solving};
+pub use solving::{Solved, Solving};
 pub use space::{SpaceSubmap, SpaceSubmaps};
 pub use submaps::{Closes, ClosingPolicy, PoseOf, SUBMAP_M, Submaps, Window};
 pub use verification::{Judged, Target, Verification, Verified};

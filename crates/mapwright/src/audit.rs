@@ -5,7 +5,7 @@ use crate::settings::Settings;
 use crate::store::Store;
 use mapwright_geom::Pose2;
 use mapwright_grid::Matcher;
-use mapwright_loops::{PlaneSubmaps, Scope, Solving, VerifySettings, fit_where_said, is_found_where_said};
+use mapwright_loops::{PlaneSubmaps, Solving, VerifySettings, fit_where_said, is_found_where_said};
 use mapwright_record::{Detection, EdgeKind, FragmentStart, NodeId, RunId, Session};
 
 /// What speaks against a map ([`audit`]).
@@ -60,7 +60,7 @@ pub fn audit(settings: &Settings, session: &Session, ways: &mut WaysSeen) -> Aud
         audit.contradictions[0] += 1;
         audit.contradictions[1] += usize::from(fit.bears_out());
     }
-    let solved = Solving::of::<PlaneSubmaps>(graph, holding, Scope::Whole).run();
+    let solved = Solving::of::<PlaneSubmaps>(graph, holding).run();
     audit.moved_m = solved.and_then(|solved| moved_m(session, &solved.map_from_keyframe));
     audit
 }

@@ -4,7 +4,7 @@ use crate::cycles::{self, Follows};
 use crate::jobs::{Job, Outcome, Task};
 use crate::settings::{Correction, Jobs, LivePolicy, Settings};
 use crate::store::{Link, NewKeyframe, Store, Written};
-use mapwright_loops::{Closes, Closing, ClosingSettings, Scope, Solving};
+use mapwright_loops::{Closes, Closing, ClosingSettings, Solving};
 use mapwright_record::{Localisation, Past};
 use mapwright_sensor::Sweep;
 use std::collections::VecDeque;
@@ -43,7 +43,7 @@ impl<M: Closes> BackEnd<M> {
     pub(crate) fn made_again(settings: &Settings, store: &mut Store<M>) -> Self {
         let closures = store.closures();
         let is_to_solve = !closures.is_empty() && !store.is_fixed() && settings.loops.correction == Correction::Graph;
-        let solving = is_to_solve.then(|| Solving::of::<M::Submaps>(store.graph(), closures, Scope::Whole));
+        let solving = is_to_solve.then(|| Solving::of::<M::Submaps>(store.graph(), closures));
         if let Some(solved) = solving.and_then(Solving::run) {
             store.correct(&solved.map_from_keyframe);
         }

@@ -55,9 +55,8 @@ pub(crate) fn judge<S: Submaps>(
     }
     let settled = closing.settle_matches(store.past(), &closures);
     settled.into_iter().for_each(|edge| store.add_edge(edge, None));
-    let scope =
-        (correction == Correction::Graph).then(|| closing.take_solving_due(|| store.closures().len())).flatten();
-    let solving = scope.map(|scope| Solving::of::<S>(store.graph(), store.closures(), scope));
+    let is_due = correction == Correction::Graph && closing.take_solving_due(|| store.closures().len());
+    let solving = is_due.then(|| Solving::of::<S>(store.graph(), store.closures()));
     Judged { solving, is_moved }
 }
 
@@ -71,8 +70,8 @@ pub(crate) fn sighted<S: Submaps>(
 ) -> Option<Solving<PoseOf<S>>> {
     let number = store.add_candidate(judged)?;
     accept(closing, store, front, std::iter::once(number));
-    let scope = closing.take_solving_due(|| store.closures().len()).filter(|_| correction == Correction::Graph)?;
-    Some(Solving::of::<S>(store.graph(), store.closures(), scope))
+    let is_due = closing.take_solving_due(|| store.closures().len()) && correction == Correction::Graph;
+    is_due.then(|| Solving::of::<S>(store.graph(), store.closures()))
 }
 
 /// The closures that a finding makes.

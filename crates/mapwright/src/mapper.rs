@@ -10,7 +10,7 @@ use crate::settings::{Correction, Settings, SettingsError};
 use crate::store::{Link, NewKeyframe, Store};
 use crate::told::{self, Newest, Told, Whereabouts};
 use mapwright_geom::{Pose, Stamp};
-use mapwright_loops::{KnownPlace, Scope, Solving, is_old};
+use mapwright_loops::{KnownPlace, Solving, is_old};
 use mapwright_record::{
     Beams, Candidate, Edge, FragmentStart, Keyframe, KeyframeId, LeftOutReason, LocalMapReport, Localisation, NodeId,
     RunId, Session, Status, TrajectoryPose, Update,
@@ -208,7 +208,7 @@ impl<M: Maps> MapperOf<M> {
         let solves = front.settings().loops.correction == Correction::Graph;
         if is_keyframe && solves && !back.is_busy() && front.is_leaning(store.session()) {
             let (graph, closures) = (store.graph(), store.closures());
-            back.push(Task::Solve(Solving::of::<M::Submaps>(graph, closures, Scope::Whole)));
+            back.push(Task::Solve(Solving::of::<M::Submaps>(graph, closures)));
             self.work_inline();
         }
     }

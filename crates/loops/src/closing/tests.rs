@@ -1,7 +1,7 @@
 use super::*;
 use crate::places::PlaceIndex;
 use crate::plane::PlaneSubmaps;
-use crate::solving::{Scope, Solving};
+use crate::solving::Solving;
 use crate::space::SpaceSubmaps;
 use crate::submaps::{ClosingPolicy, Window};
 use crate::views::View;
@@ -203,7 +203,7 @@ impl<P: Pose> Way<P> {
         let closures = (0..edges.len()).filter(|&at| edges[at].recorded.candidate.is_some()).collect();
         let vertices = self.local_from_keyframe.iter().enumerate().map(vertex).collect();
         let edges = edges.iter().map(edge).collect();
-        Solving::of::<Signposts<P>>(PoseGraph { vertices, edges, ..PoseGraph::default() }, closures, Scope::Whole)
+        Solving::of::<Signposts<P>>(PoseGraph { vertices, edges, ..PoseGraph::default() }, closures)
     }
 }
 
@@ -241,7 +241,7 @@ fn comes_back<P: Pose>() {
             closed += way.judge(&mut closing, &target, &finding).len();
         }
     }
-    assert!(closed > 20 && closing.take_solving_due(|| closed) == Some(Scope::Whole), "{closed} closures");
+    assert!(closed > 20 && closing.take_solving_due(|| closed), "{closed} closures");
     let error_m = |poses: &[P]| {
         let aligned = truth(0) * poses[0].inverse();
         let off_m = poses.iter().zip(0..).map(|(&pose, k)| (aligned * pose).distance(truth(k)));

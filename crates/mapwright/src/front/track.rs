@@ -39,7 +39,6 @@ const NEARBY_HEADINGS_RAD: [f64; 4] = [-0.018, -0.009, 0.009, 0.018];
 const SEARCH_SIGMAS: f64 = 4.0;
 const SEARCH_LEAST_M: f64 = 0.5;
 const SEARCH_MOST_M: f64 = 5.0;
-const SEARCH_LEAST_RAD: f64 = 1.5;
 /// Neighbouring beams are right or wrong together: where matches are compared, a scan says as much as so many that are
 /// independent of each other.
 pub(super) const INDEPENDENT_BEAMS: f64 = 30.0;
@@ -453,13 +452,11 @@ impl Tracker {
 
     /// Where restarts do not help, every pose of the prior's window is looked at, and the best one refined.
     fn search(&mut self, scene: &Scene<'_>, prior: &Prior, tried: &mut Tried) {
-        let [vx, vy, vtheta] = prior.variances;
-        // Wheels may slip in a turn, but nothing turns a robot round behind their back.
-        let turned_rad = if tried.from_odometry { SEARCH_SIGMAS * vtheta.sqrt() } else { std::f64::consts::PI };
+        let [vx, vy, _] = prior.variances;
         let window = SearchWindow {
             world_from_robot: prior.world_from_robot,
             half_width_m: (SEARCH_SIGMAS * vx.max(vy).sqrt()).clamp(SEARCH_LEAST_M, SEARCH_MOST_M),
-            half_width_rad: turned_rad.clamp(SEARCH_LEAST_RAD, std::f64::consts::PI),
+            half_width_rad: std::f64::consts::PI,
         };
         tried.searched = true;
         let found = self.searcher.search(scene.map, scene.points, &window, None);
@@ -490,11 +487,8 @@ struct Tried {
 }
 
 impl Tried {
-    /// Misfit and disagreement with odometry add up: a share of each may be as doubtful as one alone.
     fn doubtful(&self) -> bool {
-        let misfit = (1.0 - self.best.1.inlier_share()) / (1.0 - DOUBT_SHARE);
-        let disagreement = sigmas(&self.prior, self.best.0.world_from_robot) / DOUBT_SIGMAS;
-        misfit.hypot(disagreement) > 1.0
+        doubtful(&self.best.1, sigmas(&self.prior, self.best.0.world_from_robot))
     }
 
     /// Smaller is better: the objective, and beams that end where other beams have passed. What odometry says counts in

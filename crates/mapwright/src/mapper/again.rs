@@ -6,7 +6,7 @@ use crate::jobs::Task;
 use crate::settings::{Correction, LivePolicy};
 use crate::told::Told;
 use crate::visits::{COMPARED, pairs};
-use mapwright_loops::{APART_M, LEFT_M, SUBMAP_M, Scope, Solving, run_of};
+use mapwright_loops::{APART_M, LEFT_M, SUBMAP_M, Solving, run_of};
 use mapwright_record::{EdgeKind, Measurement, NodeId, Past, Update};
 
 /// Times at most that the whole map is looked at.
@@ -44,7 +44,7 @@ impl<M: Maps> MapperOf<M> {
         let (graph, closures) = (self.store.graph(), self.store.closures());
         let is_found = closures.len() > before;
         if is_found {
-            self.back.push(Task::Solve(Solving::of::<M::Submaps>(graph, closures, Scope::Whole)));
+            self.back.push(Task::Solve(Solving::of::<M::Submaps>(graph, closures)));
             self.work_all();
         }
         is_found
