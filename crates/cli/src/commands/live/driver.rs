@@ -50,7 +50,7 @@ pub(super) struct Live<W: Work> {
     diagnostics: Diagnostics,
     /// What happens at the cable of a lidar.
     pub(super) at_cable: Arc<Words>,
-    /// Somebody who watches holds the recording.
+    /// Somebody who watches holds the recording, or the node is not active yet.
     pub(super) is_held: Arc<AtomicBool>,
     band: Option<SliceBounds>,
     is_played: bool,
@@ -84,6 +84,7 @@ impl<W: Work> Live<W> {
         (ros, view): (Option<Ros<W::Maps>>, Option<View>),
     ) -> Self {
         let (overtaken, voice) = (vec![0; lanes.scans.len()], args.mapping.voice);
+        let is_held = Arc::new(AtomicBool::new(ros.is_some()));
         let live = Self {
             work,
             settings,
@@ -99,7 +100,7 @@ impl<W: Work> Live<W> {
             missing: BTreeSet::new(),
             diagnostics: Diagnostics::default(),
             at_cable: Arc::default(),
-            is_held: Arc::default(),
+            is_held,
             band: args.ros_names.band,
             is_played: args.log.is_some(),
             replay: None,
@@ -350,8 +351,9 @@ impl<W: Work> Driver for Live<W> {
         let is_active = self.ros.as_ref().is_none_or(|ros| ros.node.is_active());
         let is_held = self.view.as_ref().is_some_and(View::is_paused);
         // A recording waits; a robot drives on, and its scans are counted.
+        let is_held = is_held || !is_active;
         self.is_held.store(is_held, Ordering::Release);
-        gate.pause(self.is_paused || is_held && !self.is_played || !is_active);
+        gate.pause(self.is_paused || is_held && !self.is_played);
         if std::mem::take(&mut self.drops_waiting) {
             gate.drop_waiting();
         }
