@@ -10,10 +10,12 @@ use mapwright_record::{Candidate, Detection, Edge, Evidence, Measurement, NodeId
 
 mod apart;
 mod checkpoint;
+mod decision;
 mod looks;
 mod supports;
 
 use apart::Apart;
+pub use decision::{Decision, Ledger};
 use looks::{Looked, Looks};
 use supports::{Supports, agree, is_left};
 
@@ -129,13 +131,13 @@ pub struct Closing<S: Submaps> {
 
 /// What a finding makes of candidates: its own, and those that have waited and agree with it.
 #[derive(Debug, Clone)]
-pub struct Judgement<P: Pose> {
+struct Judgement<P: Pose> {
     /// Its own.
-    pub judged: Judged<P>,
+    judged: Judged<P>,
     /// Numbers of those that have waited and are closures now, as it is itself.
-    pub agreeing: Vec<u32>,
+    agreeing: Vec<u32>,
     /// The keyframe after a break that odometry has led to wrongly: what links it to the one before is none.
-    pub misled: Option<NodeId>,
+    misled: Option<NodeId>,
 }
 
 impl<P: Pose> Judgement<P> {
@@ -308,7 +310,7 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// What came of one look, before its findings are judged.
-    pub fn looked(&mut self, verified: &Verified<PoseOf<S>>) {
+    fn looked(&mut self, verified: &Verified<PoseOf<S>>) {
         let mut nearby = verified.findings.iter().filter(|(target, _)| target.detection == Detection::Pose).peekable();
         let is_unseen = nearby.peek().is_some() && nearby.all(|(_, found)| found.objection == Some(Objection::NoMatch));
         self.unseen += u32::from(is_unseen && S::POLICY.doubts_chain);
@@ -356,7 +358,7 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// After a verdict that has made `closures`: the matches that have waited for it and link.
-    pub fn settle_matches(
+    fn settle_matches(
         &mut self,
         past: Past<'_, S::Measurement>,
         closures: &[Edge<PoseOf<S>>],
@@ -432,7 +434,7 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// Judges a finding, and with it the candidates that wait.
-    pub fn judge(
+    fn judge(
         &mut self,
         past: Past<'_, S::Measurement>,
         candidates: &[Candidate<PoseOf<S>>],
@@ -511,7 +513,7 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// A candidate has become a closure, with this edge between these nodes.
-    pub fn accepted(&mut self, past: Past<'_, S::Measurement>, [from, to]: [NodeId; 2], edge: &Edge<PoseOf<S>>) {
+    fn accepted(&mut self, past: Past<'_, S::Measurement>, [from, to]: [NodeId; 2], edge: &Edge<PoseOf<S>>) {
         self.see_pieces(past);
         self.unseen = 0;
         self.supports.learn(from, to, supports::Found::Here);
@@ -521,7 +523,7 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// Whether the graph is to be solved now; then it counts as solved. There are so many closures.
-    pub fn take_solving_due(&mut self, closures: impl FnOnce() -> usize) -> bool {
+    fn take_solving_due(&mut self, closures: impl FnOnce() -> usize) -> bool {
         let is_crowded = self.strained >= STRAINED_AT_MOST && self.strained >= closures() / STRAINED_OF;
         let is_due = is_crowded || self.urgent;
         if is_due {

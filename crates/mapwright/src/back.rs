@@ -16,6 +16,8 @@ pub(crate) struct BackEnd<M: Closes = Sweep> {
     jobs: VecDeque<Job<M>>,
     /// Jobs that were handed out and have not come back.
     out: usize,
+    /// Keyframes that were made since one waits.
+    waiting_keyframes: u32,
     is_inline: bool,
 }
 
@@ -25,6 +27,7 @@ impl<M: Closes> BackEnd<M> {
             closing: Closing::new(closing_settings(settings)),
             jobs: VecDeque::new(),
             out: 0,
+            waiting_keyframes: 0,
             is_inline: settings.loops.jobs == Jobs::Inline,
         }
     }
@@ -91,6 +94,18 @@ impl<M: Closes> BackEnd<M> {
 
     pub(crate) fn came_back(&mut self) {
         self.out = self.out.saturating_sub(1);
+        self.waiting_keyframes = 0;
+    }
+
+    /// A scan has become a keyframe or not.
+    pub(crate) fn count_waiting(&mut self, is_keyframe: bool) {
+        if is_keyframe && self.is_busy() {
+            self.waiting_keyframes = self.waiting_keyframes.saturating_add(1);
+        }
+    }
+
+    pub(crate) fn waiting_keyframes(&self) -> u32 {
+        self.waiting_keyframes
     }
 
     /// Takes in what was found at old places, or the poses of a solved graph, and hands out what follows from that; whether the past was

@@ -5,7 +5,7 @@ use crate::settings::Correction;
 use crate::store::Store;
 use mapwright_geom::{Pose, TangentMatrix};
 use mapwright_graph::spread;
-use mapwright_loops::{Closing, Finding, Judged as FoundClosure, PoseOf, Solved, Solving, Submaps, Target, Verified};
+use mapwright_loops::{Closing, Decision, Judged, Ledger, PoseOf, Solved, Solving, Submaps, Verified};
 use mapwright_record::{Edge, Measurement, NodeId, Objection, Past, Verdict};
 
 /// A closure's covariance where its information has no inverse, m^2 and rad^2.
@@ -28,11 +28,58 @@ pub trait Follows<M: Measurement> {
 
 /// What came of a verification.
 #[derive(Debug)]
-pub(crate) struct Judged<P: Pose> {
+pub(crate) struct Followed<P: Pose> {
     /// The graph to be solved, if that is due.
     pub(crate) solving: Option<Solving<P>>,
     /// The past was moved at once.
     pub(crate) is_moved: bool,
+}
+
+/// What is written down, and the front end that follows it.
+struct Book<'a, M: Measurement, F> {
+    store: &'a mut Store<M>,
+    front: &'a mut F,
+}
+
+impl<M: Measurement, F: Follows<M>> Book<'_, M, F> {
+    fn withdraw(&mut self, edge: usize) -> Option<[NodeId; 2]> {
+        let ends = self.store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted))?;
+        self.front.open(ends[0], ends[1]);
+        Some(ends)
+    }
+}
+
+impl<M: Measurement, F: Follows<M>> Ledger<M> for Book<'_, M, F> {
+    fn past(&self) -> Past<'_, M> {
+        self.store.past()
+    }
+
+    fn add_candidate(&mut self, judged: &Judged<M::Pose>) -> Option<u32> {
+        self.store.add_candidate(judged)
+    }
+
+    fn accept(&mut self, number: u32) -> Option<([NodeId; 2], Edge<M::Pose>)> {
+        let edge = self.store.accept(number)?;
+        let ends = self.store.past().nodes([edge.from, edge.to])?;
+        let unknown = || TangentMatrix::from_variances(UNKNOWN_VARIANCE, UNKNOWN_VARIANCE);
+        let covariance = edge.information.inverted().unwrap_or_else(unknown);
+        self.front.close(self.store.past(), ends[0], ends[1], &covariance);
+        Some((ends, edge))
+    }
+
+    fn add_match(&mut self, edge: Edge<M::Pose>) {
+        self.store.add_edge(edge, None);
+    }
+
+    fn withdraw_odometry(&mut self, to: NodeId) {
+        if let Some(edge) = self.store.odometry_to(to) {
+            self.withdraw(edge);
+        }
+    }
+
+    fn closures(&self) -> usize {
+        self.store.closures().len()
+    }
 }
 
 /// Judges what was found at old places.
@@ -42,74 +89,38 @@ pub(crate) fn judge<S: Submaps>(
     front: &mut impl Follows<S::Measurement>,
     verified: &Verified<PoseOf<S>>,
     correction: Correction,
-) -> Judged<PoseOf<S>> {
-    closing.looked(verified);
-    let (mut closures, mut is_moved) = (Vec::new(), false);
-    for (target, finding) in verified.findings.iter().filter(|(target, _)| target.from < verified.to) {
-        for edge in judge_finding(closing, store, front, verified.to, (target, finding)) {
-            closures.push(edge);
-            if correction == Correction::Spread {
-                is_moved |= spread_error(closing, store, front, &edge);
-            }
-        }
-    }
-    let settled = closing.settle_matches(store.past(), &closures);
-    settled.into_iter().for_each(|edge| store.add_edge(edge, None));
-    let is_due = correction == Correction::Graph && closing.take_solving_due(|| store.closures().len());
-    let solving = is_due.then(|| Solving::of::<S>(store.graph(), store.closures()));
-    Judged { solving, is_moved }
+) -> Followed<PoseOf<S>> {
+    let decision = closing.decide(&mut Book { store: &mut *store, front: &mut *front }, verified);
+    follow(closing, store, front, &decision, correction)
 }
 
-/// What robots saw of each other is taken down as a closure; the graph to be solved, if that is due.
+/// What robots saw of each other is taken down as a closure.
 pub(crate) fn sighted<S: Submaps>(
     closing: &mut Closing<S>,
     store: &mut Store<S::Measurement>,
     front: &mut impl Follows<S::Measurement>,
-    judged: &FoundClosure<PoseOf<S>>,
+    judged: &Judged<PoseOf<S>>,
     correction: Correction,
-) -> Option<Solving<PoseOf<S>>> {
-    let number = store.add_candidate(judged)?;
-    accept(closing, store, front, std::iter::once(number));
-    let is_due = closing.take_solving_due(|| store.closures().len()) && correction == Correction::Graph;
-    is_due.then(|| Solving::of::<S>(store.graph(), store.closures()))
+) -> Followed<PoseOf<S>> {
+    let decision = closing.take_down(&mut Book { store: &mut *store, front: &mut *front }, judged);
+    follow(closing, store, front, &decision, correction)
 }
 
-/// The closures that a finding makes.
-fn judge_finding<S: Submaps>(
+/// The poses follow what was decided: at once, or when the graph is solved.
+fn follow<S: Submaps>(
     closing: &mut Closing<S>,
     store: &mut Store<S::Measurement>,
     front: &mut impl Follows<S::Measurement>,
-    to: NodeId,
-    found: (&Target<PoseOf<S>>, &Finding<PoseOf<S>>),
-) -> Vec<Edge<PoseOf<S>>> {
-    let judgement = closing.judge(store.past(), store.session().candidates(), to, found);
-    let number = store.add_candidate(&judgement.judged);
-    let Some(number) = number.filter(|_| judgement.judged.verdict == Verdict::Accepted) else { return Vec::new() };
-    if let Some(edge) = judgement.misled.and_then(|first| store.odometry_to(first)) {
-        let ends = store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted));
-        ends.into_iter().for_each(|[from, to]| front.open(from, to));
+    decision: &Decision<PoseOf<S>>,
+    correction: Correction,
+) -> Followed<PoseOf<S>> {
+    let solving = (decision.is_solving_due && correction == Correction::Graph)
+        .then(|| Solving::of::<S>(store.graph(), store.closures()));
+    let mut is_moved = false;
+    for edge in decision.closures.iter().filter(|_| correction == Correction::Spread) {
+        is_moved |= spread_error(closing, store, front, edge);
     }
-    accept(closing, store, front, judgement.agreeing.into_iter().chain([number]))
-}
-
-/// The edges of candidates that have become closures.
-fn accept<S: Submaps>(
-    closing: &mut Closing<S>,
-    store: &mut Store<S::Measurement>,
-    front: &mut impl Follows<S::Measurement>,
-    numbers: impl Iterator<Item = u32>,
-) -> Vec<Edge<PoseOf<S>>> {
-    let mut edges = Vec::new();
-    for number in numbers {
-        let Some(edge) = store.accept(number) else { continue };
-        let Some(ends) = store.past().nodes([edge.from, edge.to]) else { continue };
-        closing.accepted(store.past(), ends, &edge);
-        let unknown = || TangentMatrix::from_variances(UNKNOWN_VARIANCE, UNKNOWN_VARIANCE);
-        let covariance = edge.information.inverted().unwrap_or_else(unknown);
-        front.close(store.past(), ends[0], ends[1], &covariance);
-        edges.push(edge);
-    }
-    edges
+    Followed { solving, is_moved }
 }
 
 /// The chapter's backwards correction: the closure's error is shared among the steps of the loop.
@@ -137,8 +148,7 @@ pub(crate) fn correct<S: Submaps>(
 ) -> bool {
     let taken_back: Vec<usize> = store.closures().into_iter().filter(|edge| solved.taken_back.contains(edge)).collect();
     for &edge in &taken_back {
-        let Some(ends) = store.withdraw(edge, Verdict::Withdrawn(Objection::Outvoted)) else { continue };
-        front.open(ends[0], ends[1]);
+        let Some(ends) = (Book { store: &mut *store, front: &mut *front }).withdraw(edge) else { continue };
         closing.withdrawn(store.past(), ends);
     }
     if !taken_back.is_empty() {

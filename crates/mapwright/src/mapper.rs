@@ -226,6 +226,7 @@ impl<M: Maps> MapperOf<M> {
     fn detect(&mut self, is_keyframe: bool, taken_in: Option<NodeId>) {
         let Self { store, front, back, .. } = self;
         let past = store.past();
+        back.count_waiting(is_keyframe);
         if !is_keyframe || back.is_busy() {
             return;
         }
@@ -302,6 +303,7 @@ impl<M: Maps> MapperOf<M> {
             covariance: self.front.covariance(self.store.past()),
             localisation: self.back.localisation(),
             local_map: self.front.local_map_report(),
+            waiting_keyframes: self.back.waiting_keyframes(),
         };
         let newest = self.newest;
         let mut update = told::update(&mut self.store, robot, newest, told);

@@ -32,6 +32,7 @@ pub(crate) struct Whereabouts<'a, P: Pose> {
     pub(crate) covariance: P::Matrix,
     pub(crate) localisation: Localisation,
     pub(crate) local_map: LocalMapReport,
+    pub(crate) waiting_keyframes: u32,
 }
 
 /// Everything that anybody outside may know, with the entries since the last time.
@@ -42,7 +43,7 @@ pub(crate) fn update<M: Measurement>(
     told: Told,
 ) -> Update<M> {
     let (entries, unwritten) = store.take_fresh();
-    let Whereabouts { pose, map_from_robot, covariance, localisation, local_map } = robot;
+    let Whereabouts { pose, map_from_robot, covariance, localisation, local_map, waiting_keyframes } = robot;
     let odom_from_robot = pose.odom_from_robot();
     Update {
         scan: store.next_scan().saturating_sub(1),
@@ -59,6 +60,7 @@ pub(crate) fn update<M: Measurement>(
         matched: told.matched,
         refused: told.refused,
         local_map,
+        waiting_keyframes,
         entries,
         unwritten,
     }

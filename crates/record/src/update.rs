@@ -120,6 +120,9 @@ pub struct Update<M: Measurement = Sweep> {
     pub refused: Option<&'static str>,
     /// What the next scan is matched against.
     pub local_map: LocalMapReport,
+    /// Keyframes made since a job waits to be fetched or to come back: old places are looked for once its result is there. It grows without end where
+    /// jobs are handed out (`loops.jobs`) and nobody fetches them.
+    pub waiting_keyframes: u32,
     /// What changed, in order: the scan itself, keyframes, edges, candidates and verdicts, what was withdrawn or left out, and
     /// who moved. All entries of all updates, in order, are the log; [`crate::Session`] is what they amount to.
     pub entries: Vec<Entry<M>>,

@@ -52,8 +52,8 @@ impl Mapper {
             covariance,
         };
         let correction = self.settings().loops.correction;
-        let solving = cycles::sighted(&mut self.back.closing, &mut self.store, &mut self.front, &judged, correction);
-        solving.into_iter().for_each(|solving| self.back.push(Task::Solve(solving)));
+        let followed = cycles::sighted(&mut self.back.closing, &mut self.store, &mut self.front, &judged, correction);
+        followed.solving.into_iter().for_each(|solving| self.back.push(Task::Solve(solving)));
         self.work_all();
         self.report(Told::default())
     }

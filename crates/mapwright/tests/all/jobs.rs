@@ -73,6 +73,8 @@ fn a_live_run_is_replayed_to_the_same_bytes() {
     let (again, came_again) = live(&scans, late, false);
     assert_eq!(came, came_again);
     assert!(bytes(&first) == bytes(&again));
+    let noted: Vec<usize> = first.session().results_taken_in().iter().map(|scan| *scan as usize).collect();
+    assert_eq!(noted, came, "its session says when each came");
 }
 
 #[test]
@@ -144,9 +146,13 @@ fn old_places_are_looked_for_anew_when_no_more_scans_come() {
     let scans = drive();
     let truth: Vec<Pose2> = scans.iter().map(|scan| scan.world_from_robot).collect();
     let (mut mapper, mut told) = (mapper(Jobs::HandedOut), Session::default());
+    let mut waiting = 0;
     for scan in &scans {
-        told.add_all(mapper.add_scan(&scan.scan).entries).expect("entries fit to those before");
+        let update = mapper.add_scan(&scan.scan);
+        waiting = update.waiting_keyframes;
+        told.add_all(update.entries).expect("entries fit to those before");
     }
+    assert!(waiting > 100, "that nobody fetches them is said: {waiting}");
     // By how much its end lies off, seen from its beginning.
     let off_m = |mapper: &Mapper| {
         let poses: Vec<Pose2> = mapper.trajectory().map(|pose| pose.map_from_robot).collect();
@@ -154,7 +160,9 @@ fn old_places_are_looked_for_anew_when_no_more_scans_come() {
         found.distance(true_one)
     };
     let (open, before_m) = (closures(&mapper), off_m(&mapper));
-    told.add_all(mapper.look_again().entries).expect("entries fit to those before");
+    let update = mapper.look_again();
+    assert_eq!(update.waiting_keyframes, 0);
+    told.add_all(update.entries).expect("entries fit to those before");
     let (closed, after_m) = (closures(&mapper), off_m(&mapper));
     assert!(open == 0 && closed > 0 && after_m < 0.3 * before_m, "{open}, {closed}: {before_m}, {after_m} m");
     assert!(told.encode() == mapper.session().encode());

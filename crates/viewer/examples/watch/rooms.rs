@@ -104,6 +104,7 @@ impl Rooms {
             matched: None,
             refused: None,
             local_map: LocalMapReport::default(),
+            waiting_keyframes: 0,
             entries,
             unwritten: Vec::new(),
         }

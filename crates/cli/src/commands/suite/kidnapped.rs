@@ -309,6 +309,7 @@ mod tests {
             matched: None,
             refused: None,
             local_map: LocalMapReport::default(),
+            waiting_keyframes: 0,
             entries: Vec::new(),
             unwritten: Vec::new(),
         }
