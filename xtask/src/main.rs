@@ -1,5 +1,5 @@
-//! Checks of the house. `cargo xtask arrows` checks the arrows between crates, circles within them, their effects and all
-//! licences.
+//! Checks of the house. `cargo xtask arrows` checks the arrows between crates, circles within them, their effects, all
+//! licences, and that the names in documents are in the code.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // a command for developers, not part of the library
 
@@ -8,6 +8,7 @@ mod circles;
 mod effects;
 mod licences;
 mod metadata;
+mod names;
 mod source;
 
 use metadata::Metadata;
@@ -45,9 +46,10 @@ fn check_house() -> Result<String, Vec<String>> {
     complaints.extend(circles::check(&metadata).map_err(|e| vec![e])?);
     complaints.extend(effects::check(&metadata).map_err(|e| vec![e])?);
     complaints.extend(licences::check(&metadata));
+    complaints.extend(names::check(&metadata.workspace_root).map_err(|e| vec![e])?);
     if complaints.is_empty() {
         Ok(format!(
-            "arrows, circles, effects and licences: {} crates and {} packages in order",
+            "arrows, circles, effects, licences and names: {} crates and {} packages in order",
             metadata.crates().count(),
             metadata.packages.len()
         ))
