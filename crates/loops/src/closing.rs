@@ -358,11 +358,7 @@ impl<S: Submaps> Closing<S> {
     }
 
     /// After a verdict that has made `closures`: the matches that have waited for it and link.
-    fn settle_matches(
-        &mut self,
-        past: Past<'_, S::Measurement>,
-        closures: &[Edge<PoseOf<S>>],
-    ) -> Vec<Edge<PoseOf<S>>> {
+    fn settle_matches(&mut self, past: Past<'_, S::Measurement>, closures: &[Edge<PoseOf<S>>]) -> Vec<Edge<PoseOf<S>>> {
         self.supports.settle(past, closures)
     }
 

@@ -20,7 +20,8 @@ mod views;
 pub use cascade::{Finding, VerifySettings};
 pub use claims::{SaidAndSeen, fit_where_said, is_found_where_said};
 pub use closing::{
-    APART_M, Closing, ClosingSettings, Decision, KnownPlace, LEFT_M, Ledger, RUN_WAY_M, WINDOW_M, WINDOW_RAD, is_old, run_of,
+    APART_M, Closing, ClosingSettings, Decision, KnownPlace, LEFT_M, Ledger, RUN_WAY_M, WINDOW_M, WINDOW_RAD, is_old,
+    run_of,
 };
 pub use places::{PlaceHit, PlaceIndex};
 pub use plane::PlaneSubmaps;
