@@ -31,7 +31,7 @@ fn main() {
     let (scan_rate_hz, odometry_rate_hz) = (40.0, 100.0);
     let drive =
         DriveSettings { duration_s: seconds, scan_rate_hz, odometry_rate_hz, laser, ..DriveSettings::default() };
-    let all = robot::heard(drive);
+    let all = robot::heard(drive, mapwright_geom::Pose2::IDENTITY);
     let sent = all.iter().filter(|(_, heard)| lane(heard) == 0).count();
     let mut settings = Settings::default();
     settings.loops.jobs = Jobs::HandedOut;

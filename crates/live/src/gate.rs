@@ -2,27 +2,30 @@
 
 mod clouds;
 mod odometry;
+mod passed;
+mod placing;
+mod settings;
+
+pub use passed::{Arrived, Passed, Reading};
+pub use settings::{GateSettings, KnownSensors};
 
 use crate::gate::clouds::CloudTopic;
 use crate::gate::odometry::{Place, Track};
+use crate::gate::placing::Mounted;
 use crate::pulse::Pulse;
 use crate::tally::{Reason, Tally};
 use mapwright::SpaceReading;
-use mapwright_geom::{Pose, Pose2, Pose3, Stamp};
+use mapwright_geom::{Pose, Pose3, Stamp};
 use mapwright_ros::messages::{
     Imu as ImuMessage, LaserScan as ScanMessage, Odometry as OdometryMessage, PointCloud2, TfMessage,
 };
 use mapwright_ros::{Mounting, RosError, TransformBuffer, TransformCounts, TransformLimits, planar};
-use mapwright_sensor::{
-    Cloud, ImuReading, LaserModel, LaserScan, Odometry, OdometryCalibration, SpaceSensor, TurnRate,
-};
-use nalgebra::{UnitQuaternion, Vector3};
+use mapwright_sensor::{Cloud, ImuReading, LaserModel, LaserScan, SpaceSensor, TurnRate};
+use nalgebra::Vector3;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A laser's plane is tilted by no more, degrees: else a wall is not where it seems.
-const TILT_MOST_DEG: f64 = 5.0;
 /// Transforms of so long are kept, seconds.
 const WINDOW_S: f64 = 10.0;
 /// A clock has been set back once so many scans in a row lie before what is kept.
@@ -33,93 +36,6 @@ const READINGS_MOST: usize = 10_000;
 const TOPICS_MOST: usize = 100;
 /// Nothing at all is worth a word after this time.
 const NOTHING_YET: Duration = Duration::from_secs(5);
-
-/// What is known of the robot's sensors, whatever messages say: by a calibration, or by who mounted them.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct KnownSensors {
-    /// Where the planar laser sits, metres and radians, and whether it hangs upside down.
-    pub laser: Option<(Pose2, bool)>,
-    /// Where the sensor of clouds sits in the plane of the robot, metres and radians; height, roll and pitch are those of the transforms.
-    pub lidar: Option<Pose2>,
-    /// How the inertial sensor sits: turns what it reads into the robot's frame.
-    pub imu: Option<UnitQuaternion<f64>>,
-    /// By how much the inertial sensor's stamps are late, seconds.
-    pub imu_lag_s: f64,
-    /// What is wrong with odometry.
-    pub odometry: Option<OdometryCalibration>,
-}
-
-/// What a gate is told of the robot.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GateSettings {
-    /// The robot's own frame.
-    pub robot_frame: String,
-    /// The frame in which odometry has the robot.
-    pub odom_frame: String,
-    /// A scan waits for its transforms so long at most.
-    pub wait: Duration,
-    /// So many scans wait at most; the oldest makes room.
-    pub waiting_most: usize,
-    /// Whether it is clouds that are mapped, in space.
-    pub is_in_space: bool,
-    /// What is known of its sensors.
-    pub known: KnownSensors,
-}
-
-impl Default for GateSettings {
-    fn default() -> Self {
-        Self {
-            robot_frame: "base_link".to_owned(),
-            odom_frame: "odom".to_owned(),
-            wait: Duration::from_millis(500),
-            waiting_most: 100,
-            is_in_space: false,
-            known: KnownSensors::default(),
-        }
-    }
-}
-
-/// When a message arrived.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Arrived {
-    /// Since the start, by a clock that is never set.
-    pub since_start: Duration,
-    /// By the clock that stamps are of: that of messages that have none.
-    pub stamp: Stamp,
-}
-
-/// What comes through the gate.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Passed {
-    /// A scan, with its laser's place on the robot and odometry's pose at its stamp.
-    Scan(LaserScan),
-    /// A cloud, with its sensor's place on the robot and odometry's pose at its stamp.
-    Cloud(Cloud),
-    /// What was read between them.
-    Reading(Reading),
-}
-
-/// What is read of the robot's motion.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Reading {
-    /// Where odometry has it.
-    Odometry(Odometry),
-    /// How fast a gyroscope says that it turns.
-    Turning(TurnRate),
-    /// What is read in space.
-    InSpace(SpaceReading),
-}
-
-impl Reading {
-    fn stamp(&self) -> Stamp {
-        match self {
-            Self::Odometry(odometry) => odometry.stamp,
-            Self::Turning(rate) => rate.stamp,
-            Self::InSpace(SpaceReading::Imu(reading)) => reading.stamp,
-            Self::InSpace(SpaceReading::Odometry(stamp)) => *stamp,
-        }
-    }
-}
 
 #[derive(Debug)]
 enum What {
@@ -204,13 +120,6 @@ pub struct Gate {
     behind: u32,
     set_back: u64,
     is_paused: bool,
-}
-
-/// How a sensor sits on the robot.
-#[derive(Debug, Clone, Copy)]
-enum Mounted {
-    InPlane(Mounting),
-    InSpace(Pose3),
 }
 
 /// Whether something can be said yet.
@@ -590,22 +499,6 @@ impl Gate {
         Some(self.topics.entry(name.to_owned()).or_default())
     }
 
-    /// Whether a frame lies between odometry's and the robot's, or is the robot's.
-    fn is_on_the_way(&self, frame: &str) -> bool {
-        let mut at = self.settings.robot_frame.trim_start_matches('/');
-        let frame = frame.trim_start_matches('/');
-        while at != self.settings.odom_frame.trim_start_matches('/') {
-            if at == frame {
-                return true;
-            }
-            match self.transforms.parent(at) {
-                Some(above) => at = above,
-                None => return false,
-            }
-        }
-        false
-    }
-
     /// Odometry has told where the robot is.
     fn hear_place(&mut self, stamp: Stamp, arrived: Arrived) -> Result<(), RosError> {
         self.odometry.beat(arrived.since_start);
@@ -647,22 +540,6 @@ impl Gate {
         matches!(what, What::Scan(_)) || is_over || self.felt.is_none_or(|felt| felt >= what.end())
     }
 
-    fn place(&self, frame: &str, stamp: Stamp, has_waited: bool) -> Ready<Result<Mounted, RosError>> {
-        let known = &self.settings.known;
-        if let Some((robot_from_laser, inverted)) = known.laser.filter(|_| !self.settings.is_in_space) {
-            return Ready::Now(Ok(Mounted::InPlane(Mounting { robot_from_laser, inverted, ..Mounting::IDENTITY })));
-        }
-        match self.transforms.lookup(&self.settings.robot_frame, frame, stamp) {
-            Ok(pose) if self.settings.is_in_space => {
-                let pose = known.lidar.map_or(pose, |found| pose.moved_in_plane(found));
-                Ready::Now(Ok(Mounted::InSpace(pose)))
-            }
-            Ok(pose) => Ready::Now(Mounting::project(pose, TILT_MOST_DEG).map(Mounted::InPlane)),
-            Err(_) if !has_waited => Ready::Wait,
-            Err(error) => Ready::Now(Err(error)),
-        }
-    }
-
     /// Odometry's pose at a stamp: between the readings around it; else, once nothing later comes, the one before.
     fn odometry_at(&mut self, stamp: Stamp, has_waited: bool, now: Duration) -> Ready<Option<Place>> {
         let span = self.track.span();
@@ -683,39 +560,6 @@ impl Gate {
             None
         };
         Ready::Now(place)
-    }
-
-    /// The laser where it sits; lasers that are alike are shared.
-    fn placed(&mut self, laser: &LaserModel, mounting: &Mounting) -> Arc<LaserModel> {
-        let Mounting { robot_from_laser, inverted, .. } = *mounting;
-        let laser = LaserModel { robot_from_laser, inverted, ..laser.clone() };
-        match self.lasers.get(&laser.name) {
-            Some(known) if **known == laser => Arc::clone(known),
-            _ => {
-                if self.lasers.len() >= TOPICS_MOST {
-                    self.lasers.clear();
-                }
-                let made = Arc::new(laser);
-                self.lasers.insert(made.name.clone(), Arc::clone(&made));
-                made
-            }
-        }
-    }
-
-    /// The same of a sensor in space.
-    fn placed_in_space(&mut self, sensor: &SpaceSensor, robot_from_sensor: Pose3) -> Arc<SpaceSensor> {
-        let sensor = SpaceSensor { robot_from_sensor, ..sensor.clone() };
-        match self.sensors.get(&sensor.name) {
-            Some(known) if **known == sensor => Arc::clone(known),
-            _ => {
-                if self.sensors.len() >= TOPICS_MOST {
-                    self.sensors.clear();
-                }
-                let made = Arc::new(sensor);
-                self.sensors.insert(made.name.clone(), Arc::clone(&made));
-                made
-            }
-        }
     }
 
     fn drop_oldest(&mut self, reason: Reason) {

@@ -1,7 +1,9 @@
 use super::*;
 use crate::tally::Reason;
-use mapwright_geom::Pose3;
+use mapwright_geom::Pose2;
 use mapwright_ros::messages::{Header, Pose, PoseWithCovariance, TransformStamped};
+use mapwright_sensor::OdometryCalibration;
+use nalgebra::UnitQuaternion;
 use proptest::prelude::*;
 
 fn at(seconds: f64) -> Arrived {

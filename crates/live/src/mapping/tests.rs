@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 fn heard(seconds: f64) -> Vec<Heard> {
     let settings = DriveSettings { duration_s: seconds, ..DriveSettings::default() };
-    robot::heard(settings).into_iter().map(|(_, heard)| heard).collect()
+    robot::heard(settings, Pose2::IDENTITY).into_iter().map(|(_, heard)| heard).collect()
 }
 
 fn mapper() -> Mapper {

@@ -20,8 +20,8 @@ fn link(parent: &str, child: &str, stamp: Stamp, pose: Pose2) -> Vec<u8> {
     encode(&TfMessage { transforms: vec![transform] }, Encoding::Cdr).expect("it is short")
 }
 
-/// What is heard on a drive around a loop of 60 m, each with its stamp: where the laser sits, odometry as transforms, scans.
-pub(crate) fn heard(settings: DriveSettings) -> Vec<(Stamp, Heard)> {
+/// What is heard on a drive around a loop of 60 m, each with its stamp: where the laser sits, odometry as transforms, scans. Odometry begins here.
+pub(crate) fn heard(settings: DriveSettings, odom_from_begin: Pose2) -> Vec<(Stamp, Heard)> {
     let mount = settings.laser.model.robot_from_laser;
     let bytes = link("base_link", "laser", BEGIN, mount);
     let mut all = vec![(BEGIN, Heard::Transforms { bytes, is_static: true })];
@@ -30,7 +30,7 @@ pub(crate) fn heard(settings: DriveSettings) -> Vec<(Stamp, Heard)> {
         all.push(match event {
             Event::Odometry(odometry) => {
                 let stamp = after(odometry.stamp);
-                let bytes = link("odom", "base_link", stamp, odometry.odom_from_robot);
+                let bytes = link("odom", "base_link", stamp, odom_from_begin * odometry.odom_from_robot);
                 (stamp, Heard::Transforms { bytes, is_static: false })
             }
             Event::Scan(taken) => {
