@@ -1,4 +1,4 @@
-"""Whether one build maps better than another, by distributions over real logs; for docs/decisions/0029-ablation.md, README and docs/accuracy.md.
+"""Whether one build maps better than another, by distributions over real logs; for docs/decisions/0029-ablation.md and docs/figures.md.
 
     cargo build --release -p mapwright-cli
     python3 scripts/judge.py ../shared/data target/release/mapwright [OTHER] [--day calm|bad|both] [--runs 20] [--logs intel,csail] [--jobs 2]

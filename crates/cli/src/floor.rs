@@ -9,21 +9,27 @@ use std::ops::Range;
 /// Side of voxels unless said, metres: OctoMap's own.
 pub(crate) const RESOLUTION_M: f64 = 0.1;
 /// Cells that an image may have.
-pub(crate) const CELLS_AT_MOST: u64 = 100_000_000;
+const CELLS_AT_MOST: u64 = 100_000_000;
 
-/// Obstacles are what stands between these heights above the robot's way; how many cells it would have where those are too many.
+/// Obstacles are what stands between these heights above the robot's way; why there is no floor plan, in words, where there is none.
 pub(crate) fn floor_image(
     occupancy: &Occupancy,
     session: &Session<SpaceSweep>,
     band: SliceBounds,
-) -> Result<GridImage, u64> {
+) -> Result<GridImage, String> {
+    if !is_upright(session) {
+        return Err("a floor plan needs a map whose z axis points upwards, found one that points where a camera looks"
+            .to_owned());
+    }
     let way_m: Vec<[f64; 3]> = session.map_from_keyframe().iter().map(|pose| pose.translation.into()).collect();
-    image_of(&floor_cells(occupancy, &way_m, [band.z_min_m, band.z_max_m]), occupancy.resolution_m())
+    let cells = floor_cells(occupancy, &way_m, [band.z_min_m, band.z_max_m]);
+    image_of(&cells, occupancy.resolution_m())
+        .map_err(|cells| format!("expected {CELLS_AT_MOST} cells of a map's file at most, found {cells}"))
 }
 
 /// Whether the map's z axis may point upwards. Of a camera whose mounting is not known it is the optical axis: all that it sees
 /// first lies on that side, and farther along it than across.
-pub(crate) fn is_upright(session: &Session<SpaceSweep>) -> bool {
+fn is_upright(session: &Session<SpaceSweep>) -> bool {
     let first = session.drawn().iter().flatten().find(|sweep| !sweep.points.is_empty());
     first.is_none_or(|sweep| {
         let farther_across = |point: &[i16; 3]| {

@@ -31,6 +31,15 @@ fn what_is_played_is_mapped_as_from_the_log() {
         let read = |run: &str| fs::read(Path::new(run).join(name)).unwrap();
         assert!(read(&again) == read(&beside), "{name} differs");
     }
+    // With other settings, or without all of what it heard, it is no replay.
+    let other = ["live", &log, "--replay", &beside, "-o", &again, "--set", "loops.by_place=false"];
+    assert_refused(&run(&other), 1, &["settings"]);
+    let short = folder.join("short.clf");
+    let whole = fs::read_to_string(&log).unwrap();
+    fs::write(&short, whole.lines().take(whole.lines().count() / 2).collect::<Vec<_>>().join("\n")).unwrap();
+    let short = run(&["live", short.to_str().unwrap(), "--rate", "50", "--replay", &beside, "-o", &again]);
+    assert_code(&short, 3);
+    assert!(text(&short.stdout).contains("not the same run: "), "{}", text(&short.stdout));
     let lines = |run: &str| fs::read_to_string(Path::new(run).join("trajectory.tum")).unwrap().lines().count();
     assert_eq!(lines(&beside), lines(&map));
 }
@@ -124,6 +133,7 @@ fn what_cannot_be_is_said() {
     assert_refused(&run(&["live", "--lidar", "velodyne:2368", "-o", out, "--localise", out]), 2, &["planar lasers"]);
     assert_refused(&run(&["live", "--lidar", "ouster:7502", "--lidar-metadata", &log, "-o", out]), 2, &["metadata"]);
     assert_refused(&run(&["live", &log, "-o", out, "--band", "0.1:0.5"]), 2, &["--band is of clouds"]);
+    assert_refused(&run(&["live", "--lidar", "velodyne:2368", "-o", out, "--band", "0:1"]), 2, &["--ros"]);
     assert_refused(&run(&["live", &log, "-o", out, "--replay", "nowhere"]), 1, &["nowhere"]);
     assert_refused(&run(&["live", "-o", out, "--replay", out]), 2, &["LOG"]);
     assert_refused(&run(&["live", &log, "-o", out, "--node", "no name"]), 2, &["no name"]);

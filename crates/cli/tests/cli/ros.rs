@@ -4,18 +4,21 @@ use crate::support::{assert_code, folder, text};
 use mapwright_dds::{Configuration, Dds, Range};
 use mapwright_geom::{Pose2, Pose3, Stamp};
 use mapwright_live::wire::{Delivery, Publisher, Topic, Wire};
-use mapwright_ros::messages::{Header, LaserScan, PoseWithCovarianceStamped, TfMessage, TransformStamped};
-use mapwright_ros::{Channel, Decoder, Encoding, encode};
-use mapwright_sim::{Drive, DriveSettings, Event, worlds};
-use nalgebra::{UnitQuaternion, Vector3};
+use mapwright_live::{Driver, Gate, Heard, Passed, Reading};
+use mapwright_ros::messages::{PoseWithCovarianceStamped, TfMessage};
+use mapwright_ros::{Channel, Decoder, Encoding};
+use mapwright_sim::DriveSettings;
+use std::collections::HashMap;
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+#[allow(dead_code, reason = "it maps by itself as well, elsewhere")]
+#[path = "../../../live/src/mapping/tests/robot.rs"]
+mod robot;
+
 const DOMAIN: u16 = 151;
-/// Stamps of zero are none.
-const BEGIN: Stamp = Stamp(1_000_000_000_000);
 /// Others have begun and are found by then; a program that was just built starts slowly.
 const FOUND: Duration = Duration::from_secs(60);
 /// What was told last has arrived, and what follows from it was told, several times over.
@@ -29,19 +32,18 @@ struct Told {
     poses: usize,
 }
 
-fn link(parent: &str, child: &str, stamp: Stamp, pose: Pose2) -> Vec<u8> {
-    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pose.theta);
-    let pose = Pose3 { translation: Vector3::new(pose.x, pose.y, 0.0), rotation };
-    let header = Header::new(stamp, parent);
-    let transform = TransformStamped { header, child_frame_id: child.into(), transform: pose.into() };
-    encode(&TfMessage { transforms: vec![transform] }, Encoding::Cdr).unwrap()
+fn channel(name: &str) -> Channel {
+    Channel::new(name, Encoding::Cdr, None).unwrap()
+}
+
+fn transforms() -> Decoder<TfMessage<'static>> {
+    Decoder::new(&channel("tf2_msgs/msg/TFMessage")).unwrap()
 }
 
 fn hear(wire: &mut Dds, told: &Arc<Mutex<Told>>) {
-    let of = |name: &str| Channel::new(name, Encoding::Cdr, None).unwrap();
-    let mut transforms = Decoder::<TfMessage<'_>>::new(&of("tf2_msgs/msg/TFMessage")).unwrap();
+    let mut transforms = transforms();
     let mut poses =
-        Decoder::<PoseWithCovarianceStamped<'_>>::new(&of("geometry_msgs/msg/PoseWithCovarianceStamped")).unwrap();
+        Decoder::<PoseWithCovarianceStamped<'_>>::new(&channel("geometry_msgs/msg/PoseWithCovarianceStamped")).unwrap();
     let (at, delivery) = (Arc::clone(told), Delivery::Reliable { depth: 100 });
     let hear_transforms = Box::new(move |bytes: &[u8]| {
         for transform in transforms.decode(bytes).unwrap().transforms {
@@ -85,53 +87,42 @@ fn who_looks_the_robot_up_finds_it_where_it_is_said_to_be() {
     };
     let (reliable, latched) = (Delivery::Reliable { depth: 1000 }, Delivery::Latched { depth: 1 });
     let fixed = advertise(&mut wire, "/tf_static", "tf2_msgs/msg/TFMessage", latched);
-    let transforms = advertise(&mut wire, "/tf", "tf2_msgs/msg/TFMessage", reliable);
+    let moving = advertise(&mut wire, "/tf", "tf2_msgs/msg/TFMessage", reliable);
     let scans = advertise(&mut wire, "/scan", "sensor_msgs/msg/LaserScan", reliable);
-    let settings = DriveSettings { duration_s: 30.0, ..DriveSettings::default() };
-    fixed.publish(&link("base_link", "laser", BEGIN, settings.laser.model.robot_from_laser)).unwrap();
     let begun = Instant::now();
-    while scans.listeners() < 1 || transforms.listeners() < 1 {
+    while scans.listeners() < 1 || moving.listeners() < 1 {
         assert!(begun.elapsed() < FOUND && child.try_wait().unwrap().is_none(), "it is not there");
         thread::sleep(Duration::from_millis(50));
     }
     thread::sleep(2 * SETTLED);
     // Its odometry is older than the map.
     let elsewhere = Pose2::new(-70.0, 31.0, 2.4);
-    let (mut newest, mut sent, mut compared) = (Vec::new(), 0, 0);
-    for event in Drive::new(worlds::loop_of(1, 60.0).into(), settings) {
-        match event {
-            Event::Odometry(odometry) => {
-                let (stamp, pose) = (Stamp(odometry.stamp.0 + BEGIN.0), elsewhere * odometry.odom_from_robot);
-                newest.push((stamp, pose));
-                transforms.publish(&link("odom", "base_link", stamp, pose)).unwrap();
+    let settings = DriveSettings { duration_s: 30.0, ..DriveSettings::default() };
+    let (mut decoder, mut odometry) = (transforms(), HashMap::<Stamp, Pose3>::new());
+    let (mut sent, mut compared) = (0, 0);
+    for (stamp, heard) in robot::heard(settings, elsewhere) {
+        match heard {
+            Heard::Transforms { bytes, is_static: true } => fixed.publish(&bytes).unwrap(),
+            Heard::Transforms { bytes, .. } => {
+                let [link] = &decoder.decode(&bytes).unwrap().transforms[..] else { panic!("one at a time") };
+                odometry.insert(stamp, link.transform.to_pose3().unwrap());
+                moving.publish(&bytes).unwrap();
             }
-            Event::Scan(taken) => {
-                let (laser, ranges_m) = (&taken.scan.laser, &taken.scan.ranges_m);
-                let last_rad = laser.angle_min_rad + (ranges_m.len() - 1) as f64 * laser.angle_step_rad;
-                let message = LaserScan {
-                    header: Header::new(Stamp(taken.scan.stamp.0 + BEGIN.0), "laser"),
-                    angle_min: laser.angle_min_rad as f32,
-                    angle_max: last_rad as f32,
-                    angle_increment: laser.angle_step_rad as f32,
-                    range_min: laser.range_min_m as f32,
-                    range_max: laser.range_max_m as f32,
-                    ranges: ranges_m[..].into(),
-                    ..Default::default()
-                };
-                scans.publish(&encode(&message, Encoding::Cdr).unwrap()).unwrap();
+            Heard::Scan { bytes, .. } => {
+                scans.publish(&bytes).unwrap();
                 sent += 1;
-                // Three times as fast as it was driven, and looked up where it waits.
-                thread::sleep(Duration::from_millis(if sent % 75 == 0 { 0 } else { 33 }));
+                // Three times as fast as it was driven.
+                thread::sleep(Duration::from_millis(33));
             }
+            _ => panic!("a robot tells transforms and scans"),
         }
+        // Now and then it waits, and is looked up.
         if sent > 0 && sent % 75 == 0 && compared < sent / 75 {
-            // A scan waits for odometry on both sides of it; the next one has not been told yet.
             thread::sleep(SETTLED);
             let told = told.lock().unwrap();
             let ((stamp, map_from_robot), map_from_odom) = (told.pose.unwrap(), told.map_from_odom.unwrap());
-            let Some((_, pose)) = newest.iter().find(|(at, _)| *at == stamp) else { continue };
-            let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pose.theta);
-            let found = map_from_odom * Pose3 { translation: Vector3::new(pose.x, pose.y, 0.0), rotation };
+            let Some(odom_from_robot) = odometry.get(&stamp) else { continue };
+            let found = map_from_odom * *odom_from_robot;
             let apart_m = (found.translation - map_from_robot.translation).norm();
             let apart_rad = found.rotation.angle_to(&map_from_robot.rotation);
             assert!(apart_m < 1e-9 && apart_rad < 1e-7, "{apart_m} m, {apart_rad} rad at {stamp:?}");

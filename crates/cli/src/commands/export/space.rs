@@ -3,7 +3,7 @@
 use super::{Exported, mesh, refused, word, write_map, write_part, write_times};
 use crate::args::{ExportArgs, ExportTo};
 use crate::failure::Failure;
-use crate::floor::{CELLS_AT_MOST, RESOLUTION_M, floor_image, is_upright};
+use crate::floor::{RESOLUTION_M, floor_image};
 use crate::output::write_whole;
 use crate::stamps::Stamper;
 use crate::terminal::{count, grouped};
@@ -149,19 +149,7 @@ fn octree(occupancy: &Occupancy, path: &Path) -> Result<Exported, Failure> {
 }
 
 fn floor_plan(args: &ExportArgs, session: &Session<SpaceSweep>, path: &Path) -> Result<Exported, Failure> {
-    if !is_upright(session) {
-        return Err(refused(
-            args,
-            "a floor plan needs a map whose z axis points upwards, found one that points where a camera looks",
-        ));
-    }
-    let image = floor_image(&occupancy(args, session), session, args.band.unwrap_or(BAND)).map_err(|cells| {
-        refused(
-            args,
-            &format!(
-                "expected {CELLS_AT_MOST} cells of a map's file at most, found {cells}: ask for a coarser --resolution"
-            ),
-        )
-    })?;
+    let image = floor_image(&occupancy(args, session), session, args.band.unwrap_or(BAND));
+    let image = image.map_err(|words| refused(args, &words))?;
     write_map(args.to, &image, path)
 }

@@ -282,6 +282,7 @@ impl<W: Work> Live<W> {
             let what = if W::Maps::IS_IN_SPACE { "cloud" } else { "scan" };
             self.losses.push(format!("{} dropped: {}", count(dropped, what), arrived.join("; ")));
         }
+        self.losses.extend(self.replay.iter().flat_map(Replay::losses));
         if self.refused > 0 {
             self.losses.push(format!("{} of transforms or odometry refused", count(self.refused, "message")));
         }
@@ -300,8 +301,8 @@ impl<W: Work> Driver for Live<W> {
             Passed::Cloud(cloud) => Some(cloud.stamp),
             Passed::Reading(_) => None,
         };
-        if let (Some(replay), Some(stamp)) = (&self.replay, stamp)
-            && !replay.has(stamp)
+        if let (Some(replay), Some(stamp)) = (&mut self.replay, stamp)
+            && !replay.take(stamp)
         {
             return;
         }
@@ -323,6 +324,7 @@ impl<W: Work> Driver for Live<W> {
     }
 
     fn apply(&mut self, job: JobResult<W::Maps>) {
+        self.replay.iter_mut().for_each(Replay::taken);
         if let Some(step) = self.work.apply(job) {
             self.step(None, step);
         }

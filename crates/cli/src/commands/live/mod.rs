@@ -175,7 +175,7 @@ pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
         let clouds = in_space(args, settings, begin)?;
         let replay = args.replay.as_deref().map(|path| {
             let earlier = earlier_in_space(path)?;
-            Replay::of(path, &earlier.session, clouds.newest().next_scan())
+            Replay::of(path, &earlier.session, clouds.newest().next_scan(), &settings)
         });
         return drive(args, (clouds, settings, replay.transpose()?), (node, parameters, words), &interrupt);
     }
@@ -185,7 +185,7 @@ pub(crate) fn run(args: &LiveArgs) -> Result<Outcome, Failure> {
     let plane = in_plane(args, settings, begin)?;
     let replay = args.replay.as_deref().map(|path| {
         let (session, _) = earlier_in_plane(path)?;
-        Replay::of(path, &session, plane.newest().next_scan())
+        Replay::of(path, &session, plane.newest().next_scan(), &settings)
     });
     drive(args, (plane, settings, replay.transpose()?), (node, parameters, words), &interrupt)
 }
@@ -275,6 +275,11 @@ fn drive<W: Work>(
         wait: Duration::from_secs_f64(parameters.number(Setting::TransformWait).clamp(0.0, 10.0)),
     });
     let mut wire = if args.ros || is_heard { Some(wires::join(args.ros_names.wire, &node)?) } else { None };
+    if args.ros_names.band.is_some() && wire.is_none() {
+        return Err(Failure::Usage(
+            "--band tells others a grid: with --ros, where nobody is heard over ROS 2".to_owned(),
+        ));
+    }
     let metadata = args.lidar_metadata.as_deref().map(datagrams::metadata).transpose()?;
     let (known, mut ros, mut outlet) = (Arc::<Known>::default(), None, None);
     if let Some(wire) = wire.as_deref_mut() {

@@ -145,12 +145,14 @@ pub(super) struct PointsOutlet {
 pub(super) struct Floor {
     map: SpaceMap,
     band: SliceBounds,
+    /// Why there is none, as it was said last.
+    said: Option<String>,
 }
 
 impl Floor {
-    fn image(&mut self, session: &Session<SpaceSweep>) -> Option<GridImage> {
+    fn image(&mut self, session: &Session<SpaceSweep>) -> Result<GridImage, String> {
         self.map.follow(session);
-        floor_image(self.map.occupancy(), session, self.band).ok()
+        floor_image(self.map.occupancy(), session, self.band)
     }
 }
 
@@ -168,24 +170,28 @@ impl Drawn for SpaceSweep {
 
     fn canvas(drawer: &Drawer<Self>) -> Option<Floor> {
         let settings = OccupancySettings { resolution_m: RESOLUTION_M, ..OccupancySettings::default() };
-        drawer.band.map(|band| Floor { map: SpaceMap::new(settings), band })
+        drawer.band.map(|band| Floor { map: SpaceMap::new(settings), band, said: None })
     }
 
     fn tell(drawer: &Drawer<Self>, floor: &mut Option<Floor>, outlet: &mut PointsOutlet) {
         let stamp = drawer.clock.stamp().unwrap_or(Stamp(0));
         // What cannot be sent now is sent with the next one.
         let _ = points(&outlet.frame, stamp, &all_points(drawer).points_m).map(|bytes| outlet.points.publish(&bytes));
-        if let (Some(floor), Some(topics)) = (floor, &mut outlet.grid)
-            && let Some(image) = floor.image(&drawer.session)
-        {
-            topics.tell(grid(drawer, &image));
+        let (Some(floor), Some(topics)) = (floor, &mut outlet.grid) else { return };
+        match floor.image(&drawer.session) {
+            Ok(image) => topics.tell(grid(drawer, &image)),
+            Err(words) if floor.said.as_ref() != Some(&words) => {
+                drawer.node.note(format!("no grid is told: {words}"));
+                floor.said = Some(words);
+            }
+            Err(_) => {}
         }
     }
 
     fn said(drawer: &Drawer<Self>, floor: &mut Option<Floor>) -> Reply {
         match floor.as_mut().map(|floor| floor.image(&drawer.session)) {
-            Some(Some(image)) => Reply::Map(grid(drawer, &image)),
-            Some(None) => Reply::refused(Why::Other, "the map is larger than a grid may be"),
+            Some(Ok(image)) => Reply::Map(grid(drawer, &image)),
+            Some(Err(words)) => Reply::refused(Why::Other, words),
             None => Reply::refused(
                 Why::WrongMode,
                 "clouds are mapped: the topic of its points has the map, and with --band it has a grid as well",
@@ -199,8 +205,9 @@ impl Drawn for SpaceSweep {
         write_whole(&ply, |writer| {
             write_ply(&points.points_m, &points.colours, &points.intensities, writer).map_err(failed)
         })?;
-        let image = floor.as_mut().and_then(|floor| floor.image(&drawer.session));
-        image.map_or(Ok(()), |image| save_grid(&image, path))
+        let Some(floor) = floor else { return Ok(()) };
+        let image = floor.image(&drawer.session).map_err(|words| Failure::write_in_words(path, &words))?;
+        save_grid(&image, path)
     }
 
     fn in_space(pose: Pose3) -> Pose3 {
