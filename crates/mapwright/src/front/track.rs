@@ -39,6 +39,7 @@ const NEARBY_HEADINGS_RAD: [f64; 4] = [-0.018, -0.009, 0.009, 0.018];
 const SEARCH_SIGMAS: f64 = 4.0;
 const SEARCH_LEAST_M: f64 = 0.5;
 const SEARCH_MOST_M: f64 = 5.0;
+const SEARCH_LEAST_RAD: f64 = 1.5;
 /// Neighbouring beams are right or wrong together: where matches are compared, a scan says as much as so many that are
 /// independent of each other.
 pub(super) const INDEPENDENT_BEAMS: f64 = 30.0;
@@ -452,11 +453,13 @@ impl Tracker {
 
     /// Where restarts do not help, every pose of the prior's window is looked at, and the best one refined.
     fn search(&mut self, scene: &Scene<'_>, prior: &Prior, tried: &mut Tried) {
-        let [vx, vy, _] = prior.variances;
+        let [vx, vy, vtheta] = prior.variances;
+        // Wheels may slip in a turn, but nothing turns a robot round behind their back.
+        let turned_rad = if tried.from_odometry { SEARCH_SIGMAS * vtheta.sqrt() } else { std::f64::consts::PI };
         let window = SearchWindow {
             world_from_robot: prior.world_from_robot,
             half_width_m: (SEARCH_SIGMAS * vx.max(vy).sqrt()).clamp(SEARCH_LEAST_M, SEARCH_MOST_M),
-            half_width_rad: std::f64::consts::PI,
+            half_width_rad: turned_rad.clamp(SEARCH_LEAST_RAD, std::f64::consts::PI),
         };
         tried.searched = true;
         let found = self.searcher.search(scene.map, scene.points, &window, None);
